@@ -58,6 +58,9 @@ _ABOUT = {
     "benchmarks.memory": "memory of a run: forecast against measured, by structure",
     "benchmarks.voxelize": "voxelizing beside trimesh at the same pitch",
     "benchmarks.mixed": "what each mechanism costs in a scene of everything",
+    "benchmarks.devices": (
+        "a step of the full volume over two devices and two processes beside one"
+    ),
     "benchmarks.multigrid": (
         "an implicit step and a steady state beside scipy and pyamg"
     ),
@@ -69,7 +72,6 @@ _ABOUT = {
         "every table and figure of the thesis, claim by claim, on one page"
     ),
     "thesis.counting": "how many voxels each structure has, against the thesis' counts",
-    "thesis.contact": "area of contact by resolution, pruning, a ball on a head",
     "thesis.radiation": (
         "what bodies, sources and surroundings radiate: C02, C03, C04, occlusion"
     ),
@@ -120,10 +122,11 @@ def _experiment(module: str, about: str) -> Experiment:
     return Experiment(module, about, name, _OPTIONS.get(name, ("height",)))
 
 
-# Experiments that are sweeps now, and what runs them.
-_SWEEPS = {
+# Experiments that are parts of others now, and what runs them.
+_PARTS = {
     "structures": "front configs/sweeps/structures.yaml",
     "stepping": "front configs/sweeps/stepping.yaml",
+    "contact": "thesis --cases C17,C18,C19",
 }
 
 _PEERS = ("numba", "pyamg")
@@ -139,9 +142,9 @@ def find(name: str) -> tuple[Experiment, ...]:
     """
     found = tuple(e for e in EXPERIMENTS if name == e.name)
     found = found or tuple(e for e in EXPERIMENTS if name == e.group)
-    if name in _SWEEPS:
-        command = f"experiments run {_SWEEPS[name]}"
-        raise InputError(f"{name} is the front of a sweep now: use `{command}`")
+    if name in _PARTS:
+        command = f"experiments run {_PARTS[name]}"
+        raise InputError(f"{name} is a part of another experiment now: use `{command}`")
     if not found:
         names = sorted({n for e in EXPERIMENTS for n in (e.name, e.group)})
         close = difflib.get_close_matches(name, names, 1)

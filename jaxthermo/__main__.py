@@ -31,6 +31,10 @@ def _simulate(
     animate: Animate = None,
     frame_rate: float | None = None,
     contact_sheet: Annotated[bool, Parameter(negative="")] = False,
+    devices: int = 1,
+    coordinator: str | None = None,
+    processes: int = 1,
+    process: int = 0,
 ) -> None:
     """Run a scene and write its results and frames.
 
@@ -43,6 +47,12 @@ def _simulate(
         animate: Write an animation of the frames too: apng, the default, gif or mp4.
         frame_rate: Frames a second of the animation; by their number if not given.
         contact_sheet: Write all frames on one sheet too.
+        devices: Number of devices to spread full volumes over. Of processors as many
+            as are asked for; one uses all cores by itself.
+        coordinator: Address HOST:PORT of process 0, for a run in several processes,
+            which are started with the same command but for --process.
+        processes: Number of these processes; together they have --devices.
+        process: Number of this one, from 0.
     """
     # Without the time loop, which takes longer to import than a preview to draw.
     if preview:
@@ -52,12 +62,14 @@ def _simulate(
         return
     from .cli.frame_outputs import Extras
     from .cli.simulate import explain as run_explain, simulate as run
+    from .parallel.meeting import group_of
 
     extras = Extras.of(animate, frame_rate, contact_sheet)
     if explain:
-        run_explain(config, overrides)
+        run_explain(config, overrides, devices)
     else:
-        run(config, out, overrides, extras)
+        group = group_of(coordinator, processes, process, devices)
+        run(config, out, overrides, extras, devices, group)
 
 
 @app.command

@@ -43,7 +43,7 @@ _QUANTITIES = {
 }
 """Unit and name of what frames show."""
 Solutions = dict[str, ParametricSolution]
-"""Runs with the "default" and the "fitted" values."""
+"""Runs by name, such as with the "default" and the "fitted" values."""
 _Frame = Float[np.ndarray, "h w"]
 _Mask = Bool[np.ndarray, "h w"]
 
@@ -80,10 +80,10 @@ def values_of_both(
 def difference_picture(
     case: Case, camera: Any, solutions: Solutions, times: list[int]
 ) -> bytes:
-    """PNG of surface minus reference temperature [K], default beside fitted."""
+    """PNG of surface minus reference temperature [K], runs side by side."""
     target = case.target
     assert isinstance(target, SurfaceTarget)
-    surfaces = solutions["default"].surfaces
+    surfaces = next(iter(solutions.values())).surfaces
     # Bodies of a fit do not move: one view for both runs and all times.
     triangles = np.concatenate([s.geometry.triangles for s in surfaces])
     view = view_of(surfaces, case.scene, build_camera(_resized(camera), triangles))

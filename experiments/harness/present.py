@@ -55,6 +55,13 @@ def named(rows: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
     return [{**row, "name": name} for name, row in rows.items()]
 
 
+def from_to(values: Iterable[float], form: str) -> str:
+    """Smallest and largest value in a format, or the one where they read alike."""
+    found = list(values)
+    ends = dict.fromkeys(format(end, form) for end in (min(found), max(found)))
+    return " to ".join(ends)
+
+
 def show(*sections: page.Section) -> None:
     """Print the tables among the sections of a page."""
     console = open_console()

@@ -12,6 +12,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import calibrate
 from jaxthermo.cli.console import open_console
 from jaxthermo.errors import InputError
 
@@ -35,7 +36,15 @@ QUICK = {"quick": True}
 
 _FOLDER = Path(__file__).parent
 # Of a row in the record: what it follows from, beside the library and the sources.
-_SHARED = (*_FOLDER.glob("*.py"), *(_FOLDER.parent / "harness").glob("*.py"))
+_SHARED = (
+    *(
+        path
+        for folder in ("thesis", "harness", "verification", "sweep")
+        for path in (_FOLDER.parent / folder).glob("*.py")
+    ),
+    *Path(str(calibrate.__file__)).parent.rglob("*.py"),
+    *(_FOLDER.parents[1] / "configs").rglob("*.yaml"),
+)
 # Files that only arrange what was measured.
 _ARRANGING = ("claims.py", "exhibition.py", "report.py")
 

@@ -2,37 +2,39 @@
 
 import functools
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.constants import ZERO_CELSIUS
+from jaxthermo.integrate.run.ledger import Energy
 from jaxthermo.reference.semi_infinite import contact_surfaces, perfect_contact
 
 from ..harness.case import Bound, Row, Value, case, converge, largest_error, values
 from .bodies import LEFT, RIGHT, bar, explicit, full, run, single
 
 
-_COPPER = jt.Material(401.0, density=8933.0, specific_heat=385.0)
-_STEEL = jt.Material(15.1, density=8055.0, specific_heat=480.0)
+COPPER = jt.Material(401.0, density=8933.0, specific_heat=385.0)
+STEEL = jt.Material(15.1, density=8055.0, specific_heat=480.0)
 # Lengths of the copper and steel bars: the far ends stay as they were.
 _DIFFUSION_LENGTHS = (6.1, 7.0)
 # Diffusion lengths of copper, in those of steel.
-_IN_COPPER = float((_COPPER.diffusivity / _STEEL.diffusivity) ** 0.5)
+_IN_COPPER = float((COPPER.diffusivity / STEEL.diffusivity) ** 0.5)
 
-_CONDUCTANCE = 1000.0
-_INTERFACE = perfect_contact(100.0, 0.0, _COPPER.effusivity, _STEEL.effusivity)
+CONDUCTANCE = 1000.0
+INTERFACE = perfect_contact(100.0, 0.0, COPPER.effusivity, STEEL.effusivity)
 
 
-def _resisted(time: float) -> list[float]:
-    """Both surfaces [degC] and the flux [W/m^2] at that conductance."""
+def resisted(time: float) -> list[float]:
+    """Closed form: both surfaces [degC] and the flux [W/m^2] at that conductance."""
     found = contact_surfaces(
         time,
         temperature_a=100.0,
         temperature_b=0.0,
-        effusivity_a=_COPPER.effusivity,
-        effusivity_b=_STEEL.effusivity,
-        contact_conductance=_CONDUCTANCE,
+        effusivity_a=COPPER.effusivity,
+        effusivity_b=STEEL.effusivity,
+        contact_conductance=CONDUCTANCE,
     )
     return [float(each) for each in found]
 
@@ -48,24 +50,49 @@ def _cells(per_length: int) -> tuple[int, int]:
 
 def _pitch(per_length: int, end: float) -> float:
     # Voxels as fine beside the diffusion length of steel at any end [s] of a run.
-    return float(np.sqrt(_STEEL.diffusivity * end)) / per_length
+    return float(np.sqrt(STEEL.diffusivity * end)) / per_length
 
 
-def _two_bars(contact: jt.Contact, per_length: int, end: float) -> tuple[float, float]:
-    """Surfaces of a copper bar at 100 degC and a steel one at 0 that touch [degC]."""
+class TwoBars(NamedTuple):
+    """A copper bar from 100 degC and a steel one from 0 that touch."""
+
+    copper: float
+    steel: float
+    """Surfaces in contact [degC]."""
+    energy: Energy
+    """Up to that time [J]."""
+    area: float
+    """Area of contact [m^2]."""
+
+    @property
+    def surfaces(self) -> tuple[float, float]:
+        """Both surfaces [degC]."""
+        return self.copper, self.steel
+
+
+def two_bars(contact: jt.Contact, per_length: int, end: float) -> TwoBars:
+    """Simulate both bars.
+
+    Args:
+        contact: between them.
+        per_length: voxels in a diffusion length of steel.
+        end: of the run [s].
+    """
     pitch = _pitch(per_length, end)
     copper, steel = (_bar(count, pitch) for count in _cells(per_length))
     hot, cold = ZERO_CELSIUS + 100.0, ZERO_CELSIUS
     # The explicit step is that of the first body, the faster one.
     bodies = (
-        full(copper.grid, _COPPER, hot, -copper.length / 2),
-        full(steel.grid, _STEEL, cold, steel.length / 2),
+        full(copper.grid, COPPER, hot, -copper.length / 2),
+        full(steel.grid, STEEL, cold, steel.length / 2),
     )
     solution = run(jt.Scene(bodies, (contact,), dtype="float64"), (end,))
     one, other = (np.asarray(solution.of_body(b))[0] for b in (0, 1))
-    return (
+    return TwoBars(
         copper.end(one, RIGHT) - ZERO_CELSIUS,
         steel.end(other, LEFT) - ZERO_CELSIUS,
+        solution.energy,
+        pitch**2,
     )
 
 
@@ -78,8 +105,8 @@ def _one_bar(per_length: int, end: float) -> float:
     wide = 2 * row.length
     beyond = jt.Region(lower=(middle, -wide, -wide), upper=(wide, wide, wide))
     start = lambda p: ZERO_CELSIUS + np.where(p[:, 0] < middle, 100.0, 0.0)
-    scene = single(row.grid, jt.MaterialMap(_COPPER, ((beyond, _STEEL),)), start)
-    solution = run(scene, (end,), explicit(pitch, _COPPER))
+    scene = single(row.grid, jt.MaterialMap(COPPER, ((beyond, STEEL),)), start)
+    solution = run(scene, (end,), explicit(pitch, COPPER))
     nodes = np.asarray(solution.surface_temperature)[0, row.along]
     # Half cells in series: the mean of both nodes by their conductivities.
     shared = 401.0 * nodes[copper - 1] + 15.1 * nodes[copper]
@@ -95,8 +122,8 @@ def _one_bar(per_length: int, end: float) -> float:
 )
 def _perfect() -> tuple[Value, ...]:
     names = ("two bodies, copper's side", "two bodies, steel's side", "one body")
-    found = [*_two_bars(jt.bonded, 5, 1.0), _one_bar(5, 1.0)]
-    return values(names, "degC", (_INTERFACE,) * 3, found, 0.05)
+    found = [*two_bars(jt.bonded, 5, 1.0).surfaces, _one_bar(5, 1.0)]
+    return values(names, "degC", (INTERFACE,) * 3, found, 0.05)
 
 
 @case(
@@ -109,11 +136,11 @@ def _perfect() -> tuple[Value, ...]:
 def _resisting() -> Row:
     def at(per_length: int) -> Iterator[Value]:
         for end in (0.1, 1.0, 10.0):
-            hot, cold, flux = _resisted(end)
-            found = _two_bars(jt.Contact(_CONDUCTANCE), per_length, end)
+            hot, cold, flux = resisted(end)
+            found = two_bars(jt.Contact(CONDUCTANCE), per_length, end).surfaces
             names = (f"copper, {end:g} s", f"steel, {end:g} s")
             yield from values(names, "degC", (hot, cold), found, 0.002 * 100.0)
-            through = _CONDUCTANCE * (found[0] - found[1])
+            through = CONDUCTANCE * (found[0] - found[1])
             yield Value(f"flux, {end:g} s", "W/m^2", flux, through, 0.002 * flux)
 
     # The flux follows from the surfaces, in another unit: the order is theirs.
@@ -130,7 +157,7 @@ def _two_boxes(distance: float) -> tuple[float, float]:
         full(grid, stuff, base + side * 80.0, side * distance / 2)
         for side in (1.0, -1.0)
     )
-    scene = jt.Scene(bodies, (jt.Contact(_CONDUCTANCE),), dtype="float64")
+    scene = jt.Scene(bodies, (jt.Contact(CONDUCTANCE),), dtype="float64")
     hot, cold = np.asarray(jt.simulate(scene, 0.05).mean_temperature)[0]
     return float(hot) - base, float(cold) - base
 

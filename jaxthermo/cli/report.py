@@ -52,10 +52,15 @@ def log_scene(
         steps = f"steps that follow the error, to {todo.steps:,} event times"
     elif todo.control is not None:
         steps += " or more, until the error in time holds"
+    memory = f"about {readable_bytes(receipt.memory_bytes)} for the solver"
+    mesh = todo.compiled.program.mesh
+    if mesh is not None:
+        each = readable_bytes(receipt.memory_bytes / mesh.size)
+        memory += f", {each} on each of {mesh.size} devices"
     print_line(
         console,
         f"{type(todo.solver).__name__} ({todo.solver_reason}): {steps}, stable step "
-        f"{limit}, about {readable_bytes(receipt.memory_bytes)} for the solver",
+        f"{limit}, {memory}",
     )
 
 

@@ -17,11 +17,28 @@ from ..config.shipped_cards import card_name
 from ..errors import InputError
 from ..image.ticks import time_label
 from ..integrate.run import segments
+from ..integrate.run.checkpoint import (
+    checkpoint_files,
+    load_checkpoint,
+    save_checkpoint,
+)
 from ..integrate.run.plan import Plan, plan_run
 from ..integrate.run.solution import RESULTS, Solution
 from ..integrate.run.solution_file import save_solution
+from ..parallel.devices import provide_devices
+from ..parallel.meeting import Group
+from ..parallel.processes import (
+    agreed,
+    any_process,
+    check_alike,
+    is_first,
+    join,
+    wait_for_all,
+    watching_others,
+)
 from ..report.numbers import count
 from ..scene.compile.compile import mechanism_names
+from ..scene.compile.on_devices import on_devices
 from ..scene.dimensionless_groups import body_numbers
 from ..scene.scene import Scene
 from ..structures.extrapolation import extrapolations
@@ -62,21 +79,41 @@ def simulate(
     out: Path | None,
     overrides: tuple[str, ...],
     extras: Extras = NO_EXTRAS,
+    devices: int = 1,
+    group: Group | None = None,
 ) -> None:
-    """Run a scene and write its results, with the resolved config beside them."""
-    scene = load_config(config, overrides)
+    """Run a scene and write its results, with the resolved config beside them.
+
+    With a `group` this process runs it together with others, of which the first writes.
+    """
+    provide_devices(devices if group is None else devices // max(group.processes, 1))
+    scene, folder = load_config(config, overrides), out or Path("results") / config.stem
     extras.check(scene)
-    with results_folder(out or Path("results") / config.stem) as folder:
+    if group is not None:
+        join(group, f"jaxthermo {__version__} with config {config_hash(scene)[:8]}")
+        if not is_first():
+            run_along(scene, folder, devices)
+            return
+    with results_folder(folder):
         _check_not_overwritten(config, folder)
-        _run_simulation(scene, folder, extras)
+        _run_simulation(scene, folder, extras, devices)
 
 
-def explain(config: Path, overrides: tuple[str, ...]) -> None:
+def run_along(config: SceneConfig, out: Path, devices: int) -> None:
+    """Run a scene in a process that writes no results."""
+    console = Console(quiet=True)
+    with precision(config.dtype):
+        planned = _planned(console, config, devices)
+        run_plan(console, config, planned.scene, planned.todo, out)
+
+
+def explain(config: Path, overrides: tuple[str, ...], devices: int = 1) -> None:
     """Compile the scene and print the included and pruned terms."""
+    provide_devices(devices)
     scene_config = load_config(config, overrides)
     console = open_console()
     with precision(scene_config.dtype):
-        planned = _planned(console, scene_config)
+        planned = _planned(console, scene_config, devices)
         log_receipt(console, planned.todo)
         # A camera that sees nothing is refused.
         with status(console, "finding what the camera sees"):
@@ -93,9 +130,9 @@ class _Planned(NamedTuple):
     warnings: list[str]
 
 
-def _planned(console: Console, config: SceneConfig) -> _Planned:
+def _planned(console: Console, config: SceneConfig, devices: int) -> _Planned:
     with status(console, "building the scene"):
-        scene = config.build()
+        scene = on_devices(config.build(), devices)
         end, saves = config.time.end, config.time.save_times
         todo = plan_run(scene, end, saves, config.solver.build(), control_error=True)
         structures = [structure_report(body.structure) for body in scene.bodies]
@@ -132,11 +169,13 @@ def _check_not_overwritten(config: Path, out: Path) -> None:
             )
 
 
-def _run_simulation(config: SceneConfig, out: Path, extras: Extras) -> None:
+def _run_simulation(
+    config: SceneConfig, out: Path, extras: Extras, devices: int
+) -> None:
     console = open_console()
     with precision(config.dtype):
         clock = time.perf_counter()
-        scene, todo, structures, warnings = _planned(console, config)
+        scene, todo, structures, warnings = _planned(console, config, devices)
         with status(console, "finding what the camera sees"):
             camera = FrameCamera(config, todo.compiled.surfaces, scene.terms)
             truth = Truth.read(config, out, todo.compiled.surfaces)
@@ -169,7 +208,8 @@ def _run_simulation(config: SceneConfig, out: Path, extras: Extras) -> None:
         times["frames_time_s"] = time.perf_counter() - clock
         summary |= {**times, "peak_memory_bytes": peak_memory()}
         write_json(out / "summary.json", summary)
-    (out / CHECKPOINT).unlink(missing_ok=True)
+    for path in checkpoint_files(out / CHECKPOINT):
+        path.unlink(missing_ok=True)
     log_result(console, solution, times)
     for line in [] if error is None else Truth.in_words(error):
         print_line(console, line)
@@ -194,9 +234,20 @@ def run_plan(
     Raises:
         KeyboardInterrupt: after Ctrl-C, when the checkpoint is written.
     """
+    remedy = "the same commands go on from the last checkpoint"
+    with watching_others(remedy):
+        return _run_segments(console, config, todo, out)
+
+
+def _run_segments(
+    console: Console, config: SceneConfig, todo: Plan, out: Path
+) -> tuple[Solution, dict[str, float]]:
     key = _checkpoint_key(config)
     fresh = segments.begin_run(todo)
-    kept = segments.load_checkpoint(out / CHECKPOINT, fresh, key)
+    wait_for_all("folder of the results is there")
+    kept = load_checkpoint(out / CHECKPOINT, todo, fresh, key)
+    position = "none" if kept is None else f"{kept.interval}, {kept.steps_taken}"
+    check_alike(f"checkpoints in {out}, which all must read", position)
     if kept is not None:
         print_line(console, f"going on from {time_label(kept.time_reached(todo))}")
     elif (out / CHECKPOINT).exists():
@@ -215,10 +266,10 @@ def run_plan(
         for progress in segments.run_segments(todo, ready):
             done, number = progress.steps_done(todo), progress.passes.number
             update(done, progress.time_reached(todo), number)
-            if interrupted():
+            if any_process(interrupted()):
                 _stop(todo, progress, out, key)
-            if time.perf_counter() - last > CHECKPOINT_EVERY:
-                segments.save_checkpoint(out / CHECKPOINT, progress, key)
+            if agreed(time.perf_counter() - last > CHECKPOINT_EVERY):
+                save_checkpoint(out / CHECKPOINT, todo, progress, key)
                 last = time.perf_counter()
     times = {"compile_time_s": compiled, "run_time_s": time.perf_counter() - clock}
     return segments.finish_run(todo, progress), times
@@ -232,7 +283,7 @@ def _checkpoint_key(config: SceneConfig) -> str:
 
 
 def _stop(todo: Plan, progress: segments.RunProgress, out: Path, key: str) -> None:
-    segments.save_checkpoint(out / CHECKPOINT, progress, key)
+    save_checkpoint(out / CHECKPOINT, todo, progress, key)
     raise KeyboardInterrupt(
         f"stopped at {time_label(progress.time_reached(todo))}; "
         "the same command goes on from there"

@@ -14,6 +14,7 @@ from typing import ClassVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.sharding import Mesh
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
@@ -35,6 +36,11 @@ class AbstractNetwork(Module):
     """True if G is symmetric, which linear solvers need."""
     is_linear: ClassVar[bool] = True
     """True if no property depends on the temperature."""
+
+    @property
+    def mesh(self) -> Mesh | None:
+        """Devices that a state is spread over; None where it is on one."""
+        return None
 
     @property
     def linear(self) -> "AbstractNetwork":
@@ -186,6 +192,11 @@ class AbstractDerivedNetwork(AbstractNetwork):
 
     base: eqx.AbstractVar[AbstractNetwork]
     """The linear network, whose diagonal bounds or preconditions this one."""
+
+    @property
+    @override
+    def mesh(self) -> Mesh | None:
+        return self.base.mesh
 
     @override
     def diagonal(self) -> Float[Array, "..."]:

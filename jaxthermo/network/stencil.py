@@ -23,10 +23,16 @@ from .network import AbstractNetwork, Address, inverse, precise_sum
 from .self_adjoint_primitive import Operator, computed_once, conduct, conduct_step
 
 
+Beyond = tuple[Bool[Array, "s y z"], Bool[Array, "s y z"]]
+"""True for the voxels before the first and behind the last plane along x, where these
+are on other devices and their temperatures in the rim of a state."""
+
+
 def _face_heat_rate(
     state: Float[Array, "x y z"],
     conductances: Sequence[Float[Array, ""]],
     degrees: Sequence[Shaped[Array, "_ _ _"]],
+    beyond: Beyond | None,
 ) -> Float[Array, "x y z"]:
     """Conduction into each node [W], exactly 0 between equal temperatures.
 
@@ -40,12 +46,19 @@ def _face_heat_rate(
         zip(conductances, degrees, strict=True)
     ):
         # Two adjacent cells that both have neighbours are neighbours of each other.
-        node = jnp.moveaxis(jnp.pad(degree > 0, 1), axis, 0)
+        node = jnp.pad(degree > 0, 1)
+        if beyond is not None and axis == 0:
+            first, last = (jnp.pad(each, ((0, 0), (1, 1), (1, 1))) for each in beyond)
+            node = jnp.concatenate([first, node[1:-1], last])
+        node = jnp.moveaxis(node, axis, 0)
         here = jnp.moveaxis(state, axis, 0)
         flow = jnp.where(node[1:] & node[:-1], here[1:] - here[:-1], 0) * conductance
         none = jnp.zeros_like(flow[:1])
         net = jnp.concatenate([flow, none]) - jnp.concatenate([none, flow])
         total = total + jnp.moveaxis(net, 0, axis)
+    if beyond is not None:
+        # What flows into the neighbours' planes is theirs.
+        total = total.at[jnp.array([0, len(total) - 1])].set(0)
     return total
 
 
@@ -136,6 +149,7 @@ class UniformStencil(_AbstractOneMaterial):
     degree: UInt8[Array, "x y z"]
     conductance: Float[Array, ""]
     """Conductance of each link, k * pitch [W/K]."""
+    beyond: Beyond | None = None
 
     @override
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -143,7 +157,8 @@ class UniformStencil(_AbstractOneMaterial):
 
     @override
     def face_heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        return _face_heat_rate(state, (self.conductance,) * 3, (self.degree,) * 3)
+        conductances, degrees = (self.conductance,) * 3, (self.degree,) * 3
+        return _face_heat_rate(state, conductances, degrees, self.beyond)
 
     @override
     def euler_step(
@@ -174,6 +189,7 @@ class OrthotropicStencil(_AbstractOneMaterial):
     degrees: UInt8[Array, "x y z"]
     conductance: Float[Array, "3"]
     """Conductance of links along x, y, z, k * pitch [W/K]."""
+    beyond: Beyond | None = None
 
     def _change(self, state, factor):
         """Inner state, and sum over the axes of factor (neighbours - degree T)."""
@@ -195,7 +211,7 @@ class OrthotropicStencil(_AbstractOneMaterial):
     def face_heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
         dtype = self.conductance.dtype
         degrees = [_axis_degree(self.degrees, axis, dtype) for axis in range(3)]
-        return _face_heat_rate(state, tuple(self.conductance), degrees)
+        return _face_heat_rate(state, tuple(self.conductance), degrees, self.beyond)
 
     @override
     def euler_step(

@@ -13,15 +13,19 @@ from ..network.cut_stencil import CutStencil
 from ..network.link_operator import RowLayout, row_layout, row_network
 from ..network.network import AbstractNetwork, Address, inverse
 from ..network.sectioned_stencil import SectionedStencil
+from ..network.sharded_stencil import ShardedStencil
 from ..network.stencil import (
     HeterogeneousStencil,
     OrthotropicStencil,
     UniformStencil,
     solid_degree,
 )
+from ..parallel.devices import mesh_of
+from ..parallel.lattice import from_sections
 from ..structures.kinds.full import FullVolume
 from ..voxels.cut_voxels import CutVoxels
 from ..voxels.packed_lattice import PackedLattice
+from ..voxels.sharded_lattice import ShardedLattice
 
 
 @partial(jax.jit, inline=True)
@@ -47,6 +51,9 @@ def uniform_stencil(
 
     The heat capacity rho c_p is in J/(m^3 K).
     """
+    if structure.sharded is not None:
+        whole = _sharded_uniform(structure, structure.sharded, conductivity, heat)
+        return _with_cut_voxels(whole, structure, None, conductivity[None], heat[None])
     grid, packed, three = structure.grid, structure.packed, bool(conductivity.ndim)
     stencil, bits = (OrthotropicStencil, 2) if three else (UniformStencil, 0)
     axes = (0, 1, 2) if packed is None else packed.axes
@@ -80,6 +87,11 @@ def mixed_stencil(
     number = np.zeros(grid.solid.shape, np.int32)
     number[grid.solid] = material
     sizes = grid.pitch / 2, grid.pitch**2, grid.voxel_volume
+    if structure.sharded is not None:
+        whole = _sharded_mixed(
+            structure.sharded, grid.solid, number, (conductivity, heat), sizes
+        )
+        return _with_cut_voxels(whole, structure, number, conductivity, heat)
     solid, own = (_of_lattice(values, packed) for values in (grid.solid, number))
     axes = (0, 1, 2) if packed is None else packed.axes
     by_axis = (
@@ -92,6 +104,48 @@ def mixed_stencil(
         across = by_axis[:, 0] if by_axis.ndim == 2 else by_axis
         whole = SectionedStencil(whole, *at, _between(across, ends, sizes))
     return _with_cut_voxels(whole, structure, number, conductivity, heat)
+
+
+def _sharded_uniform(
+    structure: FullVolume, lattice: ShardedLattice, conductivity: Array, heat: Array
+) -> ShardedStencil:
+    """Stencil of one material with a section on each of several devices."""
+    grid, three, mesh = structure.grid, bool(conductivity.ndim), mesh_of(lattice.count)
+    stencil, bits = (OrthotropicStencil, 2) if three else (UniformStencil, 0)
+
+    def section(n: int) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
+        solid = lattice.section(grid.solid, n)
+        return solid_degree(solid, bits)[1:-1], (solid[:1], solid[-1:])
+
+    by, layout = ("sharded_degree", bits), lambda: from_sections(mesh, section)
+    degree, beyond = structure.found(by, layout)
+    conductance = conductivity * grid.pitch
+    if three:
+        conductance = conductance[np.array(lattice.axes)]
+    capacity = heat * grid.voxel_volume
+    base = stencil(capacity, structure.node_count, degree, conductance, beyond)
+    return ShardedStencil(base, mesh)
+
+
+def _sharded_mixed(
+    lattice: ShardedLattice,
+    solid: Shaped[np.ndarray, "x y z"],
+    number: Shaped[np.ndarray, "x y z"],
+    properties: tuple[Array, Array],
+    sizes: tuple[float, float, float],
+) -> ShardedStencil:
+    """Stencil of several materials with a section on each of several devices."""
+    conductivity, heat = properties
+    mesh, along = mesh_of(lattice.count), np.array(lattice.axes)
+    by_axis = conductivity[:, along] if conductivity.ndim == 2 else conductivity
+
+    def section(n: int) -> HeterogeneousStencil:
+        own, of = lattice.section(solid, n), lattice.section(number, n)
+        whole = _stencil_arrays(own, of, by_axis, heat, sizes)
+        # Less the planes of the neighbours, which give its outer faces.
+        return jax.tree.map(lambda values: values[1:-1], whole)
+
+    return ShardedStencil(from_sections(mesh, section), mesh)
 
 
 def _of_lattice(
@@ -171,7 +225,7 @@ def _cut_nodes(structure: FullVolume, cut: CutVoxels) -> Int[np.ndarray, "n 3"]:
     ends, shape = cut.links.voxel, structure.grid.solid.shape
     flat = (_flat(each, shape) for each in (ends, ends + cut.links.step, cut.voxel))
     voxel = np.stack(np.unravel_index(sorted_union(*flat), shape), axis=1)
-    if structure.packed is None:
+    if structure.packed is None and structure.sharded is None:
         return voxel
     return voxel[np.lexsort(structure.address_of_voxels(voxel)[::-1])]
 

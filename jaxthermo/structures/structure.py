@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Shaped
 from typing_extensions import override
 
 from ..arrays import Numbers, is_traced
@@ -231,6 +231,21 @@ class AbstractStructure(Module):
     def address_of(self, nodes: Int[np.ndarray, " m"]) -> tuple[np.ndarray, ...]:
         """Indices of some nodes in the state."""
         return tuple(index[nodes] for index in self.node_address())
+
+    def node_values(
+        self, state: Shaped[np.ndarray, "..."], sections: range | None = None
+    ) -> Shaped[np.ndarray, " n"]:
+        """Values of the nodes in a state on the host, in an order of all layouts.
+
+        The layout of a state depends on the devices of a run, this order does not. With
+        `sections` the state holds these sections of a sharded lattice, one after the
+        other, and the nodes are those in them.
+        """
+        return state
+
+    def state_of(self, values: Shaped[np.ndarray, " n"]) -> Shaped[np.ndarray, "..."]:
+        """State with the values of all nodes, in the order of `node_values`."""
+        return values
 
     @property
     def identity(self) -> tuple[object, ...]:

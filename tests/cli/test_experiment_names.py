@@ -21,6 +21,7 @@ from tests.cli.cli_runs import run
         (("levels", "--quick"), "levels has no quick size"),
         (("level",), "did you mean levels?"),
         (("structures",), "use `experiments run front configs/sweeps/structures.yaml`"),
+        (("contact",), "use `experiments run thesis --cases C17,C18,C19`"),
         (("stepping",), "use `experiments run front configs/sweeps/stepping.yaml`"),
     ],
 )

@@ -138,12 +138,12 @@ import sys, time
 import jaxthermo.cli.simulate as command
 from jaxthermo.__main__ import main
 
-def save(path, progress, key):
-    written(path, progress, key)
+def save(*arguments):
+    written(*arguments)
     time.sleep(float(sys.argv[2]))
 
 command.CHECKPOINT_EVERY = float(sys.argv[1])
-written, command.segments.save_checkpoint = command.segments.save_checkpoint, save
+written, command.save_checkpoint = command.save_checkpoint, save
 main(sys.argv[3:])
 """
 
@@ -219,13 +219,13 @@ def test_a_second_interrupt_does_not_wait(tmp_path, monkeypatch):
 def test_checkpoints_are_written_on_the_way(tmp_path, stop_at, monkeypatch):
     monkeypatch.setattr(command, "CHECKPOINT_EVERY", 0.0)
     kept = []
-    save = command.segments.save_checkpoint
+    save = command.save_checkpoint
 
-    def noted(path, progress, key):
-        save(path, progress, key)
+    def noted(path, plan, progress, key):
+        save(path, plan, progress, key)
         kept.append(progress.steps_taken)
 
-    monkeypatch.setattr(command.segments, "save_checkpoint", noted)
+    monkeypatch.setattr(command, "save_checkpoint", noted)
     segments = stop_at(None)
     scene, out = scene_file(tmp_path), tmp_path / "out"
     assert run("simulate", scene, "--out", out, *STEPS)[0] == 0

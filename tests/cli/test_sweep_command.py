@@ -72,6 +72,8 @@ def test_a_sweep_leaves_rows_times_pictures_and_a_result(alone):
     assert not [name for name in files(alone) if "tmp" in name]
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_a_sweep_that_was_killed_goes_on_with_the_same_rows(alone, tmp_path):
     out = tmp_path / "out"
     words = "sweep", sweep_file(tmp_path), "--out", out, "--workers", 1, "--no-times"

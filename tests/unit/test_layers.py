@@ -18,6 +18,7 @@ ORDER = [
     "raster",
     "voxels",
     "structures",
+    "parallel",
     "network",
     "physics",
     "weather",

@@ -132,7 +132,9 @@ def implicit_context(
     stable_step = compiled.receipt.stable_step_s
     multigrid = stable_step is None or max_dt > MULTIGRID_STEP_RATIO * stable_step
     hierarchies: tuple[Hierarchy | None, ...] = tuple(
-        hierarchy(body.structure, part.network) if multigrid else None
+        hierarchy(body.structure, part.network)
+        if multigrid and part.network.mesh is None
+        else None
         for body, part in zip(scene.bodies, program.bodies, strict=True)
     )
     varies = not all(body.network.is_linear for body in program.bodies)

@@ -16,6 +16,7 @@ from ...findings import found, values_of
 from ...module import replaced
 from ...scene.compile.compile import compile_scene
 from ...scene.compile.memory import with_memory_of
+from ...scene.compile.on_devices import placed_on_devices
 from ...scene.compile.program import Compiled, Program
 from ...scene.scene import Scene
 from ..explicit import RKL2Stepper, stage_count
@@ -250,6 +251,10 @@ def plan_run(
             )
     if isinstance(stepper, AdaptiveStepper):
         stepper = replace(stepper, checkpoints=checkpoints)
+    programs, stepper = placed_on_devices(
+        (compiled.programs, stepper), arranged, compiled.program
+    )
+    compiled = replaced(compiled, programs=programs)
     parts = (arranged, compiled, intervals, saves, stable_step, chosen, stepper)
     return Plan(*parts, reason, checkpoints, control)
 

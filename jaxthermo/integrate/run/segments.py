@@ -1,4 +1,4 @@
-"""A run in segments of about a second: progress, checkpoint files and a clean Ctrl-C.
+"""A run in segments of about a second: progress, and a clean Ctrl-C.
 
 A segment ends after about a second of wall time or at the next save time. All segments
 together take exactly the steps that `simulate` takes, in as many passes.
@@ -6,25 +6,19 @@ together take exactly the steps that `simulate` takes, in as many passes.
 
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 
-from ...archive import read_archive, write_archive
-from ...errors import InputError
+from ...parallel.processes import agreed
 from ...scene.compile.program import Program, State
 from ..stepper import AbstractStepper, RunState, advance
 from .plan import Interval, Plan, initial_state, observation_time
 from .simulate import make_solution
 from .solution import Observation, Solution, observe
-from .time_error import Passes, TimeError, of_pass
-
-
-_KIND, _VERSION = "checkpoint", 2
+from .time_error import Passes, of_pass
 
 
 class RunProgress(NamedTuple):
@@ -118,7 +112,7 @@ def run_segments(
     length, running = 2, _running(plan, progress)
     while progress.interval < len(plan.intervals):
         interval = running.intervals[progress.interval]
-        steps = min(length, interval.steps - progress.steps_taken)
+        steps = agreed(min(length, interval.steps - progress.steps_taken))
         clock = time.perf_counter()
         state = _take_segment(running, progress, steps)
         # A clock of coarse resolution may show no time at all.
@@ -161,49 +155,3 @@ def finish_run(plan: Plan, progress: RunProgress) -> Solution:
         return make_solution(_running(plan, progress), passes.rows, passes.error)
     rows = _stacked(progress.observations) if progress.observations else None
     return make_solution(plan, rows)
-
-
-def save_checkpoint(path: Path, progress: RunProgress, key: str) -> None:
-    """Write a checkpoint file in one step."""
-    interval, taken, *parts, passes = progress
-    leaves = jax.tree.leaves((parts, passes.rows))
-    arrays: dict[str, Any] = {f"leaf{i}": np.asarray(x) for i, x in enumerate(leaves)}
-    saved = 0 if passes.rows is None else len(passes.rows.is_finite)
-    counts = (interval, taken, len(progress.observations), saved, passes.number)
-    arrays |= {"key": np.array(key), "position": np.array(counts)}
-    # A pass without a difference has none, and no error either.
-    numbers = (passes.difference, *(passes.error or ()))
-    arrays["error"] = np.array([n for n in numbers if n is not None], float)
-    arrays["finished"] = np.array(passes.finished)
-    # Replaced in one step: a Ctrl-C while writing leaves the old checkpoint.
-    write_archive(path, _KIND, _VERSION, arrays, compress=False)
-
-
-def load_checkpoint(path: Path, fresh: RunProgress, key: str) -> RunProgress | None:
-    """Read a checkpoint file; None if it is missing, damaged or of another run."""
-    try:
-        kept = read_archive(path, _KIND, _VERSION, "the run starts again")
-        if str(kept["key"]) != key:
-            return None
-        interval, taken, rows, saved, number = (int(n) for n in kept["position"])
-        # A new run of the same plan has leaves of the same shapes.
-        first, before = fresh.initial, None
-        if saved:
-            before = jax.tree.map(lambda a: jnp.stack([a] * saved), first)
-        whole = (fresh.state, first, (first,) * rows), before
-        leaves, tree = jax.tree.flatten(whole)
-        loaded = [jnp.asarray(kept[f"leaf{i}"]) for i in range(len(leaves))]
-        difference, error = None, None
-        if len(kept["error"]):
-            difference, *estimate = kept["error"].tolist()
-            error = TimeError(*estimate)
-        finished = bool(kept["finished"])
-    # Missing or damaged, or the user's own file of the same name.
-    except (InputError, KeyError, ValueError):
-        return None
-    alike = lambda a, b: (a.shape, a.dtype) == (b.shape, b.dtype)
-    if not all(map(alike, leaves, loaded)):
-        return None
-    (state, first, found), before = jax.tree.unflatten(tree, loaded)
-    passes = Passes(number, before, difference, error, finished)
-    return RunProgress(interval, taken, state, first, found, passes)

@@ -14,6 +14,8 @@ from jaxtyping import Array, Float, Int
 from ...arrays import is_traced, precision
 from ...errors import require
 from ...network.network import Address, precise_sum
+from ...parallel.lattice import own_copies, replicated
+from ...scene.compile.on_devices import on_devices
 from ...scene.compile.program import Program, State
 from ...scene.scene import Scene
 from ..solvers import AbstractSolver
@@ -48,6 +50,7 @@ def simulate(
     solver: AbstractSolver | None = None,
     throw: bool = True,
     reverse_memory: int | None = None,
+    devices: int = 1,
 ) -> Solution:
     """Integrate the temperatures of a scene in time and return those of its surface.
 
@@ -74,13 +77,15 @@ def simulate(
         throw: raise if the run failed; otherwise `Solution.result` says so.
         reverse_memory: memory for the states that reverse mode stores [bytes]; steps
             are recomputed from the nearest stored state. None stores all.
+        devices: number of devices to spread full volumes over, one section on each.
+            The run is the same to rounding; other structures run on one device.
 
     Returns:
         Surface temperatures [K], energies [J] and the outcome at the save times.
 
     Raises:
-        InputError: for times out of order, a step above the stable one, or too little
-            memory.
+        InputError: for times out of order, a step above the stable one, too little
+            memory, or a scene that cannot be spread over the devices.
         RuntimeError: if the run failed and `throw` is set.
 
     Example:
@@ -95,6 +100,7 @@ def simulate(
     """
     require(scene, Scene, "simulate(scene=)", "a Scene")
     with precision(scene.dtype):
+        scene = on_devices(scene, devices)
         plan = plan_once(scene, t1, save_at, solver, reverse_memory)
         for warning in plan.compiled.receipt.warnings:
             warnings.warn(warning, stacklevel=2)
@@ -248,7 +254,7 @@ def make_solution(
     )
     from_start = plan.save_times[0] == 0.0
     given = program, state, observations, uneven, from_start
-    saved, energy, statistics, result = _balance(*given)
+    saved, energy, statistics, result = own_copies(_balance(*given))
     receipt = plan.compiled.receipt
     if error is not None:
         receipt = replace(receipt, notes=(*receipt.notes, error.text()))
@@ -304,7 +310,7 @@ def _balance(
     if saved is not None:
         statistics = jax.tree.map(lambda a: a[-1], saved.statistics)
     result = run_result(rows.is_finite.all(), rows.is_physical.all(), statistics)
-    return rows, energy, statistics, result
+    return replicated(program.mesh, (rows, energy, statistics, result))
 
 
 def _equalization_heat(

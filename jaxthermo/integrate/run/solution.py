@@ -12,6 +12,7 @@ from typing_extensions import override
 from ...arrays import is_traced, precision
 from ...module import Module
 from ...network.self_adjoint_primitive import computed_once
+from ...parallel.lattice import replicated
 from ...physics.radiation.irradiation import (
     Irradiance,
     SceneRadiation,
@@ -325,7 +326,7 @@ def observe(
     solver_state = state.solver_state
     if not isinstance(solver_state, SolverStatistics | None):
         solver_state = solver_state.statistics
-    return Observation(
+    observation = Observation(
         surface_temperature=temperature,
         mean_temperature=jnp.stack(mean),
         stored_heat=heat,
@@ -337,3 +338,5 @@ def observe(
         probe_temperature=program.probe_temperatures(state.theta, above),
         fragment_outputs=program.fragment_outputs(state.theta, time, contact_heat),
     )
+    # Every process reads it.
+    return replicated(program.mesh, observation)

@@ -15,6 +15,7 @@ import numpy as np
 
 from ...arrays import require_memory
 from ...module import replaced
+from ...parallel.devices import require_device_memory
 from ...structures.kinds.full import FullVolume
 from ...structures.structure import AbstractStructure
 from ..scene import AbstractMaterials, Body, Scene
@@ -112,6 +113,11 @@ def forecast_memory(
     for body in scene.bodies:
         structure = body.structure
         counts = structure.found("part_counts", lambda own=structure: _counts(own))
+        # What belongs to the surface is on every device, and counted for all of them.
+        copies = _devices(body)
+        counts = counts._replace(
+            fragments=copies * counts.fragments, cut_voxels=copies * counts.cut_voxels
+        )
         is_stencil = len(structure.state_shape) == 3
         own = (_KEPT_STENCIL if is_stencil else _KEPT_LINKS).bytes_of(counts)
         if not is_stencil and isinstance(structure, FullVolume):
@@ -131,6 +137,11 @@ def forecast_memory(
     return MemoryForecast(int(kept), int(steps), rows, int(runtime))
 
 
+def _devices(body: Body) -> int:
+    structure = body.structure
+    return structure.devices if isinstance(structure, FullVolume) else 1
+
+
 def check_memory(scene: Scene, saves: int, snapshots: int, method: Method) -> int:
     """Forecast of the peak of a run [bytes].
 
@@ -138,8 +149,9 @@ def check_memory(scene: Scene, saves: int, snapshots: int, method: Method) -> in
         InputError: if it would not fit.
     """
     peak = forecast_memory(scene, saves, snapshots, method).peak
-    remedy = "use a coarser pitch, or save fewer times"
-    require_memory(peak, "simulating this scene", remedy)
+    remedy, task = "use a coarser pitch, or save fewer times", "simulating this scene"
+    require_memory(peak, task, remedy)
+    require_device_memory(peak // max(map(_devices, scene.bodies)), task, remedy)
     return peak
 
 

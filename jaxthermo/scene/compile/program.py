@@ -8,11 +8,13 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jax.sharding import Mesh
 from jaxtyping import Array, Float, Int
 
 from ...arrays import Time
 from ...module import Module
 from ...network.network import AbstractNetwork, Address
+from ...parallel.lattice import spread
 from ...physics.contact.links import ContactLinks
 from ...physics.radiation.irradiation import SceneRadiation
 from ...physics.radiation.radiative_exchange import Enclosure
@@ -107,6 +109,11 @@ class Program(Module):
     entries: LedgerEntries = eqx.field(static=True)
     sampled: bool = eqx.field(static=True)
     """True if some value is a function of time, known only where it is evaluated."""
+
+    @property
+    def mesh(self) -> Mesh | None:
+        """Devices that the lattices are spread over; None where there is one."""
+        return next((b.network.mesh for b in self.bodies if b.network.mesh), None)
 
     @property
     def mechanisms(self) -> tuple[str, ...]:
@@ -298,7 +305,8 @@ class Compiled(Module):
     @property
     def state(self) -> State:
         """State at time 0, in new arrays, which a run may overwrite."""
-        return tuple(map(_new_array, self.start))
+        mesh = self.program.mesh
+        return tuple(_new_array(values, mesh) for values in self.start)
 
     @property
     def program(self) -> Program:
@@ -311,7 +319,11 @@ class Compiled(Module):
         return bisect.bisect_right(self.starts, time * (1 + 1e-12)) - 1
 
 
-def _new_array(values: Float[Array | np.ndarray, "..."]) -> Float[Array, "..."]:
+def _new_array(
+    values: Float[Array | np.ndarray, "..."], mesh: Mesh | None
+) -> Float[Array, "..."]:
+    if mesh is not None:
+        return spread(mesh, values)
     if isinstance(values, np.ndarray) and not any(values.strides):
         # One number for all: converted, the host would have an array of them, too.
         return jnp.full(values.shape, values.item(0), values.dtype)

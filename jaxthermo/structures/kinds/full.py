@@ -6,11 +6,12 @@ from typing import Any
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Shaped
 from typing_extensions import override
 
 from ...voxels.grid import VoxelGrid
 from ...voxels.packed_lattice import PackedLattice, packed_lattice
+from ...voxels.sharded_lattice import ShardedLattice, cut_axes, sharded_lattice
 from ..build.links import voxel_links
 from ..structure import AbstractStructure, ConductionWeights, Links, Nodes, as_weights
 
@@ -25,6 +26,7 @@ class FullVolume(AbstractStructure):
     It runs as a masked stencil over the bounding box, where that is sparse in sections
     in a smaller one (`PackedLattice`); with `sections=False` over the box; or, with
     `stencil=False`, as sorted links: slower, but equal to rounding, and the references.
+    A run on several devices has a section on each (`ShardedLattice`).
 
     Example:
         >>> import jaxthermo as jt
@@ -36,6 +38,8 @@ class FullVolume(AbstractStructure):
     grid: VoxelGrid = eqx.field(static=True)
     stencil: bool = eqx.field(static=True, default=True)
     sections: bool = eqx.field(static=True, default=True)
+    devices: int = eqx.field(static=True, default=1)
+    """Number of devices over which the lattice is sharded; set by a run."""
     weights: ConductionWeights = eqx.field(
         kw_only=True, default=ConductionWeights(), converter=as_weights
     )
@@ -48,9 +52,23 @@ class FullVolume(AbstractStructure):
     @property
     def packed(self) -> PackedLattice | None:
         """Sections of the body, where a state is a lattice of them."""
-        if not (self.sections and self.runs_as_stencil and self._is_sparse):
+        if self.devices > 1 or not (
+            self.sections and self.runs_as_stencil and self._is_sparse
+        ):
             return None
         return self.found("packed_lattice", lambda: packed_lattice(self.grid.solid))
+
+    @property
+    def sharded(self) -> ShardedLattice | None:
+        """Sections of the body on several devices, where it is on more than one."""
+        if self.devices == 1:
+            return None
+        lattice = lambda: sharded_lattice(self.grid.solid, self.devices)
+        return self.found("sharded_lattice", lattice)
+
+    @property
+    def _layout(self) -> PackedLattice | ShardedLattice | None:
+        return self.packed if self.devices == 1 else self.sharded
 
     @property
     def _is_sparse(self) -> bool:
@@ -60,7 +78,7 @@ class FullVolume(AbstractStructure):
     @override
     def options(self) -> Hashable:
         # Weights run as links: their findings have positions of nodes, not of cells.
-        return super().options, self.runs_as_stencil, self.sections
+        return super().options, self.runs_as_stencil, self.sections, self.devices
 
     @property
     @override
@@ -70,7 +88,9 @@ class FullVolume(AbstractStructure):
     @override
     def for_solves(self) -> "FullVolume":
         # A solve stores half a dozen arrays, as long as the box for a stencil.
-        return replace(self, stencil=False) if self._is_sparse else self
+        # Only lattices are sharded.
+        is_list = self._is_sparse and self.devices == 1
+        return replace(self, stencil=False) if is_list else self
 
     @property
     @override
@@ -156,8 +176,8 @@ class FullVolume(AbstractStructure):
         if not self.runs_as_stencil:
             return (self.node_count,)
         # A rim of one cell, so that the stencil needs no special case at the ends.
-        packed = self.packed
-        x, y, z = self.grid.solid.shape if packed is None else packed.shape
+        layout = self._layout
+        x, y, z = self.grid.solid.shape if layout is None else layout.shape
         return (x + 2, y + 2, z + 2)
 
     @override
@@ -185,10 +205,54 @@ class FullVolume(AbstractStructure):
         self, voxel: Int[np.ndarray, "m 3"]
     ) -> tuple[Int[np.ndarray, " m"], ...]:
         """Indices of some solid voxels in the state of a stencil."""
-        packed = self.packed
-        cells = voxel if packed is None else packed.cells(voxel)
+        layout = self._layout
+        cells = voxel if layout is None else layout.cells(voxel)
         # The rim of one cell.
         return tuple(np.asarray(index + 1, np.int32) for index in cells.T)
+
+    @override
+    def node_values(
+        self, state: Shaped[np.ndarray, "..."], sections: range | None = None
+    ) -> Shaped[np.ndarray, " n"]:
+        if not self.runs_as_stencil:
+            return state
+        found = [state[address] for address in self._planes(sections)]
+        return np.concatenate([np.zeros(0, state.dtype), *found])
+
+    @override
+    def state_of(self, values: Shaped[np.ndarray, " n"]) -> Shaped[np.ndarray, "..."]:
+        if not self.runs_as_stencil:
+            return values
+        state, first = np.zeros(self.state_shape, values.dtype), 0
+        for address in self._planes():
+            last = first + len(address[0])
+            state[address] = values[first:last]
+            first = last
+        return state
+
+    def _planes(
+        self, sections: range | None = None
+    ) -> Iterator[tuple[np.ndarray, ...]]:
+        """Place of the nodes of each plane across the longest axis in a state.
+
+        In one of some sections alone, if these are given.
+        """
+        # Addresses of all nodes at once would take three times the state.
+        solid, sharded, before = self.grid.solid, self.sharded, 0
+        axes = cut_axes(solid.shape)
+        planes = range(solid.shape[axes[0]])
+        if sections is not None and sharded is not None:
+            planes = planes[
+                sections.start * sharded.thickness : sections.stop * sharded.thickness
+            ]
+            before = sections.start * (sharded.thickness + 2)
+        for plane in planes:
+            found = np.nonzero(solid.transpose(axes)[plane])
+            voxel = np.empty((len(found[0]), 3), np.int32)
+            for axis, own in zip(axes, (plane, *found), strict=True):
+                voxel[:, axis] = own
+            x, y, z = self.address_of_voxels(voxel)
+            yield x - before, y, z
 
     def _first_nodes(self) -> Int[np.ndarray, " p"]:
         """Number of the first node of each plane across x, and that of all nodes."""

@@ -21,6 +21,8 @@ def result(tmp_path_factory):
     return found
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_each_rung_changes_what_it_should(result):
     rows = {row["name"]: row for row in result["rungs"]}
     assert len(rows) == 12
@@ -36,6 +38,8 @@ def test_each_rung_changes_what_it_should(result):
     assert rows["counts"]["change_rms_K"] == pytest.approx(0.39 / np.sqrt(12), rel=0.2)
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_no_rung_is_the_one_before(result):
     assert all(row["change_max_K"] > 0 for row in result["rungs"][1:])
     assert all(row["frame_ms"] > 0 for row in result["rungs"])

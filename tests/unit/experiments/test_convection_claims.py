@@ -1,8 +1,9 @@
 """The pieces of the convection experiment, on small cases."""
 
 import numpy as np
+import pytest
 
-from experiments.thesis import convection, convection_numbers
+from experiments.thesis import convection, convection_cooling, convection_numbers
 from jaxthermo.geometry.shapes import cylinder
 from jaxthermo.voxels.cylinders import cylinder_parts
 from jaxthermo.voxels.voxelize import voxelize
@@ -37,3 +38,17 @@ def test_a_picture_shows_the_body_and_the_outline_of_its_cylinder():
     assert 1.7 < high / wide < 2.5
     own = (image[..., 2].astype(int) - image[..., 0] > 60).mean()
     assert 0.3 < own < 0.8
+
+
+def test_sides_are_compared_with_the_local_number_by_their_angle_to_the_wind():
+    case = convection_cooling.cylinder_in_wind(across=16)
+    assert case.reynolds == pytest.approx(3.2e4, rel=0.05)
+    degrees = np.degrees(np.arctan2(*case.grid.fragment_normal[:, 1::-1].T))
+    # From the upstream line on either side, where the normal is -x.
+    angle = 180 - np.abs(degrees)
+    # Colder where more heat is taken, and the ends as they like.
+    cold = -np.interp(angle, np.arange(5.0, 180.0, 10.0), case.local_numbers())
+    (sectors,) = case.by_sector(300 + cold[None])
+    assert len(sectors) == 18
+    np.testing.assert_allclose(sectors, 300 - case.local_numbers(), atol=3.0)
+    assert sectors.argmin() == 0 and sectors.argmax() == case.local_numbers().argmin()

@@ -9,14 +9,13 @@ from bodies import bar
 
 import jaxthermo as jt
 from jaxthermo.arrays import precision
+from jaxthermo.integrate.run.checkpoint import load_checkpoint, save_checkpoint
 from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.run.segments import (
     begin_run,
     compile_segments,
     finish_run,
-    load_checkpoint,
     run_segments,
-    save_checkpoint,
 )
 
 
@@ -118,8 +117,8 @@ def test_a_checkpoint_goes_on_where_it_was(tmp_path, dtype, stop):
     with precision(dtype):
         todo = planned(here)
         progress = [*islice(run_segments(todo, begin_run(todo)), stop)][-1]
-        save_checkpoint(path, progress, "key")
-        kept = load_checkpoint(path, begin_run(todo), "key")
+        save_checkpoint(path, todo, progress, "key")
+        kept = load_checkpoint(path, todo, begin_run(todo), "key")
         assert kept is not None
         assert (kept.interval, kept.steps_taken) == (
             progress.interval,
@@ -138,60 +137,60 @@ def kept(tmp_path):
     here, path = scene(), tmp_path / "checkpoint.npz"
     todo = planned(here)
     progress = next(iter(run_segments(todo, begin_run(todo))))
-    save_checkpoint(path, progress, "key")
+    save_checkpoint(path, todo, progress, "key")
     fresh = begin_run(todo)
-    assert load_checkpoint(path, fresh, "key") is not None
-    return path, fresh
+    assert load_checkpoint(path, todo, fresh, "key") is not None
+    return path, todo, fresh
 
 
 def test_no_checkpoint(tmp_path, kept):
-    _, fresh = kept
-    assert load_checkpoint(tmp_path / "none.npz", fresh, "key") is None
-    assert load_checkpoint(tmp_path, fresh, "key") is None
+    _, todo, fresh = kept
+    assert load_checkpoint(tmp_path / "none.npz", todo, fresh, "key") is None
+    assert load_checkpoint(tmp_path, todo, fresh, "key") is None
 
 
 def test_a_checkpoint_of_another_config(kept):
-    path, fresh = kept
-    assert load_checkpoint(path, fresh, "other") is None
+    path, todo, fresh = kept
+    assert load_checkpoint(path, todo, fresh, "other") is None
 
 
 def test_a_checkpoint_of_another_shape(kept):
-    path, _ = kept
-    here = scene(cells=8)
-    assert load_checkpoint(path, begin_run(planned(here)), "key") is None
+    path, *_ = kept
+    todo = planned(scene(cells=8))
+    assert load_checkpoint(path, todo, begin_run(todo), "key") is None
 
 
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.9, 0.999])
 def test_a_checkpoint_cut_short(kept, share):
-    path, fresh = kept
+    path, todo, fresh = kept
     content = path.read_bytes()
     path.write_bytes(content[: int(share * len(content))])
-    assert load_checkpoint(path, fresh, "key") is None
+    assert load_checkpoint(path, todo, fresh, "key") is None
 
 
 def test_a_checkpoint_with_a_flipped_bit_anywhere_is_refused_or_whole(kept):
-    path, fresh = kept
-    whole = load_checkpoint(path, fresh, "key")
+    path, todo, fresh = kept
+    whole = load_checkpoint(path, todo, fresh, "key")
     content = bytearray(path.read_bytes())
     for place in np.random.default_rng(5).integers(0, len(content), 60):
         content[place] ^= 16
         path.write_bytes(content)
-        damaged = load_checkpoint(path, fresh, "key")
+        damaged = load_checkpoint(path, todo, fresh, "key")
         if damaged is not None:
             same(damaged, whole)
         content[place] ^= 16
 
 
 def test_a_checkpoint_of_something_else(tmp_path, kept):
-    _, fresh = kept
+    _, todo, fresh = kept
     np.savez(tmp_path / "other.npz", key=np.array("key"), position=np.zeros(3, int))
-    assert load_checkpoint(tmp_path / "other.npz", fresh, "key") is None
+    assert load_checkpoint(tmp_path / "other.npz", todo, fresh, "key") is None
     np.save(tmp_path / "array.npy", np.zeros(3))
-    assert load_checkpoint(tmp_path / "array.npy", fresh, "key") is None
+    assert load_checkpoint(tmp_path / "array.npy", todo, fresh, "key") is None
 
 
 def test_a_failed_write_keeps_the_old_checkpoint(kept, monkeypatch):
-    path, fresh = kept
+    path, todo, fresh = kept
     content = path.read_bytes()
 
     def full(*arguments, **arrays):
@@ -199,6 +198,6 @@ def test_a_failed_write_keeps_the_old_checkpoint(kept, monkeypatch):
 
     monkeypatch.setattr(np.lib.format, "write_array", full)
     with pytest.raises(jt.InputError, match="No space left"):
-        save_checkpoint(path, fresh, "key")
+        save_checkpoint(path, todo, fresh, "key")
     assert path.read_bytes() == content
     assert [p.name for p in path.parent.iterdir()] == [path.name]

@@ -9,14 +9,13 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.arrays import precision
+from jaxthermo.integrate.run.checkpoint import load_checkpoint, save_checkpoint
 from jaxthermo.integrate.run.plan import initial_state, plan_run
 from jaxthermo.integrate.run.segments import (
     begin_run,
     compile_segments,
     finish_run,
-    load_checkpoint,
     run_segments,
-    save_checkpoint,
 )
 from jaxthermo.integrate.run.simulate import integrate, take_steps_jit
 from jaxthermo.integrate.run.time_error import Passes, of_pass
@@ -125,8 +124,8 @@ def test_segments_and_checkpoints_take_the_same_passes(tmp_path, controlled):
             for reached in islice(run_segments(todo, progress, seconds=0.0), 7):
                 count, progress = count + 1, reached
             # From a file, as after a break.
-            save_checkpoint(path, progress, "key")
-            progress = load_checkpoint(path, begin_run(todo), "key")
+            save_checkpoint(path, todo, progress, "key")
+            progress = load_checkpoint(path, todo, begin_run(todo), "key")
             assert progress is not None
         parts = finish_run(todo, progress)
     assert count > controlled.run.steps / 2

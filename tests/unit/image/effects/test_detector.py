@@ -80,6 +80,8 @@ def test_airy_spot_of_a_common_camera():
     assert jt.DiffractionBlur(f_number=2.0).spread == pytest.approx(0.7)
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_noise_has_its_netd_over_many_frames():
     radiance = np.full((20, 24), float(LONG_WAVE.radiance(250.0)))
     noise = jt.DetectorNoise(netd=0.05, seed=7)

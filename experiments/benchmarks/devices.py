@@ -1,0 +1,239 @@
+"""A full volume over two devices of one process, and over two processes, beside one.
+
+Each arrangement has processes of its own, which wait for each other's turns, so that
+all see the same state of the machine. Where there are no other devices, those of one
+process are halves of its processor; a device alone uses all cores.
+"""
+
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+import jaxthermo as jt
+from jaxthermo.arrays import readable_bytes
+from jaxthermo.integrate.run.plan import initial_state, plan_run
+from jaxthermo.integrate.run.segments import begin_run, run_segments
+from jaxthermo.parallel.devices import provide_devices
+from jaxthermo.parallel.meeting import Group, free_port
+from jaxthermo.parallel.processes import join
+from jaxthermo.scene.compile.on_devices import on_devices
+
+from ..harness.measurement import Measurement, plain_rows
+from ..harness.meshes import STEEL
+from ..harness.present import show, table_of
+
+
+QUICK = {"shape": (24, 56, 24), "repeats": 2, "steps": 6}
+_PITCH = 1e-3
+_ASKED = 0.9
+"""Speed relative to one device that is asked of two processes."""
+_LARGEST_SHARE = 0.6
+"""Share of the lattice that a process of two may have."""
+_TERMS: dict[str, tuple[jt.Convection, ...]] = {
+    "conduction": (),
+    "conduction and convection": (jt.Convection(50.0, 280.0),),
+}
+
+
+class _Arrangement(NamedTuple):
+    name: str
+    devices: int
+    processes: int
+
+
+_ALONE = _Arrangement("one device", 1, 1)
+_ARRANGEMENTS = (
+    _ALONE,
+    _Arrangement("two devices, one process", 2, 1),
+    _Arrangement("two processes", 2, 2),
+)
+
+
+def run(
+    folder: Path,
+    shape: Sequence[int] = (228, 550, 228),
+    repeats: int = 5,
+    steps: int = 20,
+) -> dict[str, Any]:
+    """Time of an explicit step of a box, and the lattice that a process has.
+
+    Args:
+        folder: of the result.
+        shape: of the box, in voxels.
+        repeats: of every turn.
+        steps: of a turn.
+    """
+    results = [
+        row for surface in _TERMS for row in _measured(surface, shape, repeats, steps)
+    ]
+    columns = [
+        ("scene", "{scene}"),
+        ("arrangement", "{arrangement}"),
+        ("step", lambda row: f"{1e3 * min(row['step_s']):.3g} ms"),
+        ("lattice of a process", lambda row: readable_bytes(row["lattice_bytes"])),
+    ]
+    voxels = " x ".join(map(str, shape))
+    show(table_of(results, columns, f"Explicit steps of a box of {voxels} voxels"))
+    return {"rows": results, "measurements": plain_rows(_measurements(results))}
+
+
+def _measurements(results: list[dict[str, Any]]) -> list[Measurement]:
+    found, alone = [], {}
+    for row in results:
+        if row["arrangement"] == _ALONE.name:
+            alone = row
+            continue
+        share = row["lattice_bytes"] / alone["lattice_bytes"]
+        two = row["processes"] == 2
+        name = f"{row['scene']}: {row['arrangement']}"
+        found.append(
+            Measurement(
+                name,
+                "s",
+                row["step_s"],
+                peer_name=_ALONE.name,
+                peer=alone["step_s"],
+                bound=_ASKED if two else None,
+                note=f"{100 * share:.0f} % of the lattice in each process",
+            )
+        )
+        if two:
+            percent = [100 * share]
+            bound = 100 * _LARGEST_SHARE
+            found.append(Measurement(f"{name}: lattice", "%", percent, bound=bound))
+    return found
+
+
+class _Worker(NamedTuple):
+    """A process that takes its turn when it is told."""
+
+    turns: IO[str]
+    results: IO[str]
+
+    def begin(self, words: str) -> None:
+        self.turns.write(words + "\n")
+        self.turns.flush()
+
+    def result(self) -> dict[str, Any]:
+        # Libraries may print besides.
+        for line in self.results:
+            if line.startswith("{"):
+                return json.loads(line)
+        raise RuntimeError("a process of the benchmark ended; see above")
+
+
+def _measured(
+    surface: str, shape: Sequence[int], repeats: int, steps: int
+) -> list[dict[str, Any]]:
+    with ExitStack() as stack:
+        workers = {
+            each: [
+                _start(stack, each, port, process, surface, shape, steps)
+                for process in range(each.processes)
+            ]
+            for each, port in ((each, free_port()) for each in _ARRANGEMENTS)
+        }
+        ready = {
+            each: [worker.result() for worker in own] for each, own in workers.items()
+        }
+        spans: dict[_Arrangement, list[float]] = {each: [] for each in workers}
+        for _ in range(repeats):
+            for each, own in workers.items():
+                for worker in own:
+                    worker.begin("go")
+                spans[each].append(max(worker.result()["step_s"] for worker in own))
+        for own in workers.values():
+            for worker in own:
+                worker.begin("end")
+    return [
+        {
+            "scene": surface,
+            "arrangement": each.name,
+            "devices": each.devices,
+            "processes": each.processes,
+            "step_s": spans[each],
+            "lattice_bytes": max(row["lattice_bytes"] for row in ready[each]),
+        }
+        for each in workers
+    ]
+
+
+def _start(
+    stack: ExitStack,
+    arrangement: _Arrangement,
+    port: int,
+    process: int,
+    surface: str,
+    shape: Sequence[int],
+    steps: int,
+) -> _Worker:
+    given = [*arrangement, port, process, surface, list(shape), steps]
+    # Of the processes of a group each makes its own devices.
+    flags = re.sub(r"--xla_force\S*", "", os.environ.get("XLA_FLAGS", ""))
+    worker = stack.enter_context(
+        subprocess.Popen(
+            [sys.executable, "-m", __name__, json.dumps(given)],
+            env={"TF_CPP_MIN_LOG_LEVEL": "3", **os.environ, "XLA_FLAGS": flags},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+    )
+    assert worker.stdin is not None and worker.stdout is not None
+    return _Worker(worker.stdin, worker.stdout)
+
+
+def _work(
+    name: str,
+    devices: int,
+    processes: int,
+    port: int,
+    process: int,
+    surface: str,
+    shape: Sequence[int],
+    steps: int,
+) -> None:
+    """Take the steps of a turn for every line that comes."""
+    provide_devices(devices // processes)
+    if processes > 1:
+        join(Group(f"localhost:{port}", processes, process), name)
+    x, y, z = (_PITCH * n for n in shape)
+    grid = jt.voxelize(jt.shapes.box((x, y, z)), _PITCH, "dominant_axis")
+    body = jt.Body(jt.FullVolume(grid, sections=False), STEEL, temperature=300.0)
+    scene = on_devices(jt.Scene((body,), _TERMS[surface]), devices)
+    stable = plan_run(scene, 1.0, None, jt.ForwardEuler()).stable_step
+    assert stable is not None
+    plan = plan_run(scene, 0.9 * steps * stable, None, jt.ForwardEuler(0.9 * stable))
+    state = initial_state(plan).theta[0]
+    own = sum(shard.data.nbytes for shard in state.addressable_shards)
+    _take(plan)
+    sys.stdout.write(json.dumps({"lattice_bytes": own}) + "\n")
+    sys.stdout.flush()
+    while sys.stdin.readline().strip() == "go":
+        result = {"step_s": _take(plan) / steps}
+        sys.stdout.write(json.dumps(result) + "\n")
+        sys.stdout.flush()
+
+
+def _take(plan: Any) -> float:
+    """Wall time of all steps of a plan [s]."""
+    ready = begin_run(plan)
+    jax.block_until_ready(ready.state.theta)
+    clock = time.perf_counter()
+    *_, last = run_segments(plan, ready, seconds=jnp.inf)
+    jax.block_until_ready(last.state.theta)
+    return time.perf_counter() - clock
+
+
+if __name__ == "__main__":
+    _work(*json.loads(sys.argv[1]))

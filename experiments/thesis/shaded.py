@@ -1,0 +1,97 @@
+"""Shaded pictures of coloured meshes, and of the boxes around them."""
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+from PIL import Image, ImageDraw
+
+import jaxthermo as jt
+from jaxthermo.image.camera import OrthographicCamera
+from jaxthermo.image.canvas import averaged
+from jaxthermo.image.visible import visible_points
+from jaxthermo.raster.views import unit_vector
+
+
+Colour = tuple[int, int, int]
+PAPER = (246, 247, 249)
+_BOX = (90, 96, 108)
+# Samples of a pixel along each axis.
+_SAMPLES = 2
+# Brightness of a surface seen along its edge; 1 where it is seen straight on.
+_DARKEST = 0.35
+_MARGIN = 1.08
+
+
+def camera_on(
+    points: Float[np.ndarray, "n 3"],
+    direction: tuple[float, float, float],
+    size: int,
+) -> OrthographicCamera:
+    """A square picture of points [m] seen along a direction, with z upwards."""
+    ahead = unit_vector(direction)
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    away = float(np.linalg.norm(points - middle, axis=1).max())
+    right = unit_vector(np.cross(ahead, (0.0, 0.0, 1.0)))
+    across = np.stack([right, np.cross(right, ahead)])
+    reach = float(np.abs((points - middle) @ across.T).max())
+    numbers = lambda v: (float(v[0]), float(v[1]), float(v[2]))
+    return OrthographicCamera(
+        position=numbers(middle - 2 * away * ahead),
+        look_at=numbers(middle),
+        view_height=2 * _MARGIN * reach,
+        width=size,
+        height=size,
+    )
+
+
+def shaded(
+    parts: Sequence[tuple[jt.Mesh, Colour]], camera: OrthographicCamera
+) -> tuple[UInt8[np.ndarray, "h w 3"], Bool[np.ndarray, "h w"]]:
+    """Meshes in their colours with a light at the camera, and where there are any."""
+    fine = camera.finer(_SAMPLES)
+    meshes = [mesh for mesh, _ in parts]
+    seen = visible_points(tuple((m.vertices, m.faces) for m in meshes), fine)
+    colours = np.empty((fine.width * fine.height, 3), np.uint8)
+    colours[:] = PAPER
+    for number, (mesh, colour) in enumerate(parts):
+        here = np.flatnonzero(seen.body == number)
+        vectors = mesh.area_vectors[seen.face[here]]
+        facing = np.abs(vectors @ fine.frame[2]) / np.linalg.norm(vectors, axis=1)
+        light = _DARKEST + (1 - _DARKEST) * facing
+        colours[seen.pixel[here]] = np.rint(light[:, None] * np.array(colour))
+    shape = (fine.height, fine.width)
+    is_body = np.zeros(fine.height * fine.width, bool)
+    is_body[seen.pixel] = True
+    # A pixel is of the body if any of its samples is.
+    blocks = is_body.reshape(camera.height, _SAMPLES, camera.width, _SAMPLES)
+    return averaged(colours.reshape(*shape, 3), _SAMPLES), np.asarray(
+        blocks.any(axis=(1, 3))
+    )
+
+
+def blended(
+    over: UInt8[np.ndarray, "h w 3"], under: UInt8[np.ndarray, "h w 3"], part: float
+) -> UInt8[np.ndarray, "h w 3"]:
+    """A picture seen through another one that hides this part of it."""
+    return np.rint(part * over.astype(float) + (1 - part) * under).astype(np.uint8)
+
+
+def with_box(
+    pixels: UInt8[np.ndarray, "h w 3"],
+    camera: OrthographicCamera,
+    box: Float[np.ndarray, "2 3"],
+) -> UInt8[np.ndarray, "h w 3"]:
+    """A picture with the twelve edges of a box in the world [m]."""
+    corners = np.indices((2, 2, 2)).reshape(3, -1).T
+    at, _, _ = camera.mesh_to_raster(
+        np.where(corners, box[1], box[0]), np.zeros((0, 3), int)
+    )
+    image = Image.fromarray(pixels)
+    draw = ImageDraw.Draw(image)
+    for a, b in combinations(range(8), 2):
+        if np.abs(corners[a] - corners[b]).sum() == 1:
+            line = (*at[a, :2].tolist(), *at[b, :2].tolist())
+            draw.line(line, fill=_BOX, width=1)
+    return np.asarray(image)

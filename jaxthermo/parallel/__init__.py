@@ -1,0 +1,1 @@
+"""Lattices of full volumes over several devices."""

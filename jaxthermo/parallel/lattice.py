@@ -1,0 +1,154 @@
+"""Arrays of a sharded lattice, and the exchange of planes between its devices.
+
+A state is sharded along its first axis: each device has one section of the body with an
+empty cell around it. The temperatures of the planes beyond, those of the neighbouring
+sections, are sent by `ppermute` and never stored.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+from jaxtyping import Array, Shaped
+
+from .devices import AXIS
+
+
+_SPREAD, _SAME = PartitionSpec(AXIS), PartitionSpec()
+
+
+def _specs(tree: Any) -> Any:
+    """Lattices are sharded along their first axis, and all else is on every device."""
+    return jax.tree.map(lambda leaf: _SPREAD if jnp.ndim(leaf) == 3 else _SAME, tree)
+
+
+def on_each_device(
+    mesh: Mesh, function: Callable[..., Any], *arguments: Any, summed: bool = False
+) -> Any:
+    """Call a function with each device's part of the lattices in its arguments.
+
+    It returns lattices; with `summed` numbers, of which the sum over devices is
+    returned.
+    """
+
+    def own(*local):
+        found = function(*local)
+        return jax.lax.psum(found, AXIS) if summed else found
+
+    return jax.shard_map(
+        own,
+        mesh=mesh,
+        in_specs=tuple(map(_specs, arguments)),
+        out_specs=_SAME if summed else _SPREAD,
+        check_vma=False,
+    )(*arguments)
+
+
+def with_neighbours(state: Shaped[Array, "x y z"]) -> Shaped[Array, "x y z"]:
+    """A device's section with the next planes of its neighbours in its empty rim.
+
+    For functions of `on_each_device`; 0 at the ends of the body.
+    """
+    count = jax.lax.axis_size(AXIS)
+    up = [(n, n + 1) for n in range(count - 1)]
+    down = [(n + 1, n) for n in range(count - 1)]
+    before = jax.lax.ppermute(state[-2], AXIS, up)
+    behind = jax.lax.ppermute(state[1], AXIS, down)
+    # Written together: one after the other, XLA copies the lattice at every step, as
+    # the second plane might be read after the first is written.
+    ends = jnp.array([0, state.shape[0] - 1])
+    return state.at[ends].set(
+        jnp.stack([before, behind]), mode="promise_in_bounds", unique_indices=True
+    )
+
+
+def from_sections(mesh: Mesh, make: Callable[[int], Any]) -> Any:
+    """Lattices of the sections that `make` returns by their number, in a pytree.
+
+    Only those of this process's own devices are made.
+    """
+    own: list[Any] = []
+    for number, device in enumerate(mesh.devices.flat):
+        if device.process_index == jax.process_index():
+            own.append(jax.device_put(make(number), device))
+    sharding = NamedSharding(mesh, _SPREAD)
+
+    def join(*parts: Array) -> Array:
+        shape = mesh.size * parts[0].shape[0], *parts[0].shape[1:]
+        made = list(parts)
+        return jax.make_array_from_single_device_arrays(shape, sharding, made)
+
+    return jax.tree.map(join, *own)
+
+
+def spread(
+    mesh: Mesh, values: Shaped[Array | np.ndarray, "x y z"]
+) -> Shaped[Array, "x y z"]:
+    """A new array of a lattice, of which each device has its own section."""
+    sharding = NamedSharding(mesh, _SPREAD)
+    if isinstance(values, np.ndarray) and not any(values.strides):
+        # One number for all: the host would have an array of them, too.
+        return jnp.full(values.shape, values.item(0), values.dtype, device=sharding)
+    host = np.asarray(values)
+    return jax.make_array_from_callback(host.shape, sharding, lambda at: host[at])
+
+
+def own_sections(
+    mesh: Mesh, state: Shaped[Array, "x y z"]
+) -> tuple[Shaped[np.ndarray, "a y z"], range]:
+    """The sections of this process on the host, one after the other, and their numbers.
+
+    Its devices follow one another.
+    """
+    thickness = state.shape[0] // mesh.size
+    by_number = {
+        shard.index[0].indices(state.shape[0])[0] // thickness: shard
+        for shard in state.addressable_shards
+    }
+    own = sorted(by_number)
+    parts = [np.asarray(by_number[number].data) for number in own]
+    return np.concatenate(parts), range(own[0], own[-1] + 1)
+
+
+def replicated(mesh: Mesh | None, tree: Any) -> Any:
+    """Within a compiled function: its values in whole on every device."""
+    if mesh is None:
+        return tree
+    sharding = NamedSharding(mesh, _SAME)
+    return jax.tree.map(
+        lambda leaf: jax.lax.with_sharding_constraint(leaf, sharding), tree
+    )
+
+
+def own_copies(tree: Any) -> Any:
+    """Values that every process has in whole, as arrays of this process alone.
+
+    What follows on them is no computation that all processes must take part in.
+    """
+    if jax.process_count() == 1:
+        return tree
+    own = lambda leaf: jnp.asarray(np.asarray(leaf))
+    return jax.tree.map(lambda x: own(x) if isinstance(x, jax.Array) else x, tree)
+
+
+def placed(mesh: Mesh, tree: Any, lattices: frozenset[tuple[int, ...]]) -> Any:
+    """A pytree on the devices of a mesh: arrays of the shapes `lattices` sharded.
+
+    Arrays that are there already stay; all others are on every device.
+    """
+
+    def place(leaf: Any) -> Any:
+        if not isinstance(leaf, jax.Array | np.ndarray):
+            return leaf
+        there = isinstance(leaf, jax.Array) and len(leaf.sharding.device_set) > 1
+        if there or leaf.ndim == 0:
+            return leaf
+        spec = _SPREAD if leaf.shape in lattices else _SAME
+        host = np.asarray(leaf)
+        sharding = NamedSharding(mesh, spec)
+        return jax.make_array_from_callback(host.shape, sharding, lambda at: host[at])
+
+    return jax.tree.map(place, tree)

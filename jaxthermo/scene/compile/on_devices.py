@@ -1,0 +1,80 @@
+"""A scene whose full volumes are spread over several devices.
+
+Every lattice has a section on each device, see `ShardedLattice`; what belongs to the
+surface is where its nodes are. Everything else of a scene is on every device.
+"""
+
+from dataclasses import replace
+
+import jax
+
+from ...arrays import is_traced
+from ...errors import InputError
+from ...findings import found
+from ...parallel.devices import check_devices
+from ...parallel.lattice import placed
+from ...structures.kinds.full import FullVolume
+from ..scene import AbstractMaterials, Body, Scene
+from .program import Program
+
+
+def on_devices(scene: Scene, devices: int) -> Scene:
+    """Return the scene with its bodies on a number of devices; itself for 1.
+
+    Raises:
+        InputError: if there are not so many, or a body cannot be spread over them.
+    """
+    check_devices(devices)
+    if devices == 1:
+        return scene
+    if is_traced(scene):
+        raise InputError(
+            f"devices={devices}: values of the scene are traced; derivatives, jit and "
+            "vmap need one device: leave devices out"
+        )
+
+    def spread() -> Scene:
+        bodies = tuple(
+            _on_devices(body, f"bodies[{n}]", devices)
+            for n, body in enumerate(scene.bodies)
+        )
+        return replace(scene, bodies=bodies)
+
+    return found((scene,), ("on devices", devices), spread)
+
+
+def _on_devices(body: Body, where: str, devices: int) -> Body:
+    structure = body.structure
+    if not isinstance(structure, FullVolume):
+        kind = type(structure).__name__
+        raise InputError(
+            f"{where}: {kind} cannot be spread over devices={devices}; a FullVolume "
+            "can, or leave devices out: it is small enough for one"
+        )
+    if not structure.runs_as_stencil:
+        raise InputError(
+            f"{where}: a FullVolume with weights, or with stencil=False, runs as links "
+            f"and cannot be spread over devices={devices}; leave these out, or devices"
+        )
+    own = body.material
+    several = isinstance(own, AbstractMaterials)
+    materials = own.materials if isinstance(own, AbstractMaterials) else (own,)
+    by_axis = any(isinstance(each.conductivity, tuple) for each in materials)
+    if any(each.varies for each in materials) and (several or by_axis):
+        raise InputError(
+            f"{where}: several materials, or one by axis, that vary with temperature "
+            f"run as links and cannot be spread over devices={devices}; leave it out"
+        )
+    sharded = replace(structure, devices=devices)
+    # Refuses a lattice that is too short.
+    assert sharded.sharded is not None
+    return replace(body, structure=sharded)
+
+
+def placed_on_devices(tree, scene: Scene, program: Program):
+    """Return arrays of a compiled scene, or of its stepper, on its devices."""
+    mesh = program.mesh
+    if mesh is None:
+        return tree
+    shapes = frozenset(body.structure.state_shape for body in scene.bodies)
+    return jax.tree.map(lambda leaf: placed(mesh, leaf, shapes), tree)
