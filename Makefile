@@ -5,7 +5,7 @@ UV := $(shell command -v uv 2>/dev/null || echo .uv/bin/uv)
 SYNC = UV_PROJECT_ENVIRONMENT=.venv UV_COMPILE_BYTECODE=1 $(UV) sync --locked --inexact --quiet
 RUN = .venv/bin
 
-.PHONY: help env demo test slow check bench docs pictures schemas cards wakes clean
+.PHONY: help env demo test slow check bench docs pictures schemas cards wakes wheel clean
 
 help:
 	@echo "make env    the environment, in .venv"
@@ -15,6 +15,7 @@ help:
 	@echo "make docs   the documentation, in results/docs"
 	@echo "make cards  the fit cards of the package, after a change of configs/cards"
 	@echo "make wakes  the data of wakes, after a change of the flow"
+	@echo "make wheel  the wheel, in results/dist"
 	@echo "make schemas  the JSON Schemas in configs, after a change of a model"
 
 .uv/bin/uv:
@@ -77,6 +78,9 @@ wakes: .venv/.core
 # Those that are up to date stay; a fit that was interrupted continues. Needs the meshes.
 cards: .venv/.core
 	$(RUN)/python -m calibrate cards configs/cards --out jaxthermo/data/cards
+
+wheel: pyproject.toml $(filter .uv/%,$(UV))
+	$(UV) build --quiet --wheel --out-dir results/dist
 
 clean:
 	rm -rf .venv .uv results .jax_cache

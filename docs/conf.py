@@ -18,6 +18,7 @@ extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
+    "extension.figures",
     "extension.mathml",
     "extension.measured",
     "extension.tags",

@@ -16,11 +16,11 @@ import altair as alt
 import jax
 import jax.numpy as jnp
 import numpy as np
-from PIL import Image, ImageDraw
+from PIL import Image, ImageChops, ImageDraw, ImageOps
 
 import jaxthermo as jt
 from jaxthermo.image.annotate import contact_sheet
-from jaxthermo.image.palette import apply_palette, palette_table
+from jaxthermo.image.palette import BACKGROUND, apply_palette, palette_table
 from jaxthermo.image.ticks import label, nice_ticks
 from jaxthermo.report.chart import LogAxis, legend, write_chart
 from jaxthermo.report.layer_sheets import write_layer_sheets
@@ -50,6 +50,12 @@ def write_small(name: str, image: Image.Image) -> None:
     raise SystemExit(f"{name}: more than {MAX_BYTES} bytes: draw it smaller")
 
 
+def _trimmed(image: Image.Image, margin: int = 12) -> Image.Image:
+    """The picture without most of the white around it."""
+    box = ImageChops.invert(image.convert("L")).getbbox() or (0, 0, *image.size)
+    return ImageOps.expand(image.convert("RGB").crop(box), margin, _PAPER)
+
+
 def _figurine(voxels_high: int) -> jt.VoxelGrid:
     mesh = jt.shapes.figurine(0.3)
     return jt.voxelize(mesh, 0.3 / voxels_high)
@@ -71,7 +77,7 @@ def mesh() -> Image.Image:
     light = np.array((-0.4, -0.7, 0.6)) / np.linalg.norm((-0.4, -0.7, 0.6))
     shade = 0.25 + 0.75 * np.clip(np.asarray(image.normal) @ light, 0, 1)
     shade = np.where(np.isfinite(np.asarray(image.depth)), shade, 1.0)
-    return Image.fromarray((255 * shade).astype(np.uint8))
+    return _trimmed(Image.fromarray((255 * shade).astype(np.uint8)))
 
 
 def raster() -> Image.Image:
@@ -116,16 +122,16 @@ def _coloured_nodes(nodes: np.ndarray, scale: int) -> np.ndarray:
 
 def structure() -> Image.Image:
     """Nodes of several structures in one slice."""
-    grid = _figurine(140)
+    grid = _figurine(80)
     kinds = {
         "full volume": jt.FullVolume(grid),
         "single shell": jt.SingleShell(grid),
         "octree": jt.Octree(grid),
-        "aggregate x8": jt.Aggregate(grid, factor=8),
+        "aggregate x4": jt.Aggregate(grid, factor=4),
         "shell over core": jt.ShellOverCore(grid),
     }
     tiles = [
-        _labelled(_coloured_nodes(_node_slice(kind), 4), name)
+        _labelled(_coloured_nodes(_node_slice(kind), 6), name)
         for name, kind in kinds.items()
     ]
     return _row(
@@ -134,17 +140,17 @@ def structure() -> Image.Image:
 
 
 def _labelled(pixels: np.ndarray, text: str) -> Image.Image:
-    image = Image.new("RGB", (pixels.shape[1], pixels.shape[0] + 44), _PAPER)
+    image = Image.new("RGB", (pixels.shape[1], pixels.shape[0] + 70), _PAPER)
     image.paste(Image.fromarray(pixels))
     at = (pixels.shape[1] / 2, pixels.shape[0] + 8)
-    ImageDraw.Draw(image).text(at, text, fill=_INK, anchor="ma", font_size=17)
+    ImageDraw.Draw(image).text(at, text, fill=_INK, anchor="ma", font_size=28)
     return image
 
 
 def _labelled_count(image: Image.Image, kind) -> Image.Image:
-    at = (image.width / 2, image.height - 18)
+    at = (image.width / 2, image.height - 26)
     text = f"{kind.node_count:,} nodes".replace(",", " ")
-    ImageDraw.Draw(image).text(at, text, fill=_INK, anchor="ma", font_size=14)
+    ImageDraw.Draw(image).text(at, text, fill=_INK, anchor="ma", font_size=22)
     return image
 
 
@@ -159,7 +165,7 @@ def _row(tiles: list[Image.Image]) -> Image.Image:
 
 def network() -> Image.Image:
     """Nodes and links of an octree near one layer across y."""
-    octree = jt.Octree(_figurine(110))
+    octree = jt.Octree(_figurine(90))
     grid, nodes, links = octree.grid, octree.nodes(), octree.links()
     scale, layer = 16, _middle(grid)
     pixels = _coloured_nodes(_node_slice(octree), scale)
@@ -175,14 +181,17 @@ def network() -> Image.Image:
             draw.line((*at[one], *at[other]), fill=(150, 70, 40), width=2)
     for x, y in at[seen]:
         draw.ellipse((x - 4, y - 4, x + 4, y + 4), fill=(30, 60, 110))
-    # The upper half: cells are large enough there to be told apart.
-    return image.crop((0, 0, image.width, image.height // 2))
+    # The base, where the body is thick enough for cells of several sizes.
+    top = round(0.68 * image.height)
+    return _trimmed(image.crop((0, top, image.width, image.height)))
 
 
 def physics() -> Image.Image:
     """Net heat flux through the surface after a minute in the sun."""
+    painted = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.95)
+    body = jt.Body(jt.FullVolume(_figurine(160)), painted, temperature=293.15)
     scene = jt.Scene(
-        (_steel(_figurine(160)),),
+        (body,),
         (
             jt.Sun((-0.55, 0.6, -0.75), 1000.0),
             jt.Convection(10.0, 293.15),
@@ -194,17 +203,18 @@ def physics() -> Image.Image:
     flux = np.asarray(run.heat_flux)
     # An image interpolates temperatures: it does the same with any positive number.
     shifted = replace(run, surface_temperature=jnp.asarray(flux + 2000.0))
-    image = jt.render(shifted, _camera(420, 520), band=None)
+    camera = jt.Camera((0.15, -0.66, 0.22), (0.0, 0.0, 0.15), width=420, height=520)
+    image = jt.render(shifted, camera, band=None)
     drawn = np.asarray(image.temperature) - 2000.0
     inside = np.isfinite(np.asarray(image.depth))
     low, high = -100.0, 900.0
     pixels = apply_palette(drawn, low, high, "ember")
-    pixels = np.where(inside[..., None], pixels, 255).astype(np.uint8)
+    pixels = np.where(inside[..., None], pixels, BACKGROUND).astype(np.uint8)
     ticks = tuple(
         ((t - low) / (high - low), label(t, 0)) for t in nice_ticks(low, high)
     )
     bar = ColourBar(palette_table("ember"), ticks, "heat flux into the body [W/m^2]")
-    return sheet([Tile(pixels, "")], bar, "", 1)
+    return sheet([Tile(pixels, "")], bar, "after one minute in the sun", 1)
 
 
 def _steps_of(name: str, scene: jt.Scene, truth: np.ndarray) -> Iterator[dict]:
@@ -232,12 +242,13 @@ def time() -> Image.Image:
         rows = [row for name in names for row in _steps_of(name, scene, truth)]
     steps = LogAxis([row["steps"] for row in rows], "steps in 60 s")
     errors = LogAxis([row["error"] for row in rows], "largest error in time [K]")
+    powers = alt.Axis(values=errors.ticks, format=".0e")
     chart = (
         alt.Chart(alt.Data(values=rows), width=420, height=260)
         .mark_line(point=True)
         .encode(
             x=alt.X(**steps.channel("steps")),
-            y=alt.Y(**errors.channel("error")),
+            y=alt.Y(**{**errors.channel("error"), "axis": powers}),
             color=alt.Color("scheme:N", sort=list(names), legend=legend()),
         )
     )

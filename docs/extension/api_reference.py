@@ -26,8 +26,10 @@ def api_reference(folder: str) -> str:
     modules = {"shapes": "jaxthermo.geometry.shapes"}
     modules["measurements"] = "jaxthermo.image.measurements"
     lines = ["```{eval-rst}"]
-    for name in names:
+    # Modules last: their members follow a heading of their own.
+    for name in sorted(names, key=lambda name: name in modules):
         if name in modules:
+            lines += [f".. rubric:: jt.{name}", "   :heading-level: 2", ""]
             lines += [f".. automodule:: {modules[name]}", "   :members:", ""]
         elif name in _VALUES:
             lines += [f".. autodata:: jaxthermo.{name}", "   :no-value:", ""]

@@ -1,6 +1,7 @@
 """Markdown of a command reference from the command lines themselves."""
 
 from importlib import import_module
+from inspect import Parameter, cleandoc
 from typing import Any
 
 from cyclopts import App
@@ -17,11 +18,12 @@ def _names(app: App) -> list[str]:
 
 
 def _command(program: str, name: str, command: App) -> str:
-    arguments = list(command.assemble_argument_collection())
+    arguments = list(command.assemble_argument_collection(parse_docstring=True))
     positional = [a for a in arguments if a.index is not None and not _flag(a)]
-    usage = " ".join([program, name, *map(_place, positional)])
+    options = ["[OPTIONS]"] if len(positional) < len(arguments) else []
+    usage = " ".join([program, name, *options, *map(_place, positional)])
     # Without the section of arguments, which the table has.
-    words = (command.help or "").split("\nArgs:")[0].strip()
+    words = cleandoc(command.help or "").split("\nArgs:")[0].strip()
     rows = [
         "| argument | default | meaning |",
         "|---|---|---|",
@@ -47,7 +49,8 @@ def _default(argument: Any) -> str:
     value = argument.field_info.default
     if argument.required:
         return "required"
-    return f"`{value}`" if value not in (None, (), False) and value is not True else ""
+    told = value not in (None, (), False, Parameter.empty) and value is not True
+    return f"`{value}`" if told else ""
 
 
 def _help(argument: Any) -> str:

@@ -28,6 +28,9 @@ def _fill_page(app: Sphinx, name: str, source: list[str]) -> None:
 
 def _docstring(app, what, name, thing, options, lines: list[str]) -> None:
     lines[:] = literal_equations(lines)
+    if what in ("attribute", "property", "data"):
+        # Napoleon takes what is before a colon in the first line for a type.
+        lines.insert(0, "")
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

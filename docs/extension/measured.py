@@ -1,14 +1,16 @@
 """Numbers of `docs/data`: a role for one, a directive for a table.
 
 A file of `docs/data` names the command that made it and the machine, and has `values`,
-each a text with its unit, and `tables` with `columns` and `rows`. Pages show a value by
-the role `number` and a table by the directive `measured`, both with `file:name`; a name
-that is not there is an error.
+each a text with its unit, and `tables` with `columns` and `rows`. A value with a
+command or machine of its own is a mapping with `text`. Pages show a value by the role
+`number` and a table by the directive `measured`, both with `file:name`; a name that is
+not there is an error.
 """
 
 import json
+import re
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from docutils import nodes
 from sphinx.application import Sphinx
@@ -18,31 +20,50 @@ from sphinx.util.docutils import SphinxDirective, SphinxRole
 DATA = Path(__file__).resolve().parents[1] / "data"
 
 
+class Source(NamedTuple):
+    """What made a number, and where."""
+
+    command: str
+    machine: str
+
+
 def load(name: str) -> dict[str, Any]:
     """One file of `docs/data`."""
     return json.loads((DATA / f"{name}.json").read_text())
 
 
-def lookup(reference: str, kind: str) -> tuple[dict[str, Any], Any]:
-    """The file and the entry that `file:entry` names, of `values` or `tables`.
+def lookup(reference: str, kind: str) -> tuple[Any, Source]:
+    """The entry that `file:entry` names, of `values` or `tables`, and its source.
 
     Raises:
         KeyError: for an entry that is not there.
     """
     name, entry = reference.split(":")
     record = load(name)
-    return record, record[kind][entry]
+    found = record[kind][entry]
+    own = {**record, **(found if isinstance(found, dict) else {})}
+    return found, Source(own["command"], own["machine"])
+
+
+def text_of(value: str | dict[str, str]) -> str:
+    """The text of a value, of a mapping too."""
+    return value if isinstance(value, str) else value["text"]
+
+
+def _unbroken(text: str) -> str:
+    """The text with no line break between a number and its unit."""
+    return re.sub(r"(?<=[\d)]) (?=(?:%|K|[mun]?s|mm|times)(?:\W|$))", "\u00a0", text)
 
 
 class _Number(SphinxRole):
     """One number with its unit; what made it is shown on hovering."""
 
     def run(self):
-        record, text = lookup(self.text, "values")
+        value, source = lookup(self.text, "values")
         self.env.note_dependency(str(DATA / f"{self.text.split(':')[0]}.json"))
-        node = nodes.inline(self.rawtext, text, classes=["measured"])
-        node["ids"] = []
-        node["command"] = record["command"]
+        node = nodes.abbreviation(self.rawtext, _unbroken(text_of(value)))
+        node["classes"] = ["measured"]
+        node["explanation"] = f"{source.command}; {source.machine}"
         return [node], []
 
 
@@ -52,16 +73,14 @@ class _Measured(SphinxDirective):
     required_arguments = 1
 
     def run(self):
-        record, table = lookup(self.arguments[0], "tables")
+        table, source = lookup(self.arguments[0], "tables")
         name = self.arguments[0].split(":")[0]
         self.env.note_dependency(str(DATA / f"{name}.json"))
         rows = [table["columns"], *table["rows"]]
-        lines = ["| " + " | ".join(map(str, row)) + " |" for row in rows]
+        lines = ["| " + " | ".join(map(_unbroken, row)) + " |" for row in rows]
         lines.insert(1, "|" + "---|" * len(table["columns"]))
-        machine = table.get("machine", record["machine"])
-        command = table.get("command", record["command"])
-        source = f"`{command}`; {machine}. Data: `docs/data/{name}.json`."
-        lines += ["", "{.measured-source}", source]
+        about = f"`{source.command}`; {source.machine}. Data: `docs/data/{name}.json`."
+        lines += ["", "{.measured-source}", about]
         return self.parse_text_to_nodes("\n".join(lines))
 
 

@@ -25,8 +25,8 @@ _NOT_COVERED = (
         "averages here",
     ),
     ("A15, spectral radiance", "it is compared by tests/unit/image/test_band.py"),
-    ("A16", "a camera's chain from raw counts (FLIR) is not here yet"),
-    ("A17, angles", "emissivity does not depend on the viewing angle"),
+    ("A16", "raw counts are compared by tests/unit/image/test_thermography.py"),
+    ("A17, angles", "they are compared by tests/unit/image/effects/test_effects.py"),
     ("A18", "the channel of Schaefer and Turek is computed by tests/unit/flow"),
     ("V24, plates as bodies", "no body is endless; the spheres are computed"),
 )

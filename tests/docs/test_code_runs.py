@@ -1,12 +1,14 @@
 """Code of the documentation, run as a reader would run it."""
 
+import itertools
 import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from test_pages import PAGES, ROOT, blocks
+import trimesh
+from doc_pages import PAGES, ROOT, blocks, command_lines, name
 
 
 WITH_CODE = [page for page in PAGES if blocks(page, "python")]
@@ -40,7 +42,7 @@ def run(arguments: list[str], folder: Path) -> str:
 
 @pytest.mark.slow
 @pytest.mark.slice
-@pytest.mark.parametrize("page", WITH_CODE, ids=lambda p: str(p.relative_to(ROOT)))
+@pytest.mark.parametrize("page", WITH_CODE, ids=name)
 def test_python_of_a_page_runs(page, tmp_path):
     code = PRELUDE
     for text in blocks(page, "python"):
@@ -54,3 +56,53 @@ def test_python_of_a_page_runs(page, tmp_path):
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda p: p.stem)
 def test_an_example_runs(path, tmp_path):
     assert run([str(path), "--quick"], tmp_path)
+
+
+# Why a command is not run here; all are parsed by test_commands.py.
+NOT_RUN = {
+    "make": "makes the environment of a checkout",
+    "uv run": "as above",
+    "pip install": "as above",
+    "jaxthermo view": "waits for a browser",
+    "jaxthermo play": "waits for a browser",
+    "calibrate plan": "takes minutes: tests/cli/test_plan_command.py",
+    "experiments run": "takes minutes to hours",
+}
+# Two runs to be compared; smaller sizes where a shipped configuration is run.
+BEFORE = {
+    "docs/guide/results.md": [
+        "jaxthermo example figurine --out scene.yaml",
+        "jaxthermo simulate scene.yaml --out results/before",
+        "jaxthermo simulate scene.yaml --set time.end=1000 --out results/after",
+    ]
+}
+COARSE = ["--set", "set.bodies.0.voxels_high=30"]
+LESS = {
+    "calibrate fit": ["--set", "fit.max_steps=1", *COARSE],
+    "calibrate identify": COARSE,
+    "jaxthermo simulate configs": ["--set", "bodies.0.voxels_high=50"],
+}
+
+
+def commands_to_run(page: Path) -> list[list[str]]:
+    lines = (" ".join(words) for words in command_lines(page))
+    run_here = [not line.startswith(tuple(NOT_RUN)) for line in lines]
+    return [*itertools.compress(command_lines(page), run_here)]
+
+
+WITH_COMMANDS = [page for page in PAGES if commands_to_run(page)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", WITH_COMMANDS, ids=name)
+def test_commands_of_a_page_run(page, tmp_path):
+    """One after the other in one folder, as a reader would in a checkout."""
+    (tmp_path / "configs").symlink_to(ROOT / "configs")
+    trimesh.creation.box((30, 20, 40)).export(tmp_path / "statue.ply")
+    for scene in (text for text in blocks(page, "yaml") if text.startswith("bodies:")):
+        (tmp_path / "scene.yaml").write_text(scene)
+    lines = [line.split() for line in BEFORE.get(name(page), [])]
+    for words in [*lines, *commands_to_run(page)]:
+        line = " ".join(words)
+        less = [more for start, more in LESS.items() if line.startswith(start)]
+        run(["-m", *words, *itertools.chain(*less)], tmp_path)

@@ -1,55 +1,18 @@
-"""Pages of the documentation: their code, numbers and pictures; the release's files."""
+"""Pages of the documentation: their Python and pictures; the files of the release."""
 
 import ast
-import json
 import re
 import tomllib
-from pathlib import Path
 
 import pytest
 import yaml
+from doc_pages import DOCS, PAGES, ROOT, blocks, name
 
 
-ROOT = Path(__file__).resolve().parents[2]
-DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
-DATA = sorted((DOCS / "data").glob("*.json"))
-_BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.M | re.S)
-_NUMBER = re.compile(r"\{number\}`(\w+):(\w+)`|```\{measured\} (\w+):(\w+)")
-
-
-def blocks(page: Path, language: str) -> list[str]:
-    return [text for kind, text in _BLOCK.findall(page.read_text()) if kind == language]
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
-def test_code_of_a_page_can_be_parsed(page):
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_python_of_a_page_can_be_parsed(page):
     for text in blocks(page, "python"):
         ast.parse(text)
-    for text in blocks(page, "yaml"):
-        assert isinstance(yaml.safe_load(text), dict)
-
-
-def test_every_number_that_is_shown_is_there_and_every_one_there_is_shown():
-    shown = set()
-    for page in PAGES:
-        for a, b, c, d in _NUMBER.findall(page.read_text()):
-            shown.add((a or c, "values" if a else "tables", b or d))
-    there = {
-        (path.stem, kind, name)
-        for path in DATA
-        for kind in ("values", "tables")
-        for name in json.loads(path.read_text())[kind]
-    }
-    assert shown == there
-
-
-@pytest.mark.parametrize("path", DATA, ids=lambda p: p.stem)
-def test_data_name_their_command_and_machine(path):
-    record = json.loads(path.read_text())
-    assert record["about"] and record["command"] and record["machine"]
-    for table in record["tables"].values():
-        assert {len(row) for row in table["rows"]} == {len(table["columns"])}
 
 
 def test_pictures_are_there_and_small():
@@ -57,6 +20,21 @@ def test_pictures_are_there_and_small():
     assert max(sizes.values()) <= 150_000 and sum(sizes.values()) <= 2_000_000
     text = "".join(page.read_text() for page in PAGES)
     assert set(re.findall(r"pictures/(\w+\.png)", text)) == set(sizes)
+
+
+@pytest.mark.parametrize(
+    "page", sorted({*DOCS.glob("stages/*.md")} - {DOCS / "stages/index.md"}), ids=name
+)
+def test_a_stage_has_its_picture_and_equations(page):
+    text = page.read_text()
+    assert f"pictures/{page.stem}.png" in text and "$$" in text
+
+
+def test_every_limit_and_decision_has_a_tag():
+    text = (DOCS / "limits.md").read_text()
+    entries = re.findall(r"^- .*", text, re.M)
+    tag = re.compile(r"- \{tag\}`(physical|numerical|convenience)` [A-Z]")
+    assert len(entries) >= 20 and all(map(tag.match, entries))
 
 
 def test_the_readme_is_short():

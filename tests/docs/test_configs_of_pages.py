@@ -1,0 +1,161 @@
+"""Configurations of the documentation load as what they are, parts of a file too."""
+
+import copy
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+import trimesh
+from doc_pages import PAGES, ROOT, blocks, name, spans
+
+from calibrate.config.loader import load_calibration, scene_config
+from experiments.sweep.config import load_sweep
+from experiments.sweep.points import cases_of, choices
+from jaxthermo.__main__ import main
+from jaxthermo.config.loader import load_config
+from jaxthermo.config.schema.body import BodyConfig
+from jaxthermo.config.schema.scene import SceneConfig
+from jaxthermo.config.shipped_cards import shipped_cards
+from jaxthermo.config.strict_yaml import parse_yaml, read_yaml, write_yaml
+
+
+WITH_CONFIGS = [page for page in PAGES if blocks(page, "yaml")]
+BODY = {
+    "mesh": {"path": "statue.glb", "unit": "mm"},
+    "pitch": "5 mm",
+    "material": "gold",
+    "temperature": 300,
+}
+SCENE = {"bodies": [BODY], "time": {"end": 10, "save_at": [5, 10]}}
+# Settings that sentences name: a line of YAML, not a sketch with dots or capitals.
+_SETTING = re.compile(r"[a-z_.]+: (?!.*(?:\.\.|\b[A-Z]{4}|mean, sd|\{\})).+")
+# Of fits and sweeps, whose schemas tests of their own cover.
+OF_FITS = {"align", "bijection", "per", "time_norm", "reference", "prior", "goals"}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder like `configs/examples`, with a mesh, beside the shipped scenes."""
+    beside = tmp_path / "configs" / "examples"
+    beside.mkdir(parents=True)
+    (beside.parent / "scenes").symlink_to(ROOT / "configs" / "scenes")
+    trimesh.creation.box((30, 20, 40)).export(beside / "statue.ply")
+    return beside
+
+
+def write(path: Path, data: dict[str, Any]) -> Path:
+    path.write_text(write_yaml(data))
+    return path
+
+
+def load_scene(folder: Path, text: str, *overrides: str) -> None:
+    """Load it and compile its program, as `simulate --explain` does."""
+    path = folder / "scene.yaml"
+    path.write_text(text)
+    assert load_config(path).bodies[0].mesh is not None
+    changes = [part for each in overrides for part in ("--set", each)]
+    with pytest.raises(SystemExit) as stopped:
+        main(["simulate", str(path), "--explain", *changes])
+    assert stopped.value.code == 0
+
+
+def load_calibration_block(folder: Path, data: dict[str, Any]) -> None:
+    for frames in data.get("reference", {}).get("frames", ()):
+        for file in frames["files"]:
+            (folder / file).touch()
+    config = load_calibration(write(folder / "fit.yaml", data))
+    for case in (*config.train, *config.held_out):
+        assert scene_config(config, case.set).bodies
+
+
+def load_sweep_block(folder: Path, data: dict[str, Any]) -> None:
+    config = load_sweep(write(folder / "sweep.yaml", data))
+    found = choices(config)
+    assert len(found) == 20
+    # The first and the last have every value of a list of two.
+    assert all(cases_of(config, choice) for choice in (found[0], found[-1]))
+
+
+def load_body_part(folder: Path, part: dict[str, Any]) -> None:
+    scene = {**SCENE, "bodies": [{**BODY, **part}]}
+    assert load_config(write(folder / "part.yaml", scene), find_meshes=False)
+
+
+@pytest.mark.parametrize("page", WITH_CONFIGS, ids=name)
+def test_blocks_of_a_page_load(page, folder, capsys):
+    calibration: dict[str, Any] = {}
+    for text in blocks(page, "yaml"):
+        data = parse_yaml(text, "page")
+        if "bodies" in data:
+            # Coarse, since only what is written counts here.
+            load_scene(folder, text, "bodies.0.pitch=5 mm")
+            assert "included: conduction, sun" in capsys.readouterr().out
+        elif "axes" in data:
+            load_sweep_block(folder, data)
+        elif "parameters" in data or "truth" in data:
+            calibration |= data
+            load_calibration_block(folder, calibration)
+        else:
+            assert data.keys() <= BodyConfig.model_fields.keys()
+            load_body_part(folder, data)
+
+
+def scene_with(setting: dict[str, Any]) -> dict[str, Any] | None:
+    """A scene with the setting where it belongs, None for a setting of other files."""
+    scene = copy.deepcopy(SCENE)
+    ((key, value),) = setting.items()
+    first, _, rest = key.partition(".")
+    if rest:
+        scene[first] = {rest: value}
+    elif key in BodyConfig.model_fields:
+        scene["bodies"][0][key] = value
+        if key == "solid":
+            del scene["bodies"][0]["mesh"]
+    elif key in SceneConfig.model_fields:
+        scene[key] = value
+    elif key in ("nodes", "size"):
+        scene["bodies"][0]["structure"] = {"kind": "aggregate", **setting}
+    elif key == "weights":
+        scene["bodies"][0]["structure"] = {"kind": "octree", **setting}
+    elif key in ("side", "region", "fragments", "body"):
+        scene["bodies"] *= 2
+        scene["terms"] = [{"kind": "heat_flux", "heat_flux": 10, "on": setting}]
+    elif key in ("place", "start", "clear_sky"):
+        place = {"latitude": 48, "longitude": 11}
+        there = {"place": place, "start": "2026-06-21T12:00Z"}
+        scene["outdoors"] = {**there, "clear_sky": {"air": [285, 300]}, **setting}
+    else:
+        return None
+    return scene
+
+
+SETTINGS = {text for p in PAGES for text in spans(p) if _SETTING.fullmatch(text)}
+
+
+@pytest.mark.parametrize("text", sorted(SETTINGS))
+def test_a_setting_in_a_sentence_is_accepted(text, tmp_path):
+    setting = parse_yaml(text, "page")
+    scene = scene_with(setting)
+    if scene is None:
+        assert setting.keys() <= OF_FITS
+        return
+    assert load_config(write(tmp_path / "scene.yaml", scene), find_meshes=False)
+
+
+def test_the_card_that_is_shown_is_the_shipped_one():
+    """Each number to the digits that the page has."""
+    (text,) = blocks(ROOT / "docs" / "guide" / "calibrate.md", "text")
+    shown = parse_yaml(text, "page")
+    card = read_yaml(shipped_cards()[shown["name"]])
+    assert agrees(shown, card)
+
+
+def agrees(shown: Any, there: Any) -> bool:
+    if isinstance(shown, dict):
+        return all(agrees(value, there[key]) for key, value in shown.items())
+    if isinstance(shown, list):
+        return all(agrees(*pair) for pair in zip(shown, there, strict=True))
+    if isinstance(shown, float):
+        return abs(shown - there) <= 5e-3 * abs(there)
+    return shown == there

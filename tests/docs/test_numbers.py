@@ -1,0 +1,127 @@
+"""Numbers of the documentation: each from a file of `docs/data`, or named here."""
+
+import json
+import re
+from typing import Any
+
+import pytest
+from doc_pages import DATA, PAGES, ROOT, name, without_blocks
+
+from jaxthermo.config.shipped_cards import shipped_cards
+from jaxthermo.config.strict_yaml import read_yaml
+
+
+_SHOWN = re.compile(r"\{number\}`(\w+):(\w+)`|```\{measured\} (\w+):(\w+)")
+_NOT_PROSE = re.compile(
+    r"\$\$.*?\$\$|\{number\}`[^`]*`|`[^`]*`|\$[^$\n]*\$|\]\([^)]*\)", re.S
+)
+_UNIT = (
+    r"%|[mun]?s|min|minutes?|hours?|m?K|[kmu]?m|degrees|degC|[KMG]i?B|times|million"
+    r"|nodes"
+)
+_NUMERAL = re.compile(
+    rf"(?<![\w.,^-])\d[\d., ]*(?:\s+to\s+[\d.,]+)?\s*(?:{_UNIT})(?!\w)"
+)
+
+# Settings, defaults, definitions and sizes of examples: not measured, page by page.
+GIVEN = {
+    "README.md": "1, 3, 5 min; 1, 4, 10 min",
+    "docs/guide/camera.md": "0.01 K; 10 ms; 10 um; 12 um; 2 degrees; 20 mK; 300 K; "
+    "5 mm; 50 mK; 7.5 to 14 um",
+    "docs/guide/live.md": "20 s",
+    "docs/guide/other-programs.md": "0.01 K",
+    "docs/guide/outdoors.md": "10 m; 30 min",
+    "docs/guide/own-mesh.md": "2 mm; 24 hours; 25 degC; 3 min",
+    "docs/guide/python.md": "512 MiB",
+    "docs/guide/results.md": "0.01 K; 655.35 K",
+    "docs/guide/scene.md": "1 %",
+    "docs/guide/structures.md": "15 000 nodes; 180 s; 2 GiB; 5 %; 512 MiB; 99.5 %",
+    "docs/guide/sweeps.md": "0.1 %; 1 %; 3 %",
+    "docs/limits.md": "150 K; 2 %; 20 degC; 6000 K; 64 times",
+    "docs/stages/image.md": "5800 K",
+    "docs/stages/time.md": "0 K; 0.1 %; 1 mK; 1 mm; 30 s; 300 K; 400 K; 5 million",
+    "docs/stages/voxels.md": "2 %",
+}
+
+
+def numerals(text: str) -> list[str]:
+    """The numerals with a unit in the sentences and tables of a page."""
+    prose = _NOT_PROSE.sub(" . ", text)
+    return [" ".join(found[0].split()) for found in _NUMERAL.finditer(prose)]
+
+
+def texts(value: Any) -> list[str]:
+    """All texts in plain data."""
+    if isinstance(value, dict):
+        value = list(value.values())
+    if isinstance(value, list):
+        return [text for each in value for text in texts(each)]
+    return [str(value)]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_a_number_in_prose_is_from_data_or_given(page):
+    found = set(numerals(without_blocks(page)))
+    given = set(GIVEN[name(page)].split("; ")) if name(page) in GIVEN else set()
+    if page.name == "README.md":
+        # No roles there: what it says is compared with the data.
+        data = [text for path in DATA for text in texts(json.loads(path.read_text()))]
+        found -= {each for each in found if any(each in text for text in data)}
+    assert found == given
+
+
+def test_numerals_are_found():
+    text = (
+        "It takes 3.4 s, `2 s`, {number}`a:b` and 1 to 2 %,\n$x = 3 s$ or 12\nms, x 8."
+    )
+    assert numerals(text) == ["3.4 s", "1 to 2 %", "12 ms"]
+
+
+def test_the_front_of_the_readme_is_that_of_the_data():
+    front = json.loads((ROOT / "docs" / "data" / "front.json").read_text())
+    rows = [row[1:5] for row in front["tables"]["best"]["rows"] if "Buddha" in row[0]]
+    text = (ROOT / "README.md").read_text()
+    table = re.search(r"^\| error \|.*?\n\n", text, re.M | re.S)
+    assert table
+    shown = [line.strip("|").split("|") for line in table[0].strip().splitlines()[2:]]
+    assert shown and all([cell.strip() for cell in row] in rows for row in shown)
+
+
+def test_errors_of_cards_are_those_of_the_shipped_cards():
+    """The largest error of all cases, to the digits of the page."""
+    data = json.loads((ROOT / "docs" / "data" / "cards.json").read_text())
+    kinds, voxels = ("octree", "shell-over-core"), []
+    for body, *errors, _ in data["tables"]["largest_error"]["rows"]:
+        for kind, shown in zip(kinds, errors, strict=True):
+            card = read_yaml(shipped_cards()[f"{body}/{kind}"])
+            cases = card["error_kelvin"].values()
+            for which, text in zip(
+                ("default", "fitted"), shown.split(" to "), strict=True
+            ):
+                assert f"{max(case[which] for case in cases):.3g}" == text
+            voxels.append(int(card["origin"]["nodes"].split()[-1]))
+    assert len(voxels) == len(shipped_cards())
+    ends = f"{min(voxels):,} to {max(voxels):,}".replace(",", " ")
+    assert data["values"]["voxels"]["text"] == ends
+
+
+def test_every_number_that_is_shown_is_there_and_every_one_there_is_shown():
+    shown = set()
+    for page in PAGES:
+        for a, b, c, d in _SHOWN.findall(page.read_text()):
+            shown.add((a or c, "values" if a else "tables", b or d))
+    there = {
+        (path.stem, kind, name)
+        for path in DATA
+        for kind in ("values", "tables")
+        for name in json.loads(path.read_text())[kind]
+    }
+    assert shown == there
+
+
+@pytest.mark.parametrize("path", DATA, ids=lambda p: p.stem)
+def test_data_name_their_command_and_machine(path):
+    record = json.loads(path.read_text())
+    assert record["about"] and record["command"] and record["machine"]
+    for table in record["tables"].values():
+        assert {len(row) for row in table["rows"]} == {len(table["columns"])}
