@@ -26,8 +26,8 @@ SAVE_AT, END = (30.0, 60.0, 90.0, 135.0, 180.0), 180.0
 _FILES = {"Happy Buddha": "happy-buddha.obj", "Max Planck": "max-planck.obj"}
 
 
-def thesis_meshes() -> dict[str, Mesh]:
-    """The meshes in JAXTHERMO_MESHES or ../shared/meshes; the figurine if none is."""
+def mesh_files() -> dict[str, Path]:
+    """Files of the thesis' meshes in JAXTHERMO_MESHES or ../shared/meshes, by name."""
     named = os.environ.get("JAXTHERMO_MESHES", "../shared/meshes")
     folders = [Path(folder) for folder in named.split(os.pathsep) if folder]
     # The first folder that has a file wins, as in a search path.
@@ -35,7 +35,14 @@ def thesis_meshes() -> dict[str, Mesh]:
     for name, file in _FILES.items():
         for folder in folders:
             if name not in found and (folder / file).is_file():
-                found[name] = load_mesh(folder / file, height=HEIGHT, up="y")
+                found[name] = folder / file
+    return found
+
+
+def thesis_meshes() -> dict[str, Mesh]:
+    """The meshes of `mesh_files`; the figurine if there is none."""
+    files = mesh_files().items()
+    found = {name: load_mesh(path, height=HEIGHT, up="y") for name, path in files}
     return found or {"figurine": figurine(HEIGHT)}
 
 
