@@ -1,0 +1,225 @@
+"""Chapter 3: how nodes, memory and time of the whole method grow on a body."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import jaxthermo as jt
+from jaxthermo.provenance import processor
+from jaxthermo.report.chart import Chart
+from jaxthermo.report.numbers import significant
+from jaxthermo.report.table import Table
+
+from ...benchmarks.mixed import Runner, scene_runner, step_spans
+from ...harness.meshes import START, STEEL
+from ...harness.present import Rows, table_of
+from ..bodies import buddha
+from ..exhibit import Exhibit, Finding, Plot, Row, Verdict
+from ..line_chart import log_chart, point
+from ..resolution import FULL, KINDS
+
+
+# Voxels along up, at even ratios.
+_HEIGHTS, _QUICK_HEIGHTS = (56, 80, 112, 160, 224, 320), (28, 40, 56, 80)
+_REPEATS = 3
+# Nodes times steps of a timed call, and its largest number of steps.
+_WORK, _MOST_STEPS = 2e7, 200
+# Which step is timed does not matter to how long it takes [s].
+_DT = 1e-3
+_TERMS = (
+    jt.Sun((-1.0, 0.0, 0.0), 5000.0),
+    jt.Wind((3.0, 0.0, 0.0), START),
+    jt.Surroundings(START),
+)
+_IRREGULAR = "irregular levels"
+_QUANTITIES = {
+    "nodes": "nodes",
+    "memory": "memory_bytes",
+    "step": "step_s",
+    "stable step": "stable_step_s",
+    "simulated second": "second_s",
+}
+
+
+class _Power(NamedTuple):
+    """Power of the resolution that a quantity grows with, and its standard error."""
+
+    power: float
+    error: float
+
+    @property
+    def text(self) -> str:
+        return f"{self.power:.2f} ± {self.error:.2f}"
+
+
+def _fitted(sizes: Any, values: Any) -> _Power:
+    """Least squares through the logarithms."""
+    line, covariance = np.polyfit(np.log(sizes), np.log(values), 1, cov=True)
+    return _Power(float(line[0]), float(np.sqrt(covariance[0, 0])))
+
+
+def _measured(height: int) -> Rows:
+    """Size and time of each structure at one resolution; the times in turn."""
+    grid = buddha().grid(height)
+    runners = {name: _runner(make(grid)) for name, make in KINDS.items()}
+    spans = step_spans(runners, _REPEATS)
+    rows = []
+    for name, runner in runners.items():
+        step, receipt = float(np.median(spans[name])), runner.compiled.receipt
+        stable = float(runner.compiled.stable_step)
+        rows.append(
+            {
+                "structure": name,
+                "height": height,
+                "box": grid.lattice.cells,
+                "surface_cells": receipt.fragments,
+                "nodes": receipt.nodes,
+                "memory_bytes": receipt.memory_bytes,
+                "step_s": step,
+                "stable_step_s": stable,
+                "second_s": step / stable,
+            }
+        )
+    return rows
+
+
+def _runner(structure: Any) -> Runner:
+    body = jt.Body(structure, STEEL, temperature=START)
+    steps = int(np.clip(_WORK / structure.node_count, 4, _MOST_STEPS))
+    return scene_runner(jt.Scene((body,), _TERMS), _DT, steps)
+
+
+def _measure(quick: bool) -> Finding:
+    heights = np.array(_QUICK_HEIGHTS if quick else _HEIGHTS)
+    rows = [row for height in heights.tolist() for row in _measured(height)]
+    column = lambda name, key: [r[key] for r in rows if r["structure"] == name]
+    powers = {
+        name: {
+            what: _fitted(heights, column(name, key))
+            for what, key in _QUANTITIES.items()
+        }
+        for name in KINDS
+    }
+    surface = _fitted(heights, column(FULL, "surface_cells"))
+    box = _fitted(heights, column(FULL, "box"))
+    claimed = _fitted(heights, heights**2 * np.log(heights))
+    chosen = (
+        *buddha().stands_in,
+        ("n", f"voxels along up, {', '.join(map(str, heights))}"),
+        ("method", "steel in sun, wind and surroundings, explicit steps in float32"),
+        ("error", "the standard error of a straight line through the logarithms"),
+        ("memory", "as forecast for the run, without voxels and structure"),
+        ("multi-level", "ten levels at every resolution, as in table 6.1"),
+    )
+    caption = "The claim is drawn through the last point of irregular levels."
+    timed = f"{caption} Structures in turn, on {processor()}."
+    parts = (
+        _power_table(powers),
+        Plot("growth_nodes", _chart(rows, "nodes", "nodes", 1.0), caption),
+        Plot("growth_time", _chart(rows, "step_s", "time of a step [ms]", 1e3), timed),
+        _size_table(rows),
+    )
+    numbers = {
+        "rows": rows,
+        "powers": {
+            name: {k: list(p) for k, p in own.items()} for name, own in powers.items()
+        },
+        "surface_cells": list(surface),
+        "claimed": list(claimed),
+    }
+    verdict, reason = _judged(powers, surface, claimed)
+    shown = _rows(powers, surface, box, claimed)
+    return Finding(verdict, reason, shown, {}, chosen, parts, numbers)
+
+
+def _judged(
+    powers: dict[str, dict[str, _Power]], surface: _Power, claimed: _Power
+) -> tuple[Verdict, str]:
+    own, full = powers[_IRREGULAR], powers[FULL]
+    nearer = [
+        what
+        for what in ("nodes", "memory", "step")
+        if abs(own[what].power - claimed.power) < abs(own[what].power - 3)
+    ]
+    holds = len(nearer) == 3
+    nodes = own["nodes"]
+    plain = abs(nodes.power - 2) < abs(nodes.power - claimed.power)
+    law = "n² than to n² log n" if plain else "n² log n than to n²"
+    reason = (
+        f"Of irregular levels nodes grow with n to the power of {nodes.text}, memory "
+        f"{own['memory'].text}, time of a step {own['step'].text}; of the full volume "
+        f"{full['nodes'].text}, {full['memory'].text} and {full['step'].text}. n² log "
+        f"n has {claimed.power:.2f} over these sizes: the nodes are nearer to {law}. "
+        f"What convection acts on grows with {surface.text}: the surface alone, in "
+        "any structure, so that there the claim needs no logarithm. It is the order "
+        "of one step. The largest explicit step falls with n to the power of "
+        f"{own['stable step'].text} and {full['stable step'].text}, so that a "
+        f"simulated second takes n to the {own['simulated second'].text} and "
+        f"{full['simulated second'].text}, of which the thesis says nothing."
+    )
+    return Verdict.DIFFERENT if holds else Verdict.CONTRADICTED, reason
+
+
+def _rows(
+    powers: dict[str, dict[str, _Power]], surface: _Power, box: _Power, claimed: _Power
+) -> tuple[Row, ...]:
+    law = f"n² log n: {claimed.power:.2f}"
+    said = {_IRREGULAR: law, FULL: "n³: 3"}
+    shown = [
+        Row(f"power of n, {what}, {name}", said[name], powers[name][what].text)
+        for what in ("nodes", "memory", "step")
+        for name in said
+    ]
+    around = "the box of the body; a flow has at least these cells"
+    return (
+        *shown,
+        Row("power of n, cells that convection acts on", law, surface.text),
+        Row("power of n, cells of a flow around it", "n³: 3", box.text, around),
+    )
+
+
+def _power_table(powers: dict[str, dict[str, _Power]]) -> Table:
+    lines = [
+        [name, *(own[what].text for what in _QUANTITIES)]
+        for name, own in powers.items()
+    ]
+    title = "Powers of n, with their standard errors"
+    return Table(("structure", *_QUANTITIES), lines, title)
+
+
+def _size_table(rows: Rows) -> Table:
+    columns = [
+        ("high", "{height}"),
+        ("structure", "{structure}"),
+        ("nodes", "{nodes:,}"),
+        ("surface cells", "{surface_cells:,}"),
+        ("memory [MB]", lambda row: significant(row["memory_bytes"] / 1e6)),
+        ("step [ms]", lambda row: significant(1e3 * row["step_s"])),
+        ("stable step [s]", lambda row: significant(row["stable_step_s"])),
+        ("simulated second [ms]", lambda row: significant(1e3 * row["second_s"])),
+    ]
+    return table_of(rows, columns, "Sizes and times", left=(1,))
+
+
+def _chart(rows: Rows, key: str, title: str, scale: float) -> Chart:
+    points = []
+    for name in KINDS:
+        for row in (r for r in rows if r["structure"] == name):
+            value = scale * row[key]
+            text = f"{name}, {row['height']} high: {significant(value)}"
+            points.append(point(name, row["height"], value, text))
+    last = next(r for r in reversed(rows) if r["structure"] == _IRREGULAR)
+    law = lambda n: n**2 * np.log(n)
+    for n in dict.fromkeys(row["height"] for row in rows):
+        value = scale * last[key] * law(n) / law(last["height"])
+        points.append(point("n² log n, as claimed", n, value, significant(value)))
+    return log_chart(points, "voxels along up", title, f"Chapter 3: {title}")
+
+
+EXHIBIT = Exhibit(
+    name="section-3-growth",
+    title="order of growth of the whole method",
+    place="3",
+    claims=(),
+    measure=_measure,
+)
