@@ -32,12 +32,17 @@ FACES = {"front": 0.0, "each side": 90.0, "rear": 180.0}
 _AS_LARGE = 2 / np.sqrt(np.pi)
 
 
+# Cosines of the flow's number: at these sizes of the lattice more are noise.
+_COSINES = 4
+
+
 class RoundRod(NamedTuple):
     """Numbers around a round rod by the flow and by the local number."""
 
     reynolds: float
+    run: FlowRun
     flow: Float[np.ndarray, " a"]
-    """At `DEGREES`, of eight cosines."""
+    """At `DEGREES`, of four cosines."""
     closure: Float[np.ndarray, " a"]
     flow_mean: float
     closure_mean: float
@@ -49,17 +54,12 @@ class RoundRod(NamedTuple):
         """RMS difference around the rod over the mean of the flow [-]."""
         return float(np.sqrt(np.mean((self.closure - self.flow) ** 2))) / self.flow_mean
 
-    @property
-    def shape_rms(self) -> float:
-        """RMS difference of the two over their own means [-]."""
-        shapes = self.closure / self.closure_mean - self.flow / self.flow_mean
-        return float(np.sqrt(np.mean(shapes**2)))
-
 
 class SquareRod(NamedTuple):
     """Numbers of the faces of a square rod, which faces the wind."""
 
     reynolds: float
+    run: FlowRun
     flow: dict[str, float]
     closure: dict[str, float]
 
@@ -72,7 +72,6 @@ class SquareRod(NamedTuple):
 
 def local_number(degrees: np.ndarray, reynolds: float) -> np.ndarray:
     """Local Nusselt numbers that the thesis' model gives to normals."""
-    # The table's averages were made with another method than the flow here.
     with jax.enable_x64(True):
         cosine = jnp.cos(jnp.radians(jnp.asarray(degrees)))
         every = lambda value: jnp.full(cosine.shape, value)
@@ -81,16 +80,17 @@ def local_number(degrees: np.ndarray, reynolds: float) -> np.ndarray:
 
 
 def round_rod(reynolds: float, cells: int, passes: float) -> RoundRod:
-    """Compute the flow around a round rod of so many cells."""
+    """Compute the flow around a round rod of so many cells, for so many passes."""
     setup = wake_setup(reynolds, cells, heated=True)._replace(passes=passes)
     run = wake_run(reynolds, setup, heated=True)
     mean = mean_nusselt(run)
     cosines = 1 + np.zeros_like(DEGREES)
-    for k, factor in enumerate(nusselt_shape(run), start=1):
+    for k, factor in enumerate(nusselt_shape(run, _COSINES), start=1):
         cosines += factor * np.cos(k * np.radians(DEGREES))
     given = jnp.asarray(reynolds), jnp.asarray(PRANDTL)
     return RoundRod(
         reynolds,
+        run,
         mean * cosines,
         local_number(DEGREES, reynolds),
         mean,
@@ -101,7 +101,7 @@ def round_rod(reynolds: float, cells: int, passes: float) -> RoundRod:
 
 
 def square_rod(reynolds: float, cells: int, passes: float) -> SquareRod:
-    """Compute the flow around a square rod of so many cells."""
+    """Compute the flow around a square rod of so many cells, for so many passes."""
     setup = wake_setup(reynolds, cells, heated=True)
     channel = wake_channel(reynolds, setup, heated=True)
     middle = channel.body.centre
@@ -114,6 +114,7 @@ def square_rod(reynolds: float, cells: int, passes: float) -> SquareRod:
     closed = closed / _AS_LARGE
     return SquareRod(
         reynolds,
+        run,
         _faces(run),
         dict(zip(FACES, closed.tolist(), strict=True)),
     )
@@ -124,7 +125,7 @@ def _faces(run: FlowRun) -> dict[str, float]:
     channel = run.channel
     assert run.link_heat is not None and channel.diffusivity is not None
     links = body_links(channel.body, channel.shape)
-    along, across = _hit(links.solid)
+    along, across = _hit(np.asarray(links.solid))
     heat = run.link_heat.astype(float)
     # What leaves over an edge belongs to both of its faces.
     edge = np.isclose(np.abs(along), np.abs(across))

@@ -10,22 +10,18 @@ from jaxthermo.report.chart import Chart
 from jaxthermo.report.numbers import significant
 from jaxthermo.report.table import Table
 
-from ...benchmarks.mixed import Runner, scene_runner, step_spans
+from ...benchmarks.mixed import step_spans
 from ...harness.meshes import START, STEEL
 from ...harness.present import Rows, table_of
 from ..bodies import buddha
 from ..exhibit import Exhibit, Finding, Plot, Row, Verdict
 from ..line_chart import log_chart, point
-from ..resolution import FULL, KINDS
+from ..resolution import FULL, KINDS, timed_runner
 
 
 # Voxels along up, at even ratios.
 _HEIGHTS, _QUICK_HEIGHTS = (56, 80, 112, 160, 224, 320), (28, 40, 56, 80)
 _REPEATS = 3
-# Nodes times steps of a timed call, and its largest number of steps.
-_WORK, _MOST_STEPS = 2e7, 200
-# Which step is timed does not matter to how long it takes [s].
-_DT = 1e-3
 _TERMS = (
     jt.Sun((-1.0, 0.0, 0.0), 5000.0),
     jt.Wind((3.0, 0.0, 0.0), START),
@@ -61,7 +57,10 @@ def _fitted(sizes: Any, values: Any) -> _Power:
 def _measured(height: int) -> Rows:
     """Size and time of each structure at one resolution; the times in turn."""
     grid = buddha().grid(height)
-    runners = {name: _runner(make(grid)) for name, make in KINDS.items()}
+    runners = {}
+    for name, make in KINDS.items():
+        body = jt.Body(make(grid), STEEL, temperature=START)
+        runners[name] = timed_runner(jt.Scene((body,), _TERMS))
     spans = step_spans(runners, _REPEATS)
     rows = []
     for name, runner in runners.items():
@@ -81,12 +80,6 @@ def _measured(height: int) -> Rows:
             }
         )
     return rows
-
-
-def _runner(structure: Any) -> Runner:
-    body = jt.Body(structure, STEEL, temperature=START)
-    steps = int(np.clip(_WORK / structure.node_count, 4, _MOST_STEPS))
-    return scene_runner(jt.Scene((body,), _TERMS), _DT, steps)
 
 
 def _measure(quick: bool) -> Finding:

@@ -176,7 +176,7 @@ def _reason(last: Rows) -> str:
         f"reach {STEPS_A_SECOND}. Real time of the heat is another matter: with the "
         "largest stable step, h² / 6α, the thesis' full volume would simulate "
         f"{significant(steel)} s a second of this body, {significant(copper)} s of "
-        "one of copper. The live view's longer steps simulate "
+        "one of copper. The live view's longer steps simulate"
         f" {significant(full['live']['simulated_a_second'])} s a second of "
         f"the full volume here, with {said('live')} frames a second."
     )
