@@ -2,6 +2,7 @@
 
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 
 import jaxthermo as jt
@@ -10,7 +11,7 @@ from jaxthermo.report.chart import Chart
 from jaxthermo.report.numbers import significant
 from jaxthermo.report.table import Table
 
-from ...benchmarks.mixed import step_spans
+from ...benchmarks.mixed import Runner, step_spans
 from ...harness.meshes import START, STEEL
 from ...harness.present import Rows, table_of
 from ..bodies import buddha
@@ -20,8 +21,8 @@ from ..resolution import FULL, KINDS, timed_runner
 
 
 # Voxels along up, at even ratios.
-_HEIGHTS, _QUICK_HEIGHTS = (56, 80, 112, 160, 224, 320), (28, 40, 56, 80)
-_REPEATS = 3
+_HEIGHTS, _QUICK_HEIGHTS = (56, 80, 112, 160, 224, 320), (48, 72, 108)
+_REPEATS = 5
 _TERMS = (
     jt.Sun((-1.0, 0.0, 0.0), 5000.0),
     jt.Wind((3.0, 0.0, 0.0), START),
@@ -64,7 +65,8 @@ def _measured(height: int) -> Rows:
     spans = step_spans(runners, _REPEATS)
     rows = []
     for name, runner in runners.items():
-        step, receipt = float(np.median(spans[name])), runner.compiled.receipt
+        # The fastest: what else the machine does only makes a step slower.
+        step, receipt = min(spans[name]), runner.compiled.receipt
         stable = float(runner.compiled.stable_step)
         rows.append(
             {
@@ -73,13 +75,19 @@ def _measured(height: int) -> Rows:
                 "box": grid.lattice.cells,
                 "surface_cells": receipt.fragments,
                 "nodes": receipt.nodes,
-                "memory_bytes": receipt.memory_bytes,
+                "memory_bytes": _held_bytes(runner),
                 "step_s": step,
                 "stable_step_s": stable,
                 "second_s": step / stable,
             }
         )
     return rows
+
+
+def _held_bytes(runner: Runner) -> int:
+    """Size of the arrays that steps read and write [bytes]."""
+    held = runner.compiled.programs, runner.compiled.state
+    return sum(np.asarray(leaf).nbytes for leaf in jax.tree.leaves(held))
 
 
 def _measure(quick: bool) -> Finding:
@@ -101,7 +109,7 @@ def _measure(quick: bool) -> Finding:
         ("n", f"voxels along up, {', '.join(map(str, heights))}"),
         ("method", "steel in sun, wind and surroundings, explicit steps in float32"),
         ("error", "the standard error of a straight line through the logarithms"),
-        ("memory", "as forecast for the run, without voxels and structure"),
+        ("memory", "arrays that a step reads and writes, of one scene"),
         ("multi-level", "ten levels at every resolution, as in table 6.1"),
     )
     caption = "The claim is drawn through the last point of irregular levels."
@@ -112,6 +120,8 @@ def _measure(quick: bool) -> Finding:
         Plot("growth_time", _chart(rows, "step_s", "time of a step [ms]", 1e3), timed),
         _size_table(rows),
     )
+    own = np.array(column(_IRREGULAR, "nodes"), float)
+    ends = _between(heights, own), _between(heights, heights**2 * np.log(heights))
     numbers = {
         "rows": rows,
         "powers": {
@@ -119,30 +129,33 @@ def _measure(quick: bool) -> Finding:
         },
         "surface_cells": list(surface),
         "claimed": list(claimed),
+        "irregular_nodes_of_the_largest": ends[0],
+        "claimed_of_the_largest": ends[1],
     }
-    verdict, reason = _judged(powers, surface, claimed)
+    verdict, reason = _judged(powers, surface, ends)
     shown = _rows(powers, surface, box, claimed)
     return Finding(verdict, reason, shown, {}, chosen, parts, numbers)
 
 
+def _between(sizes: np.ndarray, values: np.ndarray) -> float:
+    """Power between the two largest sizes."""
+    return float(np.log(values[-1] / values[-2]) / np.log(sizes[-1] / sizes[-2]))
+
+
 def _judged(
-    powers: dict[str, dict[str, _Power]], surface: _Power, claimed: _Power
+    powers: dict[str, dict[str, _Power]], surface: _Power, ends: tuple[float, float]
 ) -> tuple[Verdict, str]:
     own, full = powers[_IRREGULAR], powers[FULL]
-    nearer = [
-        what
-        for what in ("nodes", "memory", "step")
-        if abs(own[what].power - claimed.power) < abs(own[what].power - 3)
-    ]
-    holds = len(nearer) == 3
-    nodes = own["nodes"]
-    plain = abs(nodes.power - 2) < abs(nodes.power - claimed.power)
-    law = "n² than to n² log n" if plain else "n² log n than to n²"
+    last, claimed = ends
+    # Nearer to n² than to n³, whatever the logarithm.
+    holds = all(own[what].power < 2.5 for what in ("nodes", "memory", "step"))
+    law = "n²" if abs(last - 2) < abs(last - claimed) else "n² log n"
     reason = (
-        f"Of irregular levels nodes grow with n to the power of {nodes.text}, memory "
-        f"{own['memory'].text}, time of a step {own['step'].text}; of the full volume "
-        f"{full['nodes'].text}, {full['memory'].text} and {full['step'].text}. n² log "
-        f"n has {claimed.power:.2f} over these sizes: the nodes are nearer to {law}. "
+        f"Of irregular levels nodes grow with n to the power of {own['nodes'].text}, "
+        f"memory {own['memory'].text}, time of a step {own['step'].text}; of the full "
+        f"volume {full['nodes'].text}, {full['memory'].text} and {full['step'].text}. "
+        f"Between the two largest sizes the nodes' power is {last:.2f}, and that of "
+        f"n² log n {claimed:.2f}: they are nearer to {law}. "
         f"What convection acts on grows with {surface.text}: the surface alone, in "
         "any structure, so that there the claim needs no logarithm. It is the order "
         "of one step. The largest explicit step falls with n to the power of "
