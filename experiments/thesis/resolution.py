@@ -35,9 +35,9 @@ KINDS: Mapping[str, Callable[[jt.VoxelGrid], AbstractStructure]] = {
 # Nodes times steps of a timed call, and its largest number of steps.
 _WORK, _MOST_STEPS = 4e7, 400
 _REPEATS = 3
-# A step of a whole scene takes as long whatever its length [s], and longer than one of
-# conduction alone.
-_DT, _SCENE_WORK = 1e-3, 1e7
+# A step of a whole scene takes as long whatever its length [s]. Its calls are short, so
+# that some of many are not disturbed by what else the machine does.
+_DT, _SCENE_WORK, _MOST_SCENE_STEPS = 1e-3, 5e5, 60
 
 
 @cache
@@ -95,7 +95,7 @@ def step_times(name: str, height: int) -> dict[str, Any]:
 def timed_runner(scene: jt.Scene) -> Runner:
     """Steps of a whole scene, as many as its nodes leave time for."""
     nodes = sum(body.structure.node_count for body in scene.bodies)
-    steps = int(np.clip(_SCENE_WORK / nodes, 4, _MOST_STEPS)) // 2 * 2
+    steps = int(np.clip(_SCENE_WORK / nodes, 4, _MOST_SCENE_STEPS)) // 2 * 2
     return scene_runner(scene, _DT, steps)
 
 

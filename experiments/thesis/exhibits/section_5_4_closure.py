@@ -120,12 +120,11 @@ def _rows(rounds: list[RoundRod], squares: list[SquareRod]) -> tuple[Row, ...]:
     for box in squares:
         flow, closure = box.means
         what = f"square rod, Re {box.reynolds:g}"
-        for face in FACES:
-            off = f"{_off(box.closure[face], box.flow[face]):+.0%}"
-            shown.append(Row(f"{what}: {face}", said, off))
-        shown.append(Row(f"{what}: whole", said, f"{_off(closure, flow):+.0%}"))
+        front = f"{_off(box.closure['front'], box.flow['front']):+.1%}"
+        shown.append(Row(f"{what}: front", said, front))
+        shown.append(Row(f"{what}: whole", said, f"{_off(closure, flow):+.1%}"))
         (number,) = local_number(np.zeros(1), box.reynolds)
-        off = f"{_off(number, box.flow['front']):+.0%}"
+        off = f"{_off(number, box.flow['front']):+.1%}"
         shown.append(Row(f"{what}: front, with its width as length", said, off))
     return tuple(shown)
 
@@ -136,7 +135,6 @@ _COLUMNS = (
     ("", "{what}"),
     ("flow", lambda row: significant(row["flow"])),
     ("number", lambda row: significant(row["closure"])),
-    ("off", lambda row: f"{_off(row['closure'], row['flow']):+.1%}"),
 )
 
 

@@ -26,7 +26,7 @@ from ..resolution import timed_runner
 _PIXELS = (480, 640)
 # Voxels along up.
 _HEIGHTS, _QUICK_HEIGHTS = (60, 120, 240), (40, 80)
-_REPEATS, _QUICK_REPEATS = 15, 9
+_REPEATS = 50
 _FULL, _NESTED = "full volume", "irregular levels"
 _STRUCTURES = {_FULL: jt.FullVolume, _NESTED: jt.IrregularMultiLevel}
 _STEP, _PICTURE = "step", "picture"
@@ -61,7 +61,7 @@ def _scene(name: str, height: int) -> jt.Scene:
     return jt.Scene((statue, warm), _TERMS)
 
 
-def _measured(name: str, height: int, repeats: int, each: bool) -> dict[str, Any]:
+def _measured(name: str, height: int, each: bool) -> dict[str, Any]:
     """Times of a step, of conduction in it, of a picture, and of voxelization.
 
     Also of `each` mechanism, for which the scene is compiled without it.
@@ -73,7 +73,7 @@ def _measured(name: str, height: int, repeats: int, each: bool) -> dict[str, Any
     calls: dict[str, Callable[[], Any]] = {n: r.call for n, r in runners.items()}
     if each:
         calls[_PICTURE] = _picture(scene)
-    spans = interleaved(calls, repeats, there_and_back=True)
+    spans = interleaved(calls, _REPEATS, there_and_back=True)
     # The fastest of each: what else the machine does only makes a call slower.
     fastest = {name: min(found) for name, found in spans.items()}
     for call, runner in runners.items():
@@ -118,13 +118,12 @@ def _shares(spans: dict[str, float], each: bool) -> dict[str, float]:
 
 def _measure(quick: bool) -> Finding:
     heights = _QUICK_HEIGHTS if quick else _HEIGHTS
-    repeats = _QUICK_REPEATS if quick else _REPEATS
     cases = [(name, height) for name in _STRUCTURES for height in heights]
     if quick:
         cases.remove((_NESTED, heights[0]))
     # In the reduced size only one of them mechanism by mechanism.
     each = lambda case: not quick or case == (_FULL, heights[-1])
-    rows = [_measured(*case, repeats, each(case)) for case in cases]
+    rows = [_measured(*case, each(case)) for case in cases]
     chosen = (
         *buddha().stands_in,
         ("scene", "a warm ball on the statue's head, in sun and wind of 3 m/s"),
@@ -139,7 +138,7 @@ def _measure(quick: bool) -> Finding:
         Plot(
             "time_shares",
             _chart(rows),
-            f"The fastest of {repeats} calls of each, in turn, on {processor()}.",
+            f"The fastest of {_REPEATS} calls of each, in turn, on {processor()}.",
         ),
         table_of(rows, _columns(), "Shares of a step", left=(1,)),
     )
@@ -176,13 +175,14 @@ def _rows(rows: Rows) -> tuple[Row, ...]:
     return tuple(
         Row(
             f"{part}, {row['structure']}, {row['height']} high",
-            said.get(part),
+            said[part],
             f"{share:.0%}",
             "of a step",
         )
         for row in rows
         if row["height"] == rows[-1]["height"]
         for part, share in row["of_step"].items()
+        if part in said
     )
 
 
