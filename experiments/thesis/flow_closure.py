@@ -141,7 +141,7 @@ def _faces(run: FlowRun) -> dict[str, float]:
 
 
 def _hit(solid: Bool[np.ndarray, "y x"]) -> tuple[np.ndarray, np.ndarray]:
-    """Where links meet the surface, from the middle of the body [cells]."""
+    """Places where links meet the surface, from the body's middle [cells]."""
     row, column = np.indices(solid.shape)
     ways = np.array(VELOCITIES[1:])[:, :, None, None]
     from_middle = lambda index, size: index - (size - 1) / 2

@@ -15,7 +15,7 @@ class _Slip(NamedTuple):
     words: str
     """The thesis', in short."""
     fits: str
-    """What is so."""
+    """The state of things."""
     number: str = ""
     """Computed here; empty where words decide."""
 
@@ -129,7 +129,7 @@ def _physics() -> list[_Slip]:
         _Slip(
             "5.4, figure 5.6; 6.2",
             "curves of Re 7e4 to 2.2e5 for winds of 0.2 to 1 m/s",
-            "They are of other winds: on a cylinder of 0.1 m",
+            "They are of faster winds. On a cylinder of 0.1 m:",
             f"1 m/s has Re {flows['reynolds_of_6_2']:,.0f}; the lowest curve needs "
             f"{flows['lowest_wind_m_s']:.0f} m/s",
         ),
