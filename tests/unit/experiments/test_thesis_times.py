@@ -126,9 +126,9 @@ def test_growth_is_judged_by_what_is_counted():
     surface = power(2.0, 0.0)
     beyond = power(0.05, 0.01), power(0.25, 0.01)
     verdict, text = growth._judged(both(2.1), surface, beyond)
-    assert verdict is Verdict.DIFFERENT and "there is none" in text
+    assert verdict is Verdict.DIFFERENT and "nearer to none" in text
     with_log = power(0.2, 0.01), beyond[1]
-    assert "there is one" in growth._judged(both(2.1), surface, with_log)[1]
+    assert "nearer to one" in growth._judged(both(2.1), surface, with_log)[1]
     assert growth._judged(both(2.9), surface, beyond)[0] is Verdict.CONTRADICTED
 
 
