@@ -65,7 +65,7 @@ def _measure(quick: bool) -> Finding:
     parts = (
         Plot("closure_around", _chart(rounds), "Lines: the number. Points: the flow."),
         Picture(
-            "closure_air", air, "The air around both, with the wind from the left."
+            "closure_air", air, f"Re {rounds[-1].reynolds:g}, the wind from the left."
         ),
         table_of(rows, _COLUMNS, "Nusselt numbers", left=(2,)),
     )
