@@ -156,15 +156,22 @@ def _measure(quick: bool) -> Finding:
         ),
     )
     verdict, numbers = Verdict.NOT_REPRODUCIBLE, {"rows": rows}
-    return Finding(verdict, _reason(last), _rows(last), {}, chosen, parts, numbers)
+    return Finding(verdict, _reason(rows), _rows(last), {}, chosen, parts, numbers)
 
 
-def _reason(last: Rows) -> str:
+def _reason(rows: Rows) -> str:
+    heights = list(dict.fromkeys(row["height"] for row in rows))
+    of = lambda height: [row for row in rows if row["height"] == height]
+    last = of(heights[-1])
     speed = lambda row, kind: row[kind]["frames_a_second"][0]
     said = lambda kind: ", ".join(
         f"{row['structure']} {significant(speed(row, kind))}" for row in last
     )
-    fluent = sum(speed(row, "one_step") >= STEPS_A_SECOND for row in last)
+    fluent = ", ".join(
+        f"{sum(speed(row, 'one_step') >= STEPS_A_SECOND for row in of(height))} of "
+        f"{len(last)} at {height}"
+        for height in heights
+    )
     full = last[-1]
     steel, copper = (s / TIMES["full_volume"] for s in full["table_6_1_step_s"])
     return (
@@ -172,8 +179,8 @@ def _reason(last: Rows) -> str:
         "conduction without a picture and of no length in seconds: at most "
         f"{1 / TIMES['full_volume']:.0f} frames a second of the full volume. Here "
         f"{last[0]['height']} voxels high on {processor()}, with one step a frame and "
-        f"its picture: {said('one_step')} frames a second; {fluent} of {len(last)} "
-        f"reach {STEPS_A_SECOND}. Real time of the heat is another matter: with the "
+        f"its picture: {said('one_step')} frames a second; {STEPS_A_SECOND} are reached by "
+        f"{fluent} voxels. Real time of the heat is another matter: with the "
         "largest stable step, h² / 6α, the thesis' full volume would simulate "
         f"{significant(steel)} s a second of this body, {significant(copper)} s of "
         "one of copper. The live view's longer steps simulate"

@@ -64,9 +64,13 @@ def test_steps_of_the_thesis_are_at_most_as_many_frames():
     simulated = shown["simulated seconds a second, one step, full volume"]
     assert simulated.thesis == "1, in copper 0.1"
     text = real_time._reason(rows)
-    assert "4 of 4 reach 20" in text and "simulate 1 s a second of this body" in text
-    slow = [real_time_row(name, 0.2) for name in real_time._STRUCTURES]
-    assert "0 of 4 reach 20" in real_time._reason(slow)
+    assert (
+        "20 are reached by 4 of 4 at 60 voxels" in text
+        and "simulate 1 s a second of this body" in text
+    )
+    slow = [{**real_time_row(r["structure"], 0.2), "height": 120} for r in rows]
+    text = real_time._reason([*rows, *slow])
+    assert "4 of 4 at 60, 0 of 4 at 120 voxels" in text and "120 voxels high" in text
 
 
 def test_shares_of_a_step_are_the_whole_of_it():
