@@ -179,12 +179,12 @@ def _reason(rows: Rows) -> str:
         "conduction without a picture and of no length in seconds: at most "
         f"{1 / TIMES['full_volume']:.0f} frames a second of the full volume. Here "
         f"{last[0]['height']} voxels high on {processor()}, with one step a frame and "
-        f"its picture: {said('one_step')} frames a second; {STEPS_A_SECOND} are reached by "
-        f"{fluent} voxels. Real time of the heat is another matter: with the "
+        f"its picture: {said('one_step')} frames a second; {STEPS_A_SECOND} are "
+        f"reached by {fluent} voxels. Real time of the heat is another matter: with the "
         "largest stable step, h² / 6α, the thesis' full volume would simulate "
         f"{significant(steel)} s a second of this body, {significant(copper)} s of "
-        "one of copper. The live view's longer steps simulate"
-        f" {significant(full['live']['simulated_a_second'])} s a second of "
+        "one of copper. The live view's longer steps simulate "
+        f"{significant(full['live']['simulated_a_second'])} s a second of "
         f"the full volume here, with {said('live')} frames a second."
     )
 
