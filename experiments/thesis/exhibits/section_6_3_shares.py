@@ -142,7 +142,7 @@ def _measure(quick: bool) -> Finding:
             _chart(rows),
             f"The fastest of {_REPEATS} calls of each, in turn, on {processor()}.",
         ),
-        table_of(rows, _columns(), "Shares of a step; times [ms]", left=(1,)),
+        table_of(rows, _columns(rows), "Shares of a step; times [ms]", left=(1,)),
     )
     verdict, reason = _judged(rows)
     numbers = {"rows": rows}
@@ -188,7 +188,12 @@ def _rows(rows: Rows) -> tuple[Row, ...]:
     )
 
 
-def _columns() -> list[tuple[str, Any]]:
+def _used(rows: Rows) -> list[str]:
+    """Parts that any of the rows has."""
+    return [part for part in _PARTS if any(part in row["of_step"] for row in rows)]
+
+
+def _columns(rows: Rows) -> list[tuple[str, Any]]:
     def share(part: str) -> Callable[[dict[str, Any]], str]:
         return lambda row: (
             f"{row['of_step'][part]:.0%}" if part in row["of_step"] else ""
@@ -202,7 +207,7 @@ def _columns() -> list[tuple[str, Any]]:
         ("structure", "{structure}"),
         ("nodes", "{nodes:,}"),
         ("surface cells", "{fragments:,}"),
-        *((part, share(part)) for part in _PARTS),
+        *((part, share(part)) for part in _used(rows)),
         ("step", milliseconds("step_s")),
         ("picture", milliseconds("picture_s")),
         ("voxelize", milliseconds("voxelization_s")),
@@ -222,14 +227,19 @@ def _chart(rows: Rows) -> Chart:
         for row in rows
         for part, share in row["of_step"].items()
     ]
-    used = [part for part in _PARTS if any(part in row["of_step"] for row in rows)]
+    used = _used(rows)
     colours = [COLOURS[_PARTS.index(part)] for part in used]
     axis = alt.Axis(labelLimit=220)
     return (
         alt.Chart(alt.Data(values=values))
         .mark_bar()
         .encode(
-            x=alt.X("share:Q", title="share of a step [%]", stack="zero"),
+            x=alt.X(
+                "share:Q",
+                title="share of a step [%]",
+                stack="zero",
+                scale=alt.Scale(domain=[0, 100]),
+            ),
             y=alt.Y("scene:N", title=None, sort=None, axis=axis),
             color=alt.Color(
                 "part:N",
