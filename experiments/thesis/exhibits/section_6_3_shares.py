@@ -26,7 +26,7 @@ from ..resolution import timed_runner
 _PIXELS = (480, 640)
 # Voxels along up.
 _HEIGHTS, _QUICK_HEIGHTS = (60, 120, 240), (40, 120)
-_REPEATS = 50
+_REPEATS = 30
 _FULL, _NESTED = "full volume", "irregular levels"
 _STRUCTURES = {_FULL: jt.FullVolume, _NESTED: jt.IrregularMultiLevel}
 _STEP, _PICTURE = "step", "picture"
