@@ -6,7 +6,7 @@ Besides, one body whose terms all do nothing against the bare loop of its networ
 these two alone, in turn, over more steps and more often, for they hardly differ.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,6 +22,7 @@ from jaxthermo.integrate.explicit import EulerStepper
 from jaxthermo.integrate.run.ledger import empty_ledger
 from jaxthermo.integrate.stepper import RunState, advance
 from jaxthermo.scene.compile.compile import compile_scene
+from jaxthermo.scene.compile.program import Compiled
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.present import show, table_of
@@ -37,9 +38,12 @@ _STEPS = 100
 _MORE_STEPS, _MORE_REPEATS = 500, 4
 
 
-class _Runner(NamedTuple):
+class Runner(NamedTuple):
+    """A call that takes steps of a scene, and what it was compiled to."""
+
     call: Callable[[], Any]
     steps: int
+    compiled: Compiled
 
 
 @eqx.filter_jit
@@ -48,16 +52,17 @@ def _steps(program, state: RunState, dt, steps) -> RunState:
     return advance(EulerStepper(), program, state, start, dt, steps)
 
 
-def _runner(scene: jt.Scene, dt: float, steps: int = _STEPS) -> _Runner:
+def scene_runner(scene: jt.Scene, dt: float, steps: int = _STEPS) -> Runner:
+    """Steps of `dt` [s] of a scene, with all that acts in it and the ledger."""
     compiled = compile_scene(scene, 1, dt * steps)
     program, dtype = compiled.program, compiled.start[0].dtype
     state = RunState(compiled.state, empty_ledger(len(program.entries), dtype))
     # Arrays: a Python number would be compiled into the loop.
     step, count = jnp.asarray(dt, dtype), jnp.asarray(steps)
-    return _Runner(lambda: _steps(program, state, step, count), steps)
+    return Runner(lambda: _steps(program, state, step, count), steps, compiled)
 
 
-def _bare(body: jt.Body, dt: float, steps: int) -> _Runner:
+def _bare(body: jt.Body, dt: float, steps: int) -> Runner:
     # Steps of a network alone, without scene, terms or ledger.
     compiled = compile_scene(jt.Scene((body,)))
     network, state = compiled.program.bodies[0].network, compiled.state[0]
@@ -69,27 +74,27 @@ def _bare(body: jt.Body, dt: float, steps: int) -> _Runner:
         twice = lambda _, s: network.euler_step(network.euler_step(s, step), step)
         return jax.lax.fori_loop(0, steps // 2, twice, state)
 
-    return _Runner(lambda: loop(network, state), steps)
+    return Runner(lambda: loop(network, state), steps, compiled)
 
 
-def _measure(runners: dict[str, _Runner], repeats: int) -> Spans:
-    # Wall times of a step [s].
+def step_spans(runners: Mapping[str, Runner], repeats: int) -> Spans:
+    """Wall times of a step of each [s], measured in turn."""
     calls = {name: runner.call for name, runner in runners.items()}
     spans = interleaved(calls, repeats, there_and_back=True)
     return {n: [t / runners[n].steps for t in each] for n, each in spans.items()}
 
 
-def _runners(scene: jt.Scene, dt: float) -> dict[str, _Runner]:
+def _runners(scene: jt.Scene, dt: float) -> dict[str, Runner]:
     scenes = {"scene": scene}
     for n, body in enumerate(scene.bodies):
         scenes[f"conduction of body {n}"] = jt.Scene((body,), dtype=scene.dtype)
     for term in scene.terms:
         others = tuple(other for other in scene.terms if other is not term)
         scenes[f"without {term.name}"] = jt.Scene(scene.bodies, others, scene.dtype)
-    return {name: _runner(each, dt) for name, each in scenes.items()}
+    return {name: scene_runner(each, dt) for name, each in scenes.items()}
 
 
-def _idle_runners(scene: jt.Scene, dt: float) -> dict[str, _Runner]:
+def _idle_runners(scene: jt.Scene, dt: float) -> dict[str, Runner]:
     # Terms that do nothing, so that only what they add to the loop is measured.
     idle = (
         jt.Sun((0.0, 0.0, -1.0), 0.0),
@@ -99,7 +104,7 @@ def _idle_runners(scene: jt.Scene, dt: float) -> dict[str, _Runner]:
     first = scene.bodies[0]
     with_idle = jt.Scene((first,), idle, scene.dtype)
     return {
-        "one body, idle terms": _runner(with_idle, dt, _MORE_STEPS),
+        "one body, idle terms": scene_runner(with_idle, dt, _MORE_STEPS),
         "bare loop": _bare(first, dt, _MORE_STEPS),
     }
 
@@ -115,8 +120,8 @@ def run(
     scene, built = timed_call(lambda: load_config(config, overrides).build())
     compiled, set_up = timed_call(lambda: compile_scene(scene, 1, 1.0))
     dt = float(compiled.stable_step)
-    times = _measure(_runners(scene, dt), repeats)
-    times |= _measure(_idle_runners(scene, dt), _MORE_REPEATS * repeats)
+    times = step_spans(_runners(scene, dt), repeats)
+    times |= step_spans(_idle_runners(scene, dt), _MORE_REPEATS * repeats)
     found = _results(scene, times)
     _show(scene, found, built, set_up)
     return {

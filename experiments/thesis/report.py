@@ -34,6 +34,7 @@ _CHAPTERS = {
     4: "Voxelization",
     5: "Simulation of heat transfer",
     6: "Experiment results",
+    7: "Conclusion, and the whole text",
 }
 _ORDER = tuple(Verdict)
 _GOOD = {Verdict.REPRODUCED: True, Verdict.CONTRADICTED: False, Verdict.FAILED: False}

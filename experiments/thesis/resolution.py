@@ -14,6 +14,7 @@ import numpy as np
 import jaxthermo as jt
 from jaxthermo.structures.structure import AbstractStructure
 
+from ..benchmarks.mixed import Runner, scene_runner
 from ..benchmarks.steps import conduction_call
 from ..harness.present import Rows
 from ..harness.timing import interleaved, ratio_of
@@ -34,6 +35,9 @@ KINDS: Mapping[str, Callable[[jt.VoxelGrid], AbstractStructure]] = {
 # Nodes times steps of a timed call, and its largest number of steps.
 _WORK, _MOST_STEPS = 4e7, 400
 _REPEATS = 3
+# A step of a whole scene takes as long whatever its length [s]. Its calls are short, so
+# that some of many are not disturbed by what else the machine does.
+_DT, _SCENE_WORK, _MOST_SCENE_STEPS = 1e-3, 5e5, 60
 
 
 @cache
@@ -86,6 +90,13 @@ def step_times(name: str, height: int) -> dict[str, Any]:
         "step_s": {kind: each.tolist() for kind, each in step.items()},
         "times_faster": {k: ratio_of(step[FULL], each) for k, each in step.items()},
     }
+
+
+def timed_runner(scene: jt.Scene) -> Runner:
+    """Steps of a whole scene, as many as its nodes leave time for."""
+    nodes = sum(body.structure.node_count for body in scene.bodies)
+    steps = int(np.clip(_SCENE_WORK / nodes, 4, _MOST_SCENE_STEPS)) // 2 * 2
+    return scene_runner(scene, _DT, steps)
 
 
 @cache

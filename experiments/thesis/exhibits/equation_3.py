@@ -1,6 +1,6 @@
 """Equation 3: irradiance of a source by shadow map and cosine, beside closed forms."""
 
-from ..exhibit import Exhibit, Finding, Row, Verdict
+from ..exhibit import Exhibit, Finding, Verdict
 from ..radiation import light_table, measure_light
 
 
@@ -15,11 +15,9 @@ def _measure(_: bool) -> Finding:
         "The equation as printed has no 1 / R² and no bound at 0 where a surface is "
         "turned away; with a source's radiant intensity and both it holds."
     )
-    rows = [Row(c["what"], None, c["found"], f"exact {c['exact']:.6g}") for c in checks]
     return Finding(
         Verdict.DIFFERENT if met else Verdict.CONTRADICTED,
         reason,
-        tuple(rows),
         parts=(light_table(found),),
         numbers=found,
     )

@@ -18,7 +18,6 @@ from jaxthermo.report.table import Cell, Table
 
 
 IDS = [claim.id for claim in CLAIMS]
-TO_COME = {"C27"}
 
 
 def test_the_claims_are_numbered():
@@ -27,8 +26,7 @@ def test_the_claims_are_numbered():
 
 @pytest.mark.parametrize("claim", IDS)
 def test_every_claim_has_an_exhibit(claim):
-    answered = any(claim in each.claims for each in exhibition.all_exhibits())
-    assert answered != (claim in TO_COME)
+    assert any(claim in each.claims for each in exhibition.all_exhibits())
 
 
 @pytest.mark.parametrize(
