@@ -2,7 +2,8 @@
 
 Each arrangement has processes of its own, which wait for each other's turns, so that
 all see the same state of the machine. Where there are no other devices, those of one
-process are halves of its processor; a device alone uses all cores.
+process are halves of its processor; a device alone uses all cores. Besides, what larger
+bodies would take on many devices, on paper.
 """
 
 import json
@@ -31,6 +32,7 @@ from jaxthermo.scene.compile.on_devices import on_devices
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import STEEL
 from ..harness.present import show, table_of
+from .scaling_model import on_paper
 
 
 QUICK = {"shape": (24, 56, 24), "repeats": 2, "steps": 6}
@@ -84,7 +86,31 @@ def run(
     ]
     voxels = " x ".join(map(str, shape))
     show(table_of(results, columns, f"Explicit steps of a box of {voxels} voxels"))
-    return {"rows": results, "measurements": plain_rows(_measurements(results))}
+    paper = on_paper()
+    _show_paper(paper)
+    measurements = plain_rows(_measurements(results))
+    return {"rows": results, "on_paper": paper, "measurements": measurements}
+
+
+def _show_paper(rows: list[dict[str, Any]]) -> None:
+    columns = [
+        ("voxels", "{voxels:.0e}"),
+        ("machine", "{machine}"),
+        ("fewest devices", "{fewest:,}"),
+        ("step", lambda row: _time(row["step_on_fewest_s"])),
+        ("useful devices", "{useful:,}"),
+        ("step", lambda row: _time(row["step_on_useful_s"])),
+        ("planes", lambda row: _time(row["planes_s"])),
+        ("of blocks", lambda row: _time(row["blocks_s"])),
+    ]
+    show(table_of(rows, columns, "On paper: explicit steps of a cube in sections"))
+
+
+def _time(seconds: float) -> str:
+    for unit, size in (("s", 1.0), ("ms", 1e-3)):
+        if seconds >= size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds / 1e-6:.3g} us"
 
 
 def _measurements(results: list[dict[str, Any]]) -> list[Measurement]:

@@ -37,6 +37,7 @@ GIVEN = {
     "docs/guide/scene.md": "1 %",
     "docs/guide/structures.md": "15 000 nodes; 180 s; 2 GiB; 5 %; 512 MiB; 99.5 %",
     "docs/guide/sweeps.md": "0.1 %; 1 %; 3 %",
+    "docs/scaling.md": "25 GB",
     "docs/limits.md": "150 K; 2 %; 20 degC; 6000 K; 64 times",
     "docs/stages/image.md": "5800 K",
     "docs/stages/time.md": "0 K; 0.1 %; 1 mK; 1 mm; 30 s; 300 K; 400 K; 5 million",
