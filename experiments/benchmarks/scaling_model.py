@@ -23,11 +23,11 @@ class Machine(NamedTuple):
 
     name: str
     bandwidth: float
-    """Of its memory [B/s]."""
+    """Bandwidth of its memory [B/s]."""
     memory: float
     """[B]"""
     network: float
-    """Into and out of each device [B/s]."""
+    """Bandwidth into and out of each device [B/s]."""
     latency: float
     """[s]"""
 
