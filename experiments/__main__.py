@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -35,6 +35,7 @@ def _run(
     out: Path | None = None,
     quick: Annotated[bool, Parameter(negative="")] = False,
     resume: Annotated[bool, Parameter(negative="")] = False,
+    device: Literal["cpu", "gpu", "tpu"] | None = None,
 ) -> None:
     """Run an experiment, or several that share a group name.
 
@@ -51,11 +52,18 @@ def _run(
         quick: Small bodies and few repeats, for a benchmark or all of them, and for
             `thesis`.
         resume: For "benchmarks": keep results of this commit, host and size.
+        device: Where to compute; refused where JAX sees none. "benchmarks" on a GPU or
+            TPU are those of `accelerator`.
     """
+    if device is not None:
+        catalogue.use_device(device)
     given = {"config": config, "height": height, "cases": cases}
     options = {k: v for k, v in given.items() if v is not None}
     found, default = catalogue.find(name), Path("results/experiments")
     if name == benchmark_group.NAME:
+        own = catalogue.find(catalogue.ON_ACCELERATORS)
+        found = tuple(each for each in found if each not in own)
+        found = found if device in (None, "cpu") else own
         folder = out or default / name
         sizes = {"quick": quick, "resume": resume}
         benchmark_group.run_group(found, folder, **sizes, **options)

@@ -3,6 +3,7 @@
 import difflib
 import importlib
 import json
+import os
 import time
 from collections.abc import Mapping
 from contextlib import suppress
@@ -10,6 +11,8 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
+
+import jax
 
 from jaxthermo.atomic import replacing
 from jaxthermo.errors import InputError
@@ -58,6 +61,9 @@ _ABOUT = {
     "benchmarks.memory": "memory of a run: forecast against measured, by structure",
     "benchmarks.voxelize": "voxelizing beside trimesh at the same pitch",
     "benchmarks.mixed": "what each mechanism costs in a scene of everything",
+    "benchmarks.accelerator": (
+        "copy, conduction, structures, implicit steps, Jacobians and a frame on a GPU"
+    ),
     "benchmarks.devices": (
         "a step of the full volume over two devices and two processes beside one"
     ),
@@ -129,7 +135,10 @@ _PARTS = {
     "contact": "thesis --cases C17,C18,C19",
 }
 
-_PEERS = ("numba", "pyamg")
+_PEERS = ("numba", "pyamg", "torch", "cupy")
+
+ON_ACCELERATORS = "accelerator"
+"""Name of the benchmark of GPUs and the like."""
 
 EXPERIMENTS = tuple(_experiment(*item) for item in _ABOUT.items())
 
@@ -151,6 +160,23 @@ def find(name: str) -> tuple[Experiment, ...]:
         hint = f"did you mean {close[0]}? " if close else ""
         raise InputError(f"no experiment {name!r}: {hint}there are {', '.join(names)}")
     return found
+
+
+def use_device(device: str) -> None:
+    """Compute on a kind of device from here on, in processes that follow too.
+
+    Raises:
+        InputError: if JAX sees none, or another first.
+    """
+    if device == "cpu":
+        os.environ["JAX_PLATFORMS"] = device
+        jax.config.update("jax_platforms", device)
+    found = jax.default_backend()
+    if found != device:
+        raise InputError(
+            f"--device {device}: JAX computes on {found} here; install the JAX of that "
+            "device, such as jax[cuda13], or leave it out"
+        )
 
 
 def check_options(experiment: Experiment, options: Mapping[str, Any]) -> None:

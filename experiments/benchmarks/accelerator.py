@@ -1,0 +1,223 @@
+"""All that matters on a GPU, in one script that needs no network: `--device gpu`.
+
+A copy of memory and a step of conduction in the thesis' lattice, as a share of it; a
+step of each structure with sun and air; implicit steps; a Jacobian over its forward run
+by the number of parameters; and a rendered frame. Beside torch and cupy where they are
+installed. It runs on processors too, where it is tested.
+"""
+
+import importlib
+from collections.abc import Callable
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import jaxthermo as jt
+from jaxthermo.integrate.run.plan import plan_run
+
+from ..harness.measurement import Measurement, plain_rows
+from ..harness.meshes import END, START, STEEL, standard_scene
+from ..harness.timing import interleaved
+from .loops import loop_of
+from .steps import conduction_call
+
+
+QUICK = {"height": 40, "shape": (40, 96, 40), "repeats": 2, "copied": 2**22}
+
+_STEPS = 40
+_TURNS = 10
+_VOXEL_BYTES = 9
+"""That a step reads and writes for a voxel: two temperatures and its degree."""
+_THESIS_SHAPE = (228, 550, 228)
+_THESIS_S = 0.055
+"""A step of the full volume in the thesis, table 6.1, on a GeForce 9800GT [s]."""
+_SHARE = 0.7
+"""Share of the bandwidth of a copy that a step is asked to reach."""
+_STRUCTURES: dict[str, Callable[..., Any]] = {
+    "blocks x8": lambda grid: jt.Aggregate(grid, 8),
+    "blocks x4": lambda grid: jt.Aggregate(grid, 4),
+    "blocks x2": lambda grid: jt.Aggregate(grid, 2),
+    "single shell": jt.SingleShell,
+    "octree": jt.Octree,
+    "full volume": jt.FullVolume,
+}
+_PARAMETERS = (1, 2, 4, 8)
+_CAMERA = jt.Camera((1.6, 0.6, 0.4), (0.0, 0.0, 0.25), width=640, height=480)
+
+
+def run(
+    folder: Path,
+    height: int = 250,
+    shape: tuple[int, int, int] = _THESIS_SHAPE,
+    repeats: int = 7,
+    copied: int = 2**28,
+) -> dict[str, Any]:
+    """Times of all of them, and the card's or processor's name.
+
+    Args:
+        folder: of the result.
+        height: of the statue, in voxels.
+        shape: of the lattice of conduction.
+        repeats: of every call.
+        copied: values of the array that is copied.
+    """
+    device = jax.devices()[0]
+    bandwidth, rows = _copy(copied, repeats)
+    rows += _conduction(shape, repeats, bandwidth)
+    for label, structure in _STRUCTURES.items():
+        scene, mesh = standard_scene(STEEL, structure, height)
+        rows += _steps(f"{mesh}, {height} high, {label}", scene, repeats)
+    scene, mesh = standard_scene(STEEL, _STRUCTURES["blocks x4"], height)
+    rows += _jacobians(f"{mesh}, {height} high, blocks x4", scene, repeats)
+    rows += _frame(f"{mesh}, {height} high", scene, repeats)
+    kind = f"{device.platform}: {device.device_kind}"
+    return {
+        "device": kind,
+        "copy_bytes_per_s": bandwidth,
+        "measurements": plain_rows(rows),
+    }
+
+
+def _copy(count: int, repeats: int) -> tuple[float, list[Measurement]]:
+    """Bandwidth of a copy, read and written [B/s]."""
+    values = jnp.ones(count, jnp.float32)
+    # Several in one call: the call itself takes some microseconds.
+    more = jax.jit(lambda a: jax.lax.fori_loop(0, _TURNS, lambda _, a: a + 1.0, a))
+    spans = interleaved({"copy": lambda: more(values)}, repeats)["copy"]
+    each = [span / _TURNS for span in spans]
+    bandwidth = 2 * 4 * count / min(each)
+    note = f"{bandwidth / 1e9:.4g} GB/s read and written"
+    return bandwidth, [Measurement("copy of an array", "s", each, note=note)]
+
+
+def _conduction(
+    shape: tuple[int, int, int], repeats: int, bandwidth: float
+) -> list[Measurement]:
+    x, y, z = (1e-3 * n for n in shape)
+    grid = jt.voxelize(jt.shapes.box((x, y, z)), 1e-3, "dominant_axis")
+    structure = jt.FullVolume(grid, sections=False)
+    calls = {"ours": conduction_call(structure, _STEPS)}
+    for name, make in _PEERS.items():
+        if find_spec(name) is not None and _has_device(name):
+            calls[name] = make(shape)
+    spans = interleaved(calls, repeats)
+    each = {name: [s / _STEPS for s in found] for name, found in spans.items()}
+    ideal = _VOXEL_BYTES * int(np.prod(shape)) / bandwidth
+    what = " x ".join(map(str, shape)) + ": step of conduction"
+    share = f"{100 * ideal / min(each['ours']):.0f} % of the copy's bandwidth"
+    peers = {name: found for name, found in each.items() if name != "ours"}
+    if tuple(shape) == _THESIS_SHAPE:
+        peers["thesis, 9800GT"] = [_THESIS_S]
+    return [
+        Measurement(what, "s", each["ours"], "a copy", [ideal], _SHARE, note=share),
+        *(Measurement(what, "s", each["ours"], *peer) for peer in peers.items()),
+    ]
+
+
+def _steps(label: str, scene: jt.Scene, repeats: int) -> list[Measurement]:
+    """An explicit and an implicit step, with surface and ledger."""
+    stable = plan_run(scene, END, None, jt.ForwardEuler()).stable_step
+    assert stable is not None
+    explicit = plan_run(scene, _STEPS * stable * 0.9, None, jt.ForwardEuler())
+    implicit = plan_run(scene, END, None, jt.TRBDF2(dt=END / 4))
+    plans = {"explicit step": explicit, "implicit step": implicit}
+    spans = interleaved({n: loop_of(plan) for n, plan in plans.items()}, repeats)
+    nodes = f"{explicit.compiled.receipt.nodes:,} nodes"
+    return [
+        Measurement(
+            f"{label}: {name}",
+            "s",
+            [span / plan.steps for span in spans[name]],
+            note=nodes,
+        )
+        for name, plan in plans.items()
+    ]
+
+
+def _jacobians(label: str, scene: jt.Scene, repeats: int) -> list[Measurement]:
+    """Exact derivatives of the surface by as many parameters, over a forward run."""
+    stable = plan_run(scene, END, None, jt.ForwardEuler()).stable_step
+    assert stable is not None
+    solver, body = jt.ForwardEuler(dt=0.8 * stable), scene.bodies[0]
+    conductivity = STEEL.conductivity
+    assert isinstance(conductivity, float)
+
+    def surface(factors: jax.Array) -> jax.Array:
+        # As many parameters as factors, which all scale the conductivity.
+        material = jt.Material(
+            conductivity * factors.prod(),
+            density=STEEL.density,
+            specific_heat=STEEL.specific_heat,
+        )
+        warmer = jt.Body(body.structure, material, temperature=START)
+        run = jt.simulate(jt.Scene((warmer,), scene.terms), END / 10, solver=solver)
+        return run.surface_temperature[-1]
+
+    calls: dict[str, Callable[[], Any]] = {}
+    forward = jax.jit(surface)
+    calls["forward"] = partial(forward, jnp.ones(1))
+    for count in _PARAMETERS:
+        calls[str(count)] = partial(jax.jit(jax.jacfwd(surface)), jnp.ones(count))
+    spans = interleaved(calls, repeats)
+    return [
+        Measurement(
+            f"{label}: Jacobian of {count} parameter{'s' * (count > 1)}",
+            "s",
+            spans[str(count)],
+            "a forward run",
+            spans["forward"],
+            overhead=True,
+        )
+        for count in _PARAMETERS
+    ]
+
+
+def _frame(label: str, scene: jt.Scene, repeats: int) -> list[Measurement]:
+    solution = jt.simulate(scene, END / 10)
+    draw = lambda: jt.render(solution, _CAMERA).radiance
+    spans = interleaved({"frame": draw}, repeats)["frame"]
+    return [Measurement(f"{label}: frame of 640 x 480", "s", spans)]
+
+
+def _torch_steps(shape: tuple[int, int, int]) -> Callable[[], Any]:
+    torch = importlib.import_module("torch")
+    on_gpu = jax.default_backend() == "gpu"
+    device = "cuda" if on_gpu else "cpu"
+    a = torch.rand(*(n + 2 for n in shape), device=device)
+    b, wait = torch.zeros_like(a), torch.cuda.synchronize if on_gpu else lambda: None
+    return partial(_slices, a, b, wait)
+
+
+def _cupy_steps(shape: tuple[int, int, int]) -> Callable[[], Any]:
+    cupy = importlib.import_module("cupy")
+    a = cupy.random.rand(*(n + 2 for n in shape), dtype=cupy.float32)
+    return partial(_slices, a, cupy.zeros_like(a), cupy.cuda.Device().synchronize)
+
+
+def _slices(a: Any, b: Any, wait: Callable[[], None]) -> None:
+    """Steps of the same stencil in slices of an array library."""
+    i, low, high = slice(1, -1), slice(None, -2), slice(2, None)
+    for _ in range(_STEPS // 2):
+        for old, new in ((a, b), (b, a)):
+            total = old[low, i, i] + old[high, i, i] + old[i, low, i]
+            total += old[i, high, i]
+            total += old[i, i, low]
+            total += old[i, i, high]
+            new[i, i, i] = old[i, i, i] + 0.1 * (total - 6 * old[i, i, i])
+    wait()
+
+
+def _has_device(name: str) -> bool:
+    """True if the library can compute where JAX does."""
+    return name == "torch" or jax.default_backend() == "gpu"
+
+
+_PEERS: dict[str, Callable[..., Callable[[], Any]]] = {
+    "torch": _torch_steps,
+    "cupy": _cupy_steps,
+}
