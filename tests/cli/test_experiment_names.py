@@ -13,7 +13,10 @@ from tests.cli.cli_runs import run
         (("voxelize", "no.yaml"), "config: voxelize takes no options"),
         (("levels", "--height", "tall"), "--height"),
         (("levels", "--cases", "C99"), "there are C11; C12; C13; C14"),
-        (("thesis", "--cases", "figure-9"), "there are C01 to C27, section-1.3-image, "),
+        (
+            ("thesis", "--cases", "figure-9"),
+            "there are C01 to C27, section-1.3-image, ",
+        ),
         (("thesis", "--height", "40"), "height: thesis takes cases"),
         (("budget", "no.yaml"), "no.yaml"),
         (("benchmarks", "--height", "40"), "height: stencil takes no options"),

@@ -65,6 +65,9 @@ NOT_RUN = {
     "pip install": "as above",
     "jaxthermo view": "waits for a browser",
     "jaxthermo play": "waits for a browser",
+    "jaxthermo simulate configs/scenes/figurine-steel.yaml --devices 4 --coordinator": (
+        "waits for the other process: tests/cli/test_processes.py"
+    ),
     "calibrate plan": "takes minutes: tests/cli/test_plan_command.py",
     "experiments run": "takes minutes to hours",
 }
