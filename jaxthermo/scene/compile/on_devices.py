@@ -1,7 +1,7 @@
 """A scene whose full volumes are spread over several devices.
 
-Every lattice has a section on each device, see `ShardedLattice`; what belongs to the
-surface is where its nodes are. Everything else of a scene is on every device.
+Every lattice has a section on each device, see `ShardedLattice`. Everything else of a
+scene, what belongs to surfaces too, is on every device.
 """
 
 from dataclasses import replace
@@ -14,6 +14,7 @@ from ...findings import found
 from ...parallel.devices import check_devices
 from ...parallel.lattice import placed
 from ...structures.kinds.full import FullVolume
+from ...voxels.sharded_lattice import sharded_lattice
 from ..scene import AbstractMaterials, Body, Scene
 from .program import Program
 
@@ -65,10 +66,9 @@ def _on_devices(body: Body, where: str, devices: int) -> Body:
             f"{where}: several materials, or one by axis, that vary with temperature "
             f"run as links and cannot be spread over devices={devices}; leave it out"
         )
-    sharded = replace(structure, devices=devices)
-    # Refuses a lattice that is too short.
-    assert sharded.sharded is not None
-    return replace(body, structure=sharded)
+    # Refuses one that is too short.
+    sharded_lattice(structure.grid.solid, devices)
+    return replace(body, structure=replace(structure, devices=devices))
 
 
 def placed_on_devices(tree, scene: Scene, program: Program):
