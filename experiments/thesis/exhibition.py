@@ -12,6 +12,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import jax
+
 import calibrate
 from jaxthermo.cli.console import open_console
 from jaxthermo.errors import InputError
@@ -116,6 +118,9 @@ def run(folder: Path, cases: str | None = None, quick: bool = False) -> dict[str
             plain = measured[-1].plain
             took = f"{plain['verdict']}, {plain['took_s']:.0f} s"
             console.print(f"{exhibit.name}: {exhibit.title}: {took}")
+            # Each program takes mappings of memory, of which a process has so many:
+            # without this the last exhibits of the full size cannot be compiled.
+            jax.clear_caches()
             # After each one, so that an interrupted run leaves a page.
             write_report(measured, folder, quick)
     write_report(measured, folder, quick)
