@@ -23,29 +23,20 @@ from jaxthermo.integrate.run.plan import plan_run
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import END, START, STEEL, standard_scene
 from ..harness.timing import interleaved
+from ..thesis.counting import TIMES
 from .loops import loop_of
-from .steps import conduction_call
+from .scaling_model import STEP_BYTES
+from .steps import STRUCTURES, conduction_call
 
 
 QUICK = {"height": 40, "shape": (40, 96, 40), "repeats": 2, "copied": 2**22}
 
 _STEPS = 40
 _TURNS = 10
-_VOXEL_BYTES = 9
-"""That a step reads and writes for a voxel: two temperatures and its degree."""
 _THESIS_SHAPE = (228, 550, 228)
-_THESIS_S = 0.055
-"""A step of the full volume in the thesis, table 6.1, on a GeForce 9800GT [s]."""
 _SHARE = 0.7
 """Share of the bandwidth of a copy that a step is asked to reach."""
-_STRUCTURES: dict[str, Callable[..., Any]] = {
-    "blocks x8": lambda grid: jt.Aggregate(grid, 8),
-    "blocks x4": lambda grid: jt.Aggregate(grid, 4),
-    "blocks x2": lambda grid: jt.Aggregate(grid, 2),
-    "single shell": jt.SingleShell,
-    "octree": jt.Octree,
-    "full volume": jt.FullVolume,
-}
+_STRUCTURES = {**STRUCTURES, "single shell": jt.SingleShell}
 _PARAMETERS = (1, 2, 4, 8)
 _CAMERA = jt.Camera((1.6, 0.6, 0.4), (0.0, 0.0, 0.25), width=640, height=480)
 
@@ -107,12 +98,12 @@ def _conduction(
             calls[name] = make(shape)
     spans = interleaved(calls, repeats)
     each = {name: [s / _STEPS for s in found] for name, found in spans.items()}
-    ideal = _VOXEL_BYTES * int(np.prod(shape)) / bandwidth
+    ideal = STEP_BYTES * int(np.prod(shape)) / bandwidth
     what = " x ".join(map(str, shape)) + ": step of conduction"
     share = f"{100 * ideal / min(each['ours']):.0f} % of the copy's bandwidth"
     peers = {name: found for name, found in each.items() if name != "ours"}
     if tuple(shape) == _THESIS_SHAPE:
-        peers["thesis, 9800GT"] = [_THESIS_S]
+        peers["thesis, 9800GT"] = [TIMES["full_volume"]]
     return [
         Measurement(what, "s", each["ours"], "a copy", [ideal], _SHARE, note=share),
         *(Measurement(what, "s", each["ours"], *peer) for peer in peers.items()),

@@ -29,7 +29,7 @@ from jaxthermo.parallel.meeting import Group, free_port
 from jaxthermo.parallel.processes import join
 from jaxthermo.scene.compile.on_devices import on_devices
 
-from ..harness.measurement import Measurement, plain_rows
+from ..harness.measurement import Measurement, plain_rows, time_unit
 from ..harness.meshes import STEEL
 from ..harness.present import show, table_of
 from .scaling_model import on_paper
@@ -107,10 +107,8 @@ def _show_paper(rows: list[dict[str, Any]]) -> None:
 
 
 def _time(seconds: float) -> str:
-    for unit, size in (("s", 1.0), ("ms", 1e-3)):
-        if seconds >= size:
-            return f"{seconds / size:.3g} {unit}"
-    return f"{seconds / 1e-6:.3g} us"
+    unit, factor = time_unit(seconds)
+    return f"{factor * seconds:.3g} {unit}"
 
 
 def _measurements(results: list[dict[str, Any]]) -> list[Measurement]:

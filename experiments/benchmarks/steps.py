@@ -37,7 +37,7 @@ from ..harness.timing import interleaved, ratio_of, ratio_text, timing_of
 
 QUICK = {"height": 48, "repeats": 3}
 
-_STRUCTURES: dict[str, Callable[..., Any]] = {
+STRUCTURES: dict[str, Callable[..., Any]] = {
     "blocks x8": lambda grid: jt.Aggregate(grid, 8),
     "blocks x4": lambda grid: jt.Aggregate(grid, 4),
     "blocks x2": lambda grid: jt.Aggregate(grid, 2),
@@ -45,6 +45,7 @@ _STRUCTURES: dict[str, Callable[..., Any]] = {
     "octree": jt.Octree,
     "full volume": jt.FullVolume,
 }
+"""Structures of a grid, by name."""
 # Evaluations that are timed together: about a hundredth of a second at 1 ns a node.
 _WORK, _MOST = 1e7, 4000
 _PRODUCTS = 10
@@ -53,7 +54,7 @@ _PRODUCTS = 10
 def run(folder: Path, height: int = 250, repeats: int = 7) -> dict[str, Any]:
     """Times of a step, and of what is in it, for each structure."""
     rows, name = [], ""
-    for label, structure in _STRUCTURES.items():
+    for label, structure in STRUCTURES.items():
         scene, name = standard_scene(STEEL, structure, height)
         rows.append({"structure": label, **_measured(scene, repeats)})
     microseconds = lambda key: lambda row: timing_of(row["spans_s"][key]).text()

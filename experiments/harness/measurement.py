@@ -19,6 +19,15 @@ from .timing import ratio_of
 _SCALES = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6))
 _FACTORS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
+
+def time_unit(seconds: float) -> tuple[str, float]:
+    """The unit that fits a time [s], and how many of it a second has."""
+    # A difference of times may be negative.
+    units = (name for name, least in _SCALES if abs(seconds) >= least)
+    unit = next(units, "ns")
+    return unit, _FACTORS[unit]
+
+
 Spread = tuple[float, float, float]
 """Median, lowest and highest value."""
 
@@ -83,10 +92,7 @@ class Measurement:
         """Unit, ours and the peer's with their ranges, for a table."""
         own, unit, factor = _spread(self.ours), self.unit, 1.0
         if unit == "s":
-            # A difference of times may be negative.
-            units = (name for name, least in _SCALES if abs(own[0]) >= least)
-            unit = next(units, "ns")
-            factor = _FACTORS[unit]
+            unit, factor = time_unit(own[0])
         text = lambda values: with_range(*(factor * v for v in _spread(values)))
         return unit, text(self.ours), text(self.peer) if len(self.peer) else ""
 

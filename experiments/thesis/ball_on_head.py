@@ -1,6 +1,5 @@
 """The shipped scene of figure 5.5, a hot ball on the Max Planck head, up to 2 s."""
 
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -14,13 +13,14 @@ from jaxthermo.physics.contact.rays import PlacedGrid
 from jaxthermo.physics.contact.search import ContactPairs, find_contacts
 
 from ..harness.meshes import mesh_files
+from .bodies import CONFIGS
 
 
 TIMES = (0.0, 0.05, 2.0)
 """Saved times: start, first heat after about a frame of the thesis, and its end [s]."""
 HEAD, BALL = 0, 1
 """Numbers of the bodies."""
-_CONFIG = Path(__file__).parents[2] / "configs" / "scenes" / "hat-ball-on-planck.yaml"
+_CONFIG = CONFIGS / "scenes" / "hat-ball-on-planck.yaml"
 # Height of the head in that file [mm].
 _TALL = 500.0
 # Width and height of the scene's pictures, which are shown side by side [px].

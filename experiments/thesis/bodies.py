@@ -1,6 +1,7 @@
 """The bodies of the exhibits: the thesis' meshes, or the figurine in place of one."""
 
 from functools import cache
+from pathlib import Path
 from typing import NamedTuple
 
 import jaxthermo as jt
@@ -9,6 +10,8 @@ from jaxthermo.voxels.voxelize import SurfaceCells
 from ..harness.meshes import thesis_meshes, voxels_high
 
 
+CONFIGS = Path(__file__).parents[2] / "configs"
+"""Configurations of the checkout."""
 AXES = {"x": 0, "y": 2, "z": 1}
 """Axes of our lattices, of which z is up, by the thesis' names, of which y is up."""
 WAYS = ("+x", "-x", "-z", "+z", "+y", "-y")

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-import jaxthermo as jt
 from jaxthermo.physics.contact.rays import PlacedGrid
 from jaxthermo.report.sheet import Legend, Tile, enlarged, sheet
 from jaxthermo.voxels.textures import depth_colours, packed_images
@@ -20,13 +19,12 @@ from .contact_area import (
     two_cylinders,
 )
 from .exhibit import Picture
-from .shaded import Colour, camera_on, shaded, with_box
+from .shaded import BODIES, box_corners, camera_on, in_world, shaded, with_box
 
 
 _EDGE = 300
 # With x to the left, as textures of z have it.
 _DIRECTION = (0.3, -0.8, -0.5)
-_BODIES: tuple[Colour, Colour] = (206, 200, 188), (150, 184, 208)
 _SURFACE, _CONTACT, _NOTHING = (150, 184, 208), (226, 120, 40), (16, 17, 20)
 _LEGEND = Legend(
     (("in contact", _CONTACT), ("surface", _SURFACE), ("no surface", _NOTHING))
@@ -65,17 +63,12 @@ def cylinder_textures() -> Picture:
 
 def _bodies(touching: Touching, size: int) -> np.ndarray:
     a, _ = touching
-    meshes = [_in_world(body) for body in touching]
-    box = np.where(np.indices((2, 2, 2)).reshape(3, -1).T, *a.world_bounds)
-    points = np.concatenate([box, *(mesh.vertices for mesh in meshes)])
+    meshes = [in_world(body) for body in touching]
+    corners = box_corners(a.world_bounds)
+    points = np.concatenate([corners, *(mesh.vertices for mesh in meshes)])
     camera = camera_on(points, _DIRECTION, size)
-    bodies, _ = shaded([*zip(meshes, _BODIES, strict=True)], camera)
+    bodies, _ = shaded([*zip(meshes, BODIES, strict=True)], camera)
     return with_box(bodies, camera, a.world_bounds)
-
-
-def _in_world(body: PlacedGrid) -> jt.Mesh:
-    mesh = body.grid.mesh
-    return jt.Mesh(body.pose.to_world(mesh.vertices), mesh.faces, body.name)
 
 
 def _texture_tile(body: PlacedGrid, texels: np.ndarray, name: str) -> Tile:

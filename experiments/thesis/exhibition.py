@@ -22,6 +22,7 @@ from ..harness.case import described
 from ..harness.meshes import thesis_meshes
 from ..harness.record import Record
 from . import exhibits
+from .bodies import CONFIGS
 from .claims import CLAIMS
 from .exhibit import Exhibit, Finding, Verdict, skipped
 from .report import (
@@ -45,7 +46,7 @@ _SHARED = (
         for path in (_FOLDER.parent / folder).glob("*.py")
     ),
     *Path(str(calibrate.__file__)).parent.rglob("*.py"),
-    *(_FOLDER.parents[1] / "configs").rglob("*.yaml"),
+    *CONFIGS.rglob("*.yaml"),
 )
 # Files that only arrange what was measured.
 _ARRANGING = ("claims.py", "exhibition.py", "report.py")

@@ -10,16 +10,25 @@ from jaxthermo.report.sheet import Legend, Tile, sheet
 
 from .exhibit import Picture
 from .intersection import Balls, Bounds
-from .shaded import PAPER, Colour, blended, camera_on, shaded, with_box
+from .shaded import (
+    BODIES,
+    BOX,
+    PAPER,
+    Colour,
+    blended,
+    box_corners,
+    camera_on,
+    shaded,
+    with_box,
+)
 
 
 _EDGE = 340
 _DIRECTION = (-0.9, 0.25, -0.4)
 # Thesis: red, green and blue are bounds along x, y and z.
 _AXES: tuple[Colour, ...] = ((222, 72, 62), (66, 168, 72), (62, 104, 222))
-_BODIES: tuple[Colour, Colour] = (206, 200, 188), (150, 184, 208)
 _SURFACES: tuple[Colour, Colour] = (226, 120, 40), (0, 114, 178)
-_BOX, _RAY = (90, 96, 108), (196, 200, 208)
+_RAY = (196, 200, 208)
 # Part of the caps that the bodies around them hide in the picture.
 _VEIL = 0.35
 # Width of a ray inside of both bodies times the number of rays [px].
@@ -37,7 +46,7 @@ def _inside(balls: Balls, body: int) -> jt.Mesh:
 def _collision_surfaces(balls: Balls) -> np.ndarray:
     points = np.concatenate([mesh.vertices for mesh in balls.meshes])
     camera = camera_on(points, _DIRECTION, _EDGE)
-    bodies, _ = shaded([*zip(balls.meshes, _BODIES, strict=True)], camera)
+    bodies, _ = shaded([*zip(balls.meshes, BODIES, strict=True)], camera)
     caps = [(_inside(balls, body), _SURFACES[body]) for body in (0, 1)]
     surfaces, is_cap = shaded(caps, camera)
     seen = np.where(is_cap[..., None], blended(bodies, surfaces, _VEIL), bodies)
@@ -61,8 +70,7 @@ def _blocks(bounds: Bounds) -> jt.Mesh:
 
 
 def _volume_picture(balls: Balls, bounds: Sequence[Bounds]) -> np.ndarray:
-    corners = np.indices((2, 2, 2)).reshape(3, -1).T
-    camera = camera_on(np.where(corners, balls.box[1], balls.box[0]), _DIRECTION, _EDGE)
+    camera = camera_on(box_corners(balls.box), _DIRECTION, _EDGE)
     parts = [(_blocks(each), _AXES[each.axis]) for each in bounds]
     return with_box(shaded(parts, camera)[0], camera, balls.box)
 
@@ -93,7 +101,7 @@ def _rays_picture(balls: Balls, bounds: Bounds, rays: int) -> np.ndarray:
     for start, end in ends:
         line = (*at(start[along], start[up]), *at(end[along], end[up]))
         draw.line(line, fill=_AXES[bounds.axis], width=max(1, int(_THICK / rays)))
-    draw.rectangle((left, top, right, bottom), outline=_BOX)
+    draw.rectangle((left, top, right, bottom), outline=BOX)
     for mesh, radius, colour in zip(balls.meshes, balls.radii, _SURFACES, strict=True):
         ball = mesh.bounds.mean(axis=0)
         reach = scale * float(np.sqrt(radius**2 - (middle - ball[across]) ** 2))

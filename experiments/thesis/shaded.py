@@ -11,12 +11,15 @@ import jaxthermo as jt
 from jaxthermo.image.camera import OrthographicCamera
 from jaxthermo.image.canvas import averaged
 from jaxthermo.image.visible import visible_points
+from jaxthermo.physics.contact.rays import PlacedGrid
 from jaxthermo.raster.views import unit_vector
 
 
 Colour = tuple[int, int, int]
 PAPER = (246, 247, 249)
-_BOX = (90, 96, 108)
+BODIES: tuple[Colour, Colour] = (206, 200, 188), (150, 184, 208)
+"""Colours of two bodies side by side."""
+BOX = (90, 96, 108)
 # Samples of a pixel along each axis.
 _SAMPLES = 2
 # Brightness of a surface seen along its edge; 1 where it is seen straight on.
@@ -78,20 +81,31 @@ def blended(
     return np.rint(part * over.astype(float) + (1 - part) * under).astype(np.uint8)
 
 
+_CORNERS = np.indices((2, 2, 2)).reshape(3, -1).T
+
+
+def box_corners(box: Float[np.ndarray, "2 3"]) -> Float[np.ndarray, "8 3"]:
+    """The eight corners of a box from its lowest to its highest one [m]."""
+    return np.where(_CORNERS, box[1], box[0])
+
+
+def in_world(body: PlacedGrid) -> jt.Mesh:
+    """Mesh of a placed body in the world."""
+    mesh = body.grid.mesh
+    return jt.Mesh(body.pose.to_world(mesh.vertices), mesh.faces, body.name)
+
+
 def with_box(
     pixels: UInt8[np.ndarray, "h w 3"],
     camera: OrthographicCamera,
     box: Float[np.ndarray, "2 3"],
 ) -> UInt8[np.ndarray, "h w 3"]:
     """A picture with the twelve edges of a box in the world [m]."""
-    corners = np.indices((2, 2, 2)).reshape(3, -1).T
-    at, _, _ = camera.mesh_to_raster(
-        np.where(corners, box[1], box[0]), np.zeros((0, 3), int)
-    )
+    at, _, _ = camera.mesh_to_raster(box_corners(box), np.zeros((0, 3), int))
     image = Image.fromarray(pixels)
     draw = ImageDraw.Draw(image)
     for a, b in combinations(range(8), 2):
-        if np.abs(corners[a] - corners[b]).sum() == 1:
+        if np.abs(_CORNERS[a] - _CORNERS[b]).sum() == 1:
             line = (*at[a, :2].tolist(), *at[b, :2].tolist())
-            draw.line(line, fill=_BOX, width=1)
+            draw.line(line, fill=BOX, width=1)
     return np.asarray(image)

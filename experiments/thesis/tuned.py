@@ -28,12 +28,11 @@ from jaxthermo.integrate.run.parametric_run import ParametricSolution
 from jaxthermo.report.chart import Chart
 
 from ..harness.meshes import mesh_files
-from .bodies import buddha
+from .bodies import CONFIGS, buddha
 from .heated import levels_at
 from .line_chart import log_chart, point
 
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 SHELL, LEVELS, NESTED = "single shell", "10 levels", "irregular levels"
 _FILES = {
     SHELL: "buddha-shell",

@@ -145,7 +145,7 @@ def _stored(console: Console, config: SceneConfig, place: Path) -> StoredSolutio
         scene = config.build()
         times = config.time.end, config.time.save_times
         todo = plan_run(scene, *times, config.solver.build(), control_error=True)
-    found, _ = run_plan(console, config, scene, todo, place)
+    found, _ = run_plan(console, config, todo, place)
     if found.result != RESULTS.successful:
         raise InputError(f"{place}: {RESULTS[found.result]}")
     stored = save_solution(solution, found)

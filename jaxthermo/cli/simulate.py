@@ -86,7 +86,7 @@ def simulate(
 
     With a `group` this process runs it together with others, of which the first writes.
     """
-    provide_devices(devices if group is None else devices // max(group.processes, 1))
+    provide_devices(devices if group is None else devices // group.processes)
     scene, folder = load_config(config, overrides), out or Path("results") / config.stem
     extras.check(scene)
     if group is not None:
@@ -104,7 +104,7 @@ def run_along(config: SceneConfig, out: Path, devices: int) -> None:
     console = Console(quiet=True)
     with precision(config.dtype):
         planned = _planned(console, config, devices)
-        run_plan(console, config, planned.scene, planned.todo, out)
+        run_plan(console, config, planned.todo, out)
 
 
 def explain(config: Path, overrides: tuple[str, ...], devices: int = 1) -> None:
@@ -188,7 +188,7 @@ def _run_simulation(
         prepare_folder(out / FRAMES)
         with replacing(out / CONFIG) as path:
             path.write_text(to_yaml(config), encoding="utf-8")
-        solution, times = run_plan(console, config, scene, todo, out)
+        solution, times = run_plan(console, config, todo, out)
         if solution.result != RESULTS.successful:
             raise InputError(RESULTS[solution.result])
         stored = save_solution(out / "solution.npz", solution)
@@ -227,7 +227,7 @@ def _remove_results(out: Path, names: tuple[str, ...]) -> None:
 
 
 def run_plan(
-    console: Console, config: SceneConfig, scene: Scene, todo: Plan, out: Path
+    console: Console, config: SceneConfig, todo: Plan, out: Path
 ) -> tuple[Solution, dict[str, float]]:
     """Run a scene from the last checkpoint in `out`, if there is one, with its times.
 

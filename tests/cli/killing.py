@@ -11,13 +11,20 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def start(code: str, *arguments: object) -> subprocess.Popen[bytes]:
-    """Start Python code with arguments, in the precision of the tests."""
+def start(
+    code: str, *arguments: object, stderr: int | None = None
+) -> subprocess.Popen[bytes]:
+    """Start Python code with arguments, in the precision of the tests.
+
+    Its errors go where those of the tests do, or into `stderr`.
+    """
     # In the environment: both processes have to compute the same bits.
     environment = os.environ | {"JAX_ENABLE_X64": "1"}
     words = [sys.executable, "-c", code, *map(str, arguments)]
     quiet = subprocess.DEVNULL
-    return subprocess.Popen(words, env=environment, cwd=ROOT, stdout=quiet)
+    return subprocess.Popen(
+        words, env=environment, cwd=ROOT, stdout=quiet, stderr=stderr
+    )
 
 
 def kill(

@@ -1,19 +1,16 @@
 """`jaxthermo simulate` in two processes over loopback, against one process."""
 
-import os
 import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from cli_runs import run
+from killing import kill, start
 
 from jaxthermo.parallel.meeting import free_port
 
 
-ROOT = Path(__file__).resolve().parents[2]
 SCENE = """
 bodies:
   - shape: {kind: box, size: [2 cm, 7 cm, 3 cm]}
@@ -37,21 +34,16 @@ main(sys.argv[1:])
 pytestmark = [pytest.mark.slow, pytest.mark.slice]
 
 
-def start(scene: Path, out: Path, port: int, process: int) -> subprocess.Popen:
-    together = ("--coordinator", f"localhost:{port}", "--processes", "2")
-    own = ("--devices", "2", "--process", str(process), "--out", str(out))
-    return subprocess.Popen(
-        [sys.executable, "-c", COMMAND, "simulate", str(scene), *together, *own],
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+def start_both(scene: Path, out: Path) -> list[subprocess.Popen[bytes]]:
+    words = ("simulate", scene, "--out", out, "--devices", "2", "--processes", "2")
+    at = ("--coordinator", f"localhost:{free_port()}", "--process")
+    pipe = subprocess.PIPE
+    return [start(COMMAND, *words, *at, number, stderr=pipe) for number in (0, 1)]
 
 
-def start_both(scene: Path, out: Path) -> list[subprocess.Popen]:
-    port = free_port()
-    return [start(scene, out, port, process) for process in (0, 1)]
+def errors_of(process: subprocess.Popen[bytes], seconds: float) -> str:
+    """What a process has said as errors when it ends."""
+    return process.communicate(timeout=seconds)[1].decode()
 
 
 def scene_file(folder: Path, step: float) -> Path:
@@ -69,7 +61,7 @@ def test_two_processes_write_the_results_of_one(tmp_path):
     scene = scene_file(tmp_path, 0.03)
     together, alone = tmp_path / "together", tmp_path / "alone"
     for each in start_both(scene, together):
-        _, err = each.communicate(timeout=300)
+        err = errors_of(each, 300)
         assert each.returncode == 0, err
     assert run("simulate", scene, "--out", alone)[0] == 0
     names = {path.name for path in together.iterdir()}
@@ -85,13 +77,9 @@ def test_a_lost_process_ends_the_other_and_one_goes_on(tmp_path, lost):
     # Twenty thousand short steps: long enough to be killed.
     scene, out = scene_file(tmp_path, 0.001), tmp_path / "out"
     both = start_both(scene, out)
-    checkpoint, clock = out / "checkpoint-1.npz", time.monotonic()
-    while not checkpoint.exists() and time.monotonic() - clock < 200:
-        assert all(each.poll() is None for each in both)
-        time.sleep(0.1)
-    both[lost].kill()
-    _, err = both[1 - lost].communicate(timeout=60)
-    both[lost].communicate()
+    assert kill(both[lost], 0.0, (out / "checkpoint-1.npz").exists)
+    err = errors_of(both[1 - lost], 60)
+    errors_of(both[lost], 60)
     if lost == 0 and both[1].returncode != 2:
         # JAX may notice the loss of the first process sooner, and aborts.
         assert "another task died" in err, err

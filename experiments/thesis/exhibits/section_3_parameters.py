@@ -17,9 +17,9 @@ from jaxthermo.timing import Timing
 from ...front.pareto import Point, points_of, spread_of
 from ...harness.present import from_to
 from ...sweep.run import Log, Options, run_sweep
+from ..bodies import CONFIGS
 from ..exhibit import Exhibit, Finding, Note, Part, Plot, Row, Verdict
 from ..line_chart import log_chart, point
-from ..tuned import CONFIGS
 
 
 _SWEEP = CONFIGS / "sweeps" / "parameters.yaml"

@@ -15,11 +15,10 @@ from jaxthermo.report.table import Cell, Table
 from jaxthermo.structures.structure import FitCard
 
 from ...harness.present import from_to
-from ..bodies import buddha
+from ..bodies import CONFIGS, buddha
 from ..exhibit import Exhibit, Finding, Note, Part, Picture, Plot, Row, Verdict
 from ..tuned import (
     BY_HAND,
-    CONFIGS,
     FITTED,
     HELD_OUT,
     LEVELS,

@@ -10,7 +10,7 @@ from ...harness.present import Rows, table_of
 from ..exhibit import Exhibit, Finding, Picture, Plot, Row, Verdict
 from ..line_chart import log_chart, point
 from ..pruning import Pairs, box_scene, measure_pruning
-from ..shaded import Colour, camera_on, shaded
+from ..shaded import Colour, camera_on, in_world, shaded
 
 
 _COUNTS, _QUICK_COUNTS = (10, 20, 40, 80, 160), (10, 20, 40)
@@ -33,10 +33,8 @@ def _picture(pairs: Pairs) -> Picture:
     )
     parts: list[tuple[jt.Mesh, Colour]] = []
     for number, body in enumerate(bodies):
-        mesh = body.grid.mesh
-        placed = jt.Mesh(body.pose.to_world(mesh.vertices), mesh.faces, body.name)
         near = _KEPT if number in kept else _LEFT_OUT
-        parts.append((placed, _TOUCHES if number in touching else near))
+        parts.append((in_world(body), _TOUCHES if number in touching else near))
     points = np.concatenate([mesh.vertices for mesh, _ in parts])
     seen, _ = shaded(parts, camera_on(points, _DIRECTION, _EDGE))
     legend = Legend(

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +15,7 @@ from jaxthermo.report.numbers import significant, with_range
 from ...harness.meshes import mesh_files
 from ...harness.present import Rows, table_of
 from ...harness.timing import interleaved
-from ..bodies import buddha
+from ..bodies import CONFIGS, buddha
 from ..counting import TIMES
 from ..exhibit import Exhibit, Finding, Note, Plot, Row, Verdict
 from ..line_chart import log_chart, point
@@ -63,7 +62,7 @@ def _view(structure: str, height: int) -> _View:
     if body.is_thesis:
         changes.append(f"mesh.path={mesh_files()[body.name].resolve()}")
     overrides = tuple(f"bodies.0.{change}" for change in changes)
-    session = LiveSession(Path(f"configs/scenes/{name}.yaml"), overrides, _RATE)
+    session = LiveSession(CONFIGS / "scenes" / f"{name}.yaml", overrides, _RATE)
     return _View(session, LiveCamera(session.config, session.surfaces))
 
 

@@ -6,8 +6,6 @@ scene, what belongs to surfaces too, is on every device.
 
 from dataclasses import replace
 
-import jax
-
 from ...arrays import is_traced
 from ...errors import InputError
 from ...findings import found
@@ -77,4 +75,4 @@ def placed_on_devices(tree, scene: Scene, program: Program):
     if mesh is None:
         return tree
     shapes = frozenset(body.structure.state_shape for body in scene.bodies)
-    return jax.tree.map(lambda leaf: placed(mesh, leaf, shapes), tree)
+    return placed(mesh, tree, shapes)
