@@ -13,9 +13,10 @@ so that a step is the uniform one, and then another change at these nodes:
 import math
 from functools import partial
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Shaped
 from typing_extensions import override
 
 from .link_operator import RowNetwork
@@ -42,16 +43,27 @@ class CutStencil(AbstractDerivedNetwork):
     links: RowNetwork
     """Links of the surface nodes to each other, less whole ones [W/K], with the
     capacities of these nodes [J/K]."""
+    own: int | None = eqx.field(static=True, default=None)
+    """Number of the body's own nodes where it is a section of one; those after them are
+    of the sections beside it, in the rim of the state. None where all are its own.
+    Where there are fewer, empty cells of infinite capacity fill up their number."""
+
+    def _of_own(self, values: Shaped[Array, " m"]) -> Shaped[Array, " n"]:
+        return values if self.own is None else values[: self.own]
+
+    @property
+    def _own_address(self) -> Address:
+        return tuple(map(self._of_own, self.address))
 
     def _surface(self, values: Float[Array, "..."]) -> Float[Array, " m"]:
         return values.at[self.address].get(mode="promise_in_bounds")
 
     def _add(self, values: Float[Array, "..."], more: Float[Array, " m"]):
-        return values.at[self.address].add(
-            more,
+        return values.at[self._own_address].add(
+            self._of_own(more),
             mode="promise_in_bounds",
             indices_are_sorted=True,
-            unique_indices=True,
+            unique_indices=self.own is None,
         )
 
     @override
@@ -83,7 +95,8 @@ class CutStencil(AbstractDerivedNetwork):
     def capacity(self) -> Float[Array, "..."]:
         # Without a node there is none: nothing conducts there.
         whole = jnp.where(self.base.diagonal() > 0, self.base.capacity(), 0)
-        return whole.at[self.address].set(self.links.node_capacity)
+        own = self._of_own(self.links.node_capacity)
+        return whole.at[self._own_address].set(jnp.where(jnp.isfinite(own), own, 0))
 
     @override
     def max_rate(self) -> Float[Array, ""]:
@@ -101,18 +114,20 @@ class CutStencil(AbstractDerivedNetwork):
             return self.capacity()[address]
         return _capacity_at(self, address, shape)
 
-    def _excess_capacity(self) -> Float[Array, " m"]:
+    def excess_capacity(self) -> Float[Array, " m"]:
         """Capacities of the surface nodes less those of whole voxels [J/K]."""
-        return self.links.node_capacity - self.base.capacity_at(self.address)
+        own = self.links.node_capacity
+        excess = own - self.base.capacity_at(self.address)
+        return jnp.where(jnp.isfinite(own), excess, 0)
 
     @override
     def total_capacity(self) -> Float[Array, ""]:
-        return self.base.total_capacity() + precise_sum(self._excess_capacity())
+        return self.base.total_capacity() + precise_sum(self.excess_capacity())
 
     @override
     def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
         # Without an array of all capacities, which takes as long to read as the state.
-        more = self._excess_capacity() * self._surface(state)
+        more = self.excess_capacity() * self._surface(state)
         return self.base.stored(state) + precise_sum(more)
 
 
@@ -123,7 +138,7 @@ def _capacity_at(
     """Capacities of some nodes [J/K], searched among those of the surface."""
     # An array of the whole lattice would be as large as a state.
     place = lambda at: (at[0] * shape[1] + at[1]) * shape[2] + at[2]
-    own, wanted = place(network.address), place(address)
+    own, wanted = place(network._own_address), place(address)
     index = jnp.searchsorted(own, wanted).clip(max=len(own) - 1)
     whole = network.base.capacity_at(address)
     return jnp.where(own[index] == wanted, network.links.node_capacity[index], whole)

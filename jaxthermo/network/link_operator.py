@@ -15,7 +15,7 @@ from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
 from ..arrays import gathered_columns, rank_in_group
-from .network import AbstractNodeNetwork
+from .network import AbstractNodeNetwork, inverse
 from .self_adjoint_primitive import Operator, computed_once, conduct
 
 
@@ -156,6 +156,22 @@ def row_network(
         conductance=tuple(padded[link] for link in layout.link),
         list_node=jnp.asarray(layout.list_node),
         list_neighbour=jnp.asarray(layout.list_neighbour),
-        list_conductance=conductance[layout.list_link],
+        list_conductance=padded[layout.list_link],
         node_capacity=node_capacity,
     )
+
+
+@partial(jax.jit, inline=True)
+def series(
+    area: Float[np.ndarray | Array, "*e"],
+    length1: Float[np.ndarray | Array, "*e"],
+    k1: Float[Array, "*#e"],
+    length2: Float[np.ndarray | Array, "*e"],
+    k2: Float[Array, "*#e"],
+) -> Float[Array, "*e"]:
+    """Conductance of two lengths [m] in series [W/K]; 0 if either conductivity is 0."""
+    # Exact in one dimension, where the arithmetic mean of conductivities is wrong by up
+    # to their ratio. This form needs no division by a conductivity, which may be 0.
+    dtype = k1.dtype
+    a, l1, l2 = (jnp.asarray(v, dtype) for v in (area, length1, length2))
+    return a * k1 * k2 * inverse(l1 * k2 + l2 * k1)

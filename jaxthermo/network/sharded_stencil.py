@@ -6,6 +6,7 @@ each evaluation, and the rim of what it returns is empty again.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -14,11 +15,32 @@ from jax.sharding import Mesh
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ..parallel.lattice import on_each_device, with_neighbours
-from .network import AbstractDerivedNetwork, AbstractNetwork, Address
+from ..module import Module
+from ..parallel.lattice import (
+    Sectioned,
+    on_each_device,
+    section_numbers,
+    with_neighbours,
+    within_section,
+)
+from .cut_stencil import CutStencil
+from .link_operator import RowNetwork
+from .network import AbstractDerivedNetwork, AbstractNetwork, Address, precise_sum
 
 
 _State = Float[Array, "..."]
+
+
+class SectionCuts(Module):
+    """Voxels of the sections that the surface cuts: arguments of their `CutStencil`s.
+
+    The lists of all sections, one after the other.
+    """
+
+    address: Address
+    """Position in a device's own part of the state."""
+    links: RowNetwork
+    own: int = eqx.field(static=True)
 
 
 class ShardedStencil(AbstractDerivedNetwork):
@@ -28,61 +50,99 @@ class ShardedStencil(AbstractDerivedNetwork):
     """Stencil with the lattices of all sections, one after the other; each device has
     one that is complete, with its faces towards both neighbours."""
     devices: Mesh = eqx.field(static=True)
+    cuts: SectionCuts | None = None
+    """None where all voxels are whole."""
 
     @property
     @override
     def mesh(self) -> Mesh | None:
         return self.devices
 
-    def _on_each(self, function: Callable[..., _State], *arguments: Array) -> _State:
-        return on_each_device(self.devices, function, self.base, *arguments)
+    def _on_each(
+        self,
+        function: Callable[..., Any],
+        *arguments: Any,
+        reduced: Callable[[Any, str], Any] | None = None,
+    ) -> Any:
+        """Call a function with the stencil of each device's section."""
+
+        def own(base, cuts, *given):
+            if self.cuts is not None:
+                base = CutStencil(base, *cuts.values, own=self.cuts.own)
+            return function(base, *given)
+
+        cuts = self.cuts and Sectioned((self.cuts.address, self.cuts.links))
+        return on_each_device(
+            self.devices, own, self.base, cuts, *arguments, reduced=reduced
+        )
 
     @override
     def heat_rate(self, state: _State) -> _State:
-        rate = lambda base, state: base.heat_rate(with_neighbours(state))
+        rate = lambda section, state: section.heat_rate(with_neighbours(state))
         return self._on_each(rate, state)
 
     @override
     def face_heat_rate(self, state: _State) -> _State:
-        rate = lambda base, state: base.face_heat_rate(with_neighbours(state))
+        rate = lambda section, state: section.face_heat_rate(with_neighbours(state))
         return self._on_each(rate, state)
 
     @override
     def euler_step(self, state: _State, dt: Float[Array, ""]) -> _State:
-        step = lambda base, state, dt: base.euler_step(with_neighbours(state), dt)
+        step = lambda section, state, dt: section.euler_step(with_neighbours(state), dt)
         return self._on_each(step, state, dt)
 
     @override
     def diagonal(self) -> _State:
-        return self._on_each(lambda base: base.diagonal())
+        return self._on_each(lambda section: section.diagonal())
+
+    @override
+    def max_rate(self) -> Float[Array, ""]:
+        rate = lambda section: section.max_rate()
+        return self._on_each(rate, reduced=jax.lax.pmax)
 
     @override
     def capacity(self) -> _State:
         if not self._capacity_varies:
             return self.base.capacity()
-        return self._on_each(lambda base: base.capacity())
+        return self._on_each(lambda section: section.capacity())
 
     @property
     def _capacity_varies(self) -> bool:
+        return self.cuts is not None or self._whole_capacity_varies
+
+    @property
+    def _whole_capacity_varies(self) -> bool:
         return bool(jax.eval_shape(lambda: self.base.capacity()).ndim)
 
     @override
     def capacity_at(self, address: Address) -> Float[Array, "*m"]:
-        capacity = self.capacity()
-        if not capacity.ndim:
-            return capacity
-        found = capacity.at[address].get(mode="promise_in_bounds")
+        if not self._capacity_varies:
+            return self.base.capacity()
+        length = jax.eval_shape(self.diagonal).shape[0] // self.devices.size
+
+        def found(section, number, *address):
+            x, *others = within_section(number, address, length)
+            there = section.capacity_at((jnp.clip(x, 0, length - 1), *others))
+            return jnp.where((x >= 0) & (x < length), there, 0)
+
+        number = section_numbers(self.devices)
+        capacity = self._on_each(found, number, *address, reduced=jax.lax.psum)
         # Surface cells are padded with places that are no nodes and get no heat.
-        return jnp.where(found > 0, found, jnp.inf)
+        return jnp.where(capacity > 0, capacity, jnp.inf)
 
     @override
     def total_capacity(self) -> Float[Array, ""]:
-        if not self._capacity_varies:
-            return self.base.total_capacity()
-        total = lambda base: base.total_capacity()
-        return on_each_device(self.devices, total, self.base, summed=True)
+        if self._whole_capacity_varies:
+            total = lambda section: section.total_capacity()
+            return self._on_each(total, reduced=jax.lax.psum)
+        # Counted for all sections.
+        total = self.base.total_capacity()
+        if self.cuts is None:
+            return total
+        excess = lambda section: precise_sum(section.excess_capacity())
+        return total + self._on_each(excess, reduced=jax.lax.psum)
 
     @override
     def stored(self, state: _State) -> Float[Array, ""]:
-        stored = lambda base, state: base.stored(state)
-        return on_each_device(self.devices, stored, self.base, state, summed=True)
+        stored = lambda section, state: section.stored(state)
+        return self._on_each(stored, state, reduced=jax.lax.psum)

@@ -6,45 +6,129 @@ sections, are sent by `ppermute` and never stored.
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
-from jaxtyping import Array, Shaped
+from jaxtyping import Array, Int, Shaped
 
 from .devices import AXIS
 
 
 _SPREAD, _SAME = PartitionSpec(AXIS), PartitionSpec()
 
+_Address = tuple[Int[Array, " m"], ...]
+
+
+class Sectioned(NamedTuple):
+    """Arrays of any number of axes that are sharded along the first, as lattices are.
+
+    Such as lists that have those of every section one after the other, all equally
+    long.
+    """
+
+    values: Any
+
 
 def _specs(tree: Any) -> Any:
     """Lattices are sharded along their first axis, and all else is on every device."""
-    return jax.tree.map(lambda leaf: _SPREAD if jnp.ndim(leaf) == 3 else _SAME, tree)
+    is_list = lambda node: isinstance(node, Sectioned)
+
+    def spec(node: Any) -> Any:
+        if is_list(node):
+            return Sectioned(_SPREAD)
+        return _SPREAD if jnp.ndim(node) == 3 else _SAME
+
+    return jax.tree.map(spec, tree, is_leaf=is_list)
 
 
 def on_each_device(
-    mesh: Mesh, function: Callable[..., Any], *arguments: Any, summed: bool = False
+    mesh: Mesh,
+    function: Callable[..., Any],
+    *arguments: Any,
+    reduced: Callable[[Any, str], Any] | None = None,
 ) -> Any:
     """Call a function with each device's part of the lattices in its arguments.
 
-    It returns lattices; with `summed` numbers, of which the sum over devices is
-    returned.
+    It returns lattices or lists of sections; with `reduced`, such as `jax.lax.psum`,
+    values that are reduced over the devices.
     """
 
     def own(*local):
         found = function(*local)
-        return jax.lax.psum(found, AXIS) if summed else found
+        return found if reduced is None else reduced(found, AXIS)
 
     return jax.shard_map(
         own,
         mesh=mesh,
         in_specs=tuple(map(_specs, arguments)),
-        out_specs=_SAME if summed else _SPREAD,
+        out_specs=_SPREAD if reduced is None else _SAME,
         check_vma=False,
     )(*arguments)
+
+
+def gathered(
+    mesh: Mesh | None, values: Shaped[Array, "..."], address: _Address
+) -> Shaped[Array, " m"]:
+    """Values at an address; on several devices without any exchange.
+
+    There the address has as many places for each device, all in its own part.
+    """
+    get = lambda values, address: values.at[address].get(mode="promise_in_bounds")
+    if mesh is None:
+        return get(values, address)
+
+    def own(number, values, given):
+        within = within_section(number, given.values, len(values.values))
+        return get(values.values, within)
+
+    number = section_numbers(mesh)
+    return on_each_device(mesh, own, number, Sectioned(values), Sectioned(address))
+
+
+def with_added(
+    mesh: Mesh | None,
+    values: Shaped[Array, "..."],
+    address: _Address,
+    more: Shaped[Array, " m"],
+) -> Shaped[Array, "..."]:
+    """Values with more at an address, which is in order, as of `gathered`."""
+
+    def add(values, address, more, unique):
+        return values.at[address].add(
+            more,
+            mode="promise_in_bounds",
+            indices_are_sorted=True,
+            unique_indices=unique,
+        )
+
+    if mesh is None:
+        return add(values, address, more, True)
+
+    def own(number, values, given):
+        address, more = given.values
+        # Places that fill up a section's list are one.
+        return add(values, within_section(number, address, len(values)), more, False)
+
+    number = section_numbers(mesh)
+    return on_each_device(mesh, own, number, values, Sectioned((address, more)))
+
+
+def section_numbers(mesh: Mesh) -> Sectioned:
+    """Number of each section, for `within_section`."""
+    # `axis_index` is evaluated outside of the section where constants are folded.
+    return Sectioned(jnp.arange(mesh.size))
+
+
+def within_section(number: Sectioned, address: _Address, length: int) -> _Address:
+    """An address in a device's own part of an array, from that in the whole array.
+
+    For functions of `on_each_device`; each part has this length.
+    """
+    first, *others = address
+    return first - number.values * length, *others
 
 
 def with_neighbours(state: Shaped[Array, "x y z"]) -> Shaped[Array, "x y z"]:
@@ -136,6 +220,8 @@ def own_copies(tree: Any) -> Any:
 
 def placed(mesh: Mesh, tree: Any, lattices: frozenset[tuple[int, ...]]) -> Any:
     """A pytree on the devices of a mesh: arrays of the shapes `lattices` sharded.
+
+    These are lattices, and lists of sections.
 
     Arrays that are there already stay; all others are on every device.
     """

@@ -32,7 +32,7 @@ from jaxtyping import Array, Float, Int
 from ..arrays import Scalar, is_traced, typed_array
 from ..errors import InputError
 from ..material.material import Material, Property
-from ..network.link_operator import row_layout, row_network
+from ..network.link_operator import row_layout, row_network, series
 from ..network.network import AbstractNetwork, precise_sum
 from ..network.non_orthogonal import non_orthogonal
 from ..network.nonlinear import NonlinearNetwork, kirchhoff_transform
@@ -40,7 +40,7 @@ from ..structures.build.assignment import volume_within
 from ..structures.build.links import link_axes, non_orthogonal_links
 from ..structures.kinds.full import FullVolume
 from ..structures.structure import AbstractStructure
-from .stencil_conduction import mixed_stencil, series, uniform_stencil
+from .stencil_conduction import mixed_stencil, uniform_stencil
 from .varying_conduction import varying_links
 
 

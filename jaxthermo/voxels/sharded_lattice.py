@@ -5,6 +5,7 @@ one after the other along its first axis, each with an empty cell at both ends, 
 every device has a lattice of its own, as large as those of the others.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -84,3 +85,17 @@ def sharded_lattice(solid: Bool[np.ndarray, "x y z"], count: int) -> ShardedLatt
 
 def _fills(length: int, count: int) -> bool:
     return -(-length // count) * (count - 1) < length
+
+
+def padded_places(
+    section: Int[np.ndarray, " m"], count: int, size: Callable[[int], int] = int
+) -> tuple[Int[np.ndarray, " m"], int]:
+    """Place of each entry in a list with as many places for each of some sections.
+
+    Entries are in the order of their sections; `size` is that of the list of one that
+    has to have so many.
+    """
+    each = np.bincount(section, minlength=count)
+    length = size(int(each.max()))
+    first = np.cumsum(each) - each
+    return section * length + np.arange(len(section)) - first[section], length

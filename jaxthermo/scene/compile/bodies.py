@@ -25,6 +25,8 @@ from ...physics.conduction import (
 )
 from ...physics.flux_law import Forcing, Values
 from ...physics.time_varying import check_temperature, is_unknown_function
+from ...structures.kinds.full import FullVolume
+from ...voxels.sharded_lattice import padded_places
 from ..scene import AbstractMaterials, Body, Scene
 
 
@@ -74,6 +76,31 @@ class PreparedBody(NamedTuple):
             rank[order] = np.arange(len(nodes))
             address = tuple(index[order] for index in address)
         return tuple(map(jnp.asarray, address)), rank
+
+    def section_places(
+        self, nodes: Int[np.ndarray, " m"]
+    ) -> tuple[Address, Int[np.ndarray, " m"], int]:
+        """Positions of different nodes in a list of sections, and each one's place.
+
+        On several devices the nodes of each are followed by an empty cell, as often as
+        it takes to give all as many, which is the last result; see `gathered`. On one
+        the positions are those of `ordered_address`.
+        """
+        address, rank = self.ordered_address(nodes)
+        structure = self.body.structure
+        lattice = structure.sharded if isinstance(structure, FullVolume) else None
+        if lattice is None:
+            return address, rank, len(nodes)
+        host, length = tuple(map(np.asarray, address)), lattice.thickness + 2
+        section = host[0] // length
+        place, count = padded_places(section, lattice.count)
+        # In the rim of each section, where no temperature ever changes.
+        empty = length * np.repeat(np.arange(1, lattice.count + 1), count) - 1
+        padded = [empty, np.zeros_like(empty), np.zeros_like(empty)]
+        for index, own in zip(padded, host, strict=True):
+            index[place] = own
+        made = tuple(jnp.asarray(index, jnp.int32) for index in padded)
+        return made, place[rank], count
 
 
 def prepare(number: int, body: Body, dtype: Any) -> PreparedBody:

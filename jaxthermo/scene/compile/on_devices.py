@@ -1,7 +1,8 @@
 """A scene whose full volumes are spread over several devices.
 
-Every lattice has a section on each device, see `ShardedLattice`. Everything else of a
-scene, what belongs to surfaces too, is on every device.
+Every lattice has a section on each device, see `ShardedLattice`; and so have the lists
+of surface cells and of the nodes that loads act on. Everything else of a scene, what
+reads temperatures of fragments too, is on every device.
 """
 
 from dataclasses import replace
@@ -74,5 +75,10 @@ def placed_on_devices(tree, scene: Scene, program: Program):
     mesh = program.mesh
     if mesh is None:
         return tree
-    shapes = frozenset(body.structure.state_shape for body in scene.bodies)
-    return placed(mesh, tree, shapes)
+    shapes = {body.structure.state_shape for body in scene.bodies}
+    if program.surface is not None:
+        for cells in program.surface.by_cell.cells:
+            shapes |= {cells.node.shape, cells.address[0].shape}
+    for body in program.bodies:
+        shapes |= {source.rise.shape for source in body.sources}
+    return placed(mesh, tree, frozenset(shapes))

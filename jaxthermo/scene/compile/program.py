@@ -14,7 +14,7 @@ from jaxtyping import Array, Float, Int
 from ...arrays import Time
 from ...module import Module
 from ...network.network import AbstractNetwork, Address
-from ...parallel.lattice import spread
+from ...parallel.lattice import spread, with_added
 from ...physics.contact.links import ContactLinks
 from ...physics.radiation.irradiation import SceneRadiation
 from ...physics.radiation.radiative_exchange import Enclosure
@@ -49,18 +49,15 @@ class VolumeLoad(Module):
     """Heated volume of all of them [m^3]."""
     heat_rate_density: Any
     """[W/m^3]"""
+    mesh: Mesh | None = eqx.field(static=True)
+    """Devices of the body, each with the nodes of its own section; None for one."""
 
     def apply_heat(
         self, new: Float[Array, "..."], time: Time, dt: Time
     ) -> tuple[Float[Array, "..."], Float[Array, ""]]:
         """A state with the heat of one step, and its rate [W]."""
         density = value_at(self.heat_rate_density, time)
-        warmed = new.at[self.address].add(
-            dt * density * self.rise,
-            mode="promise_in_bounds",
-            indices_are_sorted=True,
-            unique_indices=True,
-        )
+        warmed = with_added(self.mesh, new, self.address, dt * density * self.rise)
         return warmed, density * self.volume
 
 

@@ -296,13 +296,14 @@ def _volume_load(
     entry: int, found: VolumeBinding, body: PreparedBody, dtype: Any
 ) -> VolumeLoad:
     nodes = np.flatnonzero(found.volume)
-    address, rank = body.ordered_address(nodes)
-    reached = np.empty(len(nodes), dtype)
-    reached[rank] = found.volume[nodes]
+    address, place, _ = body.section_places(nodes)
+    reached = np.zeros(len(address[0]), dtype)
+    reached[place] = found.volume[nodes]
     return VolumeLoad(
         entry=entry,
         address=address,
         rise=jnp.asarray(reached) / body.network.capacity_at(address),
+        mesh=body.network.mesh,
         volume=np.asarray(reached.sum(dtype=float), dtype),
         heat_rate_density=for_jit(found.heat_rate_density, dtype),
     )

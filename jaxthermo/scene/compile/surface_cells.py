@@ -10,12 +10,22 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.sharding import Mesh
 from jaxtyping import Array, Bool, Float, Int
 
 from ...arrays import Time, members
 from ...findings import digest
 from ...module import Module
-from ...network.network import Address, inverse
+from ...network.network import Address, inverse, slot_sums
+from ...parallel.lattice import (
+    Sectioned,
+    gathered,
+    on_each_device,
+    section_numbers,
+    with_added,
+    within_section,
+)
+from ...voxels.sharded_lattice import padded_places
 from .bodies import PreparedBody, capacity_at
 
 
@@ -46,21 +56,36 @@ class BodyCells(Module):
     conductivity_parts: Float[Array, "q p"] | None = None
     """Fractions of each cell's conductivity by material and axis, where one of several
     varies with temperature."""
+    mesh: Mesh | None = eqx.field(static=True, default=None)
+    """Devices of the body; each has the nodes and cells of its own section, one after
+    the other in all lists. None for one device."""
+
+    def nodes_of(self, state: OneBody) -> Float[Array, " m"]:
+        """Values of a state at the nodes."""
+        return gathered(self.mesh, state, self.address)
 
     def cells_of(self, nodes: Float[Array, " m"]) -> Float[Array, " p"]:
         """Values of the nodes at the cells."""
-        return nodes.at[self.node].get(mode="promise_in_bounds")
+        return gathered(self.mesh, nodes, (self.node,))
+
+    def sums(self, values: Float[Array, " p"]) -> Float[Array, " m"]:
+        """Sums of the values of cells at the nodes."""
+        if self.mesh is None:
+            return slot_sums(values, self.slots)
+
+        def own(number, given):
+            values, slots = given.values
+            within = lambda slot: within_section(number, (slot,), len(values))[0]
+            return slot_sums(values, tuple(map(within, slots)))
+
+        number, lists = section_numbers(self.mesh), Sectioned((values, self.slots))
+        return on_each_device(self.mesh, own, number, lists)
 
     def add(self, new: OneBody, dt: Time, heat: Float[Array, " m"]) -> OneBody:
         """A state with the heat rates of the nodes [W] over `dt` [s]."""
         # The state stays three-dimensional here: flattening it for the scatter would
         # make XLA compute the whole stencil with flat indices, slowly.
-        return new.at[self.address].add(
-            dt * heat / self.capacity,
-            mode="promise_in_bounds",
-            indices_are_sorted=True,
-            unique_indices=True,
-        )
+        return with_added(self.mesh, new, self.address, dt * heat / self.capacity)
 
 
 def _even_size(count: int) -> int:
@@ -93,6 +118,7 @@ def body_cells(
         node=layout.node,
         slots=layout.slots,
         conductivity_parts=_parts_of_cells(body, layout.cell, layout.node.shape[0]),
+        mesh=body.network.mesh,
     )
     return cells, layout.cell
 
@@ -132,17 +158,23 @@ def _layout(
     # A key per node and combination of terms; equal keys are one cell.
     touched = np.flatnonzero(np.any(acts, axis=0))
     nodes, node = np.unique(body.fragment_node[touched], return_inverse=True)
-    address, rank = body.ordered_address(nodes)
+    address, place, per_section = body.section_places(nodes)
     signatures = signature.max() + 1
-    key = rank[node.reshape(-1)] * signatures + signature[touched]
+    key = place[node.reshape(-1)] * signatures + signature[touched]
     cells, inverse = np.unique(key, return_inverse=True)
-    cell[touched] = inverse.reshape(-1)
     node = (cells // signatures).astype(np.int32)
-    count = _shared_size(body, len(acts), _even_size(len(cells)))
+    # One section, with all, where the body is on one device.
+    sections = len(address[0]) // per_section
+    size = lambda count: _shared_size(body, len(acts), _even_size(count))
+    of_cell, count = padded_places(node // per_section, sections, size)
+    cell[touched] = of_cell[inverse.reshape(-1)]
+    every = np.repeat(per_section * np.arange(sections, dtype=np.int32), count)
+    every[of_cell] = node
+    past = np.append(of_cell, len(every)).astype(np.int32)
     return _Layout(
         address=address,
-        node=jnp.asarray(np.pad(node, (0, count - len(node)))),
-        slots=tuple(jnp.asarray(slot) for slot in members(node, len(nodes))),
+        node=jnp.asarray(every),
+        slots=tuple(jnp.asarray(past[s]) for s in members(node, len(address[0]))),
         cell=cell,
     )
 

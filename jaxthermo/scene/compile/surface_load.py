@@ -14,7 +14,7 @@ from typing_extensions import override
 from ...arrays import Time, typed_array
 from ...findings import found
 from ...module import Module
-from ...network.network import AbstractNetwork, Address, precise_sum, slot_sums
+from ...network.network import AbstractNetwork, Address, precise_sum
 from ...physics.surface import spread
 from ...physics.surface_energy_balance import SurfaceTerms
 from .surface_cells import BodyCells, OneBody
@@ -37,8 +37,7 @@ class AbstractSurfaceLoad(Module):
 
     def nodes_of(self, index: int, state: OneBody) -> Float[Array, " m"]:
         """Values of a state at the nodes of the body with this index."""
-        address = self.by_cell.cells[index].address
-        return state.at[address].get(mode="promise_in_bounds")
+        return self.by_cell.cells[index].nodes_of(state)
 
     @abc.abstractmethod
     def heat(
@@ -78,7 +77,7 @@ class AbstractSurfaceLoad(Module):
         for index, cells in enumerate(load.cells):
             if cells.body == body:
                 stiffness = load.terms_on(index).stiffness(highest, end, relative)
-                found.append((cells.address, slot_sums(stiffness, cells.slots)))
+                found.append((cells.address, cells.sums(stiffness)))
         return found
 
     def is_dissipative(self, body: int) -> bool:
@@ -161,7 +160,7 @@ class SurfaceLoad(AbstractSurfaceLoad):
         heat: Array,
     ) -> OneBody:
         cells = self.cells[index]
-        return cells.add(new, dt, slot_sums(heat, cells.slots))
+        return cells.add(new, dt, cells.sums(heat))
 
     def terms_on(self, index: int) -> SurfaceTerms:
         """The terms on the cells of one body."""

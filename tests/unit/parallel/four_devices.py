@@ -25,10 +25,16 @@ END, SAVES = 20.0, [5.0, 20.0]
 
 
 def scene() -> jt.Scene:
-    mesh = jt.shapes.sphere(0.05)
-    grid = jt.voxelize(mesh, 0.1 / 11, "dominant_axis")
+    """A ball with cut voxels, heated inside, with linear and nonlinear terms."""
+    grid = jt.voxelize(jt.shapes.sphere(0.05), 0.1 / 11)
+    assert grid.cut is not None and not grid.cut.is_empty
     body = jt.Body(jt.FullVolume(grid), jt.materials["copper"], temperature=300.0)
-    terms = (jt.Convection(50.0, 280.0), jt.Sun((-1.0, 0.0, -0.2), 800.0))
+    terms = (
+        jt.Convection(50.0, 280.0),
+        jt.Sun((-1.0, 0.0, -0.2), 800.0),
+        jt.Surroundings(280.0),
+        jt.HeatSource(-1e4),
+    )
     return jt.Scene((body,), terms)
 
 
@@ -71,7 +77,13 @@ def resumed() -> None:
 
 def networks_equal() -> None:
     """Stencils of every kind have the values of one device, and nothing elsewhere."""
-    grid = jt.voxelize(jt.shapes.sphere(0.05), 0.1 / 11, "dominant_axis")
+    for cells in ("dominant_axis", "crossings"):
+        grid = jt.voxelize(jt.shapes.sphere(0.05), 0.1 / 11, cells)
+        assert (grid.cut is not None) == (cells == "crossings")
+        networks_equal_on(grid)
+
+
+def networks_equal_on(grid: jt.VoxelGrid) -> None:
     one = jt.FullVolume(grid, sections=False)
     four, random = replace(one, devices=4), np.random.default_rng(0)
     values = random.normal(size=one.node_count).astype(np.float32)
@@ -90,6 +102,7 @@ def networks_equal() -> None:
             lambda network, state: network.face_heat_rate(state),
             lambda network, state: network.euler_step(state, jnp.float32(1e-3)),
             lambda network, _: network.diagonal(),
+            lambda network, _: network.capacity(),
         ):
             found = []
             for own in (one, four):
@@ -97,9 +110,29 @@ def networks_equal() -> None:
                 mesh = network.mesh
                 state = jnp.asarray(host) if mesh is None else spread(mesh, host)
                 result = np.asarray(jax.jit(law)(network, state))
+                if not result.ndim:
+                    # One capacity for all.
+                    found.append(result)
+                    continue
                 found.append(own.node_values(result))
                 assert np.count_nonzero(result) <= one.node_count
             np.testing.assert_array_equal(*found)
+        sums_equal(make(one), make(four), one, four, values)
+
+
+def sums_equal(network, other, one, four, values) -> None:
+    """Sums over the body, the largest rate, and capacities of some nodes are equal."""
+    for law, rtol in (
+        (lambda network, _: network.max_rate(), 0.0),
+        (lambda network, _: network.total_capacity(), 1e-6),
+        (lambda network, state: network.stored(state), 1e-6),
+    ):
+        alone = jax.jit(law)(network, jnp.asarray(one.state_of(values)))
+        state = spread(other.mesh, four.state_of(values))
+        np.testing.assert_allclose(jax.jit(law)(other, state), alone, rtol=rtol)
+    nodes = np.arange(one.node_count)[::3]
+    at = [tuple(map(jnp.asarray, own.address_of(nodes))) for own in (one, four)]
+    np.testing.assert_array_equal(other.capacity_at(at[1]), network.capacity_at(at[0]))
 
 
 def refused() -> None:
