@@ -99,6 +99,10 @@ def timed_runner(scene: jt.Scene) -> Runner:
     return scene_runner(scene, _DT, steps)
 
 
+HIGHEST_WITH_ERROR = 250
+"""Voxels along up, above which no error is measured: a full volume takes n^5 for it."""
+
+
 @cache
 def errors(name: str, height: int) -> dict[str, float]:
     """Errors of the structures against the full volume in `levels`' scene [%]."""

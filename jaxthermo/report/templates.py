@@ -1,5 +1,8 @@
 """Templates of the HTML pages: text is escaped, only `Html` is taken as it is."""
 
+import html
+import re
+
 from jinja2 import DictLoader, Environment, StrictUndefined
 
 
@@ -31,7 +34,7 @@ dt { font-weight: 600; } dd { margin: 0; }
 .card img { width: 112px; margin: 0; align-self: flex-start; border-radius: 3px; }
 .card div { min-width: 0; } .card h3 { margin: 0; font-size: 1rem; }
 .card p { margin: .25rem 0 0; font-size: 13px; overflow-wrap: anywhere; }
-a { color: #1a5fb4; }
+a { color: #1a5fb4; } code { font-size: .92em; background: #f4f5f7; }
 """
 
 _TEMPLATES = {
@@ -50,16 +53,16 @@ _TEMPLATES = {
 <td{% if cell.html_class %} class="{{ cell.html_class }}"{% endif %}
 {%- if cell.columns > 1 %} colspan="{{ cell.columns }}"{% endif %}>
 {%- for line in cell.text.split("\\n") -%}
-{% if cell.links %}<a href="#{{ line }}">{{ line }}</a>{% else %}{{ line }}
+{% if cell.links %}<a href="#{{ line }}">{{ line }}</a>{% else %}{{ line | with_code }}
 {%- endif %}{% if not loop.last %}<br>{% endif %}
 {%- endfor %}</td>{% endfor %}</tr>
 {% endfor %}</tbody></table></div>""",
     "terms": """<dl>{% for word, meaning in pairs -%}
-<dt>{{ word }}</dt><dd>{{ meaning }}</dd>
+<dt>{{ word }}</dt><dd>{{ meaning | with_code }}</dd>
 {% endfor %}</dl>""",
     "heading": """<h{{ level }}{% if anchor %} id="{{ anchor }}"{% endif %}>
 {{- text }}</h{{ level }}>""",
-    "paragraph": "<p{% if note %} class=note{% endif %}>{{ text }}</p>",
+    "paragraph": "<p{% if note %} class=note{% endif %}>{{ text | with_code }}</p>",
     "details": """<details><summary>{{ title }}</summary>
 {{ content }}</details>""",
     "pre": "<pre>{{ text }}</pre>",
@@ -89,6 +92,14 @@ class Html(str):
     def __html__(self) -> "Html":
         """Itself: by this name jinja2 recognizes markup."""
         return self
+
+
+def _with_code(text: str) -> Html:
+    """Text, escaped, with what is between backticks in a fixed-width font."""
+    return Html(re.sub(r"`([^`]+)`", r"<code>\1</code>", html.escape(text)))
+
+
+_ENVIRONMENT.filters["with_code"] = _with_code
 
 
 def render(template: str, **values: object) -> Html:

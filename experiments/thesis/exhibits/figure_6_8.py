@@ -14,12 +14,11 @@ from ..bodies import statue
 from ..counting import TIMES
 from ..exhibit import Exhibit, Finding, Plot, Verdict, skipped
 from ..line_chart import log_chart, point
-from ..resolution import FULL, KINDS, errors, step_times
+from ..resolution import FULL, HIGHEST_WITH_ERROR, KINDS, errors, step_times
 
 
 _HEIGHTS, _QUICK_HEIGHTS = (50, 100, 150, 200, 250, 350, 450, 550), (50, 100, 150)
-# Highest body whose error is measured: the full volume takes n^5 for it.
-_MOST_WITH_ERROR, _QUICK_ERRORS = 250, (150,)
+_QUICK_ERRORS = (150,)
 _FIGURES = {"figure-6.8": "Happy Buddha", "figure-6.10": "Max Planck"}
 
 
@@ -29,7 +28,7 @@ def _measure(name: str, quick: bool) -> Finding:
     heights = _QUICK_HEIGHTS if quick else _HEIGHTS
     times = [step_times(name, height) for height in heights]
     with_error = [
-        h for h in heights if (h in _QUICK_ERRORS if quick else h <= _MOST_WITH_ERROR)
+        h for h in heights if (h in _QUICK_ERRORS if quick else h <= HIGHEST_WITH_ERROR)
     ]
     wrong = {height: errors(name, height) for height in with_error}
     slope = {kind: _slope(times, kind) for kind in KINDS}

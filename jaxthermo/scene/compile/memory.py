@@ -113,27 +113,25 @@ def forecast_memory(
     for body in scene.bodies:
         structure = body.structure
         counts = structure.found("part_counts", lambda own=structure: _counts(own))
-        # What belongs to the surface is on every device, and counted for all of them.
-        copies = _devices(body)
-        counts = counts._replace(
-            fragments=copies * counts.fragments, cut_voxels=copies * counts.cut_voxels
-        )
+        # What reads the fragments is on every device, and counted for all of them;
+        # what steps evaluate is on the device of its section.
+        read = counts._replace(fragments=_devices(body) * counts.fragments)
         is_stencil = len(structure.state_shape) == 3
-        own = (_KEPT_STENCIL if is_stencil else _KEPT_LINKS).bytes_of(counts)
+        own = (_KEPT_STENCIL if is_stencil else _KEPT_LINKS).bytes_of(read)
         if not is_stencil and isinstance(structure, FullVolume):
             own += _KEPT_VOXEL_LINKS.bytes_of(counts)
         if is_stencil and isinstance(body.material, AbstractMaterials):
             own += _KEPT_MIXED_STENCIL.bytes_of(counts) * width / 4
         solves = _SOLVES_STENCIL if is_stencil else _SOLVES_LINKS
         own += solves.get(method, _Parts()).bytes_of(counts)
-        own += (snapshots - 1) * _KEPT_SNAPSHOT.bytes_of(counts)
+        own += (snapshots - 1) * _KEPT_SNAPSHOT.bytes_of(read)
         if _has_varying_links(body):
             own += structure.link_count * (8 * width + 8)
         kept += own * (_KEPT_DOUBLE if width == 8 else 1)
         each = (_STEPS_STENCIL if is_stencil else _STEPS_LINKS)[method]
         steps += each.bytes_of(counts) * width / 4
         runtime += _RUNTIME_STENCIL.bytes_of(counts) * width / 4 * is_stencil
-        rows += int(counts.fragments) * width * saves
+        rows += int(read.fragments) * width * saves
     return MemoryForecast(int(kept), int(steps), rows, int(runtime))
 
 

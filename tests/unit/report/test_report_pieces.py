@@ -116,3 +116,10 @@ def test_numbers_have_three_digits_and_a_unit():
     assert texts == ["2.80", "0.500", "12.0", "123"]
     assert padded(0.0) == "0.00" and padded(999.6) == "1,000"
     assert count(1, "node") == "1 node" and count(12000, "node") == "12,000 nodes"
+
+
+def test_text_between_backticks_is_code_and_all_text_is_escaped():
+    shown = page.paragraph("run `calibrate plan <scene>` & look")
+    assert shown == "<p>run <code>calibrate plan &lt;scene&gt;</code> &amp; look</p>"
+    table = Table(["what"], [["`a` < b"], ["one `"]], "", "")
+    assert "<code>a</code> &lt; b" in table.html() and "one `" in table.html()
