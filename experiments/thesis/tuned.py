@@ -5,6 +5,7 @@ the full volume of the same voxels.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from io import BytesIO
 from pathlib import Path
@@ -82,8 +83,9 @@ class Tuned(NamedTuple):
         (case,) = problem.cases
         camera = self.calibration.configs[case.name].camera
         last = [len(case.target.times) - 1]
+        titled = replace(case, name=f"sun from {case.name}, held out")
         return Image.open(
-            BytesIO(difference_picture(case, camera, self.solutions, last))
+            BytesIO(difference_picture(titled, camera, self.solutions, last))
         )
 
 

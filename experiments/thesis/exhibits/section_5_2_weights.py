@@ -85,7 +85,7 @@ def _measure(quick: bool) -> Finding:
                 f"weights-{word}-difference",
                 each.picture(),
                 f"{each.name}: surface less the full volume's at the end, with weights "
-                "of 1, one tuned, and all fitted. The title is the load, the one held "
+                "of 1, one tuned, and all fitted. The sun shines from the side held "
                 "out; red is too warm.",
             ),
         ]
