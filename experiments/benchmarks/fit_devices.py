@@ -2,8 +2,8 @@
 
 In turn in a process of its own, which has two devices: where there are no others, they
 share the threads of one processor, and a device alone uses all of them where an
-operation is large enough. Times of the processor, over all threads, tell what is computed
-twice; unlike wall times they hold where other programs use the processor too.
+operation is large enough. Times of all threads tell what is computed twice, where other
+programs use the processor too.
 """
 
 import json

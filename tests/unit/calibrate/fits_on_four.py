@@ -1,6 +1,7 @@
 """Fits and sweeps on four devices against one: for a process that has four."""
 
 import sys
+from functools import partial
 from pathlib import Path
 
 import jax
@@ -29,7 +30,7 @@ from tests.sweeping import SWEEP, sweep_file
 
 
 # Rounding of a run in float64.
-ROUNDING = {"rtol": 1e-9, "atol": 1e-9}
+close = partial(np.testing.assert_allclose, rtol=1e-9, atol=1e-9)
 
 
 def problem() -> Problem:
@@ -41,12 +42,12 @@ def problem() -> Problem:
 def check(fit: Fit, other: Fit) -> None:
     assert fit.jacobian is not None and other.jacobian is not None
     assert len(fit.steps) == len(other.steps) and fit.ended == other.ended
-    np.testing.assert_allclose(fit.z, other.z, **ROUNDING)
-    np.testing.assert_allclose(fit.residual, other.residual, **ROUNDING)
-    np.testing.assert_allclose(fit.jacobian, other.jacobian, **ROUNDING)
+    close(fit.z, other.z)
+    close(fit.residual, other.residual)
+    close(fit.jacobian, other.jacobian)
     for step, its_step in zip(fit.steps, other.steps, strict=True):
         assert step.outcome == its_step.outcome
-        np.testing.assert_allclose(step.loss, its_step.loss, **ROUNDING)
+        close(step.loss, its_step.loss)
 
 
 def model(z, tables, views):
@@ -84,7 +85,7 @@ def solver() -> None:
     assert one[-1].shape == (6,) and one[0].shape == (5, 9)
     assert (one[3] ** 2).sum() > 1.1 * (one[13] ** 2).sum()
     for each, other in zip(one, four, strict=True):
-        np.testing.assert_allclose(other, each, **ROUNDING)
+        close(other, each)
 
 
 def columns() -> None:
@@ -114,7 +115,7 @@ def starts() -> None:
         Fitting(problem(), settings, devices=n).best_start(points) for n in (1, 4)
     )
     assert np.abs(one).max() > 0.1
-    np.testing.assert_allclose(four, one, **ROUNDING)
+    close(four, one)
 
 
 def cases() -> None:
@@ -130,7 +131,7 @@ def cases() -> None:
         assert made.row["steps"] == other.row["steps"]
         for name in ("rms_kelvin", "p99_kelvin", "bias_kelvin"):
             errors = made.row["error"][name], other.row["error"][name]
-            np.testing.assert_allclose(*errors, **ROUNDING)
+            close(*errors)
 
 
 if __name__ == "__main__":
