@@ -16,7 +16,12 @@ app = make_app(
 @app.command
 @compiles
 def _fit(
-    config: Path, /, *, out: Path | None = None, overrides: Overrides = ()
+    config: Path,
+    /,
+    *,
+    out: Path | None = None,
+    overrides: Overrides = (),
+    devices: int = 1,
 ) -> None:
     """Fit the parameters of a config; writes fit.json, card.yaml and report.html.
 
@@ -26,10 +31,12 @@ def _fit(
         config: The calibration, a YAML file.
         out: The folder for the results; results/calibration/NAME by default.
         overrides: A value to change, such as fit.seed=3; may be repeated.
+        devices: Number of devices that share the derivatives of a step, and the starts
+            of a search from several; refused where there is less to share.
     """
     from .cli import fit as run
 
-    run(config, out or Path("results/calibration") / config.stem, overrides)
+    run(config, out or Path("results/calibration") / config.stem, overrides, devices)
 
 
 @app.command

@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from jaxthermo.cli.console import open_console, patient_interrupt, print_line
+from jaxthermo.parallel.devices import provide_devices
 from jaxthermo.report.numbers import count
 
 from .analysis.fit_card import check_card
@@ -56,11 +57,13 @@ def _progress(console: Console) -> Progress:
     )
 
 
-def fit(config: Path, out: Path, overrides: tuple[str, ...]) -> None:
+def fit(config: Path, out: Path, overrides: tuple[str, ...], devices: int = 1) -> None:
     """Run `calibrate fit`."""
+    provide_devices(devices)
     console = open_console()
     with patient_interrupt() as asked, _progress(console) as bar:
-        result = fit_config(config, out, overrides, _ProgressBar(console, bar), asked)
+        log = _ProgressBar(console, bar)
+        result = fit_config(config, out, overrides, log, asked, devices=devices)
     print_fit(console, result)
     print_line(console, f"fit.json, card.yaml and report.html in {out}")
     if result["ended"] == "interrupted":

@@ -14,6 +14,7 @@ from jaxthermo.atomic import replacing
 from jaxthermo.cli.files import results_folder
 from jaxthermo.config.card_file import write_card
 from jaxthermo.config.strict_yaml import write_yaml
+from jaxthermo.parallel.devices import check_devices
 from jaxthermo.provenance import provenance
 
 from .analysis.experiment_design import rank_experiments
@@ -58,6 +59,7 @@ def fit_config(
     log: ProgressLog | None = None,
     stop: Callable[[], bool] = lambda: False,
     report: bool = True,
+    devices: int = 1,
 ) -> dict[str, Any]:
     """Run the fit of a config, write its results, and return those of `fit.json`.
 
@@ -69,10 +71,13 @@ def fit_config(
         stop: asked before every step if the fit should end with the best so far.
         report: False to leave out the page and the advice on further cases, which take
             about as long as a small fit.
+        devices: number of devices that share derivatives and starts.
 
     Raises:
-        InputError: for a mistake in the config or its data.
+        InputError: for a mistake in the config or its data, or if the fit cannot be
+            shared by so many devices.
     """
+    check_devices(devices)
     log = ProgressLog() if log is None else log
     config = load_calibration(path, overrides)
     with results_folder(out) as folder:
@@ -81,11 +86,8 @@ def fit_config(
         truth = Truth.prepare(config, calibration, log.stage)
         _discard_old_checkpoint(folder, config)
         log.stage("compiling")
-        fitting, settings, start = (
-            Fitting(calibration.train, config.fit),
-            config.fit,
-            None,
-        )
+        settings, start = config.fit, None
+        fitting = Fitting(calibration.train, settings, devices=devices)
         # A checkpoint is later than any start.
         if settings.starts > 1 and not (folder / _CHECKPOINT).exists():
             log.stage(f"searching from {settings.starts} starts")

@@ -120,6 +120,7 @@ def _sweep(
     scheduler: str | None = None,
     retry: bool = False,
     times: bool = True,
+    devices: int = 1,
     overrides: Overrides = (),
 ) -> None:
     """Measure error and run time over axes of a scene.
@@ -130,17 +131,20 @@ def _sweep(
         config: The sweep, a YAML file.
         out: The folder for rows.jsonl and the rest; results/sweeps/NAME by default.
         workers: Number of processes that errors are computed in; 0 or 1 for this one,
-            2 by default.
+            2 by default, and 1 with devices.
         scheduler: Address of a dask scheduler, such as tcp://10.0.0.1:8786, instead.
         retry: Run cases that failed again.
         times: Time every case after its error, one after the other.
+        devices: Number of devices of this process that share cases which differ in
+            numbers only; refused where no cases do.
         overrides: A value of the config to change, such as repeats=3; may be repeated.
     """
     from .sweep.command import default_workers, sweep
     from .sweep.run import Options
 
-    count = default_workers() if workers is None else workers
-    options = Options(count, scheduler, retry, times)
+    default = default_workers() if devices == 1 else 1
+    count = default if workers is None else workers
+    options = Options(count, scheduler, retry, times, devices)
     folder = out or Path("results/sweeps") / config.stem
     sweep(config, folder, overrides, options)
 

@@ -67,6 +67,9 @@ _ABOUT = {
     "benchmarks.devices": (
         "a step of the full volume over two devices and two processes beside one"
     ),
+    "benchmarks.fit_devices": (
+        "the Jacobian of a step of a fit over two devices beside one"
+    ),
     "benchmarks.multigrid": (
         "an implicit step and a steady state beside scipy and pyamg"
     ),

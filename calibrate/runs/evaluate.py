@@ -11,6 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.sharding import Mesh
 
 from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
@@ -25,6 +26,8 @@ from jaxthermo.integrate.run.plan import (
 from jaxthermo.integrate.run.simulate import make_solution, run_plan, take_steps
 from jaxthermo.integrate.run.solution import RESULTS, Observation, Solution
 from jaxthermo.integrate.run.surface_reading import SurfaceReading
+from jaxthermo.parallel.batch import from_first_device, over_devices
+from jaxthermo.parallel.devices import mesh_of
 
 from .case import Case
 from .picture import difference_picture
@@ -59,13 +62,14 @@ def evaluate(case: Case, truth: Truth) -> Evaluated:
 
 
 def evaluate_group(
-    cases: Sequence[Case], truths: Mapping[str, Truth]
+    cases: Sequence[Case], truths: Mapping[str, Truth], devices: int = 1
 ) -> list[Evaluated]:
     """Run cases, those whose arrays have the same shapes in one program.
 
     Args:
         cases: in any order.
         truths: reference of each load by its name.
+        devices: number of devices that share the cases of a program.
 
     Returns:
         A row for each case, in their order.
@@ -79,7 +83,8 @@ def evaluate_group(
             found[number] = _failed(case, error)
     for batch in _batches(waiting):
         members = [planned for _, planned in batch]
-        for (number, _), made in zip(batch, _run(members, truths), strict=True):
+        results = _run(members, truths, devices)
+        for (number, _), made in zip(batch, results, strict=True):
             found[number] = made
     return [found[number] for number in range(len(cases))]
 
@@ -129,7 +134,9 @@ def _arguments(plan: Plan) -> tuple[Any, ...]:
     return plan.stepper, plan.compiled.program, initial_state(plan), table
 
 
-def _run(batch: list[_Planned], truths: Mapping[str, Truth]) -> list[Evaluated]:
+def _run(
+    batch: list[_Planned], truths: Mapping[str, Truth], devices: int
+) -> list[Evaluated]:
     clock = time.perf_counter()
     plans = [planned.plan for planned in batch]
     try:
@@ -137,7 +144,7 @@ def _run(batch: list[_Planned], truths: Mapping[str, Truth]) -> list[Evaluated]:
             if len(plans) == 1:
                 solutions = [run_plan(plans[0])]
             else:
-                rows = _together([_arguments(plan) for plan in plans])
+                rows = _together([_arguments(plan) for plan in plans], devices)
                 solutions = [
                     make_solution(plan, jax.tree.map(lambda a, n=n: a[n], rows))
                     for n, plan in enumerate(plans)
@@ -159,7 +166,7 @@ def _run(batch: list[_Planned], truths: Mapping[str, Truth]) -> list[Evaluated]:
     return found
 
 
-def _together(arguments: list[tuple[Any, ...]]) -> Observation:
+def _together(arguments: list[tuple[Any, ...]], devices: int) -> Observation:
     """Observations of runs that differ in numbers, along a new first axis."""
     pairs = [eqx.partition(each, eqx.is_array) for each in arguments]
     static = pairs[0][1]
@@ -174,12 +181,19 @@ def _together(arguments: list[tuple[Any, ...]]) -> Observation:
         jnp.stack(row) if varies else row[0]
         for row, varies in zip(columns, differs, strict=True)
     ]
-    return jax.block_until_ready(_mapped(stacked, tuple(differs), tree, static))
+    mesh = None if devices == 1 else mesh_of(devices)
+    found = _mapped(stacked, tuple(differs), tree, static, mesh)
+    # What follows is done on one device, one case after the other.
+    return from_first_device(mesh, jax.block_until_ready(found))
 
 
 @eqx.filter_jit
 def _mapped(
-    leaves: list[jax.Array], differs: tuple[bool, ...], tree: Any, static: Any
+    leaves: list[jax.Array],
+    differs: tuple[bool, ...],
+    tree: Any,
+    static: Any,
+    mesh: Mesh | None,
 ) -> Observation:
     # One function for all batches: the next one of this shape is not compiled again.
     def one(own: list[jax.Array]) -> Observation:
@@ -188,7 +202,11 @@ def _mapped(
         return take_steps(stepper, program, state, StepTable(*table))[1]
 
     axes = [0 if varies else None for varies in differs]
-    return jax.vmap(one, in_axes=(axes,))(leaves)
+
+    def part(own: Any, same: Any) -> tuple[Observation, None]:
+        return jax.vmap(one, in_axes=(axes,))(eqx.combine(own, same)), None
+
+    return over_devices(mesh, part, *eqx.partition(leaves, list(differs)))[0]
 
 
 def _equal(a: jax.Array, b: jax.Array) -> bool:

@@ -11,6 +11,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import Any, NamedTuple
 
 from jaxthermo.arrays import available_bytes
@@ -45,26 +46,27 @@ Pool = Callable[[Sequence[Task]], Results]
 """Function that evaluates tasks and yields their results as they are ready."""
 
 
-def in_this_process(tasks: Sequence[Task]) -> Results:
-    """Evaluate tasks one after the other."""
+def in_this_process(tasks: Sequence[Task], devices: int = 1) -> Results:
+    """Evaluate tasks one after the other; devices share the cases of each."""
     for task in tasks:
-        yield task, evaluate_group(task.cases, task.truths)
+        yield task, evaluate_group(task.cases, task.truths, devices)
 
 
 @contextmanager
-def open_pool(workers: int, scheduler: str | None) -> Iterator[Pool]:
+def open_pool(workers: int, scheduler: str | None, devices: int = 1) -> Iterator[Pool]:
     """Start local workers, or connect to a scheduler.
 
     Args:
         workers: number of local processes; this one only for 0 and 1.
         scheduler: address of a running one, such as tcp://10.0.0.1:8786.
+        devices: of this process; workers have one each.
 
     Raises:
         InputError: if the library is missing, or the scheduler cannot be reached or
             has no workers.
     """
     if scheduler is None and workers <= 1:
-        yield in_this_process
+        yield partial(in_this_process, devices=devices)
         return
     try:
         library = importlib.import_module(_LIBRARY)

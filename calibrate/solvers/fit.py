@@ -15,10 +15,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.sharding import Mesh
 from jaxtyping import Array, Float
 
 from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
+from jaxthermo.parallel.batch import on_every_device, on_first_device
+from jaxthermo.parallel.devices import check_devices, mesh_of
+from jaxthermo.report.numbers import count
 
 from ..config.schema import FitConfig
 from ..problem.problem import Problem, RunDiagnostics, StepTables, refine_steps
@@ -72,18 +76,34 @@ _StepLog = Callable[[StepRecord, float], None]
 class Fitting:
     """A problem and its search, traced once: the compiled programs serve every run."""
 
-    def __init__(self, problem: Problem, settings: FitConfig, use_broyden: bool = True):
-        """Trace the problem; nothing is compiled yet."""
+    def __init__(
+        self,
+        problem: Problem,
+        settings: FitConfig,
+        use_broyden: bool = True,
+        devices: int = 1,
+    ):
+        """Trace the problem; nothing is compiled yet.
+
+        Several devices share the columns of a Jacobian, and searches from several
+        starts.
+
+        Raises:
+            InputError: if there are fewer devices, or not as many columns or starts.
+        """
+        _check_devices(devices, problem.parameters.size, settings)
+        self._mesh = mesh = None if devices == 1 else mesh_of(devices)
         in_reverse = settings.method in REVERSE_METHODS
         self.settings = settings
         self.problem = problem.with_fixed_steps() if in_reverse else problem
         with precision(problem.dtype.name):
             memory = int(settings.memory * 2**30) if in_reverse else None
-            self.objective = make_objective(self.problem, memory)
+            made = make_objective(self.problem, memory)
+            self.objective = on_every_device(mesh, made)
             batch = self.problem.batch()
-            self._search = Search(self.objective, settings, batch, use_broyden)
+            self._search = Search(self.objective, settings, batch, use_broyden, mesh)
         # One wrapper each, so that later runs find what is compiled.
-        self._evaluate = eqx.filter_jit(residuals)
+        self._compiled_residuals = eqx.filter_jit(_residuals_once)
         self._stable_steps = eqx.filter_jit(self.problem.stable_steps)
         self._values = eqx.filter_jit(self.problem.parameters.flat_values)
 
@@ -113,6 +133,7 @@ class Fitting:
         with precision(dtype.name):
             clock = time.perf_counter()
             z = self.problem.start() if start is None else jnp.asarray(start, dtype)
+            z = on_every_device(self._mesh, z)
             objective = self.objective
             if noise is not None:
                 added = jnp.asarray(noise, dtype)
@@ -122,6 +143,7 @@ class Fitting:
             progress = Progress(z, self._search.start(z), objective.step_tables, [])
             if checkpoint is not None:
                 progress = load_progress(checkpoint, progress)
+                progress = on_every_device(self._mesh, progress)
             # Everything that the loop runs, so that its time is that of steps alone.
             state = progress.solver_state
             jax.block_until_ready(self._stable_steps(state.y_eval))
@@ -139,10 +161,11 @@ class Fitting:
         self, points: Float[np.ndarray, "n p"], stop: Callable[[], bool] = lambda: False
     ) -> Float[np.ndarray, " p"]:
         """Search from several points together and return the best that is found."""
-        dtype, batch = self.problem.dtype, self.problem.batch()
+        dtype, batch, mesh = self.problem.dtype, self.problem.batch(), self._mesh
         with precision(dtype.name):
             objective = self.objective
-            tried = losses(objective, jnp.asarray(points, dtype), batch)
+            place = partial(on_every_device, mesh)
+            tried = losses(objective, place(jnp.asarray(points, dtype)), batch, mesh)
             points = points[np.isfinite(np.asarray(tried))]
             if not len(points):
                 raise InputError(
@@ -150,9 +173,12 @@ class Fitting:
                 )
             # A batch of searches runs both branches of a condition, so that keeping
             # Jacobians would save nothing.
-            search = Search(objective, self.settings, batch, use_broyden=False)
+            search = Search(objective, self.settings, batch, False, mesh)
             z, done = jnp.asarray(points, dtype), np.zeros(len(points), bool)
-            states, advance = batched(search, z, max(1, batch // len(points[0])))
+            # At least one start on each device.
+            fewest = 1 if mesh is None else mesh.size
+            together = max(fewest, batch // len(points[0]))
+            states, advance = batched(search, z, together)
             # All searches step, finished ones for nothing: shapes cannot depend on
             # values.
             keep_finished = lambda done, old, new: jnp.where(
@@ -161,14 +187,15 @@ class Fitting:
             for _ in range(self.settings.max_steps):
                 if done.all() or stop():
                     break
-                stable = jax.lax.map(self._stable_steps, states.y_eval).min(axis=0)
-                step_tables = self._refined(objective.step_tables, stable)
+                stable = jnp.stack([self._stable_steps(z) for z in states.y_eval])
+                step_tables = self._refined(objective.step_tables, stable.min(axis=0))
                 objective = with_step_tables(objective, step_tables)
-                *following, ended = advance(z, states, objective)
+                *following, ended = advance(*place((z, states, objective)))
                 keep = partial(keep_finished, done)
                 z, states = jax.tree.map(keep, [z, states], following)
                 done = done | np.asarray(ended)
-            found = np.asarray(losses(objective, z, batch))
+            objective, z = place((objective, z))
+            found = np.asarray(losses(objective, z, batch, mesh))
         return np.asarray(z[int(found.argmin())], float)
 
     def _begin(
@@ -238,6 +265,12 @@ class Fitting:
             if log is not None:
                 log(record, seconds)
 
+    def _evaluate(
+        self, z: Float[Array, " p"], objective: Objective
+    ) -> tuple[Array, RunDiagnostics]:
+        given = on_every_device(self._mesh, (z, objective))
+        return self._compiled_residuals(self._mesh, *given)
+
     def _seen_from(self, objective: Objective, z: Float[Array, " p"]) -> Objective:
         """Objective with the cameras where they are at z."""
         return with_views(objective, self.problem.views_at(z))
@@ -276,7 +309,9 @@ class Fitting:
         rows = None
         if len(z) <= MAX_JUDGED:
             batch = self.problem.batch()
-            rows = np.asarray(jacobian_rows(residuals, objective, z, batch), float)
+            objective, z = on_every_device(self._mesh, (objective, z))
+            rows = jacobian_rows(residuals, objective, z, batch, self._mesh)
+            rows = np.asarray(rows, float)
         return Fit(
             z=np.asarray(z, float),
             loss=_loss(residual),
@@ -287,6 +322,28 @@ class Fitting:
             steps=progress.steps,
             step_seconds=progress.seconds,
             run_seconds=run_seconds,
+        )
+
+
+def _residuals_once(
+    mesh: Mesh | None, z: Float[Array, " p"], objective: Objective
+) -> tuple[Array, RunDiagnostics]:
+    return on_first_device(mesh, lambda given: residuals(*given), (z, objective))
+
+
+def _check_devices(devices: int, size: int, settings: FitConfig) -> None:
+    check_devices(devices)
+    if devices > 1 and settings.method in REVERSE_METHODS:
+        raise InputError(
+            f"devices={devices}: {settings.method} computes one derivative after the "
+            "other; use levenberg_marquardt, or leave devices out"
+        )
+    largest = max(size, settings.starts)
+    if devices > largest:
+        remedy = "leave devices out" if largest == 1 else f"give at most {largest}"
+        raise InputError(
+            f"devices={devices}: they would share the derivatives of "
+            f"{count(size, 'value')} and {count(settings.starts, 'start')}; {remedy}"
         )
 
 

@@ -24,36 +24,101 @@ import jax
 import jax.numpy as jnp
 import lineax as lx
 import optimistix as optx
+from jax.custom_batching import custom_vmap
+from jax.sharding import Mesh
 from jaxtyping import Array, Bool, Float, PyTree, Scalar, ScalarLike
 from typing_extensions import override
 
 from jaxthermo.network.network import inverse
+from jaxthermo.parallel.batch import on_first_device, over_devices, part_of
 
 
 _ResidualFunction = Callable[..., tuple[Float[Array, " r"], Any]]
 
 
 def _value_and_jacobian(
-    function: _ResidualFunction, z: Float[Array, " p"], batch: int
+    function: _ResidualFunction,
+    args: Any,
+    z: Float[Array, " p"],
+    batch: int,
+    mesh: Mesh | None,
 ) -> tuple[Float[Array, " r"], Float[Array, "p r"], Any]:
-    """Residuals, rows of their Jacobian, and auxiliary output of a function at z."""
-    tangent = lambda t: jax.jvp(function, (z,), (t,), has_aux=True)
-    # Forward mode: the time loop keeps no history of states.
-    directions = jnp.eye(len(z), dtype=z.dtype)
-    if batch >= len(z):
-        # The value comes with the derivatives, which saves a run.
-        return jax.vmap(tangent, out_axes=(None, 0, None))(directions)
-    value, aux = function(z)
-    rows = jax.lax.map(lambda t: tangent(t)[1], directions, batch_size=batch)
+    """Residuals, rows of their Jacobian, and auxiliary output of `function(z, args)`.
+
+    The devices of a mesh share the rows; under `vmap` they share the points z.
+    """
+    if mesh is None:
+        rows, same = _derivatives(function, args, z, _directions(z), batch)
+    else:
+        arrays, rest = eqx.partition(args, eqx.is_array)
+        rows, same = _on_devices(function, rest, batch, mesh)(z, arrays)
+    value, aux = same
     return value, rows, aux
+
+
+def _directions(z: Float[Array, " p"]) -> Float[Array, "p p"]:
+    return jnp.eye(len(z), dtype=z.dtype)
+
+
+def _derivatives(
+    function: _ResidualFunction,
+    args: Any,
+    z: Float[Array, " p"],
+    directions: Float[Array, "d p"],
+    batch: int,
+) -> tuple[Float[Array, "d r"], tuple[Float[Array, " r"], Any]]:
+    """Derivatives along some directions, then residuals and auxiliary output at z."""
+    # Forward mode: the time loop keeps no history of states.
+    of_z = lambda y: function(y, args)
+    tangent = lambda t: jax.jvp(of_z, (z,), (t,), has_aux=True)
+    if batch >= len(directions):
+        # The value comes with the derivatives, which saves a run.
+        value, rows, aux = jax.vmap(tangent, out_axes=(None, 0, None))(directions)
+        return rows, (value, aux)
+    same = of_z(z)
+    return jax.lax.map(lambda t: tangent(t)[1], directions, batch_size=batch), same
+
+
+def _on_devices(
+    function: _ResidualFunction, static: Any, batch: int, mesh: Mesh
+) -> Callable[[Float[Array, " p"], Any], Any]:
+    """Derivatives along all directions at a point, by arguments that are arrays."""
+
+    def derivatives(given, directions, batch):
+        z, arrays = given
+        args = eqx.combine(arrays, static)
+        return _derivatives(function, args, z, directions, batch)
+
+    @custom_vmap
+    def at_one(z, arrays):
+        # As many derivatives at once on all devices together as on one.
+        own = part_of(mesh, batch)
+        part = lambda directions, given: derivatives(given, directions, own)
+        return over_devices(mesh, part, _directions(z), (z, arrays))
+
+    @at_one.def_vmap
+    def _(_, is_batched, points, arrays):
+        # A search from several starts: each device has all directions of some.
+        def part(points, arrays):
+            whole = lambda z: derivatives((z, arrays), _directions(z), batch)
+            return jax.vmap(whole)(points), None
+
+        found, _ = over_devices(mesh, part, points, arrays)
+        return found, jax.tree.map(lambda _: True, found)
+
+    return at_one
 
 
 @eqx.filter_jit
 def jacobian_rows(
-    function: _ResidualFunction, args: Any, z: Float[Array, " p"], batch: int
+    function: _ResidualFunction,
+    args: Any,
+    z: Float[Array, " p"],
+    batch: int,
+    mesh: Mesh | None = None,
 ) -> Float[Array, "p r"]:
     """Rows of the Jacobian of `function(z, args)`, compiled once per shape."""
-    return _value_and_jacobian(lambda y: function(y, args), z, batch)[1]
+    return _value_and_jacobian(function, args, z, batch, mesh)[1]
 
 
 def _broyden_update(
@@ -164,6 +229,8 @@ class BroydenLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     """If False, every Jacobian is exact."""
     batch: int = 1
     """Number of derivatives at once in an exact Jacobian."""
+    mesh: Mesh | None = eqx.field(static=True, default=None)
+    """Devices that share the derivatives; None for one."""
 
     @override
     def init(
@@ -192,14 +259,14 @@ class BroydenLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     def step(
         self, fn: Any, y: Any, args: Any, options: Any, state: _BroydenState, tags: Any
     ) -> tuple[Float[Array, " p"], _BroydenState, PyTree]:
-        function = lambda z: fn(z, args)
-
         # An exact Jacobian costs a run per coordinate, a corrected one a single run.
         def exact():
-            return _value_and_jacobian(function, state.y_eval, self.batch)
+            batch, mesh = self.batch, self.mesh
+            return _value_and_jacobian(fn, args, state.y_eval, batch, mesh)
 
         def corrected():
-            value, aux = function(state.y_eval)
+            run = lambda given: fn(*given)
+            value, aux = on_first_device(self.mesh, run, (state.y_eval, args))
             rows = state.f_info.jac.as_matrix().T
             change = value - state.f_info.residual
             return value, _broyden_update(rows, state.y_eval - y, change), aux

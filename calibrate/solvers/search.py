@@ -12,6 +12,7 @@ arrays.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -21,8 +22,12 @@ import lineax as lx
 import numpy as np
 import optimistix as optx
 from jax.custom_derivatives import linear_call
+from jax.sharding import Mesh
 from jaxtyping import Array, Float
 from scipy.stats import qmc
+
+from jaxthermo.parallel.batch import on_every_device, over_devices, part_of
+from jaxthermo.parallel.lattice import replicated
 
 from ..config.schema import FitConfig
 from ..problem.problem import Problem, RunDiagnostics, StepTables, Traced, Views
@@ -157,12 +162,14 @@ _FUNCTIONS = {
 _OPTIONS = {"autodiff_mode": "bwd"}
 
 
-def _make_solver(settings: FitConfig, batch: int, use_broyden: bool) -> Any:
+def _make_solver(
+    settings: FitConfig, batch: int, use_broyden: bool, mesh: Mesh | None
+) -> Any:
     tolerances = settings.tolerance, settings.tolerance
     match settings.method:
         case "levenberg_marquardt":
             return BroydenLevenbergMarquardt(
-                *tolerances, use_broyden=use_broyden, batch=batch
+                *tolerances, use_broyden=use_broyden, batch=batch, mesh=mesh
             )
         case "gauss_newton":
             # By products with J^T J alone, which need no Jacobian.
@@ -188,13 +195,15 @@ class Search:
         settings: FitConfig,
         batch: int,
         use_broyden: bool = True,
+        mesh: Mesh | None = None,
     ):
         """Nothing is traced yet; `batch` forward-mode derivatives are taken at once.
 
-        With `use_broyden` Levenberg-Marquardt keeps its Jacobian between points.
+        With `use_broyden` Levenberg-Marquardt keeps its Jacobian between points. The
+        devices of a `mesh` share the derivatives.
         """
-        self._function = _FUNCTIONS[settings.method]
-        self._solver = _make_solver(settings, batch, use_broyden)
+        self._function, self._mesh = _FUNCTIONS[settings.method], mesh
+        self._solver = _make_solver(settings, batch, use_broyden, mesh)
         self._objective = objective
         self._compiled: Any = None
         self._initial: Any = None
@@ -218,13 +227,17 @@ class Search:
         given = objective, _OPTIONS
         z, state, _ = self._solver.step(self._function, z, *given, state, frozenset())
         done, _ = self._solver.terminate(self._function, z, *given, state, frozenset())
-        return z, state, done
+        arrays, rest = eqx.partition(state, eqx.is_array)
+        z, arrays, done = replicated(self._mesh, (z, arrays, done))
+        return z, eqx.combine(arrays, rest), done
 
     def compile(self, z: Float[Array, " p"], state: Any) -> Callable[..., Any]:
         """`advance` compiled ahead and once, so that steps can be timed without it."""
         if self._compiled is None:
-            lowered = eqx.filter_jit(self.advance).lower(z, state, self._objective)
-            self._compiled = lowered.compile()
+            place = partial(on_every_device, self._mesh)
+            given = place((z, state, self._objective))
+            compiled = eqx.filter_jit(self.advance).lower(*given).compile()
+            self._compiled = lambda *given: compiled(*place(given))
         return self._compiled
 
 
@@ -257,16 +270,23 @@ def start_points(
 
 @eqx.filter_jit
 def losses(
-    objective: Objective, points: Float[Array, "n p"], batch: int
+    objective: Objective,
+    points: Float[Array, "n p"],
+    batch: int,
+    mesh: Mesh | None = None,
 ) -> Float[Array, " n"]:
     """Half of the sum of squares at each point; infinite where it is not finite."""
 
-    def loss(z):
-        found = 0.5 * (residuals(z, objective)[0] ** 2).sum()
-        # A start whose run diverges is left out, not an error.
-        return jnp.where(jnp.isfinite(found), found, jnp.inf)
+    def at(points, objective):
+        def loss(z):
+            found = 0.5 * (residuals(z, objective)[0] ** 2).sum()
+            # A start whose run diverges is left out, not an error.
+            return jnp.where(jnp.isfinite(found), found, jnp.inf)
 
-    return jax.lax.map(loss, points, batch_size=max(1, min(batch, len(points))))
+        size = max(1, min(part_of(mesh, batch), len(points)))
+        return jax.lax.map(loss, points, batch_size=size), None
+
+    return over_devices(mesh, at, points, objective)[0]
 
 
 def batched(

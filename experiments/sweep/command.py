@@ -16,6 +16,7 @@ from typing_extensions import override
 
 from jaxthermo.cli.console import open_console, print_line
 from jaxthermo.errors import InputError
+from jaxthermo.parallel.devices import provide_devices
 
 from .run import Log, Options, run_sweep
 from .summary import table, write_results
@@ -60,6 +61,12 @@ def sweep(config: Path, out: Path, overrides: tuple[str, ...], options: Options)
     """Run `experiments sweep`; return the number of failed cases."""
     if options.workers < 0:
         raise InputError(f"--workers {options.workers}: give 0 or more")
+    if options.devices > 1 and (options.workers > 1 or options.scheduler is not None):
+        raise InputError(
+            f"--devices {options.devices}: they are of this process, and workers have "
+            "one each; leave --workers and --scheduler out"
+        )
+    provide_devices(options.devices)
     console = open_console()
     columns = (
         TextColumn("{task.description}"),

@@ -14,6 +14,7 @@ from calibrate.runs.times import time_case
 from calibrate.runs.truth import find_truth
 from jaxthermo.atomic import replacing
 from jaxthermo.errors import InputError
+from jaxthermo.parallel.devices import check_devices
 
 from .config import OptunaSampling, SweepConfig, load_sweep, sweep_hash, to_yaml
 from .fits import check_fit, with_fit
@@ -28,6 +29,12 @@ class Options:
     scheduler: str | None = None
     retry: bool = False
     times: bool = True
+    devices: int = 1
+
+    @property
+    def pool(self) -> tuple[int, str | None, int]:
+        """Workers, scheduler and devices."""
+        return self.workers, self.scheduler, self.devices
 
 
 class Log:
@@ -84,6 +91,7 @@ def run_sweep(
     # All mistakes, before the folder is made and anything is fitted.
     cases = [case for choice in chosen for case in _cases(path, config, choice)]
     sweep = Sweep(config, sweep_hash(config), folder, cases)
+    _check_devices(sweep, options.devices)
     claim_folder(folder, sweep.hash)
     if any(choice.fit is not None for choice in chosen):
         sweep.cases = list(_fitted_cases(path, sweep, chosen, log))
@@ -101,6 +109,18 @@ def run_sweep(
             "same command goes on from there"
         ) from None
     return sweep
+
+
+def _check_devices(sweep: Sweep, devices: int) -> None:
+    check_devices(devices)
+    # A study has no cases yet.
+    largest = max((len(group) for group in groups(sweep.cases)), default=devices)
+    if devices > largest:
+        remedy = "leave devices out" if largest == 1 else f"give at most {largest}"
+        raise InputError(
+            f"devices={devices}: they would share cases that differ in numbers only, "
+            f"of which this sweep has at most {largest} together; {remedy}"
+        )
 
 
 def _fitted_cases(
@@ -161,7 +181,7 @@ class _Evaluator:
             return
         self._find_truths(missing)
         self.log.stage("errors", len(cases) - len(missing), len(cases))
-        with open_pool(self.options.workers, self.options.scheduler) as pool:
+        with open_pool(*self.options.pool) as pool:
             self._run(cases, pool)
 
     def _find_truths(self, missing: Iterable[Case]) -> None:
@@ -199,7 +219,7 @@ class _Evaluator:
     def study(self, path: Path, sampling: OptunaSampling) -> None:
         config, asked = self.sweep.config, 0
         study = Study(config, sampling)
-        with open_pool(self.options.workers, self.options.scheduler) as pool:
+        with open_pool(*self.options.pool) as pool:
             while asked < sampling.count:
                 batch = study.ask(min(sampling.batch, sampling.count - asked))
                 asked += len(batch)

@@ -1,1 +1,1 @@
-"""Lattices of full volumes over several devices."""
+"""Lattices of full volumes, and batches of runs, over several devices."""

@@ -13,7 +13,8 @@ from ..errors import InputError
 
 
 AXIS = "section"
-"""Name of the axis of devices: each has one section of every lattice."""
+"""Name of the axis of devices: each has one section of every lattice, or one part of a
+batch."""
 
 
 def provide_devices(count: int) -> None:

@@ -4,11 +4,13 @@ import json
 import time
 from pathlib import Path
 
+import jax
 import pytest
 from typing_extensions import override
 
 from experiments.__main__ import main
 from experiments.sweep.run import Log, Options, run_sweep
+from jaxthermo.errors import InputError
 from tests.cli.cli_runs import files, run
 from tests.cli.killing import kill, start
 from tests.cli.test_full_disk import largest_file
@@ -132,6 +134,21 @@ def test_a_failed_case_is_a_row_that_is_run_again_on_request(tmp_path):
     _, said, _ = sweep(path, "--out", out, "--no-times", "--retry")
     assert "2 failed cases are run again" in said
     assert (out / "rows.jsonl").stat().st_mtime_ns > stamp and len(rows(out)) == 4
+
+
+def test_devices_are_of_one_process_and_share_cases_of_one_shape(tmp_path, monkeypatch):
+    path, out = sweep_file(tmp_path), tmp_path / "out"
+    words = "sweep", path, "--out", out, "--workers", 2, "--devices", 2
+    code, _, err = run(*words, main=main)
+    assert code == 2 and err.count("\n") == 1 and "leave --workers" in err
+    for there, asked, message in (
+        (1, 4, "there is 1 cpu device; give at most 1"),
+        (8, 4, "this sweep has at most 3 together; give at most 3"),
+    ):
+        monkeypatch.setattr(jax, "device_count", lambda there=there: there)
+        with pytest.raises(InputError, match=f"^devices={asked}: .*{message}"):
+            run_sweep(path, out, (), Options(devices=asked), Log())
+    assert not out.exists()
 
 
 def test_an_unreachable_scheduler_is_one_line(tmp_path, monkeypatch):

@@ -2,13 +2,14 @@
 
 from dataclasses import replace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jaxthermo as jt
 from calibrate.config.schema import FitConfig
-from calibrate.problem.parameters import Parameter
+from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.targets import SurfaceTarget
 from calibrate.solvers.fit import Fitting
 from calibrate.solvers.progress import STAGNATION_LIMIT
@@ -157,6 +158,27 @@ def test_the_best_of_several_starts_is_where_one_alone_ends(problem):
     z = fitting.best_start(start_points(4, 2, 0.5, seed=3))
     found = problem.parameters.values(z)
     assert {n: float(v) for n, v in found.items()} == pytest.approx(TRUTH, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "settings", "there", "message"),
+    [
+        (2, {}, 1, "there is 1 cpu device; give at most 1"),
+        (2, {}, 8, "the derivatives of 2 values and 1 start; give at most 2"),
+        (2, {"starts": 3}, 8, "derivatives of 2 values and 3 starts; give at most 3"),
+        (1, {}, 8, "the derivatives of 1 value and 1 start; leave devices out"),
+        (2, {"method": "lbfgs", "starts": 9}, 8, "lbfgs computes one derivative"),
+    ],
+)
+def test_devices_that_have_nothing_to_share_are_refused(
+    problem, monkeypatch, parameters, settings, there, message
+):
+    monkeypatch.setattr(jax, "device_count", lambda: there)
+    chosen = ParameterSet(problem.parameters.parameters[:parameters])
+    small = replace(problem, parameters=chosen)
+    with pytest.raises(jt.InputError, match=f"^devices=4: .*{message}") as refused:
+        Fitting(small, FitConfig(**settings), devices=4)
+    assert "\n" not in str(refused.value)
 
 
 def test_parameters_that_set_the_same_place_are_refused():

@@ -1,8 +1,5 @@
 """Full volumes over four devices against one, in a process that has four."""
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import jax
@@ -12,38 +9,25 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.parallel.devices import provide_devices, require_device_memory
 from jaxthermo.voxels.sharded_lattice import sharded_lattice
+from tests.four_devices import run_on_four
 
 
-ROOT = Path(__file__).resolve().parents[3]
-FOUR = "--xla_force_host_platform_device_count=4"
-
-
-def run_on_four(what: str, folder: Path) -> str:
-    environment = os.environ | {"XLA_FLAGS": FOUR, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
-        [sys.executable, Path(__file__).with_name("four_devices.py"), what],
-        capture_output=True,
-        text=True,
-        env=environment,
-        cwd=folder,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout.strip()
+PROGRAM = Path(__file__).with_name("lattices_on_four.py")
 
 
 def test_four_devices_equal_one_and_go_on_with_each_others_runs(tmp_path):
-    assert run_on_four("small", tmp_path) == "equal"
+    assert run_on_four(PROGRAM, "small", tmp_path) == "equal"
 
 
 @pytest.mark.slow
 @pytest.mark.slice
 def test_stencils_and_implicit_steps_on_four_devices_equal_those_on_one(tmp_path):
-    assert run_on_four("every_kind", tmp_path) == "equal"
+    assert run_on_four(PROGRAM, "every_kind", tmp_path) == "equal"
 
 
 @pytest.mark.slow
 def test_a_large_body_on_four_devices_equals_that_on_one(tmp_path):
-    assert run_on_four("large", tmp_path) == "equal"
+    assert run_on_four(PROGRAM, "large", tmp_path) == "equal"
 
 
 def test_too_little_memory_of_a_device_is_refused(monkeypatch):

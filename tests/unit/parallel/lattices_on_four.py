@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal, NamedTuple, cast, get_args
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,6 +15,13 @@ from jaxthermo.integrate.run.checkpoint import load_checkpoint, save_checkpoint
 from jaxthermo.integrate.run.plan import Plan, plan_run
 from jaxthermo.integrate.run.segments import begin_run, finish_run, run_segments
 from jaxthermo.integrate.solvers import AbstractSolver
+from jaxthermo.parallel.batch import (
+    from_first_device,
+    on_every_device,
+    on_first_device,
+    over_devices,
+)
+from jaxthermo.parallel.devices import mesh_of
 from jaxthermo.parallel.lattice import spread
 from jaxthermo.physics.conduction import material_network, materials_network
 from jaxthermo.scene.compile.on_devices import on_devices
@@ -142,6 +150,32 @@ def evaluated(structure, network, values) -> list[np.ndarray]:
     return [structure.node_values(each) if each.ndim else each for each in found]
 
 
+def batches_equal() -> None:
+    """Members of batches of any size have the results of one device, and no others."""
+    mesh, law = mesh_of(4), lambda x, k: jnp.sin(k * x).sum()
+    given = on_every_device(mesh, {"factor": jnp.float32(3.0), "law": law})
+
+    def part(own, given):
+        # A device has two members at most, and those of the padding are no others.
+        assert len(own) <= 2
+        rows = jax.vmap(lambda x: given["law"](x, given["factor"]))(own)
+        return (rows, own), given["factor"]
+
+    for count in (1, 5, 8):
+        batch = jnp.arange(3.0 * count, dtype=jnp.float32).reshape(count, 3)
+        run = lambda mesh, batch: eqx.filter_jit(over_devices)(mesh, part, batch, given)
+        (rows, same_batch), factor = from_first_device(mesh, run(mesh, batch))
+        alone = jax.vmap(lambda x: law(x, jnp.float32(3.0)))(batch)
+        assert rows.shape == (count,) and float(factor) == 3.0
+        np.testing.assert_array_equal(rows, alone)
+        np.testing.assert_array_equal(same_batch, batch)
+    first = lambda given: {"x": given["law"](jnp.ones(3), given["factor"]), "b": True}
+    array = lambda given: jax.tree.map(jnp.asarray, first(given))
+    found = eqx.filter_jit(on_first_device)(mesh, array, given)
+    assert len(found["x"].sharding.device_set) == 4 and bool(found["b"])
+    np.testing.assert_allclose(found["x"], 3 * np.sin(3.0), rtol=1e-6)
+
+
 def refused() -> None:
     """Five of four devices are refused."""
     try:
@@ -178,10 +212,11 @@ def large() -> None:
 
 
 def small() -> None:
-    """Explicit steps of whole voxels, and restarts."""
+    """Explicit steps of whole voxels, restarts, and batches."""
     resumed(SMALL)
     equal(SMALL, jt.SuperTimeStepping(dt=1.0))
     refused()
+    batches_equal()
 
 
 if __name__ == "__main__":

@@ -1,0 +1,170 @@
+"""The Jacobian of a step of a fit over two devices beside one, by number of values.
+
+In turn in a process of its own, which has two devices: where there are no others, they
+share the threads of one processor, and a device alone uses all of them where an
+operation is large enough. Times of all threads tell what is computed twice, where other
+programs use the processor too.
+"""
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+import jaxthermo as jt
+from calibrate.problem.parameters import Parameter, ParameterSet
+from calibrate.problem.problem import Case, Problem
+from calibrate.problem.targets import surface_target
+from calibrate.solvers.levenberg_marquardt import jacobian_rows
+from calibrate.solvers.search import make_objective, residuals
+from jaxthermo.arrays import precision
+from jaxthermo.integrate.run.parametric_run import ParametricRun
+from jaxthermo.integrate.run.solution_file import StoredSolution
+from jaxthermo.parallel.batch import on_every_device, on_first_device
+from jaxthermo.parallel.devices import mesh_of, provide_devices
+
+from ..harness.measurement import Measurement, plain_rows
+from ..harness.meshes import END, STEEL, standard_scene
+from ..harness.timing import interleaved
+from .steps import STRUCTURES
+
+
+QUICK = {"height": 32, "repeats": 2, "counts": (2,)}
+_DEVICES = 2
+_BLOCKS = "blocks x4"
+_VALUES = {
+    "weights.within": 1.0,
+    "weights.surface_distance": 1.0,
+    "weights.nearest_capacity": 1.0,
+    "weights.non_orthogonal": 1.0,
+    "material.conductivity": 16.0,
+    "material.specific_heat": 500.0,
+    "material.density": 8000.0,
+    "convection.heat_transfer_coefficient": 10.0,
+}
+"""Values that are fitted, in the order in which they are added."""
+
+
+def run(
+    folder: Path,
+    height: int = 250,
+    repeats: int = 15,
+    counts: tuple[int, ...] = (2, 4, 8),
+) -> dict[str, Any]:
+    """Times on one and on two devices.
+
+    Args:
+        folder: of the result.
+        height: of the statue, in voxels.
+        repeats: of every call.
+        counts: numbers of fitted values.
+    """
+    given = json.dumps([height, repeats, list(counts)])
+    # Devices are made before the first computation of a process.
+    done = subprocess.run(
+        [sys.executable, "-m", __name__, given],
+        stdout=subprocess.PIPE,
+        text=True,
+        check=True,
+    )
+    rows = json.loads(done.stdout.splitlines()[-1])
+    measured = [each for row in rows for each in _measurements(row)]
+    return {"devices": _DEVICES, "rows": rows, "measurements": plain_rows(measured)}
+
+
+def _measurements(row: dict[str, Any]) -> list[Measurement]:
+    name, wall, processor = row["name"], row["wall_s"], row["processor_s"]
+    peer = "one device"
+    return [
+        Measurement(name, "s", wall["two"], peer, wall["one"]),
+        Measurement(
+            f"{name}, of all threads",
+            "s",
+            processor["two"],
+            peer,
+            processor["one"],
+            overhead=True,
+        ),
+    ]
+
+
+def _measure(height: int, repeats: int, counts: list[int]) -> list[dict[str, Any]]:
+    provide_devices(_DEVICES)
+    scene, mesh_name = standard_scene(STEEL, STRUCTURES[_BLOCKS], height)
+    label = f"{mesh_name}, {height} high, {_BLOCKS}"
+    rows = []
+    for count in counts:
+        problem = _problem(scene, count)
+        with precision(problem.dtype.name):
+            calls = _calls(problem)
+            names = {"Jacobian": f"Jacobian of {count} values"}
+            if count == counts[0]:
+                names["run"] = "run without derivatives"
+            rows += [
+                {
+                    "name": f"{label}: {name}",
+                    "values": count,
+                    **_timed(calls[key], repeats),
+                }
+                for key, name in names.items()
+            ]
+    return rows
+
+
+def _problem(scene: jt.Scene, count: int) -> Problem:
+    """Fit of some values to the run of their start values."""
+    case_run = ParametricRun((END / 4, END / 2))
+    found = case_run(scene, case_run.step_table(scene))
+    times = jnp.asarray(case_run.save_times)
+    data = StoredSolution(times, found.surface_temperature, found.surfaces)
+    target = surface_target(data, jnp.dtype(scene.dtype))
+    fitted = [
+        Parameter(name, (start,), 0.01 * start, 100 * start)
+        for name, start in list(_VALUES.items())[:count]
+    ]
+    case = Case("sun", scene, case_run, target)
+    return Problem(ParameterSet(tuple(fitted)), (case,))
+
+
+_Calls = dict[str, Callable[[], Any]]
+
+
+def _calls(problem: Problem) -> dict[str, _Calls]:
+    made, batch = (make_objective(problem, None), problem.start()), problem.batch()
+    evaluate = eqx.filter_jit(
+        lambda mesh, *given: on_first_device(mesh, lambda g: residuals(*g), given)
+    )
+    found: dict[str, _Calls] = {"Jacobian": {}, "run": {}}
+    for name, mesh in {"one": None, "two": mesh_of(_DEVICES)}.items():
+        objective, z = on_every_device(mesh, made)
+        given = residuals, objective, z, batch, mesh
+        found["Jacobian"][name] = partial(jacobian_rows, *given)
+        found["run"][name] = partial(evaluate, mesh, z, objective)
+    return found
+
+
+def _timed(calls: _Calls, repeats: int) -> dict[str, Any]:
+    """Wall times in turn, and those of the processor [s]."""
+    processor: dict[str, list[float]] = {name: [] for name in calls}
+
+    def counted(name: str) -> None:
+        clock = time.process_time()
+        jax.block_until_ready(calls[name]())
+        processor[name].append(time.process_time() - clock)
+
+    each = {name: partial(counted, name) for name in calls}
+    wall = interleaved(each, repeats, there_and_back=True)
+    # The first call compiles.
+    return {"wall_s": wall, "processor_s": {n: own[1:] for n, own in processor.items()}}
+
+
+if __name__ == "__main__":
+    sys.stdout.write(json.dumps(_measure(*json.loads(sys.argv[1]))) + "\n")
