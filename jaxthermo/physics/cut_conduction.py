@@ -148,7 +148,7 @@ def _section_cuts(
         "cut_sections", lambda: _sections(lattice, layout, len(conductance))
     )
 
-    def cuts(number: int) -> tuple[Address, RowNetwork]:
+    def cuts(number: int) -> tuple[tuple[np.ndarray, ...], RowNetwork]:
         own = sections[number]
         # Heat of no other node is stored here: an infinite capacity leaves it as it is.
         none = jnp.full(own.address[0].shape, jnp.inf, capacity.dtype)

@@ -118,12 +118,11 @@ def networks_equal(cells: Cells) -> None:
             rtol = 1e-6 if name in ("stored", "total_capacity") else 0
             np.testing.assert_allclose(first, second, rtol, err_msg=name)
         nodes = np.arange(one.node_count)[::3]
-        np.testing.assert_array_equal(
-            *(
-                network.capacity_at(tuple(map(jnp.asarray, own.address_of(nodes))))
-                for own, network in networks
-            )
+        first, second = (
+            network.capacity_at(tuple(map(jnp.asarray, own.address_of(nodes))))
+            for own, network in networks
         )
+        np.testing.assert_array_equal(first, second)
 
 
 LAWS = {
