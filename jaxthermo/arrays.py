@@ -7,8 +7,9 @@ f faces, k raster fragments, l levels, t saved times, b bodies, h w pixels, p po
 import contextlib
 import math
 import os
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import jax
 import jax.core
@@ -113,6 +114,20 @@ def rank_in_group(group: Int[np.ndarray, " k"]) -> Int[np.ndarray, " k"]:
     return slots - np.maximum.accumulate(np.where(first, slots, 0))
 
 
+def stable_order(key: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
+    """Order that sorts numbers of at least 0, as by `np.argsort(kind="stable")`."""
+    # One sort of keys with their indices in the low bits has vector instructions, and
+    # takes an eighth of the time of numpy's.
+    bits = max(len(key) - 1, 0).bit_length()
+    if int(key.max(initial=0)) >> (63 - bits):
+        return np.argsort(key, kind="stable")
+    order = key.astype(np.int64) << bits
+    order |= np.arange(len(key))
+    order.sort()
+    order &= (1 << bits) - 1
+    return order
+
+
 def sorted_union(
     first: Int[np.ndarray, " n"], *others: Int[np.ndarray, " _"]
 ) -> Int[np.ndarray, " k"]:
@@ -163,6 +178,20 @@ def gathered_columns(degree: Int[np.ndarray, " n"]) -> int:
     cost = len(degree) * np.arange(len(count)) + LIST_ENTRY_COST * remaining
     cost += LIST_COST * (remaining > 0)
     return int(cost.argmin())
+
+
+_T = TypeVar("_T")
+_R = TypeVar("_R")
+
+
+def in_threads(function: Callable[[_T], _R], items: Iterable[_T]) -> list[_R]:
+    """Apply a function of numpy to items, two at a time; the results in their order.
+
+    numpy releases the interpreter's lock while it works on large arrays.
+    """
+    # Two, however many cores there are: temporaries of each are in memory at once.
+    with ThreadPoolExecutor(2) as pool:
+        return list(pool.map(function, items))
 
 
 def available_bytes() -> int:

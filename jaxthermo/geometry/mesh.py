@@ -63,8 +63,10 @@ class Mesh:
     def bounds(self) -> Float[np.ndarray, "2 3"]:
         """Lowest and highest corner of the bounding box [m]."""
         # Only of vertices that a face uses: scanners leave strays far away.
-        used = self.vertices[self.faces.reshape(-1)]
-        return np.stack([used.min(0), used.max(0)])
+        is_used = np.zeros(len(self.vertices), bool)
+        is_used[self.faces] = True
+        x, y, z = self.vertices[is_used].T
+        return np.array([[f(axis) for axis in (x, y, z)] for f in (np.min, np.max)])
 
     @property
     def area_vectors(self) -> Float[np.ndarray, "f 3"]:

@@ -20,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from ..arrays import in_threads
 from ..geometry.mesh import Mesh
 from ..raster.fragments import DepthLayers
 from .fill import first_cell_behind
@@ -72,23 +73,40 @@ class Crossings(NamedTuple):
     lost: Bool[np.ndarray, " s"]
     """Crossings without a solid voxel nearby."""
 
-    def chosen(self, which: np.ndarray) -> "Crossings":
-        """Some of them."""
-        return Crossings(*(column[which] for column in self))
+    def cells(self, which: np.ndarray) -> "Cells":
+        """Surface cells of some of them."""
+        return Cells(*(getattr(self, name)[which] for name in Cells._fields))
+
+
+class Cells(NamedTuple):
+    """Surface cells: the part of crossings that outlives their search."""
+
+    normal: Float[np.ndarray, "s 3"]
+    axis: Int[np.ndarray, " s"]
+    ahead: Bool[np.ndarray, " s"]
+    layer: Int[np.ndarray, " s"]
+    voxel: Int[np.ndarray, "s 3"]
+    depth: Float[np.ndarray, " s"]
+    excess: Float[np.ndarray, " s"]
+    on_face: Bool[np.ndarray, " s"]
 
 
 def find_crossings(
     views: Views, solid: Bool[np.ndarray, "x y z"], mesh: Mesh
 ) -> tuple[Crossings, Int[np.ndarray, " h"]]:
     """Crossings of all views, and the triangles of those hidden inside the body."""
-    parts, hidden, rays = [], [], 0
     normals, _ = face_axes(mesh)
-    for axis, layers in enumerate(views):
+    rays = np.cumsum([0] + [layers.width * layers.height for layers in views])
+
+    def found_along(axis: int) -> tuple[Crossings, np.ndarray]:
+        layers = views[axis]
         inside = hidden_inside(layers)
-        hidden.append(layers.triangle[inside])
-        outer, first = selected(layers, ~inside), (axis, rays)
-        parts.append(_along(outer, solid, normals, mesh.is_watertight, *first))
-        rays += layers.width * layers.height
+        first = axis, int(rays[axis])
+        outer = selected(layers, ~inside)
+        own = _along(outer, solid, normals, mesh.is_watertight, *first)
+        return own, layers.triangle[inside]
+
+    parts, hidden = zip(*in_threads(found_along, range(3)), strict=True)
     columns = (np.concatenate(column) for column in zip(*parts, strict=True))
     return Crossings(*columns), np.concatenate(hidden)
 
@@ -153,18 +171,43 @@ class _Faces(NamedTuple):
     """True where a ray along the axis enters the solid."""
 
 
+# Cells that are compared at once: temporaries stay in the cache.
+_CHUNK_CELLS = 2**19
+
+
 def _exposed_faces(solid: Bool[np.ndarray, "x y z"], axis: int) -> _Faces:
     row_axis, column_axis = pixel_axes(axis)
-    along = solid.transpose(row_axis, column_axis, axis)
-    pixel, links, enters = [], [], []
-    # Row by row: steps of all voxels would be larger than the solid itself.
-    for row, body in enumerate(along):
-        step = np.diff(body.astype(np.int8), axis=1, prepend=0, append=0)
-        column, link = np.nonzero(step)
-        pixel.append(row * along.shape[1] + column)
-        links.append(link)
-        enters.append(step[column, link] > 0)
-    return _Faces(*(np.concatenate(each) for each in (pixel, links, enters)))
+    planes = max(_CHUNK_CELLS // (solid.shape[1] * solid.shape[2]), 1)
+    span, keys = solid.shape[axis] + 1, []
+    for start in range(0, solid.shape[0], planes):
+        # In the order of memory, whatever the axis is.
+        voxel = _steps(solid, axis, slice(start, start + planes))
+        pixel = voxel[row_axis] * solid.shape[column_axis] + voxel[column_axis]
+        keys.append(pixel * span + voxel[axis])
+    last = np.nonzero(solid.take(-1, axis).reshape(-1))[0]
+    if row_axis > column_axis:
+        row, column = np.divmod(last, solid.shape[row_axis])[::-1]
+        last = row * solid.shape[column_axis] + column
+    key = np.sort(np.concatenate([*keys, last * span + span - 1]))
+    pixel, link = np.divmod(key, span)
+    voxel = _cells(pixel, np.minimum(link, span - 2), axis, solid.shape)
+    return _Faces(pixel, link, solid[tuple(voxel.T)] & (link < span - 1))
+
+
+def _steps(
+    solid: Bool[np.ndarray, "x y z"], axis: int, planes: slice
+) -> tuple[np.ndarray, ...]:
+    """Voxels in some planes that differ from those before them along an axis."""
+    # Outside the lattice nothing is solid.
+    here = solid[planes]
+    differs = here.copy()
+    later, earlier = np.moveaxis(differs, axis, 0)[1:], np.moveaxis(here, axis, 0)[:-1]
+    later ^= earlier
+    if axis == 0 and planes.start:
+        differs[0] ^= solid[planes.start - 1]
+    flat = np.flatnonzero(differs)
+    flat += planes.start * solid[0].size
+    return np.unravel_index(flat, solid.shape)
 
 
 def _crossing_of_faces(
@@ -173,17 +216,25 @@ def _crossing_of_faces(
     """Crossing of each face, the nearest to its solid voxel; -1 for none."""
     # Crossings in order of direction, ray and depth, with one number for all three.
     span = length + 4.0
-    ahead = np.lexsort([layers.depth, layers.pixel, layers.entering])
     base = lambda pixel, enters: (
         (enters * (layers.width * layers.height) + pixel) * span
     )
+    ahead = np.argsort(layers.entering, kind="stable")
     found = (base(layers.pixel, layers.entering) + layers.depth)[ahead]
+    if (found[1:] < found[:-1]).any():
+        # Layers are sorted by rounded depths.
+        ahead = np.lexsort([layers.depth, layers.pixel, layers.entering])
+        found = (base(layers.pixel, layers.entering) + layers.depth)[ahead]
     # The link reaches from one voxel's centre to the other's, and a little farther.
     middle = base(faces.pixel, faces.enters) + faces.link
     near, far = middle - 0.5 - _MAX_SNAP, middle + 0.5 + _MAX_SNAP
     # Of several the solid voxel is beyond the last that enters, before the first that
     # leaves.
-    last, first = np.searchsorted(found, far) - 1, np.searchsorted(found, near)
+    first = np.searchsorted(found, near)
+    beyond = np.append(found, [np.inf, np.inf])
+    last = np.where(beyond[first] < far, first, first - 1)
+    several = np.flatnonzero(beyond[first + 1] < far)
+    last[several] = np.searchsorted(found, far[several]) - 1
     return np.where(
         last >= first, np.append(ahead, -1)[np.where(faces.enters, last, first)], -1
     )

@@ -12,12 +12,14 @@ Two cells of one voxel on different sheets, as at an edge, also have the product
 likewise, and its middle is as far from the crossing as they cut more on one side.
 """
 
+from collections.abc import Iterator
+from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from .crossings import Crossings
+from .crossings import Cells
 from .cut_links import WHOLE, Sides, cut_links
 from .cut_voxels import MIN_OPEN, CutVoxels, limited
 
@@ -27,13 +29,8 @@ from .cut_voxels import MIN_OPEN, CutVoxels, limited
 # error with 1, 0.0014 with 10, and 0.0011 without open areas (Bi 10).
 _ALONG = 10
 
-
-class _Sheets(NamedTuple):
-    """Cells on the six sides of voxels: [voxel, axis, below or above]."""
-
-    weight: Float[np.ndarray, "m 3 2"]
-    """w, 0 on sides without a face."""
-    normal: Float[np.ndarray, "m 3 2 3"]
+# Axes, and sides below and above.
+_SIDES = tuple(product(range(3), range(2)))
 
 
 class CellShapes(NamedTuple):
@@ -46,89 +43,121 @@ class CellShapes(NamedTuple):
 
 
 def cut_voxels(
-    found: Crossings, solid: Bool[np.ndarray, "x y z"]
+    found: Cells, solid: Bool[np.ndarray, "x y z"]
 ) -> tuple[CutVoxels, CellShapes]:
     """Cut voxels of a body, and the shapes of its cells.
 
-    No crossing may be lost.
+    The voxels of the cells come in lattice order.
     """
-    flat = np.ravel_multi_index(tuple(found.voxel.T), solid.shape)
-    key, owner = np.unique(flat, return_inverse=True)
-    owner = owner.reshape(-1)
+    flat = np.asarray(np.ravel_multi_index(tuple(found.voxel.T), solid.shape))
+    is_next = np.diff(flat, prepend=-1) != 0
+    key, owner = flat[is_next], np.cumsum(is_next) - 1
     sides = _sides(found, owner, len(key))
-    squared = np.square(found.normal[np.arange(len(owner)), found.axis])
+    own = found.normal[np.arange(len(owner)), found.axis]
+    weight = found.excess * np.square(own)
+    pairs = list(_pairs(sides))
     # Sheets and gaps thinner than a voxel have volume, but no face.
-    apart = np.where(found.on_face, 0.0, found.excess * squared)
-    sheets = _sheets(sides)
-    volume = _volumes(sheets) + np.bincount(owner, apart, len(key))
-    section = np.stack([_section(sheets, a) for a in range(3)], axis=1)
+    apart = np.where(found.on_face, 0.0, weight)
+    volume = _volumes(sides, weight, pairs) + np.bincount(owner, apart, len(key))
+    section = np.stack([_section(sides, weight, pairs, a) for a in range(3)], axis=1)
+    shapes = _cell_shapes(weight, pairs)
+    del pairs
     voxel = np.stack(np.unravel_index(key, solid.shape), axis=1)
     links = cut_links(voxel, section, sides, solid)
+    del sides
     # A body whose faces lie between voxels has none: its stencil is the uniform one.
     off = np.abs(np.column_stack([volume, section]) - 1).max(axis=1)
     cut = np.flatnonzero(off > WHOLE)
     own = CutVoxels(voxel[cut], volume[cut], section[cut], links)
-    return limited(own, solid), _cell_shapes(found, owner, sheets)
+    return limited(own, solid), shapes
 
 
-def _sides(found: Crossings, owner: Int[np.ndarray, " s"], count: int) -> Sides:
-    there, excess = np.zeros((count, 3, 2), bool), np.zeros((count, 3, 2))
-    normal = np.zeros((count, 3, 2, 3))
+def _sides(found: Cells, owner: Int[np.ndarray, " s"], count: int) -> Sides:
+    cell = np.full((3, 2, count), -1, np.int32)
     face = np.flatnonzero(found.on_face)
-    at = owner[face], found.axis[face], found.ahead[face].astype(int)
-    there[at], excess[at] = True, found.excess[face]
-    normal[at] = found.normal[face]
-    return Sides(there, excess, normal)
+    cell[found.axis[face], found.ahead[face].astype(int), owner[face]] = face
+    return Sides(cell, found.excess, found.normal)
 
 
-def _sheets(sides: Sides) -> _Sheets:
-    own = np.einsum("maia->mai", sides.normal)
-    return _Sheets(sides.excess * np.square(own), sides.normal)
+class _Pair(NamedTuple):
+    """Cells of the same voxels across two axes, on one side of each."""
 
-
-def _apart(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    axes: tuple[int, int]
+    at: tuple[int, int]
+    """Side of each cell: below or above."""
+    voxel: Int[np.ndarray, " k"]
+    one: Int[np.ndarray, " k"]
+    two: Int[np.ndarray, " k"]
+    apart: Float[np.ndarray, " k"]
     """1 for cells of different sheets, 0 for those of one."""
-    return 1 - np.square((one * other).sum(-1))
 
 
-def _volumes(sides: _Sheets) -> Float[np.ndarray, " m"]:
-    weight, normal = sides
-    total = 1 + weight.sum((1, 2))
-    for i in np.ndindex(2, 2, 2):
-        w = [weight[:, a, i[a]] for a in range(3)]
-        n = [normal[:, a, i[a]] for a in range(3)]
+def _pairs(sides: Sides) -> Iterator[_Pair]:
+    # Few voxels have cells on two given sides: arrays of all would be mostly zero.
+    there = sides.cell >= 0
+    for (a, b), (i, j) in product(
+        combinations(range(3), 2), product(range(2), range(2))
+    ):
+        voxel = np.flatnonzero(there[a, i] & there[b, j])
+        one, two = sides.cell[a, i, voxel], sides.cell[b, j, voxel]
+        apart = 1 - np.square((sides.normal[one] * sides.normal[two]).sum(-1))
+        yield _Pair((a, b), (i, j), voxel, one, two, apart)
+
+
+def _sums(
+    sides: Sides, weight: Float[np.ndarray, " s"], axes: tuple[int, ...]
+) -> Float[np.ndarray, " m"]:
+    """1, and the weights of each voxel's cells across some axes."""
+    total = np.zeros(sides.cell.shape[2])
+    for axis, side in _SIDES:
+        if axis in axes:
+            voxel = np.flatnonzero(sides.cell[axis, side] >= 0)
+            total[voxel] += weight[sides.cell[axis, side, voxel]]
+    return 1 + total
+
+
+def _volumes(
+    sides: Sides, weight: Float[np.ndarray, " s"], pairs: list[_Pair]
+) -> Float[np.ndarray, " m"]:
+    total = _sums(sides, weight, (0, 1, 2))
+    there = sides.cell >= 0
+    for i, j, k in np.ndindex(2, 2, 2):
+        voxel = np.flatnonzero(there[0, i] & there[1, j] & there[2, k])
+        cells = [sides.cell[a, side, voxel] for a, side in enumerate((i, j, k))]
+        n = [sides.normal[cell] for cell in cells]
         triple = np.square(np.einsum("mi,mi->m", n[0], np.cross(n[1], n[2])))
-        total += w[0] * w[1] * w[2] * triple
-    for a, b in ((0, 1), (0, 2), (1, 2)):
-        for i, j in np.ndindex(2, 2):
-            both = weight[:, a, i] * weight[:, b, j]
-            total += both * _apart(normal[:, a, i], normal[:, b, j])
+        w = [weight[cell] for cell in cells]
+        total[voxel] += w[0] * w[1] * w[2] * triple
+    for pair in pairs:
+        total[pair.voxel] += weight[pair.one] * weight[pair.two] * pair.apart
     return total
 
 
-def _section(sides: _Sheets, axis: int) -> Float[np.ndarray, " m"]:
+def _section(
+    sides: Sides, weight: Float[np.ndarray, " s"], pairs: list[_Pair], axis: int
+) -> Float[np.ndarray, " m"]:
     """Open area across an axis."""
-    other = [a for a in range(3) if a != axis]
-    weight = sides.weight * (1 - np.square(sides.normal[..., axis])) ** _ALONG
-    total = 1 + weight[:, other].sum((1, 2))
-    one, two = other
-    for i, j in np.ndindex(2, 2):
-        both = weight[:, one, i] * weight[:, two, j]
-        total += both * _apart(sides.normal[:, one, i], sides.normal[:, two, j])
+    one, two = other = tuple(a for a in range(3) if a != axis)
+    weight = weight * (1 - np.square(sides.normal[:, axis])) ** _ALONG
+    total = _sums(sides, weight, other)
+    for pair in pairs:
+        if pair.axes == (one, two):
+            total[pair.voxel] += weight[pair.one] * weight[pair.two] * pair.apart
     return total
 
 
-def _cell_shapes(
-    found: Crossings, owner: Int[np.ndarray, " s"], sides: _Sheets
-) -> CellShapes:
-    factor, shift = np.ones(len(owner)), np.zeros((len(owner), 3))
-    for axis in range(3):
-        own = np.flatnonzero(found.on_face & (found.axis == axis))
-        weight, normal = sides.weight[owner[own]], sides.normal[owner[own]]
-        here = weight * _apart(normal, found.normal[own][:, None, None])
-        for other in range(3):
-            if other != axis:
-                below, above = here[:, other].T
-                factor[own] *= 1 + below + above
-                shift[own, other] = (above - below) / 2
+def _cell_shapes(weight: Float[np.ndarray, " s"], pairs: list[_Pair]) -> CellShapes:
+    factor, shift = np.ones(len(weight)), np.zeros((len(weight), 3))
+    for a, b in combinations(range(3), 2):
+        own = [pair for pair in pairs if pair.axes == (a, b)]
+        # What the sheets below and above across the other axis take from each cell.
+        for other, swapped in ((b, False), (a, True)):
+            below_above = np.zeros((2, len(weight)))
+            for pair in own:
+                here, there = (pair.one, pair.two)[:: -1 if swapped else 1]
+                side = pair.at[0 if swapped else 1]
+                below_above[side, here] = weight[there] * pair.apart
+            below, above = below_above
+            factor *= 1 + below + above
+            shift[:, other] += (above - below) / 2
     return CellShapes(np.maximum(factor, MIN_OPEN), shift)

@@ -15,14 +15,13 @@ edge, and a change of both links of voxel 3. Rods at any slant then conduct what
 should, and a gradient along the normal conducts no more than before.
 """
 
-from collections.abc import Iterator
-from itertools import combinations, product
+from itertools import chain, combinations, product
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..arrays import sorted_union
+from ..arrays import in_threads, stable_order
 
 
 # Smallest open area [voxel faces]: a link through a sliver of nothing still conducts.
@@ -78,13 +77,13 @@ class CutLinks(NamedTuple):
 
 
 class Sides(NamedTuple):
-    """Cells on the six sides of voxels, [voxel, axis, below or above]."""
+    """Cells on the six sides of voxels."""
 
-    there: Bool[np.ndarray, "m 3 2"]
-    """True where there is a cell."""
-    excess: Float[np.ndarray, "m 3 2"]
-    """theta - 1/2; 0 without a cell."""
-    normal: Float[np.ndarray, "m 3 2 3"]
+    cell: Int[np.ndarray, "3 2 m"]
+    """Number of the cell, [axis, below or above, voxel]; -1 for none."""
+    excess: Float[np.ndarray, " s"]
+    """theta - 1/2 of each cell."""
+    normal: Float[np.ndarray, "s 3"]
 
 
 def cut_links(
@@ -97,32 +96,36 @@ def cut_links(
     padded = np.pad(solid, 1)
     lattice = _Lattice(padded.reshape(-1), padded.shape)
     flat = np.asarray(np.ravel_multi_index(tuple(voxel.T + 1), padded.shape))
+    slivers = in_threads(lambda edge: _slivers(flat, sides, lattice, edge), _EDGES)
+    # What they add to the links of each cut voxel, [axis, to below or above].
+    beside = np.zeros((3, 2, len(flat)))
+    for ((a, b), (i, j)), found in zip(_EDGES, slivers, strict=True):
+        beside[b, 1 - j, found.one] += found.from_one
+        beside[a, 1 - i, found.two] += found.from_two
+    faces = lambda axis: _open_areas(flat, section, beside, lattice, axis)
+    parts = [*chain(*in_threads(faces, range(3)))]
+    del beside
+    parts += [
+        _over_edges(flat, found, lattice, edge)
+        for edge, found in zip(_EDGES, slivers, strict=True)
+    ]
+    reach = lattice.reach
+    kept = [np.flatnonzero(np.abs(part.extra) > WHOLE) for part in parts]
+    extra = np.concatenate([p.extra[k] for p, k in zip(parts, kept, strict=True)])
     # One integer for each link, of its first voxel and its kind: many times faster to
     # sort than pairs of voxels, and half as large.
-    keys, extras, reach = [], [], lattice.reach
-    for found in (_open_areas(flat, section, lattice), _slivers(flat, sides, lattice)):
-        for first, second, extra in found:
-            low, apart = np.minimum(first, second), np.abs(second - first)
-            keys.append(low * len(reach) + np.searchsorted(reach, apart))
-            extras.append(extra)
-    key, link = np.unique(np.concatenate(keys), return_inverse=True)
-    extra = np.bincount(link.reshape(-1), np.concatenate(extras), len(key))
-    del keys, extras, link
-    low, kind = np.divmod(key, len(reach))
-    is_face = np.isin(reach, lattice.jumps)[kind]
-    whole = np.where(is_face, 1, 0)
-    extra = np.maximum(whole + extra, whole * _MIN_OPEN) - whole
-    kept = np.flatnonzero(np.abs(extra) > WHOLE)
-    low, apart = low[kept], reach[kind[kept]]
-    cells = _cells(low, padded.shape)
-    step = (_cells(low + apart, padded.shape) - cells).astype(np.int8)
-    return CutLinks(cells - np.int32(1), step, extra[kept])
-
-
-def _cells(flat: Int[np.ndarray, " e"], shape: tuple[int, ...]) -> np.ndarray:
-    """Cells of a lattice by their places in a row, in 32 bits."""
-    along = np.unravel_index(flat, shape)
-    return np.stack([index.astype(np.int32) for index in along], axis=1)
+    key = np.concatenate(
+        [
+            part.low[own] * len(reach) + np.searchsorted(reach, part.apart)
+            for part, own in zip(parts, kept, strict=True)
+        ]
+    )
+    order = stable_order(key)
+    low, kind = np.divmod(key[order], len(reach))
+    along = np.unravel_index(low, padded.shape)
+    cells = np.stack([(index - 1).astype(np.int32) for index in along], axis=1)
+    steps = np.array([_step(apart, lattice) for apart in reach.tolist()], np.int8)
+    return CutLinks(cells, steps[kind], extra[order])
 
 
 class _Lattice(NamedTuple):
@@ -145,57 +148,105 @@ class _Lattice(NamedTuple):
         return np.unique([*self.jumps, *over_edges])
 
 
-_Found = Iterator[
-    tuple[Int[np.ndarray, " e"], Int[np.ndarray, " e"], Float[np.ndarray, " e"]]
-]
+def _step(apart: int, lattice: _Lattice) -> tuple[int, ...]:
+    """Cells along x, y and z of a jump over a face or an edge."""
+    steps = product((-1, 0, 1), repeat=3)
+    return next(s for s in steps if np.dot(s, lattice.jumps) == apart)
+
+
+_Edge = tuple[tuple[int, int], tuple[int, int]]
+_EDGES: tuple[_Edge, ...] = tuple(
+    product(combinations(range(3), 2), product((0, 1), (0, 1)))
+)
+"""Two axes, and the side of the body across each: below or above."""
+
+
+class _Part(NamedTuple):
+    """Links of one direction, each once."""
+
+    low: Int[np.ndarray, " e"]
+    """First voxel of each."""
+    apart: int
+    """From there to the other one."""
+    extra: Float[np.ndarray, " e"]
 
 
 def _open_areas(
-    flat: Int[np.ndarray, " m"], section: Float[np.ndarray, "m 3"], lattice: _Lattice
-) -> _Found:
-    """Links over faces: the mean of the sections of both ends."""
-    for axis, jump in enumerate(lattice.jumps):
-        low = sorted_union(flat, flat - jump)
-        low = low[lattice.solid[low] & lattice.solid[low + jump]]
-        ends = [_of_cut(flat, section[:, axis], end, 1.0) for end in (low, low + jump)]
-        yield low, low + jump, (ends[0] + ends[1]) / 2 - 1
-
-
-def _of_cut(
     flat: Int[np.ndarray, " m"],
-    values: Float[np.ndarray, " m"],
-    cell: Int[np.ndarray, " k"],
-    otherwise: float,
-) -> Float[np.ndarray, " k"]:
-    """Values of cells among the cut voxels, another one for all others."""
-    index = np.searchsorted(flat, cell)
-    is_cut = np.append(flat, -1)[index] == cell
-    return np.where(is_cut, np.append(values, otherwise)[index], otherwise)
+    section: Float[np.ndarray, "m 3"],
+    beside: Float[np.ndarray, "3 2 m"],
+    lattice: _Lattice,
+    axis: int,
+) -> tuple[_Part, _Part]:
+    """Links over faces across one axis: the mean of the sections of both ends."""
+    jump, own_section = lattice.jumps[axis], np.append(section[:, axis], 1.0)
+    to_below, to_above = np.append(beside[axis], np.zeros((2, 1)), axis=1)
+    # Those to the voxel above: solid voxels that are not cut have whole sections.
+    own = np.flatnonzero(lattice.solid[flat + jump])
+    above = np.searchsorted(flat, flat[own] + jump)
+    is_cut = np.append(flat, -1)[above] == flat[own] + jump
+    above[~is_cut] = len(flat)
+    upper = (own_section[own] + own_section[above]) / 2 - 1
+    upper += to_above[own] + to_below[above]
+    # Those to a voxel below that is not cut.
+    is_below = lattice.solid[flat - jump]
+    is_below[above[is_cut]] = False
+    rest = np.flatnonzero(is_below)
+    lower = (1 + own_section[rest]) / 2 - 1 + to_below[rest]
+    limited = lambda extra: np.maximum(1 + extra, _MIN_OPEN) - 1
+    return (
+        _Part(flat[own], jump, limited(upper)),
+        _Part(flat[rest] - jump, jump, limited(lower)),
+    )
 
 
-def _slivers(flat: Int[np.ndarray, " m"], sides: Sides, lattice: _Lattice) -> _Found:
-    """Links over concave edges, and the changes of the links beside them."""
-    signs = product((0, 1), (0, 1))
-    for (a, b), (i, j) in product(combinations(range(3), 2), list(signs)):
-        to_a = lattice.jumps[a] * (2 * i - 1)
-        to_b = lattice.jumps[b] * (2 * j - 1)
-        one = np.flatnonzero(sides.there[:, a, i])
-        third, second = flat[one] - to_b, flat[one] + to_a - to_b
-        two = np.searchsorted(flat, second)
-        kept = np.append(flat, -1)[two] == second
-        kept &= lattice.solid[third]
-        kept[kept] = sides.there[two[kept], b, j]
-        one, two, third = one[kept], two[kept], third[kept]
-        normals = sides.normal[one, a, i], sides.normal[two, b, j]
-        smooth = (normals[0] * normals[1]).sum(axis=1) > _SMOOTH
-        mean = normals[0] + normals[1]
-        mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), WHOLE)
-        n_a, n_b = np.abs(mean[:, a]), np.abs(mean[:, b])
-        width = sides.excess[one, a, i] * n_a + sides.excess[two, b, j] * n_b
-        width = np.maximum(width / 2 + (n_a + n_b) / 4, 0)
-        squared = np.maximum(n_a**2 + n_b**2, WHOLE)
-        scale = np.where(smooth, width * (n_a + n_b) / squared, 0)
-        first, second = flat[one], flat[two]
-        yield first, second, scale * n_a * n_b
-        yield first, third, scale * n_a * (n_a - n_b)
-        yield second, third, scale * n_b * (n_b - n_a)
+class _Slivers(NamedTuple):
+    """Slivers over concave edges of one kind."""
+
+    one: Int[np.ndarray, " k"]
+    """Index of voxel 1 among the cut voxels."""
+    two: Int[np.ndarray, " k"]
+    over: Float[np.ndarray, " k"]
+    """Conductance from voxel 1 to 2 over k h [-]."""
+    from_one: Float[np.ndarray, " k"]
+    """The same from voxel 1 to 3."""
+    from_two: Float[np.ndarray, " k"]
+
+
+def _slivers(
+    flat: Int[np.ndarray, " m"], sides: Sides, lattice: _Lattice, edge: _Edge
+) -> _Slivers:
+    (a, b), (i, j) = edge
+    to_a = lattice.jumps[a] * (2 * i - 1)
+    to_b = lattice.jumps[b] * (2 * j - 1)
+    one = np.flatnonzero(sides.cell[a, i] >= 0)
+    third = flat[one] - to_b
+    # Few have an edge: those are searched.
+    one = one[lattice.solid[third] & lattice.solid[third + to_a]]
+    second = flat[one] - to_b + to_a
+    two = np.searchsorted(flat, second)
+    kept = np.append(flat, -1)[two] == second
+    kept[kept] = sides.cell[b, j, two[kept]] >= 0
+    one, two = one[kept], two[kept]
+    cells = sides.cell[a, i, one], sides.cell[b, j, two]
+    normals = sides.normal[cells[0]], sides.normal[cells[1]]
+    smooth = (normals[0] * normals[1]).sum(axis=1) > _SMOOTH
+    mean = normals[0] + normals[1]
+    mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), WHOLE)
+    n_a, n_b = np.abs(mean[:, a]), np.abs(mean[:, b])
+    width = sides.excess[cells[0]] * n_a + sides.excess[cells[1]] * n_b
+    width = np.maximum(width / 2 + (n_a + n_b) / 4, 0)
+    squared = np.maximum(n_a**2 + n_b**2, WHOLE)
+    scale = np.where(smooth, width * (n_a + n_b) / squared, 0)
+    beside = scale * n_a * (n_a - n_b), scale * n_b * (n_b - n_a)
+    return _Slivers(one, two, scale * n_a * n_b, *beside)
+
+
+def _over_edges(
+    flat: Int[np.ndarray, " m"], found: _Slivers, lattice: _Lattice, edge: _Edge
+) -> _Part:
+    # An edge has one sliver: of the voxels around it one is empty, the third solid.
+    (a, b), (i, j) = edge
+    apart = lattice.jumps[a] * (2 * i - 1) - lattice.jumps[b] * (2 * j - 1)
+    low = flat[found.one if apart > 0 else found.two]
+    return _Part(low, abs(apart), found.over)

@@ -95,7 +95,7 @@ def limited(cut: CutVoxels, solid: Bool[np.ndarray, "x y z"]) -> CutVoxels:
             break
         asking = np.flatnonzero(missing)
         # Neighbours in the set; the last entry stands for none.
-        giving = near.neighbour[asking]
+        giving = near.neighbours(asking)
         spare = np.append(np.maximum(volume - 1.2 * least, 0), 0)[giving]
         every = spare.sum(1)
         # No more than a fraction of it: others may ask the same neighbour.
@@ -125,10 +125,20 @@ class _Around(NamedTuple):
     own: Int[np.ndarray, " m"]
     """Index of each cut voxel among them."""
     is_cut: Bool[np.ndarray, " k"]
-    neighbour: Int[np.ndarray, "k 6"]
-    """Index of the solid neighbours among the cells; their number for any other."""
+    steps: tuple[int, ...]
+    """From a cell to its six neighbours."""
     conductance: Float[np.ndarray, " k"]
     """Sum over the links of each cell, over k h [-]."""
+
+    def neighbours(self, which: Int[np.ndarray, " j"]) -> Int[np.ndarray, "j 6"]:
+        """Index of the neighbours of some cells among all; their number for any other.
+
+        Found for few: a table of the whole lattice would be larger than the voxels.
+        """
+        next_to = self.cell[which][:, None] + np.array(self.steps)
+        index = np.searchsorted(self.cell, next_to)
+        found = np.append(self.cell, -1)[index] == next_to
+        return np.where(found, index, len(self.cell))
 
     def least_volume(self) -> Float[np.ndarray, " k"]:
         """Volume from which a voxel keeps the stable step [voxels]."""
@@ -139,25 +149,18 @@ class _Around(NamedTuple):
 def _around(cut: CutVoxels, padded: Bool[np.ndarray, "x y z"]) -> _Around:
     solid = padded.reshape(-1)
     _, y, z = padded.shape
-    steps = np.array([-y * z, y * z, -z, z, -1, 1])
+    steps = -y * z, y * z, -z, z, -1, 1
     flat = np.asarray(np.ravel_multi_index(tuple(cut.voxel.T + 1), padded.shape))
-    beside = (flat[:, None] + steps).reshape(-1)
-    cell = sorted_union(flat, beside[solid[beside]])
+    beside = (flat + step for step in steps)
+    cell = sorted_union(flat, *(each[solid[each]] for each in beside))
     own = np.searchsorted(cell, flat)
     is_cut = np.zeros(len(cell), bool)
     is_cut[own] = True
     conductance = np.zeros(len(cell))
-    neighbour = np.empty((len(cell), 6), np.int32)
-    # Found among the cells, whose number stands for all others: a table of the whole
-    # lattice would be larger than the voxels.
-    for side, step in enumerate(steps):
-        next_to = cell + step
-        conductance += solid[next_to]
-        index = np.searchsorted(cell, next_to)
-        found = np.append(cell, -1)[index] == next_to
-        neighbour[:, side] = np.where(found, index, len(cell))
+    for step in steps:
+        conductance += solid[cell + step]
     for end in (cut.links.voxel, cut.links.voxel + cut.links.step):
         index = np.ravel_multi_index(tuple(end.T + 1), padded.shape)
         index = np.searchsorted(cell, index)
         conductance += np.bincount(index, cut.links.extra, len(cell))
-    return _Around(cell, own, is_cut, neighbour, conductance)
+    return _Around(cell, own, is_cut, steps, conductance)

@@ -10,6 +10,7 @@ majority votes for, also for open meshes.
 import numpy as np
 from jaxtyping import Bool, Float, Int, Int8
 
+from ..arrays import in_threads
 from ..raster.fragments import DepthLayers
 from .lattice import Views, pixel_axes
 
@@ -59,8 +60,10 @@ def fill_by_vote(
     # int8 throughout: the largest arrays of the voxelization set its memory.
     votes = np.zeros(shape, np.int8)
     cast = []
-    for axis, layers in enumerate(views):
-        votes += _winding(layers, axis, shape) != 0
+    votes_of = lambda axis: _winding(views[axis], axis, shape) != 0
+    for axis, own in enumerate(in_threads(votes_of, range(3))):
+        layers = views[axis]
+        votes += own
         rays = balanced_rays(layers).reshape(layers.height, layers.width)
         # Rows before columns, as the lattice has them, with the depth axis of length 1.
         ordered = rays if pixel_axes(axis)[0] < pixel_axes(axis)[1] else rays.T

@@ -6,7 +6,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..arrays import Scalar, rank_in_group
+from ..arrays import Scalar, rank_in_group, stable_order
 from ..errors import InputError, shortened
 from ..geometry.mesh import AnyMesh, Mesh, as_mesh
 from ..geometry.repair import repair_mesh
@@ -131,10 +131,11 @@ def _with_surface(
     found_area = float(area[~lost].sum())
     found_volume = np.count_nonzero(solid) * lattice.pitch**3
     hidden_area = float((lattice.pitch**2 / slope[hidden]).sum())
-    unreliable = _unreliable_because(mesh, found_area, found_volume, hidden_area)
+    true, own = (mesh.area, mesh.volume), (found_area, found_volume)
+    unreliable = _unreliable_because(mesh, true, own, hidden_area)
     # True over voxelized area and volume; 1 where that would hide lost parts.
-    area_ratio = 1.0 if unreliable else mesh.area / found_area
-    volume_ratio = 1.0 if unreliable else mesh.volume / found_volume
+    area_ratio = 1.0 if unreliable else true[0] / found_area
+    volume_ratio = 1.0 if unreliable else true[1] / found_volume
     packed = np.zeros(len(lost), np.int64)
     packed[~lost] = rank_in_group(kept.ray[~lost])
     # In lattice order the solver's gathers and scatters walk memory forwards.
@@ -167,10 +168,13 @@ def _with_crossings(
 ) -> VoxelGrid:
     pitch, (normals, _) = lattice.pitch, face_axes(mesh)
     found, hidden = find_crossings(views, solid, mesh)
+    peeled = tuple(layers.count for layers in views)
+    del views
     slope = np.abs(found.normal[np.arange(len(found.axis)), found.axis])
     position = lattice.origin + found.position * pitch
     # Thickness counts along the dominant axis: near a limb other rays are short.
-    main = np.flatnonzero(np.abs(found.normal).argmax(1) == found.axis)
+    is_main = _dominant(found.normal) == found.axis
+    main = np.flatnonzero(is_main)
     thin = _thin_parts(
         position[main],
         found.thickness[main] * pitch * slope[main],
@@ -180,55 +184,66 @@ def _with_crossings(
         pitch,
     )
     hidden_area = float(pitch**2 * np.abs(normals[hidden]).max(1, initial=0).sum())
+    packed = _packed(found, is_main & (found.triangle >= 0) & ~found.lost)
     attached = np.flatnonzero(~found.lost)
-    normal, found = found.normal, found.chosen(attached)
-    packed = _packed(found)
+    number = np.ravel_multi_index(tuple(found.voxel[attached].T), lattice.shape)
+    # In lattice order the solver's gathers and scatters walk memory forwards.
+    attached = attached[stable_order(np.asarray(number))]
+    normal, found = found.normal, found.cells(attached)
     cut, shapes = cut_voxels(found, solid)
     slope[attached] *= shapes.factor
     middle = lattice.to_cells(position)
     middle[attached] += shapes.shift
     area = pitch**2 * slope[attached]
     volume = (np.count_nonzero(solid) + float((cut.volume - 1).sum())) * pitch**3
-    unreliable = _unreliable_because(mesh, float(area.sum()), volume, hidden_area)
+    own_area, true = float(area.sum()), (mesh.area, mesh.volume)
+    unreliable = _unreliable_because(mesh, true, (own_area, volume), hidden_area)
     if not unreliable:
-        patches = Patches(middle, normal, slope)
+        patches = Patches(middle[None], normal, slope)
         every = areas_of_mesh(patches, lattice.to_cells(mesh.triangles), lattice.shape)
         area = pitch**2 * every[attached]
-    ratios = mesh.area / float(area.sum()), mesh.volume / volume
+    ratios = true[0] / float(area.sum()), true[1] / volume
     # More means lost parts, which the others must not stand for.
     is_scaled = [not unreliable and abs(r - 1) <= MAX_DIFFERENCE for r in ratios]
     area_ratio, volume_ratio = np.where(is_scaled, ratios, 1.0).tolist()
-    number = np.ravel_multi_index(tuple(found.voxel.T), lattice.shape)
-    order = np.argsort(number, kind="stable")
+    packed = packed[attached]
     in_front = (int(packed[found.axis == a].max(initial=-1)) + 1 for a in range(3))
     return VoxelGrid(
         lattice=lattice,
         solid=solid,
         mesh=mesh,
-        fragment_position=position[attached][order],
-        fragment_normal=found.normal[order],
-        fragment_area=area[order] * area_ratio,
-        fragment_voxel=found.voxel[order],
-        fragment_axis=found.axis[order],
-        fragment_layer=np.stack([found.layer, packed], axis=1)[order],
+        fragment_position=position[attached],
+        fragment_normal=found.normal,
+        fragment_area=area * area_ratio,
+        fragment_voxel=found.voxel,
+        fragment_axis=found.axis,
+        fragment_layer=np.stack([found.layer, packed], axis=1),
         area_ratio=area_ratio,
         volume_ratio=volume_ratio,
         unscaled_because=unreliable,
-        layers=LayerCounts(tuple(layers.count for layers in views), tuple(in_front)),
+        layers=LayerCounts(peeled, tuple(in_front)),
         thin=thin,
-        fragment_depth=found.depth[order] * pitch,
+        fragment_depth=found.depth * pitch,
         cut=cut,
     )
 
 
-def _packed(found: Crossings) -> Int[np.ndarray, " e"]:
+def _dominant(normal: Float[np.ndarray, "s 3"]) -> Int[np.ndarray, " s"]:
+    """Axis along which each normal is longest, the first of several."""
+    # As by `argmax`, which is slow along an axis of length three.
+    x, y, z = np.abs(normal.T)
+    return np.where((x >= y) & (x >= z), 0, np.where(y >= z, 1, 2))
+
+
+def _packed(found: Crossings, is_kept: Bool[np.ndarray, " e"]) -> Int[np.ndarray, " e"]:
     # As in the thesis, each piece of surface is in the view of its dominant axis only.
     packed = np.full(len(found.axis), -1)
-    is_main = np.abs(found.normal).argmax(1) == found.axis
-    kept = np.flatnonzero(is_main & (found.triangle >= 0))
-    along = found.position[kept, found.axis[kept]]
-    by_ray = kept[np.lexsort([along, found.ray[kept]])]
-    packed[by_ray] = rank_in_group(found.ray[by_ray])
+    kept = np.flatnonzero(is_kept)
+    ray, along = found.ray[kept], found.position[kept, found.axis[kept]]
+    if ((np.diff(ray) == 0) & (np.diff(along) < 0)).any() or (np.diff(ray) < 0).any():
+        order = np.lexsort([along, ray])
+        kept, ray = kept[order], ray[order]
+    packed[kept] = rank_in_group(ray)
     return packed
 
 
@@ -240,15 +255,20 @@ _MAX_OVERLAP = 2e-3
 
 
 def _unreliable_because(
-    mesh: Mesh, area: float, volume: float, hidden_area: float
+    mesh: Mesh,
+    true: tuple[float, float],
+    found: tuple[float, float],
+    hidden_area: float,
 ) -> str:
+    """Reason why areas and volumes, true and found, are unreliable; empty for none."""
     edges = mesh.open_edges
     if edges:
         return f"the mesh is open ({edges} open edges): it has no volume of its own"
-    overlap = hidden_area / (area + hidden_area)
+    overlap = hidden_area / (found[0] + hidden_area)
     if overlap > _MAX_OVERLAP:
         return f"parts overlap or touch: {overlap:.1%} of the surface lies inside"
-    for quantity, ratio in ("area", mesh.area / area), ("volume", mesh.volume / volume):
+    for quantity, of_mesh, own in zip(("area", "volume"), true, found, strict=True):
+        ratio = of_mesh / own
         if not 1 / _MAX_RATIO < ratio < _MAX_RATIO:
             return (
                 f"the mesh has {ratio:.2g} times the {quantity} of its voxels: "

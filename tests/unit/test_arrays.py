@@ -5,7 +5,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxthermo.arrays import sorted_union, typed_array, unique_rows
+from jaxthermo.arrays import (
+    in_threads,
+    sorted_union,
+    stable_order,
+    typed_array,
+    unique_rows,
+)
 
 
 def test_a_value_is_of_numpy_unless_it_is_on_the_device():
@@ -32,3 +38,18 @@ def test_union_of_numbers_is_that_of_numpy():
     one, two = random.integers(0, 50, 40), random.integers(-9, 90, 70)
     np.testing.assert_array_equal(sorted_union(one, two), np.union1d(one, two))
     assert len(sorted_union(one[:0])) == 0
+
+
+@pytest.mark.parametrize("bound", [5, 2**62])
+def test_the_order_of_numbers_is_that_of_a_stable_sort(bound):
+    # With the larger ones an index does not fit into the same 64 bits.
+    for count in (0, 1, 300):
+        key = np.random.default_rng(0).integers(0, bound, count)
+        plain = np.argsort(key, kind="stable")
+        np.testing.assert_array_equal(stable_order(key), plain)
+
+
+def test_results_of_threads_are_in_the_order_of_their_items():
+    items = np.arange(2000.0)
+    halves = in_threads(np.square, np.split(items, 10))
+    np.testing.assert_array_equal(np.concatenate(halves), np.square(items))

@@ -26,12 +26,9 @@ def one_step(normal, excess):
     """A step of three voxels, whose two cells face +x and +y with one normal."""
     solid = np.array([[True, True], [True, False]])[..., None]
     voxel = np.array([[0, 1, 0], [1, 0, 0]])
-    there, normals = np.zeros((2, 3, 2), bool), np.zeros((2, 3, 2, 3))
-    there[[0, 1], [0, 1], 1] = True
-    normals[[0, 1], [0, 1], 1] = normal
-    values = np.zeros((2, 3, 2))
-    values[[0, 1], [0, 1], 1] = excess
-    sides = Sides(there, values, normals)
+    cell = np.full((3, 2, 2), -1, np.int32)
+    cell[[0, 1], 1, [0, 1]] = 0, 1
+    sides = Sides(cell, np.full(2, excess), np.tile(normal, (2, 1)))
     return cut_links(voxel, np.ones((2, 3)), sides, solid)
 
 
@@ -59,10 +56,9 @@ def test_edges_between_sheets_have_no_sliver():
     """The inner edge of an L, whose cells have normals at right angles."""
     solid = np.array([[True, True], [True, False]])[..., None]
     voxel = np.array([[0, 1, 0], [1, 0, 0]])
-    there, normals = np.zeros((2, 3, 2), bool), np.zeros((2, 3, 2, 3))
-    there[[0, 1], [0, 1], 1] = True
-    normals[0, 0, 1], normals[1, 1, 1] = [1, 0, 0], [0, 1, 0]
-    sides = Sides(there, np.zeros((2, 3, 2)), normals)
+    cell = np.full((3, 2, 2), -1, np.int32)
+    cell[[0, 1], 1, [0, 1]] = 0, 1
+    sides = Sides(cell, np.zeros(2), np.eye(3)[:2])
     assert len(cut_links(voxel, np.ones((2, 3)), sides, solid).extra) == 0
 
 
