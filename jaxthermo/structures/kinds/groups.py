@@ -16,6 +16,7 @@ from ..build.blocks import (
     number_by_first_voxel,
     voxel_layers,
 )
+from ..build.cubes import build_cubes, octree_levels
 from ..build.slabs import Slab, build_slabs
 from ..cache import built_once
 from ..structure import AbstractBuiltStructure, Built, ConductionWeights, as_weights
@@ -127,62 +128,7 @@ class Octree(AbstractBuiltStructure):
 
 
 def _build_octree(grid: VoxelGrid, levels: int | None) -> Built:
-    labels, first = number_by_first_voxel(_octree_cells(grid.solid, levels))
-    built = build_blocks(grid, labels, np.zeros(len(first), np.int32))
-    size = np.cbrt(np.bincount(labels[labels >= 0]))
-    level = np.rint(np.log2(size)).astype(np.int32)
-    return replace(built, nodes=built.nodes._replace(level=level))
-
-
-def _octree_cells(
-    solid: Bool[np.ndarray, "x y z"], levels: int | None
-) -> Int[np.ndarray, "x y z"]:
-    """Index of the first voxel, in lattice order, of each voxel's cell; -1 if empty."""
-    possible = [solid]
-    filled = solid
-    while levels is None or len(possible) < levels:
-        filled = _halve(filled)
-        inner = _with_neighbours(filled)
-        if not inner.any():
-            break
-        possible.append(inner)
-    # From coarse to fine: a cell is taken only where no larger one was.
-    first = np.full((0, 0, 0), -1, index_type(solid.shape))
-    for level in reversed(range(len(possible))):
-        first = _refine(first, possible[level])
-        new = np.nonzero(possible[level] & (first < 0))
-        corner = tuple(index << level for index in new)
-        first[new] = np.ravel_multi_index(corner, solid.shape)
-    return first
-
-
-def _halve(filled: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "u v w"]:
-    """Flag the entirely solid cells of twice the size; an odd last plane is dropped."""
-    for axis in range(3):
-        along = np.moveaxis(filled, axis, 0)
-        pairs = along[: len(along) // 2 * 2]
-        filled = np.moveaxis(pairs[::2] & pairs[1::2], 0, axis)
-    return filled
-
-
-def _with_neighbours(filled: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "x y z"]:
-    """Flag the cells that are solid together with all 26 neighbours."""
-    for axis in range(3):
-        along = np.moveaxis(filled, axis, 0)
-        inner = np.zeros_like(along)
-        inner[1:-1] = along[:-2] & along[1:-1] & along[2:]
-        filled = np.moveaxis(inner, 0, axis)
-    return filled
-
-
-def _refine(
-    coarse: Int[np.ndarray, "u v w"], like: Bool[np.ndarray, "x y z"]
-) -> Int[np.ndarray, "x y z"]:
-    """Repeat each entry on eight cells of half the size; -1 beyond the coarse ones."""
-    fine = np.full(like.shape, -1, coarse.dtype)
-    u, v, w = coarse.shape
-    fine[: 2 * u, : 2 * v, : 2 * w] = coarse.repeat(2, 0).repeat(2, 1).repeat(2, 2)
-    return fine
+    return build_cubes(grid, octree_levels(grid.solid, levels))
 
 
 class Partition(AbstractBuiltStructure):

@@ -5,19 +5,22 @@ from itertools import product
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from simple_octree import build_octree, octree_cells
 from voxel_volumes import ball, solids
 
 from jaxthermo.errors import InputError
+from jaxthermo.geometry import shapes
 from jaxthermo.geometry.load import load_mesh
+from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.structures.kinds.full import FullVolume
-from jaxthermo.structures.kinds.groups import Octree, _octree_cells
+from jaxthermo.structures.kinds.groups import Octree
 from jaxthermo.voxels.voxelize import voxelize
 from tests.bodies import blocks
 
 
 def levels_of(solid, levels=None):
     """Level of every voxel's cell, -1 where empty, as its number of voxels tells."""
-    first = _octree_cells(solid, levels)
+    first = octree_cells(solid, levels)
     _, cell, count = np.unique(first, return_inverse=True, return_counts=True)
     level = np.rint(np.log2(count) / 3).astype(int)[cell].reshape(solid.shape)
     return np.where(solid, level, -1)
@@ -58,7 +61,7 @@ def test_cells_are_the_largest_that_lie_well_inside(name):
 @pytest.mark.parametrize("name", BODIES)
 def test_cells_are_whole_cubes_on_their_own_lattice(name):
     solid = BODIES[name]
-    first, level = _octree_cells(solid, None), levels_of(solid)
+    first, level = octree_cells(solid, None), levels_of(solid)
     np.testing.assert_array_equal(first < 0, ~solid)
     cells = np.argwhere(solid)
     corner = (cells >> level[solid][:, None]) << level[solid][:, None]
@@ -77,6 +80,35 @@ def test_neighbours_differ_by_one_level_even_over_corners(name):
         assert np.abs(level - other)[both].max() <= 1
         # And a coarse cell never lies at the surface.
         assert level[(level >= 0) & (other < 0)].max(initial=0) == 0
+
+
+def gap_in_ball():
+    """Cut voxels, and cells of no face inside: a gap thinner than a voxel."""
+    gap = shapes.box((1.2, 1.2, 0.02))
+    ball = shapes.sphere(1.0)
+    faces = np.concatenate([ball.faces, gap.faces[:, ::-1] + len(ball.vertices)])
+    mesh = Mesh(np.concatenate([ball.vertices, gap.vertices]), faces, "gap in ball")
+    return voxelize(mesh, 1 / 12.3)
+
+
+@pytest.mark.parametrize("levels", [1, 2, None])
+@pytest.mark.parametrize("name", [*BODIES, "gap in a ball"])
+def test_cubes_are_the_groups_of_their_voxels(name, levels):
+    """Level by level, as by the faces of all voxels: integers equal, numbers nearly."""
+    grid = blocks(BODIES[name], 0.5) if name in BODIES else gap_in_ball()
+    own = Octree(grid, levels=levels).built
+    every, level = build_octree(grid, levels)
+    np.testing.assert_array_equal(own.nodes.level, level)
+    for field in ("centre", "volume", "location"):
+        one, other = getattr(own.nodes, field), getattr(every.nodes, field)
+        np.testing.assert_allclose(one, other, rtol=1e-13)
+    for field in ("src", "dst"):
+        one, other = getattr(own.links, field), getattr(every.links, field)
+        np.testing.assert_array_equal(one, other)
+    for one, other in zip(own.links[2:], every.links[2:], strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12)
+    np.testing.assert_array_equal(own.fragment_node, every.fragment_node)
+    np.testing.assert_array_equal(own.voxel_node, every.voxel_node)
 
 
 @settings(deadline=None, max_examples=40)

@@ -1,0 +1,234 @@
+"""Structures of cubes: nodes of 1, 2, 4, ... voxels per edge, linked level by level.
+
+Cubes that share a face differ by at most one level, so each pair of them shares one
+face of the smaller: on the lattice of each level a cube has six neighbours, and a link
+needs no sum over faces of voxels. `build_blocks` on the labels of the cubes is the
+simple version, to rounding.
+"""
+
+from collections.abc import Iterator
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.sparse import csr_array
+
+from ...arrays import sorted_union, stable_order
+from ...voxels.grid import VoxelGrid
+from ..structure import Built, Links, Nodes
+from .links import link_distance
+
+
+Levels = list[Bool[np.ndarray, "_x _y _z"]]
+"""Cubes of each level l, 2^l voxels wide; [i, j, k] begins at voxel 2^l [i, j, k]."""
+
+
+def octree_levels(solid: Bool[np.ndarray, "x y z"], levels: int | None) -> Levels:
+    """Largest cubes that are solid together with their 26 neighbours.
+
+    Args:
+        solid: voxels of the body.
+        levels: number of sizes; None for no limit.
+    """
+    possible, filled = [solid], solid
+    while levels is None or len(possible) < levels:
+        filled = _halve(filled)
+        inner = _with_neighbours(filled)
+        if not inner.any():
+            break
+        possible.append(inner)
+    # Children of a cube could all be cubes: a smaller one is taken beside them alone.
+    taken = [possible[-1]]
+    for fine, coarse in zip(possible[-2::-1], possible[:0:-1], strict=True):
+        alone = fine.copy()
+        for child in _children(alone, coarse.shape):
+            child &= ~coarse
+        taken.append(alone)
+    return taken[::-1]
+
+
+def _halve(filled: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "u v w"]:
+    """Flag the entirely solid cells of twice the size; an odd last plane is dropped."""
+    for axis in range(3):
+        along = np.moveaxis(filled, axis, 0)
+        pairs = along[: len(along) // 2 * 2]
+        filled = np.moveaxis(pairs[::2] & pairs[1::2], 0, axis)
+    return filled
+
+
+def _with_neighbours(filled: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "x y z"]:
+    """Flag the cells that are solid together with all 26 neighbours."""
+    for axis in range(3):
+        along = np.moveaxis(filled, axis, 0)
+        inner = np.zeros_like(along)
+        inner[1:-1] = along[:-2] & along[1:-1] & along[2:]
+        filled = np.moveaxis(inner, 0, axis)
+    return filled
+
+
+def _children(fine: np.ndarray, coarse: tuple[int, ...]) -> Iterator[np.ndarray]:
+    """Views of the cells of half the size, one for each of the eight in a cell."""
+    u, v, w = coarse
+    for i, j, k in product(range(2), repeat=3):
+        yield fine[i : 2 * u : 2, j : 2 * v : 2, k : 2 * w : 2]
+
+
+class _Cubes(NamedTuple):
+    """Cubes of one level, by their number."""
+
+    number: Int[np.ndarray, " k"]
+    cell: Int[np.ndarray, " k"]
+    """Index on the level's lattice, with a rim."""
+
+
+def build_cubes(grid: VoxelGrid, levels: Levels) -> Built:
+    """Build a structure whose nodes are cubes of voxels that fill the body.
+
+    Numbered by their first voxels in lattice order.
+    """
+    corner, level = _corners(levels)
+    first = np.asarray(np.ravel_multi_index(tuple(corner.T), grid.solid.shape))
+    order = stable_order(first)
+    number = np.empty(len(order), np.int32)
+    number[order] = np.arange(len(order), dtype=np.int32)
+    corner, level = corner[order], level[order]
+    counts = [int(np.count_nonzero(own)) for own in levels]
+    own_numbers = np.split(number, np.cumsum(counts)[:-1])
+    labels, pairs = _linked(levels, own_numbers, level)
+    inner = labels[1:-1, 1:-1, 1:-1]
+    volume, over_edges = 8.0**level, []
+    if grid.cut is not None:
+        over_faces, *over_edges = _of_cut(grid, inner)
+        pairs.append(over_faces)
+        volume += np.bincount(
+            inner[tuple(grid.cut.voxel.T)], grid.cut.volume - 1, len(level)
+        )
+    centre = corner + 2.0 ** level[:, None] / 2
+    middle = grid.lattice.origin + centre * grid.pitch
+    return Built(
+        nodes=Nodes(middle, volume * grid.voxel_volume, level, middle),
+        links=_links(pairs, over_edges, centre, level, grid.pitch),
+        fragment_node=inner[tuple(grid.fragment_voxel.T)],
+        voxel_node=inner[grid.solid],
+    )
+
+
+def _corners(
+    levels: Levels,
+) -> tuple[Int[np.ndarray, "n 3"], Int[np.ndarray, " n"]]:
+    """First voxel of each cube, and its level."""
+    corners, level = [], []
+    for size, own in enumerate(levels):
+        along = np.unravel_index(np.flatnonzero(own), own.shape)
+        cells = [index.astype(np.int32) << size for index in along]
+        corners.append(np.stack(cells, axis=1))
+        level.append(np.full(len(corners[-1]), size, np.int32))
+    return np.concatenate(corners), np.concatenate(level)
+
+
+_Pairs = list[
+    tuple[Int[np.ndarray, " _"], Int[np.ndarray, " _"], Float[np.ndarray, " _"]]
+]
+"""Two nodes and what they share [voxel faces]; entries of a pair add up."""
+
+
+def _linked(
+    levels: Levels, numbers: list[Int[np.ndarray, " _"]], level: Int[np.ndarray, " n"]
+) -> tuple[Int[np.ndarray, "u v w"], _Pairs]:
+    """Number of each voxel's cube, with a rim of -1, and pairs that share a face."""
+    pairs, labels = [], np.full((2, 2, 2), -1, np.int32)
+    for size in reversed(range(len(levels))):
+        own, coarse = levels[size], labels[1:-1, 1:-1, 1:-1]
+        x, y, z = (length + 2 for length in own.shape)
+        labels = np.full((x, y, z), -1, np.int32)
+        within = labels[1:-1, 1:-1, 1:-1]
+        for child in _children(within, coarse.shape):
+            child[...] = coarse
+        within[own] = numbers[size]
+        along = np.unravel_index(np.flatnonzero(own), own.shape)
+        cell = (along[0] + 1) * (y * z) + (along[1] + 1) * z + along[2] + 1
+        flat, here = labels.reshape(-1), numbers[size]
+        for jump in (y * z, z, 1):
+            above, below = flat[cell + jump], flat[cell - jump]
+            # Of two of one size the lower one has the link.
+            for other, is_linked in (
+                (above, above >= 0),
+                (below, (below >= 0) & (np.append(level, 0)[below] > size)),
+            ):
+                at = np.flatnonzero(is_linked)
+                one, two = here[at], other[at]
+                face = np.full(len(at), 4.0**size)
+                pairs.append((np.minimum(one, two), np.maximum(one, two), face))
+    return labels, pairs
+
+
+def _of_cut(grid: VoxelGrid, labels: Int[np.ndarray, "x y z"]) -> _Pairs:
+    """Nodes of links of cut voxels, and what these have besides whole faces.
+
+    Those over faces, and those over edges.
+    """
+    assert grid.cut is not None
+    found = []
+    for is_edge in (False, True):
+        own = np.flatnonzero(grid.cut.links.over_edge == is_edge)
+        links = grid.cut.links.chosen(own)
+        one = labels[tuple(links.voxel.T)]
+        two = labels[tuple((links.voxel + links.step).T)]
+        apart = np.flatnonzero(one != two)
+        # What conducts over an edge does so over the distance of its two voxels.
+        shared = links.extra[apart] * (np.sqrt(2) if is_edge else 1.0)
+        ends = np.minimum(one, two)[apart], np.maximum(one, two)[apart]
+        found.append((*ends, shared))
+    return found
+
+
+def _links(
+    pairs: _Pairs,
+    over_edges: _Pairs,
+    centre: Float[np.ndarray, "n 3"],
+    level: Int[np.ndarray, " n"],
+    pitch: float,
+) -> Links:
+    """Sorted links; centres in voxels, the pitch in m."""
+    every, size = zip(*pairs, *over_edges, strict=True), len(level)
+    src, dst, shared = (np.concatenate(column) for column in every)
+    table = csr_array((shared, (src, dst)), (size, size))
+    del src, dst, shared
+    table.sum_duplicates()
+    src = np.repeat(np.arange(size, dtype=np.int32), np.diff(table.indptr))
+    dst, area = table.indices.astype(np.int32, copy=False), table.data
+    # Cubes of one size over a face meet in the middle; all others are few.
+    levels = level.astype(np.int8)
+    sides = levels[src], levels[dst]
+    others = np.flatnonzero(sides[0] != sides[1])
+    if over_edges:
+        one, two, _ = (
+            np.concatenate(column) for column in zip(*over_edges, strict=True)
+        )
+        key = src.astype(np.int64) * size + dst
+        at = np.searchsorted(key, np.sort(one.astype(np.int64) * size + two))
+        others = sorted_union(others, at)
+    half = 2.0 ** np.arange(level.max() + 1) * (pitch / 2)
+    distance = np.stack([half[side] for side in sides])
+    own = src[others], dst[others]
+    distance[:, others] = _distances(*own, centre, level) * pitch
+    area *= pitch**2
+    return Links(src, dst, area, *distance)
+
+
+def _distances(
+    src: Int[np.ndarray, " e"],
+    dst: Int[np.ndarray, " e"],
+    centre: Float[np.ndarray, "n 3"],
+    level: Int[np.ndarray, " n"],
+) -> Float[np.ndarray, "2 e"]:
+    """Distances from two cubes to what they share [voxels]."""
+    halves = 2.0 ** level[np.stack([src, dst])] / 2
+    normal = halves[0] + halves[1]
+    step = (centre.take(dst, axis=0) - centre.take(src, axis=0)).T
+    straight = np.sqrt(np.square(step).sum(axis=0))
+    # Cubes that share a face lie beside each other along one axis, over an edge two.
+    over_edge = (np.abs(step) == normal).sum(axis=0) > 1
+    whole = halves * (link_distance(normal, straight) / normal)
+    return np.where(over_edge, straight / 2, whole)
