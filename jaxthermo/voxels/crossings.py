@@ -147,13 +147,13 @@ def _along(
     theta = np.maximum(excess + 0.5, _MIN_THETA) * slope
     return Crossings(
         position=position,
-        triangle=np.append(layers.triangle, np.full(len(bare), -1)),
+        triangle=np.append(layers.triangle, np.full(len(bare), -1)).astype(np.int32),
         normal=normal,
-        axis=np.full(len(pixel), axis),
+        axis=np.full(len(pixel), axis, np.int8),
         ahead=~enters,
         ray=pixel + first_ray,
         layer=np.append(layers.layer, np.zeros(len(bare), layers.layer.dtype)),
-        voxel=voxel,
+        voxel=voxel.astype(np.int32),
         depth=np.where(on_face, theta, 0.5),
         excess=excess,
         thickness=thickness,

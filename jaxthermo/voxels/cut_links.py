@@ -120,10 +120,14 @@ def cut_links(
             for part, own in zip(parts, kept, strict=True)
         ]
     )
+    del parts, kept
     order = stable_order(key)
     low, kind = np.divmod(key[order], len(reach))
-    along = np.unravel_index(low, padded.shape)
-    cells = np.stack([(index - 1).astype(np.int32) for index in along], axis=1)
+    del key
+    cells = np.empty((len(low), 3), np.int32)
+    for axis, jump in enumerate(lattice.jumps):
+        cells[:, axis], low = np.divmod(low, jump)
+    cells -= np.int32(1)
     steps = np.array([_step(apart, lattice) for apart in reach.tolist()], np.int8)
     return CutLinks(cells, steps[kind], extra[order])
 

@@ -110,11 +110,15 @@ def limited(cut: CutVoxels, solid: Bool[np.ndarray, "x y z"]) -> CutVoxels:
         spare = max(total - MIN_OPEN * len(volume), 0.0)
         volume = MIN_OPEN + above * (spare / above.sum() if spare else 0.0)
     changed = np.flatnonzero((volume != 1) | near.is_cut)
-    along = np.unravel_index(near.cell[changed], padded.shape)
-    voxel = np.stack([(index - 1).astype(np.int32) for index in along], axis=1)
-    section = np.ones((len(volume), 3))
-    section[near.own] = cut.section
-    return CutVoxels(voxel, volume[changed], section[changed], cut.links)
+    voxel, rest = np.empty((len(changed), 3), np.int32), near.cell[changed]
+    _, y, z = padded.shape
+    for axis, jump in enumerate((y * z, z, 1)):
+        voxel[:, axis], rest = np.divmod(rest, jump)
+    voxel -= np.int32(1)
+    section = np.ones((len(changed), 3))
+    # Cut voxels are among those that changed.
+    section[np.searchsorted(changed, near.own)] = cut.section
+    return CutVoxels(voxel, volume[changed], section, cut.links)
 
 
 class _Around(NamedTuple):
@@ -151,16 +155,20 @@ def _around(cut: CutVoxels, padded: Bool[np.ndarray, "x y z"]) -> _Around:
     _, y, z = padded.shape
     steps = -y * z, y * z, -z, z, -1, 1
     flat = np.asarray(np.ravel_multi_index(tuple(cut.voxel.T + 1), padded.shape))
-    beside = (flat + step for step in steps)
-    cell = sorted_union(flat, *(each[solid[each]] for each in beside))
+    cell = flat
+    # One side at a time: all would be most of the memory.
+    for step in steps:
+        beside = flat + step
+        cell = sorted_union(cell, beside[solid[beside]])
     own = np.searchsorted(cell, flat)
     is_cut = np.zeros(len(cell), bool)
     is_cut[own] = True
     conductance = np.zeros(len(cell))
     for step in steps:
         conductance += solid[cell + step]
-    for end in (cut.links.voxel, cut.links.voxel + cut.links.step):
-        index = np.ravel_multi_index(tuple(end.T + 1), padded.shape)
-        index = np.searchsorted(cell, index)
+    jumps = np.array([y * z, z, 1])
+    low = sum(cut.links.voxel[:, a] * jumps[a] for a in range(3)) + jumps.sum()
+    for end in (low, low + cut.links.step @ jumps):
+        index = np.searchsorted(cell, end)
         conductance += np.bincount(index, cut.links.extra, len(cell))
     return _Around(cell, own, is_cut, steps, conductance)

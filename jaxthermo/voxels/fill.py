@@ -7,10 +7,12 @@ exits do not balance has passed through a hole and does not vote. Solid is what 
 majority votes for, also for open meshes.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Bool, Float, Int, Int8
 
-from ..arrays import in_threads
+from ..arrays import stable_order
 from ..raster.fragments import DepthLayers
 from .lattice import Views, pixel_axes
 
@@ -31,45 +33,84 @@ def balanced_rays(layers: DepthLayers) -> Bool[np.ndarray, " p"]:
     return np.bincount(layers.pixel, crossing_sign(layers), minlength=pixels) == 0
 
 
-def _winding(
-    layers: DepthLayers, axis: int, shape: tuple[int, int, int]
-) -> Int8[np.ndarray, "x y z"]:
-    """Winding number at each voxel centre along `axis`; 0 on rays without a vote."""
-    row_axis, column_axis = pixel_axes(axis)
-    cell = first_cell_behind(layers.depth)
-    counts = np.flatnonzero(balanced_rays(layers)[layers.pixel] & (cell < shape[axis]))
-    index: list = [None, None, None]
-    index[axis] = np.maximum(cell[counts], 0)
-    index[row_axis], index[column_axis] = np.divmod(layers.pixel[counts], layers.width)
-    winding = np.zeros(shape, np.int8)
-    # int8 may wrap in between: only the final sums must fit.
-    np.add.at(winding, tuple(index), crossing_sign(layers)[counts])
-    if axis == 2:
-        return np.cumsum(winding, axis=2, dtype=np.int8, out=winding)
-    planes = np.moveaxis(winding, axis, 0)
-    # Plane by plane is contiguous and several times faster than a strided cumsum.
-    for k in range(1, len(planes)):
-        planes[k] += planes[k - 1]
-    return winding
+# Cells whose votes are counted at once: arrays of all would be several times the solid.
+_CHUNK_CELLS = 2**19
+
+
+class _Events(NamedTuple):
+    """Changes of the winding number along the rays of one axis, sorted by x."""
+
+    cell: tuple[np.ndarray, ...]
+    sign: Int8[np.ndarray, " k"]
+
+    @classmethod
+    def of(cls, layers: DepthLayers, axis: int, length: int) -> "_Events":
+        """Those of balanced rays, at the first cell behind each crossing."""
+        row_axis, column_axis = pixel_axes(axis)
+        behind = first_cell_behind(layers.depth)
+        counts = np.flatnonzero(balanced_rays(layers)[layers.pixel] & (behind < length))
+        cell: list[np.ndarray] = [np.zeros(0)] * 3
+        cell[axis] = np.maximum(behind[counts], 0).astype(np.int32)
+        along = np.divmod(layers.pixel[counts], layers.width)
+        cell[row_axis], cell[column_axis] = (each.astype(np.int32) for each in along)
+        order = stable_order(cell[0])
+        sign = crossing_sign(layers)[counts][order]
+        return cls(tuple(index[order] for index in cell), sign)
+
+    def within(
+        self, start: int, stop: int
+    ) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
+        """Cells, counted from the first plane, and signs in a range of planes."""
+        own = slice(*np.searchsorted(self.cell[0], [start, stop]))
+        x, y, z = (index[own] for index in self.cell)
+        return (x - start, y, z), self.sign[own]
 
 
 def fill_by_vote(
     views: Views, shape: tuple[int, int, int]
 ) -> Bool[np.ndarray, "x y z"]:
     """Solid voxels by majority of the votes of the three views."""
-    # int8 throughout: the largest arrays of the voxelization set its memory.
-    votes = np.zeros(shape, np.int8)
-    cast = []
-    votes_of = lambda axis: _winding(views[axis], axis, shape) != 0
-    for axis, own in enumerate(in_threads(votes_of, range(3))):
-        layers = views[axis]
-        votes += own
-        rays = balanced_rays(layers).reshape(layers.height, layers.width)
-        # Rows before columns, as the lattice has them, with the depth axis of length 1.
-        ordered = rays if pixel_axes(axis)[0] < pixel_axes(axis)[1] else rays.T
-        cast.append(np.expand_dims(ordered, axis).astype(np.int8))
-    # Solid where 2 x votes for > votes cast.
-    votes *= 2
-    for x, plane in enumerate(votes):
-        plane -= cast[0][0] + cast[1][x] + cast[2][x]
-    return votes > 0
+    events = [_Events.of(views[axis], axis, shape[axis]) for axis in range(3)]
+    cast = [_votes_cast(views[axis], axis) for axis in range(3)]
+    solid = np.empty(shape, bool)
+    before = np.zeros(shape[1:], np.int8)
+    planes = max(_CHUNK_CELLS // before.size, 1)
+    for start in range(0, shape[0], planes):
+        chunk = solid[start : start + planes]
+        # Solid where 2 x votes for > votes cast.
+        votes = np.zeros(chunk.shape, np.int8)
+        for axis, each in enumerate(events):
+            # int8 may wrap in between: only the final sums must fit.
+            winding = np.zeros(chunk.shape, np.int8)
+            cell, sign = each.within(start, start + len(chunk))
+            np.add.at(winding, cell, sign)
+            if axis == 0:
+                winding[0] += before
+            _sum_along(winding, axis)
+            if axis == 0:
+                before = winding[-1].copy()
+            votes += winding != 0
+        votes *= 2
+        votes -= cast[0] + cast[1][start : start + planes]
+        votes -= cast[2][start : start + planes]
+        np.greater(votes, 0, out=chunk)
+    return solid
+
+
+def _sum_along(winding: Int8[np.ndarray, "x y z"], axis: int) -> None:
+    """Running sum along an axis, in place."""
+    if axis == 2:
+        np.cumsum(winding, axis=2, dtype=np.int8, out=winding)
+        return
+    planes = np.moveaxis(winding, axis, 0)
+    # Plane by plane is contiguous and several times faster than a strided cumsum.
+    for k in range(1, len(planes)):
+        planes[k] += planes[k - 1]
+
+
+def _votes_cast(layers: DepthLayers, axis: int) -> Int8[np.ndarray, "u v w"]:
+    """1 on rays that vote, on the lattice, with a length of 1 along the axis."""
+    rays = balanced_rays(layers).reshape(layers.height, layers.width)
+    # Rows before columns, as the lattice has them.
+    ordered = rays if pixel_axes(axis)[0] < pixel_axes(axis)[1] else rays.T
+    return np.expand_dims(ordered, axis).astype(np.int8)

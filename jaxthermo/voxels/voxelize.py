@@ -82,17 +82,22 @@ _TYPES = (VoxelGrid, Lattice, Mesh, LayerCounts, ThinParts, CutVoxels, CutLinks)
 @stored_search("voxels", _TYPES)
 def _voxelized(mesh: Mesh, pitch: float, surface_cells: str) -> VoxelGrid:
     lattice = Lattice.around(mesh, pitch)
+    if surface_cells == "crossings":
+        return _with_crossings(mesh, lattice)
+    return _with_surface(mesh, lattice)
+
+
+def _filled(mesh: Mesh, lattice: Lattice) -> tuple[Views, Bool[np.ndarray, "x y z"]]:
+    """Depth layers of a mesh, and its solid voxels."""
     views = peel_axes(mesh, lattice)
     solid = fill_by_vote(views, lattice.shape)
     if not solid.any():
         raise InputError(
-            f"{mesh.name}: no voxel at a pitch of {pitch:g} m; the body is "
+            f"{mesh.name}: no voxel at a pitch of {lattice.pitch:g} m; the body is "
             f"{' x '.join(f'{s:.3g}' for s in np.ptp(mesh.bounds, axis=0))} m: "
             "use a finer pitch, or repair the mesh if it is open"
         )
-    if surface_cells == "crossings":
-        return _with_crossings(mesh, lattice, solid, views)
-    return _with_surface(mesh, lattice, solid, views)
+    return views, solid
 
 
 def _metres(pitch: Any) -> float:
@@ -109,9 +114,8 @@ def _metres(pitch: Any) -> float:
     return metres
 
 
-def _with_surface(
-    mesh: Mesh, lattice: Lattice, solid: Bool[np.ndarray, "x y z"], views: Views
-) -> VoxelGrid:
+def _with_surface(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
+    views, solid = _filled(mesh, lattice)
     normals, dominant = face_axes(mesh)
     parts, hidden, rays = [], [], 0
     for axis, layers in enumerate(views):
@@ -163,12 +167,12 @@ def _with_surface(
     )
 
 
-def _with_crossings(
-    mesh: Mesh, lattice: Lattice, solid: Bool[np.ndarray, "x y z"], views: Views
-) -> VoxelGrid:
+def _with_crossings(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
+    views, solid = _filled(mesh, lattice)
     pitch, (normals, _) = lattice.pitch, face_axes(mesh)
     found, hidden = find_crossings(views, solid, mesh)
     peeled = tuple(layers.count for layers in views)
+    # Not needed any more: the largest arrays follow.
     del views
     slope = np.abs(found.normal[np.arange(len(found.axis)), found.axis])
     position = lattice.origin + found.position * pitch
@@ -215,8 +219,8 @@ def _with_crossings(
         fragment_position=position[attached],
         fragment_normal=found.normal,
         fragment_area=area * area_ratio,
-        fragment_voxel=found.voxel,
-        fragment_axis=found.axis,
+        fragment_voxel=found.voxel.astype(np.int64),
+        fragment_axis=found.axis.astype(np.int64),
         fragment_layer=np.stack([found.layer, packed], axis=1),
         area_ratio=area_ratio,
         volume_ratio=volume_ratio,
