@@ -7,9 +7,8 @@ f faces, k raster fragments, l levels, t saved times, b bodies, h w pixels, p po
 import contextlib
 import math
 import os
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.core
@@ -178,20 +177,6 @@ def gathered_columns(degree: Int[np.ndarray, " n"]) -> int:
     cost = len(degree) * np.arange(len(count)) + LIST_ENTRY_COST * remaining
     cost += LIST_COST * (remaining > 0)
     return int(cost.argmin())
-
-
-_T = TypeVar("_T")
-_R = TypeVar("_R")
-
-
-def in_threads(function: Callable[[_T], _R], items: Iterable[_T]) -> list[_R]:
-    """Apply a function of numpy to items, two at a time; the results in their order.
-
-    numpy releases the interpreter's lock while it works on large arrays.
-    """
-    # Two, however many cores there are: temporaries of each are in memory at once.
-    with ThreadPoolExecutor(2) as pool:
-        return list(pool.map(function, items))
 
 
 def available_bytes() -> int:

@@ -22,8 +22,6 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.sparse import csr_array
 
-from ..arrays import in_threads
-
 
 # Spacing of the coarse lattice [voxels]. With 3 the factors of a plane's cells differ
 # twice as much; with more a limb's loss is far from where it is made good.
@@ -69,15 +67,14 @@ def areas_of_mesh(
         shape: number of voxels of the lattice.
     """
     nodes = _Nodes.around(cells.position, shape)
-    # Always in two halves, whatever the number of cores: the sums are the same.
-    halves = np.array_split(triangles, 2)
-    true = sum(in_threads(lambda own: nodes.total(_pieces(own, _AT_ONCE)), halves))
-    parts = [slice(i, i + _AT_ONCE) for i in range(0, len(cells.area), _AT_ONCE)]
-    own_total = lambda own: nodes.total(map(cells.chosen, own))
-    found = sum(in_threads(own_total, (parts[::2], parts[1::2])))
+    true = nodes.total(_pieces(triangles, _AT_ONCE))
+    parts = [
+        cells.chosen(slice(start, start + _AT_ONCE))
+        for start in range(0, len(cells.area), _AT_ONCE)
+    ]
+    found = nodes.total(parts)
     ratio = true / np.where(found > 0, found, 1)
-    means = lambda part: nodes.means(ratio, cells.chosen(part))
-    factor = np.concatenate(in_threads(means, parts))
+    factor = np.concatenate([nodes.means(ratio, part) for part in parts])
     return cells.area * np.clip(factor, 1 / _MAX_FACTOR, _MAX_FACTOR)
 
 

@@ -20,7 +20,6 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..arrays import in_threads
 from ..geometry.mesh import Mesh
 from ..raster.fragments import DepthLayers
 from .fill import first_cell_behind
@@ -95,18 +94,14 @@ def find_crossings(
     views: Views, solid: Bool[np.ndarray, "x y z"], mesh: Mesh
 ) -> tuple[Crossings, Int[np.ndarray, " h"]]:
     """Crossings of all views, and the triangles of those hidden inside the body."""
+    parts, hidden, rays = [], [], 0
     normals, _ = face_axes(mesh)
-    rays = np.cumsum([0] + [layers.width * layers.height for layers in views])
-
-    def found_along(axis: int) -> tuple[Crossings, np.ndarray]:
-        layers = views[axis]
+    for axis, layers in enumerate(views):
         inside = hidden_inside(layers)
-        first = axis, int(rays[axis])
-        outer = selected(layers, ~inside)
-        own = _along(outer, solid, normals, mesh.is_watertight, *first)
-        return own, layers.triangle[inside]
-
-    parts, hidden = zip(*in_threads(found_along, range(3)), strict=True)
+        hidden.append(layers.triangle[inside])
+        outer, first = selected(layers, ~inside), (axis, rays)
+        parts.append(_along(outer, solid, normals, mesh.is_watertight, *first))
+        rays += layers.width * layers.height
     columns = (np.concatenate(column) for column in zip(*parts, strict=True))
     return Crossings(*columns), np.concatenate(hidden)
 

@@ -61,8 +61,9 @@ def cut_voxels(
     volume = _volumes(sides, weight, pairs) + np.bincount(owner, apart, len(key))
     section = np.stack([_section(sides, weight, pairs, a) for a in range(3)], axis=1)
     shapes = _cell_shapes(weight, pairs)
-    del pairs
-    voxel = np.stack(np.unravel_index(key, solid.shape), axis=1)
+    voxel = found.voxel[is_next]
+    # The largest arrays follow.
+    del pairs, flat, owner, own, weight, apart
     links = cut_links(voxel, section, sides, solid)
     del sides
     # A body whose faces lie between voxels has none: its stencil is the uniform one.

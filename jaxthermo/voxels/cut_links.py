@@ -15,13 +15,13 @@ edge, and a change of both links of voxel 3. Rods at any slant then conduct what
 should, and a gradient along the normal conducts no more than before.
 """
 
-from itertools import chain, combinations, product
+from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..arrays import in_threads, stable_order
+from ..arrays import stable_order
 
 
 # Smallest open area [voxel faces]: a link through a sliver of nothing still conducts.
@@ -96,19 +96,21 @@ def cut_links(
     padded = np.pad(solid, 1)
     lattice = _Lattice(padded.reshape(-1), padded.shape)
     flat = np.asarray(np.ravel_multi_index(tuple(voxel.T + 1), padded.shape))
-    slivers = in_threads(lambda edge: _slivers(flat, sides, lattice, edge), _EDGES)
+    slivers = [_slivers(flat, sides, lattice, edge) for edge in _EDGES]
     # What they add to the links of each cut voxel, [axis, to below or above].
     beside = np.zeros((3, 2, len(flat)))
     for ((a, b), (i, j)), found in zip(_EDGES, slivers, strict=True):
         beside[b, 1 - j, found.one] += found.from_one
         beside[a, 1 - i, found.two] += found.from_two
-    faces = lambda axis: _open_areas(flat, section, beside, lattice, axis)
-    parts = [*chain(*in_threads(faces, range(3)))]
+    parts = []
+    for axis in range(3):
+        parts += _open_areas(flat, section, beside, lattice, axis)
     del beside
     parts += [
         _over_edges(flat, found, lattice, edge)
         for edge, found in zip(_EDGES, slivers, strict=True)
     ]
+    del slivers
     reach = lattice.reach
     kept = [np.flatnonzero(np.abs(part.extra) > WHOLE) for part in parts]
     extra = np.concatenate([p.extra[k] for p, k in zip(parts, kept, strict=True)])

@@ -84,8 +84,8 @@ def limited(cut: CutVoxels, solid: Bool[np.ndarray, "x y z"]) -> CutVoxels:
     """Raise small volumes at the cost of neighbours; the total stays."""
     if not len(cut.voxel):
         return cut
-    padded = np.pad(solid, 1)
-    near = _around(cut, padded)
+    near = _around(cut, np.pad(solid, 1))
+    _, y, z = np.add(solid.shape, 2).tolist()
     volume, least = np.ones(len(near.cell)), near.least_volume()
     volume[near.own] = cut.volume
     total = volume.sum()
@@ -111,7 +111,6 @@ def limited(cut: CutVoxels, solid: Bool[np.ndarray, "x y z"]) -> CutVoxels:
         volume = MIN_OPEN + above * (spare / above.sum() if spare else 0.0)
     changed = np.flatnonzero((volume != 1) | near.is_cut)
     voxel, rest = np.empty((len(changed), 3), np.int32), near.cell[changed]
-    _, y, z = padded.shape
     for axis, jump in enumerate((y * z, z, 1)):
         voxel[:, axis], rest = np.divmod(rest, jump)
     voxel -= np.int32(1)
@@ -168,7 +167,8 @@ def _around(cut: CutVoxels, padded: Bool[np.ndarray, "x y z"]) -> _Around:
         conductance += solid[cell + step]
     jumps = np.array([y * z, z, 1])
     low = sum(cut.links.voxel[:, a] * jumps[a] for a in range(3)) + jumps.sum()
-    for end in (low, low + cut.links.step @ jumps):
+    apart = sum(cut.links.step[:, a] * jumps[a] for a in range(3))
+    for end in (low, low + apart):
         index = np.searchsorted(cell, end)
         conductance += np.bincount(index, cut.links.extra, len(cell))
     return _Around(cell, own, is_cut, steps, conductance)

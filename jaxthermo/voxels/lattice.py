@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..arrays import available_bytes, in_threads, require_memory
+from ..arrays import available_bytes, require_memory
 from ..errors import InputError
 from ..geometry.mesh import Mesh
 from ..raster.fragments import DepthLayers, peel, shared_capacities
@@ -135,5 +135,5 @@ def peel_axes(mesh: Mesh, lattice: Lattice) -> Views:
     # One array size for the three views: one program is compiled, not three.
     rows, fragments = zip(*(shared_capacities(*view) for view in views), strict=True)
     sizes = max(rows), max(fragments)
-    x, y, z = in_threads(lambda view: peel(view[0], view[1], view[2], sizes), views)
+    x, y, z = (peel(frame, width, height, sizes) for frame, width, height in views)
     return x, y, z

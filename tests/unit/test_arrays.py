@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from jaxthermo.arrays import (
-    in_threads,
     sorted_union,
     stable_order,
     typed_array,
@@ -47,9 +46,3 @@ def test_the_order_of_numbers_is_that_of_a_stable_sort(bound):
         key = np.random.default_rng(0).integers(0, bound, count)
         plain = np.argsort(key, kind="stable")
         np.testing.assert_array_equal(stable_order(key), plain)
-
-
-def test_results_of_threads_are_in_the_order_of_their_items():
-    items = np.arange(2000.0)
-    halves = in_threads(np.square, np.split(items, 10))
-    np.testing.assert_array_equal(np.concatenate(halves), np.square(items))
