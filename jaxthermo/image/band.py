@@ -143,7 +143,8 @@ class Band:
         return xp.asarray(each.sum(-1)), xp.asarray(grows.sum(-1))
 
     def _inverse(self, radiance: Any, xp: Any) -> Any:
-        low, high = np.log(self.radiance(np.array(_RANGE)))
+        # Plain numbers, which leave the precision of the radiances as it is.
+        low, high = np.log(self.radiance(np.array(_RANGE))).tolist()
         log_l = xp.clip(xp.log(xp.maximum(radiance, _LEAST)), low, high)
         start = (xp.asarray(column, log_l.dtype) for column in self._start)
         kelvin = 1 / xp.interp(log_l, *start)

@@ -99,6 +99,10 @@ class AbstractCamera(eqx.Module):
         parent = np.concatenate([whole, np.flatnonzero(cut)[of]])
         return points, np.concatenate([faces[whole], more]), parent
 
+    def project(self, points: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 2"]:
+        """Columns and rows of world points [pixels], whose depths are positive."""
+        return self._on_image(self._local(points))[:, :2]
+
     @abc.abstractmethod
     def points(
         self, pixel: Int[np.ndarray, " p"], key: Float[np.ndarray, " p"]

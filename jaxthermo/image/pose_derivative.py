@@ -31,7 +31,7 @@ from .facets import normal_slopes
 from .moving_weights import MovingWeights
 from .pose import POSE_SIZE, moved_camera
 from .view import SMOOTHING_RADIUS, View, all_weights, in_bodies
-from .visible import VisiblePoints, visible_points
+from .visible import VisiblePoints, visible_points, world_meshes
 
 
 class LinearizedView(eqx.Module):
@@ -124,9 +124,7 @@ def _chosen(
     pixels: Int[np.ndarray, " p"],
 ) -> tuple[VisiblePoints, Int[np.ndarray, " q"]]:
     """Points in those of the pixels that show a body, and which of them do."""
-    bodies = [surface.geometry for surface in surfaces]
-    world = tuple((g.placed.to_world(g.vertices), g.faces) for g in bodies)
-    found = visible_points(world, camera)
+    found = visible_points(world_meshes(surfaces), camera)
     number = np.full(camera.width * camera.height, -1)
     number[found.pixel] = np.arange(len(found.pixel))
     place = np.flatnonzero(number[pixels] >= 0)

@@ -21,7 +21,7 @@ from .facets import FacetShading, facet_shading, joined_shadings, smooth_normals
 from .fragment_cells import CHUNK, block_matrix, cells_of
 from .moving_weights import MovingWeights
 from .ssao import screen_space_occlusion
-from .visible import VisiblePoints, visible_points
+from .visible import VisiblePoints, visible_points, world_meshes
 
 
 SMOOTHING_RADIUS = 2.0
@@ -181,9 +181,7 @@ def _shown(
     smooth: bool,
     occlusion: float | None,
 ) -> _Shown:
-    bodies = [s.geometry for s in surfaces]
-    world = tuple((g.placed.to_world(g.vertices), g.faces) for g in bodies)
-    found = visible_points(world, camera)
+    found = visible_points(world_meshes(surfaces), camera)
     local, normal = in_bodies(surfaces, found)
     pixel, body, depth = found.pixel, found.body, found.depth
     weights = all_weights(surfaces, body, local, normal, smooth)

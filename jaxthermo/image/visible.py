@@ -9,6 +9,7 @@ from ..errors import InputError
 from ..geometry.mesh import winding_number
 from ..raster.depth_buffer import nearest_hits
 from ..raster.host_fragments import within_raster
+from ..scene.scene import SolvedSurface
 from .camera import AbstractCamera
 
 
@@ -29,6 +30,12 @@ class VisiblePoints(NamedTuple):
 
 WorldMesh = tuple[Float[np.ndarray, "_ 3"], Int[np.ndarray, "_ 3"]]
 """Vertices in the world [m] and faces."""
+
+
+def world_meshes(surfaces: tuple[SolvedSurface, ...]) -> tuple[WorldMesh, ...]:
+    """Meshes of bodies at their poses."""
+    bodies = [surface.geometry for surface in surfaces]
+    return tuple((g.placed.to_world(g.vertices), g.faces) for g in bodies)
 
 
 def visible_points(

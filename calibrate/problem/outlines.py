@@ -1,0 +1,194 @@
+"""Pose of a camera from the outlines in its frames, to a small part of a pixel.
+
+A pixel at an outline shows the radiance L = c L_body + (1 - c) L_behind, where c is the
+fraction of it that bodies cover. Body and background near the outline are known from
+the frame itself, so that it gives c there, without a model of temperatures:
+
+    c_data = (L - L_behind) / (L_body - L_behind),
+
+with both continued to the pixel as local planes. Those of the mesh, from several rays
+a pixel, agree with them in the pose that is sought, by Gauss-Newton steps.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.ndimage import binary_dilation, binary_erosion, gaussian_filter
+
+from jaxthermo.image.camera import AbstractCamera
+from jaxthermo.image.coverage import Coverage, coverage, coverage_slopes
+from jaxthermo.image.pose import moved_camera
+from jaxthermo.image.visible import WorldMesh
+
+from .clusters import image_clusters, score_covariance
+
+
+_SAMPLES = 8
+"""Rays along each axis of a pixel."""
+_FAR, _NEAR = 1.5, 1.0
+"""Spread of the neighbours that continue a radiance [pixels], of poses that are about
+a pixel off, where the outermost pixels are left out, and after that."""
+_RIDGE = 0.05
+"""Weight against slopes of a radiance: few neighbours may lie on a line."""
+_MIN_WEIGHT = 0.02
+"""Least sum of the neighbours' weights; 1 for all around."""
+_MAX_STEP, _CLOSE, _ACCURACY = 1.0, 0.2, 0.01
+"""Changes of a pose [pixels]: the largest of a step, that after which it is near, and
+that after which it is found."""
+_MAX_STEPS = 30
+_FLAT = 0.01
+"""Singular value over the largest, below which outlines do not determine a change."""
+_OUTLIER = 3.0
+"""Residual beyond which a pixel counts less, over the typical one."""
+
+
+class Outlines(NamedTuple):
+    """Pose that outlines give, and how well."""
+
+    numbers: Float[np.ndarray, " n"]
+    """Those of the pose that are fitted."""
+    information: Float[np.ndarray, "n n"]
+    """Inverse of their covariance."""
+
+
+class _Rows(NamedTuple):
+    """Pixels at outlines whose covered fractions are compared."""
+
+    pixel: Int[np.ndarray, " p"]
+    residual: Float[np.ndarray, " p"]
+    """Covered fraction of the mesh minus that of the data."""
+    weight: Float[np.ndarray, " p"]
+    """By the contrast; the root of what a square counts."""
+
+
+def fit_outlines(
+    bodies: tuple[WorldMesh, ...],
+    camera: AbstractCamera,
+    radiance: Float[np.ndarray, "h w"],
+    known: Bool[np.ndarray, "h w"],
+    pose: Float[np.ndarray, "6"],
+    numbers: Int[np.ndarray, " n"],
+    unit: Float[np.ndarray, " n"],
+) -> Outlines | None:
+    """Find the pose of a camera from one that is up to some pixels off.
+
+    Args:
+        bodies: meshes in the world.
+        camera: as given.
+        radiance: of the frame [W/(m^2 sr)], where it is `known`.
+        known: pixels that may be compared.
+        pose: to start from.
+        numbers: those of the pose that are sought.
+        unit: their changes that move the image by about a pixel.
+
+    Returns:
+        None where steps do not end.
+    """
+    here, near = pose.copy(), False
+    for _ in range(_MAX_STEPS):
+        found = coverage(bodies, moved_camera(camera, here), _SAMPLES)
+        rows = _compare(found, radiance, known, near)
+        slopes = coverage_slopes(found, camera, here, rows.pixel)[:, numbers] * unit
+        weighted = slopes * rows.weight[:, None], rows.residual * rows.weight
+        if len(rows.pixel) < len(numbers):
+            return None
+        change = np.linalg.lstsq(*weighted, rcond=_FLAT)[0]
+        if near and np.linalg.norm(change) < _ACCURACY:
+            given = *weighted, rows.pixel, camera.width
+            return Outlines(here[numbers], _information(*given) / np.outer(unit, unit))
+        near = near or float(np.linalg.norm(change)) < _CLOSE
+        here[numbers] -= unit * np.clip(change, -_MAX_STEP, _MAX_STEP)
+    return None
+
+
+def _compare(
+    found: Coverage,
+    radiance: Float[np.ndarray, "h w"],
+    known: Bool[np.ndarray, "h w"],
+    near: bool,
+) -> _Rows:
+    """Covered fractions near outlines, and those that the data give."""
+    square, c = np.ones((3, 3)), found.fraction
+    outline = binary_dilation((c > 0) & (c < 1), square) & known
+    row, column = np.nonzero(outline)
+    ends = []
+    for pure in (c == 1, c == 0):
+        # In a pose that is off the outermost of these are mixed in the data.
+        chosen = pure if near else binary_erosion(pure, square, border_value=1)
+        given = radiance, chosen & known, _NEAR if near else _FAR
+        ends.append(_continued(*given, row, column))
+    (body, on_body), (behind, beside) = ends
+    contrast = body - behind
+    enough = (np.minimum(on_body, beside) > _MIN_WEIGHT) & (contrast != 0)
+    row, column, contrast = row[enough], column[enough], contrast[enough]
+    given = (radiance[row, column] - behind[enough]) / contrast
+    residual = c[row, column] - given
+    if not len(residual):
+        return _Rows(row, residual, residual)
+    # A noisy frame has fractions as precise as its contrast; the mesh has not.
+    weight = np.minimum(np.abs(contrast) / np.median(np.abs(contrast)), 1)
+    typical = 1.5 * np.median(np.abs(residual)) + 0.5 / _SAMPLES**2
+    away = np.abs(residual) / (_OUTLIER * typical)
+    return _Rows(
+        row * c.shape[1] + column, residual, weight / np.sqrt(np.maximum(away, 1))
+    )
+
+
+def _continued(
+    values: Float[np.ndarray, "h w"],
+    chosen: Bool[np.ndarray, "h w"],
+    spread: float,
+    row: Int[np.ndarray, " p"],
+    column: Int[np.ndarray, " p"],
+) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
+    """Values at pixels of planes through the chosen ones, and their sums of weights.
+
+    Minimizes sum_i w_i (a + b . x_i - v_i)^2 + ridge |b|^2 sum_i w_i at each pixel, with
+    Gaussian weights of the distances x_i.
+    """
+    weight = chosen.astype(float)
+    # About the middle of the image, so that moments are small differences of none.
+    y, x = np.mgrid[: values.shape[0], : values.shape[1]] - 0.5 * np.reshape(
+        values.shape, (2, 1, 1)
+    )
+    here, there = x[row, column], y[row, column]
+    level = values[chosen].mean() if chosen.any() else 0.0
+    sums = lambda each: gaussian_filter(weight * each, spread, mode="constant")[
+        row, column
+    ]
+    total, sx, sy = sums(1.0), sums(x), sums(y)
+    v, away = sums(values - level), (here, there)
+    moments = {
+        (0, 0): sums(x * x) - 2 * here * sx + here**2 * total,
+        (0, 1): sums(x * y) - here * sy - there * sx + here * there * total,
+        (1, 1): sums(y * y) - 2 * there * sy + there**2 * total,
+    }
+    matrix = np.zeros((len(row), 3, 3))
+    matrix[:, 0, 0] = total + 1e-12
+    right = [v]
+    for n, (axis, first) in enumerate(((x, sx), (y, sy))):
+        matrix[:, 0, n + 1] = matrix[:, n + 1, 0] = first - away[n] * total
+        right.append(sums((values - level) * axis) - away[n] * v)
+    for (m, n), moment in moments.items():
+        matrix[:, m + 1, n + 1] = matrix[:, n + 1, m + 1] = moment
+    matrix[:, [1, 2], [1, 2]] += _RIDGE * total[:, None] + 1e-12
+    solved = np.linalg.solve(matrix, np.stack(right, axis=1)[:, :, None])
+    return level + solved[:, 0, 0], total
+
+
+def _information(
+    slopes: Float[np.ndarray, "p n"],
+    residual: Float[np.ndarray, " p"],
+    pixel: Int[np.ndarray, " p"],
+    width: int,
+) -> Float[np.ndarray, "n n"]:
+    """Inverse of the covariance of a pose, A B^-1 A [1/pixel^2].
+
+    A = J^T J, and B is the covariance of J^T r: neighbours have similar residuals.
+    """
+    square = slopes.T @ slopes
+    scatter = score_covariance(slopes.T, residual, image_clusters(pixel, width))
+    # Without a part in B what no outline determines would count as known.
+    scatter += 1e-6 * np.trace(scatter) * np.eye(len(scatter))
+    return square @ np.linalg.solve(scatter, square)

@@ -1,0 +1,93 @@
+"""Fractions of pixels that bodies cover, and how they change with the camera's pose.
+
+A pixel integrates over its square. Where the outline of the bodies moves by (u, v), to
+the right and down, the covered fraction c of a pixel changes by what enters at its
+edges:
+
+    dc = u (m_left - m_right) + v (m_top - m_bottom),
+
+with the covered fractions m of its four edges. Points at the outline move as points of
+the bodies do: a silhouette slides along a surface, but not across the image.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.ndimage import gaussian_filter
+
+from .camera import AbstractCamera
+from .image import block_means
+from .pose import POSE_SIZE, moved_camera
+from .visible import WorldMesh, visible_points
+
+
+# Spread over which a pixel without a body takes the position of those beside it.
+_NEAR = 0.7
+# Step of differences of the projection [rad, m], whose error is of second order.
+_STEP = 1e-5
+
+
+class Coverage(NamedTuple):
+    """Bodies in the pixels of a camera, from several rays each."""
+
+    fraction: Float[np.ndarray, "h w"]
+    """Covered fraction of each pixel [-]."""
+    slope: Float[np.ndarray, "2 h w"]
+    """Its change as the outline moves to the right and down [1/pixel]."""
+    position: Float[np.ndarray, "h w 3"]
+    """Mean of the points that are seen in a pixel and beside it [m]."""
+
+
+def coverage(
+    bodies: tuple[WorldMesh, ...], camera: AbstractCamera, samples: int
+) -> Coverage:
+    """Find which part of each pixel shows a body, by `samples` rays along each axis.
+
+    Raises:
+        InputError: if the camera is inside a body or sees none.
+    """
+    width, height = camera.size
+    found = visible_points(bodies, camera.finer(samples))
+    fine = np.zeros((height * samples, width * samples))
+    fine.reshape(-1)[found.pixel] = 1
+    down, right = (_edges(each, samples) for each in (fine, fine.T))
+    slope = np.stack([-np.diff(right, axis=0).T, -np.diff(down, axis=0)])
+    row, column = np.divmod(found.pixel, width * samples)
+    pixel = row // samples * width + column // samples
+    shape, count = (height, width), height * width
+    spread = lambda given: gaussian_filter(
+        np.bincount(pixel, given, count).reshape(shape), _NEAR, mode="constant"
+    )
+    total = spread(np.ones(len(pixel)))
+    sums = np.stack([spread(each) for each in found.position.T], axis=-1)
+    # Far from bodies any point will do, of which the slope is 0.
+    middle = found.position.mean(axis=0)
+    weight = np.maximum(total, 1e-12)[:, :, None]
+    position = np.where(total[:, :, None] > 0, sums / weight, middle)
+    return Coverage(np.asarray(block_means(fine, samples)), slope, position)
+
+
+def _edges(fine: Float[np.ndarray, "_ _"], samples: int) -> Float[np.ndarray, "_ _"]:
+    """Covered fractions of the upper and lower edges of pixels, top to bottom."""
+    beside = np.pad(fine, ((1, 1), (0, 0)))
+    # An edge lies between two rows of rays.
+    lines = (beside[:-1] + beside[1:])[::samples] / 2
+    return lines.reshape(len(lines), -1, samples).mean(axis=2)
+
+
+def coverage_slopes(
+    found: Coverage,
+    camera: AbstractCamera,
+    pose: Float[np.ndarray, "6"],
+    pixels: Int[np.ndarray, " p"],
+) -> Float[np.ndarray, "p 6"]:
+    """Change of covered fractions by each number of the pose [1/rad, 1/m]."""
+    points = found.position.reshape(-1, 3)[pixels]
+    across, along = found.slope.reshape(2, -1)[:, pixels]
+    columns = []
+    for step in _STEP * np.eye(POSE_SIZE):
+        ends = [moved_camera(camera, end).project(points) for end in (pose + step, pose - step)]
+        right, down = (ends[0] - ends[1]).T / (2 * _STEP)
+        columns.append(across * right + along * down)
+    return np.stack(columns, axis=1)
