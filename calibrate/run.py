@@ -147,7 +147,10 @@ def _conclude(
         both = _errors_at(calibration.held_out, [np.zeros_like(fit.z), fit.z])
         errors["held_out"] = dict(zip(("default", "fitted"), both, strict=True))
     sd = residual_sd(fit.residual, len(fit.z), train.known_sd)
-    identified = identify(train.parameters, fit.z, fit.jacobian, sd)
+    scatter = None
+    if fit.jacobian is not None:
+        scatter = train.scatter(fit.jacobian, fit.residual)
+    identified = identify(train.parameters, fit.z, fit.jacobian, sd, scatter)
     advice: list[dict[str, Any]] = []
     if advise:
         advice = rank_experiments(config, calibration, fit, sd, log.stage)

@@ -2,9 +2,17 @@
 
 They follow from the Jacobian J of the residuals with respect to the coordinates, at the
 best point, and the standard deviation s of a residual: the covariance is s^2 (J^T J)^-1
-if the residuals are independent. Those of a model against a full volume are not; there
-s is what the fit left over, and the errors rank the parameters without bounding their
-distance from a truth.
+if the residuals are independent. Pixels of frames that a coarser model does not meet
+are not: with the covariance B of the gradient J^T r, from residuals that are alike in
+clusters (`problem.clusters`), it is the sandwich
+
+    (J^T J)^-1 B (J^T J)^-1.
+
+Residuals of a model against a full volume have no clusters; there s is what the fit
+left over, and the errors rank the parameters without bounding their distance from a
+truth.
+
+Source of the sandwich: White, Econometrica 50 (1982) 1-25.
 
 | verdict | condition |
 |---|---|
@@ -63,11 +71,13 @@ def identify(
     z: Float[np.ndarray, " p"],
     jacobian: Float[np.ndarray, "p r"] | None,
     sd: float,
+    scatter: Float[np.ndarray, "p p"] | None = None,
 ) -> Identified:
     """Judge every coordinate at a point.
 
     `jacobian` holds the rows of the transposed Jacobian, or None where there are too
-    many coordinates; `sd` is the standard deviation of a residual.
+    many coordinates; `sd` is the standard deviation of a residual, and `scatter` the
+    covariance of the gradient J^T r, that of independent residuals if None.
     """
     values = np.asarray(parameters.flat_values(z), float)
     if jacobian is None:
@@ -77,7 +87,8 @@ def identify(
     gram = np.asarray(jacobian, float) @ np.asarray(jacobian, float).T
     alive, flat, singular = _flat_directions(gram)
     determined = alive & ~flat.any(axis=1)
-    covariance = _covariance(gram, determined, sd)
+    scatter = sd**2 * gram if scatter is None else scatter
+    covariance = _covariance(gram, determined, scatter)
     deviation = np.sqrt(np.diag(covariance))
     outer = np.outer(deviation, deviation)
     correlation = np.divide(
@@ -123,18 +134,19 @@ def _flat_directions(
 
 
 def _covariance(
-    gram: Float[np.ndarray, "p p"], determined: Bool[np.ndarray, " p"], sd: float
+    gram: Float[np.ndarray, "p p"],
+    determined: Bool[np.ndarray, " p"],
+    scatter: Float[np.ndarray, "p p"],
 ) -> Float[np.ndarray, "p p"]:
     # The others are left out as if they were known.
     found = np.zeros_like(gram)
     if determined.any():
-        part = gram[np.ix_(determined, determined)]
+        block = np.ix_(determined, determined)
         # Scaled to a unit diagonal before it is inverted, for its condition number.
-        scale = 1 / np.sqrt(np.diag(part))
+        scale = 1 / np.sqrt(np.diag(gram[block]))
         outer = np.outer(scale, scale)
-        found[np.ix_(determined, determined)] = (
-            sd**2 * np.linalg.inv(part * outer) * outer
-        )
+        inverse = np.linalg.inv(gram[block] * outer)
+        found[block] = inverse @ (scatter[block] * outer) @ inverse * outer
     return found
 
 

@@ -200,6 +200,8 @@ class SimulatedFrames(KindModel):
     """Standard deviation of a pixel [K or W/(m^2 sr)]; added, and known to the fit."""
     noiseless: Flag = False
     """Do not add the noise, though the fit assumes it."""
+    samples: Annotated[Whole, Field(ge=1, le=8)] = 1
+    """Rays along each axis of a pixel, the mean of which a detector measures."""
     seed: Annotated[Whole, Field(ge=0)] = 0
     reflected_temperature: Temperature | None = None
     """Black surroundings that surfaces reflect [K]; those of the terms by default."""
@@ -228,10 +230,9 @@ class FlirConfig(Model, builds="FlirCalibration"):
 
 
 class MeasuredFrames(KindModel):
-    """EXR files of temperature or radiance, or files of temperature.
+    """EXR files of temperature or radiance, or TIFF, PNG, CSV or NPY of temperature.
 
-    Those may be TIFF, PNG, CSV or NPY files, or the JPEG files of FLIR cameras, which
-    have a unit and constants of their own.
+    The JPEG files of FLIR cameras have a unit and constants of their own.
     """
 
     kind: Literal["frames"] = "frames"

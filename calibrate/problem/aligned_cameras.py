@@ -19,7 +19,6 @@ def align_cameras(
     scene: Scene,
     run: ParametricRun,
     parameters: ParameterSet,
-    again: bool,
 ) -> dict[int, Aligned]:
     """Poses of the cameras that are fitted, by their numbers, at the start values."""
     with precision(scene.dtype):
@@ -41,7 +40,7 @@ def align_cameras(
                 continue
             mask = found.masks[number] if number < len(found.masks) else None
             given = drawn, view.camera, frames, mask, poses[number], limits
-            aligned[number] = align(*given, again)
+            aligned[number] = align(*given)
     return aligned
 
 

@@ -9,7 +9,7 @@ ever fewer pixels,
 
 whose derivative follows from differences of rendered frames. Temperatures of the model
 may be off by a part of the contrast between body and background: a blurred outline does
-not move with them.
+not move with them. The last part of a pixel follows without them, see `outlines`.
 """
 
 from collections.abc import Callable
@@ -26,12 +26,15 @@ from jaxthermo.errors import InputError
 from jaxthermo.image.band import Band
 from jaxthermo.image.camera import AbstractCamera
 from jaxthermo.image.pose import moved_camera
+from jaxthermo.image.radiometry import black_radiance
 from jaxthermo.image.view import View, compute_view
+from jaxthermo.image.visible import world_meshes
 from jaxthermo.integrate.run.parametric_run import ParametricSolution
 from jaxthermo.physics.radiation.irradiation import Irradiance
 from jaxthermo.physics.term import AbstractTerm
 from jaxthermo.scene.scene import Scene, SolvedSurface
 
+from .outlines import Outlines, fit_outlines
 from .targets import frame_at, received_at
 
 
@@ -46,8 +49,6 @@ _STEP = 0.5
 """Step of differences [pixels]."""
 _MAX_EVALUATIONS = 12
 """Number of derivatives in a round."""
-_POLISHING_STEPS, _NEW_SLOPES = 40, (0, 2, 5)
-"""Number of steps with fitted temperatures, and those that find slopes."""
 
 
 class ShownRun(NamedTuple):
@@ -108,7 +109,10 @@ class Aligned(NamedTuple):
     """Those of the pose that are fitted."""
     whiten: Float[np.ndarray, "n n"] | None = None
     """Deviations of these from the pose to independent ones of standard deviation 1;
-    None where temperatures were not fitted yet."""
+    None where the outlines were not found to a part of a pixel."""
+
+    effect: float = 1.0
+    """Squares that the data sum to over independent ones, which these then weigh."""
 
 
 def align(
@@ -118,12 +122,11 @@ def align(
     mask: Bool[np.ndarray, "h w"] | None,
     start: Float[np.ndarray, "6"],
     limits: Limits,
-    again: bool = False,
 ) -> Aligned:
     """Find the pose of a camera by the saved time of the largest contrast.
 
     From a start that is some pixels off, with temperatures that are off by a part of
-    the contrast; or `again`, with fitted temperatures, to a small part of a pixel.
+    the contrast.
 
     Raises:
         InputError: if the camera sees no body as it is given, or nothing is compared.
@@ -133,7 +136,8 @@ def align(
     if not known.any():
         raise InputError("no pixel of the frames is compared: check the mask")
     time = int(np.argmax([frame[known].std() for frame in frames]))
-    data = np.where(known, frames[time], 0.0)
+    # What is not known is not compared, but has to be a temperature.
+    data = np.where(known, frames[time], frames[time][known].mean())
     pose, unit = start.copy(), _pixel_sizes(run, camera)[limits.numbers]
 
     def difference(coarse: _Coarse, q: np.ndarray) -> np.ndarray:
@@ -143,20 +147,44 @@ def align(
 
     edge = 1e-3 * (limits.upper - limits.lower)
     bounds = (limits.lower + edge) / unit, (limits.upper - edge) / unit
-    q = np.clip(pose[limits.numbers] / unit, *bounds)
-    first, whiten = q, None
-    for blur in () if again else _BLURS:
+    q = first = np.clip(pose[limits.numbers] / unit, *bounds)
+    for blur in _BLURS:
         coarse = _Coarse.of(camera, data, known, blur)
         pulled = lambda q, c=coarse: np.append(difference(c, q), _PULL * (q - first))
         q = _search(pulled, q, bounds)
-    if again:
-        coarse = _Coarse.of(camera, data, known, _BLURS[-1])
-        q, spread = _polish(lambda q: difference(coarse, q), q, bounds)
-        # Blurred pixels are as independent as those that one blur apart.
-        independent = known.sum() / (4 * np.pi * _BLURS[-1] ** 2)
-        whiten = spread * np.sqrt(independent) / unit
     pose[limits.numbers] = q * unit
-    return Aligned(pose, limits.numbers, whiten)
+    found = _sharpen(run, camera, data, known, pose, limits, unit)
+    if found is None:
+        return Aligned(pose, limits.numbers)
+    pose[limits.numbers] = found.numbers
+    return Aligned(pose, limits.numbers, np.linalg.cholesky(found.information).T)
+
+
+def _sharpen(
+    run: ShownRun,
+    camera: AbstractCamera,
+    data: Float[np.ndarray, "h w"],
+    known: Bool[np.ndarray, "h w"],
+    pose: Float[np.ndarray, "6"],
+    limits: Limits,
+    unit: Float[np.ndarray, " n"],
+) -> Outlines | None:
+    """Pose to a small part of a pixel by outlines; None if they do not give one."""
+    # Pixels of a source that is before a body show neither body nor background.
+    shown = compute_view(
+        run.surfaces, run.terms, moved_camera(camera, pose), keep=False
+    )
+    hidden = np.zeros(data.size, bool)
+    for source in shown.background.sources:
+        hidden[source.pixel] = True
+    radiance = black_radiance(data, run.band) if run.quantity == "temperature" else data
+    given = pose, limits.numbers, unit
+    clear = known & ~hidden.reshape(data.shape)
+    found = fit_outlines(world_meshes(run.surfaces), camera, radiance, clear, *given)
+    if found is None:
+        return None
+    inside = (found.numbers > limits.lower) & (found.numbers < limits.upper)
+    return found if inside.all() else None
 
 
 class _Coarse(NamedTuple):
@@ -228,26 +256,3 @@ def _search(residual: _Residual, start: np.ndarray, bounds: _Bounds) -> np.ndarr
     slopes: Any = lambda q: _differences(residual, q)
     accuracy: Any = {"xtol": 1e-3, "ftol": 1e-3, "max_nfev": _MAX_EVALUATIONS}
     return least_squares(residual, start, slopes, bounds, **accuracy).x
-
-
-def _polish(
-    residual: _Residual, start: np.ndarray, bounds: _Bounds
-) -> tuple[np.ndarray, Float[np.ndarray, "n n"]]:
-    """Gauss-Newton steps that are all taken, and the root of J^T J / |r|^2.
-
-    Near the best pose fewer and fewer pixels change between body and background: the
-    sum of squares is rough, and a search for less of it would end far away, but the
-    steps shrink with the distance.
-    """
-    q = best = start
-    lowest, slopes = np.inf, np.zeros((0, 0))
-    for step in range(_POLISHING_STEPS):
-        if step in _NEW_SLOPES:
-            slopes = _differences(residual, q)
-        away = residual(q)
-        if (now := float(np.linalg.norm(away))) < lowest:
-            best, lowest = q, now
-        change = np.linalg.lstsq(slopes, away, rcond=1e-6)[0]
-        q = np.clip(q - np.clip(change, -1, 1), *bounds)
-    root = np.asarray(np.linalg.qr(slopes, mode="r"))
-    return best, root / max(lowest, 1e-12)

@@ -91,18 +91,31 @@ class Calibration:
         given = tuple(cases), self.train.time_norm
         return Problem(ParameterSet(tuple(rest)), *given)
 
+    def restarted(self, values: Mapping[str, Any], effect: float) -> "Calibration":
+        """Start from these values; outlines then weigh against `effect` times the data.
 
-def build(
-    config: CalibrationConfig,
-    log: Log,
-    before: Calibration | None = None,
-    values: Mapping[str, Any] | None = None,
-) -> Calibration:
+        Squares of alike residuals count as often as there are of them, unless all that
+        is independent counts so much more.
+        """
+        parameters = self.parameters.started(values)
+        aligned = {n: each._replace(effect=effect) for n, each in self.aligned.items()}
+        changed = lambda problem: replace(
+            problem, parameters=parameters, aligned=aligned
+        )
+        return replace(
+            self,
+            parameters=parameters,
+            train=changed(self.train),
+            held_out=None if self.held_out is None else changed(self.held_out),
+            aligned=aligned,
+        )
+
+
+def build(config: CalibrationConfig, log: Log) -> Calibration:
     """Build scenes, data and parameters.
 
     Cameras whose poses are fitted are aligned with the outlines of bodies in the
-    frames: roughly; or precisely, where there is one built `before`, whose other
-    parameters were fitted to these `values`.
+    frames.
     """
     every = (*config.train, *config.held_out, *config.candidates)
     configs = {case.name: scene_config(config, case.set) for case in every}
@@ -116,7 +129,7 @@ def build(
     for scene in scenes.values():
         parameters.check(scene)
 
-    read: dict[str, CaseFrames] = {} if before is None else before.frames
+    read: dict[str, CaseFrames] = {}
 
     def frames(case: schema.CaseConfig) -> CaseFrames:
         # Those of the first case are asked for twice, where cameras are aligned.
@@ -125,11 +138,7 @@ def build(
             read[case.name] = case_frames(config, case, *given, log)
         return read[case.name]
 
-    warm = parameters
-    if before is not None:
-        warm = started_at(parameters, before.aligned).started(values or {})
-    given = config, configs, scenes, warm, frames, log
-    aligned = _align(*given, again=before is not None)
+    aligned = _align(config, configs, scenes, parameters, frames, log)
     parameters = started_at(parameters, aligned)
     references: dict[str, TruthReference] = {}
 
@@ -156,7 +165,6 @@ def _align(
     parameters: ParameterSet,
     frames: Callable[[schema.CaseConfig], CaseFrames],
     log: Log,
-    again: bool,
 ) -> dict[int, Aligned]:
     """Poses of cameras by the frames of the first case."""
     reference, case = config.reference, config.train[0]
@@ -167,7 +175,7 @@ def _align(
     check_frame_names(parameters.paths, len(found.views))
     log("aligning the cameras")
     run = ParametricRun(found.times, configs[case.name].solver.build())
-    return align_cameras(found, scenes[case.name], run, parameters, again)
+    return align_cameras(found, scenes[case.name], run, parameters)
 
 
 def _build_scenes(configs: Mapping[str, SceneConfig]) -> dict[str, Scene]:

@@ -10,6 +10,9 @@ Source: Liang, Zeger, Biometrika 73 (1986) 13-22; the factor of Stata and of Cam
 Miller, Journal of Human Resources 50 (2015) 317-372, section II.
 """
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -23,6 +26,18 @@ def image_clusters(pixel: Int[np.ndarray, " p"], width: int) -> Int[np.ndarray, 
     row, column = np.divmod(pixel, width)
     number = row // _SQUARE * (width // _SQUARE + 1) + column // _SQUARE
     return np.unique(number, return_inverse=True)[1].reshape(-1)
+
+
+def view_clusters(
+    pixels: Sequence[Any], widths: Sequence[int], times: int
+) -> Int[np.ndarray, " r"]:
+    """Clusters of the compared pixels of several views at all times, times first."""
+    numbers, first = [], 0
+    for pixel, width in zip(pixels, widths, strict=True):
+        number = first + image_clusters(np.asarray(pixel), width)
+        numbers.append(number)
+        first = int(number.max()) + 1
+    return np.tile(np.concatenate(numbers), times)
 
 
 def score_covariance(

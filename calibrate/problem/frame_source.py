@@ -15,14 +15,20 @@ from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.config.types.model import build
 from jaxthermo.errors import InputError
 from jaxthermo.image.band import Band
+from jaxthermo.image.camera import AbstractCamera
+from jaxthermo.image.coverage import coverage
 from jaxthermo.image.files import read_channel, read_exr
+from jaxthermo.image.image import block_means
+from jaxthermo.image.radiometry import apparent_temperature
 from jaxthermo.image.thermogram_files import read_thermogram
 from jaxthermo.image.view import View
-from jaxthermo.integrate.run.parametric_run import ParametricRun
+from jaxthermo.image.visible import world_meshes
+from jaxthermo.integrate.run.parametric_run import ParametricRun, ParametricSolution
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.scene import Scene, SolvedSurface
 
 from ..config import schema
+from ..config.frame_names import is_of_camera
 from ..config.loader import scene_config
 from ..config.schema import CalibrationConfig
 from .frame_data import Masks, check_frames
@@ -76,7 +82,7 @@ def case_frames(
         masks: Masks = ()
         match settings:
             case schema.SimulatedFrames():
-                frames = _simulated(config, case, given, settings, band, log)
+                frames, masks = _simulated(config, case, given, settings, band, log)
             case schema.MeasuredFrames():
                 frames, masks = _measured(case.name, settings)
             case _:
@@ -98,9 +104,15 @@ def camera_views(
 ) -> tuple[View, ...]:
     """Views of a scene's surfaces, by default those at the start."""
     surfaces = start_surfaces(scene) if surfaces is None else surfaces
-    triangles = np.concatenate([s.geometry.triangles for s in surfaces])
-    made = (build_camera(camera, triangles) for camera in cameras)
+    made = _built(cameras, surfaces)
     return tuple(view_of(surfaces, scene, camera) for camera in made)
+
+
+def _built(
+    cameras: tuple[CameraConfig, ...], surfaces: tuple[SolvedSurface, ...]
+) -> list[AbstractCamera]:
+    triangles = np.concatenate([s.geometry.triangles for s in surfaces])
+    return [build_camera(camera, triangles) for camera in cameras]
 
 
 def start_surfaces(scene: Scene) -> tuple[SolvedSurface, ...]:
@@ -117,7 +129,7 @@ def _simulated(
     settings: schema.SimulatedFrames,
     band: Band | None,
     log: Callable[[str], None],
-) -> list[np.ndarray]:
+) -> tuple[list[np.ndarray], Masks]:
     truth = scene_config(config, case.set, settings.set)
     times = truth.time.save_times
     # The truth may change anything but the times at which it is compared.
@@ -129,15 +141,55 @@ def _simulated(
         run = ParametricRun(times, truth.solver.build())
         solution = run(scene, run.step_table(scene))
         cameras = settings.views or (given.camera,)
-        views = camera_views(cameras, scene, solution.surfaces)
-        reflected = settings.reflected_temperature
-        shown = scene, solution, times, settings.quantity, band, reflected
-        frames = [np.asarray(render_frames(v, *shown), float) for v in views]
+        shown = _built(cameras, solution.surfaces)
+        given_frames = scene, solution, times, settings, band
+        frames = [_detected(camera, *given_frames) for camera in shown]
+        masks = _whole_pixels(config, shown, solution, settings.samples)
     if settings.noiseless:
-        return frames
+        return frames, masks
     # The seed differs between cases, so that their noise is independent.
     noise = np.random.default_rng([settings.seed, *case.name.encode()])
-    return [f + noise.normal(0, settings.noise, f.shape) for f in frames]
+    return [f + noise.normal(0, settings.noise, f.shape) for f in frames], masks
+
+
+def _detected(
+    camera: AbstractCamera,
+    scene: Scene,
+    solution: ParametricSolution,
+    times: tuple[float, ...],
+    settings: schema.SimulatedFrames,
+    band: Band | None,
+) -> Float[np.ndarray, "_ _ _"]:
+    """Frames of a detector whose pixels see the mean radiance of several rays."""
+    view = view_of(solution.surfaces, scene, camera.finer(settings.samples))
+    quantity, samples = settings.quantity, settings.samples
+    quantity = quantity if samples == 1 else "radiance"
+    given = scene, solution, times, quantity, band, settings.reflected_temperature
+    fine = np.asarray(render_frames(view, *given), float)
+    if samples == 1:
+        return fine
+    radiance = np.stack([np.asarray(block_means(each, samples)) for each in fine])
+    if settings.quantity == "radiance":
+        return radiance
+    return np.asarray(apparent_temperature(radiance, band), float)
+
+
+def _whole_pixels(
+    config: CalibrationConfig,
+    cameras: list[AbstractCamera],
+    solution: ParametricSolution,
+    samples: int,
+) -> Masks:
+    """Pixels that are not mixed of body and background, which one ray cannot model.
+
+    Where poses are fitted those near outlines are left out anyway, by `margin`, but
+    tell where the outlines are.
+    """
+    if samples == 1 or any(is_of_camera(p.name) for p in config.parameters):
+        return ()
+    bodies = world_meshes(solution.surfaces)
+    covered = (coverage(bodies, camera, samples).fraction for camera in cameras)
+    return [np.asarray(each == 1) for each in covered]
 
 
 def _measured(

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import binary_dilation, binary_erosion, gaussian_filter
 
+from jaxthermo.errors import InputError
 from jaxthermo.image.camera import AbstractCamera
 from jaxthermo.image.coverage import Coverage, coverage, coverage_slopes
 from jaxthermo.image.pose import moved_camera
@@ -83,11 +84,14 @@ def fit_outlines(
         unit: their changes that move the image by about a pixel.
 
     Returns:
-        None where steps do not end.
+        None where steps do not end, or lead to where no body is seen.
     """
     here, near = pose.copy(), False
     for _ in range(_MAX_STEPS):
-        found = coverage(bodies, moved_camera(camera, here), _SAMPLES)
+        try:
+            found = coverage(bodies, moved_camera(camera, here), _SAMPLES)
+        except InputError:
+            return None
         rows = _compare(found, radiance, known, near)
         slopes = coverage_slopes(found, camera, here, rows.pixel)[:, numbers] * unit
         weighted = slopes * rows.weight[:, None], rows.residual * rows.weight
@@ -144,8 +148,8 @@ def _continued(
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
     """Values at pixels of planes through the chosen ones, and their sums of weights.
 
-    Minimizes sum_i w_i (a + b . x_i - v_i)^2 + ridge |b|^2 sum_i w_i at each pixel, with
-    Gaussian weights of the distances x_i.
+    Minimizes sum_i w_i (a + b . x_i - v_i)^2 + ridge |b|^2 sum_i w_i at each pixel,
+    with Gaussian weights of the distances x_i.
     """
     weight = chosen.astype(float)
     # About the middle of the image, so that moments are small differences of none.

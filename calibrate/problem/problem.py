@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxthermo.errors import InputError
 from jaxthermo.image.pose_derivative import LinearizedView
@@ -21,6 +21,7 @@ from jaxthermo.scene.scene import Scene
 
 from ..config.frame_names import check_frame_names
 from .alignment import Aligned
+from .clusters import score_covariance
 from .parameters import Coordinates, ParameterSet
 from .targets import AbstractTarget
 
@@ -29,6 +30,8 @@ _MAX_TANGENT_BYTES = 2**30
 """Memory for the states of a batch of derivatives [bytes]."""
 _STEP_MARGIN = 1.25
 """Stable step over first step: room to become stiffer before steps are added."""
+_MIN_CLUSTERS = 2
+"""Clusters of residuals for each coordinate, to tell a covariance by."""
 _FIXED_STEP_MARGIN = 2.0
 """Stable step over fixed step; stiffer values diverge, and the trial is refused."""
 _MAX_STIFFENING = 10.0
@@ -128,6 +131,18 @@ class Problem:
         sd = known.pop()
         return None if sd is None else sd / math.sqrt(len(self.cases))
 
+    @property
+    def clusters(self) -> Int[np.ndarray, " r"] | None:
+        """Numbers of the groups of data residuals that are alike; None if unknown."""
+        found, first = [], 0
+        for case in self.cases:
+            numbers = case.target.clusters
+            if numbers is None:
+                return None
+            found.append(first + numbers)
+            first += int(numbers.max()) + 1
+        return np.concatenate(found)
+
     def start(self) -> Float[Array, " p"]:
         """Coordinates of the start values."""
         return jnp.zeros(self.parameters.size, self.dtype)
@@ -190,7 +205,7 @@ class Problem:
         return all_rows.astype(z.dtype), diagnostics
 
     def _outline_rows(self, z: Coordinates) -> Float[Array, " q"]:
-        """Deviations of cameras from where their outlines are [sd]."""
+        """Deviations of cameras from where their outlines are [sd], as they weigh."""
         known = {n: a for n, a in self.aligned.items() if a.whiten is not None}
         if not known:
             return jnp.zeros(0, z.dtype)
@@ -198,10 +213,37 @@ class Problem:
         like = lambda values: jnp.asarray(values, z.dtype)
         return jnp.concatenate(
             [
-                like(a.whiten) @ (poses[n] - like(a.pose))[a.numbers]
+                like(math.sqrt(a.effect) * a.whiten)
+                @ (poses[n] - like(a.pose))[a.numbers]
                 for n, a in known.items()
             ]
         )
+
+    def scatter(
+        self, rows: Float[np.ndarray, "p r"], residual: Float[np.ndarray, " r"]
+    ) -> Float[np.ndarray, "p p"] | None:
+        """Covariance of the gradient J^T r, of a fit's residuals and `rows` of J^T.
+
+        None where the data have no clusters, or too few of them to tell.
+        """
+        clusters, sd = self.clusters, self.known_sd
+        if clusters is None or sd is None:
+            return None
+        if int(clusters.max()) < _MIN_CLUSTERS * len(rows):
+            return None
+        data = len(clusters)
+        found = score_covariance(rows[:, :data], residual[:data], clusters)
+        # Rows of priors and outlines have a variance that is known.
+        variance = np.full(len(residual) - data, sd**2)
+        effects = [
+            np.full(len(a.numbers), a.effect)
+            for a in self.aligned.values()
+            if a.whiten is not None
+        ]
+        if effects:
+            weights = np.concatenate(effects)
+            variance[len(variance) - len(weights) :] *= weights
+        return found + (rows[:, data:] * variance) @ rows[:, data:].T
 
     def stable_steps(self, z: Coordinates) -> Float[Array, " c"]:
         """Stability limit of each case at z [s]; infinite where the solver has none."""

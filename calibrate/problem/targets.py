@@ -37,6 +37,7 @@ from jaxthermo.physics.radiation.irradiation import Irradiance
 from jaxthermo.physics.term import AbstractTerm
 from jaxthermo.scene.scene import Scene, SolvedSurface
 
+from .clusters import view_clusters
 from .frame_values import AS_GIVEN, FrameValues
 
 
@@ -85,6 +86,11 @@ class AbstractTarget(eqx.Module):
         """Views of the cameras near poses."""
         del poses, dtype
         return ()
+
+    @property
+    def clusters(self) -> Int[np.ndarray, " r"] | None:
+        """Numbers of the groups of residuals that are alike, row by row of times."""
+        return None
 
     @property
     @abc.abstractmethod
@@ -241,6 +247,12 @@ class FrameTarget(AbstractTarget):
     @override
     def known_sd(self) -> float | None:
         return 1 / math.sqrt(self.pixel_count)
+
+    @property
+    @override
+    def clusters(self) -> Int[np.ndarray, " r"] | None:
+        widths = [view.camera.width for view in self.views]
+        return view_clusters(self.chosen, widths, len(self.times))
 
     @override
     def residual(

@@ -87,7 +87,10 @@ def coverage_slopes(
     across, along = found.slope.reshape(2, -1)[:, pixels]
     columns = []
     for step in _STEP * np.eye(POSE_SIZE):
-        ends = [moved_camera(camera, end).project(points) for end in (pose + step, pose - step)]
+        ends = [
+            moved_camera(camera, end).project(points)
+            for end in (pose + step, pose - step)
+        ]
         right, down = (ends[0] - ends[1]).T / (2 * _STEP)
         columns.append(across * right + along * down)
     return np.stack(columns, axis=1)
