@@ -163,7 +163,8 @@ def _conclude(
     speed = measure_speed(calibration.configs[case.name], case.scene, scene)
     against = None if truth is None else truth.judge(fit.z, log.stage)
     findings = identified, errors, advice, speed, against
-    return _fit_json(config, train.parameters, fit, *findings)
+    found = _fit_json(config, train.parameters, fit, *findings)
+    return found | {"by_clusters": scatter is not None}
 
 
 def _case_errors(

@@ -89,6 +89,18 @@ def about_standard_errors(result: Result) -> str:
             "do not bound their distance from a truth."
         )
     ratio = result["error_percent"]["train"]["fitted"] / 100
+    # Records of earlier versions do not have it.
+    if result.get("by_clusters", False):
+        text = (
+            "Standard errors follow from the residuals, alike within squares of the "
+            "image and independent between them."
+        )
+        if ratio > _MAX_NOISE_RATIO:
+            text += (
+                f" Model and data differ by {ratio:.3g} times the noise: an error of "
+                "the model that is alike over a whole body is not in them."
+            )
+        return text
     text = "Standard errors follow from the noise of a pixel."
     if ratio > _MAX_NOISE_RATIO:
         text += (

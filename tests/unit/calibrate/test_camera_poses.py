@@ -132,9 +132,7 @@ def test_masks_are_read_from_arrays(tmp_path):
         _read_mask(tmp_path / "bad.npy")
 
 
-# One ray a pixel and the coarse model's temperatures move the poses.
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="one pose is 0.77 mm off, asked 0.5 mm")
 def test_poses_and_properties_are_found_of_frames_of_half_the_pitch():
     """Poses to 0.1 degrees and 0.5 mm; the coarser model's bias bounds the rest."""
     config = load_calibration(CONFIG)
@@ -148,7 +146,7 @@ def test_poses_and_properties_are_found_of_frames_of_half_the_pitch():
         )
         assert turn < np.deg2rad(0.1)
         assert move < 0.5e-3
-    # Thin sleeves have other volumes in coarse voxels: h is 5.1 % off.
+    # Thin sleeves have other volumes in coarse voxels: h is 5.4 % off.
     assert found["material.conductivity"] == pytest.approx(20.0, rel=0.01)
     assert found["material.emissivity"] == pytest.approx(0.85, rel=0.005)
     h = found["convection.heat_transfer_coefficient"]

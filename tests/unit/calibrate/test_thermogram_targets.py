@@ -8,13 +8,16 @@ import pytest
 from pydantic import ValidationError
 
 import jaxthermo as jt
-from calibrate.config.schema import MeasuredFrames
+from calibrate.config.schema import MeasuredFrames, SimulatedFrames
 from calibrate.problem.frame_data import frame_target
-from calibrate.problem.frame_source import _measured
+from calibrate.problem.frame_source import _detected, _measured
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
 from calibrate.problem.targets import body_mask, render_frames, view_of
+from jaxthermo.image.band import LONG_WAVE
+from jaxthermo.image.coverage import coverage
 from jaxthermo.image.files import write_channels
+from jaxthermo.image.visible import world_meshes
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.scene.compile.compile import compile_scene
 from tests.bodies import blocks
@@ -71,6 +74,24 @@ def test_a_pixels_radiance_has_the_gradient_of_its_differences(scene, view):
         difference = float(radiance(z) - radiance(-z)) / (2 * step)
         assert slope == pytest.approx(difference, rel=1e-6, abs=1e-9)
         assert abs(slope) > 1e-4
+
+
+@pytest.mark.slow
+@pytest.mark.slice
+def test_a_pixel_of_a_detector_shows_the_mean_of_its_rays():
+    """A body of 300 K before 293.15 K: the radiances, by what the body covers."""
+    metal = jt.Material(16.0, 8000.0, 500.0, emissivity=1.0)
+    structure = jt.ShellOverCore(blocks(np.ones((6, 6, 6), bool), 0.01), factor=2)
+    scene = jt.Scene((jt.Body(structure, metal, temperature=300.0),), dtype="float64")
+    run = ParametricRun((1.0,))
+    solution = run(scene, run.step_table(scene))
+    settings = SimulatedFrames(samples=3)
+    (found,) = _detected(CAMERA, scene, solution, (1.0,), settings, LONG_WAVE)
+    covered = coverage(world_meshes(solution.surfaces), CAMERA, 3).fraction
+    body, behind = (float(LONG_WAVE.radiance(kelvin)) for kelvin in (300.0, 293.15))
+    mixed = covered * body + (1 - covered) * behind
+    np.testing.assert_allclose(found, LONG_WAVE.temperature(mixed), atol=1e-3)
+    assert ((covered > 0) & (covered < 1)).sum() > 10
 
 
 def _target(view, frames, mask=None, times=SAVES):

@@ -43,7 +43,7 @@ def test_fractions_are_the_areas_of_a_box():
 
 @pytest.mark.parametrize("kind", CAMERAS)
 def test_slopes_are_those_of_moved_cameras(kind):
-    """By all six numbers, to the resolution of the rays: a 24th of a pixel."""
+    """By all six numbers, to the resolution of the rays."""
     camera = CAMERAS[kind]
     vertices, faces = _box(0.08, 0.06, 0.1)
     body = (Rotation.from_rotvec((0.2, 0.7, 0.1)).apply(vertices), faces)
@@ -54,10 +54,8 @@ def test_slopes_are_those_of_moved_cameras(kind):
         step = STEPS[number] * np.eye(6)[number]
         ends = [at(POSE + sign * step).fraction for sign in (1, -1)]
         difference = (ends[0] - ends[1]).ravel() / (2 * STEPS[number])
-        scale = np.abs(slopes[:, number]).max()
-        if kind == "orthographic" and number == 5:
-            # A shift along parallel rays shows nothing.
-            assert scale < 1e-6
-            continue
         off = slopes[:, number] - difference
-        assert np.sqrt((off**2).mean()) < 0.1 * np.sqrt((difference**2).mean())
+        # Along the view a point moves by its place in the image, of which the mean over
+        # a pixel is beside the outline.
+        limit = 0.12 if number == 5 else 0.06
+        assert np.sqrt((off**2).mean()) < limit * np.sqrt((difference**2).mean())
