@@ -177,7 +177,9 @@ def _sharpen(
     hidden = np.zeros(data.size, bool)
     for source in shown.background.sources:
         hidden[source.pixel] = True
-    radiance = black_radiance(data, run.band) if run.quantity == "temperature" else data
+    radiance = data
+    if run.quantity == "temperature":
+        radiance = np.asarray(black_radiance(data, run.band))
     given = pose, limits.numbers, unit
     clear = known & ~hidden.reshape(data.shape)
     found = fit_outlines(world_meshes(run.surfaces), camera, radiance, clear, *given)

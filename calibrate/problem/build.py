@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -91,23 +90,17 @@ class Calibration:
         given = tuple(cases), self.train.time_norm
         return Problem(ParameterSet(tuple(rest)), *given)
 
-    def restarted(self, values: Mapping[str, Any], effect: float) -> "Calibration":
-        """Start from these values; outlines then weigh against `effect` times the data.
+    def weighed(self, effect: float) -> "Calibration":
+        """Fit in which outlines count `effect` times as much as independent data.
 
         Squares of alike residuals count as often as there are of them, unless all that
         is independent counts so much more.
         """
-        parameters = self.parameters.started(values)
-        aligned = {n: each._replace(effect=effect) for n, each in self.aligned.items()}
-        changed = lambda problem: replace(
-            problem, parameters=parameters, aligned=aligned
-        )
+        aligned = {n: a._replace(effect=effect) for n, a in self.aligned.items()}
+        changed = lambda problem: replace(problem, aligned=aligned)
+        held_out = None if self.held_out is None else changed(self.held_out)
         return replace(
-            self,
-            parameters=parameters,
-            train=changed(self.train),
-            held_out=None if self.held_out is None else changed(self.held_out),
-            aligned=aligned,
+            self, train=changed(self.train), held_out=held_out, aligned=aligned
         )
 
 

@@ -13,7 +13,7 @@ import difflib
 import functools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any, Literal
 
 import equinox as eqx
@@ -240,15 +240,6 @@ class ParameterSet:
     def moves_cameras(self) -> bool:
         """True if poses of cameras are fitted."""
         return any(map(is_of_camera, self.paths))
-
-    def started(self, values: Mapping[str, Any]) -> "ParameterSet":
-        """Parameters some of which start at other values, by name."""
-        listed = lambda name: tuple(np.atleast_1d(values[name]).tolist())
-        each = (
-            replace(p, start=listed(p.name)) if p.name in values else p
-            for p in self.parameters
-        )
-        return ParameterSet(tuple(each))
 
     def check(self, scene: Scene) -> None:
         """Raise an InputError unless every path exists in the scene, or in frames."""

@@ -206,18 +206,15 @@ class Problem:
 
     def _outline_rows(self, z: Coordinates) -> Float[Array, " q"]:
         """Deviations of cameras from where their outlines are [sd], as they weigh."""
-        known = {n: a for n, a in self.aligned.items() if a.whiten is not None}
-        if not known:
+        if not self.aligned:
             return jnp.zeros(0, z.dtype)
-        poses = self.parameters.poses(z, max(known) + 1)
-        like = lambda values: jnp.asarray(values, z.dtype)
-        return jnp.concatenate(
-            [
-                like(math.sqrt(a.effect) * a.whiten)
-                @ (poses[n] - like(a.pose))[a.numbers]
-                for n, a in known.items()
-            ]
-        )
+        poses, rows = self.parameters.poses(z, max(self.aligned) + 1), []
+        for camera, found in self.aligned.items():
+            if found.whiten is not None:
+                weights = math.sqrt(found.effect) * found.whiten
+                away = poses[camera] - jnp.asarray(found.pose, z.dtype)
+                rows.append(jnp.asarray(weights, z.dtype) @ away[found.numbers])
+        return jnp.concatenate([jnp.zeros(0, z.dtype), *rows])
 
     def scatter(
         self, rows: Float[np.ndarray, "p r"], residual: Float[np.ndarray, " r"]
@@ -229,20 +226,16 @@ class Problem:
         clusters, sd = self.clusters, self.known_sd
         if clusters is None or sd is None:
             return None
-        if int(clusters.max()) < _MIN_CLUSTERS * len(rows):
+        if int(clusters.max()) + 1 < _MIN_CLUSTERS * len(rows):
             return None
         data = len(clusters)
         found = score_covariance(rows[:, :data], residual[:data], clusters)
         # Rows of priors and outlines have a variance that is known.
-        variance = np.full(len(residual) - data, sd**2)
-        effects = [
-            np.full(len(a.numbers), a.effect)
-            for a in self.aligned.values()
-            if a.whiten is not None
-        ]
-        if effects:
-            weights = np.concatenate(effects)
-            variance[len(variance) - len(weights) :] *= weights
+        variance = np.ones(len(residual) - data)
+        known = [a for a in self.aligned.values() if a.whiten is not None]
+        effects = [effect for a in known for effect in [a.effect] * len(a.numbers)]
+        variance[len(variance) - len(effects) :] = effects
+        variance *= sd**2
         return found + (rows[:, data:] * variance) @ rows[:, data:].T
 
     def stable_steps(self, z: Coordinates) -> Float[Array, " c"]:

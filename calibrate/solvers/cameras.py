@@ -30,9 +30,7 @@ def build_aligned(config: CalibrationConfig, log: Log) -> Calibration:
     log("fitting all but the cameras")
     accuracy = {"tolerance": _TOLERANCE, "max_steps": _MAX_STEPS}
     fit = Fitting(others, config.fit.model_copy(update=accuracy)).run()
-    found = others.parameters.values(np.asarray(fit.z, others.dtype))
-    values = {name: np.asarray(value, float) for name, value in found.items()}
-    return calibration.restarted(values, _data_effect(others, fit.residual))
+    return calibration.weighed(_data_effect(others, fit.residual))
 
 
 def _data_effect(problem: Problem, residual: np.ndarray) -> float:

@@ -1,5 +1,6 @@
 """Poses of cameras as fitted values: residuals, names, mistakes, and a fit of all."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import jax
@@ -11,6 +12,7 @@ import jaxthermo as jt
 from calibrate.config.frame_names import check_frame_names, pose_numbers
 from calibrate.config.loader import load_calibration
 from calibrate.config.schema import shown_unit_of, value_in_si
+from calibrate.problem.alignment import Aligned
 from calibrate.problem.frame_data import FitsPoses, frame_target
 from calibrate.problem.frame_source import _read_mask
 from calibrate.problem.parameters import Parameter, ParameterSet
@@ -75,6 +77,25 @@ def test_residuals_have_the_slopes_of_frames_rendered_again(problem):
         off = np.abs((one - other) / (2 * step) - slopes[:, number])
         assert (off < 1e-6 * np.abs(slopes).max()).mean() > 0.99
         assert np.abs(slopes[:, number]).max() > 0
+
+
+def test_outlines_weigh_by_their_errors_and_those_of_the_data(problem, monkeypatch):
+    """Rows of sqrt(effect) W (pose - found), whose variance in a gradient is known."""
+    z, whiten = problem.start(), np.array([[200.0, 30.0], [0.0, 500.0]])
+    pose, numbers = np.array([0.01, 0, 0, 0, 0, 0.001]), np.array([0, 5])
+    aligned = {0: Aligned(pose, numbers, whiten, effect=9.0)}
+    drawn = replace(problem, aligned=aligned)
+    # The camera starts turned as found, and 1 mm beyond it.
+    np.testing.assert_allclose(drawn._outline_rows(z), [0.09, 1.5], rtol=1e-6)
+    assert problem._outline_rows(z).shape == (0,)
+    monkeypatch.setattr("calibrate.problem.clusters._SQUARE", 8)
+    count = len(problem.clusters)
+    rows = np.zeros((1, count + 2))
+    rows[0, -2:] = 3.0, 4.0
+    scatter = drawn.scatter(rows, np.ones(count + 2))
+    np.testing.assert_allclose(scatter, 25 * 9 * problem.known_sd**2)
+    # Some squares of the image do not tell about fifty numbers.
+    assert drawn.scatter(np.ones((50, count + 2)), np.ones(count + 2)) is None
 
 
 def test_a_pose_that_sees_no_body_is_refused_by_its_residuals(problem):

@@ -48,7 +48,7 @@ def test_standard_errors_are_the_spread_over_repeated_data():
         tuple(Parameter(f"weights.p{n}", (0.0,), -np.inf, np.inf) for n in range(2))
     )
     judged = identify(parameters, found[-1], rows, 1.0, scatter).verdicts
-    errors = [verdict.standard_error for verdict in judged]
+    errors = [verdict.standard_error or 0.0 for verdict in judged]
     np.testing.assert_allclose(errors, np.sqrt(variances[-1]))
 
 

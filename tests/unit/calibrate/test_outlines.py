@@ -39,8 +39,8 @@ def _frame(covered):
     return covered * body + (1 - covered) * behind
 
 
-def _fitted(bodies, frame, known=None, numbers=range(6)):
-    numbers = np.array(numbers)
+def _fitted(bodies, frame, known=None, count=6):
+    numbers = np.arange(count)
     known = np.ones(frame.shape, bool) if known is None else known
     start = np.zeros(6)
     start[numbers] = (START * UNIT)[numbers]
@@ -58,7 +58,7 @@ def test_what_is_not_known_is_not_compared(bodies, covered):
     """Half of the frame shows something else."""
     frame, known = _frame(covered), np.ones((48, 64), bool)
     frame[:, 32:], known[:, 32:] = 1e3, False
-    found = _fitted(bodies, frame, known, (0, 1, 2))
+    found = _fitted(bodies, frame, known, 3)
     assert found is not None
     assert np.abs(found.numbers / UNIT[:3]).max() < 0.05
     nothing = np.zeros((48, 64), bool)
@@ -72,7 +72,7 @@ def test_the_spread_over_noise_is_the_one_reported(bodies, covered):
     found = []
     for seed in range(12):
         noise = 1.5 * np.random.default_rng(seed).standard_normal((48, 64))
-        fit = _fitted(bodies, _frame(covered) + noise, None, (0, 1))
+        fit = _fitted(bodies, _frame(covered) + noise, None, 2)
         assert fit is not None
         found.append(fit)
     poses = np.stack([fit.numbers for fit in found])
