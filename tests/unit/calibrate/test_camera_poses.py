@@ -167,7 +167,7 @@ def test_poses_and_properties_are_found_of_frames_of_half_the_pitch():
         )
         assert turn < np.deg2rad(0.1)
         assert move < 0.5e-3
-    # Thin sleeves have other volumes in coarse voxels: h is 5.4 % off.
+    # Thin sleeves have other volumes in coarse voxels: h is 5.2 % off.
     assert found["material.conductivity"] == pytest.approx(20.0, rel=0.01)
     assert found["material.emissivity"] == pytest.approx(0.85, rel=0.005)
     h = found["convection.heat_transfer_coefficient"]
