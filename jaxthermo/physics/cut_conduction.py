@@ -132,7 +132,7 @@ class _Section(NamedTuple):
     """Position in its part of the state: of its own; of an empty cell, up to the number
     that every section has places for; of the nodes beside it, in the rim."""
     rows: RowLayout
-    """Of all of these; only its own have links."""
+    """Rows of all of these; only its own have links."""
 
 
 def _section_cuts(

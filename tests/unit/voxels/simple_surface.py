@@ -103,7 +103,8 @@ def links(voxel, section, sides, solid, min_open, smooth):
         normals = normal[m, a, i], normal[n, b, j]
         if normals[0] @ normals[1] <= smooth:
             continue
-        mean = sum(normals) / np.linalg.norm(sum(normals))
+        total = np.add(*normals)
+        mean = total / np.linalg.norm(total)
         n_a, n_b = abs(mean[a]), abs(mean[b])
         width = (excess[m, a, i] * n_a + excess[n, b, j] * n_b) / 2 + (n_a + n_b) / 4
         scale = max(width, 0) * (n_a + n_b) / max(n_a**2 + n_b**2, 1e-12)
