@@ -45,13 +45,16 @@ class EulerStepper(AbstractStepper):
 
     @override
     def step(self, program: Program, state: RunState, start, dt) -> RunState:
-        pairs = zip(program.bodies, state.theta, strict=True)
+        networks = [body.network for body in program.bodies]
         with jax.named_scope("conduction"):
-            conducted = tuple(b.network.euler_step(theta, dt) for b, theta in pairs)
+            pairs = zip(networks, state.theta, strict=True)
+            theta = tuple(network.exchanged(before) for network, before in pairs)
+            pairs = zip(networks, theta, strict=True)
+            conducted = tuple(net.euler_step(before, dt) for net, before in pairs)
         # Loads at the middle of the step: the heat of a ramp is exact, and what is
         # switched off at an event is on before it and off after it.
         middle = start + dt / 2
-        new, rates = add_loads(program, state.theta, conducted, middle, dt)
+        new, rates = add_loads(program, theta, conducted, middle, dt)
         return RunState(new, state.ledger.add(dt * rates), state.solver_state)
 
 
@@ -158,7 +161,8 @@ class RKL2Stepper(AbstractStepper):
 
         def conduct(states: State) -> State:
             each = zip(bodies, states, strict=True)
-            return tuple(body.network.euler_step(s, euler_dt) for body, s in each)
+            step = lambda net, state: net.euler_step(net.exchanged(state), euler_dt)
+            return tuple(step(body.network, state) for body, state in each)
 
         def load(new: State, states: State, time_fraction, dt_fraction) -> _Stage:
             time = start + dt * time_fraction

@@ -66,10 +66,17 @@ class AbstractNetwork(Module):
         # body that loses little heat. Other networks use differences anyway.
         return self.heat_rate(state)
 
+    def exchanged(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
+        """A state with what `euler_step` reads of other devices; itself on one."""
+        return state
+
     def euler_step(
         self, state: Float[Array, "..."], dt: Float[Array, ""]
     ) -> Float[Array, "..."]:
-        """The state after `dt` [s] of conduction: T + dt / C * sum_j G (T_j - T)."""
+        """The state after `dt` [s] of conduction: T + dt / C * sum_j G (T_j - T).
+
+        From one that `exchanged` returns.
+        """
         return state + dt * inverse(self.capacity()) * self.heat_rate(state)
 
     @abc.abstractmethod

@@ -2,7 +2,9 @@
 
 The stencil of a section reads the temperatures of the neighbouring sections where its
 own state has an empty rim: both planes are sent by `ppermute` and written there before
-each evaluation, and the rim of what it returns is empty again.
+each evaluation, and the rim of what it returns is empty again. A step begins at the
+state that `exchanged` returns, and so do surface loads: while another reads the state
+before, the planes cannot be written in place, and the whole lattice is copied.
 """
 
 from collections.abc import Callable
@@ -87,8 +89,12 @@ class ShardedStencil(AbstractDerivedNetwork):
         return self._on_each(rate, state)
 
     @override
+    def exchanged(self, state: _State) -> _State:
+        return on_each_device(self.devices, with_neighbours, state)
+
+    @override
     def euler_step(self, state: _State, dt: Float[Array, ""]) -> _State:
-        step = lambda section, state, dt: section.euler_step(with_neighbours(state), dt)
+        step = lambda section, state, dt: section.euler_step(state, dt)
         return self._on_each(step, state, dt)
 
     @override

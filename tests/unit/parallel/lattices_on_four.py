@@ -128,7 +128,9 @@ def networks_equal(cells: Cells) -> None:
 LAWS = {
     "heat_rate": lambda network, state: network.heat_rate(state),
     "face_heat_rate": lambda network, state: network.face_heat_rate(state),
-    "euler_step": lambda network, state: network.euler_step(state, jnp.float32(1e-3)),
+    "euler_step": lambda network, state: network.euler_step(
+        network.exchanged(state), jnp.float32(1e-3)
+    ),
     "stored": lambda network, state: network.stored(state),
     "diagonal": lambda network, _: network.diagonal(),
     "capacity": lambda network, _: network.capacity(),
