@@ -65,7 +65,7 @@ _ABOUT = {
         "copy, conduction, structures, implicit steps, Jacobians and a frame on a GPU"
     ),
     "benchmarks.devices": (
-        "a step of the full volume over two devices and two processes beside one"
+        "a step of the full volume over devices and processes beside one"
     ),
     "benchmarks.fit_devices": (
         "the Jacobian of a step of a fit over two devices beside one"

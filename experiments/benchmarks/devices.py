@@ -1,8 +1,8 @@
-"""A full volume over two devices of one process, and over two processes, beside one.
+"""A full volume over devices of one process, and over two processes, beside one.
 
 Each arrangement has processes of its own, which wait for each other's turns, so that
 all see the same state of the machine. Where there are no other devices, those of one
-process are halves of its processor; a device alone uses all cores. Besides, what larger
+process are parts of its processor; a device alone uses all cores. Besides, what larger
 bodies would take on many devices, on paper.
 """
 
@@ -58,6 +58,7 @@ _ARRANGEMENTS = (
     _ALONE,
     _Arrangement("two devices, one process", 2, 1),
     _Arrangement("two processes", 2, 2),
+    _Arrangement("four devices, one process", 4, 1),
 )
 
 
