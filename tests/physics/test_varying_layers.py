@@ -254,7 +254,6 @@ def scene_of(structure, temperature=400.0):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_steady_and_implicit_steps_agree_with_explicit_ones():
     """One wall by `steady`, TR-BDF2, backward Euler and RKL2; energy to rounding."""
     scene = scene_of(jt.FullVolume(bar(CELLS, PITCH)))

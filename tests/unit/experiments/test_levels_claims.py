@@ -55,7 +55,6 @@ def test_every_claim_is_a_case_that_nothing_runs_yet():
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 @pytest.mark.filterwarnings("ignore:body 0 represents", "ignore:.*faces cavities")
 def test_the_claims_hold_on_the_figurine(monkeypatch):
     monkeypatch.setattr(levels, "_LIMB_HEIGHT", 72)

@@ -81,7 +81,6 @@ def test_short_steps_keep_their_order(name):
 
 
 @SLOW
-@pytest.mark.slice
 def test_the_derivative_through_such_a_step():
     def mean(emissivity):
         scene = _cube(HOT, emissivity)

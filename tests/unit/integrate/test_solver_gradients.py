@@ -102,7 +102,6 @@ def test_no_room_for_a_state_is_said():
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_adaptive_steps_have_a_gradient_from_checkpoints():
     solver = jt.TRBDF2(error=1e-4)
     loss = jax.jit(functools.partial(_loss, solver=solver))
