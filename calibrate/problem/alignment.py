@@ -110,7 +110,6 @@ class Aligned(NamedTuple):
     whiten: Float[np.ndarray, "n n"] | None = None
     """Deviations of these from the pose to independent ones of standard deviation 1;
     None where the outlines were not found to a part of a pixel."""
-
     effect: float = 1.0
     """Squares that the data sum to over independent ones, which these then weigh."""
 

@@ -69,10 +69,6 @@ class Calibration:
     held_out: Problem | None
     references: dict[str, TruthReference]
     """Runs of finer voxels by case, of those cases that are fitted to them."""
-    frames: dict[str, CaseFrames]
-    """Frames of those cases that are fitted to them."""
-    aligned: dict[int, Aligned]
-    """Poses of cameras by their outlines, where the fit starts."""
 
     def without_cameras(self) -> Problem | None:
         """Fit of all else with the cameras where they start; None if there is none."""
@@ -96,12 +92,10 @@ class Calibration:
         Squares of alike residuals count as often as there are of them, unless all that
         is independent counts so much more.
         """
-        aligned = {n: a._replace(effect=effect) for n, a in self.aligned.items()}
+        aligned = {n: a._replace(effect=effect) for n, a in self.train.aligned.items()}
         changed = lambda problem: replace(problem, aligned=aligned)
         held_out = None if self.held_out is None else changed(self.held_out)
-        return replace(
-            self, train=changed(self.train), held_out=held_out, aligned=aligned
-        )
+        return replace(self, train=changed(self.train), held_out=held_out)
 
 
 def build(config: CalibrationConfig, log: Log) -> Calibration:
@@ -147,8 +141,7 @@ def build(config: CalibrationConfig, log: Log) -> Calibration:
 
     train = problem(config.train)
     held_out = problem(config.held_out) if config.held_out else None
-    found = train, held_out, references, read, aligned
-    return Calibration(parameters, configs, scenes, *found)
+    return Calibration(parameters, configs, scenes, train, held_out, references)
 
 
 def _align(

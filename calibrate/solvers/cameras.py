@@ -22,7 +22,7 @@ def build_aligned(config: CalibrationConfig, log: Log) -> Calibration:
     about the same over a whole part of a body.
     """
     calibration = build(config, log)
-    if not calibration.aligned:
+    if not calibration.train.aligned:
         return calibration
     others = calibration.without_cameras()
     if others is None:

@@ -21,7 +21,7 @@ from jaxtyping import Array, Float
 from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
 from jaxthermo.parallel.batch import on_every_device, on_first_device
-from jaxthermo.parallel.devices import check_devices, mesh_of
+from jaxthermo.parallel.devices import check_devices, check_shared, mesh_of
 from jaxthermo.report.numbers import count
 
 from ..config.schema import FitConfig
@@ -338,13 +338,9 @@ def _check_devices(devices: int, size: int, settings: FitConfig) -> None:
             f"devices={devices}: {settings.method} computes one derivative after the "
             "other; use levenberg_marquardt, or leave devices out"
         )
-    largest = max(size, settings.starts)
-    if devices > largest:
-        remedy = "leave devices out" if largest == 1 else f"give at most {largest}"
-        raise InputError(
-            f"devices={devices}: they would share the derivatives of "
-            f"{count(size, 'value')} and {count(settings.starts, 'start')}; {remedy}"
-        )
+    values, starts = count(size, "value"), count(settings.starts, "start")
+    shared = f"the derivatives of {values} and {starts}"
+    check_shared(devices, max(size, settings.starts), shared)
 
 
 def _loss(residual: Array) -> float:

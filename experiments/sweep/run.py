@@ -14,7 +14,7 @@ from calibrate.runs.times import time_case
 from calibrate.runs.truth import find_truth
 from jaxthermo.atomic import replacing
 from jaxthermo.errors import InputError
-from jaxthermo.parallel.devices import check_devices
+from jaxthermo.parallel.devices import check_devices, check_shared
 
 from .config import OptunaSampling, SweepConfig, load_sweep, sweep_hash, to_yaml
 from .fits import check_fit, with_fit
@@ -115,12 +115,11 @@ def _check_devices(sweep: Sweep, devices: int) -> None:
     check_devices(devices)
     # A study has no cases yet.
     largest = max((len(group) for group in groups(sweep.cases)), default=devices)
-    if devices > largest:
-        remedy = "leave devices out" if largest == 1 else f"give at most {largest}"
-        raise InputError(
-            f"devices={devices}: they would share cases that differ in numbers only, "
-            f"of which this sweep has at most {largest} together; {remedy}"
-        )
+    shared = (
+        "cases that differ in numbers only, of which this sweep has at most "
+        f"{largest} together"
+    )
+    check_shared(devices, largest, shared)
 
 
 def _fitted_cases(

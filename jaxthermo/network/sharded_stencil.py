@@ -43,6 +43,7 @@ class SectionCuts(Module):
     """Position in a device's own part of the state."""
     links: RowNetwork
     own: int = eqx.field(static=True)
+    """Number of nodes of each section's own."""
 
 
 class ShardedStencil(AbstractDerivedNetwork):

@@ -10,13 +10,10 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.sharding import Mesh, NamedSharding, PartitionSpec
+from jax.sharding import Mesh, NamedSharding
 
 from .devices import AXIS
-from .lattice import replicated
-
-
-_SPREAD, _SAME = PartitionSpec(AXIS), PartitionSpec()
+from .lattice import SAME, SPREAD, replicated
 
 
 def over_devices(
@@ -50,8 +47,8 @@ def over_devices(
     found, same = jax.shard_map(
         own,
         mesh=mesh,
-        in_specs=(_SPREAD, _SAME),
-        out_specs=(_SPREAD, _SAME),
+        in_specs=(SPREAD, SAME),
+        out_specs=(SPREAD, SAME),
         check_vma=False,
     )(jax.tree.map(pad, batch), arrays)
     return replicated(mesh, (jax.tree.map(lambda leaf: leaf[:count], found), same))
@@ -80,7 +77,7 @@ def on_first_device(
         return jax.tree.map(lambda leaf: leaf[None], found)
 
     found = jax.shard_map(
-        own, mesh=mesh, in_specs=_SAME, out_specs=_SPREAD, check_vma=False
+        own, mesh=mesh, in_specs=SAME, out_specs=SPREAD, check_vma=False
     )(arrays)
     return jax.tree.map(lambda leaf: leaf[0], replicated(mesh, found))
 
@@ -94,7 +91,7 @@ def on_every_device(mesh: Mesh | None, tree: Any) -> Any:
     """A pytree with its arrays in whole on every device; as it is for one."""
     if mesh is None:
         return tree
-    sharding = NamedSharding(mesh, _SAME)
+    sharding = NamedSharding(mesh, SAME)
     place = lambda leaf: jax.device_put(leaf, sharding)
     return jax.tree.map(lambda x: place(x) if isinstance(x, jax.Array) else x, tree)
 

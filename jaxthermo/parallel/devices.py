@@ -53,6 +53,17 @@ def check_devices(count: int) -> None:
         )
 
 
+def check_shared(devices: int, parts: int, shared: str) -> None:
+    """Check that there is at least one part of something shared for each device.
+
+    Raises:
+        InputError: if there are fewer; `shared` says what devices would share.
+    """
+    if devices > parts:
+        remedy = "leave devices out" if parts == 1 else f"give at most {parts}"
+        raise InputError(f"devices={devices}: they would share {shared}; {remedy}")
+
+
 _FORCED = "--xla_force_host_platform_device_count"
 
 

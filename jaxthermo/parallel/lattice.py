@@ -17,7 +17,8 @@ from jaxtyping import Array, Int, Shaped
 from .devices import AXIS
 
 
-_SPREAD, _SAME = PartitionSpec(AXIS), PartitionSpec()
+SPREAD, SAME = PartitionSpec(AXIS), PartitionSpec()
+"""Sharding of arrays along their first axis, and in whole on every device."""
 
 _Address = tuple[Int[Array, " m"], ...]
 
@@ -38,8 +39,8 @@ def _specs(tree: Any) -> Any:
 
     def spec(node: Any) -> Any:
         if is_list(node):
-            return Sectioned(_SPREAD)
-        return _SPREAD if jnp.ndim(node) == 3 else _SAME
+            return Sectioned(SPREAD)
+        return SPREAD if jnp.ndim(node) == 3 else SAME
 
     return jax.tree.map(spec, tree, is_leaf=is_list)
 
@@ -64,7 +65,7 @@ def on_each_device(
         own,
         mesh=mesh,
         in_specs=tuple(map(_specs, arguments)),
-        out_specs=_SPREAD if reduced is None else _SAME,
+        out_specs=SPREAD if reduced is None else SAME,
         check_vma=False,
     )(*arguments)
 
@@ -158,7 +159,7 @@ def from_sections(mesh: Mesh, make: Callable[[int], Any]) -> Any:
     for number, device in enumerate(mesh.devices.flat):
         if device.process_index == jax.process_index():
             own.append(jax.device_put(make(number), device))
-    sharding = NamedSharding(mesh, _SPREAD)
+    sharding = NamedSharding(mesh, SPREAD)
 
     def join(*parts: Array) -> Array:
         shape = mesh.size * parts[0].shape[0], *parts[0].shape[1:]
@@ -172,7 +173,7 @@ def spread(
     mesh: Mesh, values: Shaped[Array | np.ndarray, "x y z"]
 ) -> Shaped[Array, "x y z"]:
     """A new array of a lattice, of which each device has its own section."""
-    sharding = NamedSharding(mesh, _SPREAD)
+    sharding = NamedSharding(mesh, SPREAD)
     if isinstance(values, np.ndarray) and not any(values.strides):
         # One number for all: the host would have an array of them, too.
         return jnp.full(values.shape, values.item(0), values.dtype, device=sharding)
@@ -201,7 +202,7 @@ def replicated(mesh: Mesh | None, tree: Any) -> Any:
     """Within a compiled function: its values in whole on every device."""
     if mesh is None:
         return tree
-    sharding = NamedSharding(mesh, _SAME)
+    sharding = NamedSharding(mesh, SAME)
     return jax.tree.map(
         lambda leaf: jax.lax.with_sharding_constraint(leaf, sharding), tree
     )
@@ -232,7 +233,7 @@ def placed(mesh: Mesh, tree: Any, lattices: frozenset[tuple[int, ...]]) -> Any:
         there = isinstance(leaf, jax.Array) and len(leaf.sharding.device_set) > 1
         if there or leaf.ndim == 0:
             return leaf
-        spec = _SPREAD if leaf.shape in lattices else _SAME
+        spec = SPREAD if leaf.shape in lattices else SAME
         host = np.asarray(leaf)
         sharding = NamedSharding(mesh, spec)
         return jax.make_array_from_callback(host.shape, sharding, lambda at: host[at])

@@ -44,11 +44,17 @@ class _Events(NamedTuple):
     sign: Int8[np.ndarray, " k"]
 
     @classmethod
-    def of(cls, layers: DepthLayers, axis: int, length: int) -> "_Events":
-        """Those of balanced rays, at the first cell behind each crossing."""
+    def of(
+        cls,
+        layers: DepthLayers,
+        votes: Bool[np.ndarray, " p"],
+        axis: int,
+        length: int,
+    ) -> "_Events":
+        """Those of rays that vote, at the first cell behind each crossing."""
         row_axis, column_axis = pixel_axes(axis)
         behind = first_cell_behind(layers.depth)
-        counts = np.flatnonzero(balanced_rays(layers)[layers.pixel] & (behind < length))
+        counts = np.flatnonzero(votes[layers.pixel] & (behind < length))
         cell: list[np.ndarray] = [np.zeros(0)] * 3
         cell[axis] = np.maximum(behind[counts], 0).astype(np.int32)
         along = np.divmod(layers.pixel[counts], layers.width)
@@ -70,8 +76,11 @@ def fill_by_vote(
     views: Views, shape: tuple[int, int, int]
 ) -> Bool[np.ndarray, "x y z"]:
     """Solid voxels by majority of the votes of the three views."""
-    events = [_Events.of(views[axis], axis, shape[axis]) for axis in range(3)]
-    cast = [_votes_cast(views[axis], axis) for axis in range(3)]
+    events, cast = [], []
+    for axis, layers in enumerate(views):
+        rays = balanced_rays(layers)
+        events.append(_Events.of(layers, rays, axis, shape[axis]))
+        cast.append(_votes_cast(rays.reshape(layers.height, layers.width), axis))
     solid = np.empty(shape, bool)
     before = np.zeros(shape[1:], np.int8)
     planes = max(_CHUNK_CELLS // before.size, 1)
@@ -108,9 +117,10 @@ def _sum_along(winding: Int8[np.ndarray, "x y z"], axis: int) -> None:
         planes[k] += planes[k - 1]
 
 
-def _votes_cast(layers: DepthLayers, axis: int) -> Int8[np.ndarray, "u v w"]:
+def _votes_cast(
+    rays: Bool[np.ndarray, "rows columns"], axis: int
+) -> Int8[np.ndarray, "u v w"]:
     """1 on rays that vote, on the lattice, with a length of 1 along the axis."""
-    rays = balanced_rays(layers).reshape(layers.height, layers.width)
     # Rows before columns, as the lattice has them.
     ordered = rays if pixel_axes(axis)[0] < pixel_axes(axis)[1] else rays.T
     return np.expand_dims(ordered, axis).astype(np.int8)

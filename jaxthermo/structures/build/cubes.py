@@ -154,7 +154,7 @@ def _linked(
             # Of two of one size the lower one has the link.
             for other, is_linked in (
                 (above, above >= 0),
-                (below, (below >= 0) & (np.append(level, 0)[below] > size)),
+                (below, (below >= 0) & (level[below] > size)),
             ):
                 at = np.flatnonzero(is_linked)
                 one, two = here[at], other[at]
