@@ -17,8 +17,11 @@ def test_every_arrangement_has_its_row(tmp_path):
         (1, 1),
         (2, 1),
         (2, 2),
+        (4, 1),
     ]
     assert all(len(row["step_s"]) == 2 and min(row["step_s"]) > 0 for row in rows)
-    whole, halves, one_half = (row["lattice_bytes"] for row in rows)
+    whole, halves, one_half, quarters = (row["lattice_bytes"] for row in rows)
     # Each section has a plane of rim at both ends.
     assert whole == 16 * 8 * 8 * 4 and halves == 2 * 9 * 8 * 8 * 4 == 2 * one_half
+    # Of four sections, four planes thick, the last has two without a voxel.
+    assert quarters == 4 * 6 * 8 * 8 * 4
