@@ -40,6 +40,7 @@ _MOST_OFF = 10.0
 """Largest difference of a forecast from what is measured that is asked for [%]."""
 _STRUCTURES: dict[str, Callable[[Any], Any]] = {
     "full volume": jt.FullVolume,
+    "full volume, numba": lambda grid: jt.FullVolume(grid, kernels="numba"),
     "octree": jt.Octree,
     "aggregate": lambda grid: jt.Aggregate(grid, factor=2),
 }

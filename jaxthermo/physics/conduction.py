@@ -40,6 +40,7 @@ from ..structures.build.assignment import volume_within
 from ..structures.build.links import link_axes, non_orthogonal_links
 from ..structures.kinds.full import FullVolume
 from ..structures.structure import AbstractStructure
+from .run_conduction import WITH_NUMBA, run_stencil
 from .stencil_conduction import mixed_stencil, uniform_stencil
 from .varying_conduction import varying_links
 
@@ -144,6 +145,8 @@ def assemble_uniform(
     """
     k = typed_array(conductivity, dtype)
     heat = typed_array(volumetric_heat_capacity, dtype)
+    if isinstance(structure, FullVolume) and structure.kernels == "numba":
+        return run_stencil(structure, jnp.asarray(k), jnp.asarray(heat))
     if not (isinstance(structure, FullVolume) and structure.runs_as_stencil):
         # A single row of conductivities by axis stands for all nodes.
         return _assemble_links(structure, k[None] if k.ndim else k, heat)
@@ -162,6 +165,8 @@ def _assemble_mixed(
     Conductivities [W/(m K)], one number or three by axis, and heat capacities rho c_p
     [J/(m^3 K)] are given for each material.
     """
+    if isinstance(structure, FullVolume) and structure.kernels == "numba":
+        raise InputError(f"{WITH_NUMBA} has one material: leave it out")
     if isinstance(structure, FullVolume) and structure.runs_as_stencil:
         return mixed_stencil(
             structure, material, conductivity, volumetric_heat_capacity

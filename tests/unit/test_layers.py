@@ -19,6 +19,7 @@ ORDER = [
     "voxels",
     "structures",
     "parallel",
+    "native",
     "network",
     "physics",
     "weather",

@@ -50,6 +50,8 @@ class _Parts(NamedTuple):
 # In float32. A stencil has a byte for each cell, and no array of links.
 _KEPT_STENCIL = _Parts(faces=70, fragments=223, cut_voxels=136, values=1)
 _KEPT_LINKS = _Parts(faces=68, fragments=222, surface_nodes=107, links=43)
+# Runs and rows of a full volume, instead of links.
+_KEPT_RUNS = _Parts(faces=68, fragments=222, surface_nodes=200)
 # The links of a full volume are found for the run, other structures have theirs.
 _KEPT_VOXEL_LINKS = _Parts(links=43)
 # Conductances of three faces and the capacity of each cell.
@@ -68,6 +70,10 @@ _STEPS_LINKS: dict[Method, _Parts] = {
     "stages": _Parts(fragments=34, surface_nodes=58, values=16, links=14),
     "implicit": _Parts(fragments=34, surface_nodes=58, values=4, links=72),
     "diagonal": _Parts(fragments=34, surface_nodes=58, values=47, links=14),
+}
+_STEPS_RUNS: dict[Method, _Parts] = {
+    "euler": _Parts(fragments=34, surface_nodes=58, values=12),
+    "stages": _Parts(fragments=34, surface_nodes=58, values=24),
 }
 # Of solves alone: the connected parts, found from links, and levels of the multigrid.
 _SOLVES_STENCIL: dict[Method, _Parts] = {
@@ -117,8 +123,11 @@ def forecast_memory(
         # what steps evaluate is on the device of its section.
         read = counts._replace(fragments=_devices(body) * counts.fragments)
         is_stencil = len(structure.state_shape) == 3
+        in_runs = isinstance(structure, FullVolume) and structure.kernels == "numba"
         own = (_KEPT_STENCIL if is_stencil else _KEPT_LINKS).bytes_of(read)
-        if not is_stencil and isinstance(structure, FullVolume):
+        if in_runs:
+            own = _KEPT_RUNS.bytes_of(counts)
+        elif not is_stencil and isinstance(structure, FullVolume):
             own += _KEPT_VOXEL_LINKS.bytes_of(counts)
         if is_stencil and isinstance(body.material, AbstractMaterials):
             own += _KEPT_MIXED_STENCIL.bytes_of(counts) * width / 4
@@ -129,6 +138,9 @@ def forecast_memory(
             own += structure.link_count * (8 * width + 8)
         kept += own * (_KEPT_DOUBLE if width == 8 else 1)
         each = (_STEPS_STENCIL if is_stencil else _STEPS_LINKS)[method]
+        if in_runs:
+            # Solves have a form of their own (`for_solves`).
+            each = _STEPS_RUNS.get(method, each)
         steps += each.bytes_of(counts) * width / 4
         runtime += _RUNTIME_STENCIL.bytes_of(counts) * width / 4 * is_stencil
         rows += int(read.fragments) * width * saves

@@ -9,12 +9,15 @@ import numpy as np
 from jaxtyping import Float, Int, Shaped
 from typing_extensions import override
 
+from ...errors import InputError
 from ...voxels.grid import VoxelGrid
 from ...voxels.packed_lattice import PackedLattice, packed_lattice
 from ...voxels.sharded_lattice import ShardedLattice, cut_axes, sharded_lattice
 from ..build.links import voxel_links
 from ..structure import AbstractStructure, ConductionWeights, Links, Nodes, as_weights
 
+
+KERNELS = "xla", "numba"
 
 # Fraction of solid voxels in the box from which a stencil solves as fast as links.
 _DENSE = 0.5
@@ -28,6 +31,9 @@ class FullVolume(AbstractStructure):
     `stencil=False`, as sorted links: slower, but equal to rounding, and the references.
     A run on several devices has a section on each (`ShardedLattice`).
 
+    With `kernels="numba"` explicit steps of one material on a CPU are loops over the
+    solid voxels alone, which numba compiles (extra `native`): equal to rounding.
+
     Example:
         >>> import jaxthermo as jt
         >>> grid = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), pitch=0.01)
@@ -38,16 +44,24 @@ class FullVolume(AbstractStructure):
     grid: VoxelGrid = eqx.field(static=True)
     stencil: bool = eqx.field(static=True, default=True)
     sections: bool = eqx.field(static=True, default=True)
+    kernels: str = eqx.field(static=True, default="xla")
+    """"xla", or "numba" for explicit steps of one material on a CPU."""
     devices: int = eqx.field(static=True, default=1)
     """Number of devices over which the lattice is sharded; set by a run."""
     weights: ConductionWeights = eqx.field(
         kw_only=True, default=ConductionWeights(), converter=as_weights
     )
 
+    def __check_init__(self):
+        if self.kernels not in KERNELS:
+            raise InputError(
+                f"FullVolume(kernels={self.kernels!r}): give {' or '.join(KERNELS)}"
+            )
+
     @property
     def runs_as_stencil(self) -> bool:
         """True if a state is a lattice: no request for links, and no weights."""
-        return self.stencil and self.weights.are_one
+        return self.stencil and self.kernels == "xla" and self.weights.are_one
 
     @property
     def packed(self) -> PackedLattice | None:
@@ -90,7 +104,8 @@ class FullVolume(AbstractStructure):
         # A solve stores half a dozen arrays, as long as the box for a stencil.
         # Only lattices are sharded.
         is_list = self._is_sparse and self.devices == 1
-        return replace(self, stencil=False) if is_list else self
+        own = self if self.kernels == "xla" else replace(self, kernels="xla")
+        return replace(own, stencil=False) if is_list else own
 
     @property
     @override

@@ -30,7 +30,7 @@ time: {{end: 60, save_at: [60]}}
 """
 
 TAKES = {
-    "full_volume": set(),
+    "full_volume": {"kernels"},
     "single_shell": {"capacity"},
     "multi_level": {"levels", "hollow"},
     "irregular_multi_level": {"levels", "keep_capacity"},
@@ -103,6 +103,13 @@ def test_a_weight_may_be_set(body, more):
 def test_a_weight_of_no_structure_is_of_the_full_volume(body):
     found = body("", "bodies.0.structure.weights.within=0.9").structure
     assert found == FullVolume(weights=_WeightsConfig(within=0.9))
+
+
+def test_kernels_of_the_full_volume_are_no_part_of_what_a_card_is_fitted_to(body):
+    grid = voxelize(shapes.box((0.02, 0.02, 0.02)), 0.01)
+    found = body("structure: {kind: full_volume, kernels: numba}").structure
+    assert found.build(grid).kernels == "numba"
+    assert found.options == body("structure: full_volume").structure.options
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,80 @@
+"""Loops that numba compiles as operations of JAX, within a compiled program.
+
+The extra `native` brings numba. XLA calls these loops without the interpreter, and
+copies nothing. Each has a form in arrays, which is its reference.
+"""
+
+import importlib
+import importlib.util
+from functools import cache
+from typing import Any
+
+import jax
+import jaxlib.version
+import numpy as np
+
+from ..errors import InputError
+
+
+def called(loop: str, results: Any, *arguments: Any, in_place: int = 0) -> Any:
+    """Arrays that a loop fills, of the shapes and types of `results`.
+
+    The loop is named by its module and function, such as "runs_loops.conduct"; it has
+    one version for each precision, that of the first result. The last `in_place`
+    arguments become the first results, with what the loop does not write.
+    """
+    like = jax.tree.leaves(results)[0]
+    shapes = jax.tree.map(lambda a: jax.ShapeDtypeStruct(a.shape, a.dtype), results)
+    first = len(arguments) - in_place
+    return jax.ffi.ffi_call(
+        _registered(loop, like.dtype.name),
+        shapes,
+        vmap_method="sequential",
+        input_output_aliases={first + n: n for n in range(in_place)},
+    )(*arguments)
+
+
+@cache
+def require_native(what: str) -> None:
+    """Refuse where no loop can be compiled and called.
+
+    Raises:
+        InputError: without the package numba, where JAX computes on another device than
+            a CPU, or if its version of XLA cannot call.
+    """
+    if importlib.util.find_spec("numba") is None:
+        raise InputError(
+            f'{what} needs the package numba: run pip install "jaxthermo[native]"'
+        )
+    if jax.default_backend() != "cpu":
+        raise InputError(
+            f"{what} runs on a CPU, and JAX computes on a {jax.default_backend()}: "
+            "leave it out"
+        )
+    try:
+        _try_call()
+    except (jax.errors.JaxRuntimeError, ValueError) as error:
+        raise InputError(
+            f"{what}: jaxlib {jaxlib.version.__version__} cannot call what numba "
+            f"compiles ({str(error).splitlines()[0]}): leave it out"
+        ) from error
+
+
+def _try_call() -> None:
+    given = np.arange(3, dtype=np.float32)
+    with jax.ensure_compile_time_eval():
+        found = called("frame.double", given, given)
+    if not np.array_equal(found, 2 * given):
+        raise ValueError("wrong result")
+
+
+@cache
+def _registered(loop: str, dtype: str) -> str:
+    """Name by which XLA knows a loop of a precision; compiled here, once."""
+    module, function = loop.split(".")
+    loops = importlib.import_module(f".{module}", __package__)
+    frame = importlib.import_module(".frame", __package__)
+    name = f"jaxthermo_{function}_{dtype}"
+    address = frame.handler(getattr(loops, f"{function}_{dtype}"))
+    jax.ffi.register_ffi_target(name, jax.ffi.pycapsule(address), platform="cpu")
+    return name

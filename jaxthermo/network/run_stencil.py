@@ -1,0 +1,110 @@
+"""Full volume in runs of voxels along z, conducted by loops that numba compiles.
+
+    C_i dT_i/dt = G sum_j w_ij (T_j - T_i),    C_i = C V_i,
+
+with the conductance G of a whole link and the capacity C of a whole voxel; w_ij and V_i
+differ from 1 at the surface alone. `RowNetwork` is the same in arrays.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+from typing_extensions import override
+
+from ..native.runs import Runs, conducted
+from .network import AbstractNetwork, Address, precise_sum
+from .self_adjoint_primitive import Operator, computed_once, conduct
+
+
+def _spread(
+    state: Float[Array, " n"], factor: Float[Array, ""], runs: Runs
+) -> Float[Array, " n"]:
+    found = conducted(state, jnp.zeros_like(factor), factor, runs)
+    return found.at[runs.node].multiply(runs.volume, unique_indices=True)
+
+
+def _pull(values, state, factor, runs):
+    spread = conduct(_RUNS, values, jnp.ones_like(factor), runs)
+    return (computed_once(spread) * state).sum()
+
+
+_RUNS = Operator(_spread, _spread, lambda values, _: values, _pull)
+
+
+@jax.custom_jvp
+def _step(
+    state: Float[Array, " n"], ratio: Float[Array, ""], runs: Runs
+) -> Float[Array, " n"]:
+    return conducted(state, jnp.ones_like(ratio), ratio, runs)
+
+
+@_step.defjvp
+def _along(primals, tangents):
+    # A change over volumes, of which conduction is its own transpose.
+    state, ratio, runs = primals
+    along_state, along_ratio, _ = tangents
+    change = conduct(_RUNS, along_state, ratio, runs)
+    change += conduct(_RUNS, state, along_ratio, runs)
+    change = change.at[runs.node].divide(runs.volume, unique_indices=True)
+    return _step(state, ratio, runs), along_state + change
+
+
+class RunStencil(AbstractNetwork):
+    """One material in runs: one conductance, one capacity, and rows at the surface."""
+
+    conductance: Float[Array, ""]
+    """Conductance of a whole link, k * pitch [W/K]."""
+    whole_capacity: Float[Array, ""]
+    """Heat capacity of a whole voxel, rho c_p pitch^3 [J/K]."""
+    runs: Runs
+    row_weight: Float[Array, " m"]
+    """Sum of the relative conductances of each node in a row [-]."""
+    node_count: int = eqx.field(static=True)
+
+    @override
+    def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
+        return conduct(_RUNS, state, self.conductance, self.runs)
+
+    @override
+    def euler_step(
+        self, state: Float[Array, "..."], dt: Float[Array, ""]
+    ) -> Float[Array, "..."]:
+        return _step(state, dt * (self.conductance / self.whole_capacity), self.runs)
+
+    @override
+    def diagonal(self) -> Float[Array, "..."]:
+        whole = jnp.full(self.node_count, 6 * self.conductance)
+        own = self.conductance * self.row_weight
+        return whole.at[self.runs.node].set(own, unique_indices=True)
+
+    @override
+    def capacity(self) -> Float[Array, "..."]:
+        whole = jnp.full(self.node_count, self.whole_capacity)
+        own = self.whole_capacity * self.runs.volume
+        return whole.at[self.runs.node].set(own, unique_indices=True)
+
+    @override
+    def capacity_at(self, address: Address) -> Float[Array, "*m"]:
+        # Searched, without an array of all nodes.
+        rows, nodes = self.runs.node, address[0].astype(jnp.int32)
+        index = jnp.searchsorted(rows, nodes).clip(max=len(rows) - 1)
+        volume = jnp.where(rows[index] == nodes, self.runs.volume[index], 1)
+        return self.whole_capacity * volume
+
+    @override
+    def max_rate(self) -> Float[Array, ""]:
+        inside = 6 if len(self.runs.runs) else 0
+        most = jnp.maximum((self.row_weight / self.runs.volume).max(), inside)
+        return most * self.conductance / self.whole_capacity
+
+    @override
+    def total_capacity(self) -> Float[Array, ""]:
+        less = precise_sum(self.runs.volume - 1)
+        return self.whole_capacity * (self.node_count + less)
+
+    @override
+    def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
+        own = state.at[self.runs.node].get(mode="promise_in_bounds")
+        excess = precise_sum((self.runs.volume - 1) * own)
+        return self.whole_capacity * (precise_sum(state) + excess)

@@ -1,0 +1,172 @@
+"""A full volume in runs of voxels, in loops of numba, is the network of its links."""
+
+from functools import partial
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.geometry import shapes
+from jaxthermo.network.run_stencil import RunStencil
+from jaxthermo.physics import run_conduction
+from jaxthermo.physics.conduction import assemble_uniform
+from jaxthermo.structures.kinds.full import FullVolume
+from jaxthermo.voxels.voxelize import voxelize
+
+
+pytest.importorskip("numba")
+# numba compiles for some seconds.
+pytestmark = [pytest.mark.slow, pytest.mark.slice]
+
+HEAT, CONDUCTIVITY = 4e6, 16.0
+CUT = voxelize(shapes.sphere(0.1, subdivisions=3), 0.0131, "crossings")
+WHOLE = voxelize(shapes.cylinder(0.05, 0.2), 0.0171, "dominant_axis")
+
+
+def network(grid, dtype=jnp.float64, **options):
+    return assemble_uniform(FullVolume(grid, **options), CONDUCTIVITY, HEAT, dtype)
+
+
+def both(grid):
+    return network(grid, kernels="numba"), network(grid, stencil=False)
+
+
+@eqx.filter_jit
+def all_of(operator, state, address, dt):
+    step = operator.euler_step(state, dt)
+    return {
+        "heat_rate": operator.heat_rate(state),
+        "face_heat_rate": operator.face_heat_rate(state),
+        "euler_step": step,
+        "diagonal": operator.diagonal(),
+        "capacity": operator.capacity(),
+        "capacity_at": operator.capacity_at(address),
+        "max_rate": operator.max_rate(),
+        "total_capacity": operator.total_capacity(),
+        "stored": operator.stored(step),
+    }
+
+
+@pytest.fixture(params=[30_000, 400], ids=["one block", "several blocks"])
+def block(request, monkeypatch):
+    monkeypatch.setattr(run_conduction, "_BLOCK", request.param)
+    return request.param
+
+
+@pytest.mark.parametrize("grid", [CUT, WHOLE], ids=["cut voxels", "whole voxels"])
+def test_every_operator_is_that_of_the_links(grid, block):
+    runs, _ = run_conduction.voxel_runs(grid.solid, grid.cut, np.dtype(float))
+    assert (len(runs.block) > 2) == (block == 400)
+    fast, plain = both(grid)
+    # Not the findings of the other number of blocks.
+    fast = eqx.tree_at(lambda own: own.runs, fast, jax.tree.map(jnp.asarray, runs))
+    assert type(fast) is RunStencil
+    theta = jnp.asarray(np.random.default_rng(1).normal(size=grid.solid_count))
+    address = (jnp.asarray([0, 7, grid.solid_count // 2, grid.solid_count - 1]),)
+    found = all_of(fast, theta, address, jnp.array(0.1))
+    expected = all_of(plain, theta, address, jnp.array(0.1))
+    for name, exact in expected.items():
+        np.testing.assert_allclose(
+            found[name], exact, rtol=1e-11, atol=1e-9, err_msg=name
+        )
+    rate = np.asarray(found["heat_rate"])
+    assert abs(rate.sum()) < 1e-13 * np.abs(rate).sum()
+
+
+def test_a_uniform_temperature_stays_to_the_bit():
+    fast = network(CUT, kernels="numba")
+    same = jnp.full(CUT.solid_count, 12.3)
+    assert np.array_equal(fast.euler_step(same, jnp.array(0.1)), same)
+    assert not np.asarray(fast.heat_rate(same)).any()
+
+
+def test_single_precision():
+    theta = np.random.default_rng(2).normal(size=CUT.solid_count)
+    dt = 0.1
+    exact = network(CUT, stencil=False).euler_step(jnp.asarray(theta), jnp.array(dt))
+    one = network(CUT, jnp.float32, kernels="numba")
+    found = one.euler_step(jnp.asarray(theta, jnp.float32), jnp.float32(dt))
+    np.testing.assert_allclose(found, exact, atol=2e-6)
+
+
+@partial(jax.jit, static_argnames="options")
+def _moved(conductivity, theta, options):
+    structure = FullVolume(CUT, **dict(options))
+    operator = assemble_uniform(structure, conductivity, HEAT, jnp.float64)
+    step = operator.euler_step(theta, jnp.array(0.2))
+    return (jnp.sin(step) + 1e-3 * operator.heat_rate(step)).sum()
+
+
+def test_derivatives_are_those_of_the_links_and_of_differences():
+    theta = jnp.asarray(np.random.default_rng(3).normal(size=CUT.solid_count))
+    at = jnp.array(CONDUCTIVITY), theta
+    gradient = lambda options: jax.grad(_moved, argnums=(0, 1))(*at, options)
+    found, expected = gradient((("kernels", "numba"),)), gradient((("stencil", False),))
+    jax.tree.map(
+        partial(np.testing.assert_allclose, rtol=1e-9, atol=1e-10), found, expected
+    )
+    value = lambda k: _moved(jnp.array(k), theta, (("kernels", "numba"),))
+    difference = (value(16.001) - value(15.999)) / 0.002
+    np.testing.assert_allclose(found[0], difference, rtol=1e-6)
+    along = jax.jvp(
+        lambda k: _moved(k, theta, (("kernels", "numba"),)), at[:1], (jnp.ones(()),)
+    )
+    np.testing.assert_allclose(along[1], found[0], rtol=1e-12)
+
+
+def test_several_states_at_once():
+    fast, plain = both(WHOLE)
+    states = jnp.asarray(np.random.default_rng(4).normal(size=(3, WHOLE.solid_count)))
+    dts = jnp.array([0.1, 0.2, 0.3])
+    step = lambda own: jax.vmap(own.euler_step)(states, dts)
+    np.testing.assert_allclose(step(fast), step(plain), rtol=1e-11, atol=1e-11)
+
+
+def _scene(kernels):
+    # Bodies in contact, one with a conductivity that varies; a source, sun and wind.
+    grids = [jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), pitch=0.005), CUT]
+    steel = jt.Material(16.0, density=8000.0, specific_heat=500.0)
+    varies = jt.Property((290.0, 400.0), (1.0, 1.3))
+    clay = jt.Material(varies, density=1700.0, specific_heat=900.0)
+    poses = jt.Pose(translation=(0.0, 0.0, 0.1205)), jt.Pose()
+    bodies = tuple(
+        jt.Body(
+            jt.FullVolume(grid, kernels=kernels), material, temperature=start, pose=pose
+        )
+        for grid, material, start, pose in zip(
+            grids, (steel, clay), (350.0, 300.0), poses, strict=True
+        )
+    )
+    terms = (
+        jt.Sun((1.0, 0.0, -1.0), 800.0),
+        jt.Convection(10.0, 290.0),
+        jt.Contact(500.0, (0, 1)),
+        jt.HeatSource(1e5),
+    )
+    return jt.Scene(bodies, terms, dtype="float64")
+
+
+@pytest.mark.parametrize(
+    "solver", [jt.ForwardEuler(), jt.SuperTimeStepping(dt=4.0)], ids=["euler", "rkl2"]
+)
+def test_a_scene_of_everything_is_that_of_the_stencil(solver):
+    found, expected = (
+        jt.simulate(_scene(kernels), 20.0, solver=solver)
+        for kernels in ("numba", "xla")
+    )
+    surfaces = found.surface_temperature, expected.surface_temperature
+    np.testing.assert_allclose(*surfaces, rtol=0, atol=1e-9)
+    assert np.ptp(surfaces[0]) > 20
+    assert abs(float(found.energy.residual_relative[-1])) < 1e-11
+
+
+def test_implicit_steps_solve_links():
+    found, expected = (
+        jt.simulate(_scene(kernels), 20.0, solver=jt.BackwardEuler(dt=10.0))
+        for kernels in ("numba", "xla")
+    )
+    surfaces = found.surface_temperature, expected.surface_temperature
+    np.testing.assert_allclose(*surfaces, rtol=0, atol=1e-6)
