@@ -109,15 +109,13 @@ def _listed(options: Mapping[str, Any]) -> str:
 class FullVolume(_Structure, builds="FullVolume", kind="full_volume"):
     """Every solid voxel."""
 
-    kernels: Literal["xla", "numba"] = "xla"
+    kernels: Literal["numba"] | None = None
 
     @property
     @override
     def options(self) -> dict[str, Any]:
         # The kernels of steps are no part of what weights were fitted to.
-        options = super().options
-        del options["kernels"]
-        return options
+        return {name: v for name, v in super().options.items() if name != "kernels"}
 
 
 class _SingleShell(_Structure, builds="SingleShell", kind="single_shell"):

@@ -53,8 +53,8 @@ def _on_devices(body: Body, where: str, devices: int) -> Body:
         )
     if not structure.runs_as_stencil:
         raise InputError(
-            f"{where}: a FullVolume with weights, stencil=False or kernels other than "
-            f"xla cannot be spread over devices={devices}; leave these out, or devices"
+            f"{where}: a FullVolume with weights, stencil=False or kernels of numba "
+            f"cannot be spread over devices={devices}; leave these out, or devices"
         )
     own = body.material
     several = isinstance(own, AbstractMaterials)

@@ -17,8 +17,6 @@ from ..build.links import voxel_links
 from ..structure import AbstractStructure, ConductionWeights, Links, Nodes, as_weights
 
 
-KERNELS = "xla", "numba"
-
 # Fraction of solid voxels in the box from which a stencil solves as fast as links.
 _DENSE = 0.5
 
@@ -44,8 +42,8 @@ class FullVolume(AbstractStructure):
     grid: VoxelGrid = eqx.field(static=True)
     stencil: bool = eqx.field(static=True, default=True)
     sections: bool = eqx.field(static=True, default=True)
-    kernels: str = eqx.field(static=True, default="xla")
-    """"xla", or "numba" for explicit steps of one material on a CPU."""
+    kernels: str | None = eqx.field(static=True, default=None)
+    """"numba" for explicit steps in loops that it compiles; None for those of XLA."""
     devices: int = eqx.field(static=True, default=1)
     """Number of devices over which the lattice is sharded; set by a run."""
     weights: ConductionWeights = eqx.field(
@@ -53,15 +51,15 @@ class FullVolume(AbstractStructure):
     )
 
     def __check_init__(self):
-        if self.kernels not in KERNELS:
+        if self.kernels not in (None, "numba"):
             raise InputError(
-                f"FullVolume(kernels={self.kernels!r}): give {' or '.join(KERNELS)}"
+                f'FullVolume(kernels={self.kernels!r}): give "numba", or leave it out'
             )
 
     @property
     def runs_as_stencil(self) -> bool:
         """True if a state is a lattice: no request for links, and no weights."""
-        return self.stencil and self.kernels == "xla" and self.weights.are_one
+        return self.stencil and self.kernels is None and self.weights.are_one
 
     @property
     def packed(self) -> PackedLattice | None:
@@ -104,7 +102,7 @@ class FullVolume(AbstractStructure):
         # A solve stores half a dozen arrays, as long as the box for a stencil.
         # Only lattices are sharded.
         is_list = self._is_sparse and self.devices == 1
-        own = self if self.kernels == "xla" else replace(self, kernels="xla")
+        own = self if self.kernels is None else replace(self, kernels=None)
         return replace(own, stencil=False) if is_list else own
 
     @property

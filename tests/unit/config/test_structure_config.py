@@ -106,7 +106,7 @@ def test_a_weight_of_no_structure_is_of_the_full_volume(body):
 
 
 def test_kernels_of_the_full_volume_are_no_part_of_what_a_card_is_fitted_to(body):
-    grid = voxelize(shapes.box((0.02, 0.02, 0.02)), 0.01)
+    grid = jt.voxelize(jt.shapes.box((0.02, 0.02, 0.02)), 0.01)
     found = body("structure: {kind: full_volume, kernels: numba}").structure
     assert found.build(grid).kernels == "numba"
     assert found.options == body("structure: full_volume").structure.options
