@@ -16,6 +16,7 @@ from jaxtyping import Array, Float, Int
 
 from ..arrays import Scalar
 from ..module import Module
+from ..native.flow import both_collided_into, collided_into
 from .body import Links, filled, force_on, heat_of, reflected
 from .boundary import (
     Outlet,
@@ -58,6 +59,8 @@ class FlowProgram(Module):
     walls: str = eqx.field(static=True)
     ends: str = eqx.field(static=True)
     magic: float = eqx.field(static=True)
+    kernels: str | None = eqx.field(static=True, default=None)
+    """As of `simulate_flow`."""
 
 
 class FlowState(NamedTuple):
@@ -79,7 +82,9 @@ class Fields(NamedTuple):
     temperature: Float[Array, "y x"] | None
 
 
-def flow_program(channel: Channel, dtype: Any) -> FlowProgram:
+def flow_program(
+    channel: Channel, dtype: Any, kernels: str | None = None
+) -> FlowProgram:
     """The channel as a program of a precision."""
     cast = lambda value: jax.tree.map(lambda v: jnp.asarray(v, dtype), value)
     return FlowProgram(
@@ -93,6 +98,7 @@ def flow_program(channel: Channel, dtype: Any) -> FlowProgram:
         walls=channel.walls,
         ends=channel.ends,
         magic=channel.magic,
+        kernels=kernels,
     )
 
 
@@ -154,7 +160,8 @@ def _step(program: FlowProgram, state: FlowState, target: FlowState) -> tuple:
     if program.links is not None:
         f = filled(f, program.links, reflected(f, program.links))
     g = None if state.heat is None else _filled_heat(program, state.heat)
-    flow, heat = _moved(program, (f, g), (target.flow, target.heat))
+    moved = _moved if program.kernels is None else _moved_in_loops
+    flow, heat = moved(program, (f, g), (target.flow, target.heat))
     return FlowState(flow, outlet, heat), FlowState(f, outlet, g)
 
 
@@ -183,6 +190,22 @@ def _moved(program: FlowProgram, read: _Both, target: _Both) -> _Both:
     if len(starts) == 1:
         return band(target, jnp.zeros((), jnp.int32))[0]
     return lax.scan(band, target, starts)[0]
+
+
+@jax.custom_jvp
+def _moved_in_loops(program: FlowProgram, read: _Both, target: _Both) -> _Both:
+    """The same in loops that numba compiles."""
+    rates = flow_rates(program.viscosity, program.magic)
+    if read[1] is None or target[1] is None or program.diffusivity is None:
+        return collided_into(target[0], read[0], rates, program.force), None
+    thermal = tracer_rates(program.diffusivity, program.magic)
+    arrays = (target[0], target[1]), (read[0], read[1])
+    return both_collided_into(*arrays, (rates, thermal), program.force)
+
+
+@_moved_in_loops.defjvp
+def _moved_along(primals, tangents):
+    return jax.jvp(_moved, primals, tangents)
 
 
 def _filled_heat(program: FlowProgram, g: Populations) -> Populations:

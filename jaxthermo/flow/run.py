@@ -11,9 +11,11 @@ from jaxtyping import Float, Int
 
 from ..arrays import precision, require_memory
 from ..errors import InputError, whole_number
+from ..native.call import require_native
 from .channel import Channel
 from .flow import (
     Fields,
+    FlowProgram,
     FlowState,
     advance_in_place,
     fields,
@@ -74,6 +76,7 @@ def simulate_flow(
     dtype: str = "float32",
     start: Callable[..., FlowState] = initial_state,
     progress: Callable[[FlowProgress], None] | None = None,
+    kernels: str | None = None,
 ) -> FlowRun:
     """Run a flow from rest in equilibrium, with means over its later part.
 
@@ -84,10 +87,15 @@ def simulate_flow(
         dtype: float32 or float64.
         start: makes the first state of the program.
         progress: called after every segment, with the time left.
+        kernels: "numba" for collisions in loops that it compiles, on a CPU and with the
+            extra `native`: equal to rounding; None for those of XLA.
 
     Raises:
-        InputError: if the flow becomes unstable, or does not fit into memory.
+        InputError: if the flow becomes unstable, or does not fit into memory; for other
+            kernels, or where numba is missing.
     """
+    if kernels is not None:
+        _check_kernels(kernels)
     whole_number(steps, "simulate_flow(steps=)")
     cells = channel.shape[0] * channel.shape[1]
     arrays = _ARRAYS if channel.diffusivity is None else _ARRAYS_WITH_HEAT
@@ -97,25 +105,32 @@ def simulate_flow(
     segments = max(2, round(samples * STRIDE * cells / _SEGMENT))
     each = -(-samples // segments)
     with precision(dtype):
-        return _run(channel, each, segments, average_from, dtype, start, progress)
+        program = flow_program(channel, dtype, kernels)
+        return _run(channel, program, each, segments, average_from, start, progress)
+
+
+def _check_kernels(kernels: str) -> None:
+    what = f"simulate_flow(kernels={kernels!r})"
+    if kernels != "numba":
+        raise InputError(f'{what}: give "numba", or leave it out')
+    require_native(what)
 
 
 def _run(
     channel: Channel,
+    program: FlowProgram,
     each: int,
     segments: int,
     average_from: float,
-    dtype: str,
     start: Callable[..., FlowState],
     progress: Callable[[FlowProgress], None] | None,
 ) -> FlowRun:
-    program = flow_program(channel, dtype)
     state = start(program)
     total = jax.tree.map(jnp.zeros_like, totals(program, state))
     first, read = min(round(average_from * segments), segments - 1), []
     clock = time.perf_counter()
     for number in range(segments):
-        weight = jnp.asarray(float(number >= first), dtype)
+        weight = jnp.asarray(float(number >= first), program.viscosity.dtype)
         state, total, sample = advance_in_place(
             program, state, total, weight, samples=each, stride=STRIDE
         )

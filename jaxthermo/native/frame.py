@@ -25,18 +25,27 @@ _FAST = {"contract"}
 """Fused products; sums stay in their order, exact 0 between equal temperatures."""
 
 
-def serial(function: Callable[..., Any]) -> Any:
+def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     """A function in machine code, kept beside the source or in numba's own cache."""
     # Without its types, which tests check: numba cannot read those.
-    return numba.njit(cache=True)(inspect.unwrap(function))
+    plain = inspect.unwrap(function)
+    try:
+        return numba.njit(cache=True, **options)(plain)
+    except RuntimeError:
+        # No folder may be written: compiled again in every process.
+        return numba.njit(**options)(plain)
+
+
+def serial(function: Callable[..., Any]) -> Any:
+    """A function in machine code."""
+    return _compiled(function)
 
 
 def parallel(loop: Callable[..., None]) -> Any:
-    """The same of a loop over arrays, in all threads that numba may use."""
+    """A loop over arrays in machine code, in all threads that numba may use."""
     # Several threads of XLA may call at once, which this layer answers with an abort.
     several = _threading_layer() != "workqueue"
-    plain = inspect.unwrap(loop)
-    return numba.njit(parallel=several, fastmath=_FAST, cache=True)(plain)
+    return _compiled(loop, parallel=several, fastmath=_FAST)
 
 
 @cache
@@ -46,7 +55,7 @@ def _threading_layer() -> str:
             values[n] = n
 
     # Known once a loop has run, which also starts the threads of loops from a cache.
-    numba.njit(parallel=True, cache=True)(inspect.unwrap(fill))(np.zeros(2))
+    _compiled(fill, parallel=True)(np.zeros(2))
     return numba.threading_layer()  # pyright: ignore[reportPrivateImportUsage]
 
 
@@ -61,6 +70,14 @@ def _pointer_to(typingctx, address, like):
 
 _pointer = intrinsic(inspect.unwrap(_pointer_to))
 """Pointer to values of the type of `like` at an address."""
+
+
+@serial
+def extent_at(addresses, n, axis):
+    """Extent of array n of a list of XLA along an axis."""
+    word = np.int64(0)
+    buffer = _pointer(_pointer(addresses, word)[n], word)
+    return _pointer(buffer[_EXTENTS], word)[axis]
 
 
 @serial

@@ -1,0 +1,50 @@
+"""Collisions of the lattice Boltzmann flow and its tracer, in loops of numba.
+
+All rows of all populations in one pass, in threads; see `flow.lattice`.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .call import called
+
+
+_Nine = Sequence[Float[Array, "y x"]]
+_WEIGHTS = 4 / 9, 1 / 9, 1 / 36
+_CONSTANTS = 0.5, 1.0, 3.0, 4.5, 1.5
+
+
+def collided_into(
+    target: _Nine, read: _Nine, rates: Any, force: Any = None
+) -> tuple[Array, ...]:
+    """`target` with the populations that arrive in its inner cells, after a collision.
+
+    Populations have a frame of one cell; rates and force are those of `collided`.
+    """
+    numbers = _numbers(target[0].dtype, rates, force)
+    loop = "flow_loops.collide"
+    return tuple(called(loop, [*target], numbers, *read, *target, in_place=9))
+
+
+def both_collided_into(
+    target: tuple[_Nine, _Nine],
+    read: tuple[_Nine, _Nine],
+    rates: tuple[Any, Any],
+    force: Any = None,
+) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
+    """The same of a flow and of a temperature in it."""
+    # In one call: XLA copies arrays that one reads and another fills in the next step.
+    dtype, (flow, tracer) = target[0][0].dtype, rates
+    numbers = _numbers(dtype, flow, force), _numbers(dtype, tracer)
+    targets, arrays = [*target[0], *target[1]], (*read[0], *read[1])
+    loop = "flow_loops.collide_both"
+    out = called(loop, targets, *numbers, *arrays, *targets, in_place=18)
+    return tuple(out[:9]), tuple(out[9:])
+
+
+def _numbers(dtype: Any, rates: Any, force: Any = None) -> Float[Array, "12"]:
+    values = *rates, *(force or (0.0, 0.0)), *_WEIGHTS, *_CONSTANTS
+    return jnp.stack([jnp.asarray(value, dtype) for value in values])
