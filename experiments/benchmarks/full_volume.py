@@ -1,8 +1,9 @@
 """Full volume with its surface in the sun and in air, beside the same scene in numba.
 
 Cut voxels, open areas and loads are the same. A cube that a cache holds and a statue
-that none does; explicit steps and RKL2; besides a copy of the state, and, in bodies
-that are not too large, the links that the stencil stands for.
+that none does; explicit steps and RKL2, as stencils of XLA and with kernels of numba;
+besides a copy of the state, and, in bodies that are not too large, the links that both
+stand for.
 """
 
 from collections.abc import Callable
@@ -107,16 +108,23 @@ def _measured(
         plan = plan_run(scene, method.end, None, method.solver)
         peer = method.peer(scene)
         state = np.asarray(initial_state(plan).theta[0])
-        calls = {"ours": loop_of(plan), "numba": peer.call, "copy": _copies(state)}
+        compiled = _scene(jt.FullVolume(grid, kernels="numba"))
+        inside = plan_run(compiled, method.end, None, method.solver)
+        calls = {
+            "ours": loop_of(plan),
+            "kernels": loop_of(inside),
+            "numba": peer.call,
+            "copy": _copies(state),
+        }
         if nodes <= _MOST_LINKED:
             linked = _scene(jt.FullVolume(grid, stencil=False))
             calls["links"] = loop_of(plan_run(linked, method.end, None, method.solver))
-        difference = largest_difference(plan, peer)
+        difference = max(largest_difference(own, peer) for own in (plan, inside))
         spans = _per_step(interleaved(calls, repeats), method.steps)
         found = {"body": label, "what": what, "nodes": nodes}
         cells = len(grid.fragment_area)
         note = (
-            f"{nodes:,} nodes, {cells:,} surface cells; the surfaces of both agree to "
+            f"{nodes:,} nodes, {cells:,} surface cells; all surfaces agree to "
             f"{difference:.1g} K"
         )
         rows += _rows(f"{label}: {what}", spans, note)
@@ -145,8 +153,10 @@ def _per_step(spans: Spans, steps: int) -> Spans:
 
 def _rows(name: str, spans: Spans, note: str) -> list[Measurement]:
     ours, copy = spans["ours"], "copy of the state, one thread"
+    within, peer = f"{name}, kernels of numba", spans["numba"]
     rows = [
-        Measurement(name, "s", ours, NUMBA, spans["numba"], _BOUND, note=note),
+        Measurement(name, "s", ours, NUMBA, peer, _BOUND, note=note),
+        Measurement(within, "s", spans["kernels"], NUMBA, peer, _BOUND, note=note),
         Measurement(name, "s", ours, copy, spans["copy"], overhead=True),
     ]
     if "links" in spans:

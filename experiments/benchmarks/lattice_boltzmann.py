@@ -1,12 +1,14 @@
 """A step of the lattice Boltzmann flow beside numba, its textbook form and a copy.
 
 The thesis' channel of 800 x 300 cells with a cylinder, in float32. Ours is a run with
-its walls, inlet, outlet, body, forces and means. Numba's loop has the collision alone,
+its walls, inlet, outlet, body, forces and means, with loops of XLA and with kernels of
+numba. Numba's own loop has the collision alone,
 fused with the streaming over all rows in threads, as one would write it by hand; the
 textbook's step is that of a periodic box.
 """
 
 import inspect
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -108,32 +110,39 @@ def _difference(shape: tuple[int, int]) -> float:
     return float(np.abs(plain - out[:, 1:-1, 1:-1]).max())
 
 
+def _run_of(shape: tuple[int, int], kernels: str | None) -> Callable[[], Any]:
+    """Some steps of a run with its forces and means, from where the last ones ended."""
+    program = flow_program(_channel(shape), "float32", kernels)
+    state = initial_state(program)
+    now = state, jax.tree.map(jnp.zeros_like, totals(program, state))
+
+    def steps() -> Any:
+        nonlocal now
+        # The arrays go round: they are used up.
+        weight = jnp.ones((), jnp.float32)
+        size = {"samples": _SAMPLES, "stride": _STRIDE}
+        *ended, _ = advance_in_place(program, *now, weight, **size)
+        now = ended[0], ended[1]
+        return ended[0]
+
+    return steps
+
+
 def run(shape: tuple[int, int] = _SHAPE, repeats: int = 7) -> dict[str, Any]:
     """Time per step of each, and the lattice updates per second."""
-    program = flow_program(_channel(shape), "float32")
-    state = initial_state(program)
-    total = jax.tree.map(jnp.zeros_like, totals(program, state))
-    ours = {"now": (state, total)}
-    size = {"samples": _SAMPLES, "stride": _STRIDE}
-
-    def step_ours() -> Any:
-        # The arrays go round: they are used up.
-        state, total, _ = advance_in_place(program, *ours["now"], jnp.ones(()), **size)
-        ours["now"] = state, total
-        return state
-
     f = np.zeros((9, shape[0] + 2, shape[1] + 2), np.float32)
     out, plain = f.copy(), jnp.zeros((9, *shape), jnp.float32)
     steps = _STRIDE * _SAMPLES
     calls = {
-        "ours": step_ours,
+        "ours": _run_of(shape, None),
+        "kernels": _run_of(shape, "numba"),
         "numba": lambda: _numba_steps(f, out, steps),
         "textbook": lambda: _textbook_steps(plain),
         "copy": lambda: np.copyto(out, f),
     }
     spans = interleaved(calls, repeats)
-    counts = {"ours": steps, "numba": steps, "textbook": _STRIDE, "copy": 1}
-    spans = {name: [s / counts[name] for s in spans[name]] for name in spans}
+    counts = {"textbook": _STRIDE, "copy": 1}
+    spans = {n: [s / counts.get(n, steps) for s in each] for n, each in spans.items()}
     cells = shape[0] * shape[1]
     return {
         "shape": list(shape),
@@ -147,12 +156,16 @@ def run(shape: tuple[int, int] = _SHAPE, repeats: int = 7) -> dict[str, Any]:
 def _measurements(shape: tuple[int, int], spans: Spans) -> list[Measurement]:
     name = f"flow, {shape[1]} x {shape[0]} cells: step"
     ours, cells = spans["ours"], shape[0] * shape[1]
-    note = (
-        f"{cells / float(np.median(ours)) / 1e6:.3g} million lattice updates a second"
+    kernels, peer = spans["kernels"], spans["numba"]
+    note, within = (
+        f"{cells / float(np.median(each)) / 1e6:.3g} million lattice updates a second"
+        for each in (ours, kernels)
     )
     copy = "copy of the populations, one thread"
+    own = f"{name}, kernels of numba"
     return [
-        Measurement(name, "s", ours, NUMBA, spans["numba"], _BOUND, note=note),
+        Measurement(name, "s", ours, NUMBA, peer, _BOUND, note=note),
+        Measurement(own, "s", kernels, NUMBA, peer, _BOUND, note=within),
         Measurement(name, "s", ours, bound=cells / _UPDATES, note=note),
         Measurement(name, "s", ours, "the textbook's step", spans["textbook"]),
         Measurement(name, "s", ours, copy, spans["copy"], overhead=True),
