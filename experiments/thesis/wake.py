@@ -27,6 +27,7 @@ from jaxthermo.flow.wake_runs import disturbed_state
 from jaxthermo.geometry import shapes
 from jaxthermo.image.annotate import write_png
 from jaxthermo.image.palette import apply_palette
+from jaxthermo.native.call import native_kernels
 from jaxthermo.report import page
 from jaxthermo.report.chart import Chart, legend, write_chart
 from jaxthermo.report.sheet import Tile, sheet
@@ -120,7 +121,13 @@ def compute_flow(setup: Setup, height: int, progress: Any) -> FlowRun:
     """The flow of a set-up, with a narrow channel of `height` cells."""
     channel = setup.flow(height)
     steps = round(_PASSES * channel.shape[1] / _LATTICE_SPEED)
-    return jt.simulate_flow(channel, steps, start=disturbed_state, progress=progress)
+    return jt.simulate_flow(
+        channel,
+        steps,
+        start=disturbed_state,
+        progress=progress,
+        kernels=native_kernels(),
+    )
 
 
 def tail_of(setup: Setup, flow: FlowRun) -> Tail:

@@ -60,6 +60,15 @@ def require_native(what: str) -> None:
         ) from error
 
 
+def native_kernels() -> str | None:
+    """Kernels "numba" where they can be compiled and called, else None."""
+    try:
+        require_native("numba")
+    except InputError:
+        return None
+    return "numba"
+
+
 def _try_call() -> None:
     given = np.arange(3, dtype=np.float32)
     with jax.ensure_compile_time_eval():
