@@ -22,7 +22,8 @@ import jax.numpy as jnp
 
 import jaxthermo as jt
 from jaxthermo.arrays import readable_bytes
-from jaxthermo.integrate.run.plan import initial_state, plan_run
+from jaxthermo.integrate.explicit import RKL2Stepper
+from jaxthermo.integrate.run.plan import Plan, initial_state, plan_run
 from jaxthermo.integrate.run.segments import begin_run, run_segments
 from jaxthermo.parallel.devices import provide_devices
 from jaxthermo.parallel.meeting import Group, free_port
@@ -41,9 +42,11 @@ _ASKED = 0.9
 """Speed relative to one device that is asked of two processes."""
 _LARGEST_SHARE = 0.6
 """Share of the lattice that a process of two may have."""
+_RKL2 = "conduction, stages of RKL2"
 _TERMS: dict[str, tuple[jt.Convection, ...]] = {
     "conduction": (),
     "conduction and convection": (jt.Convection(50.0, 280.0),),
+    _RKL2: (),
 }
 
 
@@ -67,26 +70,28 @@ def run(
     shape: Sequence[int] = (228, 550, 228),
     repeats: int = 5,
     steps: int = 20,
+    scenes: Sequence[str] = tuple(_TERMS),
 ) -> dict[str, Any]:
-    """Time of an explicit step of a box, and the lattice that a process has.
+    """Time of an explicit step or a stage of RKL2, and the lattice that a process has.
 
     Args:
         folder: of the result.
         shape: of the box, in voxels.
         repeats: of every turn.
-        steps: of a turn.
+        steps: of a turn; of RKL2 it is one step with so many stages, or one more.
+        scenes: to measure.
     """
     results = [
-        row for surface in _TERMS for row in _measured(surface, shape, repeats, steps)
+        row for surface in scenes for row in _measured(surface, shape, repeats, steps)
     ]
     columns = [
         ("scene", "{scene}"),
         ("arrangement", "{arrangement}"),
-        ("step", lambda row: f"{1e3 * min(row['step_s']):.3g} ms"),
+        ("step or stage", lambda row: f"{1e3 * min(row['step_s']):.3g} ms"),
         ("lattice of a process", lambda row: readable_bytes(row["lattice_bytes"])),
     ]
     voxels = " x ".join(map(str, shape))
-    show(table_of(results, columns, f"Explicit steps of a box of {voxels} voxels"))
+    show(table_of(results, columns, f"Steps or stages of a box of {voxels} voxels"))
     paper = on_paper()
     _show_paper(paper)
     measurements = plain_rows(_measurements(results))
@@ -236,21 +241,32 @@ def _work(
     grid = jt.voxelize(jt.shapes.box((x, y, z)), _PITCH, "dominant_axis")
     body = jt.Body(jt.FullVolume(grid, sections=False), STEEL, temperature=300.0)
     scene = on_devices(jt.Scene((body,), _TERMS[surface]), devices)
-    stable = plan_run(scene, 1.0, None, jt.ForwardEuler()).stable_step
-    assert stable is not None
-    plan = plan_run(scene, 0.9 * steps * stable, None, jt.ForwardEuler(0.9 * stable))
+    plan, count = _plan(scene, surface == _RKL2, steps)
     state = initial_state(plan).theta[0]
     own = sum(shard.data.nbytes for shard in state.addressable_shards)
     _take(plan)
     sys.stdout.write(json.dumps({"lattice_bytes": own}) + "\n")
     sys.stdout.flush()
     while sys.stdin.readline().strip() == "go":
-        result = {"step_s": _take(plan) / steps}
+        result = {"step_s": _take(plan) / count}
         sys.stdout.write(json.dumps(result) + "\n")
         sys.stdout.flush()
 
 
-def _take(plan: Any) -> float:
+def _plan(scene: jt.Scene, in_stages: bool, steps: int) -> tuple[Plan, int]:
+    """Plan of a turn, and its number of steps or stages."""
+    stable = plan_run(scene, 1.0, None, jt.ForwardEuler()).stable_step
+    assert stable is not None
+    if not in_stages:
+        solver = jt.ForwardEuler(0.9 * stable)
+        return plan_run(scene, 0.9 * steps * stable, None, solver), steps
+    dt = 0.9 * (steps**2 + steps - 2) / 4 * stable
+    plan = plan_run(scene, dt, None, jt.SuperTimeStepping(dt))
+    assert isinstance(plan.stepper, RKL2Stepper)
+    return plan, plan.stepper.stages_taken
+
+
+def _take(plan: Plan) -> float:
     """Wall time of all steps of a plan [s]."""
     ready = begin_run(plan)
     jax.block_until_ready(ready.state.theta)

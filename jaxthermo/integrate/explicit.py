@@ -48,13 +48,11 @@ class EulerStepper(AbstractStepper):
         networks = [body.network for body in program.bodies]
         with jax.named_scope("conduction"):
             pairs = zip(networks, state.theta, strict=True)
-            theta = tuple(network.exchanged(before) for network, before in pairs)
-            pairs = zip(networks, theta, strict=True)
             conducted = tuple(net.euler_step(before, dt) for net, before in pairs)
         # Loads at the middle of the step: the heat of a ramp is exact, and what is
         # switched off at an event is on before it and off after it.
         middle = start + dt / 2
-        new, rates = add_loads(program, theta, conducted, middle, dt)
+        new, rates = add_loads(program, state.theta, conducted, middle, dt)
         return RunState(new, state.ledger.add(dt * rates), state.solver_state)
 
 
@@ -84,6 +82,13 @@ def rkl2_coefficients(stages: int) -> dict[str, np.ndarray]:
         stepped = mu[k] * (reached[-1] + weight) + nu[k] * reached[-2]
         reached.append(stepped - a[k] * mu[k] * weight)
     return {"mu": mu, "nu": nu, "a": a, "time": np.roll(reached, 1)}
+
+
+def _mixed(stepped, before, start, change, mu, nu, a):
+    """State of a stage before loads, from the Euler step of the last one."""
+    # In differences to the start: what has not changed stays so bit by bit, and weights
+    # of about 2 and -1 multiply no rounding of large values.
+    return start + (mu * (stepped - start) + nu * (before - start) - a * mu * change)
 
 
 _Stage = tuple[State, Float[Array, " c"]]
@@ -159,11 +164,6 @@ class RKL2Stepper(AbstractStepper):
         no_heat = jnp.zeros_like(state.ledger.heat)
         theta, bodies, euler_dt = state.theta, program.bodies, dt * weight
 
-        def conduct(states: State) -> State:
-            each = zip(bodies, states, strict=True)
-            step = lambda net, state: net.euler_step(net.exchanged(state), euler_dt)
-            return tuple(step(body.network, state) for body, state in each)
-
         def load(new: State, states: State, time_fraction, dt_fraction) -> _Stage:
             time = start + dt * time_fraction
             loaded, rates = add_loads(
@@ -172,7 +172,11 @@ class RKL2Stepper(AbstractStepper):
             return loaded, euler_dt * rates
 
         whole = jnp.ones((), dt.dtype)
-        after, heat = load(conduct(theta), theta, 0.0, whole)
+        conducted = tuple(
+            body.network.euler_step(before, euler_dt)
+            for body, before in zip(bodies, theta, strict=True)
+        )
+        after, heat = load(conducted, theta, 0.0, whole)
         change = jax.tree.map(jnp.subtract, after, theta)
         # The first stage is b_1 = 1/3 of a whole Euler step.
         third = jax.tree.map(lambda y, d: y + d / 3, theta, change)
@@ -181,13 +185,12 @@ class RKL2Stepper(AbstractStepper):
         def stage(j, pair):
             (before, heat_before), (last, heat_last) = pair
             mu, nu, a = table["mu"][j], table["nu"][j], table["a"][j]
-            # In differences to the start: what has not changed stays so bit by bit,
-            # and weights of about 2 and -1 multiply no rounding of large values.
-            mix = lambda e, y, zero, d: (
-                zero + (mu * (e - zero) + nu * (y - zero) - a * mu * d)
-            )
             # Combined before loads are added, all is done in one pass over the nodes.
-            mixed = jax.tree.map(mix, conduct(last), before, theta, change)
+            each = zip(bodies, last, before, theta, change, strict=True)
+            mixed = tuple(
+                body.network.combined_step(y, euler_dt, _mixed, *others, mu, nu, a)
+                for body, y, *others in each
+            )
             new, brought = load(mixed, last, table["time"][j], mu)
             total = mu * (heat_last + brought) + nu * heat_before - a * mu * heat
             return pair[1], (new, total)

@@ -58,6 +58,39 @@ class CutStencil(AbstractDerivedNetwork):
     def _surface(self, values: Float[Array, "..."]) -> Float[Array, " m"]:
         return values.at[self.address].get(mode="promise_in_bounds")
 
+    def section_surface(
+        self, state: Float[Array, "x y z"], beyond: Float[Array, "2 y z"]
+    ) -> Float[Array, " m"]:
+        """Temperatures of the nodes of a section and beside it, which are in `beyond`.
+
+        These are the planes before and behind the section.
+        """
+        assert self.own is not None
+        x, y, z = (index[self.own :] for index in self.address)
+        beside = jnp.minimum(x, 1), y, z
+        others = beyond.at[beside].get(mode="promise_in_bounds")
+        own = state.at[self._own_address].get(mode="promise_in_bounds")
+        return jnp.concatenate([own, others])
+
+    def corrected_rate(
+        self, rate: Float[Array, "..."], surface: Float[Array, " m"]
+    ) -> Float[Array, "..."]:
+        """Conduction [W], from that of whole voxels and the nodes' temperatures."""
+        return self._add(rate, self.links.heat_rate(surface))
+
+    def corrected_step(
+        self,
+        stepped: Float[Array, "..."],
+        before: Float[Array, " m"],
+        dt: Float[Array, ""],
+    ) -> Float[Array, "..."]:
+        """The state after a step, from that of whole voxels and the nodes before."""
+        after = self._surface(stepped)
+        more = dt / self.links.node_capacity * self.links.heat_rate(before)
+        whole = self.base.capacity_at(self.address)
+        ratio = whole / self.links.node_capacity
+        return self._add(stepped, more + (ratio - 1) * (after - before))
+
     def _add(self, values: Float[Array, "..."], more: Float[Array, " m"]):
         return values.at[self._own_address].add(
             self._of_own(more),
@@ -68,24 +101,19 @@ class CutStencil(AbstractDerivedNetwork):
 
     @override
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        more = self.links.heat_rate(self._surface(state))
-        return self._add(self.base.heat_rate(state), more)
+        return self.corrected_rate(self.base.heat_rate(state), self._surface(state))
 
     @override
     def face_heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        more = self.links.heat_rate(self._surface(state))
-        return self._add(self.base.face_heat_rate(state), more)
+        rate = self.base.face_heat_rate(state)
+        return self.corrected_rate(rate, self._surface(state))
 
     @override
     def euler_step(
         self, state: Float[Array, "..."], dt: Float[Array, ""]
     ) -> Float[Array, "..."]:
         stepped = self.base.euler_step(state, dt)
-        before, after = self._surface(state), self._surface(stepped)
-        more = dt / self.links.node_capacity * self.links.heat_rate(before)
-        whole = self.base.capacity_at(self.address)
-        ratio = whole / self.links.node_capacity
-        return self._add(stepped, more + (ratio - 1) * (after - before))
+        return self.corrected_step(stepped, self._surface(state), dt)
 
     @override
     def diagonal(self) -> Float[Array, "..."]:

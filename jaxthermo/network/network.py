@@ -8,6 +8,7 @@ stored heat is sum C state for every network.
 """
 
 import abc
+from collections.abc import Callable
 from functools import partial
 from typing import ClassVar
 
@@ -66,18 +67,25 @@ class AbstractNetwork(Module):
         # body that loses little heat. Other networks use differences anyway.
         return self.heat_rate(state)
 
-    def exchanged(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        """A state with what `euler_step` reads of other devices; itself on one."""
-        return state
-
     def euler_step(
         self, state: Float[Array, "..."], dt: Float[Array, ""]
     ) -> Float[Array, "..."]:
-        """The state after `dt` [s] of conduction: T + dt / C * sum_j G (T_j - T).
-
-        From one that `exchanged` returns.
-        """
+        """The state after `dt` [s] of conduction: T + dt / C * sum_j G (T_j - T)."""
         return state + dt * inverse(self.capacity()) * self.heat_rate(state)
+
+    def combined_step(
+        self,
+        state: Float[Array, "..."],
+        dt: Float[Array, ""],
+        combine: Callable[..., Float[Array, "..."]],
+        *others: Float[Array, "..."],
+    ) -> Float[Array, "..."]:
+        """combine(euler_step(state, dt), *others), for each node by itself.
+
+        The others are states and numbers. On several devices, too, all is done in one
+        pass over the nodes, and the result may take the place of the first of them.
+        """
+        return combine(self.euler_step(state, dt), *others)
 
     @abc.abstractmethod
     def diagonal(self) -> Float[Array, "..."]:

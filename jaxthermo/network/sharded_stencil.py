@@ -1,10 +1,8 @@
 """Stencil over several devices: one section of the body on each.
 
-The stencil of a section reads the temperatures of the neighbouring sections where its
-own state has an empty rim: both planes are sent by `ppermute` and written there before
-each evaluation, and the rim of what it returns is empty again. A step begins at the
-state that `exchanged` returns, and so do surface loads: while another reads the state
-before, the planes cannot be written in place, and the whole lattice is copied.
+The planes of the neighbouring sections are sent by `ppermute`, while each device
+evaluates the stencil of its section, see `overlap`. Voxels that the surface cuts are
+corrected afterwards, since they may have links to any in those planes.
 """
 
 from collections.abc import Callable
@@ -20,14 +18,16 @@ from typing_extensions import override
 from ..module import Module
 from ..parallel.lattice import (
     Sectioned,
+    next_planes,
     on_each_device,
     section_numbers,
-    with_neighbours,
     within_section,
 )
 from .cut_stencil import CutStencil
 from .link_operator import RowNetwork
-from .network import AbstractDerivedNetwork, AbstractNetwork, Address, precise_sum
+from .network import AbstractDerivedNetwork, Address, precise_sum
+from .overlap import overlapped
+from .stencil import AbstractStencil
 
 
 _State = Float[Array, "..."]
@@ -49,7 +49,7 @@ class SectionCuts(Module):
 class ShardedStencil(AbstractDerivedNetwork):
     """Stencils of the sections of a body, each on a device of its own."""
 
-    base: AbstractNetwork
+    base: AbstractStencil
     """Stencil with the lattices of all sections, one after the other; each device has
     one that is complete, with its faces towards both neighbours."""
     devices: Mesh = eqx.field(static=True)
@@ -79,24 +79,50 @@ class ShardedStencil(AbstractDerivedNetwork):
             self.devices, own, self.base, cuts, *arguments, reduced=reduced
         )
 
+    def _rate(self, law: Callable[..., _State], state: _State) -> _State:
+        def rate(section, state):
+            beyond = next_planes(state)
+            if self.cuts is None:
+                return overlapped(law, section, state, beyond)
+            whole = overlapped(law, section.base, state, beyond)
+            surface = section.section_surface(state, beyond)
+            return section.corrected_rate(whole, surface)
+
+        return self._on_each(rate, state)
+
     @override
     def heat_rate(self, state: _State) -> _State:
-        rate = lambda section, state: section.heat_rate(with_neighbours(state))
-        return self._on_each(rate, state)
+        return self._rate(lambda part, state: part.heat_rate(state), state)
 
     @override
     def face_heat_rate(self, state: _State) -> _State:
-        rate = lambda section, state: section.face_heat_rate(with_neighbours(state))
-        return self._on_each(rate, state)
-
-    @override
-    def exchanged(self, state: _State) -> _State:
-        return on_each_device(self.devices, with_neighbours, state)
+        return self._rate(lambda part, state: part.face_heat_rate(state), state)
 
     @override
     def euler_step(self, state: _State, dt: Float[Array, ""]) -> _State:
-        step = lambda section, state, dt: section.euler_step(state, dt)
-        return self._on_each(step, state, dt)
+        return self.combined_step(state, dt, lambda stepped: stepped)
+
+    @override
+    def combined_step(
+        self,
+        state: _State,
+        dt: Float[Array, ""],
+        combine: Callable[..., _State],
+        *others: _State,
+    ) -> _State:
+        def step(section, state, dt, *others):
+            beyond = next_planes(state)
+            law = lambda part, state, *others: combine(
+                part.euler_step(state, dt), *others
+            )
+            if self.cuts is None:
+                return overlapped(law, section, state, beyond, others)
+            conduct = lambda part, state: part.euler_step(state, dt)
+            whole = overlapped(conduct, section.base, state, beyond)
+            before = section.section_surface(state, beyond)
+            return combine(section.corrected_step(whole, before, dt), *others)
+
+        return self._on_each(step, state, dt, *others)
 
     @override
     def diagonal(self) -> _State:

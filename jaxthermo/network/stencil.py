@@ -10,6 +10,7 @@ A state is the lattice with one empty cell on each side. Empty cells hold zero a
 zero, so that six neighbours are six shifted slices, without a branch or an index.
 """
 
+import abc
 from collections.abc import Sequence
 
 import equinox as eqx
@@ -19,6 +20,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Shaped, UInt8
 from typing_extensions import override
 
+from ..module import replaced
 from .network import AbstractNetwork, Address, inverse, precise_sum
 from .self_adjoint_primitive import Operator, computed_once, conduct, conduct_step
 
@@ -77,6 +79,10 @@ def solid_degree(solid: Bool[np.ndarray, "x y z"], bits: int = 0) -> np.ndarray:
     return degree
 
 
+def _ends(values):
+    return jnp.concatenate([values[:2], values[-2:]])
+
+
 def _neighbour_sums(state):
     inner, before, after = slice(1, -1), slice(None, -2), slice(2, None)
     return (
@@ -123,7 +129,15 @@ def _pull(values, state, ratio, degree):
 _UNIFORM = Operator(_uniform_change, _uniform_step, _inside, _pull)
 
 
-class _AbstractOneMaterial(AbstractNetwork):
+class AbstractStencil(AbstractNetwork):
+    """Stencil of a body, or of a section of one."""
+
+    @abc.abstractmethod
+    def ends(self) -> "AbstractStencil":
+        """Stencil of the first two and the last two planes, one after the other."""
+
+
+class _AbstractOneMaterial(AbstractStencil):
     node_capacity: eqx.AbstractVar[Float[Array, ""]]
     """Heat capacity of each voxel, rho c_p V [J/K]."""
     node_count: eqx.AbstractVar[int]
@@ -154,6 +168,10 @@ class UniformStencil(_AbstractOneMaterial):
     @override
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
         return conduct(_UNIFORM, state, self.conductance, self.degree)
+
+    @override
+    def ends(self) -> "UniformStencil":
+        return replaced(self, degree=_ends(self.degree))
 
     @override
     def face_heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -190,6 +208,10 @@ class OrthotropicStencil(_AbstractOneMaterial):
     conductance: Float[Array, "3"]
     """Conductance of links along x, y, z, k * pitch [W/K]."""
     beyond: Beyond | None = None
+
+    @override
+    def ends(self) -> "OrthotropicStencil":
+        return replaced(self, degrees=_ends(self.degrees))
 
     def _change(self, state, factor):
         """Inner state, and sum over the axes of factor (neighbours - degree T)."""
@@ -238,7 +260,7 @@ def _axis_degree(degrees, axis, dtype):
     return ((degrees >> jnp.uint8(2 * axis)) & jnp.uint8(3)).astype(dtype)
 
 
-class HeterogeneousStencil(AbstractNetwork):
+class HeterogeneousStencil(AbstractStencil):
     """Several materials: a conductance for each face, a capacity for each cell."""
 
     face_conductance: tuple[
@@ -249,6 +271,16 @@ class HeterogeneousStencil(AbstractNetwork):
     """Conductances of faces across x, y, z with the outer ones [W/K]; 0 if closed."""
     cell_capacity: Float[Array, "x y z"]
     """Heat capacity [J/K]; 0 where there is no node."""
+
+    @override
+    def ends(self) -> "HeterogeneousStencil":
+        x, y, z = self.face_conductance
+        # Between both pairs of planes is a face, too.
+        return replaced(
+            self,
+            face_conductance=(jnp.concatenate([x[:3], x[-2:]]), _ends(y), _ends(z)),
+            cell_capacity=_ends(self.cell_capacity),
+        )
 
     def _rate(self, state):
         total = jnp.zeros_like(self.cell_capacity)

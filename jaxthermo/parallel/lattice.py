@@ -132,8 +132,8 @@ def within_section(number: Sectioned, address: _Address, length: int) -> _Addres
     return first - number.values * length, *others
 
 
-def with_neighbours(state: Shaped[Array, "x y z"]) -> Shaped[Array, "x y z"]:
-    """A device's section with the next planes of its neighbours in its empty rim.
+def next_planes(state: Shaped[Array, "x y z"]) -> Shaped[Array, "2 y z"]:
+    """The planes of the neighbours that are next to a device's section.
 
     For functions of `on_each_device`; 0 at the ends of the body.
     """
@@ -142,12 +142,17 @@ def with_neighbours(state: Shaped[Array, "x y z"]) -> Shaped[Array, "x y z"]:
     down = [(n + 1, n) for n in range(count - 1)]
     before = jax.lax.ppermute(state[-2], AXIS, up)
     behind = jax.lax.ppermute(state[1], AXIS, down)
+    return jnp.stack([before, behind])
+
+
+def with_planes(
+    values: Shaped[Array, "x y z"], depth: int, planes: Shaped[Array, "2 y z"]
+) -> Shaped[Array, "x y z"]:
+    """A section with other values in the planes at a depth from both ends."""
     # Written together: one after the other, XLA copies the lattice at every step, as
     # the second plane might be read after the first is written.
-    ends = jnp.array([0, state.shape[0] - 1])
-    return state.at[ends].set(
-        jnp.stack([before, behind]), mode="promise_in_bounds", unique_indices=True
-    )
+    at = jnp.array([depth, values.shape[0] - 1 - depth])
+    return values.at[at].set(planes, mode="promise_in_bounds", unique_indices=True)
 
 
 def from_sections(mesh: Mesh, make: Callable[[int], Any]) -> Any:

@@ -10,16 +10,20 @@ from experiments.benchmarks import devices
 @pytest.mark.slow
 @pytest.mark.slice
 def test_every_arrangement_has_its_row(tmp_path):
-    found = devices.run(tmp_path, shape=(6, 14, 6), repeats=2, steps=4)
+    scenes = "conduction", "conduction, stages of RKL2"
+    found = devices.run(tmp_path, (6, 14, 6), repeats=2, steps=4, scenes=scenes)
     json.dumps(found, allow_nan=False)
-    rows = [row for row in found["rows"] if row["scene"] == "conduction"]
+    both = [[row for row in found["rows"] if row["scene"] == name] for name in scenes]
+    assert list(map(len, both)) == [4, 4]
+    rows = both[0]
     assert [(row["devices"], row["processes"]) for row in rows] == [
         (1, 1),
         (2, 1),
         (2, 2),
         (4, 1),
     ]
-    assert all(len(row["step_s"]) == 2 and min(row["step_s"]) > 0 for row in rows)
+    for row in found["rows"]:
+        assert len(row["step_s"]) == 2 and min(row["step_s"]) > 0
     whole, halves, one_half, quarters = (row["lattice_bytes"] for row in rows)
     # Each section has a plane of rim at both ends.
     assert whole == 16 * 8 * 8 * 4 and halves == 2 * 9 * 8 * 8 * 4 == 2 * one_half

@@ -25,6 +25,7 @@ from jaxthermo.parallel.devices import mesh_of
 from jaxthermo.parallel.lattice import spread
 from jaxthermo.physics.conduction import material_network, materials_network
 from jaxthermo.scene.compile.on_devices import on_devices
+from tests.unit.parallel.overlap_on_four import only_ends_wait
 
 
 # Four roundings of a temperature in float32.
@@ -128,9 +129,7 @@ def networks_equal(cells: Cells) -> None:
 LAWS = {
     "heat_rate": lambda network, state: network.heat_rate(state),
     "face_heat_rate": lambda network, state: network.face_heat_rate(state),
-    "euler_step": lambda network, state: network.euler_step(
-        network.exchanged(state), jnp.float32(1e-3)
-    ),
+    "euler_step": lambda network, state: network.euler_step(state, jnp.float32(1e-3)),
     "stored": lambda network, state: network.stored(state),
     "diagonal": lambda network, _: network.diagonal(),
     "capacity": lambda network, _: network.capacity(),
@@ -198,6 +197,7 @@ def every_kind() -> None:
     """Every stencil, cut voxels with nonlinear terms, and implicit steps."""
     for cells in get_args(Cells):
         networks_equal(cells)
+    only_ends_wait(7)
     equal(CUT, jt.ForwardEuler())
     equal(SMALL, jt.BackwardEuler(dt=2.0))
 
@@ -213,9 +213,11 @@ def large() -> None:
 
 
 def small() -> None:
-    """Explicit steps of whole voxels, restarts, and batches."""
+    """Explicit steps of whole voxels, restarts, overlap, and batches."""
     resumed(SMALL)
     equal(SMALL, jt.SuperTimeStepping(dt=1.0))
+    for voxels in (3, 11):
+        only_ends_wait(voxels)
     refused()
     batches_equal()
 
