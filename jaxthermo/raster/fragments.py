@@ -15,6 +15,7 @@ On a processor without an accelerator numpy does the same faster (`host_fragment
 compiles nothing; the program here is for accelerators, and the reference in the tests.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
@@ -300,6 +301,19 @@ def peel(
         width=width,
         height=height,
     )
+
+
+def peel_views(
+    views: Sequence[tuple[Float[np.ndarray, "f 3 3"], int, int]],
+) -> list[DepthLayers]:
+    """Depth layers of several views: triangles, width and height of each [pixels]."""
+    sizes = None
+    if not _on_host():
+        # One array size for all views: one program is compiled.
+        found = (shared_capacities(*view) for view in views)
+        rows, fragments = zip(*found, strict=True)
+        sizes = max(rows), max(fragments)
+    return [peel(*view, sizes) for view in views]
 
 
 def _on_host() -> bool:

@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 from ..arrays import available_bytes, require_memory
 from ..errors import InputError
 from ..geometry.mesh import Mesh
-from ..raster.fragments import DepthLayers, peel, shared_capacities
+from ..raster.fragments import DepthLayers, peel_views
 
 
 # Peak of the fill: votes, one winding number, the solid, planes of temporaries.
@@ -127,13 +127,17 @@ Views = tuple[DepthLayers, DepthLayers, DepthLayers]
 def peel_axes(mesh: Mesh, lattice: Lattice) -> Views:
     """Depth layers of a mesh along x, y and z; depths in cells."""
     corners = lattice.to_cells(mesh.triangles)
-    views = []
-    for axis in range(3):
-        row_axis, column_axis = pixel_axes(axis)
-        frame = np.ascontiguousarray(corners[..., [column_axis, row_axis, axis]])
-        views.append((frame, lattice.shape[column_axis], lattice.shape[row_axis]))
-    # One array size for the three views: one program is compiled, not three.
-    rows, fragments = zip(*(shared_capacities(*view) for view in views), strict=True)
-    sizes = max(rows), max(fragments)
-    x, y, z = (peel(frame, width, height, sizes) for frame, width, height in views)
+    x, y, z = peel_views([_view(corners, lattice, axis) for axis in range(3)])
     return x, y, z
+
+
+def _view(
+    corners: Float[np.ndarray, "f 3 3"], lattice: Lattice, axis: int
+) -> tuple[Float[np.ndarray, "f 3 3"], int, int]:
+    """Triangles as (column, row, depth), width and height of the view along an axis."""
+    row_axis, column_axis = pixel_axes(axis)
+    # A third of the time of a choice along an axis of length three.
+    frame = np.empty_like(corners)
+    for n, own in enumerate((column_axis, row_axis, axis)):
+        frame[..., n] = corners[..., own]
+    return frame, lattice.shape[column_axis], lattice.shape[row_axis]

@@ -123,21 +123,49 @@ def attach_to_solid(
     # nearest solid voxel within two cells is taken.
     shape = np.array(solid.shape)
     cell = np.clip(inward_cell, 0, shape - 1)
-    stray = np.flatnonzero(~solid[tuple(cell.T)])
-    start = cell[stray]
-    nearest = np.full(len(stray), np.inf)
-    # One offset at a time: all 125 at once could need more memory than the voxels.
-    for offset in np.indices((5, 5, 5)).reshape(3, -1).T - 2 if len(stray) else ():
-        candidate = start + offset
-        within = ((candidate >= 0) & (candidate < shape)).all(1)
-        distance = ((candidate + 0.5 - position[stray]) ** 2).sum(1)
-        better = within & (distance < nearest)
-        better[better] = solid[tuple(candidate[better].T)]
-        cell[stray[better]] = candidate[better]
-        nearest[better] = distance[better]
-    lost = np.zeros(len(cell), bool)
-    lost[stray] = np.isinf(nearest)
+    stray, lost = np.flatnonzero(~solid[tuple(cell.T)]), np.zeros(len(cell), bool)
+    # Few at a time: all could need more memory than the voxels.
+    for first in range(0, len(stray), _CHUNK):
+        own = stray[first : first + _CHUNK]
+        cell[own], lost[own] = _nearest_solid(solid, position[own], cell[own])
     return cell, lost
+
+
+# Cells whose surroundings are searched at once.
+_CHUNK = 2**10
+
+
+def _nearest_solid(
+    solid: Bool[np.ndarray, "x y z"],
+    position: Float[np.ndarray, "k 3"],
+    start: Int[np.ndarray, "k 3"],
+) -> tuple[Int[np.ndarray, "k 3"], Bool[np.ndarray, " k"]]:
+    """Solid voxel nearest to each position, within two cells of a start.
+
+    Where there is none that start, and true.
+    """
+    candidate, squared, within = [], [], []
+    for axis, length in enumerate(solid.shape):
+        along = start[:, axis, None] + np.arange(-2, 3)
+        squared.append((along + 0.5 - position[:, axis, None]) ** 2)
+        within.append((along >= 0) & (along < length))
+        candidate.append(np.clip(along, 0, length - 1))
+    # Every combination of the three axes.
+    x, y, z = _spread(squared)
+    distance = x + y + z
+    x, y, z = _spread(within)
+    distance[~(solid[_spread(candidate)] & x & y & z)] = np.inf
+    flat = distance.reshape(len(start), -1)
+    best = flat.argmin(axis=1)
+    lost = np.isinf(flat[np.arange(len(start)), best])
+    found = start + np.stack(np.unravel_index(best, (5, 5, 5)), axis=1) - 2
+    return np.where(lost[:, None], start, found), lost
+
+
+def _spread(columns: list[np.ndarray]) -> tuple[np.ndarray, ...]:
+    """Rows of numbers along x, y and z, each along an axis of its own."""
+    x, y, z = columns
+    return x[:, :, None, None], y[:, None, :, None], z[:, None, None]
 
 
 def surface_voxels(solid: Bool[np.ndarray, "x y z"]) -> Int[np.ndarray, "m 3"]:

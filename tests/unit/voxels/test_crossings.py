@@ -32,7 +32,7 @@ def ball():
 def test_every_exposed_face_has_one_cell(ball):
     found, solid, _ = crossings(BALL, 1 / 12.3)
     assert found.on_face.all() and len(found.axis) == exposed_faces(solid)
-    side = np.column_stack([found.voxel, found.axis, found.ahead])
+    side = np.column_stack([found.number, found.axis, found.ahead])
     assert len(np.unique(side, axis=0)) == len(side)
     assert len(ball.fragment_area) == len(side)
 
