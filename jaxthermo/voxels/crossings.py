@@ -30,6 +30,7 @@ from .surface import (
     attach_to_solid,
     face_axes,
     hidden_inside,
+    joined_columns,
     selected,
     thickness_behind,
 )
@@ -111,12 +112,10 @@ def find_crossings(
         slope = np.append(slopes[axis], 1.0)
         found = _along(outer, solid, bits, slope, mesh.is_watertight, axis)
         found.ray[:] += rays
-        parts.append(list(found))
+        parts.append(found)
         rays += layers.width * layers.height
-    # Column by column: parts are dropped as soon as they are joined.
-    join = lambda: np.concatenate([part.pop(0) for part in parts])
-    columns = (join() for _ in Crossings._fields)
-    return Crossings(*columns), np.concatenate(hidden)
+    del outer, layers, found
+    return Crossings(*joined_columns(parts)), np.concatenate(hidden)
 
 
 def _along(

@@ -5,8 +5,9 @@ grid of that view cuts the surface into pieces of area pitch^2 / |n_i| (the thes
 pitch^2 gives only 83 % of a sphere's area, exposed voxel faces 150 %).
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -54,6 +55,17 @@ def thickness_behind(layers: DepthLayers) -> Float[np.ndarray, " k"]:
     return np.where(paired, np.abs(layers.depth[other] - layers.depth), np.inf)
 
 
+def joined_columns(parts: list[Any]) -> Iterator[np.ndarray]:
+    """Columns of several NamedTuples, one after the other.
+
+    The list is emptied: each column is freed as soon as it is joined.
+    """
+    rows = [list(part) for part in parts]
+    parts.clear()
+    while rows[0]:
+        yield np.concatenate([row.pop(0) for row in rows])
+
+
 class AxisFragments(NamedTuple):
     """Fragments of the view along one axis, sorted by pixel and depth."""
 
@@ -96,7 +108,7 @@ def axis_fragments(
     thickness = thickness_behind(outer)[on_axis]
     outer = selected(outer, on_axis)
     row_axis, column_axis = pixel_axes(axis)
-    cell = np.zeros((len(outer.pixel), 3), np.int64)
+    cell = np.zeros((len(outer.pixel), 3), np.int32)
     cell[:, row_axis], cell[:, column_axis] = np.divmod(outer.pixel, outer.width)
     position = cell + 0.5
     position[:, axis] = outer.depth
@@ -104,9 +116,9 @@ def axis_fragments(
     cell[:, axis] = np.where(outer.entering, behind, behind - 1)
     kept = AxisFragments(
         position=position,
-        triangle=outer.triangle,
+        triangle=outer.triangle.astype(np.int32),
         ray=outer.pixel + first_ray,
-        layer=outer.layer,
+        layer=outer.layer.astype(np.int32),
         inward_cell=cell,
         thickness=thickness,
     )
@@ -121,8 +133,8 @@ def attach_to_solid(
     """Assign each fragment to a solid voxel; flag those without one nearby as lost."""
     # The first cell inward is solid wherever the body is a voxel thick. Elsewhere the
     # nearest solid voxel within two cells is taken.
-    shape = np.array(solid.shape)
-    cell = np.clip(inward_cell, 0, shape - 1)
+    last = np.subtract(solid.shape, 1).astype(inward_cell.dtype)
+    cell = np.clip(inward_cell, 0, last)
     stray, lost = np.flatnonzero(~solid[tuple(cell.T)]), np.zeros(len(cell), bool)
     # Few at a time: all could need more memory than the voxels.
     for first in range(0, len(stray), _CHUNK):

@@ -32,7 +32,9 @@ from .surface import (
     attach_to_solid,
     axis_fragments,
     face_axes,
+    joined_columns,
 )
+from .thin_wall_report import thin_parts
 from .voxel_bits import VoxelBits
 
 
@@ -117,22 +119,27 @@ def _metres(pitch: Any) -> float:
 
 def _with_surface(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     views, solid = _filled(mesh, lattice)
+    peeled = tuple(layers.count for layers in views)
     normals, dominant = face_axes(mesh)
     parts, hidden, rays = [], [], 0
-    for axis, layers in enumerate(views):
+    # Each view is dropped as soon as its fragments are found.
+    rest = [*views]
+    del views
+    for axis in range(3):
+        layers = rest.pop(0)
         kept, inside = axis_fragments(layers, dominant, axis, rays)
         parts.append(kept)
         hidden.append(inside)
         rays += layers.width * layers.height
-    joined = (np.concatenate(column) for column in zip(*parts, strict=True))
-    kept, hidden = AxisFragments(*joined), np.concatenate(hidden)
+    del layers
+    kept, hidden = AxisFragments(*joined_columns(parts)), np.concatenate(hidden)
     # A ray grid of spacing h cuts the surface into pieces of area h^2 / |n_i|.
     slope = np.abs(normals).max(1)
     area = lattice.pitch**2 / slope[kept.triangle]
     cell, lost = attach_to_solid(solid, kept.position, kept.inward_cell)
     position = lattice.origin + kept.position * lattice.pitch
     thickness = kept.thickness * lattice.pitch * slope[kept.triangle]
-    thin = _thin_parts(position, thickness, area, lost, cell, lattice.pitch)
+    thin = thin_parts(position, thickness, area, lost, cell, lattice.pitch)
     found_area = float(area[~lost].sum())
     found_volume = np.count_nonzero(solid) * lattice.pitch**3
     hidden_area = float((lattice.pitch**2 / slope[hidden]).sum())
@@ -141,14 +148,13 @@ def _with_surface(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     # True over voxelized area and volume; 1 where that would hide lost parts.
     area_ratio = 1.0 if unreliable else true[0] / found_area
     volume_ratio = 1.0 if unreliable else true[1] / found_volume
-    packed = np.zeros(len(lost), np.int64)
+    packed = np.zeros(len(lost), np.int32)
     packed[~lost] = rank_in_group(kept.ray[~lost])
     # In lattice order the solver's gathers and scatters walk memory forwards.
     attached = np.flatnonzero(~lost)
     number = np.ravel_multi_index(tuple(cell[attached].T), lattice.shape)
     order = attached[np.argsort(number, kind="stable")]
-    axis = dominant[kept.triangle[order]]
-    peeled = tuple(layers.count for layers in views)
+    axis = dominant[kept.triangle[order]].astype(np.int8)
     in_front = (int(packed[order][axis == a].max(initial=-1)) + 1 for a in range(3))
     return VoxelGrid(
         lattice=lattice,
@@ -297,7 +303,7 @@ def _thin_crossings(
     # Few are: only those are summed up.
     near = np.flatnonzero(found.lost[main] | (thickness < pitch))
     own = main[near]
-    return _thin_parts(
+    return thin_parts(
         lattice.origin + found.position[own] * pitch,
         thickness[near],
         pitch**2 / slope[near],
@@ -354,43 +360,3 @@ def _unreliable_because(
                 "parts of it are too thin for this pitch"
             )
     return ""
-
-
-# Thin fragments within a cube of this many cells per edge are one region.
-_REGION = 8
-
-
-def _thin_parts(
-    position: Float[np.ndarray, "s 3"],
-    thickness: Float[np.ndarray, " s"],
-    area: Float[np.ndarray, " s"],
-    lost: Bool[np.ndarray, " s"],
-    cell: Int[np.ndarray, "s 3"],
-    pitch: float,
-    max_regions: int = 10,
-) -> ThinParts:
-    """Sum up the fragments with less than one voxel behind them, by region."""
-    thin = lost | (thickness < pitch)
-    blocks, inverse = np.unique(cell[thin] // _REGION, axis=0, return_inverse=True)
-    total = np.bincount(inverse, weights=area[thin], minlength=len(blocks))
-    gone = np.bincount(inverse, weights=(area * lost)[thin], minlength=len(blocks))
-    regions = []
-    for block in np.argsort(-total)[:max_regions]:
-        members = np.flatnonzero(thin)[inverse == block]
-        regions.append(
-            {
-                "centre_m": [round(float(c), 6) for c in position[members].mean(0)],
-                "thickness_m": round(float(thickness[members].min()), 9),
-                "area_m2": float(total[block]),
-                "lost_share": float(gone[block] / total[block]),
-            }
-        )
-    return ThinParts(
-        thin_fragments=int(thin.sum()),
-        thin_area=float(area[thin].sum()),
-        lost_fragments=int(lost.sum()),
-        lost_area=float(area[lost].sum()),
-        regions=tuple(regions),
-        thin_voxel=np.unique(cell[thin & ~lost], axis=0),
-        lost_position=position[lost],
-    )
