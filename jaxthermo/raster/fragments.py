@@ -15,7 +15,7 @@ On a processor without an accelerator numpy does the same faster (`host_fragment
 compiles nothing; the program here is for accelerators, and the reference in the tests.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
@@ -304,16 +304,15 @@ def peel(
 
 
 def peel_views(
-    views: Sequence[tuple[Float[np.ndarray, "f 3 3"], int, int]],
+    views: Iterable[tuple[Float[np.ndarray, "f 3 3"], int, int]],
 ) -> list[DepthLayers]:
     """Depth layers of several views: triangles, width and height of each [pixels]."""
-    sizes = None
-    if not _on_host():
-        # One array size for all views: one program is compiled.
-        found = (shared_capacities(*view) for view in views)
-        rows, fragments = zip(*found, strict=True)
-        sizes = max(rows), max(fragments)
-    return [peel(*view, sizes) for view in views]
+    if _on_host():
+        return [peel(*view) for view in views]
+    # One array size for all views: one program is compiled.
+    every = list(views)
+    rows, fragments = zip(*(shared_capacities(*view) for view in every), strict=True)
+    return [peel(*view, (max(rows), max(fragments))) for view in every]
 
 
 def _on_host() -> bool:

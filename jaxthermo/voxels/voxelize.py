@@ -19,8 +19,7 @@ from .cut_voxels import CutVoxels, limited
 from .fill import fill_by_vote
 from .grid import LayerCounts, ThinParts, VoxelGrid
 from .lattice import (
-    BYTES_PER_CROSSING,
-    BYTES_PER_FRAGMENT,
+    SURFACE_MEMORY,
     Lattice,
     Views,
     check_pitch,
@@ -73,8 +72,7 @@ def voxelize(
         )
     if not isinstance(mesh, Mesh):
         mesh = repair_mesh(as_mesh(mesh))
-    every = surface_cells == "crossings"
-    check_pitch(mesh, pitch, BYTES_PER_CROSSING if every else BYTES_PER_FRAGMENT)
+    check_pitch(mesh, pitch, SURFACE_MEMORY[surface_cells])
     # With the caller's own mesh, by which its grids are known.
     return replace(_voxelized(mesh, pitch, surface_cells), mesh=mesh)
 
