@@ -22,13 +22,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..geometry.mesh import Mesh
 from ..raster.fragments import DepthLayers
 from .fill import first_cell_behind
 from .lattice import pixel_axes
 from .surface import (
     attach_to_solid,
-    face_axes,
     hidden_inside,
     joined_columns,
     selected,
@@ -99,18 +97,24 @@ class Cells(NamedTuple):
 
 
 def find_crossings(
-    views: Iterable[DepthLayers], solid: Bool[np.ndarray, "x y z"], mesh: Mesh
+    views: Iterable[DepthLayers],
+    solid: Bool[np.ndarray, "x y z"],
+    normals: Float[np.ndarray, "f 3"],
+    is_closed: bool,
 ) -> tuple[Crossings, Int[np.ndarray, " h"]]:
-    """Crossings of all views, and the triangles of those hidden inside the body."""
+    """Crossings of all views, and the triangles of those hidden inside the body.
+
+    From the normals of all triangles, and whether these are closed.
+    """
     parts, hidden, rays = [], [], 0
-    slopes, bits = np.abs(face_axes(mesh)[0].T), VoxelBits.of(solid)
+    slopes, bits = np.abs(normals.T), VoxelBits.of(solid)
     for axis, layers in enumerate(views):
         inside = hidden_inside(layers)
         hidden.append(layers.triangle[inside])
         outer = selected(layers, ~inside) if inside.any() else layers
         # Last that of a face that no ray crosses, with the normal along the axis.
         slope = np.append(slopes[axis], 1.0)
-        found = _along(outer, solid, bits, slope, mesh.is_watertight, axis)
+        found = _along(outer, solid, bits, slope, is_closed, axis)
         found.ray[:] += rays
         parts.append(found)
         rays += layers.width * layers.height

@@ -134,7 +134,8 @@ def _pairs(found: Cells, owner: Int[np.ndarray, " s"]) -> _Pairs:
         first = np.flatnonzero(same & (axis[apart:] != axis[:-apart]))
         parts.append(np.stack([face[first], face[first + apart]]))
     one, two = np.concatenate(parts, axis=1)
-    cosine = (found.normal[one] * found.normal[two]).sum(axis=1)
+    normals = (found.normal.take(cell, axis=0) for cell in (one, two))
+    cosine = np.einsum("ki,ki->k", *normals)
     return _Pairs(one, two, owner[one], 1 - np.square(cosine))
 
 
@@ -153,10 +154,12 @@ def _add_triples(
     weight: Float[np.ndarray, " s"],
 ) -> None:
     """Add what three cells across all axes have in common to their voxels."""
+    # Few voxels have three cells, and fewer have them across all axes.
+    is_corner = np.zeros(len(volume), bool)
+    is_corner[owner[:-2][owner[:-2] == owner[2:]]] = True
+    face = np.flatnonzero(found.on_face & is_corner[owner])
     there = np.zeros((3, len(volume)), bool)
-    face = np.flatnonzero(found.on_face)
     there[found.axis[face], owner[face]] = True
-    # Few voxels have all three.
     corner = np.flatnonzero(there.all(axis=0))
     slot = np.full(len(volume), -1, np.int32)
     slot[corner] = np.arange(len(corner))

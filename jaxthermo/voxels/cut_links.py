@@ -256,11 +256,11 @@ def _slivers_between(
     cells: tuple[Int[np.ndarray, " k"], Int[np.ndarray, " k"]],
 ) -> _Slivers:
     """Slivers between voxels 1 and 2, from the cells of these across two axes."""
-    normals = sides.normal[cells[0]], sides.normal[cells[1]]
-    smooth = (normals[0] * normals[1]).sum(axis=1) > _SMOOTH
-    mean = normals[0] + normals[1]
-    mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), WHOLE)
-    n_a, n_b = np.abs(mean[:, axes[0]]), np.abs(mean[:, axes[1]])
+    one, two = (sides.normal.take(cell, axis=0) for cell in cells)
+    smooth = np.einsum("ki,ki->k", one, two) > _SMOOTH
+    mean = one + two
+    length = np.maximum(np.sqrt(np.einsum("ki,ki->k", mean, mean)), WHOLE)
+    n_a, n_b = (np.abs(mean[:, axis]) / length for axis in axes)
     width = sides.excess[cells[0]] * n_a + sides.excess[cells[1]] * n_b
     width = np.maximum(width / 2 + (n_a + n_b) / 4, 0)
     squared = np.maximum(n_a**2 + n_b**2, WHOLE)

@@ -87,7 +87,14 @@ def face_axes(mesh: Mesh) -> tuple[Float[np.ndarray, "f 3"], Int[np.ndarray, " f
     vectors = mesh.area_vectors
     length = np.linalg.norm(vectors, axis=1)
     normal = vectors / np.where(length > 0, length, 1)[:, None]
-    return normal, np.where(length > 0, np.abs(normal).argmax(1), -1)
+    return normal, np.where(length > 0, dominant_axis(normal), -1)
+
+
+def dominant_axis(normal: Float[np.ndarray, "s 3"]) -> Int[np.ndarray, " s"]:
+    """Axis along which each normal is longest, the first of several."""
+    # As by `argmax`, which is slow along an axis of length three.
+    x, y, z = np.abs(normal.T)
+    return np.where((x >= y) & (x >= z), 0, np.where(y >= z, 1, 2))
 
 
 def axis_fragments(

@@ -30,6 +30,7 @@ from .surface import (
     AxisFragments,
     attach_to_solid,
     axis_fragments,
+    dominant_axis,
     face_axes,
     joined_columns,
 )
@@ -179,7 +180,8 @@ def _with_crossings(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     # Each view is dropped as soon as its crossings are found.
     rest = [*views]
     del views
-    found, hidden = find_crossings((rest.pop(0) for _ in range(3)), solid, mesh)
+    each, is_closed = (rest.pop(0) for _ in range(3)), mesh.is_watertight
+    found, hidden = find_crossings(each, solid, normals, is_closed)
     hidden_area = float(pitch**2 * np.abs(normals[hidden]).max(1, initial=0).sum())
     surface, cells, thin = _surface(found, normals, lattice)
     del found
@@ -262,7 +264,7 @@ def _surface(
     """Surface in the order of its voxels, the cells of these, and thin parts."""
     # Thickness counts along the dominant axis: near a limb other rays are short.
     bare = found.triangle < 0
-    dominant = _dominant(normals).take(found.triangle, mode="wrap")
+    dominant = dominant_axis(normals).take(found.triangle, mode="wrap")
     is_main = bare | (dominant == found.axis)
     thin = _thin_crossings(found, np.flatnonzero(is_main), normals, lattice)
     packed = _packed(found, is_main & ~bare & ~found.lost)
@@ -309,13 +311,6 @@ def _thin_crossings(
         VoxelBits.none(lattice.shape).voxels(found.number[own]).astype(np.int64),
         pitch,
     )
-
-
-def _dominant(normal: Float[np.ndarray, "s 3"]) -> Int[np.ndarray, " s"]:
-    """Axis along which each normal is longest, the first of several."""
-    # As by `argmax`, which is slow along an axis of length three.
-    x, y, z = np.abs(normal.T)
-    return np.where((x >= y) & (x >= z), 0, np.where(y >= z, 1, 2))
 
 
 def _packed(found: Crossings, is_kept: Bool[np.ndarray, " e"]) -> Int[np.ndarray, " e"]:

@@ -8,6 +8,7 @@ from jaxthermo.geometry import shapes
 from jaxthermo.voxels.crossings import find_crossings
 from jaxthermo.voxels.fill import fill_by_vote
 from jaxthermo.voxels.lattice import Lattice, peel_axes
+from jaxthermo.voxels.surface import face_axes
 from jaxthermo.voxels.voxelize import voxelize
 
 
@@ -15,7 +16,8 @@ def crossings(mesh, pitch):
     lattice = Lattice.around(mesh, pitch)
     views = peel_axes(mesh, lattice)
     solid = fill_by_vote(views, lattice.shape)
-    return find_crossings(views, solid, mesh)[0], solid, lattice
+    found, _ = find_crossings(views, solid, face_axes(mesh)[0], mesh.is_watertight)
+    return found, solid, lattice
 
 
 def exposed_faces(solid):

@@ -47,11 +47,12 @@ def body(request):
     lattice = Lattice.around(mesh, pitch)
     views = peel_axes(mesh, lattice)
     solid = fill_by_vote(views, lattice.shape)
-    found, _ = find_crossings(views, solid, mesh)
+    normals, _ = face_axes(mesh)
+    found, _ = find_crossings(views, solid, normals, mesh.is_watertight)
     kept = np.flatnonzero(~found.lost)
     kept = kept[np.argsort(found.number[kept], kind="stable")]
     shared = {name: getattr(found, name)[kept] for name in Cells._fields[1:]}
-    return Cells(found.normals(face_axes(mesh)[0], kept), **shared), solid
+    return Cells(found.normals(normals, kept), **shared), solid
 
 
 def overlapping():
