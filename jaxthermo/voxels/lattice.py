@@ -25,7 +25,7 @@ class SurfaceMemory(NamedTuple):
     per_crossing: int
     """For each crossing of a ray with the surface."""
     at_once: int
-    """Of the pieces of triangles, whose number does not depend on the body."""
+    """For the pieces of triangles that are summed at once."""
 
 
 # The most that one of ten bodies of 50 000 to 600 000 crossings needed: a box, at a
@@ -140,18 +140,15 @@ Views = tuple[DepthLayers, DepthLayers, DepthLayers]
 
 def peel_axes(mesh: Mesh, lattice: Lattice) -> Views:
     """Depth layers of a mesh along x, y and z; depths in cells."""
-    corners = lattice.to_cells(mesh.triangles)
-    x, y, z = peel_views(_view(corners, lattice, axis) for axis in range(3))
+    points = lattice.to_cells(mesh.vertices)
+    # Scanners leave strays far away.
+    is_used = np.zeros(len(points), bool)
+    is_used[mesh.faces] = True
+    points[~is_used] = 0
+    views = []
+    for axis in range(3):
+        row_axis, column_axis = pixel_axes(axis)
+        size = lattice.shape[column_axis], lattice.shape[row_axis]
+        views.append(((column_axis, row_axis, axis), *size))
+    x, y, z = peel_views(points, mesh.faces, views)
     return x, y, z
-
-
-def _view(
-    corners: Float[np.ndarray, "f 3 3"], lattice: Lattice, axis: int
-) -> tuple[Float[np.ndarray, "f 3 3"], int, int]:
-    """Triangles as (column, row, depth), width and height of the view along an axis."""
-    row_axis, column_axis = pixel_axes(axis)
-    # A third of the time of a choice along an axis of length three.
-    frame = np.empty_like(corners)
-    for n, own in enumerate((column_axis, row_axis, axis)):
-        frame[..., n] = corners[..., own]
-    return frame, lattice.shape[column_axis], lattice.shape[row_axis]
