@@ -78,10 +78,11 @@ def areas_of_mesh(
 
 
 class _Nodes(NamedTuple):
-    """Nodes of the coarse lattice near the cells; the last slot is that of others."""
+    """Nodes of the coarse lattice near the cells."""
 
     shape: tuple[int, ...]
     slot: Int[np.ndarray, " n"]
+    """First of the six sums of each node; others share the last ones."""
     count: int
 
     @classmethod
@@ -97,8 +98,8 @@ class _Nodes(NamedTuple):
         for step in _corners(coarse):
             is_near[found + step] = True
         count = int(is_near.sum())
-        slot = np.full(len(is_near), count)
-        slot[is_near] = np.arange(count)
+        slot = np.full(len(is_near), 6 * count)
+        slot[is_near] = 6 * np.arange(count)
         return cls(coarse, slot, count + 1)
 
     def _hats(self, patches: Patches) -> Iterator[tuple[np.ndarray, np.ndarray]]:
@@ -106,14 +107,9 @@ class _Nodes(NamedTuple):
         first, beyond = _places(patches.position, self.shape)
         steps = iter(_corners(self.shape))
         for i, j in np.ndindex(2, 2):
-            below, above = np.zeros((2, len(first)))
-            for x, y, z in beyond:
-                both = (x if i else 1 - x) * (y if j else 1 - y)
-                upper = both * z
-                below += both - upper
-                above += upper
-            for hat in (below, above):
-                hat /= len(beyond)
+            across = [(x if i else 1 - x) * (y if j else 1 - y) for x, y, _ in beyond]
+            above = _mean([h * z for h, (_, _, z) in zip(across, beyond, strict=True)])
+            for hat in (_mean(across) - above, above):
                 yield self.slot[first + next(steps)], hat
 
     def total(self, parts: Iterable[Patches]) -> Float[np.ndarray, "n 6"]:
@@ -123,7 +119,6 @@ class _Nodes(NamedTuple):
             normal, area = patches.normal.T, patches.area
             shares = [(_sides(n, a), n * n * area) for a, n in enumerate(normal)]
             for slot, hat in self._hats(patches):
-                slot *= 6
                 for side, share in shares:
                     np.add.at(sums, slot + side, hat * share)
         return sums.reshape(-1, 6)
@@ -135,10 +130,13 @@ class _Nodes(NamedTuple):
         flat, found = values.reshape(-1), np.zeros(len(patches.area))
         shares = [(_sides(n, a), n * n) for a, n in enumerate(patches.normal.T)]
         for slot, hat in self._hats(patches):
-            slot *= 6
             of_node = sum(flat[slot + side] * weight for side, weight in shares)
             found += hat * of_node
         return found
+
+
+def _mean(parts: list[np.ndarray]) -> np.ndarray:
+    return parts[0] if len(parts) == 1 else sum(parts[1:], parts[0]) / len(parts)
 
 
 def _sides(along: Float[np.ndarray, " s"], axis: int) -> Int[np.ndarray, " s"]:
@@ -154,8 +152,7 @@ def _places(
     for axis, n in enumerate(shape):
         places = [points[:, axis] / _SPACING + 1 for points in position]
         # Of their mean: a point may lie on the border of the cell.
-        middle = places[0] if len(places) == 1 else sum(places) / len(places)
-        below = np.clip(np.floor(middle), 0, n - 2)
+        below = np.clip(np.floor(_mean(places)), 0, n - 2)
         for own, place in zip(beyond, places, strict=True):
             own.append(place - below)
         first *= n
@@ -184,18 +181,22 @@ def _pieces(triangles: Float[np.ndarray, "f 3 3"], at_once: int) -> Iterator[Pat
     for start, stop in pairwise([0, *ends]):
         own, is_small = corners[..., start:stop], longest[start:stop] <= _SMALL
         small = own.take(np.flatnonzero(is_small), axis=2)
-        yield _patches([small.sum(axis=0) / 3], small)
+        yield _patches(small.sum(axis=0)[None] / 3, small)
         large = own.take(np.flatnonzero(~is_small), axis=2)
         for axis in range(3):
             large = np.concatenate([*_cut(large, axis), large[..., :0]], axis=2)
-        yield _patches([(large[n] + large[n - 1]) / 2 for n in range(3)], large)
+        middle = np.empty_like(large)
+        for n in range(3):
+            np.add(large[n], large[n - 1], out=middle[n])
+        middle /= 2
+        yield _patches(middle, large)
 
 
-def _patches(points: list[Float[np.ndarray, "3 s"]], corners: _Corners) -> Patches:
+def _patches(points: Float[np.ndarray, "p 3 s"], corners: _Corners) -> Patches:
     vector = _area_vectors(corners)
     area = _lengths(vector)
-    normal = vector / np.where(area > 0, area, 1)
-    return Patches(np.moveaxis(np.stack(points), 1, 2), normal.T, area)
+    vector /= np.where(area > 0, area, 1)
+    return Patches(np.moveaxis(points, 1, 2), vector.T, area)
 
 
 def _cut(corners: _Corners, axis: int) -> list[_Corners]:
@@ -231,15 +232,16 @@ def _halved(
     """
     at, to_b, to_c = (rows[axis:].take(slot) / _SPACING for slot in slots)
     to_p, to_q = (plane - at) / (to_b - at), (plane - at) / (to_c - at)
-    found = np.empty((3, 3, 3, len(plane)))
+    count = len(plane)
+    found = np.empty((3, 3, 3 * count))
     for n in range(3):
         # One component of each corner.
         a, b, c = (rows[n:].take(slot) for slot in slots)
         p, q = a + to_p * (b - a), a + to_q * (c - a)
-        pieces = (a, p, q), (p, b, c), (p, c, q)
-        for own, points in zip(found, pieces, strict=True):
-            own[0, n], own[1, n], own[2, n] = points
-    return np.concatenate(list(found), axis=2)
+        for piece, points in enumerate(((a, p, q), (p, b, c), (p, c, q))):
+            for corner, point in enumerate(points):
+                found[corner, n, piece * count : (piece + 1) * count] = point
+    return found
 
 
 def _longest(corners: _Corners) -> Float[np.ndarray, " f"]:
