@@ -13,7 +13,7 @@ from ..geometry.repair import repair_mesh
 from ..stored_findings import stored_search
 from .cell_areas import Patches, areas_of_mesh
 from .crossings import Cells, Crossings, find_crossings
-from .cut_geometry import cut_voxels, sides_of, surface_shapes
+from .cut_geometry import CellShapes, cut_voxels, sides_of, surface_shapes
 from .cut_links import CutLinks, cut_links
 from .cut_voxels import CutVoxels, limited
 from .fill import fill_by_vote
@@ -187,23 +187,16 @@ def _with_crossings(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     del found
     position = surface.position
     shapes, cut_cells = surface_shapes(cells)
-    count = len(cells.axis)
-    # Of all crossings: cells of the mesh's area stand for those that are lost, too.
-    slope = np.abs(surface.normal[np.arange(len(position)), surface.axis])
-    slope[:count] *= cut_cells.factor
-    middle = cut_cells.shift
-    middle += position[:count]
-    middle = np.concatenate([middle, position[count:]])
+    count, patches = len(cells.axis), _patches(surface, cut_cells)
     del cut_cells
+    slope = patches.area
     own_area, true = float(pitch**2 * slope[:count].sum()), (mesh.area, mesh.volume)
     whole = np.count_nonzero(solid)
     own_volume = (whole + float((shapes.volume - 1).sum())) * pitch**3
     unreliable = _unreliable_because(mesh, true, (own_area, own_volume), hidden_area)
     if not unreliable:
-        patches = Patches(middle[None], surface.normal, slope)
         slope = areas_of_mesh(patches, lattice.to_cells(mesh.triangles), lattice.shape)
-        del patches
-    del middle
+    del patches
     area = pitch**2 * slope[:count]
     del slope
     links = cut_links(shapes.number, shapes.section, sides_of(cells), solid)
@@ -288,6 +281,21 @@ def _surface(
     )
     position, depth = found.position[order], found.depth[order]
     return _Surface(position, normal, axis, layer, depth), own, thin
+
+
+def _patches(surface: _Surface, of_cells: CellShapes) -> Patches:
+    """Pieces of surface around all crossings, with areas by their rays.
+
+    Cells of the mesh's area stand for those that are lost, too.
+    """
+    count, position = len(of_cells.factor), surface.position
+    area = np.abs(surface.normal[np.arange(len(position)), surface.axis])
+    area[:count] *= of_cells.factor
+    middle = of_cells.shift
+    middle += position[:count]
+    if count < len(position):
+        middle = np.concatenate([middle, position[count:]])
+    return Patches(middle[None], surface.normal, area)
 
 
 def _thin_crossings(
