@@ -12,8 +12,8 @@ from ..geometry.mesh import Mesh
 from ..raster.fragments import DepthLayers, peel_views
 
 
-# The solid, its bits and those of each view.
-_BYTES_PER_CELL = 2
+# The solid; and words of up to 64 bits a row: votes, one view and what is summed.
+_BYTES_PER_CELL, _BYTES_PER_WORD = 1, 7 * 8
 
 BYTES_PER_FRAGMENT = 150
 """Peak memory of the sort of fragments, with the padding of its arrays."""
@@ -105,6 +105,7 @@ def check_pitch(mesh: Mesh, pitch: float, surface: SurfaceMemory) -> None:
     with np.errstate(over="ignore"):
         crossings = projected / pitch / pitch
         needed = counts.prod() * _BYTES_PER_CELL + crossings * surface.per_crossing
+        needed += (counts[:2] + 2).prod() * (counts[2] // 64 + 1) * _BYTES_PER_WORD
     needed += len(mesh.faces) * _BYTES_PER_FACE + surface.at_once
     peeled = len(mesh.faces) * _BYTES_PER_PEELED_FACE
     needed = max(needed, peeled + crossings * _BYTES_PER_PEELED_CROSSING)
@@ -124,9 +125,10 @@ def _affordable_pitch(size: Float[np.ndarray, "3"], per_pitch: float) -> float:
     """
     # A quarter for the cells and a quarter for the fragments.
     quarter = available_bytes() / 4
-    by_cells = np.cbrt(size.prod() * _BYTES_PER_CELL / quarter)
+    by_cells = np.cbrt(size.prod() * (_BYTES_PER_CELL + _BYTES_PER_WORD / 64) / quarter)
+    by_rows = np.sqrt(size[:2].prod() * _BYTES_PER_WORD / quarter)
     by_fragments = np.sqrt(per_pitch / quarter)
-    return float(max(by_cells, by_fragments))
+    return float(max(by_cells, by_rows, by_fragments))
 
 
 def pixel_axes(axis: int) -> tuple[int, int]:
