@@ -152,7 +152,7 @@ def _with_surface(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     # In lattice order the solver's gathers and scatters walk memory forwards.
     attached = np.flatnonzero(~lost)
     number = np.ravel_multi_index(tuple(cell[attached].T), lattice.shape)
-    order = attached[np.argsort(number, kind="stable")]
+    order = attached[stable_order(np.asarray(number))]
     axis = dominant[kept.triangle[order]].astype(np.int8)
     in_front = (int(packed[order][axis == a].max(initial=-1)) + 1 for a in range(3))
     return VoxelGrid(
