@@ -15,6 +15,7 @@ On a processor without an accelerator numpy does the same faster (`host_fragment
 compiles nothing; the program here is for accelerators, and the reference in the tests.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
@@ -279,17 +280,51 @@ def peel(
     sizes: tuple[int, int] | None = None,
 ) -> DepthLayers:
     """All depth layers of triangles given as (column, row, depth) [pixels]."""
-    bits = int(width * height).bit_length()
     if _on_host():
-        found = host_fragments(triangles, width, height)
-        order, layer = host_layers(found, bits)
-    else:
-        fragments = _rasterize(triangles, width, height, sizes)
-        with jax.enable_x64(True):
-            # Padding has pixel width * height: it sorts behind all fragments.
-            sorted_by = _sort_fragments(fragments, bits)
-        found, count = fragments, int(fragments.count)
-        order, layer = (np.asarray(each)[:count] for each in sorted_by)
+        faces = np.arange(3 * len(triangles)).reshape(-1, 3)
+        return _peel_on_host(triangles.reshape(-1, 3), faces, width, height)
+    fragments = _rasterize(triangles, width, height, sizes)
+    with jax.enable_x64(True):
+        # Padding has pixel width * height: it sorts behind all fragments.
+        sorted_by = _sort_fragments(fragments, int(width * height).bit_length())
+    count = int(fragments.count)
+    order, layer = (np.asarray(each)[:count] for each in sorted_by)
+    return _sorted_layers(fragments, order, layer, width, height)
+
+
+def peel_views(
+    points: Float[np.ndarray, "v 3"],
+    faces: Int[np.ndarray, "f 3"],
+    views: Sequence[tuple[tuple[int, int, int], int, int]],
+) -> list[DepthLayers]:
+    """Depth layers of triangles in several views along axes of their corners.
+
+    A view is the axes of its columns, rows and depth, its width and its height.
+    """
+    frames = ((points[:, axes], width, height) for axes, width, height in views)
+    if _on_host():
+        return [_peel_on_host(own, faces, *size) for own, *size in frames]
+    every = [(own[faces], width, height) for own, width, height in frames]
+    # One array size for all views: one program is compiled.
+    sizes = [shared_capacities(*view) for view in every]
+    rows, fragments = (max(size) for size in zip(*sizes, strict=True))
+    return [peel(*view, (rows, fragments)) for view in every]
+
+
+def _peel_on_host(
+    points: Float[np.ndarray, "v 3"],
+    faces: Int[np.ndarray, "f 3"],
+    width: int,
+    height: int,
+) -> DepthLayers:
+    found = host_fragments(points, faces, width, height)
+    order, layer = host_layers(found, int(width * height).bit_length())
+    return _sorted_layers(found, order, layer, width, height)
+
+
+def _sorted_layers(
+    found: Any, order: np.ndarray, layer: np.ndarray, width: int, height: int
+) -> DepthLayers:
     take = lambda array, kind: np.asarray(array).astype(kind, copy=False)[order]
     return DepthLayers(
         pixel=take(found.pixel, np.int64),

@@ -66,26 +66,27 @@ class HostFragments(NamedTuple):
 
 
 def host_fragments(
-    triangles: Float[np.ndarray, "f 3 3"], width: int, height: int
+    points: Float[np.ndarray, "v 3"],
+    faces: Int[np.ndarray, "f 3"],
+    width: int,
+    height: int,
 ) -> HostFragments:
-    """All fragments of triangles (column, row, depth).
+    """All fragments of triangles with corners `points` (column, row, depth).
 
     Raises:
         InputError: if a corner is not finite or more than 2^20 pixels away.
     """
-    faces = np.arange(3 * len(triangles)).reshape(-1, 3)
-    chunks = [*fragment_chunks(triangles.reshape(-1, 3), faces, width, height)]
+    chunks = [*fragment_chunks(points, faces, width, height)]
     kinds = np.int64, np.int64, np.float64
     none = tuple(np.empty(0, kind) for kind in kinds)
     triangle, pixel, depth = (
         np.concatenate(part) for part in zip(none, *chunks, strict=True)
     )
     # Of the snapped corners: the side that a sliver shows may be the other one's.
-    (x0, y0), (x1, y1), (x2, y2) = (
-        np.rint(triangles[:, i, :2] * SNAP).T for i in range(3)
-    )
-    entering = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0) < 0
-    return HostFragments(pixel, depth, triangle, entering[triangle])
+    x, y = (np.rint(points[:, axis] * SNAP) for axis in range(2))
+    first, *others = np.ascontiguousarray(faces.T)
+    (ux, uy), (vx, vy) = ((x[own] - x[first], y[own] - y[first]) for own in others)
+    return HostFragments(pixel, depth, triangle, (ux * vy - vx * uy < 0)[triangle])
 
 
 def host_layers(

@@ -20,7 +20,6 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.sparse import csr_array
 
 
 # Spacing of the coarse lattice [voxels]. With 3 the factors of a plane's cells differ
@@ -51,9 +50,11 @@ class Patches(NamedTuple):
     normal: Float[np.ndarray, "s 3"]
     area: Float[np.ndarray, " s"]
 
-    def chosen(self, which: slice) -> "Patches":
-        """Some of them."""
-        return Patches(self.position[:, which], self.normal[which], self.area[which])
+    def parts(self) -> Iterator["Patches"]:
+        """Few of them after others."""
+        for start in range(0, len(self.area), _AT_ONCE):
+            own = slice(start, start + _AT_ONCE)
+            yield Patches(self.position[:, own], self.normal[own], self.area[own])
 
 
 def areas_of_mesh(
@@ -66,83 +67,81 @@ def areas_of_mesh(
         triangles: of the mesh [voxels].
         shape: number of voxels of the lattice.
     """
-    nodes = _Nodes.around(cells.position, shape)
+    nodes = _Nodes.around(cells, shape)
     true = nodes.total(_pieces(triangles, _AT_ONCE))
-    parts = [
-        cells.chosen(slice(start, start + _AT_ONCE))
-        for start in range(0, len(cells.area), _AT_ONCE)
-    ]
-    found = nodes.total(parts)
+    found = nodes.total(cells.parts())
     ratio = true / np.where(found > 0, found, 1)
-    factor = np.concatenate([nodes.means(ratio, part) for part in parts])
-    return cells.area * np.clip(factor, 1 / _MAX_FACTOR, _MAX_FACTOR)
+    factor = np.concatenate([nodes.means(ratio, part) for part in cells.parts()])
+    np.clip(factor, 1 / _MAX_FACTOR, _MAX_FACTOR, out=factor)
+    factor *= cells.area
+    return factor
 
 
 class _Nodes(NamedTuple):
-    """Nodes of the coarse lattice near the cells; the last slot is that of others."""
+    """Nodes of the coarse lattice near the cells."""
 
     shape: tuple[int, ...]
     slot: Int[np.ndarray, " n"]
+    """First of the six sums of each node; others share the last ones."""
     count: int
 
     @classmethod
-    def around(
-        cls, position: Float[np.ndarray, "p s 3"], shape: tuple[int, int, int]
-    ) -> "_Nodes":
-        """Those whose hats reach one of some positions."""
+    def around(cls, cells: Patches, shape: tuple[int, int, int]) -> "_Nodes":
+        """Those whose hats reach one of some cells."""
         # One more on either side: crossings may be a little outside the lattice.
         coarse = tuple(n // _SPACING + 4 for n in shape)
-        first, _ = _places(position, coarse)
         has_cell = np.zeros(np.prod(coarse), bool)
-        has_cell[first] = True
+        for part in cells.parts():
+            has_cell[_places(part.position, coarse)[0]] = True
         found = np.flatnonzero(has_cell)
         is_near = np.zeros_like(has_cell)
         for step in _corners(coarse):
             is_near[found + step] = True
         count = int(is_near.sum())
-        slot = np.where(is_near, np.cumsum(is_near, dtype=np.int32) - 1, count)
-        return cls(coarse, slot.astype(np.int32), count + 1)
+        slot = np.full(len(is_near), 6 * count)
+        slot[is_near] = 6 * np.arange(count)
+        return cls(coarse, slot, count + 1)
 
-    def _hats(self, patches: Patches) -> csr_array:
-        """Means of the hat functions over patches: a row each, a column a node."""
+    def _hats(self, patches: Patches) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Slots of the eight nodes around patches, and means of their hat functions."""
         first, beyond = _places(patches.position, self.shape)
-        node = np.empty((len(first), 8), np.int32)
-        hat = np.zeros((len(first), 8))
-        for n, step in enumerate(_corners(self.shape)):
-            node[:, n] = self.slot[first + step]
-        for x, y, z in beyond:
-            for i, j in np.ndindex(2, 2):
-                both = (x if i else 1 - x) * (y if j else 1 - y)
-                above = both * z
-                hat[:, 4 * i + 2 * j] += both - above
-                hat[:, 4 * i + 2 * j + 1] += above
-        hat /= len(beyond)
-        ends = np.arange(0, 8 * len(first) + 1, 8, dtype=np.int32)
-        shape = len(first), self.count
-        return csr_array((hat.reshape(-1), node.reshape(-1), ends), shape)
+        steps = iter(_corners(self.shape))
+        for i, j in np.ndindex(2, 2):
+            across = [(x if i else 1 - x) * (y if j else 1 - y) for x, y, _ in beyond]
+            above = _mean([h * z for h, (_, _, z) in zip(across, beyond, strict=True)])
+            for hat in (_mean(across) - above, above):
+                yield self.slot[first + next(steps)], hat
 
     def total(self, parts: Iterable[Patches]) -> Float[np.ndarray, "n 6"]:
         """Areas of patches, shared out to nodes and signed axes."""
-        sums = np.zeros((self.count, 6))
+        sums = np.zeros(6 * self.count)
         for patches in parts:
-            areas = np.square(patches.normal) * patches.area[:, None]
-            sums += self._hats(patches).T @ _on_sides(areas, patches.normal)
-        return sums
+            normal, area = patches.normal.T, patches.area
+            shares = [(_sides(n, a), n * n * area) for a, n in enumerate(normal)]
+            for slot, hat in self._hats(patches):
+                for side, share in shares:
+                    np.add.at(sums, slot + side, hat * share)
+        return sums.reshape(-1, 6)
 
     def means(
         self, values: Float[np.ndarray, "n 6"], patches: Patches
     ) -> Float[np.ndarray, " s"]:
         """Values of the sums at the patches."""
-        weight = _on_sides(np.square(patches.normal), patches.normal)
-        return np.einsum("sa,sa->s", self._hats(patches) @ values, weight)
+        flat, found = values.reshape(-1), np.zeros(len(patches.area))
+        shares = [(_sides(n, a), n * n) for a, n in enumerate(patches.normal.T)]
+        for slot, hat in self._hats(patches):
+            of_node = sum(flat[slot + side] * weight for side, weight in shares)
+            found += hat * of_node
+        return found
 
 
-def _on_sides(
-    values: Float[np.ndarray, "s 3"], normal: Float[np.ndarray, "s 3"]
-) -> Float[np.ndarray, "s 6"]:
-    """Values of the axes on the side that a normal points to, 0 on the other one."""
-    is_above = normal > 0
-    return np.hstack([np.where(is_above, values, 0), np.where(is_above, 0, values)])
+def _mean(parts: list[np.ndarray]) -> np.ndarray:
+    return parts[0] if len(parts) == 1 else sum(parts[1:], parts[0]) / len(parts)
+
+
+def _sides(along: Float[np.ndarray, " s"], axis: int) -> Int[np.ndarray, " s"]:
+    """Signed axis of normals by their component along an axis."""
+    return np.where(along > 0, axis, axis + 3)
 
 
 def _places(
@@ -153,8 +152,7 @@ def _places(
     for axis, n in enumerate(shape):
         places = [points[:, axis] / _SPACING + 1 for points in position]
         # Of their mean: a point may lie on the border of the cell.
-        middle = places[0] if len(places) == 1 else sum(places) / len(places)
-        below = np.clip(np.floor(middle), 0, n - 2)
+        below = np.clip(np.floor(_mean(places)), 0, n - 2)
         for own, place in zip(beyond, places, strict=True):
             own.append(place - below)
         first *= n
@@ -168,73 +166,97 @@ def _corners(shape: tuple[int, ...]) -> list[int]:
     return [i * y * z + j * z + k for i, j, k in np.ndindex(2, 2, 2)]
 
 
+# Corners and components of triangles come first: numpy is slow along axes of length
+# three, and each component of a corner is one row.
+_Corners = Float[np.ndarray, "3 3 _"]
+
+
 def _pieces(triangles: Float[np.ndarray, "f 3 3"], at_once: int) -> Iterator[Patches]:
     """Pieces of triangles, about as many as asked for at once."""
-    vector, longest = _area_vectors(triangles), _longest(triangles)
-    many = 3 + _lengths(vector) / 2 + 2 * longest
+    corners = np.ascontiguousarray(np.moveaxis(triangles, 0, 2))
+    longest = _longest(corners)
+    many = 3 + _lengths(_area_vectors(corners)) / 2 + 2 * longest
     chunk = (np.cumsum(many) / at_once).astype(int)
     ends = [*(np.flatnonzero(np.diff(chunk)) + 1), len(triangles)]
     for start, stop in pairwise([0, *ends]):
-        is_small = longest[start:stop] <= _SMALL
-        own = triangles[start:stop]
-        yield _patches([own[is_small].mean(axis=1)], vector[start:stop][is_small])
-        large = own[~is_small]
+        own, is_small = corners[..., start:stop], longest[start:stop] <= _SMALL
+        small = own.take(np.flatnonzero(is_small), axis=2)
+        yield _patches(small.sum(axis=0)[None] / 3, small)
+        large = own.take(np.flatnonzero(~is_small), axis=2)
         for axis in range(3):
-            large = np.concatenate([*_cut(large, axis), large[:0]])
-        middles = [(large[:, n] + large[:, n - 1]) / 2 for n in range(3)]
-        yield _patches(middles, _area_vectors(large))
+            large = np.concatenate([*_cut(large, axis), large[..., :0]], axis=2)
+        middle = np.empty_like(large)
+        for n in range(3):
+            np.add(large[n], large[n - 1], out=middle[n])
+        middle /= 2
+        yield _patches(middle, large)
 
 
-def _patches(
-    points: list[Float[np.ndarray, "s 3"]], vector: Float[np.ndarray, "s 3"]
-) -> Patches:
+def _patches(points: Float[np.ndarray, "p 3 s"], corners: _Corners) -> Patches:
+    vector = _area_vectors(corners)
     area = _lengths(vector)
-    normal = vector / np.where(area > 0, area, 1)[:, None]
-    return Patches(np.stack(points), normal, area)
+    vector /= np.where(area > 0, area, 1)
+    return Patches(np.moveaxis(points, 1, 2), vector.T, area)
 
 
-def _cut(triangles: Float[np.ndarray, "f 3 3"], axis: int) -> list[np.ndarray]:
+def _cut(corners: _Corners, axis: int) -> list[_Corners]:
     """Triangles cut by the planes of coarse nodes, where hat functions have kinks."""
     done = []
-    while len(triangles):
-        zero, one, two = along = triangles[..., axis].T / _SPACING
-        # Corner by corner: numpy is slow along an axis of length three.
+    while corners.size:
+        zero, one, two = along = corners[:, axis] / _SPACING
         low, high = (f(f(zero, one), two) for f in (np.minimum, np.maximum))
         first, last = np.floor(low + _TINY) + 1, np.ceil(high - _TINY) - 1
         is_cut = first <= last
-        done.append(triangles.take(np.flatnonzero(~is_cut), axis=0))
+        done.append(corners.take(np.flatnonzero(~is_cut), axis=2))
         cut = np.flatnonzero(is_cut)
         plane, along = (first + last)[cut] // 2, along[:, cut]
         zero, one, two = along > plane
         # Turned so that the first corner is alone on its side of the plane.
         most = (zero & one) | (zero & two) | (one & two)
         alone = (one != most) + 2 * (two != most)
-        corner = [(alone + n) % 3 for n in range(3)]
-        points = triangles.reshape(-1, 3)
-        a, b, c = (points.take(3 * cut + own, axis=0) for own in corner)
-        at, to_b, to_c = (along[own, np.arange(len(cut))] for own in corner)
-        p = a + ((plane - at) / (to_b - at))[:, None] * (b - a)
-        q = a + ((plane - at) / (to_c - at))[:, None] * (c - a)
-        pieces = (a, p, q), (p, b, c), (p, c, q)
-        triangles = np.empty((3, len(cut), 3, 3))
-        for own, corners in zip(triangles, pieces, strict=True):
-            own[:, 0], own[:, 1], own[:, 2] = corners
-        triangles = triangles.reshape(-1, 3, 3)
+        slots = [(alone + n) % 3 * corners[0].size + cut for n in range(3)]
+        corners = _halved(corners.reshape(9, -1), slots, plane, axis)
     return done
 
 
-def _longest(triangles: Float[np.ndarray, "f 3 3"]) -> Float[np.ndarray, " f"]:
+def _halved(
+    rows: Float[np.ndarray, "9 _"],
+    slots: list[Int[np.ndarray, " k"]],
+    plane: Float[np.ndarray, " k"],
+    axis: int,
+) -> _Corners:
+    """Three pieces of triangles on both sides of a plane each.
+
+    Each triangle's corners have a slot in the rows of the first corner, the one that is
+    alone on its side first.
+    """
+    at, to_b, to_c = (rows[axis:].take(slot) / _SPACING for slot in slots)
+    to_p, to_q = (plane - at) / (to_b - at), (plane - at) / (to_c - at)
+    count = len(plane)
+    found = np.empty((3, 3, 3 * count))
+    for n in range(3):
+        # One component of each corner.
+        a, b, c = (rows[n:].take(slot) for slot in slots)
+        p, q = a + to_p * (b - a), a + to_q * (c - a)
+        for piece, points in enumerate(((a, p, q), (p, b, c), (p, c, q))):
+            for corner, point in enumerate(points):
+                found[corner, n, piece * count : (piece + 1) * count] = point
+    return found
+
+
+def _longest(corners: _Corners) -> Float[np.ndarray, " f"]:
     """Longest sides."""
-    a, b, c = np.moveaxis(triangles, 1, 0)
+    a, b, c = corners
     sides = (_lengths(b - a), _lengths(c - b), _lengths(a - c))
     return np.maximum(np.maximum(*sides[:2]), sides[2])
 
 
-def _lengths(vector: Float[np.ndarray, "f 3"]) -> Float[np.ndarray, " f"]:
-    x, y, z = vector.T
+def _lengths(vector: Float[np.ndarray, "3 f"]) -> Float[np.ndarray, " f"]:
+    x, y, z = vector
     return np.sqrt(x * x + y * y + z * z)
 
 
-def _area_vectors(triangles: Float[np.ndarray, "f 3 3"]) -> Float[np.ndarray, "f 3"]:
-    a, b, c = np.moveaxis(triangles, 1, 0)
-    return np.cross(b - a, c - a) / 2
+def _area_vectors(corners: _Corners) -> Float[np.ndarray, "3 f"]:
+    a, b, c = corners
+    (ux, uy, uz), (vx, vy, vz) = b - a, c - a
+    return np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx]) / 2

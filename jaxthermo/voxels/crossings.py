@@ -15,22 +15,24 @@ neighbouring centres: a sheet or a gap thinner than a voxel. They are cells of t
 nearest voxel, as far as there is one.
 """
 
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..geometry.mesh import Mesh
 from ..raster.fragments import DepthLayers
 from .fill import first_cell_behind
-from .lattice import Views, pixel_axes
+from .lattice import pixel_axes
 from .surface import (
     attach_to_solid,
-    face_axes,
     hidden_inside,
+    joined_columns,
     selected,
     thickness_behind,
 )
+from .voxel_bits import VoxelBits
 
 
 # Smallest distance of a voxel's centre to the surface along a ray [voxels]: half cells
@@ -49,8 +51,6 @@ class Crossings(NamedTuple):
     """Position [cells]."""
     triangle: Int[np.ndarray, " s"]
     """Triangle of the mesh; -1 for a face that no ray crosses."""
-    normal: Float[np.ndarray, "s 3"]
-    """Outward."""
     axis: Int[np.ndarray, " s"]
     """Axis of the ray."""
     ahead: Bool[np.ndarray, " s"]
@@ -59,8 +59,8 @@ class Crossings(NamedTuple):
     """Number of the ray among those of all three views."""
     layer: Int[np.ndarray, " s"]
     """Depth layer in the view."""
-    voxel: Int[np.ndarray, "s 3"]
-    """Cell of the solid voxel that it belongs to."""
+    number: Int[np.ndarray, " s"]
+    """Number of the solid voxel that it belongs to, as of `VoxelBits`."""
     depth: Float[np.ndarray, " s"]
     """Distance of that voxel's centre to the surface along the normal [cells]."""
     excess: Float[np.ndarray, " s"]
@@ -72,88 +72,124 @@ class Crossings(NamedTuple):
     lost: Bool[np.ndarray, " s"]
     """Crossings without a solid voxel nearby."""
 
-    def cells(self, which: np.ndarray) -> "Cells":
-        """Surface cells of some of them."""
-        return Cells(*(getattr(self, name)[which] for name in Cells._fields))
+    def normals(
+        self, of_faces: Float[np.ndarray, "f 3"], which: Int[np.ndarray, " k"]
+    ) -> Float[np.ndarray, "k 3"]:
+        """Outward normals of some of them, from those of the mesh's faces."""
+        triangle = self.triangle[which]
+        found = of_faces.take(triangle, axis=0, mode="wrap")
+        bare = np.flatnonzero(triangle < 0)
+        found[bare] = 0
+        own = which[bare]
+        found[bare, self.axis[own]] = np.where(self.ahead[own], 1.0, -1.0)
+        return found
 
 
 class Cells(NamedTuple):
-    """Surface cells: the part of crossings that outlives their search."""
+    """Surface cells, by the number of their voxel."""
 
     normal: Float[np.ndarray, "s 3"]
     axis: Int[np.ndarray, " s"]
     ahead: Bool[np.ndarray, " s"]
-    layer: Int[np.ndarray, " s"]
-    voxel: Int[np.ndarray, "s 3"]
-    depth: Float[np.ndarray, " s"]
+    number: Int[np.ndarray, " s"]
     excess: Float[np.ndarray, " s"]
     on_face: Bool[np.ndarray, " s"]
 
 
 def find_crossings(
-    views: Views, solid: Bool[np.ndarray, "x y z"], mesh: Mesh
+    views: Iterable[DepthLayers],
+    solid: Bool[np.ndarray, "x y z"],
+    normals: Float[np.ndarray, "f 3"],
+    is_closed: bool,
 ) -> tuple[Crossings, Int[np.ndarray, " h"]]:
-    """Crossings of all views, and the triangles of those hidden inside the body."""
+    """Crossings of all views, and the triangles of those hidden inside the body.
+
+    From the normals of all triangles, and whether these are closed.
+    """
     parts, hidden, rays = [], [], 0
-    normals, _ = face_axes(mesh)
+    slopes, bits = np.abs(normals.T), VoxelBits.of(solid)
     for axis, layers in enumerate(views):
         inside = hidden_inside(layers)
         hidden.append(layers.triangle[inside])
-        outer, first = selected(layers, ~inside), (axis, rays)
-        parts.append(_along(outer, solid, normals, mesh.is_watertight, *first))
+        outer = selected(layers, ~inside) if inside.any() else layers
+        # Last that of a face that no ray crosses, with the normal along the axis.
+        slope = np.append(slopes[axis], 1.0)
+        found = _along(outer, solid, bits, slope, is_closed, axis)
+        found.ray[:] += rays
+        parts.append(found)
         rays += layers.width * layers.height
-    columns = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Crossings(*columns), np.concatenate(hidden)
+    del outer, layers, found
+    return Crossings(*joined_columns(parts)), np.concatenate(hidden)
 
 
 def _along(
     layers: DepthLayers,
     solid: Bool[np.ndarray, "x y z"],
-    normals: Float[np.ndarray, "f 3"],
+    bits: VoxelBits,
+    slope: Float[np.ndarray, " f"],
     is_closed: bool,
     axis: int,
-    first_ray: int,
 ) -> Crossings:
-    faces = _exposed_faces(solid, axis)
-    crossing = _crossing_of_faces(layers, faces, solid.shape[axis])
-    crossed = crossing >= 0
+    length, faces = solid.shape[axis], _exposed_faces(bits, axis)
+    crossing = _crossing_of_faces(layers, faces, length)
+    crossed = np.flatnonzero(crossing >= 0)
     # The link between the centres of cells k - 1 and k has the number k.
-    link = np.clip(first_cell_behind(layers.depth), 0, solid.shape[axis])
+    link = np.clip(first_cell_behind(layers.depth), 0, length)
     link[crossing[crossed]] = faces.link[crossed]
     on_face = np.zeros(len(link), bool)
     on_face[crossing[crossed]] = True
-    bare = np.flatnonzero(~crossed & (not is_closed))
-    pixel = np.concatenate([layers.pixel, faces.pixel[bare]])
-    link = np.concatenate([link, faces.link[bare]])
-    enters = np.concatenate([layers.entering, faces.enters[bare]])
-    depth = np.concatenate([layers.depth, faces.link[bare].astype(float)])
-    normal = np.zeros((len(pixel), 3))
-    normal[: len(layers.pixel)] = normals[layers.triangle]
-    normal[len(layers.pixel) :, axis] = np.where(faces.enters[bare], -1.0, 1.0)
-    cell = _cells(pixel, link - ~enters, axis, solid.shape)
-    position = cell + 0.5
-    position[:, axis] = depth
-    thickness = np.append(thickness_behind(layers), np.full(len(bare), np.inf))
-    on_face = np.append(on_face, np.ones(len(bare), bool))
-    voxel, lost = attach_to_solid(solid, position, cell)
-    excess = np.clip(np.where(enters, link - depth, depth - link), -0.5, 0.5)
-    slope = np.abs(normal[:, axis])
+    thickness = thickness_behind(layers)
+    if not is_closed:
+        bare = np.flatnonzero(crossing < 0)
+        layers = _with_bare(layers, faces, bare)
+        link = np.append(link, faces.link[bare])
+        on_face = np.append(on_face, np.ones(len(bare), bool))
+        thickness = np.append(thickness, np.full(len(bare), np.inf))
+    enters, triangle = layers.entering, layers.triangle.astype(np.int32)
+    cell = _cells(layers.pixel, np.clip(link - ~enters, 0, length - 1), axis, layers)
+    position = np.empty((len(link), 3))
+    for own in range(3):
+        np.add(cell[own], 0.5, out=position[:, own])
+    position[:, axis] = layers.depth
+    number, lost = bits.number(cell), np.zeros(len(link), bool)
+    stray = np.flatnonzero(~bits.has(number))
+    if len(stray):
+        at = np.stack([own[stray] for own in cell], axis=1)
+        near, lost[stray] = attach_to_solid(solid, position[stray], at)
+        number[stray] = bits.number(tuple(near.T))
+    excess = link - layers.depth
+    np.negative(excess, out=excess, where=~enters)
+    np.clip(excess, -0.5, 0.5, out=excess)
     # As for a fragment of the dominant axis where no link ends at the surface.
-    theta = np.maximum(excess + 0.5, _MIN_THETA) * slope
+    theta = np.maximum(excess + 0.5, _MIN_THETA) * slope[triangle]
     return Crossings(
         position=position,
-        triangle=np.append(layers.triangle, np.full(len(bare), -1)).astype(np.int32),
-        normal=normal,
-        axis=np.full(len(pixel), axis, np.int8),
+        triangle=triangle,
+        axis=np.full(len(link), axis, np.int8),
         ahead=~enters,
-        ray=pixel + first_ray,
-        layer=np.append(layers.layer, np.zeros(len(bare), layers.layer.dtype)),
-        voxel=voxel.astype(np.int32),
+        ray=layers.pixel.copy(),
+        layer=layers.layer.astype(np.int32),
+        number=number,
         depth=np.where(on_face, theta, 0.5),
         excess=excess,
         thickness=thickness,
         on_face=on_face,
         lost=lost,
+    )
+
+
+def _with_bare(
+    layers: DepthLayers, faces: "_Faces", bare: Int[np.ndarray, " k"]
+) -> DepthLayers:
+    """Crossings, and faces that no ray crosses behind them."""
+    count = len(bare)
+    return replace(
+        layers,
+        pixel=np.append(layers.pixel, faces.pixel[bare]),
+        depth=np.append(layers.depth, faces.link[bare].astype(float)),
+        triangle=np.append(layers.triangle, np.full(count, -1)),
+        entering=np.append(layers.entering, faces.enters[bare]),
+        layer=np.append(layers.layer, np.zeros(count, layers.layer.dtype)),
     )
 
 
@@ -166,79 +202,62 @@ class _Faces(NamedTuple):
     """True where a ray along the axis enters the solid."""
 
 
-# Cells that are compared at once: temporaries stay in the cache.
-_CHUNK_CELLS = 2**19
-
-
-def _exposed_faces(solid: Bool[np.ndarray, "x y z"], axis: int) -> _Faces:
+def _exposed_faces(bits: VoxelBits, axis: int) -> _Faces:
     row_axis, column_axis = pixel_axes(axis)
-    planes = max(_CHUNK_CELLS // (solid.shape[1] * solid.shape[2]), 1)
-    span, keys = solid.shape[axis] + 1, []
-    for start in range(0, solid.shape[0], planes):
-        # In the order of memory, whatever the axis is.
-        voxel = _steps(solid, axis, slice(start, start + planes))
-        pixel = voxel[row_axis] * solid.shape[column_axis] + voxel[column_axis]
-        keys.append(pixel * span + voxel[axis])
-    last = np.nonzero(solid.take(-1, axis).reshape(-1))[0]
-    if row_axis > column_axis:
-        row, column = np.divmod(last, solid.shape[row_axis])[::-1]
-        last = row * solid.shape[column_axis] + column
-    key = np.sort(np.concatenate([*keys, last * span + span - 1]))
-    pixel, link = np.divmod(key, span)
-    voxel = _cells(pixel, np.minimum(link, span - 2), axis, solid.shape)
-    return _Faces(pixel, link, solid[tuple(voxel.T)] & (link < span - 1))
-
-
-def _steps(
-    solid: Bool[np.ndarray, "x y z"], axis: int, planes: slice
-) -> tuple[np.ndarray, ...]:
-    """Voxels in some planes that differ from those before them along an axis."""
     # Outside the lattice nothing is solid.
-    here = solid[planes]
-    differs = here.copy()
-    later, earlier = np.moveaxis(differs, axis, 0)[1:], np.moveaxis(here, axis, 0)[:-1]
-    later ^= earlier
-    if axis == 0 and planes.start:
-        differs[0] ^= solid[planes.start - 1]
-    flat = np.flatnonzero(differs)
-    flat += planes.start * solid[0].size
-    return np.unravel_index(flat, solid.shape)
+    differs = VoxelBits(bits.shape, bits.word ^ bits.shifted(axis, ahead=True))
+    number = differs.numbers()
+    voxel = bits.cells(number)
+    span = bits.shape[axis] + 1
+    key = np.multiply(voxel[row_axis], bits.shape[column_axis], dtype=np.int64)
+    key += voxel[column_axis]
+    key *= span
+    key += voxel[axis]
+    key *= 2
+    key += bits.has(number)
+    key.sort()
+    pixel, link = np.divmod(key >> 1, span)
+    return _Faces(pixel, link, (key & 1).astype(bool))
 
 
 def _crossing_of_faces(
     layers: DepthLayers, faces: _Faces, length: int
 ) -> Int[np.ndarray, " e"]:
     """Crossing of each face, the nearest to its solid voxel; -1 for none."""
-    # Crossings in order of direction, ray and depth, with one number for all three.
-    span = length + 4.0
-    base = lambda pixel, enters: (
-        (enters * (layers.width * layers.height) + pixel) * span
-    )
-    ahead = np.argsort(layers.entering, kind="stable")
-    found = (base(layers.pixel, layers.entering) + layers.depth)[ahead]
-    if (found[1:] < found[:-1]).any():
-        # Layers are sorted by rounded depths.
-        ahead = np.lexsort([layers.depth, layers.pixel, layers.entering])
-        found = (base(layers.pixel, layers.entering) + layers.depth)[ahead]
-    # The link reaches from one voxel's centre to the other's, and a little farther.
-    middle = base(faces.pixel, faces.enters) + faces.link
-    near, far = middle - 0.5 - _MAX_SNAP, middle + 0.5 + _MAX_SNAP
-    # Of several the solid voxel is beyond the last that enters, before the first that
-    # leaves.
-    first = np.searchsorted(found, near)
-    beyond = np.append(found, [np.inf, np.inf])
-    last = np.where(beyond[first] < far, first, first - 1)
-    several = np.flatnonzero(beyond[first + 1] < far)
-    last[several] = np.searchsorted(found, far[several]) - 1
-    return np.where(
-        last >= first, np.append(ahead, -1)[np.where(faces.enters, last, first)], -1
-    )
+    found = np.full(len(faces.link), -1)
+    for enters in (False, True):
+        face = np.flatnonzero(faces.enters == enters)
+        own = np.flatnonzero(layers.entering == enters)
+        # Rays and depths in one number, in the order of both.
+        span = length + 4.0
+        place = layers.pixel[own] * span + layers.depth[own]
+        if (place[1:] < place[:-1]).any():
+            # Layers are sorted by rounded depths.
+            order = np.argsort(place, kind="stable")
+            own, place = own[order], place[order]
+        # The link reaches from one voxel's centre to the other's, and a little farther.
+        middle = faces.pixel[face] * span + faces.link[face]
+        near, far = middle - 0.5 - _MAX_SNAP, middle + 0.5 + _MAX_SNAP
+        first = np.searchsorted(place, near)
+        beyond = np.append(place, [np.inf, np.inf])
+        last = np.where(beyond[first] < far, first, first - 1)
+        several = np.flatnonzero(beyond[first + 1] < far)
+        last[several] = np.searchsorted(place, far[several]) - 1
+        # Of several the solid voxel is beyond the last that enters, before the first
+        # that leaves.
+        there = np.flatnonzero(last >= first)
+        found[face[there]] = own[(last if enters else first)[there]]
+    return found
 
 
-def _cells(pixel, along, axis: int, shape: tuple[int, ...]) -> Int[np.ndarray, "s 3"]:
-    """Cells of pixels at a place along the axis."""
+def _cells(
+    pixel: Int[np.ndarray, " s"],
+    along: Int[np.ndarray, " s"],
+    axis: int,
+    layers: DepthLayers,
+) -> list[np.ndarray]:
+    """Cells of pixels at a place along the axis, x, y and z."""
     row_axis, column_axis = pixel_axes(axis)
-    cell = np.zeros((len(pixel), 3), np.int64)
-    cell[:, row_axis], cell[:, column_axis] = np.divmod(pixel, shape[column_axis])
-    cell[:, axis] = along
-    return cell
+    found = [along] * 3
+    found[row_axis], found[column_axis] = np.divmod(pixel, layers.width)
+    return found

@@ -15,13 +15,15 @@ edge, and a change of both links of voxel 3. Rods at any slant then conduct what
 should, and a gradient along the normal conducts no more than before.
 """
 
+from collections.abc import Iterator
 from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..arrays import stable_order
+from ..arrays import sorted_with_order
+from .voxel_bits import VoxelBits, VoxelIndex
 
 
 # Smallest open area [voxel faces]: a link through a sliver of nothing still conducts.
@@ -47,9 +49,11 @@ class CutLinks(NamedTuple):
     @property
     def over_edge(self) -> Bool[np.ndarray, " e"]:
         """True for links between voxels that share no face."""
-        return np.abs(self.step).sum(axis=1) == 2
+        # Column by column: numpy is slow along an axis of length three.
+        x, y, z = (self.step != 0).T
+        return (x & y) | (y & z) | (z & x)
 
-    def chosen(self, which: np.ndarray) -> "CutLinks":
+    def chosen(self, which: np.ndarray | slice) -> "CutLinks":
         """Some of them."""
         return CutLinks(*(column[which] for column in self))
 
@@ -87,64 +91,60 @@ class Sides(NamedTuple):
 
 
 def cut_links(
-    voxel: Int[np.ndarray, "m 3"],
+    number: Int[np.ndarray, " m"],
     section: Float[np.ndarray, "m 3"],
     sides: Sides,
     solid: Bool[np.ndarray, "x y z"],
 ) -> CutLinks:
-    """Links of cut voxels, in lattice order, from their sections across each axis."""
-    padded = np.pad(solid, 1)
-    lattice = _Lattice(padded.reshape(-1), padded.shape)
-    flat = np.asarray(np.ravel_multi_index(tuple(voxel.T + 1), padded.shape))
-    slivers = [_slivers(flat, sides, lattice, edge) for edge in _EDGES]
-    # What they add to the links of each cut voxel, [axis, to below or above].
-    beside = np.zeros((3, 2, len(flat)))
-    for ((a, b), (i, j)), found in zip(_EDGES, slivers, strict=True):
-        beside[b, 1 - j, found.one] += found.from_one
-        beside[a, 1 - i, found.two] += found.from_two
-    parts = []
-    for axis in range(3):
-        parts += _open_areas(flat, section, beside, lattice, axis)
-    del beside
-    parts += [
-        _over_edges(flat, found, lattice, edge)
-        for edge, found in zip(_EDGES, slivers, strict=True)
-    ]
-    del slivers
-    reach = lattice.reach
-    kept = [np.flatnonzero(np.abs(part.extra) > WHOLE) for part in parts]
-    extra = np.concatenate([p.extra[k] for p, k in zip(parts, kept, strict=True)])
+    """Links of cut voxels, in lattice order, from their sections across each axis.
+
+    `number` is that of each voxel, as of `VoxelBits`, ascending.
+    """
+    index = VoxelIndex(VoxelBits.listed(solid.shape, number))
+    voxels = _Voxels(number, index, VoxelBits.of(solid))
+    slivers = list(_slivers(sides, voxels))
     # One integer for each link, of its first voxel and its kind: many times faster to
     # sort than pairs of voxels, and half as large.
-    key = np.concatenate(
-        [
-            part.low[own] * len(reach) + np.searchsorted(reach, part.apart)
-            for part, own in zip(parts, kept, strict=True)
-        ]
-    )
-    del parts, kept
-    order = stable_order(key)
-    low, kind = np.divmod(key[order], len(reach))
+    reach = voxels.reach
+    largest = len(reach) * 64 * voxels.solid.word.size
+    small = np.int32 if largest < 2**31 else np.int64
+    keys, extras = [], []
+    for low, apart, extra in _links(section, slivers, voxels):
+        kept = np.flatnonzero(np.abs(extra) > WHOLE)
+        key = low[kept] * len(reach) + np.searchsorted(reach, apart)
+        keys.append(key.astype(small))
+        extras.append(extra[kept])
+    # The largest arrays follow.
+    del slivers, low, extra, kept
+    key, order = sorted_with_order(_joined(keys))
+    extra = _joined(extras)[order]
+    del order
+    low = key // len(reach)
+    key -= low * len(reach)
+    kind = key.astype(np.int8)
     del key
-    cells = np.empty((len(low), 3), np.int32)
-    for axis, jump in enumerate(lattice.jumps):
-        cells[:, axis], low = np.divmod(low, jump)
-    cells -= np.int32(1)
-    steps = np.array([_step(apart, lattice) for apart in reach.tolist()], np.int8)
-    return CutLinks(cells, steps[kind], extra[order])
+    step = np.array([_step(apart, voxels) for apart in reach.tolist()], np.int8)
+    return CutLinks(voxels.solid.voxels(low), step[kind], extra)
 
 
-class _Lattice(NamedTuple):
-    """Solid voxels with a rim, in one row."""
+def _joined(parts: list[np.ndarray]) -> np.ndarray:
+    """All arrays of a list, which is emptied: they would be in memory twice."""
+    found = np.concatenate(parts)
+    parts.clear()
+    return found
 
-    solid: Bool[np.ndarray, " c"]
-    shape: tuple[int, ...]
+
+class _Voxels(NamedTuple):
+    """Cut voxels among the solid ones."""
+
+    number: Int[np.ndarray, " m"]
+    index: VoxelIndex
+    solid: VoxelBits
 
     @property
     def jumps(self) -> tuple[int, int, int]:
         """From a voxel to the next along x, y, z."""
-        _, y, z = self.shape
-        return y * z, z, 1
+        return self.solid.jumps
 
     @property
     def reach(self) -> Int[np.ndarray, " k"]:
@@ -154,10 +154,10 @@ class _Lattice(NamedTuple):
         return np.unique([*self.jumps, *over_edges])
 
 
-def _step(apart: int, lattice: _Lattice) -> tuple[int, ...]:
+def _step(apart: int, voxels: _Voxels) -> tuple[int, ...]:
     """Cells along x, y and z of a jump over a face or an edge."""
     steps = product((-1, 0, 1), repeat=3)
-    return next(s for s in steps if np.dot(s, lattice.jumps) == apart)
+    return next(s for s in steps if np.dot(s, voxels.jumps) == apart)
 
 
 _Edge = tuple[tuple[int, int], tuple[int, int]]
@@ -167,43 +167,54 @@ _EDGES: tuple[_Edge, ...] = tuple(
 """Two axes, and the side of the body across each: below or above."""
 
 
-class _Part(NamedTuple):
-    """Links of one direction, each once."""
+_Part = tuple[Int[np.ndarray, " e"], int, Float[np.ndarray, " e"]]
+"""First voxels of links, the jump from there to the others, and what is extra."""
 
-    low: Int[np.ndarray, " e"]
-    """First voxel of each."""
-    apart: int
-    """From there to the other one."""
-    extra: Float[np.ndarray, " e"]
+
+def _links(
+    section: Float[np.ndarray, "m 3"], slivers: list["_Slivers"], voxels: _Voxels
+) -> Iterator[_Part]:
+    """Links of all directions, each once."""
+    for axis in range(3):
+        # What slivers add to the links of each cut voxel, to below and above; none to
+        # those of the last, which stands for voxels that are not cut.
+        beside = np.zeros((2, len(section) + 1))
+        for ((a, b), (i, j)), found in zip(_EDGES, slivers, strict=True):
+            if b == axis:
+                beside[1 - j, found.one] += found.from_one
+            if a == axis:
+                beside[1 - i, found.two] += found.from_two
+        # Voxels that are not cut have whole sections.
+        yield from _open_areas(np.append(section[:, axis], 1.0), beside, voxels, axis)
+    for ((a, b), (i, j)), found in zip(_EDGES, slivers, strict=True):
+        # An edge has one sliver: of the voxels around it one is empty, the third solid.
+        apart = voxels.jumps[a] * (2 * i - 1) - voxels.jumps[b] * (2 * j - 1)
+        low = voxels.number[found.one if apart > 0 else found.two]
+        yield low, abs(apart), found.over
 
 
 def _open_areas(
-    flat: Int[np.ndarray, " m"],
-    section: Float[np.ndarray, "m 3"],
-    beside: Float[np.ndarray, "3 2 m"],
-    lattice: _Lattice,
+    section: Float[np.ndarray, " j"],
+    beside: Float[np.ndarray, "2 j"],
+    voxels: _Voxels,
     axis: int,
-) -> tuple[_Part, _Part]:
+) -> Iterator[_Part]:
     """Links over faces across one axis: the mean of the sections of both ends."""
-    jump, own_section = lattice.jumps[axis], np.append(section[:, axis], 1.0)
-    to_below, to_above = np.append(beside[axis], np.zeros((2, 1)), axis=1)
-    # Those to the voxel above: solid voxels that are not cut have whole sections.
-    own = np.flatnonzero(lattice.solid[flat + jump])
-    above = np.searchsorted(flat, flat[own] + jump)
-    is_cut = np.append(flat, -1)[above] == flat[own] + jump
-    above[~is_cut] = len(flat)
-    upper = (own_section[own] + own_section[above]) / 2 - 1
+    number, jump, (to_below, to_above) = voxels.number, voxels.jumps[axis], beside
+    limited = lambda extra: np.maximum(1 + extra, _MIN_OPEN) - 1
+    # Those to the voxel above.
+    own = np.flatnonzero(voxels.solid.has(number, jump))
+    above, is_cut = voxels.index.at(number[own] + jump)
+    above[~is_cut] = len(number)
+    upper = (section[own] + section[above]) / 2 - 1
     upper += to_above[own] + to_below[above]
+    yield number[own], jump, limited(upper)
     # Those to a voxel below that is not cut.
-    is_below = lattice.solid[flat - jump]
+    is_below = voxels.solid.has(number, -jump)
     is_below[above[is_cut]] = False
     rest = np.flatnonzero(is_below)
-    lower = (1 + own_section[rest]) / 2 - 1 + to_below[rest]
-    limited = lambda extra: np.maximum(1 + extra, _MIN_OPEN) - 1
-    return (
-        _Part(flat[own], jump, limited(upper)),
-        _Part(flat[rest] - jump, jump, limited(lower)),
-    )
+    lower = (1 + section[rest]) / 2 - 1 + to_below[rest]
+    yield number[rest] - jump, jump, limited(lower)
 
 
 class _Slivers(NamedTuple):
@@ -219,40 +230,42 @@ class _Slivers(NamedTuple):
     from_two: Float[np.ndarray, " k"]
 
 
-def _slivers(
-    flat: Int[np.ndarray, " m"], sides: Sides, lattice: _Lattice, edge: _Edge
+def _slivers(sides: Sides, voxels: _Voxels) -> Iterator[_Slivers]:
+    """Slivers of all kinds of edges."""
+    sided = [[np.flatnonzero(cell >= 0) for cell in cells] for cells in sides.cell]
+    for (a, b), (i, j) in _EDGES:
+        to_a = voxels.jumps[a] * (2 * i - 1)
+        to_b = voxels.jumps[b] * (2 * j - 1)
+        one = sided[a][i]
+        # Few have an edge: those are searched.
+        second = voxels.number[one] + (to_a - to_b)
+        kept = np.flatnonzero(voxels.solid.has(second))
+        one, second = one[kept], second[kept]
+        kept = np.flatnonzero(voxels.solid.has(second, -to_a))
+        one, second = one[kept], second[kept]
+        two, is_cut = voxels.index.at(second)
+        kept = np.flatnonzero(is_cut)
+        kept = kept[sides.cell[b, j, two[kept]] >= 0]
+        one, two = one[kept].astype(np.int32), two[kept].astype(np.int32)
+        cells = sides.cell[a, i, one], sides.cell[b, j, two]
+        yield _slivers_between(sides, (a, b), (one, two), cells)
+
+
+def _slivers_between(
+    sides: Sides,
+    axes: tuple[int, int],
+    voxels: tuple[Int[np.ndarray, " k"], Int[np.ndarray, " k"]],
+    cells: tuple[Int[np.ndarray, " k"], Int[np.ndarray, " k"]],
 ) -> _Slivers:
-    (a, b), (i, j) = edge
-    to_a = lattice.jumps[a] * (2 * i - 1)
-    to_b = lattice.jumps[b] * (2 * j - 1)
-    one = np.flatnonzero(sides.cell[a, i] >= 0)
-    third = flat[one] - to_b
-    # Few have an edge: those are searched.
-    one = one[lattice.solid[third] & lattice.solid[third + to_a]]
-    second = flat[one] - to_b + to_a
-    two = np.searchsorted(flat, second)
-    kept = np.append(flat, -1)[two] == second
-    kept[kept] = sides.cell[b, j, two[kept]] >= 0
-    one, two = one[kept], two[kept]
-    cells = sides.cell[a, i, one], sides.cell[b, j, two]
-    normals = sides.normal[cells[0]], sides.normal[cells[1]]
-    smooth = (normals[0] * normals[1]).sum(axis=1) > _SMOOTH
-    mean = normals[0] + normals[1]
-    mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), WHOLE)
-    n_a, n_b = np.abs(mean[:, a]), np.abs(mean[:, b])
+    """Slivers between voxels 1 and 2, from the cells of these across two axes."""
+    one, two = (sides.normal.take(cell, axis=0) for cell in cells)
+    smooth = np.einsum("ki,ki->k", one, two) > _SMOOTH
+    mean = one + two
+    length = np.maximum(np.sqrt(np.einsum("ki,ki->k", mean, mean)), WHOLE)
+    n_a, n_b = (np.abs(mean[:, axis]) / length for axis in axes)
     width = sides.excess[cells[0]] * n_a + sides.excess[cells[1]] * n_b
     width = np.maximum(width / 2 + (n_a + n_b) / 4, 0)
     squared = np.maximum(n_a**2 + n_b**2, WHOLE)
     scale = np.where(smooth, width * (n_a + n_b) / squared, 0)
     beside = scale * n_a * (n_a - n_b), scale * n_b * (n_b - n_a)
-    return _Slivers(one, two, scale * n_a * n_b, *beside)
-
-
-def _over_edges(
-    flat: Int[np.ndarray, " m"], found: _Slivers, lattice: _Lattice, edge: _Edge
-) -> _Part:
-    # An edge has one sliver: of the voxels around it one is empty, the third solid.
-    (a, b), (i, j) = edge
-    apart = lattice.jumps[a] * (2 * i - 1) - lattice.jumps[b] * (2 * j - 1)
-    low = flat[found.one if apart > 0 else found.two]
-    return _Part(low, abs(apart), found.over)
+    return _Slivers(*voxels, scale * n_a * n_b, *beside)

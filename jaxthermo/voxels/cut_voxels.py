@@ -5,13 +5,14 @@ is taken from their neighbours: the total stays.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..arrays import sorted_union
 from .cut_links import CutLinks
+from .voxel_bits import VoxelBits, VoxelIndex
 
 
 _MIN_STEP = 0.72
@@ -84,91 +85,114 @@ def limited(cut: CutVoxels, solid: Bool[np.ndarray, "x y z"]) -> CutVoxels:
     """Raise small volumes at the cost of neighbours; the total stays."""
     if not len(cut.voxel):
         return cut
-    near = _around(cut, np.pad(solid, 1))
-    _, y, z = np.add(solid.shape, 2).tolist()
-    volume, least = np.ones(len(near.cell)), near.least_volume()
-    volume[near.own] = cut.volume
-    total = volume.sum()
+    near = _around(cut, solid)
+    volume, least = np.ones(len(near.least)), near.least
+    volume[near.own], volume[-1] = cut.volume, 0
+    # Few ask, and after the first round only those that have asked or given.
+    asking = np.flatnonzero(least > volume)
     for _ in range(_ROUNDS):
-        missing = np.maximum(least - volume, 0)
+        missing = np.maximum(least[asking] - volume[asking], 0)
         if missing.max(initial=0) < _ENOUGH:
             break
-        asking = np.flatnonzero(missing)
-        # Neighbours in the set; the last entry stands for none.
         giving = near.neighbours(asking)
-        spare = np.append(np.maximum(volume - 1.2 * least, 0), 0)[giving]
+        spare = np.maximum(volume[giving] - 1.2 * least[giving], 0)
         every = spare.sum(1)
         # No more than a fraction of it: others may ask the same neighbour.
-        given = np.minimum(missing[asking], every / 4)
+        given = np.minimum(missing, every / 4)
         share = spare * (given / np.where(every > 0, every, 1))[:, None]
         volume[asking] += given
-        taken = np.bincount(giving.ravel(), share.ravel(), len(volume) + 1)
-        volume -= taken[:-1]
-    # Parts of a voxel or two have no neighbour that could give: all others do.
-    if volume.min() < MIN_OPEN:
-        above = np.maximum(volume - MIN_OPEN, 0)
-        spare = max(total - MIN_OPEN * len(volume), 0.0)
-        volume = MIN_OPEN + above * (spare / above.sum() if spare else 0.0)
-    changed = np.flatnonzero((volume != 1) | near.is_cut)
-    voxel, rest = np.empty((len(changed), 3), np.int32), near.cell[changed]
-    for axis, jump in enumerate((y * z, z, 1)):
-        voxel[:, axis], rest = np.divmod(rest, jump)
-    voxel -= np.int32(1)
+        giving, slot = np.unique(giving, return_inverse=True)
+        volume[giving] -= np.bincount(slot.reshape(-1), share.reshape(-1))
+        every = sorted_union(asking, giving)
+        asking = every[volume[every] < least[every]]
+    volume, own, number, bits = volume[:-1], near.own, near.number, near.bits
+    # The largest arrays follow.
+    del near, least
+    _raise_all(volume, own)
+    is_changed = volume != 1
+    is_changed[own] = True
+    changed = np.flatnonzero(is_changed)
     section = np.ones((len(changed), 3))
     # Cut voxels are among those that changed.
-    section[np.searchsorted(changed, near.own)] = cut.section
+    section[np.searchsorted(changed, own)] = cut.section
+    voxel = bits.voxels(number[changed])
     return CutVoxels(voxel, volume[changed], section, cut.links)
+
+
+def _raise_all(volume: Float[np.ndarray, " k"], own: Int[np.ndarray, " m"]) -> None:
+    """Raise every volume to the smallest at the cost of all others, in place."""
+    # Parts of a voxel or two have no neighbour that could give.
+    small = np.flatnonzero(volume < MIN_OPEN)
+    missing = float((MIN_OPEN - volume[small]).sum())
+    volume[small] = MIN_OPEN
+    # Of cut voxels if they have it: others stay whole, and need not be listed.
+    giving: Any = own
+    if (volume[own] - MIN_OPEN).sum() < missing:
+        giving = slice(None)
+    spare = volume[giving] - MIN_OPEN
+    if missing:
+        volume[giving] -= spare * min(missing / max(spare.sum(), _ENOUGH), 1.0)
 
 
 class _Around(NamedTuple):
     """Cut voxels and their solid neighbours."""
 
-    cell: Int[np.ndarray, " k"]
-    """In lattice order, on a lattice with a rim."""
+    number: Int[np.ndarray, " k"]
+    """Their numbers, as of `VoxelBits`, ascending."""
     own: Int[np.ndarray, " m"]
     """Index of each cut voxel among them."""
-    is_cut: Bool[np.ndarray, " k"]
-    steps: tuple[int, ...]
-    """From a cell to its six neighbours."""
-    conductance: Float[np.ndarray, " k"]
-    """Sum over the links of each cell, over k h [-]."""
+    bits: VoxelBits
+    index: VoxelIndex
+    least: Float[np.ndarray, " j"]
+    """Volume from which each keeps the stable step [voxels]; the last stands for any
+    other voxel, which has nothing to give."""
 
     def neighbours(self, which: Int[np.ndarray, " j"]) -> Int[np.ndarray, "j 6"]:
-        """Index of the neighbours of some cells among all; their number for any other.
-
-        Found for few: a table of the whole lattice would be larger than the voxels.
-        """
-        next_to = self.cell[which][:, None] + np.array(self.steps)
-        index = np.searchsorted(self.cell, next_to)
-        found = np.append(self.cell, -1)[index] == next_to
-        return np.where(found, index, len(self.cell))
-
-    def least_volume(self) -> Float[np.ndarray, " k"]:
-        """Volume from which a voxel keeps the stable step [voxels]."""
-        # Its step is V over that sum; that of a voxel inside 1 / 6.
-        return np.maximum(_MIN_STEP / 6 * self.conductance, MIN_OPEN)
+        """Index of the neighbours of some voxels; that of the last for any other."""
+        found = np.empty((len(which), 6), np.int64)
+        for side, step in enumerate(_steps(self.bits)):
+            found[:, side], there = self.index.at(self.number[which] + step)
+            found[~there, side] = len(self.number)
+        return found
 
 
-def _around(cut: CutVoxels, padded: Bool[np.ndarray, "x y z"]) -> _Around:
-    solid = padded.reshape(-1)
-    _, y, z = padded.shape
-    steps = -y * z, y * z, -z, z, -1, 1
-    flat = np.asarray(np.ravel_multi_index(tuple(cut.voxel.T + 1), padded.shape))
-    cell = flat
-    # One side at a time: all would be most of the memory.
-    for step in steps:
-        beside = flat + step
-        cell = sorted_union(cell, beside[solid[beside]])
-    own = np.searchsorted(cell, flat)
-    is_cut = np.zeros(len(cell), bool)
-    is_cut[own] = True
-    conductance = np.zeros(len(cell))
-    for step in steps:
-        conductance += solid[cell + step]
-    jumps = np.array([y * z, z, 1])
-    low = sum(cut.links.voxel[:, a] * jumps[a] for a in range(3)) + jumps.sum()
-    apart = sum(cut.links.step[:, a] * jumps[a] for a in range(3))
-    for end in (low, low + apart):
-        index = np.searchsorted(cell, end)
-        conductance += np.bincount(index, cut.links.extra, len(cell))
-    return _Around(cell, own, is_cut, steps, conductance)
+def _steps(bits: VoxelBits) -> tuple[int, ...]:
+    """Jumps from a voxel to its six neighbours."""
+    return tuple(sign * jump for jump in bits.jumps for sign in (-1, 1))
+
+
+# Links that are looked up at once: arrays of all would be the largest of a run.
+_CHUNK_LINKS = 2**16
+
+
+def _around(cut: CutVoxels, solid: Bool[np.ndarray, "x y z"]) -> _Around:
+    body = VoxelBits.of(solid)
+    number = body.number(tuple(cut.voxel.T))
+    own = VoxelBits.listed(solid.shape, number)
+    bits = VoxelBits.none(solid.shape)
+    for axis, ahead in np.ndindex(3, 2):
+        np.bitwise_or(bits.word, own.shifted(axis, bool(ahead)), out=bits.word)
+    np.bitwise_and(bits.word, body.word, out=bits.word)
+    np.bitwise_or(bits.word, own.word, out=bits.word)
+    del own
+    every, index = bits.numbers(), VoxelIndex(bits)
+    # Sum over the links of each voxel, over k h.
+    conductance = np.zeros(len(every) + 1)
+    for step in _steps(bits):
+        conductance[:-1] += body.has(every, step)
+    for start in range(0, len(cut.links.extra), _CHUNK_LINKS):
+        links = cut.links.chosen(slice(start, start + _CHUNK_LINKS))
+        low = bits.number(tuple(links.voxel.T))
+        apart = links.step.astype(np.int64) @ np.array(bits.jumps)
+        for end in (low, low + apart):
+            at, _ = index.at(end)
+            # Links are in lattice order: their ends are among few.
+            first = int(at.min())
+            part = np.bincount(at - first, links.extra)
+            conductance[first : first + len(part)] += part
+    # The step of a voxel is its volume over that sum; that of a voxel inside 1 / 6.
+    least = conductance
+    least *= _MIN_STEP / 6
+    np.maximum(least, MIN_OPEN, out=least)
+    least[-1] = 0
+    return _Around(every, index.at(number)[0], bits, index, least)

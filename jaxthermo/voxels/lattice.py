@@ -1,6 +1,7 @@
 """Lattice of cubic cells around a body: its memory, and its views along the axes."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -8,20 +9,36 @@ from jaxtyping import Float, Int
 from ..arrays import available_bytes, require_memory
 from ..errors import InputError
 from ..geometry.mesh import Mesh
-from ..raster.fragments import DepthLayers, peel, shared_capacities
+from ..raster.fragments import DepthLayers, peel_views
 
 
-# Peak of the fill: votes, one winding number, the solid, planes of temporaries.
-_BYTES_PER_CELL = 4
+# The solid; and words of up to 64 bits a row: votes, one view and what is summed.
+_BYTES_PER_CELL, _BYTES_PER_WORD = 1, 7 * 8
 
 BYTES_PER_FRAGMENT = 150
 """Peak memory of the sort of fragments, with the padding of its arrays."""
 
-BYTES_PER_CROSSING = 900
-"""The same where each is a surface cell of its own: cells, sides of their voxels."""
 
-# Corners in three views, spans of rows, normals.
-_BYTES_PER_FACE = 600
+class SurfaceMemory(NamedTuple):
+    """Peak memory of the surface cells of a body [bytes]."""
+
+    per_crossing: int
+    """For each crossing of a ray with the surface."""
+    at_once: int
+    """For the pieces of triangles that are summed at once."""
+
+
+# The most that one of ten bodies of 50 000 to 600 000 crossings needed: a box, at a
+# slant or along the axes, with few and large triangles. Statues need about half of it.
+SURFACE_MEMORY = {
+    "crossings": SurfaceMemory(260, 10_000_000),
+    "dominant_axis": SurfaceMemory(240, 0),
+}
+
+# While triangles are peeled, each has corners in the views, spans of rows, normals, and
+# the crossings found before are listed; later only its normal and corners remain.
+_BYTES_PER_PEELED_FACE, _BYTES_PER_PEELED_CROSSING = 400, 70
+_BYTES_PER_FACE = 200
 
 
 @dataclass(frozen=True)
@@ -65,13 +82,8 @@ def _cell_counts(size: Float[np.ndarray, "3"], pitch: float) -> np.ndarray:
     return np.maximum(np.ceil(length - 1e-6 * (1 + length)), 1)
 
 
-def check_pitch(mesh: Mesh, pitch: float, per_fragment: int) -> None:
+def check_pitch(mesh: Mesh, pitch: float, surface: SurfaceMemory) -> None:
     """Refuse a pitch [m] that gives no voxels or too many, before any allocation.
-
-    Args:
-        mesh: the body.
-        pitch: edge of a voxel [m].
-        per_fragment: memory for each crossing of a ray with the surface [bytes].
 
     Raises:
         InputError: with a pitch that would be possible.
@@ -91,15 +103,18 @@ def check_pitch(mesh: Mesh, pitch: float, per_fragment: int) -> None:
     # Along x, y and z a face covers |n_x|, |n_y| and |n_z| times its area.
     projected = float(np.abs(mesh.area_vectors).sum())
     with np.errstate(over="ignore"):
-        needed = counts.prod() * _BYTES_PER_CELL
-        needed += projected / pitch / pitch * per_fragment
-    needed += len(mesh.faces) * _BYTES_PER_FACE
+        crossings = projected / pitch / pitch
+        needed = counts.prod() * _BYTES_PER_CELL + crossings * surface.per_crossing
+        needed += (counts[:2] + 2).prod() * (counts[2] // 64 + 1) * _BYTES_PER_WORD
+    needed += len(mesh.faces) * _BYTES_PER_FACE + surface.at_once
+    peeled = len(mesh.faces) * _BYTES_PER_PEELED_FACE
+    needed = max(needed, peeled + crossings * _BYTES_PER_PEELED_CROSSING)
     require_memory(
         int(min(needed, 1e18)),
         f"voxelizing {mesh.name} at a pitch of {pitch:g} m "
         f"({' x '.join(f'{n:.6g}' for n in counts)} cells)",
         "use a coarser pitch, such as "
-        f"{_affordable_pitch(size, projected * per_fragment):.2g} m",
+        f"{_affordable_pitch(size, projected * surface.per_crossing):.2g} m",
     )
 
 
@@ -110,9 +125,10 @@ def _affordable_pitch(size: Float[np.ndarray, "3"], per_pitch: float) -> float:
     """
     # A quarter for the cells and a quarter for the fragments.
     quarter = available_bytes() / 4
-    by_cells = np.cbrt(size.prod() * _BYTES_PER_CELL / quarter)
+    by_cells = np.cbrt(size.prod() * (_BYTES_PER_CELL + _BYTES_PER_WORD / 64) / quarter)
+    by_rows = np.sqrt(size[:2].prod() * _BYTES_PER_WORD / quarter)
     by_fragments = np.sqrt(per_pitch / quarter)
-    return float(max(by_cells, by_fragments))
+    return float(max(by_cells, by_rows, by_fragments))
 
 
 def pixel_axes(axis: int) -> tuple[int, int]:
@@ -126,14 +142,15 @@ Views = tuple[DepthLayers, DepthLayers, DepthLayers]
 
 def peel_axes(mesh: Mesh, lattice: Lattice) -> Views:
     """Depth layers of a mesh along x, y and z; depths in cells."""
-    corners = lattice.to_cells(mesh.triangles)
+    points = lattice.to_cells(mesh.vertices)
+    # Scanners leave strays far away.
+    is_used = np.zeros(len(points), bool)
+    is_used[mesh.faces] = True
+    points[~is_used] = 0
     views = []
     for axis in range(3):
         row_axis, column_axis = pixel_axes(axis)
-        frame = np.ascontiguousarray(corners[..., [column_axis, row_axis, axis]])
-        views.append((frame, lattice.shape[column_axis], lattice.shape[row_axis]))
-    # One array size for the three views: one program is compiled, not three.
-    rows, fragments = zip(*(shared_capacities(*view) for view in views), strict=True)
-    sizes = max(rows), max(fragments)
-    x, y, z = (peel(frame, width, height, sizes) for frame, width, height in views)
+        size = lattice.shape[column_axis], lattice.shape[row_axis]
+        views.append(((column_axis, row_axis, axis), *size))
+    x, y, z = peel_views(points, mesh.faces, views)
     return x, y, z

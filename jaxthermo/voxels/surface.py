@@ -5,8 +5,9 @@ grid of that view cuts the surface into pieces of area pitch^2 / |n_i| (the thes
 pitch^2 gives only 83 % of a sphere's area, exposed voxel faces 150 %).
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -54,6 +55,17 @@ def thickness_behind(layers: DepthLayers) -> Float[np.ndarray, " k"]:
     return np.where(paired, np.abs(layers.depth[other] - layers.depth), np.inf)
 
 
+def joined_columns(parts: list[Any]) -> Iterator[np.ndarray]:
+    """Columns of several NamedTuples, one after the other.
+
+    The list is emptied: each column is freed as soon as it is joined.
+    """
+    rows = [list(part) for part in parts]
+    parts.clear()
+    while rows[0]:
+        yield np.concatenate([row.pop(0) for row in rows])
+
+
 class AxisFragments(NamedTuple):
     """Fragments of the view along one axis, sorted by pixel and depth."""
 
@@ -75,7 +87,14 @@ def face_axes(mesh: Mesh) -> tuple[Float[np.ndarray, "f 3"], Int[np.ndarray, " f
     vectors = mesh.area_vectors
     length = np.linalg.norm(vectors, axis=1)
     normal = vectors / np.where(length > 0, length, 1)[:, None]
-    return normal, np.where(length > 0, np.abs(normal).argmax(1), -1)
+    return normal, np.where(length > 0, dominant_axis(normal), -1)
+
+
+def dominant_axis(normal: Float[np.ndarray, "s 3"]) -> Int[np.ndarray, " s"]:
+    """Axis along which each normal is longest, the first of several."""
+    # As by `argmax`, which is slow along an axis of length three.
+    x, y, z = np.abs(normal.T)
+    return np.where((x >= y) & (x >= z), 0, np.where(y >= z, 1, 2))
 
 
 def axis_fragments(
@@ -96,7 +115,7 @@ def axis_fragments(
     thickness = thickness_behind(outer)[on_axis]
     outer = selected(outer, on_axis)
     row_axis, column_axis = pixel_axes(axis)
-    cell = np.zeros((len(outer.pixel), 3), np.int64)
+    cell = np.zeros((len(outer.pixel), 3), np.int32)
     cell[:, row_axis], cell[:, column_axis] = np.divmod(outer.pixel, outer.width)
     position = cell + 0.5
     position[:, axis] = outer.depth
@@ -104,9 +123,9 @@ def axis_fragments(
     cell[:, axis] = np.where(outer.entering, behind, behind - 1)
     kept = AxisFragments(
         position=position,
-        triangle=outer.triangle,
+        triangle=outer.triangle.astype(np.int32),
         ray=outer.pixel + first_ray,
-        layer=outer.layer,
+        layer=outer.layer.astype(np.int32),
         inward_cell=cell,
         thickness=thickness,
     )
@@ -121,23 +140,51 @@ def attach_to_solid(
     """Assign each fragment to a solid voxel; flag those without one nearby as lost."""
     # The first cell inward is solid wherever the body is a voxel thick. Elsewhere the
     # nearest solid voxel within two cells is taken.
-    shape = np.array(solid.shape)
-    cell = np.clip(inward_cell, 0, shape - 1)
-    stray = np.flatnonzero(~solid[tuple(cell.T)])
-    start = cell[stray]
-    nearest = np.full(len(stray), np.inf)
-    # One offset at a time: all 125 at once could need more memory than the voxels.
-    for offset in np.indices((5, 5, 5)).reshape(3, -1).T - 2 if len(stray) else ():
-        candidate = start + offset
-        within = ((candidate >= 0) & (candidate < shape)).all(1)
-        distance = ((candidate + 0.5 - position[stray]) ** 2).sum(1)
-        better = within & (distance < nearest)
-        better[better] = solid[tuple(candidate[better].T)]
-        cell[stray[better]] = candidate[better]
-        nearest[better] = distance[better]
-    lost = np.zeros(len(cell), bool)
-    lost[stray] = np.isinf(nearest)
+    last = np.subtract(solid.shape, 1).astype(inward_cell.dtype)
+    cell = np.clip(inward_cell, 0, last)
+    stray, lost = np.flatnonzero(~solid[tuple(cell.T)]), np.zeros(len(cell), bool)
+    # Few at a time: all could need more memory than the voxels.
+    for first in range(0, len(stray), _CHUNK):
+        own = stray[first : first + _CHUNK]
+        cell[own], lost[own] = _nearest_solid(solid, position[own], cell[own])
     return cell, lost
+
+
+# Cells whose surroundings are searched at once.
+_CHUNK = 2**10
+
+
+def _nearest_solid(
+    solid: Bool[np.ndarray, "x y z"],
+    position: Float[np.ndarray, "k 3"],
+    start: Int[np.ndarray, "k 3"],
+) -> tuple[Int[np.ndarray, "k 3"], Bool[np.ndarray, " k"]]:
+    """Solid voxel nearest to each position, within two cells of a start.
+
+    Where there is none that start, and true.
+    """
+    candidate, squared, within = [], [], []
+    for axis, length in enumerate(solid.shape):
+        along = start[:, axis, None] + np.arange(-2, 3)
+        squared.append((along + 0.5 - position[:, axis, None]) ** 2)
+        within.append((along >= 0) & (along < length))
+        candidate.append(np.clip(along, 0, length - 1))
+    # Every combination of the three axes.
+    x, y, z = _spread(squared)
+    distance = x + y + z
+    x, y, z = _spread(within)
+    distance[~(solid[_spread(candidate)] & x & y & z)] = np.inf
+    flat = distance.reshape(len(start), -1)
+    best = flat.argmin(axis=1)
+    lost = np.isinf(flat[np.arange(len(start)), best])
+    found = start + np.stack(np.unravel_index(best, (5, 5, 5)), axis=1) - 2
+    return np.where(lost[:, None], start, found), lost
+
+
+def _spread(columns: list[np.ndarray]) -> tuple[np.ndarray, ...]:
+    """Rows of numbers along x, y and z, each along an axis of its own."""
+    x, y, z = columns
+    return x[:, :, None, None], y[:, None, :, None], z[:, None, None]
 
 
 def surface_voxels(solid: Bool[np.ndarray, "x y z"]) -> Int[np.ndarray, "m 3"]:

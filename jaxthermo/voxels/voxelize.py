@@ -1,7 +1,7 @@
 """Voxelization: mesh to solid voxels and surface fragments, by depth layers."""
 
 from dataclasses import replace
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -12,15 +12,14 @@ from ..geometry.mesh import AnyMesh, Mesh, as_mesh
 from ..geometry.repair import repair_mesh
 from ..stored_findings import stored_search
 from .cell_areas import Patches, areas_of_mesh
-from .crossings import Crossings, find_crossings
-from .cut_geometry import cut_voxels
-from .cut_links import CutLinks
-from .cut_voxels import CutVoxels
+from .crossings import Cells, Crossings, find_crossings
+from .cut_geometry import CellShapes, cut_voxels, sides_of, surface_shapes
+from .cut_links import CutLinks, cut_links
+from .cut_voxels import CutVoxels, limited
 from .fill import fill_by_vote
 from .grid import LayerCounts, ThinParts, VoxelGrid
 from .lattice import (
-    BYTES_PER_CROSSING,
-    BYTES_PER_FRAGMENT,
+    SURFACE_MEMORY,
     Lattice,
     Views,
     check_pitch,
@@ -31,8 +30,12 @@ from .surface import (
     AxisFragments,
     attach_to_solid,
     axis_fragments,
+    dominant_axis,
     face_axes,
+    joined_columns,
 )
+from .thin_wall_report import thin_parts
+from .voxel_bits import VoxelBits
 
 
 SurfaceCells = Literal["crossings", "dominant_axis"]
@@ -70,8 +73,7 @@ def voxelize(
         )
     if not isinstance(mesh, Mesh):
         mesh = repair_mesh(as_mesh(mesh))
-    every = surface_cells == "crossings"
-    check_pitch(mesh, pitch, BYTES_PER_CROSSING if every else BYTES_PER_FRAGMENT)
+    check_pitch(mesh, pitch, SURFACE_MEMORY[surface_cells])
     # With the caller's own mesh, by which its grids are known.
     return replace(_voxelized(mesh, pitch, surface_cells), mesh=mesh)
 
@@ -116,22 +118,27 @@ def _metres(pitch: Any) -> float:
 
 def _with_surface(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     views, solid = _filled(mesh, lattice)
+    peeled = tuple(layers.count for layers in views)
     normals, dominant = face_axes(mesh)
     parts, hidden, rays = [], [], 0
-    for axis, layers in enumerate(views):
+    # Each view is dropped as soon as its fragments are found.
+    rest = [*views]
+    del views
+    for axis in range(3):
+        layers = rest.pop(0)
         kept, inside = axis_fragments(layers, dominant, axis, rays)
         parts.append(kept)
         hidden.append(inside)
         rays += layers.width * layers.height
-    joined = (np.concatenate(column) for column in zip(*parts, strict=True))
-    kept, hidden = AxisFragments(*joined), np.concatenate(hidden)
+    del layers
+    kept, hidden = AxisFragments(*joined_columns(parts)), np.concatenate(hidden)
     # A ray grid of spacing h cuts the surface into pieces of area h^2 / |n_i|.
     slope = np.abs(normals).max(1)
     area = lattice.pitch**2 / slope[kept.triangle]
     cell, lost = attach_to_solid(solid, kept.position, kept.inward_cell)
     position = lattice.origin + kept.position * lattice.pitch
     thickness = kept.thickness * lattice.pitch * slope[kept.triangle]
-    thin = _thin_parts(position, thickness, area, lost, cell, lattice.pitch)
+    thin = thin_parts(position, thickness, area, lost, cell, lattice.pitch)
     found_area = float(area[~lost].sum())
     found_volume = np.count_nonzero(solid) * lattice.pitch**3
     hidden_area = float((lattice.pitch**2 / slope[hidden]).sum())
@@ -140,14 +147,13 @@ def _with_surface(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     # True over voxelized area and volume; 1 where that would hide lost parts.
     area_ratio = 1.0 if unreliable else true[0] / found_area
     volume_ratio = 1.0 if unreliable else true[1] / found_volume
-    packed = np.zeros(len(lost), np.int64)
+    packed = np.zeros(len(lost), np.int32)
     packed[~lost] = rank_in_group(kept.ray[~lost])
     # In lattice order the solver's gathers and scatters walk memory forwards.
     attached = np.flatnonzero(~lost)
     number = np.ravel_multi_index(tuple(cell[attached].T), lattice.shape)
-    order = attached[np.argsort(number, kind="stable")]
-    axis = dominant[kept.triangle[order]]
-    peeled = tuple(layers.count for layers in views)
+    order = attached[stable_order(np.asarray(number))]
+    axis = dominant[kept.triangle[order]].astype(np.int8)
     in_front = (int(packed[order][axis == a].max(initial=-1)) + 1 for a in range(3))
     return VoxelGrid(
         lattice=lattice,
@@ -170,78 +176,154 @@ def _with_surface(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
 def _with_crossings(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     views, solid = _filled(mesh, lattice)
     pitch, (normals, _) = lattice.pitch, face_axes(mesh)
-    found, hidden = find_crossings(views, solid, mesh)
     peeled = tuple(layers.count for layers in views)
-    # Not needed any more: the largest arrays follow.
+    # Each view is dropped as soon as its crossings are found.
+    rest = [*views]
     del views
-    slope = np.abs(found.normal[np.arange(len(found.axis)), found.axis])
-    position = lattice.origin + found.position * pitch
-    # Thickness counts along the dominant axis: near a limb other rays are short.
-    is_main = _dominant(found.normal) == found.axis
-    main = np.flatnonzero(is_main)
-    thin = _thin_parts(
-        position[main],
-        found.thickness[main] * pitch * slope[main],
-        pitch**2 / slope[main],
-        found.lost[main],
-        found.voxel[main],
-        pitch,
-    )
+    each, is_closed = (rest.pop(0) for _ in range(3)), mesh.is_watertight
+    found, hidden = find_crossings(each, solid, normals, is_closed)
     hidden_area = float(pitch**2 * np.abs(normals[hidden]).max(1, initial=0).sum())
-    packed = _packed(found, is_main & (found.triangle >= 0) & ~found.lost)
-    attached = np.flatnonzero(~found.lost)
-    number = np.ravel_multi_index(tuple(found.voxel[attached].T), lattice.shape)
-    # In lattice order the solver's gathers and scatters walk memory forwards.
-    attached = attached[stable_order(np.asarray(number))]
-    normal, found = found.normal, found.cells(attached)
-    cut, shapes = cut_voxels(found, solid)
-    slope[attached] *= shapes.factor
-    middle = lattice.to_cells(position)
-    middle[attached] += shapes.shift
-    area = pitch**2 * slope[attached]
-    volume = (np.count_nonzero(solid) + float((cut.volume - 1).sum())) * pitch**3
-    own_area, true = float(area.sum()), (mesh.area, mesh.volume)
-    unreliable = _unreliable_because(mesh, true, (own_area, volume), hidden_area)
+    surface, cells, thin = _surface(found, normals, lattice)
+    del found
+    position = surface.position
+    shapes, cut_cells = surface_shapes(cells)
+    count, patches = len(cells.axis), _patches(surface, cut_cells)
+    del cut_cells
+    slope = patches.area
+    own_area, true = float(pitch**2 * slope[:count].sum()), (mesh.area, mesh.volume)
+    whole = np.count_nonzero(solid)
+    own_volume = (whole + float((shapes.volume - 1).sum())) * pitch**3
+    unreliable = _unreliable_because(mesh, true, (own_area, own_volume), hidden_area)
     if not unreliable:
-        patches = Patches(middle[None], normal, slope)
-        every = areas_of_mesh(patches, lattice.to_cells(mesh.triangles), lattice.shape)
-        area = pitch**2 * every[attached]
+        slope = areas_of_mesh(patches, lattice.to_cells(mesh.triangles), lattice.shape)
+    del patches
+    area = pitch**2 * slope[:count]
+    del slope
+    links = cut_links(shapes.number, shapes.section, sides_of(cells), solid)
+    voxel = cells.number
+    # The largest arrays follow.
+    del cells
+    cut = cut_voxels(shapes, links, solid.shape)
+    del shapes
+    cut = limited(cut, solid)
+    volume = (whole + float((cut.volume - 1).sum())) * pitch**3
     ratios = true[0] / float(area.sum()), true[1] / volume
     # More means lost parts, which the others must not stand for.
     is_scaled = [not unreliable and abs(r - 1) <= MAX_DIFFERENCE for r in ratios]
     area_ratio, volume_ratio = np.where(is_scaled, ratios, 1.0).tolist()
-    packed = packed[attached]
-    in_front = (int(packed[found.axis == a].max(initial=-1)) + 1 for a in range(3))
+    area *= area_ratio
+    layer, axis = surface.layer[:count], surface.axis[:count]
+    in_front = (int(layer[axis == a, 1].max(initial=-1)) + 1 for a in range(3))
+    position *= pitch
+    position += lattice.origin
+    depth = surface.depth[:count]
+    depth *= pitch
     return VoxelGrid(
         lattice=lattice,
         solid=solid,
         mesh=mesh,
-        fragment_position=position[attached],
-        fragment_normal=found.normal,
-        fragment_area=area * area_ratio,
-        fragment_voxel=found.voxel.astype(np.int64),
-        fragment_axis=found.axis.astype(np.int64),
-        fragment_layer=np.stack([found.layer, packed], axis=1),
+        fragment_position=position[:count],
+        fragment_normal=surface.normal[:count],
+        fragment_area=area,
+        fragment_voxel=VoxelBits.none(solid.shape).voxels(voxel),
+        fragment_axis=axis,
+        fragment_layer=layer,
         area_ratio=area_ratio,
         volume_ratio=volume_ratio,
         unscaled_because=unreliable,
         layers=LayerCounts(peeled, tuple(in_front)),
         thin=thin,
-        fragment_depth=found.depth * pitch,
+        fragment_depth=depth,
         cut=cut,
     )
 
 
-def _dominant(normal: Float[np.ndarray, "s 3"]) -> Int[np.ndarray, " s"]:
-    """Axis along which each normal is longest, the first of several."""
-    # As by `argmax`, which is slow along an axis of length three.
-    x, y, z = np.abs(normal.T)
-    return np.where((x >= y) & (x >= z), 0, np.where(y >= z, 1, 2))
+class _Surface(NamedTuple):
+    """Crossings in the order of their voxels, and those without any behind them."""
+
+    position: Float[np.ndarray, "e 3"]
+    """Position [cells]."""
+    normal: Float[np.ndarray, "e 3"]
+    axis: Int[np.ndarray, " e"]
+    layer: Int[np.ndarray, "e 2"]
+    """Depth layer, among all and packed."""
+    depth: Float[np.ndarray, " e"]
+    """Distance of the voxel's centre to the surface along the normal [cells]."""
+
+
+def _surface(
+    found: Crossings, normals: Float[np.ndarray, "f 3"], lattice: Lattice
+) -> tuple[_Surface, Cells, ThinParts]:
+    """Surface in the order of its voxels, the cells of these, and thin parts."""
+    # Thickness counts along the dominant axis: near a limb other rays are short.
+    bare = found.triangle < 0
+    dominant = dominant_axis(normals).take(found.triangle, mode="wrap")
+    is_main = bare | (dominant == found.axis)
+    thin = _thin_crossings(found, np.flatnonzero(is_main), normals, lattice)
+    packed = _packed(found, is_main & ~bare & ~found.lost)
+    # In lattice order the solver's gathers and scatters walk memory forwards.
+    attached = np.flatnonzero(~found.lost)
+    attached = attached[stable_order(found.number[attached])]
+    order, count = attached, len(attached)
+    if count < len(packed):
+        order = np.concatenate([attached, np.flatnonzero(found.lost)])
+    layer = np.empty((len(order), 2), np.int32)
+    layer[:, 0], layer[:, 1] = found.layer[order], packed[order]
+    axis = found.axis[order]
+    normal = found.normals(normals, order)
+    own = Cells(
+        normal=normal[:count],
+        axis=axis[:count],
+        ahead=found.ahead[attached],
+        number=found.number[attached],
+        excess=found.excess[attached],
+        on_face=found.on_face[attached],
+    )
+    position, depth = found.position[order], found.depth[order]
+    return _Surface(position, normal, axis, layer, depth), own, thin
+
+
+def _patches(surface: _Surface, of_cells: CellShapes) -> Patches:
+    """Pieces of surface around all crossings, with areas by their rays.
+
+    Cells of the mesh's area stand for those that are lost, too.
+    """
+    count, position = len(of_cells.factor), surface.position
+    area = np.abs(surface.normal[np.arange(len(position)), surface.axis])
+    area[:count] *= of_cells.factor
+    middle = of_cells.shift
+    middle += position[:count]
+    if count < len(position):
+        middle = np.concatenate([middle, position[count:]])
+    return Patches(middle[None], surface.normal, area)
+
+
+def _thin_crossings(
+    found: Crossings,
+    main: Int[np.ndarray, " m"],
+    normals: Float[np.ndarray, "f 3"],
+    lattice: Lattice,
+) -> ThinParts:
+    pitch, triangle = lattice.pitch, found.triangle[main]
+    slope = np.abs(normals[triangle, found.axis[main]])
+    slope[triangle < 0] = 1
+    thickness = found.thickness[main] * pitch * slope
+    # Few are: only those are summed up.
+    near = np.flatnonzero(found.lost[main] | (thickness < pitch))
+    own = main[near]
+    return thin_parts(
+        lattice.origin + found.position[own] * pitch,
+        thickness[near],
+        pitch**2 / slope[near],
+        found.lost[own],
+        VoxelBits.none(lattice.shape).voxels(found.number[own]).astype(np.int64),
+        pitch,
+    )
 
 
 def _packed(found: Crossings, is_kept: Bool[np.ndarray, " e"]) -> Int[np.ndarray, " e"]:
     # As in the thesis, each piece of surface is in the view of its dominant axis only.
-    packed = np.full(len(found.axis), -1)
+    packed = np.full(len(found.axis), -1, np.int32)
     kept = np.flatnonzero(is_kept)
     ray, along = found.ray[kept], found.position[kept, found.axis[kept]]
     if ((np.diff(ray) == 0) & (np.diff(along) < 0)).any() or (np.diff(ray) < 0).any():
@@ -279,43 +361,3 @@ def _unreliable_because(
                 "parts of it are too thin for this pitch"
             )
     return ""
-
-
-# Thin fragments within a cube of this many cells per edge are one region.
-_REGION = 8
-
-
-def _thin_parts(
-    position: Float[np.ndarray, "s 3"],
-    thickness: Float[np.ndarray, " s"],
-    area: Float[np.ndarray, " s"],
-    lost: Bool[np.ndarray, " s"],
-    cell: Int[np.ndarray, "s 3"],
-    pitch: float,
-    max_regions: int = 10,
-) -> ThinParts:
-    """Sum up the fragments with less than one voxel behind them, by region."""
-    thin = lost | (thickness < pitch)
-    blocks, inverse = np.unique(cell[thin] // _REGION, axis=0, return_inverse=True)
-    total = np.bincount(inverse, weights=area[thin], minlength=len(blocks))
-    gone = np.bincount(inverse, weights=(area * lost)[thin], minlength=len(blocks))
-    regions = []
-    for block in np.argsort(-total)[:max_regions]:
-        members = np.flatnonzero(thin)[inverse == block]
-        regions.append(
-            {
-                "centre_m": [round(float(c), 6) for c in position[members].mean(0)],
-                "thickness_m": round(float(thickness[members].min()), 9),
-                "area_m2": float(total[block]),
-                "lost_share": float(gone[block] / total[block]),
-            }
-        )
-    return ThinParts(
-        thin_fragments=int(thin.sum()),
-        thin_area=float(area[thin].sum()),
-        lost_fragments=int(lost.sum()),
-        lost_area=float(area[lost].sum()),
-        regions=tuple(regions),
-        thin_voxel=np.unique(cell[thin & ~lost], axis=0),
-        lost_position=position[lost],
-    )

@@ -3,9 +3,19 @@
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
-from peeling import BODIES, ball, cuboid, in_view, peel_padded, ray_balance, union
+from peeling import (
+    BODIES,
+    SPHERE,
+    ball,
+    cuboid,
+    in_view,
+    peel_padded,
+    ray_balance,
+    union,
+)
 
-from jaxthermo.raster.fragments import _sort_fragments, peel
+from jaxthermo.raster import fragments as raster
+from jaxthermo.raster.fragments import _sort_fragments, peel, peel_views
 
 
 SIZE = 24
@@ -94,6 +104,20 @@ def test_equal_depths_are_ranked_by_triangle():
     layers = peel_padded(np.repeat(plate, 5, axis=0), 8, 8)
     assert layers.count == 5
     assert (layers.triangle == layers.layer).all()
+
+
+@pytest.mark.parametrize("on_host", [True, False])
+def test_views_along_axes_are_those_of_their_triangles(monkeypatch, on_host):
+    mesh = SPHERE.moved((1.2, 1.4, 1.1))
+    points, sizes = 8.0 * mesh.vertices, ((22, 19), (24, 20), (18, 23))
+    views = [((a, (a + 1) % 3, (a + 2) % 3), *size) for a, size in enumerate(sizes)]
+    monkeypatch.setattr(raster, "_on_host", lambda: on_host)
+    found = peel_views(points, mesh.faces, views)
+    for own, (axes, *size) in zip(found, views, strict=True):
+        expected = peel_padded(points[:, axes][mesh.faces], *size)
+        np.testing.assert_array_equal(own.pixel, expected.pixel)
+        np.testing.assert_array_equal(own.layer, expected.layer)
+        assert own.depth == pytest.approx(expected.depth, abs=1e-12)
 
 
 def test_no_triangles():

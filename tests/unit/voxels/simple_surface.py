@@ -18,6 +18,63 @@ def exposed_faces(solid, axis, row_axis, column_axis):
     return row * along.shape[1] + column, link, step[row, column, link] > 0
 
 
+def solid_by_vote(views, shape):
+    """Solid voxels from all winding numbers along each axis, on rays that close."""
+    votes, cast = np.zeros((2, *shape), int)
+    for axis, layers in enumerate(views):
+        row_axis, column_axis = (axis + 2) % 3, (axis + 1) % 3
+        size = layers.height, layers.width, shape[axis] + 1
+        change, sign = np.zeros(size, int), np.where(layers.entering, 1, -1)
+        behind = np.clip(np.ceil(layers.depth - 0.5).astype(int), 0, shape[axis])
+        np.add.at(change, (*np.divmod(layers.pixel, layers.width), behind), sign)
+        winding = np.cumsum(change, axis=2)
+        closes = np.repeat(winding[..., -1:] == 0, shape[axis], axis=2)
+        order = np.argsort([row_axis, column_axis, axis])
+        cast += closes.transpose(order)
+        votes += ((winding[..., :-1] != 0) & closes).transpose(order)
+    return 2 * votes > cast
+
+
+def nearest_solid(solid, position, start):
+    """Nearest solid voxel within two cells of a start; None if there is none."""
+    within = [
+        cell
+        for offset in product(range(-2, 3), repeat=3)
+        for cell in [tuple(np.add(start, offset).tolist())]
+        if all(0 <= c < n for c, n in zip(cell, solid.shape, strict=True))
+        and solid[cell]
+    ]
+    distance = lambda cell: np.square(np.add(cell, 0.5) - position).sum()
+    return min(within, key=distance, default=None)
+
+
+def limited(volume, solid, links, step, least_of_all, rounds):
+    """Volumes of all voxels after small ones took from their neighbours."""
+    conductance = np.zeros(np.add(solid.shape, 2))
+    padded = np.pad(solid, 1)
+    for axis, ahead in product(range(3), (-1, 1)):
+        conductance += padded & np.roll(padded, ahead, axis)
+    conductance = conductance[1:-1, 1:-1, 1:-1].copy()
+    for first, jump, extra in zip(links.voxel, links.step, links.extra, strict=True):
+        conductance[tuple(first)] += extra
+        conductance[tuple(first + jump)] += extra
+    least = np.maximum(step / 6 * conductance, least_of_all)
+    volume = np.where(solid, volume, 0.0)
+    for _ in range(rounds):
+        taken, given = np.zeros((2, *volume.shape))
+        spare = np.where(solid, np.maximum(volume - 1.2 * least, 0), 0)
+        for cell in np.argwhere(solid & (volume < least)).tolist():
+            sides = np.array(cell) + np.concatenate([np.eye(3, dtype=int)] * 2)
+            sides[3:] -= 2 * np.eye(3, dtype=int)
+            sides = sides[((sides >= 0) & (sides < solid.shape)).all(1)]
+            own = spare[tuple(sides.T)]
+            gain = min(least[tuple(cell)] - volume[tuple(cell)], own.sum() / 4)
+            given[tuple(cell)] = gain
+            taken[tuple(sides.T)] += own * gain / max(own.sum(), 1e-300)
+        volume += given - taken
+    return volume
+
+
 def dense_sides(found, owner, count):
     """Flags, theta - 1/2 and normals of cells, [voxel, axis, below or above]."""
     there, excess = np.zeros((count, 3, 2), bool), np.zeros((count, 3, 2))

@@ -8,6 +8,7 @@ from jaxthermo.geometry import shapes
 from jaxthermo.voxels.crossings import find_crossings
 from jaxthermo.voxels.fill import fill_by_vote
 from jaxthermo.voxels.lattice import Lattice, peel_axes
+from jaxthermo.voxels.surface import face_axes
 from jaxthermo.voxels.voxelize import voxelize
 
 
@@ -15,7 +16,8 @@ def crossings(mesh, pitch):
     lattice = Lattice.around(mesh, pitch)
     views = peel_axes(mesh, lattice)
     solid = fill_by_vote(views, lattice.shape)
-    return find_crossings(views, solid, mesh)[0], solid, lattice
+    found, _ = find_crossings(views, solid, face_axes(mesh)[0], mesh.is_watertight)
+    return found, solid, lattice
 
 
 def exposed_faces(solid):
@@ -32,7 +34,7 @@ def ball():
 def test_every_exposed_face_has_one_cell(ball):
     found, solid, _ = crossings(BALL, 1 / 12.3)
     assert found.on_face.all() and len(found.axis) == exposed_faces(solid)
-    side = np.column_stack([found.voxel, found.axis, found.ahead])
+    side = np.column_stack([found.number, found.axis, found.ahead])
     assert len(np.unique(side, axis=0)) == len(side)
     assert len(ball.fragment_area) == len(side)
 

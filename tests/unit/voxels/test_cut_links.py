@@ -6,6 +6,7 @@ import pytest
 from jaxthermo.geometry import shapes
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.voxels.cut_links import Sides, cut_links
+from jaxthermo.voxels.voxel_bits import VoxelBits
 from jaxthermo.voxels.voxelize import voxelize
 
 
@@ -29,7 +30,8 @@ def one_step(normal, excess):
     cell = np.full((3, 2, 2), -1, np.int32)
     cell[[0, 1], 1, [0, 1]] = 0, 1
     sides = Sides(cell, np.full(2, excess), np.tile(normal, (2, 1)))
-    return cut_links(voxel, np.ones((2, 3)), sides, solid)
+    number = VoxelBits.of(solid).number(tuple(voxel.T))
+    return cut_links(number, np.ones((2, 3)), sides, solid)
 
 
 def test_the_sliver_of_one_step_at_45_degrees():
@@ -59,7 +61,8 @@ def test_edges_between_sheets_have_no_sliver():
     cell = np.full((3, 2, 2), -1, np.int32)
     cell[[0, 1], 1, [0, 1]] = 0, 1
     sides = Sides(cell, np.zeros(2), np.eye(3)[:2])
-    assert len(cut_links(voxel, np.ones((2, 3)), sides, solid).extra) == 0
+    number = VoxelBits.of(solid).number(tuple(voxel.T))
+    assert len(cut_links(number, np.ones((2, 3)), sides, solid).extra) == 0
 
 
 def test_a_structure_has_all_links_once_in_order():
