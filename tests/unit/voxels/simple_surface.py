@@ -61,7 +61,7 @@ def limited(volume, solid, links, step, least_of_all, rounds):
     least = np.maximum(step / 6 * conductance, least_of_all)
     volume = np.where(solid, volume, 0.0)
     for _ in range(rounds):
-        taken, given = np.zeros((2, *volume.shape))
+        taken, given = np.zeros_like(volume), np.zeros_like(volume)
         spare = np.where(solid, np.maximum(volume - 1.2 * least, 0), 0)
         for cell in np.argwhere(solid & (volume < least)).tolist():
             sides = np.array(cell) + np.concatenate([np.eye(3, dtype=int)] * 2)
