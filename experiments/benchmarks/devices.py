@@ -27,7 +27,7 @@ from jaxthermo.integrate.run.plan import Plan, initial_state, plan_run
 from jaxthermo.integrate.run.segments import begin_run, run_segments
 from jaxthermo.parallel.devices import provide_devices
 from jaxthermo.parallel.meeting import Group, free_port
-from jaxthermo.parallel.processes import join
+from jaxthermo.parallel.processes import join, watching_others
 from jaxthermo.scene.compile.on_devices import on_devices
 
 from ..harness.measurement import Measurement, plain_rows, time_unit
@@ -247,10 +247,12 @@ def _work(
     _take(plan)
     sys.stdout.write(json.dumps({"lattice_bytes": own}) + "\n")
     sys.stdout.flush()
-    while sys.stdin.readline().strip() == "go":
-        result = {"step_s": _take(plan) / count}
-        sys.stdout.write(json.dumps(result) + "\n")
-        sys.stdout.flush()
+    # They end together: JAX reports one that is gone before the others as a failure.
+    with watching_others("run the benchmark again"):
+        while sys.stdin.readline().strip() == "go":
+            result = {"step_s": _take(plan) / count}
+            sys.stdout.write(json.dumps(result) + "\n")
+            sys.stdout.flush()
 
 
 def _plan(scene: jt.Scene, in_stages: bool, steps: int) -> tuple[Plan, int]:
