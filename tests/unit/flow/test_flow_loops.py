@@ -44,8 +44,13 @@ def state_after(program, steps=10):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
-@pytest.mark.parametrize("options", OPTIONS.values(), ids=OPTIONS)
+@pytest.mark.parametrize(
+    "options",
+    [
+        pytest.param(own, id=name, marks=[pytest.mark.slice] * (name == "heat"))
+        for name, own in OPTIONS.items()
+    ],
+)
 @pytest.mark.parametrize(("dtype", "most"), [("float64", 1e-15), ("float32", 4e-7)])
 def test_states_are_those_of_the_arrays(options, dtype, most):
     pytest.importorskip("numba")

@@ -19,7 +19,7 @@ from jaxthermo.voxels.voxelize import voxelize
 
 pytest.importorskip("numba")
 # numba compiles for some seconds.
-pytestmark = [pytest.mark.slow, pytest.mark.slice]
+pytestmark = pytest.mark.slow
 
 HEAT, CONDUCTIVITY = 4e6, 16.0
 CUT = voxelize(shapes.sphere(0.1, subdivisions=3), 0.0131, "crossings")
@@ -56,7 +56,13 @@ def block(request, monkeypatch):
     return request.param
 
 
-@pytest.mark.parametrize("grid", [CUT, WHOLE], ids=["cut voxels", "whole voxels"])
+@pytest.mark.parametrize(
+    "grid",
+    [
+        pytest.param(CUT, id="cut voxels", marks=pytest.mark.slice),
+        pytest.param(WHOLE, id="whole voxels"),
+    ],
+)
 def test_every_operator_is_that_of_the_links(grid, block):
     runs, _ = run_conduction.voxel_runs(grid.solid, grid.cut, np.dtype(float))
     assert (len(runs.block) > 2) == (block == 400)
@@ -100,6 +106,7 @@ def _moved(conductivity, theta, options):
     return (jnp.sin(step) + 1e-3 * operator.heat_rate(step)).sum()
 
 
+@pytest.mark.slice
 def test_derivatives_are_those_of_the_links_and_of_differences():
     theta = jnp.asarray(np.random.default_rng(3).normal(size=CUT.solid_count))
     at = jnp.array(CONDUCTIVITY), theta
