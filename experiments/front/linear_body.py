@@ -15,8 +15,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float, Int
-from scipy.sparse import coo_array, csr_array
+from jaxtyping import Float, Int
 
 from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
@@ -24,6 +23,7 @@ from jaxthermo.integrate.run.plan import Plan, observation_time, plan_run
 from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.network.cut_stencil import CutStencil
 from jaxthermo.network.stencil import UniformStencil, solid_degree
+from jaxthermo.physics.run_conduction import NodeCells
 from jaxthermo.scene.scene import Scene, SolvedSurface
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.voxels.grid import VoxelGrid
@@ -103,33 +103,30 @@ class LinearBody:
     """States have a value per solid voxel, or with "dense" one per cell."""
 
     @cached_property
+    def every(self) -> NodeCells:
+        """All cells with the positions of their nodes in a state; -1 where none is."""
+        inside = np.pad(self.grid.solid, 1)
+        if self.layout == "dense":
+            position = np.arange(inside.size, dtype=np.int32)
+        else:
+            position = np.full(inside.size, -1, np.int32)
+            position[self.cells] = np.arange(len(self.cells), dtype=np.int32)
+        return NodeCells(inside.shape, inside.reshape(-1), position)
+
+    @property
     def position(self) -> Int[np.ndarray, " cells"]:
         """Position of each cell in a state, -1 where there is none."""
-        if self.layout == "dense":
-            return np.arange(self._inside.size, dtype=np.int32)
-        found = np.full(self._inside.size, -1, np.int32)
-        found[self.cells] = np.arange(len(self.cells), dtype=np.int32)
-        return found
-
-    @cached_property
-    def _inside(self) -> Bool[np.ndarray, " cells"]:
-        return np.pad(self.grid.solid, 1).reshape(-1)
+        return self.every.position
 
     @cached_property
     def cells(self) -> Int[np.ndarray, " n"]:
         """Cells of all nodes, increasing."""
-        return np.flatnonzero(self._inside)
+        return np.flatnonzero(np.pad(self.grid.solid, 1))
 
     @property
     def size(self) -> int:
         """Length of a state."""
-        return self._inside.size if self.layout == "dense" else len(self.cells)
-
-    @cached_property
-    def steps(self) -> tuple[int, int, int]:
-        """Distance in the lattice to the next cell along x, y, z."""
-        _, y, z = np.add(self.grid.solid.shape, 2).tolist()
-        return y * z, z, 1
+        return len(self.position) if self.layout == "dense" else len(self.cells)
 
     def with_layout(self, layout: str) -> "LinearBody":
         """The same body with states of another layout."""
@@ -144,49 +141,26 @@ class LinearBody:
     @cached_property
     def surface_cells(self) -> Int[np.ndarray, " m"]:
         """Cells of nodes that differ from one deep inside, increasing."""
-        differs = np.zeros(self._inside.size, bool)
+        differs = np.zeros(len(self.position), bool)
         degree = np.pad(solid_degree(self.grid.solid), 1).reshape(-1)
         differs[self.cells] = degree[self.cells] < 6
         differs[self.loaded] = True
         cut = self.grid.cut
         if cut is not None:
             for voxel in (cut.voxel, cut.links.voxel, cut.links.voxel + cut.links.step):
-                differs[self._cell(voxel)] = True
+                differs[self.every.at(voxel)] = True
         return np.flatnonzero(differs)
-
-    def _cell(self, voxel: Int[np.ndarray, "m 3"]) -> Int[np.ndarray, " m"]:
-        shape = tuple(np.add(self.grid.solid.shape, 2).tolist())
-        return np.asarray(np.ravel_multi_index(tuple(voxel.T + 1), shape))
 
     def rows(self, cells: Int[np.ndarray, " m"]) -> Rows:
         """Links of the nodes of some cells, which include all at the surface."""
-        number = np.arange(len(cells))
-        src, dst, conductance = [], [], []
-        for step in (s * sign for s in self.steps for sign in (-1, 1)):
-            linked = self._inside[cells + step]
-            src.append(number[linked])
-            dst.append(cells[linked] + step)
-            conductance.append(np.full(linked.sum(), self.conductance))
-        capacity = np.full(len(cells), self.capacity)
         cut = self.grid.cut
-        if cut is not None:
-            links = cut.links
-            ends = links.voxel, links.voxel + links.step
-            one, other = (self._cell(voxel) for voxel in ends)
-            for here, there in ((one, other), (other, one)):
-                src.append(np.searchsorted(cells, here))
-                dst.append(there)
-                conductance.append(self.conductance * links.extra)
-            capacity[np.searchsorted(cells, self._cell(cut.voxel))] *= cut.volume
-        place = np.concatenate(src), self.position[np.concatenate(dst)]
-        # Both the whole link of two neighbours and what is open of it, in one entry.
-        table = csr_array(
-            coo_array(
-                (np.concatenate(conductance), place), shape=(len(cells), self.size)
-            )
-        )
+        table = self.every.links(cells, cut, self.size)
         return Rows(
-            self.position[cells], table.indptr, table.indices, table.data, capacity
+            node=self.position[cells],
+            first=table.indptr,
+            column=table.indices,
+            conductance=self.conductance * table.data,
+            capacity=self.capacity * self.every.volumes(cells, cut),
         )
 
     def runs(self) -> Int[np.ndarray, "r 6"]:
@@ -195,14 +169,9 @@ class LinearBody:
         Of the first node, the number of nodes, and of the neighbours of the first one
         along +x, -x, +y, -y; those along a run follow one another in every layout.
         """
-        whole = self._inside.copy()
+        whole = self.every.inside.copy()
         whole[self.surface_cells] = False
-        edge = np.diff(whole.astype(np.int8), prepend=0, append=0)
-        start, stop = np.flatnonzero(edge == 1), np.flatnonzero(edge == -1)
-        x, y, _ = self.steps
-        beside = [self.position[start + step] for step in (x, -x, y, -y)]
-        columns = [self.position[start], stop - start, *beside]
-        return np.stack(columns, axis=1).astype(np.int32)
+        return self.every.runs(whole)
 
 
 def linear_body(

@@ -16,7 +16,6 @@ from jaxtyping import Array, Float, Int
 
 from ..arrays import Scalar
 from ..module import Module
-from ..native.flow import both_collided_into, collided_into
 from .body import Links, filled, force_on, heat_of, reflected
 from .boundary import (
     Outlet,
@@ -29,6 +28,7 @@ from .boundary import (
     tracer_outlet,
 )
 from .channel import Channel
+from .collision_loops import both_collided_into, collided_into
 from .lattice import (
     VELOCITIES,
     Moments,

@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 
 from ..arrays import precision, require_memory
 from ..errors import InputError, whole_number
-from ..native.call import require_native
+from ..native.call import check_kernels, require_native
 from .channel import Channel
 from .flow import (
     Fields,
@@ -94,8 +94,9 @@ def simulate_flow(
         InputError: if the flow becomes unstable, or does not fit into memory; for other
             kernels, or where numba is missing.
     """
+    check_kernels(kernels, "simulate_flow")
     if kernels is not None:
-        _check_kernels(kernels)
+        require_native(f"simulate_flow(kernels={kernels!r})")
     whole_number(steps, "simulate_flow(steps=)")
     cells = channel.shape[0] * channel.shape[1]
     arrays = _ARRAYS if channel.diffusivity is None else _ARRAYS_WITH_HEAT
@@ -107,13 +108,6 @@ def simulate_flow(
     with precision(dtype):
         program = flow_program(channel, dtype, kernels)
         return _run(channel, program, each, segments, average_from, start, progress)
-
-
-def _check_kernels(kernels: str) -> None:
-    what = f"simulate_flow(kernels={kernels!r})"
-    if kernels != "numba":
-        raise InputError(f'{what}: give "numba", or leave it out')
-    require_native(what)
 
 
 def _run(

@@ -72,12 +72,11 @@ class Mesh:
     def area_vectors(self) -> Float[np.ndarray, "f 3"]:
         """Outward normal times area of each face [m^2]."""
         # Component by component: numpy is slow along an axis of length three.
-        corners = np.ascontiguousarray(self.faces.T)
         points = np.ascontiguousarray(self.vertices.T)
-        a, b, c = (points.take(corner, axis=1) for corner in corners)
-        (ux, uy, uz), (vx, vy, vz) = b - a, c - a
-        vectors = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        return 0.5 * np.stack(vectors, axis=1)
+        corners = [
+            points.take(own, axis=1) for own in np.ascontiguousarray(self.faces.T)
+        ]
+        return np.stack(area_components(*corners), axis=1)
 
     @property
     def area(self) -> float:
@@ -108,6 +107,17 @@ class Mesh:
     def placed(self, pose: "Pose") -> "Mesh":
         """Rotate and translate by a pose."""
         return replace(self, vertices=pose.to_world(self.vertices))
+
+
+def area_components(
+    a: Float[np.ndarray, "3 f"],
+    b: Float[np.ndarray, "3 f"],
+    c: Float[np.ndarray, "3 f"],
+) -> list[Float[np.ndarray, " f"]]:
+    """Components of normal times area, from the components of the three corners."""
+    (ux, uy, uz), (vx, vy, vz) = b - a, c - a
+    twice = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    return [component / 2 for component in twice]
 
 
 def part_volumes(

@@ -19,8 +19,8 @@ from ..errors import InputError
 def called(loop: str, results: Any, *arguments: Any, in_place: int = 0) -> Any:
     """Arrays that a loop fills, of the shapes and types of `results`.
 
-    The loop is named by its module and function, such as "runs_loops.conduct"; it has
-    one version for each precision, that of the first result. The last `in_place`
+    The loop is named by its module and function, such as "runs_loops.conduct", and is
+    compiled for the precision of the first result. The last `in_place`
     arguments become the first results, with what the loop does not write.
     """
     like = jax.tree.leaves(results)[0]
@@ -32,6 +32,16 @@ def called(loop: str, results: Any, *arguments: Any, in_place: int = 0) -> Any:
         vmap_method="sequential",
         input_output_aliases={first + n: n for n in range(in_place)},
     )(*arguments)
+
+
+def check_kernels(kernels: str | None, where: str) -> None:
+    """Check the name of kernels: "numba", or None for those of XLA.
+
+    Raises:
+        InputError: for any other.
+    """
+    if kernels not in (None, "numba"):
+        raise InputError(f'{where}(kernels={kernels!r}): give "numba", or leave it out')
 
 
 @cache
@@ -84,6 +94,6 @@ def _registered(loop: str, dtype: str) -> str:
     loops = importlib.import_module(f".{module}", __package__)
     frame = importlib.import_module(".frame", __package__)
     name = f"jaxthermo_{function}_{dtype}"
-    address = frame.handler(getattr(loops, f"{function}_{dtype}"))
+    address = frame.handler(getattr(loops, function), dtype)
     jax.ffi.register_ffi_target(name, jax.ffi.pycapsule(address), platform="cpu")
     return name

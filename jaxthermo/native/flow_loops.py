@@ -145,38 +145,16 @@ def _nine(addresses, first, like):
 
 
 @serial
-def _call(args, results, like):
+def collide(args, results, like):
+    """Populations of a flow after a collision."""
     numbers, f = array_at(args, 0, like), _nine(args, 1, like)
     _collide(f, numbers, _nine(results, 0, like))
 
 
 @serial
-def _call_both(args, results, like):
+def collide_both(args, results, like):
+    """The same of a flow and of a tracer in it."""
     rates, tracer = array_at(args, 0, like), array_at(args, 1, like)
     f, g = _nine(args, 2, like), _nine(args, 11, like)
     _collide(f, rates, _nine(results, 0, like))
     _collide_tracer(f, g, tracer, _nine(results, 9, like))
-
-
-@serial
-def collide_float32(args, results):
-    """In single precision."""
-    _call(args, results, np.float32(0))
-
-
-@serial
-def collide_float64(args, results):
-    """In double precision."""
-    _call(args, results, np.float64(0))
-
-
-@serial
-def collide_both_float32(args, results):
-    """With a tracer, in single precision."""
-    _call_both(args, results, np.float32(0))
-
-
-@serial
-def collide_both_float64(args, results):
-    """With a tracer, in double precision."""
-    _call_both(args, results, np.float64(0))

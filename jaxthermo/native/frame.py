@@ -91,12 +91,15 @@ def array_at(addresses, n, like):
     return numba.carray(_pointer(buffer[_DATA], like), (size,))
 
 
-def handler(entry: Any) -> int:
-    """Address of a function that XLA can call, around an `entry`.
+def handler(entry: Any, dtype: str) -> int:
+    """Address of a function that XLA can call, around an `entry` for a precision.
 
-    That is a function of the addresses of the lists of arguments and of results.
+    That is a function of the addresses of the lists of arguments and of results, and of
+    a number of the type of the arrays.
     """
-    entry.compile((numba.types.int64, numba.types.int64))
+    like = np.dtype(dtype).type(0)
+    address = numba.types.int64
+    entry.compile((address, address, numba.typeof(like)))
 
     def call(frame):
         word = np.int64(0)
@@ -108,13 +111,12 @@ def handler(entry: Any) -> int:
             metadata[_VERSION] = _pointer(words[_API], word)[_VERSION_OF_API]
             metadata[_TRAITS] = 0
         elif words[_STAGE] & 0xFFFFFFFF == _EXECUTE:
-            entry(words[_ARGUMENTS], words[_RESULTS])
+            entry(words[_ARGUMENTS], words[_RESULTS], like)
         # No error.
         return 0
 
     # Not from a cache, from which threads would not be started.
-    of_address = numba.cfunc(numba.types.int64(numba.types.int64))
-    made = of_address(inspect.unwrap(call))
+    made = numba.cfunc(address(address))(inspect.unwrap(call))
     _kept.append(made)
     assert made.address is not None
     return made.address
@@ -125,7 +127,7 @@ _kept: list[Any] = []
 
 
 @serial
-def double_float32(args, results):
+def double(args, results, like):
     """Twice an array, as a trial."""
-    values, out = array_at(args, 0, np.float32(0)), array_at(results, 0, np.float32(0))
+    values, out = array_at(args, 0, like), array_at(results, 0, like)
     out[:] = values + values

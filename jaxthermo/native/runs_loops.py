@@ -42,7 +42,8 @@ def _conduct(runs, state, keep, ratio, out):
 
 
 @serial
-def _call(args, results, like):
+def conduct(args, results, like):
+    """See `runs.conducted`."""
     # Signed in JAX; numba would look for negative ones, which count from the end.
     index = np.uint32(0)
     runs = Runs(
@@ -60,15 +61,3 @@ def _call(args, results, like):
     keep, ratio = array_at(args, 1, like)[0], array_at(args, 2, like)[0]
     state, out = array_at(args, 0, like), array_at(results, 0, like)
     _conduct(runs, state, keep, ratio, out)
-
-
-@serial
-def conduct_float32(args, results):
-    """In single precision."""
-    _call(args, results, np.float32(0))
-
-
-@serial
-def conduct_float64(args, results):
-    """In double precision."""
-    _call(args, results, np.float64(0))

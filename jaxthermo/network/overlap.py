@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..parallel.lattice import with_planes
-from .stencil import AbstractStencil
+from .stencil import AbstractStencil, end_planes
 
 
 _Lattice = Float[Array, "x y z"]
@@ -60,9 +60,5 @@ def overlapped(
     # Two planes from each end. Of these the inner ones, which lie beside each other
     # there, are evaluated for nothing.
     around = jnp.concatenate([beyond[:1], state[1:3], state[-3:-1], beyond[1:]])
-    theirs = [_ends(other) if other.ndim else other for other in others]
+    theirs = [end_planes(other, 3) if other.ndim else other for other in others]
     return with_planes(inner, 1, law(stencil.ends(), around, *theirs)[1::3])
-
-
-def _ends(other: _Lattice) -> Float[Array, "6 y z"]:
-    return jnp.concatenate([other[:3], other[-3:]])

@@ -79,8 +79,9 @@ def solid_degree(solid: Bool[np.ndarray, "x y z"], bits: int = 0) -> np.ndarray:
     return degree
 
 
-def _ends(values):
-    return jnp.concatenate([values[:2], values[-2:]])
+def end_planes(values: Shaped[Array, "x y z"], count: int) -> Shaped[Array, "_ y z"]:
+    """So many planes from both ends, one after the other."""
+    return jnp.concatenate([values[:count], values[-count:]])
 
 
 def _neighbour_sums(state):
@@ -171,7 +172,7 @@ class UniformStencil(_AbstractOneMaterial):
 
     @override
     def ends(self) -> "UniformStencil":
-        return replaced(self, degree=_ends(self.degree))
+        return replaced(self, degree=end_planes(self.degree, 2))
 
     @override
     def face_heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -211,7 +212,7 @@ class OrthotropicStencil(_AbstractOneMaterial):
 
     @override
     def ends(self) -> "OrthotropicStencil":
-        return replaced(self, degrees=_ends(self.degrees))
+        return replaced(self, degrees=end_planes(self.degrees, 2))
 
     def _change(self, state, factor):
         """Inner state, and sum over the axes of factor (neighbours - degree T)."""
@@ -278,8 +279,12 @@ class HeterogeneousStencil(AbstractStencil):
         # Between both pairs of planes is a face, too.
         return replaced(
             self,
-            face_conductance=(jnp.concatenate([x[:3], x[-2:]]), _ends(y), _ends(z)),
-            cell_capacity=_ends(self.cell_capacity),
+            face_conductance=(
+                jnp.concatenate([x[:3], x[-2:]]),
+                end_planes(y, 2),
+                end_planes(z, 2),
+            ),
+            cell_capacity=end_planes(self.cell_capacity, 2),
         )
 
     def _rate(self, state):

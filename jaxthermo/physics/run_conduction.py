@@ -48,6 +48,68 @@ def run_stencil(structure: FullVolume, conductivity: Array, heat: Array) -> RunS
     )
 
 
+class NodeCells(NamedTuple):
+    """Cells of a lattice with a rim of one, in one row, and the nodes in them."""
+
+    shape: tuple[int, ...]
+    inside: Bool[np.ndarray, " v"]
+    position: Int[np.ndarray, " v"]
+    """Position of the node of each solid cell in a state."""
+
+    @property
+    def steps(self) -> tuple[int, int, int]:
+        """From a cell to the next along x, y, z."""
+        _, y, z = self.shape
+        return y * z, z, 1
+
+    def at(self, voxel: Int[np.ndarray, "m 3"]) -> Int[np.ndarray, " m"]:
+        """Cells of voxels."""
+        return np.asarray(np.ravel_multi_index(tuple(voxel.T + 1), self.shape))
+
+    def runs(self, whole: Bool[np.ndarray, " v"]) -> Int[np.ndarray, "r 6"]:
+        """Runs along z of nodes with six whole links each, as in `Runs`."""
+        edge = np.diff(whole.astype(np.int8), prepend=0, append=0)
+        start, stop = np.flatnonzero(edge == 1), np.flatnonzero(edge == -1)
+        x, y, _ = self.steps
+        beside = [self.position[start + step] for step in (x, -x, y, -y)]
+        columns = [self.position[start], stop - start, *beside]
+        return np.stack(columns, axis=1).astype(np.int32)
+
+    def links(
+        self, cells: Int[np.ndarray, " m"], cut: CutVoxels | None, nodes: int
+    ) -> csr_array:
+        """Relative conductances from the nodes of some cells to those in a state.
+
+        The cells ascend, and are all that are cut or have links that are not whole.
+        """
+        row, column, weight = [], [], []
+        for step in (sign * step for step in self.steps for sign in (-1, 1)):
+            linked = np.flatnonzero(self.inside[cells + step])
+            row.append(linked)
+            column.append(self.position[cells[linked] + step])
+            weight.append(np.ones(len(linked)))
+        if cut is not None:
+            ends = cut.links.voxel, cut.links.voxel + cut.links.step
+            one, other = map(self.at, ends)
+            for here, there in ((one, other), (other, one)):
+                row.append(np.searchsorted(cells, here))
+                column.append(self.position[there])
+                weight.append(cut.links.extra)
+        entries = np.concatenate(row), np.concatenate(column)
+        # Both the whole link of two neighbours and what is open of it, in one entry.
+        size = len(cells), nodes
+        return csr_array(coo_array((np.concatenate(weight), entries), shape=size))
+
+    def volumes(
+        self, cells: Int[np.ndarray, " m"], cut: CutVoxels | None
+    ) -> Float[np.ndarray, " m"]:
+        """Volumes of the same cells [voxels]."""
+        found = np.ones(len(cells))
+        if cut is not None:
+            found[np.searchsorted(cells, self.at(cut.voxel))] = cut.volume
+        return found
+
+
 def voxel_runs(
     solid: Bool[np.ndarray, "x y z"], cut: CutVoxels | None, dtype: np.dtype
 ) -> tuple[Runs, Float[np.ndarray, " m"]]:
@@ -55,37 +117,24 @@ def voxel_runs(
 
     With the sum of the relative conductances of each row.
     """
-    shape = tuple(np.add(solid.shape, 2).tolist())
-    inside = np.pad(solid, 1).reshape(-1)
+    inside = np.pad(solid, 1)
     number = np.cumsum(inside, dtype=np.int32) - np.int32(1)
-    place = lambda voxel: np.asarray(np.ravel_multi_index(tuple(voxel.T + 1), shape))
+    every = NodeCells(inside.shape, inside.reshape(-1), number)
     whole = np.pad(solid_degree(solid) == 6, 1).reshape(-1)
     if cut is not None:
         for voxel in (cut.voxel, cut.links.voxel, cut.links.voxel + cut.links.step):
-            whole[place(voxel)] = False
-    steps = shape[1] * shape[2], shape[2], 1
-    edge = np.diff(whole.astype(np.int8), prepend=0, append=0)
-    start, stop = np.flatnonzero(edge == 1), np.flatnonzero(edge == -1)
-    x, y, _ = steps
-    beside = [number[start + step] for step in (x, -x, y, -y)]
-    runs = np.stack([number[start], stop - start, *beside], axis=1).astype(np.int32)
-    cells = np.flatnonzero(inside & ~whole)
-    volume = np.ones(len(cells))
-    if cut is not None:
-        volume[np.searchsorted(cells, place(cut.voxel))] = cut.volume
-    ends = []
-    if cut is not None:
-        first, other = place(cut.links.voxel), place(cut.links.voxel + cut.links.step)
-        ends = [(first, other, cut.links.extra), (other, first, cut.links.extra)]
-    links = _links(cells, ends, inside, number, steps)
-    node, rows = number[cells], _rows(number[cells], links)
+            whole[every.at(voxel)] = False
+    cells, nodes = np.flatnonzero(every.inside & ~whole), int(number[-1]) + 1
+    runs, links = every.runs(whole), every.links(cells, cut, nodes)
+    node = number[cells]
+    rows = _rows(node, links)
     found = Runs(
-        block=_blocks(runs[:, 0], node, node[rows.list_row], int(number[-1]) + 1),
+        block=_blocks(runs[:, 0], node, node[rows.list_row], nodes),
         runs=runs,
         node=node,
         neighbour=rows.neighbour,
         weight=rows.weight.astype(dtype),
-        volume=volume.astype(dtype),
+        volume=every.volumes(cells, cut).astype(dtype),
         list_row=rows.list_row,
         list_first=rows.list_first,
         list_neighbour=rows.list_neighbour,
@@ -147,27 +196,3 @@ def _blocks(
         for each in (runs, rows, lists)
     ]
     return np.stack(columns, axis=1).astype(np.int32)
-
-
-def _links(
-    cells: Int[np.ndarray, " m"],
-    ends: list[tuple[np.ndarray, np.ndarray, np.ndarray]],
-    inside: Bool[np.ndarray, " v"],
-    number: Int[np.ndarray, " v"],
-    steps: tuple[int, int, int],
-) -> csr_array:
-    """Relative conductances from some cells to nodes: whole ones, and what is open."""
-    row, column, weight = [], [], []
-    for step in (sign * step for step in steps for sign in (-1, 1)):
-        linked = np.flatnonzero(inside[cells + step])
-        row.append(linked)
-        column.append(number[cells[linked] + step])
-        weight.append(np.ones(len(linked)))
-    for here, there, extra in ends:
-        row.append(np.searchsorted(cells, here))
-        column.append(number[there])
-        weight.append(extra)
-    entries = np.concatenate(row), np.concatenate(column)
-    size = len(cells), int(number[-1]) + 1
-    # Both the whole link of two neighbours and what is open of it, in one entry.
-    return csr_array(coo_array((np.concatenate(weight), entries), shape=size))

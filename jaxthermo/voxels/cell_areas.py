@@ -21,6 +21,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from ..geometry.mesh import area_components
+
 
 # Spacing of the coarse lattice [voxels]. With 3 the factors of a plane's cells differ
 # twice as much; with more a limb's loss is far from where it is made good.
@@ -175,7 +177,7 @@ def _pieces(triangles: Float[np.ndarray, "f 3 3"], at_once: int) -> Iterator[Pat
     """Pieces of triangles, about as many as asked for at once."""
     corners = np.ascontiguousarray(np.moveaxis(triangles, 0, 2))
     longest = _longest(corners)
-    many = 3 + _lengths(_area_vectors(corners)) / 2 + 2 * longest
+    many = 3 + _lengths(np.stack(area_components(*corners))) / 2 + 2 * longest
     chunk = (np.cumsum(many) / at_once).astype(int)
     ends = [*(np.flatnonzero(np.diff(chunk)) + 1), len(triangles)]
     for start, stop in pairwise([0, *ends]):
@@ -193,7 +195,7 @@ def _pieces(triangles: Float[np.ndarray, "f 3 3"], at_once: int) -> Iterator[Pat
 
 
 def _patches(points: Float[np.ndarray, "p 3 s"], corners: _Corners) -> Patches:
-    vector = _area_vectors(corners)
+    vector = np.stack(area_components(*corners))
     area = _lengths(vector)
     vector /= np.where(area > 0, area, 1)
     return Patches(np.moveaxis(points, 1, 2), vector.T, area)
@@ -254,9 +256,3 @@ def _longest(corners: _Corners) -> Float[np.ndarray, " f"]:
 def _lengths(vector: Float[np.ndarray, "3 f"]) -> Float[np.ndarray, " f"]:
     x, y, z = vector
     return np.sqrt(x * x + y * y + z * z)
-
-
-def _area_vectors(corners: _Corners) -> Float[np.ndarray, "3 f"]:
-    a, b, c = corners
-    (ux, uy, uz), (vx, vy, vz) = b - a, c - a
-    return np.stack([uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx]) / 2

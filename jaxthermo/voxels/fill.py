@@ -78,10 +78,7 @@ def _inside(
     row_axis, column_axis = pixel_axes(axis)
     cell: list[np.ndarray] = [behind[changes]] * 3
     cell[row_axis], cell[column_axis] = np.divmod(pixel[changes], layers.width)
-    bits = VoxelBits.none(shape)
-    number = bits.number(cell)
-    bit = np.uint64(1) << (number & 63).astype(np.uint64)
-    np.bitwise_xor.at(bits.word.reshape(-1), number >> 6, bit)
+    bits = VoxelBits.listed(shape, VoxelBits.none(shape).number(cell))
     _sum_along(bits.word, axis)
     return bits.word
 

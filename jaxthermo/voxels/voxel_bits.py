@@ -47,9 +47,9 @@ class VoxelBits:
     def listed(
         cls, shape: tuple[int, ...], number: Int[np.ndarray, " k"]
     ) -> "VoxelBits":
-        """Voxels of some numbers."""
+        """Voxels of numbers that occur once, or any odd number of times."""
         bits = cls.none(shape)
-        np.bitwise_or.at(bits.word.reshape(-1), number >> 6, _bit(number))
+        np.bitwise_xor.at(bits.word.reshape(-1), number >> 6, _bit(number))
         return bits
 
     def _native(self) -> "VoxelBits":

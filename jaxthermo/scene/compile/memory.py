@@ -124,10 +124,9 @@ def forecast_memory(
         read = counts._replace(fragments=_devices(body) * counts.fragments)
         is_stencil = len(structure.state_shape) == 3
         in_runs = isinstance(structure, FullVolume) and structure.kernels == "numba"
-        own = (_KEPT_STENCIL if is_stencil else _KEPT_LINKS).bytes_of(read)
-        if in_runs:
-            own = _KEPT_RUNS.bytes_of(counts)
-        elif not is_stencil and isinstance(structure, FullVolume):
+        lists = _KEPT_RUNS if in_runs else _KEPT_LINKS
+        own = (_KEPT_STENCIL if is_stencil else lists).bytes_of(read)
+        if not (is_stencil or in_runs) and isinstance(structure, FullVolume):
             own += _KEPT_VOXEL_LINKS.bytes_of(counts)
         if is_stencil and isinstance(body.material, AbstractMaterials):
             own += _KEPT_MIXED_STENCIL.bytes_of(counts) * width / 4

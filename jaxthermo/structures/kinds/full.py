@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int, Shaped
 from typing_extensions import override
 
-from ...errors import InputError
+from ...native.call import check_kernels
 from ...voxels.grid import VoxelGrid
 from ...voxels.packed_lattice import PackedLattice, packed_lattice
 from ...voxels.sharded_lattice import ShardedLattice, cut_axes, sharded_lattice
@@ -51,10 +51,7 @@ class FullVolume(AbstractStructure):
     )
 
     def __check_init__(self):
-        if self.kernels not in (None, "numba"):
-            raise InputError(
-                f'FullVolume(kernels={self.kernels!r}): give "numba", or leave it out'
-            )
+        check_kernels(self.kernels, "FullVolume")
 
     @property
     def runs_as_stencil(self) -> bool:

@@ -1,25 +1,27 @@
 """Collisions of the lattice Boltzmann flow and its tracer, in loops of numba.
 
-All rows of all populations in one pass, in threads; see `flow.lattice`.
+All rows of all populations in one pass, in threads: `collided` and `collided_tracer`
+of `lattice`.
 """
 
-from collections.abc import Sequence
 from typing import Any
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .call import called
+from ..native.call import called
+from .lattice import WEIGHTS, Populations, Rates
 
 
-_Nine = Sequence[Float[Array, "y x"]]
-_WEIGHTS = 4 / 9, 1 / 9, 1 / 36
-_CONSTANTS = 0.5, 1.0, 3.0, 4.5, 1.5
+_Both = tuple[Populations, Populations]
+
+# In the type of the populations, of which the loops compute everything.
+_CONSTANTS = WEIGHTS[0], WEIGHTS[1], WEIGHTS[5], 0.5, 1.0, 3.0, 4.5, 1.5
 
 
 def collided_into(
-    target: _Nine, read: _Nine, rates: Any, force: Any = None
-) -> tuple[Array, ...]:
+    target: Populations, read: Populations, rates: Rates, force: Any = None
+) -> Populations:
     """`target` with the populations that arrive in its inner cells, after a collision.
 
     Populations have a frame of one cell; rates and force are those of `collided`.
@@ -30,11 +32,8 @@ def collided_into(
 
 
 def both_collided_into(
-    target: tuple[_Nine, _Nine],
-    read: tuple[_Nine, _Nine],
-    rates: tuple[Any, Any],
-    force: Any = None,
-) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
+    target: _Both, read: _Both, rates: tuple[Rates, Rates], force: Any = None
+) -> _Both:
     """The same of a flow and of a temperature in it."""
     # In one call: XLA copies arrays that one reads and another fills in the next step.
     dtype, (flow, tracer) = target[0][0].dtype, rates
@@ -45,6 +44,6 @@ def both_collided_into(
     return tuple(out[:9]), tuple(out[9:])
 
 
-def _numbers(dtype: Any, rates: Any, force: Any = None) -> Float[Array, "12"]:
-    values = *rates, *(force or (0.0, 0.0)), *_WEIGHTS, *_CONSTANTS
+def _numbers(dtype: Any, rates: Rates, force: Any = None) -> Float[Array, "12"]:
+    values = *rates, *(force or (0.0, 0.0)), *_CONSTANTS
     return jnp.stack([jnp.asarray(value, dtype) for value in values])
