@@ -24,7 +24,6 @@ from jaxthermo.flow.measures import centreline, recirculation_length, strouhal
 from jaxthermo.flow.run import FlowRun
 from jaxthermo.flow.wake_fit import FAMILIES, Family, fit_family, tail_length
 from jaxthermo.flow.wake_runs import disturbed_state
-from jaxthermo.geometry import shapes
 from jaxthermo.image.annotate import write_png
 from jaxthermo.image.palette import apply_palette
 from jaxthermo.native.call import native_kernels
@@ -35,6 +34,7 @@ from jaxthermo.report.table import Table
 
 from ..harness.present import Rows, colour_bar, publish, table_of
 from .convection_numbers import HEIGHT, SHADES, WIDTH
+from .wake_pair import measure_pair, pair_table
 
 
 _LENGTH, _WIDE = 8 / 3, 2
@@ -148,7 +148,10 @@ def measure_flow(tail: Tail, flow: FlowRun) -> dict[str, Any]:
             "parameters": dict(
                 zip(family.parameters, fit.values.tolist(), strict=True)
             ),
-            "errors": dict(zip(family.parameters, fit.errors.tolist(), strict=True)),
+            "errors": {
+                key: _finite(error)
+                for key, error in zip(family.parameters, fit.errors, strict=True)
+            },
             "rms": fit.rms,
             "largest": fit.largest,
         }
@@ -171,7 +174,7 @@ def measure_flow(tail: Tail, flow: FlowRun) -> dict[str, Any]:
 
 
 def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None
+    return float(value) if np.isfinite(value) else None
 
 
 def measure_collapse(tails: Iterable[Tail]) -> Rows:
@@ -186,33 +189,6 @@ def measure_collapse(tails: Iterable[Tail]) -> Rows:
         for n, a in enumerate(tails)
         for b in tails[n + 1 :]
     ]
-
-
-# Two cylinders of 10 mm in line with a wind that has Re 100 for each.
-_PAIR_DIAMETER, _PAIR_SPEED, _AIR, _HOT = 0.01, 0.157, 300.0, 350.0
-_GAPS = 1.0, 2.0, 5.0, 10.0, 20.0
-
-
-def measure_pair() -> Rows:
-    """Mean heat transfer of a cylinder behind another, over that without a wake."""
-    mesh = shapes.cylinder(_PAIR_DIAMETER / 2, 4 * _PAIR_DIAMETER, 64)
-    grid = jt.voxelize(mesh, _PAIR_DIAMETER / 12)
-    heat = {}
-    for wake in (None, jt.FittedWake()):
-        wind = jt.Wind((_PAIR_SPEED, 0.0, 0.0), _AIR, wake=wake)
-        for gap in _GAPS:
-            shift = (gap + 1) * _PAIR_DIAMETER
-            poses = jt.Pose(), jt.Pose((shift, 0.0, 0.0))
-            copper = jt.materials["copper"]
-            bodies = tuple(
-                jt.Body(jt.FullVolume(grid), copper, temperature=_HOT, pose=pose)
-                for pose in poses
-            )
-            scene = jt.Scene(bodies, (wind,), dtype="float64")
-            cooled = jt.simulate(scene, 1e-2)
-            loss = _HOT - np.asarray(cooled.mean_temperature)[-1]
-            heat[wake is None, gap] = float(loss[1])
-    return [{"gap": gap, "factor": heat[False, gap] / heat[True, gap]} for gap in _GAPS]
 
 
 def speed_tiles(flow: FlowRun, *names: str) -> list[Tile]:
@@ -309,9 +285,8 @@ def fit_table(rows: Rows) -> Table:
     lines = []
     for row in rows:
         for name, fit in row["fits"].items():
-            errors = fit["errors"]
             text = ", ".join(
-                f"{key} {value:.3g} ± {errors[key]:.1g}"
+                _parameter(key, value, fit["errors"][key])
                 for key, value in fit["parameters"].items()
             )
             head = {"flow": f"{row['channel']}, {row['speed']:g}", "family": name}
@@ -324,6 +299,13 @@ def fit_table(rows: Rows) -> Table:
         ("largest", "{largest:.4f}"),
     ]
     return table_of(lines, columns, "Fits behind the bubble", left=(0, 1, 2))
+
+
+def _parameter(name: str, value: float, error: float | None) -> str:
+    """A parameter with its standard error, unless that is as large as itself."""
+    if error is None or error > value:
+        return f"{name} not determined"
+    return f"{name} {value:.3g} ± {error:.1g}"
 
 
 def _flows(rows: Rows, tails: list[Tail], folder: Path) -> list[page.Section]:
@@ -387,10 +369,9 @@ def _length(row: dict[str, Any]) -> str:
 
 
 def _use(pairs: Rows) -> list[page.Section]:
-    columns = [("gap [D]", "{gap:g}"), ("heat over that of a free one", "{factor:.3f}")]
     return [
         page.heading("What it means for a second body"),
         "Two equal cylinders in line, Re 100: mean heat transfer of the second with "
         "the fitted wake, over that without.",
-        table_of(pairs, columns, "Second of two cylinders in line"),
+        pair_table(pairs),
     ]

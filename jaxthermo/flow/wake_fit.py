@@ -77,6 +77,7 @@ class Fit(NamedTuple):
 
     values: Float[np.ndarray, " k"]
     errors: Float[np.ndarray, " k"]
+    """Infinite where the points do not determine a parameter."""
     rms: float
     """Root mean square of the deviations of u / U."""
     largest: float
@@ -97,15 +98,28 @@ def _least_squares(
     with precision("float64"):
         device = jax.tree.map(jnp.asarray, (guess, points))
         values, left, slope = map(np.asarray, _solution(residual, *device))
-    free = max(len(left) - len(values), 1)
-    # The pseudo-inverse: a parameter without any effect has no finite error.
-    spread = np.linalg.pinv(slope.T @ slope) * (left @ left) / free
     return Fit(
         values,
-        np.sqrt(np.diag(spread)),
+        _standard_errors(slope, left),
         float(np.sqrt(np.mean(left**2))),
         float(np.abs(left).max()),
     )
+
+
+def _standard_errors(
+    slope: Float[np.ndarray, "n k"], left: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " k"]:
+    """Standard errors; infinite for parameters that the points do not determine.
+
+    Where A and l act by A l^p alone, one direction of the two changes nothing.
+    """
+    _, effects, directions = np.linalg.svd(slope, full_matrices=False)
+    variance = left @ left / max(len(left) - len(effects), 1)
+    seen = effects > effects[0] * len(left) * np.finfo(float).eps
+    # What rounding leaves of a parameter in a direction is far below this.
+    free = (np.abs(directions[~seen]) > 1e-6).any(0)
+    found = variance * ((directions[seen] / effects[seen, None]) ** 2).sum(0)
+    return np.where(free, np.inf, np.sqrt(found))
 
 
 def fit_family(

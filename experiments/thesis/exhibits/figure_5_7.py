@@ -2,10 +2,10 @@
 
 from jaxthermo.report.sheet import enlarged
 
-from ...harness.present import table_of
 from ..exhibit import Exhibit, Finding, Picture, Verdict
-from ..wake import measure_pair, speed_sheet, speed_tiles
+from ..wake import speed_sheet, speed_tiles
 from ..wake_flows import chosen, narrow_and_wide
+from ..wake_pair import measure_pair, pair_table
 
 
 _EDGE = 600
@@ -27,10 +27,9 @@ def _measure(quick: bool) -> Finding:
         for tile in speed_tiles(wide.run, "one moment", "mean")
     ]
     picture = speed_sheet(tiles, "Figure 5.7: a cylinder in cross-flow")
-    columns = [("gap [D]", "{gap:g}"), ("heat over that without", "{factor:.3f}")]
     parts = (
         Picture("cross_flow", picture, "Wind from the left; bright is fast."),
-        table_of(pairs, columns, "Second of two cylinders in line, Re 100"),
+        pair_table(pairs),
     )
     return Finding(
         Verdict.REPRODUCED,

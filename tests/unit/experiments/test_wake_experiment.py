@@ -8,6 +8,7 @@ import pytest
 from experiments.benchmarks import lattice_boltzmann
 from experiments.thesis import wake
 from experiments.thesis.wake import SETUPS, Setup, Tail
+from experiments.thesis.wake_pair import measure_pair
 
 
 def test_the_setups_are_the_thesis_channels_at_its_size():
@@ -31,7 +32,7 @@ def test_curves_apart_are_not_one_curve():
 @pytest.mark.slow
 @pytest.mark.slice
 def test_the_second_cylinder_takes_less_heat_the_nearer_it_is():
-    factors = [row["factor"] for row in wake.measure_pair()]
+    factors = [row["factor"] for row in measure_pair()]
     assert 0.2 < factors[0] < 1.0 and max(factors) < 1.0
 
 

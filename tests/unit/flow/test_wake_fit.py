@@ -52,6 +52,15 @@ def test_standard_errors_are_the_scatter_of_repeated_fits():
     assert np.median([fit.rms for fit in fits]) == pytest.approx(0.01, rel=0.1)
 
 
+def test_a_wake_without_a_scale_leaves_amplitude_and_length_undetermined():
+    """Of 1 - c x^(-p) the power family finds p, but of A and l only A l^p = c."""
+    found = fit_family(FAMILIES[1], X, 1 - 0.6 * X**-0.4)
+    a, length, exponent = found.values
+    assert exponent == pytest.approx(0.4, rel=1e-4)
+    assert a * length**exponent == pytest.approx(0.6, rel=1e-4)
+    assert (found.errors[:2] > found.values[:2]).all() and found.errors[2] < 1e-3
+
+
 def test_the_length_of_a_tail():
     assert tail_length(X, 1 - np.exp(-X / 3)) == pytest.approx(3 * np.log(10), abs=0.02)
     assert tail_length(X, 0.95 + 0 * X) == 0.0
