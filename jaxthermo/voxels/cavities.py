@@ -22,11 +22,20 @@ _SOLID, _OUTSIDE = -1, 0
 
 @dataclass(frozen=True, eq=False)
 class Cavities:
-    """The closed cavities of a body, by number, in its own frame."""
+    """The closed cavities of a body, in its own frame, as runs of voxels along z.
+
+    Numbers of all voxels would be the largest array that a run keeps of a body.
+    """
 
     lattice: Lattice
-    number: Int32[np.ndarray, "x y z"]
-    """Number of the cavity of each voxel, from 1; 0 outside, -1 in the body."""
+    solid: Bool[np.ndarray, "x y z"]
+    """Voxels of the body."""
+    start: Int[np.ndarray, " r"]
+    """First voxel of each run, by its place in the flat lattice, in ascending order."""
+    stop: Int[np.ndarray, " r"]
+    """Voxel after the last of each run."""
+    number: Int32[np.ndarray, " r"]
+    """Number of the cavity of each run, from 1."""
 
     @property
     def count(self) -> int:
@@ -39,8 +48,14 @@ class Cavities:
 
     def _of_cells(self, cells: Int[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:
         within = ((cells >= 0) & (cells < self.lattice.shape)).all(1)
+        inside = tuple(cells[within].T)
+        place = np.ravel_multi_index(inside, self.lattice.shape)
+        # The last run that starts up to there; the first one if none does.
+        run = np.searchsorted(self.start, place, side="right").clip(min=1) - 1
+        is_closed = (self.start[run] <= place) & (place < self.stop[run])
+        other = np.where(self.solid[inside], _SOLID, _OUTSIDE)
         found = np.full(len(cells), _OUTSIDE)
-        found[within] = self.number[tuple(cells[within].T)]
+        found[within] = np.where(is_closed, self.number[run], other)
         return found
 
     def faced(
@@ -79,12 +94,26 @@ def find_cavities(
     ndimage.label(np.pad(~solid, 1, constant_values=True), output=label)
     if label.max() < 2:
         return None
-    outside = label[0, 0, 0]
-    # In place and plane by plane: copies would be the largest arrays of a run.
-    number = label[1:-1, 1:-1, 1:-1]
-    for plane, body in zip(number, solid, strict=True):
-        outer = plane == outside
-        plane -= plane > outside
-        plane[outer] = _OUTSIDE
-        plane[body] = _SOLID
-    return Cavities(lattice, number)
+    # Plane by plane: copies would be the largest arrays of a run.
+    runs = [
+        _runs(plane, int(label[0, 0, 0]), first)
+        for plane, first in zip(
+            label[1:-1, 1:-1, 1:-1], range(0, solid.size, solid[0].size), strict=True
+        )
+    ]
+    start, stop, number = (np.concatenate(part) for part in zip(*runs, strict=True))
+    return Cavities(lattice, solid, start, stop, number)
+
+
+def _runs(
+    label: Int32[np.ndarray, "y z"], outside: int, first: int
+) -> tuple[Int[np.ndarray, " r"], Int[np.ndarray, " r"], Int32[np.ndarray, " r"]]:
+    """Start, end and number of the runs of cavities in a plane of labels.
+
+    Labels count from 1, with 0 in the body; the plane begins at the voxel `first`.
+    """
+    number = np.pad((label - (label > outside)).ravel(), 1)
+    number[1:-1][(label == outside).ravel()] = 0
+    change = np.flatnonzero(number[1:] != number[:-1])
+    opens, closes = change[number[change + 1] > 0], change[number[change] > 0]
+    return first + opens, first + closes, number[opens + 1]

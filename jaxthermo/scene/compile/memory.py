@@ -51,7 +51,7 @@ class _Parts(NamedTuple):
 _KEPT_STENCIL = _Parts(faces=70, fragments=223, cut_voxels=136, values=1)
 _KEPT_LINKS = _Parts(faces=68, fragments=222, surface_nodes=107, links=43)
 # Runs and rows of a full volume, instead of links.
-_KEPT_RUNS = _Parts(faces=68, fragments=222, surface_nodes=200)
+_KEPT_RUNS = _Parts(faces=68, fragments=222, surface_nodes=82)
 # The links of a full volume are found for the run, other structures have theirs.
 _KEPT_VOXEL_LINKS = _Parts(links=43)
 # Conductances of three faces and the capacity of each cell.

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.geometry.shapes import box, sphere
@@ -27,14 +28,30 @@ def test_each_cavity_has_a_number():
     solid = hollow()
     found = find_cavities(solid, lattice(solid))
     assert found is not None and found.count == 2
-    np.testing.assert_array_equal(found.number < 0, solid)
-    one, two = found.number[1, 1, 1], found.number[4, 2, 2]
+    cells = np.indices(solid.shape).reshape(3, -1).T
+    number = found.at(found.lattice.centres(cells)).reshape(solid.shape)
+    np.testing.assert_array_equal(number < 0, solid)
+    one, two = number[1, 1, 1], number[4, 2, 2]
     assert {int(one), int(two)} == {1, 2}
-    assert (found.number[4:6, 2:5, 2] == two).all()
+    assert (number[4:6, 2:5, 2] == two).all()
     middle = found.lattice.centres(np.array([[1, 1, 1], [5, 3, 2], [0, 0, 0]]))
     far = np.array([[99.0, 0.0, 0.0]])
     at = found.at(np.concatenate([middle, far]))
     np.testing.assert_array_equal(at, [one, two, -1, 0])
+
+
+def test_runs_of_cavities_are_the_labels_of_all_voxels():
+    solid = np.random.default_rng(2).random((9, 8, 7)) < 0.7
+    found = find_cavities(solid, lattice(solid))
+    label, _ = ndimage.label(np.pad(~solid, 1, constant_values=True))
+    outside, own = label[0, 0, 0], label[1:-1, 1:-1, 1:-1]
+    expected = np.where(own == outside, 0, own - (own > outside))
+    cells = np.indices(solid.shape).reshape(3, -1).T
+    assert found is not None and found.count == label.max() - 1 > 1
+    np.testing.assert_array_equal(
+        found.at(found.lattice.centres(cells)),
+        np.where(solid, -1, expected).ravel(),
+    )
 
 
 @pytest.mark.parametrize(
