@@ -107,8 +107,8 @@ def test_the_data_are_those_of_a_coarse_grid_and_a_one_sided_difference(reynolds
     np.testing.assert_allclose(found, expected, atol=1e-4)
 
 
-# The data are of an unbounded flow. Walls 60 diameters apart add 0.02 U to it, of a bound
-# of 0.03; at Re 40 they stand 90 apart.
+# The data are of an unbounded flow. Walls 60 diameters apart add 0.02 U to it, and the
+# bound is 0.03: at Re 40 they stand 90 apart.
 WIDE = WakeSetup(16, 90.0, 25.0, 15.0, 4.0)
 
 
