@@ -240,6 +240,8 @@ def _chart(points: Rows, colours: tuple[str, ...], title: str) -> Chart:
     """Speeds behind the cylinder by distance, a line for each curve."""
     names = list(dict.fromkeys(point["curve"] for point in points))
     colour = alt.Scale(domain=names, range=list(colours[: len(names)]))
+    # Curves that lie on each other are both seen.
+    dashes = [[7, 5] if n % 2 else [1, 0] for n in range(len(names))]
     return (
         alt.Chart(alt.Data(values=points))
         .mark_line()
@@ -247,6 +249,9 @@ def _chart(points: Rows, colours: tuple[str, ...], title: str) -> Chart:
             x=alt.X("x:Q", title="distance behind the cylinder [diameters]"),
             y=alt.Y("u:Q", title="mean speed over the undisturbed one"),
             color=alt.Color("curve:N", scale=colour, sort=names, legend=legend()),
+            strokeDash=alt.StrokeDash(
+                "curve:N", scale=alt.Scale(domain=names, range=dashes), sort=names
+            ),
         )
         .properties(width=WIDTH, height=HEIGHT, title=title)
     )

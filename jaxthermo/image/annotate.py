@@ -193,7 +193,7 @@ def annotate(
 
 
 def contact_sheet(images: Sequence[Image.Image], columns: int) -> Image.Image:
-    """Arrange images in rows on a dark sheet, in cells of the largest size.
+    """Arrange images in rows on a dark sheet, each row as high as its highest image.
 
     Raises:
         InputError: without an image or a column.
@@ -204,17 +204,18 @@ def contact_sheet(images: Sequence[Image.Image], columns: int) -> Image.Image:
             "give at least one of each"
         )
     columns = min(columns, len(images))
-    rows = -(-len(images) // columns)
     wide = max(image.width for image in images)
-    tall = max(image.height for image in images)
-    gap = max(2, round(0.02 * min(wide, tall)))
-    size = (columns * (wide + gap) + gap, rows * (tall + gap) + gap)
+    gap = max(2, round(0.02 * min(wide, max(image.height for image in images))))
+    rows = [images[k : k + columns] for k in range(0, len(images), columns)]
+    tall = [max(image.height for image in row) for row in rows]
+    size = (columns * (wide + gap) + gap, sum(tall) + gap * (len(rows) + 1))
     sheet = Image.new("RGB", size, PAPER)
-    for k, image in enumerate(images):
-        row, column = divmod(k, columns)
-        x = gap + column * (wide + gap) + (wide - image.width) // 2
-        y = gap + row * (tall + gap) + (tall - image.height) // 2
-        sheet.paste(image, (x, y))
+    top = gap
+    for row, height in zip(rows, tall, strict=True):
+        for column, image in enumerate(row):
+            x = gap + column * (wide + gap) + (wide - image.width) // 2
+            sheet.paste(image, (x, top + (height - image.height) // 2))
+        top += height + gap
     return sheet
 
 

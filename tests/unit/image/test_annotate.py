@@ -179,6 +179,12 @@ def test_contact_sheet_places_all_images():
     assert contact_sheet(reds[:1], 9).width < 30
 
 
+def test_each_row_of_a_contact_sheet_is_as_high_as_its_images():
+    low, high = (Image.new("RGB", (40, height)) for height in (20, 60))
+    gap = contact_sheet([low], 1).height - 20
+    assert contact_sheet([low, low, high, low], 2).height == 20 + 60 + 3 * gap // 2
+
+
 def test_write_png(tmp_path):
     path = tmp_path / "frame.png"
     _, image = frame(48, 64)
