@@ -253,21 +253,20 @@ def make_solution(
         for b in plan.scene.bodies
     )
     from_start = plan.save_times[0] == 0.0
-    times = np.asarray(plan.save_times, plan.dtype)
-    # What was observed is the solution as it is: a program would return a copy. On
-    # several devices it is brought together.
-    same = observations is not None and not from_start and program.mesh is None
+    # Rows that are the solution's as they are: a program would return a copy of them.
+    # On several devices it also brings them together.
+    observed = None if from_start or program.mesh is not None else observations
     given = observations
-    if same:
-        given = observations._replace(surface_temperature=None, fragment_outputs={})
-    kept = _balance(program, state, given, uneven, from_start, times)
-    saved, energy, statistics, result, times = own_copies(kept)
-    saved = observations if same else saved
+    if observed is not None:
+        given = observed._replace(surface_temperature=None, fragment_outputs={})
+    kept = _balance(program, state, given, uneven, from_start)
+    rows, energy, statistics, result = own_copies(kept)
+    saved: Observation = rows if observed is None else observed
     receipt = plan.compiled.receipt
     if error is not None:
         receipt = replace(receipt, notes=(*receipt.notes, error.text()))
     return Solution(
-        times=times,
+        times=jnp.asarray(np.asarray(plan.save_times, energy.stored_J.dtype)),
         surface_temperature=saved.surface_temperature,
         mean_temperature=saved.mean_temperature,
         energy=in_order(energy, program.entries),
@@ -298,9 +297,8 @@ def _balance(
     saved: Observation | None,
     uneven: tuple[Address | None, ...],
     from_start: bool,
-    times: Float[Any, " t"],
-) -> tuple[Observation, Energy, Any, RESULTS, Float[Array, " t"]]:
-    """Saved rows, their energies, the last statistics, the result, and the times.
+) -> tuple[Observation, Energy, Any, RESULTS]:
+    """Saved rows, their energies, the last statistics, and the result.
 
     `uneven` are the nodes of bodies that start so.
     """
@@ -319,7 +317,7 @@ def _balance(
     if saved is not None:
         statistics = jax.tree.map(lambda a: a[-1], saved.statistics)
     result = run_result(rows.is_finite.all(), rows.is_physical.all(), statistics)
-    return replicated(program.mesh, (rows, energy, statistics, result, times))
+    return replicated(program.mesh, (rows, energy, statistics, result))
 
 
 def _equalization_heat(
