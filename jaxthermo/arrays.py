@@ -14,7 +14,7 @@ import jax
 import jax.core
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, Shaped
 from numpy.typing import ArrayLike
 
 from .errors import InputError
@@ -96,6 +96,12 @@ def linear_map(
     x, y, z = np.moveaxis(vectors, -1, 0)
     columns = [x * a + y * b + z * c for a, b, c in matrix.T]
     return np.stack(columns, axis=-1)
+
+
+def taken(values: Shaped[Array, "..."], address: Any) -> Shaped[Array, "..."]:
+    """Return values[address], of indices that are neither negative nor too large."""
+    # Negative ones, which count from the end, would cost a second array of indices.
+    return values.at[address].get(mode="promise_in_bounds", wrap_negative_indices=False)
 
 
 def members(group: Int[np.ndarray, " k"], groups: int) -> Int[np.ndarray, "m g"]:

@@ -2,8 +2,9 @@
 
 Three times of the same nodes and links, in turn: an explicit step with sun, convection
 and the energy ledger; the conduction in it alone; and scipy's product of the same links
-as a sparse matrix (CSR), in one thread. Reading the surface is the time of a loop that
-takes no step, over its surface cells and saved times.
+as a sparse matrix (CSR), in one thread. Reading the surface is the time to observe as
+many states as are saved, over its surface cells and these states. A loop that takes no
+step besides makes what its steps share, products with the length of the step.
 """
 
 from collections.abc import Callable
@@ -25,8 +26,11 @@ from jaxthermo.integrate.run.plan import (
     step_table,
 )
 from jaxthermo.integrate.run.simulate import take_steps
+from jaxthermo.integrate.run.solution import Observation, observe
+from jaxthermo.integrate.stepper import RunState
 from jaxthermo.network.network import AbstractNetwork
 from jaxthermo.physics.conduction import assemble_uniform
+from jaxthermo.scene.compile.program import Program
 from jaxthermo.structures.structure import AbstractStructure
 
 from ..harness.measurement import Measurement, plain_rows
@@ -98,39 +102,52 @@ def _measured(scene: jt.Scene, repeats: int) -> dict[str, Any]:
         lambda program, state, table: take_steps(plan.stepper, program, state, table)
     )
     run_of = lambda table: lambda: loop(program, start, table)
+    # Other states each time, or a compiler would read the surface once for all.
+    saved = jnp.asarray(SAVE_AT, plan.dtype)
+    states = jax.tree.map(lambda a: jnp.stack([a + time for time in saved]), start)
     dt, state = jnp.asarray(plan.stable_step, plan.dtype), start.theta[0]
     conduct = lambda: euler_steps(network, state, dt, jnp.int32(count))
     product = _scipy_product(scene, state)
     spans = interleaved(
         {
             "loop": run_of(many),
-            "reading": run_of(none),
+            "no steps": run_of(none),
+            "reading": lambda: _observe_all(program, states, saved),
             "conduction": conduct,
             "scipy": product,
         },
         repeats,
     )
-    saved, cells = len(SAVE_AT), program.bodies[0].node.shape[0]
-    step = (np.array(spans["loop"]) - np.array(spans["reading"])) / count
+    cells = len(SAVE_AT) * program.bodies[0].node.shape[0]
+    step = (np.array(spans["loop"]) - np.array(spans["no steps"])) / count
     conduction = np.array(spans["conduction"]) / count
     scipy = np.array(spans["scipy"]) / _PRODUCTS
     return {
         "nodes": receipt.nodes,
         "links": receipt.links,
-        "surface_cells": cells,
+        "surface_cells": program.bodies[0].node.shape[0],
         "spans_s": {
             "step": step.tolist(),
             "conduction": conduction.tolist(),
             "scipy": scipy.tolist(),
         },
         "scipy_over_conduction": ratio_of(scipy, conduction),
-        "reading_s": (np.array(spans["reading"]) / (saved * cells)).tolist(),
+        "reading_s": (np.array(spans["reading"]) / cells).tolist(),
     }
 
 
 def _only_first(table: StepTable, count: int) -> StepTable:
     """All steps in the first interval of the first save."""
     return table._replace(steps=table.steps.at[0, 0].set(count))
+
+
+@eqx.filter_jit
+def _observe_all(
+    program: Program, states: RunState, times: jax.Array
+) -> tuple[Any, Observation]:
+    """Observations of states, one after the other."""
+    one = lambda carry, row: (carry, observe(program, *row))
+    return jax.lax.scan(one, None, (states, times))
 
 
 @eqx.filter_jit

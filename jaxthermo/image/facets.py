@@ -215,13 +215,28 @@ def smooth_normals(
 def _interpolated_normals(
     vertices: np.ndarray, faces: np.ndarray, face: np.ndarray, points: np.ndarray
 ) -> Float[np.ndarray, "p 3"]:
-    normals = _face_normals(vertices, faces)
-    weight = _barycentric(vertices[faces[face]], points)
-    normal = _unit(np.einsum("pi,pij->pj", weight, normals.corner[face]))
-    flat = normals.flat[face]
+    # Rows are taken seven times as fast as by an index; then columns are contiguous.
+    columns = np.take(_face_table(vertices, faces), face, axis=0).T.copy()
+    corner, normal = columns[:18].reshape(2, 3, 3, -1)
+    flat = columns[18:]
+    mean = (_shares(corner - points.T)[:, None] * normal).sum(axis=0)
     # A degenerate triangle has no normal, and no pixel that could show it.
-    ahead = np.einsum("pi,pi->p", normal, flat) > 0
-    return np.where(ahead[:, None], normal, flat)
+    ahead = (mean * flat).sum(axis=0) > 0
+    length = np.sqrt((mean * mean).sum(axis=0))
+    mean /= np.where(length > 0, length, 1)
+    return np.where(ahead, mean, flat).T
+
+
+def _face_table(vertices: np.ndarray, faces: np.ndarray) -> Float[np.ndarray, "f 21"]:
+    """Corners of each face, the normals of the smooth surface there, and its own."""
+
+    def find() -> Float[np.ndarray, "f 21"]:
+        normals = _face_normals(vertices, faces)
+        flat = lambda each: each.reshape(-1, 9)
+        corners = flat(vertices[faces]), flat(normals.corner)
+        return np.concatenate([*corners, normals.flat], axis=1)
+
+    return found((vertices, faces), "face_table", find)
 
 
 def normal_slopes(
@@ -337,16 +352,20 @@ def _barycentric(
     triangles: Float[np.ndarray, "p 3 3"], points: Float[np.ndarray, "p 3"]
 ) -> Float[np.ndarray, "p 3"]:
     """Barycentric coordinates of points on triangles."""
-    # Areas of the triangles that the point forms with each edge, along the normal;
-    # columns are contiguous.
-    away = np.moveaxis(triangles - points[:, None], 0, -1).copy()
+    # Columns are contiguous.
+    return _shares(np.moveaxis(triangles - points[:, None], 0, -1).copy()).T
+
+
+def _shares(away: Float[np.ndarray, "3 3 p"]) -> Float[np.ndarray, "3 p"]:
+    """Barycentric coordinates of points, from the vectors to each of the corners."""
+    # Areas of the triangles that the point forms with each edge, along the normal.
     a, b, c = away
     opposite = [_cross(one, other) for one, other in ((b, c), (c, a), (a, b))]
     whole = opposite[0] + opposite[1] + opposite[2]
     total = (whole * whole).sum(axis=0)
-    area = np.stack([(each * whole).sum(axis=0) for each in opposite], axis=1)
+    area = np.stack([(each * whole).sum(axis=0) for each in opposite])
     # Clipped: on an edge rounding may place the point just outside.
-    return np.clip(area / np.where(total > 0, total, 1)[:, None], 0.0, 1.0)
+    return np.clip(area / np.where(total > 0, total, 1), 0.0, 1.0)
 
 
 def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:

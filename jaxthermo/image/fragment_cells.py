@@ -128,6 +128,7 @@ class FragmentCells:
         points: Float[np.ndarray, "p 3"],
         normals: Float[np.ndarray, "p 3"],
         chosen: Callable[[Neighbours], np.ndarray] | None = None,
+        otherwise: Callable[[np.ndarray], np.ndarray] | None = None,
     ) -> csr_array:
         """Weights [p, s] that add up to 1 at every point with a fragment near it.
 
@@ -135,11 +136,14 @@ class FragmentCells:
             points: in the frame of the body [m].
             normals: unit vectors there.
             chosen: of pairs, those to count, all if None.
+            otherwise: a fragment for each of the points that have none near them, by
+                their numbers; no weights there if None.
         """
         first, count = self._ranges(points)
         ends = np.cumsum(count.sum(axis=1))
         # Memory that is not written to is not taken: most pairs are too far apart.
-        weights = np.empty(ends[-1] if len(ends) else 0)
+        # Room for one fragment that is not near besides, at every point.
+        weights = np.empty(ends[-1] + len(ends) if len(ends) else 0)
         columns, rows = (
             np.empty(len(weights), np.int32),
             np.zeros(len(points), np.int32),
@@ -150,8 +154,15 @@ class FragmentCells:
             if chosen is not None:
                 kept = chosen(Neighbours(owner + start, fragment, weight))
                 owner, fragment, weight = owner[kept], fragment[kept], weight[kept]
+            number = np.bincount(owner, minlength=stop - start)
+            alone = np.flatnonzero(number == 0)
+            if otherwise is not None and len(alone):
+                at = np.searchsorted(owner, alone)
+                fragment = np.insert(fragment, at, otherwise(alone + start))
+                owner, weight = np.insert(owner, at, alone), np.insert(weight, at, 1.0)
+                number[alone] = 1
             total = np.bincount(owner, weight, stop - start)
-            rows[start:stop] = np.bincount(owner, minlength=stop - start)
+            rows[start:stop] = number
             part = slice(filled, filled + len(weight))
             np.divide(weight, total[owner], out=weights[part])
             columns[part] = fragment

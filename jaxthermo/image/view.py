@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.sparse import csr_array
 
+from ..findings import found
 from ..physics.term import AbstractTerm
 from ..scene.scene import BodyGeometry, SolvedSurface
 from ..stored_findings import stored
@@ -53,13 +54,10 @@ def smooth_weights(
     geometry: BodyGeometry,
 ) -> csr_array:
     """Weights [p, s] of a body's fragments at each point."""
-    found = cells_of(geometry, SMOOTHING_RADIUS * geometry.pitch).means(points, normals)
-    alone = np.flatnonzero(np.diff(found.indptr) == 0)
-    if not len(alone):
-        return found
     # Parts too thin to have fragments show the nearest ones.
-    nearest = _nearest_fragments(points[alone], geometry)
-    return found + csr_array((np.ones(len(alone)), (alone, nearest)), found.shape)
+    nearest = lambda alone: _nearest_fragments(points[alone], geometry)
+    cells = cells_of(geometry, SMOOTHING_RADIUS * geometry.pitch)
+    return cells.means(points, normals, otherwise=nearest)
 
 
 def _block_weights(
@@ -116,14 +114,23 @@ def compute_view(
 
     With `occlusion` [m], surfaces in the image hide the surroundings from others that
     are not farther away. A view that no other process will ask for is not worth to
-    `keep` in the user's cache.
+    `keep` in the user's cache, and only the first one of a body is.
 
     Raises:
         InputError: if the camera is inside a body or sees none.
     """
     given = camera, smooth, occlusion, [_content(s.geometry) for s in surfaces]
-    find = lambda: _shown(surfaces, camera, smooth, occlusion)
-    shown = stored("view", given, find, (_Shown, FacetShading)) if keep else find()
+    # The first view of a body takes longer, by what is found once for all. Others are
+    # found in the time in which their 20 MB are hashed and written.
+    views, known = [_views_of(s.geometry) for s in surfaces], (_Shown, FacetShading)
+    keep = keep and not all(each["are found"] for each in views)
+
+    def find() -> _Shown:
+        for each in views:
+            each["are found"] = True
+        return _shown(surfaces, camera, smooth, occlusion)
+
+    shown = stored("view", given, find, known) if keep else find()
     background = compute_background(terms, camera, shown.pixel, shown.depth)
     return View(
         camera,
@@ -161,6 +168,12 @@ def _content(geometry: BodyGeometry) -> tuple[Any, ...]:
     fragments = geometry.fragment_position, geometry.fragment_normal
     mesh = geometry.vertices, geometry.faces
     return *mesh, *fragments, geometry.fragment_area, geometry.pitch, geometry.placed
+
+
+def _views_of(geometry: BodyGeometry) -> dict[str, bool]:
+    """Record of a body: whether this process found any view of it."""
+    of = geometry.vertices, geometry.faces, geometry.fragment_position
+    return found(of, "views", lambda: {"are found": False})
 
 
 class _Shown(NamedTuple):

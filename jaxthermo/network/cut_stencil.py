@@ -19,6 +19,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Shaped
 from typing_extensions import override
 
+from ..arrays import taken
 from .link_operator import RowNetwork
 from .network import (
     AbstractDerivedNetwork,
@@ -56,7 +57,7 @@ class CutStencil(AbstractDerivedNetwork):
         return tuple(map(self._of_own, self.address))
 
     def _surface(self, values: Float[Array, "..."]) -> Float[Array, " m"]:
-        return values.at[self.address].get(mode="promise_in_bounds")
+        return taken(values, self.address)
 
     def section_surface(
         self, state: Float[Array, "x y z"], beyond: Float[Array, "2 y z"]
@@ -68,8 +69,8 @@ class CutStencil(AbstractDerivedNetwork):
         assert self.own is not None
         x, y, z = (index[self.own :] for index in self.address)
         beside = jnp.minimum(x, 1), y, z
-        others = beyond.at[beside].get(mode="promise_in_bounds")
-        own = state.at[self._own_address].get(mode="promise_in_bounds")
+        others = taken(beyond, beside)
+        own = taken(state, self._own_address)
         return jnp.concatenate([own, others])
 
     def corrected_rate(
@@ -95,6 +96,7 @@ class CutStencil(AbstractDerivedNetwork):
         return values.at[self._own_address].add(
             self._of_own(more),
             mode="promise_in_bounds",
+            wrap_negative_indices=False,
             indices_are_sorted=True,
             unique_indices=self.own is None,
         )

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from ..arrays import gathered_columns, rank_in_group
+from ..arrays import gathered_columns, rank_in_group, taken
 from .network import AbstractNodeNetwork, inverse
 from .self_adjoint_primitive import Operator, computed_once, conduct
 
@@ -98,15 +98,18 @@ def _row_change(state, factors, layout):
         state = computed_once(state)
     rate = jnp.zeros_like(state)
     for index, conductance in zip(neighbours, conductances, strict=True):
-        there = state.at[index].get(mode="promise_in_bounds")
+        there = taken(state, index)
         rate = rate + conductance * (there - state)
     if not len(list_node):
         return rate
-    there = state.at[list_neighbour].get(mode="promise_in_bounds")
-    here = state.at[list_node].get(mode="promise_in_bounds")
+    there = taken(state, list_neighbour)
+    here = taken(state, list_node)
     flow = list_conductance * (there - here)
     return rate.at[list_node].add(
-        flow, mode="promise_in_bounds", indices_are_sorted=True
+        flow,
+        mode="promise_in_bounds",
+        wrap_negative_indices=False,
+        indices_are_sorted=True,
     )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from ..arrays import members
+from ..arrays import members, taken
 from ..findings import on_device
 from ..geometry.mesh import connected_labels
 from ..module import Module
@@ -150,7 +150,7 @@ class _NodeTransfer(AbstractTransfer):
 
     @override
     def prolong(self, coarse: Float[Array, "..."]) -> Float[Array, "..."]:
-        return coarse.at[self.group].get(mode="promise_in_bounds")
+        return taken(coarse, self.group)
 
 
 class _CoarseLayout(NamedTuple):

@@ -170,7 +170,9 @@ def slot_sums(
 ) -> Float[Array, " m"]:
     """Sums of the values at `slots[0]`, `slots[1]`, ...; indices past the end add 0."""
     # Several times faster than a scatter-add.
-    gather = lambda slot: values.at[slot].get(mode="fill", fill_value=0)
+    gather = lambda slot: values.at[slot].get(
+        mode="fill", fill_value=0, wrap_negative_indices=False
+    )
     return sum((gather(slot) for slot in slots[1:]), gather(slots[0]))
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
+from ..arrays import taken
 from ..structures.build.links import NonOrthogonalLinks
 from ..structures.structure import AbstractStructure
 from ..structures.surface_map import Gradient, gradient_at
@@ -54,7 +55,7 @@ class _NonOrthogonalNetwork(AbstractNodeNetwork):
 
     @override
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        read = lambda values, index: values.at[index].get(mode="promise_in_bounds")
+        read = taken
         slopes = self.gradient(state, read(state, self.chosen))
         along = jnp.zeros_like(self.conductance)
         for slope, half in zip(slopes, self.apart, strict=True):
@@ -66,6 +67,7 @@ class _NonOrthogonalNetwork(AbstractNodeNetwork):
         return rate.add(
             inward,
             mode="promise_in_bounds",
+            wrap_negative_indices=False,
             indices_are_sorted=True,
             unique_indices=True,
         )

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 from typing_extensions import override
 
+from ..arrays import taken
 from ..native.runs import Runs, conducted
 from .network import AbstractNetwork, Address, precise_sum
 from .self_adjoint_primitive import Operator, computed_once, conduct
@@ -105,6 +106,6 @@ class RunStencil(AbstractNetwork):
 
     @override
     def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
-        own = state.at[self.runs.node].get(mode="promise_in_bounds")
+        own = taken(state, self.runs.node)
         excess = precise_sum((self.runs.volume - 1) * own)
         return self.whole_capacity * (precise_sum(state) + excess)

@@ -8,6 +8,7 @@ q_i the rate of the stencil, in which the sections lie apart (`PackedLattice`).
 from jaxtyping import Array, Float
 from typing_extensions import override
 
+from ..arrays import taken
 from .network import AbstractDerivedNetwork, AbstractNetwork, Address, inverse
 
 
@@ -68,11 +69,13 @@ class SectionedStencil(AbstractDerivedNetwork):
 
 
 def _of(values: Float[Array, "..."], address: Address) -> Float[Array, " p"]:
-    return values.at[address].get(mode="promise_in_bounds")
+    return taken(values, address)
 
 
 def _plus(
     values: Float[Array, "..."], address: Address, more: Float[Array, "*#p"]
 ) -> Float[Array, "..."]:
     # A section is two voxels thick or more: none is in two pairs of a kind.
-    return values.at[address].add(more, mode="promise_in_bounds", unique_indices=True)
+    return values.at[address].add(
+        more, mode="promise_in_bounds", wrap_negative_indices=False, unique_indices=True
+    )

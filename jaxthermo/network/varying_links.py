@@ -22,6 +22,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
+from ..arrays import taken
 from ..module import Module
 from .network import AbstractDerivedNetwork, AbstractNetwork, Address, inverse
 from .nonlinear import KirchhoffTransform
@@ -176,7 +177,7 @@ class VaryingLinks(AbstractDerivedNetwork):
     def _by_material(self, values, address, convert):
         number, found = self.number, values
         if address is not None:
-            number = number.at[address].get(mode="promise_in_bounds")
+            number = taken(number, address)
         for c, own in enumerate(self.heat):
             if own is not None:
                 found = jnp.where(number == c, convert(own), found)
@@ -233,7 +234,7 @@ class VaryingLinks(AbstractDerivedNetwork):
         return _face_temperature(imbalance, theta[links.src], theta[links.dst])
 
     def _at_nodes(self, values: Array) -> Array:
-        return values.at[self.address].get(mode="promise_in_bounds")
+        return taken(values, self.address)
 
     @override
     def relative_conductivity(
@@ -300,7 +301,7 @@ class _LinkJacobian(AbstractDerivedNetwork):
 
     @override
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        u = state.at[self.address].get(mode="promise_in_bounds")
+        u = taken(state, self.address)
         rate = self.by_dst * u[self.dst] - self.by_src * u[self.src]
         total = jnp.zeros_like(u).at[self.src].add(rate).at[self.dst].add(-rate)
         # Added, not set: the transposed solves of derivatives need its transpose.

@@ -14,6 +14,7 @@ import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, Int, Shaped
 
+from ..arrays import taken
 from .devices import AXIS
 
 
@@ -77,7 +78,7 @@ def gathered(
 
     There the address has as many places for each device, all in its own part.
     """
-    get = lambda values, address: values.at[address].get(mode="promise_in_bounds")
+    get = taken
     if mesh is None:
         return get(values, address)
 
@@ -101,6 +102,7 @@ def with_added(
         return values.at[address].add(
             more,
             mode="promise_in_bounds",
+            wrap_negative_indices=False,
             indices_are_sorted=True,
             unique_indices=unique,
         )
@@ -152,7 +154,12 @@ def with_planes(
     # Written together: one after the other, XLA copies the lattice at every step, as
     # the second plane might be read after the first is written.
     at = jnp.array([depth, values.shape[0] - 1 - depth])
-    return values.at[at].set(planes, mode="promise_in_bounds", unique_indices=True)
+    return values.at[at].set(
+        planes,
+        mode="promise_in_bounds",
+        wrap_negative_indices=False,
+        unique_indices=True,
+    )
 
 
 def from_sections(mesh: Mesh, make: Callable[[int], Any]) -> Any:

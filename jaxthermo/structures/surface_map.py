@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
-from ..arrays import gathered_columns, is_traced, rank_in_group
+from ..arrays import gathered_columns, is_traced, rank_in_group, taken
 from ..module import Module
 from .structure import AbstractStructure
 
@@ -53,7 +53,7 @@ class Gradient(Module):
 
         def add(slopes, column):
             address, weights = column
-            gap = theta.at[address].get(mode="promise_in_bounds") - nodes
+            gap = taken(theta, address) - nodes
             pairs = zip(slopes, weights, strict=True)
             return tuple(slope + weight * gap for slope, weight in pairs), None
 
@@ -66,11 +66,14 @@ class Gradient(Module):
         return x, y, z
 
     def _with_list(self, slopes, theta, nodes):
-        neighbour = theta.at[self.list_neighbour].get(mode="promise_in_bounds")
-        gap = neighbour - nodes.at[self.list_node].get(mode="promise_in_bounds")
+        neighbour = taken(theta, self.list_neighbour)
+        gap = neighbour - taken(nodes, self.list_node)
         return tuple(
             slope.at[self.list_node].add(
-                weight * gap, mode="promise_in_bounds", indices_are_sorted=True
+                weight * gap,
+                mode="promise_in_bounds",
+                wrap_negative_indices=False,
+                indices_are_sorted=True,
             )
             for slope, weight in zip(slopes, self.list_weight, strict=True)
         )
@@ -179,7 +182,7 @@ class BoundMap(Module):
         if self.gradient is not None and self.offset is not None:
             slopes = self.gradient(theta, nodes)
             for slope, length in zip(slopes, self.offset, strict=True):
-                total = total + length * slope.at[index].get(mode="promise_in_bounds")
+                total = total + length * taken(slope, index)
         if self.along_flux is not None and excess is not None:
             total = total + self.along_flux * excess
         return total

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ...arrays import taken
 from ...network.network import AbstractNetwork, inverse
 from ...physics.contact.links import ContactLinks
 from ...scene.compile.program import Program, State
@@ -149,7 +150,7 @@ def pair_temperatures(
 def pair_values(contact: ContactLinks, states: State) -> list[Float[Array, " p"]]:
     """Return the values of the two nodes of every touching pair."""
     return [
-        states[body].at[address].get(mode="promise_in_bounds")
+        taken(states[body], address)
         for body, address in zip(contact.bodies, contact.address, strict=True)
     ]
 

@@ -112,7 +112,9 @@ class ContactLinks(Module):
         # The same rate for both bodies: one gains exactly what the other loses.
         rises = (-dt * rate * self.per_capacity[0], dt * rate * self.per_capacity[1])
         first, second = (
-            state.at[address].add(rise, mode="promise_in_bounds")
+            state.at[address].add(
+                rise, mode="promise_in_bounds", wrap_negative_indices=False
+            )
             for state, address, rise in zip(new, self.address, rises, strict=True)
         )
         return (first, second), precise_sum(rate)

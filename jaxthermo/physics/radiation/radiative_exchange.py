@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from ...arrays import TimeVarying, is_traced
+from ...arrays import TimeVarying, is_traced, taken
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from ...findings import digest, found
@@ -256,7 +256,7 @@ class Enclosure(Module):
         if self.from_ground is not None:
             below = self._emitted(value_at(self.ground, time) - self.base)
             heat = heat + self.from_ground * below
-        return heat.at[self.patch].get(mode="promise_in_bounds")
+        return taken(heat, self.patch)
 
     def irradiation(
         self, time: Float[Array, ""], theta: Float[Array, " s"]

@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from scipy.spatial import KDTree
 
+from ...arrays import taken
 from ...errors import InputError
 from ...findings import digest, found
 from ...module import Module
@@ -56,8 +57,8 @@ class BodyProbes(Module):
 
         All are above the reference of the body.
         """
-        node = theta.at[self.address].get(mode="promise_in_bounds")
-        other = theta.at[self.neighbour].get(mode="promise_in_bounds")
+        node = taken(theta, self.address)
+        other = taken(theta, self.neighbour)
         steps = self.weight * (other - node[self.row])
         along = jnp.zeros_like(node).at[self.row].add(steps)
         return node + self.at_surface * (surface[self.fragment] - node) + along

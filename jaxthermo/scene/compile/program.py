@@ -3,15 +3,17 @@
 import bisect
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh
 from jaxtyping import Array, Float, Int
 
-from ...arrays import Time
+from ...arrays import Time, taken
 from ...module import Module
 from ...network.network import AbstractNetwork, Address
 from ...parallel.lattice import spread, with_added
@@ -83,8 +85,8 @@ class BodyProgram(Module):
         self, theta: Float[Array, "..."]
     ) -> tuple[Float[Array, " m"], Float[Array, " s"]]:
         """Temperatures of the nodes that have surface, and below each fragment [K]."""
-        nodes = theta.at[self.address].get(mode="promise_in_bounds")
-        return nodes, nodes.at[self.node].get(mode="promise_in_bounds")
+        nodes = taken(theta, self.address)
+        return nodes, taken(nodes, self.node)
 
 
 class Program(Module):
@@ -323,5 +325,11 @@ def _new_array(
         return spread(mesh, values)
     if isinstance(values, np.ndarray) and not any(values.strides):
         # One number for all: converted, the host would have an array of them, too.
-        return jnp.full(values.shape, values.item(0), values.dtype)
+        return _filled(values[(0,) * values.ndim], values.shape)
     return jnp.array(values)
+
+
+# A sixth of the time of `jnp.full`, which is a few operations without a program.
+@partial(jax.jit, static_argnums=1)
+def _filled(value: Float[Any, ""], shape: tuple[int, ...]) -> Float[Array, "..."]:
+    return jnp.broadcast_to(value, shape)

@@ -101,6 +101,12 @@ def test_the_program_computes_the_weights_of_numpy(pairs, monkeypatch):
     some = cells.means(points, normals, odd)
     chosen = reference(cells, points, normals, odd)
     assert 0 < some.nnz < found.nnz and abs(some - chosen).max() < 1e-12
+    # Another fragment where none is near.
+    alone = np.flatnonzero(np.diff(found.indptr) == 0)
+    whole = cells.means(points, normals, otherwise=lambda which: which % 7)
+    others = csr_array((np.ones(len(alone)), (alone, alone % 7)), found.shape)
+    assert abs(whole - found - others).max() == 0
+    assert whole.nnz == found.nnz + len(alone)
 
 
 def test_without_a_table_of_cells_they_are_the_same(monkeypatch):

@@ -9,6 +9,8 @@ import pytest
 from scipy.sparse import csr_array
 
 import jaxthermo as jt
+from jaxthermo.findings import forget_findings
+from jaxthermo.image import view as view_module
 from jaxthermo.image.draw import draw
 from jaxthermo.image.fragment_cells import CHUNK, cells_of
 from jaxthermo.image.view import compute_view
@@ -70,6 +72,21 @@ def test_new_views_compile_nothing(surfaces):
     for where in ((1.0,), (2.0, 0.3), (4.0, 0.6, 230)):
         assert (frame(*where) >= 0).any()
     assert compilations() == before
+
+
+def test_the_first_view_of_a_body_is_kept_for_other_processes(surfaces, monkeypatch):
+    asked = []
+
+    def stored(search, given, find, types):
+        asked.append(given[0])
+        return find()
+
+    monkeypatch.setattr(view_module, "stored", stored)
+    forget_findings()
+    shown = [camera(turn, width=48) for turn in (0.0, 0.3)]
+    for each in shown:
+        compute_view(surfaces, TERMS, each)
+    assert asked == shown[:1]
 
 
 @pytest.mark.parametrize("turn", [0.0, 2.5])

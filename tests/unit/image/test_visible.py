@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jaxthermo.geometry import shapes
-from jaxthermo.image.facets import smooth_normals
+from jaxthermo.image.facets import corner_normals, smooth_normals
 
 
 def sampled(mesh, count=2000):
@@ -50,6 +50,22 @@ def test_a_block_stays_flat():
     face, point, flat = sampled(mesh, 200)
     smooth = smooth_normals(mesh.vertices, mesh.faces, face, point)
     np.testing.assert_allclose(smooth, flat, atol=1e-12)
+
+
+def test_it_is_the_mean_of_the_normals_at_the_corners():
+    mesh = shapes.cylinder(0.05, 0.2)
+    face, point, _ = sampled(mesh, 100)
+    _, normals, corners = corner_normals(mesh.vertices, mesh.faces)
+    expected = []
+    for number, at in zip(face, point, strict=True):
+        corner = mesh.vertices[mesh.faces[number]]
+        # Weights that add up to 1 and whose mean of the corners is the point.
+        rows = np.vstack([corner.T, np.ones(3)])
+        weight = np.linalg.lstsq(rows, np.append(at, 1.0), rcond=None)[0]
+        mean = weight @ normals[corners[number]]
+        expected.append(mean / np.linalg.norm(mean))
+    smooth = smooth_normals(mesh.vertices, mesh.faces, face, point)
+    np.testing.assert_allclose(smooth, expected, atol=1e-9)
 
 
 @pytest.mark.parametrize("corner", [0, 1, 2])
