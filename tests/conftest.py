@@ -11,7 +11,7 @@ from pathlib import Path
 import jax
 import pytest
 from hypothesis import settings
-from lowering import forget_places, share_contexts
+from lowering import forget_places, put_arrays, share_contexts
 
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -53,6 +53,7 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 share_contexts()
 forget_places()
+put_arrays()
 # The same examples in every run, so that a change fails on what it changed. A search
 # for new ones: pytest --hypothesis-profile=default.
 settings.register_profile("same_examples", derandomize=True)
