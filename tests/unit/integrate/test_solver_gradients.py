@@ -22,12 +22,9 @@ SOLVERS = {
     "CrankNicolson": jt.CrankNicolson(dt=20.0),
     "TRBDF2": jt.TRBDF2(dt=20.0),
 }
-LONG = (pytest.mark.slow, pytest.mark.slice)
-EACH = [
-    "ForwardEuler",
-    *(pytest.param(name, marks=pytest.mark.slow) for name in list(SOLVERS)[1:4]),
-    pytest.param("TRBDF2", marks=LONG),
-]
+# The stages of all implicit solvers are those of the one in the slice.
+MARKS = {"ForwardEuler": (), "BackwardEuler": (pytest.mark.slow, pytest.mark.slice)}
+EACH = [pytest.param(name, marks=MARKS.get(name, pytest.mark.slow)) for name in SOLVERS]
 
 
 @functools.cache

@@ -86,9 +86,12 @@ def scenes_of_everything():
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 @pytest.mark.parametrize(
-    "made", [pytest.param(scene, id=name) for name, scene in scenes_of_everything()]
+    "made",
+    [
+        pytest.param(scene, id=name, marks=[pytest.mark.slice] * ("sun" not in name))
+        for name, scene in scenes_of_everything()
+    ],
 )
 def test_every_linear_mechanism_is_the_same_as_in_the_full_run(made):
     made = replace(made, dtype="float64")
