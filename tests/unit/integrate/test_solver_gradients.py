@@ -22,9 +22,14 @@ SOLVERS = {
     "CrankNicolson": jt.CrankNicolson(dt=20.0),
     "TRBDF2": jt.TRBDF2(dt=20.0),
 }
-# The stages of all implicit solvers are those of the one in the slice.
-MARKS = {"ForwardEuler": (), "BackwardEuler": (pytest.mark.slow, pytest.mark.slice)}
-EACH = [pytest.param(name, marks=MARKS.get(name, pytest.mark.slow)) for name in SOLVERS]
+# Explicit steps are those of test_gradients by default; the stages of all implicit
+# solvers are those of the one in the slice.
+EACH = [
+    pytest.param(
+        name, marks=[pytest.mark.slow] + [pytest.mark.slice] * (name == "BackwardEuler")
+    )
+    for name in SOLVERS
+]
 
 
 @functools.cache
