@@ -9,6 +9,7 @@ import jax
 import numpy as np
 from jax._src import core
 from jax._src.interpreters import mlir
+from jaxlib.mlir import ir
 
 
 MODULES_IN_A_CONTEXT = 100
@@ -24,7 +25,7 @@ class _Contexts(threading.local):
 
 def _inside_a_module() -> bool:
     try:
-        return mlir.ir.Context.current is not None
+        return ir.Context.current is not None
     except ValueError:
         return False
 
