@@ -11,6 +11,7 @@ from pathlib import Path
 import jax
 import pytest
 from hypothesis import settings
+from lowering import forget_places, put_arrays, share_contexts
 
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -50,6 +51,9 @@ jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_numpy_dtype_promotion", "strict")
+share_contexts()
+forget_places()
+put_arrays()
 # The same examples in every run, so that a change fails on what it changed. A search
 # for new ones: pytest --hypothesis-profile=default.
 settings.register_profile("same_examples", derandomize=True)
@@ -75,6 +79,9 @@ def pytest_collection():
     finally:
         gc.freeze()
         gc.enable()
+        # Traces make many objects that stay: looked through every 700, they take a
+        # tenth of the time of a test.
+        gc.set_threshold(20_000, 20, 20)
 
 
 def _mesh_folders() -> list[Path]:

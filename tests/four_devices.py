@@ -12,7 +12,8 @@ _FOUR = "--xla_force_host_platform_device_count=4"
 
 def run_on_four(program: Path, part: str, folder: Path) -> str:
     """What a part of a program prints, run in a folder; it must not fail."""
-    environment = os.environ | {"XLA_FLAGS": _FOUR, "PYTHONPATH": str(_ROOT)}
+    flags = f"{os.environ.get('XLA_FLAGS', '')} {_FOUR}"
+    environment = os.environ | {"XLA_FLAGS": flags, "PYTHONPATH": str(_ROOT)}
     done = subprocess.run(
         [sys.executable, program, part],
         capture_output=True,

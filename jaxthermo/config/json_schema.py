@@ -4,6 +4,7 @@ A field that says nothing of its own is described by the class that its model bu
 """
 
 import ast
+import functools
 import inspect
 import json
 import re
@@ -21,6 +22,7 @@ _ARGUMENT = re.compile(r"^    (\w+): (.+(?:\n {8,}.+)*)", re.M)
 _PACKAGES = ("jaxthermo", "calibrate", "experiments")
 
 
+@functools.cache
 def json_schema(model: type[Model]) -> str:
     """The JSON Schema of a config file, as indented text."""
 

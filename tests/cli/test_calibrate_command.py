@@ -224,11 +224,9 @@ def _goes_on_to_the_same(arguments, out: Path, uninterrupted: Path) -> None:
     assert _numbers(out) == _numbers(uninterrupted)
 
 
-# A run that is killed goes on in the default suite, in test_resume.
+# A run that is killed goes on in the default suite, in test_resume; a fit that is
+# stopped in the slice, in test_fits_on_devices.
 @pytest.mark.slow
-@pytest.mark.slice
-@pytest.mark.slow
-@pytest.mark.slice
 def test_a_fit_that_is_killed_goes_on_to_the_same_card(fitted, tmp_path):
     folder, _ = fitted
     arguments = ("fit", folder / "fit.yaml", "--out", tmp_path)

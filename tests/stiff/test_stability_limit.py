@@ -1,5 +1,7 @@
 """The stable step is sharp: within bounds at the limit, out of them just above."""
 
+import functools
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -32,14 +34,19 @@ def _checkerboard(points):
     return 300.0 + 100.0 * (cell.sum(axis=1) % 2)
 
 
-def _range_after(mechanism, share, painted, dtype, steps):
-    """Lowest and highest temperature after some steps of a share of the limit."""
+@functools.cache
+def _compiled(mechanism, painted, dtype):
     structure = jt.FullVolume(blocks(np.ones((6, 5, 4), bool), PITCH))
     region = jt.Region((0.03, -1.0, -1.0), (1.0, 1.0, 1.0))
     material = jt.MaterialMap(METAL, ((region, OTHER),)) if painted else METAL
     body = jt.Body(structure, material, temperature=_checkerboard)
     scene = jt.Scene((body,), TERMS[mechanism], dtype=dtype)
-    compiled = compile_scene(scene, end=1.0)
+    return structure, compile_scene(scene, end=1.0)
+
+
+def _range_after(mechanism, share, painted, dtype, steps):
+    """Lowest and highest temperature after some steps of a share of the limit."""
+    structure, compiled = _compiled(mechanism, painted, dtype)
     program, kind = compiled.program, jnp.dtype(dtype)
     dt = (compiled.stable_step * share).astype(kind)
     state = RunState(compiled.state, empty_ledger(len(program.entries), kind))

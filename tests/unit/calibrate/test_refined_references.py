@@ -259,7 +259,6 @@ def test_a_run_is_made_once_and_is_as_fine_as_asked(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_a_fit_reports_the_errors_against_finer_voxels(tmp_path, monkeypatch):
     monkeypatch.setenv("JAXTHERMO_CACHE", str(tmp_path / "structures"))
     (tmp_path / "scene.yaml").write_text(SPHERE)

@@ -11,7 +11,6 @@ from experiments.benchmarks import accelerator
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 @pytest.mark.filterwarnings("ignore:body 0 represents")
 def test_every_quantity_is_measured(tmp_path, monkeypatch):
     kept = {name: accelerator._STRUCTURES[name] for name in ("blocks x4", "octree")}

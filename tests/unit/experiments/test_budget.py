@@ -149,7 +149,6 @@ def test_the_page_has_kelvin_first_goals_and_the_references_own_error(
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_a_whole_budget_has_the_errors_of_its_runs_and_goes_on(tmp_path, monkeypatch):
     """The whole error is that of the same case in a sweep."""
     path, out = config_file(tmp_path), tmp_path / "out"

@@ -104,7 +104,6 @@ def test_what_fails_is_written_as_what_passes_is(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_cheap_cases_pass(tmp_path):
     (found,) = catalogue.find("stiff")
     result = catalogue.run(found, tmp_path, cases="S14,S16")["result"]

@@ -37,7 +37,6 @@ def test_the_second_cylinder_takes_less_heat_the_nearer_it_is():
 
 
 @pytest.mark.slow
-@pytest.mark.slice
 def test_a_flow_is_measured_drawn_and_charted():
     setup = Setup("narrow", 0.4)
     flow = wake.compute_flow(setup, 45, None)

@@ -116,6 +116,7 @@ def test_the_heat_of_a_body_is_what_the_fluid_gains(round_body):
 
 
 def test_gradients_by_speed_and_viscosity_are_right():
+    @jax.jit
     def drag(numbers):
         channel = Channel(
             (16, 24), numbers[0], numbers[1], RoundBody((8.0, 8.2), 5.3), walls="slip"

@@ -45,13 +45,19 @@ def state_after(program, steps=10):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "options",
+    ("options", "dtype", "most"),
     [
-        pytest.param(own, id=name, marks=[pytest.mark.slice] * (name == "heat"))
+        pytest.param(
+            own,
+            dtype,
+            most,
+            id=f"{dtype}-{name}",
+            marks=[pytest.mark.slice] * (name == "heat" and dtype == "float64"),
+        )
+        for dtype, most in (("float64", 1e-15), ("float32", 4e-7))
         for name, own in OPTIONS.items()
     ],
 )
-@pytest.mark.parametrize(("dtype", "most"), [("float64", 1e-15), ("float32", 4e-7)])
 def test_states_are_those_of_the_arrays(options, dtype, most):
     pytest.importorskip("numba")
     found, plain = (

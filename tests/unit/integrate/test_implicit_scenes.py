@@ -61,7 +61,8 @@ def _scene(name):
     "name",
     [
         pytest.param("varying properties", marks=LONG),
-        pytest.param("contact", marks=LONG),
+        # In test_steady's slice.
+        pytest.param("contact", marks=pytest.mark.slow),
         pytest.param("exchange", marks=LONG),
         pytest.param("links", marks=pytest.mark.slow),
         pytest.param("wind", marks=pytest.mark.slow),

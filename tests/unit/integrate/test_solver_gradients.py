@@ -22,11 +22,13 @@ SOLVERS = {
     "CrankNicolson": jt.CrankNicolson(dt=20.0),
     "TRBDF2": jt.TRBDF2(dt=20.0),
 }
-LONG = (pytest.mark.slow, pytest.mark.slice)
+# Explicit steps are those of test_gradients by default; the stages of all implicit
+# solvers are those of the one in the slice.
 EACH = [
-    "ForwardEuler",
-    *(pytest.param(name, marks=pytest.mark.slow) for name in list(SOLVERS)[1:4]),
-    pytest.param("TRBDF2", marks=LONG),
+    pytest.param(
+        name, marks=[pytest.mark.slow] + [pytest.mark.slice] * (name == "BackwardEuler")
+    )
+    for name in SOLVERS
 ]
 
 

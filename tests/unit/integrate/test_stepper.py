@@ -69,6 +69,9 @@ def test_reverse_mode_is_that_of_the_plain_steps(value, checkpoints):
     np.testing.assert_allclose(found, expected, rtol=1e-11)
 
 
+# By default reverse mode is that of the plain steps, above, and of differences and
+# forward mode in test_gradients.
+@pytest.mark.slow
 def test_reverse_mode_is_the_central_difference(value):
     run = jax.jit(lambda v: value(v, _kept(None)))
     found, steps = jax.jit(jax.grad(run))(VALUES), 1e-5 * VALUES
@@ -78,6 +81,7 @@ def test_reverse_mode_is_the_central_difference(value):
         np.testing.assert_allclose(found[i], difference, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_forward_mode_is_reverse_mode(value):
     run = lambda v: value(v, _kept(None))
     found = jax.jit(jax.jacfwd(run))(VALUES)

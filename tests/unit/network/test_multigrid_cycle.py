@@ -77,7 +77,8 @@ def _state(structure, values):
         pytest.param("axes", marks=pytest.mark.slow),
         pytest.param("mixed", marks=pytest.mark.slow),
         "rows",
-        "links",
+        # As rows are; its coarse levels are made of the same links.
+        pytest.param("links", marks=pytest.mark.slow),
     ]
 )
 def body(request, monkeypatch):

@@ -1,5 +1,6 @@
 """Differences along faces taken off: exact for linear temperatures; heat is kept."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -37,6 +38,12 @@ def _network(structure):
     return assemble_uniform(structure, K, HEAT, jnp.float64)
 
 
+@eqx.filter_jit
+def _heat_rate(structure, state):
+    """Assembled and applied by one program."""
+    return _network(structure).heat_rate(state)
+
+
 @pytest.mark.parametrize("kind", ["aggregate", "core"])
 def test_linear_temperatures_conduct_exactly(slanted, kind):
     """Through every face flows k A g . n, whatever lies on its sides."""
@@ -47,7 +54,7 @@ def test_linear_temperatures_conduct_exactly(slanted, kind):
     np.add.at(exact, links.src, flow)
     np.add.at(exact, links.dst, -flow)
     plain, corrected = (
-        np.abs(_network(made).heat_rate(jnp.asarray(place @ SLOPE)) - exact)
+        np.abs(np.asarray(_heat_rate(made, jnp.asarray(place @ SLOPE))) - exact)
         for made in (_structure(slanted, kind, 0.0), structure)
     )
     # Nodes at edges have flat second moments, hence no gradient across.
@@ -113,6 +120,7 @@ def test_all_modes_decay_and_the_stable_step_is_safe(slanted, kind, weight):
 def test_slopes_by_the_weight_are_finite_differences(slanted):
     state = jnp.asarray(np.random.default_rng(5).normal(size=2000))
 
+    @jax.jit
     def rates(weight):
         network = _network(_structure(slanted, "core", weight))
         return network.heat_rate(state[: len(network.capacity())])

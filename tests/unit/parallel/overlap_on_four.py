@@ -17,6 +17,12 @@ from jaxthermo.physics.conduction import material_network
 
 STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0)
 DT, WEIGHT = jnp.float32(1e-3), jnp.float32(0.7)
+AS_USERS_RUN = {
+    "xla_backend_optimization_level": 3,
+    "xla_cpu_use_fusion_emitters": True,
+    "xla_cpu_parallel_codegen_split_count": 32,
+}
+"""Whatever flags a process has: their fusions are what is looked at here."""
 
 
 def combined(stepped, other, weight):
@@ -38,7 +44,8 @@ def only_ends_wait(voxels: int) -> None:
     random = np.random.default_rng(0)
     values = random.normal(size=(2, one.node_count)).astype(np.float32)
     states = [jnp.asarray(one.state_of(each)) for each in values]
-    alone = jax.jit(step)(material_network(one, STEEL, 300.0, jnp.float32), *states)
+    given = material_network(one, STEEL, 300.0, jnp.float32), *states
+    alone = jax.jit(step).lower(*given).compile(AS_USERS_RUN)(*given)
     network = material_network(four, STEEL, 300.0, jnp.float32)
     assert isinstance(network, ShardedStencil)
     states = [spread(network.devices, four.state_of(each)) for each in values]
@@ -60,7 +67,7 @@ def _program(form, network, states):
         step, base, state, next_planes(state), (other,)
     )
     run = partial(on_each_device, network.devices, own)
-    return jax.jit(run).lower(network.base, *states).compile()
+    return jax.jit(run).lower(network.base, *states).compile(AS_USERS_RUN)
 
 
 def no_copy(network: ShardedStencil, states: list[jax.Array]) -> None:
@@ -78,7 +85,7 @@ def no_copy(network: ShardedStencil, states: list[jax.Array]) -> None:
     def stages(pair, count):
         return jax.lax.fori_loop(0, count, two, pair)
 
-    text = stages.lower(tuple(states), jnp.int32(3)).compile().as_text()
+    text = stages.lower(tuple(states), jnp.int32(3)).compile(AS_USERS_RUN).as_text()
     assert text is not None
     loop = next(each for each in text.split("\n}") if "collective-permute(" in each)
     assert not re.search(rf"= {_section(states[0])}\S* copy\(", loop), loop
