@@ -11,7 +11,6 @@ from pathlib import Path
 import jax
 import pytest
 from hypothesis import settings
-from lowering import forget_places, put_arrays, share_contexts
 
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -51,9 +50,9 @@ jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_numpy_dtype_promotion", "strict")
-share_contexts()
-forget_places()
-put_arrays()
+# No operation says which lines of Python it comes from: the stack below a test is deep,
+# and every program would hold all of it.
+jax.config.update("jax_traceback_in_locations_limit", 0)
 # The same examples in every run, so that a change fails on what it changed. A search
 # for new ones: pytest --hypothesis-profile=default.
 settings.register_profile("same_examples", derandomize=True)
