@@ -11,7 +11,6 @@ from polar_flow import PolarFlow, one_sided, polar_flow
 from scipy.ndimage import map_coordinates
 
 from jaxthermo.flow.measures import (
-    Line,
     centreline,
     force_coefficient,
     mean_nusselt,
@@ -20,7 +19,7 @@ from jaxthermo.flow.measures import (
     recirculation_length,
     strouhal,
 )
-from jaxthermo.flow.run import simulate_flow
+from jaxthermo.flow.run import FlowRun, simulate_flow
 from jaxthermo.flow.wake_runs import PRANDTL, WakeSetup, wake_run
 from jaxthermo.physics.convection.nusselt import churchill_bernstein, cylinder_table
 
@@ -36,14 +35,14 @@ def steady_drag(run):
 
 
 @cache
-def steady_profile(reynolds: float) -> Line:
-    """Middle line behind a cylinder, which several tests look at."""
-    return centreline(wake_run(reynolds))
+def steady_run(reynolds: float) -> FlowRun:
+    """Flow behind a cylinder, which several tests look at."""
+    return wake_run(reynolds)
 
 
 def steady_line(reynolds: float, at: np.ndarray) -> np.ndarray:
     """u / U at distances from the middle of the cylinder [diameters]."""
-    line = steady_profile(reynolds)
+    line = centreline(steady_run(reynolds))
     return np.interp(at - 0.5, line.at, line.ratio)
 
 
@@ -140,7 +139,7 @@ def test_the_centreline_behind_a_steady_cylinder(reynolds):
     computed = np.genfromtxt(STEADY, delimiter=",", names=True)
     at = computed["x_over_D_from_centre"]
     near = at <= 10
-    run = wake_run(reynolds, WIDE if reynolds == 40 else None)
+    run = wake_run(reynolds, WIDE) if reynolds == 40 else steady_run(reynolds)
     expected = computed[f"u_over_U_Re{reynolds:g}"][near]
     np.testing.assert_allclose(one_sided_line(run, at[near]), expected, atol=0.03)
 
