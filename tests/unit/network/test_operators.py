@@ -50,7 +50,7 @@ def _operator(solid, which):
     if which == 4:
         return structure, _pairs(structure)
     painted = np.arange(structure.node_count, dtype=np.int32) % 2
-    two = jnp.asarray(np.array([K, K])), jnp.asarray(np.array([HEAT, HEAT]))
+    two = jnp.array([K, K]), jnp.array([HEAT, HEAT])
     return structure, _assemble_mixed(structure, painted, *two)
 
 
@@ -59,8 +59,8 @@ def _pairs(structure):
     return LinkNetwork(
         src=jnp.asarray(links.src),
         dst=jnp.asarray(links.dst),
-        conductance=jnp.asarray(np.full(len(links.src), K * PITCH)),
-        node_capacity=jnp.asarray(np.full(count, HEAT * PITCH**3)),
+        conductance=jnp.full(len(links.src), K * PITCH),
+        node_capacity=jnp.full(count, HEAT * PITCH**3),
     )
 
 
