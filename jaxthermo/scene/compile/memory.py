@@ -66,10 +66,10 @@ _STEPS_STENCIL: dict[Method, _Parts] = {
     "diagonal": _Parts(fragments=66, cut_voxels=190, values=71),
 }
 _STEPS_LINKS: dict[Method, _Parts] = {
-    "euler": _Parts(fragments=34, surface_nodes=58, values=4, links=14),
-    "stages": _Parts(fragments=34, surface_nodes=58, values=16, links=14),
-    "implicit": _Parts(fragments=34, surface_nodes=58, values=4, links=72),
-    "diagonal": _Parts(fragments=34, surface_nodes=58, values=47, links=14),
+    "euler": _Parts(fragments=28, surface_nodes=58, values=4, links=4),
+    "stages": _Parts(fragments=28, surface_nodes=58, values=16, links=4),
+    "implicit": _Parts(fragments=28, surface_nodes=58, values=4, links=33),
+    "diagonal": _Parts(fragments=28, surface_nodes=58, values=47, links=4),
 }
 _STEPS_RUNS: dict[Method, _Parts] = {
     "euler": _Parts(fragments=34, surface_nodes=58, values=12),
