@@ -43,7 +43,8 @@ def test_each_cavity_has_a_number():
 def test_runs_of_cavities_are_the_labels_of_all_voxels():
     solid = np.random.default_rng(2).random((9, 8, 7)) < 0.7
     found = find_cavities(solid, lattice(solid))
-    label, _ = ndimage.label(np.pad(~solid, 1, constant_values=True))
+    label = np.zeros([n + 2 for n in solid.shape], np.int32)
+    ndimage.label(np.pad(~solid, 1, constant_values=True), output=label)
     outside, own = label[0, 0, 0], label[1:-1, 1:-1, 1:-1]
     expected = np.where(own == outside, 0, own - (own > outside))
     cells = np.indices(solid.shape).reshape(3, -1).T
