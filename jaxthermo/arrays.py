@@ -104,6 +104,24 @@ def taken(values: Shaped[Array, "..."], address: Any) -> Shaped[Array, "..."]:
     return values.at[address].get(mode="promise_in_bounds", wrap_negative_indices=False)
 
 
+def added(
+    values: Shaped[Array, "..."],
+    address: Any,
+    more: Shaped[Array, "..."],
+    *,
+    is_sorted: bool = False,
+    is_unique: bool = False,
+) -> Shaped[Array, "..."]:
+    """Return values with more at an address, of indices as in `taken`."""
+    return values.at[address].add(
+        more,
+        mode="promise_in_bounds",
+        wrap_negative_indices=False,
+        indices_are_sorted=is_sorted,
+        unique_indices=is_unique,
+    )
+
+
 def members(group: Int[np.ndarray, " k"], groups: int) -> Int[np.ndarray, "m g"]:
     """Indices of the first entry of every group, the second, ..., padded with k."""
     order = np.argsort(group, kind="stable").astype(np.int32)

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Shaped
 from typing_extensions import override
 
-from ..arrays import taken
+from ..arrays import added, taken
 from .link_operator import RowNetwork
 from .network import (
     AbstractDerivedNetwork,
@@ -93,13 +93,9 @@ class CutStencil(AbstractDerivedNetwork):
         return self._add(stepped, more + (ratio - 1) * (after - before))
 
     def _add(self, values: Float[Array, "..."], more: Float[Array, " m"]):
-        return values.at[self._own_address].add(
-            self._of_own(more),
-            mode="promise_in_bounds",
-            wrap_negative_indices=False,
-            indices_are_sorted=True,
-            unique_indices=self.own is None,
-        )
+        address, is_unique = self._own_address, self.own is None
+        own = self._of_own(more)
+        return added(values, address, own, is_sorted=True, is_unique=is_unique)
 
     @override
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from ..arrays import gathered_columns, rank_in_group, taken
+from ..arrays import added, gathered_columns, rank_in_group, taken
 from .network import AbstractNodeNetwork, inverse
 from .self_adjoint_primitive import Operator, computed_once, conduct
 
@@ -105,12 +105,7 @@ def _row_change(state, factors, layout):
     there = taken(state, list_neighbour)
     here = taken(state, list_node)
     flow = list_conductance * (there - here)
-    return rate.at[list_node].add(
-        flow,
-        mode="promise_in_bounds",
-        wrap_negative_indices=False,
-        indices_are_sorted=True,
-    )
+    return added(rate, list_node, flow, is_sorted=True)
 
 
 def _pull(values, state, factors, layout):

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from ..arrays import taken
+from ..arrays import added, taken
 from ..structures.build.links import NonOrthogonalLinks
 from ..structures.structure import AbstractStructure
 from ..structures.surface_map import Gradient, gradient_at
@@ -55,22 +55,16 @@ class _NonOrthogonalNetwork(AbstractNodeNetwork):
 
     @override
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        read = taken
-        slopes = self.gradient(state, read(state, self.chosen))
+        slopes = self.gradient(state, taken(state, self.chosen))
         along = jnp.zeros_like(self.conductance)
         for slope, half in zip(slopes, self.apart, strict=True):
-            along = along + half * (read(slope, self.first) + read(slope, self.second))
+            ends = taken(slope, self.first) + taken(slope, self.second)
+            along = along + half * ends
         flow = self.conductance * along
         inward = jnp.zeros_like(slopes[0]).at[self.second].add(flow)
         inward = inward.at[self.first].add(-flow)
-        rate = self.straight.heat_rate(state).at[self.chosen]
-        return rate.add(
-            inward,
-            mode="promise_in_bounds",
-            wrap_negative_indices=False,
-            indices_are_sorted=True,
-            unique_indices=True,
-        )
+        rate = self.straight.heat_rate(state)
+        return added(rate, self.chosen, inward, is_sorted=True, is_unique=True)
 
     @override
     def diagonal(self) -> Float[Array, "..."]:

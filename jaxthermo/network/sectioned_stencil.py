@@ -8,7 +8,7 @@ q_i the rate of the stencil, in which the sections lie apart (`PackedLattice`).
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ..arrays import taken
+from ..arrays import added, taken
 from .network import AbstractDerivedNetwork, AbstractNetwork, Address, inverse
 
 
@@ -26,7 +26,9 @@ class SectionedStencil(AbstractDerivedNetwork):
 
     def _flow(self, state: Float[Array, "..."]) -> Float[Array, " p"]:
         """Heat rate through each pair, into the voxel before the cut [W]."""
-        return self.conductance * (_of(state, self.behind) - _of(state, self.before))
+        return self.conductance * (
+            taken(state, self.behind) - taken(state, self.before)
+        )
 
     def _with(
         self,
@@ -68,14 +70,8 @@ class SectionedStencil(AbstractDerivedNetwork):
         return self.base.capacity_at(address)
 
 
-def _of(values: Float[Array, "..."], address: Address) -> Float[Array, " p"]:
-    return taken(values, address)
-
-
 def _plus(
     values: Float[Array, "..."], address: Address, more: Float[Array, "*#p"]
 ) -> Float[Array, "..."]:
     # A section is two voxels thick or more: none is in two pairs of a kind.
-    return values.at[address].add(
-        more, mode="promise_in_bounds", wrap_negative_indices=False, unique_indices=True
-    )
+    return added(values, address, more, is_unique=True)

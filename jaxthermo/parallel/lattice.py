@@ -14,7 +14,7 @@ import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, Int, Shaped
 
-from ..arrays import taken
+from ..arrays import added, taken
 from .devices import AXIS
 
 
@@ -78,13 +78,12 @@ def gathered(
 
     There the address has as many places for each device, all in its own part.
     """
-    get = taken
     if mesh is None:
-        return get(values, address)
+        return taken(values, address)
 
     def own(number, values, given):
         within = within_section(number, given.values, len(values.values))
-        return get(values.values, within)
+        return taken(values.values, within)
 
     number = section_numbers(mesh)
     return on_each_device(mesh, own, number, Sectioned(values), Sectioned(address))
@@ -97,23 +96,14 @@ def with_added(
     more: Shaped[Array, " m"],
 ) -> Shaped[Array, "..."]:
     """Values with more at an address, which is in order, as of `gathered`."""
-
-    def add(values, address, more, unique):
-        return values.at[address].add(
-            more,
-            mode="promise_in_bounds",
-            wrap_negative_indices=False,
-            indices_are_sorted=True,
-            unique_indices=unique,
-        )
-
     if mesh is None:
-        return add(values, address, more, True)
+        return added(values, address, more, is_sorted=True, is_unique=True)
 
     def own(number, values, given):
         address, more = given.values
+        within = within_section(number, address, len(values))
         # Places that fill up a section's list are one.
-        return add(values, within_section(number, address, len(values)), more, False)
+        return added(values, within, more, is_sorted=True)
 
     number = section_numbers(mesh)
     return on_each_device(mesh, own, number, values, Sectioned((address, more)))

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
-from ..arrays import gathered_columns, is_traced, rank_in_group, taken
+from ..arrays import added, gathered_columns, is_traced, rank_in_group, taken
 from ..module import Module
 from .structure import AbstractStructure
 
@@ -69,12 +69,7 @@ class Gradient(Module):
         neighbour = taken(theta, self.list_neighbour)
         gap = neighbour - taken(nodes, self.list_node)
         return tuple(
-            slope.at[self.list_node].add(
-                weight * gap,
-                mode="promise_in_bounds",
-                wrap_negative_indices=False,
-                indices_are_sorted=True,
-            )
+            added(slope, self.list_node, weight * gap, is_sorted=True)
             for slope, weight in zip(slopes, self.list_weight, strict=True)
         )
 

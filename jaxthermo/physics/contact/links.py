@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from ...arrays import Scalar, Time, TimeVarying
+from ...arrays import Scalar, Time, TimeVarying, added
 from ...errors import InputError
 from ...module import Module
 from ...network.network import Address, inverse, precise_sum
@@ -112,9 +112,7 @@ class ContactLinks(Module):
         # The same rate for both bodies: one gains exactly what the other loses.
         rises = (-dt * rate * self.per_capacity[0], dt * rate * self.per_capacity[1])
         first, second = (
-            state.at[address].add(
-                rise, mode="promise_in_bounds", wrap_negative_indices=False
-            )
+            added(state, address, rise)
             for state, address, rise in zip(new, self.address, rises, strict=True)
         )
         return (first, second), precise_sum(rate)
