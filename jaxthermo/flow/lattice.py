@@ -23,7 +23,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
-from ..arrays import Scalar
+from ..arrays import EXACT, Scalar
 
 
 VELOCITIES = (
@@ -206,8 +206,8 @@ def textbook_step(
     c, w = np.asarray(VELOCITIES, f.dtype), np.asarray(WEIGHTS, f.dtype)
     f = jnp.stack(moved)
     push = jnp.zeros(2, f.dtype) if force is None else jnp.asarray(force, f.dtype)
-    u = jnp.einsum("ia,iyx->ayx", c, f) + push[:, None, None] / 2
-    cu = jnp.einsum("ia,ayx->iyx", c, u)
+    u = jnp.einsum("ia,iyx->ayx", c, f, precision=EXACT) + push[:, None, None] / 2
+    cu = jnp.einsum("ia,ayx->iyx", c, u, precision=EXACT)
     square = (u * u).sum(0)
     common = f.sum(0) - 1.5 * square
     e = w[:, None, None] * (common[None] + 3 * cu + 4.5 * cu**2)

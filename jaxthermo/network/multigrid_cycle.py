@@ -18,6 +18,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 from typing_extensions import override
 
+from ..arrays import product
 from ..module import Module
 from .network import AbstractNetwork, inverse
 
@@ -120,7 +121,8 @@ class _DenseSolve(AbstractCycle):
 
     @override
     def __call__(self, r: Float[Array, "..."]) -> Float[Array, "..."]:
-        return (self.factor.T @ (self.factor @ r.reshape(-1))).reshape(r.shape)
+        once = product(self.factor, r.reshape(-1))
+        return product(self.factor.T, once).reshape(r.shape)
 
 
 def dense_solve(network: AbstractNetwork, m: Float[Array, "..."]) -> _DenseSolve:

@@ -43,7 +43,23 @@ class Table(Module):
     def __call__(self, time: Time) -> Float[Array, ""]:
         """The value at `time` [s]."""
         times = jnp.asarray(self.times, time.dtype)
-        return jnp.interp(time, times, jnp.asarray(self.values, time.dtype))
+        return _interpolated(time, times, jnp.asarray(self.values, time.dtype))
+
+
+def _interpolated(
+    time: Time, times: Float[Array, " n"], values: Float[Array, " n"]
+) -> Float[Array, ""]:
+    """`jnp.interp` without its loop: inside the steps' own loop XLA fails on a GPU."""
+    # https://github.com/openxla/xla/issues/49299: an index that a loop has found, in a
+    # loop of fixed length. On a GPU each turn would start kernels of its own besides.
+    if len(times) == 1:
+        return values[0]
+    found = jnp.searchsorted(times, time, side="right", method="scan_unrolled")
+    i = found.clip(1, len(times) - 1)
+    slope = (values[i] - values[i - 1]) / (times[i] - times[i - 1])
+    inside = values[i - 1] + (time - times[i - 1]) * slope
+    inside = jnp.where(time > times[-1], values[-1], inside)
+    return jnp.where(time < times[0], values[0], inside)
 
 
 class Until(Module):

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from ..arrays import product
 from ..errors import InputError
 
 
@@ -126,7 +127,7 @@ def traced_run(
     """State and loads at the saved times, as a function that JAX can transform."""
     u0, u1 = plan.loads(jnp, amplitudes)
     # One step costs less than the dispatch of its products: all are made at once.
-    d0, d1 = u0 @ drive.T, u1 @ drive.T
+    d0, d1 = product(u0, drive.T), product(u1, drive.T)
     step = jnp.asarray(plan.step, rates.dtype)[:, None]
     decay, of_start, of_change = step_weights(jnp, rates[None], step)
     added = of_start * d0 + of_change * (d1 - d0)

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import precision
+from ..arrays import precision, product
 from ..errors import InputError
 from ..integrate.run.solution_file import StoredSolution
 from ..integrate.stepper import just_before
@@ -63,7 +63,7 @@ class _Function(Module):
         """
         modes = self.rates, self.drive, self.start
         state, load = traced_run(*modes, self.plan, amplitudes)
-        above = state @ self.output.T + load @ self.direct.T
+        above = product(state, self.output.T) + product(load, self.direct.T)
         # The reference is added last: differences keep their digits in float32.
         return self.reference[None] + above
 

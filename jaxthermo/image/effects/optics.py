@@ -10,7 +10,7 @@ from jaxtyping import Float
 from scipy.sparse import csr_array
 from typing_extensions import override
 
-from ...arrays import plain_numbers
+from ...arrays import plain_numbers, product
 from ...errors import InputError
 from ..image import block_means
 from ..radiometry import Values
@@ -89,7 +89,7 @@ def integrate_pixels(
         return (columns @ np.ascontiguousarray((rows @ radiance).T)).T
     dense = (jnp.asarray(each.toarray(), radiance.dtype) for each in (rows, columns))
     left, right = dense
-    return left @ radiance @ right.T
+    return product(product(left, radiance), right.T)
 
 
 @lru_cache(maxsize=8)

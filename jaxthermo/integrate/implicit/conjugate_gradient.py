@@ -23,6 +23,7 @@ scale: a steady solve asks how far an iteration still moves the solution.
 
 import abc
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -32,6 +33,7 @@ import lineax as lx
 from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
+from ...arrays import EXACT
 from ...module import Module
 
 
@@ -49,7 +51,7 @@ _Map = Callable[[Any], Any]
 
 
 def _dot(a: Any, b: Any) -> Float[Array, ""]:
-    each = jax.tree.map(lambda x, y: jnp.vdot(x, y), a, b)
+    each = jax.tree.map(partial(jnp.vdot, precision=EXACT), a, b)
     return jnp.stack(jax.tree.leaves(each)).sum()
 
 

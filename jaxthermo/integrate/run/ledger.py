@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ...arrays import product
 from ...module import Module
 from ...scene.compile.program import LedgerEntries
 
@@ -146,7 +147,7 @@ def into_bodies(
     # One product with a constant matrix instead of a sum per body.
     signs = [[_sign(ends, body) for _, ends in entries] for body in range(bodies)]
     shape = (bodies, len(entries))
-    return jnp.asarray(np.array(signs).reshape(shape), heat.dtype) @ heat
+    return product(jnp.asarray(np.array(signs).reshape(shape), heat.dtype), heat)
 
 
 def _pair_name(mechanism: str, bodies: tuple[int, ...]) -> str:

@@ -19,6 +19,8 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.polynomial import polynomial
 
+from ...arrays import product
+
 
 _MIN_AIR_TEMPERATURE, _MAX_AIR_TEMPERATURE = 200.0, 1500.0
 """Range of the fits [K]."""
@@ -76,7 +78,7 @@ FILM_TEMPERATURES = 1 / (_MIDDLE - _HALF * _CHEBYSHEV) - _SHIFT
 def film_polynomial(values: Float[Array, "*g n"]) -> Float[Array, "*g n"]:
     """Coefficients, lowest power first, through h at the `FILM_TEMPERATURES`."""
     to_powers = np.linalg.inv(np.vander(_CHEBYSHEV, _NODES, increasing=True))
-    return values @ jnp.asarray(to_powers.T.astype(values.dtype))
+    return product(values, jnp.asarray(to_powers.T.astype(values.dtype)))
 
 
 def film_argument(double_film: Float[Array, "*m"]) -> tuple[Array, Array]:

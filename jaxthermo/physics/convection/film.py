@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ...arrays import is_traced
+from ...arrays import EXACT, is_traced
 from ...module import Module
 from ..flux_law import AbstractFluxLaw, Forcing
 from ..time_varying import largest, smallest, value_at
@@ -88,7 +88,7 @@ class _SpeedTable(Module):
         rows = jax.lax.dynamic_slice_in_dim(
             jnp.asarray(self.table), first.astype(jnp.int32), 4
         )
-        return jnp.tensordot(jnp.stack(weights) / 2, rows, 1)
+        return jnp.tensordot(jnp.stack(weights) / 2, rows, 1, precision=EXACT)
 
 
 def speed_table(

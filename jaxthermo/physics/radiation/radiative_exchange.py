@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from ...arrays import TimeVarying, is_traced, taken
+from ...arrays import TimeVarying, is_traced, product, taken
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from ...findings import digest, found
@@ -252,7 +252,7 @@ class Enclosure(Module):
         # A patch emits what its cells emit, so that no heat is lost between the two.
         count = len(self.from_surroundings)
         by_patch = jax.ops.segment_sum(self.weight * emitted, self.patch, count)
-        heat = self.transfer @ by_patch + self.from_surroundings * around
+        heat = product(self.transfer, by_patch) + self.from_surroundings * around
         if self.from_ground is not None:
             below = self._emitted(value_at(self.ground, time) - self.base)
             heat = heat + self.from_ground * below

@@ -90,6 +90,20 @@ def test_without_terms_no_surface_is_touched(structure):
     assert primitives & indexing == {"gather", "scatter-add"}
 
 
+def test_products_of_matrices_are_in_full_precision():
+    # A notch, whose sides see each other.
+    solid = np.ones((3, 2, 2), bool)
+    solid[1, 1] = False
+    notched = jt.FullVolume(blocks(solid, 0.01))
+    exchange = jt.RadiativeExchange(290.0, directions=16)
+    equations = _equations(_step(_scene(notched, exchange))[0].jaxpr)
+    found = [
+        e.params["precision"] for e in equations if e.primitive.name == "dot_general"
+    ]
+    exact = jax.lax.Precision.HIGHEST
+    assert found and set(found) == {(exact, exact)}
+
+
 def test_one_material_costs_one_byte_a_cell(structure):
     _, arrays = _step(_scene(structure))
     lattices = [a for a in jax.tree.leaves(arrays.bodies[0].network) if a.ndim]
