@@ -11,7 +11,8 @@ from pathlib import Path
 import jax
 import pytest
 from hypothesis import settings
-from packaging.version import Version
+
+from tests.xla_flags import HAS_FUSION_EMITTERS_FLAG
 
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -38,8 +39,7 @@ _FLAGS = [
     "--xla_backend_optimization_level=0",
     "--xla_cpu_parallel_codegen_split_count=1",
 ]
-if Version(version("jaxlib")) < Version("0.11"):
-    # XLA ends the process at a flag that it does not know, as newer ones this.
+if HAS_FUSION_EMITTERS_FLAG:
     _FLAGS.append("--xla_cpu_use_fusion_emitters=false")
 os.environ.setdefault("XLA_FLAGS", " ".join(_FLAGS))
 # In the environment, so that the commands that tests start share it too.

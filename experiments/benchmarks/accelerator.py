@@ -19,6 +19,7 @@ import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.integrate.run.plan import plan_run
+from jaxthermo.integrate.solvers import AbstractSolver
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import END, START, STEEL, standard_scene
@@ -31,7 +32,11 @@ from .steps import STRUCTURES, conduction_call
 
 QUICK = {"height": 40, "shape": (40, 96, 40), "repeats": 2, "copied": 2**22}
 
-_STEPS = 40
+_STEPS = 200
+_SOLVERS: dict[str, tuple[AbstractSolver, int]] = {
+    "explicit step": (jt.ForwardEuler(), 2000),
+    "implicit step": (jt.TRBDF2(dt=END / 4), 40),
+}
 _TURNS = 10
 _THESIS_SHAPE = (228, 550, 228)
 _SHARE = 0.7
@@ -111,22 +116,23 @@ def _conduction(
 
 
 def _steps(label: str, scene: jt.Scene, repeats: int) -> list[Measurement]:
-    """An explicit and an implicit step, with surface and ledger."""
-    stable = plan_run(scene, END, None, jt.ForwardEuler()).stable_step
-    assert stable is not None
-    explicit = plan_run(scene, _STEPS * stable * 0.9, None, jt.ForwardEuler())
-    implicit = plan_run(scene, END, None, jt.TRBDF2(dt=END / 4))
-    plans = {"explicit step": explicit, "implicit step": implicit}
-    spans = interleaved({n: loop_of(plan) for n, plan in plans.items()}, repeats)
-    nodes = f"{explicit.compiled.receipt.nodes:,} nodes"
+    """An explicit and an implicit step, with surface and ledger, and a whole call."""
+    run = jt.compile_simulation(scene, END)
+    calls: dict[str, Callable[[], Any]] = {"call": lambda: run().surface_temperature}
+    for name, (solver, count) in _SOLVERS.items():
+        plan = plan_run(scene, END, None, solver)
+        calls[name], calls[f"no {name}"] = loop_of(plan, count), loop_of(plan, 0)
+    spans = interleaved(calls, repeats)
+    # Starting a loop takes as long as many of its steps.
+    each = {
+        name: [(span - min(spans[f"no {name}"])) / count for span in spans[name]]
+        for name, (_, count) in _SOLVERS.items()
+    }
+    nodes, taken = f"{run.plan.compiled.receipt.nodes:,} nodes", run().run
+    call = f"{nodes}, {taken.steps} steps of {taken.solver}"
     return [
-        Measurement(
-            f"{label}: {name}",
-            "s",
-            [span / plan.steps for span in spans[name]],
-            note=nodes,
-        )
-        for name, plan in plans.items()
+        *(Measurement(f"{label}: {n}", "s", s, note=nodes) for n, s in each.items()),
+        Measurement(f"{label}: call of {END:g} s", "s", spans["call"], note=call),
     ]
 
 
@@ -146,7 +152,7 @@ def _jacobians(label: str, scene: jt.Scene, repeats: int) -> list[Measurement]:
             specific_heat=STEEL.specific_heat,
         )
         warmer = jt.Body(body.structure, material, temperature=START)
-        run = jt.simulate(jt.Scene((warmer,), scene.terms), END / 10, solver=solver)
+        run = jt.simulate(jt.Scene((warmer,), scene.terms), END, solver=solver)
         return run.surface_temperature[-1]
 
     calls: dict[str, Callable[[], Any]] = {}

@@ -3,12 +3,14 @@
 from collections.abc import Callable
 from typing import Any
 
+import jax.numpy as jnp
 import numba
 import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.integrate.run.plan import (
     Plan,
+    StepTable,
     initial_state,
     save_intervals,
     step_table,
@@ -24,9 +26,19 @@ NUMBA = f"numba, {numba.get_num_threads()} threads"
 """Name of the peer; XLA takes the same cores."""
 
 
-def loop_of(plan: Plan) -> Callable[[], Any]:
-    """All steps of a plan and the reading of its surface, as one compiled call."""
+def only_first(table: StepTable, count: int) -> StepTable:
+    """So many steps in the first interval of the first save, and no others."""
+    none = jnp.zeros_like(table.steps)
+    return table._replace(steps=none.at[0, 0].set(count))
+
+
+def loop_of(plan: Plan, steps: int | None = None) -> Callable[[], Any]:
+    """Steps of a plan and the reading of its surface, as one compiled call.
+
+    All of them, or so many of the first length, in a program that is the same for all.
+    """
     table = step_table(plan, save_intervals(plan.intervals))
+    table = table if steps is None else only_first(table, steps)
     program = plan.compiled.program
     # The loop uses up its state: each call makes one, as a run does.
     return lambda: take_steps_in_place(

@@ -19,7 +19,6 @@ from scipy.sparse import csr_array, identity
 
 import jaxthermo as jt
 from jaxthermo.integrate.run.plan import (
-    StepTable,
     initial_state,
     plan_run,
     save_intervals,
@@ -37,6 +36,7 @@ from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import END, SAVE_AT, STEEL, standard_scene
 from ..harness.present import show, table_of
 from ..harness.timing import interleaved, ratio_of, ratio_text, timing_of
+from .loops import only_first
 
 
 QUICK = {"height": 48, "repeats": 3}
@@ -96,8 +96,7 @@ def _measured(scene: jt.Scene, repeats: int) -> dict[str, Any]:
     network, start = program.bodies[0].network, initial_state(plan)
     count = int(np.clip(_WORK / receipt.nodes, 20, _MOST)) // 2 * 2
     table = step_table(plan, save_intervals(plan.intervals))
-    none = table._replace(steps=jnp.zeros_like(table.steps))
-    many = _only_first(none, count)
+    none, many = only_first(table, 0), only_first(table, count)
     loop = eqx.filter_jit(
         lambda program, state, table: take_steps(plan.stepper, program, state, table)
     )
@@ -134,11 +133,6 @@ def _measured(scene: jt.Scene, repeats: int) -> dict[str, Any]:
         "scipy_over_conduction": ratio_of(scipy, conduction),
         "reading_s": (np.array(spans["reading"]) / (len(SAVE_AT) * cells)).tolist(),
     }
-
-
-def _only_first(table: StepTable, count: int) -> StepTable:
-    """All steps in the first interval of the first save."""
-    return table._replace(steps=table.steps.at[0, 0].set(count))
 
 
 @eqx.filter_jit

@@ -1,13 +1,17 @@
 """The state of a run, the interface of all steppers, and the loop over their steps."""
 
 import abc
+from collections.abc import Callable
+from functools import cache
 from typing import Any, ClassVar
 
+import equinox as eqx
 import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from ..arrays import is_traced
 from ..module import Module
 from ..scene.compile.memory import Method
 from ..scene.compile.program import Program, State
@@ -62,6 +66,28 @@ class AbstractStepper(Module):
         dt: Float[Array, ""],
     ) -> RunState:
         """Return the state one step later, with the ledger updated."""
+
+
+# What XLA starts as one graph on a GPU: WHILE is not among its own choice, so that the
+# host is asked after each turn whether the loop goes on, half of a short step.
+_GRAPHS = {
+    "xla_gpu_enable_command_buffer": "FUSION,CUBLAS,CUBLASLT,CUDNN,CUSTOM_CALL,"
+    "DYNAMIC_SLICE_FUSION,CONDITIONAL,WHILE"
+}
+
+
+@cache
+def jit_in_place(function: Callable[..., Any], as_graph: bool = False) -> Any:
+    """Compile a loop over steps, which overwrites all arguments but the first."""
+    options: dict[str, Any] = {"compiler_options": _GRAPHS} if as_graph else {}
+    return eqx.filter_jit(function, donate="all-except-first", **options)
+
+
+def run_in_place(function: Callable[..., Any], kept: Any, theta: State) -> Any:
+    """Run a compiled loop over steps, which overwrites the temperatures `theta`."""
+    # A program within another one has no options of its own.
+    as_graph = jax.default_backend() == "gpu" and not is_traced(theta)
+    return jit_in_place(function, as_graph)(kept, theta)
 
 
 def advance(

@@ -12,7 +12,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -32,12 +31,12 @@ from ..integrate.run.plan import (
     observation_time,
     plan_run,
 )
+from ..integrate.run.segments import take_segment
 from ..integrate.run.solution import irradiance_at, observe
 from ..integrate.solvers import ForwardEuler, SuperTimeStepping
-from ..integrate.stepper import RunState, advance, just_before
+from ..integrate.stepper import RunState, just_before
 from ..physics.radiation.irradiation import Irradiance
 from ..physics.term import AbstractTerm
-from ..scene.compile.program import Program, State
 from ..scene.scene import Scene, SolvedSurface
 from .shown import AbstractShown, Curves
 
@@ -65,14 +64,6 @@ class Change(NamedTuple):
     """True if the bodies are others, so that the simulation starts again."""
     compiles: bool
     """True if the program has to be compiled, which takes seconds."""
-
-
-@eqx.filter_jit(donate="all-except-first")
-def _take_steps(kept: tuple[Any, Program, Any, tuple], theta: State) -> RunState:
-    # Only the temperatures are overwritten: they are large, and the rest is shared.
-    stepper, program, (ledger, solver_state), (start, dt, steps, before) = kept
-    state = RunState(theta, ledger, solver_state)
-    return advance(stepper, program, state, start, dt, steps, before)
 
 
 def _kind(tree: Any) -> tuple[Any, ...]:
@@ -291,17 +282,8 @@ class LiveSession(AbstractShown):
     def _take(self, steps: int) -> float:
         """Take steps of the interval; returns the seconds that it took."""
         interval, plan = self._left[0], self.plan
-        span = (
-            jnp.asarray(interval.start, plan.dtype),
-            jnp.asarray(interval.dt, plan.dtype),
-            jnp.asarray(steps, jnp.int32),
-            jnp.asarray(self._taken, jnp.int32),
-        )
-        number = plan.compiled.number_at(interval.start)
-        rest = self._state.ledger, self._state.solver_state
-        kept = plan.stepper, plan.compiled.programs[number], rest, span
         clock = time.perf_counter()
-        self._state = jax.block_until_ready(_take_steps(kept, self._state.theta))
+        self._state = take_segment(plan, interval, self._state, self._taken, steps)
         spent = time.perf_counter() - clock
         if not steps:
             return spent

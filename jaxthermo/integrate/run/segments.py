@@ -8,13 +8,12 @@ import time
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 
 from ...parallel.processes import agreed
 from ...scene.compile.program import Program, State
-from ..stepper import AbstractStepper, RunState, advance
+from ..stepper import AbstractStepper, RunState, advance, run_in_place
 from .plan import Interval, Plan, initial_state, observation_time
 from .simulate import make_solution
 from .solution import Observation, Solution, observe
@@ -50,16 +49,6 @@ class RunProgress(NamedTuple):
         return interval.start + self.steps_taken * interval.dt
 
 
-@eqx.filter_jit(donate="all-except-first")
-def _advance_in_place(
-    kept: tuple[AbstractStepper, Program, Any, tuple], theta: State
-) -> RunState:
-    # Only the temperatures are donated; the rest of a state is small, and shared.
-    stepper, program, (ledger, solver_state), (start, dt, steps, before) = kept
-    state = RunState(theta, ledger, solver_state)
-    return advance(stepper, program, state, start, dt, steps, before)
-
-
 def begin_run(plan: Plan, passes: Passes | None = None) -> RunProgress:
     """Return the progress of a pass, the first if None, that has not taken a step."""
     passes = Passes() if passes is None else passes
@@ -73,18 +62,33 @@ def _running(plan: Plan, progress: RunProgress) -> Plan:
     return of_pass(plan, progress.passes.number)
 
 
-def _take_segment(plan: Plan, progress: RunProgress, steps: int) -> RunState:
+def _continued(plan: Plan, progress: RunProgress, steps: int) -> RunState:
     interval = plan.intervals[progress.interval]
+    return take_segment(plan, interval, progress.state, progress.steps_taken, steps)
+
+
+def take_segment(
+    plan: Plan, interval: Interval, state: RunState, steps_taken: int, steps: int
+) -> RunState:
+    """Take so many more steps of an interval; overwrites the temperatures."""
     # Arrays, not Python numbers: the next segment must not compile again.
     span = (
         jnp.asarray(interval.start, plan.dtype),
         jnp.asarray(interval.dt, plan.dtype),
         jnp.asarray(steps, jnp.int32),
-        jnp.asarray(progress.steps_taken, jnp.int32),
+        jnp.asarray(steps_taken, jnp.int32),
     )
-    program, state = _program_of(plan, interval), progress.state
-    kept = (plan.stepper, program, (state.ledger, state.solver_state), span)
-    return jax.block_until_ready(_advance_in_place(kept, state.theta))
+    program, rest = _program_of(plan, interval), (state.ledger, state.solver_state)
+    kept = plan.stepper, program, rest, span
+    return jax.block_until_ready(run_in_place(_advance_all, kept, state.theta))
+
+
+def _advance_all(
+    kept: tuple[AbstractStepper, Program, Any, tuple], theta: State
+) -> RunState:
+    # Only the temperatures are donated; the rest of a state is small, and shared.
+    stepper, program, rest, span = kept
+    return advance(stepper, program, RunState(theta, *rest), *span)
 
 
 def _program_of(plan: Plan, interval: Interval) -> Program:
@@ -98,7 +102,7 @@ def compile_segments(plan: Plan, progress: RunProgress) -> RunProgress:
     """
     if progress.interval == len(plan.intervals):
         return progress
-    state = _take_segment(_running(plan, progress), progress, 0)
+    state = _continued(_running(plan, progress), progress, 0)
     return progress._replace(state=state)
 
 
@@ -114,7 +118,7 @@ def run_segments(
         interval = running.intervals[progress.interval]
         steps = agreed(min(length, interval.steps - progress.steps_taken))
         clock = time.perf_counter()
-        state = _take_segment(running, progress, steps)
+        state = _continued(running, progress, steps)
         # A clock of coarse resolution may show no time at all.
         spent = max(time.perf_counter() - clock, 1e-6)
         # Even lengths keep the loop of two steps; growth is limited to 8 times, since

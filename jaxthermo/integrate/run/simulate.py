@@ -19,7 +19,7 @@ from ...scene.compile.on_devices import on_devices
 from ...scene.compile.program import Program, State
 from ...scene.scene import Scene
 from ..solvers import AbstractSolver
-from ..stepper import AbstractStepper, RunState, advance
+from ..stepper import AbstractStepper, RunState, advance, run_in_place
 from .ledger import Energy, energies, in_order
 from .plan import (
     Plan,
@@ -153,14 +153,14 @@ def take_steps_in_place(
 ) -> tuple[RunState, Observation]:
     """`take_steps` in one program, which overwrites the temperatures of the state."""
     rest = state.ledger, state.solver_state
-    return take_steps_jit((stepper, program, rest, table), state.theta)
+    kept = stepper, program, rest, table
+    return run_in_place(take_all_steps, kept, state.theta)
 
 
-@eqx.filter_jit(donate="all-except-first")
-def take_steps_jit(
+def take_all_steps(
     kept: tuple[AbstractStepper, Program, Any, StepTable], theta: State
 ) -> tuple[RunState, Observation]:
-    """Compiled form of `take_steps_in_place`; `take_steps` is not compiled."""
+    """Take all steps of a table, as `take_steps`; compiled by `take_steps_in_place`."""
     # Only the temperatures are donated: they are large, and the rest is shared.
     stepper, program, rest, table = kept
     return take_steps(stepper, program, RunState(theta, *rest), table)

@@ -20,7 +20,7 @@ def test_every_quantity_is_measured(tmp_path, monkeypatch):
     json.dumps(found, allow_nan=False)
     rows = found["measurements"]
     assert found["device"].startswith(jax.default_backend())
-    assert all(min(row["ours"]) > 0 for row in rows)
+    assert [r["name"] for r in rows if min(r["ours"]) <= 0] == []
     words = " ".join(row["name"] for row in rows)
     for what in ("copy", "conduction", "implicit", "2 parameters", "640 x 480"):
         assert what in words

@@ -153,3 +153,13 @@ def test_float32_is_the_default_and_close(structure):
     error = np.asarray(single.surface_temperature, float) - double.surface_temperature
     assert np.abs(error).max() < 1e-4
     assert float(drop.min()) > 0.5
+
+
+def test_options_of_a_gpu_are_those_of_the_outermost_program(structure, monkeypatch):
+    scene, solver = _scene(structure, jt.HeatFlux(10.0)), jt.ForwardEuler(dt=0.5)
+    plain = jt.simulate(scene, 10.0, solver=solver).surface_temperature
+    # XLA reads the options of GPUs for other devices too.
+    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
+    run = lambda: jt.simulate(scene, 10.0, solver=solver).surface_temperature
+    assert np.array_equal(run(), plain)
+    assert jax.eval_shape(run).shape == plain.shape

@@ -13,14 +13,15 @@ from jaxthermo.network.overlap import in_turn, overlapped
 from jaxthermo.network.sharded_stencil import ShardedStencil
 from jaxthermo.parallel.lattice import next_planes, on_each_device, spread
 from jaxthermo.physics.conduction import material_network
+from tests.xla_flags import HAS_FUSION_EMITTERS_FLAG
 
 
 STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0)
 DT, WEIGHT = jnp.float32(1e-3), jnp.float32(0.7)
 AS_USERS_RUN = {
     "xla_backend_optimization_level": 3,
-    "xla_cpu_use_fusion_emitters": True,
     "xla_cpu_parallel_codegen_split_count": 32,
+    **({"xla_cpu_use_fusion_emitters": True} if HAS_FUSION_EMITTERS_FLAG else {}),
 }
 """Whatever flags a process has: their fusions are what is looked at here."""
 
