@@ -32,10 +32,10 @@ from .steps import STRUCTURES, conduction_call
 
 QUICK = {"height": 40, "shape": (40, 96, 40), "repeats": 2, "copied": 2**22}
 
-_STEPS = 200
+_STEPS = 100
 _SOLVERS: dict[str, tuple[AbstractSolver, int]] = {
-    "explicit step": (jt.ForwardEuler(), 2000),
-    "implicit step": (jt.TRBDF2(dt=END / 4), 40),
+    "explicit step": (jt.ForwardEuler(), 1000),
+    "implicit step": (jt.TRBDF2(dt=END / 4), 8),
 }
 _TURNS = 10
 _THESIS_SHAPE = (228, 550, 228)
