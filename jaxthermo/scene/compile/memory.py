@@ -82,9 +82,11 @@ _SOLVES_STENCIL: dict[Method, _Parts] = {
 }
 _SOLVES_LINKS: dict[Method, _Parts] = {"implicit": _Parts(links=60)}
 
-# A copy of the state that processes were measured to take while steps run on a lattice
-# with cut voxels, beside all that the compiler reports.
+# What processes were measured to take while steps run, beside all that the compiler
+# reports: a copy of the state, of a lattice if it has cut voxels, and what is found of
+# links on the way.
 _RUNTIME_STENCIL = _Parts(cut_values=4)
+_RUNTIME_LINKS = _Parts(values=4, links=5)
 
 _KEPT_DOUBLE = 1.2
 """Ratio of the memory kept in float64 to that in float32: geometry is always in
@@ -141,7 +143,8 @@ def forecast_memory(
             # Solves have a form of their own (`for_solves`).
             each = _STEPS_RUNS.get(method, each)
         steps += each.bytes_of(counts) * width / 4
-        runtime += _RUNTIME_STENCIL.bytes_of(counts) * width / 4 * is_stencil
+        beside = _RUNTIME_STENCIL if is_stencil else _RUNTIME_LINKS
+        runtime += 0 if in_runs else beside.bytes_of(counts) * width / 4
         rows += int(read.fragments) * width * saves
     return MemoryForecast(int(kept), int(steps), rows, int(runtime))
 
