@@ -5,6 +5,7 @@ that no cache holds take longer than those that one does: the growth is that bey
 slope of the logarithms from 1 million nodes on.
 """
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from jaxthermo.report.chart import Chart, LogAxis, legend, write_chart
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.present import Rows
 from ..harness.timing import interleaved
-from .steps import conduction_call
+from .steps import conduction_of
 
 
 QUICK = {"height": 58, "repeats": 2}
@@ -28,8 +29,10 @@ _ACROSS = (28, 40, 58, 84, 122, 180, 264, 386)
 _MOST_LINKED = 4_000_000
 """Nodes up to which there are links: each node's take a hundred bytes to set up."""
 _BEYOND_CACHE = 900_000
-_WORK, _MOST_STEPS = 2e8, 2000
+_WORK, _MOST_STEPS = 6e8, 2000
 """Nodes times steps of a call, and its largest number of steps."""
+_FIRST = 2
+"""Steps of a call to compare with: memory is new to the first, which takes its time."""
 
 
 def run(folder: Path, height: int = _ACROSS[-1], repeats: int = 5) -> dict[str, Any]:
@@ -69,11 +72,15 @@ def _measured(across: int, repeats: int) -> Rows:
     if grid.solid_count <= _MOST_LINKED:
         forms["links"] = jt.FullVolume(grid, stencil=False)
     count = int(np.clip(_WORK / grid.solid_count, 4, _MOST_STEPS)) // 2 * 2
-    calls = {form: conduction_call(each, count) for form, each in forms.items()}
+    calls = {}
+    for form, each in forms.items():
+        conduct = conduction_of(each)
+        calls[form] = partial(conduct, count + _FIRST)
+        calls[f"{form}, first steps"] = partial(conduct, _FIRST)
     spans = interleaved(calls, repeats)
     rows = []
-    for form, found in spans.items():
-        step = np.array(found) / count
+    for form in forms:
+        step = (np.array(spans[form]) - spans[f"{form}, first steps"]) / count
         rows.append(
             {
                 "form": form,

@@ -8,6 +8,7 @@ step besides makes what its steps share, products with the length of the step.
 """
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -156,13 +157,18 @@ def euler_steps(
 
 def conduction_call(structure: AbstractStructure, steps: int) -> Callable[[], Any]:
     """A call that takes so many steps of conduction in steel, in float32."""
+    return partial(conduction_of(structure), steps)
+
+
+def conduction_of(structure: AbstractStructure) -> Callable[[int], jax.Array]:
+    """The state after a number of steps of conduction in steel, in float32."""
     heat = STEEL.volumetric_heat_capacity
     network = assemble_uniform(structure, STEEL.conductivity, heat, jnp.float32)
     state = np.zeros(structure.state_shape, np.float32)
     values = np.random.default_rng(0).random(structure.node_count)
     state[structure.node_address()] = values
-    given = network, jnp.asarray(state), 0.5 / network.max_rate(), jnp.int32(steps)
-    return lambda: euler_steps(*given)
+    given = network, jnp.asarray(state), 0.5 / network.max_rate()
+    return lambda steps: euler_steps(*given, jnp.int32(steps))
 
 
 def _scipy_product(scene: jt.Scene, state: jax.Array) -> Callable[[], np.ndarray]:

@@ -52,7 +52,7 @@ def test_only_a_run_compiles_its_time_loop(programs, tmp_path):
     explained = programs("simulate", path, "--explain")
     whole = programs("simulate", path, "--out", out)
     drawn = programs("render", out, "--set", "camera.width=50")
-    assert "jit(_advance_in_place)" in set(whole) - set(explained)
+    assert "jit(_advance_all)" in set(whole) - set(explained)
     # Few single operations besides the scene's own programs.
     assert 0 < len(explained) <= 24
     assert len(drawn) <= 6
