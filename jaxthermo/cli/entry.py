@@ -1,6 +1,8 @@
 """Entry points of the command lines: a mistake is one line, never a traceback."""
 
+import atexit
 import functools
+import gc
 import importlib
 import os
 import sys
@@ -57,6 +59,10 @@ def run_app(app: App, name: str, arguments: Sequence[str] | None = None) -> None
         name: of the program, before every message.
         arguments: those of the process if None.
     """
+    # Packages and traces make many objects that stay. To look for garbage among them
+    # after every 700, and among all at the end, is a tenth of a short command.
+    gc.set_threshold(20_000, 20, 20)
+    atexit.register(gc.freeze)
     try:
         tokens = list(sys.argv[1:] if arguments is None else arguments)
         app(tokens, exit_on_error=False, print_error=False)

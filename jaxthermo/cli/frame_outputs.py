@@ -3,6 +3,7 @@
 import collections
 import importlib
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -44,6 +45,9 @@ OUTPUTS_OF_FRAMES = (
     *(f"{_ANIMATION}{ending}" for ending in ANIMATIONS.values()),
 )
 """Names of the files in the folder of a run that are of all frames together."""
+
+# Colours, compression and disk of some frames, while the next one is drawn.
+_WRITERS = 3
 
 
 def earlier_outputs(folder: Path) -> set[Path]:
@@ -110,7 +114,7 @@ def write_outputs(
     stems: Sequence[Path],
     extras: Extras,
 ) -> tuple[set[Path], list[str]]:
-    """Write the files of all frames, one after another, and those of all together.
+    """Write the files of all frames, and those of all together.
 
     Args:
         config: of the scene.
@@ -170,15 +174,23 @@ class _Seen:
         self, frames: Iterator[Frame], stems: Sequence[Path]
     ) -> Iterator[Picture]:
         """Write the files of each frame, and yield its picture for an animation."""
-        for k, (frame, stem) in enumerate(zip(frames, stems, strict=True)):
-            drawn = frame.picture() if self.animated else None
-            self.files.update(frame.write(stem, drawn))
-            self.readings.append(frame.readings)
-            self.scale, self.saturated = frame.scale, self.saturated + frame.saturated
-            if k in self.on_sheet:
-                self.tiles.append(frame.tile())
-            if drawn is not None:
-                yield drawn
+        with ThreadPoolExecutor(_WRITERS) as writers:
+            written = collections.deque[Future[list[Path]]]()
+            for k, (frame, stem) in enumerate(zip(frames, stems, strict=True)):
+                drawn = frame.picture() if self.animated else None
+                written.append(writers.submit(frame.write, stem, drawn))
+                self.readings.append(frame.readings)
+                self.scale = frame.scale
+                self.saturated += frame.saturated
+                if k in self.on_sheet:
+                    self.tiles.append(frame.tile())
+                if drawn is not None:
+                    yield drawn
+                if len(written) == _WRITERS:
+                    # More that wait would fill the memory.
+                    self.files.update(written.popleft().result())
+            for each in written:
+                self.files.update(each.result())
 
 
 def _playback(times: Sequence[float], rate: float) -> str:

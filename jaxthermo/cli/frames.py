@@ -19,6 +19,7 @@ from ..image.draw import draw
 from ..image.effects.effect import in_order
 from ..image.image import Image
 from ..image.measurements import AbstractMeasurement, Isotherm, names_of
+from ..image.radiometry import apparent_temperature
 from ..image.view import View, at_time, kept_view
 from ..integrate.run.solution_file import StoredSolution, load_solution
 from ..integrate.stepper import just_before
@@ -142,10 +143,14 @@ def _scale(config: SceneConfig, images: Iterator[Image]) -> tuple[float, float]:
         coldest, warmest = np.inf, -np.inf
         for image in images:
             apparent = config.image.quantity == "apparent"
-            shown = image.apparent_temperature if apparent else image.temperature
+            shown = image.radiance if apparent else image.temperature
             seen = np.asarray(shown)[np.asarray(image.object_id) >= 0]
-            coldest = min(coldest, float(seen.min()))
-            warmest = max(warmest, float(seen.max()))
+            ends = np.array([seen.min(), seen.max()])
+            if apparent:
+                # It grows with the radiance: those of the ends are its own ends.
+                ends = apparent_temperature(ends, image.band)
+            coldest = min(coldest, float(ends[0]))
+            warmest = max(warmest, float(ends[1]))
         margin = max(_RELATIVE_MARGIN * (warmest - coldest), _MIN_MARGIN)
         # A given end may be beyond all that is seen: then all pixels have one colour.
         if low is None:

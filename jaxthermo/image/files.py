@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import OpenEXR
-from jaxtyping import Array, Float, UInt8
+from jaxtyping import Array, Bool, Float, UInt8
 from PIL.Image import Image as Picture
 from scipy.ndimage import binary_erosion
 
@@ -192,12 +192,28 @@ def coloured(
         InputError: for an unknown quantity or palette, limits not in order, or
             temperatures that are not finite.
     """
-    kelvin = shown_temperature(image, quantity)
-    behind = np.where(np.isfinite(np.asarray(image.depth)), kelvin, np.nan)
-    ends = low, high
+    kelvin, on_body = _seen(image, quantity)
+    return _colours(kelvin, on_body, (low, high), palette, samples, gain)
+
+
+def _seen(image: Image, quantity: str) -> tuple[np.ndarray, np.ndarray]:
+    """Temperature of each pixel [K], and whether it is of a body."""
+    depth = np.asarray(image.depth)
+    return shown_temperature(image, quantity), np.isfinite(depth)
+
+
+def _colours(
+    kelvin: Float[np.ndarray, "H W"],
+    on_body: Bool[np.ndarray, "H W"],
+    ends: tuple[float, float],
+    palette: str,
+    samples: int,
+    gain: Gain | None,
+) -> UInt8[np.ndarray, "h w 3"]:
+    shown = np.where(on_body, kelvin, np.nan)
     if gain is not None:
-        behind, ends = gain.positions(behind), (0.0, 1.0)
-    colours = apply_palette(behind, *ends, palette, invalid=BACKGROUND)
+        shown, ends = gain.positions(shown), (0.0, 1.0)
+    colours = apply_palette(shown, *ends, palette, invalid=BACKGROUND)
     # Colours and not temperatures: at an edge their mean would be of neither side.
     return averaged(colours, samples)
 
@@ -232,13 +248,13 @@ def picture(
         InputError: for an unknown quantity or palette, limits not in order, or
             temperatures that are not finite.
     """
-    kelvin = shown_temperature(image, quantity)
-    drawn = np.isfinite(np.asarray(image.depth))
+    kelvin, drawn = _seen(image, quantity)
+    colours = _colours(kelvin, drawn, (low, high), palette, samples, gain)
     if samples == 1:
         # A coarsened pixel on the silhouette mixes the body with the background.
         drawn = np.asarray(binary_erosion(drawn, iterations=1, border_value=1), bool)
     return annotate(
-        coloured(image, low, high, palette, quantity, samples, gain),
+        colours,
         low=low,
         high=high,
         palette=palette,

@@ -86,18 +86,18 @@ def apply_palette(
     Raises:
         InputError: for an unknown palette, or limits that are not finite and in order.
     """
-    table = palette_table(name)
     low, high = check_limits(low, high)
-    image = np.asarray(values, np.float64)
-    blank = np.isnan(image)
+    # One more colour, of NaN.
+    table = np.vstack([palette_table(name), np.asarray(invalid, np.uint8)])
     # Clipped first, so that infinities have the end colours without a warning.
-    bounded = np.clip(np.where(blank, low, image), low, high)
+    bounded = np.clip(np.asarray(values, np.float64), low, high)
     if high > low:
         bounded -= low
         bounded /= high - low
     else:
-        bounded = 0.5 + 0.5 * np.sign(np.where(blank, low, image) - low)
+        bounded = 0.5 + 0.5 * np.sign(np.asarray(values, np.float64) - low)
     bounded *= ENTRIES - 1
-    colours = table[np.rint(bounded, out=bounded).astype(np.uint8)]
-    colours[blank] = np.asarray(invalid, np.uint8)
-    return colours
+    np.rint(bounded, out=bounded)
+    bounded[np.isnan(bounded)] = ENTRIES
+    # With the type of an index, `take` is several times faster.
+    return table.take(bounded.astype(np.intp), axis=0)
