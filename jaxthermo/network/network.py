@@ -157,12 +157,14 @@ def precise_sum(values: Float[Array, "..."]) -> Float[Array, ""]:
     """Sum with about one rounding error, whatever the length."""
     # XLA adds in sequence on the CPU, which loses digits in float32 over millions of
     # terms; sums of short blocks, summed in turn, do not.
-    flat = values.reshape(-1)
-    block = 64
-    while flat.shape[0] > 1:
-        padded = jnp.pad(flat, (0, -flat.shape[0] % block))
-        flat = padded.reshape(-1, block).sum(axis=1)
-    return flat.sum()
+    flat, block, rest = values.reshape(-1), 64, jnp.zeros((), values.dtype)
+    while flat.shape[0] > block:
+        # What is left of the last block is summed by itself: padded, each value would
+        # be selected, which takes longer than to add it.
+        whole = flat.shape[0] // block * block
+        rest += flat[whole:].sum()
+        flat = flat[:whole].reshape(-1, block).sum(axis=1)
+    return flat.sum() + rest
 
 
 def slot_sums(

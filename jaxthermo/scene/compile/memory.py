@@ -83,10 +83,10 @@ _SOLVES_STENCIL: dict[Method, _Parts] = {
 _SOLVES_LINKS: dict[Method, _Parts] = {"implicit": _Parts(links=60)}
 
 # What processes were measured to take while steps run, beside all that the compiler
-# reports: a copy of the state, of a lattice if it has cut voxels, and what is found of
-# links on the way.
-_RUNTIME_STENCIL = _Parts(cut_values=4)
+# reports: of links a copy of the state and what is found of them on the way; of a
+# stencil, however large, what the allocator and the programs hold [bytes].
 _RUNTIME_LINKS = _Parts(values=4, links=5)
+_RUNTIME_STENCIL = 8_000_000
 
 _KEPT_DOUBLE = 1.2
 """Ratio of the memory kept in float64 to that in float32: geometry is always in
@@ -117,7 +117,7 @@ def forecast_memory(
 ) -> MemoryForecast:
     """Forecast of a run that saves so often, by steps of a kind."""
     width = 8 if scene.dtype == "float64" else 4
-    kept, steps, runtime, rows = 0.0, 0.0, 0.0, 0
+    kept, steps, held, runtime, rows = 0.0, 0.0, 0, 0.0, 0
     for body in scene.bodies:
         structure = body.structure
         counts = structure.found("part_counts", lambda own=structure: _counts(own))
@@ -143,10 +143,12 @@ def forecast_memory(
             # Solves have a form of their own (`for_solves`).
             each = _STEPS_RUNS.get(method, each)
         steps += each.bytes_of(counts) * width / 4
-        beside = _RUNTIME_STENCIL if is_stencil else _RUNTIME_LINKS
-        runtime += 0 if in_runs else beside.bytes_of(counts) * width / 4
+        if is_stencil:
+            held = _RUNTIME_STENCIL
+        elif not in_runs:
+            runtime += _RUNTIME_LINKS.bytes_of(counts) * width / 4
         rows += int(read.fragments) * width * saves
-    return MemoryForecast(int(kept), int(steps), rows, int(runtime))
+    return MemoryForecast(int(kept), int(steps), rows, held + int(runtime))
 
 
 def _devices(body: Body) -> int:

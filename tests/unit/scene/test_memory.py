@@ -141,9 +141,9 @@ def test_too_large_a_scene_is_refused_before_anything_is_made(
 def test_more_saved_times_and_longer_numbers_need_more():
     scene = _scene("full", 20)
     double = jt.Scene(scene.bodies, scene.terms, dtype="float64")
-    few, many = (forecast_memory(scene, n, 1, "euler") for n in (1, 1001))
+    few, many = (forecast_memory(scene, n, 1, "euler") for n in (1, 2001))
     fragments = len(scene.bodies[0].structure.grid.fragment_area)
-    assert many.rows - few.rows == 1000 * 4 * fragments
+    assert many.rows - few.rows == 2000 * 4 * fragments
     # Rows exist twice while the solution is put together.
     assert many.peak == many.kept + 2 * many.rows
     assert forecast_memory(double, 1, 1, "euler").steps == 2 * few.steps
