@@ -1,8 +1,9 @@
 """A step of each structure in the standard scene, beside conduction alone and scipy.
 
-Three times of the same nodes and links, in turn: an explicit step with sun, convection
-and the energy ledger; the conduction in it alone; and scipy's product of the same links
-as a sparse matrix (CSR), in one thread. Reading the surface is the time to observe as
+Times of the same nodes and links, in turn: an explicit step with sun, convection and
+the energy ledger; the conduction in it alone; the same by gathering both ends of every
+link and adding to them, the simplest form; and scipy's product of the links as a sparse
+matrix (CSR), in one thread. Reading the surface is the time to observe as
 many states as are saved, over its surface cells and these states. A loop that takes no
 step besides makes what its steps share, products with the length of the step.
 """
@@ -28,6 +29,7 @@ from jaxthermo.integrate.run.plan import (
 from jaxthermo.integrate.run.simulate import take_steps
 from jaxthermo.integrate.run.solution import Observation, observe
 from jaxthermo.integrate.stepper import RunState
+from jaxthermo.network.link_operator import LinkNetwork
 from jaxthermo.network.network import AbstractNetwork
 from jaxthermo.physics.conduction import assemble_uniform
 from jaxthermo.scene.compile.program import Program
@@ -68,8 +70,10 @@ def run(folder: Path, height: int = 250, repeats: int = 7) -> dict[str, Any]:
         ("nodes", "{nodes:,}"),
         ("explicit step", microseconds("step")),
         ("conduction alone", microseconds("conduction")),
+        ("gathered links", microseconds("links")),
+        ("over conduction", lambda row: ratio_text(row["links_over_conduction"])),
         ("scipy CSR", microseconds("scipy")),
-        ("scipy over conduction", lambda row: ratio_text(row["scipy_over_conduction"])),
+        ("over conduction", lambda row: ratio_text(row["scipy_over_conduction"])),
         ("reading a cell", lambda row: f"{1e9 * np.median(row['reading_s']):.1f} ns"),
     ]
     show(table_of(rows, columns, f"{name}, {height} high, this host"))
@@ -83,10 +87,12 @@ def _measurements(row: dict[str, Any]) -> list[Measurement]:
     step, conduction = spans["step"], spans["conduction"]
     nodes = f"{row['nodes']:,} nodes, {row['surface_cells']:,} surface cells"
     what, matrix = f"{label}: explicit step", "scipy CSR, one thread"
-    alone = "conduction alone"
+    alone, pairs = "conduction alone", "gathered links"
+    own = f"{label}: {alone}"
     return [
         Measurement(what, "s", step, alone, conduction, overhead=True, note=nodes),
-        Measurement(f"{label}: {alone}", "s", conduction, matrix, spans["scipy"]),
+        Measurement(own, "s", conduction, pairs, spans["links"]),
+        Measurement(own, "s", conduction, matrix, spans["scipy"]),
         Measurement(f"{label}: reading a surface cell", "s", row["reading_s"]),
     ]
 
@@ -114,6 +120,7 @@ def _measured(scene: jt.Scene, repeats: int) -> dict[str, Any]:
             "no steps": run_of(none),
             "reading": lambda: _observe_all(program, states, saved),
             "conduction": conduct,
+            "links": _link_steps(scene, state),
             "scipy": product,
         },
         repeats,
@@ -122,6 +129,7 @@ def _measured(scene: jt.Scene, repeats: int) -> dict[str, Any]:
     step = (np.array(spans["loop"]) - np.array(spans["no steps"])) / count
     conduction = np.array(spans["conduction"]) / count
     scipy = np.array(spans["scipy"]) / _PRODUCTS
+    pairs = np.array(spans["links"]) / _PRODUCTS
     return {
         "nodes": receipt.nodes,
         "links": receipt.links,
@@ -129,8 +137,10 @@ def _measured(scene: jt.Scene, repeats: int) -> dict[str, Any]:
         "spans_s": {
             "step": step.tolist(),
             "conduction": conduction.tolist(),
+            "links": pairs.tolist(),
             "scipy": scipy.tolist(),
         },
+        "links_over_conduction": ratio_of(pairs, conduction),
         "scipy_over_conduction": ratio_of(scipy, conduction),
         "reading_s": (np.array(spans["reading"]) / (len(SAVE_AT) * cells)).tolist(),
     }
@@ -169,6 +179,21 @@ def conduction_of(structure: AbstractStructure) -> Callable[[int], jax.Array]:
     state[structure.node_address()] = values
     given = network, jnp.asarray(state), 0.5 / network.max_rate()
     return lambda steps: euler_steps(*given, jnp.int32(steps))
+
+
+def _link_steps(scene: jt.Scene, state: jax.Array) -> Callable[[], jax.Array]:
+    """Steps that gather both ends of every link and add to them."""
+    structure = scene.bodies[0].structure
+    links = structure.links()
+    # Only the pattern of the links counts for their time.
+    network = LinkNetwork(
+        src=jnp.asarray(links.src, jnp.int32),
+        dst=jnp.asarray(links.dst, jnp.int32),
+        conductance=jnp.full(len(links.src), 0.1, state.dtype),
+        node_capacity=jnp.ones(structure.node_count, state.dtype),
+    )
+    start, dt = state[structure.node_address()], jnp.asarray(1, state.dtype)
+    return lambda: euler_steps(network, start, dt, jnp.int32(_PRODUCTS))
 
 
 def _scipy_product(scene: jt.Scene, state: jax.Array) -> Callable[[], np.ndarray]:
