@@ -15,7 +15,7 @@ from jaxthermo.config.card_file import load_card, write_card
 from jaxthermo.config.messages import close_match
 from jaxthermo.config.strict_yaml import read_yaml
 from jaxthermo.errors import InputError
-from jaxthermo.structures.structure import FitCard
+from jaxthermo.structures.weights import FitCard
 
 from .config.loader import calibration_hash, load_calibration, scene_config
 from .config.schema import CalibrationConfig

@@ -146,14 +146,14 @@ from .structures.kinds.shell import (
     IrregularMultiLevel as IrregularMultiLevel,
     SingleShell as SingleShell,
 )
-from .structures.structure import (
-    ConductionWeights as ConductionWeights,
-    FitCard as FitCard,
-)
 from .structures.surface_map import (
     ConstantMap as ConstantMap,
     FluxCorrectedMap as FluxCorrectedMap,
     LinearMap as LinearMap,
+)
+from .structures.weights import (
+    ConductionWeights as ConductionWeights,
+    FitCard as FitCard,
 )
 from .voxels.cylinders import Cylinder as Cylinder
 from .voxels.from_array import grid_from_voxels as grid_from_voxels

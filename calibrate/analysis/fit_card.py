@@ -17,7 +17,7 @@ from jaxthermo.integrate.surface_error import surface_error
 from jaxthermo.scene.compile.compile import mechanism_names
 from jaxthermo.scene.dimensionless_groups import scene_numbers
 from jaxthermo.structures.extrapolation import extrapolations, range_words
-from jaxthermo.structures.structure import ConductionWeights, FitCard
+from jaxthermo.structures.weights import ConductionWeights, FitCard
 
 from ..config.frame_names import is_of_frames
 from ..config.schema import CalibrationConfig

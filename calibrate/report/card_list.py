@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from jaxthermo.config.shipped_cards import SCHEME
 from jaxthermo.report.numbers import padded
 from jaxthermo.report.table import Cell, Table
-from jaxthermo.structures.structure import FitCard
+from jaxthermo.structures.weights import FitCard
 
 
 _NUMBERS = {

@@ -22,7 +22,7 @@ from ..archive import (
 )
 from ..atomic import replacing
 from ..errors import InputError
-from ..structures.structure import ConductionWeights, FitCard
+from ..structures.weights import ConductionWeights, FitCard
 from .messages import dotted, explain
 from .shipped_cards import card_path
 from .strict_yaml import read_yaml, write_yaml

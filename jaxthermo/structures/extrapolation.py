@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from .structure import FitCard
+from .weights import FitCard
 
 
 def extrapolations(

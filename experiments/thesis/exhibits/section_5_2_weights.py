@@ -12,7 +12,7 @@ from jaxthermo.config.card_file import load_card
 from jaxthermo.config.shipped_cards import SCHEME, shipped_cards
 from jaxthermo.report.numbers import significant
 from jaxthermo.report.table import Cell, Table
-from jaxthermo.structures.structure import FitCard
+from jaxthermo.structures.weights import FitCard
 
 from ...harness.present import from_to
 from ..bodies import CONFIGS, buddha

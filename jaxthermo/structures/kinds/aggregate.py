@@ -13,13 +13,8 @@ from ..build.blocks import block_parts, count_blocks, number_by_first_voxel
 from ..build.links import link_distance
 from ..build.slabs import Slab, build_slabs, count_parts
 from ..cache import built_once
-from ..structure import (
-    AbstractBuiltStructure,
-    Built,
-    ConductionWeights,
-    as_weights,
-    check_grid,
-)
+from ..structure import AbstractBuiltStructure, Built, check_grid
+from ..weights import ConductionWeights, as_weights
 
 
 # More than halves the number of steps at factor 4 and adds 0.05 % of error.

@@ -14,7 +14,8 @@ from ...voxels.grid import VoxelGrid
 from ...voxels.packed_lattice import PackedLattice, packed_lattice
 from ...voxels.sharded_lattice import ShardedLattice, cut_axes, sharded_lattice
 from ..build.links import voxel_links
-from ..structure import AbstractStructure, ConductionWeights, Links, Nodes, as_weights
+from ..structure import AbstractStructure, Links, Nodes
+from ..weights import ConductionWeights, as_weights
 
 
 # Fraction of solid voxels in the box from which a stencil solves as fast as links.

@@ -19,7 +19,8 @@ from ..build.blocks import (
 from ..build.cubes import build_cubes, octree_levels
 from ..build.slabs import Slab, build_slabs
 from ..cache import built_once
-from ..structure import AbstractBuiltStructure, Built, ConductionWeights, as_weights
+from ..structure import AbstractBuiltStructure, Built
+from ..weights import ConductionWeights, as_weights
 
 
 class MultiLevel(AbstractBuiltStructure):

@@ -21,11 +21,10 @@ from ..cache import built_once
 from ..structure import (
     AbstractBuiltStructure,
     Built,
-    ConductionWeights,
     Links,
     Nodes,
-    as_weights,
 )
+from ..weights import ConductionWeights, as_weights
 
 
 class SingleShell(AbstractBuiltStructure):

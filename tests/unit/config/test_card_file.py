@@ -12,7 +12,7 @@ from jaxthermo.config.card_file import load_card, write_card
 from jaxthermo.config.loader import load_config, to_yaml
 from jaxthermo.config.strict_yaml import read_yaml, write_yaml
 from jaxthermo.structures.extrapolation import extrapolations
-from jaxthermo.structures.structure import FitCard
+from jaxthermo.structures.weights import FitCard
 from tests.bodies import blocks
 
 

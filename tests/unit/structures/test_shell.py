@@ -9,7 +9,7 @@ from hypothesis import given, settings, strategies as st
 
 from jaxthermo.errors import InputError
 from jaxthermo.structures.kinds.shell import SingleShell
-from jaxthermo.structures.structure import ConductionWeights
+from jaxthermo.structures.weights import ConductionWeights
 from tests.bodies import blocks
 
 
