@@ -187,7 +187,7 @@ def test_the_pictures_share_one_scale_of_body_pixels(finished):
 @pytest.mark.parametrize(
     ("structure", "told"),
     [
-        ("octree", []),
+        pytest.param("octree", [], marks=pytest.mark.slow),
         pytest.param("{kind: aggregate, factor: 3}", [], marks=pytest.mark.slow),
         ("{kind: single_shell, capacity: own}", ["65 %"]),
     ],
