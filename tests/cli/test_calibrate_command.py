@@ -224,8 +224,8 @@ def _goes_on_to_the_same(arguments, out: Path, uninterrupted: Path) -> None:
     assert _numbers(out) == _numbers(uninterrupted)
 
 
-# A run that is killed goes on in the slice, in test_resume, and a fit that is stopped,
-# in test_fits_on_devices.
+# A run that is killed goes on in the default suite, in test_resume; a fit that is
+# stopped in the slice, in test_fits_on_devices.
 @pytest.mark.slow
 def test_a_fit_that_is_killed_goes_on_to_the_same_card(fitted, tmp_path):
     folder, _ = fitted

@@ -162,9 +162,6 @@ def goes_on_to_the_same(arguments, out, uninterrupted):
         assert (out / name).read_bytes() == (uninterrupted / name).read_bytes()
 
 
-# An interrupted run goes on by default, above.
-@pytest.mark.slow
-@pytest.mark.slice
 def test_a_run_that_is_killed_goes_on_and_ends_the_same(tmp_path, uninterrupted):
     out = tmp_path / "out"
     arguments = ("simulate", scene_file(tmp_path), "--out", out, *STEPS)
