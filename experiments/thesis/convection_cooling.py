@@ -5,6 +5,7 @@ from functools import cached_property
 from typing import Any
 
 import altair as alt
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -86,15 +87,20 @@ class InWind:
 
     def local_numbers(self) -> Float[np.ndarray, " a"]:
         """Local Nusselt number at the middle of each sector, at the start."""
-        # Of no average in particular, since only its order is read.
-        film = jnp.asarray((HOT + AIR) / 2)
-        every = lambda value: jnp.full(len(_MIDDLE), value)
-        flow = every(self.reynolds), every(prandtl(film))
-        cosine = jnp.cos(jnp.radians(jnp.asarray(_MIDDLE)))
-        return np.asarray(local_nusselt(cosine, *flow, churchill_bernstein))
+        return np.asarray(_local_numbers(self.reynolds))
 
 
 _MIDDLE = (np.arange(180 // _SECTOR) + 0.5) * _SECTOR
+
+
+@jax.jit
+def _local_numbers(reynolds):
+    # Of no average in particular, since only its order is read.
+    film = jnp.asarray((HOT + AIR) / 2)
+    every = lambda value: jnp.full(len(_MIDDLE), value)
+    flow = every(reynolds), every(prandtl(film))
+    cosine = jnp.cos(jnp.radians(jnp.asarray(_MIDDLE)))
+    return local_nusselt(cosine, *flow, churchill_bernstein)
 
 
 def cylinder_in_wind(across: int = ACROSS) -> InWind:

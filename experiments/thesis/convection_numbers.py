@@ -169,12 +169,16 @@ _REYNOLDS = (1.0, 40.0, 1e3, 4e3, 1e4, 3e4, 7.08e4, 1.4e5, 2.19e5)
 _COLOURS = ("#17358c", "#b8500a", "#4c7a12")
 
 
+@jax.jit
+def _every_average(reynolds):
+    prandtl = jnp.full_like(reynolds, _PRANDTL)
+    return jnp.stack([a.nusselt(reynolds, prandtl) for a in AVERAGES])
+
+
 def _averages(reynolds: np.ndarray) -> np.ndarray:
     # Averages of each correlation [correlations, Re].
     with jax.enable_x64(True):
-        re = jnp.asarray(reynolds, jnp.float64)
-        pr = jnp.full_like(re, _PRANDTL)
-        return np.stack([np.asarray(a.nusselt(re, pr)) for a in AVERAGES])
+        return np.asarray(_every_average(np.asarray(reynolds, float)))
 
 
 def measure_averages() -> Rows:

@@ -70,13 +70,17 @@ class SquareRod(NamedTuple):
         return mean(self.flow), mean(self.closure)
 
 
+@jax.jit
+def _local_number(degrees, reynolds):
+    cosine = jnp.cos(jnp.radians(degrees))
+    every = lambda value: jnp.full(cosine.shape, value)
+    return local_nusselt(cosine, every(reynolds), every(PRANDTL), profile)
+
+
 def local_number(degrees: np.ndarray, reynolds: float) -> np.ndarray:
     """Local Nusselt numbers that the thesis' model gives to normals."""
     with jax.enable_x64(True):
-        cosine = jnp.cos(jnp.radians(jnp.asarray(degrees)))
-        every = lambda value: jnp.full(cosine.shape, value)
-        given = cosine, every(reynolds), every(PRANDTL)
-        return np.asarray(local_nusselt(*given, profile))
+        return np.asarray(_local_number(degrees, reynolds))
 
 
 def round_rod(reynolds: float, cells: int, passes: float) -> RoundRod:

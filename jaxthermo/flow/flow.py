@@ -102,6 +102,7 @@ def flow_program(
     )
 
 
+@eqx.filter_jit
 def initial_state(
     program: FlowProgram,
     velocity: tuple[Any, Any] | None = None,
@@ -220,6 +221,7 @@ def _filled_heat(program: FlowProgram, g: Populations) -> Populations:
     return filled(g, program.links, reflected(g, program.links, 1.0))
 
 
+@eqx.filter_jit
 def fields(program: FlowProgram, state: FlowState) -> Fields:
     """Fields of a state; what they hold within the body is of no meaning."""
     inner = lambda f: tuple(a[1:-1, 1:-1] for a in f)

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from .effects.effect import Effects
 from .effects.optics import integrate_pixels
 from .image import Image, coarsen
@@ -45,7 +47,8 @@ class Detector:
             samples: along each axis.
         """
         self._reaching, self._effects, self._samples = reaching, effects, samples
-        self._times = [float(time) for time in times]
+        # By numpy: on the host, and of known values while others are traced.
+        self._times = np.asarray(times).tolist()
         self._last: _Recorded | None = None
 
     def frame(self, index: int) -> Image:

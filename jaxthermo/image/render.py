@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 
 from ..arrays import precision
 from ..errors import require
@@ -109,8 +110,10 @@ def _recording(
         require(band, Band, "render(band=)", "a Band, such as Band((7.5e-6, 14e-6))")
     effects = in_order(options.effects, "render(effects=)")
 
+    times = np.asarray(solution.times)
+
     def reaching(index: int) -> Image:
-        time = float(solution.times[index])
+        time = float(times[index])
         surfaces, terms = at_time(solution.surfaces, solution.terms, time)
         finer = camera.finer(options.samples)
         view = kept_view(surfaces, terms, finer, options.smooth, options.occlusion)
@@ -120,13 +123,13 @@ def _recording(
             terms,
             jnp.asarray(solution.surface_temperature[index]),
             solution.irradiance(index),
-            jnp.asarray(solution.times[index]),
+            jnp.asarray(times[index]),
             solution.load_time(index),
             band,
             effects,
         )
 
-    detector = Detector(reaching, solution.times, effects, options.samples)
+    detector = Detector(reaching, times, effects, options.samples)
 
     def frame(index: int) -> Image:
         with precision(solution.receipt.dtype):

@@ -295,6 +295,9 @@ def test_bodies_that_overlap_are_told(tmp_path):
     assert all(each in line for each in words), line
 
 
+# The note itself is tested in `test_wind`, other notes on the terminal in
+# `test_simulate_command`.
+@pytest.mark.slow
 def test_a_wind_beyond_what_was_measured_is_a_note(tmp_path):
     wind = "terms.1={kind: wind, velocity: [300, 0, 0], temperature: 290}"
     scene = scene_file(tmp_path, STACKED)
@@ -355,11 +358,10 @@ def test_an_unknown_command_or_option(arguments, tmp_path, monkeypatch):
 
 
 def test_the_console_script(tmp_path):
+    """With the mistake that takes the fewest imports to be found."""
     script = Path(sys.executable).with_name("jaxthermo")
-    mesh = tmp_path / "bad.stl"
-    mesh.write_text("junk")
     done = subprocess.run(
-        [script, "voxelize", mesh, "--pitch", "1cm", "--unit", "m"],
+        [script, "example", "nowhere"],
         capture_output=True,
         text=True,
         timeout=60,
@@ -367,4 +369,4 @@ def test_the_console_script(tmp_path):
     )
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("jaxthermo: ") and done.stderr.count("\n") == 1
-    assert files(tmp_path) == {"bad.stl"}
+    assert files(tmp_path) == set()

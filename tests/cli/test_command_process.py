@@ -50,14 +50,15 @@ sys.exit(", ".join(n for n in ("jax", "trimesh", "colour") if n in sys.modules) 
 
 
 def test_module_runs_and_a_mistake_has_no_traceback():
-    done = _run("-m", "jaxthermo", "simulate", "nowhere.yaml")
+    done = _run("-m", "jaxthermo", "example", "nowhere")
     assert done.returncode == 2
-    assert done.stderr.startswith("jaxthermo: nowhere.yaml")
+    assert done.stderr.startswith("jaxthermo: there is no example 'nowhere'")
     assert done.stderr.count("\n") == 1
 
 
 def test_a_broken_pipe_is_quiet():
-    command = f"{sys.executable} -m jaxthermo materials | true; echo ${{PIPESTATUS[0]}}"
+    command = f"{sys.executable} -m jaxthermo example figurine | true"
+    command += "; echo ${PIPESTATUS[0]}"
     done = subprocess.run(
         ["bash", "-c", command], capture_output=True, text=True, timeout=60
     )

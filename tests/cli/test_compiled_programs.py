@@ -42,11 +42,16 @@ def programs(monkeypatch):
     logger.removeHandler(handler)
 
 
+# Long: as JAX forgets every program, so do the tests that follow in this process.
+@pytest.mark.slow
+@pytest.mark.slice
 def test_a_preview_compiles_nothing(programs, tmp_path):
     out = tmp_path / "out"
     assert not programs("simulate", scene_file(tmp_path), "--preview", "--out", out)
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_only_a_run_compiles_its_time_loop(programs, tmp_path):
     path, out = scene_file(tmp_path), tmp_path / "out"
     explained = programs("simulate", path, "--explain")

@@ -231,13 +231,14 @@ def _check_all(seeds: range, folder: Path, kind: Callable[[int], str]) -> None:
     assert not found, "\n".join(f"{key}: {fault}" for key, fault in found.items())
 
 
-def test_sixty_damaged_inputs(tmp_path):
-    _check_all(range(60), tmp_path, lambda seed: KINDS[seed % len(KINDS)])
+def test_thirty_damaged_inputs(tmp_path):
+    """Two of each kind."""
+    _check_all(range(2 * len(KINDS)), tmp_path, lambda seed: KINDS[seed % len(KINDS)])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(len(KINDS)))
 def test_six_hundred_damaged_inputs(tmp_path, number):
-    """Forty of each kind, other ones than the sixty."""
+    """Forty of each kind, other ones than the thirty."""
     seeds = range(1000 + 40 * number, 1040 + 40 * number)
     _check_all(seeds, tmp_path, lambda seed: KINDS[number])

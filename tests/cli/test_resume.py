@@ -123,11 +123,15 @@ def test_a_checkpoint_that_does_not_fit_is_ignored(
     damaged = {"cut": content[: len(content) // 2], "junk": b"junk" * 99, "empty": b""}
     checkpoint.write_bytes(damaged.get(damage, content))
 
-    segments = stop_at(None)
+    # To the end after one of each kind: from the start it is the same run each time.
+    ends = damage in ("weights", "junk")
+    segments = stop_at(None if ends else 1)
     code, text, err = run("simulate", scene, "--out", out, *STEPS)
-    assert (code, err) == (0, "")
+    assert (code, err.count("\n")) == ((0, 0) if ends else (130, 1))
     assert "going on" not in text and "starting again" in text
     assert segments[0] == 2
+    if not ends:
+        return
     assert files(out) == RESULTS | frame_files()
     same_arrays(out / "solution.npz", uninterrupted / "solution.npz")
 

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 
 import numpy as np
 import OpenEXR
@@ -187,7 +188,7 @@ def test_the_pictures_share_one_scale_of_body_pixels(finished):
 @pytest.mark.parametrize(
     ("structure", "told"),
     [
-        ("octree", []),
+        pytest.param("octree", [], marks=pytest.mark.slow),
         pytest.param("{kind: aggregate, factor: 3}", [], marks=pytest.mark.slow),
         ("{kind: single_shell, capacity: own}", ["65 %"]),
     ],
@@ -284,8 +285,10 @@ def test_every_palette_draws(finished, tmp_path):
     assert len(looks) == len(palette_names())
 
 
-def test_a_rerun_takes_the_place_of_the_results_but_not_of_other_files(tmp_path):
-    out = simulate(tmp_path)
+def test_a_rerun_takes_the_place_of_the_results_but_not_of_other_files(
+    finished, tmp_path
+):
+    out = shutil.copytree(finished, tmp_path / "out")
     for name in ("notes.txt", "frames/mine.png", "frames/t12.png"):
         (out / name).write_text("mine")
     simulate(tmp_path, "time={end: 4, save_at: [4]}")
@@ -310,8 +313,8 @@ def test_a_config_by_hand_is_not_written_over(tmp_path):
     assert files(tmp_path) == {"config.yaml"}
 
 
-def test_the_resolved_config_can_be_run_again_in_its_own_folder(tmp_path):
-    out = simulate(tmp_path)
+def test_the_resolved_config_can_be_run_again_in_its_own_folder(finished, tmp_path):
+    out = shutil.copytree(finished, tmp_path / "out")
     code, _, err = run("simulate", out / "config.yaml", "--out", out)
     assert (code, err) == (0, "")
     assert files(out) == RESULTS | frame_files()

@@ -65,11 +65,17 @@ def problem():
     return Problem(FITTED, (Case("one", scene, run, target),))
 
 
-def test_residuals_have_the_slopes_of_frames_rendered_again(problem):
+@pytest.fixture(scope="module")
+def rows(problem):
+    """Residuals by values and views, compiled."""
+    tables = problem.step_tables()
+    return jax.jit(lambda z, views: problem.residuals(z, tables, views)[0])
+
+
+def test_residuals_have_the_slopes_of_frames_rendered_again(problem, rows):
     """Along two ways, of properties and of the pose, to 1e-6 of the largest."""
-    z, tables = problem.start(), problem.step_tables()
-    rows = jax.jit(lambda z, views: problem.residuals(z, tables, views)[0])
-    slopes = np.asarray(jax.jacfwd(rows)(z, problem.views_at(z)))
+    z = np.asarray(problem.start())
+    slopes = np.asarray(jax.jit(jax.jacfwd(rows))(z, problem.views_at(z)))
     assert (np.abs(slopes).max(axis=0) > 0).all()
     step = 1e-6
     # Every number by a share of its own; a view of other pixels is another program.
@@ -101,13 +107,13 @@ def test_outlines_weigh_by_their_errors_and_those_of_the_data(problem, monkeypat
     assert drawn.scatter(np.ones((50, count + 2)), np.ones(count + 2)) is None
 
 
-def test_a_pose_that_sees_no_body_is_refused_by_its_residuals(problem):
+def test_a_pose_that_sees_no_body_is_refused_by_its_residuals(problem, rows):
     z = problem.start()
     far = FITTED.coordinates(
         {**FITTED.values(z), "cameras.0.rotation": np.array([0.0999, 0.0999, 0.0])}
     )
-    found, _ = problem.residuals(far, problem.step_tables(), problem.views_at(far))
-    assert not np.isfinite(np.asarray(found)).any()
+    found = np.asarray(rows(far, problem.views_at(far)))
+    assert not np.isfinite(found).any()
 
 
 def test_names_of_poses_have_units_and_are_checked():

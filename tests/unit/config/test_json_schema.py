@@ -1,5 +1,6 @@
 """JSON Schemas: the committed files are current, and shipped configs follow them."""
 
+import functools
 import json
 from pathlib import Path
 from typing import Any
@@ -36,6 +37,7 @@ PROGRAMS = {
 }
 
 
+@functools.cache
 def validator(name: str) -> jsonschema.Draft202012Validator:
     text = (CONFIGS / f"{name}.schema.json").read_text(encoding="utf-8")
     return jsonschema.Draft202012Validator(json.loads(text))

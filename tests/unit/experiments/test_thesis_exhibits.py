@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import replace
 
+import jax
 import numpy as np
 import pytest
 from PIL import Image
@@ -58,7 +59,15 @@ def test_an_unknown_name_is_refused_with_a_hint(names, hint):
 
 
 @pytest.fixture
-def one_exhibit(monkeypatch, tmp_path):
+def no_meshes(monkeypatch):
+    """As if there were none: their content is part of what a finding depends on."""
+    monkeypatch.setattr(exhibition, "_mesh_hashes", dict)
+    # The tests that follow in this process would compile everything again.
+    monkeypatch.setattr(jax, "clear_caches", lambda: None)
+
+
+@pytest.fixture
+def one_exhibit(monkeypatch, no_meshes, tmp_path):
     """An exhibit that counts its measurements, alone in the house."""
     counted = []
 
@@ -76,7 +85,6 @@ def one_exhibit(monkeypatch, tmp_path):
     own = Exhibit("figure-4.3", "dots", "4.1, figure 4.3", ("C09",), measure)
     monkeypatch.setattr(exhibition, "_with_sources", lambda: [(tmp_path / "x", own)])
     monkeypatch.setattr(exhibition, "_sources", lambda _: ())
-    monkeypatch.setattr(exhibition, "_mesh_hashes", dict)
     return counted
 
 
@@ -106,7 +114,9 @@ def test_an_exhibit_is_measured_once_for_each_size(one_exhibit, tmp_path):
     assert one_exhibit == [True, False]
 
 
-def test_a_broken_exhibit_is_reported_and_measured_again(monkeypatch, tmp_path):
+def test_a_broken_exhibit_is_reported_and_measured_again(
+    monkeypatch, no_meshes, tmp_path
+):
     def broken(_):
         raise ZeroDivisionError("no length")
 
@@ -140,7 +150,7 @@ def test_a_claim_has_the_worst_verdict_of_its_exhibits():
     assert verdicts["C10"] == "contradicted"
 
 
-def test_table_5_1_is_reproduced_to_its_digits(tmp_path):
+def test_table_5_1_is_reproduced_to_its_digits(no_meshes, tmp_path):
     found = exhibition.run(tmp_path, "table-5.1", quick=True)
     (shown,) = found["exhibits"]
     assert shown["verdict"] == "reproduced" and len(shown["rows"]) == 12

@@ -93,6 +93,9 @@ def test_the_shipped_fit_is_that_of_the_shipped_profiles(tmp_path):
     )
 
 
+# The flow behind a cylinder is computed by default in `test_cylinder`.
+@pytest.mark.slow
+@pytest.mark.slice
 def test_a_coarse_flow_gives_the_wake_within_a_few_percent():
     """A tenth of the size, in a narrow channel."""
     setup = WakeSetup(6, 16.0, 6.0, 12.0, 3.0)

@@ -80,10 +80,10 @@ def test_the_derivative_is_that_of_frames_rendered_again(surfaces, given, kind):
     size = 30 * len(pixels)
     frame = _strip(camera, surfaces, given)
     again = lambda pose: frame(
-        linearize_view(surfaces, camera, pose, pixels, size), jnp.asarray(pose)
+        linearize_view(surfaces, camera, pose, pixels, size), pose
     )
     linear = linearize_view(surfaces, camera, POSE, pixels, size)
-    slopes = np.asarray(jax.jacfwd(frame, 1)(linear, jnp.asarray(POSE)))
+    slopes = np.asarray(jax.jit(jax.jacfwd(frame, 1))(linear, POSE))
     largest, step = np.abs(slopes).max(), 1e-6
     for number, unit in enumerate(np.eye(6)):
         ends = again(POSE + step * unit), again(POSE - step * unit)

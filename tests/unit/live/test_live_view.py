@@ -1,5 +1,6 @@
 """The view that a browser shows, asked as its widgets ask, without a browser."""
 
+import functools
 import socket
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from jaxthermo.errors import InputError
 from jaxthermo.live.server import LiveView, serving
 from jaxthermo.live.session import LiveSession
+from jaxthermo.live.surface_points import surface_points
 
 
 SCENE = """
@@ -41,7 +43,10 @@ def session(tmp_path):
 
 
 @pytest.fixture
-def view(server, session):
+def view(server, session, monkeypatch):
+    # Few points: how they cover a surface is tested in `test_surface_points`.
+    few = functools.partial(surface_points, count=3000)
+    monkeypatch.setattr("jaxthermo.live.server.surface_points", few)
     return LiveView(server, session, session.config, 10.0)
 
 

@@ -20,7 +20,7 @@ from jaxthermo.raster.fragments import _sort_fragments, peel, peel_views
 
 SIZE = 24
 seeds = st.integers(0, 2**32 - 1)
-few = settings(deadline=None, max_examples=25)
+few = settings(deadline=None, max_examples=12)
 
 
 def random_triangles(rng, count=60, spread=30.0):

@@ -26,7 +26,7 @@ def fan(rng, rim=12):
     return np.stack([middle, ring, np.roll(ring, -1, 0)], axis=1)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=12)
 @given(seed=seeds)
 def test_triangles_that_tile_the_image_own_each_pixel_once(seed):
     rng = np.random.default_rng(seed)
@@ -45,7 +45,7 @@ def test_triangles_that_tile_the_image_own_each_pixel_once(seed):
     assert sorted(layers.pixel) == list(range(SIZE * SIZE))
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=12)
 @given(seed=seeds)
 def test_a_fan_is_covered_without_hole_or_double(seed):
     rng = np.random.default_rng(seed)
@@ -61,7 +61,7 @@ def test_a_fan_is_covered_without_hole_or_double(seed):
     assert (signed == other).all()
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=12)
 @given(seed=seeds)
 def test_depth_is_the_planes(seed):
     rng = np.random.default_rng(seed)

@@ -23,7 +23,7 @@ def peeled_voxels(layers, depth):
     return {(int(c), int(r), int(s)) for c, r, s in cells}
 
 
-@settings(deadline=None, max_examples=15)
+@settings(deadline=None, max_examples=8)
 @given(seed=st.integers(0, 2**32 - 1), kind=st.sampled_from(sorted(BODIES)))
 def test_bodies(seed, kind):
     rng = np.random.default_rng(seed)
@@ -32,7 +32,7 @@ def test_bodies(seed, kind):
     assert peeled_voxels(layers, SIZE) == slice_voxels(triangles, SIZE, SIZE, SIZE)
 
 
-@settings(deadline=None, max_examples=15)
+@settings(deadline=None, max_examples=7)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_random_triangles_in_and_out_of_the_image(seed):
     rng = np.random.default_rng(seed)

@@ -25,14 +25,14 @@ def parts_by_definition(solid, factor):
     return result
 
 
-@settings(deadline=None, max_examples=80)
+@settings(deadline=None, max_examples=40)
 @given(solids(7), st.integers(1, 9))
 def test_parts_are_those_of_a_flood_fill(solid, factor):
     expected = parts_by_definition(solid, factor)
     np.testing.assert_array_equal(block_parts(solid, factor), expected)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=25)
 @given(solids(6), st.integers(1, 8))
 def test_volume_is_kept_and_links_are_sound(solid, factor):
     grid = blocks(solid, 0.5)
@@ -50,7 +50,7 @@ def test_volume_is_kept_and_links_are_sound(solid, factor):
     assert apart <= (factor - 1) * grid.pitch + 1e-12
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=25)
 @given(solids(6), st.integers(1, 4))
 def test_open_faces_between_blocks_all_count(solid, factor):
     """Between whole blocks' lattice planes the areas add up to the open voxel faces."""
@@ -109,7 +109,7 @@ def test_a_block_larger_than_the_body_is_the_lumped_body():
     assert structure.node_count == 1 and structure.link_count == 0
 
 
-@settings(deadline=None, max_examples=15)
+@settings(deadline=None, max_examples=7)
 @given(solids(7), st.integers(1, 60))
 def test_the_factor_for_a_number_of_nodes_is_the_smallest(solid, nodes):
     grid = blocks(solid)
@@ -143,7 +143,7 @@ def test_what_gives_no_factor_is_refused(given, message):
     assert "\n" not in str(caught.value)
 
 
-@settings(deadline=None, max_examples=15)
+@settings(deadline=None, max_examples=7)
 @given(solids(7), st.integers(1, 9))
 def test_blocks_and_parts_are_counted(solid, factor):
     cells = np.argwhere(solid)

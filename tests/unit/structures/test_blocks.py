@@ -29,7 +29,7 @@ def built_of(labels, pitch=PITCH):
     return build_blocks(grid, numbers, np.zeros(numbers.max() + 1, int)), numbers
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 @given(labelled())
 def test_numbers_follow_first_voxels(labels):
     lattice = np.arange(labels.size).reshape(labels.shape)
@@ -42,7 +42,7 @@ def test_numbers_follow_first_voxels(labels):
     np.testing.assert_array_equal(voxel, np.unique(first[first >= 0]))
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 @given(labelled())
 def test_nodes_are_counted_and_centred_voxels(labels):
     built, numbers = built_of(labels)
@@ -52,7 +52,7 @@ def test_nodes_are_counted_and_centred_voxels(labels):
         np.testing.assert_allclose(built.nodes.centre[node], expected)
 
 
-@settings(deadline=None, max_examples=120)
+@settings(deadline=None, max_examples=60)
 @given(labelled())
 def test_links_are_those_of_a_loop_over_faces(labels):
     built, numbers = built_of(labels)
@@ -72,7 +72,7 @@ def test_links_are_those_of_a_loop_over_faces(labels):
         assert links.distance_dst[at] == pytest.approx(to_dst / normal * length * PITCH)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 @given(labelled(5, 30))
 def test_links_do_not_depend_on_how_many_are_taken_at_a_time(labels):
     numbers = numbered(labels)
@@ -86,7 +86,7 @@ def test_links_do_not_depend_on_how_many_are_taken_at_a_time(labels):
         np.testing.assert_array_equal(one, other)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 @given(solids())
 def test_single_voxels_are_linked_alike_with_and_without_a_sort(solid):
     numbers = np.where(solid, np.cumsum(solid).reshape(solid.shape) - 1, -1)

@@ -73,7 +73,7 @@ def test_cells_are_those_found_one_by_one(seed):
     assert body.level_count == len(levels)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=12)
 @given(seeds)
 def test_depth_is_the_number_of_steps_to_the_outside(seed):
     solid = solid_of(seed)
@@ -84,7 +84,7 @@ def test_depth_is_the_number_of_steps_to_the_outside(seed):
     assert depth.sum() == inner.sum()
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=12)
 @given(seeds)
 def test_coverage_is_that_counted_one_by_one(seed):
     solid = solid_of(seed)
@@ -108,7 +108,7 @@ def test_coverage_is_that_counted_one_by_one(seed):
     assert cells[0, 0, 0] == pytest.approx(count[:3, :3, :3].sum() * 0.5**3)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=25)
 @given(seeds, st.sampled_from([None, None, 1, 2, 3]))
 def test_nodes_hang_together_as_the_body_does(seed, levels):
     """No part is cut off, none is joined to another, and only lone voxels are alone."""
@@ -145,7 +145,7 @@ def test_a_cell_that_sticks_out_joins_no_other_part():
     assert len(set(parts(body))) == 2
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 @given(seeds)
 def test_links_are_sound(seed):
     solid = solid_of(seed)
@@ -214,7 +214,7 @@ def test_a_thin_body_is_the_full_volume(shape):
     np.testing.assert_array_equal(thin.fragment_node(), full.fragment_node())
 
 
-@settings(deadline=None, max_examples=20)
+@settings(deadline=None, max_examples=10)
 @given(seeds)
 @example(0)
 def test_levels_are_the_outer_ones(seed):

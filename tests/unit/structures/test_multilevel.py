@@ -23,7 +23,7 @@ def steps_to_the_outside(solid):
     return depth
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 @given(solids(7), st.integers(1, 5))
 def test_layers_count_the_steps_to_the_outside(solid, most):
     depth = steps_to_the_outside(solid)
@@ -42,7 +42,7 @@ def test_a_voxel_with_a_fragment_is_at_the_surface():
     assert structure.node_count == 7**3 - 5**3 + 1
 
 
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=15)
 @given(solids(6), st.sampled_from(["empty", "innermost"]))
 def test_all_levels_are_the_full_volume(solid, hollow):
     grid = blocks(solid, 0.5)
@@ -56,7 +56,7 @@ def test_all_levels_are_the_full_volume(solid, hollow):
     np.testing.assert_array_equal(structure.fragment_node(), full.fragment_node())
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 @given(solids(7), st.integers(1, 4))
 def test_innermost_level_carries_the_hollow(solid, levels):
     grid = blocks(solid, 0.5)

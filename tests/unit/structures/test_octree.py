@@ -111,7 +111,7 @@ def test_cubes_are_the_groups_of_their_voxels(name, levels):
     np.testing.assert_array_equal(own.voxel_node, every.voxel_node)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 @given(solids(6))
 def test_small_bodies_keep_their_volume(solid):
     structure = Octree(blocks(solid, 0.5))

@@ -29,7 +29,7 @@ def exposed_one_by_one(solid: np.ndarray) -> list[tuple[int, ...]]:
     ]
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 @given(st.integers(0, 10**6))
 def test_shell_is_that_found_voxel_by_voxel(seed):
     solid, pitch = solid_of(seed), 0.25

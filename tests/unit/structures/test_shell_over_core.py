@@ -14,7 +14,7 @@ from jaxthermo.structures.kinds.groups import ShellOverCore
 from tests.bodies import blocks
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=25)
 @given(solids(7), st.integers(1, 3), st.integers(1, 4))
 def test_fine_layers_and_parts_of_blocks_make_up_the_body(solid, layers, factor):
     grid = blocks(solid, 0.5)

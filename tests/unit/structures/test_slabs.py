@@ -45,7 +45,7 @@ def _assert_same(found, expected, rounded=LENGTHS):
                 np.testing.assert_array_equal(value, wanted, name)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 @given(solids(9), st.integers(1, 5), st.sampled_from([1, 200]))
 def test_groups_of_every_slab_together_are_those_of_the_lattice(solid, factor, cells):
     grid = blocks(solid, 0.3)
@@ -65,7 +65,7 @@ def test_groups_of_every_slab_together_are_those_of_the_lattice(solid, factor, c
     assert len(ranges) == -(-len(solid) // factor) or cells > 1
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=12)
 @given(solids(9), st.integers(1, 4), st.booleans())
 def test_structures_do_not_depend_on_the_slabs(solid, factor, layered):
     grid = blocks(solid, 0.3)

@@ -1,4 +1,8 @@
-"""The thesis' own mesh at its own resolution, 228 x 550 x 228 with a margin of one."""
+"""The thesis' own mesh at its own resolution, 228 x 550 x 228 with a margin of one.
+
+Real meshes are loaded by default in `test_load_good_files`; areas and volumes
+of shapes are in `test_bodies`, their packed layers in `test_crossings`.
+"""
 
 import numpy as np
 import pytest
@@ -45,12 +49,16 @@ def test_layers(buddha):
     assert grid.layers.peeled == (18, 12, 20)
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_packing_halves_the_layers(buddha):
     """Thesis 4.2: 46 layers become 25."""
     _, grid = buddha
     assert sum(grid.layers.packed) == pytest.approx(sum(grid.layers.peeled) / 2, abs=2)
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_true_area_and_volume(buddha):
     mesh, grid = buddha
     assert grid.unscaled_because == ""

@@ -24,7 +24,7 @@ def still():
 shifts = st.tuples(*[st.integers(-99, 99)] * 3).map(lambda n: np.array(n) * PITCH)
 
 
-@settings(deadline=None, max_examples=10)
+@settings(deadline=None, max_examples=4)
 @given(shift=shifts)
 def test_whole_voxels(still, shift):
     grid = voxelize(BODIES["ball"].moved(shift), PITCH)
@@ -37,7 +37,7 @@ def test_whole_voxels(still, shift):
     assert grid.fragment_area == pytest.approx(still["ball"].fragment_area)
 
 
-@settings(deadline=None, max_examples=10)
+@settings(deadline=None, max_examples=6)
 @given(
     name=st.sampled_from(sorted(BODIES)),
     shift=st.tuples(*[st.floats(-7, 7)] * 3).map(np.array),

@@ -85,7 +85,7 @@ def test_layer_counts(ball_grid, figurine_grid):
     assert all(p <= q for p, q in zip(layers.packed, layers.peeled, strict=True))
 
 
-@settings(deadline=None, max_examples=20)
+@settings(deadline=None, max_examples=10)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_surface_voxels_and_links_against_brute_force(seed):
     rng = np.random.default_rng(seed)

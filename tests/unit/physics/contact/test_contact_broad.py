@@ -35,7 +35,7 @@ def closest(one, other):
     return float(KDTree(points_of(one)).query(points_of(other))[0].min())
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=12)
 @given(seed=st.integers(0, 10**6), count=st.integers(2, 9), spread=st.floats(0.8, 3.0))
 def test_no_pair_is_lost(seed, count, spread):
     random = np.random.default_rng(seed)

@@ -152,11 +152,15 @@ def test_a_rod_has_a_wake_along_its_length():
 
 def test_heat_transfer_is_continuous_as_it_moves_out_of_the_wake():
     beside = np.concatenate([np.linspace(0, 3, 31), [5.0, 8.0]])
-    found = np.array([factor(3.0, y) for y in beside])
+    # Without a wake another cylinder changes nothing, wherever it stands.
+    alone = heat(behind(3.0), None)
+    assert heat(behind(3.0, 1.0), None) == alone
+    factor_at = lambda y: heat(behind(3.0, y), FittedWake()) / alone
+    found = np.array([factor_at(y) for y in beside])
     assert found[0] < 0.7 and found[-1] == pytest.approx(1.0, abs=1e-6)
     assert np.diff(found).min() > -1e-3 and np.abs(np.diff(found)[:30]).max() < 0.05
     # By a smaller step it changes by less.
-    near = np.array([factor(3.0, y) for y in np.linspace(0.5, 0.51, 6)])
+    near = np.array([factor_at(y) for y in np.linspace(0.5, 0.51, 6)])
     assert np.abs(np.diff(near)).max() < 3e-3
 
 

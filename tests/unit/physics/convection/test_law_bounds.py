@@ -73,7 +73,7 @@ def _excess(terms, theta):
 
 
 @pytest.mark.parametrize("name", list(TERMS))
-@pytest.mark.parametrize("conductivity", [400.0, 1.0, 0.2])
+@pytest.mark.parametrize("conductivity", [400.0, 0.2])
 def test_few_steps_are_as_good_as_all(side, name, conductivity):
     law = law_of(TERMS[name], side)
     area = np.full(law_places(law), 1e-6)
