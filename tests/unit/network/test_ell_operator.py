@@ -27,7 +27,8 @@ def _both(src, dst, seed):
     random = np.random.default_rng(seed)
     conductance = jax.device_put(random.random(len(src)))
     capacity = jax.device_put(1 + random.random(NODES))
-    pairs = LinkNetwork(*jax.device_put((src, dst)), conductance, capacity)
+    ends = jax.device_put(src), jax.device_put(dst)
+    pairs = LinkNetwork(*ends, conductance, capacity)
     return pairs, row_network(row_layout(NODES, src, dst), conductance, capacity)
 
 

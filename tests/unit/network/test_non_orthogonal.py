@@ -1,5 +1,7 @@
 """Differences along faces taken off: exact for linear temperatures; heat is kept."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -25,7 +27,7 @@ def slanted_body():
     return slanted(PITCH)
 
 
-def _structure(grid, kind, correction=1.0):
+def _structure(grid, kind, correction: Any = 1.0):
     weights = jt.ConductionWeights(non_orthogonal=correction)
     if kind == "core":
         return jt.ShellOverCore(grid, factor=3, weights=weights)
