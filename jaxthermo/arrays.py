@@ -71,6 +71,17 @@ def typed_array(value: Any, dtype: Any) -> Any:
     return (jnp if on_device else np).asarray(value, dtype)
 
 
+def device_array(value: Any, dtype: Any = None) -> Any:
+    """The value as an array on the device, of a type where one is given.
+
+    Arrays of numpy, which must not change any more, are moved: `jnp.asarray` compiles a
+    program for each of their shapes.
+    """
+    if not isinstance(value, HOST):
+        return jnp.asarray(value, dtype)
+    return jax.device_put(np.asarray(value, dtype))
+
+
 def plain_numbers(value: Any) -> Any:
     """Numbers of numpy and JAX as Python's own, arrays as tuples, within tuples too.
 

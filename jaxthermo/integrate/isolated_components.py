@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from skimage import measure
 
+from ..arrays import device_array
 from ..errors import InputError
 from ..geometry.mesh import connected_labels
 from ..module import Module
@@ -149,8 +150,8 @@ def find_isolated_components(
     weight = np.where(inside, capacity / np.where(inside, total[number], 1), 0)
     cuts = np.cumsum([s.size for s in states])[:-1]
     found = IsolatedComponents(
-        number=tuple(jnp.asarray(each) for each in np.split(number, cuts)),
-        weight=tuple(jnp.asarray(each, dtype) for each in np.split(weight, cuts)),
+        number=tuple(device_array(each) for each in np.split(number, cuts)),
+        weight=tuple(device_array(each, dtype) for each in np.split(weight, cuts)),
         mean=jnp.zeros(len(roots), dtype),
         count=len(roots),
     )

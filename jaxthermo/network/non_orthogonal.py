@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from ..arrays import added, taken
+from ..arrays import added, device_array, taken
 from ..structures.build.links import NonOrthogonalLinks
 from ..structures.structure import AbstractStructure
 from ..structures.surface_map import Gradient, gradient_at
@@ -85,13 +85,13 @@ def non_orthogonal(
     links, dtype = structure.links(), conductance.dtype
     ends = links.src[skewed.link], links.dst[skewed.link]
     chosen, index = np.unique(np.concatenate(ends), return_inverse=True)
-    first, second = (jnp.asarray(each) for each in np.split(index.astype(np.int32), 2))
-    x, y, z = (jnp.asarray(half, dtype) for half in skewed.offset.T / 2)
+    first, second = (device_array(each) for each in np.split(index.astype(np.int32), 2))
+    x, y, z = (device_array(half, dtype) for half in skewed.offset.T / 2)
     network = _NonOrthogonalNetwork(
         straight=straight,
         node_capacity=straight.node_capacity,
         gradient=gradient_at(structure, chosen, dtype),
-        chosen=jnp.asarray(chosen.astype(np.int32)),
+        chosen=device_array(chosen.astype(np.int32)),
         first=first,
         second=second,
         apart=(x, y, z),

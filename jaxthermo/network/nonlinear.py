@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ..arrays import Scalar, is_traced
+from ..arrays import Scalar, device_array, is_traced
 from ..material.material import Property
 from ..module import Module
 from .network import AbstractDerivedNetwork, AbstractNetwork, Address
@@ -116,7 +116,7 @@ def kirchhoff_transform(
         return (gap * (value[None] + slope[None] / 2 * gap)).sum(axis=1)
 
     columns = (knot, integral(knot), base, integral(base), value, slope / 2)
-    return KirchhoffTransform(*(jnp.asarray(column, dtype) for column in columns))
+    return KirchhoffTransform(*(device_array(column, dtype) for column in columns))
 
 
 # Rows into which a one-dimensional state is reshaped for the loop below.

@@ -29,7 +29,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..arrays import Scalar, is_traced, typed_array
+from ..arrays import Scalar, device_array, is_traced, typed_array
 from ..errors import InputError
 from ..material.material import Material, Property
 from ..network.link_operator import row_layout, row_network, series
@@ -84,8 +84,8 @@ def materials_network(
     """
     k = conductivity_table(materials, reference, dtype)
     constant = [material.at(reference) for material in materials]
-    heat = [jnp.asarray(m.volumetric_heat_capacity, dtype) for m in constant]
-    network = _assemble_mixed(structure, number, k, jnp.stack(heat))
+    heat = _table([m.volumetric_heat_capacity for m in constant], dtype)
+    network = _assemble_mixed(structure, number, k, heat)
     if not any(material.varies for material in materials):
         return network
     weights = _link_weights_or_none(structure, dtype)
@@ -94,15 +94,22 @@ def materials_network(
 
 def conductivity_table(
     materials: Sequence[Material], reference: Scalar, dtype: Any
-) -> Float[Array, " c"] | Float[Array, "c 3"]:
+) -> Float[_Values, " c"] | Float[_Values, "c 3"]:
     """Conductivities of several materials [W/(m K)], by axis if any is orthotropic.
 
-    Those that vary are at the reference temperature [K].
+    Those that vary are at the reference temperature [K]. The result is a numpy array
+    unless a conductivity is traced.
     """
     constant = [material.at(reference) for material in materials]
-    given = [jnp.asarray(material.conductivity, dtype) for material in constant]
-    shape = max((k.shape for k in given), key=len)
-    return jnp.stack([jnp.broadcast_to(k, shape) for k in given])
+    return _table([material.conductivity for material in constant], dtype)
+
+
+def _table(numbers: Sequence[Any], dtype: Any) -> Float[_Values, "c *k"]:
+    """Numbers, or three by axis, one row a material: on the host unless traced."""
+    given = [typed_array(number, dtype) for number in numbers]
+    shape = max((row.shape for row in given), key=len)
+    own = jnp if any(isinstance(row, jax.Array) for row in given) else np
+    return own.stack([own.broadcast_to(row, shape) for row in given])
 
 
 def conductivity_parts(
@@ -125,11 +132,11 @@ def conductivity_parts(
     squared = np.square(normal) if table.ndim == 2 else np.ones((len(normal), 1))
     columns = table if table.ndim == 2 else table[:, None]
     of_surface = normal_conductivity(table[number], normal)
-    rows = []
+    rows, own = [], jnp if isinstance(table, jax.Array) else np
     for c in range(len(materials)):
-        own = jnp.asarray((number == c)[:, None] * squared, dtype)
-        rows += list((own * columns[c][None] / of_surface[:, None]).T)
-    return jnp.stack(rows)
+        part = own.asarray((number == c)[:, None] * squared, dtype)
+        rows += list((part * columns[c][None] / of_surface[:, None]).T)
+    return device_array(own.stack(rows))
 
 
 def assemble_uniform(
@@ -146,19 +153,19 @@ def assemble_uniform(
     k = typed_array(conductivity, dtype)
     heat = typed_array(volumetric_heat_capacity, dtype)
     if isinstance(structure, FullVolume) and structure.kernels == "numba":
-        return run_stencil(structure, jnp.asarray(k), jnp.asarray(heat))
+        return run_stencil(structure, device_array(k), device_array(heat))
     if not (isinstance(structure, FullVolume) and structure.runs_as_stencil):
         # A single row of conductivities by axis stands for all nodes.
         return _assemble_links(structure, k[None] if k.ndim else k, heat)
-    k, heat = jnp.asarray(k), jnp.asarray(heat)
+    k, heat = device_array(k), device_array(heat)
     return uniform_stencil(structure, k, heat)
 
 
 def _assemble_mixed(
     structure: AbstractStructure,
     material: Int[np.ndarray, " n"],
-    conductivity: Float[Array, " c"] | Float[Array, "c 3"],
-    volumetric_heat_capacity: Float[Array, " c"],
+    conductivity: Float[_Values, " c"] | Float[_Values, "c 3"],
+    volumetric_heat_capacity: Float[_Values, " c"],
 ) -> AbstractNetwork:
     """Network of a body of several materials, numbered by node.
 
@@ -168,9 +175,8 @@ def _assemble_mixed(
     if isinstance(structure, FullVolume) and structure.kernels == "numba":
         raise InputError(f"{WITH_NUMBA} has one material: leave it out")
     if isinstance(structure, FullVolume) and structure.runs_as_stencil:
-        return mixed_stencil(
-            structure, material, conductivity, volumetric_heat_capacity
-        )
+        given = map(device_array, (conductivity, volumetric_heat_capacity))
+        return mixed_stencil(structure, material, *given)
     return _assemble_links(
         structure, conductivity[material], volumetric_heat_capacity[material]
     )
@@ -215,7 +221,8 @@ def conductivity_at_ends(
     links = structure.links()
     if k.ndim == 1:
         return k[links.src], k[links.dst]
-    axes = jnp.asarray(link_axes(structure), k.dtype)
+    own = jnp if isinstance(k, jax.Array) else np
+    axes = own.asarray(link_axes(structure), k.dtype)
     ends = [k[node] if len(k) > 1 else k for node in (links.src, links.dst)]
     return [(axes * by_axis).sum(axis=1) for by_axis in ends]
 
@@ -228,12 +235,12 @@ def _assemble_links(
     given = links.area, links.distance_src, links.distance_dst, nodes.volume
     area, length1, length2, volume = structure.found(
         ("link_sizes", k.dtype.name),
-        lambda: tuple(jnp.asarray(each, k.dtype) for each in given),
+        lambda: tuple(device_array(each, k.dtype) for each in given),
     )
     count = len(nodes.volume)
     layout = structure.found(
         "row_layout",
-        lambda: jax.tree.map(jnp.asarray, row_layout(count, links.src, links.dst)),
+        lambda: jax.tree.map(device_array, row_layout(count, links.src, links.dst)),
     )
     sizes, weights = (area, length1, first, length2, second), structure.weights
     if weights.are_one and not weights.corrects_non_orthogonality:
@@ -259,7 +266,7 @@ def _corrected_network(structure, layout, conductance, capacity) -> AbstractNetw
     if not len(found.link):
         return row_network(layout, conductance, capacity)
     weight = jnp.asarray(weight, conductance.dtype)
-    excess = jnp.asarray(found.length_ratio - 1, conductance.dtype)
+    excess = device_array(found.length_ratio - 1, conductance.dtype)
     conductance = conductance * (1 + weight * excess)
     straight = row_network(layout, conductance, capacity)
     corrected = weight * conductance[found.link]

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..arrays import sorted_union
+from ..arrays import device_array, sorted_union
 from ..module import replaced
 from ..network.cut_stencil import CutStencil
 from ..network.link_operator import (
@@ -93,9 +93,9 @@ def _cut_layout(structure: FullVolume, cut: CutVoxels) -> _CutLayout:
     ends = cut.links.voxel, cut.links.voxel + cut.links.step
     src, dst = (np.asarray(index_of(end), np.int32) for end in ends)
     return _CutLayout(
-        address=tuple(map(jnp.asarray, structure.address_of_voxels(voxel))),
-        volume=jnp.asarray(structure.grid.volume_at(voxel)),
-        rows=jax.tree.map(jnp.asarray, row_layout(len(voxel), src, dst)),
+        address=tuple(map(device_array, structure.address_of_voxels(voxel))),
+        volume=device_array(structure.grid.volume_at(voxel)),
+        rows=jax.tree.map(device_array, row_layout(len(voxel), src, dst)),
     )
 
 

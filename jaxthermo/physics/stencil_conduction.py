@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Shaped
 
+from ..arrays import device_array
 from ..network.link_operator import series
 from ..network.network import AbstractNetwork, Address
 from ..network.sectioned_stencil import SectionedStencil
@@ -42,7 +43,7 @@ def uniform_stencil(
         structure.node_count,
         structure.found(
             ("solid_degree", bits, packed is None),
-            lambda: jnp.asarray(solid_degree(_of_lattice(grid.solid, packed), bits)),
+            lambda: device_array(solid_degree(_of_lattice(grid.solid, packed), bits)),
         ),
         conductance[np.array(axes)] if three else conductance,
     )
@@ -141,7 +142,7 @@ def _cut_pairs(structure: FullVolume, packed: PackedLattice) -> tuple[Address, A
         before, behind = (structure.address_of_voxels(each) for each in pairs)
         # In the order of the state, in which they are read.
         order = np.lexsort(before[::-1])
-        sort = lambda address: tuple(jnp.asarray(index[order]) for index in address)
+        sort = lambda address: tuple(device_array(index[order]) for index in address)
         return sort(before), sort(behind)
 
     return structure.found("cut_pairs", find)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..arrays import Scalar
+from ..arrays import Scalar, device_array
 from ..errors import InputError
 from ..material.material import Material, Property
 from ..network.network import AbstractNetwork
@@ -44,15 +44,15 @@ def varying_links(
     if integrals.axes == 3:
         along = link_axes(structure).T
     found = structure.links()
-    area = jnp.asarray(found.area, dtype)
+    area = device_array(found.area, dtype)
     if weights is not None:
         area = area * weights
 
     def halves(chosen: Int[np.ndarray, " c"]) -> LinkHalves:
-        own = lambda values: jnp.asarray(values[chosen], dtype)
+        own = lambda values: device_array(values[chosen], dtype)
         return LinkHalves(
-            src=jnp.asarray(found.src[chosen]),
-            dst=jnp.asarray(found.dst[chosen]),
+            src=device_array(found.src[chosen]),
+            dst=device_array(found.dst[chosen]),
             area=area[chosen],
             to_src=own(found.distance_src),
             to_dst=own(found.distance_dst),
@@ -72,8 +72,8 @@ def varying_links(
             else None
             for c in (material.specific_heat for material in materials)
         ),
-        number=jnp.asarray(of_state),
-        address=tuple(jnp.asarray(index) for index in address),
+        number=device_array(of_state),
+        address=tuple(device_array(index) for index in address),
         within=halves(np.flatnonzero(same)),
         across=halves(np.flatnonzero(~same)),
     )
@@ -95,5 +95,5 @@ def _integrals(
         tuple(kirchhoff_transform(table(k), reference, dtype) for k in row)
         for row in every
     )
-    rows = [jnp.stack([jnp.asarray(number(k), dtype) for k in row]) for row in every]
+    rows = [jnp.stack([device_array(number(k), dtype) for k in row]) for row in every]
     return Integrals(transform, jnp.stack(rows))

@@ -21,7 +21,14 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
-from ..arrays import added, gathered_columns, is_traced, rank_in_group, taken
+from ..arrays import (
+    added,
+    device_array,
+    gathered_columns,
+    is_traced,
+    rank_in_group,
+    taken,
+)
 from ..module import Module
 from .structure import AbstractStructure
 
@@ -92,13 +99,13 @@ def gradient_at(
     index[rank[first], node[first]] = other[first]
     weights[:, rank[first], node[first]] = row[first].T
     address = np.stack(structure.node_address())
-    x, y, z = (jnp.asarray(w, dtype) for w in weights)
-    further = [jnp.asarray(w, dtype) for w in row[~first].T]
+    x, y, z = (device_array(w, dtype) for w in weights)
+    further = [device_array(w, dtype) for w in row[~first].T]
     return Gradient(
-        neighbour=tuple(jnp.asarray(a[index]) for a in address),
+        neighbour=tuple(device_array(a[index]) for a in address),
         weight=(x, y, z),
-        list_node=jnp.asarray(node[~first].astype(np.int32)),
-        list_neighbour=tuple(jnp.asarray(a[other[~first]]) for a in address),
+        list_node=device_array(node[~first].astype(np.int32)),
+        list_neighbour=tuple(device_array(a[other[~first]]) for a in address),
         list_weight=(further[0], further[1], further[2]),
     )
 
@@ -246,7 +253,7 @@ class FluxCorrectedMap(AbstractSurfaceMap):
         if not is_traced(longer) and longer == 1:
             return known
         assert known.along_flux is not None
-        flux = known.along_flux * jnp.asarray(longer, dtype)
+        flux = known.along_flux * device_array(longer, dtype)
         return BoundMap(known.gradient, known.offset, flux)
 
     def _bound(self, structure: AbstractStructure, dtype: Any) -> BoundMap:
@@ -259,7 +266,7 @@ class FluxCorrectedMap(AbstractSurfaceMap):
         part = _FLUX_PART * (1 - outermost)
         if self.at == "surface":
             part = part + outermost
-        flux = jnp.asarray(part, dtype)
+        flux = device_array(part, dtype)
         inside = offset - (1 - _GRADIENT_PART) * along
         return _with_gradient(structure, inside, flux, dtype)
 
@@ -269,5 +276,5 @@ def _with_gradient(structure, offset, part, dtype) -> BoundMap:
     if np.abs(offset).max(initial=0) < 1e-6 * structure.grid.pitch:
         return BoundMap(None, None, part)
     gradient = gradient_at(structure, np.unique(structure.fragment_node()), dtype)
-    x, y, z = (jnp.asarray(offset[:, i], dtype) for i in range(3))
+    x, y, z = (device_array(offset[:, i], dtype) for i in range(3))
     return BoundMap(gradient, (x, y, z), part)

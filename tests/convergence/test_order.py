@@ -31,7 +31,10 @@ def _mode(kind, cells, dt, end=50.0):
     return np.sqrt(np.mean((found - exact) ** 2))
 
 
-@pytest.mark.parametrize("kind", ["cosine", "sine"])
+# Cosines alone are exact eigenvectors of cells, of second order: test_anisotropic.
+@pytest.mark.parametrize(
+    "kind", [pytest.param("cosine", marks=pytest.mark.slow), "sine"]
+)
 def test_second_order_in_space(kind):
     # dt ~ h^2 keeps the error in time in step; alpha dt = h^2 / 12 leaves space ahead.
     errors = np.array(
@@ -51,7 +54,7 @@ def test_first_order_in_time():
     body = jt.Body(jt.FullVolume(grid), SOLID, temperature=350.0)
     terms = (
         jt.Surroundings(280.0),
-        jt.Convection(30.0, lambda t: 300.0 + 20.0 * jt.Table([0, 50], [0, 1])(t)),
+        jt.Convection(30.0, jt.Table([0.0, 50.0], [300.0, 320.0])),
         jt.HeatFlux(jt.Table([0.0, 50.0], [0.0, 8000.0]), on=jt.Side((1.0, 0.0, 0.0))),
     )
     scene = jt.Scene((body,), terms, dtype="float64")

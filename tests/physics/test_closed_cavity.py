@@ -1,5 +1,7 @@
 """Closed cavities: nothing from outside acts in them, unless it is asked for."""
 
+import functools
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -34,16 +36,37 @@ def compiled(term, inside="closed", **options):
     return compile_scene(jt.Scene((body,), (term,), dtype="float64"), **options)
 
 
-def acts_on(term, inside="closed"):
+def acts_on(term):
     """Fragments with an effective area other than 0."""
-    terms = compiled(term, inside).programs[0].fragment_terms
+    terms = compiled(term).programs[0].fragment_terms
     bound = [each for _, each in (*terms.natural, *terms.prescribed)]
     return np.any([np.asarray(each.effective_area) > 0 for each in bound], axis=0)
 
 
+# A scene has one surroundings.
+TOGETHER = tuple(name for name in FROM_OUTSIDE if name != "surroundings")
+
+
+@functools.cache
+def acting(names, inside):
+    """Fragments on which each term acts, of some in one scene."""
+    body = jt.Body(jt.FullVolume(GRID), METAL, temperature=320.0, inside=inside)
+    terms = tuple(FROM_OUTSIDE[name] for name in names)
+    scene = jt.Scene((body,), terms, dtype="float64")
+    where = np.zeros((len(names), len(INNER)), bool)
+    for n, bound in compile_scene(scene).programs[0].fragment_terms.natural:
+        where[n] |= np.asarray(bound.effective_area) > 0
+    return dict(zip(names, where, strict=True))
+
+
+def from_outside(name, inside):
+    names = TOGETHER if name in TOGETHER else (name,)
+    return acting(names, inside)[name]
+
+
 @pytest.mark.parametrize("name", FROM_OUTSIDE)
 def test_from_outside_nothing_acts_inside(name):
-    where = acts_on(FROM_OUTSIDE[name])
+    where = from_outside(name, "closed")
     assert not where[INNER].any()
     lit = where[~INNER]
     assert lit.any() if name == "sun" else lit.all()
@@ -51,13 +74,12 @@ def test_from_outside_nothing_acts_inside(name):
 
 @pytest.mark.parametrize("name", sorted(set(FROM_OUTSIDE) - {"sun"}))
 def test_an_open_inside_is_like_the_outside(name):
-    assert acts_on(FROM_OUTSIDE[name], "open").all()
+    assert from_outside(name, "open").all()
 
 
 def test_shadows_keep_the_sun_out_in_any_case():
-    np.testing.assert_array_equal(
-        acts_on(FROM_OUTSIDE["sun"], "open"), acts_on(FROM_OUTSIDE["sun"])
-    )
+    opened, closed = (from_outside("sun", inside) for inside in ("open", "closed"))
+    np.testing.assert_array_equal(opened, closed)
 
 
 @pytest.mark.parametrize("name", EVERYWHERE)
@@ -184,7 +206,7 @@ def test_what_does_not_come_from_outside_needs_no_warning():
     assert in_a_room(*where, EVERYWHERE["flux"]).warnings == ()
 
 
-@pytest.mark.parametrize("most", [6, 60, 200])
+@pytest.mark.parametrize("most", [6, pytest.param(60, marks=pytest.mark.slow), 200])
 def test_radiation_crosses_a_cavity(most):
     """Black parts of a hollow ball, above and below: A_1 A_2 / (A_1 + A_2)."""
     black = surface_of(GRID, emissivity=1.0)

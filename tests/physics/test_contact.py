@@ -3,7 +3,6 @@
 import functools
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -15,6 +14,7 @@ from tests.bodies import bar
 COPPER = jt.Material(conductivity=401.0, density=8933.0, specific_heat=385.0)
 STEEL = jt.Material(conductivity=15.1, density=8055.0, specific_heat=480.0)
 COLD = 273.15
+STEPS = jt.ForwardEuler(dt=1e-3)
 
 
 _bar = functools.cache(bar)
@@ -49,8 +49,8 @@ def _ends(solution, scene):
 def test_bonded_half_spaces_meet_between():
     scene = _scene(jt.bonded)
     end = float((5e-3) ** 2 / STEEL.diffusivity)
-    solution = jt.simulate(scene, end)
-    one, other = (float(side[0]) for side in _ends(solution, scene))
+    solution = jt.simulate(scene, end, [end / 2, end], solver=jt.ForwardEuler())
+    one, other = (float(side[-1]) for side in _ends(solution, scene))
     exact = perfect_contact(100.0, 0.0, COPPER.effusivity, STEEL.effusivity)
     print("V11 two bodies", one, other, "exact", exact)
     assert one == pytest.approx(exact, abs=0.05)
@@ -60,7 +60,7 @@ def test_bonded_half_spaces_meet_between():
 def test_a_contact_conductance_holds_two_half_spaces_apart():
     scene = _scene(jt.Contact(1000.0))
     times = [1.0, 6.0]
-    solution = jt.simulate(scene, times[-1], times)
+    solution = jt.simulate(scene, times[-1], times, solver=jt.ForwardEuler())
     one, other = _ends(solution, scene)
     *exact, _ = contact_surfaces(
         np.array(times),
@@ -80,8 +80,8 @@ def test_a_contact_conductance_holds_two_half_spaces_apart():
     [("float64", 1e-12), pytest.param("float32", 1e-5, marks=pytest.mark.slow)],
 )
 def test_what_one_loses_the_other_gains(dtype, most):
-    scene = _scene(jt.Contact(1000.0), cells=(20, 15), dtype=dtype)
-    energy = jt.simulate(scene, 2.0, [1.0, 2.0]).energy
+    scene = _scene(jt.Contact(1000.0), cells=(10, 8), dtype=dtype)
+    energy = jt.simulate(scene, 2.0, [1.0, 2.0], solver=STEPS).energy
     swapped = np.asarray(energy.contacts["contact 0-1"])
     assert swapped[-1] > 0.1
     np.testing.assert_array_equal(energy.bodies[0].contacts["contact 0-1"], -swapped)
@@ -94,14 +94,16 @@ def test_what_one_loses_the_other_gains(dtype, most):
 def test_no_conductance_parts_and_more_of_it_bonds():
     """S11: the limits are the thing itself."""
     run = lambda contact: jt.simulate(
-        _scene(contact, cells=(10, 8)), 1.0, solver=jt.ForwardEuler(dt=1e-3)
+        _scene(contact, cells=(10, 8)), 2.0, [1.0, 2.0], solver=STEPS
     )
     apart, bonded, nearly = map(run, (jt.Contact(0.0), jt.bonded, jt.Contact(1e16)))
-    np.testing.assert_allclose(apart.mean_temperature, [[COLD + 100.0, COLD]], atol=0)
+    np.testing.assert_allclose(
+        apart.mean_temperature, 2 * [[COLD + 100.0, COLD]], atol=0
+    )
     np.testing.assert_allclose(
         nearly.surface_temperature, bonded.surface_temperature, rtol=1e-10
     )
-    assert float(bonded.mean_temperature[0, 0]) < COLD + 99.0
+    assert float(bonded.mean_temperature[-1, 0]) < COLD + 99.0
 
 
 def test_the_gradient_with_respect_to_the_conductance():
@@ -111,13 +113,13 @@ def test_the_gradient_with_respect_to_the_conductance():
         return solution.mean_temperature[0, 1]
 
     _scene(jt.bonded, cells=(10, 8))
-    value, slope = jax.jit(jax.value_and_grad(cold_end))(1000.0)
+    both = jax.jit(jax.value_and_grad(cold_end))
+    value, slope = both(1000.0)
     step = 1e-2
-    run = jax.jit(cold_end)
-    central = (run(1000.0 + step) - run(1000.0 - step)) / (2 * step)
+    central = (both(1000.0 + step)[0] - both(1000.0 - step)[0]) / (2 * step)
     assert float(slope) == pytest.approx(float(central), rel=1e-6)
     assert float(value) > COLD
-    assert bool(jnp.isfinite(jax.jit(jax.grad(cold_end))(0.0)))
+    assert np.isfinite(both(0.0)[1])
 
 
 def test_boxes_in_contact_move_toward_each_other_and_apart_stay():
@@ -136,7 +138,8 @@ def test_boxes_in_contact_move_toward_each_other_and_apart_stay():
             for side in (1, -1)
         )
         scene = jt.Scene(bodies, (jt.Contact(1000.0),), dtype="float64")
-        return np.asarray(jt.simulate(scene, 0.05).mean_temperature)[0] - 295.15
+        run = jt.simulate(scene, 0.05, solver=jt.ForwardEuler())
+        return np.asarray(run.mean_temperature)[0] - 295.15
 
     hot, cold = means(0.06)
     assert hot < 79.0

@@ -34,7 +34,9 @@ def _scene(voxel, start, surroundings, dtype="float64", material=ALUMINIUM):
     return jt.Scene((body,), terms, dtype=dtype, allow_extreme_temperatures=True)
 
 
-@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize(
+    "dtype", ["float64", pytest.param("float32", marks=pytest.mark.slow)]
+)
 def test_cube_cools_from_a_thousand_kelvin(voxel, dtype):
     times = [60.0, 300.0, 600.0, 1800.0, 3600.0]
     solution = jt.simulate(
@@ -52,7 +54,7 @@ def test_cube_cools_from_a_thousand_kelvin(voxel, dtype):
 
 
 def test_stable_step_is_that_of_the_hottest_surface(voxel):
-    solution = jt.simulate(_scene(voxel, 1000.0, 300.0), 1.0)
+    solution = jt.simulate(_scene(voxel, 1000.0, 300.0), 0.0)
     slope = 4 * 0.9 * STEFAN_BOLTZMANN * AREA * 1000.0**3
     assert solution.run.stable_step == pytest.approx(CAPACITY / slope, rel=1e-6)
 
@@ -91,9 +93,9 @@ def test_zero_kelvin_is_no_singularity(voxel, surroundings, dtype):
 def test_a_millikelvin_in_float32(voxel):
     compiled = compile_scene(_scene(voxel, 300.0, 300.0, "float32"))
     terms = compiled.program.fragment_terms
-    above = jnp.full(terms.half_cell.shape, 1e-3, jnp.float32)
+    above = np.full(terms.half_cell.shape, 1e-3, np.float32)
     ((_, emission),) = terms.natural
-    found = emission.heat_rate(jnp.float32(0.0), above).sum()
+    found = jax.jit(emission.heat_rate)(np.float32(0.0), above).sum()
     exact = 0.9 * STEFAN_BOLTZMANN * AREA * (300.0**4 - 300.001**4)
     assert float(found) == pytest.approx(exact, rel=3e-6)
 
@@ -101,6 +103,11 @@ def test_a_millikelvin_in_float32(voxel):
 @eqx.filter_jit
 def _heat(surface, time, theta):
     return surface.heat(time, theta)
+
+
+@eqx.filter_jit
+def _heat_and_excess(surface, time, theta):
+    return surface.heat(time, theta), surface.surface_excess(time, theta)
 
 
 def _radiating_wall(cells):
@@ -115,9 +122,9 @@ def _radiating_wall(cells):
     surface = compile_scene(scene).program.fragment_terms
     node, flux = 1000.0, 0.0
     for _ in range(200):
-        theta = jnp.full(surface.half_cell.shape, node - 1000.0)
-        rates, _ = _heat(surface, jnp.array(0.0), theta)
-        flux = float(rates[0]) / float(grid.fragment_area[0])
+        theta = np.full(surface.half_cell.shape, node - 1000.0)
+        rates, _ = _heat(surface, np.array(0.0), theta)
+        flux = float(np.asarray(rates)[0]) / float(grid.fragment_area[0])
         node = 1000.0 + flux / 55.6 * (0.1 - grid.pitch / 2)
     return node + flux * grid.pitch / (2 * 55.6)
 
@@ -143,7 +150,7 @@ def test_surface_settles_between_node_and_surroundings(k, ambient):
     law = _Emission(temperature=jnp.asarray(ambient), reference=jnp.asarray(290.0))
     term = bound(jnp.full(1, 0.9), law)
     surface = SurfaceTerms(("emission",), jnp.full(1, half), ((0, term),), ())
-    rate, _ = _heat(surface, jnp.asarray(0.0), jnp.full(1, 10.0))
+    above = np.full(1, 10.0)
+    (rate, _), excess = _heat_and_excess(surface, np.array(0.0), above)
     assert float(rate[0]) == pytest.approx(exact, rel=1e-6)
-    excess = surface.surface_excess(jnp.asarray(0.0), jnp.full(1, 10.0))
     assert float(excess[0]) == pytest.approx(low - 300.0, rel=1e-6)

@@ -80,6 +80,8 @@ def test_power_that_leaves_the_surface_is_that_of_the_ledger(name):
         assert leaves == pytest.approx(-sum(rates), abs=1e-5 * size)
 
 
+# By default a block does, in exchange with sky and ground.
+@pytest.mark.slow
 def test_a_grey_sphere_reflects_the_surroundings_of_the_exchange():
     solution = at_start((BALL,), EXCHANGES["exchange"])
     image = jt.render(solution, FRONT, band=None)
@@ -144,7 +146,8 @@ def hollow_box(outer, inner):
 @pytest.mark.parametrize(
     ("name", "emissivity"),
     [
-        ("exchange", 0.3),
+        # By default exchange crosses a cavity in test_closed_cavity.
+        pytest.param("exchange", 0.3, marks=pytest.mark.slow),
         pytest.param("exchange", 1.0, marks=pytest.mark.slow),
         # They do not act in the cavity, which sees itself.
         ("open", 0.3),

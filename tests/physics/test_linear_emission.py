@@ -15,7 +15,8 @@ GRID = jt.voxelize(jt.shapes.box((0.03, 0.03, 0.03)), 0.01)
 def _run(start, within, t1=400.0):
     body = jt.Body(jt.FullVolume(GRID), METAL, temperature=start)
     term = jt.Surroundings(300.0, linear_within=within)
-    return jt.simulate(jt.Scene((body,), (term,), dtype="float64"), t1)
+    scene = jt.Scene((body,), (term,), dtype="float64")
+    return jt.simulate(scene, t1, solver=jt.ForwardEuler())
 
 
 def test_it_is_used_where_it_is_good_enough_and_off_by_no_more():

@@ -11,6 +11,7 @@ from jaxthermo.scene.motion import Motion, PoseTable
 
 METAL = jt.Material(200.0, density=2000.0, specific_heat=500.0, emissivity=0.5)
 GRID = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), 0.01)
+SAVES = [5.0, 10.0, 20.0]
 
 
 def _approaching(arrival):
@@ -22,10 +23,17 @@ def _approaching(arrival):
     return jt.Scene((still, moving), (jt.Contact(500.0),), dtype="float64")
 
 
-def test_heat_flows_from_when_they_meet():
-    scene = _approaching(10.0)
-    solver = jt.ForwardEuler()
-    solution = jt.simulate(scene, 20.0, [5.0, 10.0, 20.0], solver=solver)
+@pytest.fixture(scope="module")
+def scene():
+    return _approaching(10.0)
+
+
+@pytest.fixture(scope="module")
+def solution(scene):
+    return jt.simulate(scene, 20.0, SAVES, solver=jt.ForwardEuler())
+
+
+def test_heat_flows_from_when_they_meet(scene, solution):
     swapped = np.asarray(solution.energy.contacts["contact 0-1"])
     np.testing.assert_array_equal(swapped[:2], 0.0)
     assert swapped[2] < -1.0
@@ -38,20 +46,18 @@ def test_heat_flows_from_when_they_meet():
         )),
         scene.terms, dtype="float64",
     )  # fmt: skip
-    alone = jt.simulate(touching, 10.0, solver=solver)
+    alone = jt.simulate(touching, 10.0, solver=jt.ForwardEuler())
     np.testing.assert_allclose(
         solution.mean_temperature[2], alone.mean_temperature[0], rtol=1e-9
     )
     assert np.abs(solution.energy.residual_relative).max() < 1e-12
 
 
-def test_segments_follow_the_motion():
-    scene = _approaching(10.0)
-    todo = plan_run(scene, 20.0, [5.0, 20.0], jt.ForwardEuler())
+def test_segments_follow_the_motion(scene, solution):
+    todo = plan_run(scene, 20.0, SAVES, jt.ForwardEuler())
     *_, progress = run_segments(todo, begin_run(todo))
-    whole = jt.simulate(scene, 20.0, [5.0, 20.0], solver=jt.ForwardEuler())
-    pieces = finish_run(todo, progress)
-    np.testing.assert_array_equal(pieces.surface_temperature, whole.surface_temperature)
+    found = finish_run(todo, progress).surface_temperature
+    np.testing.assert_array_equal(found, solution.surface_temperature)
 
 
 @pytest.mark.slow

@@ -60,7 +60,9 @@ def test_grazing_rays_bring_nothing(plate):
 
 def _absorbed(bodies, rays, irradiance=1000.0, t1=2.0):
     scene = jt.Scene(bodies, (jt.Sun(rays, irradiance),), dtype="float64")
-    return float(jt.simulate(scene, t1).energy.mechanisms["sun"][0])
+    return float(
+        jt.simulate(scene, t1, solver=jt.ForwardEuler()).energy.mechanisms["sun"][0]
+    )
 
 
 def test_box_absorbs_what_its_projected_area_catches(plate):
@@ -176,7 +178,8 @@ def test_switched_off_at_an_exact_time(plate):
     body = jt.Body(jt.FullVolume(plate), METAL, temperature=300.0)
     sun = jt.Sun((0.0, 0.0, -1.0), jt.Until(1000.0, 7.3))
     scene = jt.Scene((body,), (sun,), dtype="float64")
-    energy = jt.simulate(scene, 11.0, save_at=[5.0, 7.3, 11.0]).energy
+    saves = [5.0, 7.3, 11.0]
+    energy = jt.simulate(scene, 11.0, saves, solver=jt.ForwardEuler()).energy
     watts = 0.6 * 1000.0 * 0.2 * 0.2
     expected = watts * np.array([5.0, 7.3, 7.3])
     np.testing.assert_allclose(energy.mechanisms["sun"], expected, rtol=1e-13)

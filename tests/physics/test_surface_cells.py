@@ -221,6 +221,8 @@ def rod_heat(kind):
     return float(np.abs(heat).max() * length / (100.0 * width**2))
 
 
+# A rod at a slant is in the slice.
+@pytest.mark.slow
 def test_a_rod_of_two_voxels_carries_its_heat():
     assert rod_heat("crossings") == pytest.approx(1.0, abs=1e-9)
 

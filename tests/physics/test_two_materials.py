@@ -63,6 +63,8 @@ def _composite(grid, solver):
     return np.asarray(solution.surface_temperature)[:, on_top(grid)]
 
 
+# By default two layers are exact in a steady state: test_probes.
+@pytest.mark.slow
 def test_steady_composite_is_exact():
     grid = bar(9, 0.01)
     nodes = _composite(grid, jt.ForwardEuler())

@@ -60,6 +60,9 @@ def test_the_order_of_side_temperatures_follows_the_local_number(grid):
     assert mean[0] < mean[11] < mean[5]
 
 
+# By default the mean coefficient is that of its correlation, in unit tests; runs in
+# wind are in the slice, below.
+@pytest.mark.slow
 def test_a_good_conductor_cools_as_the_mean_coefficient_says(grid):
     """C dT/dt = -A h(T) (T - T_air), within the fragments' quadrature."""
     end = 150.0

@@ -58,8 +58,20 @@ def _range_after(mechanism, share, painted, dtype, steps):
     return nodes.min() + reference, nodes.max() + reference
 
 
-@pytest.mark.parametrize("painted", [False, True])
-@pytest.mark.parametrize("mechanism", TERMS)
+# Painted bodies with other mechanisms are slow: what loads add is the same in both.
+BOTH = ("insulated", "convection")
+
+
+@pytest.mark.parametrize(
+    ("mechanism", "painted"),
+    [
+        *((name, False) for name in TERMS),
+        *(
+            pytest.param(name, True, marks=[pytest.mark.slow] * (name not in BOTH))
+            for name in TERMS
+        ),
+    ],
+)
 def test_bounds_hold_at_the_limit(mechanism, painted):
     for steps in (1, 50):
         low, high = _range_after(mechanism, 1.0, painted, "float64", steps)
@@ -73,8 +85,14 @@ def test_bounds_hold_in_float32():
     assert high <= 400.0 + 3e-5
 
 
-@pytest.mark.parametrize("painted", [False, True])
-@pytest.mark.parametrize("mechanism", ["insulated", "convection", "fixed"])
+@pytest.mark.parametrize(
+    ("mechanism", "painted"),
+    [
+        *((name, painted) for name in BOTH for painted in (False, True)),
+        ("fixed", False),
+        pytest.param("fixed", True, marks=pytest.mark.slow),
+    ],
+)
 def test_bounds_break_just_above_the_limit(mechanism, painted):
     low, high = _range_after(mechanism, 1.05, painted, "float64", 1)
     print(mechanism, painted, "overshoot", 300.0 - low, high - 400.0)

@@ -22,6 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from ...arrays import device_array
 from ...errors import InputError
 from ...geometry.mesh import connected_labels
 from ...module import Module
@@ -69,7 +70,7 @@ def _found_components(structure: AbstractStructure) -> _Components:
         return _Components(None, 1)
     number = np.zeros(structure.state_shape, np.int32)
     number[structure.node_address()] = component
-    return _Components(jnp.asarray(number), len(distinct))
+    return _Components(device_array(number), len(distinct))
 
 
 LINEAR_TOLERANCE = {"float32": 1e-4, "float64": 1e-9}
@@ -171,7 +172,7 @@ def _node_mask(structure: AbstractStructure) -> Bool[Array, "..."] | None:
     def mask() -> Bool[Array, "..."]:
         is_node = np.zeros(structure.state_shape, bool)
         is_node[structure.node_address()] = True
-        return jnp.asarray(is_node)
+        return device_array(is_node)
 
     return structure.found("node_mask", mask)
 

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import product
+from ...arrays import device_array, product
 from ...module import Module
 from ...scene.compile.program import LedgerEntries
 
@@ -47,7 +47,7 @@ def empty_ledger(entries: int, dtype) -> Ledger:
     """Return the ledger at the start of a run."""
     # The same zeros for all runs, known even while something else is traced.
     with jax.ensure_compile_time_eval():
-        zeros = jnp.asarray(np.zeros(entries, dtype))
+        zeros = device_array(np.zeros(entries, dtype))
     return Ledger(heat=zeros, carry=zeros, moved=zeros)
 
 
@@ -147,7 +147,7 @@ def into_bodies(
     # One product with a constant matrix instead of a sum per body.
     signs = [[_sign(ends, body) for _, ends in entries] for body in range(bodies)]
     shape = (bodies, len(entries))
-    return product(jnp.asarray(np.array(signs).reshape(shape), heat.dtype), heat)
+    return product(device_array(np.array(signs).reshape(shape), heat.dtype), heat)
 
 
 def _pair_name(mechanism: str, bodies: tuple[int, ...]) -> str:

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...arrays import is_traced, precision
+from ...arrays import device_array, is_traced, precision
 from ...errors import require
 from ...network.network import Address, precise_sum
 from ...parallel.lattice import own_copies, replicated
@@ -205,7 +205,7 @@ def integrate(
         saved.append(np.flatnonzero([g[-1].saved for g in each]))
     if len(found) == 1 and len(saved[0]) == len(found[0].is_finite):
         return found[0]
-    return _saved_rows(tuple(found), tuple(map(jnp.asarray, saved)))
+    return _saved_rows(tuple(found), tuple(map(device_array, saved)))
 
 
 def _take_fixed_steps(
@@ -247,7 +247,7 @@ def make_solution(
     program = plan.compiled.program
     state = initial_state(plan)
     uneven = tuple(
-        tuple(map(jnp.asarray, b.structure.node_address()))
+        tuple(map(device_array, b.structure.node_address()))
         if callable(b.temperature)
         else None
         for b in plan.scene.bodies
@@ -266,7 +266,7 @@ def make_solution(
     if error is not None:
         receipt = replace(receipt, notes=(*receipt.notes, error.text()))
     return Solution(
-        times=jnp.asarray(np.asarray(plan.save_times, energy.stored_J.dtype)),
+        times=device_array(np.asarray(plan.save_times, energy.stored_J.dtype)),
         surface_temperature=saved.surface_temperature,
         mean_temperature=saved.mean_temperature,
         energy=in_order(energy, program.entries),

@@ -7,6 +7,7 @@ decides: a thin sheet has another temperature a voxel behind, a fold one beside.
 
 from typing import NamedTuple
 
+import jax
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from scipy.spatial import KDTree
@@ -75,11 +76,20 @@ class SurfaceReading(NamedTuple):
         self, temperature: Float[Array | np.ndarray, "t s"]
     ) -> Float[Array | np.ndarray, "t p"]:
         """Return the temperatures at the points [K]; at lost ones of no meaning."""
-        # Differences to the nearest: weights of a sum would lose digits in float32.
-        first = temperature[:, self.fragment[:, 0]]
-        excess = temperature[:, self.fragment] - first[:, :, None]
-        weight = self.weight.astype(temperature.dtype)
-        return first + (excess * weight[None]).sum(axis=2)
+        on_host = isinstance(temperature, np.ndarray)
+        mean = _weighted_mean if on_host else _jitted_mean
+        return mean(temperature, self.fragment, self.weight.astype(temperature.dtype))
+
+
+def _weighted_mean(temperature, fragment, weight):
+    # Differences to the nearest: weights of a sum would lose digits in float32.
+    first = temperature[:, fragment[:, 0]]
+    excess = temperature[:, fragment] - first[:, :, None]
+    return first + (excess * weight[None]).sum(axis=2)
+
+
+# One program for all operations, which would each be compiled for each shape.
+_jitted_mean = jax.jit(_weighted_mean)
 
 
 def surface_reading(

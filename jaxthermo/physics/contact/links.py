@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from ...arrays import Scalar, Time, TimeVarying, added
+from ...arrays import Scalar, Time, TimeVarying, added, device_array
 from ...errors import InputError
 from ...module import Module
 from ...network.network import Address, inverse, precise_sum
@@ -221,11 +221,11 @@ class Contact(AbstractPairTerm):
             entry=entry,
             bodies=(first, second),
             address=address,
-            fragment=(jnp.asarray(fragments[0]), jnp.asarray(fragments[1])),
+            fragment=(device_array(fragments[0]), device_array(fragments[1])),
             half_cell=half_cell,
             per_capacity=per_capacity,
             area_fraction=fraction,
-            area=jnp.asarray(area, dtype),
+            area=device_array(area, dtype),
             conductance=for_jit(self.conductance, dtype),
         )
 
@@ -241,7 +241,7 @@ def _end(body: Any, fragment: np.ndarray, area: np.ndarray, dtype: Any):
     if not capacity.ndim:
         capacity = jnp.broadcast_to(capacity, fraction.shape)
     half_cell = body.half_cell[fragment] * fraction
-    return address, jnp.asarray(half_cell), 1 / capacity, jnp.asarray(fraction)
+    return address, device_array(half_cell), 1 / capacity, device_array(fraction)
 
 
 bonded = Contact(math.inf)

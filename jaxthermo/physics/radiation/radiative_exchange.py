@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from ...arrays import TimeVarying, is_traced, product, taken
+from ...arrays import TimeVarying, device_array, is_traced, product, taken
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from ...findings import digest, found
@@ -279,12 +279,20 @@ class Enclosure(Module):
         kept, cells = np.flatnonzero(cell >= 0), sum(counts)
         patch = np.zeros(cells, np.int32)
         patch[cell[kept]] = np.asarray(self.patch)[kept]
-        weight = jnp.zeros(cells, self.weight.dtype)
-        weight = weight.at[cell[kept]].add(self.weight[kept])
-        above = self.above
-        if above.ndim:
+        above, weight = self.above, self.weight
+        if is_traced(weight):
+            none = jnp.zeros(cells, weight.dtype)
+            weight = none.at[cell[kept]].add(weight[kept])
+        else:
+            sums = np.bincount(cell[kept], np.asarray(weight)[kept], cells)
+            weight = device_array(sums, weight.dtype)
+        if above.ndim and is_traced(above):
             above = jnp.zeros(cells, above.dtype).at[cell[kept]].set(above[kept])
-        return replace(self, patch=jnp.asarray(patch), weight=weight, above=above)
+        elif above.ndim:
+            rows = np.zeros(cells, above.dtype)
+            rows[cell[kept]] = np.asarray(above)[kept]
+            above = device_array(rows)
+        return replace(self, patch=device_array(patch), weight=weight, above=above)
 
 
 def _enclosure(
@@ -320,10 +328,10 @@ def _enclosure(
     sources = xp.concatenate([factor * mean[None], around], axis=1)
     solved = xp.linalg.solve(reflection, sources)
     count = len(mean)
-    output = lambda values: jnp.asarray(values, emissivity.dtype)
+    output = lambda values: device_array(values, emissivity.dtype)
     # Cells are found from it while a function of the emissivity is compiled.
     with jax.ensure_compile_time_eval():
-        known = jnp.asarray(patch, jnp.int32)
+        known = device_array(patch, jnp.int32)
     return Enclosure(
         patch=known,
         weight=output(emitting / grey[patch]),

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...arrays import Scalar, is_traced, typed_array
+from ...arrays import Scalar, device_array, is_traced, typed_array
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError, located
 from ...network.network import AbstractNetwork, Address
@@ -59,7 +59,7 @@ class PreparedBody(NamedTuple):
 
     def address_of(self, nodes: Int[np.ndarray, " m"]) -> Address:
         """Position of some of the nodes in the state."""
-        return tuple(map(jnp.asarray, self.body.structure.address_of(nodes)))
+        return tuple(map(device_array, self.body.structure.address_of(nodes)))
 
     def ordered_address(
         self, nodes: Int[np.ndarray, " m"]
@@ -75,7 +75,7 @@ class PreparedBody(NamedTuple):
             order = np.argsort(position)
             rank[order] = np.arange(len(nodes))
             address = tuple(index[order] for index in address)
-        return tuple(map(jnp.asarray, address)), rank
+        return tuple(map(device_array, address)), rank
 
     def section_places(
         self, nodes: Int[np.ndarray, " m"]
@@ -99,7 +99,7 @@ class PreparedBody(NamedTuple):
         padded = [empty, np.zeros_like(empty), np.zeros_like(empty)]
         for index, own in zip(padded, host, strict=True):
             index[place] = own
-        made = tuple(jnp.asarray(index, jnp.int32) for index in padded)
+        made = tuple(device_array(index, jnp.int32) for index in padded)
         return made, place[rank], count
 
 
@@ -173,7 +173,7 @@ def _initial(
         reference = float(values.mean())
     # The difference is taken in double precision: a float32 resolves 3e-5 K at 300 K.
     theta[address] = values - reference
-    return reference, jnp.asarray(theta)
+    return reference, device_array(theta)
 
 
 def surface_property(body: Body, field: str, dtype: Any) -> Float[Values, "*s"]:

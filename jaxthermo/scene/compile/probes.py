@@ -14,12 +14,13 @@ the node's own gradient, by the conductivities at both ends of the link.
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from scipy.spatial import KDTree
 
-from ...arrays import taken
+from ...arrays import device_array, taken
 from ...errors import InputError
 from ...findings import digest, found
 from ...module import Module
@@ -168,10 +169,10 @@ def _bind(
         number=tuple(number.tolist()),
         address=body.address_of(node),
         neighbour=body.address_of(rows.other[entry]),
-        row=jnp.asarray(row.astype(np.int32)),
-        weight=jnp.asarray(weight, dtype) * ratio,
-        fragment=jnp.asarray(fragment.astype(np.int32)),
-        at_surface=jnp.asarray(at_surface, dtype),
+        row=device_array(row.astype(np.int32)),
+        weight=device_array(weight, dtype) * ratio,
+        fragment=device_array(fragment.astype(np.int32)),
+        at_surface=device_array(at_surface, dtype),
     )
 
 
@@ -222,6 +223,7 @@ def _own_part(
     links = structure.links()
     first, second = (each[link] for each in conductivity_at_ends(structure, k))
     lengths = links.distance_src[link], links.distance_dst[link]
-    d1, d2 = (jnp.asarray(length, dtype) for length in lengths)
-    other = jnp.where(is_src, second, first)
-    return (d1 + d2) * other / (d1 * second + d2 * first)
+    own = jnp if isinstance(k, jax.Array) else np
+    d1, d2 = (own.asarray(length, dtype) for length in lengths)
+    other = own.where(is_src, second, first)
+    return device_array((d1 + d2) * other / (d1 * second + d2 * first))

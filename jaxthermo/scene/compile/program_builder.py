@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Int
 
-from ...arrays import typed_array
+from ...arrays import device_array, typed_array
 from ...module import replaced
 from ...network.network import Address
 from ...physics.contact.links import ContactLinks
@@ -289,7 +289,7 @@ def _surface_nodes(body: PreparedBody) -> tuple[Address, Int[Array, " s"]]:
     """Position of the nodes that have surface, and each fragment's among them."""
     nodes, node = np.unique(body.fragment_node, return_inverse=True)
     address, rank = body.ordered_address(nodes)
-    return address, jnp.asarray(rank[node.reshape(-1)].astype(np.int32))
+    return address, device_array(rank[node.reshape(-1)].astype(np.int32))
 
 
 def _volume_load(

@@ -13,7 +13,7 @@ import numpy as np
 from jax.sharding import Mesh
 from jaxtyping import Array, Bool, Float, Int
 
-from ...arrays import Time, members
+from ...arrays import Time, device_array, members
 from ...findings import digest
 from ...module import Module
 from ...network.network import Address, inverse, slot_sums
@@ -173,8 +173,8 @@ def _layout(
     past = np.append(of_cell, len(every)).astype(np.int32)
     return _Layout(
         address=address,
-        node=jnp.asarray(every),
-        slots=tuple(jnp.asarray(past[s]) for s in members(node, len(address[0]))),
+        node=device_array(every),
+        slots=tuple(device_array(past[s]) for s in members(node, len(address[0]))),
         cell=cell,
     )
 

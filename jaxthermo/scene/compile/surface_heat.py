@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import Time
+from ...arrays import Time, device_array
 from ...module import Module
 from ...physics.surface_energy_balance import SurfaceTerms
 from ..scene import Scene
@@ -62,7 +62,7 @@ def surface_heat(
         return None
     return SurfaceHeat(
         outputs=scene.surface_outputs,
-        area=jnp.asarray(np.concatenate(areas), jnp.dtype(scene.dtype)),
+        area=device_array(np.concatenate(areas), jnp.dtype(scene.dtype)),
         convective=tuple(
             k for k, n in enumerate(numbers) if scene.terms[n].is_convective
         ),

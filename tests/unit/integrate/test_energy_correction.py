@@ -1,5 +1,7 @@
 """Stored heat and heat of the ledger become equal; states stay within bounds."""
 
+import functools
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -15,8 +17,10 @@ from tests.bodies import blocks
 
 METAL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.8)
 _closed = eqx.filter_jit(_correct_energy)
+_stored = eqx.filter_jit(lambda network, old, new: network.stored(new - old))
 
 
+@functools.cache
 def _scene(conductance):
     grid = blocks(np.ones((3, 3, 3), bool), 0.01)
     structure = jt.FullVolume(grid)
@@ -58,7 +62,7 @@ def test_every_body_holds_what_it_was_brought(g, conductance):
     for body, old, new, heat in zip(
         program.bodies, before, found, brought, strict=True
     ):
-        stored = body.network.stored(new - old)
+        stored = _stored(body.network, old, new)
         assert abs(float(stored - heat)) < 1e-9
     # In steps far longer than the body's own time the states are not touched.
     if g == 1e12:

@@ -42,7 +42,7 @@ def outcome(structure):
         terms = (
             jt.Convection(p["coefficient"], 280.0),
             jt.Surroundings(290.0),
-            jt.Sun((0.3, 0.0, -1.0), jt.Until(p["irradiance"], 6.0)),
+            jt.Sun((0.3, 0.0, -1.0), jt.Until(p["irradiance"], 5.0)),
             jt.FixedTemperature(p["prescribed"], on=jt.Side((1.0, 0.0, 0.0))),
             jt.HeatFlux(
                 jt.Table([0.0, 5.0], jnp.stack([0.5 * p["table"], p["table"]])),
@@ -50,7 +50,7 @@ def outcome(structure):
             ),
         )
         scene = jt.Scene((body,), terms, dtype="float64")
-        solution = jt.simulate(scene, 10.0, save_at=[4.0, 10.0], solver=SOLVER)
+        solution = jt.simulate(scene, 10.0, save_at=[5.0, 10.0], solver=SOLVER)
         surface = solution.surface_temperature
         return jnp.mean(surface**2) / 300.0 + surface[0, 0]
 
@@ -80,6 +80,8 @@ def test_reverse_mode_is_the_central_difference(outcome, point, gradient, name):
     assert float(gradient[name]) == pytest.approx(slope, rel=1e-6)
 
 
+# By default forward mode is compared with differences in test_linear_load.
+@pytest.mark.slow
 def test_forward_mode_is_reverse_mode(outcome, point, gradient):
     along = jax.jit(lambda p, v: jax.jvp(outcome, (p,), (v,))[1])
     for name in AT:
@@ -100,6 +102,8 @@ def test_what_is_left_of_the_taylor_series_is_of_second_order(outcome, point, gr
     np.testing.assert_allclose(orders, 2.0, atol=0.1)
 
 
+# By default jit and vmap are compared with single runs in test_compiled_simulation.
+@pytest.mark.slow
 def test_jit_and_vmap_give_the_same_as_runs_one_by_one(structure):
     def mean(k):
         material = jt.Material(k, density=8000.0, specific_heat=500.0)

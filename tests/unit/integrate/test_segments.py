@@ -110,7 +110,10 @@ def test_compiling_takes_no_step():
     assert compile_segments(todo, done) is done
 
 
-@pytest.mark.parametrize("dtype", ["float32", "float64"])
+# Checkpoints of float64 are written and read by default in test_time_error.
+@pytest.mark.parametrize(
+    "dtype", ["float32", pytest.param("float64", marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("stop", [1, 3, 5, None])
 def test_a_checkpoint_goes_on_where_it_was(tmp_path, dtype, stop):
     here, path = scene(dtype), tmp_path / "checkpoint.npz"

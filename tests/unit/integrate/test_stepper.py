@@ -11,7 +11,7 @@ from jaxthermo.integrate.stepper import advance
 from tests.bodies import blocks
 
 
-STEPS, DT = 7, 0.5
+STEPS, DT = 5, 0.5
 
 
 @pytest.fixture(scope="module")

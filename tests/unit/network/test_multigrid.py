@@ -24,7 +24,7 @@ H = 0.1
 
 @partial(jax.jit, static_argnames=("tolerance", "most"))
 def _solve(network, given, m, b, tolerance=1e-8, most=400):
-    """Preconditioned conjugate gradients, and how many iterations they took."""
+    """Preconditioned conjugate gradients, their number and relative residual."""
     preconditioner = given.cycle(m) if isinstance(given, Hierarchy) else given
 
     def more(carry):
@@ -43,7 +43,8 @@ def _solve(network, given, m, b, tolerance=1e-8, most=400):
     z = preconditioner(b)
     start = (jnp.zeros_like(b), b, z, jnp.vdot(b, z), 0)
     x, _, _, _, count = jax.lax.while_loop(more, iterate, start)
-    return x, count
+    residual = jnp.linalg.norm(b - (m * x - network.heat_rate(x)))
+    return x, count, residual / jnp.linalg.norm(b)
 
 
 def _heated(structure, dt=None, dtype: Any = np.float64):
@@ -53,8 +54,12 @@ def _heated(structure, dt=None, dtype: Any = np.float64):
     surface = np.bincount(node, grid.fragment_area, n)
     lit = np.bincount(node, grid.fragment_area * (grid.fragment_normal[:, 0] > 0), n)
     m = H * surface + (structure.nodes().volume / dt if dt else 0)
-    address, zero = structure.node_address(), jnp.zeros(structure.state_shape, dtype)
-    put = lambda values: zero.at[address].set(jnp.asarray(values, dtype))
+
+    def put(values):
+        state = np.zeros(structure.state_shape, dtype)
+        state[structure.node_address()] = values
+        return jax.device_put(state)
+
     return network, put(m), put(lit)
 
 
@@ -68,7 +73,7 @@ def _sparse(structure, network, m):
     g = links.area / (links.distance_src + links.distance_dst)
     half = sparse.coo_array((g, (links.src, links.dst)), (n, n))
     k = half + half.T
-    diagonal = k.sum(axis=1) + np.asarray(m[structure.node_address()])
+    diagonal = k.sum(axis=1) + np.asarray(m)[structure.node_address()]
     return sparse.csr_array(sparse.diags_array(diagonal) - k)
 
 
@@ -93,9 +98,10 @@ def test_it_agrees_with_a_direct_solve_and_beats_the_diagonal(kind):
     network, m, b = _heated(structure)
     address = structure.node_address()
     matrix = _sparse(structure, network, m)
-    exact = sparse.linalg.spsolve(matrix.tocsc(), np.asarray(b[address]))
+    exact = sparse.linalg.spsolve(matrix.tocsc(), np.asarray(b)[address])
     levels = hierarchy(structure, network)
-    found, count = _solve(network, levels, m, b)
+    found, count, _ = _solve(network, levels, m, b)
+    found = np.asarray(found)
     np.testing.assert_allclose(found[address], exact, rtol=1e-6)
     assert abs(found.sum() - found[address].sum()) < 1e-9 * abs(found.sum())
     plain = _solve(network, jacobi(network, m), m, b)[1]
@@ -111,7 +117,7 @@ def test_it_takes_no_more_iterations_than_algebraic_multigrid():
     peer = pyamg.smoothed_aggregation_solver(_sparse(structure, network, m))
     residuals = []
     peer.solve(
-        np.asarray(b[structure.node_address()]),
+        np.asarray(b)[structure.node_address()],
         tol=1e-8,
         accel="cg",
         residuals=residuals,
@@ -147,9 +153,8 @@ def test_odd_bodies_are_solved(name, stencil):
     structure = FullVolume(blocks(_odd_body(name), 1 / 12), stencil=stencil)
     network, m, b = _heated(structure)
     levels = hierarchy(structure, network)
-    found, count = _solve(network, levels, m, b)
-    left = b - (m * found - network.heat_rate(found))
-    assert float(jnp.linalg.norm(left)) < 2e-8 * float(jnp.linalg.norm(b))
+    _, count, residual = _solve(network, levels, m, b)
+    assert float(residual) < 2e-8
     assert int(count) <= 20
 
 
@@ -159,11 +164,10 @@ def test_two_materials_and_a_stiffness_over_eight_decades():
     number = (structure.nodes().centre[:, 2] > 0.4).astype(np.int32)
     network = _assemble_mixed(structure, number, jnp.array([1e-5, 1.0]), jnp.ones(2))
     _, m, b = _heated(structure)
-    m = m * jnp.asarray(10.0 ** random.uniform(-4, 4, m.shape))
+    m = np.asarray(m) * 10.0 ** random.uniform(-4, 4, m.shape)
     levels = hierarchy(structure, network)
-    found, count = _solve(network, levels, m, b)
-    left = b - (m * found - network.heat_rate(found))
-    assert float(jnp.linalg.norm(left)) < 2e-8 * float(jnp.linalg.norm(b))
+    _, count, residual = _solve(network, levels, m, b)
+    assert float(residual) < 2e-8
     assert int(count) <= 25
 
 
@@ -172,13 +176,13 @@ def test_in_single_precision_and_with_nothing_that_holds_the_body():
     structure = Octree(_box(16))
     network, m, b = _heated(structure, dtype=np.float32)
     address = structure.node_address()
-    b = b.at[address].add(-b[address].mean())
+    b = np.array(b)
+    b[address] -= b[address].mean()
     levels = hierarchy(structure, network)
-    found, count = _solve(network, levels, 0 * m, b, tolerance=1e-4)
+    found, count, residual = _solve(network, levels, 0 * m, b, tolerance=1e-4)
     assert found.dtype == np.float32
     assert int(count) <= 12
-    left = b + network.heat_rate(found)
-    assert float(jnp.linalg.norm(left)) < 5e-4 * float(jnp.linalg.norm(b))
+    assert float(residual) < 5e-4
 
 
 @pytest.mark.slow

@@ -59,16 +59,19 @@ def _matrix(call, given, m, structure):
     """Matrix of a linear map between states, on the nodes alone."""
     address, shape = structure.node_address(), structure.state_shape
     n = structure.node_count
-    unit = jnp.zeros((n, *shape)).at[(jnp.arange(n), *address)].set(1.0)
-    images = call(given, m, unit)
+    unit = np.zeros((n, *shape))
+    unit[(np.arange(n), *address)] = 1.0
+    images = np.asarray(call(given, m, unit))
     columns = images[(slice(None), *address)]
     others = np.abs(images).reshape(n, -1).sum(1) - np.abs(columns).sum(1)
     assert np.abs(others).max() < 1e-12 * np.abs(columns).max()
-    return np.asarray(columns)
+    return columns
 
 
 def _state(structure, values):
-    return jnp.zeros(structure.state_shape).at[structure.node_address()].set(values)
+    state = np.zeros(structure.state_shape)
+    state[structure.node_address()] = values
+    return jax.device_put(state)
 
 
 @pytest.fixture(
@@ -109,7 +112,7 @@ def test_the_cycle_is_symmetric_positive_and_near_the_inverse(body):
     assert spectrum.max() / spectrum.min() < plain.max() / plain.min() / 10
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_few_nodes_are_solved_exactly(seed):
     structure = Octree(blocks(np.ones((4, 4, 4), bool)))
@@ -123,15 +126,30 @@ def test_few_nodes_are_solved_exactly(seed):
     np.testing.assert_allclose(product, np.eye(len(product)), atol=1e-6)
 
 
+@jax.jit
+def _solved_again(network, m, wanted):
+    return dense_solve(network, m)(-network.heat_rate(wanted))
+
+
+@jax.jit
+def _smoothed(network, m, state):
+    """The polynomial of the smoother, the smoother, and the same step by step."""
+    finest = level(network, m)
+    twice = jacobi(network, m)
+    d = twice(state)
+    by_hand = finest.first * d - finest.second * twice(finest.apply(d))
+    return finest.first, finest.second, finest.smoothed(state), by_hand
+
+
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_a_body_that_nothing_holds_stays_finite_and_solved(dtype):
     """The heat given sums to nothing: the solution is one up to a constant."""
     structure = FullVolume(blocks(np.ones((4, 3, 2), bool)))
     network = assemble_uniform(structure, 1.0, 1.0, dtype)
-    nothing = jnp.zeros(structure.state_shape, dtype)
-    wanted = _state(structure, np.random.default_rng(1).normal(size=24)).astype(dtype)
-    r = -network.heat_rate(wanted)
-    found = dense_solve(network, nothing)(r)
+    nothing = np.zeros(structure.state_shape, dtype)
+    values = np.random.default_rng(1).normal(size=24)
+    wanted = np.asarray(_state(structure, values)).astype(dtype)
+    found = _solved_again(network, nothing, wanted)
     gap = np.asarray(found - wanted)[structure.node_address()]
     assert np.ptp(gap) < (2e-3 if dtype == np.float32 else 1e-9)
 
@@ -140,20 +158,18 @@ def test_the_smoother_is_chebyshevs():
     """1 - x q(x) on the smoothed range is no larger than 1 / T_2 of its middle."""
     structure = FullVolume(blocks(np.ones((6, 6, 6), bool)))
     network = assemble_uniform(structure, 1.0, 1.0, np.float64)
-    finest = level(network, _state(structure, np.zeros(216)))
+    unit = _state(structure, np.random.default_rng(0).normal(size=216))
+    nothing = _state(structure, np.zeros(216))
+    first, second, smoothed, by_hand = _smoothed(network, nothing, unit)
     x = np.linspace(2 / _SMOOTHED_RANGE, 2, 101)
-    left = np.abs(1 - x * (float(finest.first) - float(finest.second) * x))
+    left = np.abs(1 - x * (float(first) - float(second) * x))
     middle = (_SMOOTHED_RANGE + 1) / (_SMOOTHED_RANGE - 1)
     assert left.max() == pytest.approx(1 / (2 * middle**2 - 1), rel=1e-12)
-    unit = jnp.asarray(_state(structure, np.random.default_rng(0).normal(size=216)))
-    twice = jacobi(network, finest.m)
-    d = twice(unit)
-    by_hand = finest.first * d - finest.second * twice(finest.apply(d))
-    np.testing.assert_allclose(finest.smoothed(unit), by_hand, atol=1e-14)
+    np.testing.assert_allclose(smoothed, by_hand, atol=1e-14)
 
 
 def test_without_links_one_sweep_of_the_smoother_is_exact():
     structure = FullVolume(blocks(np.ones((1, 1, 1), bool)))
     network = assemble_uniform(structure, 1.0, 1.0, np.float64)
-    alone = level(network, _state(structure, 4.0))
-    np.testing.assert_allclose(alone.smoothed(_state(structure, 2.0)).sum(), 0.5)
+    smoothed = _smoothed(network, _state(structure, 4.0), _state(structure, 2.0))[2]
+    np.testing.assert_allclose(smoothed.sum(), 0.5)

@@ -42,7 +42,7 @@ def _start(structure, low=285.0, high=395.0):
     kelvin = np.random.default_rng(5).uniform(low, high, structure.node_count)
     theta = np.zeros(structure.state_shape)
     theta[structure.node_address()] = kelvin - REFERENCE
-    return jnp.asarray(theta)
+    return jax.device_put(theta)
 
 
 def _varying(structure, material):
@@ -56,12 +56,27 @@ def _run(network, state, dt, steps):
     return jax.lax.fori_loop(0, steps, lambda _, s: network.euler_step(s, dt), state)
 
 
+@eqx.filter_jit
+def _heat_rate(network, theta):
+    return network.heat_rate(network.state_of(theta))
+
+
+@eqx.filter_jit
+def _evened(network, theta):
+    """Temperatures after 300 stable steps, heat that has moved, and heat made."""
+    state = network.state_of(theta)
+    after = _run(network, state, 1 / network.max_rate(), 300)
+    moved = network.stored(jnp.abs(after - state))
+    drift = network.stored(after) - network.stored(state)
+    return network.temperature(after), moved, drift
+
+
 @pytest.mark.parametrize("kind", STRUCTURES)
 def test_the_rate_is_that_of_the_integrals(grid, kind):
     """On the linear network: k_0 A / L (phi_j - phi_i), by temperatures one by one."""
     structure = STRUCTURES[kind](grid)
     network = material_network(structure, STEEL, REFERENCE, jnp.float64)
-    theta = _start(structure)
+    theta = np.asarray(_start(structure))
     phi = np.zeros(theta.shape)
     for place in zip(*structure.node_address(), strict=True):
         ends = np.linspace(REFERENCE, REFERENCE + float(theta[place]), 4001)
@@ -69,26 +84,23 @@ def test_the_rate_is_that_of_the_integrals(grid, kind):
     linear = assemble_uniform(
         structure, K(REFERENCE), DENSITY * HEAT(REFERENCE), jnp.float64
     )
-    state = network.state_of(theta)
-    found, exact = network.heat_rate(state), linear.heat_rate(jnp.asarray(phi))
-    scale = float(jnp.abs(exact).max())
-    np.testing.assert_allclose(found, exact, atol=2e-8 * scale)
-    assert abs(float(found.sum())) < 1e-13 * float(jnp.abs(found).sum())
+    found, exact = (
+        np.asarray(_heat_rate(each, values))
+        for each, values in ((network, theta), (linear, phi))
+    )
+    np.testing.assert_allclose(found, exact, atol=2e-8 * np.abs(exact).max())
+    assert abs(found.sum()) < 1e-13 * np.abs(found).sum()
 
 
 @pytest.mark.parametrize("kind", STRUCTURES)
 def test_heat_is_kept_to_rounding_and_temperatures_stay_within_bounds(grid, kind):
     structure = STRUCTURES[kind](grid)
     network = material_network(structure, STEEL, REFERENCE, jnp.float64)
-    theta = _start(structure)
-    state = network.state_of(theta)
-    dt = 1 / network.max_rate()
-    after = _run(network, state, dt, 300)
-    moved = float(network.stored(jnp.abs(after - state)))
-    drift = float(network.stored(after) - network.stored(state))
+    theta = np.asarray(_start(structure))
+    now, moved, drift = _evened(network, theta)
     assert moved > 0.0
     assert abs(drift) < 1e-12 * moved
-    now = network.temperature(after)[structure.node_address()]
+    now = np.asarray(now)[structure.node_address()]
     before = theta[structure.node_address()]
     assert before.min() - 1e-9 < now.min() and now.max() < before.max() + 1e-9
     assert float(now.max() - now.min()) < 0.6 * float(before.max() - before.min())
@@ -155,13 +167,17 @@ def test_the_stable_step_is_needed():
     """At k / c_p of the table's most, two nodes: a longer step overshoots."""
     structure = jt.FullVolume(blocks(np.ones((2, 1, 1), bool), PITCH), stencil=False)
     network = material_network(structure, STEEL, REFERENCE, jnp.float64)
+
     # Both where k / c_p is largest, at 320 K, and almost even.
-    state = network.state_of(jnp.array([9.999, 10.001]))
-    dt = 1 / network.max_rate()
-    gap = lambda dt: float(jnp.diff(network.euler_step(state, dt))[0])
+    @eqx.filter_jit
+    def after(network, stable_steps):
+        state = network.state_of(jnp.array([9.999, 10.001]))
+        return network.euler_step(state, stable_steps / network.max_rate())
+
+    gap = lambda steps: float(np.diff(after(network, jnp.asarray(steps)))[0])
     # Of two nodes the gap falls by 1 - 2 dt rate.
-    assert gap(dt) == pytest.approx(-gap(0.0 * dt), rel=2e-4)
-    assert abs(gap(1.05 * dt)) > abs(gap(0.0 * dt))
+    assert gap(1.0) == pytest.approx(-gap(0.0), rel=2e-4)
+    assert abs(gap(1.05)) > abs(gap(0.0))
 
 
 @pytest.mark.slow

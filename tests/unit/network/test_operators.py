@@ -57,21 +57,21 @@ def _operator(solid, which):
 def _pairs(structure):
     links, count = structure.links(), structure.node_count
     return LinkNetwork(
-        src=jnp.asarray(links.src),
-        dst=jnp.asarray(links.dst),
-        conductance=jnp.full(len(links.src), K * PITCH),
-        node_capacity=jnp.full(count, HEAT * PITCH**3),
+        src=jax.device_put(links.src),
+        dst=jax.device_put(links.dst),
+        conductance=jax.device_put(np.full(len(links.src), K * PITCH)),
+        node_capacity=jax.device_put(np.full(count, HEAT * PITCH**3)),
     )
 
 
 def _address(structure):
-    return tuple(jnp.asarray(a) for a in structure.node_address())
+    return tuple(jax.device_put(a) for a in structure.node_address())
 
 
 def _state(structure, values):
     state = np.zeros(structure.state_shape)
     state[structure.node_address()] = values
-    return jnp.asarray(state)
+    return jax.device_put(state)
 
 
 def _values(structure, state):
@@ -96,12 +96,12 @@ def _by_hand(solid, values):
 
 
 @pytest.mark.parametrize("which", range(5))
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), count=st.sampled_from([6, 36, 60]))
-def test_every_operator_is_the_one_by_hand(which, seed, count):
+def test_every_operator_is_the_one_by_hand_symmetric_and_conserving(which, seed, count):
     solid = _solid(seed, count)
     structure, network = _operator(solid, which)
-    values = np.random.default_rng(seed + 1).normal(size=count)
+    values, others = np.random.default_rng(seed + 1).normal(size=(2, count))
     rate, diagonal = _by_hand(solid, values)
     node, dt = HEAT * PITCH**3, 0.1
     expected = {
@@ -119,33 +119,21 @@ def test_every_operator_is_the_one_by_hand(which, seed, count):
         of_nodes = name in ("heat_rate", "euler_step")
         number = _values(structure, found[name]) if of_nodes else found[name]
         np.testing.assert_allclose(number, exact, rtol=1e-12, atol=1e-12, err_msg=name)
-
-
-@pytest.mark.parametrize("which", range(5))
-@settings(max_examples=4, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1))
-def test_symmetric_and_conserving(which, seed):
-    structure, network = _operator(_solid(seed), which)
-    first, second = np.random.default_rng(seed).normal(size=(2, 36))
-    address, dt = _address(structure), jnp.array(0.1)
-    there, back = (
-        _values(
-            structure,
-            _all_of(network, _state(structure, values), address, dt)["heat_rate"],
-        )
-        for values in (first, second)
-    )
+    there = _values(structure, found["heat_rate"])
+    again = _all_of(network, _state(structure, others), address, jnp.array(dt))
+    back = _values(structure, again["heat_rate"])
     scale = np.abs(there).sum()
-    assert abs(second @ there - first @ back) < 1e-13 * scale
-    assert abs(there.sum()) < 1e-14 * scale
-    assert first @ there < 0.0
+    assert abs(others @ there - values @ back) <= 1e-13 * scale
+    assert abs(there.sum()) <= 1e-14 * scale
+    assert values @ there < 0.0 or not scale
 
 
 @pytest.mark.parametrize("which", range(5))
 def test_empty_cells_stay_at_zero(which):
     structure, network = _operator(_solid(3), which)
-    values = np.arange(structure.node_count) + 1.0
-    after = network.euler_step(_state(structure, values), jnp.array(0.1))
+    state = _state(structure, np.arange(structure.node_count) + 1.0)
+    found = _all_of(network, state, _address(structure), jnp.array(0.1))
+    after = found["euler_step"]
     only_nodes = _state(structure, _values(structure, after))
     np.testing.assert_array_equal(after, only_nodes)
 
@@ -158,11 +146,12 @@ def test_two_materials_take_the_harmonic_mean(mixed):
     network = _assemble_mixed(
         structure, material, jnp.array([401.0, 0.2]), jnp.array([1e6, 2e6])
     )
-    rate = _values(structure, network.heat_rate(_state(structure, [1.0, 0.0])))
+    state, address = _state(structure, [1.0, 0.0]), _address(structure)
+    found = _all_of(network, state, address, jnp.array(0.1))
+    rate = _values(structure, found["heat_rate"])
     conductance = 2 * 401.0 * 0.2 / 401.2 * PITCH
     np.testing.assert_allclose(rate, [-conductance, conductance], rtol=1e-14)
-    capacity = network.capacity_at(_address(structure))
-    np.testing.assert_allclose(capacity, [1e6 * PITCH**3, 2e6 * PITCH**3])
+    np.testing.assert_allclose(found["capacity"], [1e6 * PITCH**3, 2e6 * PITCH**3])
 
 
 @pytest.mark.parametrize(("first", "second"), [(0.0, 0.0), (0.0, 2.0), (3.0, 0.0)])

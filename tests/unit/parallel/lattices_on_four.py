@@ -197,7 +197,9 @@ def every_kind() -> None:
     """Every stencil, cut voxels with nonlinear terms, and implicit steps."""
     for cells in get_args(Cells):
         networks_equal(cells)
-    only_ends_wait(7)
+    for voxels in (3, 7):
+        only_ends_wait(voxels)
+    equal(SMALL, jt.SuperTimeStepping(dt=1.0))
     equal(CUT, jt.ForwardEuler())
     equal(SMALL, jt.BackwardEuler(dt=2.0))
 
@@ -215,9 +217,7 @@ def large() -> None:
 def small() -> None:
     """Explicit steps of whole voxels, restarts, overlap, and batches."""
     resumed(SMALL)
-    equal(SMALL, jt.SuperTimeStepping(dt=1.0))
-    for voxels in (3, 11):
-        only_ends_wait(voxels)
+    only_ends_wait(11)
     refused()
     batches_equal()
 

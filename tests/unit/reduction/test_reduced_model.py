@@ -16,7 +16,7 @@ STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0)
 SAVES = [5.0, 20.0, 60.0]
 HEATED = jt.HeatFlux(jt.Until(2e4, 20.0), on=jt.Side((1, 0, 0)))
 AIR = jt.Convection(50.0, 280.0)
-SOLVER = jt.TRBDF2(dt=0.05)
+SOLVER = jt.SuperTimeStepping(dt=0.05)
 
 
 def block_scene(*terms, **more):

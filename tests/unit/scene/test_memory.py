@@ -62,7 +62,7 @@ def _kept() -> dict[int, int]:
     "kind, method",
     [
         ("full", "euler"),
-        ("octree", "euler"),
+        pytest.param("octree", "euler", marks=pytest.mark.slow),
         pytest.param("aggregate", "euler", marks=pytest.mark.slow),
         pytest.param("full", "stages", marks=pytest.mark.slow),
         pytest.param("octree", "stages", marks=pytest.mark.slow),
