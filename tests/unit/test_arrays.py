@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jaxthermo.arrays import (
+    device_array,
     sorted_union,
     stable_order,
     typed_array,
@@ -18,6 +19,17 @@ def test_a_value_is_of_numpy_unless_it_is_on_the_device():
     assert typed_array(2.0, np.float32).dtype == np.float32
     assert isinstance(typed_array(jnp.ones(2), np.float32), jax.Array)
     assert float(jax.grad(lambda x: typed_array([x, 1.0], float)[0] ** 2)(3.0)) == 6.0
+
+
+@pytest.mark.parametrize("value", [2.5, np.arange(3.0), jnp.arange(3.0), [1.0, 2.0]])
+def test_a_moved_array_is_the_one_that_jax_makes(value):
+    for dtype in (None, jnp.float32, jnp.float64):
+        expected = jnp.asarray(value, dtype)
+        for found in (device_array(value, dtype), jax.jit(device_array)(value)):
+            assert isinstance(found, jax.Array)
+            np.testing.assert_array_equal(found, expected)
+        moved = device_array(value, dtype)
+        assert moved.dtype == expected.dtype and moved.weak_type == expected.weak_type
 
 
 @pytest.mark.parametrize("bound", [3, 2**40])
