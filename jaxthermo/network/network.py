@@ -157,14 +157,16 @@ def precise_sum(values: Float[Array, "..."]) -> Float[Array, ""]:
     """Sum with about one rounding error, whatever the length."""
     # XLA adds in sequence on the CPU, which loses digits in float32 over millions of
     # terms; sums of short blocks, summed in turn, do not.
-    flat, block, rest = values.reshape(-1), 64, jnp.zeros((), values.dtype)
-    while flat.shape[0] > block:
-        # What is left of the last block is summed by itself: padded, each value would
-        # be selected, which takes longer than to add it.
-        whole = flat.shape[0] // block * block
-        rest += flat[whole:].sum()
-        flat = flat[:whole].reshape(-1, block).sum(axis=1)
-    return flat.sum() + rest
+    flat, block = values.reshape(-1), 64
+    # The rest by itself: padded, each value would be selected, which takes longer than
+    # to add it.
+    whole = flat.shape[0] // block * block
+    rest, sums = flat[whole:].sum(), flat[:whole].reshape(-1, block).sum(axis=1)
+    while sums.shape[0] > 1:
+        # Padded also where blocks are whole: XLA makes one sequence of sums of sums.
+        padded = jnp.pad(sums, (0, block - sums.shape[0] % block))
+        sums = padded.reshape(-1, block).sum(axis=1)
+    return sums.sum() + rest
 
 
 def slot_sums(

@@ -197,6 +197,17 @@ def test_precise_sum_of_a_million_float32(kind):
     assert precise_sum(jnp.zeros((0,), jnp.float32)) == 0.0
 
 
+@pytest.mark.parametrize(
+    "shape", [(12, 12, 12), (16, 16, 16), (64, 64, 64), (40, 40, 41)]
+)
+def test_sums_over_a_box_are_not_one_sequence(shape):
+    # XLA joins sums of sums over whole blocks to one sum: forty times the error.
+    random = np.random.default_rng(0).random(shape) < 0.5
+    values = np.where(random, 0.8125917, 1.1234567).astype(np.float32)
+    exact = values.astype(float).sum()
+    assert float(precise_sum(jnp.asarray(values))) == pytest.approx(exact, rel=4e-7)
+
+
 @settings(max_examples=20, deadline=None)
 @given(count=st.sampled_from([1, 63, 64, 65, 4097]), seed=st.integers(0, 99))
 def test_precise_sum_of_any_length(count, seed):
