@@ -4,14 +4,13 @@ A field says its unit where it is declared, `Annotated[float, LENGTH]`: validati
 messages, JSON Schemas and the units of fitted parameters all read it there.
 """
 
+import importlib
 import math
 import re
 import sys
 from dataclasses import dataclass
-from functools import cache
 from typing import Annotated, Any, Protocol, runtime_checkable
 
-import pint
 from pydantic import (
     AfterValidator,
     BeforeValidator,
@@ -22,23 +21,34 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from ...constants import MAX_TEMPERATURE, MIN_TEMPERATURE
+from ...constants import MAX_TEMPERATURE, MIN_TEMPERATURE, ZERO_CELSIUS
 from ...errors import InputError
 from ..messages import MISTAKE, quoted
 
 
 ALLOW_EXTREME = "allow_extreme_temperatures"
 _NUMBER = re.compile(r"\s*([-+]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(.*)", re.S)
-# A power on a power ("m^9^9^9") would be evaluated, and may never end.
-_TOWER = re.compile(r"[\d)]\s*(?:\*\*|\^)")
 _JSON_LIMITS = {
     "gt": "exclusiveMinimum",
     "ge": "minimum",
     "lt": "exclusiveMaximum",
     "le": "maximum",
 }
-# A longer text is no unit, and the parser's time grows steeply with it [characters].
-_MAX_UNIT_LENGTH = 40
+# Units of most configs, by the unit that they are converted to. The factors are those
+# of pint, which reads all others.
+_FACTORS: dict[str, dict[str, float]] = {
+    "m": {"m": 1.0, "cm": 0.01, "mm": 0.001},
+    "s": {"s": 1.0, "min": 60.0, "h": 3600.0},
+    "K": {"K": 1.0},
+    "m/s": {"m/s": 1.0},
+    "deg": {"deg": 1.0},
+    "W/m^2": {"W/m^2": 1.0, "kW/m^2": 1000.0},
+    "W/(m^2 K)": {"W/(m^2 K)": 1.0, "kW/(m^2 K)": 1000.0},
+    "W/(m K)": {"W/(m K)": 1.0},
+    "kg/m^3": {"kg/m^3": 1.0},
+    "J/(kg K)": {"J/(kg K)": 1.0},
+}
+_CELSIUS = ("degC", "°C")
 
 
 @dataclass(frozen=True)
@@ -129,33 +139,24 @@ def _split(text: str, unit: Unit) -> tuple[float, str]:
 def _converted(number: float, given: str, text: str, unit: Unit) -> float:
     if unit.only and given not in unit.only:
         raise InputError(_expected(text, unit))
-    registry = _registry()
+    factor = _FACTORS.get(unit.symbol, {}).get(given)
+    if factor is not None:
+        return number * factor
+    if unit is TEMPERATURE and given in _CELSIUS:
+        return number + ZERO_CELSIUS
+    # By name: to import pint and to read its units takes longer than a small config.
+    pint = importlib.import_module("jaxthermo.config.types.pint_units")
     try:
-        if len(given) > _MAX_UNIT_LENGTH or _TOWER.search(given):
-            raise ValueError
         # Only a temperature is affine; in W/(m^2 degC) the degree is a difference.
-        parsed = registry.parse_units(given, as_delta=unit is not TEMPERATURE)
-    except Exception as error:  # pint's parser raises many unrelated types
+        return pint.converted(number, given, unit.symbol, affine=unit is TEMPERATURE)
+    except pint.UnknownUnitError as error:
         raise InputError(
             f"{_expected(text, unit)} (unknown unit {quoted(given)})"
         ) from error
-    try:
-        quantity = registry.Quantity(number, parsed)
-        # For pint W/sr and W are one: 4 pi apart, they must not be mixed up.
-        both = (quantity, registry.Quantity(1, unit.symbol))
-        if len({dict(one.unit_items()).get("steradian", 0) for one in both}) > 1:
-            raise ValueError
-        return float(quantity.to(unit.symbol).magnitude)
-    except (pint.PintError, ArithmeticError, ValueError) as error:
+    except InputError as error:
         hints = {"C": " (degrees Celsius are 'degC')", "F": " (write 'degF')"}
         hint = hints.get(given, "") if unit is TEMPERATURE else ""
         raise InputError(_expected(text, unit) + hint) from error
-
-
-@cache
-def _registry() -> pint.UnitRegistry:
-    # Made at the first text with a unit: it takes longer than reading a small config.
-    return pint.UnitRegistry(cache_folder=None)
 
 
 # Pydantic's own protocol cannot be checked at run time.

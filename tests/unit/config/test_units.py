@@ -1,11 +1,13 @@
 """Quantities: every unit, the degrees Celsius, and what is refused."""
 
 import math
+import subprocess
+import sys
 from typing import Any
 
 import pytest
 
-from jaxthermo.config.types import quantities as units
+from jaxthermo.config.types import pint_units, quantities as units
 from jaxthermo.config.types.model import parts
 from jaxthermo.config.types.quantities import Unit, to_si
 from jaxthermo.errors import InputError
@@ -51,6 +53,30 @@ def unit_of(field: Any) -> Unit:
 )
 def test_reads_quantity(text, dimension, value):
     assert to_si(text, dimension) == pytest.approx(value, rel=1e-12)
+
+
+def test_common_units_are_those_of_pint_bit_by_bit():
+    common = [
+        (given, Unit(symbol, "a value", ""))
+        for symbol, factors in units._FACTORS.items()
+        for given in factors
+    ]
+    common += [(given, units.TEMPERATURE) for given in (*units._CELSIUS, "K")]
+    for given, unit in common:
+        for number in (0.0, -17.3, 0.1, 3.0, 37.7, 1234.5, 1e-7, 6e23):
+            affine = unit is units.TEMPERATURE
+            expected = pint_units.converted(number, given, unit.symbol, affine=affine)
+            assert to_si(f"{number} {given}", unit) == expected, (number, given)
+
+
+def test_common_units_do_without_pint():
+    code = (
+        "import sys; "
+        "from jaxthermo.config.types.quantities import LENGTH, TEMPERATURE, to_si; "
+        "to_si('3 mm', LENGTH); to_si('20 degC', TEMPERATURE); "
+        "sys.exit('pint' in sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 @pytest.mark.parametrize(
