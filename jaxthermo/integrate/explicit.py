@@ -30,7 +30,7 @@ from typing_extensions import override
 from ..scene.compile.memory import Method
 from ..scene.compile.program import Program, State
 from .run.heat_rates import add_loads
-from .stepper import AbstractStepper, RunState
+from .stepper import AbstractStepper, RunState, is_copied_fast
 
 
 class EulerStepper(AbstractStepper):
@@ -195,9 +195,12 @@ class RKL2Stepper(AbstractStepper):
             total = mu * (heat_last + brought) + nu * heat_before - a * mu * heat
             return pair[1], (new, total)
 
-        # Two stages per iteration exchange their buffers; one would copy them.
+        # Two stages per iteration exchange their buffers; one copies them.
         two_stages = lambda i, pair: stage(2 * i + 3, stage(2 * i + 2, pair))
-        pair = jax.lax.fori_loop(0, pairs, two_stages, first)
+        if is_copied_fast(theta):
+            pair = jax.lax.fori_loop(2, 2 * pairs + 2, stage, first)
+        else:
+            pair = jax.lax.fori_loop(0, pairs, two_stages, first)
         if self._is_fixed and self.stages % 2 == 0:
             pair = stage(self.stages, pair)
         end, total = pair[1]

@@ -68,6 +68,16 @@ class AbstractStepper(Module):
         """Return the state one step later, with the ledger updated."""
 
 
+_FEW_VALUES = 2**16
+"""Size of a state that the caches of a core hold: a copy of it takes a twentieth of a
+step, and to compile a step several times half a second."""
+
+
+def is_copied_fast(theta: State) -> bool:
+    """Tell whether a loop rather copies temperatures than takes two steps a turn."""
+    return sum(values.size for values in jax.tree.leaves(theta)) <= _FEW_VALUES
+
+
 # What XLA starts as one graph on a GPU: WHILE is not among its own choice, so that the
 # host is asked after each turn whether the loop goes on, half of a short step.
 _GRAPHS = {
@@ -127,7 +137,7 @@ def advance(
             kind="checkpointed",
             checkpoints=checkpoints,
         )[0]
-    if not stepper.two_buffers:
+    if not stepper.two_buffers or is_copied_fast(state.theta):
         return jax.lax.fori_loop(0, steps, one_step, state)
     # Two steps per iteration write to a second buffer and back; with one, XLA copies
     # the state to where the loop expects it, a third of the time of an explicit step.

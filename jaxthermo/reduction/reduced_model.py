@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import precision, product
+from ..arrays import device_array, precision, product
 from ..errors import InputError
 from ..integrate.run.solution_file import StoredSolution
 from ..integrate.stepper import just_before
@@ -47,10 +47,8 @@ class _Function(Module):
     drive: Float[Array, "m k"]
     """B."""
     start: Float[Array, " m"]
-    output: Float[Array, "s m"]
-    """C."""
-    direct: Float[Array, "s k"]
-    """D."""
+    outputs: Float[Array, "m+k s"]
+    """C and D in rows, each of which is read in one pass."""
     reference: Float[Array, " s"]
     """[K]"""
     plan: Schedule
@@ -63,7 +61,7 @@ class _Function(Module):
         """
         modes = self.rates, self.drive, self.start
         state, load = traced_run(*modes, self.plan, amplitudes)
-        above = product(state, self.output.T) + product(load, self.direct.T)
+        above = product(jnp.concatenate([state, load], axis=1), self.outputs)
         # The reference is added last: differences keep their digits in float32.
         return self.reference[None] + above
 
@@ -235,14 +233,16 @@ class ReducedModel:
     ) -> _Function:
         chosen = self.knots if knots is None else tuple(map(float, knots))
         saves = self.times if times is None else tuple(map(float, times))
-        plan = schedule(chosen, saves)
-        with precision(self.dtype):
-            array = lambda values: jnp.asarray(values, self.dtype)
-            return _Function(
-                *map(array, (self.rates, self.drive, self.start, self.output)),
-                *map(array, (self.direct, self.reference)),
-                plan=plan,
-            )
+        return _Function(*self._arrays, plan=schedule(chosen, saves))
+
+    @cached_property
+    def _arrays(self) -> tuple[Array, ...]:
+        """Arrays that a run reads, on the device."""
+        outputs = np.concatenate([self.output.T, self.direct.T])
+        given = self.rates, self.drive, self.start, outputs, self.reference
+        # Kept: not those of a function that is being traced.
+        with precision(self.dtype), jax.ensure_compile_time_eval():
+            return tuple(device_array(values, self.dtype) for values in given)
 
 
 def knots_of(t1: float, events: Iterable[float], varies: bool) -> tuple[float, ...]:

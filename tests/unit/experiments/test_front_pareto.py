@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
+from experiments.front.comparisons import pairs
 from experiments.front.pareto import (
     Point,
     Spread,
@@ -14,6 +15,7 @@ from experiments.front.pareto import (
     points_of,
     rivals_of,
 )
+from experiments.front.rivals import TWELVE_STEPS
 from experiments.front.wording import sentence, structure_words
 from tests.front_rows import error, row, time
 
@@ -70,8 +72,8 @@ def test_the_front_leaves_out_beaten_and_untimed_choices():
 
 
 @given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5)), min_size=1))
-def test_every_row_is_on_the_front_or_beaten_by_one_that_is(pairs):
-    values = np.array(pairs, float)
+def test_every_row_is_on_the_front_or_beaten_by_one_that_is(both):
+    values = np.array(both, float)
     chosen = non_dominated(values)
     best = values[chosen]
     for value, is_best in zip(values, chosen, strict=True):
@@ -90,6 +92,16 @@ def test_rivals_have_offline_times_of_their_own():
     assert (found.name, found.offline_s) == ("reduced model, vectors 20", 11.0)
     assert found.time == Spread(1e-3, 1e-3, 1e-3)
     assert not rivals_of(rows[:1], {"+x", "-z"})
+
+
+def test_twelve_steps_are_timed_beside_the_nearer_choice_and_the_nearer_model():
+    choices = [point(1.9, 0.006, "x4"), point(2.6, 0.002, "x8"), point(0.7, 0.1, "x2")]
+    models = [point(2.0, 5e-4, "3 vectors"), point(3.0, 1e-4, "1 vector")]
+    rivals = [point(2.34, 1.0, TWELVE_STEPS.name), point(0.6, 2.0, "numba RKL2")]
+    found = pairs(choices, rivals, (3.0,), models)
+    beside = [each for each in found if each.rival is rivals[0] and each.tolerance < 3]
+    assert [each.choice.name for each in beside][:2] == ["x4", "3 vectors"]
+    assert {each.tolerance for each in beside[:2]} == {2.34}
 
 
 @pytest.mark.parametrize(

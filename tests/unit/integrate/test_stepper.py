@@ -1,4 +1,4 @@
-"""Reverse mode of many steps, whatever of them it keeps."""
+"""Loops over steps: two a turn, and reverse mode whatever of the steps it keeps."""
 
 import jax
 import jax.numpy as jnp
@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
+from jaxthermo.integrate import stepper as module
 from jaxthermo.integrate.run.plan import initial_state, plan_run
 from jaxthermo.integrate.stepper import advance
 from tests.bodies import blocks
 
 
-STEPS, DT = 5, 0.5
+STEPS, DT = 3, 0.5
 
 
 @pytest.fixture(scope="module")
@@ -86,6 +87,35 @@ def test_forward_mode_is_reverse_mode(value):
     run = lambda v: value(v, _kept(None))
     found = jax.jit(jax.jacfwd(run))(VALUES)
     np.testing.assert_allclose(found, jax.jit(jax.grad(run))(VALUES), rtol=1e-11)
+
+
+@pytest.mark.parametrize(
+    "solver",
+    [jt.ForwardEuler(dt=DT), jt.SuperTimeStepping(dt=STEPS * DT, stages=7)],
+    ids=type,
+)
+def test_two_steps_a_turn_are_one_after_the_other(monkeypatch, solver):
+    """Large states exchange two buffers, small ones are copied after each step."""
+    structure = jt.FullVolume(blocks(np.ones((3, 2, 2), bool), 0.01))
+    material = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.7)
+    body = jt.Body(structure, material, temperature=350.0)
+    scene = jt.Scene((body,), (jt.Surroundings(290.0),), dtype="float64")
+    plan = plan_run(scene, STEPS * DT, None, solver)
+    start, begin, dt = initial_state(plan), jnp.array(0.0), jnp.array(DT)
+    found = []
+    for few in (module._FEW_VALUES, 0):
+        monkeypatch.setattr(module, "_FEW_VALUES", few)
+        # A function of its own: one program for both would be found again.
+        end = jax.jit(
+            lambda state, n: advance(
+                plan.stepper, plan.compiled.program, state, begin, dt, n
+            )
+        )(start, jnp.array(STEPS))
+        found.append(end)
+    copied, exchanged = found
+    assert np.ptp(copied.theta[0]) > 0.01
+    np.testing.assert_allclose(copied.theta[0], exchanged.theta[0], rtol=1e-13)
+    np.testing.assert_allclose(copied.ledger.heat, exchanged.ledger.heat, rtol=1e-12)
 
 
 def test_one_state_a_step_is_kept():
