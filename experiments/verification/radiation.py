@@ -227,9 +227,10 @@ def _apparent() -> tuple[Value, ...]:
     grey, listed = conductor(1.0, 0.91), 296.4424
     scene = single(bar(2, 0.1).grid, grey, 300.0, jt.Surroundings(250.0))
     camera = jt.Camera((1.0, -1.0, 0.5), (0.0, 0.0, 0.0), width=64, height=48)
-    # The frame is in double precision, and so is what is computed from it.
+    # The frame is in double precision, and so is what is computed from it. The listed
+    # temperature is that of the radiation of all wavelengths.
     with precision("float64"):
-        image = jt.render(jt.simulate(scene, 0.0, [0.0]), camera)
+        image = jt.render(jt.simulate(scene, 0.0, [0.0]), camera, band=None)
         seen = np.asarray(image.apparent_temperature)
     seen = seen[np.asarray(image.object_id) == 0]
     worst = float(seen[np.argmax(np.abs(seen - listed))])

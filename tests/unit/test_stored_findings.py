@@ -243,6 +243,9 @@ def test_the_least_recently_used_go_first(folder, monkeypatch):
     assert len(list(folder.iterdir())) == 3
 
 
+# By default every kind of search is tested by itself.
+@pytest.mark.slow
+@pytest.mark.slice
 def test_a_scene_has_the_same_surface_with_and_without(folder, monkeypatch):
     """Every search of a scene, found, read again, and with the cache off."""
 

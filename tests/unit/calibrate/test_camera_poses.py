@@ -72,6 +72,9 @@ def rows(problem):
     return jax.jit(lambda z, views: problem.residuals(z, tables, views)[0])
 
 
+# By default the derivative by a pose is that of frames, in test_pose_derivative.
+@pytest.mark.slow
+@pytest.mark.slice
 def test_residuals_have_the_slopes_of_frames_rendered_again(problem, rows):
     """Along two ways, of properties and of the pose, to 1e-6 of the largest."""
     z = np.asarray(problem.start())

@@ -114,6 +114,9 @@ def test_the_heat_of_a_body_is_what_the_fluid_gains(round_body):
     assert rates[-1] > 0
 
 
+# Ten seconds, of which six compile the reverse mode: the only one of a flow.
+@pytest.mark.slow
+@pytest.mark.slice
 def test_gradients_by_speed_and_viscosity_are_right():
     @jax.jit
     @jax.value_and_grad
