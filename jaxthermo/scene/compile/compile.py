@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import is_traced
+from ...arrays import added, is_traced, taken
 from ...findings import digest, found, on_device, searches_recorded
 from ...module import replaced
 from ...physics.radiation.irradiation import (
@@ -207,10 +207,10 @@ def _stable_step(
             continue
         total = network.diagonal() * network.max_relative_conductivity()
         for address, stiffness in loads:
-            total = total.at[address].add(stiffness)
+            total = added(total, address, stiffness)
         for address, _ in loads:
             capacity = network.capacity_at(address) * network.min_relative_capacity()
-            rates.append((total[address] / capacity).max())
+            rates.append((taken(total, address) / capacity).max())
     largest = jnp.stack(rates).max()
     return jnp.where(largest > 0, 1 / jnp.where(largest > 0, largest, 1), jnp.inf)
 
