@@ -302,15 +302,15 @@ def _balance(
 
     `uneven` are the nodes of bodies that start so.
     """
-    initial = observe(program, state, None)
-    # The row of the start, cut to length 0, has the shapes.
-    none: Observation = jax.tree.map(lambda a: a[None][:0], initial)
-    rows = none if saved is None else saved
-    if from_start:
-        prepend = lambda first, a: jnp.concatenate([first[None], a])
-        rows = jax.tree.map(prepend, initial, rows)
+    rows = saved
+    if from_start or rows is None:
+        # The row of the start; cut to length 0, it has the shapes.
+        initial = observe(program, state, None)
+        start = jax.tree.map(lambda a: a[None][: int(from_start)], initial)
+        join = lambda *parts: jnp.concatenate(parts)
+        rows = start if rows is None else jax.tree.map(join, start, rows)
     # The ledger starts at 0, stored heat at that of the initial state.
-    stored = rows.stored_heat - initial.stored_heat[None]
+    stored = rows.stored_heat - program.stored_heat(state.theta)[None]
     ledger, heat = rows.ledger, _equalization_heat(program, state.theta, uneven)
     energy = energies(program.entries, stored, ledger.heat, ledger.moved, heat)
     statistics = None

@@ -312,16 +312,16 @@ def observe(
                 before = values[body]
                 values[body] = own if before is None else before + own
     above = program.surface_temperatures(state.theta, time, by_contacts)
-    surface, mean, stored = [], [], []
+    surface, mean = [], []
     for body, theta, here in zip(program.bodies, state.theta, above, strict=True):
         # The reference is added last: differences keep their digits in float32.
         surface.append(body.reference + here)
         network = body.network
         heat = network.stored(network.temperature(theta)) / network.total_capacity()
         mean.append(body.reference + heat)
-        stored.append(network.stored(theta))
     # Stored, and its minimum is that of what was stored.
-    temperature, heat = computed_once(jnp.concatenate(surface)), jnp.stack(stored)
+    temperature = computed_once(jnp.concatenate(surface))
+    heat = program.stored_heat(state.theta)
     # The adaptive stepper keeps its statistics beside the controller's memory.
     solver_state = state.solver_state
     if not isinstance(solver_state, SolverStatistics | None):

@@ -125,6 +125,11 @@ class Program(Module):
         """Temperatures from which the states count [K]."""
         return tuple(body.reference for body in self.bodies)
 
+    def stored_heat(self, states: State) -> Float[Array, " b"]:
+        """Heat of every body above its reference [J]."""
+        pairs = zip(self.bodies, states, strict=True)
+        return jnp.stack([body.network.stored(state) for body, state in pairs])
+
     def surface_temperatures(
         self,
         states: State,
