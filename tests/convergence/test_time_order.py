@@ -39,13 +39,18 @@ def _exact():
     return np.asarray(_run(jt.SuperTimeStepping(dt=0.5)).surface_temperature)
 
 
-# The implicit solvers share their stages; by default the one that is selected runs.
-LONG = ("BackwardEuler", "CrankNicolson")
+# The implicit solvers share their stages; in CI the one that is selected runs.
+_SLOW = [pytest.mark.slow]
+MARKS = {
+    "BackwardEuler": _SLOW,
+    "CrankNicolson": _SLOW,
+    "TRBDF2": [*_SLOW, pytest.mark.slice],
+}
 
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in ORDERS],
+    [pytest.param(name, marks=MARKS.get(name, [])) for name in ORDERS],
 )
 def test_the_error_falls_at_the_order(name):
     make, order = ORDERS[name]

@@ -39,10 +39,15 @@ def _is_the_truth(problem, fit):
     assert fit.loss < 1e-8 * fit.initial_loss
 
 
+# By default `calibrate fit` runs a whole fit, and its steps have tests of their own.
+@pytest.mark.slow
+@pytest.mark.slice
 def test_the_truth_is_found(problem, fit):
     _is_the_truth(problem, fit)
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_a_fit_ends_by_trials_from_an_exact_jacobian(fit):
     assert fit.ended == "converged"
     refreshes = [n for n, step in enumerate(fit.steps) if step.refresh]

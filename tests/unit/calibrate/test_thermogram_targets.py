@@ -55,6 +55,9 @@ def view(scene):
     return view_of(compile_scene(scene, 1, 1.0).surfaces, scene, CAMERA)
 
 
+# By default apparent temperatures have theirs, in test_render.
+@pytest.mark.slow
+@pytest.mark.slice
 def test_a_pixels_radiance_has_the_gradient_of_its_differences(scene, view):
     """By k, h, emissivity and a weight, to 1e-6 of the largest."""
     run = ParametricRun(SAVES)

@@ -44,7 +44,12 @@ def ball() -> tuple[jt.Scene, LinearBody]:
 
 # Without cut voxels there is less to get wrong.
 @pytest.mark.parametrize(
-    "cells", ["crossings", pytest.param("dominant_axis", marks=pytest.mark.slow)]
+    "cells",
+    [
+        # By default steps of RKL2 are those of the solver: they have more to get wrong.
+        pytest.param("crossings", marks=[pytest.mark.slow, pytest.mark.slice]),
+        pytest.param("dominant_axis", marks=pytest.mark.slow),
+    ],
 )
 def test_explicit_steps_are_those_of_forward_euler(ball, cells):
     made = ball[0] if cells == "crossings" else scene(cells)
@@ -64,6 +69,8 @@ def test_rkl2_steps_are_those_of_super_time_stepping(ball):
     assert run.steps == 6
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_conjugate_gradients_are_those_of_trbdf2(ball):
     made, body = ball
     # Its linear systems are solved to a residual, not to rounding.

@@ -75,6 +75,10 @@ def test_the_drag_of_a_body_is_the_force_on_the_fluid_in_a_steady_flow():
     np.testing.assert_allclose(read.force[-1], [force * fluid, 0.0], atol=1e-9)
 
 
+# By default the drag of a square is the force on the fluid, of a cylinder the one of
+# Schaefer and Turek.
+@pytest.mark.slow
+@pytest.mark.slice
 def test_a_cylinder_feels_the_same_force_wherever_cells_lie():
     """The interpolated surface; a mask of cells differs by its steps."""
     found = []
@@ -88,7 +92,10 @@ def test_a_cylinder_feels_the_same_force_wherever_cells_lie():
     assert found[0] == pytest.approx(found[1], rel=0.01) and found[0] > 0
 
 
-@pytest.mark.parametrize("round_body", [False, True])
+@pytest.mark.parametrize(
+    "round_body",
+    [pytest.param(False, marks=[pytest.mark.slow, pytest.mark.slice]), True],
+)
 def test_the_heat_of_a_body_is_what_the_fluid_gains(round_body):
     shape, cylinder = (14, 16), RoundBody((7.2, 6.9), 5.0)
     mask = cylinder.mask(shape) if round_body else square(shape, 5, 9)

@@ -72,7 +72,13 @@ def _strip(camera, surfaces, given):
     )
 
 
-@pytest.mark.parametrize("kind", CAMERAS)
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "pinhole",
+        pytest.param("orthographic", marks=[pytest.mark.slow, pytest.mark.slice]),
+    ],
+)
 def test_the_derivative_is_that_of_frames_rendered_again(surfaces, given, kind):
     """By all six numbers, to 1e-6 of the largest at each pixel that shows one face."""
     camera = CAMERAS[kind]

@@ -164,6 +164,9 @@ def test_heat_transfer_is_continuous_as_it_moves_out_of_the_wake():
     assert np.abs(np.diff(near)).max() < 3e-3
 
 
+# By default the wake is smooth in the Reynolds number, which a gust runs through.
+@pytest.mark.slow
+@pytest.mark.slice
 def test_a_gusty_wind_has_the_wake_of_each_moment():
     seen, count = behind(4.0), len(behind(4.0).area)
     top = speed_of(200.0)
