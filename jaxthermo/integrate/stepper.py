@@ -75,7 +75,10 @@ step, and to compile a step several times half a second."""
 
 def is_copied_fast(theta: State) -> bool:
     """Tell whether a loop rather copies temperatures than takes two steps a turn."""
-    return sum(values.size for values in jax.tree.leaves(theta)) <= _FEW_VALUES
+    # On a GPU a copy is a kernel more, however small it is.
+    on_host = jax.default_backend() == "cpu"
+    count = sum(values.size for values in jax.tree.leaves(theta))
+    return on_host and count <= _FEW_VALUES
 
 
 # What XLA starts as one graph on a GPU: WHILE is not among its own choice, so that the
