@@ -57,7 +57,7 @@ def error_against(
     row = lambda p, **more: _row(p, cost, error, scale) | more
     beaten = [row(p) for p in points if p not in best]
     chosen = [row(p, number=str(n)) for n, p in enumerate(best, 1)]
-    others = [row(p, rival=_kind(p)) for p in rivals]
+    others = [row(p, rival=p.kind) for p in rivals]
     marked = [{"cost": at * scale, "text": text} for text, at in marks]
     every = [*beaten, *chosen, *others]
     across = LogAxis([r["cost"] for r in (*every, *marked)], label)
@@ -96,10 +96,6 @@ def _row(point: Point, cost: Cost, error: Measure, scale: float) -> dict[str, An
 
 def _label(point: Point) -> str:
     return str(next(iter(point.choice.values()), ""))
-
-
-def _kind(rival: Point) -> str:
-    return rival.name.split(",")[0]
 
 
 def _data(rows: list[dict[str, Any]]) -> alt.Chart:

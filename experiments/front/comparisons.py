@@ -89,19 +89,19 @@ def pairs(
     fastest reduced model that are not farther from the truth than this. Reduced models
     are timed at each tolerance.
     """
-    kinds = list(dict.fromkeys(rival.name.split(",")[0] for rival in rivals))
+    kinds = list(dict.fromkeys(rival.kind for rival in rivals))
     found = []
     for tolerance in tolerances:
         choice = fastest_within(points, tolerance)
         if choice is None:
             continue
         for kind in kinds:
-            own = [rival for rival in rivals if rival.name.split(",")[0] == kind]
+            own = [rival for rival in rivals if rival.kind == kind]
             rival = fastest_within(own, tolerance)
             if rival is not None and kind != TWELVE_STEPS.name:
                 found.append(Pair(tolerance, choice, rival))
     for rival in rivals:
-        if rival.name.split(",")[0] != TWELVE_STEPS.name:
+        if rival.kind != TWELVE_STEPS.name:
             continue
         error = rival.errors["rms_percent"]
         nearer = (fastest_within(each, error) for each in (points, models))
@@ -154,7 +154,7 @@ def time_pairs(
             for n in numbers:
                 rival = pairs[n].rival
                 log(f"timing {pairs[n].choice.name} beside {rival.name}, {load}")
-                setting = rivals.setting(rival.name.split(",")[0], rival.choice)
+                setting = rivals.setting(rival.kind, rival.choice)
                 calls: dict[str, Call] = {
                     "choice": loop,
                     "rival": rivals.run(setting, load).call,

@@ -75,6 +75,11 @@ class Point:
     """File of a reduced model by load, in the folder of the sweep."""
 
     @property
+    def kind(self) -> str:
+        """Name that rivals share, whatever their voxels and steps."""
+        return self.name.split(",")[0]
+
+    @property
     def time_s(self) -> float | None:
         """Median run time [s]."""
         return None if self.time is None else self.time.median

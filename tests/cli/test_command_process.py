@@ -49,6 +49,18 @@ sys.exit(", ".join(n for n in ("jax", "trimesh", "colour") if n in sys.modules) 
     assert len(done.stdout.splitlines()) == 2
 
 
+def test_common_units_are_read_without_pint():
+    code = """
+import sys
+from jaxthermo.config.types.quantities import LENGTH, TEMPERATURE, to_si
+to_si("3 mm", LENGTH)
+to_si("20 degC", TEMPERATURE)
+sys.exit("pint" in sys.modules)
+"""
+    done = _run("-c", code)
+    assert done.returncode == 0, done.stderr
+
+
 def test_module_runs_and_a_mistake_has_no_traceback():
     done = _run("-m", "jaxthermo", "example", "nowhere")
     assert done.returncode == 2

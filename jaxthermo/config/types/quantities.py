@@ -145,11 +145,11 @@ def _converted(number: float, given: str, text: str, unit: Unit) -> float:
     if unit is TEMPERATURE and given in _CELSIUS:
         return number + ZERO_CELSIUS
     # By name: to import pint and to read its units takes longer than a small config.
-    pint = importlib.import_module("jaxthermo.config.types.pint_units")
+    others = importlib.import_module("jaxthermo.config.types.pint_units")
     try:
         # Only a temperature is affine; in W/(m^2 degC) the degree is a difference.
-        return pint.converted(number, given, unit.symbol, affine=unit is TEMPERATURE)
-    except pint.UnknownUnitError as error:
+        return others.converted(number, given, unit.symbol, affine=unit is TEMPERATURE)
+    except others.UnknownUnitError as error:
         raise InputError(
             f"{_expected(text, unit)} (unknown unit {quoted(given)})"
         ) from error

@@ -12,7 +12,7 @@ from jaxthermo.integrate.stepper import advance
 from tests.bodies import blocks
 
 
-STEPS, DT = 3, 0.5
+STEPS, DT = 5, 0.5
 
 
 @pytest.fixture(scope="module")
