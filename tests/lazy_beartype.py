@@ -5,6 +5,7 @@ on import takes longer than all other imports together.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 from beartype import beartype
 
@@ -16,7 +17,16 @@ def checked_when_called(function: Callable) -> Callable:
     def check(*arguments, **named):
         nonlocal checked
         if checked is None:
-            checked = beartype(function)
+            checked = beartype(_value_alone(function))
         return checked(*arguments, **named)
 
     return check
+
+
+def _value_alone(function: Callable) -> Callable:
+    # Jaxtyping has arguments checked before a call, by a function that returns Any, and
+    # again with the value: by then the sizes that they have in common are known.
+    value = function.__annotations__.get("return", Any)
+    if value is not Any:
+        function.__annotations__ = {"return": value}
+    return function

@@ -160,7 +160,7 @@ def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolutio
         run=RunSummary(
             steps=0,
             dt=None,
-            stable_step=compiled.receipt.stable_step_s,
+            stable_step=None,
             solver="steady",
             statistics=statistics,
         ),

@@ -12,6 +12,7 @@ state, which is singular for a part that loses no heat. What else its solves nee
 made once per run, see `ImplicitContext`.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -22,7 +23,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ...arrays import device_array
+from ...arrays import device_array, is_traced
 from ...errors import InputError
 from ...geometry.mesh import connected_labels
 from ...module import Module
@@ -114,6 +115,14 @@ def arranged_for_solves(scene: Scene) -> Scene:
     return replace(scene, bodies=bodies)
 
 
+def _is_long(max_dt: float, compiled: Compiled) -> bool:
+    # Infinite for a steady state, of which nobody needs the stable step.
+    limit = None if math.isinf(max_dt) else compiled.stable_step
+    if limit is None or is_traced(limit):
+        return True
+    return max_dt > MULTIGRID_STEP_RATIO * float(limit)
+
+
 def implicit_context(
     scene: Scene,
     compiled: Compiled,
@@ -130,8 +139,7 @@ def implicit_context(
                 "not symmetric and cannot be solved for: simulate() it, with "
                 "ForwardEuler() or SuperTimeStepping(), or set non_orthogonal to 0"
             )
-    stable_step = compiled.receipt.stable_step_s
-    multigrid = stable_step is None or max_dt > MULTIGRID_STEP_RATIO * stable_step
+    multigrid = _is_long(max_dt, compiled)
     hierarchies: tuple[Hierarchy | None, ...] = tuple(
         hierarchy(body.structure, part.network)
         if multigrid and part.network.mesh is None

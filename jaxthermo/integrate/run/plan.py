@@ -196,8 +196,8 @@ def plan_run(
     arranged = scene if chosen is None else chosen.arranged(scene)
     method = ForwardEuler.method if chosen is None else chosen.method
     compiled = compile_scene(arranged, len(saves), t1, prune, method)
-    traced = is_traced(compiled.stable_step)
-    stable_step = None if traced else float(compiled.stable_step)
+    limit = compiled.stable_step
+    stable_step = None if is_traced(limit) else float(limit)
     reason, note = "as given", None
     if control is not None and not (control_error and t1 > 0):
         control = None

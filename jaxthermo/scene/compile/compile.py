@@ -9,12 +9,9 @@ and no operation in the program, and the receipt says why.
 from dataclasses import replace
 from functools import reduce
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
-from ...arrays import added, is_traced, taken
 from ...findings import digest, found, on_device, searches_recorded
 from ...module import replaced
 from ...physics.radiation.irradiation import (
@@ -114,11 +111,7 @@ def _compile(
     # All that is known on the host goes to the device at once; the radiation stays: few
     # ask a solution for it.
     programs, hottest, solved = on_device((programs, hottest, solved))
-    # One step for all snapshots: the smallest.
-    limits = [_stable_step(each, hottest, end) for each in programs]
-    limit = limits[0] if len(limits) == 1 else jnp.stack(limits).min()
     mechanisms = dict.fromkeys(ledger.values())
-    finite = not is_traced(limit) and np.isfinite(limit)
     return Compiled(
         programs=programs,
         starts=starts,
@@ -126,8 +119,8 @@ def _compile(
         start=tuple(body.state for body in prepared),
         surfaces=solved,
         radiation=radiation,
-        stable_step=limit,
         hottest=hottest,
+        end=float(end),
         receipt=Receipt(
             included=("conduction", *mechanisms),
             parts=_parts(ledger, first),
@@ -151,8 +144,6 @@ def _compile(
             capacity_ratios=tuple(s.capacity_ratio for s in structures),
             dtype=scene.dtype,
             memory_bytes=memory,
-            # JSON has no infinity.
-            stable_step_s=float(limit) if finite else None,
         ),
     )
 
@@ -186,46 +177,6 @@ def _snapshot_times(scene: Scene, end: float) -> tuple[float, ...]:
         if term.moves:
             times |= {t for t in term.snapshot_times(end) if 0 < t < end}
     return tuple(sorted(times))
-
-
-@eqx.filter_jit
-def _stable_step(
-    program: Program, highest: Float[Array, ""], end: float
-) -> Float[Array, ""]:
-    """Largest stable explicit step, min C / (sum G + stiffness) [s]; or infinity.
-
-    `highest` is the temperature of any surface [K], `end` that of the run [s].
-    """
-    # Up to this step temperatures also stay within their bounds: every node's weight in
-    # its own next temperature is positive.
-    rates = []
-    for number, body in enumerate(program.bodies):
-        network = body.network
-        rates.append(network.max_rate())
-        loads = _stiffness(program, number, highest, end)
-        if not loads:
-            continue
-        total = network.diagonal() * network.max_relative_conductivity()
-        for address, stiffness in loads:
-            total = added(total, address, stiffness)
-        for address, _ in loads:
-            capacity = network.capacity_at(address) * network.min_relative_capacity()
-            rates.append((taken(total, address) / capacity).max())
-    largest = jnp.stack(rates).max()
-    return jnp.where(largest > 0, 1 / jnp.where(largest > 0, largest, 1), jnp.inf)
-
-
-def _stiffness(program: Program, number: int, highest, end):
-    """Addresses of a body's nodes, and the conductance that loads add there [W/K]."""
-    loads = []
-    if program.surface is not None:
-        relative = program.bodies[number].network.max_relative_conductivity()
-        loads = program.surface.stiffness(number, highest, end, relative)
-    for contact in program.contacts:
-        for side in (0, 1):
-            if contact.bodies[side] == number:
-                loads.append((contact.address[side], contact.stiffness(end)))
-    return loads
 
 
 def _radiation(

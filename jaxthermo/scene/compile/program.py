@@ -13,7 +13,7 @@ import numpy as np
 from jax.sharding import Mesh
 from jaxtyping import Array, Float, Int
 
-from ...arrays import Time, taken
+from ...arrays import Time, added, precision, taken
 from ...module import Module
 from ...network.network import AbstractNetwork, Address
 from ...parallel.lattice import spread, with_added
@@ -274,8 +274,6 @@ class Receipt:
     memory_bytes: int
     """Forecast of the peak of the run, see `forecast_memory`; the bodies' voxels and
     structures are there before."""
-    stable_step_s: float | None
-    """Largest explicit step; None where there is no limit, or none is known."""
     searches: tuple[str, ...] = ()
     """Searches in the geometry that were made; others are known from runs before."""
 
@@ -300,10 +298,10 @@ class Compiled(Module):
     surfaces: tuple[SolvedSurface, ...]
     radiation: SceneRadiation
     """Radiation that reaches the surfaces, absorbed or not."""
-    stable_step: Float[Array, ""]
-    """Largest explicit step [s]."""
     hottest: Float[Any, ""]
     """Upper bound of temperatures up to the end [K]."""
+    end: float = eqx.field(static=True)
+    """Time up to which that holds [s]."""
     receipt: Receipt = eqx.field(static=True)
 
     @property
@@ -316,6 +314,17 @@ class Compiled(Module):
     def program(self) -> Program:
         """The first one; the only one where nothing moves."""
         return self.programs[0]
+
+    @property
+    def stable_step(self) -> Float[Array, ""]:
+        """Largest explicit step that is stable [s]; infinite without a limit.
+
+        Found at each call, by a program of its own: few that compile a scene ask.
+        """
+        with precision(self.receipt.dtype):
+            # One step for all snapshots: the smallest.
+            steps = [_stable_step(p, self.hottest, self.end) for p in self.programs]
+            return steps[0] if len(steps) == 1 else jnp.stack(steps).min()
 
     def number_at(self, time: float) -> int:
         """Number of the program that is valid from a time on [s]."""
@@ -338,3 +347,43 @@ def _new_array(
 @partial(jax.jit, static_argnums=1)
 def _filled(value: Float[Any, ""], shape: tuple[int, ...]) -> Float[Array, "..."]:
     return jnp.broadcast_to(value, shape)
+
+
+@eqx.filter_jit
+def _stable_step(
+    program: Program, highest: Float[Array, ""], end: float
+) -> Float[Array, ""]:
+    """Largest stable explicit step, min C / (sum G + stiffness) [s]; or infinity.
+
+    `highest` is the temperature of any surface [K], `end` that of the run [s].
+    """
+    # Up to this step temperatures also stay within their bounds: every node's weight in
+    # its own next temperature is positive.
+    rates = []
+    for number, body in enumerate(program.bodies):
+        network = body.network
+        rates.append(network.max_rate())
+        loads = _stiffness(program, number, highest, end)
+        if not loads:
+            continue
+        total = network.diagonal() * network.max_relative_conductivity()
+        for address, stiffness in loads:
+            total = added(total, address, stiffness)
+        for address, _ in loads:
+            capacity = network.capacity_at(address) * network.min_relative_capacity()
+            rates.append((taken(total, address) / capacity).max())
+    largest = jnp.stack(rates).max()
+    return jnp.where(largest > 0, 1 / jnp.where(largest > 0, largest, 1), jnp.inf)
+
+
+def _stiffness(program: Program, number: int, highest, end):
+    """Addresses of a body's nodes, and the conductance that loads add there [W/K]."""
+    loads = []
+    if program.surface is not None:
+        relative = program.bodies[number].network.max_relative_conductivity()
+        loads = program.surface.stiffness(number, highest, end, relative)
+    for contact in program.contacts:
+        for side in (0, 1):
+            if contact.bodies[side] == number:
+                loads.append((contact.address[side], contact.stiffness(end)))
+    return loads
