@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 from calibrate.runs.case import Case
@@ -195,7 +195,7 @@ def model_loops(folder: Path, models: Mapping[str, str]) -> Iterator[tuple[str, 
 def model_loop(model: ReducedModel) -> Call:
     """Compiled run of a reduced model for the loads that it was made of."""
     with precision(model.dtype):
-        function = eqx.filter_jit(model.as_function())
+        function = jax.jit(model.as_function())
         amplitudes = jnp.asarray(model.amplitudes, model.dtype)
 
     def run() -> Any:
