@@ -87,6 +87,11 @@ def pytest_collection():
         gc.set_threshold(20_000, 20, 20)
 
 
+def pytest_sessionfinish() -> None:
+    """What is left ends with the process: nobody looks for garbage in it, either."""
+    gc.freeze()
+
+
 def _mesh_folders() -> list[Path]:
     named = os.environ.get("JAXTHERMO_MESHES")
     return [Path(named)] if named else [ROOT.parent / "shared" / "meshes"]
