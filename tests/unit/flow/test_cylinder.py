@@ -10,6 +10,7 @@ from flows import schaefer_turek, small_steady
 from polar_flow import PolarFlow, one_sided, polar_flow
 from scipy.ndimage import map_coordinates
 
+from jaxthermo.flow.flow import Fields
 from jaxthermo.flow.measures import (
     centreline,
     force_coefficient,
@@ -46,6 +47,9 @@ def steady_line(reynolds: float, at: np.ndarray) -> np.ndarray:
     return np.interp(at - 0.5, line.at, line.ratio)
 
 
+# Ten seconds. By default forces on a cylinder are those of test_boundaries.
+@pytest.mark.slow
+@pytest.mark.slice
 def test_the_steady_benchmark_of_schaefer_and_turek_on_a_coarse_lattice():
     run, _ = small_steady()
     assert steady_drag(run) == pytest.approx(5.5795, rel=0.05)
@@ -55,6 +59,8 @@ def test_the_steady_benchmark_of_schaefer_and_turek_on_a_coarse_lattice():
     assert np.isnan(strouhal(run))
 
 
+@pytest.mark.slow
+@pytest.mark.slice
 def test_a_run_reports_its_progress_and_samples():
     run, seen = small_steady()
     assert [p.steps for p in seen] == list(range(1500, 9001, 1500))
@@ -64,12 +70,20 @@ def test_a_run_reports_its_progress_and_samples():
 
 
 def test_the_frequency_of_a_known_lift():
-    run, _ = small_steady()
-    step = run.step[run.averaged]
-    lift = run.lift.copy()
-    lift[run.averaged] = 0.3 + np.sin(2 * np.pi * step / 130.0)
-    expected = 20 / (130.0 * 0.05)
-    assert strouhal(run._replace(lift=lift)) == pytest.approx(expected, rel=0.01)
+    step, none = np.arange(0, 9001, 18), jnp.zeros((1, 1))
+    fields = Fields(none, none, none, none, None)
+    run = FlowRun(
+        channel=schaefer_turek(20, 20.0, 0.05),
+        last=fields,
+        mean=fields,
+        link_heat=None,
+        step=step,
+        drag=np.ones(len(step)),
+        lift=0.3 + np.sin(2 * np.pi * step / 130.0),
+        heat=np.zeros(len(step)),
+        averaged=slice(50, None),
+    )
+    assert strouhal(run) == pytest.approx(20 / (130.0 * 0.05), rel=0.01)
 
 
 @pytest.mark.slow
