@@ -30,13 +30,10 @@ from jaxthermo.integrate.discretization_error import (
     DiscretizationError,
     discretization_error,
 )
+from jaxthermo.integrate.run.save_solution import save_solution
 from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.run.solution import RESULTS, Solution
-from jaxthermo.integrate.run.solution_file import (
-    StoredSolution,
-    load_solution,
-    save_solution,
-)
+from jaxthermo.integrate.run.solution_file import StoredSolution, load_solution
 from jaxthermo.integrate.run.surface_reading import surface_reading
 from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.integrate.truth_error import TruthError, truth_error

@@ -31,10 +31,10 @@ from jaxthermo.image.pose_derivative import (
 from jaxthermo.image.view import View, compute_view
 from jaxthermo.integrate.run.parametric_run import ParametricSolution
 from jaxthermo.integrate.run.solution import irradiance_at
-from jaxthermo.integrate.stepper import just_before
 from jaxthermo.integrate.surface_error import AnySolution, error_span
 from jaxthermo.physics.radiation.irradiation import Irradiance
 from jaxthermo.physics.term import AbstractTerm
+from jaxthermo.physics.time_varying import just_before
 from jaxthermo.scene.scene import Scene, SolvedSurface
 
 from .clusters import view_clusters

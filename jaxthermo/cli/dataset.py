@@ -25,8 +25,9 @@ from ..image.files import write_exr
 from ..image.image import Image, coarsen
 from ..image.raster_files import centikelvin, saturated_pixels
 from ..integrate.run.plan import plan_run
+from ..integrate.run.save_solution import save_solution
 from ..integrate.run.solution import RESULTS
-from ..integrate.run.solution_file import StoredSolution, load_solution, save_solution
+from ..integrate.run.solution_file import StoredSolution, load_solution
 from ..report.numbers import count
 from .console import count_bar, open_console, print_line, status
 from .dataset_plan import DatasetPlan, plan_dataset

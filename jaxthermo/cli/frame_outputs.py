@@ -31,10 +31,10 @@ from ..image.measurements import (
     names_of,
 )
 from ..image.ticks import time_label
+from ..report.columns import write_columns
 from ..report.frame_sheet import shown_on_sheet, tile_sheet
 from ..report.numbers import count
 from .frame_files import Frame
-from .summary import write_columns
 
 
 _MEASUREMENTS, _SHEET, _ANIMATION = "measurements", "contact_sheet", "animation"

@@ -22,9 +22,9 @@ from ..image.measurements import AbstractMeasurement, Isotherm, names_of
 from ..image.radiometry import apparent_temperature
 from ..image.view import View, at_time, kept_view
 from ..integrate.run.solution_file import StoredSolution, load_solution
-from ..integrate.stepper import just_before
 from ..physics.radiation.irradiation import Irradiance
 from ..physics.term import AbstractTerm
+from ..physics.time_varying import just_before
 from ..report.numbers import count
 from ..scene.scene import SolvedSurface
 from .console import open_console, print_line, status

@@ -23,8 +23,8 @@ from ..integrate.run.checkpoint import (
     save_checkpoint,
 )
 from ..integrate.run.plan import Plan, plan_run
+from ..integrate.run.save_solution import save_solution
 from ..integrate.run.solution import RESULTS, Solution
-from ..integrate.run.solution_file import save_solution
 from ..parallel.devices import provide_devices
 from ..parallel.meeting import Group
 from ..parallel.processes import (

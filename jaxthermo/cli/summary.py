@@ -1,16 +1,12 @@
 """Results of a run for other programs: `summary.json` and CSV files."""
 
-import csv
-import io
 import resource
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..atomic import replacing
 from ..config.loader import config_hash, resolved
 from ..config.schema.scene import SceneConfig
 from ..geometry.mesh import describe_mesh
@@ -18,6 +14,7 @@ from ..integrate.implicit.newton_stage import SolverStatistics
 from ..integrate.run.ledger import Energy
 from ..integrate.run.solution import RESULTS, Solution
 from ..provenance import provenance
+from ..report.columns import write_columns
 from ..scene.scene import Scene
 
 
@@ -155,18 +152,3 @@ def write_probes(path: Path, solution: Solution) -> None:
     names = [probe.name for probe in solution.probes]
     columns = dict(zip(names, _probe_columns(solution), strict=True))
     write_columns(path, np.asarray(solution.times, float).tolist(), columns)
-
-
-def write_columns(
-    path: Path, times: Sequence[float], columns: dict[str, np.ndarray]
-) -> None:
-    """Write columns of numbers at times [s] as CSV, in one step; NaN is left empty."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["time_s", *columns])
-    rows = zip(times, *columns.values(), strict=True)
-    # Nine digits tell all float32 numbers apart.
-    number = lambda value: "" if np.isnan(value) else f"{value:.9g}"
-    writer.writerows([number(value) for value in row] for row in rows)
-    with replacing(path) as temporary:
-        temporary.write_text(text.getvalue(), encoding="utf-8")

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float
 from PIL import Image as Pictures, ImageDraw
 from PIL.Image import Image as Picture
-from scipy.ndimage import binary_dilation, binary_erosion
 
 from ..errors import InputError
 from .canvas import FAINT, INK, PAPER, Layout, drawable
@@ -197,10 +197,12 @@ def _draw_outline(
     colour: tuple[int, int, int],
     layout: Layout,
 ) -> None:
+    # Scipy loads this part when it is first used: few frames have an isotherm.
+    ndimage = scipy.ndimage
     # A frame's border is no end of an isotherm.
-    core = binary_erosion(inside, iterations=layout.line + 1, border_value=1)
+    core = ndimage.binary_erosion(inside, iterations=layout.line + 1, border_value=1)
     edge = inside & np.logical_not(core)
-    rim = binary_dilation(inside, iterations=1) & ~inside
+    rim = ndimage.binary_dilation(inside, iterations=1) & ~inside
     for where, ink in ((rim, PAPER), (edge, colour)):
         mask = Pictures.fromarray(where.astype(np.uint8) * 255)
         picture.paste(ink, (0, 0), mask)

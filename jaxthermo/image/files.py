@@ -10,7 +10,6 @@ import numpy as np
 import OpenEXR
 from jaxtyping import Array, Bool, Float, UInt8
 from PIL.Image import Image as Picture
-from scipy.ndimage import binary_erosion
 
 from ..atomic import replacing
 from ..errors import InputError
@@ -218,6 +217,14 @@ def _colours(
     return averaged(colours, samples)
 
 
+def _without_silhouette(drawn: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+    """Pixels whose four neighbours are drawn as well."""
+    # In a fortieth of the time that it takes to import `scipy.ndimage` for it.
+    wide = np.pad(drawn, 1, constant_values=True)
+    beside = wide[:-2, 1:-1], wide[2:, 1:-1], wide[1:-1, :-2], wide[1:-1, 2:]
+    return np.logical_and.reduce((drawn, *beside))
+
+
 def picture(
     image: Image,
     low: float,
@@ -252,7 +259,7 @@ def picture(
     colours = _colours(kelvin, drawn, (low, high), palette, samples, gain)
     if samples == 1:
         # A coarsened pixel on the silhouette mixes the body with the background.
-        drawn = np.asarray(binary_erosion(drawn, iterations=1, border_value=1), bool)
+        drawn = _without_silhouette(drawn)
     return annotate(
         colours,
         low=low,

@@ -19,18 +19,8 @@ from .run.ledger import Ledger
 
 
 # How long before its end a step evaluates the loads of its end, so that they are those
-# from before an event: this fraction of the step, and at least so many roundings of
-# the time, without which the difference would vanish late in a float32 run.
-END_FRACTION, _END_ROUNDINGS = 1e-6, 8
-
-
-def just_before(time: Any, dtype: Any = None) -> Any:
-    """Return the time [s] at which loads are still those from before an event at it.
-
-    An array, or a number of the host for a run in `dtype`, where the two must differ.
-    """
-    dtype = time.dtype if dtype is None else dtype
-    return time - _END_ROUNDINGS * float(jnp.finfo(dtype).eps) * abs(time)
+# from before an event: this fraction of the step, and at least as `just_before`.
+END_FRACTION = 1e-6
 
 
 class RunState(Module):

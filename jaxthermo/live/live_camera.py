@@ -17,7 +17,7 @@ from ..image.effects.optics import Blur
 from ..image.frame_values import QUANTITIES
 from ..image.image import Image
 from ..image.view import at_time, kept_view
-from ..integrate.stepper import just_before
+from ..physics.time_varying import just_before
 from ..scene.scene import SolvedSurface
 from .shown import AbstractShown
 

@@ -34,9 +34,10 @@ from ..integrate.run.plan import (
 from ..integrate.run.segments import take_segment
 from ..integrate.run.solution import irradiance_at, observe
 from ..integrate.solvers import ForwardEuler, SuperTimeStepping
-from ..integrate.stepper import RunState, just_before
+from ..integrate.stepper import RunState
 from ..physics.radiation.irradiation import Irradiance
 from ..physics.term import AbstractTerm
+from ..physics.time_varying import just_before
 from ..scene.scene import Scene, SolvedSurface
 from .shown import AbstractShown, Curves
 

@@ -14,6 +14,10 @@ from ..errors import InputError, shortened
 from ..module import Module
 
 
+_EVENT_ROUNDINGS = 8
+"""Between a time and the one just before it."""
+
+
 def _as_array(numbers: Any) -> Any:
     # One array, so that jit sees values and not a list.
     if any(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(numbers)):
@@ -175,6 +179,16 @@ def check_temperature(value: Any, what: str, end: float | int | None = None) -> 
         f"{what}: {found:g} K is {side} {limit:g} K: give kelvin{hint}; if it is "
         "meant, Scene(..., allow_extreme_temperatures=True)"
     )
+
+
+def just_before(time: Any, dtype: Any = None) -> Any:
+    """Return the time [s] at which loads are still those from before an event at it.
+
+    An array, or a number of the host for a run in `dtype`, where the two must differ.
+    """
+    dtype = time.dtype if dtype is None else dtype
+    # By less, the difference would vanish late in a float32 run.
+    return time - _EVENT_ROUNDINGS * float(jnp.finfo(dtype).eps) * abs(time)
 
 
 def largest(value: Any, end: float | int) -> Any:

@@ -15,9 +15,14 @@ from jaxtyping import Array, Float
 from ..arrays import device_array, precision, product
 from ..errors import InputError
 from ..integrate.run.solution_file import StoredSolution
-from ..integrate.stepper import just_before
 from ..module import Module
-from ..physics.time_varying import SAMPLES, breakpoints, is_unknown_function, value_at
+from ..physics.time_varying import (
+    SAMPLES,
+    breakpoints,
+    is_unknown_function,
+    just_before,
+    value_at,
+)
 from ..scene.scene import Scene, SolvedSurface
 from .modal_run import Schedule, doubled, is_left, schedule, traced_run
 from .reduced_file import About, LoadRange, read_model, write_model

@@ -7,8 +7,8 @@ An opening narrower than a voxel may be closed in the voxels.
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from jaxtyping import Bool, Float, Int, Int32
-from scipy import ndimage
 
 from ..arrays import require_memory
 from .lattice import Lattice
@@ -91,7 +91,8 @@ def find_cavities(
     require_memory(_BYTES_PER_CELL * cells, "finding closed cavities", remedy)
     # A rim of empty voxels joins all that is outside.
     label = np.zeros([n + 2 for n in solid.shape], np.int32)
-    ndimage.label(np.pad(~solid, 1, constant_values=True), output=label)
+    # Scipy loads this part when it is first used, which for stored voxels it is not.
+    scipy.ndimage.label(np.pad(~solid, 1, constant_values=True), output=label)
     if label.max() < 2:
         return None
     # Plane by plane: copies would be the largest arrays of a run.

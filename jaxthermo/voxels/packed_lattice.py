@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Bool, Int, Shaped
-from scipy.ndimage import maximum_filter1d
 
 
 _COUNTS = (2, 3, 4, 6, 8, 10, 12, 14, 16, 20)
@@ -158,7 +158,7 @@ def _lowest_places(sizes: Int[np.ndarray, "n 2"], width: int) -> Int[np.ndarray,
     for n in np.lexsort((-sizes[:, 1], -sizes[:, 0])):
         height, across = sizes[n]
         # Of the windows to the right of each place.
-        under = maximum_filter1d(top, across, origin=-(across // 2))
+        under = scipy.ndimage.maximum_filter1d(top, across, origin=-(across // 2))
         left = int(under[: width - across + 1].argmin())
         corner[n] = under[left], left
         top[left : left + across] = under[left] + height

@@ -91,3 +91,14 @@ sys.exit(", ".join(name for name in {heavy!r} if name in sys.modules) or None)
 """
     done = _run("-c", code)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_frames_are_drawn_without_what_runs_a_scene():
+    code = """
+import sys
+import jaxthermo.cli.frames
+heavy = "jaxthermo.scene.compile", "jaxthermo.integrate.implicit", "scipy.ndimage"
+sys.exit(", ".join(name for name in heavy if name in sys.modules) or None)
+"""
+    done = _run("-c", code)
+    assert (done.returncode, done.stderr) == (0, "")

@@ -14,6 +14,7 @@ from ...arrays import is_traced
 from ...errors import InputError, require, shortened
 from ...findings import found, values_of
 from ...module import replaced
+from ...physics.time_varying import just_before
 from ...scene.compile.compile import compile_scene
 from ...scene.compile.memory import with_memory_of
 from ...scene.compile.on_devices import placed_on_devices
@@ -29,7 +30,7 @@ from ..solvers import (
     SuperTimeStepping,
     select_solver,
 )
-from ..stepper import AbstractStepper, RunState, just_before
+from ..stepper import AbstractStepper, RunState
 from .ledger import empty_ledger
 
 

@@ -19,10 +19,11 @@ from ...physics.radiation.irradiation import (
     SurfaceRadiation,
 )
 from ...physics.term import AbstractTerm
+from ...physics.time_varying import just_before
 from ...scene.compile.program import Program, Receipt
 from ...scene.scene import Probe, SolvedSurface, per_fragment
 from ..implicit.newton_stage import SolverStatistics
-from ..stepper import RunState, just_before
+from ..stepper import RunState
 from .heat_rates import pair_temperatures
 from .ledger import Energy, HeatRates, Ledger
 

@@ -2,26 +2,28 @@
 
 import json
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, UInt8
 
-from ...archive import read_archive, select_arrays, write_archive
+from ...archive import read_archive, select_arrays
 from ...errors import InputError
 from ...geometry.mesh import Pose
 from ...physics.radiation.irradiation import Irradiance
 from ...scene.motion import Motion, PoseTable
 from ...scene.scene import SURFACE_OUTPUTS, BodyGeometry, SolvedSurface
-from .solution import Solution
 
 
 FORMAT_VERSION = 5
 """Version of the file's layout; version 3 added the checksum, version 5 the radiation
 that reaches surfaces."""
 
-_KIND, _REMEDY = "solution", "run the simulation again"
+KIND = "solution"
+"""Name of the file in messages."""
+
+_REMEDY = "run the simulation again"
 
 
 class StoredSolution(NamedTuple):
@@ -61,8 +63,9 @@ class StoredSolution(NamedTuple):
         return StoredSolution(jnp.asarray(times), surface, self.surfaces)
 
 
-class _RunArrays(NamedTuple):
-    # The schema of what the file stores once; the energies of mechanisms are beside it.
+class RunArrays(NamedTuple):
+    """Arrays that a file stores once; the energies of mechanisms are beside them."""
+
     times: Float[np.ndarray, " t"]
     surface_temperature: Float[np.ndarray, "t s"]
     mean_temperature: Float[np.ndarray, "t b"]
@@ -105,48 +108,6 @@ class BodyArrays(NamedTuple):
 _GEOMETRY_FIELDS = BodyArrays._fields[:5]
 
 
-def save_solution(path: Path, solution: Solution) -> StoredSolution:
-    """Write a solution with its energies in one step; return what is read again.
-
-    Raises:
-        InputError: if the file cannot be written.
-    """
-    rows = [solution.irradiance(k) for k in range(len(solution.times))]
-    irradiance = Irradiance(
-        *(
-            np.stack([np.asarray(a) for a in column])
-            for column in zip(*rows, strict=True)
-        )
-    )
-    arrays: dict[str, Any] = {
-        name: getattr(solution, name) for name in _RunArrays._fields[:3]
-    }
-    arrays["irradiance"] = irradiance.thermal
-    arrays["irradiance_sources"] = irradiance.sources
-    arrays["source_spectrum"] = irradiance.spectrum
-    arrays["stored_J"] = solution.energy.stored_J
-    # What the scene asked for besides.
-    for name in (*SURFACE_OUTPUTS, "probe_temperature"):
-        if getattr(solution, name) is not None:
-            arrays[name] = getattr(solution, name)
-    if solution.probes:
-        arrays["probe_position"] = [probe.position for probe in solution.probes]
-    for name, heat in solution.energy.mechanisms.items():
-        arrays[f"energy_{name}_J"] = heat
-    for b, surface in enumerate(solution.surfaces):
-        stored = body_arrays(surface, np.asarray(solution.times, float))
-        for field, value in stored.present().items():
-            arrays[f"body{b}_{field}"] = value
-    write_archive(path, _KIND, FORMAT_VERSION, arrays)
-    return StoredSolution(
-        solution.times,
-        solution.surface_temperature,
-        solution.surfaces,
-        irradiance,
-        *(getattr(solution, name) for name in SURFACE_OUTPUTS),
-    )
-
-
 def body_arrays(surface: SolvedSurface, saved: Float[np.ndarray, " t"]) -> BodyArrays:
     """The surface of a body as arrays; with a pose for each saved time if it moves."""
     geometry = surface.geometry
@@ -169,7 +130,7 @@ def body_arrays(surface: SolvedSurface, saved: Float[np.ndarray, " t"]) -> BodyA
 
 
 def load_solution(path: Path) -> StoredSolution:
-    """Read a file of `save_solution`.
+    """Read a file that `save_solution` wrote.
 
     Raises:
         InputError: if it is missing, damaged, or of another version.
@@ -178,7 +139,7 @@ def load_solution(path: Path) -> StoredSolution:
         raise InputError(
             f"{path}: no such file; `jaxthermo simulate` makes it when a run is done"
         )
-    arrays = read_archive(path, _KIND, FORMAT_VERSION, _REMEDY)
+    arrays = read_archive(path, KIND, FORMAT_VERSION, _REMEDY)
     try:
         return _stored_solution(arrays)
     except InputError as error:
@@ -186,7 +147,7 @@ def load_solution(path: Path) -> StoredSolution:
 
 
 def _stored_solution(arrays: dict[str, np.ndarray]) -> StoredSolution:
-    run = select_arrays(_RunArrays, arrays)
+    run = select_arrays(RunArrays, arrays)
     # Each body stores one pitch.
     count = sum(name.endswith("_pitch") for name in arrays)
     bodies = [select_arrays(BodyArrays, arrays, f"body{b}_") for b in range(count)]
@@ -206,11 +167,9 @@ def _stored_solution(arrays: dict[str, np.ndarray]) -> StoredSolution:
     return StoredSolution(*temperatures, surfaces, Irradiance(*irradiance), *outputs)
 
 
-def _check_energies(
-    arrays: dict[str, np.ndarray], run: _RunArrays, bodies: int
-) -> None:
+def _check_energies(arrays: dict[str, np.ndarray], run: RunArrays, bodies: int) -> None:
     # The energies have the names of the scene's mechanisms; nothing else is left.
-    known = set(_RunArrays._fields)
+    known = set(RunArrays._fields)
     known |= {f"body{b}_{name}" for b in range(bodies) for name in BodyArrays._fields}
     for name in arrays.keys() - known:
         if not (name.startswith("energy_") and name.endswith("_J")):

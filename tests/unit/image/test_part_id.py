@@ -9,7 +9,8 @@ import jaxthermo as jt
 from jaxthermo.image.files import read_exr
 from jaxthermo.image.image import coarsen
 from jaxthermo.image.view import compute_view
-from jaxthermo.integrate.run.solution_file import load_solution, save_solution
+from jaxthermo.integrate.run.save_solution import save_solution
+from jaxthermo.integrate.run.solution_file import load_solution
 
 
 CAMERA = jt.OrthographicCamera(

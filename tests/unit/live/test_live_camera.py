@@ -8,7 +8,8 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.config.loader import load_config
 from jaxthermo.config.types.model import build
-from jaxthermo.integrate.run.solution_file import load_solution, save_solution
+from jaxthermo.integrate.run.save_solution import save_solution
+from jaxthermo.integrate.run.solution_file import load_solution
 from jaxthermo.live.live_camera import LiveCamera
 from jaxthermo.live.playback import Playback
 

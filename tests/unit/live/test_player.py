@@ -6,7 +6,8 @@ from scipy.sparse import csr_array
 
 import jaxthermo as jt
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.run.solution_file import load_solution, save_solution
+from jaxthermo.integrate.run.save_solution import save_solution
+from jaxthermo.integrate.run.solution_file import load_solution
 from jaxthermo.live.playback import Playback
 from jaxthermo.live.player import Player
 from tests.bodies import blocks

@@ -1,0 +1,25 @@
+"""Columns of numbers over time, as CSV."""
+
+import csv
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..atomic import replacing
+
+
+def write_columns(
+    path: Path, times: Sequence[float], columns: dict[str, np.ndarray]
+) -> None:
+    """Write columns of numbers at times [s] as CSV, in one step; NaN is left empty."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["time_s", *columns])
+    rows = zip(times, *columns.values(), strict=True)
+    # Nine digits tell all float32 numbers apart.
+    number = lambda value: "" if np.isnan(value) else f"{value:.9g}"
+    writer.writerows([number(value) for value in row] for row in rows)
+    with replacing(path) as temporary:
+        temporary.write_text(text.getvalue(), encoding="utf-8")
