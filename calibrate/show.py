@@ -6,7 +6,7 @@ from typing import Any
 from rich.console import Console
 
 from jaxthermo.cli.console import open_console, print_line
-from jaxthermo.config.card_file import load_card
+from jaxthermo.config.card_content import card_summary
 from jaxthermo.config.shipped_cards import shipped_cards
 from jaxthermo.errors import InputError
 
@@ -35,7 +35,7 @@ def show(folder: Path | None, shipped: bool) -> None:
     if folder is not None:
         print_fit(console, read_fit(folder / "fit.json"))
         return
-    found = {name: load_card(path) for name, path in shipped_cards().items()}
+    found = {name: card_summary(path) for name, path in shipped_cards().items()}
     if found:
         console.print(card_table(found).rich())
         console.print(range_table(found).rich())

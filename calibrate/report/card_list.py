@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from jaxthermo.config.shipped_cards import SCHEME
 from jaxthermo.report.numbers import padded
 from jaxthermo.report.table import Cell, Table
-from jaxthermo.structures.weights import FitCard
+from jaxthermo.structures.card import AbstractCard
 
 
 _NUMBERS = {
@@ -17,7 +17,7 @@ _NUMBERS = {
 _DASH = "\N{EN DASH}"
 
 
-def card_table(cards: Mapping[str, FitCard]) -> Table:
+def card_table(cards: Mapping[str, AbstractCard]) -> Table:
     """A row for each card by its name: structure, errors and that of their reference.
 
     Errors are in kelvin against finer voxels where the fit had them.
@@ -35,7 +35,7 @@ def card_table(cards: Mapping[str, FitCard]) -> Table:
     return Table(columns, rows, left=(0, 1))
 
 
-def range_table(cards: Mapping[str, FitCard]) -> Table:
+def range_table(cards: Mapping[str, AbstractCard]) -> Table:
     """A row for each geometry with surface cells and ranges, which its cards share."""
     rows = (
         (
@@ -49,7 +49,7 @@ def range_table(cards: Mapping[str, FitCard]) -> Table:
     return Table(columns, list(dict.fromkeys(rows)), left=(0, 1))
 
 
-def about_cards(cards: Mapping[str, FitCard]) -> list[str]:
+def about_cards(cards: Mapping[str, AbstractCard]) -> list[str]:
     """Sentences on what the table of cards has, and how they were made."""
     if not cards:
         return ["No cards are part of this package."]
@@ -69,7 +69,7 @@ def about_cards(cards: Mapping[str, FitCard]) -> list[str]:
     ]
 
 
-def card_words(card: FitCard) -> str:
+def card_words(card: AbstractCard) -> str:
     """Errors of a card in words."""
     groups = (("train", "error fitted to:"), ("held_out", "held out:"))
     return ", ".join(
@@ -79,13 +79,13 @@ def card_words(card: FitCard) -> str:
     )
 
 
-def _structure_words(card: FitCard) -> str:
+def _structure_words(card: AbstractCard) -> str:
     # Counts tell structures of one kind apart; the card has the other options.
     counts = (f"{k} {v}" for k, v in card.structure.items() if isinstance(v, int))
     return ", ".join([str(card.structure["kind"]), *counts])
 
 
-def _error_cell(card: FitCard, group: str) -> str | Cell:
+def _error_cell(card: AbstractCard, group: str) -> str | Cell:
     both = _errors(card).get(group)
     if both is None:
         return _DASH
@@ -93,7 +93,7 @@ def _error_cell(card: FitCard, group: str) -> str | Cell:
     return Cell(_error_words(card, group) + (", more" if worse else ""), not worse)
 
 
-def _error_words(card: FitCard, group: str) -> str:
+def _error_words(card: AbstractCard, group: str) -> str:
     both = _errors(card).get(group)
     if both is None:
         return _DASH
@@ -101,16 +101,16 @@ def _error_words(card: FitCard, group: str) -> str:
     return f"{numbers} {'K' if card.error_kelvin else '%'}"
 
 
-def _errors(card: FitCard) -> Mapping[str, Mapping[str, float]]:
+def _errors(card: AbstractCard) -> Mapping[str, Mapping[str, float]]:
     return card.error_kelvin or card.error_percent
 
 
-def _reference_words(card: FitCard) -> str:
+def _reference_words(card: AbstractCard) -> str:
     found = [both["reference"] for both in card.error_kelvin.values()]
     return f"{padded(max(found))} K" if found else _DASH
 
 
-def _range(card: FitCard, name: str) -> str:
+def _range(card: AbstractCard, name: str) -> str:
     if name not in card.ranges:
         return _DASH
     # Two digits, so that the table fits a terminal; those beyond are in the card.

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxthermo.arrays import readable_bytes
 from jaxthermo.errors import InputError
+from jaxthermo.host_memory import readable_bytes
 from jaxthermo.report import page
 from jaxthermo.report.chart import Chart, chart_svg
 from jaxthermo.report.numbers import padded

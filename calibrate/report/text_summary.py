@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from jaxthermo.arrays import readable_bytes
+from jaxthermo.host_memory import readable_bytes
 from jaxthermo.report.numbers import count, is_finite, padded
 from jaxthermo.report.table import Cell, Table
 

@@ -14,8 +14,8 @@ from contextlib import contextmanager
 from functools import partial
 from typing import Any, NamedTuple
 
-from jaxthermo.arrays import available_bytes
 from jaxthermo.errors import InputError
+from jaxthermo.host_memory import available_bytes
 
 from ..problem.reference import program_hash
 from .case import Case

@@ -21,7 +21,7 @@ import jax
 import jax.numpy as jnp
 
 import jaxthermo as jt
-from jaxthermo.arrays import readable_bytes
+from jaxthermo.host_memory import readable_bytes
 from jaxthermo.integrate.explicit import RKL2Stepper
 from jaxthermo.integrate.run.plan import Plan, initial_state, plan_run
 from jaxthermo.integrate.run.segments import begin_run, run_segments

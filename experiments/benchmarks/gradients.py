@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxthermo as jt
-from jaxthermo.arrays import readable_bytes
+from jaxthermo.host_memory import readable_bytes
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import END, HEIGHT, START, thesis_meshes

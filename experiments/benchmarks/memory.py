@@ -23,8 +23,8 @@ import jax
 import numpy as np
 
 import jaxthermo as jt
-from jaxthermo.arrays import readable_bytes
 from jaxthermo.errors import InputError
+from jaxthermo.host_memory import readable_bytes
 from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.run.simulate import run_plan
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from calibrate.runs.truth import Truth
-from jaxthermo.arrays import readable_bytes
+from jaxthermo.host_memory import readable_bytes
 from jaxthermo.report import page
 from jaxthermo.report.numbers import padded, seconds
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from jaxthermo.arrays import readable_bytes
 from jaxthermo.atomic import replacing
+from jaxthermo.host_memory import readable_bytes
 from jaxthermo.report import page
 from jaxthermo.report.chart import write_chart
 from jaxthermo.report.numbers import seconds, significant

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from ..arrays import readable_bytes
 from ..constants import ZERO_CELSIUS
 from ..geometry.mesh import mesh_summary
+from ..host_memory import readable_bytes
 from ..image.ticks import time_label
 from ..integrate.implicit.adaptive import AdaptiveStepper
 from ..integrate.run.plan import Plan

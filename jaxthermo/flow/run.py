@@ -9,8 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..arrays import precision, require_memory
+from ..arrays import precision
 from ..errors import InputError, whole_number
+from ..host_memory import require_memory
 from ..native.call import check_kernels, require_native
 from .channel import Channel
 from .flow import (

@@ -8,8 +8,8 @@ from functools import cache
 import jax
 from jax.sharding import AxisType, Mesh
 
-from ..arrays import readable_bytes
 from ..errors import InputError
+from ..host_memory import readable_bytes
 
 
 AXIS = "section"

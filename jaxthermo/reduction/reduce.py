@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from typing_extensions import override
 
-from ..arrays import require_memory
 from ..errors import InputError, require
+from ..host_memory import require_memory
 from ..integrate.run.solution_file import StoredSolution
 from ..scene.scene import Scene
 from .basis import Basis, project, snapshots

@@ -3,8 +3,7 @@
 Without voxels, so that a command that only shows cards need not load them.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy as np
 from ..arrays import Numbers, is_traced
 from ..errors import InputError
 from ..module import Module
+from .card import AbstractCard
 
 
 class ConductionWeights(Module):
@@ -112,33 +112,10 @@ def _shown(value: Any) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class FitCard:
+class FitCard(AbstractCard):
     """Weights of one kind of structure, with the data of their fit."""
 
-    name: str
-    structure: Mapping[str, Any]
-    """Kind and options of the structure, as in a config."""
     weights: ConductionWeights
-    parameters: Mapping[str, float] = field(default_factory=dict)
-    """Other fitted values of the scene, by name."""
-    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    """Range of each number of `scene_numbers` over all fitted cases."""
-    tolerance: float = 1.2
-    """Factor by which a number may lie beyond its range, or beyond the one value of a
-    range without width, before `extrapolations` lists it."""
-    mechanisms: tuple[str, ...] = ()
-    """Mechanisms of heat transfer in these cases."""
-    geometry: Mapping[str, str] = field(default_factory=dict)
-    """Hash of each fitted body's geometry, by the name of its file or shape."""
-    error_percent: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Errors of "train" and "held_out", each "default" and "fitted" [%]."""
-    error_kelvin: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """The same against finer voxels, with the "reference"'s own error [K]; empty if
-    the fit was compared with none."""
-    surface_cells: str = ""
-    """Surface cells of the voxels that were fitted; empty if they are not known."""
-    origin: Mapping[str, str] = field(default_factory=dict)
-    """Cases and settings of the fit, hashes and versions."""
 
 
 def as_weights(given: ConductionWeights | FitCard) -> ConductionWeights:

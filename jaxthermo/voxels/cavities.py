@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 from jaxtyping import Bool, Float, Int, Int32
 
-from ..arrays import require_memory
+from ..host_memory import require_memory
 from .lattice import Lattice
 
 

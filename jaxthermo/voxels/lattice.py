@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..arrays import available_bytes, require_memory
 from ..errors import InputError
 from ..geometry.mesh import Mesh
+from ..host_memory import available_bytes, require_memory
 from ..raster.fragments import DepthLayers, peel_views
 
 

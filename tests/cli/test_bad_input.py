@@ -123,7 +123,7 @@ def test_a_pitch_beyond_reason(tmp_path, sphere, pitch, message):
 
 
 def test_a_scene_too_large_for_the_memory(tmp_path, monkeypatch):
-    monkeypatch.setattr("jaxthermo.arrays.available_bytes", lambda: 60_000)
+    monkeypatch.setattr("jaxthermo.host_memory.available_bytes", lambda: 60_000)
     out = tmp_path / "out"
     err = refused("simulate", scene_file(tmp_path), "--out", out)
     assert "memory" in err and "coarser pitch" in err

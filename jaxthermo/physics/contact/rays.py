@@ -19,9 +19,9 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...arrays import require_memory
 from ...errors import InputError
 from ...geometry.mesh import Pose
+from ...host_memory import require_memory
 from ...raster.fragments import DepthLayers, capacities, peel
 from ...voxels.grid import VoxelGrid
 from ...voxels.lattice import BYTES_PER_FRAGMENT, Lattice, pixel_axes

@@ -6,8 +6,8 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...arrays import require_memory
 from ...geometry.mesh import part_labels
+from ...host_memory import require_memory
 from ...raster.fragments import DepthLayers
 from ...raster.views import OrthographicView, orthographic_view
 from ...stored_findings import stored_search

@@ -18,9 +18,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ...arrays import linear_map, require_memory
+from ...arrays import linear_map
 from ...errors import InputError
 from ...geometry.mesh import tangents
+from ...host_memory import require_memory
 from ...raster.depth_buffer import depth_range
 from ...raster.views import (
     OrthographicView,

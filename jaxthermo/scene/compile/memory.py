@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from ...arrays import require_memory
+from ...host_memory import require_memory
 from ...module import replaced
 from ...parallel.devices import require_device_memory
 from ...structures.kinds.full import FullVolume

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Int
 from skimage import measure
 
-from ...arrays import require_memory
+from ...host_memory import require_memory
 from ...voxels.grid import VoxelGrid
 from ...voxels.surface import surface_voxels
 from ..structure import Built, Nodes

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Int
 
-from ...arrays import require_memory
+from ...host_memory import require_memory
 from ...voxels.grid import VoxelGrid
 from ...voxels.lattice import Lattice
 from ..structure import Built, Links, Nodes

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo import arrays, findings
+from jaxthermo import findings, host_memory
 from jaxthermo.integrate.run.plan import (
     initial_state,
     plan_run,
@@ -119,7 +119,7 @@ def test_too_large_a_scene_is_refused_before_anything_is_made(
 
     scene = _scene(kind, 40)
     monkeypatch.setattr(compile_module, "prepare", unreachable)
-    monkeypatch.setattr(arrays, "available_bytes", lambda: 1_000_000)
+    monkeypatch.setattr(host_memory, "available_bytes", lambda: 1_000_000)
     arranged = scene if solver is None else solver.arranged(scene)
     needed = forecast_memory(arranged, 1, 1, "euler").peak
     refused = lambda: pytest.raises(jt.InputError, match="needs about")

@@ -168,6 +168,6 @@ def test_fine_voxels_of_a_statue_in_coarse_blocks_fit_in_memory(real_mesh):
 
 
 def test_a_build_that_does_not_fit_is_refused(monkeypatch):
-    monkeypatch.setattr("jaxthermo.arrays.available_bytes", lambda: 1000)
+    monkeypatch.setattr("jaxthermo.host_memory.available_bytes", lambda: 1000)
     with pytest.raises(jt.InputError, match="building a structure of .* coarser pitch"):
         jt.Aggregate(blocks(ball(4.6)), 2)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from voxel_bodies import BALL
 
-from jaxthermo import arrays
+from jaxthermo import host_memory
 from jaxthermo.errors import InputError
 from jaxthermo.geometry import shapes
 from jaxthermo.geometry.mesh import Mesh
@@ -55,7 +55,7 @@ def test_memory_is_refused_before_it_is_taken(monkeypatch, pitch):
     def unreachable(*_):
         raise AssertionError("work began")
 
-    for module in (arrays, lattice):
+    for module in (host_memory, lattice):
         monkeypatch.setattr(module, "available_bytes", lambda: 10_000_000)
     monkeypatch.setattr(voxelize_module, "peel_axes", unreachable)
     with pytest.raises(InputError, match=r"sphere.*cells.*free.*such as 0\.\d+ m"):
@@ -63,7 +63,7 @@ def test_memory_is_refused_before_it_is_taken(monkeypatch, pitch):
 
 
 def test_the_pitch_that_is_advised_would_do(monkeypatch):
-    for module in (arrays, lattice):
+    for module in (host_memory, lattice):
         monkeypatch.setattr(module, "available_bytes", lambda: 10_000_000)
     surface = lattice.SURFACE_MEMORY["dominant_axis"]
     with pytest.raises(InputError) as caught:

@@ -1,0 +1,140 @@
+"""Fit cards on disk: a YAML file, and long lists of weights in an `.npz` beside it.
+
+The last line of the YAML file is a checksum of all values, those in the other file too:
+a card that is cut off, changed by hand, or beside another fit's lists is refused.
+Without JAX, which only the weights of a card need.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, NotRequired
+
+import numpy as np
+from pydantic import Field, TypeAdapter, ValidationError
+from typing_extensions import TypedDict
+
+from ..archive import (
+    arrays_checksum,
+    check_regular,
+    plain_checksum,
+    read_archive,
+    refuse_version,
+)
+from ..errors import InputError
+from ..structures.card import CardSummary
+from .messages import dotted, explain
+from .shipped_cards import card_path
+from .strict_yaml import read_yaml
+
+
+FORMAT = 4
+"""Version of the layout; format 2 had no checksum, format 3 weights for surface cells
+along the dominant axis without saying so."""
+
+LISTS = "list of weights"
+"""Kind of the file beside a card, in messages."""
+
+REMEDY = "fit it again with `calibrate fit`, or copy the whole card again"
+"""Advice about a card that cannot be read."""
+
+_KIND = "fit card"
+
+
+class _Card(TypedDict):
+    """The schema of the YAML file, beside its format and checksum."""
+
+    name: str
+    structure: dict[str, Any]
+    weights: dict[str, float | list[float] | str]
+    parameters: NotRequired[dict[str, float]]
+    ranges: NotRequired[dict[str, tuple[float, float]]]
+    tolerance: NotRequired[Annotated[float, Field(ge=1)]]
+    mechanisms: NotRequired[tuple[str, ...]]
+    geometry: NotRequired[dict[str, str]]
+    error_percent: NotRequired[dict[str, dict[str, float]]]
+    error_kelvin: NotRequired[dict[str, dict[str, float]]]
+    surface_cells: NotRequired[str]
+    origin: NotRequired[dict[str, str]]
+
+
+_SCHEMA = TypeAdapter(_Card)
+
+
+class CardContent(NamedTuple):
+    """Checked content of the files of a card."""
+
+    weights: dict[str, Any]
+    """Numbers and lists of numbers by name."""
+    about: dict[str, Any]
+    """Fields of an `AbstractCard`."""
+
+
+def card_checksum(plain: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> str:
+    """Checksum of a card and of the lists beside it."""
+    # The name of the other file does not count: a card may be renamed with it.
+    lists = dict.fromkeys(arrays, arrays_checksum(arrays))
+    return plain_checksum({**plain, "weights": {**plain["weights"], **lists}})
+
+
+def read_card(path: str | Path) -> CardContent:
+    """Read the files of a card; see `load_card`."""
+    path = card_path(path)
+    check_regular(path, "`calibrate fit` makes fit cards")
+    data = read_yaml(path, needs="`calibrate fit` makes fit cards")
+    if "card" not in data:
+        raise InputError(
+            f"{path}: is no fit card: it has no `card`; `calibrate fit` makes them"
+        )
+    if data["card"] != FORMAT:
+        refuse_version(path, _KIND, data["card"], FORMAT, REMEDY)
+    given = data.pop("checksum", None)
+    if given is None:
+        raise InputError(f"{path}: is cut off: it has no `checksum`; {REMEDY}")
+    return _checked(path, data, given)
+
+
+def card_summary(path: str | Path) -> CardSummary:
+    """The card in a file, without its weights, which may be of any names and values.
+
+    Raises:
+        InputError: as `load_card`.
+    """
+    return CardSummary(**read_card(path).about)
+
+
+def _checked(path: Path, data: dict[str, Any], checksum: Any) -> CardContent:
+    content = {key: value for key, value in data.items() if key != "card"}
+    try:
+        card = _SCHEMA.validate_python(content)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        message = f"{path}: {dotted(first['loc'])}: {explain(first)}; {REMEDY}"
+        raise InputError(message) from error
+    arrays = _arrays_beside(path, card["weights"])
+    if checksum != card_checksum(data, arrays):
+        raise InputError(
+            f"{path}: damaged or changed, its checksum does not match; {REMEDY} "
+            "(weights of your own are given in the scene, as `weights: {within: 1.2}`)"
+        )
+    about = {key: value for key, value in card.items() if key != "weights"}
+    return CardContent({**card["weights"], **arrays}, about)
+
+
+def _arrays_beside(
+    path: Path, weights: Mapping[str, float | list[float] | str]
+) -> dict[str, np.ndarray]:
+    names = [name for name, value in weights.items() if isinstance(value, str)]
+    if not names:
+        return {}
+    # One file for all lists; a card that was renamed names it by the old name.
+    name = str(weights[names[0]])
+    if name != Path(name).name:
+        raise InputError(f"{path}: weights: {name!r} is no name of a file; {REMEDY}")
+    beside = path.parent / name
+    found = read_archive(
+        beside, LISTS, FORMAT, "keep it beside the card, of the same fit"
+    )
+    missing = [name for name in names if name not in found]
+    if missing:
+        raise InputError(f"{beside}: has no weights {', '.join(missing)}; {REMEDY}")
+    return {name: found[name] for name in names}
