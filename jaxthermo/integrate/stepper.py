@@ -19,7 +19,7 @@ from .run.ledger import Ledger
 
 
 # How long before its end a step evaluates the loads of its end, so that they are those
-# from before an event: this fraction of the step, and at least as `just_before`.
+# from before an event: this fraction of the step, and at least as `just_before` does.
 END_FRACTION = 1e-6
 
 

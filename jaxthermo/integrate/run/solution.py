@@ -84,7 +84,8 @@ class RunSummary(Module):
     dt: float | None = eqx.field(static=True)
     """Largest step taken [s]."""
     stable_step: float | None = eqx.field(static=True)
-    """Largest stable explicit step [s]; None where it could not be known."""
+    """Largest stable explicit step [s]; None where it could not be known, and in a
+    steady state."""
     solver: str = eqx.field(static=True, default="ForwardEuler")
     statistics: SolverStatistics | None = None
     """Totals at the end of the run; None for explicit solvers."""
