@@ -91,11 +91,17 @@ class AbstractSolver(Module):
 
     @abc.abstractmethod
     def stepper(
-        self, scene: Scene, compiled: Compiled, max_dt: float, traced: bool
+        self,
+        scene: Scene,
+        compiled: Compiled,
+        stable_step: float | None,
+        max_dt: float,
+        traced: bool,
     ) -> AbstractStepper:
         """Return the stepper of a compiled scene for steps of up to `max_dt` [s].
 
-        `traced` is True if derivatives may be asked for.
+        `stable_step` is as in `max_dt`; `traced` is True if derivatives may be asked
+        for.
         """
 
 
@@ -153,7 +159,7 @@ class ForwardEuler(AbstractSolver):
         return dt
 
     @override
-    def stepper(self, scene, compiled, max_dt, traced) -> AbstractStepper:
+    def stepper(self, scene, compiled, stable_step, max_dt, traced) -> AbstractStepper:
         return EulerStepper()
 
 
@@ -188,10 +194,11 @@ class SuperTimeStepping(AbstractSolver):
         return dt
 
     @override
-    def stepper(self, scene, compiled, max_dt, traced) -> AbstractStepper:
+    def stepper(self, scene, compiled, stable_step, max_dt, traced) -> AbstractStepper:
         if self.stages is not None:
             return RKL2Stepper(self.stages)
-        fixed = RKL2Stepper(stage_count(max_dt, float(compiled.stable_step)))
+        assert stable_step is not None
+        fixed = RKL2Stepper(stage_count(max_dt, stable_step))
         # Derivatives in reverse need a number that is known when they are compiled.
         return fixed if traced else fixed.for_any_count()
 
@@ -210,8 +217,9 @@ class _AbstractImplicit(AbstractSolver):
         return arranged_for_solves(scene)
 
     @override
-    def stepper(self, scene, compiled, max_dt, traced) -> AbstractStepper:
-        context = implicit_context(scene, compiled, max_dt, self.tolerance, traced)
+    def stepper(self, scene, compiled, stable_step, max_dt, traced) -> AbstractStepper:
+        given = stable_step, max_dt, self.tolerance, traced
+        context = implicit_context(scene, compiled, *given)
         return ImplicitStepper(context, self._tableau)
 
 
@@ -278,10 +286,11 @@ class TRBDF2(_AbstractImplicit):
         return super().max_dt(stable_step, t1, sampled)
 
     @override
-    def stepper(self, scene, compiled, max_dt, traced) -> AbstractStepper:
+    def stepper(self, scene, compiled, stable_step, max_dt, traced) -> AbstractStepper:
         if self.dt is not None:
-            return super().stepper(scene, compiled, max_dt, traced)
-        context = implicit_context(scene, compiled, max_dt, self.tolerance, traced)
+            return super().stepper(scene, compiled, stable_step, max_dt, traced)
+        given = stable_step, max_dt, self.tolerance, traced
+        context = implicit_context(scene, compiled, *given)
         return AdaptiveStepper(context, jnp.asarray(self.error, compiled.receipt.dtype))
 
 
@@ -320,9 +329,10 @@ class ErrorControl(AbstractSolver):
         return SuperTimeStepping(dt=t1 / count), steps
 
     @override
-    def stepper(self, scene, compiled, max_dt, traced) -> AbstractStepper:
+    def stepper(self, scene, compiled, stable_step, max_dt, traced) -> AbstractStepper:
         # Of one pass: what is selected for a run goes by `first`.
-        return SuperTimeStepping().stepper(scene, compiled, max_dt, traced)
+        given = stable_step, max_dt, traced
+        return SuperTimeStepping().stepper(scene, compiled, *given)
 
 
 def _stable_steps(stable_step: float, t1: float | int) -> str:

@@ -139,7 +139,7 @@ def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolutio
         warnings.warn(warning, stacklevel=3)
     program, dtype = compiled.program, jnp.dtype(scene.dtype)
     kelvin = _STEADY_TOLERANCE[scene.dtype] if tolerance is None else tolerance
-    context = implicit_context(scene, compiled, math.inf, kelvin, traced)
+    context = implicit_context(scene, compiled, None, math.inf, kelvin, traced)
     time = jnp.asarray(at, dtype)
     isolated = None
     # Host code, which traced values cannot enter.

@@ -212,7 +212,8 @@ def linear_system(scene: Scene, t1: float) -> LinearSystem:
     with precision("float64"):
         compiled = compile_scene(arranged, 1, t1)
         inputs = find_inputs(compiled, t1)
-        context = implicit_context(arranged, compiled, t1, None, traced=False)
+        limit = float(compiled.stable_step)
+        context = implicit_context(arranged, compiled, limit, t1, None, traced=False)
     return LinearSystem(compiled, context, _Layout(arranged), inputs, scene.dtype)
 
 

@@ -212,8 +212,8 @@ class ReducedModel:
         with precision(self.dtype):
             found, saved = _evaluate(
                 function,
-                np.asarray(amplitudes, self.dtype),
-                np.asarray(times, self.dtype),
+                np.array(amplitudes, self.dtype),
+                np.array(times, self.dtype),
             )
         return StoredSolution(saved, found, self.surfaces)
 

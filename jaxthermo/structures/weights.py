@@ -1,7 +1,4 @@
-"""Weights of links and capacities, and fit cards, which give those of a fit.
-
-Without voxels, so that a command that only shows cards need not load them.
-"""
+"""Weights of links and capacities, and fit cards, which give those of a fit."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -12,7 +12,6 @@ state, which is singular for a part that loses no heat. What else its solves nee
 made once per run, see `ImplicitContext`.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -23,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ...arrays import device_array, is_traced
+from ...arrays import device_array
 from ...errors import InputError
 from ...geometry.mesh import connected_labels
 from ...module import Module
@@ -115,22 +114,19 @@ def arranged_for_solves(scene: Scene) -> Scene:
     return replace(scene, bodies=bodies)
 
 
-def _is_long(max_dt: float, compiled: Compiled) -> bool:
-    # Infinite for a steady state, of which nobody needs the stable step.
-    limit = None if math.isinf(max_dt) else compiled.stable_step
-    if limit is None or is_traced(limit):
-        return True
-    return max_dt > MULTIGRID_STEP_RATIO * float(limit)
-
-
 def implicit_context(
     scene: Scene,
     compiled: Compiled,
+    stable_step: float | None,
     max_dt: float,
     tolerance: float | None,
     traced: bool,
 ) -> ImplicitContext:
-    """Prepare the implicit stages of a compiled scene."""
+    """Prepare the implicit stages of a compiled scene, of steps up to `max_dt` [s].
+
+    `stable_step` is the largest stable explicit step [s]; None if it is traced, and for
+    a steady state, whose step is infinite.
+    """
     dtype, program = compiled.receipt.dtype, compiled.program
     for number, body in enumerate(program.bodies):
         if not body.network.linear.is_symmetric:
@@ -139,7 +135,7 @@ def implicit_context(
                 "not symmetric and cannot be solved for: simulate() it, with "
                 "ForwardEuler() or SuperTimeStepping(), or set non_orthogonal to 0"
             )
-    multigrid = _is_long(max_dt, compiled)
+    multigrid = stable_step is None or max_dt > MULTIGRID_STEP_RATIO * stable_step
     hierarchies: tuple[Hierarchy | None, ...] = tuple(
         hierarchy(body.structure, part.network)
         if multigrid and part.network.mesh is None

@@ -237,7 +237,8 @@ def plan_run(
         fixed = RKL2Stepper(stage_count(longest, stable_step))
         stepper = fixed.for_any_step(stable_step, compiled.receipt.dtype)
     else:
-        stepper = chosen.stepper(arranged, compiled, longest, is_traced(scene))
+        given = stable_step, longest, is_traced(scene)
+        stepper = chosen.stepper(arranged, compiled, *given)
     if stepper.method != method:
         compiled = with_memory_of(compiled, arranged, len(saves), stepper.method)
     checkpoints = None

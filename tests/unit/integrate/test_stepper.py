@@ -56,10 +56,13 @@ def _kept(checkpoints):
 VALUES = jnp.array([16.0, 0.7])
 
 
-# By default reverse mode is that of differences and of forward mode in test_gradients.
-@pytest.mark.slow
 @pytest.mark.parametrize(
-    "checkpoints", [None, pytest.param(2, marks=pytest.mark.slice), STEPS]
+    "checkpoints",
+    [
+        pytest.param(None, marks=pytest.mark.slow),
+        2,
+        pytest.param(STEPS, marks=pytest.mark.slow),
+    ],
 )
 def test_reverse_mode_is_that_of_the_plain_steps(value, checkpoints):
     found = jax.jit(jax.grad(lambda v: value(v, _kept(checkpoints))))(VALUES)
@@ -67,6 +70,8 @@ def test_reverse_mode_is_that_of_the_plain_steps(value, checkpoints):
     np.testing.assert_allclose(found, expected, rtol=1e-11)
 
 
+# By default reverse mode is that of the plain steps, above, and of differences and
+# forward mode in test_gradients.
 @pytest.mark.slow
 def test_reverse_mode_is_the_central_difference(value):
     run = jax.jit(lambda v: value(v, _kept(None)))
