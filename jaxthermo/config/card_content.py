@@ -23,7 +23,6 @@ from ..archive import (
 from ..errors import InputError
 from ..structures.card import CardSummary
 from .messages import dotted, explain
-from .shipped_cards import card_path
 from .strict_yaml import read_yaml
 
 
@@ -76,9 +75,8 @@ def card_checksum(plain: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) ->
     return plain_checksum({**plain, "weights": {**plain["weights"], **lists}})
 
 
-def read_card(path: str | Path) -> CardContent:
+def read_card(path: Path) -> CardContent:
     """Read the files of a card; see `load_card`."""
-    path = card_path(path)
     check_regular(path, "`calibrate fit` makes fit cards")
     data = read_yaml(path, needs="`calibrate fit` makes fit cards")
     if "card" not in data:
@@ -93,7 +91,7 @@ def read_card(path: str | Path) -> CardContent:
     return _checked(path, data, given)
 
 
-def card_summary(path: str | Path) -> CardSummary:
+def card_summary(path: Path) -> CardSummary:
     """The card in a file, without its weights, which may be of any names and values.
 
     Raises:

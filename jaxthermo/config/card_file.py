@@ -35,6 +35,7 @@ def write_card(path: Path, card: FitCard) -> None:
     if arrays:
         write_archive(beside, LISTS, FORMAT, arrays)
     plain = {
+        # Weights stand before the data of their fit.
         "card": FORMAT,
         "name": card.name,
         "structure": card.structure,

@@ -219,7 +219,7 @@ def _colours(
 
 def _without_silhouette(drawn: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
     """Pixels whose four neighbours are drawn as well."""
-    # In a fortieth of the time that it takes to import `scipy.ndimage` for it.
+    # In half a millisecond; to import `scipy.ndimage` for it takes a fifth of a second.
     wide = np.pad(drawn, 1, constant_values=True)
     beside = wide[:-2, 1:-1], wide[2:, 1:-1], wide[1:-1, :-2], wide[1:-1, 2:]
     return np.logical_and.reduce((drawn, *beside))

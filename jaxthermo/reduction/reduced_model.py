@@ -71,7 +71,7 @@ class _Function(Module):
 
 
 # One program for all models of one size. The times come back as an array of JAX, in a
-# tenth of the time that one takes by itself.
+# seventh of the time that one takes by itself.
 _evaluate = jax.jit(lambda function, amplitudes, times: (function(amplitudes), times))
 
 

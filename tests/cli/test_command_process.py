@@ -79,7 +79,8 @@ def test_a_broken_pipe_is_quiet():
 
 
 def test_shown_fits_wait_for_nothing_that_runs_or_draws():
-    heavy = ("jax", "altair", "trimesh", "optimistix", "calibrate.run")
+    runs = ("optimistix", "jaxthermo.integrate", "calibrate.run")
+    heavy = ("jax", "altair", "trimesh", *runs)
     code = f"""
 import sys
 from calibrate.__main__ import main
