@@ -36,8 +36,9 @@ def test_a_preview_neither_voxelizes_nor_runs(tmp_path, monkeypatch):
     def refuse(*arguments, **options):
         raise AssertionError("a preview needs no voxels")
 
-    monkeypatch.setattr("jaxthermo.voxels.voxelize.voxelize", refuse)
+    # The package first: its name is looked up in the module, and put back afterwards.
     monkeypatch.setattr(jt, "voxelize", refuse)
+    monkeypatch.setattr("jaxthermo.voxels.voxelize.voxelize", refuse)
     out = tmp_path / "out"
     code, text, err = run("simulate", scene_file(tmp_path), "--preview", "--out", out)
     assert (code, err) == (0, "")
