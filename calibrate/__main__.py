@@ -36,7 +36,12 @@ def _fit(
     """
     from .cli import fit as run
 
-    run(config, out or Path("results/calibration") / config.stem, overrides, devices)
+    run(
+        config,
+        out=out or Path("results/calibration") / config.stem,
+        overrides=overrides,
+        devices=devices,
+    )
 
 
 @app.command
@@ -103,7 +108,7 @@ def _cards(
     """
     from .cli import cards as run
 
-    run(folder, names, out, results, again)
+    run(folder, names=names, out=out, results=results, again=again)
 
 
 @app.command
@@ -139,9 +144,9 @@ def _plan(
     """
     from .plan.command import plan, tolerance_of
 
-    given = tolerance_of(tolerance, kelvin, time_budget, memory)
+    given = tolerance_of(tolerance, kelvin=kelvin, run_time=time_budget, memory=memory)
     folder = out or Path("results/plan") / scene.stem
-    plan(scene, overrides, given, folder, again, run)
+    plan(scene, overrides=overrides, tolerance=given, out=folder, again=again, run=run)
 
 
 @app.command

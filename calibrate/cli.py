@@ -63,7 +63,9 @@ def fit(config: Path, out: Path, overrides: tuple[str, ...], devices: int = 1) -
     console = open_console()
     with patient_interrupt() as asked, _progress(console) as bar:
         log = _ProgressBar(console, bar)
-        result = fit_config(config, out, overrides, log, asked, devices=devices)
+        result = fit_config(
+            config, out=out, overrides=overrides, log=log, stop=asked, devices=devices
+        )
     print_fit(console, result)
     print_line(console, f"fit.json, card.yaml and report.html in {out}")
     if result["ended"] == "interrupted":
@@ -98,7 +100,12 @@ def check(card: str, scene: Path, overrides: tuple[str, ...]) -> None:
     """Run `calibrate check`."""
     console = open_console()
     with _progress(console) as bar:
-        found = check_card(card, scene, overrides, _ProgressBar(console, bar).stage)
+        found = check_card(
+            card,
+            scene_path=scene,
+            overrides=overrides,
+            log=_ProgressBar(console, bar).stage,
+        )
     for name, value in found["numbers"].items():
         span = found["ranges"].get(name, "values that the card does not have")
         words = name.replace("_", " ")
@@ -120,7 +127,9 @@ def cards(
     console, recipes = open_console(), read_recipes(folder, names)
     with patient_interrupt() as asked, _progress(console) as bar:
         log = _ProgressBar(console, bar)
-        made = make_cards(recipes, out, results, again, log, asked)
+        made = make_cards(
+            recipes, out=out, results=results, again=again, log=log, stop=asked
+        )
         for name, card, result in made:
             words = card_words(card)
             state = "up to date" if result is None else result["verdict"]["words"]

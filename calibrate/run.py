@@ -100,16 +100,23 @@ def fit_config(
             log=lambda step, seconds: log.step(step, seconds, config.fit.max_steps),
             stop=stop,
         )
-        result = _conclude(config, calibration, truth, fit, log, report)
+        result = _conclude(
+            config,
+            calibration=calibration,
+            truth=truth,
+            fit=fit,
+            log=log,
+            advise=report,
+        )
         # The results are complete only with the config that made them.
         with replacing(folder / "config.yaml") as target:
             target.write_text(write_yaml(plain(config)), encoding="utf-8")
         write_fit(folder / "fit.json", result)
-        card = make_card(config, calibration, fit, result)
+        card = make_card(config, calibration=calibration, fit=fit, result=result)
         write_card(folder / "card.yaml", card)
         if report:
             log.stage("drawing the report")
-            write_report(folder, calibration, fit, result)
+            write_report(folder, calibration=calibration, fit=fit, result=result)
         # An interrupted fit continues from its checkpoint.
         if fit.ended != "interrupted":
             for name in (_CHECKPOINT, _CHECKPOINT_HASH):
@@ -150,10 +157,14 @@ def _conclude(
     scatter = None
     if fit.jacobian is not None:
         scatter = train.scatter(fit.jacobian, fit.residual)
-    identified = identify(train.parameters, fit.z, fit.jacobian, sd, scatter)
+    identified = identify(
+        train.parameters, z=fit.z, jacobian=fit.jacobian, sd=sd, scatter=scatter
+    )
     advice: list[dict[str, Any]] = []
     if advise:
-        advice = rank_experiments(config, calibration, fit, sd, log.stage)
+        advice = rank_experiments(
+            config, calibration=calibration, fit=fit, sd=sd, log=log.stage
+        )
     log.stage("timing")
     case = train.cases[0]
     with precision(train.dtype.name):
@@ -212,7 +223,7 @@ def identify_start(
         total = float(np.sqrt(squares / len(errors)))
         each = np.full(rows.shape[1], total / rows.shape[1] ** 0.5)
         sd = residual_sd(each, len(z), None)
-    found = identify(problem.parameters, z, rows, sd)
+    found = identify(problem.parameters, z=z, jacobian=rows, sd=sd)
     return found, errors, problem.known_sd is not None
 
 
@@ -243,7 +254,7 @@ def _fit_json(
     }
     names = (parameter.name.split(".") for parameter in parameters.parameters)
     is_of_weights = any("weights" in words for words in names)
-    verdict = judge(by_case, speed, is_of_weights, truth)
+    verdict = judge(by_case, speedup=speed, is_of_weights=is_of_weights, truth=truth)
     return {
         "name": config.name,
         "verdict": verdict,

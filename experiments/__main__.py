@@ -144,9 +144,11 @@ def _sweep(
 
     default = default_workers() if devices == 1 else 1
     count = default if workers is None else workers
-    options = Options(count, scheduler, retry, times, devices)
+    options = Options(
+        workers=count, scheduler=scheduler, retry=retry, times=times, devices=devices
+    )
     folder = out or Path("results/sweeps") / config.stem
-    sweep(config, folder, overrides, options)
+    sweep(config, out=folder, overrides=overrides, options=options)
 
 
 @app.command

@@ -63,7 +63,9 @@ def run_group(
         console.print(f"[{number}/{len(experiments)}] {name}: {experiment.about}")
         own = folder / name
         kept = _kept(own, quick) if resume and not options else None
-        done.append(_ended(experiment, own, kept, quick, options))
+        done.append(
+            _ended(experiment, folder=own, kept=kept, quick=quick, options=options)
+        )
         words = done[-1].error or f"{len(done[-1].rows)} rows"
         console.print(f"{name}: {words}, {done[-1].took_s:.0f} s")
         result = _write(folder, done, quick)
@@ -81,7 +83,9 @@ def _ended(
 ) -> Finished:
     about = experiment.name, experiment.about, folder, experiment.command
     try:
-        result = kept or _in_own_process(experiment, folder, quick, options)
+        result = kept or _in_own_process(
+            experiment, folder=folder, quick=quick, options=options
+        )
     except BrokenProcessPool:
         return Finished(*about, error="its process was killed: too little memory?")
     except InputError as error:
@@ -124,7 +128,7 @@ def _write(folder: Path, done: Sequence[Finished], quick: bool) -> dict[str, Any
     versions = origin["versions"] | catalogue.peer_versions()
     origin = {**origin, "versions": versions}
     title = "Benchmarks, quick size" if quick else "Benchmarks"
-    files = write(folder, title, done, origin)
+    files = write(folder, title=title, benchmarks=done, origin=origin)
     body = {
         "sentences": [summary(done)],
         "rows": plain_table(done),

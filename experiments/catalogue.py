@@ -128,7 +128,9 @@ _OPTIONS = {
 
 def _experiment(module: str, about: str) -> Experiment:
     name = _NAMES.get(module, module.split(".")[1].replace("_", "-"))
-    return Experiment(module, about, name, _OPTIONS.get(name, ("height",)))
+    return Experiment(
+        module=module, about=about, name=name, options=_OPTIONS.get(name, ("height",))
+    )
 
 
 # Experiments that are parts of others now, and what runs them.
@@ -254,6 +256,8 @@ def _write_page(experiment: Experiment, folder: Path, result: dict[str, Any]) ->
     about = experiment.name, experiment.about, folder, experiment.command
     done = [finished(*about, result)]
     show(table(done))
-    files = write(folder, f"Benchmark: {experiment.name}", done, result)
+    files = write(
+        folder, title=f"Benchmark: {experiment.name}", benchmarks=done, origin=result
+    )
     body = result["result"]
     body["files"] = [*files, *body.get("files", ())]

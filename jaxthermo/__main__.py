@@ -68,8 +68,17 @@ def _simulate(
     if explain:
         run_explain(config, overrides, devices)
     else:
-        group = group_of(coordinator, processes, process, devices)
-        run(config, out, overrides, extras, devices, group)
+        group = group_of(
+            coordinator, processes=processes, process=process, devices=devices
+        )
+        run(
+            config,
+            out=out,
+            overrides=overrides,
+            extras=extras,
+            devices=devices,
+            group=group,
+        )
 
 
 @app.command
@@ -95,7 +104,7 @@ def _view(
     _with_extra("view", "viser")
     from .cli.view import view as run
 
-    run(config, overrides, host, port, rate)
+    run(config, overrides=overrides, host=host, port=port, rate=rate)
 
 
 @app.command
@@ -119,7 +128,7 @@ def _play(
     _with_extra("play", "viser")
     from .cli.view import play
 
-    play(run, host, port, rate)
+    play(run, host=host, port=port, rate=rate)
 
 
 @app.command
@@ -156,7 +165,12 @@ def _render(
     from .cli.frame_outputs import Extras
     from .cli.frames import render as draw
 
-    draw(run, out, overrides, Extras.of(animate, frame_rate, contact_sheet))
+    draw(
+        run,
+        out=out,
+        overrides=overrides,
+        extras=Extras.of(animate, frame_rate, contact_sheet),
+    )
 
 
 @app.command
@@ -182,7 +196,7 @@ def _export(
     """
     from .cli.export import export as write
 
-    write(run, format, out, overrides)
+    write(run, format=format, out=out, overrides=overrides)
 
 
 @app.command
@@ -207,7 +221,7 @@ def _dataset(
     """
     from .cli.dataset import dataset as write
 
-    write(config, out, overrides, explain)
+    write(config, out=out, overrides=overrides, explain=explain)
 
 
 @app.command
@@ -236,7 +250,15 @@ def _reduce(
     """
     from .cli.reduce import reduce as run
 
-    run(config, out, overrides, size, tolerance, method, check)
+    run(
+        config,
+        out=out,
+        overrides=overrides,
+        size=size,
+        tolerance=tolerance,
+        method=method,
+        check=check,
+    )
 
 
 @app.command
@@ -267,7 +289,13 @@ def _voxelize(
     from .cli.voxelize import voxelize as run
 
     run(
-        mesh, pitch, unit, height, up, surface_cells, out or Path("results") / mesh.stem
+        mesh,
+        pitch=pitch,
+        unit=unit,
+        height=height,
+        up=up,
+        surface_cells=surface_cells,
+        out=out or Path("results") / mesh.stem,
     )
 
 

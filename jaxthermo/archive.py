@@ -81,7 +81,15 @@ def read_archive(
             f"({type(error).__name__}); {remedy}"
         ) from error
     written = _ARCHIVE.format(kind)
-    return _checked(path, kind, version, remedy, arrays, arrays_checksum, written)
+    return _checked(
+        path,
+        kind=kind,
+        version=version,
+        remedy=remedy,
+        stored=arrays,
+        checksum=arrays_checksum,
+        written=written,
+    )
 
 
 def signed(kind: str, version: int, content: Mapping[str, Any]) -> dict[str, Any]:
@@ -114,7 +122,15 @@ def read_record(path: Path, kind: str, version: int, remedy: str) -> dict[str, A
         raise InputError(f"{path}: damaged ({reason}); {remedy}") from error
     if not isinstance(content, dict):
         raise InputError(f"{path}: not a {kind} of jaxthermo; {remedy}")
-    return _checked(path, kind, version, remedy, content, plain_checksum, kind)
+    return _checked(
+        path,
+        kind=kind,
+        version=version,
+        remedy=remedy,
+        stored=content,
+        checksum=plain_checksum,
+        written=kind,
+    )
 
 
 def _checked(
@@ -130,7 +146,9 @@ def _checked(
     # Compared as text: a foreign file may store anything under these names.
     found = {key: str(stored.get(key)) for key in (_FORMAT, _VERSION, _CHECKSUM)}
     if _VERSION in stored and found[_VERSION] != str(version):
-        refuse_version(path, kind, found[_VERSION], version, remedy)
+        refuse_version(
+            path, kind=kind, found=found[_VERSION], version=version, remedy=remedy
+        )
     if _VERSION not in stored or found[_FORMAT] != written:
         raise InputError(f"{path}: not a {kind} of jaxthermo; {remedy}")
     if found[_CHECKSUM] != checksum({k: stored[k] for k in stored if k != _CHECKSUM}):

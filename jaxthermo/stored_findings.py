@@ -71,7 +71,12 @@ def stored_search(
     def decorated(find: Callable[_P, _T]) -> Callable[_P, _T]:
         @functools.wraps(find)
         def run(*args: _P.args, **kwargs: _P.kwargs) -> _T:
-            return stored(search, (args, kwargs), lambda: find(*args, **kwargs), types)
+            return stored(
+                search,
+                given=(args, kwargs),
+                find=lambda: find(*args, **kwargs),
+                types=types,
+            )
 
         return run
 

@@ -48,16 +48,24 @@ def rank_experiments(
         log(f"{candidate.name}: information it would add")
         scene = calibration.scenes[candidate.name]
         times = calibration.configs[candidate.name].time.save_times
-        measure = _measurement(calibration, candidate, scene, times, sd)
-        rows = _rows_per_time(calibration, fit, scene, times, measure)
+        measure = _measurement(
+            calibration, candidate=candidate, scene=scene, times=times, sd=sd
+        )
+        rows = _rows_per_time(
+            calibration, fit=fit, scene=scene, times=times, measure=measure
+        )
         add(candidate.name, np.concatenate(rows, 1))
     for case in calibration.train.cases:
         log(f"{case.name}: information of other save times")
         # The middle of every span between save times, the first from 0.
         ends = np.array([0.0, *case.run.save_times])
         times = tuple((0.5 * (ends[1:] + ends[:-1])).tolist())
-        measure = _measurement(calibration, None, case.scene, times, sd)
-        every = _rows_per_time(calibration, fit, case.scene, times, measure)
+        measure = _measurement(
+            calibration, candidate=None, scene=case.scene, times=times, sd=sd
+        )
+        every = _rows_per_time(
+            calibration, fit=fit, scene=case.scene, times=times, measure=measure
+        )
         for time, rows in zip(times, every, strict=True):
             add(f"{case.name}, saved at {time:g} s too", rows)
     return sorted(ranking, key=lambda entry: -entry["gain_nats"])

@@ -82,7 +82,10 @@ def identify(
     values = np.asarray(parameters.flat_values(z), float)
     if jacobian is None:
         pairs = zip(parameters.labels, values, strict=True)
-        judged = (_Verdict(n, "not judged", float(v), None) for n, v in pairs)
+        judged = (
+            _Verdict(label=n, verdict="not judged", value=float(v), standard_error=None)
+            for n, v in pairs
+        )
         return Identified(tuple(judged), np.zeros((0, 0)), np.zeros(0))
     gram = np.asarray(jacobian, float) @ np.asarray(jacobian, float).T
     alive, flat, singular = _flat_directions(gram)
@@ -99,12 +102,20 @@ def identify(
     bounds = [(p.lower, p.upper) for p in parameters.parameters for _ in p.labels]
     verdicts = []
     for n, label in enumerate(parameters.labels):
-        kind, others = _relation(n, alive, flat, correlation)
+        kind, others = _relation(n, alive=alive, flat=flat, correlation=correlation)
         error = float(errors[n]) if determined[n] else None
         if kind == "fine" and error is not None:
             kind = _precision_verdict(values[n], error, deviation[n], *bounds[n])
         names = tuple(parameters.labels[m] for m in others)
-        verdicts.append(_Verdict(label, kind, float(values[n]), error, names))
+        verdicts.append(
+            _Verdict(
+                label=label,
+                verdict=kind,
+                value=float(values[n]),
+                standard_error=error,
+                with_others=names,
+            )
+        )
     # All may be zero, where nothing is compared that changes.
     spread = np.sort(singular)[::-1] / max(singular.max(initial=0.0), 1e-300)
     return Identified(tuple(verdicts), correlation, spread)

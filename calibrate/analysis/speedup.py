@@ -28,9 +28,9 @@ def measure_speed(config: SceneConfig, default: Scene, fitted: Scene) -> dict[st
     solver = config.solver.build()
     with precision(config.dtype):
         plans = {
-            "full_volume": plan_run(full, end, saves, ForwardEuler()),
-            "default": plan_run(default, end, saves, solver),
-            "fitted": plan_run(fitted, end, saves, solver),
+            "full_volume": plan_run(full, t1=end, save_at=saves, solver=ForwardEuler()),
+            "default": plan_run(default, t1=end, save_at=saves, solver=solver),
+            "fitted": plan_run(fitted, t1=end, save_at=saves, solver=solver),
         }
         # The first runs compile.
         total = sum(_seconds(planned) for planned in plans.values())

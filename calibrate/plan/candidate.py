@@ -120,5 +120,7 @@ def cards_of(scene: SceneConfig) -> tuple[Candidate, ...]:
         family = card.structure["kind"]
         if card.geometry.get(name) == content and family in FAMILIES:
             factor = int(card.structure.get("factor", 1))
-            found.append(Candidate(1.0, family, factor, key))
+            found.append(
+                Candidate(refinement=1.0, family=family, factor=factor, card=key)
+            )
     return tuple(found)

@@ -62,10 +62,10 @@ def tolerance_of(
         )
     fraction = _positive("--tolerance", percent, NUMBER)
     return Tolerance(
-        None if fraction is None else 100 * fraction,
-        _positive("--kelvin", kelvin, _KELVIN),
-        _positive("--time-budget", run_time, _TIME),
-        _positive("--memory", memory, _MEMORY),
+        percent=None if fraction is None else 100 * fraction,
+        kelvin=_positive("--kelvin", kelvin, _KELVIN),
+        run_time=_positive("--time-budget", run_time, _TIME),
+        memory=_positive("--memory", memory, _MEMORY),
     )
 
 
@@ -97,7 +97,14 @@ def plan(
         key = _key(scene, tolerance)
         record = None if again else _kept(folder, key)
         if record is None:
-            record = _search(console, scene, tolerance, key, folder, path)
+            record = _search(
+                console,
+                scene=scene,
+                tolerance=tolerance,
+                key=key,
+                folder=folder,
+                path=path,
+            )
         else:
             print_line(console, f"as planned before, in {folder}; --again plans anew")
     for line in record["words"]:
@@ -119,7 +126,9 @@ def _key(scene: SceneConfig, tolerance: Tolerance) -> str:
 def _kept(folder: Path, key: str) -> dict[str, Any] | None:
     """An earlier plan of the same scene, tolerance, program and processor."""
     try:
-        record = read_record(folder / PLAN, _KIND, _VERSION, "plan again")
+        record = read_record(
+            folder / PLAN, kind=_KIND, version=_VERSION, remedy="plan again"
+        )
     except InputError:  # missing or damaged
         return None
     complete = record["chosen"] is None or (folder / SCENE).is_file()

@@ -188,7 +188,16 @@ class _Search:
         for refinement, factor, steps in (*first, (other, near, many)):
             self._try(Candidate(refinement, "aggregate", factor, steps=steps))
         # Its error in time may be opposite to that of its blocks.
-        self._try(Candidate(usual, "aggregate", large, None, "forward_euler", 0))
+        self._try(
+            Candidate(
+                refinement=usual,
+                family="aggregate",
+                factor=large,
+                card=None,
+                method="forward_euler",
+                steps=0,
+            )
+        )
         if not self.trials:
             raise InputError("no candidate can be run: see the messages above")
 
@@ -210,11 +219,11 @@ class _Search:
     def _next(self) -> Candidate | None:
         """The candidate that is expected to be the fastest within the tolerance."""
         predictor = Predictor(
-            [trial.found for trial in self.trials],
-            self.reference.coarser,
-            self.bench.scene.time.last,
-            self.volume,
-            self.area,
+            found=[trial.found for trial in self.trials],
+            errors=self.reference.coarser,
+            end=self.bench.scene.time.last,
+            volume=self.volume,
+            area=self.area,
         )
         done = {trial.found.candidate for trial in self.trials} | self.failed
         best = min((t.found.run_time for t in self._kept()), default=None)
@@ -287,7 +296,13 @@ class _Search:
             best, time = min(pairs, key=lambda pair: pair[1].median)
         fitting = [t for t in self.trials if self._fits(t)] or self.trials
         nearest = min(fitting, key=lambda trial: trial.found.error)
-        return Choice(tuple(self.trials), self.reference, best, time, nearest)
+        return Choice(
+            trials=tuple(self.trials),
+            reference=self.reference,
+            best=best,
+            time=time,
+            nearest=nearest,
+        )
 
 
 def _factor_near(wanted: float) -> int:

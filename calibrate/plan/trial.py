@@ -186,7 +186,14 @@ class Bench:
             error = percent_per_kelvin * float(kelvin), float(kelvin)
             coarser.append((blocks, self.tolerance.excess(*error)))
         own_error, cost = own.as_dict(), found.costs[0]
-        return Reference(refinement, points, own_error, excess, cost, tuple(coarser))
+        return Reference(
+            refinement=refinement,
+            points=points,
+            own_error=own_error,
+            excess=excess,
+            cost=cost,
+            coarser=tuple(coarser),
+        )
 
     def expected_excess(self, refinement: float, log: Log) -> float:
         """Error over the tolerance that a reference is expected to have [-].
@@ -218,7 +225,7 @@ class Bench:
         scene = build_case(config).scene
         end, saves = config.time.end, config.time.save_times
         with precision(config.dtype):
-            plan = plan_run(scene, end, saves, config.solver.build())
+            plan = plan_run(scene, t1=end, save_at=saves, solver=config.solver.build())
             loop = compiled_loop(plan)
             surface = _surface(plan, loop.run())
             error = reference.points.error(surface)
@@ -231,17 +238,23 @@ class Bench:
         )
         receipt = plan.compiled.receipt
         found = Found(
-            candidate,
-            excess,
-            receipt.nodes,
-            sum(len(s.geometry.fragment_area) for s in surface.surfaces),
-            plan.steps,
-            getattr(plan.stepper, "stages_taken", 1),
-            float(plan.stable_step or np.inf),
-            seconds,
-            receipt.memory_bytes,
+            candidate=candidate,
+            error=excess,
+            nodes=receipt.nodes,
+            fragments=sum(len(s.geometry.fragment_area) for s in surface.surfaces),
+            steps=plan.steps,
+            stages=getattr(plan.stepper, "stages_taken", 1),
+            stable_step=float(plan.stable_step or np.inf),
+            run_time=seconds,
+            memory=receipt.memory_bytes,
         )
-        return Trial(found, error, loop, reference.refinement, reference.allowed)
+        return Trial(
+            found=found,
+            error=error,
+            loop=loop,
+            refinement=reference.refinement,
+            allowed=reference.allowed,
+        )
 
     def volume_and_area(self) -> tuple[float, float]:
         """Volume and area of all bodies, in cubes and squares of their pitches [-]."""

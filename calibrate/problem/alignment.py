@@ -78,7 +78,7 @@ class ShownRun(NamedTuple):
         surface = solution.surface_temperature
         at = jnp.asarray(times, surface.dtype)
         rows = [
-            received_at(solution, s, t, reflected)
+            received_at(solution, surface=s, time=t, reflected=reflected)
             for s, t in zip(surface, at, strict=True)
         ]
         hosted = tuple(Irradiance(*map(np.asarray, row)) for row in rows)
@@ -152,7 +152,9 @@ def align(
         pulled = lambda q, c=coarse: np.append(difference(c, q), _PULL * (q - first))
         q = _search(pulled, q, bounds)
     pose[limits.numbers] = q * unit
-    found = _sharpen(run, camera, data, known, pose, limits, unit)
+    found = _sharpen(
+        run, camera=camera, data=data, known=known, pose=pose, limits=limits, unit=unit
+    )
     if found is None:
         return Aligned(pose, limits.numbers)
     pose[limits.numbers] = found.numbers

@@ -125,7 +125,14 @@ def build(config: CalibrationConfig, log: Log) -> Calibration:
             read[case.name] = case_frames(config, case, *given, log)
         return read[case.name]
 
-    aligned = _align(config, configs, scenes, parameters, frames, log)
+    aligned = _align(
+        config,
+        configs=configs,
+        scenes=scenes,
+        parameters=parameters,
+        frames=frames,
+        log=log,
+    )
     parameters = started_at(parameters, aligned)
     references: dict[str, TruthReference] = {}
 
@@ -136,12 +143,24 @@ def build(config: CalibrationConfig, log: Log) -> Calibration:
             run = ParametricRun(given.time.save_times, given.solver.build())
             shared = references, parameters, frames, log
             data = _TargetBuilder(config, case, given, scene, *shared)
-            made.append(Case(case.name, scene, run, data.build()))
-        return Problem(parameters, tuple(made), config.fit.time_norm, aligned)
+            made.append(Case(name=case.name, scene=scene, run=run, target=data.build()))
+        return Problem(
+            parameters=parameters,
+            cases=tuple(made),
+            time_norm=config.fit.time_norm,
+            aligned=aligned,
+        )
 
     train = problem(config.train)
     held_out = problem(config.held_out) if config.held_out else None
-    return Calibration(parameters, configs, scenes, train, held_out, references)
+    return Calibration(
+        parameters=parameters,
+        configs=configs,
+        scenes=scenes,
+        train=train,
+        held_out=held_out,
+        references=references,
+    )
 
 
 def _align(
@@ -161,7 +180,7 @@ def _align(
     check_frame_names(parameters.paths, len(found.views))
     log("aligning the cameras")
     run = ParametricRun(found.times, configs[case.name].solver.build())
-    return align_cameras(found, scenes[case.name], run, parameters)
+    return align_cameras(found, scene=scenes[case.name], run=run, parameters=parameters)
 
 
 def _build_scenes(configs: Mapping[str, SceneConfig]) -> dict[str, Scene]:

@@ -58,7 +58,7 @@ def frame_target(
     out, and with `moving` cameras those near outlines. The other arguments are those of
     `FrameTarget`.
     """
-    check_frames(times, views, frames, masks)
+    check_frames(times, views=views, frames=frames, masks=masks)
     data, chosen, room = [], [], []
     for n, (view, given) in enumerate(zip(views, frames, strict=True)):
         # The background depends on no parameter.

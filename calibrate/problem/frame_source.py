@@ -82,7 +82,14 @@ def case_frames(
         masks: Masks = ()
         match settings:
             case schema.SimulatedFrames():
-                frames, masks = _simulated(config, case, given, settings, band, log)
+                frames, masks = _simulated(
+                    config,
+                    case=case,
+                    given=given,
+                    settings=settings,
+                    band=band,
+                    log=log,
+                )
             case schema.MeasuredFrames():
                 frames, masks = _measured(case.name, settings)
             case _:
@@ -93,8 +100,16 @@ def case_frames(
         raise InputError(
             f"{case.name}: {len(frames)} sequences of frames and {len(views)} views"
         )
-    check_frames(times, views, frames, masks)
-    return CaseFrames(settings, times, views, surfaces, frames, masks, band)
+    check_frames(times, views=views, frames=frames, masks=masks)
+    return CaseFrames(
+        settings=settings,
+        times=times,
+        views=views,
+        surfaces=surfaces,
+        frames=frames,
+        masks=masks,
+        band=band,
+    )
 
 
 def camera_views(
@@ -144,7 +159,9 @@ def _simulated(
         shown = _built(cameras, solution.surfaces)
         given_frames = scene, solution, times, settings, band
         frames = [_detected(camera, *given_frames) for camera in shown]
-        masks = _whole_pixels(config, shown, solution, settings.samples)
+        masks = _whole_pixels(
+            config, cameras=shown, solution=solution, samples=settings.samples
+        )
     if settings.noiseless:
         return frames, masks
     # The seed differs between cases, so that their noise is independent.

@@ -92,8 +92,13 @@ def fit_outlines(
             found = coverage(bodies, moved_camera(camera, here), _SAMPLES)
         except InputError:
             return None
-        rows = _compare(found, radiance, known, near)
-        slopes = coverage_slopes(found, camera, here, rows.pixel)[:, numbers] * unit
+        rows = _compare(found, radiance=radiance, known=known, near=near)
+        slopes = (
+            coverage_slopes(found, camera=camera, pose=here, pixels=rows.pixel)[
+                :, numbers
+            ]
+            * unit
+        )
         weighted = slopes * rows.weight[:, None], rows.residual * rows.weight
         if len(rows.pixel) < len(numbers):
             return None

@@ -179,7 +179,9 @@ class Parameter:
                 )
         varied = self.start[1:] if self.first_is_fixed else self.start
         start = np.asarray(varied[0] if self.is_scalar else varied)
-        made = bijection(start, self.lower, self.upper, self.softplus)
+        made = bijection(
+            start, lower=self.lower, upper=self.upper, softplus=self.softplus
+        )
         # The dataclass is frozen.
         object.__setattr__(self, "bijection", made)
 

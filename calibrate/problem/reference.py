@@ -145,7 +145,9 @@ def refined_reference(
         InputError: if the scene has no finer voxels, or a run fails.
     """
     pitches = _refined_pitches(config, given)
-    return _reference(config, given, pitches, given.refinement, log)
+    return _reference(
+        config, given=given, pitches=pitches, refinement=given.refinement, log=log
+    )
 
 
 def coarser_difference(
@@ -159,7 +161,7 @@ def coarser_difference(
     # The coarser one first: what nothing can be run in is found sooner.
     given_runs = config, given, pitches, given.refinement, log, (COARSENING, 1.0)
     (coarser, _), (finer, _) = _runs(*given_runs)
-    return truth_error(coarser, finer, given.points, given.seed)
+    return truth_error(coarser, reference=finer, count=given.points, seed=given.seed)
 
 
 def _refined_pitches(config: SceneConfig, given: RefinedReference) -> tuple[float, ...]:
@@ -179,7 +181,7 @@ def absolute_reference(
     """
     pitches = _absolute_pitches(config, given)
     config = config.model_copy(update={"dtype": given.dtype})
-    return _reference(config, given, pitches, None, log)
+    return _reference(config, given=given, pitches=pitches, refinement=None, log=log)
 
 
 def reference_key(config: SceneConfig, given: AbsoluteReference) -> str:
@@ -225,7 +227,14 @@ def _reference(
 ) -> TruthReference:
     """Runs in voxels of these edges [m], of twice and four times as long ones."""
     factors = 1.0, COARSENING, COARSENING**2
-    runs = _runs(config, given, pitches, refinement, log, factors)
+    runs = _runs(
+        config,
+        given=given,
+        pitches=pitches,
+        refinement=refinement,
+        log=log,
+        factors=factors,
+    )
     solutions, costs = zip(*runs, strict=True)
     error = discretization_error(*solutions, count=given.points, seed=given.seed)
     return TruthReference(solutions[0], error, costs)
@@ -312,7 +321,10 @@ def _stored_run(
         if path.is_file():
             with contextlib.suppress(InputError):
                 cost = read_record(
-                    path.with_suffix(".json"), _COST, _COST_VERSION, _REMEDY
+                    path.with_suffix(".json"),
+                    kind=_COST,
+                    version=_COST_VERSION,
+                    remedy=_REMEDY,
                 )
                 return load_solution(path), {**cost, "cached": True}
     log()

@@ -234,7 +234,7 @@ class FrameTarget(AbstractTarget):
                 near, too_far = None, True
             if near is None or too_far:
                 # Residuals that are not finite: the trial is refused.
-                near = blank_view(len(indices), room, pose, dtype)
+                near = blank_view(len(indices), size=room, pose=pose, dtype=dtype)
             found.append(near)
         return tuple(found)
 
@@ -332,7 +332,9 @@ def render_frames(
     surfaces, terms = solution.surfaces, scene.terms
 
     def frame(surface: Float[Array, " s"], time: Float[Array, ""]) -> Any:
-        received = received_at(solution, surface, time, reflected)
+        received = received_at(
+            solution, surface=surface, time=time, reflected=reflected
+        )
         given = surface, received, time, quantity, band
         return frame_at(view, surfaces, terms, *given)
 
@@ -379,7 +381,7 @@ def view_of(
     surfaces: tuple[SolvedSurface, ...], scene: Scene, camera: AbstractCamera
 ) -> View:
     """View of the bodies; temperatures are smoothed over the voxels."""
-    return compute_view(surfaces, scene.terms, camera, True)
+    return compute_view(surfaces, terms=scene.terms, camera=camera, smooth=True)
 
 
 def body_mask(view: View) -> Bool[np.ndarray, "h w"]:

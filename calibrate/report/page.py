@@ -125,9 +125,21 @@ def _truth(result: Result) -> _Sections:
 
 def _pictures(calibration: Calibration, fit: Fit, result: Result) -> _Sections:
     sections: _Sections = [page.heading("Spatial distribution of the error")]
-    sections += _worst_case("train", calibration.train, calibration, fit, result)
+    sections += _worst_case(
+        "train",
+        problem=calibration.train,
+        calibration=calibration,
+        fit=fit,
+        result=result,
+    )
     if (held_out := calibration.held_out) is not None:
-        sections += _worst_case("held_out", held_out, calibration, fit, result)
+        sections += _worst_case(
+            "held_out",
+            problem=held_out,
+            calibration=calibration,
+            fit=fit,
+            result=result,
+        )
     return sections
 
 
@@ -151,7 +163,11 @@ def _worst_case(
         else:
             camera = calibration.configs[name].camera
             times = sorted(set(worst.values()))
-            images = [difference_picture(case, camera, solutions, times)]
+            images = [
+                difference_picture(
+                    case, camera=camera, solutions=solutions, times=times
+                )
+            ]
             moment = "before and after the fit"
     except InputError as error:
         # A camera that sees nothing must not cost the results of a long fit.

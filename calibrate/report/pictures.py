@@ -92,7 +92,14 @@ def difference_picture(
         with precision(case.scene.dtype):
             at = jnp.asarray(target.times[time], surface.dtype)
             # True temperatures do not depend on what the surface reflects.
-            drawn = draw(view, surfaces, case.scene.terms, surface[time], None, at)
+            drawn = draw(
+                view,
+                surfaces=surfaces,
+                terms=case.scene.terms,
+                temperature=surface[time],
+                received=None,
+                time=at,
+            )
             return np.asarray(drawn.temperature, float)
 
     differences = {}
@@ -102,7 +109,11 @@ def difference_picture(
             difference = difference - frame(target.reference, time)
             differences[f"{name}, {time_label(target.times[time])}"] = difference
     words = "surface temperature minus reference"
-    return _png(_difference_sheet(differences, body_mask(view), words, "K", case.name))
+    return _png(
+        _difference_sheet(
+            differences, mask=body_mask(view), words=words, unit="K", title=case.name
+        )
+    )
 
 
 def frame_picture(
@@ -131,9 +142,15 @@ def frame_picture(
     differences = {n: np.where(mask, f - data, 0.0) for n, f in frames.items()}
     number = f", view {view}" if len(target.views) > 1 else ""
     title = f"{case.name}{number}, {time_label(target.times[time])}"
-    below = _difference_sheet(differences, mask, "model minus data", unit, title)
+    below = _difference_sheet(
+        differences, mask=mask, words="model minus data", unit=unit, title=title
+    )
     shown = {"data": data, "fitted model": frames["fitted"]}
-    return _png(_stacked(below, _frame_sheet(shown, mask, unit, f"{words} [{unit}]")))
+    return _png(
+        _stacked(
+            below, _frame_sheet(shown, mask=mask, unit=unit, words=f"{words} [{unit}]")
+        )
+    )
 
 
 def _scatter(pixels: Float[np.ndarray, " p"], mask: _Mask) -> _Frame:
@@ -192,7 +209,9 @@ def _frame_sheet(
     high = max(high, low + 1e-6 * max(abs(low), 1.0))
     tiles = []
     for name, frame in frames.items():
-        colours = apply_palette(np.where(mask, frame, low), low, high, _PALETTE)
+        colours = apply_palette(
+            np.where(mask, frame, low), low=low, high=high, name=_PALETTE
+        )
         colours[~mask] = BACKGROUND
         note = f"{frame[mask].min():.4g} to {frame[mask].max():.4g} {unit}"
         tiles.append(Tile(_close_up(colours, mask), name, note))
@@ -200,7 +219,7 @@ def _frame_sheet(
     decimals = decimals_of(ticks[1] - ticks[0]) if len(ticks) > 1 else 1
     ramp = np.linspace(low, high, 512)[None]
     bar = ColourBar(
-        colours=apply_palette(ramp, low, high, _PALETTE)[0],
+        colours=apply_palette(ramp, low=low, high=high, name=_PALETTE)[0],
         ticks=tuple(((t - low) / (high - low), label(t, decimals)) for t in ticks),
         title=words,
     )

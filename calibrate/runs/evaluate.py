@@ -157,7 +157,7 @@ def _run(
         try:
             truth = truths[planned.case.load]
             reading = _reading(truth, solution, readings)
-            judged = _judged(planned, solution, truth, reading)
+            judged = _judged(planned, solution=solution, truth=truth, reading=reading)
             judged.row["together"] = len(batch)
             judged.row["took_s"] += planned.seconds + seconds
             found.append(judged)
@@ -199,7 +199,9 @@ def _mapped(
     def one(own: list[jax.Array]) -> Observation:
         parts = eqx.combine(jax.tree.unflatten(tree, own), static)
         stepper, program, state, table = parts
-        return take_steps(stepper, program, state, StepTable(*table))[1]
+        return take_steps(
+            stepper, program=program, state=state, table=StepTable(*table)
+        )[1]
 
     axes = [0 if varies else None for varies in differs]
 

@@ -40,7 +40,10 @@ def difference_picture(
     colour[~known] = BACKGROUND
     position = np.concatenate([sample.position for sample in points.samples])
     normal = np.concatenate([sample.normal for sample in points.samples])
-    shown = [_view(position, normal, colour, np.array(view)) for view in _VIEWS]
+    shown = [
+        _view(position, normal=normal, colour=colour, direction=np.array(view))
+        for view in _VIEWS
+    ]
     stream = io.BytesIO()
     # A sweep keeps hundreds of them: a palette takes a third of the bytes.
     picture = Image.fromarray(np.concatenate(shown, axis=1)).quantize(64)

@@ -70,7 +70,7 @@ def plan_case(config: SceneConfig, scene: Scene) -> Plan:
     """
     span, solver = config.time, config.solver.build()
     with precision(scene.dtype):
-        return plan_once(scene, span.end, span.save_times, solver)
+        return plan_once(scene, t1=span.end, save_at=span.save_times, solver=solver)
 
 
 def loop_size(plan: Plan) -> tuple[int, ...] | None:

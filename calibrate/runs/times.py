@@ -186,7 +186,9 @@ def _full_volume(key: _FullKey) -> Loop:
     scene, span = build_case(key.config).scene, key.config.time
     clock = time.perf_counter()
     with precision(scene.dtype):
-        plan = plan_run(scene, span.end, span.save_times, ForwardEuler())
+        plan = plan_run(
+            scene, t1=span.end, save_at=span.save_times, solver=ForwardEuler()
+        )
         table = step_table(plan, save_intervals(plan.intervals))
         run = _compiled(plan, table)
     compile_s = time.perf_counter() - clock
@@ -202,7 +204,13 @@ def _full_volume(key: _FullKey) -> Loop:
         fraction = _fraction(table, whole)
     else:
         fraction = 1.0
-    loop = Loop(lambda: run(table), plan, compile_s, fraction, reading_s)
+    loop = Loop(
+        run=lambda: run(table),
+        plan=plan,
+        compile_s=compile_s,
+        fraction=fraction,
+        reading_s=reading_s,
+    )
     loop.seconds()
     return loop
 

@@ -101,7 +101,13 @@ class Fitting:
             made = make_objective(self.problem, memory)
             self.objective = on_every_device(mesh, made)
             batch = self.problem.batch()
-            self._search = Search(self.objective, settings, batch, use_broyden, mesh)
+            self._search = Search(
+                objective=self.objective,
+                settings=settings,
+                batch=batch,
+                use_broyden=use_broyden,
+                mesh=mesh,
+            )
         # One wrapper each, so that later runs find what is compiled.
         self._compiled_residuals = eqx.filter_jit(_residuals_once)
         self._stable_steps = eqx.filter_jit(self.problem.stable_steps)
@@ -140,7 +146,12 @@ class Fitting:
                 objective = eqx.tree_at(lambda o: o.noise, objective, added)
             objective = self._seen_from(objective, z)
             objective, first, diagnostics = self._begin(objective, z)
-            progress = Progress(z, self._search.start(z), objective.step_tables, [])
+            progress = Progress(
+                z=z,
+                solver_state=self._search.start(z),
+                step_tables=objective.step_tables,
+                steps=[],
+            )
             if checkpoint is not None:
                 progress = load_progress(checkpoint, progress)
                 progress = on_every_device(self._mesh, progress)
@@ -173,7 +184,13 @@ class Fitting:
                 )
             # A batch of searches runs both branches of a condition, so that keeping
             # Jacobians would save nothing.
-            search = Search(objective, self.settings, batch, False, mesh)
+            search = Search(
+                objective=objective,
+                settings=self.settings,
+                batch=batch,
+                use_broyden=False,
+                mesh=mesh,
+            )
             z, done = jnp.asarray(points, dtype), np.zeros(len(points), bool)
             # At least one start on each device.
             fewest = 1 if mesh is None else mesh.size
@@ -233,7 +250,9 @@ class Fitting:
         size, dtype = self.problem.parameters.size, self.problem.dtype
         while True:
             steps = progress.steps
-            action = next_action(steps, progress.done, size, tolerance, dtype)
+            action = next_action(
+                steps, done=progress.done, size=size, tolerance=tolerance, dtype=dtype
+            )
             if action == "end":
                 return progress, "converged"
             if len(steps) >= self.settings.max_steps:
@@ -257,9 +276,24 @@ class Fitting:
             accepted = refresh or loss < steps[-1].loss
             exact = refresh or not self._search.keeps_jacobian
             number, values = len(steps) + 1, self._host_values(z)
-            record = StepRecord(number, loss, accepted, length, values, exact, refresh)
+            record = StepRecord(
+                number=number,
+                loss=loss,
+                accepted=accepted,
+                length=length,
+                values=values,
+                exact=exact,
+                refresh=refresh,
+            )
             steps = [*steps, record]
-            progress = Progress(z, state, step_tables, steps, bool(done), seconds)
+            progress = Progress(
+                z=z,
+                solver_state=state,
+                step_tables=step_tables,
+                steps=steps,
+                done=bool(done),
+                seconds=seconds,
+            )
             if checkpoint is not None:
                 progress.save(checkpoint)
             if log is not None:

@@ -48,10 +48,14 @@ def _value_and_jacobian(
     The devices of a mesh share the rows; under `vmap` they share the points z.
     """
     if mesh is None:
-        rows, same = _derivatives(function, args, z, _directions(z), batch)
+        rows, same = _derivatives(
+            function, args=args, z=z, directions=_directions(z), batch=batch
+        )
     else:
         arrays, rest = eqx.partition(args, eqx.is_array)
-        rows, same = _on_devices(function, rest, batch, mesh)(z, arrays)
+        rows, same = _on_devices(function, static=rest, batch=batch, mesh=mesh)(
+            z, arrays
+        )
     value, aux = same
     return value, rows, aux
 
@@ -87,14 +91,18 @@ def _on_devices(
     def derivatives(given, directions, batch):
         z, arrays = given
         args = eqx.combine(arrays, static)
-        return _derivatives(function, args, z, directions, batch)
+        return _derivatives(
+            function, args=args, z=z, directions=directions, batch=batch
+        )
 
     @custom_vmap
     def at_one(z, arrays):
         # As many derivatives at once on all devices together as on one.
         own = part_of(mesh, batch)
         part = lambda directions, given: derivatives(given, directions, own)
-        return over_devices(mesh, part, _directions(z), (z, arrays))
+        return over_devices(
+            mesh, function=part, batch=_directions(z), given=(z, arrays)
+        )
 
     @at_one.def_vmap
     def _(_, is_batched, points, arrays):
@@ -103,7 +111,7 @@ def _on_devices(
             whole = lambda z: derivatives((z, arrays), _directions(z), batch)
             return jax.vmap(whole)(points), None
 
-        found, _ = over_devices(mesh, part, points, arrays)
+        found, _ = over_devices(mesh, function=part, batch=points, given=arrays)
         return found, jax.tree.map(lambda _: True, found)
 
     return at_one
@@ -118,7 +126,7 @@ def jacobian_rows(
     mesh: Mesh | None = None,
 ) -> Float[Array, "p r"]:
     """Rows of the Jacobian of `function(z, args)`, compiled once per shape."""
-    return _value_and_jacobian(function, args, z, batch, mesh)[1]
+    return _value_and_jacobian(function, args=args, z=z, batch=batch, mesh=mesh)[1]
 
 
 def _broyden_update(
@@ -262,7 +270,9 @@ class BroydenLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
         # An exact Jacobian costs a run per coordinate, a corrected one a single run.
         def exact():
             batch, mesh = self.batch, self.mesh
-            return _value_and_jacobian(fn, args, state.y_eval, batch, mesh)
+            return _value_and_jacobian(
+                fn, args=args, z=state.y_eval, batch=batch, mesh=mesh
+            )
 
         def corrected():
             run = lambda given: fn(*given)

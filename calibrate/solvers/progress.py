@@ -74,7 +74,7 @@ class Progress(NamedTuple):
             "header": np.array(json.dumps(header)),
             "leaves": np.frombuffer(leaves.getvalue(), np.uint8),
         }
-        write_archive(path, _KIND, _VERSION, parts, compress=False)
+        write_archive(path, kind=_KIND, version=_VERSION, arrays=parts, compress=False)
 
 
 def _arrays(progress: Progress) -> Any:
@@ -85,7 +85,7 @@ def load_progress(path: Path, start: Progress) -> Progress:
     """Read the state that an earlier process saved, or return the start."""
     if not path.exists():
         return start
-    parts = read_archive(path, _KIND, _VERSION, _REMEDY)
+    parts = read_archive(path, kind=_KIND, version=_VERSION, remedy=_REMEDY)
     try:
         header = json.loads(str(parts["header"]))
         leaves = io.BytesIO(parts["leaves"].tobytes())
@@ -97,7 +97,14 @@ def load_progress(path: Path, start: Progress) -> Progress:
         raise InputError(
             f"{path}: of another fit ({type(error).__name__}); {_REMEDY}"
         ) from error
-    return Progress(z, state, tables, steps, header["done"], header["seconds"])
+    return Progress(
+        z=z,
+        solver_state=state,
+        step_tables=tables,
+        steps=steps,
+        done=header["done"],
+        seconds=header["seconds"],
+    )
 
 
 STAGNATION_LIMIT = 2

@@ -203,7 +203,9 @@ class Search:
         devices of a `mesh` share the derivatives.
         """
         self._function, self._mesh = _FUNCTIONS[settings.method], mesh
-        self._solver = _make_solver(settings, batch, use_broyden, mesh)
+        self._solver = _make_solver(
+            settings, batch=batch, use_broyden=use_broyden, mesh=mesh
+        )
         self._objective = objective
         self._compiled: Any = None
         self._initial: Any = None
@@ -286,7 +288,7 @@ def losses(
         size = max(1, min(part_of(mesh, batch), len(points)))
         return jax.lax.map(loss, points, batch_size=size), None
 
-    return over_devices(mesh, at, points, objective)[0]
+    return over_devices(mesh, function=at, batch=points, given=objective)[0]
 
 
 def batched(

@@ -110,7 +110,15 @@ def _conduction(
     if tuple(shape) == _THESIS_SHAPE:
         peers["thesis, 9800GT"] = [TIMES["full_volume"]]
     return [
-        Measurement(what, "s", each["ours"], "a copy", [ideal], _SHARE, note=share),
+        Measurement(
+            name=what,
+            unit="s",
+            ours=each["ours"],
+            peer_name="a copy",
+            peer=[ideal],
+            bound=_SHARE,
+            note=share,
+        ),
         *(Measurement(what, "s", each["ours"], *peer) for peer in peers.items()),
     ]
 
@@ -120,7 +128,7 @@ def _steps(label: str, scene: jt.Scene, repeats: int) -> list[Measurement]:
     run = jt.compile_simulation(scene, END)
     calls: dict[str, Callable[[], Any]] = {"call": lambda: run().surface_temperature}
     for name, (solver, count) in _SOLVERS.items():
-        plan = plan_run(scene, END, None, solver)
+        plan = plan_run(scene, t1=END, save_at=None, solver=solver)
         calls[name], calls[f"no {name}"] = loop_of(plan, count), loop_of(plan, 0)
     spans = interleaved(calls, repeats)
     # Starting a loop takes as long as many of its steps.
@@ -138,7 +146,7 @@ def _steps(label: str, scene: jt.Scene, repeats: int) -> list[Measurement]:
 
 def _jacobians(label: str, scene: jt.Scene, repeats: int) -> list[Measurement]:
     """Exact derivatives of the surface by as many parameters, over a forward run."""
-    stable = plan_run(scene, END, None, jt.ForwardEuler()).stable_step
+    stable = plan_run(scene, t1=END, save_at=None, solver=jt.ForwardEuler()).stable_step
     assert stable is not None
     solver, body = jt.ForwardEuler(dt=0.8 * stable), scene.bodies[0]
     conductivity = STEEL.conductivity
@@ -163,11 +171,11 @@ def _jacobians(label: str, scene: jt.Scene, repeats: int) -> list[Measurement]:
     spans = interleaved(calls, repeats)
     return [
         Measurement(
-            f"{label}: Jacobian of {count} parameter{'s' * (count > 1)}",
-            "s",
-            spans[str(count)],
-            "a forward run",
-            spans["forward"],
+            name=f"{label}: Jacobian of {count} parameter{'s' * (count > 1)}",
+            unit="s",
+            ours=spans[str(count)],
+            peer_name="a forward run",
+            peer=spans["forward"],
             overhead=True,
         )
         for count in _PARAMETERS

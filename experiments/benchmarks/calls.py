@@ -120,14 +120,29 @@ def _measurements(row: dict[str, Any]) -> list[Measurement]:
     peer, call, loop = spans[_PEER], spans[_SIMULATE], spans[_LOOP]
     bound = _BOUNDS.get(label)
     rows = [
-        Measurement(f"{label}: {what}", "s", spans[what], _PEER, peer)
+        Measurement(
+            name=f"{label}: {what}",
+            unit="s",
+            ours=spans[what],
+            peer_name=_PEER,
+            peer=peer,
+        )
         for what in (_LOOP, _AGAIN, _OTHER)
     ]
     name = f"{label}: {_SIMULATE}"
     more = np.subtract(call, loop).tolist()
     return [
         *rows,
-        Measurement(name, "s", call, _PEER, peer, bound),
-        Measurement(name, "s", call, "its loop", loop, overhead=True),
+        Measurement(
+            name=name, unit="s", ours=call, peer_name=_PEER, peer=peer, bound=bound
+        ),
+        Measurement(
+            name=name,
+            unit="s",
+            ours=call,
+            peer_name="its loop",
+            peer=loop,
+            overhead=True,
+        ),
         Measurement(f"{name} less its loop", "s", more),
     ]

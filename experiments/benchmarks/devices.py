@@ -82,7 +82,9 @@ def run(
         scenes: to measure.
     """
     results = [
-        row for surface in scenes for row in _measured(surface, shape, repeats, steps)
+        row
+        for surface in scenes
+        for row in _measured(surface, shape=shape, repeats=repeats, steps=steps)
     ]
     columns = [
         ("scene", "{scene}"),
@@ -168,7 +170,15 @@ def _measured(
     with ExitStack() as stack:
         workers = {
             each: [
-                _start(stack, each, port, process, surface, shape, steps)
+                _start(
+                    stack,
+                    arrangement=each,
+                    port=port,
+                    process=process,
+                    surface=surface,
+                    shape=shape,
+                    steps=steps,
+                )
                 for process in range(each.processes)
             ]
             for each, port in ((each, free_port()) for each in _ARRANGEMENTS)
@@ -257,13 +267,15 @@ def _work(
 
 def _plan(scene: jt.Scene, in_stages: bool, steps: int) -> tuple[Plan, int]:
     """Plan of a turn, and its number of steps or stages."""
-    stable = plan_run(scene, 1.0, None, jt.ForwardEuler()).stable_step
+    stable = plan_run(scene, t1=1.0, save_at=None, solver=jt.ForwardEuler()).stable_step
     assert stable is not None
     if not in_stages:
         solver = jt.ForwardEuler(0.9 * stable)
-        return plan_run(scene, 0.9 * steps * stable, None, solver), steps
+        return plan_run(
+            scene, t1=0.9 * steps * stable, save_at=None, solver=solver
+        ), steps
     dt = 0.9 * (steps**2 + steps - 2) / 4 * stable
-    plan = plan_run(scene, dt, None, jt.SuperTimeStepping(dt))
+    plan = plan_run(scene, t1=dt, save_at=None, solver=jt.SuperTimeStepping(dt))
     assert isinstance(plan.stepper, RKL2Stepper)
     return plan, plan.stepper.stages_taken
 

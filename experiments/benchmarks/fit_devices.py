@@ -84,13 +84,15 @@ def _measurements(row: dict[str, Any]) -> list[Measurement]:
     name, wall, processor = row["name"], row["wall_s"], row["processor_s"]
     peer = "one device"
     return [
-        Measurement(name, "s", wall["two"], peer, wall["one"]),
         Measurement(
-            f"{name}, of all threads",
-            "s",
-            processor["two"],
-            peer,
-            processor["one"],
+            name=name, unit="s", ours=wall["two"], peer_name=peer, peer=wall["one"]
+        ),
+        Measurement(
+            name=f"{name}, of all threads",
+            unit="s",
+            ours=processor["two"],
+            peer_name=peer,
+            peer=processor["one"],
             overhead=True,
         ),
     ]
@@ -127,10 +129,10 @@ def _problem(scene: jt.Scene, count: int) -> Problem:
     data = StoredSolution(times, found.surface_temperature, found.surfaces)
     target = surface_target(data, jnp.dtype(scene.dtype))
     fitted = [
-        Parameter(name, (start,), 0.01 * start, 100 * start)
+        Parameter(name=name, start=(start,), lower=0.01 * start, upper=100 * start)
         for name, start in list(_VALUES.items())[:count]
     ]
-    case = Case("sun", scene, case_run, target)
+    case = Case(name="sun", scene=scene, run=case_run, target=target)
     return Problem(ParameterSet(tuple(fitted)), (case,))
 
 

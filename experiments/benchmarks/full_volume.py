@@ -66,7 +66,7 @@ def run(
     bodies = {f"cube, {_CUBE}^3, in cache": cube, f"{name}, {shape}": statue}
     measurements, results = [], []
     for label, grid in bodies.items():
-        rows, found = _measured(label, grid, repeats, work)
+        rows, found = _measured(label, grid=grid, repeats=repeats, work=work)
         measurements += rows
         results += found
     return {"rows": results, "measurements": plain_rows(measurements)}
@@ -85,13 +85,16 @@ def _methods(stable: float, count: int) -> dict[str, _Method]:
     long = steps * dt
     return {
         "explicit step": _Method(
-            end, jt.ForwardEuler(), count, lambda scene: numba_explicit(scene, end)
+            end=end,
+            solver=jt.ForwardEuler(),
+            steps=count,
+            peer=lambda scene: numba_explicit(scene, end),
         ),
         "stage of RKL2": _Method(
-            long,
-            jt.SuperTimeStepping(dt=dt),
-            steps * _STAGES,
-            lambda scene: numba_rkl2(scene, long, dt),
+            end=long,
+            solver=jt.SuperTimeStepping(dt=dt),
+            steps=steps * _STAGES,
+            peer=lambda scene: numba_rkl2(scene, long, dt),
         ),
     }
 
@@ -101,15 +104,15 @@ def _measured(
 ) -> tuple[list[Measurement], list[dict[str, Any]]]:
     scene, nodes = _scene(jt.FullVolume(grid)), grid.solid_count
     count = int(np.clip(work / nodes, _FEWEST, _MOST))
-    stable = plan_run(scene, 1.0, None, jt.ForwardEuler()).stable_step
+    stable = plan_run(scene, t1=1.0, save_at=None, solver=jt.ForwardEuler()).stable_step
     assert stable is not None
     rows, results = [], []
     for what, method in _methods(stable, count).items():
-        plan = plan_run(scene, method.end, None, method.solver)
+        plan = plan_run(scene, t1=method.end, save_at=None, solver=method.solver)
         peer = method.peer(scene)
         state = np.asarray(initial_state(plan).theta[0])
         compiled = _scene(jt.FullVolume(grid, kernels="numba"))
-        inside = plan_run(compiled, method.end, None, method.solver)
+        inside = plan_run(compiled, t1=method.end, save_at=None, solver=method.solver)
         calls = {
             "ours": loop_of(plan),
             "kernels": loop_of(inside),
@@ -118,7 +121,9 @@ def _measured(
         }
         if nodes <= _MOST_LINKED:
             linked = _scene(jt.FullVolume(grid, stencil=False))
-            calls["links"] = loop_of(plan_run(linked, method.end, None, method.solver))
+            calls["links"] = loop_of(
+                plan_run(linked, t1=method.end, save_at=None, solver=method.solver)
+            )
         difference = max(largest_difference(own, peer) for own in (plan, inside))
         spans = _per_step(interleaved(calls, repeats), method.steps)
         found = {"body": label, "what": what, "nodes": nodes}
@@ -155,10 +160,41 @@ def _rows(name: str, spans: Spans, note: str) -> list[Measurement]:
     ours, copy = spans["ours"], "copy of the state, one thread"
     within, peer = f"{name}, kernels of numba", spans["numba"]
     rows = [
-        Measurement(name, "s", ours, NUMBA, peer, _BOUND, note=note),
-        Measurement(within, "s", spans["kernels"], NUMBA, peer, _BOUND, note=note),
-        Measurement(name, "s", ours, copy, spans["copy"], overhead=True),
+        Measurement(
+            name=name,
+            unit="s",
+            ours=ours,
+            peer_name=NUMBA,
+            peer=peer,
+            bound=_BOUND,
+            note=note,
+        ),
+        Measurement(
+            name=within,
+            unit="s",
+            ours=spans["kernels"],
+            peer_name=NUMBA,
+            peer=peer,
+            bound=_BOUND,
+            note=note,
+        ),
+        Measurement(
+            name=name,
+            unit="s",
+            ours=ours,
+            peer_name=copy,
+            peer=spans["copy"],
+            overhead=True,
+        ),
     ]
     if "links" in spans:
-        rows.append(Measurement(name, "s", ours, "its links", spans["links"]))
+        rows.append(
+            Measurement(
+                name=name,
+                unit="s",
+                ours=ours,
+                peer_name="its links",
+                peer=spans["links"],
+            )
+        )
     return rows

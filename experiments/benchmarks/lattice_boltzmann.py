@@ -95,7 +95,14 @@ def _textbook_steps(f: jax.Array) -> jax.Array:
 def _channel(shape: tuple[int, int]) -> Channel:
     height, length = shape
     body = RoundBody((length / 5, height / 2), height * 2 / 15)
-    return Channel(shape, _SPEED, _VISCOSITY, body, inlet="poiseuille", walls="no_slip")
+    return Channel(
+        shape=shape,
+        speed=_SPEED,
+        viscosity=_VISCOSITY,
+        body=body,
+        inlet="poiseuille",
+        walls="no_slip",
+    )
 
 
 def _difference(shape: tuple[int, int]) -> float:
@@ -164,9 +171,38 @@ def _measurements(shape: tuple[int, int], spans: Spans) -> list[Measurement]:
     copy = "copy of the populations, one thread"
     own = f"{name}, kernels of numba"
     return [
-        Measurement(name, "s", ours, NUMBA, peer, _BOUND, note=note),
-        Measurement(own, "s", kernels, NUMBA, peer, _BOUND, note=within),
+        Measurement(
+            name=name,
+            unit="s",
+            ours=ours,
+            peer_name=NUMBA,
+            peer=peer,
+            bound=_BOUND,
+            note=note,
+        ),
+        Measurement(
+            name=own,
+            unit="s",
+            ours=kernels,
+            peer_name=NUMBA,
+            peer=peer,
+            bound=_BOUND,
+            note=within,
+        ),
         Measurement(name, "s", ours, bound=cells / _UPDATES, note=note),
-        Measurement(name, "s", ours, "the textbook's step", spans["textbook"]),
-        Measurement(name, "s", ours, copy, spans["copy"], overhead=True),
+        Measurement(
+            name=name,
+            unit="s",
+            ours=ours,
+            peer_name="the textbook's step",
+            peer=spans["textbook"],
+        ),
+        Measurement(
+            name=name,
+            unit="s",
+            ours=ours,
+            peer_name=copy,
+            peer=spans["copy"],
+            overhead=True,
+        ),
     ]

@@ -42,7 +42,7 @@ def loop_of(plan: Plan, steps: int | None = None) -> Callable[[], Any]:
     program = plan.compiled.program
     # The loop uses up its state: each call makes one, as a run does.
     return lambda: take_steps_in_place(
-        plan.stepper, program, initial_state(plan), table
+        plan.stepper, program=program, state=initial_state(plan), table=table
     )
 
 

@@ -129,7 +129,7 @@ def _ran(scene: jt.Scene, solver: str) -> dict[str, Any]:
     before = _memory("VmRSS")
     _reset_peak()
     saves = np.linspace(0, _END, _SAVES + 1)[1:].tolist()
-    plan = plan_run(scene, _END, saves, _SOLVERS[solver]())
+    plan = plan_run(scene, t1=_END, save_at=saves, solver=_SOLVERS[solver]())
     gc.collect()
     searches = _memory("VmHWM") - before
     _reset_peak()

@@ -49,7 +49,9 @@ class Runner(NamedTuple):
 @eqx.filter_jit
 def _steps(program, state: RunState, dt, steps) -> RunState:
     start = jnp.zeros_like(dt)
-    return advance(EulerStepper(), program, state, start, dt, steps)
+    return advance(
+        EulerStepper(), program=program, state=state, start=start, dt=dt, steps=steps
+    )
 
 
 def scene_runner(scene: jt.Scene, dt: float, steps: int = _STEPS) -> Runner:
@@ -123,7 +125,7 @@ def run(
     times = step_spans(_runners(scene, dt), repeats)
     times |= step_spans(_idle_runners(scene, dt), _MORE_REPEATS * repeats)
     found = _results(scene, times)
-    _show(scene, found, built, set_up)
+    _show(scene, found=found, built=built, set_up=set_up)
     return {
         **found,
         "steps": _STEPS,

@@ -74,7 +74,12 @@ def _system(height: int, dt: float | None) -> _System:
     # The figurine, heated from +x, in still air; at rest if there is no step.
     grid = jt.voxelize(figurine(_HEIGHT), _HEIGHT / height)
     structure = jt.FullVolume(grid).for_solves()
-    network = assemble_uniform(structure, _CONDUCTIVITY, _HEAT_CAPACITY, np.float64)
+    network = assemble_uniform(
+        structure,
+        conductivity=_CONDUCTIVITY,
+        volumetric_heat_capacity=_HEAT_CAPACITY,
+        dtype=np.float64,
+    )
     node, n = structure.fragment_node(), structure.node_count
     surface = np.bincount(node, grid.fragment_area, n)
     shone_on = np.maximum(grid.fragment_normal[:, 0], 0) * grid.fragment_area
@@ -90,7 +95,14 @@ def _system(height: int, dt: float | None) -> _System:
     matrix = sparse.csr_array(sparse.diags_array(k.sum(axis=1) + m) - k)
     b = 5000.0 * np.bincount(node, shone_on, n)
     levels = hierarchy(structure, network)
-    return _System(network, levels, put(m), put(b), address, matrix)
+    return _System(
+        network=network,
+        levels=levels,
+        m=put(m),
+        b=put(b),
+        address=address,
+        matrix=matrix,
+    )
 
 
 class _Norm(AbstractStoppingNorm):
@@ -214,7 +226,14 @@ def _measurement(name: str, found: dict[str, Any]) -> Measurement:
     counts = (solvers[solver]["iterations"] for solver in (chosen, peer))
     note = "{}; {} iterations, the peer {}".format(chosen.split(", ")[1], *counts)
     what = f"figurine: {name}"
-    return Measurement(what, "s", spans[chosen], peer, spans[peer], note=note)
+    return Measurement(
+        name=what,
+        unit="s",
+        ours=spans[chosen],
+        peer_name=peer,
+        peer=spans[peer],
+        note=note,
+    )
 
 
 def _show(name: str, found: dict[str, Any], result: dict[str, Any]) -> None:

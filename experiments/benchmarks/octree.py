@@ -73,7 +73,7 @@ def _scene(structure: Any) -> jt.Scene:
 
 def _plan(scene: jt.Scene, steps: int) -> Plan:
     solver = jt.SuperTimeStepping(dt=END / steps)
-    return plan_run(scene, END, SAVE_AT, solver)
+    return plan_run(scene, t1=END, save_at=SAVE_AT, solver=solver)
 
 
 def _compared(grid: VoxelGrid, repeats: int) -> dict[str, Any]:

@@ -33,9 +33,27 @@ class Machine(NamedTuple):
 
 
 MACHINES = (
-    Machine("GPU of 3.35 TB/s, links of 450 GB/s", 3.35e12, 80e9, 450e9, 5e-6),
-    Machine("GPU of 3.35 TB/s, network of 25 GB/s", 3.35e12, 80e9, 25e9, 1e-5),
-    Machine("CPU node of 300 GB/s, network of 25 GB/s", 3e11, 5e11, 25e9, 1e-5),
+    Machine(
+        name="GPU of 3.35 TB/s, links of 450 GB/s",
+        bandwidth=3.35e12,
+        memory=80e9,
+        network=450e9,
+        latency=5e-6,
+    ),
+    Machine(
+        name="GPU of 3.35 TB/s, network of 25 GB/s",
+        bandwidth=3.35e12,
+        memory=80e9,
+        network=25e9,
+        latency=1e-5,
+    ),
+    Machine(
+        name="CPU node of 300 GB/s, network of 25 GB/s",
+        bandwidth=3e11,
+        memory=5e11,
+        network=25e9,
+        latency=1e-5,
+    ),
 )
 
 

@@ -127,7 +127,24 @@ def _measurements(shape: tuple[int, int, int], spans: Spans) -> list[Measurement
     note = f"{speed:.2g} billion lattice voxels a second"
     simple = "the same from rates"
     return [
-        Measurement(name, "s", ours, NUMBA, spans["numba"], _BOUND, note=note),
-        Measurement(name, "s", ours, simple, spans["simple"]),
-        Measurement(name, "s", ours, copy, spans["copy"], overhead=True),
+        Measurement(
+            name=name,
+            unit="s",
+            ours=ours,
+            peer_name=NUMBA,
+            peer=spans["numba"],
+            bound=_BOUND,
+            note=note,
+        ),
+        Measurement(
+            name=name, unit="s", ours=ours, peer_name=simple, peer=spans["simple"]
+        ),
+        Measurement(
+            name=name,
+            unit="s",
+            ours=ours,
+            peer_name=copy,
+            peer=spans["copy"],
+            overhead=True,
+        ),
     ]

@@ -90,22 +90,36 @@ def _measurements(row: dict[str, Any]) -> list[Measurement]:
     alone, pairs = "conduction alone", "gathered links"
     own = f"{label}: {alone}"
     return [
-        Measurement(what, "s", step, alone, conduction, overhead=True, note=nodes),
-        Measurement(own, "s", conduction, pairs, spans["links"]),
-        Measurement(own, "s", conduction, matrix, spans["scipy"]),
+        Measurement(
+            name=what,
+            unit="s",
+            ours=step,
+            peer_name=alone,
+            peer=conduction,
+            overhead=True,
+            note=nodes,
+        ),
+        Measurement(
+            name=own, unit="s", ours=conduction, peer_name=pairs, peer=spans["links"]
+        ),
+        Measurement(
+            name=own, unit="s", ours=conduction, peer_name=matrix, peer=spans["scipy"]
+        ),
         Measurement(f"{label}: reading a surface cell", "s", row["reading_s"]),
     ]
 
 
 def _measured(scene: jt.Scene, repeats: int) -> dict[str, Any]:
-    plan = plan_run(scene, END, SAVE_AT, jt.ForwardEuler())
+    plan = plan_run(scene, t1=END, save_at=SAVE_AT, solver=jt.ForwardEuler())
     program, receipt = plan.compiled.program, plan.compiled.receipt
     network, start = program.bodies[0].network, initial_state(plan)
     count = int(np.clip(_WORK / receipt.nodes, 20, _MOST)) // 2 * 2
     table = step_table(plan, save_intervals(plan.intervals))
     none, many = only_first(table, 0), only_first(table, count)
     loop = eqx.filter_jit(
-        lambda program, state, table: take_steps(plan.stepper, program, state, table)
+        lambda program, state, table: take_steps(
+            plan.stepper, program=program, state=state, table=table
+        )
     )
     run_of = lambda table: lambda: loop(program, start, table)
     # Other states each time, or a compiler would read the surface once for all.
@@ -173,7 +187,12 @@ def conduction_call(structure: AbstractStructure, steps: int) -> Callable[[], An
 def conduction_of(structure: AbstractStructure) -> Callable[[int], jax.Array]:
     """The state after a number of steps of conduction in steel, in float32."""
     heat = STEEL.volumetric_heat_capacity
-    network = assemble_uniform(structure, STEEL.conductivity, heat, jnp.float32)
+    network = assemble_uniform(
+        structure,
+        conductivity=STEEL.conductivity,
+        volumetric_heat_capacity=heat,
+        dtype=jnp.float32,
+    )
     state = np.zeros(structure.state_shape, np.float32)
     values = np.random.default_rng(0).random(structure.node_count)
     state[structure.node_address()] = values

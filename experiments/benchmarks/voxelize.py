@@ -65,8 +65,21 @@ def run(height: int = _CELLS, repeats: int = 5) -> dict[str, Any]:
     note = f"{len(mesh.faces):,} triangles; {counts}"
     name, theirs = f"{mesh.name} to {size} voxels", "trimesh, filled, once"
     measured = [
-        Measurement(f"{name}: first call", "s", cold, theirs, [span], note=note),
-        Measurement(f"{name}: further calls", "s", warm, theirs, [span]),
+        Measurement(
+            name=f"{name}: first call",
+            unit="s",
+            ours=cold,
+            peer_name=theirs,
+            peer=[span],
+            note=note,
+        ),
+        Measurement(
+            name=f"{name}: further calls",
+            unit="s",
+            ours=warm,
+            peer_name=theirs,
+            peer=[span],
+        ),
     ]
     return {
         "mesh": mesh.name,

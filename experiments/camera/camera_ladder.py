@@ -147,13 +147,17 @@ def run(folder: Path, height: int = 110) -> dict[str, Any]:
     cut = slice(max(0, int(columns[0]) - _AROUND), int(columns[-1]) + _AROUND)
     inside = np.asarray(binary_erosion(shown, iterations=_MARGIN), bool)
     rows = [
-        _row(rung, kelvin[n], kelvin[n - 1] if n else None, inside)
+        _row(rung, kelvin=kelvin[n], before=kelvin[n - 1] if n else None, inside=inside)
         | {"frame_ms": _frame_time(solution, camera, rung)}
         for n, rung in enumerate(rungs)
     ]
-    write_png(folder / "rungs.png", _frames(rungs, kelvin, shown, inside, cut))
     write_png(
-        folder / "differences.png", _differences(rungs, kelvin, shown, inside, cut)
+        folder / "rungs.png",
+        _frames(rungs, kelvin=kelvin, shown=shown, inside=inside, cut=cut),
+    )
+    write_png(
+        folder / "differences.png",
+        _differences(rungs, kelvin=kelvin, shown=shown, inside=inside, cut=cut),
     )
     publish(folder, "The thermal camera, rung by rung", _sections(rows, folder))
     return {
@@ -186,7 +190,9 @@ def _row(
 def _frames(rungs, kelvin, shown, inside, cut):
     low, high = (float(q) for q in np.quantile(kelvin[2][inside], [0.001, 0.999]))
     tiles = [
-        thermal_tile(k[:, cut], shown[:, cut], (low, high), r.name, r.note)
+        thermal_tile(
+            k[:, cut], body=shown[:, cut], limits=(low, high), name=r.name, note=r.note
+        )
         for k, r in zip(kelvin, rungs, strict=True)
     ]
     title = "temperature shown [\N{DEGREE SIGN}C]"

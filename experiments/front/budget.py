@@ -67,8 +67,8 @@ def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
         said = made.get("refused") or f"{made['nodes']:,} nodes, {made['steps']} steps"
         names = ", ".join(label for _, label in case.names)
         print_line(console, f"{names}, {case.load}: {said}")
-    lines = budget_lines(cases, rows, truths, record)
-    write_budget(lines, list(truths.values()), given, folder)
+    lines = budget_lines(cases, rows=rows, truths=truths, record=record)
+    write_budget(lines, truths=list(truths.values()), config=given, folder=folder)
     return {
         "config": resolved(given),
         "config_hash": sweep_hash(given),
@@ -155,7 +155,13 @@ def budget_lines(
             continue
         whole = full.get(_voxels(case))
         is_full = whole is row and _kind(case) == "octree"
-        errors = _errors(row, truths[case.truth_key], whole, is_full, record)
+        errors = _errors(
+            row,
+            truth=truths[case.truth_key],
+            full=whole,
+            stands_in=is_full,
+            record=record,
+        )
         line["by_load"][case.load] = {name: e.as_dict() for name, e in errors.items()}
         line["nodes"] = row["nodes"]
         line["run_time_s"] = min(row["run_time_s"], line.get("run_time_s", np.inf))

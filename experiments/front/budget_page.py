@@ -123,7 +123,14 @@ def write_budget(
     title = "parts of the error"
     every = table_of(by_load, [*names, *_BY_LOAD], left=left)
     sections: list[page.Section] = [
-        table_of(lines, [*names, *_LINE], title, caption, names=count, left=left),
+        table_of(
+            lines,
+            columns=[*names, *_LINE],
+            title=title,
+            caption=caption,
+            names=count,
+            left=left,
+        ),
         page.paragraph(caption, note=True),
         *goals_table(config, lines),
         page.terms(list(_TERMS.items())),

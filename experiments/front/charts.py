@@ -54,7 +54,7 @@ def error_against(
         return None
     best = front(points, cost, error)
     label, scale = _COSTS[cost]
-    row = lambda p, **more: _row(p, cost, error, scale) | more
+    row = lambda p, **more: _row(p, cost=cost, error=error, scale=scale) | more
     beaten = [row(p) for p in points if p not in best]
     chosen = [row(p, number=str(n)) for n, p in enumerate(best, 1)]
     others = [row(p, rival=p.kind) for p in rivals]
@@ -64,7 +64,7 @@ def error_against(
     up = LogAxis([r["error"] for r in every], _ERROR_TITLES[error])
     x, y = alt.X(**across.channel("cost")), alt.Y(**up.channel("error"))
     layers = [_dots(beaten, x, y), _front_line(chosen, x, y)]
-    layers.append(_chosen(chosen, x, y, _paint(points)))
+    layers.append(_chosen(chosen, x=x, y=y, paint=_paint(points)))
     if others:
         layers.append(_rivals(others, x, y))
     if marked:

@@ -212,4 +212,11 @@ def _comparison(pair: Pair, spans: dict[str, Spans]) -> Comparison:
     load = min(ratios, key=lambda each: ratios[each].median)
     own = spread_of(spans[load]["choice"])
     other = spread_of(spans[load]["rival"])
-    return Comparison(pair, load, own, other, ratios[load], spans)
+    return Comparison(
+        pair=pair,
+        load=load,
+        choice_time=own,
+        rival_time=other,
+        ratio=ratios[load],
+        spans=spans,
+    )

@@ -49,7 +49,9 @@ def read_folder(path: Path) -> SweepFolder:
     finished = [row for row in rows if "failed" not in row]
     failed = [row for row in rows if "failed" in row]
     times, rivals = (read_rows(path / f"{name}.jsonl") for name in ("times", "rivals"))
-    return SweepFolder(path, finished, failed, times, rivals)
+    return SweepFolder(
+        path=path, rows=finished, failed=failed, times=times, rivals=rivals
+    )
 
 
 def read_rows(path: Path) -> list[Row]:

@@ -193,7 +193,9 @@ def linear_body(
     ]
     with precision(scene.dtype):
         boxed = replace(scene, bodies=tuple(whole))
-        return _linear_body(plan_run(boxed, end, save_at, ForwardEuler()))
+        return _linear_body(
+            plan_run(boxed, t1=end, save_at=save_at, solver=ForwardEuler())
+        )
 
 
 def _linear_body(todo: Plan) -> LinearBody:

@@ -118,7 +118,16 @@ def _steps(body: LinearBody, dt: float, rkl2: bool) -> _Steps:
     # In the first column the rate of whole links over the length of an Euler step.
     weighted = one(np.stack([each * weight, each * weight * rate], axis=1))
     mu, nu, a = (one(rows) for rows in table)
-    return _Steps(one(each), steps, row, count, mu, nu, a, weighted)
+    return _Steps(
+        dt=one(each),
+        steps=steps,
+        row=row,
+        stages=count,
+        mu=mu,
+        nu=nu,
+        a=a,
+        weight=weighted,
+    )
 
 
 @cache

@@ -62,7 +62,14 @@ def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
                 key = fingerprint([case.id, tolerance, program_hash(_SOURCES)])
                 row = known.get(key)
                 if row is None or not (config / row["model"]).exists():
-                    row = _row(key, case, load, point, tolerance, config)
+                    row = _row(
+                        key,
+                        case=case,
+                        load=load,
+                        point=point,
+                        tolerance=tolerance,
+                        folder=config,
+                    )
                     append_rows(config / "rivals.jsonl", [row])
                 print_line(console, f"{load}: {_words(row)}")
                 found.append(row)

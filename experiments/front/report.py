@@ -104,7 +104,14 @@ def write_report(findings: Findings, out: Path) -> list[str]:
 
     def chart(name: str, cost: Cost, error: Measure, title: str, marks: Marks = ()):
         rivals = findings.rivals
-        made = error_against(cost, findings.points, rivals, error, title, marks)
+        made = error_against(
+            cost,
+            points=findings.points,
+            rivals=rivals,
+            error=error,
+            title=title,
+            marks=marks,
+        )
         if made is None:
             return []
         files.extend([f"{name}.svg", f"{name}.png"])
@@ -117,18 +124,28 @@ def write_report(findings: Findings, out: Path) -> list[str]:
     sections += [page.heading("Error against run time")]
     marks = thesis_marks(findings.points)
     title = "Error against run time"
-    sections += chart("error_against_time", "time_s", "rms_percent", title, marks)
+    sections += chart(
+        "error_against_time",
+        cost="time_s",
+        error="rms_percent",
+        title=title,
+        marks=marks,
+    )
     sections += _front_sections(findings)
     sections += _rival_sections(findings)
     sections += [page.heading("Error against memory and nodes")]
     names: list[tuple[Cost, str]] = [("memory_bytes", "memory"), ("nodes", "nodes")]
     for cost, name in names:
         title = f"Error against {name}"
-        sections += chart(f"error_against_{name}", cost, "rms_percent", title)
+        sections += chart(
+            f"error_against_{name}", cost=cost, error="rms_percent", title=title
+        )
     sections += [page.heading("Other measures of the error")]
     for error in MEASURES[1:]:
         title = f"{_TITLES[error]} against run time"
-        sections += chart(f"{error}_against_time", "time_s", error, title)
+        sections += chart(
+            f"{error}_against_time", cost="time_s", error=error, title=title
+        )
     sections += thesis_table(findings.points)
     sections += _all_sections(findings)
     sections.append(tooltips(texts, pictures))

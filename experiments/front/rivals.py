@@ -86,7 +86,7 @@ def _voxels(high: int) -> str:
 
 
 # The peer of the measurements before there were fronts.
-TWELVE_STEPS = Setting(RKL2, 250, 12, "dominant_axis")
+TWELVE_STEPS = Setting(kind=RKL2, voxels_high=250, steps=12, cells="dominant_axis")
 
 Log = Callable[[str], None]
 
@@ -300,7 +300,7 @@ class Rivals:
     def _case(self, load: str, high: int, cells: Cells) -> Case:
         given = self._cases[load]
         config = _full_volume(given.config, high, cells)
-        return Case(config, (), load, given.truth)
+        return Case(config=config, names=(), load=load, truth=given.truth)
 
     def _body_of(self, load: str, high: int, cells: Cells) -> LinearBody:
         config = self._case(load, high, cells).config

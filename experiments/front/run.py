@@ -71,7 +71,14 @@ def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
     source, console = config, open_console()
     if not config.is_dir():
         source = folder / "sweep"
-        sweep(config, source, (), Options(default_workers(), None, False, True))
+        sweep(
+            config,
+            out=source,
+            overrides=(),
+            options=Options(
+                workers=default_workers(), scheduler=None, retry=False, times=True
+            ),
+        )
     given, rows = load_sweep(source / "config.yaml"), read_folder(source)
     cases = SweepCases(given)
     head = {"config": resolved(given), "sweep": str(source)}
@@ -81,13 +88,32 @@ def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
         ((_, points),) = problems.items()
         # Rivals that others have added are of one problem.
         others = rivals_of(rows.rivals, set(cases.loads))
-        return {**head, **_front(console, cases, rows, points, others, folder, title)}
+        return {
+            **head,
+            **_front(
+                console,
+                cases=cases,
+                rows=rows,
+                points=points,
+                others=others,
+                folder=folder,
+                title=title,
+            ),
+        }
     fronts = {}
     for name, points in problems.items():
         print_line(console, f"{name}:")
         own = folder / name.replace("/", "-")
         own.mkdir(parents=True, exist_ok=True)
-        made = _front(console, cases, rows, points, [], own, f"{title}, {name}")
+        made = _front(
+            console,
+            cases=cases,
+            rows=rows,
+            points=points,
+            others=[],
+            folder=own,
+            title=f"{title}, {name}",
+        )
         fronts[name] = {
             **made,
             "files": [f"{own.name}/{file}" for file in made["files"]],
@@ -133,14 +159,24 @@ def _front(
 ) -> dict[str, Any]:
     """The front of points of one problem beside rivals, printed and as a page."""
     models = [other for other in others if other.models is not None]
-    found, comparisons, remark = _beside(console, cases, points, models, rows, folder)
+    found, comparisons, remark = _beside(
+        console, cases=cases, points=points, models=models, rows=rows, folder=folder
+    )
     remarks = [remark] if remark else []
     about = [_about(cases, rows, points), *remarks]
     # In one folder with the sweep, the file has the rivals of this run as well.
     names = {rival.name for rival in found}
     found = [*(other for other in others if other.name not in names), *found]
     own, plain = list(points), resolved(cases.config)
-    findings = Findings(title, about, rows, own, found, comparisons, plain)
+    findings = Findings(
+        title=title,
+        about=about,
+        folder=rows,
+        points=own,
+        rivals=found,
+        comparisons=comparisons,
+        config=plain,
+    )
     files = write_report(findings, folder)
     for number, point in enumerate(front(points), 1):
         print_line(console, f"{number}. {sentence(point)}")
@@ -203,8 +239,10 @@ def _beside(
             return model_loops(rows.path, point.models)
         return choice_loops(cases(point))
 
-    chosen = pairs(points, found, TOLERANCES, models)
-    comparisons = time_pairs(chosen, loops, rivals, cases.config.repeats, log)
+    chosen = pairs(points, rivals=found, tolerances=TOLERANCES, models=models)
+    comparisons = time_pairs(
+        chosen, loops=loops, rivals=rivals, repeats=cases.config.repeats, log=log
+    )
     least = min((rival.errors["rms_percent"] for rival in found), default=None)
     remark = f"Voxels of the rivals: {rivals.tried}"
     if least is not None:

@@ -45,9 +45,13 @@ def scipy_run(body: LinearBody, dt: float) -> Run:
             body.intervals, steps, heat, strict=True
         ):
             part = one(_GAMMA * (end - start) / count / 2)
-            system = _system(operator, held, total.astype(one), part)
+            system = _system(
+                operator, capacity=held, diagonal=total.astype(one), part=part
+            )
             for _ in range(count):
-                state = _step(operator, held, q, part, system, state)
+                state = _step(
+                    operator, capacity=held, q=q, part=part, system=system, state=state
+                )
             if row >= 0:
                 found[row] = factor * state[reading] + offset[row]
         return found + one(body.reference)

@@ -168,7 +168,14 @@ def case(
     id_: str, title: str, source: str, requirement: str, method: str = ""
 ) -> Callable[[Measure], Case]:
     """Decorator of the function that measures a case; arguments as of `Case`."""
-    return lambda measure: Case(id_, title, source, requirement, method, measure)
+    return lambda measure: Case(
+        id=id_,
+        title=title,
+        source=source,
+        requirement=requirement,
+        method=method,
+        measure=measure,
+    )
 
 
 @dataclass(frozen=True)
@@ -249,14 +256,23 @@ def values(
 ) -> tuple[Value, ...]:
     """Several numbers of one kind, with one unit and one tolerance."""
     rows = zip(names, expected, computed, strict=True)
-    return tuple(Value(n, unit, e, float(c), tolerance) for n, e, c in rows)
+    return tuple(
+        Value(name=n, unit=unit, expected=e, computed=float(c), tolerance=tolerance)
+        for n, e, c in rows
+    )
 
 
 def relative(
     name: str, unit: str, expected: Number, computed: Number, fraction: Number
 ) -> Value:
     """A number whose tolerance is a fraction of what is expected."""
-    return Value(name, unit, expected, float(computed), fraction * abs(expected))
+    return Value(
+        name=name,
+        unit=unit,
+        expected=expected,
+        computed=float(computed),
+        tolerance=fraction * abs(expected),
+    )
 
 
 def largest_error(checks: Iterable[Value]) -> float:
@@ -307,7 +323,7 @@ def attempt(
     try:
         return measure()
     except Exception as error:  # the rows after it must not be lost
-        return _broken(what, error, solver, dtype)
+        return _broken(what, error=error, solver=solver, dtype=dtype)
 
 
 def refusal(
@@ -322,6 +338,6 @@ def refusal(
         stated = reason in seen and "\n" not in seen
     except Exception as error:
         # Any other exception is a stack trace to the user, not a refusal.
-        return _broken(what, error, solver, dtype)
-    check = Bound(f"says {reason!r}", float(stated), 1, 1)
+        return _broken(what, error=error, solver=solver, dtype=dtype)
+    check = Bound(name=f"says {reason!r}", computed=float(stated), highest=1, lowest=1)
     return Row(what, solver, dtype, seen=seen, checks=(check,), if_met=REFUSED)

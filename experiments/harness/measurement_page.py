@@ -58,7 +58,16 @@ def finished(
     error = "" if rows else "no measurement in the form of this table: see result.json"
     charts = tuple(body.get("charts", {}).items())
     took = float(result.get("took_s", 0.0))
-    return Finished(name, about, folder, command, rows, error, charts, took)
+    return Finished(
+        name=name,
+        about=about,
+        folder=folder,
+        command=command,
+        rows=rows,
+        error=error,
+        charts=charts,
+        took_s=took,
+    )
 
 
 def summary(benchmarks: Sequence[Finished]) -> str:

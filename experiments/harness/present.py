@@ -47,7 +47,7 @@ def table_of(
             rest = len(formats) - names
             line.append(Cell(row["refused"], wraps=True, columns=rest))
         lines.append(line)
-    return Table(headings, lines, title, caption, **style)
+    return Table(columns=headings, rows=lines, title=title, caption=caption, **style)
 
 
 def named(rows: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:

@@ -45,7 +45,7 @@ def run_cases(
     outcomes = [outcome for _, each in found for outcome in each]
     console.print(summary(outcomes), soft_wrap=False)
     took = time.perf_counter() - begin
-    write_report(found, folder / "report.html", texts, took)
+    write_report(found, path=folder / "report.html", texts=texts, took=took)
     rows = [row.verdict for outcome in outcomes for row in outcome.rows]
     return {
         "passed": ids_of(outcomes, PASS),

@@ -137,7 +137,7 @@ def time_change(
             f"{ratio:.3g} times; ranges {min(old):.3g}-{max(old):.3g} and "
             f"{min(new):.3g}-{max(new):.3g}"
         )
-    return Change(key, a, b, note) if beyond else None
+    return Change(key=key, old=a, new=b, note=note) if beyond else None
 
 
 def plain_changes(old: Any, new: Any) -> Iterator[Change]:
@@ -182,7 +182,12 @@ def _list_change(key: str, old: list[Number], new: list[Number]) -> Change | Non
     noise = ROUNDING * max(map(abs, [*old, *new]))
     sizes = [abs(b - a) for a, b in zip(old, new, strict=True)]
     n = sizes.index(max(sizes))
-    found = Change(f"{key}.{n}", old[n], new[n], f"the largest of {len(old)} values")
+    found = Change(
+        key=f"{key}.{n}",
+        old=old[n],
+        new=new[n],
+        note=f"the largest of {len(old)} values",
+    )
     return found if sizes[n] > noise else None
 
 

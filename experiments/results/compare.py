@@ -72,12 +72,12 @@ def compare(old: Result, new: Result) -> Comparison:
         ) from error
     origin = [{k: r.content[k] for k in _ORIGIN if k in r.content} for r in (old, new)]
     return Comparison(
-        old.kind,
-        (str(old.folder), str(new.folder)),
-        tuple(differences(old.config, new.config)),
-        tuple(differences(*origin)),
-        tuple(numbers),
-        tuple(remarks),
+        kind=old.kind,
+        names=(str(old.folder), str(new.folder)),
+        config=tuple(differences(old.config, new.config)),
+        origin=tuple(differences(*origin)),
+        numbers=tuple(numbers),
+        remarks=tuple(remarks),
     )
 
 
@@ -117,10 +117,14 @@ def _parameter_changes(a: dict[str, Any], b: dict[str, Any]) -> Iterator[Change]
         known = [error for error in errors if error is not None]
         # Both values are uncertain; without standard errors only rounding is noise.
         noise = sum(error**2 for error in known) ** 0.5 if len(known) == 2 else 0.0
-        if differ(old["value"], new["value"], _FIT_ROUNDING, noise):
+        if differ(
+            old["value"], new=new["value"], relative=_FIT_ROUNDING, absolute=noise
+        ):
             size = abs(new["value"] - old["value"])
             note = f"{size / noise:.3g} standard errors" if noise else ""
-            yield Change(f"parameters.{name}", old["value"], new["value"], note)
+            yield Change(
+                key=f"parameters.{name}", old=old["value"], new=new["value"], note=note
+            )
         if old["verdict"] != new["verdict"]:
             key = f"parameters.{name}.verdict"
             yield Change(key, old["verdict"], new["verdict"])
@@ -131,7 +135,7 @@ def _number_change(key: str, old: Any, new: Any) -> Iterator[Change]:
         if old is not new:
             yield Change(key, old, new)
     elif differ(old, new, _FIT_ROUNDING):
-        yield Change(key, old, new, f"{new - old:+.3g}")
+        yield Change(key=key, old=old, new=new, note=f"{new - old:+.3g}")
 
 
 def _sweep_changes(old: Result, new: Result) -> Iterator[Change | str]:
@@ -174,7 +178,7 @@ def _row_changes(name: str, old: Row, new: Row) -> Iterator[Change]:
     for key, rounding in _ERRORS.items():
         a, b = ((row.get("error") or {}).get(key) for row in (old, new))
         if a is not None and b is not None and differ(a, b, absolute=rounding):
-            yield Change(f"{name}: {key}", a, b, f"{b - a:+.3g}")
+            yield Change(key=f"{name}: {key}", old=a, new=b, note=f"{b - a:+.3g}")
 
 
 def _plain_changes(old: Result, new: Result) -> Iterator[Change | str]:

@@ -139,7 +139,9 @@ def _read(file: Path) -> Result:
     if file.name == "fit.json":
         return Result("fit", file, read_fit(file))
     if file.name == "plan.json":
-        record = read_record(file, "plan", 1, "run `calibrate plan` again")
+        record = read_record(
+            file, kind="plan", version=1, remedy="run `calibrate plan` again"
+        )
         return Result("plan", file, record | record.get("provenance", {}))
     content = _read_json(file)
     kind = _kind(file, content)
@@ -154,7 +156,13 @@ def _read(file: Path) -> Result:
         for row in _read_rows(file.with_name(_TIMES))
         if isinstance(row.get("loop_s"), list)
     }
-    return Result(kind, file, content, _read_rows(file.with_name(_ROWS)), times)
+    return Result(
+        kind=kind,
+        file=file,
+        content=content,
+        rows=_read_rows(file.with_name(_ROWS)),
+        times=times,
+    )
 
 
 def _kind(file: Path, content: dict[str, Any]) -> Literal[Kind]:

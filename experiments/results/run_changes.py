@@ -30,7 +30,7 @@ def run_changes(old: Result, new: Result) -> Iterator[Change | str]:
         left, right = a.get(key, ABSENT), b.get(key, ABSENT)
         if left != right:
             yield Change(key, left, right)
-    yield from _surface_changes(old.folder, new.folder, a, b)
+    yield from _surface_changes(old.folder, b=new.folder, old=a, new=b)
     yield from _truth_changes(a.get("truth_error"), b.get("truth_error"))
     yield from _probe_changes(a, b)
     yield from _energy_changes(a, b)
@@ -83,7 +83,7 @@ def _solution_changes(
         at = float(error.times[worst])
         note = f"{how}, at {at:g} s; {percent:.3g} %; {top}"
         name = "surface temperature: RMS of the change [K]"
-        yield Change(name, 0.0, rms[worst], note)
+        yield Change(key=name, old=0.0, new=rms[worst], note=note)
 
 
 def _summary_changes(old: dict[str, Any], new: dict[str, Any]) -> Iterator[Change]:
@@ -104,7 +104,7 @@ def _temperature_change(
     if len(size) and size.max() > kelvin_noise(float(np.abs(old).max())):
         worst = int(size.argmax())
         note = f"{new[worst] - old[worst]:+.3g} K"
-        yield Change(key, old[worst], new[worst], note)
+        yield Change(key=key, old=old[worst], new=new[worst], note=note)
 
 
 def _truth_changes(old: Any, new: Any) -> Iterator[Change]:
@@ -116,7 +116,7 @@ def _truth_changes(old: Any, new: Any) -> Iterator[Change]:
     for name in ("worst_rms_kelvin", "worst_p99_kelvin", "worst_lost_fraction"):
         a, b = old[name], new[name]
         if differ(a, b, absolute=kelvin_noise(300.0) if "kelvin" in name else 0.0):
-            yield Change(f"truth_error.{name}", a, b, f"{b - a:+.3g}")
+            yield Change(key=f"truth_error.{name}", old=a, new=b, note=f"{b - a:+.3g}")
 
 
 def _probe_changes(old: dict[str, Any], new: dict[str, Any]) -> Iterator[Change]:
@@ -146,4 +146,6 @@ def _energy_changes(old: dict[str, Any], new: dict[str, Any]) -> Iterator[Change
         if not is_number(first) or not is_number(second):
             yield Change(key, first, second)
         elif differ(first, second, absolute=ROUNDING * scale):
-            yield Change(key, first, second, f"{second - first:+.3g} J")
+            yield Change(
+                key=key, old=first, new=second, note=f"{second - first:+.3g} J"
+            )

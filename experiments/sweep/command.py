@@ -78,7 +78,9 @@ def sweep(config: Path, out: Path, overrides: tuple[str, ...], options: Options)
     quiet = not console.is_terminal
     with Progress(*columns, console=console, transient=True, disable=quiet) as bar:
         log = _Bar(console, bar)
-        made = run_sweep(config, out, overrides, options, log)
+        made = run_sweep(
+            config, folder=out, overrides=overrides, options=options, log=log
+        )
         compared = made.config.compare_with_fit is not None
         fit = compare_with_fit(made, log) if compared else None
     write_results(made, fit)

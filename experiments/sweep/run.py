@@ -90,15 +90,15 @@ def run_sweep(
         check_fit(config, choice)
     # All mistakes, before the folder is made and anything is fitted.
     cases = [case for choice in chosen for case in _cases(path, config, choice)]
-    sweep = Sweep(config, sweep_hash(config), folder, cases)
+    sweep = Sweep(config=config, hash=sweep_hash(config), folder=folder, cases=cases)
     _check_devices(sweep, options.devices)
     claim_folder(folder, sweep.hash)
     if any(choice.fit is not None for choice in chosen):
-        sweep.cases = list(_fitted_cases(path, sweep, chosen, log))
+        sweep.cases = list(_fitted_cases(path, sweep=sweep, chosen=chosen, log=log))
     with replacing(folder / "config.yaml") as temporary:
         temporary.write_text(to_yaml(config), encoding="utf-8")
     try:
-        _errors(path, sweep, options, log)
+        _errors(path, sweep=sweep, options=options, log=log)
         if options.times:
             _times(sweep, options, log)
     except KeyboardInterrupt:
@@ -156,7 +156,7 @@ def _errors(path: Path, sweep: Sweep, options: Options, log: Log) -> None:
         if options.retry and (dropped := rows.drop_failed()):
             log.line(f"{dropped} failed cases are run again")
         sweep.rows = rows.by_id
-        evaluator = _Evaluator(sweep, rows, options, log)
+        evaluator = _Evaluator(sweep=sweep, rows=rows, options=options, log=log)
         sampling = sweep.config.sampling
         if isinstance(sampling, OptunaSampling):
             evaluator.study(path, sampling)

@@ -77,7 +77,9 @@ def table(sweep: Sweep, most: int | None = None) -> Table:
     caption = f"Run times: {processor()}." if sweep.times else ""
     left = tuple(range(len(axes)))
     names = [axis.replace("_", " ") for axis in axes]
-    return Table([*names, *_COLUMNS], rows, title, caption, left)
+    return Table(
+        columns=[*names, *_COLUMNS], rows=rows, title=title, caption=caption, left=left
+    )
 
 
 def _row(line: dict[str, Any]) -> list[str | Cell]:

@@ -174,7 +174,7 @@ def _curve(sweep: Sweep, found: dict[str, Any], axis: str) -> Chart:
     own = names.index(axis)
     values, table = _grid(sweep)
     points = []
-    for name, line in _lines(names, own, values, table, found):
+    for name, line in _lines(names, own=own, values=values, table=table, found=found):
         points += [
             {
                 "x": float(x),

@@ -31,10 +31,10 @@ _STEP_RISE = semi_infinite.surface_step(
 
 @case(
     "V01",
-    "half-space, surface suddenly at another temperature",
-    "Carslaw and Jaeger 2.4; Incropera 5.60",
-    "0.1 % of 80 K at 20 cells per diffusion length",
-    "bar of 165 voxels of 1.33 mm; explicit",
+    title="half-space, surface suddenly at another temperature",
+    source="Carslaw and Jaeger 2.4; Incropera 5.60",
+    requirement="0.1 % of 80 K at 20 cells per diffusion length",
+    method="bar of 165 voxels of 1.33 mm; explicit",
 )
 def _step() -> Row:
     names = tuple(f"T({1e3 * x:g} mm, 60 s)" for x in _DEPTHS)
@@ -42,9 +42,17 @@ def _step() -> Row:
     def at(pitch: float):
         row = bar(round(0.22 / pitch), pitch)
         hot = jt.FixedTemperature(ZERO_CELSIUS + 100.0, on=LEFT)
-        (surface,) = _surfaces(row, _STEEL, _ROOM, (hot,), (60.0,))
+        (surface,) = _surfaces(
+            row, material=_STEEL, start=_ROOM, terms=(hot,), times=(60.0,)
+        )
         found = between(row.depth, surface[row.along] - ZERO_CELSIUS, _DEPTHS)
-        return values(names, "degC", _STEP_RISE.tolist(), found, 1e-3 * 80.0)
+        return values(
+            names,
+            unit="degC",
+            expected=_STEP_RISE.tolist(),
+            computed=found,
+            tolerance=1e-3 * 80.0,
+        )
 
     # 10, 20 and 41 cells per diffusion length; the second is what the source states.
     pitches = (0.01 / 3.5, 0.01 / 7.5, 0.01 / 15.0)
@@ -66,31 +74,49 @@ def _heated(depth: float, time: float, start: float, material: jt.Material) -> f
     )
 
 
-_FLUX_RISE = {t: _heated(0.0, t, 20.0, _STEEL) for t in (1.0, 10.0, 60.0)}
+_FLUX_RISE = {
+    t: _heated(0.0, time=t, start=20.0, material=_STEEL) for t in (1.0, 10.0, 60.0)
+}
 
 
 @case(
     "V02",
-    "half-space, constant flux",
-    "Incropera 5.62; Holman 4.2",
-    "0.2 K",
-    "bar of 440 voxels of 0.5 mm, Holman's of 220 of 1 mm; explicit",
+    title="half-space, constant flux",
+    source="Incropera 5.62; Holman 4.2",
+    requirement="0.2 K",
+    method="bar of 440 voxels of 0.5 mm, Holman's of 220 of 1 mm; explicit",
 )
 def _flux() -> Row:
     names = tuple(f"T(0, {t:g} s)" for t in _FLUX_RISE)
 
     def at(pitch: float):
         row = bar(round(0.22 / pitch), pitch)
-        surfaces = _surfaces(row, _STEEL, _ROOM, (_FLUX,), tuple(_FLUX_RISE))
+        surfaces = _surfaces(
+            row, material=_STEEL, start=_ROOM, terms=(_FLUX,), times=tuple(_FLUX_RISE)
+        )
         found = [row.end(now, LEFT) - ZERO_CELSIUS for now in surfaces]
-        return values(names, "degC", _FLUX_RISE.values(), found, 0.2)
+        return values(
+            names,
+            unit="degC",
+            expected=_FLUX_RISE.values(),
+            computed=found,
+            tolerance=0.2,
+        )
 
     measured = converge(at, (0.01 / 5, 0.01 / 10, 0.01 / 20), expected=2.0)
     row = bar(220, 1e-3)
-    (surface,) = _surfaces(row, _HOLMAN, ZERO_CELSIUS + 35.0, (_FLUX,), (30.0,))
+    (surface,) = _surfaces(
+        row, material=_HOLMAN, start=ZERO_CELSIUS + 35.0, terms=(_FLUX,), times=(30.0,)
+    )
     (inside,) = between(row.depth, surface[row.along] - ZERO_CELSIUS, (0.025,))
-    exact = _heated(0.025, 30.0, 35.0, _HOLMAN)
-    holman = Value("Holman 4.2: T(25 mm, 30 s)", "degC", exact, inside, 0.2)
+    exact = _heated(0.025, time=30.0, start=35.0, material=_HOLMAN)
+    holman = Value(
+        name="Holman 4.2: T(25 mm, 30 s)",
+        unit="degC",
+        expected=exact,
+        computed=inside,
+        tolerance=0.2,
+    )
     return measured._replace(checks=(*measured.checks, holman))
 
 
@@ -110,20 +136,28 @@ _CONVECTED = semi_infinite.surface_convection(
 
 @case(
     "A9 1fd",
-    "half-space in a fluid",
-    "TMAP8 ver-1fd",
-    "0.29 %, what the peer is off by",
-    "bar of 375 voxels of 6.7 mm; explicit",
+    title="half-space in a fluid",
+    source="TMAP8 ver-1fd",
+    requirement="0.29 %, what the peer is off by",
+    method="bar of 375 voxels of 6.7 mm; explicit",
 )
 def _convected() -> Row:
     def at(pitch: float) -> Iterator[Value]:
         row = bar(round(2.5 / pitch), pitch)
         air = jt.Convection(200.0, 500.0, on=LEFT)
-        surfaces = _surfaces(row, _COPPER, 100.0, (air,), _CONVECTED_TIMES)
+        surfaces = _surfaces(
+            row, material=_COPPER, start=100.0, terms=(air,), times=_CONVECTED_TIMES
+        )
         exact_at = zip(_CONVECTED_TIMES, _CONVECTED, surfaces, strict=True)
         for time, exact, now in exact_at:
             (found,) = between(row.depth, now[row.along], (0.05,))
-            yield Value(f"T(5 cm, {time:g} s)", "K", exact, found, 0.0029 * exact)
+            yield Value(
+                name=f"T(5 cm, {time:g} s)",
+                unit="K",
+                expected=exact,
+                computed=found,
+                tolerance=0.0029 * exact,
+            )
 
     # 13, 29 and 63 cells per diffusion length of the last time.
     return converge(at, (0.05 / 1.5, 0.05 / 3.5, 0.05 / 7.5))
@@ -154,20 +188,22 @@ _THETA += [float(slab.slab_convection_mean(0.2, 1.0))]
 
 @case(
     "V04",
-    "slab in a fluid, Bi 1, Fo 0.2",
-    "Incropera 5.42; Carslaw and Jaeger 3.11",
-    "2e-3 at 20 cells, second order",
-    "bar of 20 voxels, insulated behind; explicit",
+    title="slab in a fluid, Bi 1, Fo 0.2",
+    source="Incropera 5.42; Carslaw and Jaeger 3.11",
+    requirement="2e-3 at 20 cells, second order",
+    method="bar of 20 voxels, insulated behind; explicit",
 )
 def _heisler() -> Row:
     names = tuple(f"theta, {where}" for where in _WHERE)
 
     def at(cells: int):
         air = jt.Convection(10.0, _COLD, on=RIGHT)
-        ((x, y),), (mean,) = _slab(cells, _STUFF, _HOT, air, (2000.0,))
+        ((x, y),), (mean,) = _slab(
+            cells, material=_STUFF, start=_HOT, air=air, times=(2000.0,)
+        )
         found = np.array([*between(x, y, (0.0, 0.05, 0.1)), mean])
         theta = ((found - _COLD) / (_HOT - _COLD)).tolist()
-        return values(names, "", _THETA, theta, 2e-3)
+        return values(names, unit="", expected=_THETA, computed=theta, tolerance=2e-3)
 
     return converge(at, (10, 20, 40), 1, expected=2.0, shown=1)
 
@@ -191,20 +227,24 @@ _FDS_TABLES = {
 def _fds_checks(cells: int) -> Iterator[Value]:
     for h, tables in _FDS_TABLES.items():
         gas = jt.Convection(h, ZERO_CELSIUS + 120.0, on=RIGHT)
-        profiles, _ = _slab(cells, _FDS, _ROOM, gas, tuple(tables))
+        profiles, _ = _slab(
+            cells, material=_FDS, start=_ROOM, air=gas, times=tuple(tables)
+        )
         for (time, table), (x, y) in zip(tables.items(), profiles, strict=True):
             places = _PLACES if len(table) == len(_PLACES) else (0.0, 0.1)
             found = between(x, y - ZERO_CELSIUS, places)
             names = (f"h {h:g}, {time:g} s, {1e3 * p:g} mm" for p in places)
-            yield from values(names, "degC", table, found, 0.1)
+            yield from values(
+                names, unit="degC", expected=table, computed=found, tolerance=0.1
+            )
 
 
 @case(
     "V22a, A1",
-    "FDS heat_conduction_a and _b: slabs of Bi 100 and 10",
-    "firemodels/fds, Verification/Heat_Transfer",
-    "0.1 K",
-    "bar of 40 voxels, insulated behind; explicit; places are from the back",
+    title="FDS heat_conduction_a and _b: slabs of Bi 100 and 10",
+    source="firemodels/fds, Verification/Heat_Transfer",
+    requirement="0.1 K",
+    method="bar of 40 voxels, insulated behind; explicit; places are from the back",
 )
 def _fds() -> Row:
     # The table with three decimals; the others would only show their own rounding.
@@ -219,7 +259,9 @@ def _profiles(cells: int, length: float, material, start, ends, times, solver=No
     """A bar and the temperatures of its nodes at each time [K]."""
     row = bar(cells, length / cells)
     terms = tuple(map(jt.FixedTemperature, ends, (LEFT, RIGHT)))
-    return row, _surfaces(row, material, start, terms, times, solver)[:, row.along]
+    return row, _surfaces(
+        row, material=material, start=start, terms=terms, times=times, solver=solver
+    )[:, row.along]
 
 
 _MODE = jt.Material(10.0, density=1000.0, specific_heat=1000.0)
@@ -233,7 +275,15 @@ def _decay(cells: int, solver) -> float:
     shape = lambda x: np.sin(np.pi * (x / _MODE_LENGTH + 0.5))
     start = lambda points: 300.0 + _AMPLITUDE * shape(points[:, 0])
     ends, times = (300.0, 300.0), (_MODE_STEP * _MODE_STEPS,)
-    row, found = _profiles(cells, _MODE_LENGTH, _MODE, start, ends, times, solver)
+    row, found = _profiles(
+        cells,
+        length=_MODE_LENGTH,
+        material=_MODE,
+        start=start,
+        ends=ends,
+        times=times,
+        solver=solver,
+    )
     sine = _AMPLITUDE * np.sin(np.pi * row.depth / _MODE_LENGTH)
     left = (found[0] - 300.0) / sine
     # In an exact mode all nodes decay alike: one that does not shows the error.
@@ -242,10 +292,10 @@ def _decay(cells: int, solver) -> float:
 
 @case(
     "V09",
-    "one sine mode between two cold faces",
-    "4 alpha / h^2 sin^2(pi / 2 N), an exact mode of the cells too",
-    "1e-10",
-    "bars of 10, 20, 40 voxels, 100 steps of 0.5 s; worst node",
+    title="one sine mode between two cold faces",
+    source="4 alpha / h^2 sin^2(pi / 2 N), an exact mode of the cells too",
+    requirement="1e-10",
+    method="bars of 10, 20, 40 voxels, 100 steps of 0.5 s; worst node",
 )
 def _mode() -> Row:
     euler = jt.ForwardEuler(_MODE_STEP)
@@ -263,7 +313,15 @@ def _mode() -> Row:
     for name, cells, solver, form in forms:
         rate = slab.sine_rate_of_cells(_MODE.diffusivity, _MODE_LENGTH, cells)
         exact, found = form(rate, _MODE_STEP, _MODE_STEPS), _decay(cells, solver)
-        checks.append(Value(f"{name}, N={cells}", "", exact, found, 1e-10))
+        checks.append(
+            Value(
+                name=f"{name}, N={cells}",
+                unit="",
+                expected=exact,
+                computed=found,
+                tolerance=1e-10,
+            )
+        )
     # The order is that of space alone: the cells' own rate against the exact one.
     rate = slab.sine_rate(_MODE.diffusivity, _MODE_LENGTH)
     decay = slab.decay_exact(rate, _MODE_STEP * _MODE_STEPS)
@@ -279,19 +337,32 @@ _T3 = jt.Material(35.0, density=7200.0, specific_heat=440.5)
 
 @case(
     "V20b, A8",
-    "NAFEMS T3: one end swings",
-    "NAFEMS Standard Benchmarks; MOOSE nafems_t3 (36.89 with dt 1 s)",
-    "0.1 K",
-    "bar of 80 voxels; explicit",
+    title="NAFEMS T3: one end swings",
+    source="NAFEMS Standard Benchmarks; MOOSE nafems_t3 (36.89 with dt 1 s)",
+    requirement="0.1 K",
+    method="bar of 80 voxels; explicit",
 )
 def _t3() -> Row:
     swing = lambda time: ZERO_CELSIUS + 100.0 * jnp.sin(jnp.pi * time / 40.0)
 
     def at(cells: int) -> Iterator[Value]:
         ends = (ZERO_CELSIUS, swing)
-        row, (now,) = _profiles(cells, 0.1, _T3, ZERO_CELSIUS, ends, (32.0,))
+        row, (now,) = _profiles(
+            cells,
+            length=0.1,
+            material=_T3,
+            start=ZERO_CELSIUS,
+            ends=ends,
+            times=(32.0,),
+        )
         (found,) = between(row.depth, now - ZERO_CELSIUS, (0.08,))
-        yield Value("T(80 mm, 32 s)", "degC", 36.603116, found, 0.1)
+        yield Value(
+            name="T(80 mm, 32 s)",
+            unit="degC",
+            expected=36.603116,
+            computed=found,
+            tolerance=0.1,
+        )
 
     return converge(at, (20, 40, 80), 1, expected=2.0)
 
@@ -309,20 +380,24 @@ _SHORT_TABLE = {
 
 @case(
     "A9 1fb",
-    "bar between 400 and 300 K",
-    "TMAP8 ver-1fb",
-    "0.09 % to 1 s and 0.005 % at 5 s, what the peer is off by",
-    "bar of 160 voxels of 25 mm; explicit; expected to 3 decimals",
+    title="bar between 400 and 300 K",
+    source="TMAP8 ver-1fb",
+    requirement="0.09 % to 1 s and 0.005 % at 5 s, what the peer is off by",
+    method="bar of 160 voxels of 25 mm; explicit; expected to 3 decimals",
 )
 def _short() -> Row:
     def at(cells: int) -> Iterator[Value]:
         ends, times = (400.0, 300.0), tuple(_SHORT_TABLE)
-        row, profiles = _profiles(cells, 4.0, _SHORT, 300.0, ends, times)
+        row, profiles = _profiles(
+            cells, length=4.0, material=_SHORT, start=300.0, ends=ends, times=times
+        )
         rows = zip(_SHORT_TABLE.items(), profiles, strict=True)
         for (time, (off, exact)), now in rows:
             names = (f"T({x:g} m, {time:g} s)" for x in _SHORT_PLACES)
             found = between(row.depth, now, _SHORT_PLACES)
-            yield from values(names, "K", exact, found, off * 300.0)
+            yield from values(
+                names, unit="K", expected=exact, computed=found, tolerance=off * 300.0
+            )
 
     return converge(at, (40, 80, 160), 4.0)
 

@@ -39,7 +39,12 @@ def bar(cells: int, pitch: float) -> Bar:
     grid = jt.voxelize(jt.shapes.box((cells * pitch, pitch, pitch)), pitch)
     top = np.flatnonzero(grid.fragment_normal[:, 2] > 0.9)
     top = top[np.argsort(grid.fragment_position[top, 0])]
-    return Bar(grid, (np.arange(cells) + 0.5) * pitch, top, cells * pitch)
+    return Bar(
+        grid=grid,
+        depth=(np.arange(cells) + 0.5) * pitch,
+        along=top,
+        length=cells * pitch,
+    )
 
 
 def conductor(conductivity: float, emissivity: float = 0.9) -> jt.Material:

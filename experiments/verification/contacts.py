@@ -23,7 +23,12 @@ _DIFFUSION_LENGTHS = (6.1, 7.0)
 _IN_COPPER = float((COPPER.diffusivity / STEEL.diffusivity) ** 0.5)
 
 CONDUCTANCE = 1000.0
-INTERFACE = perfect_contact(100.0, 0.0, COPPER.effusivity, STEEL.effusivity)
+INTERFACE = perfect_contact(
+    100.0,
+    temperature_b=0.0,
+    effusivity_a=COPPER.effusivity,
+    effusivity_b=STEEL.effusivity,
+)
 
 
 def resisted(time: float) -> list[float]:
@@ -83,16 +88,16 @@ def two_bars(contact: jt.Contact, per_length: int, end: float) -> TwoBars:
     hot, cold = ZERO_CELSIUS + 100.0, ZERO_CELSIUS
     # The explicit step is that of the first body, the faster one.
     bodies = (
-        full(copper.grid, COPPER, hot, -copper.length / 2),
-        full(steel.grid, STEEL, cold, steel.length / 2),
+        full(copper.grid, material=COPPER, start=hot, x=-copper.length / 2),
+        full(steel.grid, material=STEEL, start=cold, x=steel.length / 2),
     )
     solution = run(jt.Scene(bodies, (contact,), dtype="float64"), (end,))
     one, other = (np.asarray(solution.of_body(b))[0] for b in (0, 1))
     return TwoBars(
-        copper.end(one, RIGHT) - ZERO_CELSIUS,
-        steel.end(other, LEFT) - ZERO_CELSIUS,
-        solution.energy,
-        pitch**2,
+        copper=copper.end(one, RIGHT) - ZERO_CELSIUS,
+        steel=steel.end(other, LEFT) - ZERO_CELSIUS,
+        energy=solution.energy,
+        area=pitch**2,
     )
 
 
@@ -115,23 +120,25 @@ def _one_bar(per_length: int, end: float) -> float:
 
 @case(
     "V11",
-    "copper at 100 degC on steel at 0, perfect contact",
-    "Carslaw and Jaeger 2.15",
-    "0.05 K from 5 cells per diffusion length",
-    "bars of 157 and 35 voxels, bonded, and one bar of both; explicit",
+    title="copper at 100 degC on steel at 0, perfect contact",
+    source="Carslaw and Jaeger 2.15",
+    requirement="0.05 K from 5 cells per diffusion length",
+    method="bars of 157 and 35 voxels, bonded, and one bar of both; explicit",
 )
 def _perfect() -> tuple[Value, ...]:
     names = ("two bodies, copper's side", "two bodies, steel's side", "one body")
     found = [*two_bars(jt.bonded, 5, 1.0).surfaces, _one_bar(5, 1.0)]
-    return values(names, "degC", (INTERFACE,) * 3, found, 0.05)
+    return values(
+        names, unit="degC", expected=(INTERFACE,) * 3, computed=found, tolerance=0.05
+    )
 
 
 @case(
     "V12",
-    "the same with 1000 W/(m^2 K) between them",
-    "closed form, and a Crank-Nicolson run of 8000 cells",
-    "0.2 % of 100 K; taken for the flux as 0.2 % of itself",
-    "20 cells per diffusion length of steel at each time; explicit",
+    title="the same with 1000 W/(m^2 K) between them",
+    source="closed form, and a Crank-Nicolson run of 8000 cells",
+    requirement="0.2 % of 100 K; taken for the flux as 0.2 % of itself",
+    method="20 cells per diffusion length of steel at each time; explicit",
 )
 def _resisting() -> Row:
     def at(per_length: int) -> Iterator[Value]:
@@ -139,9 +146,21 @@ def _resisting() -> Row:
             hot, cold, flux = resisted(end)
             found = two_bars(jt.Contact(CONDUCTANCE), per_length, end).surfaces
             names = (f"copper, {end:g} s", f"steel, {end:g} s")
-            yield from values(names, "degC", (hot, cold), found, 0.002 * 100.0)
+            yield from values(
+                names,
+                unit="degC",
+                expected=(hot, cold),
+                computed=found,
+                tolerance=0.002 * 100.0,
+            )
             through = CONDUCTANCE * (found[0] - found[1])
-            yield Value(f"flux, {end:g} s", "W/m^2", flux, through, 0.002 * flux)
+            yield Value(
+                name=f"flux, {end:g} s",
+                unit="W/m^2",
+                expected=flux,
+                computed=through,
+                tolerance=0.002 * flux,
+            )
 
     # The flux follows from the surfaces, in another unit: the order is theirs.
     surfaces = lambda checks: largest_error(c for c in checks if c.unit == "degC")
@@ -154,7 +173,7 @@ def _two_boxes(distance: float) -> tuple[float, float]:
     grid = jt.voxelize(jt.shapes.box((0.06, 0.06, 0.06)), 0.01)
     base = ZERO_CELSIUS + 22.0
     bodies = tuple(
-        full(grid, stuff, base + side * 80.0, side * distance / 2)
+        full(grid, material=stuff, start=base + side * 80.0, x=side * distance / 2)
         for side in (1.0, -1.0)
     )
     scene = jt.Scene(bodies, (jt.Contact(CONDUCTANCE),), dtype="float64")
@@ -164,17 +183,31 @@ def _two_boxes(distance: float) -> tuple[float, float]:
 
 @case(
     "A19",
-    "two boxes in contact move toward each other, apart they stay",
-    "Genesis tests/test_sensors.py",
-    "by more than 1 K; within 0.05 K",
-    "boxes of 6 x 6 x 6 voxels, 1000 W/(m^2 K), 0.05 s",
+    title="two boxes in contact move toward each other, apart they stay",
+    source="Genesis tests/test_sensors.py",
+    requirement="by more than 1 K; within 0.05 K",
+    method="boxes of 6 x 6 x 6 voxels, 1000 W/(m^2 K), 0.05 s",
 )
 def _boxes() -> Iterator[Bound | Value]:
     (hot, cold), far = _two_boxes(0.06), _two_boxes(0.5)
-    yield Bound("touching: the hot box cools by", 80.0 - hot, 80.0, 1.0, "K")
-    yield Bound("touching: the cold box warms by", cold + 80.0, 80.0, 1.0, "K")
+    yield Bound(
+        name="touching: the hot box cools by",
+        computed=80.0 - hot,
+        highest=80.0,
+        lowest=1.0,
+        unit="K",
+    )
+    yield Bound(
+        name="touching: the cold box warms by",
+        computed=cold + 80.0,
+        highest=80.0,
+        lowest=1.0,
+        unit="K",
+    )
     names = ("apart: excess of the hot box", "apart: excess of the cold box")
-    yield from values(names, "K", (80.0, -80.0), far, 0.05)
+    yield from values(
+        names, unit="K", expected=(80.0, -80.0), computed=far, tolerance=0.05
+    )
 
 
 CASES = (_perfect, _resisting, _boxes)

@@ -48,18 +48,21 @@ def _seen(corners: np.ndarray) -> float:
 
 @case(
     "V23",
-    "view factors",
-    "Incropera, table 13.2",
-    "1e-6",
-    "Lambert's formula for polygons under quadrature; discs: both quadratures",
+    title="view factors",
+    source="Incropera, table 13.2",
+    requirement="1e-6",
+    method="Lambert's formula for polygons under quadrature; discs: both quadratures",
 )
 def _view_factors() -> Iterator[Value]:
     # 24 points along each edge leave 2e-11 at the shared one, the hardest.
-    floor = rectangle_rule(_ORIGIN, _X, _Y, 24)
+    floor = rectangle_rule(_ORIGIN, first=_X, second=_Y, count=24)
     ceiling = np.array([_Z, _Z + _Y, _Z + _X + _Y, _Z + _X])
     wall = np.array([_ORIGIN, _Y, _Y + _Z, _Z])
     across, beside = (view_factor_to_polygon(floor, p) for p in (ceiling, wall))
-    lower, upper = disc_rule(_ORIGIN, _Z, 1.0, 16), disc_rule(_Z, -_Z, 1.0, 16)
+    lower, upper = (
+        disc_rule(_ORIGIN, normal=_Z, radius=1.0, count=16),
+        disc_rule(_Z, normal=-_Z, radius=1.0, count=16),
+    )
     sides, discs = across + 4 * beside, view_factor(lower, upper)
     exact = (
         ("parallel unit squares, gap 1", parallel_rectangles(1.0, 1.0, 1.0)),
@@ -70,7 +73,9 @@ def _view_factors() -> Iterator[Value]:
     )
     found = (across, beside, sides, discs, _seen(_disc(1.0)))
     for (name, form), computed in zip(exact, found, strict=True):
-        yield Value(name, "", form, computed, 1e-6)
+        yield Value(
+            name=name, unit="", expected=form, computed=computed, tolerance=1e-6
+        )
 
 
 # Heat from the inner of two spheres [W].
@@ -79,39 +84,59 @@ _SPHERES = 20.78300772
 
 @case(
     "V24",
-    "two grey surfaces, closed forms",
-    "Incropera 13.19 to 13.21",
-    "1e-6",
-    "reference/radiation",
+    title="two grey surfaces, closed forms",
+    source="Incropera 13.19 to 13.21",
+    requirement="1e-6",
+    method="reference/radiation",
 )
 def _enclosures() -> Iterator[Value]:
     plates = forms.between_plates(400.0, 300.0, 0.8, 0.5)
     spheres = forms.between_spheres(0.05, 0.1, 400.0, 300.0, 0.8, 0.5)
-    yield Value("endless plates", "W/m^2", 441.0291215, plates, 1e-6)
-    yield Value("concentric spheres", "W", _SPHERES, spheres, 1e-6)
+    yield Value(
+        name="endless plates",
+        unit="W/m^2",
+        expected=441.0291215,
+        computed=plates,
+        tolerance=1e-6,
+    )
+    yield Value(
+        name="concentric spheres",
+        unit="W",
+        expected=_SPHERES,
+        computed=spheres,
+        tolerance=1e-6,
+    )
 
 
 @case(
     "V25",
-    "the sun",
-    "nominal radius, astronomical unit",
-    "1e-6",
-    "reference/radiation; expected to 7 digits",
+    title="the sun",
+    source="nominal radius, astronomical unit",
+    requirement="1e-6",
+    method="reference/radiation; expected to 7 digits",
 )
 def _sun() -> Iterator[Value]:
     angle = np.pi * (forms.SUN_RADIUS / forms.ASTRONOMICAL_UNIT) ** 2
     for kelvin, flux in ((5772.0, 1361.1632), (5800.0, 1387.768)):
         found = forms.solar_irradiance(kelvin)
-        yield relative(f"irradiance, {kelvin:.0f} K", "W/m^2", flux, found, 1e-6)
-    yield relative("solid angle", "sr", 6.794274e-5, angle, 1e-6)
+        yield relative(
+            f"irradiance, {kelvin:.0f} K",
+            unit="W/m^2",
+            expected=flux,
+            computed=found,
+            fraction=1e-6,
+        )
+    yield relative(
+        "solid angle", unit="sr", expected=6.794274e-5, computed=angle, fraction=1e-6
+    )
 
 
 @case(
     "A14",
-    "FDS plate_view_factor: an element under hot plates",
-    "closed forms (FDS prints 81.8, which is 0.9 % low)",
-    "none stated; 1e-3, its digits",
-    "Lambert's formula for polygons",
+    title="FDS plate_view_factor: an element under hot plates",
+    source="closed forms (FDS prints 81.8, which is 0.9 % low)",
+    requirement="none stated; 1e-3, its digits",
+    method="Lambert's formula for polygons",
 )
 def _plates() -> tuple[Value, ...]:
     # Black plates of 1000 degC, 1 m above an element.
@@ -123,7 +148,13 @@ def _plates() -> tuple[Value, ...]:
     square = 4 * element_to_rectangle(1.0, 1.0, 1.0)
     factors = square, element_to_strip(2.0, 1.0), element_to_disc(1.0, 1.0)
     names = ("plate of 2 x 2 m", "endless strip of 2 m", "disc of 2 m")
-    return values(names, "kW/m^2", [black * f for f in factors], found, 1e-3)
+    return values(
+        names,
+        unit="kW/m^2",
+        expected=[black * f for f in factors],
+        computed=found,
+        tolerance=1e-3,
+    )
 
 
 def _net_emission(emissivity: float, kelvin: float, around: float) -> float:
@@ -139,18 +170,30 @@ def _net_emission(emissivity: float, kelvin: float, around: float) -> float:
 
 @case(
     "A15, emission",
-    "grey emission",
-    "ht tests/test_radiation.py",
-    "none stated; half its last digit",
-    "one voxel, its first millisecond; 1451.614 and 816.7822 are listed, with "
+    title="grey emission",
+    source="ht tests/test_radiation.py",
+    requirement="none stated; half its last digit",
+    method="one voxel, its first millisecond; 1451.614 and 816.7822 are listed, with "
     "the constant of 2014",
 )
 def _emission() -> Iterator[Value]:
     # Stefan and Boltzmann's, as the peer has it: CODATA 2014 [W/(m^2 K^4)].
     newer = STEFAN_BOLTZMANN / 5.670367e-8
     black, grey = _net_emission(1.0, 400.0, 0.0), _net_emission(0.85, 400.0, 305.0)
-    yield Value("black, 400 K", "W/m^2", 1451.614 * newer, black, 5e-4)
-    yield Value("0.85, 400 K among 305 K", "W/m^2", 816.7822 * newer, grey, 5e-5)
+    yield Value(
+        name="black, 400 K",
+        unit="W/m^2",
+        expected=1451.614 * newer,
+        computed=black,
+        tolerance=5e-4,
+    )
+    yield Value(
+        name="0.85, 400 K among 305 K",
+        unit="W/m^2",
+        expected=816.7822 * newer,
+        computed=grey,
+        tolerance=5e-5,
+    )
 
 
 _NUSSELT = {"churchill_bernstein": 40.63709, "sanitjai_goldstein": 40.38327}
@@ -158,10 +201,10 @@ _NUSSELT = {"churchill_bernstein": 40.63709, "sanitjai_goldstein": 40.38327}
 
 @case(
     "A15, cross-flow",
-    "average Nusselt numbers of a cylinder, Re 6071, Pr 0.7",
-    "ht tests/test_conv_external.py",
-    "none stated; half the last digit; ours within 40 to 50",
-    "physics/convection",
+    title="average Nusselt numbers of a cylinder, Re 6071, Pr 0.7",
+    source="ht tests/test_conv_external.py",
+    requirement="none stated; half the last digit; ours within 40 to 50",
+    method="physics/convection",
 )
 def _nusselt() -> tuple[Value | Bound, ...]:
     averages, checks = {a.name: a.nusselt for a in AVERAGES}, []
@@ -171,19 +214,34 @@ def _nusselt() -> tuple[Value | Bound, ...]:
         cosine = jnp.asarray(np.cos(2 * np.pi * np.arange(64) / 64), jnp.float64)
         for name, listed in _NUSSELT.items():
             found = float(averages[name](reynolds, prandtl)[0])
-            checks.append(Value(name, "", listed, found, 5e-6))
+            checks.append(
+                Value(
+                    name=name, unit="", expected=listed, computed=found, tolerance=5e-6
+                )
+            )
         for name, average in averages.items():
-            mean = float(local_nusselt(cosine, reynolds, prandtl, average).mean())
-            checks.append(Bound(f"local numbers on {name}", mean, 50.0, 40.0))
+            mean = float(
+                local_nusselt(
+                    cosine, reynolds=reynolds, prandtl_number=prandtl, average=average
+                ).mean()
+            )
+            checks.append(
+                Bound(
+                    name=f"local numbers on {name}",
+                    computed=mean,
+                    highest=50.0,
+                    lowest=40.0,
+                )
+            )
     return tuple(checks)
 
 
 @case(
     "V24, bodies",
-    "concentric spheres of voxels",
-    "Incropera 13.21",
-    "1e-6 is of the closed form; none is stated for voxels: not judged",
-    "ball of 10 voxels' radius in a hollow one, 64 patches each; steady",
+    title="concentric spheres of voxels",
+    source="Incropera 13.21",
+    requirement="1e-6 is of the closed form; none is stated for voxels: not judged",
+    method="ball of 10 voxels' radius in a hollow one, 64 patches each; steady",
 )
 def _spheres() -> Iterator[Value]:
     # Radii of the ball, the hollow and the body around it [m].
@@ -210,18 +268,26 @@ def _spheres() -> Iterator[Value]:
     solution = jt.steady(jt.Scene(bodies, terms, dtype="float64"))
     hot, cold = np.asarray(solution.mean_temperature)[0]
     name = "ball at the heat of the closed form"
-    yield Value(name, "K", 400.0, float(hot), None)
+    yield Value(
+        name=name, unit="K", expected=400.0, computed=float(hot), tolerance=None
+    )
     # What would flow at exactly 100 K of difference, by the exchange that was found.
     heat = _SPHERES * float((400.0**4 - 300.0**4) / (hot**4 - cold**4))
-    yield Value("heat at 400 and 300 K", "W", _SPHERES, heat, None)
+    yield Value(
+        name="heat at 400 and 300 K",
+        unit="W",
+        expected=_SPHERES,
+        computed=heat,
+        tolerance=None,
+    )
 
 
 @case(
     "A17",
-    "ThRend: apparent temperature of a grey surface",
-    "ThRend main.cpp",
-    "none stated; half its last digit",
-    "frame of a box of emissivity 0.91 at 300 K, 250 K around",
+    title="ThRend: apparent temperature of a grey surface",
+    source="ThRend main.cpp",
+    requirement="none stated; half its last digit",
+    method="frame of a box of emissivity 0.91 at 300 K, 250 K around",
 )
 def _apparent() -> tuple[Value, ...]:
     grey, listed = conductor(1.0, 0.91), 296.4424
@@ -234,7 +300,15 @@ def _apparent() -> tuple[Value, ...]:
         seen = np.asarray(image.apparent_temperature)
     seen = seen[np.asarray(image.object_id) == 0]
     worst = float(seen[np.argmax(np.abs(seen - listed))])
-    return (Value("apparent temperature", "K", listed, worst, 5e-5),)
+    return (
+        Value(
+            name="apparent temperature",
+            unit="K",
+            expected=listed,
+            computed=worst,
+            tolerance=5e-5,
+        ),
+    )
 
 
 CASES = (

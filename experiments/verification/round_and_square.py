@@ -38,10 +38,10 @@ def _cooled(grid: jt.VoxelGrid, exposed: np.ndarray) -> tuple[np.ndarray, float]
 
 @case(
     "V05",
-    "long cylinder in a fluid, Bi 1, Fo 0.2",
-    "Incropera 5.50",
-    "5e-3, at no stated resolution",
-    "slice of 40 voxels per radius (20 are too few: see the errors); explicit",
+    title="long cylinder in a fluid, Bi 1, Fo 0.2",
+    source="Incropera 5.50",
+    requirement="5e-3, at no stated resolution",
+    method="slice of 40 voxels per radius (20 are too few: see the errors); explicit",
 )
 def _cylinder() -> Row:
     names = tuple(f"theta, {where}" for where in _CYLINDER)
@@ -60,7 +60,9 @@ def _cylinder() -> Row:
         half = np.polyfit(radius[around] - 0.5, theta[end][around], 3)[-1]
         outside = np.average(theta[~end], weights=grid.fragment_area[~end])
         found = (axis, half, outside, mean)
-        return values(names, "", _CYLINDER.values(), found, 5e-3)
+        return values(
+            names, unit="", expected=_CYLINDER.values(), computed=found, tolerance=5e-3
+        )
 
     # Voxels make steps of a round surface: no order is expected of them.
     return converge(at, (10, 20, 40), 1)
@@ -68,10 +70,10 @@ def _cylinder() -> Row:
 
 @case(
     "V07",
-    "cube in a fluid, Bi 1, Fo 0.2 on half a side",
-    "product of three slabs",
-    "3e-3",
-    "an eighth, 20 x 20 x 20 voxels; explicit",
+    title="cube in a fluid, Bi 1, Fo 0.2 on half a side",
+    source="product of three slabs",
+    requirement="3e-3",
+    method="an eighth, 20 x 20 x 20 voxels; explicit",
 )
 def _cube() -> Row:
     names = tuple(f"theta, {where}" for where in _CUBE)
@@ -80,14 +82,23 @@ def _cube() -> Row:
         # An eighth of it: nothing passes through the three planes of symmetry.
         grid = jt.voxelize(jt.shapes.box((_SIZE, _SIZE, _SIZE)), _SIZE / cells)
         theta, _ = _cooled(grid, grid.fragment_normal.max(axis=1) > 0.9)
-        inner, outer = layered(theta, grid, 0, -1), layered(theta, grid, 0)
+        inner, outer = (
+            layered(theta, grid=grid, axis=0, sign=-1),
+            layered(theta, grid, 0),
+        )
         # Even parabolas through the nodes at 1/2 and 3/2 voxels, along 3 and 2 axes.
         centre = inner[0, 0] + 3 / 8 * (inner[0, 0] - inner[1, 0])
         middle = outer[0, 0] + 2 / 8 * (outer[0, 0] - outer[1, 0])
         # Straight lines out to the edge and along it, from the same two distances.
         edge = 1.5 * outer[-1] - 0.5 * outer[-2]
         corner = 1.5 * edge[-1] - 0.5 * edge[-2]
-        return values(names, "", _CUBE.values(), (centre, corner, middle), 3e-3)
+        return values(
+            names,
+            unit="",
+            expected=_CUBE.values(),
+            computed=(centre, corner, middle),
+            tolerance=3e-3,
+        )
 
     return converge(at, (10, 20, 40), 1, expected=2.0, shown=1)
 
@@ -110,10 +121,10 @@ _COOLING = radiation_temperature(np.array(_TIMES), **_COOLED).tolist()
 
 @case(
     "V14",
-    "cube of one temperature that radiates, 1000 K to 300 K around",
-    "Bejan and Kraus 3.283; Incropera 5.18",
-    "0.1 K",
-    "one voxel; TR-BDF2 in steps of 5 s",
+    title="cube of one temperature that radiates, 1000 K to 300 K around",
+    source="Bejan and Kraus 3.283; Incropera 5.18",
+    requirement="0.1 K",
+    method="one voxel; TR-BDF2 in steps of 5 s",
 )
 def _lumped() -> Row:
     scene = single(bar(1, 0.1).grid, _ALUMINIUM, 1000.0, jt.Surroundings(300.0))
@@ -122,7 +133,7 @@ def _lumped() -> Row:
     def at(dt: float):
         solution = jt.simulate(scene, _TIMES[-1], _TIMES, solver=jt.TRBDF2(dt))
         found = np.asarray(solution.mean_temperature)[:, 0].tolist()
-        return values(names, "K", _COOLING, found, 0.1)
+        return values(names, unit="K", expected=_COOLING, computed=found, tolerance=0.1)
 
     return converge(at, (20.0, 10.0, 5.0), expected=2.0)
 

@@ -46,7 +46,7 @@ _AT_ONCE = 2
 
 def run(folder: Path, cases: str | None = None) -> dict[str, Any]:
     """Run the cases whose ids begin so, such as "S01,V21", or all; write the page."""
-    return run_cases(_GROUPS, cases, folder, _PAGE, _AT_ONCE)
+    return run_cases(_GROUPS, names=cases, folder=folder, texts=_PAGE, at_once=_AT_ONCE)
 
 
 def _find_case(id_: str) -> Case:

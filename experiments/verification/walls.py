@@ -42,10 +42,10 @@ def _composite() -> tuple[float, float, float, float]:
 
 @case(
     "V13",
-    "composite wall with a contact resistance",
-    "series resistances",
-    "1e-9 relative",
-    "two bodies of 2 and 4 voxels; steady",
+    title="composite wall with a contact resistance",
+    source="series resistances",
+    requirement="1e-9 relative",
+    method="two bodies of 2 and 4 voxels; steady",
 )
 def _wall() -> Iterator[Value]:
     # 100 degC, 10 mm of copper, a contact, 20 mm of insulation, air at 0.
@@ -53,7 +53,12 @@ def _wall() -> Iterator[Value]:
     copper, cover = bar(2, pitch), bar(4, pitch)
     bodies = (
         full(copper.grid, conductor(401.0), cold),
-        full(cover.grid, conductor(0.2), cold, (copper.length + cover.length) / 2),
+        full(
+            cover.grid,
+            material=conductor(0.2),
+            start=cold,
+            x=(copper.length + cover.length) / 2,
+        ),
     )
     terms = (
         jt.FixedTemperature(cold + 100.0, on=LEFT),
@@ -70,30 +75,42 @@ def _wall() -> Iterator[Value]:
         cover.end(other, RIGHT) - cold,
     )
     for name, exact, now in zip(_COMPOSITE, _composite(), found, strict=True):
-        yield relative(name, "W/m^2" if name == "q" else "degC", exact, now, 1e-9)
+        yield relative(
+            name,
+            unit="W/m^2" if name == "q" else "degC",
+            expected=exact,
+            computed=now,
+            fraction=1e-9,
+        )
 
 
 @case(
     "V18",
-    "slab with a heat source, in a fluid",
-    "Incropera 3.47",
-    "1e-6",
-    "half of it, 10 voxels; steady",
+    title="slab with a heat source, in a fluid",
+    source="Incropera 3.47",
+    requirement="1e-6",
+    method="half of it, 10 voxels; steady",
 )
 def _source() -> tuple[Value, ...]:
     row, air = bar(10, 0.01), jt.Convection(20.0, 300.0, on=RIGHT)
     surface = _on_bar(row, conductor(1.0), jt.HeatSource(1e4), air)
     # On cells the first node has what the centre has.
     found = [float(surface[row.along[0]]) - 300.0, row.end(surface, RIGHT) - 300.0]
-    return values(("centre", "surface"), "K", (100.0, 50.0), found, 1e-6)
+    return values(
+        ("centre", "surface"),
+        unit="K",
+        expected=(100.0, 50.0),
+        computed=found,
+        tolerance=1e-6,
+    )
 
 
 @case(
     "V20a",
-    "NAFEMS T2: a bar with a radiating end",
-    "NAFEMS Standard Benchmarks (927.0 K)",
-    "0.1 K",
-    "4 voxels in an insulating sleeve; steady",
+    title="NAFEMS T2: a bar with a radiating end",
+    source="NAFEMS Standard Benchmarks (927.0 K)",
+    requirement="0.1 K",
+    method="4 voxels in an insulating sleeve; steady",
 )
 def _radiating_end() -> Iterator[Value]:
     row = bar(4, 0.025)
@@ -111,15 +128,17 @@ def _radiating_end() -> Iterator[Value]:
     terms = hot, jt.Surroundings(300.0), jt.Contact(1e-9)
     solution = jt.steady(jt.Scene(bodies, terms, dtype="float64"))
     end = row.end(np.asarray(solution.of_body(0))[0], RIGHT)
-    yield Value("radiating end", "K", 927.00395, end, 0.1)
+    yield Value(
+        name="radiating end", unit="K", expected=927.00395, computed=end, tolerance=0.1
+    )
 
 
 @case(
     "A9 1fa",
-    "slab with a heat source, one face at a prescribed temperature",
-    "TMAP8 ver-1fa",
-    "0.05 %, what the peer is off by",
-    "40 voxels of 40 mm; steady",
+    title="slab with a heat source, one face at a prescribed temperature",
+    source="TMAP8 ver-1fa",
+    requirement="0.05 %, what the peer is off by",
+    method="40 voxels of 40 mm; steady",
 )
 def _slab_with_source() -> Row:
     def at(cells: int) -> Iterator[Value]:
@@ -129,7 +148,9 @@ def _slab_with_source() -> Row:
         found = between(*mirrored(row.depth, surface[row.along]), places)
         for x, now in zip(places, found, strict=True):
             exact = 300.0 + 1280.0 * (1.0 - x * x / 2.56)
-            yield relative(f"T({x:g} m)", "K", exact, now, 5e-4)
+            yield relative(
+                f"T({x:g} m)", unit="K", expected=exact, computed=now, fraction=5e-4
+            )
 
     # Nodes of cells stand q h^2 / 8 k above the parabola: of second order.
     return converge(at, (10, 20, 40), 1.6, expected=2.0)
@@ -137,10 +158,10 @@ def _slab_with_source() -> Row:
 
 @case(
     "A9 1fc",
-    "copper and iron between 600 and 0 K",
-    "TMAP8 ver-1fc",
-    "none stated; 1e-9 relative as for V13",
-    "one body of 4 and 4 voxels; steady",
+    title="copper and iron between 600 and 0 K",
+    source="TMAP8 ver-1fc",
+    requirement="none stated; 1e-9 relative as for V13",
+    method="one body of 4 and 4 voxels; steady",
 )
 def _two_metals() -> Iterator[Value]:
     # 40 cm of each.
@@ -152,15 +173,17 @@ def _two_metals() -> Iterator[Value]:
     nodes = _on_bar(row, metals, *ends)[row.along]
     # Half cells in series: the mean of both nodes by their conductivities.
     interface = (401.0 * nodes[3] + 80.2 * nodes[4]) / (401.0 + 80.2)
-    yield relative("interface", "K", 500.0, interface, 1e-9)
+    yield relative(
+        "interface", unit="K", expected=500.0, computed=interface, fraction=1e-9
+    )
 
 
 @case(
     "V25, sol-air",
-    "insulated walls in sun and air",
-    "ASHRAE Handbook, Fundamentals",
-    "1e-6",
-    "3 voxels; steady",
+    title="insulated walls in sun and air",
+    source="ASHRAE Handbook, Fundamentals",
+    requirement="1e-6",
+    method="3 voxels; steady",
 )
 def _sol_air() -> tuple[Value, ...]:
     # Walls that let nothing through stand at the sol-air temperature.
@@ -174,8 +197,13 @@ def _sol_air() -> tuple[Value, ...]:
         for terms in ((air, sun), (air, sun, to_sky))
     ]
     names = ("wall", "with 0.9 x 63 W/m^2 to the sky")
-    exact = [sol_air_temperature(35.0, 900.0, 17.0, sky) for sky in (0.0, 0.9 * 63.0)]
-    return values(names, "degC", exact, found, 1e-6)
+    exact = [
+        sol_air_temperature(
+            35.0, absorbed=900.0, heat_transfer_coefficient=17.0, to_sky=sky
+        )
+        for sky in (0.0, 0.9 * 63.0)
+    ]
+    return values(names, unit="degC", expected=exact, computed=found, tolerance=1e-6)
 
 
 # Of 16 x 8 x 1 voxels [m]; one watt in all goes in through x = 2 m [W/m^2].
@@ -238,32 +266,36 @@ def _gaussian(grid: jt.VoxelGrid, amplitude: float) -> Iterator[jt.HeatSource]:
 
 @case(
     "A11",
-    "Mosaic thermal-mesh: a uniform slab by its density",
-    "mosaic, thermal_mesh forward_agreement (single precision, 7 digits)",
-    "none stated; 1e-6 relative, its digits",
-    "16 x 8 x 1 voxels; steady",
+    title="Mosaic thermal-mesh: a uniform slab by its density",
+    source="mosaic, thermal_mesh forward_agreement (single precision, 7 digits)",
+    requirement="none stated; 1e-6 relative, its digits",
+    method="16 x 8 x 1 voxels; steady",
 )
 def _forward() -> Iterator[Value]:
     grid = _slab()
     for density, listed in _FORWARD.items():
         found = _compliance(grid, density)
         name = f"compliance, density {density:g}"
-        yield relative(name, "W K", listed, found, _ROUNDING)
+        yield relative(
+            name, unit="W K", expected=listed, computed=found, fraction=_ROUNDING
+        )
 
 
 @case(
     "A11, source",
-    "the same with a Gaussian source inside",
-    "mosaic, thermal_mesh (single precision, 7 digits)",
-    "none stated; 1e-6 relative, its digits",
-    "16 x 8 x 1 voxels, a source for each of 16 slices; steady",
+    title="the same with a Gaussian source inside",
+    source="mosaic, thermal_mesh (single precision, 7 digits)",
+    requirement="none stated; 1e-6 relative, its digits",
+    method="16 x 8 x 1 voxels, a source for each of 16 slices; steady",
 )
 def _forward_with_source() -> Iterator[Value]:
     grid = _slab()
     for amplitude, listed in _WITH_SOURCE.items():
         found = _compliance(grid, 0.5, *_gaussian(grid, amplitude))
         name = f"compliance, amplitude {amplitude:g}"
-        yield relative(name, "W K", listed, found, _ROUNDING)
+        yield relative(
+            name, unit="W K", expected=listed, computed=found, fraction=_ROUNDING
+        )
 
 
 CASES = (

@@ -65,11 +65,20 @@ def render_contacts(run: Path, out: Path | None, overrides: tuple[str, ...]) -> 
             grids = [body.build_grid() for body in config.bodies]
             _check_unchanged(run, grids, stored)
         with status(console, "finding contacts"):
-            textures = [_texture(contacts, grids, stored, k) for k in chosen]
+            textures = [
+                _texture(contacts, grids=grids, stored=stored, k=k) for k in chosen
+            ]
         if not any(texture.area for texture in textures):
             raise InputError(f"{run}: no bodies touch at the times of the frames")
         with results_folder(target) as folder:
-            _write(config, grids, stored, chosen, textures, folder / CONTACTS)
+            _write(
+                config,
+                grids=grids,
+                stored=stored,
+                chosen=chosen,
+                textures=textures,
+                folder=folder / CONTACTS,
+            )
     sheets = count(len(chosen), "sheet")
     print_line(console, f"{sheets} of contact textures in {target / CONTACTS}")
 
@@ -141,7 +150,11 @@ def _write(
         ]
         limits = low - spare, high + spare
         image = contact_texture_sheet(
-            bodies, limits, _QUANTITY, title, config.image.palette
+            bodies,
+            limits=limits,
+            quantity=_QUANTITY,
+            title=title,
+            palette=config.image.palette,
         )
         path = folder / f"{names[k]}.png"
         write_png(path, image)

@@ -64,7 +64,7 @@ def dataset(
         _claim(folder, plan)
         try:
             for number in range(len(plan.variations)):
-                _write_variation(console, plan, number, folder)
+                _write_variation(console, plan=plan, number=number, folder=folder)
         except KeyboardInterrupt:
             done = len(list((folder / _LABELS).glob("*.json")))
             raise KeyboardInterrupt(
@@ -131,7 +131,9 @@ def _write_variation(
         stored = _stored(console, variation.config, place)
         with count_bar(console, "drawing frames", total) as advance:
             for view in range(len(plan.views)):
-                for _ in _write_view(plan, number, view, stored, folder):
+                for _ in _write_view(
+                    plan, number=number, view=view, stored=stored, folder=folder
+                ):
                     advance()
 
 
@@ -146,7 +148,7 @@ def _stored(console: Console, config: SceneConfig, place: Path) -> StoredSolutio
         scene = config.build()
         times = config.time.end, config.time.save_times
         todo = plan_run(scene, *times, config.solver.build(), control_error=True)
-    found, _ = run_plan(console, config, todo, place)
+    found, _ = run_plan(console, config=config, todo=todo, out=place)
     if found.result != RESULTS.successful:
         raise InputError(f"{place}: {RESULTS[found.result]}")
     stored = save_solution(solution, found)
@@ -175,7 +177,9 @@ def _write_view(
     draw = camera.detector(stored)
     for k, name in names.items():
         image = coarsen(draw(k), camera.samples)
-        labels = _write_images(plan, image, folder, name, config)
+        labels = _write_images(
+            plan, image=image, folder=folder, name=name, config=config
+        )
         write_json(
             folder / _LABELS / f"{name}.json",
             {

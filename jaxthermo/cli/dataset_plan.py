@@ -96,7 +96,9 @@ def plan_dataset(config: DatasetConfig) -> DatasetPlan:
     views = list(config.views or ())
     if config.orbit is not None:
         views = _orbit(config.orbit, corners.reshape(-1, 3), config.seed)
-    plan = DatasetPlan(config, variations, views, categories)
+    plan = DatasetPlan(
+        config=config, variations=variations, views=views, categories=categories
+    )
     if sum(map(plan.frames_of, variations)) > _MAX_FRAMES:
         raise InputError(f"a dataset of more than {_MAX_FRAMES:,} frames: give less")
     _check_views(plan)

@@ -43,7 +43,9 @@ class _Run(NamedTuple):
     def scale(self) -> tuple[float, float]:
         """Ends of the colour scale [K]: of the config, or of what is exported."""
         image = self.config.image
-        return temperature_scale(self.stored, self.chosen, image.low, image.high)
+        return temperature_scale(
+            self.stored, indices=self.chosen, low=image.low, high=image.high
+        )
 
 
 def export(
@@ -64,7 +66,9 @@ def export(
         chosen = chosen_frames(config, stored.times)
         stems = frame_names(np.asarray(stored.times, float).tolist())
         with results_folder(target) as folder:
-            written = _WRITERS[format](_Run(config, stored, chosen, stems), folder)
+            written = _WRITERS[format](
+                _Run(config=config, stored=stored, chosen=chosen, stems=stems), folder
+            )
     print_line(console, f"{count(written, 'file')} in {target}")
 
 
@@ -94,8 +98,10 @@ def _write_texture(run: _Run, folder: Path) -> int:
         geometry = stored.surfaces[n].geometry
         kelvin = np.asarray(stored.surface_temperature, float)[:, rows]
         frames = [(run.stems[k], kelvin[k]) for k in run.chosen]
-        body = BodyTextures(run.names[n], geometry, low, high)
-        page = write_textures(folder, body, frames, run.config.image.palette)
+        body = BodyTextures(name=run.names[n], geometry=geometry, low=low, high=high)
+        page = write_textures(
+            folder, body=body, frames=frames, palette=run.config.image.palette
+        )
         written += len(page["files"]) + sum(len(f["files"]) for f in page["textures"])
         for k, entry in zip(run.chosen, page["textures"], strict=True):
             time = float(stored.times[k])

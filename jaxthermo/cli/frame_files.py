@@ -63,7 +63,9 @@ class Frame(NamedTuple):
         how, measurements = config.image, build(config.image.measurements)
         pixels = coarsen(image, samples)
         mask = covered_fraction(pixels)
-        readings = measure(pixels, measurements, how.quantity, mask)
+        readings = measure(
+            pixels, measurements=measurements, quantity=how.quantity, mask=mask
+        )
         seen = config, image, samples, pixels, mask
         return cls(*seen, scale, measurements, readings)
 
@@ -125,7 +127,7 @@ class Frame(NamedTuple):
             match kind:
                 case "exr":
                     header = {"config": to_yaml(self.config)}
-                    write_exr(path, self.pixels, header, self.mask)
+                    write_exr(path, image=self.pixels, header=header, mask=self.mask)
                 case "png":
                     write_png(path, self.picture() if drawn is None else drawn)
                 case "centikelvin":
@@ -134,6 +136,8 @@ class Frame(NamedTuple):
                     write_tiff(path, self.pixels, how.quantity, *self.scale)
                 case "csv":
                     title = self.config.name or ""
-                    write_csv(path, self.pixels, how.quantity, title)
+                    write_csv(
+                        path, image=self.pixels, quantity=how.quantity, title=title
+                    )
             written.append(path)
         return written

@@ -136,7 +136,9 @@ def write_outputs(
     else:
         rate = extras.rate or default_rate(len(times))
         path = folder / f"{_ANIMATION}{ANIMATIONS[extras.animate]}"
-        write_animation(path, pictures, rate, config.image.palette)
+        write_animation(
+            path, pictures=pictures, rate=rate, palette=config.image.palette
+        )
         seen.files.add(path)
         notes.append(f"{path.name}: {_playback(times, rate)}")
     how = config.image
@@ -152,7 +154,9 @@ def write_outputs(
         part = f"{len(shown)} of " if len(shown) < len(times) else ""
         notes.append(f"{path.name}: {part}{count(len(times), 'frame')}")
     if how.measurements:
-        measured = _write_measurements(config, times, seen.readings, folder)
+        measured = _write_measurements(
+            config, times=times, readings=seen.readings, folder=folder
+        )
         seen.files.update(measured)
     return seen.files, notes + _remarks(config, seen)
 

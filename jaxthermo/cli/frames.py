@@ -83,7 +83,12 @@ class FrameCamera:
         drawn, times = lambda k: self.draw(stored, k), np.asarray(stored.times)
         if not self._measures:
             return drawn
-        return Detector(drawn, times, self._effects, self._image.samples).frame
+        return Detector(
+            reaching=drawn,
+            times=times,
+            effects=self._effects,
+            samples=self._image.samples,
+        ).frame
 
     def remarks(self) -> list[str]:
         """Measurements that are on no body at the start, a line for each."""
@@ -202,11 +207,11 @@ def write_frames(
     before = earlier_frames(frames) | earlier_outputs(folder)
     written, lines = write_outputs(
         config,
-        (Frame.of(config, image, scale, camera.samples) for image in images),
-        [times[k] for k in chosen],
-        folder,
-        [frames / names[k] for k in chosen],
-        extras,
+        frames=(Frame.of(config, image, scale, camera.samples) for image in images),
+        times=[times[k] for k in chosen],
+        folder=folder,
+        stems=[frames / names[k] for k in chosen],
+        extras=extras,
     )
     for path in before - written:
         path.unlink(missing_ok=True)
@@ -226,7 +231,9 @@ def render(
         terms = config.build_terms()
         camera = FrameCamera(config, stored.surfaces, terms)
         with results_folder(target) as folder:
-            frames = write_frames(config, camera, stored, folder, extras)
+            frames = write_frames(
+                config, camera=camera, stored=stored, folder=folder, extras=extras
+            )
     print_line(console, f"{count(frames.count, 'frame')} in {target / FRAMES}")
     for line in frames.lines:
         print_line(console, line)

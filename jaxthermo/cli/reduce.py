@@ -62,7 +62,9 @@ def reduce(
         log = lambda text: print_line(console, text)
         times = given.time.last, given.time.save_times
         model = reduce_scene(scene, *times, method=method, log=log, **options)
-        checked = _checked(console, given, scene, model) if check else None
+        checked = (
+            _checked(console, config=given, scene=scene, model=model) if check else None
+        )
         for name in _RESULTS:
             (folder / name).unlink(missing_ok=True)
         model.save(folder / MODEL)

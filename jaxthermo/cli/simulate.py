@@ -96,7 +96,7 @@ def simulate(
             return
     with results_folder(folder):
         _check_not_overwritten(config, folder)
-        _run_simulation(scene, folder, extras, devices)
+        _run_simulation(scene, out=folder, extras=extras, devices=devices)
 
 
 def run_along(config: SceneConfig, out: Path, devices: int) -> None:
@@ -104,7 +104,7 @@ def run_along(config: SceneConfig, out: Path, devices: int) -> None:
     console = Console(quiet=True)
     with precision(config.dtype):
         planned = _planned(console, config, devices)
-        run_plan(console, config, planned.todo, out)
+        run_plan(console, config=config, todo=planned.todo, out=out)
 
 
 def explain(config: Path, overrides: tuple[str, ...], devices: int = 1) -> None:
@@ -134,13 +134,19 @@ def _planned(console: Console, config: SceneConfig, devices: int) -> _Planned:
     with status(console, "building the scene"):
         scene = on_devices(config.build(), devices)
         end, saves = config.time.end, config.time.save_times
-        todo = plan_run(scene, end, saves, config.solver.build(), control_error=True)
+        todo = plan_run(
+            scene,
+            t1=end,
+            save_at=saves,
+            solver=config.solver.build(),
+            control_error=True,
+        )
         structures = [structure_report(body.structure) for body in scene.bodies]
         warnings = [*todo.compiled.receipt.warnings, *_card_warnings(config, scene)]
-    log_scene(console, scene, todo, structures)
+    log_scene(console, scene=scene, todo=todo, structures=structures)
     for warning in warnings:
         print_line(console, f"warning: {warning}")
-    return _Planned(scene, todo, structures, warnings)
+    return _Planned(scene=scene, todo=todo, structures=structures, warnings=warnings)
 
 
 def _card_warnings(config: SceneConfig, scene: Scene) -> list[str]:
@@ -188,7 +194,7 @@ def _run_simulation(
         prepare_folder(out / FRAMES)
         with replacing(out / CONFIG) as path:
             path.write_text(to_yaml(config), encoding="utf-8")
-        solution, times = run_plan(console, config, todo, out)
+        solution, times = run_plan(console, config=config, todo=todo, out=out)
         if solution.result != RESULTS.successful:
             raise InputError(RESULTS[solution.result])
         stored = save_solution(out / "solution.npz", solution)
@@ -196,7 +202,14 @@ def _run_simulation(
         if solution.probes:
             write_probes(out / PROBES, solution)
         times |= {"setup_time_s": setup, "frames_time_s": 0.0}
-        summary = summarize(config, scene, solution, times, structures, warnings)
+        summary = summarize(
+            config,
+            scene=scene,
+            solution=solution,
+            times=times,
+            structures=structures,
+            warnings=warnings,
+        )
         error = None if truth is None else truth.summary(solution)
         summary["truth_error"] = error
         # Also before the frames, which need most of the space: a full disk takes only
@@ -204,7 +217,9 @@ def _run_simulation(
         write_json(out / "summary.json", summary)
         clock = time.perf_counter()
         with status(console, "drawing frames"):
-            frames = write_frames(config, camera, stored, out, extras)
+            frames = write_frames(
+                config, camera=camera, stored=stored, folder=out, extras=extras
+            )
         times["frames_time_s"] = time.perf_counter() - clock
         summary |= {**times, "peak_memory_bytes": peak_memory()}
         write_json(out / "summary.json", summary)
@@ -236,7 +251,7 @@ def run_plan(
     """
     remedy = "the same commands go on from the last checkpoint"
     with watching_others(remedy):
-        return _run_segments(console, config, todo, out)
+        return _run_segments(console, config=config, todo=todo, out=out)
 
 
 def _run_segments(
@@ -245,7 +260,7 @@ def _run_segments(
     key = _checkpoint_key(config)
     fresh = segments.begin_run(todo)
     wait_for_all("folder of the results is there")
-    kept = load_checkpoint(out / CHECKPOINT, todo, fresh, key)
+    kept = load_checkpoint(out / CHECKPOINT, plan=todo, fresh=fresh, key=key)
     position = "none" if kept is None else f"{kept.interval}, {kept.steps_taken}"
     check_alike(f"checkpoints in {out}, which all must read", position)
     if kept is not None:
@@ -267,9 +282,9 @@ def _run_segments(
             done, number = progress.steps_done(todo), progress.passes.number
             update(done, progress.time_reached(todo), number)
             if any_process(interrupted()):
-                _stop(todo, progress, out, key)
+                _stop(todo, progress=progress, out=out, key=key)
             if agreed(time.perf_counter() - last > CHECKPOINT_EVERY):
-                save_checkpoint(out / CHECKPOINT, todo, progress, key)
+                save_checkpoint(out / CHECKPOINT, plan=todo, progress=progress, key=key)
                 last = time.perf_counter()
     times = {"compile_time_s": compiled, "run_time_s": time.perf_counter() - clock}
     return segments.finish_run(todo, progress), times
@@ -283,7 +298,7 @@ def _checkpoint_key(config: SceneConfig) -> str:
 
 
 def _stop(todo: Plan, progress: segments.RunProgress, out: Path, key: str) -> None:
-    save_checkpoint(out / CHECKPOINT, todo, progress, key)
+    save_checkpoint(out / CHECKPOINT, plan=todo, progress=progress, key=key)
     raise KeyboardInterrupt(
         f"stopped at {time_label(progress.time_reached(todo))}; "
         "the same command goes on from there"

@@ -81,7 +81,12 @@ class Truth(NamedTuple):
             )
 
     def _error(self, solution: Solution | StoredSolution) -> TruthError:
-        return truth_error(solution, self.reference, self.given.points, self.given.seed)
+        return truth_error(
+            solution,
+            reference=self.reference,
+            count=self.given.points,
+            seed=self.given.seed,
+        )
 
     def summary(self, solution: Solution) -> dict[str, Any]:
         """The error of a run as plain types, and what it was compared with."""

@@ -23,7 +23,7 @@ def view(
     load_config(config, overrides)
     with serving(host, port) as server, status(open_console(), "building the scene"):
         session = LiveSession(config, overrides, rate)
-        _show(server, session, session.config, port, rate)
+        _show(server, shown=session, config=session.config, port=port, rate=rate)
 
 
 def play(run: Path, host: str, port: int, rate: float) -> None:
@@ -33,7 +33,7 @@ def play(run: Path, host: str, port: int, rate: float) -> None:
         stored = load_solution(run / "solution.npz")
         shown = Playback(stored, config.build_terms())
     with serving(host, port) as server:
-        _show(server, shown, config, port, rate)
+        _show(server, shown=shown, config=config, port=port, rate=rate)
 
 
 def _show(
@@ -44,7 +44,7 @@ def _show(
     rate: float,
 ) -> None:
     console = open_console()
-    view = LiveView(server, shown, config, rate)
+    view = LiveView(server=server, shown=shown, config=config, rate=rate)
     bound = server.get_port()
     if port not in (0, bound):
         print_line(console, f"port {port} is taken: using {bound}")

@@ -84,7 +84,9 @@ def read_card(path: Path) -> CardContent:
             f"{path}: is no fit card: it has no `card`; `calibrate fit` makes them"
         )
     if data["card"] != FORMAT:
-        refuse_version(path, _KIND, data["card"], FORMAT, REMEDY)
+        refuse_version(
+            path, kind=_KIND, found=data["card"], version=FORMAT, remedy=REMEDY
+        )
     given = data.pop("checksum", None)
     if given is None:
         raise InputError(f"{path}: is cut off: it has no `checksum`; {REMEDY}")
@@ -130,7 +132,10 @@ def _arrays_beside(
         raise InputError(f"{path}: weights: {name!r} is no name of a file; {REMEDY}")
     beside = path.parent / name
     found = read_archive(
-        beside, LISTS, FORMAT, "keep it beside the card, of the same fit"
+        beside,
+        kind=LISTS,
+        version=FORMAT,
+        remedy="keep it beside the card, of the same fit",
     )
     missing = [name for name in names if name not in found]
     if missing:

@@ -108,7 +108,7 @@ def with_overrides(data: Any, texts: Sequence[str]) -> tuple[Any, list[Change]]:
         location = tuple(int(key) if key.isdigit() else key for key in keys)
         parsed = parse_yaml(value, f"--set {text}")
         try:
-            data = _replaced(data, location, parsed, ())
+            data = _replaced(data, rest=location, value=parsed, before=())
         except InputError as error:
             raise InputError(f"--set {error}") from error
         changed.append((location, text))
@@ -126,7 +126,7 @@ def _replaced(data: Any, rest: Location, value: Any, before: Location) -> Any:
         if key >= len(data):
             entries = f"has {len(data)} entries, counted from 0"
             raise InputError(f"{dotted(here)}: `{dotted(before)}` {entries}")
-        item = _replaced(data[key], rest[1:], value, here)
+        item = _replaced(data[key], rest=rest[1:], value=value, before=here)
         return [*data[:key], item, *data[key + 1 :]]
     if before and before[-1] in _PATH_KEYS:
         key = dotted(rest)
@@ -146,7 +146,7 @@ def _replaced(data: Any, rest: Location, value: Any, before: Location) -> Any:
         raise InputError(f"{dotted(here)}: `{dotted(before)}` is not a list{hint}")
     if len(rest) > 1 and key not in data and isinstance(rest[1], int):
         raise InputError(f"{dotted(here)}: no such list{close_match(key, data)}")
-    item = _replaced(data.get(key), rest[1:], value, here)
+    item = _replaced(data.get(key), rest=rest[1:], value=value, before=here)
     # Of `unit` and `height` one is given: to set one replaces the other.
     groups = (group for model in _models() for group in model.exactly_one)
     others = {other for group in groups if key in group for other in group} - {key}

@@ -103,7 +103,7 @@ def body_links(body: Body, shape: tuple[int, int]) -> Links:
         link = solid & ~to_fluid
         q = np.full(solid.shape, 0.5)
         if isinstance(body, RoundBody):
-            q[link] = _fraction(body, x[link] + cx, y[link] + cy, -cx, -cy)
+            q[link] = _fraction(body, x=x[link] + cx, y=y[link] + cy, cx=-cx, cy=-cy)
         close = q < 0.5
         near = np.where(close, 2 * q, 1 / (2 * q))
         far = np.where(close, 1 - 2 * q, 0.0)
@@ -139,9 +139,9 @@ def reflected(
     cast = lambda factors, i: factors[i - 1].astype(dtype)
     for i in range(1, 9):
         (x, y), o = VELOCITIES[i], OPPOSITE[i]
-        back = cast(links.near, i) * _part(f[o], links, x, y)
-        back += cast(links.far, i) * _part(f[o], links, 2 * x, 2 * y)
-        same = cast(links.same, i) * _part(f[i], links, x, y)
+        back = cast(links.near, i) * _part(f[o], links=links, x=x, y=y)
+        back += cast(links.far, i) * _part(f[o], links=links, x=2 * x, y=2 * y)
+        same = cast(links.same, i) * _part(f[i], links=links, x=x, y=y)
         if temperature is None:
             out.append(back + same)
         else:
@@ -151,7 +151,7 @@ def reflected(
 
 def filled(f: Populations, links: Links, given: Populations) -> Populations:
     """Populations with those of the body's cells put in."""
-    pick = lambda a, new: jnp.where(links.solid, new, _part(a, links, 0, 0))
+    pick = lambda a, new: jnp.where(links.solid, new, _part(a, links=links, x=0, y=0))
     boxes = map(pick, f, given)
     return written(f, {i: (links.corner, box) for i, box in enumerate(boxes)})[0]
 
@@ -165,7 +165,9 @@ def force_on(f: Populations, links: Links, given: Populations) -> Float[Array, "
     for i in range(1, 9):
         (x, y), o = VELOCITIES[i], OPPOSITE[i]
         link = links.near[i - 1] > 0
-        passed = jnp.where(link, _part(f[o], links, x, y) + given[i], 0.0).sum()
+        passed = jnp.where(
+            link, _part(f[o], links=links, x=x, y=y) + given[i], 0.0
+        ).sum()
         total = [total[0] - x * passed, total[1] - y * passed]
     return jnp.stack(total)
 

@@ -147,16 +147,16 @@ def outlet_step(
     root = jnp.sqrt(mean * mean + SOUND**2)
     ahead, back = mean + root, mean - root
     wave = lambda m: m.x.mean() - back * m.density.mean()
-    leaving = _arriving(ahead, wave(at), wave(near), wave(far)) - wave(at)
+    leaving = _arriving(ahead, here=wave(at), near=wave(near), far=wave(far)) - wave(at)
     leaving += viscosity * _curvature(at.x, walls).mean()
     length = f[0].shape[1] - 2
     entering = _OUTLET_STIFFNESS * SOUND / length * at.density.mean()
     change = (leaving - entering) / (ahead - back)
-    carried = _arriving(u, at.x, near.x, far.x)
+    carried = _arriving(u, here=at.x, near=near.x, far=far.x)
     after = Outlet(
         at.density + change,
         carried + (mean + leaving + back * change - carried.mean()),
-        _arriving(u, at.y, near.y, far.y),
+        _arriving(u, here=at.y, near=near.y, far=far.y),
     )
     # The deviation from equilibrium is that of the last column of fluid.
     even = jnp.broadcast_to(after.density, after.x.shape)

@@ -154,7 +154,9 @@ def _step(program: FlowProgram, state: FlowState, target: FlowState) -> tuple:
     """State after a step, in the arrays of `target`, and the state that it has read."""
     f, outlet, entering = state.flow, state.outlet, None
     if outlet is not None:
-        outlet, entering = outlet_step(f, outlet, program.walls, program.viscosity)
+        outlet, entering = outlet_step(
+            f, at=outlet, walls=program.walls, viscosity=program.viscosity
+        )
         entering |= inlet(f, program.speed, program.profile)
     f, outlet = filled_ends(f, entering, outlet)
     f = filled_walls(f, program.walls, program.ends)
@@ -198,7 +200,9 @@ def _moved_in_loops(program: FlowProgram, read: _Both, target: _Both) -> _Both:
     """The same in loops that numba compiles."""
     rates = flow_rates(program.viscosity, program.magic)
     if read[1] is None or target[1] is None or program.diffusivity is None:
-        return collided_into(target[0], read[0], rates, program.force), None
+        return collided_into(
+            target[0], read=read[0], rates=rates, force=program.force
+        ), None
     thermal = tracer_rates(program.diffusivity, program.magic)
     arrays = (target[0], target[1]), (read[0], read[1])
     return both_collided_into(*arrays, (rates, thermal), program.force)
@@ -231,7 +235,13 @@ def fields(program: FlowProgram, state: FlowState) -> Fields:
         # A collision adds all of the force, half of it after the moment in question.
         x, y = x - program.force[0] / 2, y - program.force[1] / 2
     heat = None if state.heat is None else moments(inner(state.heat)).density
-    return Fields(m.density / 3, x, y, jnp.sqrt(x * x + y * y), heat)
+    return Fields(
+        pressure=m.density / 3,
+        x=x,
+        y=y,
+        speed=jnp.sqrt(x * x + y * y),
+        temperature=heat,
+    )
 
 
 class Sample(NamedTuple):

@@ -122,7 +122,7 @@ def collided(
     if force is not None:
         m = Moments(m.density, m.x + force[0] / 2, m.y + force[1] / 2)
     base = m.density - 1.5 * (m.x * m.x + m.y * m.y)
-    return _relaxed(f, base, m, rates, force)
+    return _relaxed(f, base=base, m=m, rates=rates, force=force)
 
 
 def collided_tracer(g: Populations, velocity: Moments, rates: Rates) -> Populations:
@@ -141,7 +141,9 @@ def collided_tracer(g: Populations, velocity: Moments, rates: Rates) -> Populati
     for i in (1, 2, 5, 6):
         c, w = along(VELOCITIES[i], flux), WEIGHTS[i]
         even = w * (base + 4.5 * c * along(VELOCITIES[i], velocity))
-        out[i], out[OPPOSITE[i]] = _pair(g[i], g[OPPOSITE[i]], even, 3 * w * c, rates)
+        out[i], out[OPPOSITE[i]] = _pair(
+            g[i], other=g[OPPOSITE[i]], even=even, odd=3 * w * c, rates=rates
+        )
     return tuple(out)
 
 
@@ -151,7 +153,7 @@ def _relaxed(f, base, m: Moments, rates: Rates, force) -> Populations:
     for i in (1, 2, 5, 6):
         c, w = along(VELOCITIES[i], m), WEIGHTS[i]
         even, odd = w * (base + 4.5 * c * c), 3 * w * c
-        one, other = _pair(f[i], f[OPPOSITE[i]], even, odd, rates)
+        one, other = _pair(f[i], other=f[OPPOSITE[i]], even=even, odd=odd, rates=rates)
         if force is not None:
             x, y = VELOCITIES[i]
             push = 3 * w * (1 - rates.antisymmetric / 2) * (x * force[0] + y * force[1])

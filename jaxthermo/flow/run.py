@@ -108,7 +108,15 @@ def simulate_flow(
     each = -(-samples // segments)
     with precision(dtype):
         program = flow_program(channel, dtype, kernels)
-        return _run(channel, program, each, segments, average_from, start, progress)
+        return _run(
+            channel,
+            program=program,
+            each=each,
+            segments=segments,
+            average_from=average_from,
+            start=start,
+            progress=progress,
+        )
 
 
 def _run(

@@ -65,10 +65,24 @@ class Family(NamedTuple):
 
 
 FAMILIES = (
-    Family("exponential", _exponential, ("A", "l"), (1.0, 4.0)),
-    Family("power", _power, ("A", "l", "p"), (1.0, 2.0, 0.7)),
-    Family("confined", _confined, ("A", "l", "p", "c"), (1.0, 2.0, 0.5, 50.0)),
-    Family("remainder", _remainder, ("A", "l", "r"), (1.0, 4.0, 0.2)),
+    Family(
+        name="exponential", curve=_exponential, parameters=("A", "l"), guess=(1.0, 4.0)
+    ),
+    Family(
+        name="power", curve=_power, parameters=("A", "l", "p"), guess=(1.0, 2.0, 0.7)
+    ),
+    Family(
+        name="confined",
+        curve=_confined,
+        parameters=("A", "l", "p", "c"),
+        guess=(1.0, 2.0, 0.5, 50.0),
+    ),
+    Family(
+        name="remainder",
+        curve=_remainder,
+        parameters=("A", "l", "r"),
+        guess=(1.0, 4.0, 0.2),
+    ),
 )
 
 
@@ -99,10 +113,10 @@ def _least_squares(
         device = jax.tree.map(jnp.asarray, (guess, points))
         values, left, slope = map(np.asarray, _solution(residual, *device))
     return Fit(
-        values,
-        _standard_errors(slope, left),
-        float(np.sqrt(np.mean(left**2))),
-        float(np.abs(left).max()),
+        values=values,
+        errors=_standard_errors(slope, left),
+        rms=float(np.sqrt(np.mean(left**2))),
+        largest=float(np.abs(left).max()),
     )
 
 
@@ -203,16 +217,16 @@ def fit_wakes(kind: str, profiles: tuple[WakeProfile, ...], remains: bool) -> Wa
 
     values = np.where(free, np.exp(full(found.values[:5])), start)
     return WakeFit(
-        kind,
-        float(numbers.min()),
-        float(numbers.max()),
-        reference,
-        values,
-        values * full(found.errors[:5]),
-        full(found.values[5:]),
-        full(found.errors[5:]),
-        found.rms,
-        found.largest,
+        kind=kind,
+        low=float(numbers.min()),
+        high=float(numbers.max()),
+        reference=reference,
+        values=values,
+        value_errors=values * full(found.errors[:5]),
+        powers=full(found.values[5:]),
+        power_errors=full(found.errors[5:]),
+        rms=found.rms,
+        largest=found.largest,
     )
 
 

@@ -46,9 +46,15 @@ class WakeSetup(NamedTuple):
     """Duration, in times that the inlet's flow takes from end to end."""
 
 
-STEADY_SETUP = WakeSetup(16, 60.0, 18.0, 15.0, 4.0)
-SHEDDING_SETUP = WakeSetup(16, 40.0, 14.0, 22.0, 6.0)
-HEATED_SETUP = WakeSetup(16, 30.0, 10.0, 8.0, 6.0)
+STEADY_SETUP = WakeSetup(
+    cells=16, height=60.0, upstream=18.0, downstream=15.0, passes=4.0
+)
+SHEDDING_SETUP = WakeSetup(
+    cells=16, height=40.0, upstream=14.0, downstream=22.0, passes=6.0
+)
+HEATED_SETUP = WakeSetup(
+    cells=16, height=30.0, upstream=10.0, downstream=8.0, passes=6.0
+)
 """For the heat transfer, which needs no long wake."""
 
 
@@ -136,7 +142,7 @@ def wake_profile(run: FlowRun, reynolds: float) -> WakeProfile:
         sides = [np.interp(s * inside, found.at, found.ratio) for s in (1, -1)]
         pieces.append((distance + 0 * inside, inside, np.mean(sides, axis=0)))
     x, y, ratio = (np.concatenate(column) for column in zip(*pieces, strict=True))
-    return WakeProfile(reynolds, x, y, ratio)
+    return WakeProfile(reynolds=reynolds, x=x, y=y, ratio=ratio)
 
 
 def write_profiles(path: Path, profiles: Iterable[WakeProfile]) -> None:

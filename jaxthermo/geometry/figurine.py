@@ -108,21 +108,25 @@ def _body(points: _Points) -> _Field:
     # To the side and forward, with a ball on the open hand.
     elbow, wrist = (-0.200, -0.020, 0.625), (-0.290, -0.125, 0.690)
     hand = _ellipsoid(points, (-0.302, -0.148, 0.705), (0.026, 0.032, 0.016))
-    right = _arm(points, (-0.088, 0.0, 0.712), elbow, wrist, hand)
+    right = _arm(
+        points, shoulder=(-0.088, 0.0, 0.712), elbow=elbow, wrist=wrist, hand=hand
+    )
     ball = _ellipsoid(points, (-0.304, -0.152, 0.752), (0.036, 0.036, 0.036))
     right = _smooth_union(right, ball, 0.008)
-    right_sleeve = _sleeve(points, elbow, wrist, (0.08, 0.24))
+    right_sleeve = _sleeve(points, elbow=elbow, wrist=wrist, drop=(0.08, 0.24))
     # In front of the robe without contact: its shadow falls on the pleats.
     elbow, wrist = (0.176, -0.060, 0.590), (0.062, -0.195, 0.575)
     hand = _ellipsoid(points, (0.040, -0.213, 0.582), (0.030, 0.022, 0.020))
-    left = _arm(points, (0.088, 0.0, 0.712), elbow, wrist, hand)
-    left_sleeve = _sleeve(points, elbow, wrist, (0.09, 0.25))
+    left = _arm(
+        points, shoulder=(0.088, 0.0, 0.712), elbow=elbow, wrist=wrist, hand=hand
+    )
+    left_sleeve = _sleeve(points, elbow=elbow, wrist=wrist, drop=(0.09, 0.25))
     for arm, sleeve in ((right, right_sleeve), (left, left_sleeve)):
         body = _smooth_union(body, arm, 0.03)
         body = _smooth_union(body, sleeve, 0.012)
     plinth = _smooth_union(
-        _disc(points, 0.0, 0.040, 0.215, 0.012),
-        _disc(points, 0.02, 0.074, 0.196, 0.012),
+        _disc(points, low=0.0, high=0.040, radius=0.215, edge=0.012),
+        _disc(points, low=0.02, high=0.074, radius=0.196, edge=0.012),
         0.006,
     )
     body = _smooth_union(body, plinth, 0.008)
@@ -161,10 +165,14 @@ def _profile(z: _Field, radii: tuple[float, ...]) -> _Field:
 
 
 def _head(points: _Points) -> _Field:
-    neck = _capsule(points, (0.0, 0.0, 0.74), (0.0, -0.006, 0.85), (0.034, 0.03))
+    neck = _capsule(
+        points, a=(0.0, 0.0, 0.74), b=(0.0, -0.006, 0.85), thick=(0.034, 0.03)
+    )
     head = _ellipsoid(points, (0.0, -0.012, 0.872), (0.056, 0.064, 0.076))
     jaw = _ellipsoid(points, (0.0, -0.034, 0.836), (0.036, 0.036, 0.034))
-    nose = _capsule(points, (0.0, -0.072, 0.888), (0.0, -0.083, 0.862), (0.006, 0.010))
+    nose = _capsule(
+        points, a=(0.0, -0.072, 0.888), b=(0.0, -0.083, 0.862), thick=(0.006, 0.010)
+    )
     hair = _ellipsoid(points, (0.0, 0.004, 0.886), (0.074, 0.075, 0.080))
     # The face is cut out of the hair.
     face = _ellipsoid(points, (0.0, -0.088, 0.843), (0.058, 0.070, 0.084))
@@ -176,8 +184,8 @@ def _head(points: _Points) -> _Field:
 
 
 def _arm(points: _Points, shoulder: _Point, elbow: _Point, wrist: _Point, hand: _Field):
-    upper = _capsule(points, shoulder, elbow, (0.042, 0.034))
-    lower = _capsule(points, elbow, wrist, (0.034, 0.024))
+    upper = _capsule(points, a=shoulder, b=elbow, thick=(0.042, 0.034))
+    lower = _capsule(points, a=elbow, b=wrist, thick=(0.034, 0.024))
     return _smooth_union(_smooth_union(upper, lower, 0.02), hand, 0.015)
 
 

@@ -67,10 +67,13 @@ def load_mesh(
     axes = _axes_for_up(up)
     data = _read(path)
     given = data, path.name, target or scale, target is None, axes, repair
-    build = lambda: _meshed(path, data, scale, target, axes)
+    build = lambda: _meshed(path, data=data, scale=scale, target=target, axes=axes)
     repaired = lambda: repair_mesh(build(), max_hole_edges=max_hole_edges)
     return stored(
-        "mesh", (*given, max_hole_edges), repaired if repair else build, (Mesh,)
+        "mesh",
+        given=(*given, max_hole_edges),
+        find=repaired if repair else build,
+        types=(Mesh,),
     )
 
 
@@ -93,7 +96,7 @@ def _meshed(
                 "give unit="
             )
         scale = target / extent
-    return Mesh(vertices * scale, faces, path.stem, axes)
+    return Mesh(vertices=vertices * scale, faces=faces, name=path.stem, axes=axes)
 
 
 def _read(path: Path) -> bytes:

@@ -231,7 +231,7 @@ def edges_of(faces: Int[np.ndarray, "f 3"]) -> _Edges:
     _, edge, uses = np.unique(key, return_inverse=True, return_counts=True)
     upward = np.where(start < end, 1.0, -1.0)
     balance = np.bincount(edge, weights=upward, minlength=len(uses)).astype(np.int64)
-    return _Edges(start, end, edge, uses, balance)
+    return _Edges(start=start, end=end, edge=edge, uses=uses, balance=balance)
 
 
 def part_labels(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "f"]:
@@ -297,7 +297,12 @@ def as_mesh(given: Any, argument: str = "voxelize(mesh=)") -> Mesh:
     # Not by its class: trimesh is slow to import, and only files need it.
     parts = [getattr(given, name, None) for name in ("vertices", "faces")]
     if isinstance(given, type) or any(part is None for part in parts):
-        require(given, Mesh, argument, "a mesh: load_mesh(...), or one of trimesh")
+        require(
+            given,
+            kinds=Mesh,
+            argument=argument,
+            give="a mesh: load_mesh(...), or one of trimesh",
+        )
     # Copies, of a class of numpy's own: trimesh's arrays notice changes.
     vertices, faces = (np.array(part) for part in parts)
     return Mesh(vertices, faces)

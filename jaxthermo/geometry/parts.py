@@ -61,7 +61,7 @@ def load_parts(
     found = {}
     for name in dict.fromkeys(names):
         own = faces[np.array(names) == name]
-        part = Mesh(vertices, own, name, whole.axes)
+        part = Mesh(vertices=vertices, faces=own, name=name, axes=whole.axes)
         # Welded, so that a closed part is known as one.
         found[name] = repair_mesh(part, max_hole_edges=0)
     return found

@@ -195,7 +195,9 @@ def _fill_small_holes(mesh: Mesh, max_edges: int) -> tuple[Mesh, int]:
     taken = set(zip(edges.start.tolist(), edges.end.tolist(), strict=True))
     fans: list[Int[np.ndarray, "t 3"]] = []
     for loop in loops:
-        fan = _best_fan(mesh.vertices, loop, taken, float(limit[loop[0]]))
+        fan = _best_fan(
+            mesh.vertices, loop=loop, taken=taken, max_area=float(limit[loop[0]])
+        )
         if fan is not None:
             fans.append(fan)
             rim = np.roll(fan, -1, axis=1).reshape(-1)

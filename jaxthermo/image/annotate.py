@@ -83,7 +83,9 @@ def _draw_bar(
     left, top, width, height = box
     low, high = limits
     column = np.linspace(high, low, height)[:, None]
-    colours = apply_palette(np.repeat(column, width, axis=1), low, high, palette)
+    colours = apply_palette(
+        np.repeat(column, width, axis=1), low=low, high=high, name=palette
+    )
     canvas.paste(Image.fromarray(colours), (left, top))
     draw = ImageDraw.Draw(canvas)
     edge = layout.line
@@ -178,8 +180,15 @@ def annotate(
     canvas.paste(Image.fromarray(np.ascontiguousarray(rgb)), (0, 0))
     left = width + 2 * gap
     box = (left, top, bar_width, bar_height)
-    _draw_bar(canvas, box, (low, high), palette, labels, layout)
-    _draw_tips(canvas, box, palette, beyond, layout)
+    _draw_bar(
+        canvas,
+        box=box,
+        limits=(low, high),
+        palette=palette,
+        labels=labels,
+        layout=layout,
+    )
+    _draw_tips(canvas, box=box, palette=palette, beyond=beyond, layout=layout)
     draw = ImageDraw.Draw(canvas)
     for k, line in enumerate(heads):
         at = (left, gap + round((0.5 + 1.2 * k) * text))

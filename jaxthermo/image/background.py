@@ -104,7 +104,14 @@ def compute_background(
         seen = np.flatnonzero((radiance > 0) & free)
         if len(seen):
             where = seen if shown is None else shown[seen]
-            found.append(VisibleSource(number, where, away[seen], radiance[seen]))
+            found.append(
+                VisibleSource(
+                    number=number,
+                    pixel=where,
+                    depth=away[seen],
+                    radiance=radiance[seen],
+                )
+            )
     # The nearest of several sources is drawn last.
     found.sort(key=lambda each: -float(each.depth.min()))
     below = None if ground is sky else camera.rays()[1][:, 2] < -_LEVEL

@@ -40,7 +40,9 @@ def contact_images(
     Raises:
         InputError: for an unknown palette, or limits that are not finite and in order.
     """
-    column = apply_palette(values[:, None], low, high, palette, invalid=UNTOUCHED)
+    column = apply_palette(
+        values[:, None], low=low, high=high, name=palette, invalid=UNTOUCHED
+    )
     images = {}
     for axis in range(3):
         shown = grid.is_packed(axis) & ~np.isnan(values)

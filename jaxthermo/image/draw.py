@@ -52,7 +52,7 @@ def _lambertian(
     """Temperature [K], emissivity and radiance [W/(m^2 sr)] of the pixels."""
     xp: Any = np if isinstance(kelvin, np.ndarray) else jnp
     surface = temperature_at_pixels(view, kelvin)
-    seen = property_at_pixels(view, surfaces, "emissivity", xp)
+    seen = property_at_pixels(view, surfaces=surfaces, field="emissivity", xp=xp)
     back: Any = xp.zeros_like(surface)
     if received is not None:
         # Fragments reflect: one sum to carry to the pixels, or two where the image
@@ -72,7 +72,11 @@ def _lambertian(
             open_fraction = xp.asarray(view.open_fraction, surface.dtype)
             own = (1 - seen) * math.pi * black_radiance(surface, band)
             back = direct + open_fraction * (back - direct) + (1 - open_fraction) * own
-    return surface, seen, leaving_radiance(surface, seen, back, band)
+    return (
+        surface,
+        seen,
+        leaving_radiance(surface, emissivity=seen, reflected=back, band=band),
+    )
 
 
 def _absorptivity(band: Band | None) -> str:
@@ -95,7 +99,8 @@ def _directional(
     surface = temperature_at_pixels(view, kelvin)
     properties = "emissivity", _absorptivity(band)
     seen, absorptivity = (
-        property_at_pixels(view, surfaces, each, xp) for each in properties
+        property_at_pixels(view, surfaces=surfaces, field=each, xp=xp)
+        for each in properties
     )
     black = black_radiance(surface, band)
     thermal = xp.zeros_like(surface)
@@ -108,9 +113,15 @@ def _directional(
         if view.open_fraction is not None:
             open_fraction = xp.asarray(view.open_fraction, surface.dtype)
             thermal = open_fraction * thermal + (1 - open_fraction) * math.pi * black
-    found = PixelRadiation(black, seen, absorptivity, thermal, sources)
+    found = PixelRadiation(
+        black=black,
+        emissivity=seen,
+        absorptivity=absorptivity,
+        thermal=thermal,
+        sources=sources,
+    )
     for effect in effects.surface:
-        arrays = prepared_for(effect, view, terms, surface.dtype)
+        arrays = prepared_for(effect, view=view, terms=terms, dtype=surface.dtype)
         found = effect.apply(found, arrays, horizon)
     return surface, found.emissivity, found.radiance
 
@@ -150,15 +161,26 @@ def draw(
     horizon = Horizon(*(black_radiance(each, band) for each in behind))
     if effects.surface:
         drawn = _directional(
-            view, surfaces, terms, kelvin, received, horizon, band, effects
+            view,
+            surfaces=surfaces,
+            terms=terms,
+            kelvin=kelvin,
+            received=received,
+            horizon=horizon,
+            band=band,
+            effects=effects,
         )
     else:
-        drawn = _lambertian(view, surfaces, kelvin, received, band)
+        drawn = _lambertian(
+            view, surfaces=surfaces, kelvin=kelvin, received=received, band=band
+        )
     surface, emissivity, radiance = drawn
     for effect in effects.path:
-        arrays = prepared_for(effect, view, terms, radiance.dtype)
+        arrays = prepared_for(effect, view=view, terms=terms, dtype=radiance.dtype)
         radiance = effect.apply(radiance, arrays, band)
-    frame = lambda values, behind: filled(view, values, behind, surface.dtype, xp)
+    frame = lambda values, behind: filled(
+        view, values=values, background=behind, dtype=surface.dtype, xp=xp
+    )
     geometry = geometry_frames(view, surface.dtype)
     image = Image(
         time=time,

@@ -81,7 +81,7 @@ def draw_measurements(
     Raises:
         InputError: as of `measure`, and for a picture that is smaller than the frame.
     """
-    readings = measure(image, measurements, quantity, mask)
+    readings = measure(image, measurements=measurements, quantity=quantity, mask=mask)
     if not measurements:
         return picture
     height, width = np.shape(image.object_id)
@@ -91,8 +91,16 @@ def draw_measurements(
             f"for a frame of {width} x {height}: give the picture of this frame"
         )
     drawn = picture.copy()
-    draw_marks(drawn, image, measurements, quantity, mask)
-    return _with_readings(drawn, (height, width), measurements, readings, decimals)
+    draw_marks(
+        drawn, image=image, measurements=measurements, quantity=quantity, mask=mask
+    )
+    return _with_readings(
+        drawn,
+        size=(height, width),
+        measurements=measurements,
+        readings=readings,
+        decimals=decimals,
+    )
 
 
 def draw_marks(
@@ -113,7 +121,9 @@ def draw_marks(
         if isinstance(each, Isotherm):
             inside = np.zeros(size, bool)
             inside[each.pixels(kelvin)] = True
-            _draw_outline(picture, inside & filled, next(colours), layout)
+            _draw_outline(
+                picture, inside=inside & filled, colour=next(colours), layout=layout
+            )
     draw = ImageDraw.Draw(picture)
     for name, each in zip(names_of(measurements), measurements, strict=True):
         points = [(column, row) for row, column in each.points(*size)]
@@ -126,7 +136,14 @@ def draw_marks(
                 _draw_box(draw, points, layout)
             case _:
                 continue
-        _draw_name(draw, points, isinstance(each, Box), name, size, layout)
+        _draw_name(
+            draw,
+            points=points,
+            above=isinstance(each, Box),
+            name=name,
+            size=size,
+            layout=layout,
+        )
 
 
 def _with_readings(

@@ -88,7 +88,9 @@ def facet_shading(
     slot = large.slot[face]
     point = np.flatnonzero(slot >= 0)
     flat = _face_normals(geometry.vertices, geometry.faces).flat
-    own = _weights(points[point], flat[face[point]], geometry, _OWN)
+    own = _weights(
+        points[point], normals=flat[face[point]], geometry=geometry, near=_OWN
+    )
     found_own = np.flatnonzero(_has_mean(own))
     point = point[found_own]
     # Corners of the facets that are seen.
@@ -132,8 +134,12 @@ def _find_large_facets(geometry: BodyGeometry) -> _LargeFacets:
     cosine = np.einsum("ki,kci->kc", flat[large], corner[large])
     shown = large[cosine.min(axis=1, initial=1.0) < _COPLANAR]
     place = vertices[faces[shown]].reshape(-1, 3)
-    joined = _weights(place, corner[shown].reshape(-1, 3), geometry, _JOINED)
-    alone = _weights(place, flat[shown].repeat(3, axis=0), geometry, _ALONE)
+    joined = _weights(
+        place, normals=corner[shown].reshape(-1, 3), geometry=geometry, near=_JOINED
+    )
+    alone = _weights(
+        place, normals=flat[shown].repeat(3, axis=0), geometry=geometry, near=_ALONE
+    )
     # A corner too sharp for a fragment has no mean.
     whole = (_has_mean(joined) & _has_mean(alone)).reshape(-1, 3).all(axis=1)
     slot = np.full(len(faces), -1)
@@ -208,7 +214,9 @@ def smooth_normals(
     found = np.empty((len(face), 3))
     for first in range(0, len(face), CHUNK):
         part = slice(first, first + CHUNK)
-        found[part] = _interpolated_normals(vertices, faces, face[part], points[part])
+        found[part] = _interpolated_normals(
+            vertices, faces=faces, face=face[part], points=points[part]
+        )
     return found
 
 
@@ -287,7 +295,9 @@ def _face_normals(vertices: np.ndarray, faces: np.ndarray) -> _FaceNormals:
         weighted = flat.repeat(3, axis=0) * angle[:, None]
         total = [np.bincount(group, column) for column in weighted.T]
         smooth = _unit(np.stack(total, axis=1))[group]
-        return _FaceNormals(flat, smooth.reshape(-1, 3, 3), area, group)
+        return _FaceNormals(
+            flat=flat, corner=smooth.reshape(-1, 3, 3), area=area, group=group
+        )
 
     return found((vertices, faces), "face_normals", find)
 

@@ -192,7 +192,14 @@ def coloured(
             temperatures that are not finite.
     """
     kelvin, on_body = _seen(image, quantity)
-    return _colours(kelvin, on_body, (low, high), palette, samples, gain)
+    return _colours(
+        kelvin,
+        on_body=on_body,
+        ends=(low, high),
+        palette=palette,
+        samples=samples,
+        gain=gain,
+    )
 
 
 def _seen(image: Image, quantity: str) -> tuple[np.ndarray, np.ndarray]:
@@ -256,7 +263,14 @@ def picture(
             temperatures that are not finite.
     """
     kelvin, drawn = _seen(image, quantity)
-    colours = _colours(kelvin, drawn, (low, high), palette, samples, gain)
+    colours = _colours(
+        kelvin,
+        on_body=drawn,
+        ends=(low, high),
+        palette=palette,
+        samples=samples,
+        gain=gain,
+    )
     if samples == 1:
         # A coarsened pixel on the silhouette mixes the body with the background.
         drawn = _without_silhouette(drawn)

@@ -263,7 +263,9 @@ def read_temperatures(
         values = kelvin[rows, columns][inside]
         part = len(values) / whole if whole else 0.0
         if not len(values):
-            found[name] = Reading(math.nan, math.nan, math.nan, 0, part)
+            found[name] = Reading(
+                min=math.nan, mean=math.nan, max=math.nan, pixels=0, fraction=part
+            )
             continue
         ends = float(values.min()), float(values.mean()), float(values.max())
         found[name] = Reading(*ends, len(values), part)

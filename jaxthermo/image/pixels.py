@@ -121,13 +121,13 @@ def geometry_frames(view: View, dtype: Any) -> GeometryFrames:
     """Depth, body and normal of every pixel, kept as long as the view."""
     known, kind = _frames.setdefault(view, {}), np.dtype(dtype)
     if kind not in known:
-        depth = filled(view, view.depth, np.inf, dtype, np)
-        body = filled(view, view.body, -1, np.int32, np)
-        normal = filled(view, view.normal, 0, dtype, np)
+        depth = filled(view, values=view.depth, background=np.inf, dtype=dtype, xp=np)
+        body = filled(view, values=view.body, background=-1, dtype=np.int32, xp=np)
+        normal = filled(view, values=view.normal, background=0, dtype=dtype, xp=np)
         part = None
         if view.part is not None:
-            part = filled(view, view.part, -1, np.int32, np)
-        found = GeometryFrames(depth, body, normal, part)
+            part = filled(view, values=view.part, background=-1, dtype=np.int32, xp=np)
+        found = GeometryFrames(depth=depth, object_id=body, normal=normal, part_id=part)
         for each in found:
             # Frames of all times share them.
             if each is not None:

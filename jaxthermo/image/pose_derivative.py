@@ -95,16 +95,27 @@ def linearize_view(
     moved = moved_camera(camera, pose)
     found, place = _chosen(surfaces, moved, pixels)
     flat, along = _tangents(surfaces, found)
-    found = _on_planes(surfaces, moved, found, flat)
+    found = _on_planes(surfaces, camera=moved, found=found, flat=flat)
     local, normal = in_bodies(surfaces, found)
-    weights = all_weights(surfaces, found.body, local, normal)
-    slopes = _weight_slopes(surfaces, found, local, normal, along, weights)
-    change = _point_motion(camera, pose, found, flat)
+    weights = all_weights(surfaces, body=found.body, local=local, normal=normal)
+    slopes = _weight_slopes(
+        surfaces, found=found, local=local, normal=normal, along=along, weights=weights
+    )
+    change = _point_motion(camera, pose=pose, found=found, flat=flat)
     motion = np.zeros((len(pixels), 2, POSE_SIZE))
     motion[place] = np.einsum("kpj,pjm->pkm", along, change)
     seen = np.zeros(len(pixels))
     seen[place] = 1
-    return _padded(pose, place, weights, slopes, motion, seen, size, dtype)
+    return _padded(
+        pose,
+        place=place,
+        weights=weights,
+        slopes=slopes,
+        motion=motion,
+        seen=seen,
+        size=size,
+        dtype=dtype,
+    )
 
 
 def blank_view(

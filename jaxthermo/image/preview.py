@@ -51,7 +51,7 @@ def draw_preview(
     canvas.paste(Image.fromarray(pixels), (0, 0))
     shown = np.unique(found.body).tolist()
     if len(bodies) > 1:
-        _draw_numbers(canvas, found, fine, shown, layout)
+        _draw_numbers(canvas, found=found, fine=fine, shown=shown, layout=layout)
     _draw_axes(canvas, camera, layout)
     caption = layout.shorten(title, width - 2 * layout.gap)
     at = (width - layout.gap, height + strip // 2)
@@ -70,7 +70,9 @@ def _shaded(
     for number, (mesh, pose) in enumerate(bodies):
         here = np.flatnonzero(found.body == number)
         point = pose.to_body(found.position[here])
-        normal = smooth_normals(mesh.vertices, mesh.faces, found.face[here], point)
+        normal = smooth_normals(
+            mesh.vertices, faces=mesh.faces, face=found.face[here], points=point
+        )
         facing = np.einsum("pi,pi->p", pose.rotate(normal), to_eye[here])
         # A face that is wound the wrong way round is lit from both sides.
         light = 0.2 + 0.8 * np.abs(facing)[:, None]
@@ -95,7 +97,7 @@ def _draw_numbers(
         away = np.hypot(row - middle[0], column - middle[1])
         nearest = int(away.argmin())
         at = (column[nearest] / _SAMPLES, row[nearest] / _SAMPLES)
-        _draw_text(draw, at, f"body {number}", INK, layout)
+        _draw_text(draw, at=at, text=f"body {number}", ink=INK, layout=layout)
 
 
 def _draw_axes(canvas: Image.Image, camera: AbstractCamera, layout: Layout) -> None:
@@ -126,8 +128,10 @@ def _draw_axes(canvas: Image.Image, camera: AbstractCamera, layout: Layout) -> N
             spot = layout.text / 5
             draw.ellipse((*(origin - spot), *(origin + spot)), fill=colour)
         else:
-            _draw_arrow(draw, origin, origin + tip[k], colour, layout)
-        _draw_text(draw, origin + at[k], names[k], colour, layout)
+            _draw_arrow(
+                draw, start=origin, tip=origin + tip[k], colour=colour, layout=layout
+            )
+        _draw_text(draw, at=origin + at[k], text=names[k], ink=colour, layout=layout)
 
 
 def _draw_text(draw, at, text: str, ink: tuple[int, int, int], layout: Layout) -> None:

@@ -58,7 +58,9 @@ def render(
         >>> jt.render(warm, camera).temperature.shape  # rows, columns
         (24, 32)
     """
-    options = _Options(smooth, samples, occlusion, band, effects)
+    options = _Options(
+        smooth=smooth, samples=samples, occlusion=occlusion, band=band, effects=effects
+    )
     frame = _recording(solution, camera, options)
     return frame(range(len(solution.times))[index])
 
@@ -81,7 +83,9 @@ def frames(
     Raises:
         InputError: as `render`.
     """
-    options = _Options(smooth, samples, occlusion, band, effects)
+    options = _Options(
+        smooth=smooth, samples=samples, occlusion=occlusion, band=band, effects=effects
+    )
     # A mistake is told at once, not when the first frame is asked for.
     frame = _recording(solution, camera, options)
     return map(frame, range(len(solution.times)))
@@ -102,12 +106,19 @@ def _recording(
 ) -> Callable[[int], Image]:
     """Draws frames by the index of their time."""
     solutions = "a solution of simulate or steady"
-    require(solution, AbstractSolution, "render(solution=)", solutions)
+    require(
+        solution, kinds=AbstractSolution, argument="render(solution=)", give=solutions
+    )
     cameras = "a Camera or an OrthographicCamera"
-    require(camera, AbstractCamera, "render(camera=)", cameras)
+    require(camera, kinds=AbstractCamera, argument="render(camera=)", give=cameras)
     band = options.band
     if band is not None:
-        require(band, Band, "render(band=)", "a Band, such as Band((7.5e-6, 14e-6))")
+        require(
+            band,
+            kinds=Band,
+            argument="render(band=)",
+            give="a Band, such as Band((7.5e-6, 14e-6))",
+        )
     effects = in_order(options.effects, "render(effects=)")
 
     times = np.asarray(solution.times)
@@ -116,20 +127,28 @@ def _recording(
         time = float(times[index])
         surfaces, terms = at_time(solution.surfaces, solution.terms, time)
         finer = camera.finer(options.samples)
-        view = kept_view(surfaces, terms, finer, options.smooth, options.occlusion)
+        view = kept_view(
+            surfaces,
+            terms=terms,
+            camera=finer,
+            smooth=options.smooth,
+            occlusion=options.occlusion,
+        )
         return draw(
             view,
-            surfaces,
-            terms,
-            jnp.asarray(solution.surface_temperature[index]),
-            solution.irradiance(index),
-            jnp.asarray(times[index]),
-            solution.load_time(index),
-            band,
-            effects,
+            surfaces=surfaces,
+            terms=terms,
+            temperature=jnp.asarray(solution.surface_temperature[index]),
+            received=solution.irradiance(index),
+            time=jnp.asarray(times[index]),
+            load_time=solution.load_time(index),
+            band=band,
+            effects=effects,
         )
 
-    detector = Detector(reaching, times, effects, options.samples)
+    detector = Detector(
+        reaching=reaching, times=times, effects=effects, samples=options.samples
+    )
 
     def frame(index: int) -> Image:
         with precision(solution.receipt.dtype):

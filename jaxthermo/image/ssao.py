@@ -90,7 +90,13 @@ def screen_space_occlusion(
         for sign in (-1, 1):
             shifts = np.rint(sign * shift[:, None] * direction).astype(int)
             shifts = np.unique(shifts, axis=0)
-            rise = _horizon(sight.point, shifts, upright, sign * flat, radius)
+            rise = _horizon(
+                sight.point,
+                shifts=shifts,
+                upright=upright,
+                flat=sign * flat,
+                radius=radius,
+            )
             open_part += length * _arc(angle + sign * (np.pi / 2 - rise), angle)
         whole += length * (np.cos(angle) + angle * np.sin(angle))
     fraction = open_part / np.where(whole > 0, whole, 1.0)
@@ -167,8 +173,8 @@ def _horizon(
     smallest = np.ones((height, width))
     for top in range(0, height, _ROWS):
         for right, down in shifts[shifts.any(1)].tolist():
-            rows = _overlap(height, down, top, top + _ROWS)
-            columns = _overlap(width, right, 0, width)
+            rows = _overlap(height, shift=down, start=top, stop=top + _ROWS)
+            columns = _overlap(width, shift=right, start=0, stop=width)
             own, other = (rows[0], columns[0]), (rows[1], columns[1])
             x, y, z = (plane[other] - plane[own] for plane in point)
             rise, run = (

@@ -204,7 +204,10 @@ class FlirCalibration:
         xp = _module(distance, air_temperature, relative_humidity)
         half = _array(distance) / 2
         passed = air_transmissivity(
-            half, _array(air_temperature), relative_humidity, xp
+            half,
+            temperature=_array(air_temperature),
+            relative_humidity=relative_humidity,
+            xp=xp,
         )
         air, window, around = (
             self.counts(each)

@@ -128,10 +128,12 @@ def compute_view(
     def find() -> _Shown:
         for each in views:
             each["are found"] = True
-        return _shown(surfaces, camera, smooth, occlusion)
+        return _shown(surfaces, camera=camera, smooth=smooth, occlusion=occlusion)
 
-    shown = stored("view", given, find, known) if keep else find()
-    background = compute_background(terms, camera, shown.pixel, shown.depth)
+    shown = stored("view", given=given, find=find, types=known) if keep else find()
+    background = compute_background(
+        terms, camera=camera, pixel=shown.pixel, depth=shown.depth
+    )
     return View(
         camera,
         *(shown.pixel, shown.body, shown.depth, shown.normal, shown.weights),
@@ -197,9 +199,19 @@ def _shown(
     found = visible_points(world_meshes(surfaces), camera)
     local, normal = in_bodies(surfaces, found)
     pixel, body, depth = found.pixel, found.body, found.depth
-    weights = all_weights(surfaces, body, local, normal, smooth)
+    weights = all_weights(
+        surfaces, body=body, local=local, normal=normal, smooth=smooth
+    )
     facets = _all_facets(surfaces, found, local) if smooth else None
-    shown = _Shown(pixel, body, depth, normal, weights, None, facets)
+    shown = _Shown(
+        pixel=pixel,
+        body=body,
+        depth=depth,
+        normal=normal,
+        weights=weights,
+        open_fraction=None,
+        facets=facets,
+    )
     if occlusion is None:
         return shown
     return shown._replace(open_fraction=_open_fraction(shown, camera, occlusion))
@@ -213,7 +225,10 @@ def _open_fraction(
     depth[shown.pixel], normal[shown.pixel] = shown.depth, shown.normal
     shape = (height, width)
     found = screen_space_occlusion(
-        depth.reshape(shape), normal.reshape(*shape, 3), camera, radius
+        depth.reshape(shape),
+        normal=normal.reshape(*shape, 3),
+        camera=camera,
+        radius=radius,
     )
     return found.reshape(-1)[shown.pixel]
 
@@ -316,7 +331,9 @@ def kept_view(
             # The one that was used last is dropped last.
             kept.append(kept.pop(number))
             return each.view
-    view = compute_view(surfaces, terms, camera, smooth, occlusion)
+    view = compute_view(
+        surfaces, terms=terms, camera=camera, smooth=smooth, occlusion=occlusion
+    )
     kept.append(_KeptView(given, view))
     del kept[:-_MAX_VIEWS]
     return view

@@ -68,7 +68,9 @@ def visible_points(
     first = np.cumsum([0, *(len(faces) for _, faces in bodies)])
     body = np.searchsorted(first, hit, side="right") - 1
     position, depth = camera.points(pixel, key)
-    return VisiblePoints(pixel, body, hit - first[body], position, depth)
+    return VisiblePoints(
+        pixel=pixel, body=body, face=hit - first[body], position=position, depth=depth
+    )
 
 
 def _is_inside(point: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> bool:

@@ -88,10 +88,12 @@ def discretization_error(
     """
     first = _ratio(finest, middle)
     second = _ratio(middle, coarsest)
-    fine = truth_error(middle, finest, count, seed)
-    coarse = truth_error(coarsest, middle, count, seed)
+    fine = truth_error(middle, reference=finest, count=count, seed=seed)
+    coarse = truth_error(coarsest, reference=middle, count=count, seed=seed)
     pairs = np.stack([fine.rms_kelvin, coarse.rms_kelvin], axis=1).astype(float)
-    order = np.array([_observed_order(a, b, first, second) for a, b in pairs])
+    order = np.array(
+        [_observed_order(a, coarse=b, first=first, second=second) for a, b in pairs]
+    )
     # Runs that agree have no error, and no order either.
     agree = (pairs == 0).all(axis=1)
     is_bound = ~np.isfinite(order) & ~agree

@@ -52,7 +52,9 @@ class EulerStepper(AbstractStepper):
         # Loads at the middle of the step: the heat of a ramp is exact, and what is
         # switched off at an event is on before it and off after it.
         middle = start + dt / 2
-        new, rates = add_loads(program, state.theta, conducted, middle, dt)
+        new, rates = add_loads(
+            program, states=state.theta, new=conducted, time=middle, dt=dt
+        )
         return RunState(new, state.ledger.add(dt * rates), state.solver_state)
 
 
@@ -167,7 +169,7 @@ class RKL2Stepper(AbstractStepper):
         def load(new: State, states: State, time_fraction, dt_fraction) -> _Stage:
             time = start + dt * time_fraction
             loaded, rates = add_loads(
-                program, states, new, time, euler_dt * dt_fraction
+                program, states=states, new=new, time=time, dt=euler_dt * dt_fraction
             )
             return loaded, euler_dt * rates
 
@@ -176,7 +178,9 @@ class RKL2Stepper(AbstractStepper):
             body.network.euler_step(before, euler_dt)
             for body, before in zip(bodies, theta, strict=True)
         )
-        after, heat = load(conducted, theta, 0.0, whole)
+        after, heat = load(
+            conducted, states=theta, time_fraction=0.0, dt_fraction=whole
+        )
         change = jax.tree.map(jnp.subtract, after, theta)
         # The first stage is b_1 = 1/3 of a whole Euler step.
         third = jax.tree.map(lambda y, d: y + d / 3, theta, change)
@@ -191,7 +195,9 @@ class RKL2Stepper(AbstractStepper):
                 body.network.combined_step(y, euler_dt, _mixed, *others, mu, nu, a)
                 for body, y, *others in each
             )
-            new, brought = load(mixed, last, table["time"][j], mu)
+            new, brought = load(
+                mixed, states=last, time_fraction=table["time"][j], dt_fraction=mu
+            )
             total = mu * (heat_last + brought) + nu * heat_before - a * mu * heat
             return pair[1], (new, total)
 

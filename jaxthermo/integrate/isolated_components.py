@@ -145,7 +145,7 @@ def find_isolated_components(
     roots, index = np.unique(component[inside], return_inverse=True)
     number = np.full(len(component), len(roots), np.int32)
     number[inside] = index
-    _refuse_heated(program, states, time, number, capacity)
+    _refuse_heated(program, states=states, time=time, number=number, capacity=capacity)
     total = np.bincount(number, capacity)
     weight = np.where(inside, capacity / np.where(inside, total[number], 1), 0)
     cuts = np.cumsum([s.size for s in states])[:-1]
@@ -160,7 +160,9 @@ def find_isolated_components(
 
 def _refuse_heated(program: Program, states: State, time, number, capacity) -> None:
     zero = tuple(jnp.zeros_like(state) for state in states)
-    loads, _ = add_loads(program, states, zero, time, jnp.ones((), zero[0].dtype))
+    loads, _ = add_loads(
+        program, states=states, new=zero, time=time, dt=jnp.ones((), zero[0].dtype)
+    )
     # Loads over one second are rates [K/s]; in float64, since net heat is a difference.
     heat = _flat(loads).astype(float) * capacity
     net = np.bincount(number, heat)[:-1]

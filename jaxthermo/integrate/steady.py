@@ -107,7 +107,7 @@ def steady(
         >>> f"{warm.mean_temperature.item():.3f}"
         '300.000'
     """
-    require(scene, Scene, "steady(scene=)", "a Scene")
+    require(scene, kinds=Scene, argument="steady(scene=)", give="a Scene")
     if tolerance is not None and not tolerance > 0:
         raise InputError(f"steady(tolerance={tolerance!r}): give a positive one [K]")
     with precision(scene.dtype):
@@ -139,13 +139,20 @@ def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolutio
         warnings.warn(warning, stacklevel=3)
     program, dtype = compiled.program, jnp.dtype(scene.dtype)
     kelvin = _STEADY_TOLERANCE[scene.dtype] if tolerance is None else tolerance
-    context = implicit_context(scene, compiled, None, math.inf, kelvin, traced)
+    context = implicit_context(
+        scene,
+        compiled=compiled,
+        stable_step=None,
+        max_dt=math.inf,
+        tolerance=kelvin,
+        traced=traced,
+    )
     time = jnp.asarray(at, dtype)
     isolated = None
     # Host code, which traced values cannot enter.
     if not traced:
         isolated = find_isolated_components(
-            scene, program, context, compiled.state, time
+            scene, program=program, context=context, states=compiled.state, time=time
         )
     states, statistics = _solve(program, context, compiled.state, time, isolated)
     found, rates = _observe(program, states, time)
@@ -189,12 +196,23 @@ def _heat_rates(
 ) -> HeatRates:
     """Group heat rates by mechanism, by body and by pair."""
     zero = jnp.zeros((1, bodies), rates.dtype)
-    found = energies(entries, zero, rates[None], jnp.abs(rates)[None], zero[0])
+    found = energies(
+        entries,
+        stored=zero,
+        heat=rates[None],
+        moved=jnp.abs(rates)[None],
+        equalization=zero[0],
+    )
     only = lambda table: {name: each[0] for name, each in table.items()}
 
     def first(e: Energy) -> HeatRates:
         inner, residual = tuple(map(first, e.bodies)), -e.residual_relative[0]
-        return HeatRates(only(e.mechanisms), only(e.contacts), inner, residual)
+        return HeatRates(
+            mechanisms=only(e.mechanisms),
+            contacts=only(e.contacts),
+            bodies=inner,
+            residual_relative=residual,
+        )
 
     return first(found)
 
@@ -212,7 +230,9 @@ def _solve(
     change, _ = evaluate_rates(program, states, time)
     zero = jax.tree.map(lambda f: f - jax.lax.stop_gradient(f), change)
     program, context, _, time = constants
-    at = _linearize(program, context, stop_gradient(states), time, None)
+    at = _linearize(
+        program, context=context, states=stop_gradient(states), time=time, isolated=None
+    )
     solver = replace(derivative_solver(states), norm=CorrectionNorm())
     heat = jax.tree.map(jnp.multiply, zero, at.capacity)
     change, _ = solve_linear(at, heat, solver)
@@ -223,8 +243,15 @@ def _linearize(program, context, states: State, time, isolated) -> Linearization
     # 1 / g = 0: a steady state is a backward Euler step of infinite length.
     rate = jnp.zeros((), states[0].dtype)
     if isolated is None:
-        return linearize(program, context, states, rate, time)
-    at = linearize(program, context, states, rate, time, isolated.regularization)
+        return linearize(program, context=context, states=states, rate=rate, time=time)
+    at = linearize(
+        program,
+        context=context,
+        states=states,
+        rate=rate,
+        time=time,
+        regularization=isolated.regularization,
+    )
     projected = ProjectedPreconditioner(at.preconditioner, isolated)
     return at._replace(preconditioner=projected)
 
@@ -249,7 +276,9 @@ def _newton(
     endless = jnp.asarray(jnp.inf, dtype)
 
     def iterate(now: _Iterate) -> _Iterate:
-        at = _linearize(program, context, now.states, time, isolated)
+        at = _linearize(
+            program, context=context, states=now.states, time=time, isolated=isolated
+        )
         change, _ = evaluate_rates(program, now.states, time)
         heat = jax.tree.map(jnp.multiply, change, at.capacity)
         if isolated is not None:
@@ -266,7 +295,9 @@ def _newton(
             after = isolated.with_initial_means(after)
         size = max_abs(jax.tree.map(jnp.subtract, after, now.states))
         statistics = now.statistics.after_solve(converged, solve)
-        return _Iterate(after, size, now.change, statistics)
+        return _Iterate(
+            states=after, change=size, change_before=now.change, statistics=statistics
+        )
 
     def unfinished(now: _Iterate) -> Bool[Array, ""]:
         # In a linear scene later iterations only remove rounding.
@@ -280,7 +311,12 @@ def _newton(
             & jnp.isfinite(now.change)
         ) | (count == 0)
 
-    first = _Iterate(start, endless, endless, zero_statistics(dtype))
+    first = _Iterate(
+        states=start,
+        change=endless,
+        change_before=endless,
+        statistics=zero_statistics(dtype),
+    )
     last = jax.lax.while_loop(unfinished, iterate, first)
     # A tolerance below the last digit of the temperatures cannot be reached.
     digit = jnp.finfo(dtype).eps * max_abs(last.states)

@@ -103,9 +103,9 @@ class TruthPoints(NamedTuple):
             times, found, there = (np.asarray(each) for each in later)
             return error_at_points(
                 times,
-                AtPoints(here.read(found), here.is_lost),
-                AtPoints(there, expected.is_lost),
-                _remarks(outlines, self.outlines),
+                found=AtPoints(here.read(found), here.is_lost),
+                expected=AtPoints(there, expected.is_lost),
+                remarks=_remarks(outlines, self.outlines),
             )
 
 
@@ -182,10 +182,10 @@ def truth_points(
     reading = _reading(reference.surfaces, samples)
     temperature = np.asarray(reference.surface_temperature)
     return TruthPoints(
-        np.asarray(reference.times),
-        tuple(samples),
-        AtPoints(reading.read(temperature), reading.is_lost),
-        _outlines(reference.surfaces),
+        times=np.asarray(reference.times),
+        samples=tuple(samples),
+        expected=AtPoints(reading.read(temperature), reading.is_lost),
+        outlines=_outlines(reference.surfaces),
     )
 
 
@@ -239,9 +239,9 @@ def truth_error(
         found, expected = own.asarray(found), own.asarray(expected)
         return error_at_points(
             own.asarray(times),
-            AtPoints(here.read(found), here.is_lost),
-            AtPoints(there.read(expected), there.is_lost),
-            _remarks(*outlines),
+            found=AtPoints(here.read(found), here.is_lost),
+            expected=AtPoints(there.read(expected), there.is_lost),
+            remarks=_remarks(*outlines),
         )
 
 
@@ -252,7 +252,11 @@ def _outlines(surfaces: tuple[SolvedSurface, ...]) -> tuple[BodyOutline, ...]:
         position = np.asarray(own.fragment_position)
         every = max(1, len(position) // _KEPT_POSITIONS)
         some = np.array(position[::every], float)
-        found.append(BodyOutline(own.pitch, extent, len(position), some))
+        found.append(
+            BodyOutline(
+                pitch=own.pitch, extent=extent, fragments=len(position), position=some
+            )
+        )
     return tuple(found)
 
 

@@ -55,7 +55,13 @@ def _values(config: SceneConfig) -> Iterator[HandValue]:
             elif name == "velocity" and isinstance(value, tuple):
                 yield _velocity(title, path, value)
             elif isinstance(value, float) and unit is not None and name != "until":
-                yield _number(title, path, name.replace("_", " "), value, unit.symbol)
+                yield _number(
+                    title,
+                    path=path,
+                    name=name.replace("_", " "),
+                    value=value,
+                    unit=unit.symbol,
+                )
 
 
 def _number(title: str, path: str, name: str, value: float, unit: str) -> HandValue:
@@ -64,13 +70,19 @@ def _number(title: str, path: str, name: str, value: float, unit: str) -> HandVa
         # A slider's steps count from its low end: the config's own value is one.
         ends = shown - _AROUND, shown + _AROUND
         slider = Slider(f"{name} [°C]", *ends, 0.5, shown)
-        return HandValue(title, path, (slider,), lambda v: f"{v[0]:.6g} degC")
+        return HandValue(
+            title=title, path=path, sliders=(slider,), text=lambda v: f"{v[0]:.6g} degC"
+        )
     high = max(_HIGHEST.get(unit, 0.0), 3.0 * abs(value)) or 1.0
     step = 10.0 ** math.floor(math.log10(high) - 2)
     low = -high if value < 0 else 0.0
     shown = unit.replace("^2", "²").replace("^3", "³")
-    slider = Slider(f"{name} [{shown}]", low, high, step, value)
-    return HandValue(title, path, (slider,), lambda v: f"{v[0]:.6g} {unit}")
+    slider = Slider(
+        label=f"{name} [{shown}]", low=low, high=high, step=step, value=value
+    )
+    return HandValue(
+        title=title, path=path, sliders=(slider,), text=lambda v: f"{v[0]:.6g} {unit}"
+    )
 
 
 def _direction(title: str, path: str, value: tuple[float, ...]) -> HandValue:
@@ -80,8 +92,8 @@ def _direction(title: str, path: str, value: tuple[float, ...]) -> HandValue:
         float(round(math.degrees(a))) for a in (math.asin(z), math.atan2(y, x))
     )
     sliders = (
-        Slider("azimuth [°]", -180.0, 180.0, 1.0, azimuth),
-        Slider("elevation [°]", -90.0, 90.0, 1.0, elevation),
+        Slider(label="azimuth [°]", low=-180.0, high=180.0, step=1.0, value=azimuth),
+        Slider(label="elevation [°]", low=-90.0, high=90.0, step=1.0, value=elevation),
     )
 
     def text(angles: tuple[float, ...]) -> str:
@@ -90,20 +102,26 @@ def _direction(title: str, path: str, value: tuple[float, ...]) -> HandValue:
         towards = level * math.cos(around), level * math.sin(around), math.sin(up)
         return str([-each for each in towards])
 
-    return HandValue(title, path, sliders, text)
+    return HandValue(title=title, path=path, sliders=sliders, text=text)
 
 
 def _velocity(title: str, path: str, value: tuple[float, ...]) -> HandValue:
     x, y, z = value
     level = math.hypot(x, y)
     sliders = (
-        Slider("speed [m/s]", 0.1, max(10.0, 3.0 * level), 0.1, max(0.1, level)),
         Slider(
-            "blows towards [°]",
-            -180.0,
-            180.0,
-            1.0,
-            float(round(math.degrees(math.atan2(y, x)))),
+            label="speed [m/s]",
+            low=0.1,
+            high=max(10.0, 3.0 * level),
+            step=0.1,
+            value=max(0.1, level),
+        ),
+        Slider(
+            label="blows towards [°]",
+            low=-180.0,
+            high=180.0,
+            step=1.0,
+            value=float(round(math.degrees(math.atan2(y, x)))),
         ),
     )
 
@@ -111,4 +129,4 @@ def _velocity(title: str, path: str, value: tuple[float, ...]) -> HandValue:
         speed, around = given[0], math.radians(given[1])
         return str([speed * math.cos(around), speed * math.sin(around), z])
 
-    return HandValue(title, path, sliders, text)
+    return HandValue(title=title, path=path, sliders=sliders, text=text)

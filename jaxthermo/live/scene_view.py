@@ -115,7 +115,9 @@ class SceneView:
     ) -> int | None:
         """Point that a ray hits first; None beside the bodies."""
         radius = self.points.diameter / 2
-        return point_on_ray(self._world(shown), origin, direction, radius)
+        return point_on_ray(
+            self._world(shown), origin=origin, direction=direction, radius=radius
+        )
 
     def mark(self, points: list[int]) -> None:
         """Mark the probes, in the order of their colours."""

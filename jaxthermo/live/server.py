@@ -53,7 +53,9 @@ class LiveView:
         self._detector = LiveCamera(config, shown.surfaces)
         self._fixed, self._note, self._compiling = False, "", ""
         points = surface_points(shown.surfaces)
-        self._view = SceneView(server, shown, points, self._detector.camera)
+        self._view = SceneView(
+            server=server, shown=shown, points=points, camera=self._detector.camera
+        )
         kelvin = points.temperature(shown.temperature)
         image = config.image
         self._scale = scale_of(kelvin, image.palette)

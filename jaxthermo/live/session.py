@@ -246,18 +246,25 @@ class LiveSession(AbstractShown):
         longest = self._rate / STEPS_A_SECOND
         given = config.solver.build()
         end = config.time.last
-        plan = plan_run(scene, end, (end,), given or ForwardEuler())
+        plan = plan_run(scene, t1=end, save_at=(end,), solver=given or ForwardEuler())
         if given is None:
             stable = plan.stable_step
             assert stable is not None
             if longest > _MAX_EULER_STEPS * stable:
                 solver = SuperTimeStepping(dt=longest)
-                plan = plan_run(scene, end, (end,), solver)
+                plan = plan_run(scene, t1=end, save_at=(end,), solver=solver)
         plan = plan._replace(
             intervals=tuple(_finer(i, longest) for i in plan.intervals)
         )
         kind = _kind((plan.stepper, plan.compiled.program))
-        return Change(values, config, scene, plan, restarts, kind not in self._compiled)
+        return Change(
+            values=values,
+            config=config,
+            scene=scene,
+            plan=plan,
+            restarts=restarts,
+            compiles=kind not in self._compiled,
+        )
 
     def _go_on(self, state: RunState, left: tuple[Interval, ...]) -> None:
         """Take over a state with the steps that are left; all is compiled."""
@@ -284,7 +291,13 @@ class LiveSession(AbstractShown):
         """Take steps of the interval; returns the seconds that it took."""
         interval, plan = self._left[0], self.plan
         clock = time.perf_counter()
-        self._state = take_segment(plan, interval, self._state, self._taken, steps)
+        self._state = take_segment(
+            plan,
+            interval=interval,
+            state=self._state,
+            steps_taken=self._taken,
+            steps=steps,
+        )
         spent = time.perf_counter() - clock
         if not steps:
             return spent

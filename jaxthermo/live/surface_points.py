@@ -66,7 +66,9 @@ def surface_points(
     for own, geometry in zip(area, bodies, strict=True):
         random = max(1000, round(_PER_CELL * count * own / sum(area)))
         points, face = _one_per_cell(geometry, edge, random)
-        normal = smooth_normals(geometry.vertices, geometry.faces, face, points)
+        normal = smooth_normals(
+            geometry.vertices, faces=geometry.faces, face=face, points=points
+        )
         weights.append(smooth_weights(points, normal, geometry))
         position.append(points.astype(np.float32))
     joined = weights[0] if len(weights) == 1 else block_matrix(weights)
@@ -90,7 +92,7 @@ def colours(
     kelvin: Float[np.ndarray, " p"], low: float, high: float, palette: str
 ) -> UInt8[np.ndarray, "p 3"]:
     """Colours of temperatures on a scale [K], as sRGB."""
-    return apply_palette(kelvin[None], low, high, palette)[0]
+    return apply_palette(kelvin[None], low=low, high=high, name=palette)[0]
 
 
 def point_on_ray(

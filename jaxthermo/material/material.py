@@ -97,7 +97,7 @@ def _conductivity(given) -> _Conductivity:
     if isinstance(given, Property):
         return given
     if not isinstance(given, list | tuple) and getattr(given, "ndim", 0) != 1:
-        _check("conductivity", given, math.inf, "W/(m K)")
+        _check("conductivity", value=given, maximum=math.inf, unit="W/(m K)")
         return given
     if len(given) != 3:
         # One number a direction: a full tensor would couple all 26 neighbours.
@@ -108,7 +108,12 @@ def _conductivity(given) -> _Conductivity:
     x, y, z = given
     for axis, value in zip("xyz", (x, y, z), strict=True):
         if not isinstance(value, Property):
-            _check(f"conductivity along {axis}", value, math.inf, "W/(m K)")
+            _check(
+                f"conductivity along {axis}",
+                value=value,
+                maximum=math.inf,
+                unit="W/(m K)",
+            )
     return x, y, z
 
 
@@ -150,12 +155,14 @@ class Material(Module):
         Raises:
             InputError: for a value out of range.
         """
-        _check("density", density, math.inf, "kg/m^3")
+        _check("density", value=density, maximum=math.inf, unit="kg/m^3")
         if not isinstance(specific_heat, Property):
-            _check("specific_heat", specific_heat, math.inf, "J/(kg K)")
-        _check("emissivity", emissivity, 1.0, "-")
+            _check(
+                "specific_heat", value=specific_heat, maximum=math.inf, unit="J/(kg K)"
+            )
+        _check("emissivity", value=emissivity, maximum=1.0, unit="-")
         if absorptivity is not None:
-            _check("absorptivity", absorptivity, 1.0, "-")
+            _check("absorptivity", value=absorptivity, maximum=1.0, unit="-")
         self.conductivity = _conductivity(conductivity)
         self.density = density
         self.specific_heat = specific_heat
@@ -184,11 +191,11 @@ class Material(Module):
         number = lambda p: p(temperature) if isinstance(p, Property) else p
         k = self.conductivity
         return Material(
-            tuple(map(number, k)) if isinstance(k, tuple) else number(k),
-            self.density,
-            number(self.specific_heat),
-            self.emissivity,
-            self.given_absorptivity,
+            conductivity=tuple(map(number, k)) if isinstance(k, tuple) else number(k),
+            density=self.density,
+            specific_heat=number(self.specific_heat),
+            emissivity=self.emissivity,
+            absorptivity=self.given_absorptivity,
         )
 
     @property

@@ -154,7 +154,12 @@ def thesis_material(name: str) -> Material:
         known = ", ".join(r.name for r in material_rows() if r.in_thesis)
         raise InputError(f"material {name!r} is not in Table 5.1: use one of {known}")
     # The thesis gives no conductivity, hence the table's; its bodies are black.
-    return Material(row.conductivity, row.thesis_density, row.thesis_specific_heat, 1.0)
+    return Material(
+        conductivity=row.conductivity,
+        density=row.thesis_density,
+        specific_heat=row.thesis_specific_heat,
+        emissivity=1.0,
+    )
 
 
 class _MaterialTable(Mapping[str, Material]):
@@ -164,7 +169,10 @@ class _MaterialTable(Mapping[str, Material]):
         row = material_row(name)
         # No absorptivity: the emissivities are long-wave or total, not solar.
         return Material(
-            row.conductivity, row.density, row.specific_heat, row.emissivity
+            conductivity=row.conductivity,
+            density=row.density,
+            specific_heat=row.specific_heat,
+            emissivity=row.emissivity,
         )
 
     def __iter__(self) -> Iterator[str]:

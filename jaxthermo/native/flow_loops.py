@@ -157,4 +157,4 @@ def collide_both(args, results, like):
     rates, tracer = array_at(args, 0, like), array_at(args, 1, like)
     f, g = _nine(args, 2, like), _nine(args, 11, like)
     _collide(f, rates, _nine(results, 0, like))
-    _collide_tracer(f, g, tracer, _nine(results, 9, like))
+    _collide_tracer(f, g=g, numbers=tracer, out=_nine(results, 9, like))

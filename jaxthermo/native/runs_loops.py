@@ -47,17 +47,17 @@ def conduct(args, results, like):
     # Signed in JAX; numba would look for negative ones, which count from the end.
     index = np.uint32(0)
     runs = Runs(
-        array_at(args, 3, index).reshape(-1, 3),
-        array_at(args, 4, index).reshape(-1, 6),
-        array_at(args, 5, index),
-        array_at(args, 6, index).reshape(-1, 6),
-        array_at(args, 7, like).reshape(-1, 6),
-        array_at(args, 8, like),
-        array_at(args, 9, index),
-        array_at(args, 10, index),
-        array_at(args, 11, index),
-        array_at(args, 12, like),
+        block=array_at(args, 3, index).reshape(-1, 3),
+        runs=array_at(args, 4, index).reshape(-1, 6),
+        node=array_at(args, 5, index),
+        neighbour=array_at(args, 6, index).reshape(-1, 6),
+        weight=array_at(args, 7, like).reshape(-1, 6),
+        volume=array_at(args, 8, like),
+        list_row=array_at(args, 9, index),
+        list_first=array_at(args, 10, index),
+        list_neighbour=array_at(args, 11, index),
+        list_weight=array_at(args, 12, like),
     )
     keep, ratio = array_at(args, 1, like)[0], array_at(args, 2, like)[0]
     state, out = array_at(args, 0, like), array_at(results, 0, like)
-    _conduct(runs, state, keep, ratio, out)
+    _conduct(runs, state=state, keep=keep, ratio=ratio, out=out)

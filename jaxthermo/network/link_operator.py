@@ -114,7 +114,9 @@ def _pull(values, state, factors, layout):
     return jax.linear_transpose(change, factors)(values)[0]
 
 
-_ROWS = Operator(_row_change, _row_change, lambda values, _: values, _pull)
+_ROWS = Operator(
+    change=_row_change, step=_row_change, inside=lambda values, _: values, pull=_pull
+)
 
 
 class RowNetwork(AbstractNodeNetwork):
@@ -133,7 +135,7 @@ class RowNetwork(AbstractNodeNetwork):
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
         factors = self.conductance, self.list_conductance
         layout = self.neighbour, self.list_node, self.list_neighbour
-        return conduct(_ROWS, state, factors, layout)
+        return conduct(_ROWS, state=state, factors=factors, layout=layout)
 
     @override
     def diagonal(self) -> Float[Array, "..."]:

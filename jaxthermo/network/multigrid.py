@@ -107,7 +107,7 @@ def _even_faces(network: AbstractNetwork, axis: int) -> Array:
     """Every other face across an axis: faces between blocks, not inside them."""
     if isinstance(network, HeterogeneousStencil):
         face = network.face_conductance[axis]
-        face = _padded(face, axis, 0, (face.shape[axis] + 1) % 2)
+        face = _padded(face, axis=axis, before=0, after=(face.shape[axis] + 1) % 2)
         return face[_every_other(axis, 0)]
     if isinstance(network, UniformStencil):
         linked = network.degree > 0
@@ -116,13 +116,13 @@ def _even_faces(network: AbstractNetwork, axis: int) -> Array:
     else:
         raise TypeError(f"no lattice levels of a {type(network).__name__}")
     # Two adjacent cells that have any links are linked to each other.
-    linked = _padded(linked, axis, 1, 1 + linked.shape[axis] % 2)
+    linked = _padded(linked, axis=axis, before=1, after=1 + linked.shape[axis] % 2)
     both = linked[_every_other(axis, 0)] & linked[_every_other(axis, 1)]
     return both.astype(jnp.uint8)
 
 
 def _pair_sum(values: Array, axis: int) -> Array:
-    values = _padded(values, axis, 0, values.shape[axis] % 2)
+    values = _padded(values, axis=axis, before=0, after=values.shape[axis] % 2)
     return values[_every_other(axis, 0)] + values[_every_other(axis, 1)]
 
 

@@ -110,7 +110,13 @@ def level(network: AbstractNetwork, m: Float[Array, "..."]) -> _Level:
     low = jnp.maximum(1 - fraction, high / _SMOOTHED_RANGE)
     middle, half = (low + high) / 2, (high - low) / 2
     scale = 2 * middle**2 - half**2
-    return _Level(network, m, inverse_diagonal, 4 * middle / scale, 2 / scale)
+    return _Level(
+        network=network,
+        m=m,
+        inverse_diagonal=inverse_diagonal,
+        first=4 * middle / scale,
+        second=2 / scale,
+    )
 
 
 class _DenseSolve(AbstractCycle):

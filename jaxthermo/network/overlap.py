@@ -48,7 +48,7 @@ def overlapped(
 ) -> _Lattice:
     """The values of `in_turn`, of which only the end planes depend on those beyond."""
     if len(state) < _MIN_LENGTH:
-        return in_turn(law, stencil, state, beyond, others)
+        return in_turn(law, stencil=stencil, state=state, beyond=beyond, others=others)
     inner = law(stencil, state, *others)
     if others:
         # The ends are evaluated after the first of the others may be overwritten: there

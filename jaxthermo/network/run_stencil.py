@@ -21,23 +21,25 @@ from .self_adjoint_primitive import Operator, computed_once, conduct
 def _spread(
     state: Float[Array, " n"], factor: Float[Array, ""], runs: Runs
 ) -> Float[Array, " n"]:
-    found = conducted(state, jnp.zeros_like(factor), factor, runs)
+    found = conducted(state, keep=jnp.zeros_like(factor), ratio=factor, runs=runs)
     return found.at[runs.node].multiply(runs.volume, unique_indices=True)
 
 
 def _pull(values, state, factor, runs):
-    spread = conduct(_RUNS, values, jnp.ones_like(factor), runs)
+    spread = conduct(_RUNS, state=values, factors=jnp.ones_like(factor), layout=runs)
     return (computed_once(spread) * state).sum()
 
 
-_RUNS = Operator(_spread, _spread, lambda values, _: values, _pull)
+_RUNS = Operator(
+    change=_spread, step=_spread, inside=lambda values, _: values, pull=_pull
+)
 
 
 @jax.custom_jvp
 def _step(
     state: Float[Array, " n"], ratio: Float[Array, ""], runs: Runs
 ) -> Float[Array, " n"]:
-    return conducted(state, jnp.ones_like(ratio), ratio, runs)
+    return conducted(state, keep=jnp.ones_like(ratio), ratio=ratio, runs=runs)
 
 
 @_step.defjvp
@@ -45,8 +47,8 @@ def _along(primals, tangents):
     # A change over volumes, of which conduction is its own transpose.
     state, ratio, runs = primals
     along_state, along_ratio, _ = tangents
-    change = conduct(_RUNS, along_state, ratio, runs)
-    change += conduct(_RUNS, state, along_ratio, runs)
+    change = conduct(_RUNS, state=along_state, factors=ratio, layout=runs)
+    change += conduct(_RUNS, state=state, factors=along_ratio, layout=runs)
     change = change.at[runs.node].divide(runs.volume, unique_indices=True)
     return _step(state, ratio, runs), along_state + change
 
@@ -65,7 +67,7 @@ class RunStencil(AbstractNetwork):
 
     @override
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        return conduct(_RUNS, state, self.conductance, self.runs)
+        return conduct(_RUNS, state=state, factors=self.conductance, layout=self.runs)
 
     @override
     def euler_step(

@@ -44,7 +44,9 @@ def conduct(
     layout: Any,
 ) -> Float[Array, "..."]:
     """Change of a state of all nodes; factors and layout as `Operator` says."""
-    return _bind(operator.change, operator, state, factors, layout)
+    return _bind(
+        operator.change, operator=operator, state=state, factors=factors, layout=layout
+    )
 
 
 def conduct_step(
@@ -54,7 +56,9 @@ def conduct_step(
     layout: Any,
 ) -> Float[Array, "..."]:
     """State plus change, for the arguments of `conduct`."""
-    return _bind(operator.step, operator, state, factors, layout)
+    return _bind(
+        operator.step, operator=operator, state=state, factors=factors, layout=layout
+    )
 
 
 def computed_once(values: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -118,7 +122,9 @@ def _transpose(cotangent, state, *values, function, operator, tree, count):
     inside = operator.inside(cotangent, layout)
     if ad.is_undefined_primal(state):
         once = computed_once(inside)
-        out = _bind(function, operator, once, factors, layout)
+        out = _bind(
+            function, operator=operator, state=once, factors=factors, layout=layout
+        )
         # Values outside the nodes are unchanged.
         kept = cotangent - inside if function is operator.step else 0
         return [out + kept, *nothing[1:]]

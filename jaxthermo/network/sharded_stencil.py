@@ -83,8 +83,8 @@ class ShardedStencil(AbstractDerivedNetwork):
         def rate(section, state):
             beyond = next_planes(state)
             if self.cuts is None:
-                return overlapped(law, section, state, beyond)
-            whole = overlapped(law, section.base, state, beyond)
+                return overlapped(law, stencil=section, state=state, beyond=beyond)
+            whole = overlapped(law, stencil=section.base, state=state, beyond=beyond)
             surface = section.section_surface(state, beyond)
             return section.corrected_rate(whole, surface)
 
@@ -116,9 +116,13 @@ class ShardedStencil(AbstractDerivedNetwork):
                 part.euler_step(state, dt), *others
             )
             if self.cuts is None:
-                return overlapped(law, section, state, beyond, others)
+                return overlapped(
+                    law, stencil=section, state=state, beyond=beyond, others=others
+                )
             conduct = lambda part, state: part.euler_step(state, dt)
-            whole = overlapped(conduct, section.base, state, beyond)
+            whole = overlapped(
+                conduct, stencil=section.base, state=state, beyond=beyond
+            )
             before = section.section_surface(state, beyond)
             return combine(section.corrected_step(whole, before, dt), *others)
 

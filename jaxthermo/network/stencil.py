@@ -123,11 +123,18 @@ def _inside(values, degree):
 
 def _pull(values, state, ratio, degree):
     # In a separate loop: the compiler does not vectorize a reduction over the stencil.
-    spread = conduct(_UNIFORM, computed_once(values), jnp.ones_like(ratio), degree)
+    spread = conduct(
+        _UNIFORM,
+        state=computed_once(values),
+        factors=jnp.ones_like(ratio),
+        layout=degree,
+    )
     return (computed_once(spread) * state).sum()
 
 
-_UNIFORM = Operator(_uniform_change, _uniform_step, _inside, _pull)
+_UNIFORM = Operator(
+    change=_uniform_change, step=_uniform_step, inside=_inside, pull=_pull
+)
 
 
 class AbstractStencil(AbstractNetwork):
@@ -168,7 +175,9 @@ class UniformStencil(_AbstractOneMaterial):
 
     @override
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        return conduct(_UNIFORM, state, self.conductance, self.degree)
+        return conduct(
+            _UNIFORM, state=state, factors=self.conductance, layout=self.degree
+        )
 
     @override
     def ends(self) -> "UniformStencil":
@@ -177,14 +186,16 @@ class UniformStencil(_AbstractOneMaterial):
     @override
     def face_heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
         conductances, degrees = (self.conductance,) * 3, (self.degree,) * 3
-        return _face_heat_rate(state, conductances, degrees, self.beyond)
+        return _face_heat_rate(
+            state, conductances=conductances, degrees=degrees, beyond=self.beyond
+        )
 
     @override
     def euler_step(
         self, state: Float[Array, "..."], dt: Float[Array, ""]
     ) -> Float[Array, "..."]:
         ratio = dt * (self.conductance / self.node_capacity)
-        return conduct_step(_UNIFORM, state, ratio, self.degree)
+        return conduct_step(_UNIFORM, state=state, factors=ratio, layout=self.degree)
 
     @override
     def diagonal(self) -> Float[Array, "..."]:
@@ -234,7 +245,12 @@ class OrthotropicStencil(_AbstractOneMaterial):
     def face_heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
         dtype = self.conductance.dtype
         degrees = [_axis_degree(self.degrees, axis, dtype) for axis in range(3)]
-        return _face_heat_rate(state, tuple(self.conductance), degrees, self.beyond)
+        return _face_heat_rate(
+            state,
+            conductances=tuple(self.conductance),
+            degrees=degrees,
+            beyond=self.beyond,
+        )
 
     @override
     def euler_step(

@@ -85,9 +85,9 @@ def meet(group: Group, key: str, seconds: float) -> list[socket.socket]:
     deadline = time.monotonic() + seconds
     with ExitStack() as stack:
         if group.process == 0:
-            refusal, found = _receive(group, key, deadline, stack)
+            refusal, found = _receive(group, key=key, deadline=deadline, stack=stack)
         else:
-            refusal, found = _announce(group, key, deadline, stack)
+            refusal, found = _announce(group, key=key, deadline=deadline, stack=stack)
         if refusal:
             raise InputError(refusal)
         # They stay open.

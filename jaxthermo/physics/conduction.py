@@ -54,7 +54,9 @@ def material_network(
     """Network of a body of one material, with states relative to `reference` [K]."""
     constant = material.at(reference)
     k, heat = constant.conductivity, constant.volumetric_heat_capacity
-    network = assemble_uniform(structure, k, heat, dtype)
+    network = assemble_uniform(
+        structure, conductivity=k, volumetric_heat_capacity=heat, dtype=dtype
+    )
     if not material.varies:
         return network
     by_axis = material.conductivity
@@ -62,7 +64,14 @@ def material_network(
         number = np.zeros(structure.node_count, np.int32)
         weights = _link_weights_or_none(structure, dtype)
         given = (material,)
-        return varying_links(structure, network, number, given, reference, weights)
+        return varying_links(
+            structure,
+            base=network,
+            number=number,
+            materials=given,
+            reference=reference,
+            weights=weights,
+        )
     varying = (material.specific_heat, material.conductivity)
     heat, conduction = (
         kirchhoff_transform(p, reference, dtype) if isinstance(p, Property) else None
@@ -85,11 +94,20 @@ def materials_network(
     k = conductivity_table(materials, reference, dtype)
     constant = [material.at(reference) for material in materials]
     heat = _table([m.volumetric_heat_capacity for m in constant], dtype)
-    network = _assemble_mixed(structure, number, k, heat)
+    network = _assemble_mixed(
+        structure, material=number, conductivity=k, volumetric_heat_capacity=heat
+    )
     if not any(material.varies for material in materials):
         return network
     weights = _link_weights_or_none(structure, dtype)
-    return varying_links(structure, network, number, materials, reference, weights)
+    return varying_links(
+        structure,
+        base=network,
+        number=number,
+        materials=materials,
+        reference=reference,
+        weights=weights,
+    )
 
 
 def conductivity_table(
@@ -251,7 +269,9 @@ def _assemble_links(
         capacity = _weighted_capacity(structure, capacity)
     if not weights.corrects_non_orthogonality:
         return row_network(layout, conductance, capacity)
-    return _corrected_network(structure, layout, conductance, capacity)
+    return _corrected_network(
+        structure, layout=layout, conductance=conductance, capacity=capacity
+    )
 
 
 @partial(jax.jit, inline=True)
@@ -270,7 +290,9 @@ def _corrected_network(structure, layout, conductance, capacity) -> AbstractNetw
     conductance = conductance * (1 + weight * excess)
     straight = row_network(layout, conductance, capacity)
     corrected = weight * conductance[found.link]
-    return non_orthogonal(straight, structure, found, corrected)
+    return non_orthogonal(
+        straight, structure=structure, skewed=found, conductance=corrected
+    )
 
 
 def _link_weights_or_none(structure: AbstractStructure, dtype: Any):
@@ -288,8 +310,12 @@ def _link_weights(structure: AbstractStructure, dtype: Any) -> Float[Array, " e"
     low = np.minimum(level[links.src], level[links.dst])
     crosses = level[links.src] != level[links.dst]
     levels = int(level.max()) + 1
-    within = _by_level(weights.within, levels, low, "within", dtype)
-    between = _by_level(weights.between, levels - 1, low, "between", dtype)
+    within = _by_level(
+        weights.within, levels=levels, level=low, name="within", dtype=dtype
+    )
+    between = _by_level(
+        weights.between, levels=levels - 1, level=low, name="between", dtype=dtype
+    )
     outside = np.zeros(len(level), bool)
     outside[structure.fragment_node()] = True
     touches = outside[links.src] | outside[links.dst]
@@ -315,7 +341,9 @@ def _weighted_capacity(
     # that of the body.
     weights, nodes = structure.weights, structure.nodes()
     levels, dtype = int(nodes.level.max()) + 1, capacity.dtype
-    factor = _by_level(weights.capacity, levels, nodes.level, "capacity", dtype)
+    factor = _by_level(
+        weights.capacity, levels=levels, level=nodes.level, name="capacity", dtype=dtype
+    )
     shifted, total = capacity * factor, precise_sum(capacity)
     if weights.uses_nearest_capacity:
         nearest = _nearest_volume(structure) / nodes.volume

@@ -58,7 +58,9 @@ def with_cut_voxels(
         layout.volume,
     )
     if isinstance(whole, ShardedStencil):
-        cuts = _section_cuts(structure, layout, conductance, capacity)
+        cuts = _section_cuts(
+            structure, layout=layout, conductance=conductance, capacity=capacity
+        )
         return replaced(whole, cuts=cuts)
     links = row_network(layout.rows, conductance, capacity)
     return CutStencil(base=whole, address=layout.address, links=links)
@@ -183,7 +185,9 @@ def _sections(
         address = [np.full(total, index, np.int32) for index in (length - 1, 0, 0)]
         for axis, index in enumerate((along, y[node], z[node])):
             address[axis][place] = index
-        own_rows = _numbered(rows[number], node, place, (total, listed), links)
+        own_rows = _numbered(
+            rows[number], node=node, place=place, sizes=(total, listed), links=links
+        )
         sections.append(_Section(nodes, tuple(address), own_rows))
     return count, sections
 

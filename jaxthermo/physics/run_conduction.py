@@ -129,7 +129,7 @@ def voxel_runs(
     node = number[cells]
     rows = _rows(node, links)
     found = Runs(
-        block=_blocks(runs[:, 0], node, node[rows.list_row], nodes),
+        block=_blocks(runs[:, 0], rows=node, lists=node[rows.list_row], nodes=nodes),
         runs=runs,
         node=node,
         neighbour=rows.neighbour,

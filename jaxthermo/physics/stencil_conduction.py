@@ -32,8 +32,16 @@ def uniform_stencil(
     The heat capacity rho c_p is in J/(m^3 K).
     """
     if structure.sharded is not None:
-        whole = _sharded_uniform(structure, structure.sharded, conductivity, heat)
-        return with_cut_voxels(whole, structure, None, conductivity[None], heat[None])
+        whole = _sharded_uniform(
+            structure, lattice=structure.sharded, conductivity=conductivity, heat=heat
+        )
+        return with_cut_voxels(
+            whole,
+            structure=structure,
+            number=None,
+            conductivity=conductivity[None],
+            heat=heat[None],
+        )
     grid, packed, three = structure.grid, structure.packed, bool(conductivity.ndim)
     stencil, bits = (OrthotropicStencil, 2) if three else (UniformStencil, 0)
     axes = (0, 1, 2) if packed is None else packed.axes
@@ -50,7 +58,13 @@ def uniform_stencil(
     if packed is not None:
         across = conductance[packed.axes[0]] if three else conductance
         whole = SectionedStencil(whole, *_cut_pairs(structure, packed), across)
-    return with_cut_voxels(whole, structure, None, conductivity[None], heat[None])
+    return with_cut_voxels(
+        whole,
+        structure=structure,
+        number=None,
+        conductivity=conductivity[None],
+        heat=heat[None],
+    )
 
 
 def mixed_stencil(
@@ -69,9 +83,19 @@ def mixed_stencil(
     sizes = grid.pitch / 2, grid.pitch**2, grid.voxel_volume
     if structure.sharded is not None:
         whole = _sharded_mixed(
-            structure.sharded, grid.solid, number, (conductivity, heat), sizes
+            structure.sharded,
+            solid=grid.solid,
+            number=number,
+            properties=(conductivity, heat),
+            sizes=sizes,
         )
-        return with_cut_voxels(whole, structure, number, conductivity, heat)
+        return with_cut_voxels(
+            whole,
+            structure=structure,
+            number=number,
+            conductivity=conductivity,
+            heat=heat,
+        )
     solid, own = (_of_lattice(values, packed) for values in (grid.solid, number))
     axes = (0, 1, 2) if packed is None else packed.axes
     by_axis = (
@@ -83,7 +107,9 @@ def mixed_stencil(
         ends = tuple(own[tuple(np.asarray(i) - 1 for i in address)] for address in at)
         across = by_axis[:, 0] if by_axis.ndim == 2 else by_axis
         whole = SectionedStencil(whole, *at, _between(across, ends, sizes))
-    return with_cut_voxels(whole, structure, number, conductivity, heat)
+    return with_cut_voxels(
+        whole, structure=structure, number=number, conductivity=conductivity, heat=heat
+    )
 
 
 def _sharded_uniform(

@@ -222,7 +222,10 @@ class Surface:
             areas.append(area)
             acts.append(where)
         binding = Binding(
-            concatenated(areas), concatenated(acts), law.above(self.reference), notes
+            effective_area=concatenated(areas),
+            acts=concatenated(acts),
+            law=law.above(self.reference),
+            notes=notes,
         )
         return (binding, *omitted)
 

@@ -34,7 +34,9 @@ def nearest_hits(
     """
     nearest = np.full(width * height, np.inf)
     owner = np.full(width * height, len(faces))
-    for triangle, pixel, key in fragment_chunks(points, faces, width, height):
+    for triangle, pixel, key in fragment_chunks(
+        points, faces=faces, width=width, height=height
+    ):
         # Where they are nearer than what was drawn before.
         ahead = np.flatnonzero(key < nearest[pixel])
         triangle, pixel, key = triangle[ahead], pixel[ahead], key[ahead]
@@ -59,7 +61,9 @@ def depth_range(
     nearest, negative = np.full((2, width * height), np.inf)
     faces = np.arange(3 * len(triangles)).reshape(-1, 3)
     points = triangles.reshape(-1, 3)
-    for _, pixel, key in fragment_chunks(points, faces, width, height):
+    for _, pixel, key in fragment_chunks(
+        points, faces=faces, width=width, height=height
+    ):
         _draw(nearest, pixel, key)
         _draw(negative, pixel, -key)
     return nearest.reshape(height, width), -negative.reshape(height, width)

@@ -130,7 +130,9 @@ def _rasterize_fixed(
     spans = jnp.where(real, jnp.maximum(right - left, 0), 0)
     span, offset, valid, count = _expand(spans, capacity)
     triangle, column, line = owner[span], left[span] + offset, row[span]
-    depth, area = _plane_at(corners[triangle], triangles[triangle, :, 2], line, column)
+    depth, area = _plane_at(
+        corners[triangle], depths=triangles[triangle, :, 2], row=line, column=column
+    )
     return _Fragments(
         pixel=jnp.where(valid, line * width + column, width * height),
         depth=depth,
@@ -282,14 +284,18 @@ def peel(
     """All depth layers of triangles given as (column, row, depth) [pixels]."""
     if _on_host():
         faces = np.arange(3 * len(triangles)).reshape(-1, 3)
-        return _peel_on_host(triangles.reshape(-1, 3), faces, width, height)
-    fragments = _rasterize(triangles, width, height, sizes)
+        return _peel_on_host(
+            triangles.reshape(-1, 3), faces=faces, width=width, height=height
+        )
+    fragments = _rasterize(triangles, width=width, height=height, sizes=sizes)
     with jax.enable_x64(True):
         # Padding has pixel width * height: it sorts behind all fragments.
         sorted_by = _sort_fragments(fragments, int(width * height).bit_length())
     count = int(fragments.count)
     order, layer = (np.asarray(each)[:count] for each in sorted_by)
-    return _sorted_layers(fragments, order, layer, width, height)
+    return _sorted_layers(
+        fragments, order=order, layer=layer, width=width, height=height
+    )
 
 
 def peel_views(
@@ -317,9 +323,9 @@ def _peel_on_host(
     width: int,
     height: int,
 ) -> DepthLayers:
-    found = host_fragments(points, faces, width, height)
+    found = host_fragments(points, faces=faces, width=width, height=height)
     order, layer = host_layers(found, int(width * height).bit_length())
-    return _sorted_layers(found, order, layer, width, height)
+    return _sorted_layers(found, order=order, layer=layer, width=width, height=height)
 
 
 def _sorted_layers(

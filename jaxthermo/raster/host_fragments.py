@@ -76,7 +76,7 @@ def host_fragments(
     Raises:
         InputError: if a corner is not finite or more than 2^20 pixels away.
     """
-    chunks = [*fragment_chunks(points, faces, width, height)]
+    chunks = [*fragment_chunks(points, faces=faces, width=width, height=height)]
     kinds = np.int64, np.int64, np.float64
     none = tuple(np.empty(0, kind) for kind in kinds)
     triangle, pixel, depth = (
@@ -86,7 +86,12 @@ def host_fragments(
     x, y = (np.rint(points[:, axis] * SNAP) for axis in range(2))
     first, *others = np.ascontiguousarray(faces.T)
     (ux, uy), (vx, vy) = ((x[own] - x[first], y[own] - y[first]) for own in others)
-    return HostFragments(pixel, depth, triangle, (ux * vy - vx * uy < 0)[triangle])
+    return HostFragments(
+        pixel=pixel,
+        depth=depth,
+        triangle=triangle,
+        entering=(ux * vy - vx * uy < 0)[triangle],
+    )
 
 
 def host_layers(
@@ -131,11 +136,13 @@ def fragment_chunks(
     largest = max(np.abs(across).max(initial=0), np.abs(down).max(initial=0))
     kind = np.float64 if largest <= _MAX_EXACT else np.int64
     x, y = (np.rint(each * SNAP).astype(kind) for each in (across, down))
-    chosen = _around_centres(x, y, faces, width, height)
+    chosen = _around_centres(x, y=y, faces=faces, width=width, height=height)
     for first in range(0, len(chosen), _CHUNK):
         part = chosen[first : first + _CHUNK]
         corners = np.ascontiguousarray(faces[part].T)
-        hit, pixel, key = _fragments(x, y, depth, corners, width, height)
+        hit, pixel, key = _fragments(
+            x, y=y, depth=depth, corners=corners, width=width, height=height
+        )
         yield part[hit], pixel, key
 
 
@@ -148,10 +155,12 @@ def _fragments(
     height: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Triangles, pixels and depths of all fragments of some triangles."""
-    face, row, left, count = _spans(x, y, corners, width, height)
+    face, row, left, count = _spans(x, y=y, corners=corners, width=width, height=height)
     span, step = _slots(count)
     hit, row, column = face[span], row[span], left[span] + step
-    key = _plane_at(x, y, depth, corners, hit, column, row)
+    key = _plane_at(
+        x, y=y, depth=depth, corners=corners, face=hit, column=column, row=row
+    )
     return hit, row * width + column, key
 
 
@@ -215,7 +224,12 @@ def _spans(
     short = map(np.append, lower, upper)
     other = _crossing(short, part, centre)
     left = np.clip(np.minimum(one, other), 0, width)
-    return _Spans(face, row, left, np.clip(np.maximum(one, other), 0, width) - left)
+    return _Spans(
+        face=face,
+        row=row,
+        left=left,
+        count=np.clip(np.maximum(one, other), 0, width) - left,
+    )
 
 
 def _ends(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -70,7 +70,9 @@ def orthographic_view(
     size = np.maximum(np.ceil((high - low)[:2] / pitch).astype(int), 1) + 2
     corner = (low + high) / 2 - np.append(size, 0) * pitch / 2
     corner[2] = low[2]
-    return OrthographicView(frame, corner, pitch, int(size[0]), int(size[1]))
+    return OrthographicView(
+        frame=frame, corner=corner, pitch=pitch, width=int(size[0]), height=int(size[1])
+    )
 
 
 # Successive points of a Fibonacci spiral are rotated by the golden angle [rad].
@@ -119,9 +121,19 @@ def clip_half_space(
 
     # One corner ahead leaves a triangle, two leave a quadrilateral: two triangles.
     a, b, c, da, db, dc = corners(one, ahead[one].argmax(1))
-    tips = np.stack([a, _intersect(a, b, da, db), _intersect(a, c, da, dc)], axis=1)
+    tips = np.stack(
+        [
+            a,
+            _intersect(a, outside=b, depth_in=da, depth_out=db),
+            _intersect(a, outside=c, depth_in=da, depth_out=dc),
+        ],
+        axis=1,
+    )
     behind, d, e, db, dd, de = corners(two, (~ahead[two]).argmax(1))
-    at_d, at_e = _intersect(d, behind, dd, db), _intersect(e, behind, de, db)
+    at_d, at_e = (
+        _intersect(d, outside=behind, depth_in=dd, depth_out=db),
+        _intersect(e, outside=behind, depth_in=de, depth_out=db),
+    )
     lower, upper = np.stack([d, e, at_e], axis=1), np.stack([d, at_e, at_d], axis=1)
     pieces = np.concatenate([triangles[whole], tips, lower, upper])
     return pieces, np.concatenate([whole, one, two, two])
@@ -206,7 +218,9 @@ def perspective_views(
     towards = away / distance[:, None]
     middle = towards.mean(0)
     if (towards @ middle > _MIN_COSINE * np.linalg.norm(middle)).all():
-        return [(_view(eye, middle, away, size), np.arange(len(points)))]
+        return [
+            (_view(eye, forward=middle, away=away, size=size), np.arange(len(points)))
+        ]
     axis = np.abs(away).argmax(1)
     side = np.take_along_axis(away, axis[:, None], 1)[:, 0] > 0
     views = []
@@ -214,7 +228,9 @@ def perspective_views(
     for face in np.unique(2 * axis + side):
         chosen = np.flatnonzero(2 * axis + side == face)
         forward = (1.0 if face % 2 else -1.0) * np.eye(3)[face // 2]
-        views.append((_view(eye, forward, away[chosen], size), chosen))
+        views.append(
+            (_view(eye, forward=forward, away=away[chosen], size=size), chosen)
+        )
     return views
 
 
@@ -229,4 +245,12 @@ def _view(eye, forward, away: np.ndarray, size: float) -> PerspectiveView:
     count = np.maximum(np.ceil((high - low) / pixel).astype(int), 1) + 4
     corner = (low + high) / 2 - count * pixel / 2
     width, height = int(count[0]), int(count[1])
-    return PerspectiveView(frame, eye, corner, pixel, width, height, _NEAR * farthest)
+    return PerspectiveView(
+        frame=frame,
+        eye=eye,
+        corner=corner,
+        pixel=pixel,
+        width=width,
+        height=height,
+        near=_NEAR * farthest,
+    )

@@ -106,7 +106,10 @@ def project(system: LinearSystem, basis: Basis) -> Projection:
     rates = np.maximum(rates, 0.0)
     drive = basis.vectors.T @ system.heat
     return Projection(
-        basis, rates, drive, basis.vectors.T @ (system.capacity * system.start)
+        basis=basis,
+        rates=rates,
+        drive=drive,
+        start=basis.vectors.T @ (system.capacity * system.start),
     )
 
 
@@ -189,7 +192,15 @@ def principal_weights(
     rows = [decay * whole.start]
     for scale, drive in zip(largest, whole.drive.T, strict=True):
         rows += [of_step * drive * scale, of_ramp * drive * scale]
-    rows.append(host_run(whole.rates, whole.drive, whole.start, plan, amplitudes))
+    rows.append(
+        host_run(
+            whole.rates,
+            drive=whole.drive,
+            start=whole.start,
+            plan=plan,
+            amplitudes=amplitudes,
+        )
+    )
     gram = surface_gram(system, whole.basis)
     metric = gram + np.eye(len(whole.rates)) / system.capacity.sum()
     factor = np.linalg.cholesky(metric)

@@ -114,7 +114,15 @@ def _laws(terms: SurfaceTerms) -> list[_Law]:
                 )
             key = number, prescribed
             ordinal = seen[key] = seen.get(key, -1) + 1
-            found.append(_normalized(law, term, number, ordinal, prescribed))
+            found.append(
+                _normalized(
+                    law,
+                    term=term,
+                    number=number,
+                    ordinal=ordinal,
+                    prescribed=prescribed,
+                )
+            )
     return found
 
 
@@ -178,11 +186,11 @@ def _surface_inputs(program: Program) -> Iterator[tuple[tuple, int, Input]]:
                 law.key,
                 body,
                 Input(
-                    terms.names[law.number],
-                    law.unit,
-                    law.amplitude,
-                    ((body, cells.address, nodes),),
-                    tuple(above),
+                    name=terms.names[law.number],
+                    unit=law.unit,
+                    amplitude=law.amplitude,
+                    heat=((body, cells.address, nodes),),
+                    excess=tuple(above),
                 ),
             )
 
@@ -225,11 +233,11 @@ def _sources(program: Program) -> Iterator[tuple[tuple, int, Input]]:
                 (name,),
                 number,
                 Input(
-                    name,
-                    DENSITY,
-                    amplitude if callable(amplitude) else float(amplitude),
-                    ((number, source.address, heat),),
-                    tuple(np.zeros(n) for n in np.diff(ends)),
+                    name=name,
+                    unit=DENSITY,
+                    amplitude=amplitude if callable(amplitude) else float(amplitude),
+                    heat=((number, source.address, heat),),
+                    excess=tuple(np.zeros(n) for n in np.diff(ends)),
                 ),
             )
 
@@ -251,7 +259,17 @@ def _contact_inputs(program: Program) -> Iterator[tuple[tuple, int, Input]]:
             excess[body] = excess[body] + np.asarray(own, float)
     if any(np.any(values) for _, _, values in heat):
         name = "contact of different start temperatures"
-        yield (name,), 0, Input(name, ONE, 1.0, tuple(heat), tuple(excess))
+        yield (
+            (name,),
+            0,
+            Input(
+                name=name,
+                unit=ONE,
+                amplitude=1.0,
+                heat=tuple(heat),
+                excess=tuple(excess),
+            ),
+        )
 
 
 def _merged(

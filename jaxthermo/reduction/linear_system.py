@@ -213,8 +213,21 @@ def linear_system(scene: Scene, t1: float) -> LinearSystem:
         compiled = compile_scene(arranged, 1, t1)
         inputs = find_inputs(compiled, t1)
         limit = float(compiled.stable_step)
-        context = implicit_context(arranged, compiled, limit, t1, None, traced=False)
-    return LinearSystem(compiled, context, _Layout(arranged), inputs, scene.dtype)
+        context = implicit_context(
+            arranged,
+            compiled=compiled,
+            stable_step=limit,
+            max_dt=t1,
+            tolerance=None,
+            traced=False,
+        )
+    return LinearSystem(
+        compiled=compiled,
+        context=context,
+        layout=_Layout(arranged),
+        inputs=inputs,
+        dtype=scene.dtype,
+    )
 
 
 def _zero(states: State) -> State:
@@ -224,14 +237,22 @@ def _zero(states: State) -> State:
 @eqx.filter_jit
 def _conducted(program: Program, context: ImplicitContext, states: State) -> State:
     zero = jnp.zeros((), states[0].dtype)
-    return linearize(program, context, _zero(states), zero, zero).operator.mv(states)
+    return linearize(
+        program, context=context, states=_zero(states), rate=zero, time=zero
+    ).operator.mv(states)
 
 
 @eqx.filter_jit
 def _solved(
     program: Program, context: ImplicitContext, rate: Float[Array, ""], heat: State
 ) -> tuple[State, Array]:
-    at = linearize(program, context, _zero(heat), rate, jnp.zeros_like(rate))
+    at = linearize(
+        program,
+        context=context,
+        states=_zero(heat),
+        rate=rate,
+        time=jnp.zeros_like(rate),
+    )
     solver = ConjugateGradient(ResidualNorm(1.0), _TOLERANCE, relative=True)
     found, (converged, _) = solve_linear(at, heat, solver)
     return found, converged

@@ -96,7 +96,13 @@ def schedule(knots: Sequence[float], times: Sequence[float]) -> Schedule:
     step, knot, begin, end = np.array(rows).reshape(-1, 4).T
     # The load of a saved time is the one that has acted before it.
     found = [-1 if t == 0 else int(np.searchsorted(ends, t)) for t in saves]
-    return Schedule(step, knot.astype(int), begin, end, np.array(found, int))
+    return Schedule(
+        step=step,
+        knot=knot.astype(int),
+        begin=begin,
+        end=end,
+        saved=np.array(found, int),
+    )
 
 
 def host_run(

@@ -70,7 +70,14 @@ def target_of(scene: Scene, t1: float | int, save_at: Sequence[float] | None) ->
     columns = [sampled(each.amplitude, knots) for each in system.inputs]
     rows = np.stack(columns, axis=1) if columns else np.zeros((len(knots), 0))
     ranges = tuple((float(c.min()), float(c.max())) for c in columns)
-    return Target(system, times, knots, rows, schedule(knots, times), ranges)
+    return Target(
+        system=system,
+        times=times,
+        knots=knots,
+        amplitudes=rows,
+        plan=schedule(knots, times),
+        ranges=ranges,
+    )
 
 
 def _at_saves(target: Target, modes: Projection) -> Float[np.ndarray, "t m"]:
@@ -99,7 +106,9 @@ def krylov_modes(
     system = target.system
     # What has just changed must be right at the next saved time.
     waits = [t - max(k for k in target.knots if k < t) for t in target.times if t > 0]
-    blocks = krylov_blocks(system, min(waits), target.times[-1], MAX_BLOCKS)
+    blocks = krylov_blocks(
+        system, shortest=min(waits), longest=target.times[-1], count=MAX_BLOCKS
+    )
     basis = Basis.empty(system)
     if np.any(system.start):
         basis = basis.with_vectors(system, [system.start])
@@ -135,7 +144,9 @@ def chosen_basis(
     zero = np.zeros(len(target.times))
     if not count or (size is not None and size >= count):
         return whole.basis, zero
-    weights = principal_weights(target.system, whole, target.plan, target.amplitudes)
+    weights = principal_weights(
+        target.system, whole=whole, plan=target.plan, amplitudes=target.amplitudes
+    )
     span = _span(target, whole)
 
     def error(number: int) -> Float[np.ndarray, " t"]:
@@ -170,7 +181,9 @@ def make_model(
     system = target.system
     modes = project(system, basis)
     log("bounding the error by the residual")
-    ends = error_bound(system, modes, target.plan, target.amplitudes)
+    ends = error_bound(
+        system, projection=modes, plan=target.plan, amplitudes=target.amplitudes
+    )
     missed = system.start - modes.basis.vectors @ modes.start
     begin = np.sqrt(missed @ (system.capacity * missed) / system.capacity.sum())
     bounds = [begin if n < 0 else ends[n] for n in target.plan.saved]

@@ -73,7 +73,7 @@ def reduce(
         >>> model.size, model.surface_temperature.shape
         (4, (2, 96))
     """
-    require(scene, Scene, "reduce(scene=)", "a Scene")
+    require(scene, kinds=Scene, argument="reduce(scene=)", give="a Scene")
     _check_options(size, tolerance, method)
     clock = time.perf_counter()
     log("building the scene")
@@ -81,14 +81,14 @@ def reduce(
     allowed = _TOLERANCE if tolerance is None else tolerance
     _check_memory(target.system)
     if method == "krylov":
-        whole = krylov_modes(target, size, allowed, log)
+        whole = krylov_modes(target, size=size, tolerance=allowed, log=log)
     else:
         log("running the scene for its snapshots")
         states = snapshots(target.system, target.plan, target.amplitudes)
         empty = Basis.empty(target.system)
         whole = project(target.system, empty.with_vectors(target.system, states))
     log("choosing the vectors")
-    basis, errors = chosen_basis(target, whole, size, allowed)
+    basis, errors = chosen_basis(target, whole=whole, size=size, tolerance=allowed)
     parts = errors, method, whole.basis.size, clock
     return _with_offline(make_model(target, basis, *parts, log), target, allowed)
 
@@ -141,7 +141,9 @@ class _Offline(AbstractOffline):
                 f"reduced model: the pattern of {name} is not one of its loads: "
                 "model.extend(scene) adds it"
             )
-        start = start_in_span(system, other.system, self.basis, model.start)
+        start = start_in_span(
+            system, other=other.system, basis=self.basis, start=model.start
+        )
         moved = replace(model, start=start)
         return moved.run(other.knots, other.amplitudes @ shares.T, other.times)
 
@@ -153,8 +155,10 @@ class _Offline(AbstractOffline):
         check_same_bodies(own.system, other.system)
         _, outside = input_shares(own.system, other.system)
         system = own.system.with_inputs([other.system.inputs[n] for n in outside])
-        added = krylov_modes(other, None, self.tolerance, silent)
-        chosen, _ = chosen_basis(other, added, None, self.tolerance)
+        added = krylov_modes(other, size=None, tolerance=self.tolerance, log=silent)
+        chosen, _ = chosen_basis(
+            other, whole=added, size=None, tolerance=self.tolerance
+        )
         vectors = [other.system.start, *chosen.vectors.T]
         basis = self.basis.with_vectors(system, vectors)
         # The new inputs are 0 in the model's own scene.

@@ -37,7 +37,7 @@ def error_bound(
     states, loads, times = _trajectory(projection, plan, amplitudes)
     span = float(plan.step.sum())
     residuals = np.concatenate([states, -loads], axis=1)
-    gram = _dual_gram(system, projection, residuals, span)
+    gram = _dual_gram(system, projection=projection, residuals=residuals, span=span)
     squares = np.maximum(np.einsum("pi,ij,pj->p", residuals, gram, residuals), 0)
     dt = np.diff(times)
     integral = np.concatenate([[0], np.cumsum(dt * (squares[1:] + squares[:-1]) / 2)])

@@ -131,7 +131,12 @@ def contact_surfaces(
     rate = h_c * (1.0 / float(effusivity_a) + 1.0 / float(effusivity_b))
     # As a half-space in a fluid, with 1/e_A + 1/e_B in place of its 1/e.
     decay = erfcx(rate * np.sqrt(host(time)))
-    shared = perfect_contact(temperature_a, temperature_b, effusivity_a, effusivity_b)
+    shared = perfect_contact(
+        temperature_a,
+        temperature_b=temperature_b,
+        effusivity_a=effusivity_a,
+        effusivity_b=effusivity_b,
+    )
     surface_a = np.asarray(shared + (float(temperature_a) - shared) * decay)
     surface_b = np.asarray(shared + (float(temperature_b) - shared) * decay)
     return surface_a, surface_b, np.asarray(h_c * (surface_a - surface_b))

@@ -59,9 +59,20 @@ def frame_sheet(
         found = ", ".join(f"{w} x {h}" for h, w in sorted(sizes)) or "none"
         raise InputError(f"frame_sheet(images=): {found}: give frames of one size")
     shown = [given[k] for k in shown_on_sheet(len(given))]
-    tiles = [coloured(image, low, high, palette, quantity) for image in shown]
+    tiles = [
+        coloured(image, low=low, high=high, palette=palette, quantity=quantity)
+        for image in shown
+    ]
     times = [float(image.time) for image in shown]
-    return tile_sheet(tiles, times, low, high, palette, quantity, title)
+    return tile_sheet(
+        tiles,
+        times=times,
+        low=low,
+        high=high,
+        palette=palette,
+        quantity=quantity,
+        title=title,
+    )
 
 
 def tile_sheet(
@@ -100,7 +111,7 @@ def tile_sheet(
         tuple(((t - ends[0]) / span, label(t, decimals)) for t in ticks),
         f"{QUANTITIES[quantity]} [\N{DEGREE SIGN}C]",
     )
-    return sheet(labelled, bar, title, columns)
+    return sheet(labelled, bar=bar, title=title, columns=columns)
 
 
 def _columns(count: int, tall: float) -> int:

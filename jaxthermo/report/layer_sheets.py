@@ -58,7 +58,7 @@ def write_layer_sheets(grid: VoxelGrid, folder: Path) -> list[Path]:
         key = depth_bar(grid, axis, from_front) if kind == "depth" else _legend(kind)
         path = folder / f"layers_{name}.png"
         title = f"{grid.mesh.name}: {_TITLES[kind].format(axis=axis)}"
-        write_png(path, sheet(tiles, key, title, _columns(tiles)))
+        write_png(path, sheet(tiles, bar=key, title=title, columns=_columns(tiles)))
         paths.append(path)
     return paths
 
@@ -126,7 +126,9 @@ def contact_tiles(
     """
     tiles = []
     layer, touched = grid.fragment_layer[:, 1], ~np.isnan(values)
-    for key, images in contact_images(grid, values, low, high, palette).items():
+    for key, images in contact_images(
+        grid, values=values, low=low, high=high, palette=palette
+    ).items():
         mine = grid.is_packed("xyz".index(key[0])) & touched
         for number in np.unique(layer[mine]).tolist():
             heading = f"{name}, {key[0]} layer {number}"

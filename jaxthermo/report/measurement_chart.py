@@ -36,7 +36,12 @@ def write_measurement_chart(
     title: str = "",
 ) -> None:
     """Write `path`.svg and `path`.png; arguments as of `measurement_chart`."""
-    write_chart(measurement_chart(times, measurements, readings, title), path)
+    write_chart(
+        measurement_chart(
+            times, measurements=measurements, readings=readings, title=title
+        ),
+        path,
+    )
 
 
 def measurement_chart(

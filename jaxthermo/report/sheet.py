@@ -68,9 +68,9 @@ def sheet(
     draw = ImageDraw.Draw(whole)
     draw.text((width / 2, head / 2), title, fill=INK, font=font, anchor="mm")
     if isinstance(bar, Legend):
-        _draw_legend(whole, bar, grid.height + head, text)
+        _draw_legend(whole, legend=bar, top=grid.height + head, text=text)
     else:
-        _draw_bar(whole, bar, grid.height + head, text)
+        _draw_bar(whole, bar=bar, top=grid.height + head, text=text)
     return whole
 
 

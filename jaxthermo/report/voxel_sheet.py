@@ -92,7 +92,9 @@ def voxel_sheet(grid: VoxelGrid) -> Image.Image:
     faces = _Faces(grid)
     tiles = []
     for name, direction in _VIEWS.items():
-        camera = frame_all(faces.triangles, _EDGE, _EDGE, direction)
+        camera = frame_all(
+            faces.triangles, width=_EDGE, height=_EDGE, direction=direction
+        )
         tiles.append(Tile(_view(grid, faces, camera), name))
     thin = grid.thin
     marked = zip(_MEANINGS, _COLOURS, strict=True)
@@ -124,7 +126,9 @@ def _view(grid: VoxelGrid, faces: _Faces, camera: Camera) -> UInt8[np.ndarray, "
     face = ahead[found.face // 2]
     # Size of a sample at the depth of what it shows.
     sample = camera.field_of_view / (_SAMPLES * camera.height) * found.depth
-    light = _SHADES[faces.axis[face]] * _outlines(grid, faces, face, found, sample)
+    light = _SHADES[faces.axis[face]] * _outlines(
+        grid, faces=faces, face=face, found=found, sample=sample
+    )
     width, height = (_SAMPLES * edge for edge in camera.size)
     colours = np.empty((height * width, 3))
     colours[:] = _BACKGROUND

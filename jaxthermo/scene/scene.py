@@ -150,13 +150,28 @@ class Body(Module):
 
     def __check_init__(self):
         structures = "a structure, such as FullVolume(grid)"
-        require(self.structure, AbstractStructure, "Body(structure=)", structures)
+        require(
+            self.structure,
+            kinds=AbstractStructure,
+            argument="Body(structure=)",
+            give=structures,
+        )
         materials = 'a material: Material(...), or materials["copper"]'
         kinds = (Material, AbstractMaterials)
-        require(self.material, kinds, "Body(material=)", materials)
-        require(self.pose, (Pose, Motion), "Body(pose=)", "a Pose or a Motion")
+        require(self.material, kinds=kinds, argument="Body(material=)", give=materials)
+        require(
+            self.pose,
+            kinds=(Pose, Motion),
+            argument="Body(pose=)",
+            give="a Pose or a Motion",
+        )
         maps = "a surface map, such as FluxCorrectedMap()"
-        require(self.surface_map, AbstractSurfaceMap, "Body(surface_map=)", maps)
+        require(
+            self.surface_map,
+            kinds=AbstractSurfaceMap,
+            argument="Body(surface_map=)",
+            give=maps,
+        )
         if self.inside not in ("closed", "open"):
             raise InputError(f"Body(inside={self.inside!r}): give 'closed' or 'open'")
         if not self.structure.grid.solid.any():
@@ -245,9 +260,11 @@ class Scene(Module):
     """Outputs to save for every fragment besides its temperature: `SURFACE_OUTPUTS`."""
 
     def __check_init__(self):
-        _require_all(self.bodies, Body, "bodies", "a Body, as in (body,)")
+        _require_all(
+            self.bodies, kind=Body, field="bodies", give="a Body, as in (body,)"
+        )
         terms = "a term, as in (Convection(10.0, 290.0),)"
-        _require_all(self.terms, AbstractTerm, "terms", terms)
+        _require_all(self.terms, kind=AbstractTerm, field="terms", give=terms)
         for i, term in enumerate(self.terms):
             for name in ("on", "within"):
                 given, kinds = (
@@ -255,7 +272,7 @@ class Scene(Module):
                     (AbstractSelection, type(None)),
                 )
                 give = "a selection, such as Side((0.0, 0.0, 1.0)) or Everything()"
-                require(given, kinds, f"terms[{i}]({name}=)", give)
+                require(given, kinds=kinds, argument=f"terms[{i}]({name}=)", give=give)
         for name in self.surface_outputs:
             if name not in SURFACE_OUTPUTS:
                 raise InputError(
@@ -301,9 +318,14 @@ class Scene(Module):
 
 
 def _require_all(given: Any, kind: type, field: str, give: str) -> None:
-    require(given, (tuple, list), f"Scene({field}=)", f"a tuple, each {give}")
+    require(
+        given,
+        kinds=(tuple, list),
+        argument=f"Scene({field}=)",
+        give=f"a tuple, each {give}",
+    )
     for i, each in enumerate(given):
-        require(each, kind, f"Scene({field}[{i}]=)", give)
+        require(each, kinds=kind, argument=f"Scene({field}[{i}]=)", give=give)
 
 
 @dataclass(frozen=True, eq=False)

@@ -45,7 +45,9 @@ def built_once(
         for name, value in sorted(options.items())
     )
     by = "structure", kind, known
-    return found((grid,), by, lambda: cached(kind, grid, options, build))
+    return found(
+        (grid,), by, lambda: cached(kind, grid=grid, options=options, build=build)
+    )
 
 
 def cached(

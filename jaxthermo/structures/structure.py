@@ -77,7 +77,7 @@ def check_grid(grid: Any, structure: str) -> None:
         InputError: with what to give instead.
     """
     give = "a voxel grid: voxelize(mesh, pitch)"
-    require(grid, VoxelGrid, f"{structure}(grid=)", give)
+    require(grid, kinds=VoxelGrid, argument=f"{structure}(grid=)", give=give)
 
 
 class AbstractStructure(Module):
@@ -172,7 +172,7 @@ class AbstractStructure(Module):
         """Return a finding that belongs to this geometry, see `findings.found`."""
         of = self.identity
         known = (by, self.options) if of and by is not None else None
-        return found(of, known, find, search)
+        return found(of, by=known, find=find, search=search)
 
     def for_solves(self) -> "AbstractStructure":
         """Same nodes and links in the form that is fastest in implicit solves."""

@@ -149,7 +149,9 @@ def gradient_rows(
     solved = np.linalg.pinv(moment, rcond=_MIN_MOMENT, hermitian=True)
     row = np.einsum("eij,ej->ei", solved[node], step) * weight[:, None]
     count = len(links.src)
-    return _GradientRows(node, other, row, used % count, used < count)
+    return _GradientRows(
+        node=node, other=other, weight=row, link=used % count, is_src=used < count
+    )
 
 
 class BoundMap(Module):
@@ -226,7 +228,7 @@ class LinearMap(AbstractSurfaceMap):
             grid = structure.grid
             voxel = grid.lattice.centres(grid.fragment_voxel)
             offset = offset + grid.fragment_foot - voxel
-        return _with_gradient(structure, offset, None, dtype)
+        return _with_gradient(structure, offset=offset, part=None, dtype=dtype)
 
 
 # From the mean of a cell to its surface, of a parabola with the flux at the surface and
@@ -268,7 +270,7 @@ class FluxCorrectedMap(AbstractSurfaceMap):
             part = part + outermost
         flux = device_array(part, dtype)
         inside = offset - (1 - _GRADIENT_PART) * along
-        return _with_gradient(structure, inside, flux, dtype)
+        return _with_gradient(structure, offset=inside, part=flux, dtype=dtype)
 
 
 def _with_gradient(structure, offset, part, dtype) -> BoundMap:

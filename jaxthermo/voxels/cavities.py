@@ -103,7 +103,7 @@ def find_cavities(
         )
     ]
     start, stop, number = (np.concatenate(part) for part in zip(*runs, strict=True))
-    return Cavities(lattice, solid, start, stop, number)
+    return Cavities(lattice=lattice, solid=solid, start=start, stop=stop, number=number)
 
 
 def _runs(

@@ -217,7 +217,7 @@ def _cut(corners: _Corners, axis: int) -> list[_Corners]:
         most = (zero & one) | (zero & two) | (one & two)
         alone = (one != most) + 2 * (two != most)
         slots = [(alone + n) % 3 * corners[0].size + cut for n in range(3)]
-        corners = _halved(corners.reshape(9, -1), slots, plane, axis)
+        corners = _halved(corners.reshape(9, -1), slots=slots, plane=plane, axis=axis)
     return done
 
 

@@ -114,7 +114,9 @@ def find_crossings(
         outer = selected(layers, ~inside) if inside.any() else layers
         # Last that of a face that no ray crosses, with the normal along the axis.
         slope = np.append(slopes[axis], 1.0)
-        found = _along(outer, solid, bits, slope, is_closed, axis)
+        found = _along(
+            outer, solid=solid, bits=bits, slope=slope, is_closed=is_closed, axis=axis
+        )
         found.ray[:] += rays
         parts.append(found)
         rays += layers.width * layers.height
@@ -146,7 +148,12 @@ def _along(
         on_face = np.append(on_face, np.ones(len(bare), bool))
         thickness = np.append(thickness, np.full(len(bare), np.inf))
     enters, triangle = layers.entering, layers.triangle.astype(np.int32)
-    cell = _cells(layers.pixel, np.clip(link - ~enters, 0, length - 1), axis, layers)
+    cell = _cells(
+        layers.pixel,
+        along=np.clip(link - ~enters, 0, length - 1),
+        axis=axis,
+        layers=layers,
+    )
     position = np.empty((len(link), 3))
     for own in range(3):
         np.add(cell[own], 0.5, out=position[:, own])

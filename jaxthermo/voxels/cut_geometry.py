@@ -62,7 +62,7 @@ def surface_shapes(found: Cells) -> tuple[VoxelShapes, CellShapes]:
     # Sheets and gaps thinner than a voxel have volume, but no face.
     volume = 1 + np.bincount(owner, weight, len(number))
     _add_products(volume, weight, pairs)
-    _add_triples(volume, found, owner, weight)
+    _add_triples(volume, found=found, owner=owner, weight=weight)
     section = np.ones((len(number), 3))
     for axis in range(3):
         # What is along the surface, of the cells across the other axes.
@@ -104,7 +104,9 @@ def cut_voxels(
         np.maximum(off, np.abs(section - 1), out=off)
     cut = np.flatnonzero(off > WHOLE)
     voxel = VoxelBits.none(shape).voxels(shapes.number[cut])
-    return CutVoxels(voxel, shapes.volume[cut], shapes.section[cut], links)
+    return CutVoxels(
+        voxel=voxel, volume=shapes.volume[cut], section=shapes.section[cut], links=links
+    )
 
 
 class _Pairs(NamedTuple):
@@ -136,7 +138,7 @@ def _pairs(found: Cells, owner: Int[np.ndarray, " s"]) -> _Pairs:
     one, two = np.concatenate(parts, axis=1)
     normals = (found.normal.take(cell, axis=0) for cell in (one, two))
     cosine = np.einsum("ki,ki->k", *normals)
-    return _Pairs(one, two, owner[one], 1 - np.square(cosine))
+    return _Pairs(one=one, two=two, owner=owner[one], apart=1 - np.square(cosine))
 
 
 def _add_products(

@@ -185,7 +185,9 @@ def _links(
             if a == axis:
                 beside[1 - i, found.two] += found.from_two
         # Voxels that are not cut have whole sections.
-        yield from _open_areas(np.append(section[:, axis], 1.0), beside, voxels, axis)
+        yield from _open_areas(
+            np.append(section[:, axis], 1.0), beside=beside, voxels=voxels, axis=axis
+        )
     for ((a, b), (i, j)), found in zip(_EDGES, slivers, strict=True):
         # An edge has one sliver: of the voxels around it one is empty, the third solid.
         apart = voxels.jumps[a] * (2 * i - 1) - voxels.jumps[b] * (2 * j - 1)
@@ -248,7 +250,7 @@ def _slivers(sides: Sides, voxels: _Voxels) -> Iterator[_Slivers]:
         kept = kept[sides.cell[b, j, two[kept]] >= 0]
         one, two = one[kept].astype(np.int32), two[kept].astype(np.int32)
         cells = sides.cell[a, i, one], sides.cell[b, j, two]
-        yield _slivers_between(sides, (a, b), (one, two), cells)
+        yield _slivers_between(sides, axes=(a, b), voxels=(one, two), cells=cells)
 
 
 def _slivers_between(

@@ -58,7 +58,9 @@ class CutVoxels:
         shifted = self.voxel[start:stop] - np.array([planes.start, 0, 0])
         own = slice(start, stop)
         own_section, links = self.section[own], self.links.within(planes)
-        return CutVoxels(shifted, self.volume[own], own_section, links)
+        return CutVoxels(
+            voxel=shifted, volume=self.volume[own], section=own_section, links=links
+        )
 
     def volumes_at(
         self, voxels: Int[np.ndarray, "k 3"], shape: tuple[int, ...]
@@ -116,7 +118,9 @@ def limited(cut: CutVoxels, solid: Bool[np.ndarray, "x y z"]) -> CutVoxels:
     # Cut voxels are among those that changed.
     section[np.searchsorted(changed, own)] = cut.section
     voxel = bits.voxels(number[changed])
-    return CutVoxels(voxel, volume[changed], section, cut.links)
+    return CutVoxels(
+        voxel=voxel, volume=volume[changed], section=section, links=cut.links
+    )
 
 
 def _raise_all(volume: Float[np.ndarray, " k"], own: Int[np.ndarray, " m"]) -> None:
@@ -195,4 +199,6 @@ def _around(cut: CutVoxels, solid: Bool[np.ndarray, "x y z"]) -> _Around:
     least *= _MIN_STEP / 6
     np.maximum(least, MIN_OPEN, out=least)
     least[-1] = 0
-    return _Around(every, index.at(number)[0], bits, index, least)
+    return _Around(
+        number=every, own=index.at(number)[0], bits=bits, index=index, least=least
+    )

@@ -235,7 +235,7 @@ def _decomposed(grid: VoxelGrid) -> CylinderParts:
     axis = np.eye(3)[main] if np.abs(axis[main]) >= _ALIGNED else axis
     slab = _slabs(blocks, axis)
     piece, touching = _pieces(blocks, slab)
-    part = _join(piece, slab, blocks.volume, touching)[piece]
+    part = _join(piece, slab=slab, volume=blocks.volume, touching=touching)[piece]
     cylinders = [_fitted(blocks, part == p, axis) for p in range(part.max() + 1)]
     kept = _kept(cylinders, np.bincount(part, blocks.volume))
     chosen = [cylinders[p] for p in kept]
@@ -348,7 +348,12 @@ def _fitted(
     middle = middle + (low + length / 2 - middle @ axis) * axis
     diameter = 2 * np.sqrt(volume.sum() / (np.pi * length))
     triple = lambda v: (float(v[0]), float(v[1]), float(v[2]))
-    return Cylinder(triple(middle), triple(axis), float(diameter), length)
+    return Cylinder(
+        axis_point=triple(middle),
+        axis=triple(axis),
+        diameter=float(diameter),
+        length=length,
+    )
 
 
 def _kept(cylinders: list[Cylinder], volume: Float[np.ndarray, " p"]) -> list[int]:

@@ -44,7 +44,7 @@ def fill_by_vote(
     one, two, outside = empty, np.zeros_like(empty), np.zeros_like(empty)
     for axis, layers in enumerate(views):
         rays = balanced_rays(layers)
-        inside = _inside(layers, rays, axis, shape)
+        inside = _inside(layers, votes=rays, axis=axis, shape=shape)
         against = ~inside
         if not rays.all():
             against &= _votes_cast(rays.reshape(layers.height, layers.width), axis)

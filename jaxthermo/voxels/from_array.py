@@ -68,7 +68,9 @@ def grid_from_voxels(
         area_ratio=1.0,
         volume_ratio=1.0,
         layers=LayerCounts(counts, counts),
-        thin=ThinParts(0, 0.0, 0, 0.0, ()),
+        thin=ThinParts(
+            thin_fragments=0, thin_area=0.0, lost_fragments=0, lost_area=0.0, regions=()
+        ),
     )
 
 

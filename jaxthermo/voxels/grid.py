@@ -188,7 +188,9 @@ class VoxelGrid:
         if self.cut is None or self.unscaled_because:
             return None
         area = float(self.fragment_area.sum()) / self.area_ratio
-        return represented(self.mesh, self.lattice, self.solid, self.cut, area)
+        return represented(
+            self.mesh, lattice=self.lattice, solid=self.solid, cut=self.cut, area=area
+        )
 
     @cached_property
     def cavity_area(self) -> float:

@@ -115,7 +115,14 @@ def packed_lattice(solid: Bool[np.ndarray, "x y z"]) -> PackedLattice | None:
             corner, area = placed
             limit = (thickness + 2) * (area[0] + 2) * (area[1] + 2) + seams
             axes = axis, *_OTHERS[axis]
-            best = PackedLattice(axes, thickness, low, high, corner, (thickness, *area))
+            best = PackedLattice(
+                axes=axes,
+                thickness=thickness,
+                low=low,
+                high=high,
+                corner=corner,
+                shape=(thickness, *area),
+            )
     return best
 
 

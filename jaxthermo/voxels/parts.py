@@ -53,7 +53,7 @@ def _surface_points(
     # One point for each piece of surface, from the view in which it is largest [m].
     _, dominant = face_axes(part)
     found = [
-        axis_fragments(layers, dominant, axis, 0)[0].position
+        axis_fragments(layers, dominant=dominant, axis=axis, first_ray=0)[0].position
         for axis, layers in enumerate(views)
     ]
     points = np.concatenate(found)

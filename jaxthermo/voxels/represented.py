@@ -89,7 +89,10 @@ def represented(
         necks.append((found.true, axis, found))
     _, axis, smallest = min(necks)
     return Represented(
-        _Pair(mesh.volume, volume), _Pair(mesh.area, area), smallest, axis
+        volume=_Pair(mesh.volume, volume),
+        area=_Pair(mesh.area, area),
+        smallest_section=smallest,
+        section_axis=axis,
     )
 
 

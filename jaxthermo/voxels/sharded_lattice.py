@@ -80,7 +80,9 @@ def sharded_lattice(solid: Bool[np.ndarray, "x y z"], count: int) -> ShardedLatt
             f"section of equal thickness on each; give at most {possible} devices, or "
             "a finer pitch"
         )
-    return ShardedLattice(axes, count, thickness, (thickness, y, z))
+    return ShardedLattice(
+        axes=axes, count=count, thickness=thickness, section_shape=(thickness, y, z)
+    )
 
 
 def _fills(length: int, count: int) -> bool:

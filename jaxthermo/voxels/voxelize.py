@@ -126,7 +126,9 @@ def _with_surface(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     del views
     for axis in range(3):
         layers = rest.pop(0)
-        kept, inside = axis_fragments(layers, dominant, axis, rays)
+        kept, inside = axis_fragments(
+            layers, dominant=dominant, axis=axis, first_ray=rays
+        )
         parts.append(kept)
         hidden.append(inside)
         rays += layers.width * layers.height
@@ -138,12 +140,21 @@ def _with_surface(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     cell, lost = attach_to_solid(solid, kept.position, kept.inward_cell)
     position = lattice.origin + kept.position * lattice.pitch
     thickness = kept.thickness * lattice.pitch * slope[kept.triangle]
-    thin = thin_parts(position, thickness, area, lost, cell, lattice.pitch)
+    thin = thin_parts(
+        position,
+        thickness=thickness,
+        area=area,
+        lost=lost,
+        cell=cell,
+        pitch=lattice.pitch,
+    )
     found_area = float(area[~lost].sum())
     found_volume = np.count_nonzero(solid) * lattice.pitch**3
     hidden_area = float((lattice.pitch**2 / slope[hidden]).sum())
     true, own = (mesh.area, mesh.volume), (found_area, found_volume)
-    unreliable = _unreliable_because(mesh, true, own, hidden_area)
+    unreliable = _unreliable_because(
+        mesh, true=true, found=own, hidden_area=hidden_area
+    )
     # True over voxelized area and volume; 1 where that would hide lost parts.
     area_ratio = 1.0 if unreliable else true[0] / found_area
     volume_ratio = 1.0 if unreliable else true[1] / found_volume
@@ -181,7 +192,9 @@ def _with_crossings(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     rest = [*views]
     del views
     each, is_closed = (rest.pop(0) for _ in range(3)), mesh.is_watertight
-    found, hidden = find_crossings(each, solid, normals, is_closed)
+    found, hidden = find_crossings(
+        each, solid=solid, normals=normals, is_closed=is_closed
+    )
     hidden_area = float(pitch**2 * np.abs(normals[hidden]).max(1, initial=0).sum())
     surface, cells, thin = _surface(found, normals, lattice)
     del found
@@ -193,13 +206,17 @@ def _with_crossings(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     own_area, true = float(pitch**2 * slope[:count].sum()), (mesh.area, mesh.volume)
     whole = np.count_nonzero(solid)
     own_volume = (whole + float((shapes.volume - 1).sum())) * pitch**3
-    unreliable = _unreliable_because(mesh, true, (own_area, own_volume), hidden_area)
+    unreliable = _unreliable_because(
+        mesh, true=true, found=(own_area, own_volume), hidden_area=hidden_area
+    )
     if not unreliable:
         slope = areas_of_mesh(patches, lattice.to_cells(mesh.triangles), lattice.shape)
     del patches
     area = pitch**2 * slope[:count]
     del slope
-    links = cut_links(shapes.number, shapes.section, sides_of(cells), solid)
+    links = cut_links(
+        shapes.number, section=shapes.section, sides=sides_of(cells), solid=solid
+    )
     voxel = cells.number
     # The largest arrays follow.
     del cells
@@ -259,7 +276,9 @@ def _surface(
     bare = found.triangle < 0
     dominant = dominant_axis(normals).take(found.triangle, mode="wrap")
     is_main = bare | (dominant == found.axis)
-    thin = _thin_crossings(found, np.flatnonzero(is_main), normals, lattice)
+    thin = _thin_crossings(
+        found, main=np.flatnonzero(is_main), normals=normals, lattice=lattice
+    )
     packed = _packed(found, is_main & ~bare & ~found.lost)
     # In lattice order the solver's gathers and scatters walk memory forwards.
     attached = np.flatnonzero(~found.lost)
@@ -280,7 +299,11 @@ def _surface(
         on_face=found.on_face[attached],
     )
     position, depth = found.position[order], found.depth[order]
-    return _Surface(position, normal, axis, layer, depth), own, thin
+    return (
+        _Surface(position=position, normal=normal, axis=axis, layer=layer, depth=depth),
+        own,
+        thin,
+    )
 
 
 def _patches(surface: _Surface, of_cells: CellShapes) -> Patches:
@@ -313,11 +336,11 @@ def _thin_crossings(
     own = main[near]
     return thin_parts(
         lattice.origin + found.position[own] * pitch,
-        thickness[near],
-        pitch**2 / slope[near],
-        found.lost[own],
-        VoxelBits.none(lattice.shape).voxels(found.number[own]).astype(np.int64),
-        pitch,
+        thickness=thickness[near],
+        area=pitch**2 / slope[near],
+        lost=found.lost[own],
+        cell=VoxelBits.none(lattice.shape).voxels(found.number[own]).astype(np.int64),
+        pitch=pitch,
     )
 
 

@@ -78,10 +78,12 @@ class ClearSky:
             "wind_direction": math.radians(self.wind_direction) * even,
         }
         return Weather(
-            "clear sky",
-            (float(times[0]), float(times[-1])),
-            {name: Column(times, values, name) for name, values in columns.items()},
-            start.tzinfo or Weather.zone,
+            source="clear sky",
+            covers=(float(times[0]), float(times[-1])),
+            columns={
+                name: Column(times, values, name) for name, values in columns.items()
+            },
+            zone=start.tzinfo or Weather.zone,
         )
 
     def _irradiance(self, place: Place, times: np.ndarray) -> tuple[Any, Any]:

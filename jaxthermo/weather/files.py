@@ -40,14 +40,60 @@ def _kelvin(values: np.ndarray) -> np.ndarray:
 
 
 _QUANTITIES = (
-    _Quantity("air", "air_degC", "temp_air", 99.9, -120.0, _kelvin),
-    _Quantity("dew_point", "dew_point_degC", "temp_dew", 99.9, -120.0, _kelvin),
-    _Quantity("direct_normal", "direct_normal_W_m2", "dni", 9999.0, 0.0, is_mean=True),
-    _Quantity("diffuse", "diffuse_W_m2", "dhi", 9999.0, 0.0, is_mean=True),
-    _Quantity("infrared", "infrared_W_m2", "ghi_infrared", 9999.0, 1e-3, is_mean=True),
-    _Quantity("wind_speed", "wind_speed_m_s", "wind_speed", 999.0, 0.0),
     _Quantity(
-        "wind_direction", "wind_direction_deg", "wind_direction", 999.0, 0.0, np.radians
+        name="air",
+        csv="air_degC",
+        epw="temp_air",
+        missing=99.9,
+        lowest=-120.0,
+        to_si=_kelvin,
+    ),
+    _Quantity(
+        name="dew_point",
+        csv="dew_point_degC",
+        epw="temp_dew",
+        missing=99.9,
+        lowest=-120.0,
+        to_si=_kelvin,
+    ),
+    _Quantity(
+        name="direct_normal",
+        csv="direct_normal_W_m2",
+        epw="dni",
+        missing=9999.0,
+        lowest=0.0,
+        is_mean=True,
+    ),
+    _Quantity(
+        name="diffuse",
+        csv="diffuse_W_m2",
+        epw="dhi",
+        missing=9999.0,
+        lowest=0.0,
+        is_mean=True,
+    ),
+    _Quantity(
+        name="infrared",
+        csv="infrared_W_m2",
+        epw="ghi_infrared",
+        missing=9999.0,
+        lowest=1e-3,
+        is_mean=True,
+    ),
+    _Quantity(
+        name="wind_speed",
+        csv="wind_speed_m_s",
+        epw="wind_speed",
+        missing=999.0,
+        lowest=0.0,
+    ),
+    _Quantity(
+        name="wind_direction",
+        csv="wind_direction_deg",
+        epw="wind_direction",
+        missing=999.0,
+        lowest=0.0,
+        to_si=np.radians,
     ),
 )
 _OPTIONAL = ("dew_point_degC", "infrared_W_m2")
@@ -93,7 +139,9 @@ def _read_epw(path: Path, start: datetime) -> Weather:
         )
         for each in _QUANTITIES
     }
-    return Weather(str(path), (ends[0] - _HOUR, ends[-1]), columns, zone)
+    return Weather(
+        source=str(path), covers=(ends[0] - _HOUR, ends[-1]), columns=columns, zone=zone
+    )
 
 
 def _read_csv(path: Path, start: datetime) -> Weather:
@@ -113,7 +161,12 @@ def _read_csv(path: Path, start: datetime) -> Weather:
         for each in _QUANTITIES
         if each.csv in table.columns
     }
-    return Weather(str(path), (times[0], times[-1]), columns, start.tzinfo or UTC)
+    return Weather(
+        source=str(path),
+        covers=(times[0], times[-1]),
+        columns=columns,
+        zone=start.tzinfo or UTC,
+    )
 
 
 def _values(given: Any, quantity: _Quantity, missing: float) -> np.ndarray:

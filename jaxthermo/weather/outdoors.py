@@ -81,12 +81,21 @@ def outdoors(
         InputError: without the extra `[weather]`, for a start without a zone, for
             weather that has holes or does not cover the time, or values out of range.
     """
-    _check(terms, duration, albedo, every)
+    _check(terms, duration=duration, albedo=albedo, every=every)
     first = instant(start)
     last = first + float(duration)
-    known = _weather(place, start, float(duration), weather)
+    known = _weather(place, start=start, duration=float(duration), given=weather)
     known.check_covers(first, last)
-    scene = _Outdoors(place, first, last, known, sky, ground, albedo, occlusion)
+    scene = _Outdoors(
+        place=place,
+        first=first,
+        last=last,
+        weather=known,
+        sky=sky,
+        ground=ground,
+        albedo=albedo,
+        occlusion=occlusion,
+    )
     made = {
         "sun": lambda: scene.sun(float(every)),
         "diffuse": scene.diffuse,
@@ -210,7 +219,9 @@ class _Outdoors:
             return float(self.ground)
         light = self._global(times, self._at("diffuse", times))
         wind = self._at("wind_speed", times)
-        return sol_air_temperature(air, sky, wind, (1 - self.albedo) * light)
+        return sol_air_temperature(
+            air, sky=sky, speed=wind, absorbed=(1 - self.albedo) * light
+        )
 
     def wind(self) -> Wind:
         """Wind of the mean direction; its speed and the air vary."""

@@ -67,7 +67,10 @@ class _MotionConfig(Model, builds="Motion"):
 
     def mistakes(self) -> list[Mistake]:
         found = not_increasing(self.times, "times", "s")
-        return [*found, *unequal(self.poses, "poses", self.times, "times")]
+        return [
+            *found,
+            *unequal(self.poses, key="poses", others=self.times, other_key="times"),
+        ]
 
 
 def _rests_or_moves(value: Any) -> str:

@@ -111,7 +111,9 @@ def to_si(value: Any, unit: Unit) -> float:
     """
     if isinstance(value, str):
         number, given = _split(value, unit)
-        number = _converted(number, given, value, unit) if given else number
+        number = (
+            _converted(number, given=given, text=value, unit=unit) if given else number
+        )
     elif isinstance(value, int | float) and not isinstance(value, bool):
         # A whole number beyond the range of floats is not finite either.
         number = float(value) if abs(value) <= sys.float_info.max else math.inf

@@ -31,7 +31,7 @@ class _Tabulated(Model, Generic[Value]):
         key, unit = self.argument
         at, values = (getattr(self, name) for name in (key, "values"))
         found = not_increasing(at, key, unit)
-        return [*found, *unequal(values, "values", at, key)]
+        return [*found, *unequal(values, key="values", others=at, other_key=key)]
 
 
 class _Table(_Tabulated[Value], Generic[Value], builds="Table"):

@@ -141,18 +141,23 @@ def in_order(effects: Any, what: str = "effects=") -> Effects:
         return effects
     given = tuple(effects) if isinstance(effects, tuple | list) else (effects,)
     for each in given:
-        require(each, AbstractEffect, what, "a tuple of effects, such as (Blur(0.5),)")
+        require(
+            each,
+            kinds=AbstractEffect,
+            argument=what,
+            give="a tuple of effects, such as (Blur(0.5),)",
+        )
     kinds = [type(each) for each in given]
     for kind in kinds:
         if kinds.count(kind) > 1:
             raise InputError(f"{what}: has {kind.__name__} twice: give it once")
     ordered = sorted(given, key=lambda each: each.rank)
     return Effects(
-        tuple(e for e in ordered if isinstance(e, AbstractSurfaceEffect)),
-        tuple(e for e in ordered if isinstance(e, AbstractPathEffect)),
-        tuple(e for e in ordered if isinstance(e, AbstractBlur)),
-        tuple(e for e in ordered if isinstance(e, BolometerLag)),
-        tuple(e for e in ordered if isinstance(e, AbstractDetectorEffect)),
+        surface=tuple(e for e in ordered if isinstance(e, AbstractSurfaceEffect)),
+        path=tuple(e for e in ordered if isinstance(e, AbstractPathEffect)),
+        blur=tuple(e for e in ordered if isinstance(e, AbstractBlur)),
+        lag=tuple(e for e in ordered if isinstance(e, BolometerLag)),
+        detector=tuple(e for e in ordered if isinstance(e, AbstractDetectorEffect)),
     )
 
 

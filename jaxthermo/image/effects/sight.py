@@ -47,4 +47,6 @@ def _computed(view: View) -> LinesOfSight:
     mirror /= np.linalg.norm(mirror, axis=1)[:, None]
     parallel = isinstance(view.camera, OrthographicCamera)
     distance = view.depth if parallel else view.depth * length
-    return LinesOfSight(point, towards, distance, cosine, mirror)
+    return LinesOfSight(
+        point=point, towards=towards, distance=distance, cosine=cosine, mirror=mirror
+    )

@@ -90,7 +90,16 @@ def build_atlas(geometry: BodyGeometry, texel: float | None = None) -> Atlas:
     ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-12)
     weights = smooth_weights(mixed(triangles), ahead, geometry)
     uv = _coordinates(cells)
-    return Atlas(vertices, normals, faces, normal_faces, uv, cells.size, pixel, weights)
+    return Atlas(
+        vertices=vertices,
+        normals=normals,
+        faces=faces,
+        normal_faces=normal_faces,
+        uv=uv,
+        size=cells.size,
+        texel=pixel,
+        weights=weights,
+    )
 
 
 def _packed(edge: Int[np.ndarray, " f"]) -> _Cells | None:
@@ -118,7 +127,7 @@ def _packed(edge: Int[np.ndarray, " f"]) -> _Cells | None:
     other = order[1::2]
     corner[other] = place[: len(other)] + side[: len(other), None] - 1
     step[other] = -1
-    return _Cells(edge, corner, step, (width, height))
+    return _Cells(edge=edge, corner=corner, step=step, size=(width, height))
 
 
 def _texels(

@@ -35,7 +35,11 @@ def instances(number: Int[np.ndarray, "h w"]) -> list[Instance]:
         rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(0))
         left, top = int(columns[0]), int(rows[0])
         size = int(columns[-1]) + 1 - left, int(rows[-1]) + 1 - top
-        found.append(Instance(each, (left, top, *size), int(mask.sum()), mask))
+        found.append(
+            Instance(
+                number=each, box=(left, top, *size), area=int(mask.sum()), mask=mask
+            )
+        )
     return found
 
 

@@ -89,7 +89,14 @@ def write_vtu(path: str | Path, solution: Solved, index: int = -1) -> None:
     values["Normals"] = np.concatenate(normals).astype(np.float32)
     points = np.concatenate([pose.to_world(mesh.vertices) for mesh, pose in pairs])
     cells = {"body": np.concatenate(body)}
-    write_triangles(path, points, np.concatenate(faces), values, cells, time)
+    write_triangles(
+        path,
+        points=points,
+        faces=np.concatenate(faces),
+        point_data=values,
+        cell_data=cells,
+        time=time,
+    )
 
 
 def _mesh(geometry: BodyGeometry) -> VertexMesh:
@@ -144,7 +151,7 @@ def write_glb(
         InputError: for an unknown palette or a scale that is not in order, or if the
             file cannot be written.
     """
-    low, high = temperature_scale(solution, [index], low, high)
+    low, high = temperature_scale(solution, indices=[index], low=low, high=high)
     time = float(solution.times[index])
     kelvin = np.asarray(solution.surface_temperature[index], float)
     drawn = []
@@ -152,7 +159,7 @@ def write_glb(
     for number, (surface, rows) in enumerate(pairs):
         mesh = _mesh(surface.geometry)
         values = mesh.values(kelvin[rows])
-        colours = apply_palette(values[None], low, high, palette)[0]
+        colours = apply_palette(values[None], low=low, high=high, name=palette)[0]
         attributes = {
             "POSITION": mesh.vertices,
             "NORMAL": mesh.normals,
@@ -161,7 +168,9 @@ def write_glb(
         }
         name = names[number] if names else f"body{number}"
         pose = surface.geometry.pose.at(time)
-        drawn.append(GltfMesh(name, pose, mesh.faces, attributes))
+        drawn.append(
+            GltfMesh(name=name, pose=pose, faces=mesh.faces, attributes=attributes)
+        )
     notes = {"time_s": time, "palette": palette, "low_K": low, "high_K": high}
     notes["units"] = "POSITION: m; _TEMPERATURE: K; COLOR_0: linear RGB of the palette"
     write_meshes(path, drawn, notes)

@@ -66,7 +66,9 @@ def write_textures(
         # Renderers read Y as a texture of one channel.
         write_channels(folder / names[1], {"Y": image}, {"units": "Y: K"})
         write_grey(folder / names[2], grey_levels(image, body.low, body.high))
-        _write_glb(folder / names[3], atlas, body, image, palette)
+        _write_glb(
+            folder / names[3], atlas=atlas, body=body, image=image, palette=palette
+        )
         pages.append({"files": names})
     return {
         "name": body.name,
@@ -100,7 +102,7 @@ def _write_glb(
     image: Float[np.ndarray, "h w"],
     palette: str,
 ) -> None:
-    colours = apply_palette(image, body.low, body.high, palette)
+    colours = apply_palette(image, low=body.low, high=body.high, name=palette)
     png = io.BytesIO()
     Image.fromarray(colours).save(png, format="PNG")
     # Coordinates of glTF begin at the upper left.
@@ -111,6 +113,12 @@ def _write_glb(
         "TEXCOORD_0": uv,
     }
     faces = np.arange(atlas.faces.size).reshape(-1, 3)
-    mesh = GltfMesh(body.name, Pose(), faces, attributes, png.getvalue())
+    mesh = GltfMesh(
+        name=body.name,
+        pose=Pose(),
+        faces=faces,
+        attributes=attributes,
+        texture=png.getvalue(),
+    )
     notes = {"palette": palette, "low_K": body.low, "high_K": body.high}
     write_meshes(path, [mesh], notes)

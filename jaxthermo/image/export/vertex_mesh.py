@@ -55,4 +55,6 @@ def vertex_mesh(
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = normals / np.where(length > 0, length, 1)
     weights = smooth_weights(vertices, normals, geometry)
-    return VertexMesh(vertices, normals, faces, parent, weights)
+    return VertexMesh(
+        vertices=vertices, normals=normals, faces=faces, parent=parent, weights=weights
+    )

@@ -136,7 +136,12 @@ class AdaptiveStepper(AbstractStepper):
         step = jnp.where(remaining < 2 * controller.step, last, controller.step)
         step = jax.lax.stop_gradient(step)
         result = runge_kutta_step(
-            program, self.context, TR_BDF2, state.theta, start + carry.elapsed, step
+            program,
+            context=self.context,
+            tableau=TR_BDF2,
+            states=state.theta,
+            start=start + carry.elapsed,
+            dt=step,
         )
         time = start + carry.elapsed + step
         error = self._error(program, result, step, time) / self.tolerance
@@ -183,7 +188,9 @@ class AdaptiveStepper(AbstractStepper):
         summed = lambda *f: step * sum(weighted(f))
         difference: State = jax.tree.map(summed, *result.slopes)
         g = _IMPLICIT_COEFFICIENT * step
-        at = linearize(program, context, result.states, 1 / g, time)
+        at = linearize(
+            program, context=context, states=result.states, rate=1 / g, time=time
+        )
         # Smoothed by (I - g f')^-1. Two digits of an error are enough: more would
         # cost thousands of iterations.
         tolerance = jnp.maximum(

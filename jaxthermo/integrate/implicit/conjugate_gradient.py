@@ -281,7 +281,9 @@ class ConjugateGradient(_AbstractKrylov):
         length = jnp.where(positive, gamma / jnp.where(positive, curvature, 1), 0)
         change = jax.tree.map(lambda each: length * each, p)
         r = _add_scaled(residual, -length, image)
-        return _Step(change, r, (p, gamma), positive & (gamma > 0))
+        return _Step(
+            change=change, residual=r, work=(p, gamma), goes_on=positive & (gamma > 0)
+        )
 
     @override
     def transpose(self, state, options: dict[str, Any]):
@@ -330,7 +332,12 @@ class BiCGStab(_AbstractKrylov):
         change = jax.tree.map(lambda a, b: alpha * a + omega * b, x, z)
         r = _add_scaled(s, -omega, t)
         moved = jnp.isfinite(alpha) & (alpha != 0)
-        return _Step(change, r, (shadow, p, v, rho, alpha, omega), moved)
+        return _Step(
+            change=change,
+            residual=r,
+            work=(shadow, p, v, rho, alpha, omega),
+            goes_on=moved,
+        )
 
     @override
     def transpose(self, state, options: dict[str, Any]):

@@ -305,7 +305,9 @@ def linearize(
     )
     # Divided by d, the unknown is the potential, whose conduction is linear and
     # symmetric also where the conductivity of one material depends on temperature.
-    operator = _Jacobian(conduction, diagonal, program.contacts, time)
+    operator = _Jacobian(
+        networks=conduction, diagonal=diagonal, contacts=program.contacts, time=time
+    )
     # Cycles know no links between bodies: contacts enter by their diagonal only [W/K].
     found = list(diagonal)
     for contact in program.contacts:
@@ -326,7 +328,11 @@ def linearize(
         for network, state in zip(networks, states, strict=True)
     )
     return Linearization(
-        operator, _BlockPreconditioner(blocks), potential, capacity, context.nodes
+        operator=operator,
+        preconditioner=_BlockPreconditioner(blocks),
+        potential_slopes=potential,
+        capacity=capacity,
+        nodes=context.nodes,
     )
 
 

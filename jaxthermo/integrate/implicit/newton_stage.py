@@ -75,7 +75,16 @@ class SolverStatistics(Module):
 def zero_statistics(dtype) -> SolverStatistics:
     """Return the statistics of a run that has not started."""
     none, no = jnp.zeros((), jnp.int32), jnp.zeros((), bool)
-    return SolverStatistics(none, none, none, none, jnp.zeros((), dtype), no, no, no)
+    return SolverStatistics(
+        newton_iterations=none,
+        linear_iterations=none,
+        accepted_steps=none,
+        rejected_steps=none,
+        largest_linear_residual=jnp.zeros((), dtype),
+        linear_failed=no,
+        newton_failed=no,
+        step_limit_reached=no,
+    )
 
 
 class _Iterate(NamedTuple):
@@ -103,11 +112,13 @@ def solve_stage(
     if not context.differentiable:
         return found
     # The residual less its own value is 0, with the derivative of the residual.
-    residual, _ = _residual(program, base, g, time, found.states)
+    residual, _ = _residual(program, base=base, g=g, time=time, states=found.states)
     zero = jax.tree.map(lambda r: r - jax.lax.stop_gradient(r), residual)
     fixed_program, context, _, fixed_g, fixed_time, _ = constants
     states, rate = stop_gradient(found.states), 1 / fixed_g
-    at = linearize(fixed_program, context, states, rate, fixed_time)
+    at = linearize(
+        fixed_program, context=context, states=states, rate=rate, time=fixed_time
+    )
     heat = missing_heat(zero, at, rate)
     change, _ = solve_linear(at, heat, derivative_solver(states))
     states = jax.tree.map(jnp.add, found.states, change)
@@ -170,7 +181,9 @@ def _newton(program, context: ImplicitContext, base, g, time, guess) -> _Iterate
     ceilings = jax.tree.map(highest, context.ceilings, base)
 
     def iterate(now: _Iterate) -> _Iterate:
-        at = linearize(program, context, now.states, 1 / g, time)
+        at = linearize(
+            program, context=context, states=now.states, rate=1 / g, time=time
+        )
         solver = ConjugateGradient(
             kelvin_norm(at, g), context.tolerance, rounding=context.above_rounding
         )
@@ -180,11 +193,11 @@ def _newton(program, context: ImplicitContext, base, g, time, guess) -> _Iterate
         if not context.linear:
             after = jax.tree.map(jnp.minimum, after, ceilings)
         size = max_abs(jax.tree.map(jnp.subtract, after, now.states))
-        residual = _residual(program, base, g, time, after)
+        residual = _residual(program, base=base, g=g, time=time, states=after)
         statistics = now.statistics.after_solve(converged, solve)
         return _Iterate(after, *residual, size, statistics)
 
-    residual = _residual(program, base, g, time, guess)
+    residual = _residual(program, base=base, g=g, time=time, states=guess)
     endless = jnp.asarray(jnp.inf, dtype)
     now = _Iterate(guess, *residual, endless, zero_statistics(dtype))
     if context.linear:

@@ -101,8 +101,10 @@ def runge_kutta_step(
         first = evaluate_rates(program, states, _stage_time(start, dt, times[0]))
         slopes, entries = [first[0]], [first[1]]
         if fallback is not None:
-            ahead = _add_slopes(states, dt, weights[0][:1], slopes)
-            accepted = _within_bounds(program, context, states, ahead)
+            ahead = _add_slopes(states, dt=dt, weights=weights[0][:1], slopes=slopes)
+            accepted = _within_bounds(
+                program, context=context, states=states, ahead=ahead
+            )
             # Coefficients are selected, not methods: the step is compiled once.
             weights, times = jax.tree.map(
                 lambda a, b: jnp.where(accepted, jnp.asarray(a, dt.dtype), b),
@@ -112,18 +114,24 @@ def runge_kutta_step(
         times = times[1:]
     stage = states
     for row, fraction in zip(weights, times, strict=True):
-        base = _add_slopes(states, dt, row[:-1], slopes)
+        base = _add_slopes(states, dt=dt, weights=row[:-1], slopes=slopes)
         g = row[-1] * dt
         time = _stage_time(start, dt, fraction)
-        solved = solve_stage(program, context, base, g, time, stage)
+        solved = solve_stage(
+            program, context=context, base=base, g=g, time=time, guess=stage
+        )
         stage, statistics = solved.states, statistics.plus(solved.statistics)
         slopes.append(jax.tree.map(lambda e, b, g=g: (e - b) / g, stage, base))
         entries.append(solved.entries)
     last = weights[-1]
     heat = dt * sum(w * e for w, e in zip(last, entries, strict=True))
     end = _stage_time(start, dt, times[-1])
-    after, heat = _correct_energy(program, states, stage, heat, last[-1] * dt, end)
-    return StepResult(after, heat, tuple(slopes), statistics)
+    after, heat = _correct_energy(
+        program, before=states, after=stage, heat=heat, g=last[-1] * dt, time=end
+    )
+    return StepResult(
+        states=after, heat=heat, slopes=tuple(slopes), statistics=statistics
+    )
 
 
 def _within_bounds(
@@ -178,7 +186,13 @@ class ImplicitStepper(AbstractStepper):
     def step(self, program: Program, state: RunState, start, dt) -> RunState:
         fallback = None if self.context.linear else _FALLBACKS.get(self.tableau)
         result = runge_kutta_step(
-            program, self.context, self.tableau, state.theta, start, dt, fallback
+            program,
+            context=self.context,
+            tableau=self.tableau,
+            states=state.theta,
+            start=start,
+            dt=dt,
+            fallback=fallback,
         )
         ledger = state.ledger.add(result.heat)
         statistics = state.solver_state.plus(result.statistics)
@@ -240,13 +254,15 @@ def _correct_energy(
             links = links.at[ends].add(contacts[n])
     links = links + links.T
     warmer = _solve_dominant(holding + g * loss, g * links, missing(heat, after))
-    heat = heat - g * _response(program, loads, contacts, warmer)
+    heat = heat - g * _response(program, loads=loads, contacts=contacts, warmer=warmer)
     states = tuple(
         new + extra * m for new, extra, m in zip(after, warmer, changed, strict=True)
     )
     # The rest is rounding; loads that depend on temperature take it.
     rest = missing(heat, states) * inverse(loss)
-    return states, heat - _response(program, loads, 0 * contacts, rest)
+    return states, heat - _response(
+        program, loads=loads, contacts=0 * contacts, warmer=rest
+    )
 
 
 def _response(program, loads, contacts, warmer) -> Float[Array, " c"]:

@@ -46,11 +46,11 @@ def save_checkpoint(path: Path, plan: Plan, progress: RunProgress, key: str) -> 
     # Replaced in one step: a Ctrl-C while writing leaves the old checkpoint.
     own = _path_of(path, jax.process_index())
     if jax.process_count() == 1:
-        write_archive(own, _KIND, _VERSION, arrays, compress=False)
+        write_archive(own, kind=_KIND, version=_VERSION, arrays=arrays, compress=False)
         return
     # And a process that is lost leaves all files of the old one, or of the new one.
     new = own.with_name(own.name + _NEW)
-    write_archive(new, _KIND, _VERSION, arrays, compress=False)
+    write_archive(new, kind=_KIND, version=_VERSION, arrays=arrays, compress=False)
     wait_for_all("checkpoint written")
     new.replace(own)
     wait_for_all("checkpoint in place")
@@ -114,8 +114,21 @@ def load_checkpoint(
         return None
     ledger, solver_state, (first, found), before = jax.tree.unflatten(tree, loaded)
     state = RunState(theta, ledger, solver_state)
-    passes = Passes(number, before, difference, error, finished)
-    return RunProgress(interval, taken, state, first, found, passes)
+    passes = Passes(
+        number=number,
+        rows=before,
+        difference=difference,
+        error=error,
+        finished=finished,
+    )
+    return RunProgress(
+        interval=interval,
+        steps_taken=taken,
+        state=state,
+        initial=first,
+        observations=found,
+        passes=passes,
+    )
 
 
 def _whole_checkpoint(path: Path, key: str) -> list[dict[str, np.ndarray]] | None:
@@ -123,7 +136,9 @@ def _whole_checkpoint(path: Path, key: str) -> list[dict[str, np.ndarray]] | Non
     found: dict[tuple[int, ...], dict[int, dict[str, np.ndarray]]] = {}
     for file in checkpoint_files(path):
         try:
-            kept = read_archive(file, _KIND, _VERSION, "the run starts again")
+            kept = read_archive(
+                file, kind=_KIND, version=_VERSION, remedy="the run starts again"
+            )
             if str(kept["key"]) == key:
                 number, count = (int(n) for n in kept["part"])
                 at = tuple(int(n) for n in kept["position"])

@@ -51,10 +51,19 @@ class CompiledSimulation:
         if scene is None:
             plan = without_searches(self.plan)
         else:
-            require(scene, Scene, "CompiledSimulation(scene=)", "a Scene")
+            require(
+                scene,
+                kinds=Scene,
+                argument="CompiledSimulation(scene=)",
+                give="a Scene",
+            )
             _check_alike(self.scene, scene)
             plan = _planned(
-                scene, self.t1, self.save_at, self.solver, self.reverse_memory
+                scene,
+                t1=self.t1,
+                save_at=self.save_at,
+                solver=self.solver,
+                reverse_memory=self.reverse_memory,
             )
         with precision(plan.scene.dtype):
             solution = run_plan(plan)
@@ -95,24 +104,35 @@ def compile_simulation(
         >>> fast.receipt.searches
         ()
     """
-    require(scene, Scene, "compile_simulation(scene=)", "a Scene")
+    require(scene, kinds=Scene, argument="compile_simulation(scene=)", give="a Scene")
     if is_traced(scene):
         raise InputError(
             "compile_simulation: values of the scene are traced: compile it for known "
             "values, and call the result with traced ones"
         )
     saves = None if save_at is None else tuple(save_at)
-    plan = _planned(scene, t1, saves, solver, reverse_memory)
+    plan = _planned(
+        scene, t1=t1, save_at=saves, solver=solver, reverse_memory=reverse_memory
+    )
     for warning in plan.compiled.receipt.warnings:
         warnings.warn(warning, stacklevel=2)
     with precision(scene.dtype):
         compile_plan(plan)
-    return CompiledSimulation(scene, plan, t1, saves, solver, reverse_memory)
+    return CompiledSimulation(
+        scene=scene,
+        plan=plan,
+        t1=t1,
+        save_at=saves,
+        solver=solver,
+        reverse_memory=reverse_memory,
+    )
 
 
 def _planned(scene, t1, save_at, solver, reverse_memory) -> Plan:
     with precision(scene.dtype):
-        return plan_once(scene, t1, save_at, solver, reverse_memory)
+        return plan_once(
+            scene, t1=t1, save_at=save_at, solver=solver, reverse_memory=reverse_memory
+        )
 
 
 def _check_alike(one: Scene, other: Scene) -> None:

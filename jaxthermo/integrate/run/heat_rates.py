@@ -32,7 +32,9 @@ def add_loads(
     # All loads of a step act at the temperatures before it.
     nodes = _surface_nodes(program, states)
     received = _net_irradiation(program, nodes, time)
-    own, rates = _add_own_loads(program, nodes, received, False, new, time, dt)
+    own, rates = _add_own_loads(
+        program, nodes=nodes, received=received, emits=False, new=new, time=time, dt=dt
+    )
     # The heat that one body loses the other gains, from the same temperatures.
     warmed = list(own)
     for contact in program.contacts:
@@ -169,7 +171,9 @@ def evaluate_rates(
     zero = tuple(jnp.zeros_like(state) for state in states)
     one_second = jnp.ones((), states[0].dtype)
     # Loads added to a zero state over one second are their rates.
-    loaded, entries = add_loads(program, states, zero, time, one_second)
+    loaded, entries = add_loads(
+        program, states=states, new=zero, time=time, dt=one_second
+    )
     change = tuple(
         added + inverse(body.network.capacity()) * body.network.face_heat_rate(state)
         for added, body, state in zip(loaded, program.bodies, states, strict=True)
@@ -191,7 +195,15 @@ def load_slopes(
 
     def own_loads(states):
         nodes = _surface_nodes(program, states)
-        return _add_own_loads(program, nodes, given, True, zero, time, one_second)
+        return _add_own_loads(
+            program,
+            nodes=nodes,
+            received=given,
+            emits=True,
+            new=zero,
+            time=time,
+            dt=one_second,
+        )
 
     # These loads act at single nodes, so that one derivative along all ones is the
     # whole diagonal Jacobian.

@@ -94,7 +94,14 @@ def energies(
 ) -> Energy:
     """Group a ledger of one column per entry by mechanism, by body and by pair [J]."""
     bodies = tuple(
-        _body_energy(entries, body, stored[:, body], heat, moved, equalization[body])
+        _body_energy(
+            entries,
+            body=body,
+            stored=stored[:, body],
+            heat=heat,
+            moved=moved,
+            equalization=equalization[body],
+        )
         for body in range(stored.shape[1])
     )
     outer = [c for c, (_, ends) in enumerate(entries) if len(ends) == 1]

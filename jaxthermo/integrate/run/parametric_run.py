@@ -83,7 +83,9 @@ class ParametricRun:
         # become stiffer before its steps change.
         solver = ForwardEuler(max_dt) if self.uses_stable_step else self.solver
         with precision(scene.dtype):
-            plan = plan_run(scene, self.save_times[-1], self.save_times, solver)
+            plan = plan_run(
+                scene, t1=self.save_times[-1], save_at=self.save_times, solver=solver
+            )
             if len(plan.compiled.programs) > 1:
                 raise InputError("a fit needs bodies that stay where they are")
             return step_table(plan, save_intervals(plan.intervals))
@@ -104,18 +106,26 @@ class ParametricRun:
                 given = ForwardEuler(), EulerStepper()
                 plan = Plan(scene, compiled, (), saves, None, *given)
             else:
-                plan = plan_run(scene, end, saves, self.solver, reverse_memory=memory)
+                plan = plan_run(
+                    scene,
+                    t1=end,
+                    save_at=saves,
+                    solver=self.solver,
+                    reverse_memory=memory,
+                )
             compiled, state = plan.compiled, initial_state(plan)
             if memory is not None:
                 rows = integrate(plan, state, traced=True)
             else:
-                _, rows = take_steps(plan.stepper, compiled.program, state, table)
+                _, rows = take_steps(
+                    plan.stepper, program=compiled.program, state=state, table=table
+                )
             return ParametricSolution(
-                rows.surface_temperature,
-                jnp.asarray(compiled.stable_step),
-                rows.is_finite.all(),
-                compiled.surfaces,
-                compiled.radiation,
+                surface_temperature=rows.surface_temperature,
+                stable_step=jnp.asarray(compiled.stable_step),
+                finite=rows.is_finite.all(),
+                surfaces=compiled.surfaces,
+                radiation=compiled.radiation,
             )
 
 
@@ -129,5 +139,8 @@ def with_more_steps(table: StepTable, factor: float) -> StepTable:
     middle = (start + dt * before - shorter / 2).astype(dt.dtype)
     observed = np.where(before > 0, middle, observed)
     return StepTable(
-        table.start, jnp.asarray(shorter), jnp.asarray(after), jnp.asarray(observed)
+        start=table.start,
+        dt=jnp.asarray(shorter),
+        steps=jnp.asarray(after),
+        observation_time=jnp.asarray(observed),
     )

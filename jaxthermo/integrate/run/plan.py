@@ -107,7 +107,9 @@ def _schedule(
                 f"{end - start:g} s take {steps:.2g} steps of {max_dt:.3g} s, the "
                 "largest stable step: simulate a shorter time, or use a coarser pitch"
             )
-        intervals.append(Interval(start, end, steps, end in saves))
+        intervals.append(
+            Interval(start=start, end=end, steps=steps, saved=end in saves)
+        )
         start = end
     return tuple(intervals)
 
@@ -186,7 +188,12 @@ def plan_run(
     known; else a solver is selected.
     """
     solvers = "a solver, such as ForwardEuler(), or None"
-    require(solver, (AbstractSolver, type(None)), "simulate(solver=)", solvers)
+    require(
+        solver,
+        kinds=(AbstractSolver, type(None)),
+        argument="simulate(solver=)",
+        give=solvers,
+    )
     saves = checked_save_times(t1, save_at)
     # Steps after the last saved time would be in no result: the run ends there, and
     # its solver and its bounds of temperatures are those of that time.
@@ -196,7 +203,9 @@ def plan_run(
     chosen = None if isinstance(wanted, ErrorControl) else wanted
     arranged = scene if chosen is None else chosen.arranged(scene)
     method = ForwardEuler.method if chosen is None else chosen.method
-    compiled = compile_scene(arranged, len(saves), t1, prune, method)
+    compiled = compile_scene(
+        arranged, saves=len(saves), end=t1, prune=prune, method=method
+    )
     limit = compiled.stable_step
     stable_step = None if is_traced(limit) else float(limit)
     reason, note = "as given", None
@@ -208,11 +217,15 @@ def plan_run(
     if chosen is None:
         # The selection needs the stable step, and so a compiled scene; an implicit
         # solver arranges the bodies differently, which takes a second compilation.
-        chosen, reason = _selected(control, compiled.program, stable_step, t1)
+        chosen, reason = _selected(
+            control, program=compiled.program, stable_step=stable_step, t1=t1
+        )
         arranged = chosen.arranged(scene)
         if arranged is not scene:
             method = chosen.method
-            compiled = compile_scene(arranged, len(saves), t1, prune, method)
+            compiled = compile_scene(
+                arranged, saves=len(saves), end=t1, prune=prune, method=method
+            )
     if t1 < given:
         compiled = _with_note(
             compiled,
@@ -225,7 +238,9 @@ def plan_run(
     max_dt = chosen.max_dt(stable_step, t1, compiled.program.sampled)
     event_times = (*compiled.breakpoints, *compiled.starts)
     min_steps = chosen.min_steps(len({*saves, *event_times}))
-    intervals = _schedule(t1, saves, event_times, max_dt, min_steps)
+    intervals = _schedule(
+        t1, saves=saves, event_times=event_times, max_dt=max_dt, min_steps=min_steps
+    )
     if control is not None and chosen.dt is not None:
         intervals = _more_after_events(intervals, event_times)
     # Stages and multigrid follow the longest step taken, which may be far shorter
@@ -240,7 +255,9 @@ def plan_run(
         given = stable_step, longest, is_traced(scene)
         stepper = chosen.stepper(arranged, compiled, *given)
     if stepper.method != method:
-        compiled = with_memory_of(compiled, arranged, len(saves), stepper.method)
+        compiled = with_memory_of(
+            compiled, scene=arranged, saves=len(saves), method=stepper.method
+        )
     checkpoints = None
     if reverse_memory is not None:
         size = sum(x.size * x.dtype.itemsize for x in jax.tree.leaves(compiled.start))
@@ -373,4 +390,6 @@ def step_table(
         table[:, row, : len(group)] = np.transpose(columns)
     # Computed in float64 on the host, rounded once.
     start, dt, observed = table[:3].astype(plan.dtype)
-    return StepTable(start, dt, table[3].astype(np.int32), observed)
+    return StepTable(
+        start=start, dt=dt, steps=table[3].astype(np.int32), observation_time=observed
+    )

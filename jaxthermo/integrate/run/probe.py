@@ -68,7 +68,9 @@ def probe(
         columns.append(stored[:, number[number >= 0]])
     if len(rest):
         side = None if facing is None else facing[rest]
-        columns.append(_on_surface(solution, rest, given[rest], side))
+        columns.append(
+            _on_surface(solution, number=rest, points=given[rest], normals=side)
+        )
     # Back into the order of the points.
     place = np.argsort(np.argsort(number < 0, kind="stable"), kind="stable")
     return own.concatenate(columns, axis=1)[:, place]

@@ -50,7 +50,7 @@ def save_solution(path: Path, solution: Solution) -> StoredSolution:
         stored = body_arrays(surface, np.asarray(solution.times, float))
         for field, value in stored.present().items():
             arrays[f"body{b}_{field}"] = value
-    write_archive(path, KIND, FORMAT_VERSION, arrays)
+    write_archive(path, kind=KIND, version=FORMAT_VERSION, arrays=arrays)
     return StoredSolution(
         solution.times,
         solution.surface_temperature,

@@ -54,7 +54,14 @@ def begin_run(plan: Plan, passes: Passes | None = None) -> RunProgress:
     passes = Passes() if passes is None else passes
     state = initial_state(of_pass(plan, passes.number))
     initial = observe(plan.compiled.program, state, None)
-    return RunProgress(0, 0, state, initial, (), passes)
+    return RunProgress(
+        interval=0,
+        steps_taken=0,
+        state=state,
+        initial=initial,
+        observations=(),
+        passes=passes,
+    )
 
 
 def _running(plan: Plan, progress: RunProgress) -> Plan:
@@ -64,7 +71,13 @@ def _running(plan: Plan, progress: RunProgress) -> Plan:
 
 def _continued(plan: Plan, progress: RunProgress, steps: int) -> RunState:
     interval = plan.intervals[progress.interval]
-    return take_segment(plan, interval, progress.state, progress.steps_taken, steps)
+    return take_segment(
+        plan,
+        interval=interval,
+        state=progress.state,
+        steps_taken=progress.steps_taken,
+        steps=steps,
+    )
 
 
 def take_segment(

@@ -98,10 +98,12 @@ def simulate(
         >>> solution.surface_temperature.shape  # times, fragments
         (2, 96)
     """
-    require(scene, Scene, "simulate(scene=)", "a Scene")
+    require(scene, kinds=Scene, argument="simulate(scene=)", give="a Scene")
     with precision(scene.dtype):
         scene = on_devices(scene, devices)
-        plan = plan_once(scene, t1, save_at, solver, reverse_memory)
+        plan = plan_once(
+            scene, t1=t1, save_at=save_at, solver=solver, reverse_memory=reverse_memory
+        )
         for warning in plan.compiled.receipt.warnings:
             warnings.warn(warning, stacklevel=2)
         solution = run_plan(plan)
@@ -137,7 +139,14 @@ def take_steps(
         state, time = carry
         # Unused columns of the table leave the time of the last step as it is.
         time = jnp.where(row.steps > 0, row.observation_time, time)
-        state = advance(stepper, program, state, row.start, row.dt, row.steps)
+        state = advance(
+            stepper,
+            program=program,
+            state=state,
+            start=row.start,
+            dt=row.dt,
+            steps=row.steps,
+        )
         return (state, time), None
 
     def save_interval(state, row: StepTable):
@@ -163,7 +172,9 @@ def take_all_steps(
     """Take all steps of a table, as `take_steps`; compiled by `take_steps_in_place`."""
     # Only the temperatures are donated: they are large, and the rest is shared.
     stepper, program, rest, table = kept
-    return take_steps(stepper, program, RunState(theta, *rest), table)
+    return take_steps(
+        stepper, program=program, state=RunState(theta, *rest), table=table
+    )
 
 
 def compile_plan(plan: Plan) -> None:
@@ -193,9 +204,11 @@ def integrate(
     for number, each in zip(numbers, groups, strict=True):
         program = plan.compiled.programs[number]
         if traced:
-            state, observations = _take_fixed_steps(plan, program, state, each)
+            state, observations = _take_fixed_steps(
+                plan, program=program, state=state, groups=each
+            )
         else:
-            table = step_table(plan, each, rows, columns)
+            table = step_table(plan, groups=each, min_rows=rows, min_columns=columns)
             if not takes_steps:
                 table = table._replace(steps=jnp.zeros_like(table.steps))
             given = plan.stepper, program, state, table
@@ -217,7 +230,14 @@ def _take_fixed_steps(
         for i in group:
             start, dt = jnp.asarray(i.start, dtype), jnp.asarray(i.dt, dtype)
             state = advance(
-                plan.stepper, program, state, start, dt, i.steps, 0, plan.checkpoints
+                plan.stepper,
+                program=program,
+                state=state,
+                start=start,
+                dt=dt,
+                steps=i.steps,
+                steps_before=0,
+                checkpoints=plan.checkpoints,
             )
         time = jnp.asarray(observation_time(plan, group[-1]), dtype)
         found.append(observe(program, state, time))
@@ -312,7 +332,13 @@ def _balance(
     # The ledger starts at 0, stored heat at that of the initial state.
     stored = rows.stored_heat - program.stored_heat(state.theta)[None]
     ledger, heat = rows.ledger, _equalization_heat(program, state.theta, uneven)
-    energy = energies(program.entries, stored, ledger.heat, ledger.moved, heat)
+    energy = energies(
+        program.entries,
+        stored=stored,
+        heat=ledger.heat,
+        moved=ledger.moved,
+        equalization=heat,
+    )
     statistics = None
     if saved is not None:
         statistics = jax.tree.map(lambda a: a[-1], saved.statistics)

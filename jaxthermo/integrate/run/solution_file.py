@@ -139,7 +139,7 @@ def load_solution(path: Path) -> StoredSolution:
         raise InputError(
             f"{path}: no such file; `jaxthermo simulate` makes it when a run is done"
         )
-    arrays = read_archive(path, KIND, FORMAT_VERSION, _REMEDY)
+    arrays = read_archive(path, kind=KIND, version=FORMAT_VERSION, remedy=_REMEDY)
     try:
         return _stored_solution(arrays)
     except InputError as error:

@@ -130,7 +130,13 @@ def surface_reading(
     along = offset @ np.stack(tangents(normal), axis=2)
     weight = _plane_weights(along, own)
     fragment = np.take_along_axis(near, order, axis=1)
-    return SurfaceReading(fragment, weight, is_lost, distance[:, 0], above)
+    return SurfaceReading(
+        fragment=fragment,
+        weight=weight,
+        is_lost=is_lost,
+        distance=distance[:, 0],
+        height=above,
+    )
 
 
 def _tree(position: Float[np.ndarray, "s 3"]) -> KDTree:

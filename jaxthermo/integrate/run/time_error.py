@@ -106,7 +106,13 @@ class Passes(NamedTuple):
         error = TimeError(difference / (ratio - 1), limit)
         finished = error.holds or stagnates or self.number + 1 >= _MAX_PASSES
         number = self.number + (not finished)
-        return Passes(number, rows, difference, error, finished)
+        return Passes(
+            number=number,
+            rows=rows,
+            difference=difference,
+            error=error,
+            finished=finished,
+        )
 
 
 def _succeeded(rows: Observation) -> bool:

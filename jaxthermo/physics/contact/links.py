@@ -210,7 +210,7 @@ class Contact(AbstractPairTerm):
         padded = pairs.padded(self.max_pairs or size, f"bodies {first} and {second}")
         fragments = padded.fragment_a, padded.fragment_b
         columns = [
-            _end(body, fragment, padded.area, dtype)
+            _end(body, fragment=fragment, area=padded.area, dtype=dtype)
             for body, fragment in zip(ends, fragments, strict=True)
         ]
         address, half_cell, per_capacity, fraction = zip(*columns, strict=True)

@@ -129,7 +129,16 @@ def ray_hits(
         low[axis] -= limits.max_distance / lattice.pitch
         high[axis] += limits.max_distance / lattice.pitch
         box = np.floor(low), np.ceil(high)
-        parts.append(_hits_along(axis, lattice, triangles, dominant, box, limits))
+        parts.append(
+            _hits_along(
+                axis,
+                lattice=lattice,
+                triangles=triangles,
+                dominant=dominant,
+                box=box,
+                limits=limits,
+            )
+        )
     return _RayHits(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
@@ -160,8 +169,8 @@ def _hits_along(axis, lattice: Lattice, triangles, dominant, box, limits: Contac
     hit &= dominant[which[layers.triangle[at_a]]] == axis
     at_a, at_b = at_a[hit], at_b[hit]
     return _RayHits(
-        point_a=_points(layers, at_a, axis, lattice, box),
-        point_b=_points(layers, at_b, axis, lattice, box),
+        point_a=_points(layers, which=at_a, axis=axis, lattice=lattice, box=box),
+        point_b=_points(layers, which=at_b, axis=axis, lattice=lattice, box=box),
         triangle_a=which[layers.triangle[at_a]],
         triangle_b=which[layers.triangle[at_b]] - count_a,
         area=(lattice.pitch / _SAMPLES) ** 2 / cosine[hit],
@@ -186,7 +195,7 @@ def _layers(triangles, axis: int, box) -> DepthLayers:
     frame = np.pad(frame, ((0, spare), (0, 0), (0, 0)))
     # Shapes are known while the rest of a scene is traced.
     with jax.ensure_compile_time_eval():
-        return peel(frame, width, height, (rows, fragments))
+        return peel(frame, width=width, height=height, sizes=(rows, fragments))
 
 
 def _padded(count: int, smallest: int) -> int:
@@ -251,12 +260,14 @@ def _nearest_fragments(
     for axis in range(3):
         points = np.flatnonzero(point_axis == axis)
         found[points], distance[points] = _on_ray(
-            rays[axis], cells[points], normal[points], (0, 0)
+            rays[axis], cells=cells[points], normal=normal[points], offset=(0, 0)
         )
     missing = np.flatnonzero(found < 0)
     for axis in range(3 if len(missing) else 0):
         for offset in _OFFSETS:
-            other, apart = _on_ray(rays[axis], cells[missing], normal[missing], offset)
+            other, apart = _on_ray(
+                rays[axis], cells=cells[missing], normal=normal[missing], offset=offset
+            )
             nearer = apart < distance[missing]
             found[missing] = np.where(nearer, other, found[missing])
             distance[missing] = np.where(nearer, apart, distance[missing])
@@ -281,7 +292,9 @@ def fragment_shares(
     normal = face_axes(grid.mesh)[0][triangle]
     cells, found = grid.lattice.to_cells(point), []
     for axis in range(3):
-        own, _ = _on_ray(_rays_along(grid, axis), cells, normal, (0, 0))
+        own, _ = _on_ray(
+            _rays_along(grid, axis), cells=cells, normal=normal, offset=(0, 0)
+        )
         # Beside an edge the rays of an axis may have none.
         found.append((np.where(own < 0, nearest, own), np.square(normal[:, axis])))
     return found
@@ -290,17 +303,17 @@ def fragment_shares(
 def _rays_along(grid: VoxelGrid, axis: int) -> _Rays:
     fragments = np.flatnonzero(grid.fragment_axis == axis)
     position = grid.lattice.to_cells(grid.fragment_position[fragments])
-    ray = _ray(position, axis, grid.solid.shape, (0, 0))
+    ray = _ray(position, axis=axis, shape=grid.solid.shape, offset=(0, 0))
     key = _key(ray, position[:, axis], grid.solid.shape)
     order = np.argsort(key, kind="stable")
     return _Rays(
-        axis,
-        grid.solid.shape,
-        fragments[order],
-        position[order],
-        grid.fragment_normal[fragments[order]],
-        ray[order],
-        key[order],
+        axis=axis,
+        shape=grid.solid.shape,
+        fragment=fragments[order],
+        position=position[order],
+        outward=grid.fragment_normal[fragments[order]],
+        ray=ray[order],
+        key=key[order],
     )
 
 
@@ -323,7 +336,7 @@ def _on_ray(rays: _Rays, cells, normal, offset):
     distance = np.full(len(cells), MAX_FRAGMENT_DISTANCE)
     if not len(rays.ray):
         return found, distance
-    ray = _ray(cells, rays.axis, rays.shape, offset)
+    ray = _ray(cells, axis=rays.axis, shape=rays.shape, offset=offset)
     behind = np.searchsorted(rays.key, _key(ray, cells[:, rays.axis], rays.shape))
     for candidate in (behind - 1, behind):
         slot = np.clip(candidate, 0, len(rays.ray) - 1)

@@ -73,7 +73,14 @@ class ContactPairs(NamedTuple):
     def swapped(self) -> "ContactPairs":
         """Same pairs with A and B exchanged."""
         a, b, area, gap, coverage_a, coverage_b = self
-        return ContactPairs(b, a, area, gap, coverage_b, coverage_a)
+        return ContactPairs(
+            fragment_a=b,
+            fragment_b=a,
+            area=area,
+            gap=gap,
+            coverage_a=coverage_b,
+            coverage_b=coverage_a,
+        )
 
     def padded(self, capacity: int, names: str = "two bodies") -> "ContactPairs":
         """Same pairs in arrays of `capacity` rows, padded with area 0.
@@ -88,7 +95,14 @@ class ContactPairs(NamedTuple):
                 "give a larger capacity or a coarser pitch"
             )
         a, b, area, gap = (np.pad(rows, (0, spare)) for rows in self[:4])
-        return ContactPairs(a, b, area, gap, self.coverage_a, self.coverage_b)
+        return ContactPairs(
+            fragment_a=a,
+            fragment_b=b,
+            area=area,
+            gap=gap,
+            coverage_a=self.coverage_a,
+            coverage_b=self.coverage_b,
+        )
 
 
 class _BroadPhase(NamedTuple):
@@ -146,13 +160,20 @@ def _are_separated(a: PlacedGrid, b: PlacedGrid, margin: float) -> bool:
     high = np.minimum(a.world_bounds[1], b.world_bounds[1]) + margin
     pixel = max(margin, float((high - low).max()) / _MAX_PIXELS)
     return any(
-        not _overlap_in_view(a, b, axis, low, high, pixel, margin) for axis in range(3)
+        not _overlap_in_view(
+            a, b=b, axis=axis, low=low, high=high, pixel=pixel, margin=margin
+        )
+        for axis in range(3)
     )
 
 
 def _overlap_in_view(a, b, axis: int, low, high, pixel: float, margin: float) -> bool:
-    near_a, far_a = _depths(a.world_fragments, axis, low, high, pixel)
-    near_b, far_b = _depths(b.world_fragments, axis, low, high, pixel)
+    near_a, far_a = _depths(
+        a.world_fragments, axis=axis, low=low, high=high, pixel=pixel
+    )
+    near_b, far_b = _depths(
+        b.world_fragments, axis=axis, low=low, high=high, pixel=pixel
+    )
     # Points within the margin of each other lie in the same pixel or in neighbours.
     near_a, far_a = _dilated(near_a, np.minimum), _dilated(far_a, np.maximum)
     overlap = (near_a - margin <= far_b) & (near_b - margin <= far_a)
@@ -250,7 +271,7 @@ def _contact_pairs(a: PlacedGrid, b: PlacedGrid, threshold: float) -> ContactPai
     )
     if not len(near):
         return nothing
-    found = ray_hits(a, b, near, limits)
+    found = ray_hits(a, b=b, near=near, limits=limits)
     in_b = b.pose.to_body(a.pose.to_world(found.point_b))
     shares_a = fragment_shares(a.grid, found.point_a, found.triangle_a)
     shares_b = fragment_shares(b.grid, in_b, found.triangle_b)
@@ -320,14 +341,14 @@ def _merge_touches(
     total = np.bincount(pair, area)
     mean_gap = np.bincount(pair, area * gap) / total
     a, b = np.divmod(key, columns)
-    limited = _limited_areas(a, b, total, fragment_area_b)
+    limited = _limited_areas(a, b=b, area=total, fragment_area_b=fragment_area_b)
     return ContactPairs(
-        a,
-        b,
-        limited,
-        mean_gap,
-        _coverage(a, limited, fragment_area_a),
-        _coverage(b, limited, fragment_area_b),
+        fragment_a=a,
+        fragment_b=b,
+        area=limited,
+        gap=mean_gap,
+        coverage_a=_coverage(a, limited, fragment_area_a),
+        coverage_b=_coverage(b, limited, fragment_area_b),
     )
 
 

@@ -175,7 +175,7 @@ def _group_coefficients(
     speed, width, film = jnp.broadcast_arrays(
         local[..., None], diameter[None, :, None], film[None, None]
     )
-    mean = _mean_coefficient(speed, width, film, average)
+    mean = _mean_coefficient(speed, diameter=width, film=film, average=average)
     # The stream as a whole determines where the flow separates, so the shape depends on
     # its temperature, not on the local film temperature. With the film of a surface
     # that is 50 K warmer it would differ by 0.2 % at Re 4e3, 5 % at 1e4, 13 % at 1.5e5.

@@ -84,7 +84,16 @@ def wake_ranges() -> tuple[WakeRange, ...]:
             [float(own[parameter][name]) for parameter in PARAMETERS]
         )
         values, powers = column("value"), column("power")
-        found.append(WakeRange(kind, low, high, reference, values, powers))
+        found.append(
+            WakeRange(
+                kind=kind,
+                low=low,
+                high=high,
+                reference=reference,
+                values=values,
+                powers=powers,
+            )
+        )
     return tuple(found)
 
 

@@ -97,8 +97,10 @@ def pchip(x: Float[np.ndarray, " n"], y: Float[np.ndarray, "n p"]) -> Pchip:
     same = before * after > 0
     safe = lambda s: np.where(same, s, 1.0)
     inner = np.where(same, (w1 + w2) / (w1 / safe(before) + w2 / safe(after)), 0.0)
-    first = _end_slope(width[0], width[1], secant[0], secant[1])
-    last = _end_slope(width[-1], width[-2], secant[-1], secant[-2])
+    first = _end_slope(width[0], far=width[1], secant=secant[0], next_secant=secant[1])
+    last = _end_slope(
+        width[-1], far=width[-2], secant=secant[-1], next_secant=secant[-2]
+    )
     return Pchip(x, y, np.concatenate([first[None], inner, last[None]]))
 
 
@@ -182,9 +184,21 @@ class NamedAverage(NamedTuple):
 
 
 AVERAGES = (
-    NamedAverage("churchill_bernstein", churchill_bernstein, 0.0, np.inf),
-    NamedAverage("sanitjai_goldstein", _sanitjai_goldstein, 2e3, 9e4),
-    NamedAverage("profile", profile, 1.0, 2.19e5),
+    NamedAverage(
+        name="churchill_bernstein",
+        nusselt=churchill_bernstein,
+        min_reynolds=0.0,
+        max_reynolds=np.inf,
+    ),
+    NamedAverage(
+        name="sanitjai_goldstein",
+        nusselt=_sanitjai_goldstein,
+        min_reynolds=2e3,
+        max_reynolds=9e4,
+    ),
+    NamedAverage(
+        name="profile", nusselt=profile, min_reynolds=1.0, max_reynolds=2.19e5
+    ),
 )
 
 

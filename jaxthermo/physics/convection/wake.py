@@ -42,9 +42,9 @@ class WakeDeficit(Module):
     """p [-], in [0.4, 1.1]."""
 
     def __check_init__(self):
-        _check("amplitude", self.amplitude, 0.0, 1.3)
-        _check("length", self.length, 0.0, np.inf)
-        _check("exponent", self.exponent, 0.4 - 1e-9, 1.1 + 1e-9)
+        _check("amplitude", value=self.amplitude, low=0.0, high=1.3)
+        _check("length", value=self.length, low=0.0, high=np.inf)
+        _check("exponent", value=self.exponent, low=0.4 - 1e-9, high=1.1 + 1e-9)
 
     def __call__(self, x: Float[Array, "*n"]) -> Float[Array, "*n"]:
         """Speed ratio u / U [-] at x diameters behind the rear."""

@@ -50,7 +50,9 @@ def upstream_wakes(
     layer_object = objects[layers.triangle]
     diameter = _silhouettes(triangles, objects, view.frame).width / view.pitch
     pixel, depth = _pixels(view, position)
-    point_object = _point_objects(layers, layer_object, pixel, depth)
+    point_object = _point_objects(
+        layers, layer_object=layer_object, pixel=pixel, depth=depth
+    )
     behind, width = np.full(len(position), np.inf), np.zeros(len(position))
     for number in np.unique(point_object):
         points = np.flatnonzero(point_object == number)
@@ -59,7 +61,7 @@ def upstream_wakes(
             # A wake is at least as wide as its object: one more pixel around.
             points = points[np.isinf(behind[points])]
             near = _shifted(layers, pixel[points], offset)
-            last = _last_before(layers, rear, near, depth[points])
+            last = _last_before(layers, chosen=rear, pixel=near, depth=depth[points])
             hit = last >= 0
             found = rear[last[hit]]
             gap = depth[points[hit]] - layers.depth[found]
@@ -157,7 +159,7 @@ def _next_layer(layers, chosen, pixel, depth) -> Int[np.ndarray, " s"]:
 
 def _last_before(layers, chosen, pixel, depth) -> Int[np.ndarray, " s"]:
     """Index in `chosen` of the last layer before each point on its ray; -1 for none."""
-    last = _next_layer(layers, chosen, pixel, depth) - 1
+    last = _next_layer(layers, chosen=chosen, pixel=pixel, depth=depth) - 1
     if not len(chosen):
         return last
     return np.where(layers.pixel[chosen[np.maximum(last, 0)]] == pixel, last, -1)
@@ -179,7 +181,7 @@ def _point_objects(layers, layer_object, pixel, depth) -> Int[np.ndarray, " s"]:
     nearest = np.full(len(pixel), np.inf)
     for offset in _NEIGHBOURS:
         near = _shifted(layers, pixel, offset)
-        after = _next_layer(layers, everything, near, depth)
+        after = _next_layer(layers, chosen=everything, pixel=near, depth=depth)
         for layer in (after - 1, after):
             layer = np.clip(layer, 0, len(everything) - 1)
             apart = np.abs(layers.depth[layer] - depth) + np.hypot(*offset)

@@ -248,7 +248,14 @@ class Wind(AbstractSurfaceTerm):
             faces = -(surface.normal @ unit_vector(self.velocity))
             front = np.maximum(faces, 0) * surface.grid.fragment_area
             air = _initial_value(self.temperature, speeds.dtype)
-            return arriving_ratio(self.wake, wakes, groups.member, front, speeds, air)
+            return arriving_ratio(
+                self.wake,
+                geometry=wakes,
+                member=groups.member,
+                front=front,
+                speeds=speeds,
+                air=air,
+            )
         if self.wake is None:
             return np.ones(len(groups.diameter))
         return wake_speed_ratio(self.wake, groups.behind)
@@ -262,9 +269,9 @@ class Wind(AbstractSurfaceTerm):
         search = wake_geometry if fitted else upstream_wakes
         return found(
             of,
-            (search.__name__, wind, surface.pitch),
-            lambda: search(*of, unit_vector(wind), surface.pitch),
-            f"objects upstream of body {surface.body}",
+            by=(search.__name__, wind, surface.pitch),
+            find=lambda: search(*of, unit_vector(wind), surface.pitch),
+            search=f"objects upstream of body {surface.body}",
         )
 
     def _groups(self, surface: BodySurface, wakes: Wakes | WakeGeometry) -> FlowGroups:
@@ -299,7 +306,13 @@ class Wind(AbstractSurfaceTerm):
         air = _initial_value(self.temperature, dtype)
         average, speed = named_average(self.average).nusselt, self.strength
         every = lambda speeds: film_coefficients(
-            speeds, air, ratio(speeds), groups, average, harmonics, dtype
+            speeds,
+            air=air,
+            speed_ratio=ratio(speeds),
+            groups=groups,
+            average=average,
+            harmonics=harmonics,
+            dtype=dtype,
         )
         if not callable(speed):
             xp = jnp if is_traced(speed) else np

@@ -215,14 +215,20 @@ class AreaSource(AbstractSource):
             seen = np.flatnonzero(factor > 0)
             if len(seen):
                 lit = lit_fraction_from_point(
-                    triangles, position[seen], normal[seen], corners.mean(0), pitch
+                    triangles,
+                    position=position[seen],
+                    normal=normal[seen],
+                    eye=corners.mean(0),
+                    pitch=pitch,
                 )
                 found[seen] += np.pi * factor[seen] * lit
         return found
 
     @override
     def appearance(self, origin, step) -> Appearance:
-        return rectangle(origin, step, np.asarray(self.centre, float), self._edges)
+        return rectangle(
+            origin, step=step, centre=np.asarray(self.centre, float), edges=self._edges
+        )
 
     @override
     def forcing(self, end: float | int) -> Forcing:

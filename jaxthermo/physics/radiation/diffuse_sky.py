@@ -87,9 +87,9 @@ class DiffuseSky(AbstractRadiativeTerm):
         # The same finding as that of `Surroundings`.
         view = found(
             of,
-            ("sky_view", body.pitch, directions),
-            lambda: sky_view(*of, body.pitch, directions),
-            f"view of sky and ground from body {body.body}",
+            by=("sky_view", body.pitch, directions),
+            find=lambda: sky_view(*of, body.pitch, directions),
+            search=f"view of sky and ground from body {body.body}",
         )
         return tuple(view)
 

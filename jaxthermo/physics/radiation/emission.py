@@ -226,9 +226,9 @@ class Surroundings(AbstractRadiativeTerm):
             )
             view = found(
                 of,
-                ("sky_view", body.pitch, directions),
-                lambda: sky_view(*of, body.pitch, directions),
-                f"view of sky and ground from body {body.body}",
+                by=("sky_view", body.pitch, directions),
+                find=lambda: sky_view(*of, body.pitch, directions),
+                search=f"view of sky and ground from body {body.body}",
             )
         return [view.sky + view.ground] if self.ground is None else list(view)
 

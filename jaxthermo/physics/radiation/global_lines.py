@@ -56,12 +56,12 @@ def _concatenated(bodies: tuple[PatchedBody, ...]) -> _Scene:
     a, b, c = (vertices[corner] for corner in faces.T)
     counts = [body.patches.count for body in bodies]
     return _Scene(
-        vertices,
-        faces,
-        np.cross(b - a, c - a),
-        np.repeat(np.arange(len(bodies)), [len(body.faces) for body in bodies]),
-        np.cumsum([0, *counts[:-1]]),
-        sum(counts),
+        vertices=vertices,
+        faces=faces,
+        normal=np.cross(b - a, c - a),
+        body=np.repeat(np.arange(len(bodies)), [len(body.faces) for body in bodies]),
+        first=np.cumsum([0, *counts[:-1]]),
+        count=sum(counts),
     )
 
 
@@ -134,7 +134,12 @@ class _Strip(NamedTuple):
 def _strip(views: Sequence[OrthographicView]) -> _Strip:
     widths = [view.width for view in views]
     start = np.cumsum([0, *widths[:-1]])
-    return _Strip(views, start, sum(widths), max(view.height for view in views))
+    return _Strip(
+        views=views,
+        start=start,
+        width=sum(widths),
+        height=max(view.height for view in views),
+    )
 
 
 def _hits(
@@ -210,16 +215,24 @@ def _count_lines(
     """
     strip = _strip(views)
     corners = strip.project(scene)
-    room = shared_capacities(corners, strip.width, strip.height, room)
+    room = shared_capacities(
+        corners, width=strip.width, height=strip.height, minimum=room
+    )
     with jax.ensure_compile_time_eval():
-        layers = peel(corners, strip.width, strip.height, room)
+        layers = peel(corners, width=strip.width, height=strip.height, sizes=room)
     same = layers.pixel[1:] == layers.pixel[:-1]
     enters = layers.entering
     # Consecutive fragments of a line face each other across empty space where the first
     # is left and the second entered.
     open_gap: Bool[np.ndarray, " g"] = same & ~enters[:-1] & enters[1:]
     view, triangle = np.divmod(layers.triangle, len(scene.faces))
-    patch = _hits(bodies, scene, strip.points(layers, view), triangle, open_gap)
+    patch = _hits(
+        bodies,
+        scene=scene,
+        point=strip.points(layers, view),
+        triangle=triangle,
+        open_gap=open_gap,
+    )
     first, last = np.append(True, ~same), np.append(~same, True)
     numbers = patch[:-1][open_gap] * scene.count + patch[1:][open_gap]
     pairs = np.bincount(numbers, minlength=scene.count**2)
@@ -249,7 +262,7 @@ def sample_all_directions(
     # A small scene leaves room for more views in arrays of the smallest size.
     at_once = max(1, min(_MAX_VIEWS, MIN_CAPACITY // (8 * len(scene.faces))))
     while chosen := tuple(islice(views, at_once)):
-        counted, room = _count_lines(bodies, scene, chosen, room)
+        counted, room = _count_lines(bodies, scene=scene, views=chosen, room=room)
         for total, number in zip(found, counted, strict=True):
             total += weight * number
     return found
@@ -298,7 +311,9 @@ def pair_cones(bodies: tuple[PatchedBody, ...]) -> list[PairCone]:
         axis, min_cosine = max(cones, key=lambda cone: cone[1])
         if min_cosine > 0:
             small = min(first, second, key=lambda points: np.ptp(points, axis=0).max())
-            found.append(PairCone(pair, axis, min_cosine, small))
+            found.append(
+                PairCone(pair=pair, axis=axis, min_cosine=min_cosine, small=small)
+            )
     return found
 
 
@@ -317,7 +332,7 @@ def sample_pair(
     weight = 2 * (1 - cone.min_cosine) / directions * pixel * pixel
     ahead = cap_directions(cone.axis, cone.min_cosine, directions)
     for view in _views(_outline(cone.small), ahead, pixel):
-        counted, room = _count_lines(bodies, scene, [view], room)
+        counted, room = _count_lines(bodies, scene=scene, views=[view], room=room)
         between += weight * counted.pairs
     one, other = (
         slice(scene.first[n], scene.first[n] + bodies[n].patches.count)

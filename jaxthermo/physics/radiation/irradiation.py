@@ -132,7 +132,9 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
             factor if self.on is None else factor * body.selected(self.on)
             for body, factor in zip(surface.bodies, factors, strict=True)
         ]
-        return Irradiation(concatenated(chosen), law, notes, spectrum)
+        return Irradiation(
+            factor=concatenated(chosen), law=law, notes=notes, spectrum=spectrum
+        )
 
 
 def _lit(
@@ -242,4 +244,9 @@ def surface_radiation(
         )
 
     thermal, sources = parts("emissivity"), parts("absorptivity")
-    return SurfaceRadiation(thermal, sources, enclosure, surface.reference)
+    return SurfaceRadiation(
+        thermal=thermal,
+        sources=sources,
+        enclosure=enclosure,
+        reference=surface.reference,
+    )

@@ -168,7 +168,15 @@ def group_patches(
     total = np.bincount(patch, area, len(code))
     mean = [np.bincount(patch, area * position[:, i], len(code)) for i in range(3)]
     centre = np.stack(mean, axis=1) / total[:, None]
-    return _Patches(patch, total, centre, code, cells, cavities, room)
+    return _Patches(
+        patch=patch,
+        area=total,
+        centre=centre,
+        code=code,
+        cells=cells,
+        cavities=cavities,
+        room=room,
+    )
 
 
 def _rooms(area: Float[np.ndarray, " c"], max_patches: int) -> Int[np.ndarray, " c"]:

@@ -161,9 +161,9 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractRadiativeTerm):
         upward = np.concatenate([b.normal[:, 2] for b in bodies])
         enclosure = _enclosure(
             views,
-            patch,
-            np.concatenate(areas),
-            (jnp if is_traced(grey) else np).concatenate(grey),
+            patch=patch,
+            area=np.concatenate(areas),
+            emissivity=(jnp if is_traced(grey) else np).concatenate(grey),
             upward=None if ground is None else upward,
             base=jnp.asarray(base, surface.dtype),
             temperature=for_jit(self.temperature, surface.dtype),
@@ -184,9 +184,9 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractRadiativeTerm):
         poses = tuple((b.pose.translation, b.pose.rotation) for b in bodies)
         return found(
             tuple(b.grid for b in bodies),
-            ("view_factors", options, poses, tuple(digest(area) for area in areas)),
-            lambda: self._sampled_views(bodies, areas),
-            "view factors",
+            by=("view_factors", options, poses, tuple(digest(area) for area in areas)),
+            find=lambda: self._sampled_views(bodies, areas),
+            search="view factors",
         )
 
     def _sampled_views(
@@ -324,7 +324,7 @@ def _enclosure(
     reflection = xp.eye(len(mean), dtype=factor.dtype) - factor * (1 - mean)[None]
     around = outside[:, None]
     if upward is not None:
-        around = around * cast(_halves(views, patch, area, upward)).T
+        around = around * cast(_halves(views, patch=patch, area=area, upward=upward)).T
     sources = xp.concatenate([factor * mean[None], around], axis=1)
     solved = xp.linalg.solve(reflection, sources)
     count = len(mean)

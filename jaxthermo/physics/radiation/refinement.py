@@ -82,19 +82,25 @@ def refined_view_factors(
     apart = {cone.pair for cone in cones}
     summed, used, worst = _refine(
         lambda count: sample_all_directions(bodies, count, lines),
-        lambda one, other: _difference(bodies, one, other, apart),
-        error,
-        max_directions,
+        difference=lambda one, other: _difference(
+            bodies, one=one, other=other, apart=apart
+        ),
+        error=error,
+        max_directions=max_directions,
     )
     found = exchange_areas(bodies, summed)
     for cone in cones:
         seen, count, left = _refine(
-            lambda count, cone=cone: sample_pair(bodies, cone, count, lines),
-            lambda one, other, cone=cone: _pair_difference(bodies, one, other, cone),
-            error,
-            max_directions,
+            lambda count, cone=cone: sample_pair(
+                bodies, cone=cone, directions=count, lines=lines
+            ),
+            difference=lambda one, other, cone=cone: _pair_difference(
+                bodies, one=one, other=other, cone=cone
+            ),
+            error=error,
+            max_directions=max_directions,
         )
-        found = with_pair(found, seen, bodies, cone.pair)
+        found = with_pair(found, seen=seen, bodies=bodies, pair=cone.pair)
         used, worst = max(used, count), max(worst, left)
     return found, Sampling(used, worst, error)
 

@@ -174,9 +174,9 @@ class AbstractSource(AbstractRadiativeTerm):
         by = self.exposure_key
         return found(
             of,
-            None if by is None else ("exposure", type(self), by, body.pitch),
-            lambda: self.exposure(*of, body.pitch),
-            f"shadows of {self.name} on body {body.body}",
+            by=None if by is None else ("exposure", type(self), by, body.pitch),
+            find=lambda: self.exposure(*of, body.pitch),
+            search=f"shadows of {self.name} on body {body.body}",
         )
 
 
@@ -228,7 +228,13 @@ class Sun(AbstractSource):
     def exposure(self, triangles, position, normal, pitch) -> Float[np.ndarray, " s"]:
         """Lambert's cosine times the lit fraction of surface points [-]."""
         cosine = np.maximum(0.0, -normal @ unit_vector(self.direction))
-        return cosine * lit_fraction(triangles, position, normal, self.direction, pitch)
+        return cosine * lit_fraction(
+            triangles,
+            position=position,
+            normal=normal,
+            direction=self.direction,
+            pitch=pitch,
+        )
 
     @property
     @override
@@ -316,7 +322,11 @@ class PointSource(AbstractSource):
         exposed = np.maximum(0.0, along) / (floored * floored)
         facing = np.flatnonzero(exposed > 0)
         exposed[facing] *= lit_fraction_from_point(
-            triangles, position[facing], normal[facing], origin, pitch
+            triangles,
+            position=position[facing],
+            normal=normal[facing],
+            eye=origin,
+            pitch=pitch,
         )
         return exposed
 
@@ -324,7 +334,7 @@ class PointSource(AbstractSource):
     def appearance(self, origin, step) -> Appearance:
         # A diffuse sphere of this radius irradiates as the law says, beside shadows.
         centre = np.asarray(self.position, float)
-        return sphere(origin, step, centre, self.min_distance)
+        return sphere(origin, step=step, centre=centre, radius=self.min_distance)
 
     @override
     def forcing(self, end: float | int) -> Forcing:

@@ -74,8 +74,8 @@ def view_factors(
         )
     found = exchange_areas(bodies, sample_all_directions(bodies, directions, lines))
     for cone in pair_cones(bodies):
-        seen = sample_pair(bodies, cone, directions, lines)
-        found = with_pair(found, seen, bodies, cone.pair)
+        seen = sample_pair(bodies, cone=cone, directions=directions, lines=lines)
+        found = with_pair(found, seen=seen, bodies=bodies, pair=cone.pair)
     return found
 
 

@@ -88,7 +88,9 @@ def lit_fraction(
     _check_map(view)
     nearest, _ = depth_range(view.project(triangles), view.width, view.height)
     raised = position[facing] + normal[facing] * _LIFT * view.pitch
-    lit[facing] = _lit_samples(view, nearest, raised, normal[facing], pitch)
+    lit[facing] = _lit_samples(
+        view, nearest=nearest, raised=raised, normal=normal[facing], pitch=pitch
+    )
     return lit
 
 
@@ -114,7 +116,9 @@ def lit_fraction_from_point(
         seen = facing[chosen]
         size = view.pixel * view.project(position[seen])[:, 2]
         raised = position[seen] + normal[seen] * (_LIFT * size)[:, None]
-        lit[seen] = _lit_samples(view, nearest, raised, normal[seen], pitch)
+        lit[seen] = _lit_samples(
+            view, nearest=nearest, raised=raised, normal=normal[seen], pitch=pitch
+        )
     return lit
 
 
@@ -184,7 +188,7 @@ def sky_view(
         corners = view.project(triangles)
         ends = depth_range(corners, view.width, view.height)
         cosine = normal @ upward
-        visible, known = _sees_out(view, ends, position, normal)
+        visible, known = _sees_out(view, ends=ends, position=position, normal=normal)
         half = (cosine <= 0).astype(int)
         weight = np.abs(cosine) * known
         seen[half, points] += weight * visible

@@ -110,9 +110,17 @@ def prepare(number: int, body: Body, dtype: Any) -> PreparedBody:
     if isinstance(material, AbstractMaterials):
         of_nodes = material.of_nodes(structure)
         given = material.materials
-        network = materials_network(structure, of_nodes, given, reference, dtype)
+        network = materials_network(
+            structure,
+            number=of_nodes,
+            materials=given,
+            reference=reference,
+            dtype=dtype,
+        )
     else:
-        network = material_network(structure, material, reference, dtype)
+        network = material_network(
+            structure, material=material, reference=reference, dtype=dtype
+        )
     return PreparedBody(
         number=number,
         body=body,
@@ -141,7 +149,9 @@ def _parts(body: Body, reference: Scalar, dtype: Any) -> Float[Array, "q s"] | N
     if isinstance(material, AbstractMaterials):
         number, materials = material.of_fragments(grid), material.materials
     normal = grid.fragment_normal
-    return conductivity_parts(materials, number, normal, reference, dtype)
+    return conductivity_parts(
+        materials, number=number, normal=normal, reference=reference, dtype=dtype
+    )
 
 
 def _initial(

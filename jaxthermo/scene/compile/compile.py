@@ -82,7 +82,7 @@ def compile_scene(
             other.
     """
     with searches_recorded() as searches:
-        compiled = _compile(scene, saves, end, prune, method)
+        compiled = _compile(scene, saves=saves, end=end, prune=prune, method=method)
     receipt = replace(compiled.receipt, searches=tuple(dict.fromkeys(searches)))
     return replaced(compiled, receipt=receipt)
 
@@ -92,17 +92,30 @@ def _compile(
 ) -> Compiled:
     # Memory is checked before anything large is made.
     starts, names = _snapshot_times(scene, end), mechanism_names(scene)
-    memory = check_memory(scene, saves, len(starts), method)
+    memory = check_memory(scene, saves=saves, snapshots=len(starts), method=method)
     prepared = tuple(
         prepare(n, body, jnp.dtype(scene.dtype)) for n, body in enumerate(scene.bodies)
     )
     check_functions(scene, prepared, end)
     hottest, temperatures = temperature_bounds(scene, prepared, end)
-    snapshots = take_snapshots(scene, prepared, starts, end, temperatures, prune)
+    snapshots = take_snapshots(
+        scene,
+        prepared=prepared,
+        starts=starts,
+        end=end,
+        temperatures=temperatures,
+        prune=prune,
+    )
     volumes, unheated = bind_volumes(scene)
-    ledger = ledger_entries(names, snapshots, volumes, prune)
+    ledger = ledger_entries(names, snapshots=snapshots, volumes=volumes, prune=prune)
     programs, accuracy = make_programs(
-        scene, prepared, snapshots, volumes, ledger, temperatures, float(end)
+        scene,
+        prepared=prepared,
+        snapshots=snapshots,
+        volumes=volumes,
+        ledger=ledger,
+        temperatures=temperatures,
+        end=float(end),
     )
     first, structures = snapshots[0], [body.structure for body in scene.bodies]
     surfaces = first.surface.bodies
@@ -124,7 +137,13 @@ def _compile(
         receipt=Receipt(
             included=("conduction", *mechanisms),
             parts=_parts(ledger, first),
-            left_out=_omissions(scene, names, first, unheated, len(starts) > 1),
+            left_out=_omissions(
+                scene,
+                names=names,
+                snapshot=first,
+                unheated=unheated,
+                moves=len(starts) > 1,
+            ),
             notes=(
                 *_represented(first, off=False),
                 *_cavity_notes(scene, first),
@@ -213,7 +232,14 @@ def _parts(ledger: Ledger, snapshot: Snapshot) -> tuple[Part, ...]:
             acts = [each[bodies[0]] for n, each in acting if n == number]
             reached = area_of(area, reduce(np.logical_or, acts)) if acts else 0.0
         fraction = reached / whole[bodies[0]]
-        parts.append(Part(name, tuple(bodies), reached, fraction))
+        parts.append(
+            Part(
+                mechanism=name,
+                bodies=tuple(bodies),
+                area=reached,
+                surface_share=fraction,
+            )
+        )
     return tuple(parts)
 
 

@@ -152,7 +152,11 @@ def _linear_load(program: Program, load: SurfaceLoad) -> _LinearSurfaceLoad | No
         if not network.is_linear or len(laws) < len(numbered):
             return None
         entries = [row[index] for row in load.entries]
-        bodies.append(_linear_nodes(cells, network, terms, laws, entries))
+        bodies.append(
+            _linear_nodes(
+                cells, network=network, terms=terms, laws=laws, entries=entries
+            )
+        )
     return _LinearSurfaceLoad(load, tuple(bodies))
 
 
@@ -252,7 +256,7 @@ def _parts(
             if forcing == len(forcings):
                 forcings.append(law.forcing)
         slope = None if law.slope is None else area * number(law.slope)
-        parts.append(_Part(term, forcing, weight, slope))
+        parts.append(_Part(term=term, forcing=forcing, weight=weight, slope=slope))
     return forcings, parts
 
 

@@ -148,7 +148,9 @@ def forecast_memory(
         elif not in_runs:
             runtime += _RUNTIME_LINKS.bytes_of(counts) * width / 4
         rows += int(read.fragments) * width * saves
-    return MemoryForecast(int(kept), int(steps), rows, held + int(runtime))
+    return MemoryForecast(
+        kept=int(kept), steps=int(steps), rows=rows, runtime=held + int(runtime)
+    )
 
 
 def _devices(body: Body) -> int:
@@ -162,7 +164,7 @@ def check_memory(scene: Scene, saves: int, snapshots: int, method: Method) -> in
     Raises:
         InputError: if it would not fit.
     """
-    peak = forecast_memory(scene, saves, snapshots, method).peak
+    peak = forecast_memory(scene, saves=saves, snapshots=snapshots, method=method).peak
     remedy, task = "use a coarser pitch, or save fewer times", "simulating this scene"
     require_memory(peak, task, remedy)
     require_device_memory(peak // max(map(_devices, scene.bodies)), task, remedy)
@@ -177,7 +179,9 @@ def with_memory_of(
     Raises:
         InputError: if these would not fit into memory.
     """
-    memory = check_memory(scene, saves, len(compiled.starts), method)
+    memory = check_memory(
+        scene, saves=saves, snapshots=len(compiled.starts), method=method
+    )
     receipt = replace(compiled.receipt, memory_bytes=memory)
     return replaced(compiled, receipt=receipt)
 

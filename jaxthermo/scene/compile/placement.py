@@ -27,9 +27,9 @@ def overlaps_of(
         return {}
     return found(
         tuple(body.grid for body in placed),
-        ("overlaps", tuple(_pose_key(body.pose) for body in placed)),
-        lambda: find_overlaps(placed, known),
-        "overlaps of bodies",
+        by=("overlaps", tuple(_pose_key(body.pose) for body in placed)),
+        find=lambda: find_overlaps(placed, known),
+        search="overlaps of bodies",
     )
 
 
@@ -90,7 +90,9 @@ def _enclosed(
         for other, grid in enumerate(grids):
             faced = grid.fragment_cavity
             if other != number:
-                faced = _surrounding(around.cavities, poses[number], grid, poses[other])
+                faced = _surrounding(
+                    around.cavities, around=poses[number], grid=grid, pose=poses[other]
+                )
             inside, before = faced > 0, enclosed[other]
             if inside.any():
                 enclosed[other] = inside if before is None else before | inside
@@ -119,7 +121,7 @@ def touching(
     gap = None if max_gap is None else float(max_gap)
     return found(
         tuple(body.grid for body in placed),
-        ("contacts", tuple(_pose_key(body.pose) for body in placed), gap),
-        lambda: contacts_between(placed, gap),
-        "contacts of bodies",
+        by=("contacts", tuple(_pose_key(body.pose) for body in placed), gap),
+        find=lambda: contacts_between(placed, gap),
+        search="contacts of bodies",
     )

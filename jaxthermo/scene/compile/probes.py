@@ -109,7 +109,16 @@ def bind_probes(
         if len(number):
             place = _Located(*(column[number] for column in place))
             probes = [scene.probes[n] for n in number]
-            bound.append(_bind(body, probes, number, own[number], place, dtype))
+            bound.append(
+                _bind(
+                    body,
+                    probes=probes,
+                    number=number,
+                    points=own[number],
+                    located=place,
+                    dtype=dtype,
+                )
+            )
     return tuple(bound)
 
 
@@ -151,7 +160,7 @@ def _bind(
     # A fragment around a corner or across a gap says nothing about this point.
     far = np.linalg.norm(surface - points, axis=1) > 2 * grid.pitch + np.abs(depth)
     at_surface[far] = 0.0
-    node = _nodes(body, probes, located, at_surface)
+    node = _nodes(body, probes=probes, located=located, at_surface=at_surface)
     # The point at which node and fragment together give the temperature.
     part = at_surface[:, None]
     offset = points - (1 - part) * location[node] - part * surface
@@ -163,7 +172,9 @@ def _bind(
     within = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
     entry = start[row] + within
     weight = (rows.weight[entry] * offset[row]).sum(axis=1)
-    ratio = _own_part(body, rows.link[entry], rows.is_src[entry], dtype)
+    ratio = _own_part(
+        body, link=rows.link[entry], is_src=rows.is_src[entry], dtype=dtype
+    )
     return BodyProbes(
         body=body.number,
         number=tuple(number.tolist()),

@@ -59,7 +59,9 @@ class VolumeLoad(Module):
     ) -> tuple[Float[Array, "..."], Float[Array, ""]]:
         """A state with the heat of one step, and its rate [W]."""
         density = value_at(self.heat_rate_density, time)
-        warmed = with_added(self.mesh, new, self.address, dt * density * self.rise)
+        warmed = with_added(
+            self.mesh, values=new, address=self.address, more=dt * density * self.rise
+        )
         return warmed, density * self.volume
 
 
@@ -363,7 +365,7 @@ def _stable_step(
     for number, body in enumerate(program.bodies):
         network = body.network
         rates.append(network.max_rate())
-        loads = _stiffness(program, number, highest, end)
+        loads = _stiffness(program, number=number, highest=highest, end=end)
         if not loads:
             continue
         total = network.diagonal() * network.max_relative_conductivity()

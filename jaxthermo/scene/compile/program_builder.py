@@ -108,7 +108,14 @@ def make_programs(
     )
     terms = [_fragment_terms(each, names) for each in snapshots]
     iterations = max(
-        _iterations(own, each.surface, prepared, rows, temperatures, end)
+        _iterations(
+            own,
+            surface=each.surface,
+            prepared=prepared,
+            rows=rows,
+            temperatures=temperatures,
+            end=end,
+        )
         for own, each in zip(terms, snapshots, strict=True)
     )
     used = _used_terms(scene, ledger)
@@ -118,7 +125,9 @@ def make_programs(
     acts, counts = acting(snapshots), _pair_counts(snapshots)
     touched = {number for key in counts for number in key[1:]}
     dtype = snapshots[0].surface.dtype
-    bodies = [_body(body, entry, volumes, dtype) for body in prepared]
+    bodies = [
+        _body(body, entry=entry, volumes=volumes, dtype=dtype) for body in prepared
+    ]
     # Areas of fragments and nodes of probes do not change as bodies move.
     probes = bind_probes(scene, prepared, dtype)
     areas = [body.grid.fragment_area for body in snapshots[0].surface.bodies]
@@ -132,7 +141,13 @@ def make_programs(
             accuracies.append(accuracy)
         fragment_terms = replaced(own, iterations=iterations)
         load, enclosure = _surface_load(
-            fragment_terms, surface, prepared, acts, fine, rows, len(ledger)
+            fragment_terms,
+            surface=surface,
+            prepared=prepared,
+            acts=acts,
+            fine=fine,
+            rows=rows,
+            entry_count=len(ledger),
         )
         exposed = [body.exposed_fraction for body in surface.bodies]
         program = Program(
@@ -143,7 +158,14 @@ def make_programs(
             surface=load,
             fragment_terms=fragment_terms,
             contacts=tuple(
-                _contact(scene, prepared, key, snapshot.pairs.get(key), entry, size)
+                _contact(
+                    scene,
+                    prepared=prepared,
+                    key=key,
+                    pairs=snapshot.pairs.get(key),
+                    entry=entry,
+                    size=size,
+                )
                 for key, size in counts.items()
             ),
             enclosure=enclosure,
@@ -213,7 +235,12 @@ def _surface_load(
     ]
     cells, cell = zip(*found, strict=True)
     load, joined = surface_load(
-        terms, cells, cell, surface.references, rows, entry_count
+        terms,
+        cells=cells,
+        cell=cell,
+        references=surface.references,
+        entries=rows,
+        entry_count=entry_count,
     )
     if fine is None or load is None:
         return load, None
@@ -272,7 +299,7 @@ def _body(
         network=body.network,
         reference=typed_array(body.reference, dtype),
         sources=tuple(
-            _volume_load(entry[key], found, body, dtype)
+            _volume_load(entry[key], found=found, body=body, dtype=dtype)
             for key, found in volumes.items()
             if key[1] == body.number
         ),

@@ -100,7 +100,9 @@ def take_snapshots(
         overlaps = overlaps_of(placed, known)
         pairs, covered, unpaired = _find_contacts(scene, placed)
         surface = Surface(
-            bodies=_body_surfaces(scene, prepared, poses, covered, once),
+            bodies=_body_surfaces(
+                scene, prepared=prepared, poses=poses, covered=covered, prune=once
+            ),
             references=tuple(body.reference for body in prepared),
             temperatures=temperatures,
             end=end,
@@ -315,7 +317,9 @@ def _bind_terms(
     rest = held = surface
     if prescribed:
         # What other terms bring there has no effect: they are not bound.
-        taken = _claimed(prescribed, surface, "hold", "at a temperature")
+        taken = _claimed(
+            prescribed, surface=surface, verb="hold", what="at a temperature"
+        )
         rest, held = _within(surface, taken < 0), _within(surface, taken >= 0)
     natural = bind([(n, t) for n, t in acts if not t.is_dirichlet], rest)
     # But what others receive from there has one, and is part of the balance.
@@ -333,7 +337,7 @@ def _bind_terms(
     emits = {n for n, term in acts if term.name == "emission"}
     emission = [(n, each) for n, each in (*natural, *radiating) if n in emits]
     if len(emission) > 1:
-        _claimed(emission, surface, "count the emission of", "")
+        _claimed(emission, surface=surface, verb="count the emission of", what="")
     bindings = natural, prescribed, radiating
     return rest, *bindings, tuple(omitted), tuple(irradiation)
 

@@ -85,7 +85,9 @@ class BodyCells(Module):
         """A state with the heat rates of the nodes [W] over `dt` [s]."""
         # The state stays three-dimensional here: flattening it for the scatter would
         # make XLA compute the whole stencil with flat indices, slowly.
-        return with_added(self.mesh, new, self.address, dt * heat / self.capacity)
+        return with_added(
+            self.mesh, values=new, address=self.address, more=dt * heat / self.capacity
+        )
 
 
 def _even_size(count: int) -> int:

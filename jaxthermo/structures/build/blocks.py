@@ -65,7 +65,7 @@ def build_blocks(
     if np.array_equal(node, np.arange(len(level))):
         links = voxel_links(labels, grid.pitch, grid.cut)
     else:
-        links = block_links(labels, centre, grid.pitch, grid.cut)
+        links = block_links(labels, centre=centre, pitch=grid.pitch, cut=grid.cut)
     middle = grid.lattice.origin + centre * grid.pitch
     return Built(
         nodes=Nodes(

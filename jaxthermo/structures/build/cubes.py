@@ -107,8 +107,15 @@ def build_cubes(grid: VoxelGrid, levels: Levels) -> Built:
     centre = corner + 2.0 ** level[:, None] / 2
     middle = grid.lattice.origin + centre * grid.pitch
     return Built(
-        nodes=Nodes(middle, volume * grid.voxel_volume, level, middle),
-        links=_links(pairs, over_edges, centre, level, grid.pitch),
+        nodes=Nodes(
+            centre=middle,
+            volume=volume * grid.voxel_volume,
+            level=level,
+            location=middle,
+        ),
+        links=_links(
+            pairs, over_edges=over_edges, centre=centre, level=level, pitch=grid.pitch
+        ),
         fragment_node=inner[tuple(grid.fragment_voxel.T)],
         voxel_node=inner[grid.solid],
     )

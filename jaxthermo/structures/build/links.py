@@ -60,14 +60,21 @@ def block_links(
     begin = np.union1d(0, begin)
     end = np.append(begin[1:], len(side))
     parts = [
-        _links(side[i:j], plane[i:j], None if share is None else share[i:j], centre)
+        _links(
+            side[i:j],
+            plane=plane[i:j],
+            share=None if share is None else share[i:j],
+            centre=centre,
+        )
         for i, j in zip(begin, end, strict=True)
     ]
     links = Links(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
     links = links._replace(area=links.area * pitch**2).lengthened(pitch)
     if cut is None:
         return links
-    return _with_links_over_edges(links, cut, labels, centre * pitch, pitch)
+    return _with_links_over_edges(
+        links, cut=cut, labels=labels, centre=centre * pitch, pitch=pitch
+    )
 
 
 def _with_links_over_edges(
@@ -170,7 +177,13 @@ def _links(
     to_dst = np.add.reduceat(faces * to_dst, start) / area
     normal = to_src + to_dst
     straight = np.linalg.norm(centre[dst] - centre[src], axis=1)
-    links = Links(src.astype(np.int32), dst.astype(np.int32), area, to_src, to_dst)
+    links = Links(
+        src=src.astype(np.int32),
+        dst=dst.astype(np.int32),
+        area=area,
+        distance_src=to_src,
+        distance_dst=to_dst,
+    )
     return links.lengthened(link_distance(normal, straight) / normal)
 
 
@@ -199,7 +212,7 @@ def voxel_links(
     half = np.full(len(dst), pitch / 2)
     src = np.repeat(node, np.count_nonzero(linked, axis=1))
     area = np.full(len(dst), pitch**2)
-    links = Links(src, dst, area, half, half)
+    links = Links(src=src, dst=dst, area=area, distance_src=half, distance_dst=half)
     if cut is None:
         return links
     for axis, column in enumerate((2, 1, 0)):
@@ -209,7 +222,9 @@ def voxel_links(
         place = np.cumsum(linked.reshape(-1)).reshape(linked.shape)[:, column] - 1
         links.area[place[here]] *= opened
     centre = np.argwhere(labels >= 0) * pitch
-    return _with_links_over_edges(links, cut, labels, centre, pitch)
+    return _with_links_over_edges(
+        links, cut=cut, labels=labels, centre=centre, pitch=pitch
+    )
 
 
 _MIN_NORMAL_FRACTION = 0.5

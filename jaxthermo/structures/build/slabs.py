@@ -88,7 +88,11 @@ def build_slabs(
             between.append(_links_between(grid, planes.start, ends, *parts[-2:]))
         # A copy: the other planes are not needed any more.
         below = labels[-1].copy()
-    return parts[0] if len(parts) == 1 else _joined(grid, starts, parts, between)
+    return (
+        parts[0]
+        if len(parts) == 1
+        else _joined(grid, starts=starts, parts=parts, between=between)
+    )
 
 
 def _bytes(grid: VoxelGrid, factor: int, nodes: float) -> int:
@@ -136,7 +140,9 @@ def _links_between(
     corner = grid.lattice.origin + np.array([start - 1, 0, 0]) * grid.pitch
     centre = np.concatenate([low.nodes.centre, high.nodes.centre])
     cut = None if grid.cut is None else grid.cut.within(slice(start - 1, start + 1))
-    links = block_links(labels, (centre - corner) / grid.pitch, grid.pitch, cut)
+    links = block_links(
+        labels, centre=(centre - corner) / grid.pitch, pitch=grid.pitch, cut=cut
+    )
     # Faces within one of the two planes belong to links of its own slab.
     across = (links.src < count) & (links.dst >= count)
     kept = Links(*(array[across] for array in links))

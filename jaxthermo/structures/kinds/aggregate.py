@@ -91,7 +91,9 @@ class Aggregate(AbstractBuiltStructure):
                     f"Aggregate({name}={value!r}): give a number from 0 to 1"
                 )
         options = {"factor": self.factor, **fractions}
-        self.built = built_once("aggregate", self.grid, options, _build)
+        self.built = built_once(
+            "aggregate", grid=self.grid, options=options, build=_build
+        )
 
 
 def _factor_of_size(grid: VoxelGrid, size: Any) -> int:
@@ -125,13 +127,20 @@ def _build(
     grid: VoxelGrid, factor: int, min_time_constant: float, alignment: float
 ) -> Built:
     factor = min(factor, max(grid.solid.shape))
-    built = build_slabs(grid, factor, 0, lambda x: _numbered(grid.solid[x], factor))
+    built = build_slabs(
+        grid,
+        factor=factor,
+        surface_nodes=0,
+        slab_of=lambda x: _numbered(grid.solid[x], factor),
+    )
     edge, corner = factor * grid.pitch, grid.lattice.origin
     # Half a voxel inside at least, whatever is solid.
     block = ((built.nodes.centre - corner) / edge).astype(np.int64)
     thin = _thin_parts(built, edge * grid.volume_ratio)
     aligned = np.where(thin.is_thin, 0.0, alignment)
-    built = _align_nodes(built, block, corner, edge, aligned)
+    built = _align_nodes(
+        built, block=block, corner=corner, edge=edge, alignment=aligned
+    )
     # A whole block with six neighbours has V / sum A / L = (factor pitch)^2 / 6.
     minimum = min_time_constant * (edge**2 / 6 * grid.volume_ratio)
     return _limit_small_nodes(_refill(built, thin, minimum), minimum)

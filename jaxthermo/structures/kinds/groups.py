@@ -46,7 +46,9 @@ class MultiLevel(AbstractBuiltStructure):
                 f'MultiLevel(hollow={self.hollow!r}): choose "empty" or "innermost"'
             )
         options = {"levels": self.levels, "hollow": self.hollow}
-        self.built = built_once("multilevel", self.grid, options, _build_layers)
+        self.built = built_once(
+            "multilevel", grid=self.grid, options=options, build=_build_layers
+        )
 
 
 def _build_layers(grid: VoxelGrid, levels: int, hollow: str) -> Built:
@@ -81,7 +83,10 @@ class ShellOverCore(AbstractBuiltStructure):
         self.factor = whole_number(self.factor, "ShellOverCore(factor=)")
         options = {"layers": self.layers, "factor": self.factor}
         self.built = built_once(
-            "shell_over_core", self.grid, options, _build_shell_over_core
+            "shell_over_core",
+            grid=self.grid,
+            options=options,
+            build=_build_shell_over_core,
         )
 
 
@@ -90,7 +95,7 @@ def _build_shell_over_core(grid: VoxelGrid, layers: int, factor: int) -> Built:
     factor = min(factor, max(grid.solid.shape))
     surface = len(grid.fragment_area) * layers
     own = lambda x: _shell_and_core(grid.solid[x], fine[x], factor)
-    return build_slabs(grid, factor, surface, own)
+    return build_slabs(grid, factor=factor, surface_nodes=surface, slab_of=own)
 
 
 def _shell_and_core(
@@ -124,7 +129,10 @@ class Octree(AbstractBuiltStructure):
         if self.levels is not None:
             self.levels = whole_number(self.levels, "Octree(levels=)")
         self.built = built_once(
-            "octree", self.grid, {"levels": self.levels}, _build_octree
+            "octree",
+            grid=self.grid,
+            options={"levels": self.levels},
+            build=_build_octree,
         )
 
 
@@ -153,7 +161,10 @@ class Partition(AbstractBuiltStructure):
     def __post_init__(self, labels: Any):
         checked = _checked_labels(self.grid, labels)
         self.built = built_once(
-            "partition", self.grid, {"labels": checked}, _build_partition
+            "partition",
+            grid=self.grid,
+            options={"labels": checked},
+            build=_build_partition,
         )
 
 

@@ -52,7 +52,9 @@ class SingleShell(AbstractBuiltStructure):
                 f'SingleShell(capacity={self.capacity!r}): give "body" or "own"'
             )
         options = {"capacity": self.capacity}
-        self.built = built_once("single_shell", self.grid, options, _build_shell)
+        self.built = built_once(
+            "single_shell", grid=self.grid, options=options, build=_build_shell
+        )
 
 
 def _build_shell(grid: VoxelGrid, capacity: str) -> Built:
@@ -66,7 +68,7 @@ def _build_shell(grid: VoxelGrid, capacity: str) -> Built:
     node[tuple(voxels.T)] = np.arange(count)
     level = np.zeros(count, np.int32)
     return Built(
-        nodes=Nodes(centre, volume, level, centre),
+        nodes=Nodes(centre=centre, volume=volume, level=level, location=centre),
         links=_shell_links(grid, voxels),
         fragment_node=node[tuple(grid.fragment_voxel.T)],
         voxel_node=node[grid.solid],
@@ -145,7 +147,10 @@ class IrregularMultiLevel(AbstractBuiltStructure):
         self.keep_capacity = bool(self.keep_capacity)
         options = {"levels": self.levels, "keep_capacity": self.keep_capacity}
         self.built = built_once(
-            "irregular_multi_level", self.grid, options, _build_nested
+            "irregular_multi_level",
+            grid=self.grid,
+            options=options,
+            build=_build_nested,
         )
 
     @property
@@ -215,7 +220,7 @@ def _nodes(grid: VoxelGrid, levels: LevelCells, keep_capacity: bool) -> Nodes:
     if keep_capacity:
         volume *= grid.body_volume / volume.sum()
     centre = grid.origin + middle * grid.pitch
-    return Nodes(centre, volume, level, centre)
+    return Nodes(centre=centre, volume=volume, level=level, location=centre)
 
 
 class _Pairs(NamedTuple):
@@ -266,7 +271,12 @@ def _lattice_pairs(levels: LevelCells, half: Float[np.ndarray, " n"]) -> _Pairs:
             pairs.append(first + np.stack([found, index[found]]))
         first += len(cells)
     src, dst = np.concatenate(pairs, axis=1)
-    return _Pairs(src * len(half) + dst, 4 * half[src] ** 2, half[src], half[dst])
+    return _Pairs(
+        key=src * len(half) + dst,
+        area=4 * half[src] ** 2,
+        distance_src=half[src],
+        distance_dst=half[dst],
+    )
 
 
 def _contacts(assignment: Assignment, half: Float[np.ndarray, " n"]) -> _Pairs:
@@ -286,4 +296,9 @@ def _contacts(assignment: Assignment, half: Float[np.ndarray, " n"]) -> _Pairs:
     gap_src = np.bincount(which, np.where(ascending, *gaps), len(key)) / area
     gap_dst = np.bincount(which, np.where(ascending, *gaps[::-1]), len(key)) / area
     src, dst = np.divmod(key, max(len(half), 1))
-    return _Pairs(key, area.astype(float), half[src] + gap_src, half[dst] + gap_dst)
+    return _Pairs(
+        key=key,
+        area=area.astype(float),
+        distance_src=half[src] + gap_src,
+        distance_dst=half[dst] + gap_dst,
+    )
