@@ -61,6 +61,11 @@ def is_traced(tree: Any) -> bool:
     return any(issubclass(kind, jax.core.Tracer) for kind in kinds)
 
 
+def namespace(values: Any) -> Any:
+    """Module for computing with the values: jax.numpy if any is traced, else numpy."""
+    return jnp if is_traced(values) else np
+
+
 def typed_array(value: Any, dtype: Any) -> Any:
     """The value as an array of a type: of numpy, unless it is one of JAX or traced."""
     # Single arrays take longer to a device than all of a scene at its end.

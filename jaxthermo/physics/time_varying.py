@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Samples, Time, TimeVarying, is_traced, typed_array
+from ..arrays import Samples, Time, TimeVarying, is_traced, namespace, typed_array
 from ..constants import MAX_TEMPERATURE, MIN_TEMPERATURE, ZERO_CELSIUS
 from ..errors import InputError, shortened
 from ..module import Module
@@ -196,11 +196,11 @@ def largest(value: Any, end: float | int) -> Any:
     # On the host where nothing is traced: single operations on a device would take
     # longer than all else that a scene of other numbers costs.
     if isinstance(value, Table):
-        return _own(value.values).max(_float(value.values))
+        return namespace(value.values).max(_float(value.values))
     if isinstance(value, Until):
         # It is 0 after its end.
         highest = largest(value.value, end)
-        return _own(highest).maximum(highest, 0.0)
+        return namespace(highest).maximum(highest, 0.0)
     if callable(value):
         return jnp.max(_sampled(value, end))
     return _float(value)
@@ -209,10 +209,10 @@ def largest(value: Any, end: float | int) -> Any:
 def smallest(value: Any, end: float | int) -> Any:
     """The smallest value in [0, end] [s]; functions are sampled as by `largest`."""
     if isinstance(value, Table):
-        return _own(value.values).min(_float(value.values))
+        return namespace(value.values).min(_float(value.values))
     if isinstance(value, Until):
         lowest = smallest(value.value, end)
-        return _own(lowest).minimum(lowest, 0.0)
+        return namespace(lowest).minimum(lowest, 0.0)
     if callable(value):
         return jnp.min(_sampled(value, end))
     return _float(value).min()
@@ -222,7 +222,7 @@ def cooling_bound(value: Any, end: float | int) -> Any:
     """Lower bound of temperatures under an imposed heat, as `Forcing.lowest` [K]."""
     # What takes heat out at any temperature cools without a bound.
     lowest = smallest(value, end)
-    return _own(lowest).where(lowest < 0, 0.0, np.inf)
+    return namespace(lowest).where(lowest < 0, 0.0, np.inf)
 
 
 def _sampled(value: Any, end: float | int) -> Float[Array, " k"]:
@@ -230,9 +230,5 @@ def _sampled(value: Any, end: float | int) -> Float[Array, " k"]:
     return jax.vmap(lambda t: value_at(value, t))(jnp.linspace(0.0, end, 1025))
 
 
-def _own(values: Any) -> Any:
-    return jnp if is_traced(values) else np
-
-
 def _float(values: Any) -> Any:
-    return _own(values).asarray(values, float)
+    return namespace(values).asarray(values, float)
