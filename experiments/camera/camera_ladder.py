@@ -30,9 +30,12 @@ from ..harness.present import Rows, colour_bar, publish, table_of, thermal_tile
 QUICK = {"height": 40}
 
 # Height of the figurine [m], and the distance of the camera that sees it [m].
-_TALL, _DISTANCE = 0.3, 5.0
+_HEIGHT = 0.3
+_DISTANCE = 5.0
 # A clear afternoon: air, sky and ground [K], and sun until the frame [W/m^2].
-_AIR, _SKY, _GROUND = 298.15, 268.15, 303.15
+_AIR = 298.15
+_SKY = 268.15
+_GROUND = 303.15
 _SUN = (-0.6, 1.0, -0.9)
 _IRRADIANCE = 800.0
 _TIMES = (600.0 - 1 / 30, 600.0)
@@ -88,8 +91,8 @@ def _rungs() -> Iterator[_Rung]:
 
 
 def _scene(height: int) -> tuple[jt.Solution, jt.Camera]:
-    mesh = figurine(_TALL)
-    grid = jt.voxelize(mesh, _TALL / height)
+    mesh = figurine(_HEIGHT)
+    grid = jt.voxelize(mesh, _HEIGHT / height)
     body = jt.Body(jt.FullVolume(grid), _MATERIAL, temperature=_AIR)
     terms = (
         jt.Sun(_SUN, _IRRADIANCE),
@@ -142,22 +145,27 @@ def run(folder: Path, height: int = 110) -> dict[str, Any]:
         np.asarray(getattr(image, rung.quantity), float)
         for image, rung in zip(images, rungs, strict=True)
     ]
-    shown = np.asarray(images[0].object_id) >= 0
-    columns = np.flatnonzero(shown.any(0))
+    on_body = np.asarray(images[0].object_id) >= 0
+    columns = np.flatnonzero(on_body.any(0))
     cut = slice(max(0, int(columns[0]) - _AROUND), int(columns[-1]) + _AROUND)
-    inside = np.asarray(binary_erosion(shown, iterations=_MARGIN), bool)
+    inside = np.asarray(binary_erosion(on_body, iterations=_MARGIN), bool)
     rows = [
-        _row(rung, kelvin=kelvin[n], before=kelvin[n - 1] if n else None, inside=inside)
+        _row(
+            rung,
+            kelvin=kelvin[n],
+            previous_kelvin=kelvin[n - 1] if n else None,
+            inside=inside,
+        )
         | {"frame_ms": _frame_time(solution, camera, rung)}
         for n, rung in enumerate(rungs)
     ]
     write_png(
         folder / "rungs.png",
-        _frames(rungs, kelvin=kelvin, shown=shown, inside=inside, cut=cut),
+        _frames(rungs, kelvin=kelvin, on_body=on_body, inside=inside, cut=cut),
     )
     write_png(
         folder / "differences.png",
-        _differences(rungs, kelvin=kelvin, shown=shown, inside=inside, cut=cut),
+        _differences(rungs, kelvin=kelvin, on_body=on_body, inside=inside, cut=cut),
     )
     publish(folder, "The thermal camera, rung by rung", _sections(rows, folder))
     return {
@@ -172,14 +180,14 @@ def run(folder: Path, height: int = 110) -> dict[str, Any]:
 def _row(
     rung: _Rung,
     kelvin: Float[np.ndarray, "h w"],
-    before: Float[np.ndarray, "h w"] | None,
+    previous_kelvin: Float[np.ndarray, "h w"] | None,
     inside: Bool[np.ndarray, "h w"],
 ) -> dict[str, Any]:
     """The rung's mean, and its difference from the one before it."""
     row = {"name": rung.name, "note": rung.note, "mean_K": float(kelvin[inside].mean())}
-    if before is None:
+    if previous_kelvin is None:
         return row | {"change_mean_K": 0.0, "change_rms_K": 0.0, "change_max_K": 0.0}
-    change = (kelvin - before)[inside]
+    change = (kelvin - previous_kelvin)[inside]
     return row | {
         "change_mean_K": float(change.mean()),
         "change_rms_K": float(np.sqrt(np.mean(change**2))),
@@ -187,11 +195,15 @@ def _row(
     }
 
 
-def _frames(rungs, kelvin, shown, inside, cut):
+def _frames(rungs, kelvin, on_body, inside, cut):
     low, high = (float(q) for q in np.quantile(kelvin[2][inside], [0.001, 0.999]))
     tiles = [
         thermal_tile(
-            k[:, cut], body=shown[:, cut], limits=(low, high), name=r.name, note=r.note
+            k[:, cut],
+            body=on_body[:, cut],
+            limits=(low, high),
+            name=r.name,
+            note=r.note,
         )
         for k, r in zip(kelvin, rungs, strict=True)
     ]
@@ -200,14 +212,12 @@ def _frames(rungs, kelvin, shown, inside, cut):
     return sheet(tiles, bar, "What a camera shows, with one thing more each time")
 
 
-def _differences(rungs, kelvin, shown, inside, cut):
-    changes = [
-        after - before for before, after in zip(kelvin, kelvin[1:], strict=False)
-    ]
+def _differences(rungs, kelvin, on_body, inside, cut):
+    changes = np.diff(kelvin, axis=0)
     largest = max(float(np.quantile(np.abs(c[inside]), 0.999)) for c in changes)
     scale = DifferenceScale(nice_limit(largest))
     tiles = [
-        Tile(scale.picture(c[:, cut], shown[:, cut]), r.name, r.note)
+        Tile(scale.picture(c[:, cut], on_body[:, cut]), r.name, r.note)
         for c, r in zip(changes, rungs[1:], strict=True)
     ]
     bar = difference_bar(scale, "change of the temperature shown [K]")
@@ -225,7 +235,7 @@ def _sections(rows: Rows, folder: Path) -> list[page.Section]:
         ("frame [ms]", "{frame_ms:.1f}"),
     ]
     return [
-        f"The built-in figurine of painted metal, {_TALL:g} m high, after 10 minutes "
+        f"The built-in figurine of painted metal, {_HEIGHT:g} m high, after 10 minutes "
         f"in a sun of {_IRRADIANCE:g} W/m² under a sky of {to_celsius(_SKY):g} °C, on "
         f"ground of {to_celsius(_GROUND):g} °C, in air of {to_celsius(_AIR):g} °C. "
         "Each rung has all those above it. Changes are of the pixels at least "

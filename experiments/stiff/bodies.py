@@ -1,6 +1,6 @@
 """Bodies and scenes of the cases: boxes of few voxels, of few shapes.
 
-What has the same shape and mechanisms runs as the same program, whatever its numbers.
+Scenes with equal shapes and mechanisms run as one program, whatever their numbers.
 """
 
 import functools
@@ -16,21 +16,26 @@ DIAMOND = jt.Material(2000.0, density=3510.0, specific_heat=508.0)
 COPPER = jt.Material(401.0, density=8960.0, specific_heat=385.0)
 STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=1.0)
 
-COLD, HOT = 300.0, 400.0
+COLD = 300.0
+HOT = 400.0
 """Temperatures of the two halves of a body at the start [K]."""
 
-# Of the bodies of two materials.
-CELLS, PITCH = (16, 6, 6), 1e-3
+CELLS = (16, 6, 6)
+PITCH = 1e-3
+"""Voxels along x, y and z of the bodies of two materials, and their edge [m]."""
 
-# Length of a rod [m], and temperatures of its air and of its start [K].
-LENGTH, AIR, START = 0.1, 300.0, 400.0
+LENGTH = 0.1
+"""Length of a rod [m]."""
+AIR = 300.0
+START = 400.0
+"""Temperatures of the rod's air and of the rod at the start [K]."""
 
 
 @functools.cache
 def block(x: int, y: int, z: int, pitch: float) -> jt.VoxelGrid:
     """A box of so many voxels of `pitch` [m], centred at the origin."""
     mesh = jt.shapes.box((x * pitch, y * pitch, z * pitch))
-    # Also where it is first asked for in what is being traced.
+    # The first call may come from a function that is being traced.
     with jax.ensure_compile_time_eval():
         return jt.voxelize(mesh, pitch)
 
@@ -43,7 +48,7 @@ def two_halves(points: np.ndarray) -> np.ndarray:
 def single(
     grid: jt.VoxelGrid, material, temperature, *terms, dtype: str = "float64"
 ) -> jt.Scene:
-    """One body in its full volume; arguments as of `Body`, and terms."""
+    """A scene of one body in its full volume; arguments as of `Body`, and terms."""
     body = jt.Body(jt.FullVolume(grid), material, temperature=temperature)
     # Some cases start at 0 K.
     return jt.Scene((body,), terms, dtype=dtype, allow_extreme_temperatures=True)
@@ -59,10 +64,11 @@ def insulated(name: str, pair, dtype: str, temperature=two_halves) -> jt.Scene:
         "uniform": np.ones(CELLS),
     }
     material = jt.MaterialLabels(labels[name].astype(np.int32), pair)
-    return single(block(*CELLS, PITCH), material, temperature, dtype=dtype)
+    grid = block(*CELLS, pitch=PITCH)
+    return single(grid, material, temperature, dtype=dtype)
 
 
-def beside(grid: jt.VoxelGrid, x: float, material, temperature) -> jt.Body:
+def moved_along_x(grid: jt.VoxelGrid, x: float, material, temperature) -> jt.Body:
     """A body moved along x [m]; material and temperature as of `Body`."""
     pose = jt.Pose(translation=(x, 0.0, 0.0))
     return jt.Body(jt.FullVolume(grid), material, temperature=temperature, pose=pose)
@@ -71,4 +77,5 @@ def beside(grid: jt.VoxelGrid, x: float, material, temperature) -> jt.Body:
 def rod(cells: int, material: jt.Material, h: float) -> jt.Scene:
     """A line of voxels that convects at one end, with h [W/(m^2 K)]."""
     air = jt.Convection(h, AIR, on=jt.Side((1.0, 0.0, 0.0)))
-    return single(block(cells, 1, 1, LENGTH / cells), material, START, air)
+    grid = block(cells, 1, 1, pitch=LENGTH / cells)
+    return single(grid, material, START, air)

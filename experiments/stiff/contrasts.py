@@ -21,9 +21,9 @@ from .bodies import (
     PITCH,
     START,
     STEEL,
-    beside,
     block,
     insulated,
+    moved_along_x,
     rod,
 )
 from .solved import (
@@ -31,6 +31,7 @@ from .solved import (
     STEPS,
     Limits,
     Method,
+    Observation,
     Ran,
     adaptive,
     damping,
@@ -53,17 +54,20 @@ _LONGEST = 1e6
 
 def _backward(stable: float, ratio: float) -> Method:
     dt = ratio * stable
-    return Method(f"BackwardEuler, {ratio:g} limits", jt.BackwardEuler(dt=dt), 5 * dt)
+    return Method(
+        f"BackwardEuler, {ratio:g} limits",
+        solver=jt.BackwardEuler(dt=dt),
+        end=5 * dt,
+    )
 
 
-def through_all(what: str, scene: jt.Scene) -> Iterator[Row]:
+def through_all(label: str, scene: jt.Scene) -> Iterator[Row]:
     """Every solver, backward Euler up to the longest step, and the refusal."""
     stable = stable_step(scene)
-    methods = every_solver(stable)
-    methods[3:3] = [_backward(stable, _LONGEST)]
+    methods = [*every_solver(stable), _backward(stable, _LONGEST)]
     for method in methods:
-        yield judged(what, scene, method, _BOUNDS)
-    yield too_long(what, scene)
+        yield judged(label, scene=scene, method=method, bounds=_BOUNDS)
+    yield too_long(label, scene)
 
 
 _RULE = "maximum principle; rounding as measured on 200 alternating cells"
@@ -107,21 +111,37 @@ _SLOW = (
 )
 def _small_and_large() -> Iterator[Row]:
     for dtype in _DTYPES:
-        small = beside(block(3, 3, 3, 1e-5), 0.0, DIAMOND, 400.0)
-        large = beside(block(3, 3, 3, 1.0), 10.0, AEROGEL, 300.0)
+        small = moved_along_x(
+            block(3, 3, 3, pitch=1e-5), 0.0, material=DIAMOND, temperature=400.0
+        )
+        large = moved_along_x(
+            block(3, 3, 3, pitch=1.0), 10.0, material=AEROGEL, temperature=300.0
+        )
         scene = jt.Scene((small, large), (jt.Convection(10.0, 350.0),), dtype=dtype)
-        what, stable = "10 um diamond, 1 m aerogel", stable_step(scene)
+        label = "10 um diamond, 1 m aerogel"
+        stable = stable_step(scene)
         # The limit is that of the smallest voxel alone, to what convection adds.
         limit = 1e-10 / (6 * float(DIAMOND.diffusivity))
-        ratio = Bound("limit over h^2 / 6 alpha", stable / limit, 1 + 1e-5, 1 - 1e-5)
+        ratio = Bound(
+            "limit over h^2 / 6 alpha",
+            computed=stable / limit,
+            highest=1 + 1e-5,
+            lowest=1 - 1e-5,
+        )
         yield Row("the explicit limit", seen=f"{stable:.4g} s", checks=(ratio,))
-        yield too_long(what, scene, 1.0 / stable)
-        methods = [*explicit(stable), *implicit(100.0, "100 s", 100), adaptive(1e4)]
-        # Nothing here goes by the precision but what a long step makes of it.
-        for method in methods if dtype == "float64" else methods[2:3]:
-            yield judged(what, scene, method, (300.0, 400.0))
+        yield too_long(label, scene, ratio=1.0 / stable)
+        long_steps = implicit(100.0, "100 s", steps=100)
+        if dtype == "float64":
+            methods = [*explicit(stable), *long_steps, adaptive(1e4)]
+        else:
+            # The precision changes only what a long step makes of the contrast.
+            methods = [m for m in long_steps if isinstance(m.solver, jt.BackwardEuler)]
+        for method in methods:
+            yield judged(label, scene=scene, method=method, bounds=(300.0, 400.0))
         if dtype == "float32":
-            yield Row(f"{what}, 1e4 s", "TRBDF2, adaptive", dtype, seen=_SLOW)
+            yield Row(
+                f"{label}, 1e4 s", solver="TRBDF2, adaptive", dtype=dtype, seen=_SLOW
+            )
 
 
 @case(
@@ -135,22 +155,31 @@ def _long_steps() -> Iterator[Row]:
     for dtype in _DTYPES:
         scene = insulated("uniform", (STEEL, STEEL), dtype)
         stable = stable_step(scene)
-        for ratio in (1e-6, 1e-3, 1.0, 1e3, _LONGEST):
-            yield judged("a step", scene, _backward(stable, ratio), _BOUNDS)
-            yield judged("a step", scene, _trapezoidal(stable, ratio), _BOUNDS)
+        methods = [
+            choose(stable, ratio)
+            for ratio in (1e-6, 1e-3, 1.0, 1e3, _LONGEST)
+            for choose in (_backward, _trapezoidal)
+        ]
         # (1 - theta) dt <= C / sum G: positive up to two explicit limits.
-        yield judged("a step", scene, _trapezoidal(stable, 2.0, "kept"), _BOUNDS)
+        methods.append(_trapezoidal(stable, 2.0, bounds="kept"))
+        for method in methods:
+            yield judged("a step", scene=scene, method=method, bounds=_BOUNDS)
     for z in (1e-6, 1.0, 1e3, 1e6):
         yield from _factors(z)
 
 
 def _trapezoidal(stable: float, ratio: float, bounds: str = "reported") -> Method:
-    dt, name = ratio * stable, f"CrankNicolson, {ratio:g} limits"
-    return Method(name, jt.CrankNicolson(dt=dt), 5 * dt, bounds)
+    dt = ratio * stable
+    return Method(
+        f"CrankNicolson, {ratio:g} limits",
+        solver=jt.CrankNicolson(dt=dt),
+        end=5 * dt,
+        bounds=bounds,
+    )
 
 
 _ROOT = float(np.sqrt(2.0))
-# Of a mode that decays at z / dt, in one step.
+# Amplification of a mode that decays at z / dt, by one step.
 _FACTORS = {
     "BackwardEuler": lambda z: decay_implicit_euler(z, 1.0, 1),
     "CrankNicolson": lambda z: decay_crank_nicolson(z, 1.0, 1),
@@ -161,25 +190,41 @@ _FACTORS = {
 def _factors(z: float) -> Iterator[Row]:
     """Amplification of the shortest mode by one step, against its formula."""
     cells = CELLS[0]
-    shape = lambda points: np.cos(
-        np.pi * (cells - 1) * (points[:, 0] / PITCH + cells / 2) / cells
+
+    def mode_at(points: np.ndarray) -> np.ndarray:
+        cell = points[:, 0] / PITCH + cells / 2
+        return np.cos(np.pi * (cells - 1) * cell / cells)
+
+    def start_temperature(points: np.ndarray) -> np.ndarray:
+        return 350.0 + 50.0 * mode_at(points)
+
+    scene = insulated(
+        "uniform", (STEEL, STEEL), dtype="float64", temperature=start_temperature
     )
-    start = lambda points: 350.0 + 50.0 * shape(points)
-    scene = insulated("uniform", (STEEL, STEEL), "float64", start)
-    mode = shape(scene.bodies[0].structure.nodes().centre)
+    mode = mode_at(scene.bodies[0].structure.nodes().centre)
     # An exact mode of the cells, with their own rate of decay.
     sine = float(np.sin(np.pi * (cells - 1) / (2 * cells)))
     dt = z / (4 * float(STEEL.diffusivity) / PITCH**2 * sine**2)
     for name, formula in _FACTORS.items():
 
-        def off(ran: Ran, exact: float = formula(z)):
-            found = float((ran.nodes[0] - 350.0) @ mode / (50.0 * mode @ mode))
-            check = Bound("off the formula", abs(found - exact), 1e-9)
-            return f"factor {found:.9f}", (check,)
+        def difference_from_formula(ran: Ran, exact: float = formula(z)) -> Observation:
+            factor = float((ran.nodes[0] - 350.0) @ mode / (50.0 * mode @ mode))
+            check = Bound("off the formula", abs(factor - exact), 1e-9)
+            return Observation(seen=f"factor {factor:.9f}", checks=(check,))
 
-        method = Method(f"{name}, z = {z:g}", getattr(jt, name)(dt=dt), dt, "reported")
-        # Any factor is allowed that is the formula's: here it is judged.
-        row = judged("highest mode", scene, method, _BOUNDS, off)
+        row = judged(
+            "highest mode",
+            scene=scene,
+            method=Method(
+                f"{name}, z = {z:g}",
+                solver=getattr(jt, name)(dt=dt),
+                end=dt,
+                bounds="reported",
+            ),
+            bounds=_BOUNDS,
+            observe=difference_from_formula,
+        )
+        # Any factor is allowed that is the formula's, and that is judged.
         yield row._replace(if_met=PASS)
 
 
@@ -194,12 +239,26 @@ def _biot_numbers() -> Iterator[Row]:
     material = jt.Material(1.0, density=1000.0, specific_heat=1000.0)
     square = LENGTH**2 / float(material.diffusivity)
     # One time constant, L^2 / (alpha Bi), of a slab of one temperature.
-    yield from _slab(material, 1e-6, 8, square / 1e-6, float(np.exp(-1.0)), 128)
+    yield from _slab(
+        material,
+        biot=1e-6,
+        cells=8,
+        end=square / 1e-6,
+        exact=float(np.exp(-1.0)),
+        steps=128,
+    )
     odd = np.arange(1, 200, 2) * np.pi / 2
     fourier = 0.5
     series = float((2 / odd**2 * np.exp(-(odd**2) * fourier)).sum())
     # 160 cells: their error of second order is below 1e-5.
-    yield from _slab(material, 1e6, 160, fourier * square, series, 400)
+    yield from _slab(
+        material,
+        biot=1e6,
+        cells=160,
+        end=fourier * square,
+        exact=series,
+        steps=400,
+    )
 
 
 def _slab(
@@ -208,31 +267,44 @@ def _slab(
     """A rod against a limit of its Biot number."""
     k = float(np.asarray(material.conductivity))
     scene = rod(cells, material, biot * k / LENGTH)
-    stable, dt, note = stable_step(scene), end / steps, f"{steps} steps"
-    what = f"Bi = {biot:g}"
+    stable = stable_step(scene)
+    dt = end / steps
+    note = f"{steps} steps"
+    label = f"Bi = {biot:g}"
 
-    def near(method: Method, limits: Limits = LIMITS) -> Row:
-        def more(ran: Ran):
-            found = (float(ran.nodes[0].mean()) - AIR) / (START - AIR)
-            seen = f"{found:.7f}, the limit {exact:.7f}"
+    def judged_by_limit(method: Method, limits: Limits = LIMITS) -> Row:
+        def mean_excess(ran: Ran) -> Observation:
+            excess = (float(ran.nodes[0].mean()) - AIR) / (START - AIR)
+            seen = f"{excess:.7f}, the limit {exact:.7f}"
             if method.name.startswith("BackwardEuler"):
-                return f"{seen}; of first order, not judged by that", ()
-            return seen, (Bound("off the limit", abs(found - exact), 1e-5),)
+                return Observation(f"{seen}; of first order, not judged by that")
+            check = Bound("off the limit", abs(excess - exact), 1e-5)
+            return Observation(seen, checks=(check,))
 
-        return judged(what, scene, method, (AIR, START), more, limits=limits)
+        return judged(
+            label,
+            scene=scene,
+            method=method,
+            bounds=(AIR, START),
+            observe=mean_excess,
+            limits=limits,
+        )
 
-    long = Method(f"SuperTimeStepping, {note}", jt.SuperTimeStepping(dt=dt), end)
+    super_time_stepping = Method(
+        f"SuperTimeStepping, {note}", solver=jt.SuperTimeStepping(dt=dt), end=end
+    )
     # Rounding of s stages grows as s^2 (Meyer et al. 2014).
     rounding = stage_count(dt, stable) ** 2 * float(np.finfo(float).eps)
-    yield near(long, Limits(LIMITS.overshoot, {"float64": max(1e-12, rounding)}))
+    energy = {"float64": max(1e-12, rounding)}
+    yield judged_by_limit(super_time_stepping, Limits(LIMITS.overshoot, energy=energy))
     for method in (*implicit(dt, note, steps), adaptive(end, error=1e-4)):
-        yield near(method)
+        yield judged_by_limit(method)
     # Beyond 1e5 steps explicit Euler would take longer than all others together.
     if end / stable < 1e5:
         euler = jt.ForwardEuler(dt=stable / 2)
-        yield near(Method("ForwardEuler, half its limit", euler, end))
+        yield judged_by_limit(Method("ForwardEuler, half its limit", euler, end))
     else:
-        yield too_long(what, scene, dt / stable)
+        yield too_long(label, scene, ratio=dt / stable)
 
 
 @case(
@@ -247,11 +319,25 @@ def _save_times() -> Iterator[Row]:
     for method in damping(scene):
         yield _landed(scene, method)
         yield _no_time(scene, method)
-    every = (jt.ForwardEuler, jt.SuperTimeStepping, jt.BackwardEuler, jt.CrankNicolson)
-    for solver in (*every, jt.TRBDF2):
-        given = solver(dt=0.0)
-        call = lambda s=given: jt.simulate(scene, 1.0, solver=s)
-        yield refusal("dt = 0", call, "is no step", solver.__name__, scene.dtype)
+    fixed_step_solvers = (
+        jt.ForwardEuler,
+        jt.SuperTimeStepping,
+        jt.BackwardEuler,
+        jt.CrankNicolson,
+        jt.TRBDF2,
+    )
+    for solver_type in fixed_step_solvers:
+
+        def run_without_step(solver_type=solver_type) -> object:
+            return jt.simulate(scene, 1.0, solver=solver_type(dt=0.0))
+
+        yield refusal(
+            "dt = 0",
+            run_without_step,
+            reason="is no step",
+            solver=solver_type.__name__,
+            dtype=scene.dtype,
+        )
 
 
 def _landed(scene: jt.Scene, method: Method) -> Row:
@@ -259,17 +345,25 @@ def _landed(scene: jt.Scene, method: Method) -> Row:
     end = method.end * float(np.sqrt(2.0)) / 1.5
     saves = [end / np.pi, end / 2, end]
 
-    def more(ran: Ran):
-        late = float(np.abs(np.asarray(ran.solution.times) / saves - 1).max())
-        run, given = ran.solution.run, method.solver.dt
-        checks = [Bound("off the save times", late, float(np.finfo(float).eps))]
-        # Equal steps between save times are at most as long as was asked for.
-        if given is not None:
-            checks.append(Bound("step over its own", (run.dt or 0.0) / given, 1 + 1e-9))
-        return f"{run.steps} steps to 3 save times", tuple(checks)
+    def saved_times(ran: Ran) -> Observation:
+        run = ran.solution.run
+        lateness = float(np.abs(np.asarray(ran.solution.times) / saves - 1).max())
+        checks = [Bound("off the save times", lateness, float(np.finfo(float).eps))]
+        # Equal steps between save times are at most as long as the solver's step.
+        longest_step = method.solver.dt
+        if longest_step is not None:
+            step_ratio = (run.dt or 0.0) / longest_step
+            checks.append(Bound("step over its own", step_ratio, 1 + 1e-9))
+        return Observation(f"{run.steps} steps to 3 save times", tuple(checks))
 
-    ending = method._replace(end=end)
-    return judged("end no multiple of dt", scene, ending, _BOUNDS, more, save_at=saves)
+    return judged(
+        "end no multiple of dt",
+        scene=scene,
+        method=method._replace(end=end),
+        bounds=_BOUNDS,
+        observe=saved_times,
+        save_at=saves,
+    )
 
 
 def _no_time(scene: jt.Scene, method: Method) -> Row:
@@ -277,11 +371,20 @@ def _no_time(scene: jt.Scene, method: Method) -> Row:
     surface = np.asarray(run.surface_temperature, float)[0]
     grid = scene.bodies[0].structure.grid
     x = grid.lattice.centres(grid.fragment_voxel)[:, 0]
-    off = float(np.abs(surface - np.where(x < 0, HOT, COLD)).max())
-    return Row("t1 = 0", method.name, scene.dtype, checks=(Bound("moved", off, 0.0),))
+    change = float(np.abs(surface - np.where(x < 0, HOT, COLD)).max())
+    return Row(
+        "t1 = 0",
+        solver=method.name,
+        dtype=scene.dtype,
+        checks=(Bound("moved", change, 0.0),),
+    )
 
 
 CASES = (
-    *(_conductivities, _capacities, _small_and_large, _long_steps, _biot_numbers),
+    _conductivities,
+    _capacities,
+    _small_and_large,
+    _long_steps,
+    _biot_numbers,
     _save_times,
 )

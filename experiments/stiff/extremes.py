@@ -18,15 +18,24 @@ from .bodies import (
     COPPER,
     HOT,
     STEEL,
-    beside,
     block,
     insulated,
+    moved_along_x,
     rod,
     single,
     two_halves,
 )
 from .contrasts import through_all
-from .solved import Bounds, Method, Ran, damping, judged, run_nodes, too_long
+from .solved import (
+    Bounds,
+    Method,
+    Observation,
+    Ran,
+    damping,
+    judged,
+    run_nodes,
+    too_long,
+)
 
 
 # Heat flux of the thesis' table 5.1 [W/m^2].
@@ -36,7 +45,8 @@ _FLUX = 31.15
 def _heated(metal: jt.Material, pitch: float, dtype: str) -> jt.Scene:
     """One voxel of an edge [m], heated from one side."""
     side = jt.HeatFlux(_FLUX, on=jt.Side((1.0, 0.0, 0.0)))
-    return single(block(1, 1, 1, pitch), metal, 300.0, side, dtype=dtype)
+    grid = block(1, 1, 1, pitch=pitch)
+    return single(grid, metal, 300.0, side, dtype=dtype)
 
 
 # In steps of 1 s.
@@ -72,34 +82,47 @@ def _slow_changes() -> Iterator[Row]:
 
 def _rise(name: str, dtype: str, solver: str) -> Row:
     """Temperature rise of a cubic metre after all steps."""
-    metal, stated = _METALS[name]
+    metal, stated_rate = _METALS[name]
     exact = _FLUX * _STEPS / float(metal.volumetric_heat_capacity)
 
-    def more(ran: Ran):
+    def temperature_rise(ran: Ran) -> Observation:
         rise = float(ran.nodes[0][0]) - 300.0
-        return f"+{rise:.6f} K, exact {exact:.6f} K", (
-            Bound("relative error", abs(rise / exact - 1), 1e-3),
-            # Half a unit of the table's third digit.
-            Bound("off the table", abs(rise / _STEPS / stated - 1), 5e-3),
+        return Observation(
+            seen=f"+{rise:.6f} K, exact {exact:.6f} K",
+            checks=(
+                Bound("relative error", abs(rise / exact - 1), 1e-3),
+                # Half a unit of the table's third digit.
+                Bound("off the table", abs(rise / _STEPS / stated_rate - 1), 5e-3),
+            ),
         )
 
     # The heated surface is warmer than its node, half a metre below it.
-    under = _FLUX * 0.5 / float(np.asarray(metal.conductivity))
-    method = Method(solver, _SOLVERS[solver], float(_STEPS))
-    bounds = (300.0, 300.0 + exact + under)
-    return judged(f"{name}, 1 m^3", _heated(metal, 1.0, dtype), method, bounds, more)
+    surface_excess = _FLUX * 0.5 / float(np.asarray(metal.conductivity))
+    return judged(
+        f"{name}, 1 m^3",
+        scene=_heated(metal, pitch=1.0, dtype=dtype),
+        method=Method(solver, _SOLVERS[solver], end=float(_STEPS)),
+        bounds=(300.0, 300.0 + exact + surface_excess),
+        observe=temperature_rise,
+    )
 
 
 def _stored_as_kelvin() -> Row:
     """The same if 300 K were part of what is stored."""
     copper, _ = _METALS["copper"]
     exact = _FLUX * _STEPS / float(copper.volumetric_heat_capacity)
-    temperature, rise = np.float32(300.0), np.float32(exact / _STEPS)
+    temperature = np.float32(300.0)
+    rise_per_step = np.float32(exact / _STEPS)
     # One by one: each sum is rounded.
     for _ in range(_STEPS):
-        temperature = temperature + rise
-    seen = f"+{float(temperature) - 300:.6f} K if temperatures were stored themselves"
-    return Row("copper, for comparison", "ForwardEuler", "float32", seen=seen)
+        temperature = temperature + rise_per_step
+    rise = float(temperature) - 300
+    return Row(
+        "copper, for comparison",
+        solver="ForwardEuler",
+        dtype="float32",
+        seen=f"+{rise:.6f} K if temperatures were stored themselves",
+    )
 
 
 # Voxels along each edge: 1.008e7.
@@ -115,19 +138,36 @@ _SIDE = 216
 def _many_voxels() -> Iterator[Row]:
     values = np.random.default_rng(0).uniform(0, 100, 10**7).astype(np.float32)
     exact = float(values.sum(dtype=np.float64))
-    off = lambda total: abs(float(total) / exact - 1)
-    found = off(jax.jit(precise_sum)(jnp.asarray(values)))
-    check, seen = Bound("relative error", found, 1e-6), f"off by {found:.2g}"
-    yield Row("1e7 values, blocks of 64", "", "float32", seen=seen, checks=(check,))
-    # `cumsum` adds them in turn, which `sum` does not.
-    seen = f"off by {off(np.cumsum(values, dtype=np.float32)[-1]):.2g}"
-    what = "1e7 values, one after the other"
-    yield Row(what, "", "float32", seen=seen, if_met=REPORTED)
+
+    def relative_error(total) -> float:
+        return abs(float(total) / exact - 1)
+
+    blockwise_error = relative_error(jax.jit(precise_sum)(jnp.asarray(values)))
+    yield Row(
+        "1e7 values, blocks of 64",
+        dtype="float32",
+        seen=f"off by {blockwise_error:.2g}",
+        checks=(Bound("relative error", blockwise_error, 1e-6),),
+    )
+    # `cumsum` adds the values one after the other, which `sum` does not.
+    sequential_error = relative_error(np.cumsum(values, dtype=np.float32)[-1])
+    yield Row(
+        "1e7 values, one after the other",
+        dtype="float32",
+        seen=f"off by {sequential_error:.2g}",
+        if_met=REPORTED,
+    )
     grid = block(_SIDE, _SIDE, _SIDE, 1e-3)
     scene = single(grid, STEEL, two_halves, dtype="float32")
     method = Method("ForwardEuler, at its limit", jt.ForwardEuler(), 0.5)
-    drift = lambda ran: ("", (Bound("energy drift", ran.residual, 1e-6),))
-    yield judged(f"{_SIDE**3:.3g} voxels", scene, method, (COLD, HOT), drift)
+
+    def energy_drift(ran: Ran) -> Observation:
+        return Observation(checks=(Bound("energy drift", ran.residual, 1e-6),))
+
+    label = f"{_SIDE**3:.3g} voxels"
+    yield judged(
+        label, scene=scene, method=method, bounds=(COLD, HOT), observe=energy_drift
+    )
 
 
 _PITCH = 0.01
@@ -136,9 +176,11 @@ _CELLS = 4
 
 def _pair(conductance: float) -> jt.Scene:
     """A hot and a cold block end to end, with a contact of h_c [W/(m^2 K)]."""
-    grid, half = block(_CELLS, 3, 3, _PITCH), _CELLS * _PITCH / 2
-    bodies = beside(grid, -half, STEEL, HOT), beside(grid, half, STEEL, COLD)
-    return jt.Scene(bodies, (jt.Contact(conductance),), dtype="float64")
+    grid = block(_CELLS, 3, 3, pitch=_PITCH)
+    half_length = _CELLS * _PITCH / 2
+    hot = moved_along_x(grid, -half_length, material=STEEL, temperature=HOT)
+    cold = moved_along_x(grid, half_length, material=STEEL, temperature=COLD)
+    return jt.Scene((hot, cold), (jt.Contact(conductance),), dtype="float64")
 
 
 @case(
@@ -149,33 +191,60 @@ def _pair(conductance: float) -> jt.Scene:
     "bit by bit; bounds and energy in between",
 )
 def _contacts() -> Iterator[Row]:
-    whole = single(block(2 * _CELLS, 3, 3, _PITCH), STEEL, two_halves)
+    grid = block(2 * _CELLS, 3, 3, pitch=_PITCH)
+    bonded_body = single(grid, STEEL, two_halves)
     for conductance in (1.0, 1e3, 1e6, np.inf):
         scene = _pair(conductance)
-        what, bonded = f"h_c = {conductance:g}", np.isinf(conductance)
+        label = f"h_c = {conductance:g}"
         for method in damping(scene, ratio=50.0):
 
-            def against(ran: Ran, method: Method = method):
-                # A bonded pair beside one body of both, by the same solver.
-                off = ran.moved(np.concatenate(run_nodes(whole, method).nodes))
-                check = Bound("off one body", off / (HOT - COLD), 1e-10)
+            def difference_from_one_body(
+                ran: Ran, method: Method = method
+            ) -> Observation:
+                # A bonded pair against one body of the same voxels, by one solver.
+                one_body = run_nodes(bonded_body, method=method)
+                difference = ran.moved(np.concatenate(one_body.nodes))
+                check = Bound("off one body", difference / (HOT - COLD), 1e-10)
                 # Their solves differ, and so do the steps that follow an error.
-                adaptive = method.name == "TRBDF2, adaptive"
-                return f"off one body by {off:.2g} K", () if adaptive else (check,)
+                is_adaptive = method.name == "TRBDF2, adaptive"
+                return Observation(
+                    seen=f"off one body by {difference:.2g} K",
+                    checks=() if is_adaptive else (check,),
+                )
 
-            more = against if bonded else None
-            yield judged(what, scene, method, (COLD, HOT), more)
-        yield too_long(what, scene)
+            yield judged(
+                label,
+                scene=scene,
+                method=method,
+                bounds=(COLD, HOT),
+                observe=difference_from_one_body if np.isinf(conductance) else None,
+            )
+        yield too_long(label, scene)
     apart = _pair(0.0)
-    same = lambda ran: ("", (Bound("moved", ran.moved(np.repeat([HOT, COLD], 36)), 0),))
+
+    def change_from_start(ran: Ran) -> Observation:
+        change = ran.moved(np.repeat([HOT, COLD], 36))
+        return Observation(checks=(Bound("moved", change, 0),))
+
     for method in damping(apart, ratio=50.0)[:3]:
-        yield judged("h_c = 0", apart, method, (COLD, HOT), same)
-    # A conductance of 1e15 against none in the way.
-    euler = Method("ForwardEuler", jt.ForwardEuler(), 100.0)
-    nearly, fully = (run_nodes(_pair(h), euler) for h in (1e15, np.inf))
-    off = nearly.moved(np.concatenate(fully.nodes)) / (HOT - COLD)
-    check = Bound("off bonded", off, 1e-10)
-    yield Row("h_c = 1e15", "ForwardEuler", "float64", checks=(check,))
+        yield judged(
+            "h_c = 0",
+            scene=apart,
+            method=method,
+            bounds=(COLD, HOT),
+            observe=change_from_start,
+        )
+    # A conductance of 1e15 against no resistance at all.
+    euler = Method("ForwardEuler", jt.ForwardEuler(), end=100.0)
+    nearly_bonded = run_nodes(_pair(1e15), method=euler)
+    bonded = run_nodes(_pair(np.inf), method=euler)
+    difference = nearly_bonded.moved(np.concatenate(bonded.nodes)) / (HOT - COLD)
+    yield Row(
+        "h_c = 1e15",
+        solver="ForwardEuler",
+        dtype="float64",
+        checks=(Bound("off bonded", difference, 1e-10),),
+    )
 
 
 def _island_body() -> jt.Body:
@@ -186,9 +255,12 @@ def _island_body() -> jt.Body:
     mesh = jt.Mesh(
         vertices, np.concatenate([left.faces, right.faces + len(left.vertices)])
     )
-    start = lambda points: 320.0 + 10.0 * (points[:, 0] > 0.02)
-    full = jt.FullVolume(jt.voxelize(mesh, _PITCH))
-    return jt.Body(full, STEEL, temperature=start)
+
+    def start_temperature(points: np.ndarray) -> np.ndarray:
+        return 320.0 + 10.0 * (points[:, 0] > 0.02)
+
+    full_volume = jt.FullVolume(jt.voxelize(mesh, _PITCH))
+    return jt.Body(full_volume, STEEL, temperature=start_temperature)
 
 
 @case(
@@ -204,28 +276,45 @@ def _islands() -> Iterator[Row]:
     scene = jt.Scene((body,), (air,), dtype="float64")
     far = body.structure.nodes().centre[:, 0] > 0.02
     # What nodes hold is not 330 K to the last bit: they start from a reference.
-    before = run_nodes(scene, Method("", jt.ForwardEuler(), 1e-9)).nodes[0]
+    no_steps = Method("", jt.ForwardEuler(), end=1e-9)
+    start_temperature = run_nodes(scene, method=no_steps).nodes[0]
 
-    def more(ran: Ran):
-        moved = np.abs(ran.nodes[0] - before)
-        check = Bound("island moved", float(moved[far].max()), 0.0)
-        return f"its neighbour by {float(moved[~far].max()):.2g} K", (check,)
+    def change_from_start(ran: Ran) -> Observation:
+        change = np.abs(ran.nodes[0] - start_temperature)
+        return Observation(
+            seen=f"its neighbour by {float(change[~far].max()):.2g} K",
+            checks=(Bound("island moved", float(change[far].max()), 0.0),),
+        )
 
     for method in damping(scene):
-        yield judged("an island", scene, method, (300.0, 330.0), more)
-    at_rest = lambda: _at_rest(scene)
-    yield attempt("steady state", at_rest, "steady", scene.dtype)
+        yield judged(
+            "an island",
+            scene=scene,
+            method=method,
+            bounds=(300.0, 330.0),
+            observe=change_from_start,
+        )
+    yield attempt(
+        "steady state",
+        lambda: _at_rest(scene),
+        solver="steady",
+        dtype=scene.dtype,
+    )
 
 
 def _at_rest(scene: jt.Scene) -> Row:
     """The steady state, in which the island is found and keeps its mean."""
-    rest = jt.steady(scene)
-    surface = np.asarray(rest.surface_temperature)[0]
+    steady_state = jt.steady(scene)
+    surface = np.asarray(steady_state.surface_temperature)[0]
     far = scene.bodies[0].structure.grid.fragment_position[:, 0] > 0.02
-    off = max(abs(surface[far] - 330.0).max(), abs(surface[~far] - 300.0).max())
-    found = Bound("islands", rest.isolated_components, 1, 1)
-    checks = (found, Bound("off [K]", float(off), 1e-6))
-    return Row("steady state", "steady", scene.dtype, checks=checks)
+    error = max(abs(surface[far] - 330.0).max(), abs(surface[~far] - 300.0).max())
+    island_count = Bound("islands", steady_state.isolated_components, 1, 1)
+    return Row(
+        "steady state",
+        solver="steady",
+        dtype=scene.dtype,
+        checks=(island_count, Bound("off [K]", float(error), 1e-6)),
+    )
 
 
 @case(
@@ -237,16 +326,26 @@ def _at_rest(scene: jt.Scene) -> Row:
 def _no_conductivity() -> Iterator[Row]:
     yield refusal("k = 0", lambda: jt.Material(0.0, 1.0, 1.0), "positive, finite")
     # 0 / 0 of both halves is met by a slope of 0, which is a choice.
-    for what, both, slope in (("a half", False, 1), ("both halves", True, 0)):
+    for label, both_insulate, expected_slope in (
+        ("a half", False, 1),
+        ("both halves", True, 0),
+    ):
         with precision("float64"):
-            one = jnp.ones((), jnp.float64)
-            conductance = lambda k, both=both, one=one: series(
-                one, one, k, one, k if both else one
-            )
-            value, found = map(float, jax.value_and_grad(conductance)(0 * one))
-        zero = Bound("conductance", value, 0, 0)
-        checks = (zero, Bound("slope", found, slope, slope))
-        yield Row(f"{what} of k = 0, traced", dtype="float64", checks=checks)
+            unit = jnp.ones((), jnp.float64)
+
+            def conductance(k, second_insulates=both_insulate, unit=unit):
+                second_k = k if second_insulates else unit
+                return series(unit, unit, k, unit, second_k)
+
+            value, slope = map(float, jax.value_and_grad(conductance)(0 * unit))
+        yield Row(
+            f"{label} of k = 0, traced",
+            dtype="float64",
+            checks=(
+                Bound("conductance", value, highest=0, lowest=0),
+                Bound("slope", slope, highest=expected_slope, lowest=expected_slope),
+            ),
+        )
     nearly = jt.Material(1e-30, density=1000.0, specific_heat=1000.0)
     for dtype in ("float64", "float32"):
         scene = insulated("checkerboard", (nearly, COPPER), dtype)
@@ -257,13 +356,17 @@ def _no_conductivity() -> Iterator[Row]:
     "S14",
     "no heat capacity",
     "maximum principle",
-    "refused; and 1e-6 beside 3.4e6 J/(m^3 K) keeps the bounds",
+    "refused; and 1e-6 next to 3.4e6 J/(m^3 K) keeps the bounds",
 )
 def _no_capacity() -> Iterator[Row]:
     yield refusal("density 0", lambda: jt.Material(1.0, 0.0, 1.0), "positive, finite")
     yield refusal("c_p 0", lambda: jt.Material(1.0, 1.0, 0.0), "positive, finite")
-    falling = lambda: jt.Material(1.0, 1.0, jt.Property([300.0, 400.0], [100.0, 0.0]))
-    yield refusal("c_p that falls to 0", falling, "give positive, finite values")
+    falling = jt.Property([300.0, 400.0], [100.0, 0.0])
+    yield refusal(
+        "c_p that falls to 0",
+        lambda: jt.Material(1.0, 1.0, falling),
+        "give positive, finite values",
+    )
     light = jt.Material(1.0, density=1e-6, specific_heat=1.0)
     scene = insulated("checkerboard", (light, COPPER), "float64")
     yield from through_all("every other voxel of 1e-6 J/(m^3 K)", scene)
@@ -279,23 +382,34 @@ def _few_voxels() -> Iterator[Row]:
     line = rod(8, STEEL, 100.0)
     for method in damping(line):
         yield _all_there("8x1x1", line, method, (COLD, HOT))
-    one = _heated(STEEL, _PITCH, "float32")
+    single_voxel = _heated(STEEL, _PITCH, "float32")
     for name, solver in _SOLVERS.items():
-        yield _all_there("1x1x1", one, Method(name, solver, 1000.0), (COLD, HOT))
-    none = jt.Mesh(np.zeros((0, 3)), np.zeros((0, 3), int))
-    empty = lambda: jt.voxelize(none, _PITCH)
-    yield refusal("a mesh of nothing", empty, "no triangles")
-    small = lambda: jt.voxelize(jt.shapes.box(0.1 * _PITCH), _PITCH)
-    yield refusal("a body below a voxel", small, "finer pitch")
+        yield _all_there(
+            "1x1x1", single_voxel, Method(name, solver, 1000.0), (COLD, HOT)
+        )
+    empty_mesh = jt.Mesh(np.zeros((0, 3)), np.zeros((0, 3), int))
+    yield refusal(
+        "a mesh of nothing", lambda: jt.voxelize(empty_mesh, _PITCH), "no triangles"
+    )
+    small_box = jt.shapes.box(0.1 * _PITCH)
+    yield refusal(
+        "a body below a voxel", lambda: jt.voxelize(small_box, _PITCH), "finer pitch"
+    )
     yield refusal("a grid of air alone", _in_air, "no solid voxel")
 
 
-def _all_there(what: str, scene: jt.Scene, method: Method, bounds: Bounds) -> Row:
+def _all_there(label: str, scene: jt.Scene, method: Method, bounds: Bounds) -> Row:
     """A run with a temperature for every fragment."""
     fragments = len(scene.bodies[0].structure.grid.fragment_area)
-    found = lambda ran: ran.solution.surface_temperature.shape[1]
-    fits = lambda ran: ("", (Bound("fragments", found(ran), fragments, fragments),))
-    return judged(what, scene, method, bounds, fits)
+
+    def fragment_count(ran: Ran) -> Observation:
+        count = ran.solution.surface_temperature.shape[1]
+        check = Bound("fragments", count, highest=fragments, lowest=fragments)
+        return Observation(checks=(check,))
+
+    return judged(
+        label, scene=scene, method=method, bounds=bounds, observe=fragment_count
+    )
 
 
 def _in_air() -> None:
@@ -308,6 +422,11 @@ def _in_air() -> None:
 
 
 CASES = (
-    *(_slow_changes, _contacts, _islands, _no_conductivity, _no_capacity),
-    *(_few_voxels, _many_voxels),
+    _slow_changes,
+    _contacts,
+    _islands,
+    _no_conductivity,
+    _no_capacity,
+    _few_voxels,
+    _many_voxels,
 )

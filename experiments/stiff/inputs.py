@@ -1,5 +1,6 @@
 """Damaged meshes (S16) and an optimizer that proposes negative values (S21)."""
 
+import functools
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -18,8 +19,9 @@ from ..harness.case import Bound, Row, attempt, case, refusal
 from .bodies import COLD, HOT, STEEL, block, single, two_halves
 
 
-# 20 voxels across the sphere [m].
-_RADIUS, _PITCH = 0.1, 0.01
+# Radius of the sphere and edge of a voxel [m]: 20 voxels across.
+_RADIUS = 0.1
+_PITCH = 0.01
 
 
 def _with_slivers(mesh: Mesh) -> Mesh:
@@ -48,7 +50,7 @@ def _partly_turned(faces: np.ndarray) -> np.ndarray:
 
 
 def _open(mesh: Mesh) -> Mesh:
-    """Without what lies above four fifths of the radius."""
+    """Remove the faces above four fifths of the radius."""
     high = mesh.triangles[:, :, 2].mean(1) > 0.8 * _RADIUS
     return replace(mesh, faces=mesh.faces[~high])
 
@@ -74,26 +76,41 @@ _DAMAGES = {
     "damage is reported",
 )
 def _damaged_meshes() -> Iterator[Row]:
-    for what in _DAMAGES:
-        yield attempt(what, lambda what=what: _damaged(what))
+    for damage in _DAMAGES:
+        yield attempt(damage, lambda damage=damage: _damaged(damage))
+    yield _sheet()
+
+
+def _sheet() -> Row:
+    """A sheet of a tenth of a voxel, whose excess of volume must be reported."""
     sheet = jt.shapes.box((0.1, 0.1, 0.1 * _PITCH))
     grid = jt.voxelize(sheet, _PITCH)
-    volume, kept = grid.body_volume, grid.represented
-    thin = Bound("reported as thin", grid.thin.thin_fragments, np.inf, 1)
-    # A sheet of a tenth of a voxel cannot be one voxel thick without it being said.
-    said = bool(grid.unscaled_because) or (kept is not None and kept.is_off)
-    unscaled = Bound("said", float(said), 1, 1)
-    seen = f"{grid.solid_count} voxels, {volume / 1e-5:.3g} times the volume: "
-    yield Row(
+    volume_ratio = grid.body_volume / 1e-5
+    checks = [
+        Bound(
+            "reported as thin",
+            computed=grid.thin.thin_fragments,
+            highest=np.inf,
+            lowest=1,
+        )
+    ]
+    if abs(volume_ratio - 1) > 0.01:
+        represented = grid.represented
+        is_off = represented is not None and represented.is_off
+        is_reported = bool(grid.unscaled_because) or is_off
+        checks.append(Bound("said", float(is_reported), highest=1, lowest=1))
+    scaling = grid.unscaled_because or "scaled to the mesh's own"
+    return Row(
         "a sheet of a tenth of a voxel",
-        seen=seen + (grid.unscaled_because or "scaled to the mesh's own"),
-        checks=(thin, unscaled) if abs(volume / 1e-5 - 1) > 0.01 else (thin,),
+        seen=f"{grid.solid_count} voxels, {volume_ratio:.3g} times the volume: "
+        f"{scaling}",
+        checks=tuple(checks),
     )
 
 
-def _damaged(what: str) -> Row:
+def _damaged(label: str) -> Row:
     """Repaired as a file would be, voxelized, and run for a step."""
-    damage = _DAMAGES[what]
+    damage = _DAMAGES[label]
     mended = repair_mesh(damage(jt.shapes.sphere(_RADIUS, subdivisions=3)))
     grid = jt.voxelize(mended, _PITCH)
     volume = grid.body_volume / (4 / 3 * np.pi * _RADIUS**3)
@@ -102,15 +119,16 @@ def _damaged(what: str) -> Row:
     scene = jt.Scene((body,), (jt.Convection(10.0, 290.0),))
     run = jt.simulate(scene, 10.0, solver=jt.ForwardEuler(dt=1.0))
     surface = np.asarray(run.surface_temperature)
-    out = max(float(surface.max()) - 300, 290 - float(surface.min()))
-    said = bool(mended.repairs) or not mended.is_watertight
+    excess = max(float(surface.max()) - 300, 290 - float(surface.min()))
+    is_reported = bool(mended.repairs) or not mended.is_watertight
+    missing = _CAP if damage is _open else 0
     checks = (
-        Bound("volume", volume, 1.02, 0.98 - (_CAP if damage is _open else 0)),
-        Bound("out of bounds", out, 1e-3),
-        Bound("reported", float(said), 1, 1),
+        Bound("volume", volume, highest=1.02, lowest=0.98 - missing),
+        Bound("out of bounds", excess, highest=1e-3),
+        Bound("reported", float(is_reported), highest=1, lowest=1),
     )
     seen = mesh_summary(mended).split(", area")[0] + f"; repaired: {mended.repairs}"
-    return Row(what, seen=seen, checks=checks)
+    return Row(label, seen=seen, checks=checks)
 
 
 def _scene(conductivity) -> jt.Scene:
@@ -125,13 +143,21 @@ def _scene(conductivity) -> jt.Scene:
     "a number is refused; a fit of log k stays positive and finite",
 )
 def _proposals() -> Iterator[Row]:
-    yield refusal("k = -1", lambda: jt.Material(-1.0, 1.0, 1.0), "positive, finite")
-    yield refusal("k is NaN", lambda: jt.Material(np.nan, 1.0, 1.0), "positive, finite")
+    for label, conductivity in (("k = -1", -1.0), ("k is NaN", np.nan)):
+        yield refusal(
+            label,
+            lambda k=conductivity: jt.Material(k, 1.0, 1.0),
+            reason="positive, finite",
+        )
     for solver in (jt.ForwardEuler(dt=1.0), jt.BackwardEuler(dt=1.0)):
         name = type(solver).__name__
         for measure in (_traced, _by_logarithm):
-            once = lambda m=measure, n=name, s=solver: m(n, s)
-            yield attempt("a fit", once, name, "float64")
+            yield attempt(
+                "a fit",
+                functools.partial(measure, name, solver),
+                solver=name,
+                dtype="float64",
+            )
 
 
 def _traced(name: str, solver) -> Row:
@@ -139,18 +165,18 @@ def _traced(name: str, solver) -> Row:
 
     @eqx.filter_jit
     def run(k):
-        found = jt.simulate(_scene(k), 50.0, solver=solver, throw=False)
-        return found.surface_temperature, found.result
+        solution = jt.simulate(_scene(k), 50.0, solver=solver, throw=False)
+        return solution.surface_temperature, solution.result
 
     with precision("float64"):
         surface, result = run(jnp.asarray(-1.0, jnp.float64))
-    found = np.asarray(surface)
-    over = max(float(found.max()) - HOT, COLD - float(found.min()))
+    highest = float(np.asarray(surface).max())
+    lowest = float(np.asarray(surface).min())
     return Row(
         "k = -1, traced",
-        name,
-        "float64",
-        overshoot_K=over,
+        solver=name,
+        dtype="float64",
+        overshoot_K=max(highest - HOT, COLD - lowest),
         result=result_name(result),
         seen="a traced k is not checked: fit its logarithm",
     )
@@ -161,21 +187,29 @@ def _by_logarithm(name: str, solver) -> Row:
 
     def loss(logarithm):
         run = jt.simulate(_scene(jnp.exp(logarithm)), 50.0, solver=solver, throw=False)
-        # The more it keeps of its contrast the better: the best k is 0.
+        # A lower loss keeps more of the contrast: the best k is 0.
         return -jnp.abs(run.surface_temperature[-1] - 350.0).mean()
 
     step = jax.jit(jax.value_and_grad(loss))
-    worst, lowest = 0.0, np.inf
+    largest = 0.0
+    lowest_k = np.inf
     with precision("float64"):
-        at = jnp.asarray(np.log(16.0), jnp.float64)
+        log_k = jnp.asarray(np.log(16.0), jnp.float64)
         for _ in range(20):
-            value, slope = step(at)
-            worst = max(worst, abs(float(slope)), abs(float(value)))
-            # Clipped to what a fit would allow: a factor of 1e3 about the start.
-            at = jnp.clip(at - 1e3 * slope, np.log(1.6e-2), np.log(1.6e4))
-            lowest = min(lowest, float(jnp.exp(at)))
-    checks = (Bound("k", lowest, np.inf, 1e-3), Bound("loss, slope", worst, 1e3, 0.0))
-    return Row("log k, steps too long", name, "float64", checks=checks)
+            value, slope = step(log_k)
+            largest = max(largest, abs(float(slope)), abs(float(value)))
+            # Clipped to the bounds of a fit: a factor of 1e3 about the start.
+            log_k = jnp.clip(log_k - 1e3 * slope, np.log(1.6e-2), np.log(1.6e4))
+            lowest_k = min(lowest_k, float(jnp.exp(log_k)))
+    return Row(
+        "log k, steps too long",
+        solver=name,
+        dtype="float64",
+        checks=(
+            Bound("k", lowest_k, highest=np.inf, lowest=1e-3),
+            Bound("loss, slope", largest, highest=1e3, lowest=0.0),
+        ),
+    )
 
 
 CASES = (_damaged_meshes, _proposals)

@@ -1,5 +1,6 @@
 """Emission at any temperature (S06 to S09), air (S17), rest (S18), sources (S19)."""
 
+import functools
 from collections.abc import Iterator
 
 import jax
@@ -17,6 +18,8 @@ from .solved import (
     LONG,
     Limits,
     Method,
+    Observation,
+    Ran,
     adaptive,
     damping,
     explicit,
@@ -30,7 +33,7 @@ from .solved import (
 
 _AROUND = 300.0
 _METAL = jt.Material(200.0, density=2700.0, specific_heat=900.0, emissivity=1.0)
-# Of a voxel [m]; the cube's time constant is far below 1 s.
+# Edge of a voxel [m]; the cube's time constant is far below 1 s.
 _EDGE = 1e-3
 # Undamped steps from the hot side take 14 to 16.
 _MAX_NEWTON = 20
@@ -43,8 +46,8 @@ _LIMITS = Limits(
 
 def _cube(start, dtype: str = "float64") -> jt.Scene:
     """A metal cube in an enclosure."""
-    around = jt.Surroundings(_AROUND)
-    return single(block(2, 2, 2, _EDGE), _METAL, start, around, dtype=dtype)
+    grid = block(2, 2, 2, pitch=_EDGE)
+    return single(grid, _METAL, start, jt.Surroundings(_AROUND), dtype=dtype)
 
 
 def _from(start: float) -> Iterator[Row]:
@@ -52,19 +55,26 @@ def _from(start: float) -> Iterator[Row]:
     for dtype in ("float64", "float32"):
         scene = _cube(start, dtype)
         stable = stable_step(scene)
-        what = f"{start:g} K in {_AROUND:g} K"
+        label = f"{start:g} K in {_AROUND:g} K"
         steps = (1.0, 1e4, 1e8, 1e12)
         methods = [
             *explicit(stable),
-            *(m for dt in steps for m in implicit(dt, f"{dt:g} s", 1)),
+            *(m for dt in steps for m in implicit(dt, f"{dt:g} s", steps=1)),
             adaptive(1e3, error=0.1),
         ]
         for method in methods:
             # Newton's steps are counted over all stages: one for backward Euler.
-            one = method.name.startswith(("BackwardEuler", "CrankNicolson"))
-            most = _MAX_NEWTON if one else None
-            yield judged(what, scene, method, bounds, limits=_LIMITS, max_newton=most)
-        yield too_long(what, scene, LONG)
+            is_one_stage = method.name.startswith(("BackwardEuler", "CrankNicolson"))
+            max_newton = _MAX_NEWTON if is_one_stage else None
+            yield judged(
+                label,
+                scene=scene,
+                method=method,
+                bounds=bounds,
+                limits=_LIMITS,
+                max_newton=max_newton,
+            )
+        yield too_long(label, scene, ratio=LONG)
 
 
 @case(
@@ -106,8 +116,12 @@ _SOLVERS = {
 )
 def _at_zero() -> Iterator[Row]:
     for name, solver in _SOLVERS.items():
-        derive = lambda n=name, s=solver: _derivatives(n, s)
-        yield attempt("from 0 K", derive, name, "float64")
+        yield attempt(
+            "from 0 K",
+            functools.partial(_derivatives, name, solver),
+            solver=name,
+            dtype="float64",
+        )
 
 
 def _derivatives(name: str, solver) -> Row:
@@ -117,22 +131,25 @@ def _derivatives(name: str, solver) -> Row:
         run = jt.simulate(_cube(start), _END, solver=solver, throw=False)
         return run.mean_temperature[-1, 0]
 
-    @jax.jit
-    def both(start):
-        value, reverse = jax.value_and_grad(mean)(start)
-        return value, reverse, jax.jvp(mean, (start,), (jnp.ones_like(start),))[1]
+    def forward_slope(start):
+        return jax.jvp(mean, (start,), (jnp.ones_like(start),))[1]
 
     with precision("float64"):
-        found = both(jnp.asarray(0.0, jnp.float64))
-        value, reverse, forward = (float(v) for v in found)
-    # Nothing emits at 0 K: by the start the end moves by 1.
-    checks = (
-        Bound("end", value, 300.0, 0.0),
-        Bound("reverse", reverse, 1 + 1e-6, 1 - 1e-2),
-        Bound("forward - reverse", abs(forward - reverse), 1e-9),
+        start = jnp.asarray(0.0, jnp.float64)
+        value, reverse = map(float, jax.jit(jax.value_and_grad(mean))(start))
+        forward = float(jax.jit(forward_slope)(start))
+    # Nothing emits at 0 K: the end moves as much as the start.
+    return Row(
+        "from 0 K",
+        solver=name,
+        dtype="float64",
+        seen=f"ends at {value:.4g} K, slope {forward:.6g}",
+        checks=(
+            Bound("end", value, highest=300.0, lowest=0.0),
+            Bound("reverse", reverse, highest=1 + 1e-6, lowest=1 - 1e-2),
+            Bound("forward - reverse", abs(forward - reverse), highest=1e-9),
+        ),
     )
-    seen = f"ends at {value:.4g} K, slope {forward:.6g}"
-    return Row("from 0 K", name, "float64", seen=seen, checks=checks)
 
 
 _GAP = 1e-3
@@ -156,19 +173,25 @@ def _close(dtype: str, name: str) -> Row:
     k = float(np.asarray(_METAL.conductivity))
     between = 4 * STEFAN_BOLTZMANN * 300.0**3 * _EDGE / 2 / k
     exact = STEFAN_BOLTZMANN * ((300 + _GAP) ** 4 - 300.0**4) / (1 + between)
-    # Half a rounding of 300 K, over the gap: what the inputs themselves are off.
+    # Half a rounding of 300 K over the gap: the error of the inputs themselves.
     rounding = 0.5 * float(np.spacing(np.asarray(300.0, dtype))) / _GAP
     dt = 1e-6
     method = Method(name, type(_SOLVERS[name])(dt=dt), dt)
-    ran = run_nodes(_cube(300.0 + _GAP, dtype), method)
+    ran = run_nodes(_cube(300.0 + _GAP, dtype), method=method)
     lost = -float(ran.solution.energy.mechanisms["emission"][-1])
     flux = lost / (dt * 6 * (2 * _EDGE) ** 2)
-    off = Bound("relative error", abs(flux / exact - 1), max(1.5 * rounding, 1e-8))
+    relative_error = abs(flux / exact - 1)
     # The difference of fourth powers, which cancels in this precision.
-    hot, cold = (np.asarray(t, dtype) for t in (300.0 + _GAP, 300.0))
+    hot = np.asarray(300.0 + _GAP, dtype)
+    cold = np.asarray(300.0, dtype)
     naive = STEFAN_BOLTZMANN * float(hot * hot * hot * hot - cold * cold * cold * cold)
-    seen = f"{flux:.7f} W/m^2; exact {exact:.7f}, T1^4 - T2^4 {naive:.7f}"
-    return Row(f"{_GAP:g} K apart", name, dtype, seen=seen, checks=(off,))
+    return Row(
+        f"{_GAP:g} K apart",
+        solver=name,
+        dtype=dtype,
+        seen=f"{flux:.7f} W/m^2; exact {exact:.7f}, T1^4 - T2^4 {naive:.7f}",
+        checks=(Bound("relative error", relative_error, max(1.5 * rounding, 1e-8)),),
+    )
 
 
 _SLOPE_SOLVERS = {
@@ -178,7 +201,11 @@ _SLOPE_SOLVERS = {
 
 
 def _in_air(*terms, temperature=HOT) -> jt.Scene:
-    return single(block(4, 4, 6, 0.01), STEEL, temperature, *terms)
+    return single(block(4, 4, 6, pitch=0.01), STEEL, temperature, *terms)
+
+
+def _in_wind(speed) -> jt.Scene:
+    return _in_air(jt.Wind((1.0, 0.0, 0.0), COLD, speed=speed))
 
 
 @case(
@@ -189,55 +216,91 @@ def _in_air(*terms, temperature=HOT) -> jt.Scene:
 )
 def _winds() -> Iterator[Row]:
     yield _at_rest()
-    for what, term in {
+    for label, term in {
         "h = 0": jt.Convection(0.0, COLD),
         "V = 0": jt.Wind((0.0, 0.0, 0.0), COLD),
     }.items():
-        ran = run_nodes(_in_air(term), Method("", jt.ForwardEuler(), 10.0))
-        left_out = [o.why for o in ran.solution.receipt.left_out]
-        check = Bound("moved", ran.moved(HOT), 0.0)
-        yield Row(what, "ForwardEuler", "float64", seen=str(left_out), checks=(check,))
-    wind = lambda v: _in_air(jt.Wind((1.0, 0.0, 0.0), COLD, speed=v))
+        method = Method("", jt.ForwardEuler(), end=10.0)
+        ran = run_nodes(_in_air(term), method=method)
+        reasons = [omission.why for omission in ran.solution.receipt.left_out]
+        yield Row(
+            label,
+            solver="ForwardEuler",
+            dtype="float64",
+            seen=str(reasons),
+            checks=(Bound("moved", ran.moved(HOT), 0.0),),
+        )
     for speed in (1e-6, 1e3):
-        for method in damping(wind(speed), ratio=100.0):
-            yield judged(f"V = {speed:g} m/s", wind(speed), method, (COLD, HOT))
-    notes = jt.compile_scene(wind(1e3)).receipt.notes
-    noted = Bound("notes", len(notes), np.inf, 1)
-    yield Row("V = 1000 m/s: the receipt", seen="; ".join(notes), checks=(noted,))
+        scene = _in_wind(speed)
+        for method in damping(scene, ratio=100.0):
+            yield judged(
+                f"V = {speed:g} m/s", scene=scene, method=method, bounds=(COLD, HOT)
+            )
+    notes = jt.compile_scene(_in_wind(1e3)).receipt.notes
+    yield Row(
+        "V = 1000 m/s: the receipt",
+        seen="; ".join(notes),
+        checks=(Bound("notes", len(notes), highest=np.inf, lowest=1),),
+    )
     for name, solver in _SLOPE_SOLVERS.items():
-        yield _slope("d(mean)/dV at V = 0", wind, 0.0, name, solver)
+        yield _slope(
+            "d(mean)/dV at V = 0",
+            scene_of=_in_wind,
+            value=0.0,
+            name=name,
+            solver=solver,
+        )
 
 
 def _at_rest() -> Row:
     """The correlation and its slope at Re = 0."""
     with precision("float64"):
-        at = jnp.zeros((), jnp.float64)
-        average = lambda re: churchill_bernstein(re, jnp.asarray(0.707, jnp.float64))
-        value, slope = jax.value_and_grad(average)(at)
+        prandtl = jnp.asarray(0.707, jnp.float64)
+        value, slope = jax.value_and_grad(churchill_bernstein)(
+            jnp.zeros((), jnp.float64), prandtl
+        )
     checks = (
         Bound("Nu(0) - 0.3", abs(float(value) - 0.3), 1e-12),
-        # The slope of sqrt(Re) is infinite there.
-        Bound("dNu/dRe", float(slope), 1e3, 0.0),
+        # The slope of sqrt(Re) is infinite at Re = 0.
+        Bound("dNu/dRe", float(slope), highest=1e3, lowest=0.0),
     )
     return Row("Nu at Re = 0", dtype="float64", checks=checks)
 
 
-def _slope(what: str, scene_of, at: float, name: str, solver) -> Row:
-    """A derivative of the mean after a second, that must be finite."""
+def _slope(label: str, scene_of, value: float, name: str, solver) -> Row:
+    """A derivative of the mean after a second at a value, that must be finite."""
 
-    def mean(value):
+    def mean_at(value):
         run = jt.simulate(scene_of(value), 1.0, solver=solver, throw=False)
         return run.mean_temperature[-1, 0]
 
     def measure() -> Row:
         with precision("float64"):
-            found = jax.jit(jax.value_and_grad(mean))(jnp.asarray(at, jnp.float64))
-            value, slope = (float(v) for v in found)
-        finite = Bound("slope", slope, 1e3, -1e3)
-        checks = (Bound("mean", value, HOT + 1e-9, COLD), finite)
-        return Row(what, name, "float64", seen=f"{slope:.4g}", checks=checks)
+            mean, slope = jax.jit(jax.value_and_grad(mean_at))(
+                jnp.asarray(value, jnp.float64)
+            )
+        return Row(
+            label,
+            solver=name,
+            dtype="float64",
+            seen=f"{float(slope):.4g}",
+            checks=(
+                Bound("mean", float(mean), highest=HOT + 1e-9, lowest=COLD),
+                Bound("slope", float(slope), highest=1e3, lowest=-1e3),
+            ),
+        )
 
-    return attempt(what, measure, name, "float64")
+    return attempt(label, measure, solver=name, dtype="float64")
+
+
+def _at_equilibrium(temperature) -> jt.Scene:
+    """A body at 300 K, with air and surroundings of one temperature [K]."""
+    return _in_air(
+        jt.Convection(10.0, temperature, on=jt.Side((0.0, 0.0, 1.0))),
+        jt.FreeConvection(temperature),
+        jt.Surroundings(temperature),
+        temperature=COLD,
+    )
 
 
 @case(
@@ -247,18 +310,27 @@ def _slope(what: str, scene_of, at: float, name: str, solver) -> Row:
     "nothing moves, bit by bit; slopes are finite",
 )
 def _nothing_to_exchange() -> Iterator[Row]:
-    still = lambda t: _in_air(
-        jt.Convection(10.0, t, on=jt.Side((0.0, 0.0, 1.0))),
-        jt.FreeConvection(t),
-        jt.Surroundings(t),
-        temperature=COLD,
-    )
-    scene = still(COLD)
-    same = lambda ran: ("", (Bound("moved", ran.moved(COLD), 0.0),))
+    scene = _at_equilibrium(COLD)
+
+    def change_from_start(ran: Ran) -> Observation:
+        return Observation(checks=(Bound("moved", ran.moved(COLD), 0.0),))
+
     for method in damping(scene, ratio=100.0):
-        yield judged("all at 300 K", scene, method, (COLD, COLD), same)
+        yield judged(
+            "all at 300 K",
+            scene=scene,
+            method=method,
+            bounds=(COLD, COLD),
+            observe=change_from_start,
+        )
     for name, solver in _SLOPE_SOLVERS.items():
-        yield _slope("d(mean)/dT_air", still, COLD, name, solver)
+        yield _slope(
+            "d(mean)/dT_air",
+            scene_of=_at_equilibrium,
+            value=COLD,
+            name=name,
+            solver=solver,
+        )
 
 
 _PLACES = {
@@ -278,33 +350,39 @@ _LEAST = 0.01
     "max(0, L . n) is 0 there; 1 / R^2 stops at the least distance",
 )
 def _grazing_sources() -> Iterator[Row]:
-    grid = block(6, 6, 6, 0.01)
-    for what in _PLACES:
-        yield attempt(what, lambda what=what: _exposed(what, grid))
+    grid = block(6, 6, 6, pitch=0.01)
+    for label in _PLACES:
+        yield attempt(label, lambda label=label: _exposed(label, grid))
     lamp = jt.PointSource((1.0, 0.0, 0.03), 100.0, min_distance=_LEAST)
     scene = single(grid, STEEL, COLD, lamp)
     for method in damping(scene, ratio=100.0)[:3]:
-        graze = lambda method=method: _grazed(scene, method)
-        yield attempt("a lamp that grazes", graze, method.name, scene.dtype)
+        yield attempt(
+            "a lamp that grazes",
+            lambda method=method: _grazed(scene, method),
+            solver=method.name,
+            dtype=scene.dtype,
+        )
 
 
-def _exposed(what: str, grid: jt.VoxelGrid) -> Row:
+def _exposed(label: str, grid: jt.VoxelGrid) -> Row:
     """The brightness of a block by a source, on its top and anywhere."""
-    source = jt.PointSource(_PLACES[what], 1.0, min_distance=_LEAST)
-    where, normal = grid.fragment_position, grid.fragment_normal
-    found = source.exposure(grid.mesh.triangles, where, normal, grid.pitch)
-    brightest = float(found[normal[:, 2] > 0.9].max())
-    dark = 0.0 if "above" not in what else 1 / _LEAST**2
-    checks = (
-        Bound("exposure of the top", brightest, dark, 0.0),
-        Bound("anywhere", float(found.max()), 1 / _LEAST**2, 0.0),
+    source = jt.PointSource(_PLACES[label], 1.0, min_distance=_LEAST)
+    normal = grid.fragment_normal
+    exposure = source.exposure(
+        grid.mesh.triangles, grid.fragment_position, normal, grid.pitch
     )
-    return Row(what, seen=f"top at most {brightest:.4g} 1/m^2", checks=checks)
+    brightest = float(exposure[normal[:, 2] > 0.9].max())
+    dark = 0.0 if "above" not in label else 1 / _LEAST**2
+    checks = (
+        Bound("exposure of the top", brightest, highest=dark, lowest=0.0),
+        Bound("anywhere", float(exposure.max()), highest=1 / _LEAST**2, lowest=0.0),
+    )
+    return Row(label, seen=f"top at most {brightest:.4g} 1/m^2", checks=checks)
 
 
 def _grazed(scene: jt.Scene, method: Method) -> Row:
     """A lamp in the plane of the top: energy closes, and nothing cools."""
-    ran = run_nodes(scene, method)
+    ran = run_nodes(scene, method=method)
     checks = (
         Bound("energy", ran.residual, 1e-12),
         Bound("cooled", COLD - float(ran.nodes[0].min()), 1e-8),
@@ -312,8 +390,8 @@ def _grazed(scene: jt.Scene, method: Method) -> Row:
     )
     return Row(
         "a lamp that grazes",
-        method.name,
-        scene.dtype,
+        solver=method.name,
+        dtype=scene.dtype,
         energy_residual=ran.residual,
         compile_s=ran.compile_s,
         run_s=ran.run_s,
@@ -323,6 +401,11 @@ def _grazed(scene: jt.Scene, method: Method) -> Row:
 
 
 CASES = (
-    *(_from_the_sun, _from_near_zero, _at_zero, _close_temperatures, _winds),
-    *(_nothing_to_exchange, _grazing_sources),
+    _from_the_sun,
+    _from_near_zero,
+    _at_zero,
+    _close_temperatures,
+    _winds,
+    _nothing_to_exchange,
+    _grazing_sources,
 )

@@ -23,15 +23,15 @@ from jaxthermo.integrate.solvers import AbstractSolver
 from ..harness.case import PASS, REPORTED, Bound, Row, attempt, refusal
 
 
-# Between which the maximum principle holds every temperature [K].
 Bounds = tuple[float, float]
+"""Lowest and highest temperature that the maximum principle allows [K]."""
 
 
 class Limits(NamedTuple):
     """Limits by the dtype of a scene."""
 
     overshoot: dict[str, float]
-    """[K]"""
+    """Largest excess over the bounds [K], by dtype."""
     energy: dict[str, float]
     """Largest energy residual over the heat that moved [-], by dtype."""
 
@@ -49,7 +49,7 @@ class Method(NamedTuple):
     name: str
     solver: AbstractSolver
     end: float
-    """[s]"""
+    """End of the run [s]."""
     bounds: str = "kept"
     """`kept` to rounding, `bounded` by the range of the data, or `reported`."""
 
@@ -62,12 +62,18 @@ LONG = 100.0
 
 def explicit(stable: float, steps: int = 200) -> list[Method]:
     """Explicit Euler at its limit, the stable step [s], and a solver far beyond."""
-    long = LONG * stable
-    euler, super_time = jt.ForwardEuler(dt=stable), jt.SuperTimeStepping(dt=long)
+    long_step = LONG * stable
     return [
-        Method("ForwardEuler, at its limit", euler, steps * stable),
         Method(
-            f"SuperTimeStepping, {LONG:g} limits", super_time, STEPS * long, "bounded"
+            "ForwardEuler, at its limit",
+            solver=jt.ForwardEuler(dt=stable),
+            end=steps * stable,
+        ),
+        Method(
+            f"SuperTimeStepping, {LONG:g} limits",
+            solver=jt.SuperTimeStepping(dt=long_step),
+            end=STEPS * long_step,
+            bounds="bounded",
         ),
     ]
 
@@ -77,39 +83,53 @@ def implicit(dt: float, note: str, steps: int = STEPS) -> list[Method]:
     end = steps * dt
     # Only backward Euler keeps the bounds at any step; the trapezoidal rule rings.
     return [
-        Method(f"BackwardEuler, {note}", jt.BackwardEuler(dt=dt), end),
-        Method(f"CrankNicolson, {note}", jt.CrankNicolson(dt=dt), end, "reported"),
-        Method(f"TRBDF2, {note}", jt.TRBDF2(dt=dt), end, "bounded"),
+        Method(f"BackwardEuler, {note}", solver=jt.BackwardEuler(dt=dt), end=end),
+        Method(
+            f"CrankNicolson, {note}",
+            solver=jt.CrankNicolson(dt=dt),
+            end=end,
+            bounds="reported",
+        ),
+        Method(f"TRBDF2, {note}", solver=jt.TRBDF2(dt=dt), end=end, bounds="bounded"),
     ]
 
 
 def adaptive(end: float, error: float = 0.01) -> Method:
     """The solver that chooses its steps by their error [K], to an end [s]."""
-    return Method("TRBDF2, adaptive", jt.TRBDF2(error=error), end, "bounded")
+    return Method(
+        "TRBDF2, adaptive",
+        solver=jt.TRBDF2(error=error),
+        end=end,
+        bounds="bounded",
+    )
 
 
 def every_solver(stable: float, ratio: float = 1e3) -> list[Method]:
-    """All of them once; the implicit ones in steps of `ratio` stable steps [s]."""
+    """All solvers once; the implicit ones in steps of `ratio` stable steps [s]."""
     dt = ratio * stable
-    return [*explicit(stable), *implicit(dt, f"{ratio:g} limits"), adaptive(STEPS * dt)]
+    return [
+        *explicit(stable),
+        *implicit(dt, f"{ratio:g} limits"),
+        adaptive(STEPS * dt),
+    ]
 
 
 def damping(scene: jt.Scene, ratio: float = 1e3) -> list[Method]:
-    """All but the trapezoidal rule, which is there for comparison."""
+    """All solvers but the trapezoidal rule, which is there for comparison."""
     methods = every_solver(stable_step(scene), ratio)
     return [m for m in methods if not isinstance(m.solver, jt.CrankNicolson)]
 
 
-def too_long(what: str, scene: jt.Scene, ratio: float = 2.0) -> Row:
+def too_long(label: str, scene: jt.Scene, ratio: float = 2.0) -> Row:
     """Explicit Euler above its limit, which it must refuse and name."""
     stable = stable_step(scene)
     solver = jt.ForwardEuler(dt=ratio * stable)
     return refusal(
-        what,
+        label,
         lambda: jt.simulate(scene, ratio * stable, solver=solver),
-        f"the largest stable step of this scene is {stable:.6g} s",
-        f"ForwardEuler, {ratio:g} limits",
-        scene.dtype,
+        reason=f"the largest stable step of this scene is {stable:.6g} s",
+        solver=f"ForwardEuler, {ratio:g} limits",
+        dtype=scene.dtype,
     )
 
 
@@ -126,9 +146,11 @@ class Ran(NamedTuple):
 
     solution: jt.Solution
     nodes: tuple[np.ndarray, ...]
-    """Temperatures of every body's at the end [K]."""
+    """Temperatures of the nodes of each body at the end [K]."""
     compile_s: float
+    """Time of the compilation [s]."""
     run_s: float
+    """Time of a run that is compiled already [s]."""
 
     @property
     def result(self) -> str:
@@ -149,91 +171,126 @@ class Ran(NamedTuple):
 
     @property
     def residual(self) -> float:
-        """The largest of the energy ledger, relative."""
+        """Largest relative residual of the energy ledger [-]."""
         return float(np.abs(np.asarray(self.solution.energy.residual_relative)).max())
+
+
+class Observation(NamedTuple):
+    """What a case looks at in a run, besides bounds and energy."""
+
+    seen: str = ""
+    """Text for the report."""
+    checks: tuple[Bound, ...] = ()
 
 
 def run_nodes(
     scene: jt.Scene, method: Method, save_at: Sequence[float] | None = None
 ) -> Ran:
-    """The same as `simulate` without motion, run twice to time it."""
+    """Run a scene without motion as `simulate` does, twice to time it."""
     with precision(scene.dtype):
-        todo = plan_run(scene, method.end, save_at, method.solver)
-        program = todo.compiled.program
-        layout = step_table(todo, save_intervals(todo.intervals))
-        take = lambda: jax.block_until_ready(
-            take_steps_in_place(todo.stepper, program, initial_state(todo), layout)
-        )
+        plan = plan_run(scene, t1=method.end, save_at=save_at, solver=method.solver)
+        program = plan.compiled.program
+        steps = step_table(plan, save_intervals(plan.intervals))
+
+        def take_steps():
+            return jax.block_until_ready(
+                take_steps_in_place(plan.stepper, program, initial_state(plan), steps)
+            )
+
         # The first of two equal runs compiles as well: the second tells how much.
         begin = time.perf_counter()
-        take()
-        middle = time.perf_counter()
-        state, seen = take()
-        took = time.perf_counter() - middle
-        solution = make_solution(todo, seen)
-        nodes = tuple(
-            float(part.reference)
-            + np.asarray(part.network.temperature(theta), float)[
-                body.structure.node_address()
-            ]
-            for body, part, theta in zip(
-                scene.bodies, program.bodies, state.theta, strict=True
-            )
-        )
-    return Ran(solution, nodes, max(middle - begin - took, 0.0), took)
+        take_steps()
+        compiled = time.perf_counter()
+        state, observations = take_steps()
+        run_time = time.perf_counter() - compiled
+        solution = make_solution(plan, observations)
+        nodes = []
+        for body, body_program, theta in zip(
+            scene.bodies, program.bodies, state.theta, strict=True
+        ):
+            difference = np.asarray(body_program.network.temperature(theta), float)
+            address = body.structure.node_address()
+            nodes.append(float(body_program.reference) + difference[address])
+    return Ran(
+        solution,
+        nodes=tuple(nodes),
+        compile_s=max(compiled - begin - run_time, 0.0),
+        run_s=run_time,
+    )
 
 
 def judged(
-    what: str,
+    label: str,
     scene: jt.Scene,
     method: Method,
     bounds: Bounds,
-    more: Callable[[Ran], tuple[str, tuple[Bound, ...]]] | None = None,
+    observe: Callable[[Ran], Observation] | None = None,
     *,
     limits: Limits = LIMITS,
     max_newton: int | None = None,
     save_at: Sequence[float] | None = None,
 ) -> Row:
-    """One solver on one scene, by bounds, energy and what it says of itself."""
-    # `more` gives what else was seen, and further checks; `max_newton` is per stage.
+    """One solver on one scene, by bounds, energy and what it says of itself.
+
+    Args:
+        label: of the scene, for the report.
+        scene: without motion.
+        method: solver and end of the run.
+        bounds: of the maximum principle.
+        observe: what else is looked at in the run.
+        limits: of overshoot and energy.
+        max_newton: largest number of Newton iterations of a step.
+        save_at: times at which the run is saved [s]; its end alone if None.
+    """
 
     def measure() -> Row:
-        ran = run_nodes(scene, method, save_at)
-        row = _row_of(what, scene.dtype, method, ran, bounds, limits, max_newton)
-        seen, checks = ("", ()) if more is None else more(ran)
-        return row._replace(seen=seen, checks=(*row.checks, *checks))
+        ran = run_nodes(scene, method=method, save_at=save_at)
+        row = _row_of(
+            label,
+            dtype=scene.dtype,
+            method=method,
+            ran=ran,
+            bounds=bounds,
+            limits=limits,
+            max_newton=max_newton,
+        )
+        observation = Observation() if observe is None else observe(ran)
+        return row._replace(
+            seen=observation.seen, checks=(*row.checks, *observation.checks)
+        )
 
-    return attempt(what, measure, method.name, scene.dtype)
+    return attempt(label, measure, solver=method.name, dtype=scene.dtype)
 
 
 def _row_of(
-    what: str,
+    label: str,
     dtype: str,
     method: Method,
     ran: Ran,
     bounds: Bounds,
-    limits: Limits = LIMITS,
-    max_newton: int | None = None,
+    limits: Limits,
+    max_newton: int | None,
 ) -> Row:
-    over, effort = ran.beyond(bounds), ran.solution.run.statistics
-    kept, bounded = limits.overshoot[dtype], bounds[1] - bounds[0]
+    over = ran.beyond(bounds)
+    effort = ran.solution.run.statistics
+    range_of_data = bounds[1] - bounds[0]
     overshoot = {
-        "kept": Bound("overshoot", over, kept),
-        "bounded": Bound("overshoot", over, bounded),
+        "kept": Bound("overshoot", over, limits.overshoot[dtype]),
+        "bounded": Bound("overshoot", over, range_of_data),
         "reported": Bound("not finite", float(not np.isfinite(over)), 0.0),
     }[method.bounds]
     checks = [overshoot, Bound("energy", ran.residual, limits.energy[dtype])]
     if effort is not None:
-        missed = _misses_tolerance(ran, dtype, method.solver)
+        missed = _misses_tolerance(ran, dtype=dtype, solver=method.solver)
         checks.append(Bound("missed tolerance", float(missed), 0.0))
     if effort is not None and max_newton is not None:
-        taken = int(effort.newton_iterations) / max(ran.solution.run.steps, 1)
-        checks.append(Bound("Newton steps", taken, max_newton))
+        newton_per_step = int(effort.newton_iterations) / max(ran.solution.run.steps, 1)
+        checks.append(Bound("Newton steps", newton_per_step, max_newton))
         checks.append(Bound("not settled", float(effort.newton_failed), 0.0))
     return Row(
-        what,
-        method.name,
-        dtype,
+        label,
+        solver=method.name,
+        dtype=dtype,
         overshoot_K=over,
         energy_residual=ran.residual,
         newton=None if effort is None else int(effort.newton_iterations),
@@ -250,8 +307,9 @@ def _misses_tolerance(ran: Ran, dtype: str, solver: Any) -> bool:
     """True if a solve missed its tolerance although the run reports success."""
     effort = ran.solution.run.statistics
     assert effort is not None
-    given = getattr(solver, "tolerance", None)
-    tolerance = LINEAR_TOLERANCE[dtype] if given is None else given
+    tolerance = getattr(solver, "tolerance", None)
+    if tolerance is None:
+        tolerance = LINEAR_TOLERANCE[dtype]
     # A solve is called done within twice its tolerance. Steps of an adaptive solver
     # that were rejected and taken again do not count.
     short = (
