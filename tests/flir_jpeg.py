@@ -42,8 +42,8 @@ def _raw_record(counts: np.ndarray, as_png: bool) -> bytes:
 def _camera_record(settings: dict[str, float]) -> bytes:
     record = bytearray(0x400)
     for name, value in settings.items():
-        kind, number = ("<i", int(value)) if name == "o" else ("<f", value)
-        struct.pack_into(kind, record, SETTINGS[name], number)
+        form, number = ("<i", int(value)) if name == "o" else ("<f", value)
+        struct.pack_into(form, record, SETTINGS[name], number)
     return bytes(record)
 
 
@@ -53,11 +53,12 @@ def flir_jpeg(
     """A JPEG with counts, and the settings and constants of a camera in kelvin."""
     records = {0x01: _raw_record(counts, as_png), 0x20: _camera_record(settings)}
     start = 64 + 32 * _ENTRIES
-    table, body = b"", b""
-    for kind, data in records.items():
-        subtype = 3 if as_png and kind == 0x01 else 1
-        place = start + len(body), len(data)
-        table += struct.pack(">HHIIIIIII", kind, subtype, 100, 1, *place, 0, 0, 0)
+    table = b""
+    body = b""
+    for record_type, data in records.items():
+        subtype = 3 if as_png and record_type == 0x01 else 1
+        table += struct.pack(">HHII", record_type, subtype, 100, 1)
+        table += struct.pack(">IIIII", start + len(body), len(data), 0, 0, 0)
         body += data
     head = b"FFF\0" + b"MTX IR".ljust(16, b"\0")
     head += struct.pack(">III", 100, 64, _ENTRIES)

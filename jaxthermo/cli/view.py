@@ -8,10 +8,10 @@ from ..arrays import precision
 from ..config.loader import load_config
 from ..config.schema.scene import SceneConfig
 from ..integrate.run.solution_file import load_solution
+from ..live.live_run import AbstractLiveRun
 from ..live.playback import Playback
 from ..live.server import LiveView, serving
 from ..live.session import LiveSession
-from ..live.shown import AbstractShown
 from .console import open_console, patient_interrupt, print_line, status
 from .frames import finished_config
 
@@ -38,13 +38,13 @@ def play(run: Path, host: str, port: int, rate: float) -> None:
 
 def _show(
     server: viser.ViserServer,
-    shown: AbstractShown,
+    shown: AbstractLiveRun,
     config: SceneConfig,
     port: int,
     rate: float,
 ) -> None:
     console = open_console()
-    view = LiveView(server=server, shown=shown, config=config, rate=rate)
+    view = LiveView(server=server, run=shown, config=config, rate=rate)
     bound = server.get_port()
     if port not in (0, bound):
         print_line(console, f"port {port} is taken: using {bound}")

@@ -44,15 +44,15 @@ def default_rate(count: int) -> float:
     return min(max(count / 10.0, 2.0), 25.0)
 
 
-def check_animation(kind: str) -> None:
+def check_animation(file_format: str) -> None:
     """Check that animations of a kind can be made, before a long run.
 
     Raises:
         InputError: for an unknown kind, or MP4 without the package av.
     """
-    if kind not in ANIMATIONS:
-        raise InputError(f"animation {kind!r}: choose {', '.join(ANIMATIONS)}")
-    if kind == "mp4" and importlib.util.find_spec("av") is None:
+    if file_format not in ANIMATIONS:
+        raise InputError(f"animation {file_format!r}: choose {', '.join(ANIMATIONS)}")
+    if file_format == "mp4" and importlib.util.find_spec("av") is None:
         raise InputError(
             "animation as MP4 needs the package av: run pip install "
             '"jaxthermo[video]", or choose apng or gif'
@@ -86,20 +86,20 @@ def write_animation(
             MP4 without the package av, or if the file cannot be written.
     """
     path = Path(path)
-    kind = _KINDS.get(path.suffix.lower())
-    if kind is None:
+    file_format = _KINDS.get(path.suffix.lower())
+    if file_format is None:
         raise InputError(f"{path}: name an animation .png (APNG), .gif or .mp4")
-    check_animation(kind)
+    check_animation(file_format)
     if rate is None:
         pictures = list(pictures)
         rate = default_rate(len(pictures))
     if not 0.0 < rate <= MAX_RATE:
         raise InputError(f"rate={rate}: give pictures a second, from 0 to {MAX_RATE:g}")
     write: Callable[..., int]
-    write = {"apng": _write_apng, "gif": _write_gif, "mp4": _write_mp4}[kind]
-    if kind == "gif":
+    write = {"apng": _write_apng, "gif": _write_gif, "mp4": _write_mp4}[file_format]
+    if file_format == "gif":
         write = functools.partial(write, palette=palette)
-    counted = _Counted(pictures, path, limited=kind != "mp4")
+    counted = _Counted(pictures, path, limited=file_format != "mp4")
     with replacing(path) as temporary:
         write(temporary, iter(counted), rate)
     return counted.count
@@ -109,18 +109,20 @@ class _Counted:
     """Pictures as RGB, checked one after another."""
 
     def __init__(self, pictures: Iterable[Any], path: Path, limited: bool):
-        self._pictures, self._path, self._limited = pictures, path, limited
+        self._pictures = pictures
+        self._path = path
+        self._limited = limited
         self.count = 0
 
     def __iter__(self) -> Iterator[Picture]:
         first: tuple[int, int] | None = None
-        for given in self._pictures:
-            found = self._checked(given)
-            first = first or found.size
-            if found.size != first:
+        for picture in self._pictures:
+            frame = self._checked(picture)
+            first = first or frame.size
+            if frame.size != first:
                 raise InputError(
-                    f"{self._path}: picture {self.count} is of {found.width} x "
-                    f"{found.height} pixels and the first of {first[0]} x {first[1]}: "
+                    f"{self._path}: picture {self.count} is of {frame.width} x "
+                    f"{frame.height} pixels and the first of {first[0]} x {first[1]}: "
                     "give one size"
                 )
             self.count += 1
@@ -129,17 +131,17 @@ class _Counted:
                     f"{self._path}: more than {self.count - 1} pictures of this size "
                     "do not fit into memory: write an MP4, or fewer pictures"
                 )
-            yield found
+            yield frame
         if first is None:
             raise InputError(f"{self._path}: an animation needs at least one picture")
 
-    def _checked(self, given: Any) -> Picture:
-        if isinstance(given, Picture):
-            return given.convert("RGB")
-        pixels = np.asarray(given)
+    def _checked(self, picture: Any) -> Picture:
+        if isinstance(picture, Picture):
+            return picture.convert("RGB")
+        pixels = np.asarray(picture)
         if pixels.dtype != np.uint8 or pixels.ndim != 3 or pixels.shape[2] != 3:
             raise InputError(
-                f"{self._path}: picture {self.count} is {shortened(given)}: give "
+                f"{self._path}: picture {self.count} is {shortened(picture)}: give "
                 "pictures as of `picture`, or arrays [h, w, 3] of uint8"
             )
         return Pictures.fromarray(np.ascontiguousarray(pixels))
@@ -157,7 +159,10 @@ def _write_gif(
 ) -> None:
     first = next(pictures)
     colours = _gif_colours(first, palette)
-    reduced = lambda each: each.quantize(palette=colours, dither=Pictures.Dither.NONE)
+
+    def reduced(picture: Picture) -> Picture:
+        return picture.quantize(palette=colours, dither=Pictures.Dither.NONE)
+
     how = {"save_all": True, "append_images": map(reduced, pictures), "loop": 0}
     # Pillow's optimisation would give each picture its own order of colours.
     how |= {"duration": 1000.0 / rate, "optimize": False, "disposal": 1}
@@ -171,18 +176,19 @@ def _gif_colours(first: Picture, palette: str | None) -> Picture:
         return first.quantize(_GIF_COLOURS, dither=Pictures.Dither.NONE)
     even = np.rint(np.linspace(0, ENTRIES - 1, _GIF_SCALE)).astype(int)
     table = [tuple(colour) for colour in palette_table(palette)[even].tolist()]
-    paper, ink = np.array(PAPER), np.array(INK)
+    paper = np.array(PAPER)
+    ink = np.array(INK)
     greys = [np.rint(paper + f * (ink - paper)) for f in np.linspace(0, 1, 16)]
     table += [PAPER, INK, FAINT, FRAME, BACKGROUND]
     table += [tuple(grey.astype(int).tolist()) for grey in greys]
     table = list(dict.fromkeys(table))
-    # Edges, isotherms and what else there is.
-    rest = first.quantize(_GIF_COLOURS - len(table), dither=Pictures.Dither.NONE)
-    others = np.array(rest.getpalette(), np.uint8).reshape(-1, 3).tolist()
-    table = list(dict.fromkeys([*table, *map(tuple, others)]))[:_GIF_COLOURS]
-    found = Pictures.new("P", (1, 1))
-    found.putpalette([channel for colour in table for channel in colour])
-    return found
+    # Colours of edges, isotherms and anything else in the first picture.
+    quantized = first.quantize(_GIF_COLOURS - len(table), dither=Pictures.Dither.NONE)
+    extra_colours = np.array(quantized.getpalette(), np.uint8).reshape(-1, 3).tolist()
+    table = list(dict.fromkeys([*table, *map(tuple, extra_colours)]))[:_GIF_COLOURS]
+    palette_image = Pictures.new("P", (1, 1))
+    palette_image.putpalette([channel for colour in table for channel in colour])
+    return palette_image
 
 
 def _write_mp4(path: Path, pictures: Iterator[Picture], rate: float) -> None:
@@ -195,7 +201,8 @@ def _write_mp4(path: Path, pictures: Iterator[Picture], rate: float) -> None:
     with av.open(str(path), "w", format="mp4") as file:
         steps = Fraction(rate).limit_denominator(1000)
         stream = file.add_stream(_ENCODER, rate=steps, options=_QUALITY)
-        stream.width, stream.height = width, height
+        stream.width = width
+        stream.height = height
         stream.pix_fmt = "yuv420p"
         stream.codec_context.colorspace = _BT709
         for picture in itertools.chain([first], pictures):

@@ -38,14 +38,22 @@ class _Label(NamedTuple):
     ink: tuple[int, int, int]
 
 
-def _bar_labels(
-    low: float,
-    high: float,
-    height: int,
-    room: int,
-    gain: Gain | None,
-    beyond: tuple[bool, bool],
-) -> list[_Label]:
+class _Scale(NamedTuple):
+    """Temperatures along a bar, and its size."""
+
+    low: float
+    """Temperature at the lower end [°C]."""
+    high: float
+    """Temperature at the upper end [°C]."""
+    height: int
+    """Height of the bar [pixels]."""
+    room: int
+    """Least distance between two labels [pixels]."""
+    gain: Gain | None
+
+
+def _bar_labels(scale: _Scale, beyond: tuple[bool, bool]) -> list[_Label]:
+    low, high, height, room, gain = scale
     digits = end_decimals(low, high)
     if high <= low:
         return [_Label(0.5, label(low, digits), FAINT)]
@@ -63,13 +71,14 @@ def _bar_labels(
         _Label(at, label(t, decimals), INK) for at, t in zip(along, ticks, strict=True)
     ]
     # Ticks too close to an end are dropped: the ends show the range of the colours.
-    kept, below = ends, 0.0
+    labels = ends
+    below = 0.0
     for tick in inner:
         if below + margin < tick.position < 1.0 - margin:
-            kept.append(tick)
+            labels.append(tick)
             # With a gain round numbers may be close together.
             below = tick.position if gain is not None else 0.0
-    return kept
+    return labels
 
 
 def _draw_bar(
@@ -93,7 +102,8 @@ def _draw_bar(
     draw.rectangle((left - edge, top - edge, *ends), outline=FRAME, width=edge)
     for position, text, ink in labels:
         y = top + (1.0 - position) * (height - 1)
-        mark, upper = left + width + edge, round(y - edge / 2)
+        mark = left + width + edge
+        upper = round(y - edge / 2)
         lower = (mark + layout.gap // 2, upper + edge - 1)
         draw.rectangle((mark, upper, *lower), fill=FAINT)
         at = (mark + layout.gap, y)
@@ -109,8 +119,10 @@ def _draw_tips(
     layout: Layout,
 ) -> None:
     left, top, width, height = box
-    draw, table = ImageDraw.Draw(canvas), palette_table(palette)
-    edge, tall = layout.line, layout.tip
+    draw = ImageDraw.Draw(canvas)
+    table = palette_table(palette)
+    edge = layout.line
+    tall = layout.tip
     for is_shown, end, base, apex in (
         (beyond[0], 0, top + height + edge, top + height + edge + tall),
         (beyond[1], -1, top - edge - 1, top - edge - 1 - tall),
@@ -156,27 +168,33 @@ def annotate(
     low, high = check_limits(low, high)
     height, width, _ = rgb.shape
     layout = Layout.of(height, width)
-    gap, text = layout.gap, layout.text
+    gap = layout.gap
+    text = layout.text
     heads = [quantity, _UNIT] if quantity else [_UNIT]
     # The lines above the bar, whose end labels extend it by half a line each, and tips.
     spare = max(text // 2, layout.tip + layout.line)
     top = gap + round((0.9 + 1.2 * len(heads)) * text) + layout.tip // 2
     bar_height = max(height - top - gap - spare, 3 * text)
     bar_width = max(6, round(1.1 * text))
-    limits = to_celsius(low), to_celsius(high)
-    shared = (*limits, bar_height, round(1.3 * text), gain)
-    labels = _bar_labels(*shared, beyond)
+    scale = _Scale(
+        low=to_celsius(low),
+        high=to_celsius(high),
+        height=bar_height,
+        room=round(1.3 * text),
+        gain=gain,
+    )
+    labels = _bar_labels(scale, beyond)
     # Room for the signs in any case: all frames of a run have one size.
-    longest = _bar_labels(*shared, (True, True))
+    longest = _bar_labels(scale, (True, True))
     widest = max(layout.width(entry.text) for entry in longest)
     panel = 2 * gap + bar_width + layout.line + gap + widest + gap
     panel = max(panel, *(3 * gap + layout.width(line) for line in heads))
     strip = round(1.3 * text) + gap
     stamp = time_label(float(time))
-    whole = max(width + panel, layout.width(stamp) + 2 * gap)
+    total_width = max(width + panel, layout.width(stamp) + 2 * gap)
     tall = max(height, top + bar_height + gap + spare)
 
-    canvas = Image.new("RGB", (whole, tall + strip), PAPER)
+    canvas = Image.new("RGB", (total_width, tall + strip), PAPER)
     canvas.paste(Image.fromarray(np.ascontiguousarray(rgb)), (0, 0))
     left = width + 2 * gap
     box = (left, top, bar_width, bar_height)
@@ -195,9 +213,11 @@ def annotate(
         draw.text(at, line, fill=INK, font=layout.font, anchor="lm")
     base = tall + strip // 2
     draw.text((gap, base), stamp, fill=INK, font=layout.font, anchor="lm")
-    room = whole - layout.width(stamp) - 4 * gap
+    room = total_width - layout.width(stamp) - 4 * gap
     caption = layout.shorten(title, room)
-    draw.text((whole - gap, base), caption, fill=FAINT, font=layout.font, anchor="rm")
+    draw.text(
+        (total_width - gap, base), caption, fill=FAINT, font=layout.font, anchor="rm"
+    )
     return canvas
 
 

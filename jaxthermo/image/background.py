@@ -1,4 +1,4 @@
-"""Surroundings that a camera sees beside the bodies: sky, ground, and sources."""
+"""Surroundings of the bodies that a camera sees: sky, ground, and sources."""
 
 from typing import Any, NamedTuple
 
@@ -45,7 +45,7 @@ class Background(NamedTuple):
     sources: tuple[VisibleSource, ...]
 
     def of(self, sky: Any, ground: Any) -> Float[Array | np.ndarray, "*n"]:
-        """Values of sky and ground at the pixels; one where they are the same."""
+        """Values of sky and ground at the pixels; one value if they are equal."""
         if self.below is None:
             return sky
         if is_traced((sky, ground)):
@@ -74,7 +74,7 @@ def _horizon(terms: tuple[AbstractTerm, ...]):
 
 def horizon_at(terms: tuple[AbstractTerm, ...], time: Time) -> tuple[Any, Any]:
     """Temperatures of sky and ground behind the bodies [K]."""
-    sky, ground = (_number_at(each, time) for each in _horizon(terms))
+    sky, ground = (_number_at(temperature, time) for temperature in _horizon(terms))
     return sky, ground
 
 
@@ -84,7 +84,7 @@ def compute_background(
     pixel: Int[np.ndarray, " p"],
     depth: Float[np.ndarray, " p"],
 ) -> Background:
-    """Find what is seen beside the bodies, which pixels show at depths [m]."""
+    """Find what is visible around the bodies, which pixels show at depths [m]."""
     sky, ground = _horizon(terms)
     sources = [(n, t) for n, t in enumerate(terms) if isinstance(t, AbstractSource)]
     if ground is sky and not sources:
@@ -92,19 +92,19 @@ def compute_background(
     width, height = camera.size
     nearest = np.full(width * height, np.inf)
     nearest[pixel] = depth
-    found = []
+    visible = []
     for number, source in sources:
-        # Of all others each ray is searched.
+        # Without a cone of directions every ray is searched.
         cone = source.cone
-        shown = None if cone is None else camera.pixels_towards(*cone)
-        radiance, away = source.appearance(*camera.rays(shown))
-        before = nearest if shown is None else nearest[shown]
+        cone_pixels = None if cone is None else camera.pixels_towards(*cone)
+        radiance, away = source.appearance(*camera.rays(cone_pixels))
+        body_depth = nearest if cone_pixels is None else nearest[cone_pixels]
         # The sun, at infinite depth, is behind all that has one.
-        free = (away < before) | (np.isinf(away) & np.isinf(before))
+        free = (away < body_depth) | (np.isinf(away) & np.isinf(body_depth))
         seen = np.flatnonzero((radiance > 0) & free)
         if len(seen):
-            where = seen if shown is None else shown[seen]
-            found.append(
+            where = seen if cone_pixels is None else cone_pixels[seen]
+            visible.append(
                 VisibleSource(
                     number=number,
                     pixel=where,
@@ -113,6 +113,6 @@ def compute_background(
                 )
             )
     # The nearest of several sources is drawn last.
-    found.sort(key=lambda each: -float(each.depth.min()))
+    visible.sort(key=lambda source_pixels: -float(source_pixels.depth.min()))
     below = None if ground is sky else camera.rays()[1][:, 2] < -_LEVEL
-    return Background(below, tuple(found))
+    return Background(below, tuple(visible))

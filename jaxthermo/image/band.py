@@ -23,14 +23,17 @@ from ..errors import InputError
 from .response import BANDS, checked_response
 
 
-_C1, _C2 = 1.191042972397188e-16, 1.438776877503933e-2
+_C1 = 1.191042972397188e-16
+_C2 = 1.438776877503933e-2
 """2 h c^2 [W m^2 / sr] and h c / k [m K]."""
 
-MIN_BAND_TEMPERATURE, MAX_BAND_TEMPERATURE = 50.0, 10_000.0
+_MIN_TEMPERATURE = 50.0
+_MAX_TEMPERATURE = 10_000.0
 """Range of brightness temperatures [K]."""
 
 # Points of Gauss in a band of two ends, and in each interval of a table.
-_POINTS, _POINTS_OF_TABLE = 32, 6
+_POINTS = 32
+_POINTS_OF_TABLE = 6
 # More than any exponent of interest, and no overflow in float32.
 _MAX_EXPONENT = 85.0
 # Smaller radiances have no logarithm in float32.
@@ -65,20 +68,21 @@ class Band:
         self.response = tuple(values.tolist())
         count = _POINTS if len(edges) == 2 else _POINTS_OF_TABLE
         at, weight = np.polynomial.legendre.leggauss(count)
-        middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
+        middle = (edges[1:] + edges[:-1]) / 2
+        half = np.diff(edges) / 2
         points = middle[:, None] + half[:, None] * at
         received = np.interp(points, edges, values) * half[:, None] * weight
         self._rate = _C2 / points.ravel()
         self._weight = (_C1 * received / points**5).ravel()
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Band) and self._given == other._given
+        return isinstance(other, Band) and self._key == other._key
 
     def __hash__(self) -> int:
-        return hash(self._given)
+        return hash(self._key)
 
     @property
-    def _given(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    def _key(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         return self.wavelengths, self.response
 
     def __repr__(self) -> str:
@@ -100,21 +104,21 @@ class Band:
         """Brightness temperature of radiances [W/(m^2 sr)], in K.
 
         Raises:
-            InputError: for a known radiance beyond `MIN_BAND_TEMPERATURE` and
-                `MAX_BAND_TEMPERATURE`; a traced one shows the nearer of them.
+            InputError: for a concrete radiance of less than 50 K or more than 10 000 K;
+                a traced one shows the nearer of them.
         """
         if isinstance(radiance, jax.Array):
             return _temperature(self, radiance)
-        given = np.asarray(radiance, float)
+        radiances = np.asarray(radiance, float)
         low, high = self.radiance(np.array(_RANGE))
-        inside = (given >= low * (1 - 1e-9)) & (given <= high * (1 + 1e-9))
+        inside = (radiances >= low * (1 - 1e-9)) & (radiances <= high * (1 + 1e-9))
         if not inside.all():
             raise InputError(
-                f"Band.temperature: {given[~inside].flat[0]:g} W/(m^2 sr) is not of a "
-                f"black surface between {_RANGE[0]:g} and {_RANGE[1]:g} K in "
+                f"Band.temperature: {radiances[~inside].flat[0]:g} W/(m^2 sr) is "
+                f"not of a black surface between {_RANGE[0]:g} and {_RANGE[1]:g} K in "
                 f"{self!r} ({low:.3g} to {high:.3g})"
             )
-        return np.asarray(self._inverse(given, np))
+        return np.asarray(self._inverse(radiances, np))
 
     def share(self, temperature: Any) -> Any:
         """Fraction of the radiation of black bodies [K] within the band, by R."""
@@ -122,11 +126,11 @@ class Band:
         return self.radiance(temperature) / total
 
     @cached_property
-    def table(self) -> "BandTable":
-        """The same from a table, for images: to 1 mK, many times as fast."""
+    def table(self) -> "_BandTable":
+        """Table of L(T) and its inverse for images: accurate to 1 mK, and fast."""
         low, high = np.log(_RANGE)
         log_t = np.linspace(low, high, _ROWS)
-        return BandTable(log_t, np.log(self._sums(np.exp(log_t), np)[0]))
+        return _BandTable(log_t, np.log(self._sums(np.exp(log_t), np)[0]))
 
     def _sums(self, kelvin: Any, xp: Any) -> tuple[Any, Any]:
         """L and dL/dT."""
@@ -136,11 +140,11 @@ class Band:
         rate = rate.reshape((1,) * (kelvin.ndim - 1) + rate.shape)
         exponent = xp.minimum(rate / kelvin, _MAX_EXPONENT)
         grown = xp.expm1(exponent)
-        each = weight.reshape(rate.shape) / grown
+        contribution = weight.reshape(rate.shape) / grown
         # Not 1 / (1 - exp(-x)): with expm1 of both signs XLA's compiled product was
         # wrong by a factor of 60 to 180 on CPUs (jax 0.10.2), while each part was not.
-        grows = each * (1 + 1 / grown) * exponent / kelvin
-        return xp.asarray(each.sum(-1)), xp.asarray(grows.sum(-1))
+        grows = contribution * (1 + 1 / grown) * exponent / kelvin
+        return xp.asarray(contribution.sum(-1)), xp.asarray(grows.sum(-1))
 
     def _inverse(self, radiance: Any, xp: Any) -> Any:
         # Plain numbers, which leave the precision of the radiances as it is.
@@ -165,7 +169,7 @@ class Band:
 LONG_WAVE = Band(BANDS["long-wave"])
 """Band of most uncooled cameras, that of images if none is given."""
 
-_RANGE = MIN_BAND_TEMPERATURE, MAX_BAND_TEMPERATURE
+_RANGE = _MIN_TEMPERATURE, _MAX_TEMPERATURE
 
 
 # The derivatives of Planck's law, and of its inverse, in closed form.
@@ -191,7 +195,7 @@ def _temperature_jvp(band, primals, tangents):
     return kelvin, tangents[0] / band.slope(kelvin)
 
 
-class BandTable(NamedTuple):
+class _BandTable(NamedTuple):
     """L(T) and its inverse from a table of their logarithms, for arrays of numpy."""
 
     log_temperature: Float[np.ndarray, " k"]
@@ -210,10 +214,10 @@ class BandTable(NamedTuple):
 
 def _looked_up(
     values: Float[np.ndarray, "..."],
-    known: Float[np.ndarray, " k"],
-    wanted: Float[np.ndarray, " k"],
+    log_inputs: Float[np.ndarray, " k"],
+    log_outputs: Float[np.ndarray, " k"],
 ) -> Float[np.ndarray, "..."]:
     """Values of one logarithmic column by those of the other, in the type given."""
-    given = np.asarray(values)
-    logs = np.log(np.maximum(given, _LEAST), dtype=float)
-    return np.asarray(np.exp(np.interp(logs, known, wanted)), given.dtype)
+    numbers = np.asarray(values)
+    logs = np.log(np.maximum(numbers, _LEAST), dtype=float)
+    return np.asarray(np.exp(np.interp(logs, log_inputs, log_outputs)), numbers.dtype)

@@ -3,6 +3,7 @@
 import abc
 from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
@@ -19,6 +20,17 @@ from ..raster.views import clip_half_space, unit_vector
 _NEAR = 0.02
 
 _FORWARD = np.array([0.0, 0.0, 1.0])
+
+
+class _RasterMesh(NamedTuple):
+    """Visible pieces of a mesh on the image."""
+
+    points: Float[np.ndarray, "w 3"]
+    """Corners of the pieces: column, row and key."""
+    faces: Int[np.ndarray, "k 3"]
+    """Numbers of the corners of each piece."""
+    parent: Int[np.ndarray, " k"]
+    """Index of the face of the mesh that each piece belongs to."""
 
 
 class AbstractCamera(eqx.Module):
@@ -71,33 +83,37 @@ class AbstractCamera(eqx.Module):
         fragments sort by it.
 
         Returns:
-            The visible pieces, and the index of the triangle that each is a part of.
+            The visible pieces, and the index of the triangle of each piece.
         """
         pieces, parent = clip_half_space(self._local(triangles), _FORWARD, self._near)
         return self._on_image(pieces), parent
 
     def mesh_to_raster(
         self, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
-    ) -> tuple[Float[np.ndarray, "w 3"], Int[np.ndarray, "k 3"], Int[np.ndarray, " k"]]:
-        """Clip and project a mesh as `to_raster`, each vertex once.
-
-        Returns:
-            Points (column, row, key), the visible pieces with these corners, and the
-            index of the face that each is a part of.
-        """
+    ) -> _RasterMesh:
+        """Clip and project a mesh as `to_raster`, each vertex once."""
         local = self._local(vertices)
         ahead = local[:, 2] >= self._near
         if ahead.all():
-            return self._on_image(local), faces, np.arange(len(faces))
+            return _RasterMesh(
+                points=self._on_image(local),
+                faces=faces,
+                parent=np.arange(len(faces)),
+            )
         # What is behind the pinhole would be projected upside down.
         local[~ahead] = self._near * _FORWARD
         corners = ahead[faces].sum(axis=1)
-        whole, cut = np.flatnonzero(corners == 3), (corners > 0) & (corners < 3)
-        pieces, of = self.to_raster(vertices[faces[cut]])
+        uncut = np.flatnonzero(corners == 3)
+        cut = (corners > 0) & (corners < 3)
+        pieces, piece_parent = self.to_raster(vertices[faces[cut]])
         points = np.concatenate([self._on_image(local), pieces.reshape(-1, 3)])
-        more = len(local) + np.arange(3 * len(pieces)).reshape(-1, 3)
-        parent = np.concatenate([whole, np.flatnonzero(cut)[of]])
-        return points, np.concatenate([faces[whole], more]), parent
+        cut_faces = len(local) + np.arange(3 * len(pieces)).reshape(-1, 3)
+        parent = np.concatenate([uncut, np.flatnonzero(cut)[piece_parent]])
+        return _RasterMesh(
+            points=points,
+            faces=np.concatenate([faces[uncut], cut_faces]),
+            parent=parent,
+        )
 
     def project(self, points: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 2"]:
         """Columns and rows of world points [pixels], whose depths are positive."""
@@ -144,8 +160,8 @@ class AbstractCamera(eqx.Module):
     def _all_or(self, pixel: Int[np.ndarray, " p"] | None) -> Int[np.ndarray, " p"]:
         return np.arange(self.width * self.height) if pixel is None else pixel
 
-    # Of a pixel's centre, to the right of and below that of the image [pixels].
     def _offsets(self, pixel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distances to the right of and below the centre of the image [pixels]."""
         row, column = np.divmod(pixel, self.width)
         return column + 0.5 - self.width / 2, row + 0.5 - self.height / 2
 
@@ -205,7 +221,8 @@ class Camera(AbstractCamera):
     ) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, " p"]]:
         right, down = self._offsets(pixel)
         depth = -1 / key
-        x, y = right / self._focal * depth, down / self._focal * depth
+        x = right / self._focal * depth
+        y = down / self._focal * depth
         return self._to_world(np.stack([x, y, depth], axis=1)), depth
 
     @override
@@ -233,9 +250,9 @@ class Camera(AbstractCamera):
         for along, size in ((right, self.width), (down, self.height)):
             middle = self._focal * along / ahead + size / 2
             ends.append(np.clip([middle - reach, middle + reach], 0, size).astype(int))
-        (left, other), (top, bottom) = ends
+        (left, right_end), (top, bottom) = ends
         rows = np.arange(top, min(bottom + 1, self.height))
-        columns = np.arange(left, min(other + 1, self.width))
+        columns = np.arange(left, min(right_end + 1, self.width))
         return (rows[:, None] * self.width + columns).ravel()
 
 
@@ -319,22 +336,24 @@ def frame_all(
     forward = unit_vector(direction)
     axes = _view_frame((0.0, 0.0, 0.0), tuple(forward.tolist()), (0.0, 0.0, 1.0))
     x, y, z = np.moveaxis(linear_map(corners - middle, axes.T), -1, 0)
-    field_of_view, margin = 0.5, 1.06
+    field_of_view = 0.5
+    margin = 1.06
     slope = np.tan(field_of_view / 2) / margin
     # Each corner needs this depth to be inside the image, vertically and horizontally.
     depth = np.maximum(np.abs(y) / slope, np.abs(x) / (slope * width / height))
     position = middle - forward * float((depth - z).max())
-    triple = lambda v: (float(v[0]), float(v[1]), float(v[2]))
+    x, y, z = position.tolist()
+    middle_x, middle_y, middle_z = middle.tolist()
     return Camera(
-        position=triple(position),
-        look_at=triple(middle),
+        position=(x, y, z),
+        look_at=(middle_x, middle_y, middle_z),
         field_of_view=field_of_view,
         width=width,
         height=height,
     )
 
 
-# Of the last views only: a frame in a new one asks for it half a dozen times.
+# A frame in a new view needs it several times.
 @lru_cache(maxsize=64)
 def _view_frame(position, look_at, up) -> Float[np.ndarray, "3 3"]:
     """Right, down and forward axes, as rows."""

@@ -13,12 +13,12 @@ PAPER = (16, 17, 20)
 INK = (236, 236, 238)
 FAINT = (158, 160, 168)
 FRAME = (74, 76, 84)
-"""sRGB of what is not the picture itself: paper, text, lesser text, and frames."""
+"""sRGB of frames; above those of paper, text, and text of lesser weight."""
 
 _MORE_LETTERS = "".join(
     ("\N{DEGREE SIGN}", "\N{PLUS-MINUS SIGN}", "\N{HORIZONTAL ELLIPSIS}")
 )
-"""Letters that Pillow's font has beside ASCII."""
+"""Letters of Pillow's font that ASCII lacks."""
 _IN_ASCII = {
     "\N{LATIN SMALL LETTER SHARP S}": "ss",
     "\N{EN DASH}": "-",
@@ -36,8 +36,8 @@ def _drawable(letter: str) -> str:
     if letter.isascii() or letter in _MORE_LETTERS:
         return letter
     # An accent follows its letter as a mark of its own.
-    parts = _IN_ASCII.get(letter) or unicodedata.normalize("NFKD", letter)
-    return "".join(part for part in parts if part.isascii()) or "?"
+    decomposed = _IN_ASCII.get(letter) or unicodedata.normalize("NFKD", letter)
+    return "".join(character for character in decomposed if character.isascii()) or "?"
 
 
 @dataclass(frozen=True)
@@ -54,15 +54,15 @@ class Layout:
     @classmethod
     def of(cls, height: int, width: int) -> "Layout":
         """The sizes for an image of `height` x `width`."""
-        # By the height, but with smaller labels beside a narrow image.
+        # By the height, but with smaller labels next to a narrow image.
         side = math.sqrt(height * min(width, 2 * height))
         text = min(max(round(side / 28), 10), 96)
         return cls(
-            ImageFont.load_default(size=text),
-            text,
-            max(4, round(0.7 * text)),
-            max(1, round(text / 14)),
-            max(5, round(0.6 * text)),
+            font=ImageFont.load_default(size=text),
+            text=text,
+            gap=max(4, round(0.7 * text)),
+            line=max(1, round(text / 14)),
+            tip=max(5, round(0.6 * text)),
         )
 
     def width(self, text: str) -> int:
@@ -70,7 +70,7 @@ class Layout:
         return math.ceil(self.font.getlength(text))
 
     def shorten(self, text: str, room: int) -> str:
-        """The text, or as much of its start as fits into `room`, with an ellipsis.
+        """The text, or its longest start that fits into `room`, with an ellipsis.
 
         Letters that the font lacks are replaced.
         """

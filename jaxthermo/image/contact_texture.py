@@ -14,7 +14,7 @@ from .palette import apply_palette
 
 
 # sRGB of fragments without a value: dark, and in no palette.
-UNTOUCHED = (52, 55, 62)
+_UNTOUCHED = (52, 55, 62)
 
 
 def contact_images(
@@ -23,7 +23,7 @@ def contact_images(
     low: Scalar = 0.0,
     high: Scalar = 1.0,
     palette: str = "iron",
-    kind: str = "contact",
+    quantity: str = "contact",
 ) -> dict[str, list[UInt8[np.ndarray, "h w 3"]]]:
     """Draw the packed layers along x, y and z, front layer first.
 
@@ -35,26 +35,19 @@ def contact_images(
         low: value of the first colour.
         high: value of the last colour.
         palette: name of the palette.
-        kind: second half of the keys.
+        quantity: second half of the keys.
 
     Raises:
         InputError: for an unknown palette, or limits that are not finite and in order.
     """
     column = apply_palette(
-        values[:, None], low=low, high=high, name=palette, invalid=UNTOUCHED
+        values[:, None], low=low, high=high, name=palette, invalid=_UNTOUCHED
     )
     images = {}
     for axis in range(3):
-        shown = grid.is_packed(axis) & ~np.isnan(values)
-        if shown.any():
-            last = int(grid.fragment_layer[shown, 1].max())
+        with_value = grid.is_packed(axis) & ~np.isnan(values)
+        if with_value.any():
+            last = int(grid.fragment_layer[with_value, 1].max())
             layers = packed_images(grid, axis, column[:, 0])[: last + 1]
-            images[f"{'xyz'[axis]}_{kind}"] = layers
+            images[f"{'xyz'[axis]}_{quantity}"] = layers
     return images
-
-
-def where_covered(
-    values: Float[np.ndarray, " s"], coverage: Float[np.ndarray, " s"]
-) -> Float[np.ndarray, " s"]:
-    """Values of the fragments in contact, NaN for the others."""
-    return np.where(coverage > 0, values, np.nan)

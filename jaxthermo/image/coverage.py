@@ -22,7 +22,7 @@ from .pose import POSE_SIZE, moved_camera
 from .visible import WorldMesh, visible_points
 
 
-# Spread over which a pixel without a body takes the position of those beside it.
+# Spread over which a pixel without a body takes the position of its neighbours.
 _NEAR = 0.7
 # Step of differences of the projection [rad, m], whose error is of second order.
 _STEP = 1e-5
@@ -34,9 +34,9 @@ class Coverage(NamedTuple):
     fraction: Float[np.ndarray, "h w"]
     """Covered fraction of each pixel [-]."""
     slope: Float[np.ndarray, "2 h w"]
-    """Its change as the outline moves to the right and down [1/pixel]."""
+    """Change of the fraction as the outline moves to the right and down [1/pixel]."""
     position: Float[np.ndarray, "h w 3"]
-    """Mean of the points that are seen in a pixel and beside it [m]."""
+    """Mean of the points that are visible in a pixel and its neighbours [m]."""
 
 
 def coverage(
@@ -48,21 +48,24 @@ def coverage(
         InputError: if the camera is inside a body or sees none.
     """
     width, height = camera.size
-    found = visible_points(bodies, camera.finer(samples))
+    visible = visible_points(bodies, camera.finer(samples))
     fine = np.zeros((height * samples, width * samples))
-    fine.reshape(-1)[found.pixel] = 1
-    down, right = (_edges(each, samples) for each in (fine, fine.T))
+    fine.reshape(-1)[visible.pixel] = 1
+    down, right = (_edges(covered, samples) for covered in (fine, fine.T))
     slope = np.stack([-np.diff(right, axis=0).T, -np.diff(down, axis=0)])
-    row, column = np.divmod(found.pixel, width * samples)
+    row, column = np.divmod(visible.pixel, width * samples)
     pixel = row // samples * width + column // samples
-    shape, count = (height, width), height * width
-    spread = lambda given: gaussian_filter(
-        np.bincount(pixel, given, count).reshape(shape), _NEAR, mode="constant"
-    )
+    shape = (height, width)
+    count = height * width
+
+    def spread(values: Float[np.ndarray, " p"]) -> Float[np.ndarray, "h w"]:
+        sums = np.bincount(pixel, values, count).reshape(shape)
+        return gaussian_filter(sums, _NEAR, mode="constant")
+
     total = spread(np.ones(len(pixel)))
-    sums = np.stack([spread(each) for each in found.position.T], axis=-1)
-    # Far from bodies any point will do, of which the slope is 0.
-    middle = found.position.mean(axis=0)
+    sums = np.stack([spread(coordinate) for coordinate in visible.position.T], axis=-1)
+    # Far from bodies any point will do, since the slope is 0 there.
+    middle = visible.position.mean(axis=0)
     weight = np.maximum(total, 1e-12)[:, :, None]
     position = np.where(total[:, :, None] > 0, sums / weight, middle)
     return Coverage(np.asarray(block_means(fine, samples)), slope, position)
@@ -70,21 +73,21 @@ def coverage(
 
 def _edges(fine: Float[np.ndarray, "_ _"], samples: int) -> Float[np.ndarray, "_ _"]:
     """Covered fractions of the upper and lower edges of pixels, top to bottom."""
-    beside = np.pad(fine, ((1, 1), (0, 0)))
+    padded = np.pad(fine, ((1, 1), (0, 0)))
     # An edge lies between two rows of rays.
-    lines = (beside[:-1] + beside[1:])[::samples] / 2
+    lines = (padded[:-1] + padded[1:])[::samples] / 2
     return lines.reshape(len(lines), -1, samples).mean(axis=2)
 
 
 def coverage_slopes(
-    found: Coverage,
+    covered: Coverage,
     camera: AbstractCamera,
     pose: Float[np.ndarray, "6"],
     pixels: Int[np.ndarray, " p"],
 ) -> Float[np.ndarray, "p 6"]:
     """Change of covered fractions by each number of the pose [1/rad, 1/m]."""
-    points = found.position.reshape(-1, 3)[pixels]
-    across, along = found.slope.reshape(2, -1)[:, pixels]
+    points = covered.position.reshape(-1, 3)[pixels]
+    across, along = covered.slope.reshape(2, -1)[:, pixels]
     columns = []
     for step in _STEP * np.eye(POSE_SIZE):
         ends = [

@@ -21,7 +21,7 @@ class _Recorded(NamedTuple):
     radiance: Any
     """Radiance of the pixels [W/(m^2 sr)]."""
     lagged: Any
-    """The same as the detector follows it."""
+    """Radiance that the lagging detector reads [W/(m^2 sr)]."""
 
 
 class Detector:
@@ -46,8 +46,10 @@ class Detector:
             effects: of the camera.
             samples: along each axis.
         """
-        self._reaching, self._effects, self._samples = reaching, effects, samples
-        # By numpy: on the host, and of known values while others are traced.
+        self._reaching = reaching
+        self._effects = effects
+        self._samples = samples
+        # By numpy: on the host, also while temperatures are traced.
         self._times = np.asarray(times).tolist()
         self._last: _Recorded | None = None
 
@@ -56,22 +58,24 @@ class Detector:
         image = self._pixels(index)
         radiance: Any = image.radiance
         for lag in self._effects.lag:
-            here = self._start(index, radiance, lag.time_constant)
-            for k in range(here.index + 1, index + 1):
+            state = self._start(index, radiance, lag.time_constant)
+            for k in range(state.index + 1, index + 1):
                 new = radiance if k == index else self._pixels(k).radiance
                 interval = self._times[k] - self._times[k - 1]
-                lagged = lag.after(interval, here.radiance, new, here.lagged)
-                here = _Recorded(k, new, lagged)
-            self._last, radiance = here, here.lagged
+                lagged = lag.after(interval, state.radiance, new, state.lagged)
+                state = _Recorded(k, new, lagged)
+            self._last = state
+            radiance = state.lagged
         followed = image.with_radiance(radiance)
         return read_out(followed, self._effects, self._times[index])
 
     def _start(self, index: int, radiance: Any, time_constant: float) -> _Recorded:
-        """A frame before which nothing matters any more."""
+        """A frame before which nothing influences the one of `index`."""
         if self._last is not None and self._last.index <= index:
             return self._last
         first = index
-        now, memory = self._times[index], _MEMORY * time_constant
+        now = self._times[index]
+        memory = _MEMORY * time_constant
         while first > 0 and now - self._times[first] < memory:
             first -= 1
         settled = radiance if first == index else self._pixels(first).radiance

@@ -6,7 +6,7 @@ camera that act on surfaces and along the line of sight.
 
 import dataclasses
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -42,41 +42,50 @@ from .radiometry import (
 from .view import View
 
 
+class _PixelSurface(NamedTuple):
+    """What the pixels show of the bodies."""
+
+    temperature: Values
+    """[K]"""
+    emissivity: Values
+    radiance: Values
+    """[W/(m^2 sr)]"""
+
+
 def _lambertian(
     view: View,
     surfaces: tuple[SolvedSurface, ...],
     kelvin: Values,
     received: Irradiance | None,
     band: Band | None,
-) -> tuple[Values, Values, Values]:
-    """Temperature [K], emissivity and radiance [W/(m^2 sr)] of the pixels."""
+) -> _PixelSurface:
+    """Surfaces that emit and reflect alike in all directions."""
     xp: Any = np if isinstance(kelvin, np.ndarray) else jnp
     surface = temperature_at_pixels(view, kelvin)
     seen = property_at_pixels(view, surfaces=surfaces, field="emissivity", xp=xp)
     back: Any = xp.zeros_like(surface)
     if received is not None:
         # Fragments reflect: one sum to carry to the pixels, or two where the image
-        # hides a part.
-        properties = "emissivity", _absorptivity(band)
+        # hides a fraction of the surroundings.
         inside = within_band(received, band, xp)
         reflected, lit = inside.reflected(
-            *(per_fragment(surfaces, each, xp) for each in properties)
+            per_fragment(surfaces, "emissivity", xp),
+            per_fragment(surfaces, _absorptivity(band), xp),
         )
         hidden = view.open_fraction is not None
-        parts = xp.stack([reflected, lit] if hidden else [reflected], axis=1)
-        back, *lit_pixels = irradiation_at_pixels(view, parts).T
+        rows = xp.stack([reflected, lit] if hidden else [reflected], axis=1)
+        back, *lit_pixels = irradiation_at_pixels(view, rows).T
         if hidden:
             # Sources have their own shadows: what is hidden is thermal radiation, and
             # what hides it is as warm as the surface, as in `Surroundings`.
             direct = sum(lit_pixels)
             open_fraction = xp.asarray(view.open_fraction, surface.dtype)
-            own = (1 - seen) * math.pi * black_radiance(surface, band)
-            back = direct + open_fraction * (back - direct) + (1 - open_fraction) * own
-    return (
-        surface,
-        seen,
-        leaving_radiance(surface, emissivity=seen, reflected=back, band=band),
-    )
+            hiding = (1 - seen) * math.pi * black_radiance(surface, band)
+            back = (
+                direct + open_fraction * (back - direct) + (1 - open_fraction) * hiding
+            )
+    radiance = leaving_radiance(surface, emissivity=seen, reflected=back, band=band)
+    return _PixelSurface(temperature=surface, emissivity=seen, radiance=radiance)
 
 
 def _absorptivity(band: Band | None) -> str:
@@ -93,14 +102,13 @@ def _directional(
     horizon: Horizon,
     band: Band | None,
     effects: Effects,
-) -> tuple[Values, Values, Values]:
-    """The same of surfaces whose radiation depends on the direction."""
+) -> _PixelSurface:
+    """Surfaces whose radiation depends on the direction."""
     xp: Any = np if isinstance(kelvin, np.ndarray) else jnp
     surface = temperature_at_pixels(view, kelvin)
-    properties = "emissivity", _absorptivity(band)
-    seen, absorptivity = (
-        property_at_pixels(view, surfaces=surfaces, field=each, xp=xp)
-        for each in properties
+    seen = property_at_pixels(view, surfaces=surfaces, field="emissivity", xp=xp)
+    absorptivity = property_at_pixels(
+        view, surfaces=surfaces, field=_absorptivity(band), xp=xp
     )
     black = black_radiance(surface, band)
     thermal = xp.zeros_like(surface)
@@ -113,7 +121,7 @@ def _directional(
         if view.open_fraction is not None:
             open_fraction = xp.asarray(view.open_fraction, surface.dtype)
             thermal = open_fraction * thermal + (1 - open_fraction) * math.pi * black
-    found = PixelRadiation(
+    radiation = PixelRadiation(
         black=black,
         emissivity=seen,
         absorptivity=absorptivity,
@@ -122,8 +130,12 @@ def _directional(
     )
     for effect in effects.surface:
         arrays = prepared_for(effect, view=view, terms=terms, dtype=surface.dtype)
-        found = effect.apply(found, arrays, horizon)
-    return surface, found.emissivity, found.radiance
+        radiation = effect.apply(radiation, arrays, horizon)
+    return _PixelSurface(
+        temperature=surface,
+        emissivity=radiation.emissivity,
+        radiance=radiation.radiance,
+    )
 
 
 def draw(
@@ -152,13 +164,13 @@ def draw(
     """
     load_time = time if load_time is None else load_time
     # Derivatives need JAX, which otherwise would compile a program for every view.
-    given = temperature, received, load_time, terms, surfaces, effects, view.weights
-    xp: Any = jnp if is_traced(given) else np
+    inputs = temperature, received, load_time, terms, surfaces, effects, view.weights
+    xp: Any = jnp if is_traced(inputs) else np
     kelvin = xp.asarray(temperature)
     if received is not None:
-        received = Irradiance(*(xp.asarray(each) for each in received))
-    behind = tuple(xp.asarray(each) for each in horizon_at(terms, load_time))
-    horizon = Horizon(*(black_radiance(each, band) for each in behind))
+        received = Irradiance(*(xp.asarray(values) for values in received))
+    behind = tuple(xp.asarray(end) for end in horizon_at(terms, load_time))
+    horizon = Horizon(*(black_radiance(end, band) for end in behind))
     if effects.surface:
         drawn = _directional(
             view,
@@ -178,9 +190,12 @@ def draw(
     for effect in effects.path:
         arrays = prepared_for(effect, view=view, terms=terms, dtype=radiance.dtype)
         radiance = effect.apply(radiance, arrays, band)
-    frame = lambda values, behind: filled(
-        view, values=values, background=behind, dtype=surface.dtype, xp=xp
-    )
+
+    def frame(values: Any, background: Any) -> Values:
+        return filled(
+            view, values=values, background=background, dtype=surface.dtype, xp=xp
+        )
+
     geometry = geometry_frames(view, surface.dtype)
     image = Image(
         time=time,

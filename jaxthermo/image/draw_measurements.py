@@ -70,7 +70,7 @@ def draw_measurements(
     Args:
         picture: of the frame, as from `picture`: the frame is its upper left corner.
         image: the frame.
-        measurements: as of `measure`, which describes the others.
+        measurements: as of `measure`, which describes the other arguments.
         quantity: "apparent" or "surface".
         mask: fraction of each pixel that bodies cover.
         decimals: of temperatures.
@@ -113,21 +113,21 @@ def draw_marks(
     """Draw marks and names alone; arguments as of `draw_measurements`."""
     kelvin = shown_temperature(image, quantity)
     filled = (covered_fraction(image) if mask is None else mask) >= 1
-    size = kelvin.shape[0], kelvin.shape[1]
-    layout = Layout.of(*size)
+    height, width = kelvin.shape
+    layout = Layout.of(height, width)
     colours = iter(_isotherm_colours(measurements))
-    # Outlines first: the marks and names of the others are above them.
-    for each in measurements:
-        if isinstance(each, Isotherm):
-            inside = np.zeros(size, bool)
-            inside[each.pixels(kelvin)] = True
+    # Outlines first: marks and names of other measurements are above them.
+    for measurement in measurements:
+        if isinstance(measurement, Isotherm):
+            inside = np.zeros(kelvin.shape, bool)
+            inside[measurement.pixels(kelvin)] = True
             _draw_outline(
                 picture, inside=inside & filled, colour=next(colours), layout=layout
             )
     draw = ImageDraw.Draw(picture)
-    for name, each in zip(names_of(measurements), measurements, strict=True):
-        points = [(column, row) for row, column in each.points(*size)]
-        match each:
+    for name, measurement in zip(names_of(measurements), measurements, strict=True):
+        points = [(column, row) for row, column in measurement.points(height, width)]
+        match measurement:
             case Spot():
                 _draw_cross(draw, points[0], layout)
             case Line():
@@ -139,9 +139,9 @@ def draw_marks(
         _draw_name(
             draw,
             points=points,
-            above=isinstance(each, Box),
+            above=isinstance(measurement, Box),
             name=name,
-            size=size,
+            size=(height, width),
             layout=layout,
         )
 
@@ -161,13 +161,16 @@ def _with_readings(
     draw = ImageDraw.Draw(canvas)
     names = {name: layout.shorten(name, picture.width // 3) for name in readings}
     left = max(layout.width(name) for name in names.values()) + 2 * layout.gap
-    y, colours = picture.height + step // 2, iter(_isotherm_colours(measurements))
-    for (name, reading), each in zip(readings.items(), measurements, strict=True):
-        is_isotherm = isinstance(each, Isotherm)
+    y = picture.height + step // 2
+    colours = iter(_isotherm_colours(measurements))
+    for (name, reading), measurement in zip(
+        readings.items(), measurements, strict=True
+    ):
+        is_isotherm = isinstance(measurement, Isotherm)
         ink = next(colours) if is_isotherm else INK
         at = (layout.gap, y)
         draw.text(at, names[name], fill=ink, font=layout.font, anchor="lm")
-        words = reading_in_words(each, reading, decimals)
+        words = _reading_in_words(measurement, reading, decimals)
         words = layout.shorten(words, picture.width - left - layout.gap)
         ink = INK if reading.pixels or is_isotherm else FAINT
         draw.text((left, y), words, fill=ink, font=layout.font, anchor="lm")
@@ -188,24 +191,27 @@ def limits_in_words(isotherm: Isotherm, decimals: int = 1) -> str:
 def _isotherm_colours(
     measurements: Sequence[AbstractMeasurement],
 ) -> list[tuple[int, int, int]]:
-    count = sum(isinstance(each, Isotherm) for each in measurements)
+    count = sum(isinstance(measurement, Isotherm) for measurement in measurements)
     return [_ISOTHERMS[k % len(_ISOTHERMS)] for k in range(count)]
 
 
-def reading_in_words(
+def _reading_in_words(
     measurement: AbstractMeasurement, reading: Reading, decimals: int = 1
 ) -> str:
     """A reading as text: "34.2 °C", or "background" where no body is."""
-    shown = lambda kelvin: label(to_celsius(kelvin), decimals)
+
+    def celsius(kelvin: float) -> str:
+        return label(to_celsius(kelvin), decimals)
+
     if isinstance(measurement, Isotherm):
         percent = label(100 * reading.fraction, 1)
         return f"{limits_in_words(measurement, decimals)}: {percent} % of the bodies"
     if not reading.pixels:
         return "background"
     if isinstance(measurement, Spot):
-        return f"{shown(reading.mean)} {_UNIT}"
-    ends = f"{shown(reading.min)} to {shown(reading.max)}"
-    return f"{ends}, mean {shown(reading.mean)} {_UNIT}"
+        return f"{celsius(reading.mean)} {_UNIT}"
+    ends = f"{celsius(reading.min)} to {celsius(reading.max)}"
+    return f"{ends}, mean {celsius(reading.mean)} {_UNIT}"
 
 
 def _draw_outline(
@@ -225,19 +231,21 @@ def _draw_outline(
         picture.paste(ink, (0, 0), mask)
 
 
-def _both(layout: Layout) -> tuple[tuple[int, tuple[int, int, int]], ...]:
+def _strokes(layout: Layout) -> tuple[tuple[int, tuple[int, int, int]], ...]:
     # A light line on a dark one is seen on all colours.
     return (layout.line + 2 * max(1, layout.line // 2), PAPER), (layout.line, INK)
 
 
 def _draw_cross(draw: ImageDraw.ImageDraw, at: tuple[int, int], layout: Layout) -> None:
     # Open in the middle: the pixel itself stays visible.
-    far, near = round(0.55 * layout.text), max(2, round(0.2 * layout.text))
+    far = round(0.55 * layout.text)
+    near = max(2, round(0.2 * layout.text))
     x, y = at
-    for width, ink in _both(layout):
-        more = (width - layout.line) // 2
+    for width, ink in _strokes(layout):
+        rim = (width - layout.line) // 2
         for way in (-1, 1):
-            a, b = way * (near - more), way * (far + more)
+            a = way * (near - rim)
+            b = way * (far + rim)
             draw.line((x + a, y, x + b, y), fill=ink, width=width)
             draw.line((x, y + a, x, y + b), fill=ink, width=width)
 
@@ -245,7 +253,7 @@ def _draw_cross(draw: ImageDraw.ImageDraw, at: tuple[int, int], layout: Layout) 
 def _draw_line(
     draw: ImageDraw.ImageDraw, points: list[tuple[int, int]], layout: Layout
 ) -> None:
-    for width, ink in _both(layout):
+    for width, ink in _strokes(layout):
         draw.line(points, fill=ink, width=width)
         reach = width + 1
         for x, y in points:
@@ -257,7 +265,7 @@ def _draw_box(
 ) -> None:
     left, right = sorted(x for x, _ in points)
     top, bottom = sorted(y for _, y in points)
-    for width, ink in _both(layout):
+    for width, ink in _strokes(layout):
         out = (width - layout.line) // 2
         corners = (left - out, top - out, right + out, bottom + out)
         draw.rectangle(corners, outline=ink, width=width)
@@ -271,13 +279,16 @@ def _draw_name(
     size: tuple[int, int],
     layout: Layout,
 ) -> None:
-    # Beside the last point, or above a box; moved where it would leave the image.
+    # Next to the last point, or above a box; moved where it would leave the image.
     height, width = size
     name = drawable(name)
-    long, tall, gap = layout.width(name), layout.text, layout.gap
+    long = layout.width(name)
+    tall = layout.text
+    gap = layout.gap
     rim = layout.line + 1
     if above:
-        x, y = min(x for x, _ in points), min(y for _, y in points) - tall
+        x = min(x for x, _ in points)
+        y = min(y for _, y in points) - tall
         y = y if y > tall / 2 else y + 2 * tall
     else:
         x, y = points[-1]

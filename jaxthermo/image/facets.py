@@ -3,7 +3,7 @@
 All fragments of a facet have its normal, and what they receive jumps at its edges:
 close up, a ball of a few hundred triangles would look like a cut stone. On facets of
 several voxels the irradiation is interpolated between their corners instead
-(Gouraud, IEEE Trans. Comput. C-20 (1971) 623), with what varies within the facet kept:
+(Gouraud, IEEE Trans. Comput. C-20 (1971) 623), and variations within a facet remain:
 
     H(x) = H_f(x) + s sum_c b_c (V_c - F_c),    s = min(1, H_f(x) / sum_c b_c F_c)
 
@@ -30,7 +30,8 @@ from .fragment_cells import CHUNK, Neighbours, block_matrix, cells_of
 # but the sharpest; smaller ones are smoothed by the weights of the pixels.
 _MIN_AREA = 8.0
 # Radius of the means around corners and near pixels [voxels].
-_CORNER_RADIUS, _RADIUS = 3.0, 2.0
+_CORNER_RADIUS = 3.0
+_RADIUS = 2.0
 # Normals are the same within a degree, and points on one plane within a quarter voxel.
 _COPLANAR = float(np.cos(np.deg2rad(1.0)))
 _MAX_OFFSET = 0.25
@@ -44,7 +45,7 @@ class FacetShading(NamedTuple):
 
     point: Int[np.ndarray, " q"]
     """Index among all points."""
-    own: csr_array
+    local_mean: csr_array
     """Weights [q, s] of H_f."""
     corner: Int[np.ndarray, "q 3"]
     """Rows of `joined` and `alone` of the corners of each point's facet."""
@@ -60,14 +61,14 @@ class _Near(NamedTuple):
     """Choice of the fragments that belong to points."""
 
     radius: float
-    """In voxels."""
+    """Radius of the search [voxels]."""
     cosine: float
-    """Least cosine between the normals."""
+    """Smallest cosine between the normals."""
     offset: float
     """Largest distance from the plane through the point [voxels]."""
 
 
-_OWN = _Near(_RADIUS, _COPLANAR, _MAX_OFFSET)
+_LOCAL = _Near(_RADIUS, _COPLANAR, _MAX_OFFSET)
 _ALONE = _Near(_CORNER_RADIUS, _COPLANAR, _MAX_OFFSET)
 _JOINED = _Near(_CORNER_RADIUS, _CREASE_COSINE, np.inf)
 
@@ -88,18 +89,18 @@ def facet_shading(
     slot = large.slot[face]
     point = np.flatnonzero(slot >= 0)
     flat = _face_normals(geometry.vertices, geometry.faces).flat
-    own = _weights(
-        points[point], normals=flat[face[point]], geometry=geometry, near=_OWN
+    local_mean = _weights(
+        points[point], normals=flat[face[point]], geometry=geometry, near=_LOCAL
     )
-    found_own = np.flatnonzero(_has_mean(own))
-    point = point[found_own]
+    with_mean = np.flatnonzero(_has_mean(local_mean))
+    point = point[with_mean]
     # Corners of the facets that are seen.
     used, row = np.unique(slot[point], return_inverse=True)
     corner = (3 * used[:, None] + np.arange(3)).ravel()
     triangles = geometry.vertices[geometry.faces[face[point]]]
     return FacetShading(
         point=point,
-        own=own[found_own],
+        local_mean=local_mean[with_mean],
         corner=3 * row[:, None] + np.arange(3),
         share=_barycentric(triangles, points[point]),
         joined=large.joined[corner],
@@ -111,7 +112,7 @@ class _LargeFacets(NamedTuple):
     """The k facets of a body that are large and not plane."""
 
     slot: Int[np.ndarray, " f"]
-    """Number of each face among them; -1 for the others."""
+    """Number of each face among the large facets; -1 for other faces."""
     joined: csr_array
     """Weights [3 k, s] of V_c."""
     alone: csr_array
@@ -122,30 +123,37 @@ def _large_facets(geometry: BodyGeometry) -> _LargeFacets:
     """Large facets, the same for all views and poses of a body."""
     mesh = geometry.vertices, geometry.faces
     fragments = geometry.fragment_position, geometry.fragment_normal
-    of = *mesh, *fragments, geometry.fragment_area
-    by = "large_facets", float(geometry.pitch)
-    return found(of, by, lambda: _find_large_facets(geometry))
+    arrays = *mesh, *fragments, geometry.fragment_area
+    key = "large_facets", float(geometry.pitch)
+    return found(arrays, key, lambda: _find_large_facets(geometry))
 
 
 def _find_large_facets(geometry: BodyGeometry) -> _LargeFacets:
-    vertices, faces = geometry.vertices, geometry.faces
+    vertices = geometry.vertices
+    faces = geometry.faces
     flat, corner, area, _ = _face_normals(vertices, faces)
     large = np.flatnonzero(area >= _MIN_AREA * geometry.pitch**2)
     cosine = np.einsum("ki,kci->kc", flat[large], corner[large])
-    shown = large[cosine.min(axis=1, initial=1.0) < _COPLANAR]
-    place = vertices[faces[shown]].reshape(-1, 3)
+    curved = large[cosine.min(axis=1, initial=1.0) < _COPLANAR]
+    corner_points = vertices[faces[curved]].reshape(-1, 3)
     joined = _weights(
-        place, normals=corner[shown].reshape(-1, 3), geometry=geometry, near=_JOINED
+        corner_points,
+        normals=corner[curved].reshape(-1, 3),
+        geometry=geometry,
+        near=_JOINED,
     )
     alone = _weights(
-        place, normals=flat[shown].repeat(3, axis=0), geometry=geometry, near=_ALONE
+        corner_points,
+        normals=flat[curved].repeat(3, axis=0),
+        geometry=geometry,
+        near=_ALONE,
     )
     # A corner too sharp for a fragment has no mean.
-    whole = (_has_mean(joined) & _has_mean(alone)).reshape(-1, 3).all(axis=1)
+    usable = (_has_mean(joined) & _has_mean(alone)).reshape(-1, 3).all(axis=1)
     slot = np.full(len(faces), -1)
-    slot[shown[whole]] = np.arange(whole.sum())
-    kept = np.flatnonzero(whole.repeat(3))
-    return _LargeFacets(slot, joined[kept], alone[kept])
+    slot[curved[usable]] = np.arange(usable.sum())
+    usable_corners = np.flatnonzero(usable.repeat(3))
+    return _LargeFacets(slot, joined[usable_corners], alone[usable_corners])
 
 
 def _has_mean(weights: csr_array) -> np.ndarray:
@@ -158,37 +166,45 @@ def _weights(
     """Weights that add up to 1 at every point with a fragment."""
     cells = cells_of(geometry, near.radius * geometry.pitch)
 
-    def chosen(pairs: Neighbours) -> np.ndarray:
+    def belonging(pairs: Neighbours) -> np.ndarray:
         normal = normals[pairs.owner]
         away = geometry.fragment_position[pairs.fragment] - points[pairs.owner]
         height = np.abs(np.einsum("ij,ij->i", away, normal))
-        other = geometry.fragment_normal[pairs.fragment]
-        cosine = np.einsum("ij,ij->i", other, normal)
+        fragment_normal = geometry.fragment_normal[pairs.fragment]
+        cosine = np.einsum("ij,ij->i", fragment_normal, normal)
         level = height <= near.offset * geometry.pitch
         return np.flatnonzero(level & (cosine > near.cosine))
 
-    return cells.means(points, normals, chosen)
+    return cells.means(points, normals, belonging)
 
 
 def joined_shadings(
-    shown: list[np.ndarray], parts: list[FacetShading]
+    body_points: list[np.ndarray], shadings: list[FacetShading]
 ) -> FacetShading | None:
-    """Concatenate the shadings of bodies, of which each has points of an image.
+    """Concatenate the shadings of bodies that share the points of an image.
 
     The fragments are numbered over all bodies in the result. None without any point.
     """
-    if not any(len(part.point) for part in parts):
+    if not any(len(shading.point) for shading in shadings):
         return None
-    before = np.cumsum([0, *(len(part.joined.indptr) - 1 for part in parts)])
-    point = [here[part.point] for here, part in zip(shown, parts, strict=True)]
-    corner = [part.corner + n for part, n in zip(parts, before[:-1], strict=True)]
+    first_corner = np.cumsum(
+        [0, *(len(shading.joined.indptr) - 1 for shading in shadings)]
+    )
+    point = [
+        points[shading.point]
+        for points, shading in zip(body_points, shadings, strict=True)
+    ]
+    corner = [
+        shading.corner + n
+        for shading, n in zip(shadings, first_corner[:-1], strict=True)
+    ]
     return FacetShading(
         point=np.concatenate(point),
-        own=block_matrix([part.own for part in parts]),
+        local_mean=block_matrix([shading.local_mean for shading in shadings]),
         corner=np.concatenate(corner),
-        share=np.concatenate([part.share for part in parts]),
-        joined=block_matrix([part.joined for part in parts]),
-        alone=block_matrix([part.alone for part in parts]),
+        share=np.concatenate([shading.share for shading in shadings]),
+        joined=block_matrix([shading.joined for shading in shadings]),
+        alone=block_matrix([shading.alone for shading in shadings]),
     )
 
 
@@ -211,19 +227,19 @@ def smooth_normals(
         face: number of the triangle of each point.
         points: on the triangles [m].
     """
-    found = np.empty((len(face), 3))
+    normals = np.empty((len(face), 3))
     for first in range(0, len(face), CHUNK):
-        part = slice(first, first + CHUNK)
-        found[part] = _interpolated_normals(
-            vertices, faces=faces, face=face[part], points=points[part]
+        chunk = slice(first, first + CHUNK)
+        normals[chunk] = _interpolated_normals(
+            vertices, faces=faces, face=face[chunk], points=points[chunk]
         )
-    return found
+    return normals
 
 
 def _interpolated_normals(
     vertices: np.ndarray, faces: np.ndarray, face: np.ndarray, points: np.ndarray
 ) -> Float[np.ndarray, "p 3"]:
-    # Rows are taken seven times as fast as by an index; then columns are contiguous.
+    # `take` of rows is faster than an index; afterwards columns are contiguous.
     columns = np.take(_face_table(vertices, faces), face, axis=0).T.copy()
     corner, normal = columns[:18].reshape(2, 3, 3, -1)
     flat = columns[18:]
@@ -236,13 +252,13 @@ def _interpolated_normals(
 
 
 def _face_table(vertices: np.ndarray, faces: np.ndarray) -> Float[np.ndarray, "f 21"]:
-    """Corners of each face, the normals of the smooth surface there, and its own."""
+    """Corners of each face, normals of the smooth surface there, the flat normal."""
 
     def find() -> Float[np.ndarray, "f 21"]:
         normals = _face_normals(vertices, faces)
-        flat = lambda each: each.reshape(-1, 9)
-        corners = flat(vertices[faces]), flat(normals.corner)
-        return np.concatenate([*corners, normals.flat], axis=1)
+        corners = vertices[faces].reshape(-1, 9)
+        smooth = normals.corner.reshape(-1, 9)
+        return np.concatenate([corners, smooth, normals.flat], axis=1)
 
     return found((vertices, faces), "face_table", find)
 
@@ -255,8 +271,10 @@ def normal_slopes(
     along: Float[np.ndarray, "2 p 3"],
 ) -> Float[np.ndarray, "2 p 3"]:
     """Change of `smooth_normals` along two directions in each triangle [1/m]."""
-    normals, corners = _face_normals(vertices, faces), vertices[faces[face]]
-    corner, flat = normals.corner[face], normals.flat[face]
+    normals = _face_normals(vertices, faces)
+    corners = vertices[faces[face]]
+    corner = normals.corner[face]
+    flat = normals.flat[face]
     sum_ = np.einsum("pi,pij->pj", _barycentric(corners, points), corner)
     length = np.linalg.norm(sum_, axis=1)
     normal = _unit(sum_)
@@ -278,7 +296,7 @@ class _FaceNormals(NamedTuple):
     flat: Float[np.ndarray, "f 3"]
     corner: Float[np.ndarray, "f 3 3"]
     area: Float[np.ndarray, " f"]
-    """In m^2."""
+    """Area of each face [m^2]."""
     group: Int[np.ndarray, " c"]
     """Number of the group of each corner 3 f + i, which has one normal."""
 
@@ -288,7 +306,8 @@ def _face_normals(vertices: np.ndarray, faces: np.ndarray) -> _FaceNormals:
 
     def find() -> _FaceNormals:
         vectors = _area_vectors(vertices[faces])
-        flat, area = _unit(vectors), np.sqrt(np.einsum("fi,fi->f", vectors, vectors))
+        flat = _unit(vectors)
+        area = np.sqrt(np.einsum("fi,fi->f", vectors, vectors))
         # Corner 3 f + i of face f; those of one group have one normal.
         group = _joined_corners(faces, flat)
         angle = _corner_angles(vertices[faces]).ravel()
@@ -302,39 +321,54 @@ def _face_normals(vertices: np.ndarray, faces: np.ndarray) -> _FaceNormals:
     return found((vertices, faces), "face_normals", find)
 
 
+class _CreasedMesh(NamedTuple):
+    """A mesh whose vertices are doubled at creases, so that each has one normal."""
+
+    vertex: Int[np.ndarray, " w"]
+    """Number of the original vertex of each new one."""
+    normals: Float[np.ndarray, "w 3"]
+    faces: Int[np.ndarray, "f 3"]
+
+
 def corner_normals(
     vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
-) -> tuple[Int[np.ndarray, " w"], Float[np.ndarray, "w 3"], Int[np.ndarray, "f 3"]]:
-    """Split a mesh at its creases: vertices with one normal each, see `smooth_normals`.
-
-    Returns:
-        The given vertex of each new one, its normal, and the faces.
-    """
+) -> _CreasedMesh:
+    """Split a mesh at its creases, so that each vertex has one of `smooth_normals`."""
     normals = _face_normals(vertices, faces)
     _, first, corner = np.unique(normals.group, return_index=True, return_inverse=True)
     vertex = faces.ravel()[first]
-    return vertex, normals.corner.reshape(-1, 3)[first], corner.reshape(-1, 3)
+    return _CreasedMesh(
+        vertex=vertex,
+        normals=normals.corner.reshape(-1, 3)[first],
+        faces=corner.reshape(-1, 3),
+    )
 
 
 def _joined_corners(
     faces: Int[np.ndarray, "f 3"], normal: Float[np.ndarray, "f 3"]
 ) -> Int[np.ndarray, " c"]:
-    """Number of the group of each corner: those that edges without crease connect."""
+    """Number of each corner's group: edges without a crease connect a group."""
     # The edge of corner 3 f + i runs from it to the next corner of its face.
-    here = np.arange(faces.size)
-    ahead = here - here % 3 + (here + 1) % 3
-    ends = np.stack([faces.ravel()[here], faces.ravel()[ahead]])
-    low, high = ends.min(axis=0), ends.max(axis=0)
+    corner = np.arange(faces.size)
+    ahead = corner - corner % 3 + (corner + 1) % 3
+    ends = np.stack([faces.ravel()[corner], faces.ravel()[ahead]])
+    low = ends.min(axis=0)
+    high = ends.max(axis=0)
     order = np.lexsort([high, low])
-    one, other = order[:-1], order[1:]
-    cosine = np.einsum("ij,ij->i", normal[one // 3], normal[other // 3])
-    joined = (low[one] == low[other]) & (high[one] == high[other])
+    edge = order[:-1]
+    next_edge = order[1:]
+    cosine = np.einsum("ij,ij->i", normal[edge // 3], normal[next_edge // 3])
+    joined = (low[edge] == low[next_edge]) & (high[edge] == high[next_edge])
     joined &= cosine > _CREASE_COSINE
-    one, other = one[joined], other[joined]
+    edge = edge[joined]
+    next_edge = next_edge[joined]
     # The same corners of both faces: neighbours run along their edge in opposite ways.
-    flip = ends[0, one] != ends[0, other]
-    there = np.where(flip, ahead[other], other), np.where(flip, other, ahead[other])
-    pairs = np.concatenate([one, ahead[one]]), np.concatenate(there)
+    flip = ends[0, edge] != ends[0, next_edge]
+    matching = (
+        np.where(flip, ahead[next_edge], next_edge),
+        np.where(flip, next_edge, ahead[next_edge]),
+    )
+    pairs = np.concatenate([edge, ahead[edge]]), np.concatenate(matching)
     size = faces.size
     graph = coo_array((np.ones(len(pairs[0]), bool), pairs), shape=(size, size))
     return connected_components(graph, directed=False)[1]
@@ -370,15 +404,18 @@ def _shares(away: Float[np.ndarray, "3 3 p"]) -> Float[np.ndarray, "3 p"]:
     """Barycentric coordinates of points, from the vectors to each of the corners."""
     # Areas of the triangles that the point forms with each edge, along the normal.
     a, b, c = away
-    opposite = [_cross(one, other) for one, other in ((b, c), (c, a), (a, b))]
-    whole = opposite[0] + opposite[1] + opposite[2]
-    total = (whole * whole).sum(axis=0)
-    area = np.stack([(each * whole).sum(axis=0) for each in opposite])
+    opposite = [_cross(left, right) for left, right in ((b, c), (c, a), (a, b))]
+    total_area = opposite[0] + opposite[1] + opposite[2]
+    total = (total_area * total_area).sum(axis=0)
+    area = np.stack(
+        [(area_vector * total_area).sum(axis=0) for area_vector in opposite]
+    )
     # Clipped: on an edge rounding may place the point just outside.
     return np.clip(area / np.where(total > 0, total, 1), 0.0, 1.0)
 
 
-def _cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+def _cross(left: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Cross products of columns x, y, z."""
-    (a, b, c), (x, y, z) = one, other
+    (a, b, c) = left
+    (x, y, z) = right
     return np.stack([b * z - c * y, c * x - a * z, a * y - b * x])

@@ -216,20 +216,24 @@ def _colours(
     samples: int,
     gain: Gain | None,
 ) -> UInt8[np.ndarray, "h w 3"]:
-    shown = np.where(on_body, kelvin, np.nan)
+    values = np.where(on_body, kelvin, np.nan)
     if gain is not None:
-        shown, ends = gain.positions(shown), (0.0, 1.0)
-    colours = apply_palette(shown, *ends, palette, invalid=BACKGROUND)
+        values = gain.positions(values)
+        ends = (0.0, 1.0)
+    low, high = ends
+    colours = apply_palette(
+        values, low=low, high=high, name=palette, invalid=BACKGROUND
+    )
     # Colours and not temperatures: at an edge their mean would be of neither side.
     return averaged(colours, samples)
 
 
 def _without_silhouette(drawn: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
     """Pixels whose four neighbours are drawn as well."""
-    # In half a millisecond; to import `scipy.ndimage` for it takes a fifth of a second.
+    # Without `scipy.ndimage`, whose import takes longer than many frames.
     wide = np.pad(drawn, 1, constant_values=True)
-    beside = wide[:-2, 1:-1], wide[2:, 1:-1], wide[1:-1, :-2], wide[1:-1, 2:]
-    return np.logical_and.reduce((drawn, *beside))
+    neighbours = wide[:-2, 1:-1], wide[2:, 1:-1], wide[1:-1, :-2], wide[1:-1, 2:]
+    return np.logical_and.reduce((drawn, *neighbours))
 
 
 def picture(
@@ -244,8 +248,8 @@ def picture(
 ) -> Picture:
     """Draw a frame in false colours, with the time and a scale that names the quantity.
 
-    The background has a colour of its own, in no palette. The scale has a point at an
-    end beyond which something in the image is.
+    The background has a colour of its own, in no palette. The scale has a pointed end
+    where temperatures in the image lie beyond it.
 
     Args:
         image: the frame.
@@ -253,7 +257,7 @@ def picture(
         high: temperature at the upper end [K].
         palette: name of the palette.
         quantity: "apparent" (as of a camera) or "surface" (the true temperature).
-        title: text beside the time.
+        title: text next to the time.
         samples: pixels of the image along each axis, not coarsened yet, whose colours
             become one pixel.
         gain: curve of the colours over the temperature; linear if None.

@@ -20,7 +20,8 @@ from .thermography import FlirCalibration
 _flyr: Any = lazy_loader.load("flyr")
 
 # Kinds of records in a file (exiftool.org/TagNames/FLIR.html).
-_RAW_DATA, _CAMERA_INFO = 0x01, 0x20
+_RAW_DATA = 0x01
+_CAMERA_INFO = 0x20
 
 
 class FlirThermogram(NamedTuple):
@@ -66,14 +67,16 @@ class FlirThermogram(NamedTuple):
             InputError: as `FlirCalibration.object_temperature`, and for settings of
                 other names.
         """
-        known = {name: getattr(self, name) for name in self._fields[2:]}
-        for name in settings.keys() - known.keys():
+        stored_settings = {name: getattr(self, name) for name in self._fields[2:]}
+        for name in settings.keys() - stored_settings.keys():
             raise InputError(
                 f"FlirThermogram.object_temperature({name}=...): settings are "
-                f"{', '.join(known)}"
+                f"{', '.join(stored_settings)}"
             )
-        found = self.calibration.object_temperature(self.counts, **known | settings)
-        return np.asarray(found)
+        kelvin = self.calibration.object_temperature(
+            self.counts, **stored_settings | settings
+        )
+        return np.asarray(kelvin)
 
 
 def read_flir(path: str | Path) -> FlirThermogram:

@@ -18,13 +18,14 @@ from ..findings import found
 from ..scene.scene import BodyGeometry
 
 
-# Points per chunk. Temporaries that stay in the cache, and that the allocator keeps
-# instead of returning them, take a third of the time of larger ones.
+# Points per chunk: temporaries stay in the cache, and the allocator keeps them instead
+# of returning them.
 CHUNK = 2048
 
 # Sizes of the arrays of the program for more points, the same for all views: points of
 # a call, and pairs of a call.
-_POINTS, _PAIRS = 2**13, 2**18
+_POINTS = 2**13
+_PAIRS = 2**18
 # Fragments are padded to a multiple of this, so that few programs occur.
 _FRAGMENTS = 2**17
 
@@ -41,11 +42,40 @@ class Neighbours(NamedTuple):
     """Index of the point, ascending."""
     fragment: Int[np.ndarray, " w"]
     weight: Float[np.ndarray, " w"]
-    """Before it is normalized [m^2]."""
+    """Weight before normalization [m^2]."""
+
+
+class _CellPairs(NamedTuple):
+    """Pairs of a point and a fragment in the same or in adjacent cells."""
+
+    owner: Int[np.ndarray, " w"]
+    """Index of the point, ascending."""
+    fragment: Int[np.ndarray, " w"]
+    slot: Int[np.ndarray, " w"]
+    """Position of the fragment in the order of the cells."""
+
+
+class _PointRange(NamedTuple):
+    """Successive points with the fragments that have a weight there."""
+
+    start: int
+    stop: int
+    near: Neighbours
+
+
+class _RunningCall(NamedTuple):
+    """A call of the program for successive points, of which results are awaited."""
+
+    start: int
+    stop: int
+    run: Int[np.ndarray, " n"]
+    """Run of each pair."""
+    slot: Int[Array, " n"]
+    weight: Float[Array, " n"]
 
 
 class FragmentCells:
-    """Fragments sorted into cells of the weights' radius, flat ones."""
+    """Fragments sorted into flat cells, whose width is the radius of the weights."""
 
     def __init__(self, geometry: BodyGeometry, radius: float):
         position = geometry.fragment_position
@@ -93,41 +123,43 @@ class FragmentCells:
         first = self._start(row)
         return first, self._start(row + 2 * _FLAT + 1) - first
 
-    def pairs(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Points, fragments and their places here, in the same or adjacent cells."""
+    def pairs(self, points: np.ndarray) -> _CellPairs:
+        """Pairs of points and fragments in the same or in adjacent cells."""
         first, count = self._ranges(points)
         number = count.sum(axis=1)
         flat = count.ravel()
-        place = np.repeat(first.ravel() - np.cumsum(flat) + flat, flat)
-        place += np.arange(len(place))
-        return np.repeat(np.arange(len(points)), number), self.order[place], place
+        slot = np.repeat(first.ravel() - np.cumsum(flat) + flat, flat)
+        slot += np.arange(len(slot))
+        owner = np.repeat(np.arange(len(points)), number)
+        return _CellPairs(owner=owner, fragment=self.order[slot], slot=slot)
 
     def weighted(
         self, points: Float[np.ndarray, "p 3"], normals: Float[np.ndarray, "p 3"]
     ) -> Neighbours:
         """Fragments with a weight at each point: few points, or the reference."""
-        owner, _, place = self.pairs(points)
+        owner, _, slot = self.pairs(points)
         squared = np.zeros(len(owner))
-        for along, other in zip(points.T, self.position, strict=True):
-            away = along[owner] - other[place]
+        for along, fragment_column in zip(points.T, self.position, strict=True):
+            away = along[owner] - fragment_column[slot]
             squared += away * away
-        # Two thirds of the pairs are too far apart.
+        # Most pairs are too far apart.
         near = np.flatnonzero(squared < self.radius * self.radius)
-        owner, place = owner[near], place[near]
+        owner = owner[near]
+        slot = slot[near]
         cosine = np.zeros(len(owner))
-        for along, other in zip(normals.T, self.normal, strict=True):
-            cosine += along[owner] * other[place]
+        for along, fragment_column in zip(normals.T, self.normal, strict=True):
+            cosine += along[owner] * fragment_column[slot]
         fade = 1 - squared[near] / (self.radius * self.radius)
-        weight = (fade * np.maximum(cosine, 0)) ** 2 * self.area[place]
-        kept = np.flatnonzero(weight > 0)
-        place = place[kept]
-        return Neighbours(owner[kept], self.order[place], weight[kept])
+        weight = (fade * np.maximum(cosine, 0)) ** 2 * self.area[slot]
+        positive = np.flatnonzero(weight > 0)
+        slot = slot[positive]
+        return Neighbours(owner[positive], self.order[slot], weight[positive])
 
     def means(
         self,
         points: Float[np.ndarray, "p 3"],
         normals: Float[np.ndarray, "p 3"],
-        chosen: Callable[[Neighbours], np.ndarray] | None = None,
+        select: Callable[[Neighbours], np.ndarray] | None = None,
         otherwise: Callable[[np.ndarray], np.ndarray] | None = None,
     ) -> csr_array:
         """Weights [p, s] that add up to 1 at every point with a fragment near it.
@@ -135,38 +167,42 @@ class FragmentCells:
         Args:
             points: in the frame of the body [m].
             normals: unit vectors there.
-            chosen: of pairs, those to count, all if None.
-            otherwise: a fragment for each of the points that have none near them, by
-                their numbers; no weights there if None.
+            select: numbers of the pairs that count; all of them if None.
+            otherwise: fragments for the points, by their numbers, that have none near
+                them; such points have no weights if None.
         """
         first, count = self._ranges(points)
         ends = np.cumsum(count.sum(axis=1))
         # Memory that is not written to is not taken: most pairs are too far apart.
-        # Room for one fragment that is not near besides, at every point.
+        # Every point has room for one more fragment, that of `otherwise`.
         weights = np.empty(ends[-1] + len(ends) if len(ends) else 0)
-        columns, rows = (
-            np.empty(len(weights), np.int32),
-            np.zeros(len(points), np.int32),
-        )
+        columns = np.empty(len(weights), np.int32)
+        rows = np.zeros(len(points), np.int32)
         filled = 0
-        for start, stop, near in self._parts(points, normals, first, count, ends):
+        ranges = self._ranges_of_points(
+            points, normals=normals, first=first, count=count, ends=ends
+        )
+        for start, stop, near in ranges:
             owner, fragment, weight = near
-            if chosen is not None:
-                kept = chosen(Neighbours(owner + start, fragment, weight))
-                owner, fragment, weight = owner[kept], fragment[kept], weight[kept]
+            if select is not None:
+                selected = select(Neighbours(owner + start, fragment, weight))
+                owner = owner[selected]
+                fragment = fragment[selected]
+                weight = weight[selected]
             number = np.bincount(owner, minlength=stop - start)
             alone = np.flatnonzero(number == 0)
             if otherwise is not None and len(alone):
                 at = np.searchsorted(owner, alone)
                 fragment = np.insert(fragment, at, otherwise(alone + start))
-                owner, weight = np.insert(owner, at, alone), np.insert(weight, at, 1.0)
+                owner = np.insert(owner, at, alone)
+                weight = np.insert(weight, at, 1.0)
                 number[alone] = 1
             total = np.bincount(owner, weight, stop - start)
             rows[start:stop] = number
-            part = slice(filled, filled + len(weight))
-            np.divide(weight, total[owner], out=weights[part])
-            columns[part] = fragment
-            filled = part.stop
+            entries = slice(filled, filled + len(weight))
+            np.divide(weight, total[owner], out=weights[entries])
+            columns[entries] = fragment
+            filled = entries.stop
         # In place: scipy would copy parts of far larger arrays.
         weights.resize(filled, refcheck=False)
         columns.resize(filled, refcheck=False)
@@ -174,48 +210,63 @@ class FragmentCells:
         size = len(points), len(self.area)
         return csr_array((weights, columns, starts), size)
 
-    def _parts(
+    def _ranges_of_points(
         self,
         points: np.ndarray,
         normals: np.ndarray,
         first: np.ndarray,
         count: np.ndarray,
         ends: np.ndarray,
-    ) -> Iterator[tuple[int, int, Neighbours]]:
-        """First and last points of a part, and the fragments with a weight there."""
+    ) -> Iterator[_PointRange]:
+        """Ranges that cover all points, with the fragments near them."""
         if len(points) <= CHUNK:
-            yield 0, len(points), self.weighted(points, normals)
+            yield _PointRange(0, len(points), self.weighted(points, normals))
             return
-        # One is computed while what is in the one before it is read.
-        running, start = None, 0
+        # One range is computed while the results of the previous one are read.
+        running: _RunningCall | None = None
+        start = 0
         while start < len(points):
-            # As many points as have room, with all their pairs.
-            before = ends[start - 1] if start else 0
-            stop = int(np.searchsorted(ends, before + _PAIRS, side="right"))
+            # Points for which there is room, with all their pairs.
+            previous_pairs = ends[start - 1] if start else 0
+            stop = int(np.searchsorted(ends, previous_pairs + _PAIRS, side="right"))
             stop = max(min(stop, start + _POINTS), start + 1)
-            part = slice(start, stop)
-            given = *points[part].T, *normals[part].T
-            call = self._call(given, first[part].ravel(), count[part].ravel())
+            chunk = slice(start, stop)
+            call = self._call(
+                np.concatenate([points[chunk].T, normals[chunk].T]),
+                first=first[chunk].ravel(),
+                count=count[chunk].ravel(),
+                start=start,
+            )
             if running is not None:
-                yield *running[:2], self._read(*running[2:])
-            running, start = (start, stop, *call), stop
+                yield self._read(running)
+            running = call
+            start = stop
         assert running is not None
-        yield *running[:2], self._read(*running[2:])
+        yield self._read(running)
 
     def _call(
-        self, columns: tuple[np.ndarray, ...], first: np.ndarray, count: np.ndarray
-    ) -> tuple[np.ndarray, Array, Array]:
-        """Start the program: the run of each pair, and its places and weights."""
+        self, columns: np.ndarray, first: np.ndarray, count: np.ndarray, start: int
+    ) -> _RunningCall:
+        """Start the program for the points of columns [6, p], from number `start`."""
         run = np.repeat(np.arange(len(count), dtype=np.int32), count)
         padded = np.zeros(max(_PAIRS, len(run)), np.int32)
         padded[: len(run)] = run
         base = np.zeros(9 * _POINTS, np.int32)
         base[: len(count)] = first - np.cumsum(count) + count
         points = np.zeros((6, _POINTS))
-        points[:, : len(columns[0])] = columns
+        size = columns.shape[1]
+        points[:, :size] = columns
         with jax.enable_x64(True):
-            fragments = self._on_device()
-            return run, *_pair_weights(padded, base, points, fragments, self.radius)
+            slot, weight = _pair_weights(
+                padded,
+                base=base,
+                points=points,
+                fragments=self._on_device(),
+                radius=self.radius,
+            )
+        return _RunningCall(
+            start=start, stop=start + size, run=run, slot=slot, weight=weight
+        )
 
     def _on_device(self) -> Float[Array, "7 s"]:
         """Positions, normals and areas, padded so that few programs occur."""
@@ -227,13 +278,16 @@ class FragmentCells:
 
         return found((self,), "columns", moved)
 
-    def _read(self, run: np.ndarray, place: Array, weight: Array) -> Neighbours:
-        """The pairs with a weight."""
-        host = np.asarray(weight)[: len(run)]
-        kept = np.flatnonzero(host > 0)
-        return Neighbours(
-            run[kept] // 9, self.order[np.asarray(place)[kept]], host[kept]
+    def _read(self, call: _RunningCall) -> _PointRange:
+        """Wait for a call; its pairs with a weight."""
+        weight = np.asarray(call.weight)[: len(call.run)]
+        positive = np.flatnonzero(weight > 0)
+        near = Neighbours(
+            owner=call.run[positive] // 9,
+            fragment=self.order[np.asarray(call.slot)[positive]],
+            weight=weight[positive],
         )
+        return _PointRange(call.start, call.stop, near)
 
 
 @jax.jit
@@ -244,41 +298,48 @@ def _pair_weights(
     fragments: Float[Array, "7 s"],
     radius: Float[Array, ""] | float,
 ) -> tuple[Int[Array, " n"], Float[Array, " n"]]:
-    """Places of the fragments of pairs, and their weights: `FragmentCells.weighted`.
+    """Slots of the fragments of pairs, and their weights: `FragmentCells.weighted`.
 
-    Columns are positions, normals and, of fragments, areas. A pair belongs to a run of
-    places in succession, of which a point has nine; `base` plus the number of the pair
-    is its place.
+    Columns are positions, normals and, of fragments, areas. A pair belongs to one of
+    the nine runs of successive slots of its point; `base` plus the number of the pair
+    is its slot.
     """
-    place = base[run] + jnp.arange(run.size, dtype=np.int32)
-    # A division of signed integers would take as long as all else.
+    slot = base[run] + jnp.arange(run.size, dtype=np.int32)
+    # Unsigned, since a division of signed integers dominates the program.
     owner = (run.astype(np.uint32) // np.uint32(9)).astype(np.int32)
-    squared, cosine = jnp.zeros(()), jnp.zeros(())
+    squared = jnp.zeros(())
+    cosine = jnp.zeros(())
     for axis in range(3):
-        away = points[axis][owner] - fragments[axis][place]
+        away = points[axis][owner] - fragments[axis][slot]
         squared += away * away
-        cosine += points[3 + axis][owner] * fragments[3 + axis][place]
+        cosine += points[3 + axis][owner] * fragments[3 + axis][slot]
     fade = jnp.maximum(1 - squared / (radius * radius), 0)
-    return place, (fade * jnp.maximum(cosine, 0)) ** 2 * fragments[6][place]
+    return slot, (fade * jnp.maximum(cosine, 0)) ** 2 * fragments[6][slot]
 
 
 def cells_of(geometry: BodyGeometry, radius: float) -> FragmentCells:
     """Cells of a body's fragments, the same for all views and poses of it."""
-    of = geometry.fragment_position, geometry.fragment_normal, geometry.fragment_area
-    by = "fragment_cells", radius
-    return found(of, by, lambda: FragmentCells(geometry, radius))
+    arrays = (
+        geometry.fragment_position,
+        geometry.fragment_normal,
+        geometry.fragment_area,
+    )
+    key = "fragment_cells", radius
+    return found(arrays, key, lambda: FragmentCells(geometry, radius))
 
 
-def block_matrix(parts: list[csr_array]) -> csr_array:
-    """Matrices one below the other, each with columns of its own."""
-    if len(parts) == 1:
-        return parts[0]
-    sizes: Any = [part.shape for part in parts]
-    before = np.cumsum([0, *(width for _, width in sizes)])
-    columns = [part.indices + n for part, n in zip(parts, before[:-1], strict=True)]
+def block_matrix(blocks: list[csr_array]) -> csr_array:
+    """Block-diagonal matrix of weights."""
+    if len(blocks) == 1:
+        return blocks[0]
+    sizes: Any = [block.shape for block in blocks]
+    first_column = np.cumsum([0, *(width for _, width in sizes)])
+    columns = [
+        block.indices + n for block, n in zip(blocks, first_column[:-1], strict=True)
+    ]
     # Entries of each row, counted up.
-    counts = np.concatenate([np.diff(part.indptr) for part in parts])
+    counts = np.concatenate([np.diff(block.indptr) for block in blocks])
     starts = np.concatenate([[0], np.cumsum(counts)])
-    data = np.concatenate([part.data for part in parts])
-    size = len(counts), int(before[-1])
+    data = np.concatenate([block.data for block in blocks])
+    size = len(counts), int(first_column[-1])
     return csr_array((data, np.concatenate(columns), starts), size)

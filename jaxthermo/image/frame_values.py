@@ -20,8 +20,8 @@ def shown_temperature(image: Image, quantity: str) -> Float[np.ndarray, "h w"]:
     """
     if quantity not in QUANTITIES:
         raise InputError(f"quantity={quantity!r}: choose 'apparent' or 'surface'")
-    shown = image.apparent_temperature if quantity == "apparent" else image.temperature
-    kelvin = np.asarray(shown, float)
+    values = image.apparent_temperature if quantity == "apparent" else image.temperature
+    kelvin = np.asarray(values, float)
     wrong = int(kelvin.size - np.isfinite(kelvin).sum())
     if wrong:
         raise InputError(

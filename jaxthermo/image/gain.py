@@ -23,7 +23,7 @@ class Gain(NamedTuple):
     kelvin: Float[np.ndarray, " k"]
     """Temperatures, increasing, from the end of the scale to the other [K]."""
     position: Float[np.ndarray, " k"]
-    """Positions of these, from 0 to 1."""
+    """Positions of the temperatures on the scale, from 0 to 1."""
 
     def positions(self, kelvin: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
         """Positions of temperatures on the scale; NaN stays, ends are kept."""
@@ -32,7 +32,7 @@ class Gain(NamedTuple):
 
 def plateau_gain(
     kelvin: Float[np.ndarray, "h w"],
-    shown: Bool[np.ndarray, "h w"],
+    on_body: Bool[np.ndarray, "h w"],
     low: float,
     high: float,
     plateau: float = 0.002,
@@ -41,7 +41,7 @@ def plateau_gain(
 
     Args:
         kelvin: temperatures of the pixels [K].
-        shown: pixels that count, those of bodies.
+        on_body: pixels that count, those of bodies.
         low: temperature at the lower end of the scale [K].
         high: temperature at the upper end [K].
         plateau: P, the largest fraction of the pixels that counts in one of 2048 bins:
@@ -53,7 +53,7 @@ def plateau_gain(
     if not 0 < plateau <= 1:
         raise InputError(f"plateau={plateau!r}: give a fraction above 0, up to 1")
     edges = np.linspace(low, high, _BINS + 1)
-    seen = np.clip(kelvin[shown], low, high)
+    seen = np.clip(kelvin[on_body], low, high)
     if not len(seen) or high <= low:
         return Gain(np.array([low, high]), np.array([0.0, 1.0]))
     count, _ = np.histogram(seen, edges)

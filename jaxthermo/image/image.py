@@ -60,10 +60,10 @@ def coarsen(image: Image, samples: int) -> Image:
         return image
     middle = slice(samples // 2, None, samples)
     names = ("temperature", "emissivity", "depth", "object_id", "normal", "part_id")
-    given = {name: getattr(image, name) for name in names}
+    sampled = {name: getattr(image, name) for name in names}
     picked = {
         name: None if values is None else values[middle, middle]
-        for name, values in given.items()
+        for name, values in sampled.items()
     }
     picked["radiance"] = block_means(image.radiance, samples)
     on_body = (image.object_id >= 0).astype(image.radiance.dtype)

@@ -21,8 +21,8 @@ from typing_extensions import override
 from ..errors import InputError
 
 
-Coordinate: TypeAlias = float | int | str
-Point: TypeAlias = tuple[Coordinate, Coordinate]
+_Coordinate: TypeAlias = float | int | str
+Point: TypeAlias = tuple[_Coordinate, _Coordinate]
 """Across from the left, and down from the top."""
 
 _NUMBER = re.compile(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(%|px|)\s*")
@@ -34,11 +34,13 @@ def checked_coordinate(value: Any) -> float | str:
     Raises:
         InputError: for anything else.
     """
-    number, unit = math.nan, ""
+    number = math.nan
+    unit = ""
     if isinstance(value, int | float) and not isinstance(value, bool):
         number = float(value)
-    elif isinstance(value, str) and (found := _NUMBER.fullmatch(value)):
-        number, unit = float(found[1]), found[2]
+    elif isinstance(value, str) and (match := _NUMBER.fullmatch(value)):
+        number = float(match[1])
+        unit = match[2]
     if unit == "px" and number == int(number):
         return f"{int(number)} px"
     number = number / 100 if unit == "%" else number
@@ -50,24 +52,24 @@ def checked_coordinate(value: Any) -> float | str:
     )
 
 
-def pixel_index(value: Coordinate, size: int, along: str) -> int:
+def pixel_index(value: _Coordinate, size: int, along: str) -> int:
     """Index of the pixel at a coordinate, of `size` pixels along an axis.
 
     Raises:
         InputError: for a coordinate that is outside of the image, or none.
     """
-    given = checked_coordinate(value)
-    if not isinstance(given, str):
-        return min(int(given * size), size - 1)
-    index = int(given.removesuffix(" px"))
+    coordinate = checked_coordinate(value)
+    if not isinstance(coordinate, str):
+        return min(int(coordinate * size), size - 1)
+    index = int(coordinate.removesuffix(" px"))
     if index >= size:
         raise InputError(
-            f"'{given}' is outside of the image, whose {along} are 0 to {size - 1}"
+            f"'{coordinate}' is outside of the image, whose {along} are 0 to {size - 1}"
         )
     return index
 
 
-def pixel_of(point: Point, height: int, width: int) -> tuple[int, int]:
+def _pixel_of(point: Point, height: int, width: int) -> tuple[int, int]:
     """Row and column of the pixel at a point of an image of `height` x `width`.
 
     Raises:
@@ -86,16 +88,16 @@ Pixels: TypeAlias = tuple[Int[np.ndarray, " p"], Int[np.ndarray, " p"]]
 
 
 class AbstractMeasurement(abc.ABC):
-    """Pixels of a frame of which temperatures are read."""
+    """Pixels of a frame whose temperatures are read."""
 
     name: str
     """Name at the mark and in files; a short word and a number if it is empty."""
     prefix: ClassVar[str]
-    """Name of those that have none, before their number."""
+    """Name of a measurement without a name, before its number."""
 
     @abc.abstractmethod
     def points(self, height: int, width: int) -> list[tuple[int, int]]:
-        """Rows and columns of the points it is given by.
+        """Rows and columns of the points that define the measurement.
 
         Raises:
             InputError: for a point that is outside of an image of this size.
@@ -103,7 +105,7 @@ class AbstractMeasurement(abc.ABC):
 
     @abc.abstractmethod
     def pixels(self, kelvin: Float[np.ndarray, "h w"]) -> Pixels:
-        """The pixels it is of, in an image of temperatures [K].
+        """Pixels of the measurement in an image of temperatures [K].
 
         Raises:
             InputError: for a point that is outside of the image.
@@ -120,7 +122,7 @@ class Spot(AbstractMeasurement):
 
     @override
     def points(self, height: int, width: int) -> list[tuple[int, int]]:
-        return [pixel_of(self.at, height, width)]
+        return [_pixel_of(self.at, height, width)]
 
     @override
     def pixels(self, kelvin: Float[np.ndarray, "h w"]) -> Pixels:
@@ -138,7 +140,7 @@ class Line(AbstractMeasurement):
 
     @override
     def points(self, height: int, width: int) -> list[tuple[int, int]]:
-        return [pixel_of(point, height, width) for point in self.ends]
+        return [_pixel_of(point, height, width) for point in self.ends]
 
     @override
     def pixels(self, kelvin: Float[np.ndarray, "h w"]) -> Pixels:
@@ -156,12 +158,13 @@ class Box(AbstractMeasurement):
 
     @override
     def points(self, height: int, width: int) -> list[tuple[int, int]]:
-        return [pixel_of(point, height, width) for point in self.corners]
+        return [_pixel_of(point, height, width) for point in self.corners]
 
     @override
     def pixels(self, kelvin: Float[np.ndarray, "h w"]) -> Pixels:
         corners = np.array(self.points(*kelvin.shape))
-        (top, left), (bottom, right) = corners.min(axis=0), corners.max(axis=0)
+        (top, left) = corners.min(axis=0)
+        (bottom, right) = corners.max(axis=0)
         rows, columns = np.mgrid[top : bottom + 1, left : right + 1]
         return rows.ravel(), columns.ravel()
 
@@ -191,7 +194,7 @@ class Isotherm(AbstractMeasurement):
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Its ends, infinite where none is given [K]."""
+        """Limits of the temperature [K], infinite where one is None."""
         low = -math.inf if self.above is None else float(self.above)
         return low, math.inf if self.below is None else float(self.below)
 
@@ -216,21 +219,24 @@ class Reading(NamedTuple):
     max: float
     """Highest temperature [K]."""
     pixels: int
-    """Number of its pixels that bodies fill, of which the temperatures are."""
+    """Number of pixels that are read: those of the measurement that bodies fill."""
     fraction: float
-    """That number over the one of all pixels that bodies fill in the frame [-]."""
+    """Number of read pixels over all pixels of the frame that bodies fill [-]."""
 
 
 def names_of(measurements: Sequence[AbstractMeasurement]) -> list[str]:
-    """Names, those that are not given by kind and number: Sp1, Sp2, Bx1.
+    """Names of measurements; by kind and number without a name: Sp1, Sp2, Bx1.
 
     Raises:
         InputError: for a name that is given twice.
     """
-    seen, names = dict[str, int](), list[str]()
-    for each in measurements:
-        seen[each.prefix] = seen.get(each.prefix, 0) + 1
-        names.append(each.name or f"{each.prefix}{seen[each.prefix]}")
+    seen = dict[str, int]()
+    names = list[str]()
+    for measurement in measurements:
+        seen[measurement.prefix] = seen.get(measurement.prefix, 0) + 1
+        names.append(
+            measurement.name or f"{measurement.prefix}{seen[measurement.prefix]}"
+        )
     for k, name in enumerate(names):
         if name in names[:k]:
             raise InputError(f"measurement '{name}' is there twice: give another name")
@@ -253,20 +259,26 @@ def read_temperatures(
     Raises:
         InputError: for a point that is outside of the image, or a name given twice.
     """
-    whole, found = int(filled.sum()), dict[str, Reading]()
-    for name, each in zip(names_of(measurements), measurements, strict=True):
+    filled_count = int(filled.sum())
+    readings = dict[str, Reading]()
+    for name, measurement in zip(names_of(measurements), measurements, strict=True):
         try:
-            rows, columns = each.pixels(kelvin)
+            rows, columns = measurement.pixels(kelvin)
         except InputError as error:
             raise InputError(f"measurement '{name}': {error}") from error
         inside = filled[rows, columns]
         values = kelvin[rows, columns][inside]
-        part = len(values) / whole if whole else 0.0
+        fraction = len(values) / filled_count if filled_count else 0.0
         if not len(values):
-            found[name] = Reading(
-                min=math.nan, mean=math.nan, max=math.nan, pixels=0, fraction=part
+            readings[name] = Reading(
+                min=math.nan, mean=math.nan, max=math.nan, pixels=0, fraction=fraction
             )
             continue
-        ends = float(values.min()), float(values.mean()), float(values.max())
-        found[name] = Reading(*ends, len(values), part)
-    return found
+        readings[name] = Reading(
+            min=float(values.min()),
+            mean=float(values.mean()),
+            max=float(values.max()),
+            pixels=len(values),
+            fraction=fraction,
+        )
+    return readings

@@ -25,6 +25,8 @@ class MovingWeights(eqx.Module):
     def means(self, values: Float[Array, "s k"]) -> Float[Array, "p k"]:
         """Weighted means of the fragments' values at each point."""
         moved = (self.shift[self.row] * self.slope.T).sum(axis=1)
-        each = (self.weight + moved)[:, None] * values[self.fragment]
+        contributions = (self.weight + moved)[:, None] * values[self.fragment]
         count = len(self.shift)
-        return jax.ops.segment_sum(each, self.row, count, indices_are_sorted=True)
+        return jax.ops.segment_sum(
+            contributions, self.row, count, indices_are_sorted=True
+        )

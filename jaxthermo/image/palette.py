@@ -43,8 +43,8 @@ def palette_table(name: str) -> UInt8[np.ndarray, "256 3"]:
         InputError: for an unknown name.
     """
     if name not in _tables():
-        known = ", ".join(palette_names())
-        raise InputError(f"palette {name!r} is not known: use one of {known}")
+        names = ", ".join(palette_names())
+        raise InputError(f"palette {name!r} is not known: use one of {names}")
     return _tables()[name]
 
 
@@ -99,5 +99,5 @@ def apply_palette(
     bounded *= ENTRIES - 1
     np.rint(bounded, out=bounded)
     bounded[np.isnan(bounded)] = ENTRIES
-    # With the type of an index, `take` is several times faster.
+    # `take` is fast with the type of an index only.
     return table.take(bounded.astype(np.intp), axis=0)

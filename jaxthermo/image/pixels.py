@@ -23,9 +23,11 @@ def means(weights: csr_array | MovingWeights, values: Values) -> Values:
     if isinstance(values, np.ndarray):
         return (weights @ values).astype(values.dtype, copy=False)
     row = np.repeat(np.arange(count), np.diff(weights.indptr))
-    each = jnp.asarray(weights.data, values.dtype)[:, None] * values[weights.indices]
+    contributions = (
+        jnp.asarray(weights.data, values.dtype)[:, None] * values[weights.indices]
+    )
     # The rows of the weights are sorted, which lets XLA sum without scattering.
-    return jax.ops.segment_sum(each, row, count, indices_are_sorted=True)
+    return jax.ops.segment_sum(contributions, row, count, indices_are_sorted=True)
 
 
 def temperature_at_pixels(view: View, kelvin: Float[Values, " s"]) -> Values:
@@ -41,28 +43,28 @@ _typed_weights: WeakKeyDictionary[View, dict[np.dtype, csr_array]] = WeakKeyDict
 
 def _weights(view: View, dtype: np.dtype) -> csr_array:
     """Weights of the view in a type."""
-    known = _typed_weights.setdefault(view, {})
-    if dtype not in known:
-        given = view.weights
+    typed = _typed_weights.setdefault(view, {})
+    if dtype not in typed:
+        weights = view.weights
         # Points that move have their values of JAX.
-        assert isinstance(given, csr_array)
-        entries = given.data.astype(dtype), given.indices, given.indptr
-        known[dtype] = csr_array(entries, shape=given.shape)
-    return known[dtype]
+        assert isinstance(weights, csr_array)
+        entries = weights.data.astype(dtype), weights.indices, weights.indptr
+        typed[dtype] = csr_array(entries, shape=weights.shape)
+    return typed[dtype]
 
 
 def property_at_pixels(
     view: View, surfaces: tuple[SolvedSurface, ...], field: str, xp: Any
 ) -> Values:
     """A property of surfaces, "emissivity" or "absorptivity", at the pixels [p]."""
-    given = [getattr(surface, field) for surface in surfaces]
+    numbers = [getattr(surface, field) for surface in surfaces]
     # Points that move do not know their bodies, but all their fragments do.
     moving = isinstance(view.weights, MovingWeights)
-    if moving or any(np.ndim(each) for each in given):
+    if moving or any(np.ndim(number) for number in numbers):
         fragments = per_fragment(surfaces, field, xp)
         return means(view.weights, fragments[:, None])[:, 0]
     # A body of one number has it everywhere.
-    return xp.stack([xp.asarray(each) for each in given])[view.body]
+    return xp.stack([xp.asarray(number) for number in numbers])[view.body]
 
 
 def irradiation_at_pixels(
@@ -76,14 +78,14 @@ def irradiation_at_pixels(
     if facets is None:
         return plain
     xp: Any = np if on_host else jnp
-    own = means(facets.own, values)
+    local_mean = means(facets.local_mean, values)
     share = xp.asarray(facets.share, values.dtype)[:, :, None]
     joined, alone = (
-        (share * means(each, values)[facets.corner]).sum(axis=1)
-        for each in (facets.joined, facets.alone)
+        (share * means(corner_weights, values)[facets.corner]).sum(axis=1)
+        for corner_weights in (facets.joined, facets.alone)
     )
-    scale = xp.minimum(own / xp.where(alone > 0, alone, 1), 1)
-    smooth = own + xp.where(alone > 0, scale, 1) * (joined - alone)
+    scale = xp.minimum(local_mean / xp.where(alone > 0, alone, 1), 1)
+    smooth = local_mean + xp.where(alone > 0, scale, 1) * (joined - alone)
     return replaced(plain, facets.point, smooth)
 
 
@@ -105,7 +107,7 @@ def filled(view: View, values: Any, background: Any, dtype: Any, xp: Any) -> Val
     return image.reshape(height, width, *values.shape[1:])
 
 
-class GeometryFrames(NamedTuple):
+class _GeometryFrames(NamedTuple):
     """Geometry that a view shows, the same at all times."""
 
     depth: Float[Array | np.ndarray, "h w"]
@@ -114,23 +116,28 @@ class GeometryFrames(NamedTuple):
     part_id: Int[Array | np.ndarray, "h w"] | None
 
 
-_frames: WeakKeyDictionary[View, dict[np.dtype, GeometryFrames]] = WeakKeyDictionary()
+_frames: WeakKeyDictionary[View, dict[np.dtype, _GeometryFrames]] = WeakKeyDictionary()
 
 
-def geometry_frames(view: View, dtype: Any) -> GeometryFrames:
+def geometry_frames(view: View, dtype: Any) -> _GeometryFrames:
     """Depth, body and normal of every pixel, kept as long as the view."""
-    known, kind = _frames.setdefault(view, {}), np.dtype(dtype)
-    if kind not in known:
+    frames = _frames.setdefault(view, {})
+    pixel_type = np.dtype(dtype)
+    if pixel_type not in frames:
         depth = filled(view, values=view.depth, background=np.inf, dtype=dtype, xp=np)
         body = filled(view, values=view.body, background=-1, dtype=np.int32, xp=np)
         normal = filled(view, values=view.normal, background=0, dtype=dtype, xp=np)
-        part = None
-        if view.part is not None:
-            part = filled(view, values=view.part, background=-1, dtype=np.int32, xp=np)
-        found = GeometryFrames(depth=depth, object_id=body, normal=normal, part_id=part)
-        for each in found:
+        part_id = None
+        if view.part_id is not None:
+            part_id = filled(
+                view, values=view.part_id, background=-1, dtype=np.int32, xp=np
+            )
+        geometry = _GeometryFrames(
+            depth=depth, object_id=body, normal=normal, part_id=part_id
+        )
+        for image in geometry:
             # Frames of all times share them.
-            if each is not None:
-                np.asarray(each).flags.writeable = False
-        known[kind] = found
-    return known[kind]
+            if image is not None:
+                np.asarray(image).flags.writeable = False
+        frames[pixel_type] = geometry
+    return frames[pixel_type]

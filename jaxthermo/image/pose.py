@@ -29,7 +29,8 @@ def moved_camera(
     position = np.asarray(camera.position) + axes.T @ pose[3:]
     # The distance of the near plane follows from that of `look_at`, which stays.
     distance = np.linalg.norm(np.subtract(camera.look_at, camera.position))
-    look_at, up = position + distance * turned[2], -turned[1]
+    look_at = position + distance * turned[2]
+    up = -turned[1]
     return replace(
         camera,
         position=tuple(position.tolist()),

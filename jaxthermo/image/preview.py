@@ -41,56 +41,58 @@ def draw_preview(
     """
     fine = camera.finer(_SAMPLES)
     world = tuple((pose.to_world(mesh.vertices), mesh.faces) for mesh, pose in bodies)
-    found = visible_points(world, fine)
-    colours = _shaded(bodies, found, fine)
+    visible = visible_points(world, fine)
+    colours = _shaded(bodies, visible, fine)
     width, height = camera.size
     pixels = averaged(colours, _SAMPLES)
     layout = Layout.of(height, width)
     strip = round(1.3 * layout.text) + layout.gap
     canvas = Image.new("RGB", (width, height + strip), PAPER)
     canvas.paste(Image.fromarray(pixels), (0, 0))
-    shown = np.unique(found.body).tolist()
+    drawn_bodies = np.unique(visible.body).tolist()
     if len(bodies) > 1:
-        _draw_numbers(canvas, found=found, fine=fine, shown=shown, layout=layout)
+        _draw_numbers(
+            canvas, visible=visible, fine=fine, drawn_bodies=drawn_bodies, layout=layout
+        )
     _draw_axes(canvas, camera, layout)
     caption = layout.shorten(title, width - 2 * layout.gap)
     at = (width - layout.gap, height + strip // 2)
     ImageDraw.Draw(canvas).text(at, caption, FAINT, layout.font, anchor="rm")
-    return canvas, shown
+    return canvas, drawn_bodies
 
 
 def _shaded(
-    bodies: Sequence[tuple[Mesh, Pose]], found: VisiblePoints, camera: AbstractCamera
+    bodies: Sequence[tuple[Mesh, Pose]], visible: VisiblePoints, camera: AbstractCamera
 ) -> UInt8[np.ndarray, "h w 3"]:
     width, height = camera.size
     colours = np.empty((height * width, 3), np.uint8)
     colours[:] = _BACKGROUND
-    to_eye = np.asarray(camera.position) - found.position
+    to_eye = np.asarray(camera.position) - visible.position
     to_eye /= np.linalg.norm(to_eye, axis=1, keepdims=True)
     for number, (mesh, pose) in enumerate(bodies):
-        here = np.flatnonzero(found.body == number)
-        point = pose.to_body(found.position[here])
+        on_body = np.flatnonzero(visible.body == number)
+        point = pose.to_body(visible.position[on_body])
         normal = smooth_normals(
-            mesh.vertices, faces=mesh.faces, face=found.face[here], points=point
+            mesh.vertices, faces=mesh.faces, face=visible.face[on_body], points=point
         )
-        facing = np.einsum("pi,pi->p", pose.rotate(normal), to_eye[here])
+        facing = np.einsum("pi,pi->p", pose.rotate(normal), to_eye[on_body])
         # A face that is wound the wrong way round is lit from both sides.
         light = 0.2 + 0.8 * np.abs(facing)[:, None]
         base = np.array(_BODIES[number % len(_BODIES)])
-        colours[found.pixel[here]] = np.rint(light * base)
+        colours[visible.pixel[on_body]] = np.rint(light * base)
     return colours.reshape(height, width, 3)
 
 
 def _draw_numbers(
     canvas: Image.Image,
-    found: VisiblePoints,
+    visible: VisiblePoints,
     fine: AbstractCamera,
-    shown: list[int],
+    drawn_bodies: list[int],
     layout: Layout,
 ) -> None:
     draw = ImageDraw.Draw(canvas)
-    for number in shown:
-        pixel = found.pixel[found.body == number]
+    for number in drawn_bodies:
+        pixel = visible.pixel[visible.body == number]
         row, column = np.divmod(pixel, fine.width)
         # On a pixel of the body: the middle of a ring is none.
         middle = np.array([np.median(row), np.median(column)])
@@ -102,7 +104,8 @@ def _draw_numbers(
 
 def _draw_axes(canvas: Image.Image, camera: AbstractCamera, layout: Layout) -> None:
     # In the lower left corner, seen along the middle ray of the camera.
-    draw, length = ImageDraw.Draw(canvas), 2.6 * layout.text
+    draw = ImageDraw.Draw(canvas)
+    length = 2.6 * layout.text
     # World axes x, y, z as rows, in steps to the right, down and away.
     axes = camera.frame.T
     flat = np.hypot(axes[:, 0], axes[:, 1])

@@ -79,8 +79,8 @@ def within_band(received: Irradiance, band: Band | None, xp: Any) -> Irradiance:
     if band is None:
         return received
     # A black body at the mean of what surrounds a surface.
-    least = np.asarray(1e-12, received.thermal.dtype)
-    mean = apparent_temperature(xp.maximum(received.thermal, least) / math.pi)
+    smallest = np.asarray(1e-12, received.thermal.dtype)
+    mean = apparent_temperature(xp.maximum(received.thermal, smallest) / math.pi)
     shares = share(band, received.spectrum)
     return Irradiance(
         math.pi * black_radiance(mean, band),

@@ -22,7 +22,8 @@ CENTIKELVIN = 0.01
 """Unit of the 16-bit files [K], as of cameras with a linear output of temperature."""
 _LARGEST = np.iinfo(np.uint16).max
 # Tags of TIFF.
-_DESCRIPTION, _SOFTWARE = 270, 305
+_DESCRIPTION = 270
+_SOFTWARE = 305
 
 
 def saturated_pixels(kelvin: Float[np.ndarray, "h w"]) -> int:

@@ -78,7 +78,7 @@ def frames(
     """Draw the thermal images of all saved times, one after the other.
 
     The arguments are those of `render`. With a `BolometerLag` each frame is drawn once,
-    which `render` does anew for those before it.
+    while `render` draws all earlier frames that matter anew.
 
     Raises:
         InputError: as `render`.
@@ -86,13 +86,13 @@ def frames(
     options = _Options(
         smooth=smooth, samples=samples, occlusion=occlusion, band=band, effects=effects
     )
-    # A mistake is told at once, not when the first frame is asked for.
+    # A mistake raises an error at once, not with the first frame.
     frame = _recording(solution, camera, options)
     return map(frame, range(len(solution.times)))
 
 
 class _Options(NamedTuple):
-    """Arguments of `render` and `frames` beside solution and camera."""
+    """Arguments of `render` and `frames` after solution and camera."""
 
     smooth: bool
     samples: int

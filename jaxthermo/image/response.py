@@ -23,13 +23,13 @@ def checked_response(
     Raises:
         InputError: for wavelengths or responses that are none, or without energy.
     """
-    given = "Band(wavelengths=)"
-    edges = _numbers(wavelengths, given)
+    argument = "Band(wavelengths=)"
+    edges = _numbers(wavelengths, argument)
     if len(edges) < 2 or not (edges > 0).all() or not (np.diff(edges) > 0).all():
-        raise InputError(f"{given}: give two or more, in metres, increasing")
+        raise InputError(f"{argument}: give two or more, in metres, increasing")
     if edges[0] < 1e-7 or edges[-1] > 1e-3:
         raise InputError(
-            f"{given}: {edges[0]:g} to {edges[-1]:g} m: give metres, from 1e-7 to "
+            f"{argument}: {edges[0]:g} to {edges[-1]:g} m: give metres, from 1e-7 to "
             "1e-3; a long-wave camera has (7.5e-6, 14e-6)"
         )
     if response is None:
@@ -47,11 +47,11 @@ def checked_response(
     return edges, values
 
 
-def _numbers(given: Any, name: str) -> Float[np.ndarray, " k"]:
+def _numbers(values: Any, name: str) -> Float[np.ndarray, " k"]:
     try:
-        found = np.asarray(given, float)
+        numbers = np.asarray(values, float)
     except (TypeError, ValueError):
-        found = np.full(1, np.nan)
-    if found.ndim != 1 or not np.isfinite(found).all():
+        numbers = np.full(1, np.nan)
+    if numbers.ndim != 1 or not np.isfinite(numbers).all():
         raise InputError(f"{name}: give finite numbers")
-    return found
+    return numbers

@@ -24,7 +24,7 @@ from .camera import AbstractCamera
 _SLICES = 8
 # Steps on either side of a slice, denser near the pixel.
 _STEPS = 12
-# Rows that are worked on at a time: what they need stays in the cache.
+# Rows of a block: their data stays in the cache.
 _ROWS = 16
 
 
@@ -74,13 +74,16 @@ def screen_space_occlusion(
     if not hit.any():
         return np.ones(depth.shape)
     box = _bounds(hit)
-    whole_image, hit, normal = np.ones(depth.shape), hit[box], normal[box]
+    fractions = np.ones(depth.shape)
+    hit = hit[box]
+    normal = normal[box]
     sight = _sight(depth, camera, box)
     middle = float(np.median(sight.pixel[hit]))
     # The same shifts [pixels] for all pixels, which makes them array operations; points
     # beyond the radius are excluded one by one in `_horizon`.
     shift = radius / middle * (np.arange(1, steps + 1) / steps) ** 1.5
-    open_part, whole = np.zeros(hit.shape), np.zeros(hit.shape)
+    open_part = np.zeros(hit.shape)
+    hemisphere = np.zeros(hit.shape)
     for turn in np.pi * (np.arange(slices) + 0.5) / slices:
         direction = np.array([np.cos(turn), np.sin(turn)])
         side = _across(direction @ sight.axes, sight.back)
@@ -98,10 +101,10 @@ def screen_space_occlusion(
                 radius=radius,
             )
             open_part += length * _arc(angle + sign * (np.pi / 2 - rise), angle)
-        whole += length * (np.cos(angle) + angle * np.sin(angle))
-    fraction = open_part / np.where(whole > 0, whole, 1.0)
-    whole_image[box] = np.where(hit, np.clip(fraction, 0.0, 1.0), 1.0)
-    return whole_image
+        hemisphere += length * (np.cos(angle) + angle * np.sin(angle))
+    fraction = open_part / np.where(hemisphere > 0, hemisphere, 1.0)
+    fractions[box] = np.where(hit, np.clip(fraction, 0.0, 1.0), 1.0)
+    return fractions
 
 
 def _bounds(hit: np.ndarray) -> tuple[slice, slice]:
@@ -130,7 +133,8 @@ def _axes(camera: AbstractCamera):
     # To the right and down. Twice as many pixels, since an image may have only one.
     fine = camera.finer(2)
     corner = np.array([0, 1, fine.size[0]])
-    spans, depths = [], []
+    spans = []
+    depths = []
     for key in (-1.0, -0.5):
         point, depth = fine.points(corner, np.full(3, key))
         spans.append(2 * (point[1:] - point[0]))
@@ -151,10 +155,11 @@ def _across(along: np.ndarray, back: np.ndarray) -> np.ndarray:
 
 
 def _tilt(normal: np.ndarray, back: np.ndarray, side: np.ndarray):
-    # The length of the projected normal and its angle to the direction to the eye; one
-    # that points away is taken for tangential.
-    ahead, beside = _dot(normal, back), _dot(normal, side)
-    return np.hypot(ahead, beside), np.arctan2(beside, np.maximum(ahead, 0.0))
+    # The length of the projected normal and its angle to the direction to the eye; a
+    # normal that points away is taken for tangential.
+    ahead = _dot(normal, back)
+    sideways = _dot(normal, side)
+    return np.hypot(ahead, sideways), np.arctan2(sideways, np.maximum(ahead, 0.0))
 
 
 def _horizon(
@@ -164,10 +169,10 @@ def _horizon(
     flat: np.ndarray,
     radius: float,
 ) -> np.ndarray:
-    # Measured along the slice: pixels beside it on the same plane have angle 0.
+    # Measured along the slice: neighbours on the same plane have angle 0.
     height, width = point.shape[:2]
     # Planes x, y, z, along which memory is contiguous.
-    planes = (np.moveaxis(each, -1, 0) for each in (point, upright, flat))
+    planes = (np.moveaxis(vectors, -1, 0) for vectors in (point, upright, flat))
     point, upright, flat = map(np.ascontiguousarray, planes)
     # Horizons are compared by cosine: one arccos at the end.
     smallest = np.ones((height, width))
@@ -175,20 +180,22 @@ def _horizon(
         for right, down in shifts[shifts.any(1)].tolist():
             rows = _overlap(height, shift=down, start=top, stop=top + _ROWS)
             columns = _overlap(width, shift=right, start=0, stop=width)
-            own, other = (rows[0], columns[0]), (rows[1], columns[1])
-            x, y, z = (plane[other] - plane[own] for plane in point)
+            base = (rows[0], columns[0])
+            shifted = (rows[1], columns[1])
+            x, y, z = (plane[shifted] - plane[base] for plane in point)
             rise, run = (
-                a[own] * x + b[own] * y + c[own] * z for a, b, c in (upright, flat)
+                a[base] * x + b[base] * y + c[base] * z for a, b, c in (upright, flat)
             )
             stands = (x * x + y * y + z * z <= radius * radius) & (rise > 0)
             cosine = run / np.sqrt(np.where(stands, run * run + rise * rise, 1.0))
-            np.minimum(smallest[own], cosine, out=smallest[own], where=stands)
+            np.minimum(smallest[base], cosine, out=smallest[base], where=stands)
     return np.arccos(np.clip(smallest, -1.0, 1.0))
 
 
 def _overlap(size: int, shift: int, start: int, stop: int) -> tuple[slice, slice]:
     """Rows or columns from `start` to `stop`, and those that are `shift` farther on."""
-    low, high = max(start, -shift), min(stop, size, size - shift)
+    low = max(start, -shift)
+    high = min(stop, size, size - shift)
     high = max(low, high)
     return slice(low, high), slice(low + shift, high + shift)
 

@@ -21,7 +21,7 @@ from .raster_files import CENTIKELVIN
 from .thermography import FlirCalibration
 
 
-UNITS = ("kelvin", "centikelvin", "celsius", "counts")
+_UNITS = ("kelvin", "centikelvin", "celsius", "counts")
 """Units that the numbers of a file may have."""
 # Channel of the EXR files of this package.
 _CHANNEL = "apparent_temperature_K"
@@ -56,9 +56,9 @@ def read_thermogram(
         >>> float(jt.read_thermogram("frame.npy", "counts", flir)[0, 0].round(2))
         296.77
     """
-    if unit not in UNITS:
-        known = ", ".join(UNITS)
-        raise InputError(f"read_thermogram(unit={unit!r}): use one of {known}")
+    if unit not in _UNITS:
+        units = ", ".join(_UNITS)
+        raise InputError(f"read_thermogram(unit={unit!r}): use one of {units}")
     if Path(path).suffix.lower() in _RADIOMETRIC:
         seen = read_flir(path)
         return _from_counts(path, calibration or seen.calibration, seen.counts)
@@ -98,13 +98,13 @@ def _numbers(path: Path, channel: str) -> Float[np.ndarray, "h w"]:
         raise InputError(f"{path} is not a file: give the path of a frame")
     ending = path.suffix.lower()
     try:
-        found = _READERS[ending](path, channel)
+        values = _READERS[ending](path, channel)
     except KeyError:
-        kinds = ", ".join(sorted((*_READERS, *_RADIOMETRIC)))
-        raise InputError(f"{path}: frames may be {kinds} files") from None
+        endings = ", ".join(sorted((*_READERS, *_RADIOMETRIC)))
+        raise InputError(f"{path}: frames may be {endings} files") from None
     except (ValueError, OSError, UnidentifiedImageError) as error:
         raise InputError(f"{path} is damaged or no {ending} file: {error}") from error
-    numbers = np.asarray(found)
+    numbers = np.asarray(values)
     if numbers.ndim != 2 or not numbers.size or numbers.dtype.kind not in "fiu":
         raise InputError(
             f"{path}: has numbers of the shape {numbers.shape}, of the type "
@@ -129,16 +129,16 @@ def _read_picture(path: Path, channel: str) -> Any:
 
 def _read_csv(path: Path, channel: str) -> Any:
     lines = path.read_text(encoding="utf-8-sig").splitlines()
-    kept = [line for line in lines if line.strip() and not line.startswith("#")]
-    if not kept:
+    rows = [line for line in lines if line.strip() and not line.startswith("#")]
+    if not rows:
         raise ValueError("it has no numbers")
-    mark = next((each for each in ";\t" if each in kept[0]), ",")
+    mark = next((separator for separator in ";\t" if separator in rows[0]), ",")
     if mark == ";":
         # With commas in numbers, as a program in German writes them.
-        kept = [line.replace(",", ".") for line in kept]
+        rows = [line.replace(",", ".") for line in rows]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        return np.loadtxt(kept, delimiter=mark, ndmin=2)
+        return np.loadtxt(rows, delimiter=mark, ndmin=2)
 
 
 _READERS = {

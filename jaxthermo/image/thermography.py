@@ -41,11 +41,11 @@ def _module(*values: Any) -> Any:
 def _check_fraction(name: str, value: Any, above: bool = False) -> None:
     if is_traced(value):
         return
-    given = np.asarray(value, float)
-    inside = (given > 0 if above else given >= 0) & (given <= 1)
+    fraction = np.asarray(value, float)
+    inside = (fraction > 0 if above else fraction >= 0) & (fraction <= 1)
     if not inside.all():
-        least = "more than 0" if above else "0"
-        raise InputError(f"{name}={value!r}: give {least} to 1")
+        lower_bound = "more than 0" if above else "0"
+        raise InputError(f"{name}={value!r}: give {lower_bound} to 1")
 
 
 def measured_radiance(
@@ -76,9 +76,10 @@ def measured_radiance(
     """
     _check_fraction("measured_radiance: emissivity", emissivity)
     _check_fraction("measured_radiance: transmissivity", transmissivity)
-    kelvin = temperature, reflected_temperature, air_temperature
-    own, around, air = (_black_radiance(each, band) for each in kelvin)
-    leaving = emissivity * own + (1 - emissivity) * around
+    emitted = _black_radiance(temperature, band)
+    around = _black_radiance(reflected_temperature, band)
+    air = _black_radiance(air_temperature, band)
+    leaving = emissivity * emitted + (1 - emissivity) * around
     return transmissivity * leaving + (1 - transmissivity) * air
 
 
@@ -100,18 +101,18 @@ def object_temperature(
     """
     _check_fraction("object_temperature: emissivity", emissivity, above=True)
     _check_fraction("object_temperature: transmissivity", transmissivity, above=True)
-    kelvin = reflected_temperature, air_temperature
-    around, air = (_black_radiance(each, band) for each in kelvin)
+    around = _black_radiance(reflected_temperature, band)
+    air = _black_radiance(air_temperature, band)
     leaving = (_array(radiance) - (1 - transmissivity) * air) / transmissivity
-    own = (leaving - (1 - emissivity) * around) / emissivity
-    if not isinstance(own, jax.Array) and not (own > 0).all():
+    emitted = (leaving - (1 - emissivity) * around) / emissivity
+    if not isinstance(emitted, jax.Array) and not (emitted > 0).all():
         raise InputError(
             "object_temperature: some radiances are less than what the object reflects "
             "and the air adds: check emissivity, reflected and air temperature"
         )
-    if band is None or isinstance(own, jax.Array):
-        return apparent_temperature(own, band)
-    return band.temperature(own)
+    if band is None or isinstance(emitted, jax.Array):
+        return apparent_temperature(emitted, band)
+    return band.temperature(emitted)
 
 
 @dataclass(frozen=True)
@@ -197,10 +198,10 @@ class FlirCalibration:
         Raises:
             InputError: for fractions that are not above 0, or counts of no temperature.
         """
-        what = "FlirCalibration: "
-        _check_fraction(f"{what}emissivity", emissivity, above=True)
-        _check_fraction(f"{what}window_transmissivity", window_transmissivity, True)
-        _check_fraction(f"{what}relative_humidity", relative_humidity)
+        prefix = "FlirCalibration: "
+        _check_fraction(f"{prefix}emissivity", emissivity, above=True)
+        _check_fraction(f"{prefix}window_transmissivity", window_transmissivity, True)
+        _check_fraction(f"{prefix}relative_humidity", relative_humidity)
         xp = _module(distance, air_temperature, relative_humidity)
         half = _array(distance) / 2
         passed = air_transmissivity(
@@ -210,8 +211,12 @@ class FlirCalibration:
             xp=xp,
         )
         air, window, around = (
-            self.counts(each)
-            for each in (air_temperature, window_temperature, reflected_temperature)
+            self.counts(temperature)
+            for temperature in (
+                air_temperature,
+                window_temperature,
+                reflected_temperature,
+            )
         )
         signal = (_array(counts) - (1 - passed) * air) / passed
         behind = signal - (1 - window_transmissivity) * window

@@ -33,19 +33,19 @@ def _nearest_fragments(
     points: Float[np.ndarray, "p 3"], geometry: BodyGeometry
 ) -> Int[np.ndarray, " p"]:
     # With any normal. Only points without a fragment in range search twice as far.
-    found = np.full(len(points), -1, np.int64)
+    nearest = np.full(len(points), -1, np.int64)
     radius = geometry.pitch
-    while (missing := np.flatnonzero(found < 0)).size:
+    while (missing := np.flatnonzero(nearest < 0)).size:
         radius *= 2
         cells = cells_of(geometry, radius)
-        for part in np.array_split(missing, len(missing) // CHUNK + 1):
-            owner, fragment, _ = cells.pairs(points[part])
-            offset = points[part][owner] - geometry.fragment_position[fragment]
+        for chunk in np.array_split(missing, len(missing) // CHUNK + 1):
+            owner, fragment, _ = cells.pairs(points[chunk])
+            offset = points[chunk][owner] - geometry.fragment_position[fragment]
             distance = np.einsum("ij,ij->i", offset, offset)
             order = np.lexsort([distance, owner])
             owners, first = np.unique(owner[order], return_index=True)
-            found[part[owners]] = fragment[order][first]
-    return found
+            nearest[chunk[owners]] = fragment[order][first]
+    return nearest
 
 
 def smooth_weights(
@@ -54,17 +54,21 @@ def smooth_weights(
     geometry: BodyGeometry,
 ) -> csr_array:
     """Weights [p, s] of a body's fragments at each point."""
-    # Parts too thin to have fragments show the nearest ones.
-    nearest = lambda alone: _nearest_fragments(points[alone], geometry)
     cells = cells_of(geometry, SMOOTHING_RADIUS * geometry.pitch)
-    return cells.means(points, normals, otherwise=nearest)
+    # Parts too thin to have fragments show the nearest ones.
+    return cells.means(
+        points,
+        normals,
+        otherwise=lambda alone: _nearest_fragments(points[alone], geometry),
+    )
 
 
 def _block_weights(
     points: Float[np.ndarray, "p 3"], geometry: BodyGeometry
 ) -> csr_array:
     # The nearest fragment alone: the image shows the voxels.
-    nearest, starts = _nearest_fragments(points, geometry), np.arange(len(points) + 1)
+    nearest = _nearest_fragments(points, geometry)
+    starts = np.arange(len(points) + 1)
     size = len(points), len(geometry.fragment_area)
     return csr_array((np.ones(len(points)), nearest, starts), size)
 
@@ -89,7 +93,7 @@ class View:
     """Fraction of the surroundings that nothing in the image hides; None for all."""
     facets: FacetShading | None = None
     """Reflection on large facets of curved surfaces; None without any."""
-    part: Int[np.ndarray, " p"] | None = None
+    part_id: Int[np.ndarray, " p"] | None = None
     """Number of the part within its body, -1 where it has none; None without any."""
     part_names: tuple[tuple[str, ...], ...] = ()
     """Names of the parts of every body."""
@@ -114,59 +118,66 @@ def compute_view(
 
     With `occlusion` [m], surfaces in the image hide the surroundings from others that
     are not farther away. A view that no other process will ask for is not worth to
-    `keep` in the user's cache, and only the first one of a body is.
+    `keep` in the user's cache; of each body only the first view is stored.
 
     Raises:
         InputError: if the camera is inside a body or sees none.
     """
-    given = camera, smooth, occlusion, [_content(s.geometry) for s in surfaces]
-    # The first view of a body takes longer, by what is found once for all. Others are
-    # found in the time in which their 20 MB are hashed and written.
-    views, known = [_views_of(s.geometry) for s in surfaces], (_Shown, FacetShading)
-    keep = keep and not all(each["are found"] for each in views)
+    content = camera, smooth, occlusion, [_content(s.geometry) for s in surfaces]
+    # The first view of a body needs most work, which later views share: storing these
+    # would cost more than computing them.
+    views = [_views_of(s.geometry) for s in surfaces]
+    types = (_ViewGeometry, FacetShading)
+    keep = keep and not all(view_record["are found"] for view_record in views)
 
-    def find() -> _Shown:
-        for each in views:
-            each["are found"] = True
-        return _shown(surfaces, camera=camera, smooth=smooth, occlusion=occlusion)
+    def find() -> _ViewGeometry:
+        for view_record in views:
+            view_record["are found"] = True
+        return _view_geometry(
+            surfaces, camera=camera, smooth=smooth, occlusion=occlusion
+        )
 
-    shown = stored("view", given=given, find=find, types=known) if keep else find()
+    geometry = stored("view", given=content, find=find, types=types) if keep else find()
     background = compute_background(
-        terms, camera=camera, pixel=shown.pixel, depth=shown.depth
+        terms, camera=camera, pixel=geometry.pixel, depth=geometry.depth
     )
     return View(
-        camera,
-        *(shown.pixel, shown.body, shown.depth, shown.normal, shown.weights),
-        background,
-        shown.open_fraction,
-        shown.facets,
-        _parts(surfaces, shown.weights),
-        tuple(surface.geometry.part_names for surface in surfaces),
+        camera=camera,
+        pixel=geometry.pixel,
+        body=geometry.body,
+        depth=geometry.depth,
+        normal=geometry.normal,
+        weights=geometry.weights,
+        background=background,
+        open_fraction=geometry.open_fraction,
+        facets=geometry.facets,
+        part_id=_part_ids(surfaces, geometry.weights),
+        part_names=tuple(surface.geometry.part_names for surface in surfaces),
     )
 
 
-def _parts(
+def _part_ids(
     surfaces: tuple[SolvedSurface, ...], weights: csr_array
 ) -> Int[np.ndarray, " p"] | None:
     """Part of the fragment with the largest weight at each pixel."""
-    given = [s.geometry.fragment_part for s in surfaces]
-    if all(part is None for part in given):
+    fragment_parts = [s.geometry.fragment_part for s in surfaces]
+    if all(numbers is None for numbers in fragment_parts):
         return None
     sizes = [len(s.geometry.fragment_area) for s in surfaces]
-    parts = [
-        np.full(size, -1, np.int32) if part is None else part
-        for part, size in zip(given, sizes, strict=True)
+    part_numbers = [
+        np.full(size, -1, np.int32) if numbers is None else numbers
+        for numbers, size in zip(fragment_parts, sizes, strict=True)
     ]
     # The means of pixels have at least one fragment each.
     largest = np.maximum.reduceat(weights.data, weights.indptr[:-1])
     row = np.repeat(np.arange(len(largest)), np.diff(weights.indptr))
     (entry,) = np.nonzero(weights.data == largest[row])
     _, first = np.unique(row[entry], return_index=True)
-    return np.concatenate(parts)[weights.indices[entry[first]]]
+    return np.concatenate(part_numbers)[weights.indices[entry[first]]]
 
 
 def _content(geometry: BodyGeometry) -> tuple[Any, ...]:
-    """All that a view depends on of a body, at its pose."""
+    """Everything about a body at its pose on which a view depends."""
     fragments = geometry.fragment_position, geometry.fragment_normal
     mesh = geometry.vertices, geometry.faces
     return *mesh, *fragments, geometry.fragment_area, geometry.pitch, geometry.placed
@@ -174,12 +185,12 @@ def _content(geometry: BodyGeometry) -> tuple[Any, ...]:
 
 def _views_of(geometry: BodyGeometry) -> dict[str, bool]:
     """Record of a body: whether this process found any view of it."""
-    of = geometry.vertices, geometry.faces, geometry.fragment_position
-    return found(of, "views", lambda: {"are found": False})
+    arrays = geometry.vertices, geometry.faces, geometry.fragment_position
+    return found(arrays, "views", lambda: {"are found": False})
 
 
-class _Shown(NamedTuple):
-    """Pixels that show a body: the fields of a `View` that follow from geometry."""
+class _ViewGeometry(NamedTuple):
+    """Fields of a `View` that follow from geometry alone."""
 
     pixel: Int[np.ndarray, " p"]
     body: Int[np.ndarray, " p"]
@@ -190,20 +201,22 @@ class _Shown(NamedTuple):
     facets: FacetShading | None
 
 
-def _shown(
+def _view_geometry(
     surfaces: tuple[SolvedSurface, ...],
     camera: AbstractCamera,
     smooth: bool,
     occlusion: float | None,
-) -> _Shown:
-    found = visible_points(world_meshes(surfaces), camera)
-    local, normal = in_bodies(surfaces, found)
-    pixel, body, depth = found.pixel, found.body, found.depth
+) -> _ViewGeometry:
+    visible = visible_points(world_meshes(surfaces), camera)
+    local, normal = in_bodies(surfaces, visible)
+    pixel = visible.pixel
+    body = visible.body
+    depth = visible.depth
     weights = all_weights(
         surfaces, body=body, local=local, normal=normal, smooth=smooth
     )
-    facets = _all_facets(surfaces, found, local) if smooth else None
-    shown = _Shown(
+    facets = _all_facets(surfaces, visible, local) if smooth else None
+    geometry = _ViewGeometry(
         pixel=pixel,
         body=body,
         depth=depth,
@@ -213,36 +226,47 @@ def _shown(
         facets=facets,
     )
     if occlusion is None:
-        return shown
-    return shown._replace(open_fraction=_open_fraction(shown, camera, occlusion))
+        return geometry
+    return geometry._replace(open_fraction=_open_fraction(geometry, camera, occlusion))
 
 
 def _open_fraction(
-    shown: _Shown, camera: AbstractCamera, radius: float
+    geometry: _ViewGeometry, camera: AbstractCamera, radius: float
 ) -> Float[np.ndarray, " p"]:
     width, height = camera.size
-    depth, normal = np.full(height * width, np.inf), np.zeros((height * width, 3))
-    depth[shown.pixel], normal[shown.pixel] = shown.depth, shown.normal
+    depth = np.full(height * width, np.inf)
+    normal = np.zeros((height * width, 3))
+    depth[geometry.pixel] = geometry.depth
+    normal[geometry.pixel] = geometry.normal
     shape = (height, width)
-    found = screen_space_occlusion(
+    open_fraction = screen_space_occlusion(
         depth.reshape(shape),
-        normal=normal.reshape(*shape, 3),
+        normal=normal.reshape(height, width, 3),
         camera=camera,
         radius=radius,
     )
-    return found.reshape(-1)[shown.pixel]
+    return open_fraction.reshape(-1)[geometry.pixel]
 
 
 def in_bodies(
-    surfaces: tuple[SolvedSurface, ...], found: VisiblePoints
+    surfaces: tuple[SolvedSurface, ...], visible: VisiblePoints
 ) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
     """Points in the frames of their bodies [m], and smooth normals in the world."""
-    local, normal = np.empty_like(found.position), np.empty_like(found.position)
-    for shown, surface in zip(_of_bodies(surfaces, found.body), surfaces, strict=True):
-        geometry, placed = surface.geometry, surface.geometry.placed
-        local[shown] = placed.to_body(found.position[shown])
-        given = geometry.vertices, geometry.faces, found.face[shown], local[shown]
-        normal[shown] = placed.rotate(smooth_normals(*given))
+    local = np.empty_like(visible.position)
+    normal = np.empty_like(visible.position)
+    for on_body, surface in zip(
+        _of_bodies(surfaces, visible.body), surfaces, strict=True
+    ):
+        geometry = surface.geometry
+        placed = surface.geometry.placed
+        local[on_body] = placed.to_body(visible.position[on_body])
+        smooth = smooth_normals(
+            geometry.vertices,
+            faces=geometry.faces,
+            face=visible.face[on_body],
+            points=local[on_body],
+        )
+        normal[on_body] = placed.rotate(smooth)
     return local, normal
 
 
@@ -251,8 +275,8 @@ def _of_bodies(
 ) -> list[Any]:
     """Index of the points of each body."""
     # Without a copy where there is only one.
-    one = len(surfaces) == 1
-    return [slice(None)] if one else [body == n for n in range(len(surfaces))]
+    single = len(surfaces) == 1
+    return [slice(None)] if single else [body == n for n in range(len(surfaces))]
 
 
 def all_weights(
@@ -266,33 +290,36 @@ def all_weights(
 
     The normals are those in the world.
     """
-    parts, shown = [], _of_bodies(surfaces, body)
-    for here, surface in zip(shown, surfaces, strict=True):
+    matrices = []
+    points_of_bodies = _of_bodies(surfaces, body)
+    for on_body, surface in zip(points_of_bodies, surfaces, strict=True):
         geometry = surface.geometry
-        rotated = geometry.placed.rotate_back(normal[here])
-        parts.append(
-            smooth_weights(local[here], rotated, geometry)
+        rotated = geometry.placed.rotate_back(normal[on_body])
+        matrices.append(
+            smooth_weights(local[on_body], rotated, geometry)
             if smooth
-            else _block_weights(local[here], geometry)
+            else _block_weights(local[on_body], geometry)
         )
-    if len(parts) == 1:
-        return parts[0]
-    rows = np.concatenate([np.flatnonzero(each) for each in shown])
+    if len(matrices) == 1:
+        return matrices[0]
+    rows = np.concatenate([np.flatnonzero(points) for points in points_of_bodies])
     # Back into the order of the pixels.
-    return block_matrix(parts)[np.argsort(rows)]
+    return block_matrix(matrices)[np.argsort(rows)]
 
 
 def _all_facets(
     surfaces: tuple[SolvedSurface, ...],
-    found: VisiblePoints,
+    visible: VisiblePoints,
     local: Float[np.ndarray, "p 3"],
 ) -> FacetShading | None:
-    shown = [np.flatnonzero(found.body == index) for index in range(len(surfaces))]
-    parts = [
-        facet_shading(local[here], found.face[here], surface.geometry)
-        for here, surface in zip(shown, surfaces, strict=True)
+    points_of_bodies = [
+        np.flatnonzero(visible.body == index) for index in range(len(surfaces))
     ]
-    return joined_shadings(shown, parts)
+    shadings = [
+        facet_shading(local[points], visible.face[points], surface.geometry)
+        for points, surface in zip(points_of_bodies, surfaces, strict=True)
+    ]
+    return joined_shadings(points_of_bodies, shadings)
 
 
 _MAX_VIEWS = 4
@@ -300,9 +327,10 @@ _MAX_VIEWS = 4
 
 
 class _KeptView(NamedTuple):
-    """A view with all that it was computed from but the first body."""
+    """A view, and what it was computed from."""
 
-    given: tuple[Any, ...]
+    key: tuple[Any, ...]
+    """Bodies but the first, terms, camera and options."""
     view: View
 
 
@@ -319,36 +347,36 @@ def kept_view(
 ) -> View:
     """Compute a view as `compute_view`, or return the one that was kept.
 
-    The last four views of a scene are kept as long as a solution of it exists. A body
-    or a source that moves is another one at every time.
+    The last four views of a scene live as long as a solution of it. A body or a source
+    that moves is a different object at every time.
     """
-    first, *others = (surface.geometry for surface in surfaces)
+    first, *further_bodies = (surface.geometry for surface in surfaces)
     radius = np.asarray(-1.0 if occlusion is None else occlusion, float).tobytes()
-    given = (*others, *terms, *_identity(camera), smooth, radius)
-    kept = _kept_views.setdefault(first, [])
-    for number, each in enumerate(kept):
-        if _same(each.given, given):
-            # The one that was used last is dropped last.
-            kept.append(kept.pop(number))
-            return each.view
+    key = (*further_bodies, *terms, *_identity(camera), smooth, radius)
+    views = _kept_views.setdefault(first, [])
+    for number, entry in enumerate(views):
+        if _same(entry.key, key):
+            # The most recently used view is dropped last.
+            views.append(views.pop(number))
+            return entry.view
     view = compute_view(
         surfaces, terms=terms, camera=camera, smooth=smooth, occlusion=occlusion
     )
-    kept.append(_KeptView(given, view))
-    del kept[:-_MAX_VIEWS]
+    views.append(_KeptView(key, view))
+    del views[:-_MAX_VIEWS]
     return view
 
 
 def _identity(camera: AbstractCamera) -> tuple[Any, ...]:
     # Users make equal cameras again; their fields are numbers.
-    each = (getattr(camera, field.name) for field in fields(camera))
-    return type(camera), *(np.asarray(value, float).tobytes() for value in each)
+    numbers = (getattr(camera, field.name) for field in fields(camera))
+    return type(camera), *(np.asarray(value, float).tobytes() for value in numbers)
 
 
-def _same(one: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
+def _same(first: tuple[Any, ...], second: tuple[Any, ...]) -> bool:
     # Bodies and terms are compared by identity: terms may hold arrays.
     plain = bytes | bool
-    return len(one) == len(other) and all(
+    return len(first) == len(second) and all(
         a == b if isinstance(a, plain) else a is b
-        for a, b in zip(one, other, strict=True)
+        for a, b in zip(first, second, strict=True)
     )

@@ -54,9 +54,10 @@ def visible_points(
             )
     points, faces, parent = camera.mesh_to_raster(*_joined(bodies))
     if not within_raster(points):
-        # Others may be as far away as they like.
-        shown = np.flatnonzero(_overlaps(points[faces], camera))
-        points, parent = points[faces[shown]].reshape(-1, 3), parent[shown]
+        # Triangles outside of the image may be at any distance from it.
+        overlapping = np.flatnonzero(_overlaps(points[faces], camera))
+        points = points[faces[overlapping]].reshape(-1, 3)
+        parent = parent[overlapping]
         faces = np.arange(len(points)).reshape(-1, 3)
     pixel, key, triangle = nearest_hits(points, faces, *camera.size)
     if not len(pixel):
@@ -75,8 +76,8 @@ def visible_points(
 
 def _is_inside(point: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> bool:
     # Outside of the box around a body no search is needed; one axis often decides.
-    for here, column in zip(point, vertices.T, strict=True):
-        if not column.min() <= here <= column.max():
+    for coordinate, column in zip(point, vertices.T, strict=True):
+        if not column.min() <= coordinate <= column.max():
             return False
     return abs(winding_number(vertices[faces], point)) > 0.5
 
@@ -84,15 +85,20 @@ def _is_inside(point: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> bo
 def _joined(bodies: tuple[WorldMesh, ...]) -> WorldMesh:
     if len(bodies) == 1:
         return bodies[0]
-    before = np.cumsum([0, *(len(vertices) for vertices, _ in bodies)])
-    numbered = [each + n for (_, each), n in zip(bodies, before[:-1], strict=True)]
-    return np.concatenate([each for each, _ in bodies]), np.concatenate(numbered)
+    first_vertex = np.cumsum([0, *(len(vertices) for vertices, _ in bodies)])
+    numbered = [
+        faces + n for (_, faces), n in zip(bodies, first_vertex[:-1], strict=True)
+    ]
+    return np.concatenate([vertices for vertices, _ in bodies]), np.concatenate(
+        numbered
+    )
 
 
 def _overlaps(corners: np.ndarray, camera: AbstractCamera) -> Bool[np.ndarray, " k"]:
     """Triangles whose bounding box overlaps the image."""
     inside = np.ones(len(corners), bool)
     for axis, size in enumerate(camera.size):
-        low, high = corners[..., axis].min(axis=1), corners[..., axis].max(axis=1)
+        low = corners[..., axis].min(axis=1)
+        high = corners[..., axis].max(axis=1)
         inside &= (high > 0) & (low < size)
     return inside

@@ -13,18 +13,18 @@ from ..constants import ZERO_CELSIUS
 from ..image.palette import palette_names
 from ..image.ticks import to_celsius
 from .hand_values import HandValue
+from .live_run import AbstractLiveRun, Curves
 from .panels import RunStatus, status_lines, temperature_bar
 from .playback import Playback
 from .scale import Scale
 from .scene_view import SERIES
-from .shown import AbstractShown, Curves
 
 
 Ask = Callable[[str, Any], None]
-"""Passes on what is asked for by hand: its name, and its value."""
+"""Passes on a request of the user: its name, and its value."""
 
-RATES = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
-"""Seconds of what is shown per second, to choose from."""
+_RATES = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
+"""Choices of the rate: seconds of the run per second."""
 
 STRUCTURES = {
     "every voxel": "{{kind: full_volume}}",
@@ -32,7 +32,7 @@ STRUCTURES = {
     "layer over blocks": "{{kind: shell_over_core, factor: {factor}}}",
     "octree": "{{kind: octree}}",
 }
-"""Structures to choose from, as YAML with a factor."""
+"""Choices of the structure, as YAML with a factor."""
 
 _AS_GIVEN = "as in the config"
 
@@ -47,11 +47,13 @@ class Controls:
         rate: float,
         scale: Scale,
         quantity: str,
-        shown: AbstractShown,
+        run: AbstractLiveRun,
     ):
-        self._server, self._gui = server, server.gui
-        self._ask, self._quantity = ask, quantity
-        self._span = span = shown.start, shown.end
+        self._server = server
+        self._gui = server.gui
+        self._ask = ask
+        self._quantity = quantity
+        self._span = span = run.start, run.end
         gui = server.gui
         gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
         gui.main_panel.dock_right()
@@ -60,8 +62,8 @@ class Controls:
         self._play = gui.add_button("Play", icon=viser.Icon.PLAYER_PLAY, color="green")
         self._asks(self._play, "toggle")
         self._asks(gui.add_button("Reset", icon=viser.Icon.PLAYER_SKIP_BACK), "reset")
-        names = tuple(str(each) for each in RATES)
-        nearest = min(RATES, key=lambda each: abs(each - rate))
+        names = tuple(str(choice) for choice in _RATES)
+        nearest = min(_RATES, key=lambda choice: abs(choice - rate))
         rates = gui.add_dropdown(
             "time rate [s/s]",
             names,
@@ -70,7 +72,7 @@ class Controls:
         )
         self._asks(rates, "rate", float)
         self._time = None
-        if isinstance(shown, Playback):
+        if isinstance(run, Playback):
             step = 10.0 ** math.floor(math.log10((span[1] - span[0]) / 200))
             self._time = gui.add_slider("time [s]", *span, step, span[0])
             self._asks(self._time, "seek")
@@ -97,7 +99,7 @@ class Controls:
 
     def add_values(self, values: tuple[HandValue, ...]) -> None:
         """Add sliders for the values of terms, in a folder for each term."""
-        for title in dict.fromkeys(each.title for each in values):
+        for title in dict.fromkeys(value.title for value in values):
             with self._gui.add_folder(title.capitalize()):
                 for value in values:
                     if value.title == title:
@@ -106,8 +108,10 @@ class Controls:
     def add_structures(self, factor: int) -> None:
         """Add the choice of a structure, for all bodies."""
         with self._gui.add_folder("Structure of the bodies"):
-            kinds = (_AS_GIVEN, *STRUCTURES)
-            kind = self._gui.add_dropdown("structure", kinds, initial_value=_AS_GIVEN)
+            choices = (_AS_GIVEN, *STRUCTURES)
+            structure = self._gui.add_dropdown(
+                "structure", choices, initial_value=_AS_GIVEN
+            )
             number = self._gui.add_slider("factor", 1, 16, 1, factor)
             button = self._gui.add_button(
                 "Build and start again", hint="compiles the program anew"
@@ -115,7 +119,7 @@ class Controls:
 
         @button.on_click
         def _(event: viser.GuiEvent) -> None:
-            text = STRUCTURES.get(kind.value)
+            text = STRUCTURES.get(structure.value)
             built = None if text is None else text.format(factor=int(number.value))
             self._ask("structure", built)
 
@@ -167,7 +171,8 @@ class Controls:
             self._plot.visible = True
 
     def _new_plot(self, data: Any, series: tuple[uplot.Series, ...]) -> Any:
-        ink, grid = "#c1c2c5", uplot.Axis_Grid(stroke="#373a40")
+        ink = "#c1c2c5"
+        grid = uplot.Axis_Grid(stroke="#373a40")
         axes = tuple(
             uplot.Axis(label=name, stroke=ink, grid=grid)
             for name in ("time [s]", "temperature [°C]")
@@ -204,17 +209,17 @@ class Controls:
         ]
 
         def changed(event: viser.GuiEvent) -> None:
-            text = value.text(tuple(float(each.value) for each in handles))
+            text = value.text(tuple(float(handle.value) for handle in handles))
             self._ask("value", (value.path, text))
 
         for handle in handles:
             handle.on_update(changed)
 
-    def _asks(self, handle: Any, what: str, convert: Callable = lambda v: v) -> None:
+    def _asks(self, handle: Any, request: str, convert: Callable = lambda v: v) -> None:
         def asked(event: viser.GuiEvent) -> None:
-            # What the server sets is not asked for by hand.
+            # The server itself changes widgets too.
             if event.client_id is not None:
-                self._ask(what, convert(handle.value))
+                self._ask(request, convert(handle.value))
 
         if hasattr(handle, "on_click"):
             handle.on_click(asked)

@@ -8,8 +8,8 @@ from ..config.schema.scene import SceneConfig, unit_of
 from ..image.ticks import to_celsius
 
 
-class Slider(NamedTuple):
-    """One number, in the unit that is shown."""
+class _Slider(NamedTuple):
+    """One number, in the unit of its label."""
 
     label: str
     low: float
@@ -25,14 +25,14 @@ class HandValue(NamedTuple):
     """Kind of the term."""
     path: str
     """Path in the config."""
-    sliders: tuple[Slider, ...]
+    sliders: tuple[_Slider, ...]
     text: Callable[[tuple[float, ...]], str]
     """The value as YAML, from the numbers of the sliders."""
 
 
-# Largest numbers of sliders by unit, where the config's own is not larger.
+# Largest numbers of sliders by unit, unless the config has a larger one.
 _HIGHEST = {"W/m^2": 1500.0, "W/(m^2 K)": 100.0, "m/s": 10.0}
-# Temperatures below and above the config's own [K].
+# Range of temperatures below and above that of the config [K].
 _AROUND = 60.0
 
 
@@ -42,11 +42,11 @@ def hand_values(config: SceneConfig) -> tuple[HandValue, ...]:
 
 
 def _values(config: SceneConfig) -> Iterator[HandValue]:
-    kinds = [term.kind for term in config.terms]
+    term_kinds = [term.kind for term in config.terms]
     for n, term in enumerate(config.terms):
         title = term.kind.replace("_", " ")
-        if kinds.count(term.kind) > 1:
-            title = f"{title} {kinds[:n].count(term.kind) + 1}"
+        if term_kinds.count(term.kind) > 1:
+            title = f"{title} {term_kinds[:n].count(term.kind) + 1}"
         for name, value in term:
             path = f"terms.{n}.{name}"
             unit = unit_of(path)
@@ -66,19 +66,24 @@ def _values(config: SceneConfig) -> Iterator[HandValue]:
 
 def _number(title: str, path: str, name: str, value: float, unit: str) -> HandValue:
     if unit == "K":
-        shown = round(to_celsius(value), 2)
-        # A slider's steps count from its low end: the config's own value is one.
-        ends = shown - _AROUND, shown + _AROUND
-        slider = Slider(f"{name} [°C]", *ends, 0.5, shown)
+        celsius = round(to_celsius(value), 2)
+        # A slider's steps count from its low end, so that the config's value is a step.
+        slider = _Slider(
+            label=f"{name} [°C]",
+            low=celsius - _AROUND,
+            high=celsius + _AROUND,
+            step=0.5,
+            value=celsius,
+        )
         return HandValue(
             title=title, path=path, sliders=(slider,), text=lambda v: f"{v[0]:.6g} degC"
         )
     high = max(_HIGHEST.get(unit, 0.0), 3.0 * abs(value)) or 1.0
     step = 10.0 ** math.floor(math.log10(high) - 2)
     low = -high if value < 0 else 0.0
-    shown = unit.replace("^2", "²").replace("^3", "³")
-    slider = Slider(
-        label=f"{name} [{shown}]", low=low, high=high, step=step, value=value
+    symbol = unit.replace("^2", "²").replace("^3", "³")
+    slider = _Slider(
+        label=f"{name} [{symbol}]", low=low, high=high, step=step, value=value
     )
     return HandValue(
         title=title, path=path, sliders=(slider,), text=lambda v: f"{v[0]:.6g} {unit}"
@@ -87,20 +92,20 @@ def _number(title: str, path: str, name: str, value: float, unit: str) -> HandVa
 
 def _direction(title: str, path: str, value: tuple[float, ...]) -> HandValue:
     # Rays travel along the direction: they come from the opposite side.
-    x, y, z = (-each / math.hypot(*value) for each in value)
+    x, y, z = (-component / math.hypot(*value) for component in value)
     elevation, azimuth = (
         float(round(math.degrees(a))) for a in (math.asin(z), math.atan2(y, x))
     )
     sliders = (
-        Slider(label="azimuth [°]", low=-180.0, high=180.0, step=1.0, value=azimuth),
-        Slider(label="elevation [°]", low=-90.0, high=90.0, step=1.0, value=elevation),
+        _Slider(label="azimuth [°]", low=-180.0, high=180.0, step=1.0, value=azimuth),
+        _Slider(label="elevation [°]", low=-90.0, high=90.0, step=1.0, value=elevation),
     )
 
     def text(angles: tuple[float, ...]) -> str:
-        around, up = (math.radians(each) for each in angles)
+        around, up = (math.radians(angle) for angle in angles)
         level = math.cos(up)
         towards = level * math.cos(around), level * math.sin(around), math.sin(up)
-        return str([-each for each in towards])
+        return str([-component for component in towards])
 
     return HandValue(title=title, path=path, sliders=sliders, text=text)
 
@@ -109,14 +114,14 @@ def _velocity(title: str, path: str, value: tuple[float, ...]) -> HandValue:
     x, y, z = value
     level = math.hypot(x, y)
     sliders = (
-        Slider(
+        _Slider(
             label="speed [m/s]",
             low=0.1,
             high=max(10.0, 3.0 * level),
             step=0.1,
             value=max(0.1, level),
         ),
-        Slider(
+        _Slider(
             label="blows towards [°]",
             low=-180.0,
             high=180.0,
@@ -125,8 +130,9 @@ def _velocity(title: str, path: str, value: tuple[float, ...]) -> HandValue:
         ),
     )
 
-    def text(given: tuple[float, ...]) -> str:
-        speed, around = given[0], math.radians(given[1])
+    def text(numbers: tuple[float, ...]) -> str:
+        speed = numbers[0]
+        around = math.radians(numbers[1])
         return str([speed * math.cos(around), speed * math.sin(around), z])
 
     return HandValue(title=title, path=path, sliders=sliders, text=text)

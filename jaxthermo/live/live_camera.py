@@ -19,11 +19,12 @@ from ..image.image import Image
 from ..image.view import at_time, kept_view
 from ..physics.time_varying import just_before
 from ..scene.scene import SolvedSurface
-from .shown import AbstractShown
+from .live_run import AbstractLiveRun
 
 
-# Largest width and height of the frame [pixels]: below it a curve has its place.
-_WIDTH, _HEIGHT = 310, 260
+# Largest width and height of the frame [pixels], which leave room for a curve below.
+_WIDTH = 310
+_HEIGHT = 260
 
 
 class _Recorded(NamedTuple):
@@ -34,7 +35,7 @@ class _Recorded(NamedTuple):
     radiance: Any
     """Radiance of the pixels [W/(m^2 sr)]."""
     lagged: Any
-    """The same as the detector follows it."""
+    """Radiance that the lagging detector reads [W/(m^2 sr)]."""
 
 
 class LiveCamera:
@@ -45,16 +46,18 @@ class LiveCamera:
     """
 
     def __init__(self, config: SceneConfig, surfaces: tuple[SolvedSurface, ...]):
-        given, triangles = config.camera, [s.geometry.triangles for s in surfaces]
-        part = min(1.0, _WIDTH / given.width, _HEIGHT / given.height)
-        size = {"width": given.width, "height": given.height}
-        smaller = {name: max(1, round(part * n)) for name, n in size.items()}
-        camera = given.model_copy(update=smaller)
+        camera_config = config.camera
+        triangles = [s.geometry.triangles for s in surfaces]
+        shrink = min(1.0, _WIDTH / camera_config.width, _HEIGHT / camera_config.height)
+        size = {"width": camera_config.width, "height": camera_config.height}
+        smaller = {name: max(1, round(shrink * n)) for name, n in size.items()}
+        camera = camera_config.model_copy(update=smaller)
         self.camera = build_camera(camera, np.concatenate(triangles))
-        self._image, self._dtype = config.image, config.dtype
+        self._image = config.image
+        self._dtype = config.dtype
         self._band = build(config.image.band)
         effects = in_order(build(config.image.effects), "image.effects")
-        self._effects = _in_larger_pixels(effects, part)
+        self._effects = _in_larger_pixels(effects, shrink)
         self._last: _Recorded | None = None
 
     @property
@@ -62,43 +65,58 @@ class LiveCamera:
         """Quantity that the colours show, in words."""
         return QUANTITIES[self._image.quantity]
 
-    def frame(self, shown: AbstractShown) -> Float[np.ndarray, "h w"]:
-        """Draw what is shown now [K]; NaN beside the bodies."""
+    def frame(self, run: AbstractLiveRun) -> Float[np.ndarray, "h w"]:
+        """Draw the current frame [K]; NaN where it shows no body."""
         with precision(self._dtype):
-            image = self._detected(self._reaching(shown), shown.time)
+            image = self._detected(self._reaching(run), run.time)
         apparent = self._image.quantity == "apparent"
         values = image.apparent_temperature if apparent else image.temperature
         on_body = np.asarray(image.object_id) >= 0
         return np.where(on_body, np.asarray(values, float), np.nan)
 
-    def _reaching(self, shown: AbstractShown) -> Image:
+    def _reaching(self, run: AbstractLiveRun) -> Image:
         """The frame as it reaches the lens."""
-        surfaces, terms = at_time(shown.surfaces, shown.terms, shown.time)
-        how = self._image.smooth, self._image.occlusion
-        view = kept_view(surfaces, terms, self.camera, *how)
-        kelvin, received = shown.temperature, shown.irradiance()
-        now = jnp.asarray(shown.time, kelvin.dtype)
-        before = jnp.asarray(just_before(now), kelvin.dtype)
-        saved = kelvin, received, now, before
-        return draw(view, surfaces, terms, *saved, self._band, self._effects)
+        surfaces, terms = at_time(run.surfaces, run.terms, run.time)
+        view = kept_view(
+            surfaces,
+            terms=terms,
+            camera=self.camera,
+            smooth=self._image.smooth,
+            occlusion=self._image.occlusion,
+        )
+        kelvin = run.temperature
+        now = jnp.asarray(run.time, kelvin.dtype)
+        return draw(
+            view,
+            surfaces=surfaces,
+            terms=terms,
+            temperature=kelvin,
+            received=run.irradiance(),
+            time=now,
+            load_time=jnp.asarray(just_before(now), kelvin.dtype),
+            band=self._band,
+            effects=self._effects,
+        )
 
     def _detected(self, reaching: Image, time: float) -> Image:
         """The frame behind the optics, as the detector follows it and reads it out."""
         image = pixels(reaching, self._effects, samples=1)
         radiance: Any = image.radiance
         for lag in self._effects.lag:
-            lagged, last = radiance, self._last
+            lagged = radiance
+            last = self._last
             # At a standstill, and after a jump back, the detector has settled.
             if last is not None and time > last.time:
                 lagged = lag.after(
                     time - last.time, last.radiance, radiance, last.lagged
                 )
-            self._last, radiance = _Recorded(time, radiance, lagged), lagged
+            self._last = _Recorded(time, radiance, lagged)
+            radiance = lagged
         return read_out(image.with_radiance(radiance), self._effects, time)
 
 
-def _in_larger_pixels(effects: Effects, part: float) -> Effects:
-    """Effects of a frame reduced to a part of its width, as its spots are."""
-    if part == 1.0 or effects.spread == 0:
+def _in_larger_pixels(effects: Effects, shrink: float) -> Effects:
+    """Effects of a frame of reduced width, whose spots shrink likewise."""
+    if shrink == 1.0 or effects.spread == 0:
         return effects
-    return effects._replace(blur=(Blur(part * effects.spread),))
+    return effects._replace(blur=(Blur(shrink * effects.spread),))

@@ -16,12 +16,13 @@ def temperature_bar(low: float, high: float, palette: str, title: str) -> str:
     table = palette_table(palette)
     rows = [table[round(k * 255 / (_STOPS - 1))] for k in range(_STOPS)]
     stops = ",".join(f"rgb({r},{g},{b})" for r, g, b in rows)
-    ends = to_celsius(low), to_celsius(high)
-    ticks = nice_ticks(*ends, 7)
+    low_end = to_celsius(low)
+    high_end = to_celsius(high)
+    ticks = nice_ticks(low_end, high_end, 7)
     decimals = decimals_of(ticks[1] - ticks[0]) if len(ticks) > 1 else 1
-    span = max(ends[1] - ends[0], 1e-9)
+    span = max(high_end - low_end, 1e-9)
     marks = "".join(
-        f'<div style="position:absolute;left:{100 * (tick - ends[0]) / span:.2f}%;'
+        f'<div style="position:absolute;left:{100 * (tick - low_end) / span:.2f}%;'
         'transform:translateX(-50%);text-align:center;line-height:1.1">'
         '<div style="width:1px;height:5px;margin:0 auto;background:currentColor">'
         f"</div>{label(tick, decimals)}</div>"
@@ -50,12 +51,12 @@ class RunStatus(NamedTuple):
     frames: float | None
     """Frames per second; None while it does not run."""
     note: str = ""
-    """A line of its own: a mistake, or what takes long."""
+    """Further line: a mistake, or what takes long."""
 
 
 def status_lines(status: RunStatus) -> str:
     """Lines about the run: its time, what it does, and how fast."""
-    plain = lambda time: time_label(time).removeprefix("t = ")
+    end = time_label(status.end).removeprefix("t = ")
     speed = "–" if status.simulated is None else f"{status.simulated:.3g}"
     frames = "–" if status.frames is None else f"{status.frames:.3g}"
     note = (
@@ -65,6 +66,6 @@ def status_lines(status: RunStatus) -> str:
     )
     return (
         '<div style="padding:0.2em 1.2em;font-size:0.85em;line-height:1.5">'
-        f"<b>t = {plain(status.time)}</b> of {plain(status.end)}, {status.state}<br>"
+        f"<b>{time_label(status.time)}</b> of {end}, {status.state}<br>"
         f"{speed} simulated s/s, {frames} frames/s{note}</div>"
     )

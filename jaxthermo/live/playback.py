@@ -10,10 +10,10 @@ from ..integrate.run.solution_file import StoredSolution
 from ..physics.radiation.irradiation import Irradiance
 from ..physics.term import AbstractTerm
 from ..scene.scene import SolvedSurface
-from .shown import AbstractShown, Curves
+from .live_run import AbstractLiveRun, Curves
 
 
-class Playback(AbstractShown):
+class Playback(AbstractLiveRun):
     """Saved temperatures, linear in time between saved times.
 
     Raises:
@@ -21,7 +21,8 @@ class Playback(AbstractShown):
     """
 
     def __init__(self, stored: StoredSolution, terms: tuple[AbstractTerm, ...]):
-        self._stored, self._terms = stored, terms
+        self._stored = stored
+        self._terms = terms
         self.times: Float[np.ndarray, " t"] = np.asarray(stored.times, float)
         if len(self.times) < 2:
             raise InputError(
@@ -63,9 +64,9 @@ class Playback(AbstractShown):
 
     @override
     def irradiance(self) -> Irradiance:
-        given = self._stored.irradiance
-        assert given is not None
-        return Irradiance(*(self._between(np.asarray(each)) for each in given))
+        irradiance = self._stored.irradiance
+        assert irradiance is not None
+        return Irradiance(*(self._between(np.asarray(rows)) for rows in irradiance))
 
     @override
     def advance_to(self, time: float, budget: float = 0.0) -> None:
@@ -85,7 +86,7 @@ class Playback(AbstractShown):
         return Curves(self.times, weights @ self._kelvin.T)
 
     def _between(self, rows: np.ndarray) -> np.ndarray:
-        after = int(np.searchsorted(self.times, self._time).clip(1, len(rows) - 1))
-        first, last = self.times[after - 1 : after + 1]
-        part = np.asarray((self._time - first) / (last - first), rows.dtype)
-        return rows[after - 1] + part * (rows[after] - rows[after - 1])
+        upper = int(np.searchsorted(self.times, self._time).clip(1, len(rows) - 1))
+        first, last = self.times[upper - 1 : upper + 1]
+        fraction = np.asarray((self._time - first) / (last - first), rows.dtype)
+        return rows[upper - 1] + fraction * (rows[upper] - rows[upper - 1])

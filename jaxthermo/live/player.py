@@ -1,11 +1,11 @@
-"""Play, pause and reset of what is shown, at a rate of its time to that of a clock."""
+"""Play, pause and reset of a run, at a rate of its time to that of a clock."""
 
 import math
 from collections import deque
 
 from ..errors import InputError
+from .live_run import AbstractLiveRun
 from .session import STEPS_A_SECOND
-from .shown import AbstractShown
 
 
 FRAME = 1.0 / STEPS_A_SECOND
@@ -20,18 +20,20 @@ _WINDOW = 2.0
 
 
 class Player:
-    """Moves what is shown on with a clock of wall time.
+    """Moves a run on with a clock of wall time.
 
     Args:
-        shown: simulation or finished run.
-        rate: seconds of it per second.
+        run: simulation or finished run.
+        rate: seconds of the run per second.
     """
 
-    def __init__(self, shown: AbstractShown, rate: float):
-        self.shown, self.playing = shown, False
+    def __init__(self, run: AbstractLiveRun, rate: float):
+        self.run = run
+        self.playing = False
         self.set_rate(rate)
         self._ticks: deque[tuple[float, float]] = deque()
-        self._aim, self._before = shown.time, math.nan
+        self._aim = run.time
+        self._last_clock = math.nan
 
     def set_rate(self, rate: float) -> None:
         """Set the rate [s/s].
@@ -45,8 +47,8 @@ class Player:
 
     def play(self) -> None:
         """Go on; from the start if at the end."""
-        if self.shown.finished:
-            self.shown.reset()
+        if self.run.finished:
+            self.run.reset()
         self.playing = True
         self.jumped()
 
@@ -57,36 +59,39 @@ class Player:
 
     def reset(self) -> None:
         """Go back to the start, and stay there."""
-        self.shown.reset()
+        self.run.reset()
         self.pause()
 
     def jumped(self) -> None:
-        """Take the time of what is shown as it is now, and measure speeds anew."""
-        self._aim, self._before = self.shown.time, math.nan
+        """Go on from the current time of the run, and measure speeds anew."""
+        self._aim = self.run.time
+        self._last_clock = math.nan
         self._ticks.clear()
 
     def tick(self, clock: float) -> bool:
         """Move on to a reading of the clock [s]; True if there is a new picture."""
         if not self.playing:
             return False
-        passed = 0.0 if math.isnan(self._before) else clock - self._before
-        self._before, before = clock, self.shown.time
+        passed = 0.0 if math.isnan(self._last_clock) else clock - self._last_clock
+        self._last_clock = clock
+        previous_time = self.run.time
         self._aim += self.rate * min(passed, _LONGEST_TICK)
-        self.shown.advance_to(self._aim, _SHARE * FRAME)
+        self.run.advance_to(self._aim, _SHARE * FRAME)
         # What is slower than the rate must not fall behind for ever.
-        self._aim = min(self._aim, self.shown.time + 2 * self.rate * FRAME)
-        self._ticks.append((clock, self.shown.time))
+        self._aim = min(self._aim, self.run.time + 2 * self.rate * FRAME)
+        self._ticks.append((clock, self.run.time))
         while clock - self._ticks[0][0] > _WINDOW:
             self._ticks.popleft()
-        if self.shown.finished:
+        if self.run.finished:
             self.playing = False
-        return self.shown.time != before
+        return self.run.time != previous_time
 
     def speeds(self) -> tuple[float, float] | None:
-        """Seconds of what is shown, and frames, per second; None at a standstill."""
+        """Seconds of the run, and frames, per second; None at a standstill."""
         if not self.playing or len(self._ticks) < 2:
             return None
-        (first, start), (last, now) = self._ticks[0], self._ticks[-1]
+        (first, start) = self._ticks[0]
+        (last, now) = self._ticks[-1]
         if last - first < 0.2:
             return None
         return (now - start) / (last - first), (len(self._ticks) - 1) / (last - first)

@@ -6,7 +6,8 @@ import numpy as np
 
 
 # Smallest range of colours [K], and the margin beyond what is seen, of the range [-].
-_MIN_RANGE, _MARGIN = 1.0, 0.02
+_MIN_RANGE = 1.0
+_MARGIN = 0.02
 
 
 class Scale(NamedTuple):
@@ -23,16 +24,19 @@ class Scale(NamedTuple):
 
         NaN counts as nothing.
         """
-        low, high = float(np.nanmin(kelvin)), float(np.nanmax(kelvin))
+        low = float(np.nanmin(kelvin))
+        high = float(np.nanmax(kelvin))
         if self.low <= low and high <= self.high:
             return self
         grown = scale_of(kelvin, self.palette)
-        low, high = min(self.low, grown.low), max(self.high, grown.high)
+        low = min(self.low, grown.low)
+        high = max(self.high, grown.high)
         return Scale(low, high, self.palette)
 
 
 def scale_of(kelvin: Any, palette: str) -> Scale:
     """The scale of temperatures [K], with a margin; NaN counts as nothing."""
-    low, high = float(np.nanmin(kelvin)), float(np.nanmax(kelvin))
+    low = float(np.nanmin(kelvin))
+    high = float(np.nanmax(kelvin))
     margin = max(_MARGIN * (high - low), _MIN_RANGE / 2)
     return Scale(low - margin, high + margin, palette)

@@ -14,21 +14,23 @@ from ..physics.radiation.source import Sun
 from ..physics.term import AbstractTerm
 from ..physics.time_varying import value_at
 from ..scene.scene import SolvedSurface
+from .live_run import AbstractLiveRun
 from .scale import Scale
-from .shown import AbstractShown
 from .surface_points import SurfacePoints, colours, point_on_ray
 
 
 SERIES = ((232, 89, 12), (28, 126, 214), (47, 158, 68), (156, 54, 181))
-"""sRGB colours of probes, in turn: as many as there can be."""
+"""sRGB colours of the probes, whose number they limit."""
 
-_SUN, _WIND = (250, 176, 5), (116, 192, 252)
+_SUN = (250, 176, 5)
+_WIND = (116, 192, 252)
 # Vertical angle of the view of a parallel camera [rad].
 _FIELD_OF_VIEW = 0.6
 # Distance of the view over that of the scene's camera: the arrows are in it.
 _BACK = 1.15
 # Length of an arrow, and its distance from the centre, over the radius of the bodies.
-_ARROW, _AWAY = 0.35, 1.2
+_ARROW = 0.35
+_AWAY = 1.2
 
 
 class SceneView:
@@ -37,15 +39,17 @@ class SceneView:
     def __init__(
         self,
         server: viser.ViserServer,
-        shown: AbstractShown,
+        run: AbstractLiveRun,
         points: SurfacePoints,
         camera: AbstractCamera,
     ):
-        self._server, self.points = server, points
-        self._frames, self._clouds = [], []
+        self._server = server
+        self.points = points
+        self._frames = []
+        self._clouds = []
         scene = server.scene
         scene.set_up_direction("+z")
-        world = self._world(shown)
+        world = self._world(run)
         corners = np.stack([world.min(axis=0), world.max(axis=0)])
         self._centre = corners.mean(axis=0)
         self._radius = float(np.linalg.norm(corners[1] - corners[0]) / 2)
@@ -63,42 +67,43 @@ class SceneView:
                 precision="float32",
             )
             self._clouds.append(cloud)
-        self._place(shown)
+        self._place(run)
         start = server.initial_camera
         away = np.subtract(camera.position, camera.look_at)
         start.look_at = camera.look_at
         start.position = camera.look_at + _BACK * away
         start.fov = getattr(camera, "field_of_view", _FIELD_OF_VIEW)
-        start.near, start.far = self._radius / 100, self._radius * 100
+        start.near = self._radius / 100
+        start.far = self._radius * 100
         self._marks: list[viser.SceneNodeHandle] = []
         self._arrows: list[tuple[viser.SceneNodeHandle, AbstractTerm]] = []
-        self.show_terms(shown)
+        self.show_terms(run)
 
     def show(
-        self, shown: AbstractShown, kelvin: Float[np.ndarray, " p"], scale: Scale
+        self, run: AbstractLiveRun, kelvin: Float[np.ndarray, " p"], scale: Scale
     ) -> None:
         """Colour the points by their temperatures [K]; move bodies that move."""
         coloured = colours(kelvin, *scale)
         with self._server.atomic():
-            for cloud, part in zip(self._clouds, self.points.parts, strict=True):
-                cloud.colors = coloured[part]
-            if any(surface.moves for surface in shown.surfaces):
-                self._place(shown)
-            self._hide_suns_that_are_off(shown.time)
+            for cloud, rows in zip(self._clouds, self.points.rows, strict=True):
+                cloud.colors = coloured[rows]
+            if any(surface.moves for surface in run.surfaces):
+                self._place(run)
+            self._hide_suns_that_are_off(run.time)
 
-    def show_terms(self, shown: AbstractShown) -> None:
+    def show_terms(self, run: AbstractLiveRun) -> None:
         """Draw the directions of sun and wind as arrows."""
         for arrow, _ in self._arrows:
             arrow.remove()
         self._arrows = []
-        for n, term in enumerate(shown.terms):
+        for n, term in enumerate(run.terms):
             if isinstance(term, Sun) and not callable(term.direction):
                 arrow = self._arrow("sun", n, np.asarray(term.direction), _SUN)
                 self._arrows.append((arrow, term))
             elif isinstance(term, Wind):
                 arrow = self._arrow("wind", n, np.asarray(term.velocity), _WIND)
                 self._arrows.append((arrow, term))
-        self._hide_suns_that_are_off(shown.time)
+        self._hide_suns_that_are_off(run.time)
 
     def _hide_suns_that_are_off(self, time: float) -> None:
         for arrow, term in self._arrows:
@@ -109,14 +114,14 @@ class SceneView:
 
     def pick(
         self,
-        shown: AbstractShown,
+        run: AbstractLiveRun,
         origin: Float[np.ndarray, " 3"],
         direction: Float[np.ndarray, " 3"],
     ) -> int | None:
-        """Point that a ray hits first; None beside the bodies."""
+        """Point that a ray hits first; None if it misses the bodies."""
         radius = self.points.diameter / 2
         return point_on_ray(
-            self._world(shown), origin=origin, direction=direction, radius=radius
+            self._world(run), origin=origin, direction=direction, radius=radius
         )
 
     def mark(self, points: list[int]) -> None:
@@ -124,10 +129,10 @@ class SceneView:
         for mark in self._marks:
             mark.remove()
         self._marks = []
-        parts = self.points.parts
+        rows = self.points.rows
         for n, point in enumerate(points):
             body = self.points.body_of(point)
-            position = self.points.position[body][point - parts[body].start]
+            position = self.points.position[body][point - rows[body].start]
             mark = self._server.scene.add_icosphere(
                 f"/body{body}/probe{n}",
                 radius=self._radius / 40,
@@ -158,15 +163,15 @@ class SceneView:
         self._server.scene.add_label(f"{path}/name", name, position=ends[0])
         return arrow
 
-    def _place(self, shown: AbstractShown) -> None:
-        for frame, surface in zip(self._frames, shown.surfaces, strict=True):
-            pose = _pose(surface, shown.time)
+    def _place(self, run: AbstractLiveRun) -> None:
+        for frame, surface in zip(self._frames, run.surfaces, strict=True):
+            pose = _pose(surface, run.time)
             frame.wxyz = SO3.from_matrix(np.asarray(pose.rotation)).wxyz
             frame.position = pose.translation
 
-    def _world(self, shown: AbstractShown) -> Float[np.ndarray, "p 3"]:
-        pairs = zip(self.points.position, shown.surfaces, strict=True)
-        return np.concatenate([_pose(s, shown.time).to_world(p) for p, s in pairs])
+    def _world(self, run: AbstractLiveRun) -> Float[np.ndarray, "p 3"]:
+        pairs = zip(self.points.position, run.surfaces, strict=True)
+        return np.concatenate([_pose(s, run.time).to_world(p) for p, s in pairs])
 
 
 def _pose(surface: SolvedSurface, time: float):

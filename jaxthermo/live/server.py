@@ -23,18 +23,19 @@ from ..image.palette import BACKGROUND, apply_palette
 from .controls import Controls
 from .hand_values import hand_values
 from .live_camera import LiveCamera
+from .live_run import AbstractLiveRun
 from .panels import RunStatus
 from .playback import Playback
 from .player import FRAME, Player
 from .scale import Scale, scale_of
 from .scene_view import SERIES, SceneView
 from .session import LiveSession
-from .shown import AbstractShown
 from .surface_points import surface_points
 
 
 # Time between two lines of status, and between frames of the detector and curves [s].
-_STATUS_EVERY, _SIDE_EVERY = 0.25, 0.3
+_STATUS_EVERY = 0.25
+_SIDE_EVERY = 0.3
 
 
 class LiveView:
@@ -43,51 +44,63 @@ class LiveView:
     def __init__(
         self,
         server: viser.ViserServer,
-        shown: AbstractShown,
+        run: AbstractLiveRun,
         config: SceneConfig,
         rate: float,
     ):
-        self._server, self._shown = server, shown
-        self._player = Player(shown, rate)
+        self._server = server
+        self._run = run
+        self._player = Player(run, rate)
         self._asked: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
-        self._detector = LiveCamera(config, shown.surfaces)
-        self._fixed, self._note, self._compiling = False, "", ""
-        points = surface_points(shown.surfaces)
+        self._detector = LiveCamera(config, run.surfaces)
+        self._fixed = False
+        self._note = ""
+        self._compiling = ""
+        points = surface_points(run.surfaces)
         self._view = SceneView(
-            server=server, shown=shown, points=points, camera=self._detector.camera
+            server=server, run=run, points=points, camera=self._detector.camera
         )
-        kelvin = points.temperature(shown.temperature)
+        kelvin = points.temperature(run.temperature)
         image = config.image
         self._scale = scale_of(kelvin, image.palette)
         if image.low is not None and image.high is not None:
             self._scale = Scale(image.low, image.high, image.palette)
         self._seen: Scale | None = None
         self._probes: list[int] = []
-        given = rate, self._scale, self._detector.quantity, shown
-        self._controls = Controls(server, self.ask, *given)
-        if isinstance(shown, LiveSession):
+        self._controls = Controls(
+            server,
+            ask=self.ask,
+            rate=rate,
+            scale=self._scale,
+            quantity=self._detector.quantity,
+            run=run,
+        )
+        if isinstance(run, LiveSession):
             self._controls.add_values(hand_values(config))
             self._controls.add_structures(_factor(config))
-        self._said, self._drawn, self._changed = -1.0, -1.0, True
+        self._said = -1.0
+        self._drawn = -1.0
+        self._changed = True
         server.scene.on_click()(self._clicked)
         self._controls.show_scale(self._scale)
         self._draw(everything=True)
         self._controls.add_probe_help()
         self._say()
 
-    def ask(self, what: str, value: Any) -> None:
+    def ask(self, request: str, value: Any) -> None:
         """Put a request into the queue, from any thread."""
-        self._asked.put((what, value))
+        self._asked.put((request, value))
 
     def step(self, clock: float) -> None:
-        """Do what was asked for, and show the next frame, at a reading of a clock."""
-        for what, value in self._requests():
+        """Do what was requested, and show the next frame, at a reading of a clock."""
+        for request, value in self._requests():
             self._note = ""
             try:
-                self._do(what, value)
+                self._do(request, value)
             except InputError as error:
                 self._note = " ".join(str(error).split())
-            self._changed, self._said = True, -1.0
+            self._changed = True
+            self._said = -1.0
         if not self._server.get_clients():
             # Nobody looks: the simulation waits.
             self._player.jumped()
@@ -104,7 +117,7 @@ class LiveView:
             self._said = clock
 
     def run(self, stopped: Callable[[], bool]) -> None:
-        """Show frames until it is asked to stop."""
+        """Show frames until `stopped` is true."""
         while not stopped():
             begin = time.perf_counter()
             self.step(begin)
@@ -112,21 +125,22 @@ class LiveView:
 
     def _requests(self) -> list[tuple[str, Any]]:
         """Requests since the last frame; of a slider that moved on, the last one."""
-        found: dict[Any, tuple[str, Any]] = {}
+        pending: dict[Any, tuple[str, Any]] = {}
         while True:
             try:
-                what, value = self._asked.get_nowait()
+                request, value = self._asked.get_nowait()
             except queue.Empty:
-                return list(found.values())
-            key = (what, value[0]) if what == "value" else what
-            if what in ("toggle", "probe"):
-                key = (what, len(found))
-            found.pop(key, None)
-            found[key] = what, value
+                return list(pending.values())
+            key = (request, value[0]) if request == "value" else request
+            if request in ("toggle", "probe"):
+                key = (request, len(pending))
+            pending.pop(key, None)
+            pending[key] = request, value
 
-    def _do(self, what: str, value: Any) -> None:
-        player, shown = self._player, self._shown
-        match what:
+    def _do(self, request: str, value: Any) -> None:
+        player = self._player
+        run = self._run
+        match request:
             case "toggle" if player.playing:
                 player.pause()
             case "toggle":
@@ -136,17 +150,18 @@ class LiveView:
                 self._forget_range()
             case "rate":
                 player.set_rate(value)
-                if isinstance(shown, LiveSession):
-                    shown.set_rate(value)
+                if isinstance(run, LiveSession):
+                    run.set_rate(value)
                 player.jumped()
-            case "seek" if isinstance(shown, Playback):
-                shown.seek(value)
+            case "seek" if isinstance(run, Playback):
+                run.seek(value)
                 player.jumped()
             case "value":
                 self._change({value[0]: value[1]})
             case "structure":
-                bodies = range(len(shown.surfaces))
-                self._change({f"bodies.{n}.structure": value for n in bodies}, True)
+                bodies = range(len(run.surfaces))
+                changes = {f"bodies.{n}.structure": value for n in bodies}
+                self._change(changes, builds=True)
             case "palette":
                 self._scale = self._scale._replace(palette=value)
                 self._controls.show_scale(self._scale)
@@ -154,7 +169,7 @@ class LiveView:
                 self._fixed = value
                 self._forget_range()
             case "low" | "high":
-                self._set_end(what, value)
+                self._set_end(request, value)
             case "probe":
                 self._add_probe(*value)
             case "unprobe":
@@ -162,14 +177,14 @@ class LiveView:
                 self._view.mark([])
 
     def _change(self, changes: dict[str, str | None], builds: bool = False) -> None:
-        session = self._shown
+        session = self._run
         assert isinstance(session, LiveSession)
         if builds:
             self._announce("compiling: the bodies are built again")
         change = session.prepare(changes)
         if change.compiles:
-            what = "steps of the new bodies" if builds else "other mechanisms act now"
-            self._announce(f"compiling: {what}")
+            reason = "steps of the new bodies" if builds else "other mechanisms act now"
+            self._announce(f"compiling: {reason}")
         session.use(change)
         self._compiling = ""
         self._player.jumped()
@@ -182,10 +197,11 @@ class LiveView:
         self._server.flush()
 
     def _forget_range(self) -> None:
-        """Let the colours hold what is shown now, unless they are set by hand."""
+        """Fit the colours to the current temperatures, unless they are set by hand."""
         if not self._fixed:
-            kelvin = self._view.points.temperature(self._shown.temperature)
-            self._scale, self._seen = scale_of(kelvin, self._scale.palette), None
+            kelvin = self._view.points.temperature(self._run.temperature)
+            self._scale = scale_of(kelvin, self._scale.palette)
+            self._seen = None
             self._controls.show_scale(self._scale)
 
     def _set_end(self, which: str, celsius: float) -> None:
@@ -194,12 +210,16 @@ class LiveView:
         if not scale.low < scale.high:
             self._controls.show_scale(self._scale)
             raise InputError("colours: give a low end below the high one")
-        self._scale, self._fixed = scale, True
+        self._scale = scale
+        self._fixed = True
         self._controls.show_scale(scale, fixed=True)
 
     def _add_probe(self, origin: Any, direction: Any) -> None:
-        given = np.asarray(origin, float), np.asarray(direction, float)
-        point = self._view.pick(self._shown, *given)
+        point = self._view.pick(
+            self._run,
+            origin=np.asarray(origin, float),
+            direction=np.asarray(direction, float),
+        )
         if point is None:
             return
         self._probes = [*self._probes, point][-len(SERIES) :]
@@ -210,7 +230,7 @@ class LiveView:
 
     def _draw(self, everything: bool) -> None:
         """Colour the bodies; with `everything` the camera's frame and curves too."""
-        kelvin = self._view.points.temperature(self._shown.temperature)
+        kelvin = self._view.points.temperature(self._run.temperature)
         if not np.isfinite(kelvin).all():
             self._player.pause()
             raise InputError("temperatures are not finite: check the terms")
@@ -218,16 +238,17 @@ class LiveView:
         if scale != self._scale:
             self._scale = scale
             self._controls.show_scale(scale)
-        self._view.show(self._shown, kelvin, scale)
+        self._view.show(self._run, kelvin, scale)
         if everything:
             self._draw_frame()
             self._draw_curves()
 
     def _draw_frame(self) -> None:
-        kelvin, palette = self._detector.frame(self._shown), self._scale.palette
+        kelvin = self._detector.frame(self._run)
+        palette = self._scale.palette
         # A camera shows reflections too: it has a scale of its own.
-        before = self._seen or scale_of(kelvin, palette)
-        seen = self._scale if self._fixed else before.holding(kelvin)
+        previous = self._seen or scale_of(kelvin, palette)
+        seen = self._scale if self._fixed else previous.holding(kelvin)
         self._seen = seen._replace(palette=palette)
         coloured = apply_palette(kelvin, *self._seen, invalid=BACKGROUND)
         self._controls.show_camera(coloured, self._seen)
@@ -236,7 +257,7 @@ class LiveView:
         if not self._probes:
             self._controls.hide_curves()
             return
-        curves = self._shown.curves(self._view.points.weights[self._probes])
+        curves = self._run.curves(self._view.points.weights[self._probes])
         if len(curves.times) < 2:
             # A point is no curve.
             self._controls.hide_curves()
@@ -245,15 +266,22 @@ class LiveView:
         self._controls.show_curves(curves, names)
 
     def _say(self) -> None:
-        player, shown = self._player, self._shown
+        player = self._player
+        run = self._run
         state = "paused"
         if player.playing:
             state = "running"
-        elif shown.finished:
+        elif run.finished:
             state = "at the end"
-        speeds = player.speeds() or (None, None)
-        note = self._compiling or self._note
-        status = RunStatus(shown.time, shown.end, state, *speeds, note)
+        simulated, frames = player.speeds() or (None, None)
+        status = RunStatus(
+            time=run.time,
+            end=run.end,
+            state=state,
+            simulated=simulated,
+            frames=frames,
+            note=self._compiling or self._note,
+        )
         self._controls.show_status(status, player.playing)
 
 

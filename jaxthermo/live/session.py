@@ -39,25 +39,26 @@ from ..physics.radiation.irradiation import Irradiance
 from ..physics.term import AbstractTerm
 from ..physics.time_varying import just_before
 from ..scene.scene import Scene, SolvedSurface
-from .shown import AbstractShown, Curves
+from .live_run import AbstractLiveRun, Curves
 
 
 STEPS_A_SECOND = 20
-"""Steps of a second of wall time, at least: as many as frames are shown."""
+"""Smallest number of steps in a second of wall time: one for each frame."""
 
 # Stable steps in one frame up to which Euler steps take less time than stages.
 _MAX_EULER_STEPS = 10
 
 
-# Rows of temperatures that are kept for curves, and their memory [bytes].
-_MAX_ROWS, _MAX_BYTES = 400, 2**26
+# Limits of the rows of temperatures stored for curves: number, and memory [bytes].
+_MAX_ROWS = 400
+_MAX_BYTES = 2**26
 
 
 class Change(NamedTuple):
     """A scene with other values, planned but not in use yet."""
 
     values: Mapping[str, str]
-    """All values that were changed by hand, as YAML by their paths in the config."""
+    """Values that were changed by hand, as YAML by their paths in the config."""
     config: SceneConfig
     scene: Scene
     plan: Plan
@@ -67,18 +68,18 @@ class Change(NamedTuple):
     """True if the program has to be compiled, which takes seconds."""
 
 
-def _kind(tree: Any) -> tuple[Any, ...]:
-    """All of a pytree that a program is compiled for."""
+def _signature(tree: Any) -> tuple[Any, ...]:
+    """What a compiled program depends on: structure, shapes and types of a pytree."""
     leaves, structure = jax.tree.flatten(tree)
     arrays = jax.Array, np.ndarray, np.generic
     typed = (
-        (each.shape, each.dtype) if isinstance(each, arrays) else each
-        for each in leaves
+        (leaf.shape, leaf.dtype) if isinstance(leaf, arrays) else leaf
+        for leaf in leaves
     )
     return structure, *typed
 
 
-class LiveSession(AbstractShown):
+class LiveSession(AbstractLiveRun):
     """The running simulation of a config, in simulated time.
 
     Args:
@@ -91,12 +92,15 @@ class LiveSession(AbstractShown):
     """
 
     def __init__(self, path: Path, overrides: tuple[str, ...] = (), rate: float = 10.0):
-        self._path, self._overrides = path, overrides
+        self._path = path
+        self._overrides = overrides
         self._rate = _checked_rate(rate)
         self._compiled: set[tuple[Any, ...]] = set()
         config = load_config(path, overrides)
         with precision(config.dtype):
-            self._in_use = self._planned({}, config, config.build(), restarts=True)
+            self._in_use = self._planned(
+                {}, config=config, scene=config.build(), restarts=True
+            )
         self.reset()
 
     @property
@@ -152,7 +156,8 @@ class LiveSession(AbstractShown):
 
     @override
     def irradiance(self) -> Irradiance:
-        kelvin, time = self.temperature, self.time
+        kelvin = self.temperature
+        time = self.time
         with precision(self.config.dtype):
             radiation = self.plan.compiled.radiation.at(time)
             now = jnp.asarray(time, self.plan.dtype)
@@ -203,21 +208,22 @@ class LiveSession(AbstractShown):
             else:
                 # The same bodies, whose voxels and structures are known.
                 scene = config.scene(self.scene.bodies, config.build_terms())
-            return self._planned(values, config, scene, restarts)
+            return self._planned(values, config=config, scene=scene, restarts=restarts)
 
     def use(self, change: Change) -> None:
         """Go on with other values; with other bodies from the start."""
-        now, self._in_use = self.time, change
+        now = self.time
+        self._in_use = change
         if change.restarts:
             self.reset()
             return
         with precision(self.config.dtype):
-            # What acts is another set of mechanisms: their heat is counted anew.
+            # Other mechanisms act: their heat is counted anew.
             ledger = empty_ledger(
                 len(self.plan.compiled.program.entries), self.plan.dtype
             )
             state = self.plan.stepper.begin(RunState(self._state.theta, ledger))
-            left = tuple(_rest(i, now) for i in self.plan.intervals if i.end > now)
+            left = tuple(_remainder(i, now) for i in self.plan.intervals if i.end > now)
             self._go_on(state, left)
 
     def change(self, changes: Mapping[str, str | None]) -> None:
@@ -230,7 +236,7 @@ class LiveSession(AbstractShown):
         self.change({})
 
     def _keep(self, kelvin: Float[np.ndarray, " s"]) -> None:
-        """Keep a row for curves, as far apart as there is memory for."""
+        """Store a row for curves, at intervals that the memory allows."""
         rows = min(_MAX_ROWS, max(2, _MAX_BYTES // kelvin.nbytes))
         now = self.time
         if not self._kept or now - self._kept[-1][0] >= self.end / rows:
@@ -244,10 +250,12 @@ class LiveSession(AbstractShown):
         restarts: bool,
     ) -> Change:
         longest = self._rate / STEPS_A_SECOND
-        given = config.solver.build()
+        configured_solver = config.solver.build()
         end = config.time.last
-        plan = plan_run(scene, t1=end, save_at=(end,), solver=given or ForwardEuler())
-        if given is None:
+        plan = plan_run(
+            scene, t1=end, save_at=(end,), solver=configured_solver or ForwardEuler()
+        )
+        if configured_solver is None:
             stable = plan.stable_step
             assert stable is not None
             if longest > _MAX_EULER_STEPS * stable:
@@ -256,25 +264,27 @@ class LiveSession(AbstractShown):
         plan = plan._replace(
             intervals=tuple(_finer(i, longest) for i in plan.intervals)
         )
-        kind = _kind((plan.stepper, plan.compiled.program))
+        signature = _signature((plan.stepper, plan.compiled.program))
         return Change(
             values=values,
             config=config,
             scene=scene,
             plan=plan,
             restarts=restarts,
-            compiles=kind not in self._compiled,
+            compiles=signature not in self._compiled,
         )
 
     def _go_on(self, state: RunState, left: tuple[Interval, ...]) -> None:
-        """Take over a state with the steps that are left; all is compiled."""
-        self._state, self._left, self._taken = state, list(left), 0
+        """Go on from a state with the intervals that are left, compiled."""
+        self._state = state
+        self._left = list(left)
+        self._taken = 0
         self._interval: Interval | None = None
         self._seconds_a_step = 0.0
         if left:
             self._take(0)
         self._seen: Float[np.ndarray, " s"] | None = None
-        self._compiled.add(_kind((self.plan.stepper, self.plan.compiled.program)))
+        self._compiled.add(_signature((self.plan.stepper, self.plan.compiled.program)))
 
     def _steps_due(self, time: float, budget: float) -> int:
         """Whole steps to a time, within the interval and the seconds of work."""
@@ -283,13 +293,14 @@ class LiveSession(AbstractShown):
         due = math.floor((time - interval.start) / interval.dt + 1e-6) - self._taken
         due = min(due, interval.steps - self._taken)
         if self._seconds_a_step == 0.0 or math.isinf(budget):
-            # Nothing is known of the time that steps take.
+            # The time that a step takes is not known yet.
             return due if math.isinf(budget) else min(due, 1)
         return min(due, max(1, int(budget / self._seconds_a_step)))
 
     def _take(self, steps: int) -> float:
         """Take steps of the interval; returns the seconds that it took."""
-        interval, plan = self._left[0], self.plan
+        interval = self._left[0]
+        plan = self.plan
         clock = time.perf_counter()
         self._state = take_segment(
             plan,
@@ -301,7 +312,8 @@ class LiveSession(AbstractShown):
         spent = time.perf_counter() - clock
         if not steps:
             return spent
-        self._seconds_a_step, self._seen = spent / steps, None
+        self._seconds_a_step = spent / steps
+        self._seen = None
         self._taken += steps
         end = interval.start + self._taken * interval.dt
         self._interval = replace(interval, end=end, steps=self._taken)
@@ -312,13 +324,16 @@ class LiveSession(AbstractShown):
         return spent
 
     def _observed(self) -> Float[np.ndarray, " s"]:
-        plan, at = self.plan, None
+        plan = self.plan
+        at = None
         # At the start no load has acted yet.
         start = 0.0
         if self._interval is not None:
-            start, at = self._interval.start, observation_time(plan, self._interval)
+            start = self._interval.start
+            at = observation_time(plan, self._interval)
         elif self.time > 0:
-            start, at = self.time, just_before(self.time, plan.dtype)
+            start = self.time
+            at = just_before(self.time, plan.dtype)
         time = None if at is None else jnp.asarray(at, plan.dtype)
         program = plan.compiled.programs[plan.compiled.number_at(start)]
         return np.asarray(observe(program, self._state, time).surface_temperature)
@@ -332,12 +347,12 @@ def _checked_rate(rate: float) -> float:
 
 def _finer(interval: Interval, longest: float) -> Interval:
     """An interval without steps longer than a frame [s]."""
-    whole = math.ceil((interval.end - interval.start) / longest * (1 - 1e-9))
-    return replace(interval, steps=max(interval.steps, whole))
+    steps = math.ceil((interval.end - interval.start) / longest * (1 - 1e-9))
+    return replace(interval, steps=max(interval.steps, steps))
 
 
-def _rest(interval: Interval, now: float) -> Interval:
-    """The part of an interval after a time [s]."""
+def _remainder(interval: Interval, now: float) -> Interval:
+    """Remainder of an interval after a time [s]."""
     if interval.start >= now:
         return interval
     left = (interval.end - now) / interval.dt

@@ -20,10 +20,10 @@ from ..image.view import smooth_weights
 from ..scene.scene import BodyGeometry, SolvedSurface
 
 
-POINTS = 90_000
-"""Cells of the surfaces that hold a point, about."""
+_POINTS = 90_000
+"""Approximate number of cells of the surfaces; each holds a point."""
 
-# Random points for one cell: that many leave one cell in 50 without any.
+# Random points per cell: with four, one cell in 50 stays empty.
 _PER_CELL = 4
 # Diameter of a point over the edge of a cell: neighbours in opposite corners overlap.
 _OVERLAP = 2.0
@@ -36,14 +36,14 @@ class SurfacePoints:
     position: tuple[Float[np.ndarray, "_ 3"], ...]
     """Points of each body, in its own frame [m]."""
     weights: csr_array
-    """Weights [p, s] of the fragments of all bodies, those of an image."""
+    """Weights [p, s] of the fragments of all bodies, as in an image."""
     diameter: float
     """Diameter at which points cover the surface [m]."""
 
     @property
-    def parts(self) -> list[slice]:
-        """Points of each body among all."""
-        ends = np.cumsum([0, *(len(each) for each in self.position)]).tolist()
+    def rows(self) -> list[slice]:
+        """Rows of each body's points among all points."""
+        ends = np.cumsum([0, *(len(points) for points in self.position)]).tolist()
         return [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
 
     def temperature(self, fragments: Float[np.ndarray, " s"]) -> Float[np.ndarray, "p"]:
@@ -52,19 +52,20 @@ class SurfacePoints:
 
     def body_of(self, point: int) -> int:
         """Number of the body that a point is on."""
-        return next(n for n, part in enumerate(self.parts) if point < part.stop)
+        return next(n for n, rows in enumerate(self.rows) if point < rows.stop)
 
 
 def surface_points(
-    surfaces: tuple[SolvedSurface, ...], count: int = POINTS
+    surfaces: tuple[SolvedSurface, ...], count: int = _POINTS
 ) -> SurfacePoints:
     """Spread about `count` points over the surfaces of all bodies."""
     bodies = [surface.geometry for surface in surfaces]
     area = [float(geometry.fragment_area.sum()) for geometry in bodies]
     edge = float(np.sqrt(sum(area) / count))
-    position, weights = [], []
-    for own, geometry in zip(area, bodies, strict=True):
-        random = max(1000, round(_PER_CELL * count * own / sum(area)))
+    position = []
+    weights = []
+    for body_area, geometry in zip(area, bodies, strict=True):
+        random = max(1000, round(_PER_CELL * count * body_area / sum(area)))
         points, face = _one_per_cell(geometry, edge, random)
         normal = smooth_normals(
             geometry.vertices, faces=geometry.faces, face=face, points=points
@@ -84,8 +85,8 @@ def _one_per_cell(
     cell -= cell.min(axis=0)
     size = cell.max(axis=0) + 1
     key = np.ravel_multi_index(tuple(cell.T), tuple(size.tolist()))
-    _, kept = np.unique(key, return_index=True)
-    return sample.position[kept], sample.face[kept]
+    _, first = np.unique(key, return_index=True)
+    return sample.position[first], sample.face[first]
 
 
 def colours(

@@ -42,7 +42,8 @@ def transmissivity(distance: Any, temperature: Any, relative_humidity: Any, xp: 
     exponent = a + celsius * (b + celsius * (c + celsius * d))
     root = xp.sqrt(relative_humidity * xp.exp(exponent))
     far = xp.sqrt(distance)
-    (a1, a2), (b1, b2) = _ALPHA, _BETA
+    (a1, a2) = _ALPHA
+    (b1, b2) = _BETA
     near = xp.exp(-far * (a1 + b1 * root))
     return _X * near + (1 - _X) * xp.exp(-far * (a2 + b2 * root))
 
@@ -87,8 +88,12 @@ class Atmosphere(AbstractPathEffect):
         if self.transmissivity is not None:
             return xp.asarray(self.transmissivity)
         distance = lines_of_sight(view).distance
-        given = xp.asarray(distance), self.temperature, self.relative_humidity
-        return transmissivity(*given, xp)
+        return transmissivity(
+            xp.asarray(distance),
+            temperature=self.temperature,
+            relative_humidity=self.relative_humidity,
+            xp=xp,
+        )
 
     @override
     def apply(

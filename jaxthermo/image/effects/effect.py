@@ -25,14 +25,14 @@ from ..radiometry import PixelRadiation, Values
 from ..view import View
 
 
-class AbstractEffect(Module):
+class _AbstractEffect(Module):
     """An effect on the radiance that a camera measures."""
 
     rank: ClassVar[int]
-    """Effects of lower rank come first, in whatever order they are given."""
+    """Effects of lower rank act first, whatever their order in the tuple."""
 
 
-class AbstractViewEffect(AbstractEffect):
+class _AbstractViewEffect(_AbstractEffect):
     """An effect at the surface points of a view."""
 
     @abc.abstractmethod
@@ -47,7 +47,7 @@ class Horizon(NamedTuple):
     ground: Any
 
 
-class AbstractSurfaceEffect(AbstractViewEffect):
+class AbstractSurfaceEffect(_AbstractViewEffect):
     """An effect on the radiation that leaves a surface towards the camera."""
 
     @abc.abstractmethod
@@ -57,7 +57,7 @@ class AbstractSurfaceEffect(AbstractViewEffect):
         """The radiation with this effect."""
 
 
-class AbstractPathEffect(AbstractViewEffect):
+class AbstractPathEffect(_AbstractViewEffect):
     """An effect of what lies between the surface and the camera."""
 
     @abc.abstractmethod
@@ -67,7 +67,7 @@ class AbstractPathEffect(AbstractViewEffect):
         """Radiance at the camera [W/(m^2 sr)]."""
 
 
-class AbstractBlur(AbstractEffect):
+class AbstractBlur(_AbstractEffect):
     """An effect of the optics: a point becomes a Gaussian spot."""
 
     rank = 20
@@ -78,7 +78,7 @@ class AbstractBlur(AbstractEffect):
         """Standard deviation of the spot [pixels]."""
 
 
-class BolometerLag(AbstractEffect):
+class BolometerLag(_AbstractEffect):
     """Lag of a bolometer, which follows the radiance L with a time constant.
 
         tau dy/dt = L - y,
@@ -106,7 +106,7 @@ class BolometerLag(AbstractEffect):
         return end - slope + (lagged - start + slope) * decay
 
 
-class AbstractDetectorEffect(AbstractEffect):
+class AbstractDetectorEffect(_AbstractEffect):
     """An effect of the detector on a frame of pixels."""
 
     @abc.abstractmethod
@@ -128,10 +128,10 @@ class Effects(NamedTuple):
     @property
     def spread(self) -> float:
         """Standard deviation of the spot of all optics [pixels]."""
-        return float(np.sqrt(sum(each.spread**2 for each in self.blur)))
+        return float(np.sqrt(sum(blur.spread**2 for blur in self.blur)))
 
 
-def in_order(effects: Any, what: str = "effects=") -> Effects:
+def in_order(effects: Any, argument: str = "effects=") -> Effects:
     """Sort effects into their order.
 
     Raises:
@@ -139,19 +139,21 @@ def in_order(effects: Any, what: str = "effects=") -> Effects:
     """
     if isinstance(effects, Effects):
         return effects
-    given = tuple(effects) if isinstance(effects, tuple | list) else (effects,)
-    for each in given:
+    candidates = tuple(effects) if isinstance(effects, tuple | list) else (effects,)
+    for effect in candidates:
         require(
-            each,
-            kinds=AbstractEffect,
-            argument=what,
+            effect,
+            kinds=_AbstractEffect,
+            argument=argument,
             give="a tuple of effects, such as (Blur(0.5),)",
         )
-    kinds = [type(each) for each in given]
-    for kind in kinds:
-        if kinds.count(kind) > 1:
-            raise InputError(f"{what}: has {kind.__name__} twice: give it once")
-    ordered = sorted(given, key=lambda each: each.rank)
+    types = [type(effect) for effect in candidates]
+    for effect_type in types:
+        if types.count(effect_type) > 1:
+            raise InputError(
+                f"{argument}: has {effect_type.__name__} twice: give it once"
+            )
+    ordered = sorted(candidates, key=lambda effect: effect.rank)
     return Effects(
         surface=tuple(e for e in ordered if isinstance(e, AbstractSurfaceEffect)),
         path=tuple(e for e in ordered if isinstance(e, AbstractPathEffect)),
@@ -169,16 +171,19 @@ _prepared: WeakKeyDictionary[View, dict[Any, Any]] = WeakKeyDictionary()
 
 
 def prepared_for(
-    effect: AbstractViewEffect, view: View, terms: tuple[AbstractTerm, ...], dtype: Any
+    effect: _AbstractViewEffect, view: View, terms: tuple[AbstractTerm, ...], dtype: Any
 ) -> Any:
-    """Arrays of an effect in a view, in the type of its pixels, kept with the view."""
-    typed = lambda arrays: jax.tree.map(lambda each: each.astype(dtype), arrays)
+    """Arrays of an effect in a view, in the type of its pixels, computed once."""
+
+    def typed(arrays: Any) -> Any:
+        return jax.tree.map(lambda array: array.astype(dtype), arrays)
+
     if is_traced(effect):
         return typed(effect.prepared(view, terms, jnp))
     leaves, structure = jax.tree.flatten(effect)
     values = tuple(np.asarray(leaf, float).tobytes() for leaf in leaves)
-    kept = _prepared.setdefault(view, {})
+    by_content = _prepared.setdefault(view, {})
     key = structure, values, np.dtype(dtype)
-    if key not in kept:
-        kept[key] = typed(effect.prepared(view, terms, np))
-    return kept[key]
+    if key not in by_content:
+        by_content[key] = typed(effect.prepared(view, terms, np))
+    return by_content[key]

@@ -47,7 +47,7 @@ class DetectorNoise(AbstractDetectorEffect):
     reference_temperature: float = eqx.field(
         static=True, converter=plain_numbers, default=300.0
     )
-    """Temperature of the black surface for which it holds [K]."""
+    """Temperature of the black surface for which `netd` holds [K]."""
     seed: int = eqx.field(static=True, default=0)
     """Seed; frames of one time and seed have the same noise."""
 
@@ -78,13 +78,13 @@ class FixedPatternNoise(AbstractDetectorEffect):
     reference_temperature: float = eqx.field(
         static=True, converter=plain_numbers, default=300.0
     )
-    """Temperature of the black surface for which they hold [K]."""
+    """Temperature of the black surface for which both deviations hold [K]."""
     seed: int = eqx.field(static=True, default=0)
     """Seed: one for each camera."""
 
     def __check_init__(self):
-        given = {"netd": self.netd, "columns": self.columns, "seed": self.seed}
-        _non_negative("FixedPatternNoise", given)
+        numbers = {"netd": self.netd, "columns": self.columns, "seed": self.seed}
+        _non_negative("FixedPatternNoise", numbers)
         _check_reference("FixedPatternNoise", self.reference_temperature)
 
     @override
@@ -92,8 +92,13 @@ class FixedPatternNoise(AbstractDetectorEffect):
         self, radiance: Float[Values, "h w"], time: float, band: Band | None
     ) -> Float[Values, "h w"]:
         slope = radiance_slope(self.reference_temperature, band)
-        given = self.netd * slope, self.columns * slope, self.seed
-        return _added(radiance, _pattern(radiance.shape, *given))
+        pattern = _pattern(
+            radiance.shape,
+            pixels=self.netd * slope,
+            columns=self.columns * slope,
+            seed=self.seed,
+        )
+        return _added(radiance, pattern)
 
 
 @lru_cache(maxsize=4)
@@ -103,8 +108,10 @@ def _pattern(
     """Offsets of pixels and columns of these standard deviations."""
     # Another stream than that of the noise with the same seed.
     generator = np.random.Generator(np.random.SFC64([seed, 0, 1]))
-    each = generator.standard_normal(shape, np.float32) * np.float32(pixels)
-    return each + generator.standard_normal(shape[1], np.float32) * np.float32(columns)
+    offsets = generator.standard_normal(shape, np.float32) * np.float32(pixels)
+    return offsets + generator.standard_normal(shape[1], np.float32) * np.float32(
+        columns
+    )
 
 
 class Counts(AbstractDetectorEffect):

@@ -85,10 +85,12 @@ def integrate_pixels(
         _response(count // samples, samples, spread) for count in radiance.shape
     )
     if isinstance(radiance, np.ndarray):
-        rows, columns = (each.astype(radiance.dtype) for each in (rows, columns))
+        rows, columns = (
+            response.astype(radiance.dtype) for response in (rows, columns)
+        )
         return (columns @ np.ascontiguousarray((rows @ radiance).T)).T
-    dense = (jnp.asarray(each.toarray(), radiance.dtype) for each in (rows, columns))
-    left, right = dense
+    left = jnp.asarray(rows.toarray(), radiance.dtype)
+    right = jnp.asarray(columns.toarray(), radiance.dtype)
     return product(product(left, radiance), right.T)
 
 

@@ -61,9 +61,9 @@ class _Lobes(NamedTuple):
     """Weights of what is reflected around the mirror direction."""
 
     sources: Float[np.ndarray, "q p"]
-    """Radiance by the irradiance of each source that is all reflected [1/sr]."""
+    """Radiance per irradiance of each source, if all is reflected [1/sr]."""
     sky: Float[np.ndarray, " p"]
-    """Fraction of the lobe above the horizon, less that of the hemisphere [-]."""
+    """Fraction of the lobe above the horizon minus that of the hemisphere [-]."""
 
 
 class SpecularReflection(AbstractSurfaceEffect):
@@ -72,15 +72,15 @@ class SpecularReflection(AbstractSurfaceEffect):
         L = rho [(1 - s) E / pi + s E (n + 2) / (2 pi) cos^n alpha]
 
     of the irradiance E of a source, whose direction is alpha from the mirrored line of
-    sight; the factor keeps what is reflected within rho E. Of sky and ground the lobe
-    sees other parts than the hemisphere does, where nothing in the image hides them
+    sight; with this factor no more than rho E is reflected. The lobe sees another
+    mixture of sky and ground than the hemisphere, where nothing in the image hides them
     (`occlusion`). Other bodies are not mirrored.
     """
 
     rank = 1
 
     fraction: Any = 0.5
-    """s, the part of the reflected radiation that is in the lobe [-]."""
+    """s, fraction of the reflected radiation in the lobe [-]."""
     exponent: float = eqx.field(static=True, converter=plain_numbers, default=20.0)
     """n, 5 for satin to 1000 for a polished surface [-]."""
 

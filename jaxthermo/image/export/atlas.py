@@ -36,12 +36,12 @@ class Atlas(NamedTuple):
     size: tuple[int, int]
     """Width and height [texels]."""
     texel: Int[np.ndarray, " t"]
-    """Texels that a triangle has, rows first from the top."""
+    """Index of each texel that a triangle has, rows first from the top."""
     weights: csr_array
     """Weights [t, s] of the body's fragments."""
 
     def texture(self, fragments: Float[np.ndarray, " s"]) -> Float[np.ndarray, "h w"]:
-        """Values of all texels; those of no triangle have the mean of the others."""
+        """Values of all texels; texels without a triangle have the mean value."""
         width, height = self.size
         values = np.asarray(self.weights @ fragments, np.float32)
         image = np.full(width * height, values.mean(), np.float32)
@@ -50,7 +50,7 @@ class Atlas(NamedTuple):
 
 
 class _Cells(NamedTuple):
-    """Place of every triangle in the atlas."""
+    """Position of every triangle in the atlas."""
 
     edge: Int[np.ndarray, " f"]
     """Texels along a leg, n."""
@@ -72,7 +72,8 @@ def build_atlas(geometry: BodyGeometry, texel: float | None = None) -> Atlas:
     Raises:
         InputError: for more triangles than such a texture has room for.
     """
-    vertices, faces = geometry.vertices, geometry.faces
+    vertices = geometry.vertices
+    faces = geometry.faces
     triangles = vertices[faces]
     longest = np.linalg.norm(np.roll(triangles, -1, 1) - triangles, axis=-1).max(axis=1)
     length = texel or geometry.pitch
@@ -83,18 +84,21 @@ def build_atlas(geometry: BodyGeometry, texel: float | None = None) -> Atlas:
                 "with --format glb, or simplify the mesh"
             )
         length *= 1.25
-    _, normals, normal_faces = corner_normals(vertices, faces)
+    creased = corner_normals(vertices, faces)
     owner, pixel, share = _texels(cells)
-    mixed = lambda corners: np.einsum("tc,tci->ti", share, corners[owner])
-    ahead = mixed(normals[normal_faces])
+
+    def mixed(corners: Float[np.ndarray, "f 3 3"]) -> Float[np.ndarray, "t 3"]:
+        return np.einsum("tc,tci->ti", share, corners[owner])
+
+    ahead = mixed(creased.normals[creased.faces])
     ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-12)
     weights = smooth_weights(mixed(triangles), ahead, geometry)
     uv = _coordinates(cells)
     return Atlas(
         vertices=vertices,
-        normals=normals,
+        normals=creased.normals,
         faces=faces,
-        normal_faces=normal_faces,
+        normal_faces=creased.faces,
         uv=uv,
         size=cells.size,
         texel=pixel,
@@ -112,43 +116,63 @@ def _packed(edge: Int[np.ndarray, " f"]) -> _Cells | None:
     width = 2 ** max(2, math.ceil(math.log2(max(math.sqrt(area), side[0]))))
     if width > _LARGEST:
         return None
-    left, top, low, place = 0, 0, 0, np.empty((len(side), 2), np.int64)
-    for number, each in enumerate(side.tolist()):
-        if left + each > width:
-            left, top = 0, top + low
-        low = each if left == 0 else low
-        place[number] = left, top
-        left += each
+    left = 0
+    top = 0
+    low = 0
+    origin = np.empty((len(side), 2), np.int64)
+    for number, extent in enumerate(side.tolist()):
+        if left + extent > width:
+            left = 0
+            top = top + low
+        low = extent if left == 0 else low
+        origin[number] = left, top
+        left += extent
     height = 2 ** math.ceil(math.log2(top + low))
     if height > _LARGEST:
         return None
-    corner, step = np.empty((len(edge), 2), np.int64), np.ones(len(edge), np.int64)
-    corner[order[::2]] = place
-    other = order[1::2]
-    corner[other] = place[: len(other)] + side[: len(other), None] - 1
-    step[other] = -1
+    corner = np.empty((len(edge), 2), np.int64)
+    step = np.ones(len(edge), np.int64)
+    corner[order[::2]] = origin
+    second = order[1::2]
+    corner[second] = origin[: len(second)] + side[: len(second), None] - 1
+    step[second] = -1
     return _Cells(edge=edge, corner=corner, step=step, size=(width, height))
 
 
-def _texels(
-    cells: _Cells,
-) -> tuple[Int[np.ndarray, " t"], Int[np.ndarray, " t"], Float[np.ndarray, "t 3"]]:
-    """Triangle, pixel, and barycentric coordinates of each texel of the atlas."""
-    owners, pixels, shares = [], [], []
+class _Texels(NamedTuple):
+    """Texels of an atlas that a triangle has."""
+
+    owner: Int[np.ndarray, " t"]
+    """Number of the triangle."""
+    pixel: Int[np.ndarray, " t"]
+    """Index in the texture, rows first from the top."""
+    share: Float[np.ndarray, "t 3"]
+    """Barycentric coordinates in the triangle."""
+
+
+def _texels(cells: _Cells) -> _Texels:
+    owners = []
+    pixels = []
+    shares = []
     for edge in np.unique(cells.edge).tolist():
-        own = np.flatnonzero(cells.edge == edge)
+        triangles = np.flatnonzero(cells.edge == edge)
         row, column = np.indices((edge + 1, edge + 1)).reshape(2, -1)
         # One more line than the triangle has, which interpolation also reads.
         used = row + column <= edge + 1
-        row, column = row[used], column[used]
-        away = cells.step[own, None]
-        x = cells.corner[own, 0, None] + away * column
-        y = cells.corner[own, 1, None] + away * row
+        row = row[used]
+        column = column[used]
+        away = cells.step[triangles, None]
+        x = cells.corner[triangles, 0, None] + away * column
+        y = cells.corner[triangles, 1, None] + away * row
         share = np.stack([edge - row - column, column, row], axis=1) / edge
-        owners.append(np.repeat(own, len(row)))
+        owners.append(np.repeat(triangles, len(row)))
         pixels.append((y * cells.size[0] + x).ravel())
-        shares.append(np.tile(share, (len(own), 1)))
-    return np.concatenate(owners), np.concatenate(pixels), np.concatenate(shares)
+        shares.append(np.tile(share, (len(triangles), 1)))
+    return _Texels(
+        owner=np.concatenate(owners),
+        pixel=np.concatenate(pixels),
+        share=np.concatenate(shares),
+    )
 
 
 def _coordinates(cells: _Cells) -> Float[np.ndarray, "f 3 2"]:

@@ -16,10 +16,13 @@ from ...atomic import replacing
 from ...geometry.mesh import Pose
 
 
-_FLOAT, _UINT = 5126, 5125
+_FLOAT = 5126
+_UINT = 5125
 _VECTORS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
-_VERTICES, _INDICES = 34962, 34963
-_LINEAR, _CLAMP = 9729, 33071
+_VERTICES = 34962
+_INDICES = 34963
+_LINEAR = 9729
+_CLAMP = 33071
 # From z up to y up, columns first.
 _TURNED = (1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0, 0, 0, 1)
 _UNLIT = "KHR_materials_unlit"
@@ -54,11 +57,11 @@ class _Buffer:
         self.views: list[dict[str, Any]] = []
         self.accessors: list[dict[str, Any]] = []
 
-    def add(self, content: bytes, **more: Any) -> int:
+    def add(self, content: bytes, **fields: Any) -> int:
         """Append bytes; returns the number of their view."""
         self.data += b"\0" * (-len(self.data) % 4)
         start = len(self.data)
-        view = {"buffer": 0, "byteOffset": start, "byteLength": len(content), **more}
+        view = {"buffer": 0, "byteOffset": start, "byteLength": len(content), **fields}
         self.views.append(view)
         self.data += content
         return len(self.views) - 1
@@ -84,7 +87,7 @@ class _Buffer:
 def write_meshes(
     path: str | Path, meshes: Sequence[GltfMesh], extras: Mapping[str, Any]
 ) -> None:
-    """Write meshes as nodes of one scene, with plain values beside them as extras.
+    """Write meshes as nodes of one scene, with plain values as its extras.
 
     Raises:
         InputError: if the file cannot be written.
@@ -111,7 +114,8 @@ def write_meshes(
 
 def _node(number: int, mesh: GltfMesh) -> dict[str, Any]:
     matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = mesh.pose.rotation, mesh.pose.translation
+    matrix[:3, :3] = mesh.pose.rotation
+    matrix[:3, 3] = mesh.pose.translation
     return {"name": mesh.name, "mesh": number, "matrix": matrix.T.ravel().tolist()}
 
 
@@ -124,8 +128,8 @@ def _mesh(number: int, mesh: GltfMesh, buffer: _Buffer) -> dict[str, Any]:
         "indices": buffer.add_array(np.asarray(mesh.faces).ravel(), _INDICES),
         "material": number,
     }
-    found = {"name": mesh.name, "primitives": [primitive]}
-    return found | ({"extras": dict(mesh.extras)} if mesh.extras else {})
+    description = {"name": mesh.name, "primitives": [primitive]}
+    return description | ({"extras": dict(mesh.extras)} if mesh.extras else {})
 
 
 def _material(mesh: GltfMesh, tree: dict[str, Any], buffer: _Buffer) -> dict[str, Any]:
@@ -152,6 +156,9 @@ def _packed(tree: dict[str, Any], data: bytes) -> bytes:
     text = json.dumps(tree, allow_nan=False, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     data += b"\0" * (-len(data) % 4)
-    word = lambda number: int(number).to_bytes(4, "little")
+
+    def word(number: int) -> bytes:
+        return number.to_bytes(4, "little")
+
     chunks = word(len(text)) + b"JSON" + text + word(len(data)) + b"BIN\0" + data
     return b"glTF" + word(2) + word(12 + len(chunks)) + chunks

@@ -12,7 +12,7 @@ from ...atomic import replacing
 def write_grey(
     path: str | Path, pixels: UInt8[np.ndarray, "h w"] | UInt16[np.ndarray, "h w"]
 ) -> None:
-    """Write a grey PNG of as many bits as the pixels have.
+    """Write a grey PNG with the bits of the pixels.
 
     Raises:
         InputError: if the file cannot be written.

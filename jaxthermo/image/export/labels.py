@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 from ..camera import AbstractCamera, Camera
 
 
-class Instance(NamedTuple):
+class _Instance(NamedTuple):
     """Visible pixels of a body, or of a part of it, in a frame."""
 
     number: int
@@ -27,20 +27,25 @@ class Instance(NamedTuple):
         return left == 0 or top == 0 or left + width == columns or top + height == rows
 
 
-def instances(number: Int[np.ndarray, "h w"]) -> list[Instance]:
+def instances(number: Int[np.ndarray, "h w"]) -> list[_Instance]:
     """Visible instances of an image of numbers, -1 in the background."""
-    found = []
-    for each in np.unique(number[number >= 0]).tolist():
-        mask = number == each
-        rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(0))
-        left, top = int(columns[0]), int(rows[0])
+    visible = []
+    for instance_number in np.unique(number[number >= 0]).tolist():
+        mask = number == instance_number
+        rows = np.flatnonzero(mask.any(axis=1))
+        columns = np.flatnonzero(mask.any(0))
+        left = int(columns[0])
+        top = int(rows[0])
         size = int(columns[-1]) + 1 - left, int(rows[-1]) + 1 - top
-        found.append(
-            Instance(
-                number=each, box=(left, top, *size), area=int(mask.sum()), mask=mask
+        visible.append(
+            _Instance(
+                number=instance_number,
+                box=(left, top, *size),
+                area=int(mask.sum()),
+                mask=mask,
             )
         )
-    return found
+    return visible
 
 
 def run_lengths(mask: Bool[np.ndarray, "h w"]) -> dict[str, Any]:
@@ -62,15 +67,15 @@ def camera_matrices(camera: AbstractCamera) -> dict[str, Any]:
     rotation: Float[np.ndarray, "3 3"] = camera.frame
     shift = -rotation @ np.asarray(camera.position)
     extrinsic = np.concatenate([rotation, shift[:, None]], axis=1)
-    found: dict[str, Any] = {"world_to_camera": extrinsic.tolist()}
+    matrices: dict[str, Any] = {"world_to_camera": extrinsic.tolist()}
     centre = (camera.width - 1) / 2, (camera.height - 1) / 2
     if isinstance(camera, Camera):
         focal = camera.height / 2 / math.tan(camera.field_of_view / 2)
         columns = [focal, 0.0, centre[0]], [0.0, focal, centre[1]], [0.0, 0.0, 1.0]
-        return {**found, "K": [list(row) for row in columns]}
+        return {**matrices, "K": [list(row) for row in columns]}
     height = float(getattr(camera, "view_height", math.nan))
     return {
-        **found,
+        **matrices,
         "pixels_per_metre": camera.height / height,
         "centre_pixel": list(centre),
     }
@@ -86,19 +91,20 @@ def coco(
         categories: names of the classes, numbered from 1.
         description: of the dataset.
     """
-    images, annotations = [], []
+    images = []
+    annotations = []
     for number, frame in enumerate(frames, start=1):
         size = {"width": frame["width"], "height": frame["height"]}
         images.append({"id": number, "file_name": frame["file"], **size})
-        for each in frame["instances"]:
+        for instance in frame["instances"]:
             annotations.append(
                 {
                     "id": len(annotations) + 1,
                     "image_id": number,
-                    "category_id": categories.index(each["category"]) + 1,
-                    "bbox": each["box"],
-                    "area": each["area"],
-                    "segmentation": each["segmentation"],
+                    "category_id": categories.index(instance["category"]) + 1,
+                    "bbox": instance["box"],
+                    "area": instance["area"],
+                    "segmentation": instance["segmentation"],
                     "iscrowd": 0,
                 }
             )

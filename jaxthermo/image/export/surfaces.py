@@ -18,13 +18,13 @@ from .vertex_mesh import VertexMesh, vertex_mesh
 from .vtu import write_triangles
 
 
-Solved = AbstractSolution | StoredSolution
+_Solved = AbstractSolution | StoredSolution
 _UNITS = {"heat_flux": "W_m2", "heat_transfer_coefficient": "W_m2K"}
-# Least range of a colour scale [K].
+# Smallest range of a colour scale [K].
 _MIN_RANGE = 0.1
 
 
-def body_rows(solution: Solved) -> list[slice]:
+def body_rows(solution: _Solved) -> list[slice]:
     """Fragments of every body in arrays of all of them."""
     sizes = [len(s.geometry.fragment_area) for s in solution.surfaces]
     ends = np.cumsum([0, *sizes]).tolist()
@@ -32,32 +32,34 @@ def body_rows(solution: Solved) -> list[slice]:
 
 
 def temperature_scale(
-    solution: Solved,
+    solution: _Solved,
     indices: Sequence[int],
     low: float | None = None,
     high: float | None = None,
 ) -> tuple[float, float]:
-    """Ends of a colour scale [K]: those given, or of all that is seen at some times.
+    """Ends of a colour scale [K]: `low` and `high`, else the extremes at some times.
 
     Raises:
         InputError: for ends that are not in order, or temperatures that are not finite.
     """
     seen = [np.asarray(solution.surface_temperature[k], float) for k in indices]
-    least = min(float(each.min()) for each in seen) if low is None else float(low)
-    most = max(float(each.max()) for each in seen) if high is None else float(high)
+    coldest = min(float(kelvin.min()) for kelvin in seen) if low is None else float(low)
+    hottest = (
+        max(float(kelvin.max()) for kelvin in seen) if high is None else float(high)
+    )
     if high is None:
-        most = max(most, least + _MIN_RANGE)
+        hottest = max(hottest, coldest + _MIN_RANGE)
     elif low is None:
-        least = min(least, most - _MIN_RANGE)
-    if not -np.inf < least < most < np.inf:
+        coldest = min(coldest, hottest - _MIN_RANGE)
+    if not -np.inf < coldest < hottest < np.inf:
         raise InputError(
-            f"the colour scale from {least:g} to {most:g} K: give finite temperatures, "
-            "the lower one first"
+            f"the colour scale from {coldest:g} to {hottest:g} K: give finite "
+            "temperatures, the lower one first"
         )
-    return least, most
+    return coldest, hottest
 
 
-def write_vtu(path: str | Path, solution: Solved, index: int = -1) -> None:
+def write_vtu(path: str | Path, solution: _Solved, index: int = -1) -> None:
     """Write the surfaces of all bodies at a saved time for ParaView.
 
     Points, in the world [m], have `temperature_K`, `emissivity`, `Normals`, and the
@@ -76,14 +78,17 @@ def write_vtu(path: str | Path, solution: Solved, index: int = -1) -> None:
     meshes = [_mesh(s.geometry) for s in solution.surfaces]
     poses = [s.geometry.pose.at(time) for s in solution.surfaces]
     pairs = list(zip(meshes, poses, strict=True))
-    before = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    faces = [mesh.faces + n for mesh, n in zip(meshes, before[:-1], strict=True)]
+    first_vertex = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    faces = [mesh.faces + n for mesh, n in zip(meshes, first_vertex[:-1], strict=True)]
     body = [np.full(len(m.faces), n, np.int32) for n, m in enumerate(meshes)]
     values = {
         name: np.concatenate(
-            [mesh.values(part) for mesh, part in zip(meshes, parts, strict=True)]
+            [
+                mesh.values(fragments)
+                for mesh, fragments in zip(meshes, by_body, strict=True)
+            ]
         )
-        for name, parts in _fields(solution, index)
+        for name, by_body in _fields(solution, index)
     }
     normals = [pose.rotate(mesh.normals) for mesh, pose in pairs]
     values["Normals"] = np.concatenate(normals).astype(np.float32)
@@ -101,21 +106,24 @@ def write_vtu(path: str | Path, solution: Solved, index: int = -1) -> None:
 
 def _mesh(geometry: BodyGeometry) -> VertexMesh:
     """Mesh of a body, the same at all times and poses."""
-    of = geometry.vertices, geometry.faces, geometry.fragment_position
-    by = "vertex_mesh", float(geometry.pitch)
-    return found(of, by, lambda: vertex_mesh(geometry))
+    arrays = geometry.vertices, geometry.faces, geometry.fragment_position
+    key = "vertex_mesh", float(geometry.pitch)
+    return found(arrays, key, lambda: vertex_mesh(geometry))
 
 
-def _fields(solution: Solved, index: int) -> Iterator[tuple[str, list[Any]]]:
+def _fields(solution: _Solved, index: int) -> Iterator[tuple[str, list[Any]]]:
     """Name with unit, and the fragments' values of every body."""
     rows = body_rows(solution)
-    split = lambda values: [np.asarray(values, float)[each] for each in rows]
+
+    def split(values: Any) -> list[Any]:
+        return [np.asarray(values, float)[fragments] for fragments in rows]
+
     yield "temperature_K", split(solution.surface_temperature[index])
     yield "emissivity", [_emissivity(surface) for surface in solution.surfaces]
     for name in SURFACE_OUTPUTS:
-        given = getattr(solution, name)
-        if given is not None:
-            yield f"{name}_{_UNITS[name]}", split(given[index])
+        output = getattr(solution, name)
+        if output is not None:
+            yield f"{name}_{_UNITS[name]}", split(output[index])
 
 
 def _emissivity(surface: SolvedSurface) -> Float[np.ndarray, " s"]:
@@ -125,7 +133,7 @@ def _emissivity(surface: SolvedSurface) -> Float[np.ndarray, " s"]:
 
 def write_glb(
     path: str | Path,
-    solution: Solved,
+    solution: _Solved,
     index: int = -1,
     *,
     low: float | None = None,

@@ -88,7 +88,7 @@ def _write_obj(path: Path, atlas: Atlas) -> None:
     lines += [f"vt {u:.9g} {v:.9g}" for u, v in atlas.uv.reshape(-1, 2).tolist()]
     indices = np.stack([atlas.faces, corner, atlas.normal_faces], axis=-1) + 1
     lines += [
-        "f " + " ".join("/".join(map(str, each)) for each in face)
+        "f " + " ".join("/".join(map(str, corner)) for corner in face)
         for face in indices.tolist()
     ]
     with replacing(path) as temporary:

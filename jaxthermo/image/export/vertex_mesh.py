@@ -29,9 +29,9 @@ class VertexMesh(NamedTuple):
     """Outward, of the smooth surface that the mesh approximates."""
     faces: Int[np.ndarray, "f 3"]
     parent: Int[np.ndarray, " f"]
-    """Number of the body's triangle that each is a part of."""
+    """Number of the body's triangle that each face belongs to."""
     weights: csr_array
-    """Weights [v, s] of the body's fragments at each vertex, as of a pixel there."""
+    """Weights [v, s] of the body's fragments at each vertex, those of a pixel there."""
 
     def values(self, fragments: Float[np.ndarray, " s"]) -> Float[np.ndarray, " v"]:
         """Values at the vertices, interpolated as by an image."""
@@ -47,11 +47,14 @@ def vertex_mesh(
         geometry: of the body.
         longest_edge: length to which edges are cut [m]; two voxels if None.
     """
-    vertex, normals, faces = corner_normals(geometry.vertices, geometry.faces)
-    columns = np.concatenate([geometry.vertices[vertex], normals], axis=1)
+    creased = corner_normals(geometry.vertices, geometry.faces)
+    columns = np.concatenate(
+        [geometry.vertices[creased.vertex], creased.normals], axis=1
+    )
     longest = longest_edge or _LONGEST_EDGE * geometry.pitch
-    columns, faces, parent = refine_edges(columns, faces, longest)
-    vertices, normals = columns[:, :3], columns[:, 3:]
+    columns, faces, parent = refine_edges(columns, creased.faces, longest)
+    vertices = columns[:, :3]
+    normals = columns[:, 3:]
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = normals / np.where(length > 0, length, 1)
     weights = smooth_weights(vertices, normals, geometry)

@@ -64,24 +64,24 @@ def write_triangles(
 
 
 def _section(name: str, arrays: Mapping[str, np.ndarray], also: str = "") -> list[str]:
-    found = [_array(key, np.asarray(value), also) for key, value in arrays.items()]
-    return [f"<{name}>", *found, f"</{name}>"]
+    arrays_xml = [_array(key, np.asarray(value), also) for key, value in arrays.items()]
+    return [f"<{name}>", *arrays_xml, f"</{name}>"]
 
 
 def _array(name: str, values: np.ndarray, also: str) -> str:
     values = np.ascontiguousarray(values, values.dtype.newbyteorder("<"))
-    kind = _TYPES[f"{values.dtype.kind}{values.dtype.itemsize}"]
+    type_name = _TYPES[f"{values.dtype.kind}{values.dtype.itemsize}"]
     columns = f'NumberOfComponents="{values.shape[1]}" ' if values.ndim == 2 else ""
     size = np.array([values.nbytes], "<u8").tobytes()
     text = base64.b64encode(size + values.tobytes()).decode("ascii")
     return (
-        f"<DataArray type={quoteattr(kind)} Name={quoteattr(name)} "
+        f"<DataArray type={quoteattr(type_name)} Name={quoteattr(name)} "
         f'{columns}format="binary"{also}>{text}</DataArray>'
     )
 
 
 def write_pvd(path: str | Path, files: Sequence[tuple[float, str]]) -> None:
-    """Write a collection of VTU files beside it, by their times [s].
+    """Write a collection of VTU files in the same folder, by their times [s].
 
     Raises:
         InputError: if the file cannot be written.

@@ -17,11 +17,11 @@ from jaxthermo.image.ticks import (
 )
 
 
-def frame(height, width, low=290.0, high=350.0, palette="iron", **others):
+def frame(height, width, low=290.0, high=350.0, palette="iron", **options):
     ramp = np.broadcast_to(np.linspace(low, high, width), (height, width))
-    colours = apply_palette(ramp, low, high, palette)
-    others = {"time": 90.0, **others}
-    return colours, annotate(colours, low=low, high=high, palette=palette, **others)
+    colours = apply_palette(ramp, low=low, high=high, name=palette)
+    options = {"time": 90.0, **options}
+    return colours, annotate(colours, low=low, high=high, palette=palette, **options)
 
 
 @pytest.mark.parametrize("span", [1e-4, 0.013, 0.7, 1.0, 9.99, 10.0, 58.7, 333.0, 9e4])
@@ -92,7 +92,8 @@ def test_image_is_kept_and_sizes_fit(height, width):
 def test_bar_runs_from_the_coldest_to_the_hottest_colour():
     colours, image = frame(480, 640)
     panel = np.asarray(image)[:480, 640:].astype(int)
-    hottest, coldest = colours[0, -1].astype(int), colours[0, 0].astype(int)
+    hottest = colours[0, -1].astype(int)
+    coldest = colours[0, 0].astype(int)
     hot_rows = np.flatnonzero((panel == hottest).all(-1).any(1))
     cold_rows = np.flatnonzero((panel == coldest).all(-1).any(1))
     assert hot_rows.size and cold_rows.size
@@ -108,9 +109,13 @@ def test_odd_limits(limits):
 @pytest.mark.parametrize(("height", "width"), [(48, 64), (480, 640)])
 def test_an_end_that_is_exceeded_has_a_point_in_its_colour(height, width):
     colours, plain = frame(height, width)
-    hottest, coldest = colours[0, -1], colours[0, 0]
+    hottest = colours[0, -1]
+    coldest = colours[0, 0]
     pale = np.asarray(plain)[:, width:]
-    rows = lambda panel, colour: np.flatnonzero((panel == colour).all(-1).any(1))
+
+    def rows(panel: np.ndarray, colour: np.ndarray) -> np.ndarray:
+        return np.flatnonzero((panel == colour).all(-1).any(1))
+
     for beyond in [(False, True), (True, False), (True, True)]:
         _, marked = frame(height, width, beyond=beyond)
         # Frames of one run have one size, whatever they exceed.
@@ -142,13 +147,13 @@ def test_a_title_has_only_letters_that_the_font_has():
         return image.tobytes()
 
     box = mask("\uffff")
-    given = "Geh\u00e4use, Stra\u00dfe, 3 m\u00b2 at 5 \u00b0C \u00b1 1\u2026"
-    given += " \u2013 \u96ea"
+    title = "Geh\u00e4use, Stra\u00dfe, 3 m\u00b2 at 5 \u00b0C \u00b1 1\u2026"
+    title += " \u2013 \u96ea"
     assert mask("\u00e4") == box
-    drawn = drawable(given)
+    drawn = drawable(title)
     assert drawn == "Gehause, Strasse, 3 m2 at 5 \u00b0C \u00b1 1\u2026 - ?"
     assert all(mask(letter) != box for letter in drawn)
-    _, image = frame(120, 400, title=given)
+    _, image = frame(120, 400, title=title)
     _, same = frame(120, 400, title=drawn)
     assert image.tobytes() == same.tobytes()
 

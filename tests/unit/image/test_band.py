@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -56,28 +57,30 @@ def test_radiance_is_the_series_of_exponentials(edges, kelvin):
     expected = SIGMA / math.pi * kelvin**4 * (ends[1] - ends[0])
     # The widest band has nearly all the radiation: a table of one follows it better.
     wavelengths = np.geomspace(edges[0], edges[1], 40)
-    found = Band(wavelengths.tolist()).radiance(kelvin)
-    assert float(found) == pytest.approx(expected, rel=1e-7)
+    radiance = Band(wavelengths.tolist()).radiance(kelvin)
+    assert float(radiance) == pytest.approx(expected, rel=1e-7)
     if edges[0] > 1e-6:
         assert float(Band(edges).radiance(kelvin)) == pytest.approx(expected, rel=1e-9)
 
 
 def test_a_table_of_responses_weighs_wavelengths():
-    whole, half = Band((8e-6, 14e-6)), Band((8e-6, 14e-6), (0.5, 0.5))
+    full = Band((8e-6, 14e-6))
+    half = Band((8e-6, 14e-6), (0.5, 0.5))
     assert float(half.radiance(300.0)) == pytest.approx(
-        float(whole.radiance(300.0)) / 2, rel=1e-12
+        float(full.radiance(300.0)) / 2, rel=1e-12
     )
-    parts = Band((8e-6, 10e-6, 14e-6))
-    assert float(parts.radiance(300.0)) == pytest.approx(
-        float(whole.radiance(300.0)), rel=1e-10
+    table = Band((8e-6, 10e-6, 14e-6))
+    assert float(table.radiance(300.0)) == pytest.approx(
+        float(full.radiance(300.0)), rel=1e-10
     )
-    # A triangle beside its own quadrature.
-    edges, response = (8e-6, 11e-6, 14e-6), (0.0, 1.0, 0.0)
+    # A triangle against its own quadrature.
+    edges = (8e-6, 11e-6, 14e-6)
+    response = (0.0, 1.0, 0.0)
     at = np.linspace(8e-6, 14e-6, 60_001)
     planck = 1.191042972397188e-16 / at**5 / np.expm1(1.438776877503933e-2 / at / 310.0)
     expected = np.trapezoid(np.interp(at, edges, response) * planck, at)
-    found = Band(edges, response).radiance(310.0)
-    assert float(found) == pytest.approx(expected, rel=1e-7)
+    radiance = Band(edges, response).radiance(310.0)
+    assert float(radiance) == pytest.approx(expected, rel=1e-7)
 
 
 @pytest.mark.parametrize("band", [LONG_WAVE, MID_WAVE])
@@ -106,8 +109,8 @@ def test_listed_spectral_radiance():
     With constants from before 2019: c2 / (l T) = 4.5 times their change is 1.5e-6.
     """
     narrow = Band((3.9999e-6, 4.0001e-6))
-    found = float(narrow.radiance(800.0)) / 2e-10
-    assert found == pytest.approx(1311692056.0, rel=2e-6)
+    spectral = float(narrow.radiance(800.0)) / 2e-10
+    assert spectral == pytest.approx(1311692056.0, rel=2e-6)
 
 
 def test_listed_inverses():
@@ -119,13 +122,16 @@ def test_listed_inverses():
 @pytest.mark.parametrize("dtype", ["float32", "float64"])
 def test_compiled_derivatives_of_arrays_are_those_of_the_host(band, dtype):
     """A compiler may rewrite what is right when it runs step by step."""
-    slope = lambda law: jax.jit(lambda x: jax.jvp(law, (x,), (jnp.ones_like(x),))[1])
+
+    def slope(law: Callable[[Any], Any]) -> Callable[[Any], Any]:
+        return jax.jit(lambda x: jax.jvp(law, (x,), (jnp.ones_like(x),))[1])
+
     expected = band.slope(np.linspace(250.0, 350.0, 1000))
     with precision(dtype):
         kelvin = jnp.linspace(250.0, 350.0, 1000)
-        found = slope(band.radiance)(kelvin)
+        slopes = slope(band.radiance)(kelvin)
         inverse = slope(band.temperature)(band.radiance(kelvin))
-    np.testing.assert_allclose(found, expected, rtol=2e-5)
+    np.testing.assert_allclose(slopes, expected, rtol=2e-5)
     np.testing.assert_allclose(inverse, 1 / expected, rtol=2e-5)
 
 
@@ -142,15 +148,16 @@ def test_derivatives_are_differences(band):
         (band.temperature, float(band.radiance(300.0)), 1e-5),
     ):
         three = value_and_derivatives(function)
-        below, here, above = (three(at + s) for s in (-step, 0.0, step))
+        below, middle, above = (three(at + s) for s in (-step, 0.0, step))
         difference = float(above[0] - below[0]) / (2 * step)
-        assert float(here[1]) == pytest.approx(difference, rel=1e-6)
-        second, slopes = float(here[2]), [float(above[1]), float(below[1])]
+        assert float(middle[1]) == pytest.approx(difference, rel=1e-6)
+        second = float(middle[2])
+        slopes = [float(above[1]), float(below[1])]
         assert second == pytest.approx((slopes[0] - slopes[1]) / (2 * step), rel=1e-4)
 
 
 @pytest.mark.parametrize(
-    ("given", "words"),
+    ("arguments", "words"),
     [
         (((7.5e-6,),), "two or more"),
         (((14e-6, 7e-6),), "increasing"),
@@ -162,9 +169,9 @@ def test_derivatives_are_differences(band):
         (((8e-6, 9e-6), (1.0, np.nan)), "finite"),
     ],
 )
-def test_bad_bands_are_refused(given, words):
+def test_bad_bands_are_refused(arguments, words):
     with pytest.raises(jt.InputError, match=words):
-        Band(*given)
+        Band(*arguments)
 
 
 def test_radiance_beyond_the_range_is_refused():
@@ -208,15 +215,16 @@ def test_a_grey_body_in_surroundings_of_another_temperature():
 
 
 def test_only_the_share_of_the_sun_within_the_band_is_reflected():
-    sun, cold = jt.Sun((-1.0, 0.0, 0.0), 1000.0), jt.Surroundings(280.0)
+    sun = jt.Sun((-1.0, 0.0, 0.0), 1000.0)
+    cold = jt.Surroundings(280.0)
     scene = jt.Scene((block(0.9, 0.5),), (cold, sun), dtype="float64")
     solution = jt.simulate(scene, 0.0)
     share = float(LONG_WAVE.share(SOLAR_TEMPERATURE))
     assert share == pytest.approx(0.00137006, rel=1e-5)
-    own = 0.9 * float(LONG_WAVE.radiance(300.0))
+    emitted = 0.9 * float(LONG_WAVE.radiance(300.0))
     around = 0.1 * float(LONG_WAVE.radiance(280.0))
     lit = 0.1 * share * 1000.0 / math.pi
-    expected = float(LONG_WAVE.temperature(own + around + lit))
+    expected = float(LONG_WAVE.temperature(emitted + around + lit))
     middle = (10, 10)
     image = jt.render(solution, CAMERA, band=LONG_WAVE)
     seen = float(image.apparent_temperature[middle])
@@ -227,16 +235,16 @@ def test_only_the_share_of_the_sun_within_the_band_is_reflected():
 
 
 def test_a_warm_panel_is_reflected_with_its_own_spectrum():
-    panel = lambda given: jt.AreaSource(
-        (0.1, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.1, 0.1), **given
-    )
     kelvin = 500.0
     strength = SIGMA * kelvin**4 / math.pi
     shares = []
-    for given in ({"temperature": kelvin}, {"radiance": strength}):
+    for strength_of_panel in ({"temperature": kelvin}, {"radiance": strength}):
+        panel = jt.AreaSource(
+            (0.1, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.1, 0.1), **strength_of_panel
+        )
         scene = jt.Scene(
             (block(0.5, 0.5),),
-            (jt.Surroundings(0.0), panel(given)),
+            (jt.Surroundings(0.0), panel),
             dtype="float64",
             allow_extreme_temperatures=True,
         )
@@ -246,8 +254,8 @@ def test_a_warm_panel_is_reflected_with_its_own_spectrum():
         )
         image = jt.render(solution, behind, band=LONG_WAVE)
         on_body = np.asarray(image.object_id) >= 0
-        own = 0.5 * float(LONG_WAVE.radiance(300.0))
-        shares.append(np.asarray(image.radiance)[on_body].max() - own)
+        emitted = 0.5 * float(LONG_WAVE.radiance(300.0))
+        shares.append(np.asarray(image.radiance)[on_body].max() - emitted)
     warm, as_sun = (float(LONG_WAVE.share(t)) for t in (kelvin, SOLAR_TEMPERATURE))
     assert shares[0] / shares[1] == pytest.approx(warm / as_sun, rel=1e-6)
 
@@ -261,8 +269,8 @@ def test_traced_images_are_those_of_the_host():
     @jax.value_and_grad
     def middle(kelvin):
         surface = kelvin + 0 * solution.surface_temperature
-        shown = dataclasses.replace(solution, surface_temperature=surface)
-        return jt.render(shown, CAMERA, band=LONG_WAVE).radiance[10, 10]
+        uniform = dataclasses.replace(solution, surface_temperature=surface)
+        return jt.render(uniform, CAMERA, band=LONG_WAVE).radiance[10, 10]
 
     value, slope = middle(300.0)
     assert float(value) == pytest.approx(float(plain[10, 10]), rel=1e-6)

@@ -52,7 +52,8 @@ def test_finer_keeps_the_view():
         fine = camera.finer(3)
         assert fine.size == (192, 144)
         point = np.array([[[0.1, 0.2, 0.3]] * 3])
-        coarse, precise = camera.to_raster(point)[0], fine.to_raster(point)[0]
+        coarse = camera.to_raster(point)[0]
+        precise = fine.to_raster(point)[0]
         np.testing.assert_allclose(precise[..., :2], 3 * coarse[..., :2])
         np.testing.assert_allclose(precise[..., 2], coarse[..., 2])
 
@@ -69,7 +70,7 @@ def test_clipping_cuts_exactly_at_the_plane(heights):
     pieces, parent = clip_half_space(triangle, FORWARD, 0.5)
     assert (pieces[..., 2] >= 0.5 - 1e-12).all()
     assert (parent == 0).all()
-    kept = np.abs(
+    clipped_area = np.abs(
         np.cross(pieces[:, 1] - pieces[:, 0], pieces[:, 2] - pieces[:, 0])
     ).sum(0)
     # The share in front, from a fine sampling of the triangle.
@@ -77,10 +78,10 @@ def test_clipping_cuts_exactly_at_the_plane(heights):
     inside = u + v < 1
     z = heights[0] + u * (heights[1] - heights[0]) + v * (heights[2] - heights[0])
     share = (z[inside] >= 0.5).mean()
-    whole = np.abs(
+    area = np.abs(
         np.cross(triangle[0, 1] - triangle[0, 0], triangle[0, 2] - triangle[0, 0])
     )
-    np.testing.assert_allclose(kept, share * whole, atol=0.02 * whole.max())
+    np.testing.assert_allclose(clipped_area, share * area, atol=0.02 * area.max())
 
 
 def test_clipped_pieces_keep_the_winding():
@@ -88,10 +89,10 @@ def test_clipped_pieces_keep_the_winding():
     for turn in range(3):
         pieces, _ = clip_half_space(np.roll(triangle, turn, axis=1), FORWARD, 0.0)
         normals = np.cross(pieces[:, 1] - pieces[:, 0], pieces[:, 2] - pieces[:, 0])
-        whole = np.cross(
+        normal = np.cross(
             triangle[0, 1] - triangle[0, 0], triangle[0, 2] - triangle[0, 0]
         )
-        assert (normals @ whole > 0).all()
+        assert (normals @ normal > 0).all()
 
 
 @pytest.mark.parametrize("size", [(640, 480), (300, 900)])
@@ -99,7 +100,8 @@ def test_frame_all_holds_everything_and_fills_the_image(size):
     mesh = box((0.2, 0.1, 0.5))
     camera = frame_all(mesh.triangles, *size)
     corners, _ = camera.to_raster(mesh.triangles)
-    low, high = corners[..., :2].min((0, 1)), corners[..., :2].max((0, 1))
+    low = corners[..., :2].min((0, 1))
+    high = corners[..., :2].max((0, 1))
     assert (low > 0).all() and (high < size).all()
     assert ((high - low) / size).max() > 0.85
 
@@ -143,13 +145,17 @@ def test_a_mesh_on_the_image_is_its_triangles(camera):
         assert np.isfinite(points).all()
         np.testing.assert_array_equal(np.sort(parent), np.sort(whose))
         for face in np.unique(whose):
-            one, other = points[faces[parent == face]], expected[whose == face]
-            np.testing.assert_allclose(np.sort(one, 0), np.sort(other, 0), rtol=1e-12)
+            actual = points[faces[parent == face]]
+            exact = expected[whose == face]
+            np.testing.assert_allclose(
+                np.sort(actual, 0), np.sort(exact, 0), rtol=1e-12
+            )
 
 
 @pytest.mark.parametrize("camera", [PINHOLE, PARALLEL])
 def test_all_rays_towards_a_direction_are_among_its_pixels(camera):
-    numbers, angle = np.random.default_rng(4), 0.05
+    numbers = np.random.default_rng(4)
+    angle = 0.05
     _, step = camera.rays()
     ray = step / np.linalg.norm(step, axis=1, keepdims=True)
     towards = numbers.normal(size=(200, 3))
@@ -158,27 +164,27 @@ def test_all_rays_towards_a_direction_are_among_its_pixels(camera):
     counts = []
     for direction in (*towards, camera.frame[2]):
         unit = direction / np.linalg.norm(direction)
-        found = camera.pixels_towards(unit, angle)
-        wanted = np.flatnonzero(np.linalg.norm(ray - unit, axis=1) < angle)
-        assert np.isin(wanted, found).all()
-        counts.append((len(wanted), len(found)))
-    wanted, found = np.array(counts).T
-    assert (wanted > 0).any() and (found == 0).any()
+        pixels = camera.pixels_towards(unit, angle)
+        inside = np.flatnonzero(np.linalg.norm(ray - unit, axis=1) < angle)
+        assert np.isin(inside, pixels).all()
+        counts.append((len(inside), len(pixels)))
+    inside, pixels = np.array(counts).T
+    assert (inside > 0).any() and (pixels == 0).any()
     if isinstance(camera, Camera):
-        assert found[wanted > 40].max() < 3 * wanted.max()
+        assert pixels[inside > 40].max() < 3 * inside.max()
 
 
 @pytest.mark.parametrize("camera", [PINHOLE, PARALLEL])
 def test_rays_of_some_pixels_are_those_of_all(camera):
-    chosen = np.array([5, 700, 64 * 48 - 1])
-    for some, every in zip(camera.rays(chosen), camera.rays(), strict=True):
-        np.testing.assert_array_equal(some, every[chosen])
+    pixels = np.array([5, 700, 64 * 48 - 1])
+    for some, all_rays in zip(camera.rays(pixels), camera.rays(), strict=True):
+        np.testing.assert_array_equal(some, all_rays[pixels])
 
 
-@pytest.mark.parametrize("kind", [np.float64, np.float32])
-def test_vectors_of_numpy_are_plain_numbers(kind):
-    position = tuple(kind(x) for x in (1.5, -2.0, 0.5))
-    camera = Camera(position=position, look_at=(0.0, 0.0, kind(0.25)))
+@pytest.mark.parametrize("number_type", [np.float64, np.float32])
+def test_vectors_of_numpy_are_plain_numbers(number_type):
+    position = tuple(number_type(x) for x in (1.5, -2.0, 0.5))
+    camera = Camera(position=position, look_at=(0.0, 0.0, number_type(0.25)))
     assert camera.position == (1.5, -2.0, 0.5)
     assert {type(x) for x in (*camera.position, *camera.look_at)} == {float}
     assert hash(camera.position) == hash(position)

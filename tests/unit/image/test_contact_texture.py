@@ -5,7 +5,7 @@ import pytest
 
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.shapes import box
-from jaxthermo.image.contact_texture import UNTOUCHED, contact_images, where_covered
+from jaxthermo.image.contact_texture import _UNTOUCHED, contact_images
 from jaxthermo.image.palette import palette_table
 from jaxthermo.physics.contact.search import contact_flux
 from jaxthermo.voxels.textures import _BACKGROUND
@@ -23,19 +23,21 @@ def test_a_corner_of_the_upper_side_in_contact():
     assert list(images) == ["z_contact"]
     bottom, top = images["z_contact"]
     assert bottom.shape == top.shape == (4, 6, 3)
-    assert (bottom == UNTOUCHED).all()
+    assert (bottom == _UNTOUCHED).all()
     hot = (top == palette_table("iron")[-1]).all(-1)
     # Seen along +z with y up, x runs to the left.
     assert np.argwhere(hot).tolist() == [[0, 0]]
-    assert (top[~hot] == UNTOUCHED).all()
+    assert (top[~hot] == _UNTOUCHED).all()
 
 
 def test_values_share_the_colours_of_the_palette():
     values = np.where(TOP, np.linspace(0.0, 8.0, len(TOP)), np.nan)
-    top = contact_images(GRID, values, 0.0, 8.0, "white-hot", "flux")["z_flux"][-1]
-    shown = np.sort(top[..., 0].reshape(-1))
+    top = contact_images(
+        GRID, values, low=0.0, high=8.0, palette="white-hot", quantity="flux"
+    )["z_flux"][-1]
+    levels = np.sort(top[..., 0].reshape(-1))
     expected = np.rint(255 * np.sort(values[TOP]) / 8.0)
-    assert shown.tolist() == expected.astype(np.uint8).tolist()
+    assert levels.tolist() == expected.astype(np.uint8).tolist()
 
 
 def test_without_contact_there_is_no_image():
@@ -51,9 +53,7 @@ def test_the_layer_that_has_less_is_dark_where_it_ends():
     assert not (images[1] == _BACKGROUND).all(-1).any()
 
 
-def test_flux_and_coverage_of_fragments():
+def test_flux_of_fragments():
     area = np.array([2.0, 1.0, 4.0])
     flux = contact_flux(np.array([0, 2, 2]), np.array([6.0, 1.0, 3.0]), area)
     assert flux.tolist() == [3.0, 0.0, 1.0]
-    shown = where_covered(flux, np.array([1.0, 0.0, 0.2]))
-    assert shown[[0, 2]].tolist() == [3.0, 1.0] and np.isnan(shown[1])

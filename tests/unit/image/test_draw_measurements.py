@@ -7,11 +7,12 @@ from frames import frame
 import jaxthermo as jt
 from jaxthermo.errors import InputError
 from jaxthermo.image.canvas import INK, PAPER
-from jaxthermo.image.draw_measurements import _ISOTHERMS, reading_in_words
+from jaxthermo.image.draw_measurements import _ISOTHERMS, _reading_in_words
 from jaxthermo.image.measurements import Box, Isotherm, Line, Reading, Spot
 
 
-HEIGHT, WIDTH = 120, 160
+HEIGHT = 120
+WIDTH = 160
 IMAGE = frame(np.broadcast_to(np.linspace(290.0, 330.0, WIDTH), (HEIGHT, WIDTH)))
 NOTHING = Reading(np.nan, np.nan, np.nan, 0, 0.0)
 EACH = [
@@ -20,6 +21,10 @@ EACH = [
     Box(((0.6, 0.2), (0.9, 0.6))),
     Isotherm(above=310.0),
 ]
+
+
+def type_name(measurement):
+    return type(measurement).__name__
 
 
 def drawn(measurements):
@@ -42,11 +47,11 @@ def test_nothing_is_added_without_measurements():
     np.testing.assert_array_equal(plain, marked)
 
 
-@pytest.mark.parametrize("each", EACH, ids=lambda each: type(each).__name__)
-def test_a_mark_is_at_its_pixels(each):
-    rows, columns = changed([each])
-    expected_rows, expected_columns = each.pixels(np.asarray(IMAGE.temperature))
-    if isinstance(each, Isotherm):
+@pytest.mark.parametrize("measurement", EACH, ids=type_name)
+def test_a_mark_is_at_its_pixels(measurement):
+    rows, columns = changed([measurement])
+    expected_rows, expected_columns = measurement.pixels(np.asarray(IMAGE.temperature))
+    if isinstance(measurement, Isotherm):
         # The outline of the warm half, and its rim.
         assert abs(columns.min() - WIDTH // 2) <= 2
         assert set(columns) < set(range(WIDTH // 2 - 3, WIDTH // 2 + 4))
@@ -77,9 +82,12 @@ def test_each_reading_is_a_line_below_the_picture():
 
 @pytest.mark.parametrize("at", [(0, 0), (1, 0), (0, 1), (1, 1)])
 def test_names_in_corners_are_whole(at):
-    """As many light pixels of a name as in the middle of the image."""
-    light = lambda picture: (picture[:HEIGHT, :WIDTH] == INK).all(axis=-1).sum()
-    count = lambda at, name: light(drawn([Spot(at, name)])[1])
+    """The number of light pixels of a name is that in the middle of the image."""
+
+    def count(at, name):
+        _, marked = drawn([Spot(at, name)])
+        return (marked[:HEIGHT, :WIDTH] == INK).all(axis=-1).sum()
+
     middle = count((0.5, 0.5), "mmmm") - count((0.5, 0.5), "m")
     assert count(at, "mmmm") - count(at, "m") == pytest.approx(middle, rel=0.15)
 
@@ -96,7 +104,7 @@ def test_names_in_corners_are_whole(at):
     ],
 )
 def test_readings_in_words(measurement, reading, words):
-    assert reading_in_words(measurement, reading).startswith(words)
+    assert _reading_in_words(measurement, reading).startswith(words)
 
 
 def test_a_picture_of_another_frame_is_refused():

@@ -72,7 +72,7 @@ def test_replaces_the_old_file(tmp_path):
 def test_failure_keeps_the_old_file_and_leaves_nothing(tmp_path, monkeypatch):
     path = tmp_path / "frame.exr"
     write_channels(path, {"T": RAMP})
-    before = path.read_bytes()
+    content = path.read_bytes()
 
     def interrupted(*_):
         raise KeyboardInterrupt
@@ -80,16 +80,16 @@ def test_failure_keeps_the_old_file_and_leaves_nothing(tmp_path, monkeypatch):
     monkeypatch.setattr("os.replace", interrupted)
     with pytest.raises(KeyboardInterrupt):
         write_channels(path, {"T": RAMP + 1})
-    assert path.read_bytes() == before
+    assert path.read_bytes() == content
     assert [p.name for p in tmp_path.iterdir()] == ["frame.exr"]
 
 
 def test_unwritable_places(tmp_path):
     (tmp_path / "file").write_text("")
     places = [tmp_path / "no" / "a.exr", tmp_path / "file" / "a.exr", tmp_path]
-    for place in places:
+    for path in places:
         with pytest.raises(InputError, match="cannot write") as caught:
-            write_channels(place, {"T": RAMP})
+            write_channels(path, {"T": RAMP})
         assert "\n" not in str(caught.value)
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
 
@@ -116,10 +116,10 @@ def test_damaged_and_missing_files(tmp_path):
     with pytest.raises(InputError, match="not a file"):
         read_exr(path)
     write_channels(path, {"T": np.random.default_rng(1).normal(size=(64, 64))})
-    whole = path.read_bytes()
-    middle = len(whole) // 2
-    for part in (b"", b"no image", whole[:middle], whole[:-3], whole[:120]):
-        path.write_bytes(part)
+    content = path.read_bytes()
+    middle = len(content) // 2
+    for damaged in (b"", b"no image", content[:middle], content[:-3], content[:120]):
+        path.write_bytes(damaged)
         with pytest.raises(InputError, match="damaged") as caught:
             read_exr(path)
         assert "\n" not in str(caught.value)

@@ -49,7 +49,8 @@ def points(view: View) -> np.ndarray:
 
 def test_a_ball_of_facets_reflects_like_a_ball(ball):
     view, beam = ball
-    shaded, plain = received(view, beam), means(view.weights, beam[:, None])[:, 0]
+    shaded = received(view, beam)
+    plain = means(view.weights, beam[:, None])[:, 0]
     out = points(view)
     exact = out / np.linalg.norm(out, axis=1, keepdims=True) @ TO_SUN
     lit = exact > 0.25
@@ -76,10 +77,13 @@ def test_a_shadow_on_the_facets_stays_dark(ball):
     view, _ = ball
     [surface] = [jt.shapes.sphere(0.1, 2)]
     position = body_geometry(jt.voxelize(surface, 0.005), jt.Pose()).fragment_position
-    found = received(view, (position[:, 2] < 0.0) * 1.0)
+    irradiance = received(view, (position[:, 2] < 0.0) * 1.0)
     # Its edge is as wide as the weights, but for the light that corners spread.
     high = points(view)[:, 2]
-    assert found[high > 0.06].max() < 1e-12 and found[high < -0.06].min() > 1 - 1e-12
+    assert (
+        irradiance[high > 0.06].max() < 1e-12
+        and irradiance[high < -0.06].min() > 1 - 1e-12
+    )
 
 
 def test_flat_faces_and_fine_meshes_are_as_they_were():
@@ -98,11 +102,13 @@ def test_the_facets_of_several_bodies_are_their_own(ball):
     )
     box = jt.shapes.box((0.02, 0.02, 0.02)).moved((0.0, 0.0, 0.09))
     view, beam = seen(left, box, right)
-    both = received(view, beam)
+    irradiance = received(view, beam)
     for number, mesh in ((0, left), (2, right)):
-        alone, own = seen(mesh)
-        here = view.body == number
-        np.testing.assert_allclose(both[here], received(alone, own), atol=1e-12)
+        alone, beam_on_mesh = seen(mesh)
+        pixels = view.body == number
+        np.testing.assert_allclose(
+            irradiance[pixels], received(alone, beam_on_mesh), atol=1e-12
+        )
 
 
 @pytest.mark.slow

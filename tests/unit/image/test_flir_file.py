@@ -37,8 +37,8 @@ def test_counts_constants_and_settings_are_read(tmp_path, as_png):
     seen = jt.read_flir(written(tmp_path, as_png))
     np.testing.assert_array_equal(seen.counts, COUNTS)
     for name, value in (SETTINGS | dataclasses.asdict(CALIBRATION)).items():
-        found = getattr(seen if name in SETTINGS else seen.calibration, name)
-        assert found == pytest.approx(value, rel=1e-6), name
+        actual = getattr(seen if name in SETTINGS else seen.calibration, name)
+        assert actual == pytest.approx(value, rel=1e-6), name
 
 
 def test_temperatures_are_those_of_the_counts(tmp_path):
@@ -49,16 +49,18 @@ def test_temperatures_are_those_of_the_counts(tmp_path):
     expected = CALIBRATION.object_temperature(COUNTS, **SETTINGS)
     np.testing.assert_allclose(seen.object_temperature(), expected, rtol=1e-6)
     # With another emissivity than the one set at the camera.
-    other = CALIBRATION.object_temperature(COUNTS, **SETTINGS | {"emissivity": 0.8})
+    expected_at_emissivity = CALIBRATION.object_temperature(
+        COUNTS, **SETTINGS | {"emissivity": 0.8}
+    )
     np.testing.assert_allclose(
-        seen.object_temperature(emissivity=0.8), other, rtol=1e-6
+        seen.object_temperature(emissivity=0.8), expected_at_emissivity, rtol=1e-6
     )
 
 
 def test_another_calibration_may_be_given(tmp_path):
-    other = dataclasses.replace(CALIBRATION, b=1500.0)
-    found = jt.read_thermogram(written(tmp_path, name="a.JPEG"), "counts", other)
-    np.testing.assert_allclose(found, other.temperature(COUNTS))
+    calibration = dataclasses.replace(CALIBRATION, b=1500.0)
+    kelvin = jt.read_thermogram(written(tmp_path, name="a.JPEG"), "counts", calibration)
+    np.testing.assert_allclose(kelvin, calibration.temperature(COUNTS))
 
 
 def test_humidity_in_per_cent(tmp_path):
@@ -72,13 +74,13 @@ def test_mistakes(tmp_path, monkeypatch):
     with pytest.raises(jt.InputError, match="no counts of a FLIR camera"):
         jt.read_thermogram(picture)
     path = written(tmp_path)
-    whole = path.read_bytes()
-    path.write_bytes(whole[:400])
+    content = path.read_bytes()
+    path.write_bytes(content[:400])
     with pytest.raises(jt.InputError, match="no counts of a FLIR camera"):
         jt.read_thermogram(path)
     with pytest.raises(jt.InputError, match="not a file"):
         jt.read_flir(tmp_path / "none.jpg")
-    path.write_bytes(whole)
+    path.write_bytes(content)
     with pytest.raises(jt.InputError, match="settings are emissivity, reflected"):
         jt.read_flir(path).object_temperature(emisivity=0.9)
     with pytest.raises(jt.InputError, match=r"FlirCalibration\(b=0.0\): give more"):

@@ -27,12 +27,12 @@ EVERYWHERE = np.ones(KELVIN.shape, bool)
 
 
 def read(measurement, filled=EVERYWHERE):
-    (found,) = read_temperatures(KELVIN, filled, [measurement]).values()
-    return found
+    (reading,) = read_temperatures(KELVIN, filled, [measurement]).values()
+    return reading
 
 
 @pytest.mark.parametrize(
-    ("given", "checked"),
+    ("text", "checked"),
     [
         (0, 0.0),
         (0.25, 0.25),
@@ -43,19 +43,19 @@ def read(measurement, filled=EVERYWHERE):
         (" 7px ", "7 px"),
     ],
 )
-def test_coordinates(given, checked):
-    assert checked_coordinate(given) == checked
+def test_coordinates(text, checked):
+    assert checked_coordinate(text) == checked
     # What is written into a config reads as the same.
     assert checked_coordinate(checked) == checked
 
 
 @pytest.mark.parametrize(
-    "given",
+    "value",
     [320, -0.1, 1.01, "101 %", "1.5 px", "-3 px", "left", None, True, math.nan, "", []],
 )
-def test_what_is_no_coordinate(given):
+def test_what_is_no_coordinate(value):
     with pytest.raises(InputError, match="no coordinate: give a fraction .* '320 px'"):
-        checked_coordinate(given)
+        checked_coordinate(value)
 
 
 def test_fractions_reach_both_edges_and_pixels_no_farther():
@@ -68,13 +68,14 @@ def test_fractions_reach_both_edges_and_pixels_no_farther():
 
 
 def test_a_spot_is_one_pixel():
-    found = read(Spot((0.5, "2 px")))
-    assert found == (KELVIN[2, 4],) * 3 + (1, 1 / 48)
+    reading = read(Spot((0.5, "2 px")))
+    assert reading == (KELVIN[2, 4],) * 3 + (1, 1 / 48)
 
 
 def test_a_line_has_both_ends_whatever_its_direction():
-    there, back = ((0, 0), ("7 px", 0)), (("7 px", 0), (0, 0))
-    for ends in (there, back):
+    forth = ((0, 0), ("7 px", 0))
+    back = (("7 px", 0), (0, 0))
+    for ends in (forth, back):
         assert read(Line(ends)) == (280.0, 283.5, 287.0, 8, 8 / 48)
     steep = read(Line((("2 px", "0 px"), ("3 px", "5 px"))))
     assert (steep.min, steep.max, steep.pixels) == (KELVIN[0, 2], KELVIN[5, 3], 6)
@@ -86,29 +87,30 @@ def test_a_box_has_its_edges_whichever_corners_are_given():
         (("2 px", "1 px"), ("5 px", "3 px")),
         (("5 px", "1 px"), ("2 px", "3 px")),
     ):
-        found = read(Box(corners))
-        assert found[:3] == (inside.min(), inside.mean(), inside.max())
-        assert found.pixels == inside.size
+        reading = read(Box(corners))
+        assert reading[:3] == (inside.min(), inside.mean(), inside.max())
+        assert reading.pixels == inside.size
 
 
 def test_an_isotherm_is_a_fraction_of_what_bodies_fill():
     filled = EVERYWHERE.copy()
     filled[:3] = False
-    found = read(Isotherm(above=320.0), filled)
-    assert (found.min, found.max, found.pixels) == (320.0, 327.0, 8)
-    assert found.fraction == 8 / 24
+    reading = read(Isotherm(above=320.0), filled)
+    assert (reading.min, reading.max, reading.pixels) == (320.0, 327.0, 8)
+    assert reading.fraction == 8 / 24
     # Neighbouring intervals share no pixel, and leave none out.
-    parts = [Isotherm(below=300.0), Isotherm(300.0, 310.0), Isotherm(above=310.0)]
-    assert sum(read(part).pixels for part in parts) == 48
+    intervals = [Isotherm(below=300.0), Isotherm(300.0, 310.0), Isotherm(above=310.0)]
+    assert sum(read(interval).pixels for interval in intervals) == 48
 
 
 def test_background_and_outlines_are_not_read():
     body = np.where(KELVIN > 310, 0, -1)
     image = frame(KELVIN, body=body)
-    on, off = Spot((1.0, 1.0)), Spot((0.0, 0.0), "sky")
-    found = jt.measure(image, [on, off])
-    assert found["Sp1"].mean == pytest.approx(327.0)
-    assert math.isnan(found["sky"].mean) and found["sky"].pixels == 0
+    on = Spot((1.0, 1.0))
+    off = Spot((0.0, 0.0), "sky")
+    readings = jt.measure(image, [on, off])
+    assert readings["Sp1"].mean == pytest.approx(327.0)
+    assert math.isnan(readings["sky"].mean) and readings["sky"].pixels == 0
     mask = np.where(body >= 0, 1.0, 0.0)
     mask[-1, -1] = 0.75
     assert jt.measure(image, [on], mask=mask)["Sp1"].pixels == 0

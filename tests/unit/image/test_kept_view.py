@@ -34,33 +34,35 @@ def solve(pose: jt.Pose | jt.Motion = HERE, source=None):
 @pytest.fixture
 def computed(monkeypatch):
     """The cameras whose views were computed."""
-    found, compute = [], view_module.compute_view
+    cameras = []
+    compute = view_module.compute_view
 
-    def count(surfaces, terms, camera, *how):
-        found.append(camera)
-        return compute(surfaces, terms, camera, *how)
+    def count(surfaces, terms, camera, **options):
+        cameras.append(camera)
+        return compute(surfaces, terms=terms, camera=camera, **options)
 
     monkeypatch.setattr(view_module, "compute_view", count)
-    return found
+    return cameras
 
 
 def test_equal_cameras_share_a_view(computed):
     solution = solve()
-    first, second = jt.render(solution, camera()), jt.render(solution, camera())
+    first = jt.render(solution, camera())
+    second = jt.render(solution, camera())
     assert len(computed) == 1
     np.testing.assert_array_equal(first.radiance, second.radiance)
-    for other in (
+    for another_camera in (
         camera(width=30),
         jt.OrthographicCamera((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.1),
     ):
-        jt.render(solution, other)
+        jt.render(solution, another_camera)
     assert len(computed) == 3
     jt.render(solution, camera())
     assert len(computed) == 3
     jt.render(solution, camera(), smooth=False)
     jt.render(solution, camera(), samples=2)
     assert len(computed) == 5
-    # The one that was not used for longest has been dropped.
+    # The least recently used view has been dropped.
     jt.render(solution, camera(width=30))
     assert len(computed) == 6
 
@@ -69,8 +71,8 @@ def test_what_moves_has_a_view_at_each_time(computed):
     surfaces = solve(TURNING).surfaces
     pixels = []
     for time in (0.0, 10.0):
-        here = tuple(surface.at(time) for surface in surfaces)
-        pixels.append(kept_view(here, (), camera()).pixel)
+        posed = tuple(surface.at(time) for surface in surfaces)
+        pixels.append(kept_view(posed, (), camera()).pixel)
     assert len(computed) == 2 and len(pixels[0]) > 0
     assert not np.array_equal(*pixels)
     lamp = jt.PointSource(lambda time: (0.1, 0.01 * time, 0.1), 1.0)
@@ -83,10 +85,10 @@ def test_what_moves_has_a_view_at_each_time(computed):
 @pytest.mark.slow
 def test_views_are_released_with_the_scene(computed):
     gc.collect()
-    before = len(view_module._kept_views)
+    count_at_start = len(view_module._kept_views)
     solution = solve()
     jt.render(solution, camera())
-    assert len(view_module._kept_views) == before + 1
+    assert len(view_module._kept_views) == count_at_start + 1
     del solution
     gc.collect()
-    assert len(view_module._kept_views) == before
+    assert len(view_module._kept_views) == count_at_start

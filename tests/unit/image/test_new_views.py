@@ -34,7 +34,7 @@ def compilations() -> int:
 
 @pytest.fixture(scope="module")
 def surfaces():
-    """Two bodies, one of which hides a part of the other."""
+    """Two bodies, one of which partly hides the other."""
     bodies = (
         (jt.shapes.sphere(0.05, 3), (0.0, 0.0, 0.0)),
         (jt.shapes.box((0.03, 0.04, 0.05)), (0.07, 0.02, 0.01)),
@@ -61,17 +61,26 @@ def test_new_views_compile_nothing(surfaces):
 
     def frame(*where):
         view = compute_view(surfaces, TERMS, camera(*where))
-        kelvin, time = np.full(size, 300.0), jnp.zeros(())
-        none = np.zeros((0, size)), np.zeros(0)
-        received = Irradiance(0.1 * kelvin, *none)
-        return draw(view, surfaces, TERMS, kelvin, received, time).object_id
+        kelvin = np.full(size, 300.0)
+        time = jnp.zeros(())
+        received = Irradiance(
+            thermal=0.1 * kelvin, sources=np.zeros((0, size)), spectrum=np.zeros(0)
+        )
+        return draw(
+            view,
+            surfaces=surfaces,
+            terms=TERMS,
+            temperature=kelvin,
+            received=received,
+            time=time,
+        ).object_id
 
     assert (frame(0.0) == 0).sum() > CHUNK
-    before = compilations()
-    assert before > 0
+    count_at_start = compilations()
+    assert count_at_start > 0
     for where in ((1.0,), (2.0, 0.3), (4.0, 0.6, 230)):
         assert (frame(*where) >= 0).any()
-    assert compilations() == before
+    assert compilations() == count_at_start
 
 
 def test_the_first_view_of_a_body_is_kept_for_other_processes(surfaces, monkeypatch):
@@ -83,33 +92,36 @@ def test_the_first_view_of_a_body_is_kept_for_other_processes(surfaces, monkeypa
 
     monkeypatch.setattr(view_module, "stored", stored)
     forget_findings()
-    shown = [camera(turn, width=48) for turn in (0.0, 0.3)]
-    for each in shown:
-        compute_view(surfaces, TERMS, each)
-    assert asked == shown[:1]
+    cameras = [camera(turn, width=48) for turn in (0.0, 0.3)]
+    for new_camera in cameras:
+        compute_view(surfaces, TERMS, new_camera)
+    assert asked == cameras[:1]
 
 
 @pytest.mark.parametrize("turn", [0.0, 2.5])
 def test_a_view_is_that_of_all_layers_and_all_pairs(surfaces, turn):
-    here = camera(turn)
-    view = compute_view(surfaces, TERMS, here)
+    view_camera = camera(turn)
+    view = compute_view(surfaces, TERMS, view_camera)
     world = [s.geometry.triangles for s in surfaces]
-    corners, parent = here.to_raster(np.concatenate(world))
-    layers = peel(corners, *here.size)
+    corners, parent = view_camera.to_raster(np.concatenate(world))
+    layers = peel(corners, *view_camera.size)
     front = layers.layer == 0
-    pixel, triangle = layers.pixel[front], parent[layers.triangle[front]]
+    pixel = layers.pixel[front]
+    triangle = parent[layers.triangle[front]]
     np.testing.assert_array_equal(view.pixel, pixel)
     np.testing.assert_array_equal(view.body, triangle >= len(world[0]))
     assert set(view.body.tolist()) == {0, 1}
-    position, depth = here.points(pixel, layers.depth[front])
+    position, depth = view_camera.points(pixel, layers.depth[front])
     np.testing.assert_allclose(view.depth, depth, rtol=1e-12)
-    first, expected = 0, []
+    first = 0
+    expected = []
     for number, surface in enumerate(surfaces):
-        shown, geometry = view.body == number, surface.geometry
-        local = geometry.placed.to_body(position[shown])
+        on_body = view.body == number
+        geometry = surface.geometry
+        local = geometry.placed.to_body(position[on_body])
         cells = cells_of(geometry, 2 * geometry.pitch)
-        pairs = cells.weighted(local, view.normal[shown])
-        row = np.flatnonzero(shown)[pairs.owner]
+        pairs = cells.weighted(local, view.normal[on_body])
+        row = np.flatnonzero(on_body)[pairs.owner]
         expected.append((row, pairs.fragment + first, pairs.weight))
         first += len(geometry.fragment_area)
     row, fragment, weight = map(np.concatenate, zip(*expected, strict=True))

@@ -89,7 +89,7 @@ def test_reading_palettes_does_not_import_colour():
 def test_ends_middle_and_outside():
     values = np.array([[280.0, 290.0, 300.0], [310.0, np.inf, -np.inf]])
     table = palette_table("iron")
-    image = apply_palette(values, 290.0, 300.0, "iron")
+    image = apply_palette(values, low=290.0, high=300.0, name="iron")
     assert image.dtype == np.uint8 and image.shape == (2, 3, 3)
     assert (image[0] == table[[0, 0, 255]]).all()
     assert (image[1] == table[[255, 255, 0]]).all()
@@ -97,33 +97,36 @@ def test_ends_middle_and_outside():
 
 def test_nan_gets_its_own_colour():
     values = np.array([[np.nan, 1.0]], np.float32)
-    assert apply_palette(values, 0.0, 1.0, "ember")[0, 0].tolist() == [128, 128, 128]
-    black = apply_palette(values, 0.0, 1.0, "ember", invalid=(0, 0, 0))
+    grey = apply_palette(values, low=0.0, high=1.0, name="ember")
+    assert grey[0, 0].tolist() == [128, 128, 128]
+    black = apply_palette(values, low=0.0, high=1.0, name="ember", invalid=(0, 0, 0))
     assert black[0, 0].tolist() == [0, 0, 0]
 
 
 def test_equal_limits_are_safe():
     values = np.array([[1.0, 2.0, 3.0, np.nan]])
-    image = apply_palette(values, 2.0, 2.0, "white-hot")
+    image = apply_palette(values, low=2.0, high=2.0, name="white-hot")
     assert image[0, :, 0].tolist() == [0, 128, 255, 128]
 
 
 def test_jax_arrays_and_float32_limits():
     values = np.array([[0.0, 0.5, 1.0]], np.float32)
-    plain = apply_palette(values, 0, 1, "iron")
-    other = apply_palette(jnp.asarray(values), np.float32(0), np.float32(1), "iron")
-    assert (plain == other).all()
+    plain = apply_palette(values, low=0, high=1, name="iron")
+    on_device = apply_palette(
+        jnp.asarray(values), low=np.float32(0), high=np.float32(1), name="iron"
+    )
+    assert (plain == on_device).all()
 
 
 @pytest.mark.parametrize(("low", "high"), [(1.0, 0.0), (np.nan, 1.0), (0.0, np.inf)])
 def test_bad_limits(low, high):
     with pytest.raises(InputError, match="low <= high"):
-        apply_palette(np.zeros((2, 2)), low, high, "iron")
+        apply_palette(np.zeros((2, 2)), low=low, high=high, name="iron")
 
 
 def test_unknown_palette_lists_the_names():
     with pytest.raises(InputError, match="'jet' is not known: use one of iron, ember"):
-        apply_palette(np.zeros((2, 2)), 0.0, 1.0, "jet")
+        apply_palette(np.zeros((2, 2)), low=0.0, high=1.0, name="jet")
 
 
 @pytest.fixture(scope="module")
@@ -142,8 +145,8 @@ def test_report_of_greys_is_that_of_the_reversed_greys_and_of_no_cone(report):
     """Grey is grey to everyone, so that no kind of vision changes it."""
     grey = report["white-hot"]
     assert report["black-hot"] == pytest.approx(grey)
-    for kind in ("protanopia", "deuteranopia", "tritanopia"):
-        assert grey[f"apart_{kind}"] == pytest.approx(grey["apart_normal"], rel=1e-3)
+    for vision in ("protanopia", "deuteranopia", "tritanopia"):
+        assert grey[f"apart_{vision}"] == pytest.approx(grey["apart_normal"], rel=1e-3)
 
 
 def test_report_finds_that_a_rainbow_repeats_colours_for_the_colour_blind(report):
@@ -151,10 +154,10 @@ def test_report_finds_that_a_rainbow_repeats_colours_for_the_colour_blind(report
         report["rainbow"]["apart_protanopia"] < 1.0 < report["rainbow"]["apart_normal"]
     )
     for name in ("iron", *EVEN):
-        for kind in ("normal", "protanopia", "deuteranopia", "tritanopia"):
+        for vision in ("normal", "protanopia", "deuteranopia", "tritanopia"):
             # Without red cones a dark red, the colour of lava, is nearly black.
-            least = 3.0 if (name, kind) == ("lava", "protanopia") else 5.0
-            assert report[name][f"apart_{kind}"] > least, (name, kind)
+            smallest = 3.0 if (name, vision) == ("lava", "protanopia") else 5.0
+            assert report[name][f"apart_{vision}"] > smallest, (name, vision)
 
 
 def test_arctic_keeps_its_differences_without_any_kind_of_cone(report):
@@ -163,7 +166,10 @@ def test_arctic_keeps_its_differences_without_any_kind_of_cone(report):
 
 
 def test_even_palettes_are_more_uniform_than_iron(report):
-    ratio = lambda facts: facts["step_max"] / facts["step_mean"]
+
+    def ratio(facts):
+        return facts["step_max"] / facts["step_mean"]
+
     for name in EVEN:
         assert ratio(report[name]) < ratio(report["iron"]), name
 
@@ -171,7 +177,8 @@ def test_even_palettes_are_more_uniform_than_iron(report):
 def test_colour_difference_of_frames():
     frame = np.random.default_rng(0).integers(0, 256, (4, 5, 3)).astype(np.uint8)
     assert (palette_design._colour_difference(frame, frame) == 0.0).all()
-    black, white = np.zeros((1, 1, 3), np.uint8), np.full((1, 1, 3), 255, np.uint8)
+    black = np.zeros((1, 1, 3), np.uint8)
+    white = np.full((1, 1, 3), 255, np.uint8)
     difference = palette_design._colour_difference(black, white)
     assert difference.shape == (1, 1)
     np.testing.assert_allclose(difference, 100.0, atol=0.01)

@@ -22,10 +22,10 @@ CAMERA = jt.OrthographicCamera(
 def knife():
     """A blade at positive x and a grip at negative x, beside a body without parts."""
     blade = jt.shapes.box((0.04, 0.01, 0.01)).moved((0.02, 0.0, 0.0))
-    parts = {"blade": blade, "grip": blade.moved((-0.04, 0.0, 0.0))}
+    meshes = {"blade": blade, "grip": blade.moved((-0.04, 0.0, 0.0))}
     grid = jt.voxelize(jt.shapes.box((0.08, 0.01, 0.01)), pitch=0.005)
-    given = {"blade": jt.materials["copper"], "grip": jt.materials["brick"]}
-    labels = jt.materials_by_part(grid, parts, given)
+    materials = {"blade": jt.materials["copper"], "grip": jt.materials["brick"]}
+    labels = jt.materials_by_part(grid, meshes, materials)
     knife = jt.Body(jt.FullVolume(grid), labels, temperature=300.0)
     ball = jt.Body(
         jt.FullVolume(jt.voxelize(jt.shapes.sphere(0.01), 0.005)),
@@ -39,11 +39,12 @@ def knife():
 def test_each_pixel_has_its_part(knife):
     image = jt.render(knife, CAMERA)
     assert image.part_names == ((), ("blade", "grip"))
-    part, body = np.asarray(image.part_id), np.asarray(image.object_id)
-    assert (part[body < 1] == -1).all()
+    part_id = np.asarray(image.part_id)
+    body = np.asarray(image.object_id)
+    assert (part_id[body < 1] == -1).all()
     _, column = np.nonzero(body == 1)
     # 2 mm a pixel; x grows to the right.
-    np.testing.assert_array_equal(part[body == 1], np.where(column >= 50, 0, 1))
+    np.testing.assert_array_equal(part_id[body == 1], np.where(column >= 50, 0, 1))
 
 
 def test_samples_and_blocks_have_parts_too(knife):
@@ -60,8 +61,8 @@ def test_files_have_parts_and_names(knife, tmp_path):
     assert surfaces[1].geometry.part_names == ("blade", "grip")
     view = compute_view(surfaces, (), CAMERA)
     image = jt.render(knife, CAMERA)
-    shown = np.asarray(image.part_id).ravel()[view.pixel]
-    np.testing.assert_array_equal(view.part, shown)
+    expected = np.asarray(image.part_id).ravel()[view.pixel]
+    np.testing.assert_array_equal(view.part_id, expected)
     jt.write_exr(tmp_path / "frame.exr", image)
     channels, header = read_exr(tmp_path / "frame.exr")
     np.testing.assert_array_equal(channels["part_id"], image.part_id)

@@ -45,7 +45,7 @@ def surfaces():
 
 
 @pytest.fixture(scope="module")
-def given(surfaces):
+def state(surfaces):
     """Temperatures that differ everywhere, and irradiation that does too."""
     world = [s.geometry.placed.to_world(s.geometry.fragment_position) for s in surfaces]
     x, y, z = np.concatenate(world).T
@@ -58,39 +58,52 @@ def _view(surfaces, camera, pose):
     return compute_view(surfaces, (), moved_camera(camera, pose))
 
 
-def _frame(view, surfaces, given):
-    kelvin, received = given
-    return draw(
-        view, surfaces, (), kelvin, received, jnp.zeros(())
-    ).apparent_temperature
+def _frame(view, surfaces, state):
+    kelvin, received = state
+    image = draw(
+        view,
+        surfaces=surfaces,
+        terms=(),
+        temperature=kelvin,
+        received=received,
+        time=jnp.zeros(()),
+    )
+    return image.apparent_temperature
 
 
-def _strip(camera, surfaces, given):
+def _strip(camera, surfaces, state):
     """Frame of a linearized view's pixels as a function of the pose."""
     return jax.jit(
-        lambda linear, pose: _frame(linear.at(pose, camera), surfaces, given)[0]
+        lambda linear, pose: _frame(linear.at(pose, camera), surfaces, state)[0]
     )
 
 
 @pytest.mark.parametrize(
-    "kind",
+    "name",
     [
         "pinhole",
         pytest.param("orthographic", marks=[pytest.mark.slow, pytest.mark.slice]),
     ],
 )
-def test_the_derivative_is_that_of_frames_rendered_again(surfaces, given, kind):
+def test_the_derivative_is_that_of_frames_rendered_again(surfaces, state, name):
     """By all six numbers, to 1e-6 of the largest at each pixel that shows one face."""
-    camera = CAMERAS[kind]
+    camera = CAMERAS[name]
     pixels = np.flatnonzero(outline_distance(_view(surfaces, camera, POSE)) > 2)
     size = 30 * len(pixels)
-    frame = _strip(camera, surfaces, given)
-    again = lambda pose: frame(
-        linearize_view(surfaces, camera, pose, pixels, size), pose
-    )
-    linear = linearize_view(surfaces, camera, POSE, pixels, size)
+    frame = _strip(camera, surfaces, state)
+
+    def linearized(pose):
+        return linearize_view(
+            surfaces, camera=camera, pose=pose, pixels=pixels, size=size
+        )
+
+    def again(pose):
+        return frame(linearized(pose), pose)
+
+    linear = linearized(POSE)
     slopes = np.asarray(jax.jit(jax.jacfwd(frame, 1))(linear, POSE))
-    largest, step = np.abs(slopes).max(), 1e-6
+    largest = np.abs(slopes).max()
+    step = 1e-6
     for number, unit in enumerate(np.eye(6)):
         ends = again(POSE + step * unit), again(POSE - step * unit)
         difference = np.asarray(ends[0] - ends[1]) / (2 * step)
@@ -99,20 +112,20 @@ def test_the_derivative_is_that_of_frames_rendered_again(surfaces, given, kind):
         assert smooth.mean() > 0.99
 
 
-@pytest.mark.parametrize("kind", CAMERAS)
-def test_at_its_pose_a_linear_view_shows_the_rendered_frame(surfaces, given, kind):
+@pytest.mark.parametrize("name", CAMERAS)
+def test_at_its_pose_a_linear_view_shows_the_rendered_frame(surfaces, state, name):
     """To 1/1024 pixel, to which the raster snaps, with pixels that see no body."""
-    camera = CAMERAS[kind]
+    camera = CAMERAS[name]
     view = _view(surfaces, camera, POSE)
-    whole = np.asarray(_frame(view, surfaces, given))
-    pixels = np.arange(whole.size)
-    linear = linearize_view(surfaces, camera, POSE, pixels)
-    strip = _strip(camera, surfaces, given)(linear, jnp.asarray(POSE))
+    rendered = np.asarray(_frame(view, surfaces, state))
+    pixels = np.arange(rendered.size)
+    linear = linearize_view(surfaces, camera=camera, pose=POSE, pixels=pixels)
+    strip = _strip(camera, surfaces, state)(linear, jnp.asarray(POSE))
     strip = np.asarray(strip)
     seen = np.asarray(linear.seen) > 0
     assert (np.flatnonzero(seen) == view.pixel).all()
     # About 1 K a pixel.
-    off = np.abs(strip - whole.ravel())[outline_distance(view).ravel() > 2]
+    off = np.abs(strip - rendered.ravel())[outline_distance(view).ravel() > 2]
     assert 0 < off.max() < 5e-3
     assert np.isfinite(strip).all()
 
@@ -124,11 +137,11 @@ def test_outlines_are_those_of_the_bodies_and_between_them(surfaces):
     distance = outline_distance(view)
     pixel = 0.36 / 72
     for turn in np.array([(0, 2, 0), (0, -2, 0), (2, 0, 0), (-2, 0, 0)]) * pixel:
-        other = _view(surfaces, camera, np.append(turn, np.zeros(3)))
+        turned_view = _view(surfaces, camera, np.append(turn, np.zeros(3)))
         bodies = []
-        for each in (view, other):
+        for shown_view in (view, turned_view):
             body = np.full(distance.size, -1)
-            body[each.pixel] = each.body
+            body[shown_view.pixel] = shown_view.body
             bodies.append(body.reshape(distance.shape))
         far = distance > 3
         assert (bodies[0] == bodies[1])[far].all()

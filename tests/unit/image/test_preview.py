@@ -17,8 +17,8 @@ LEVEL = OrthographicCamera(
 
 
 def drawn(bodies, camera):
-    image, shown = draw_preview(bodies, camera, "title")
-    return np.asarray(image)[: camera.height, : camera.width], shown
+    image, numbers = draw_preview(bodies, camera, "title")
+    return np.asarray(image)[: camera.height, : camera.width], numbers
 
 
 def spot(pixels, colour):
@@ -27,11 +27,11 @@ def spot(pixels, colour):
 
 
 def test_a_block_covers_the_pixels_that_its_size_says():
-    pixels, shown = drawn([(BOX, Pose())], LEVEL)
+    pixels, numbers = drawn([(BOX, Pose())], LEVEL)
     # 0.1 m of 0.4 m over 200 pixels; the axes are in a corner.
     middle = pixels[:, 90:150]
     covered = (middle != _BACKGROUND).any(-1)
-    assert shown == [0]
+    assert numbers == [0]
     assert covered.sum() == 50 * 50 and covered[75:125, 5:55].all()
 
 
@@ -50,10 +50,10 @@ def test_the_axes_point_where_they_point_in_the_image(up):
 
 
 def test_bodies_in_the_frame_are_named():
-    beside = (BOX, Pose(translation=(0.12, 0.0, 0.0)))
+    neighbour = (BOX, Pose(translation=(0.12, 0.0, 0.0)))
     away = (BOX, Pose(translation=(3.0, 0.0, 0.0)))
-    _, shown = drawn([(BOX, Pose()), away, beside], LEVEL)
-    assert shown == [0, 2]
+    _, numbers = drawn([(BOX, Pose()), away, neighbour], LEVEL)
+    assert numbers == [0, 2]
 
 
 def test_a_camera_that_sees_nothing_is_refused():

@@ -19,8 +19,9 @@ WRITERS = (write_centikelvin, write_tiff, write_csv)
 def test_centikelvin_are_grey_and_of_16_bits(tmp_path):
     path = tmp_path / "frame.png"
     assert write_centikelvin(path, frame(KELVIN)) == 0
-    with Pictures.open(path) as found:
-        counts, texts = np.asarray(found), dict(found.info)
+    with Pictures.open(path) as file:
+        counts = np.asarray(file)
+        texts = dict(file.info)
     assert counts.dtype == np.uint16
     np.testing.assert_allclose(counts * 0.01, KELVIN, rtol=0, atol=0.0051)
     assert texts["unit"] == "0.01 K" and texts["time_s"] == "90"
@@ -41,7 +42,8 @@ def test_a_tiff_has_kelvin_and_the_display_range_of_imagej(tmp_path):
     path = tmp_path / "frame.tiff"
     write_tiff(path, frame(KELVIN), low=290.0, high=320.0)
     with tifffile.TiffFile(path) as file:
-        notes, values = file.imagej_metadata, file.asarray()
+        notes = file.imagej_metadata
+        values = file.asarray()
     assert values.dtype == np.float32 and notes is not None
     np.testing.assert_array_equal(values, KELVIN.astype(np.float32))
     assert (notes["min"], notes["max"], notes["vunit"]) == (290.0, 320.0, "K")

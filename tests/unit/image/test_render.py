@@ -32,8 +32,8 @@ SIDE = jt.OrthographicCamera(
 
 def cube(pitch=0.01, size=0.1, **kwargs):
     grid = jt.voxelize(jt.shapes.box((size, size, size)), pitch)
-    given: dict[str, Any] = {"temperature": 300.0} | kwargs
-    return jt.Body(jt.FullVolume(grid), METAL, **given)
+    options: dict[str, Any] = {"temperature": 300.0} | kwargs
+    return jt.Body(jt.FullVolume(grid), METAL, **options)
 
 
 @pytest.fixture(scope="module")
@@ -45,8 +45,11 @@ def still():
 
 def test_apparent_temperature_of_a_grey_surface():
     """A17 of the field survey: eps 0.91 at 300 K before 250 K looks like 296.4424 K."""
-    one = lambda value: jnp.asarray(value)
-    radiance = leaving_radiance(one(300.0), one(0.91), 0.09 * SIGMA * one(250.0) ** 4)
+    radiance = leaving_radiance(
+        jnp.asarray(300.0),
+        emissivity=jnp.asarray(0.91),
+        reflected=0.09 * SIGMA * jnp.asarray(250.0) ** 4,
+    )
     assert float(apparent_temperature(radiance)) == pytest.approx(296.4424, abs=1e-4)
 
 
@@ -89,7 +92,7 @@ def test_reflected_sun_follows_the_cosine_and_the_shadow():
         dtype="float64",
     )
     solution = jt.simulate(scene, 0.0, save_at=[0.0])
-    # The second cube stands beside the line of sight and of the rays but for its edge.
+    # Only the edge of the second cube reaches the line of sight and the rays.
     image = jt.render(solution, SIDE, band=None)
     grey = 0.8 * 300.0**4 + 0.2 * 250.0**4 + 0.2 * 1000.0 / 5.670374419e-8
     seen = np.asarray(image.apparent_temperature)[30, 10]
@@ -105,8 +108,8 @@ def test_a_body_in_the_shadow_reflects_no_sun():
     )
     image = jt.render(solution, above, band=None)
     seen = np.asarray(image.object_id) == 0
-    shown = np.asarray(image.apparent_temperature)[seen]
-    np.testing.assert_allclose(shown, 300.0, atol=1e-3)
+    kelvin = np.asarray(image.apparent_temperature)[seen]
+    np.testing.assert_allclose(kelvin, 300.0, atol=1e-3)
 
 
 def _plate_points(n=40):
@@ -202,12 +205,20 @@ def test_pixels_have_a_gradient_with_respect_to_conductivity():
         body = jt.Body(jt.FullVolume(grid), material, temperature=300.0)
         scene = jt.Scene((body,), terms, dtype="float64")
         solution = jt.simulate(scene, 20.0, solver=jt.ForwardEuler(dt=1.0))
-        surface, time = solution.surface_temperature[-1], solution.times[-1]
-        state = surface, solution.irradiance(-1), time
-        image = draw(view, solution.surfaces, solution.terms, *state)
+        surface = solution.surface_temperature[-1]
+        time = solution.times[-1]
+        image = draw(
+            view,
+            surfaces=solution.surfaces,
+            terms=solution.terms,
+            temperature=surface,
+            received=solution.irradiance(-1),
+            time=time,
+        )
         return image.apparent_temperature[30, 30]
 
-    k, step = 50.0, 1e-2
+    k = 50.0
+    step = 1e-2
     slope = float(pixel(k + step)[0] - pixel(k - step)[0]) / (2 * step)
     assert slope != 0
     assert float(pixel(k)[1]) == pytest.approx(slope, rel=1e-6)
@@ -236,8 +247,8 @@ def test_a_picture_marks_what_is_beyond_its_scale(still, monkeypatch):
     image = jt.render(still, SIDE, samples=2)
     marks = []
 
-    def annotate(rgb, **given):
-        marks.append(given["beyond"])
+    def annotate(rgb, **options):
+        marks.append(options["beyond"])
         return Pictures.fromarray(rgb)
 
     monkeypatch.setattr(files, "annotate", annotate)
@@ -255,11 +266,13 @@ def test_a_picture_marks_what_is_beyond_its_scale(still, monkeypatch):
 
 def test_the_background_of_a_picture_is_no_colour_of_the_palette(still):
     fine = jt.render(still, SIDE.finer(2))
-    whole = files.picture(fine, 280.0, 310.0, quantity="surface", samples=2)
+    drawn = files.picture(fine, 280.0, 310.0, quantity="surface", samples=2)
     # The scale is to the right of the image, and the time below it.
-    colours = np.asarray(whole)[:60, :60]
+    colours = np.asarray(drawn)[:60, :60]
     body = np.asarray(jt.render(still, SIDE).object_id) == 0
-    inside = apply_palette(np.array([[300.0]]), 280.0, 310.0, "iron")[0, 0]
+    inside = apply_palette(np.array([[300.0]]), low=280.0, high=310.0, name="iron")[
+        0, 0
+    ]
     assert (colours[body] == inside).all() and (colours[~body] == BACKGROUND).all()
 
 
@@ -278,7 +291,7 @@ def test_what_hides_the_surroundings_is_as_warm_as_the_surface():
     view = compute_view(solution.surfaces, solution.terms, camera, occlusion=0.05)
     hidden = 1 - np.asarray(view.open_fraction)
     assert hidden.max() > 0.2 and np.median(hidden) < 0.02
-    more = 0.2 * 5.670374419e-8 / np.pi * (300.0**4 - 250.0**4) * hidden
+    added = 0.2 * 5.670374419e-8 / np.pi * (300.0**4 - 250.0**4) * hidden
     expected = np.asarray(plain.radiance).reshape(-1).copy()
-    expected[view.pixel] += more
+    expected[view.pixel] += added
     np.testing.assert_allclose(shaded.radiance.reshape(-1), expected, rtol=1e-9)

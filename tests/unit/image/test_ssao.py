@@ -1,5 +1,7 @@
 """Occlusion from an image's depths, beside closed forms and the one from rays."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
@@ -24,8 +26,19 @@ PLAN = OrthographicCamera(
 )
 
 
-def seen(camera, triangles):
-    """Depth and normal images; and points and pixels that show something."""
+class Seen(NamedTuple):
+    """Depth and normal images, and the pixels that show a surface."""
+
+    depth: np.ndarray
+    normal: np.ndarray
+    pixel: np.ndarray
+    point: np.ndarray
+    """Surface point of each pixel."""
+    facing: np.ndarray
+    """Normal at each pixel."""
+
+
+def seen(camera, triangles) -> Seen:
     corners, parent = camera.to_raster(triangles)
     width, height = camera.size
     layers = peel(corners, width, height, (2**14, 2**15))
@@ -35,20 +48,27 @@ def seen(camera, triangles):
     a, b, c = np.moveaxis(triangles[parent[layers.triangle[front]]], 1, 0)
     normal = np.cross(b - a, c - a)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    depths, normals = np.full(width * height, np.inf), np.zeros((width * height, 3))
-    depths[pixel], normals[pixel] = depth, normal
-    images = depths.reshape(height, width), normals.reshape(height, width, 3)
-    return images, pixel, point, normal
+    depths = np.full(width * height, np.inf)
+    normals = np.zeros((width * height, 3))
+    depths[pixel] = depth
+    normals[pixel] = normal
+    return Seen(
+        depth=depths.reshape(height, width),
+        normal=normals.reshape(height, width, 3),
+        pixel=pixel,
+        point=point,
+        facing=normal,
+    )
 
 
 @pytest.mark.parametrize(
     "camera", [ABOVE, ASLANT, PLAN], ids=["above", "aslant", "plan"]
 )
 def test_a_plane_is_open_and_so_is_the_background(camera):
-    (depth, normal), *_ = seen(camera, FLOOR)
-    found = screen_space_occlusion(depth, normal, camera, 3.0)
-    assert found.shape == depth.shape
-    np.testing.assert_allclose(found, 1.0, atol=2e-6)
+    depth, normal, *_ = seen(camera, FLOOR)
+    fraction = screen_space_occlusion(depth, normal=normal, camera=camera, radius=3.0)
+    assert fraction.shape == depth.shape
+    np.testing.assert_allclose(fraction, 1.0, atol=2e-6)
 
 
 @pytest.mark.parametrize(
@@ -56,21 +76,28 @@ def test_a_plane_is_open_and_so_is_the_background(camera):
 )
 def test_ball_on_a_plane_against_rays_and_closed_form(camera, close):
     triangles = np.concatenate([BALL, FLOOR])
-    (depth, normal), pixel, point, facing = seen(camera, triangles)
-    found = screen_space_occlusion(depth, normal, camera, 4.0).reshape(-1)[pixel]
+    depth, normal, pixel, point, facing = seen(camera, triangles)
+    fraction = screen_space_occlusion(
+        depth, normal=normal, camera=camera, radius=4.0
+    ).reshape(-1)[pixel]
     view = sky_view(triangles, point, facing, 0.1, 128)
-    rms = lambda a: float(np.sqrt(np.mean(a**2)))
-    difference = found - view.sky - view.ground
+
+    def rms(values):
+        return float(np.sqrt(np.mean(values**2)))
+
+    difference = fraction - view.sky - view.ground
     print("screen less rays: mean", difference.mean(), "rms", rms(difference))
     assert rms(difference) < close
     on_floor = (facing[:, 2] > 0.99) & (np.abs(point[:, 2]) < 1e-3)
     away = np.hypot(point[on_floor, 0], point[on_floor, 1])
     exact = 1 - (1 + away**2) ** -1.5
-    assert rms(found[on_floor] - exact) < close
+    assert rms(fraction[on_floor] - exact) < close
     # Farther away than the radius nothing counts.
-    near = screen_space_occlusion(depth, normal, camera, 0.3).reshape(-1)[pixel]
+    near = screen_space_occlusion(
+        depth, normal=normal, camera=camera, radius=0.3
+    ).reshape(-1)[pixel]
     assert near[on_floor][away > 1.5].min() == pytest.approx(1.0, abs=1e-5)
-    assert near.mean() > found.mean()
+    assert near.mean() > fraction.mean()
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 7), (5, 1)])
@@ -87,9 +114,10 @@ def test_small_and_empty_images(shape):
 
 
 def test_bad_input_is_told_in_a_line():
-    depth, normal = np.ones((4, 4)), np.zeros((4, 4, 3))
+    depth = np.ones((4, 4))
+    normal = np.zeros((4, 4, 3))
     with pytest.raises(InputError, match="4 x 4 pixels and the camera's"):
-        screen_space_occlusion(depth, normal, ABOVE, 1.0)
+        screen_space_occlusion(depth, normal=normal, camera=ABOVE, radius=1.0)
     square = Camera((0.0, -2.0, 0.0), (0.0, 0.0, 0.0), width=4, height=4)
     with pytest.raises(InputError, match="radius=0.0"):
-        screen_space_occlusion(depth, normal, square, 0.0)
+        screen_space_occlusion(depth, normal=normal, camera=square, radius=0.0)

@@ -34,16 +34,16 @@ def saved(folder, ending: str, numbers: np.ndarray):
     ],
 )
 def test_temperatures_are_read_in_their_unit(tmp_path, ending, unit, numbers):
-    found = jt.read_thermogram(saved(tmp_path, ending, numbers), unit)
-    np.testing.assert_allclose(found, KELVIN, atol=0.0051)
+    kelvin = jt.read_thermogram(saved(tmp_path, ending, numbers), unit)
+    np.testing.assert_allclose(kelvin, KELVIN, atol=0.0051)
 
 
 def test_counts_of_a_camera_become_temperatures(tmp_path):
     counts = np.rint(np.asarray(FLIR.counts(KELVIN))).astype(np.uint16)
     path = saved(tmp_path, ".png", counts)
-    found = jt.read_thermogram(path, "counts", FLIR)
+    kelvin = jt.read_thermogram(path, "counts", FLIR)
     # A count is some 14 mK.
-    np.testing.assert_allclose(found, KELVIN, atol=0.01)
+    np.testing.assert_allclose(kelvin, KELVIN, atol=0.01)
 
 
 def test_files_of_frames_are_read_back(tmp_path):
@@ -52,7 +52,7 @@ def test_files_of_frames_are_read_back(tmp_path):
     scene = jt.Scene((body,), (jt.Surroundings(290.0),))
     camera = jt.Camera((0.2, -0.2, 0.1), (0.0, 0.0, 0.0), width=16, height=12)
     image = jt.render(jt.simulate(scene, 0.0), camera)
-    shown = np.asarray(image.apparent_temperature)
+    expected = np.asarray(image.apparent_temperature)
     jt.write_exr(tmp_path / "a.exr", image)
     jt.write_tiff(tmp_path / "a.tiff", image)
     jt.write_csv(tmp_path / "a.csv", image)
@@ -63,15 +63,15 @@ def test_files_of_frames_are_read_back(tmp_path):
         ("a.csv", "kelvin"),
         ("a.png", "centikelvin"),
     ):
-        found = jt.read_thermogram(tmp_path / name, unit)
-        np.testing.assert_allclose(found, shown, atol=0.0052)
+        kelvin = jt.read_thermogram(tmp_path / name, unit)
+        np.testing.assert_allclose(kelvin, expected, atol=0.0052)
 
 
 def test_a_csv_with_semicolons_and_commas_in_numbers(tmp_path):
     path = tmp_path / "frame.csv"
     path.write_text("20,5;21,25\n22;23,75\n")
-    found = jt.read_thermogram(path, "celsius")
-    np.testing.assert_allclose(found - 273.15, [[20.5, 21.25], [22.0, 23.75]])
+    kelvin = jt.read_thermogram(path, "celsius")
+    np.testing.assert_allclose(kelvin - 273.15, [[20.5, 21.25], [22.0, 23.75]])
 
 
 def test_what_is_no_frame_is_refused_in_one_line(tmp_path):
@@ -90,9 +90,9 @@ def test_what_is_no_frame_is_refused_in_one_line(tmp_path):
     assert "no temperatures in celsius" in refused(
         saved(tmp_path, ".npy", KELVIN - 900), "celsius"
     )
-    other = tmp_path / "frame.xyz"
-    other.write_text("1")
-    assert "frames may be" in refused(other)
+    unknown = tmp_path / "frame.xyz"
+    unknown.write_text("1")
+    assert "frames may be" in refused(unknown)
     damaged = tmp_path / "frame.tiff"
     damaged.write_bytes(b"II*\x00nothing")
     assert "damaged" in refused(damaged)

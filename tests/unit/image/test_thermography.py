@@ -35,11 +35,16 @@ def test_apparent_temperatures_by_emissivity(emissivity, expected):
 @pytest.mark.parametrize("band", [None, LONG_WAVE, MID_WAVE])
 def test_object_temperature_is_the_inverse(band):
     kelvin = np.array([250.0, 300.0, 450.0])
-    path = 0.7, 280.0, 0.9, 285.0
-    radiance = jt.measured_radiance(kelvin, *path, band=band)
-    found = jt.object_temperature(radiance, *path, band=band)
-    np.testing.assert_allclose(found, kelvin, rtol=1e-10)
-    traced = jax.jit(lambda r: jt.object_temperature(r, *path, band=band))
+    path = {
+        "emissivity": 0.7,
+        "reflected_temperature": 280.0,
+        "transmissivity": 0.9,
+        "air_temperature": 285.0,
+    }
+    radiance = jt.measured_radiance(kelvin, **path, band=band)
+    inverse = jt.object_temperature(radiance, **path, band=band)
+    np.testing.assert_allclose(inverse, kelvin, rtol=1e-10)
+    traced = jax.jit(lambda r: jt.object_temperature(r, **path, band=band))
     on_device = traced(radiance)
     np.testing.assert_allclose(np.asarray(on_device), kelvin, rtol=1e-10)
 
@@ -49,11 +54,12 @@ def test_derivatives_of_the_measured_temperature():
         emissivity, around, passed, air = values
         return jt.object_temperature(jnp.asarray(90.0), emissivity, around, passed, air)
 
-    at, both = np.array([0.85, 290.0, 0.95, 285.0]), jax.jit(jax.value_and_grad(found))
-    gradient = both(at)[1]
+    at = np.array([0.85, 290.0, 0.95, 285.0])
+    value_and_gradient = jax.jit(jax.value_and_grad(found))
+    gradient = value_and_gradient(at)[1]
     for k, step in enumerate((1e-5, 1e-3, 1e-5, 1e-3)):
         by = step * np.eye(4)[k]
-        ends = [float(both(at + sign * by)[0]) for sign in (1, -1)]
+        ends = [float(value_and_gradient(at + sign * by)[0]) for sign in (1, -1)]
         slope = (ends[0] - ends[1]) / (2 * step)
         assert float(gradient[k]) == pytest.approx(slope, rel=1e-6)
 
@@ -65,8 +71,10 @@ def test_counts_of_a_published_camera():
     plain = FLIR.object_temperature(18109)
     assert float(plain) - 273.15 == pytest.approx(23.6243, abs=1e-4)
     room = 293.15
-    found = FLIR.object_temperature(18109, 0.95, room, 1.0, room, 0.5, 0.96, room)
-    assert float(found) - 273.15 == pytest.approx(24.0002, abs=1e-4)
+    behind_window = FLIR.object_temperature(
+        18109, 0.95, room, 1.0, room, 0.5, 0.96, room
+    )
+    assert float(behind_window) - 273.15 == pytest.approx(24.0002, abs=1e-4)
 
 
 def test_counts_and_temperatures_are_inverse_and_smooth():

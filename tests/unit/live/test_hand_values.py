@@ -29,15 +29,15 @@ time: {end: 30, save_at: [30]}
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory):
-    made = tmp_path_factory.mktemp("values") / "box.yaml"
-    made.write_text(SCENE)
-    return made
+    config_path = tmp_path_factory.mktemp("values") / "box.yaml"
+    config_path.write_text(SCENE)
+    return config_path
 
 
 def test_numbers_and_directions_have_sliders(path):
-    found = {value.path: value for value in hand_values(load_config(path))}
+    by_path = {value.path: value for value in hand_values(load_config(path))}
     # Not what follows a table, nor the time at which a source ends.
-    assert list(found) == [
+    assert list(by_path) == [
         "terms.0.direction",
         "terms.0.irradiance",
         "terms.1.heat_transfer_coefficient",
@@ -47,15 +47,15 @@ def test_numbers_and_directions_have_sliders(path):
         "terms.4.direction",
         "terms.4.irradiance",
     ]
-    assert [v.title for v in found.values()][::7] == ["sun 1", "sun 2"]
-    sun = found["terms.0.direction"].sliders
+    assert [v.title for v in by_path.values()][::7] == ["sun 1", "sun 2"]
+    sun = by_path["terms.0.direction"].sliders
     # Rays towards -y and down come from +y, at half height.
     assert [s.value for s in sun] == [90, 45]
-    (air,) = found["terms.1.temperature"].sliders
+    (air,) = by_path["terms.1.temperature"].sliders
     assert air.label == "temperature [°C]" and air.value == pytest.approx(17.0)
-    (strong,) = found["terms.0.irradiance"].sliders
+    (strong,) = by_path["terms.0.irradiance"].sliders
     assert strong.high == 6000.0 and strong.label == "irradiance [W/m²]"
-    for value in found.values():
+    for value in by_path.values():
         for slider in value.sliders:
             assert slider.low <= slider.value <= slider.high
 
@@ -63,14 +63,15 @@ def test_numbers_and_directions_have_sliders(path):
 def test_what_sliders_write_is_read_as_the_same_values(path):
     values = hand_values(load_config(path))
     texts = [f"{v.path}={v.text(tuple(s.value for s in v.sliders))}" for v in values]
-    config, again = load_config(path), load_config(path, texts)
-    for one, other in zip(config.terms, again.terms, strict=True):
-        for name, value in one:
+    config = load_config(path)
+    again = load_config(path, texts)
+    for expected, term in zip(config.terms, again.terms, strict=True):
+        for name, value in expected:
             if name == "direction":
                 # Rounded to whole degrees, and of length 1.
                 size = math.hypot(*value)
                 value = tuple(x / size for x in value)
-            assert getattr(other, name) == pytest.approx(value, abs=1e-9), name
+            assert getattr(term, name) == pytest.approx(value, abs=1e-9), name
 
 
 def test_a_velocity_keeps_its_vertical_part(path):
@@ -79,15 +80,28 @@ def test_a_velocity_keeps_its_vertical_part(path):
 
 
 def test_a_bar_has_its_ends_and_round_numbers():
-    bar = temperature_bar(273.15 + 18.2, 273.15 + 33.0, "iron", "a <b>")
+    bar = temperature_bar(
+        273.15 + 18.2, high=273.15 + 33.0, palette="iron", title="a <b>"
+    )
     for text in ("20.0", "32.5", "[°C]", "a &lt;b&gt;", "linear-gradient"):
         assert text in bar
     assert "35.0" not in bar and "15.0" not in bar
 
 
 def test_the_status_says_what_runs_and_how_fast():
-    running = status_lines(RunStatus(90.0, 900.0, "running", 9.96, 19.8))
+    running = status_lines(
+        RunStatus(time=90.0, end=900.0, state="running", simulated=9.96, frames=19.8)
+    )
     assert "t = 90 s" in running and "of 15 min 00 s, running" in running
     assert "9.96 simulated s/s, 19.8 frames/s" in running
-    still = status_lines(RunStatus(0.0, 900.0, "paused", None, None, "a < b"))
+    still = status_lines(
+        RunStatus(
+            time=0.0,
+            end=900.0,
+            state="paused",
+            simulated=None,
+            frames=None,
+            note="a < b",
+        )
+    )
     assert "–" in still and "a &lt; b" in still

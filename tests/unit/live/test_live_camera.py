@@ -36,13 +36,13 @@ LAG = "{kind: bolometer_lag, time_constant: 4 s}"
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory):
-    made = tmp_path_factory.mktemp("detector") / "box.yaml"
-    made.write_text(SCENE)
-    return made
+    config_path = tmp_path_factory.mktemp("detector") / "box.yaml"
+    config_path.write_text(SCENE)
+    return config_path
 
 
-def config_with(path, *effects: str, **others: str):
-    texts = [f"{name.replace('__', '.')}={text}" for name, text in others.items()]
+def config_with(path, *effects: str, **settings: str):
+    texts = [f"{name.replace('__', '.')}={text}" for name, text in settings.items()]
     return load_config(path, (f"image.effects=[{', '.join(effects)}]", *texts))
 
 
@@ -52,17 +52,17 @@ def solution(path):
 
 
 @pytest.fixture
-def shown(solution, path, tmp_path):
+def run(solution, path, tmp_path):
     save_solution(tmp_path / "solution.npz", solution)
     stored = load_solution(tmp_path / "solution.npz")
     return Playback(stored, build(load_config(path).terms))
 
 
 @pytest.mark.parametrize("band", ["long-wave", "all", "[3 um, 5 um]"])
-def test_the_frame_is_that_of_render(shown, solution, path, band):
+def test_the_frame_is_that_of_render(run, solution, path, band):
     config = config_with(path, *EFFECTS, image__band=band)
-    detector = LiveCamera(config, shown.surfaces)
-    shown.seek(20.0)
+    detector = LiveCamera(config, run.surfaces)
+    run.seek(20.0)
     drawn = jt.render(
         solution,
         detector.camera,
@@ -71,29 +71,30 @@ def test_the_frame_is_that_of_render(shown, solution, path, band):
     )
     expected = np.asarray(drawn.apparent_temperature, float)
     expected[np.asarray(drawn.object_id) < 0] = math.nan
-    np.testing.assert_allclose(detector.frame(shown), expected, rtol=1e-6)
+    np.testing.assert_allclose(detector.frame(run), expected, rtol=1e-6)
 
 
-def test_a_detector_lags_while_time_goes_on_and_settles_at_a_standstill(shown, path):
-    lagging = LiveCamera(config_with(path, LAG), shown.surfaces)
-    at_once = LiveCamera(config_with(path), shown.surfaces)
-    cold = lagging.frame(shown)
-    np.testing.assert_array_equal(cold, at_once.frame(shown))
-    shown.seek(18.0)
-    warm, late = at_once.frame(shown), lagging.frame(shown)
+def test_a_detector_lags_while_time_goes_on_and_settles_at_a_standstill(run, path):
+    lagging = LiveCamera(config_with(path, LAG), run.surfaces)
+    at_once = LiveCamera(config_with(path), run.surfaces)
+    cold = lagging.frame(run)
+    np.testing.assert_array_equal(cold, at_once.frame(run))
+    run.seek(18.0)
+    warm = at_once.frame(run)
+    late = lagging.frame(run)
     risen = np.nanargmax(warm - cold)
     # A ramp is followed by what it gains in one time constant later.
-    part = 1 - (4 / 8) * (1 - math.exp(-8 / 4))
+    followed = 1 - (4 / 8) * (1 - math.exp(-8 / 4))
     gained = (late - cold).flat[risen] / (warm - cold).flat[risen]
-    assert gained == pytest.approx(part, abs=0.01)
-    np.testing.assert_array_equal(lagging.frame(shown), warm)
-    shown.seek(10.0)
-    np.testing.assert_array_equal(lagging.frame(shown), cold)
+    assert gained == pytest.approx(followed, abs=0.01)
+    np.testing.assert_array_equal(lagging.frame(run), warm)
+    run.seek(10.0)
+    np.testing.assert_array_equal(lagging.frame(run), cold)
 
 
-def test_a_large_frame_is_reduced_with_its_blur(shown, path):
+def test_a_large_frame_is_reduced_with_its_blur(run, path):
     blur = "{kind: blur, sigma: 2}"
     config = config_with(path, blur, camera__width="620", camera__height="400")
-    detector = LiveCamera(config, shown.surfaces)
+    detector = LiveCamera(config, run.surfaces)
     assert detector.camera.size == (310, 200)
     assert detector._effects.spread == pytest.approx(1.0)

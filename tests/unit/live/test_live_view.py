@@ -29,10 +29,10 @@ camera: {width: 64, height: 48}
 
 @pytest.fixture
 def server(monkeypatch):
-    with serving("127.0.0.1", 0) as made:
+    with serving("127.0.0.1", 0) as live_server:
         # As if a browser was there.
-        monkeypatch.setattr(made, "get_clients", lambda: {0: None})
-        yield made
+        monkeypatch.setattr(live_server, "get_clients", lambda: {0: None})
+        yield live_server
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def view(server, session, monkeypatch):
     # Few points: how they cover a surface is tested in `test_surface_points`.
     few = functools.partial(surface_points, count=3000)
     monkeypatch.setattr("jaxthermo.live.server.surface_points", few)
-    return LiveView(server, session, session.config, 10.0)
+    return LiveView(server, run=session, config=session.config, rate=10.0)
 
 
 def status(view) -> str:
@@ -127,9 +127,10 @@ def test_another_structure_is_announced_and_starts_again(view, session, monkeypa
 def test_probes_are_set_on_bodies_and_have_curves(view, session):
     view.ask("toggle", None)
     play(view, 0.0, 0.5)
-    centre, from_x = np.zeros(3), np.array([1.0, 0.0, 0.0])
-    beside = np.array([1.0, 0.5, 0.0])
-    for origin in (from_x, beside):
+    centre = np.zeros(3)
+    from_x = np.array([1.0, 0.0, 0.0])
+    missing = np.array([1.0, 0.5, 0.0])
+    for origin in (from_x, missing):
         view.ask("probe", (tuple(origin), tuple(centre - from_x)))
     play(view, 0.5, 1.5)
     assert len(view._probes) == 1
@@ -159,13 +160,13 @@ def test_colours_hold_the_range_unless_it_is_set(view, session):
 def test_without_a_browser_the_simulation_waits(view, session, monkeypatch):
     view.ask("toggle", None)
     play(view, 0.0, 0.5)
-    before = session.time
+    time_at_stop = session.time
     monkeypatch.setattr(view._server, "get_clients", dict)
     play(view, 0.5, 5.0)
-    assert session.time == before
+    assert session.time == time_at_stop
     monkeypatch.setattr(view._server, "get_clients", lambda: {0: None})
     play(view, 5.0, 5.5)
-    assert before < session.time < before + 6.0
+    assert time_at_stop < session.time < time_at_stop + 6.0
 
 
 def test_a_host_or_port_that_is_none_is_refused():
@@ -178,9 +179,9 @@ def test_a_host_or_port_that_is_none_is_refused():
 
 
 def test_a_port_that_is_taken_leads_to_the_next(server):
-    with serving("127.0.0.1", server.get_port()) as other:
-        assert other.get_port() != server.get_port()
+    with serving("127.0.0.1", server.get_port()) as second_server:
+        assert second_server.get_port() != server.get_port()
     with socket.create_server(("127.0.0.1", 0)) as free:
-        taken = free.getsockname()[1]
-        with serving("127.0.0.1", taken) as other:
-            assert other.get_port() != taken
+        port = free.getsockname()[1]
+        with serving("127.0.0.1", port) as second_server:
+            assert second_server.get_port() != port

@@ -39,9 +39,9 @@ def test_a_finished_run_is_linear_between_saved_times(playback, stored):
     assert playback.finished
     np.testing.assert_allclose(playback.temperature, rows[2], rtol=1e-7)
     received = playback.irradiance()
-    last = [each[-1] for each in stored.irradiance]
-    for one, other in zip(received, last, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-6)
+    last = [rows[-1] for rows in stored.irradiance]
+    for actual, expected in zip(received, last, strict=True):
+        np.testing.assert_allclose(actual, expected, rtol=1e-6)
     playback.reset()
     assert playback.time == 10.0
 
@@ -55,9 +55,9 @@ def test_curves_of_a_finished_run_are_its_saved_times(playback, stored):
 
 
 def test_a_run_with_one_saved_time_is_refused(stored):
-    one = stored._replace(times=stored.times[:1])
+    single = stored._replace(times=stored.times[:1])
     with pytest.raises(InputError, match="saved one time only"):
-        Playback(one, ())
+        Playback(single, ())
 
 
 def test_playing_follows_the_clock(playback):

@@ -39,9 +39,9 @@ jax.monitoring.register_event_duration_secs_listener(
 
 @pytest.fixture(scope="module")
 def path(tmp_path_factory):
-    made = tmp_path_factory.mktemp("live") / "box.yaml"
-    made.write_text(SCENE)
-    return made
+    config_path = tmp_path_factory.mktemp("live") / "box.yaml"
+    config_path.write_text(SCENE)
+    return config_path
 
 
 @pytest.fixture
@@ -73,17 +73,17 @@ def test_changed_values_equal_simulate_with_them(session, path):
     assert session.time == 0.0
     session.advance_to(30.0)
     texts = tuple(f"{name}={value}" for name, value in VALUES.items())
-    other = LiveSession(path, texts)
-    np.testing.assert_array_equal(session.temperature, simulated(other))
+    fresh_session = LiveSession(path, texts)
+    np.testing.assert_array_equal(session.temperature, simulated(fresh_session))
 
 
 def test_values_change_from_now_on(session, path):
     session.advance_to(10.0)
-    before = session.temperature
+    kelvin = session.temperature
     session.change({"terms.2.temperature": "200"})
     assert session.time == 10.0
     # The heat in the body is what it was; the balance at its surface is another one.
-    assert 0 < abs(session.temperature - before).max() < 1.0
+    assert 0 < abs(session.temperature - kelvin).max() < 1.0
     session.advance_to(30.0)
     assert session.temperature.mean() < simulated(LiveSession(path)).mean()
 
@@ -92,14 +92,16 @@ def test_values_and_rates_are_changed_without_tracing(session):
     session.advance_to(2.0)
     session.change({"terms.1.heat_transfer_coefficient": "11"})
     session.advance_to(2.5)
-    _, _ = session.temperature, session.irradiance()
+    _ = session.temperature
+    _ = session.irradiance()
     EVENTS.clear()
     for name, value in VALUES.items():
         change = session.prepare({name: value})
         assert not change.compiles and not change.restarts
         session.use(change)
         session.advance_to(session.time + 1.0)
-        _, _ = session.temperature, session.irradiance()
+        _ = session.temperature
+        _ = session.irradiance()
     session.set_rate(8.0)
     session.advance_to(session.time + 1.0)
     session.reset()
@@ -134,11 +136,11 @@ def test_a_mechanism_that_is_switched_off_compiles_and_goes_on(session):
 
 def test_a_mistake_leaves_the_session_as_it_was(session):
     session.advance_to(4.0)
-    before = session.temperature
+    kelvin = session.temperature
     with pytest.raises(InputError, match="irradiance"):
         session.change({"terms.0.irradiance": "-5"})
     assert session.time == 4.0
-    np.testing.assert_array_equal(session.temperature, before)
+    np.testing.assert_array_equal(session.temperature, kelvin)
     session.advance_to(5.0)
     with pytest.raises(InputError, match="rate nan"):
         session.set_rate(float("nan"))
@@ -152,13 +154,13 @@ def test_work_is_limited(session):
 def test_curves_have_all_since_the_start(session):
     weights = np.zeros((2, len(session.temperature)))
     weights[0, 3] = weights[1, 7] = 1
-    found = []
+    expected = []
     for k in range(61):
         session.advance_to(k * 0.5)
-        found.append(session.temperature[[3, 7]])
+        expected.append(session.temperature[[3, 7]])
     curves = session.curves(csr_array(weights))
     np.testing.assert_allclose(curves.times, np.arange(61) * 0.5)
-    np.testing.assert_array_equal(curves.kelvin.T, found)
+    np.testing.assert_array_equal(curves.kelvin.T, expected)
     session.reset()
     assert session.curves(csr_array(weights)).times.tolist() == [0.0]
 
@@ -202,7 +204,7 @@ camera: {width: 32, height: 24}
 """
     )
     session = LiveSession(path, rate=60.0)
-    before = [term.name for term in session.terms]
-    assert before == ["heat_flux", "sun", "diffuse_sky", "emission", "wind"]
+    names = [term.name for term in session.terms]
+    assert names == ["heat_flux", "sun", "diffuse_sky", "emission", "wind"]
     session.change({"terms.0.heat_flux": "5"})
-    assert [term.name for term in session.terms] == before
+    assert [term.name for term in session.terms] == names

@@ -14,11 +14,11 @@ from tests.bodies import blocks
 def surfaces():
     copper = jt.materials["copper"]
     grid = jt.voxelize(jt.shapes.sphere(0.02), pitch=0.002)
-    other = blocks(np.ones((4, 3, 2), bool), 0.01)
+    cuboid = blocks(np.ones((4, 3, 2), bool), 0.01)
     pose = jt.Pose((0.1, 0.0, 0.0))
     bodies = (
         jt.Body(jt.FullVolume(grid), copper, temperature=300.0),
-        jt.Body(jt.FullVolume(other), copper, temperature=300.0, pose=pose),
+        jt.Body(jt.FullVolume(cuboid), copper, temperature=300.0, pose=pose),
     )
     return jt.simulate(jt.Scene(bodies), 0.0).surfaces
 
@@ -40,18 +40,20 @@ def test_points_cover_the_surface(points, surfaces):
 
 def test_temperatures_are_those_of_the_fragments_around(points, surfaces):
     fragments = [s.geometry.fragment_position for s in surfaces]
-    assert points.weights.shape == (points.parts[1].stop, sum(map(len, fragments)))
+    assert points.weights.shape == (points.rows[1].stop, sum(map(len, fragments)))
     constant = points.temperature(np.full(points.weights.shape[1], 321.0, np.float32))
     np.testing.assert_allclose(constant, 321.0, rtol=1e-5)
     # Linear in height on the sphere, and another temperature of the other body.
     kelvin = np.concatenate(
         [300 + 1000 * fragments[0][:, 2], np.full(len(fragments[1]), 7.0)]
     )
-    found = points.temperature(kelvin)
-    own, other = (found[part] for part in points.parts)
-    np.testing.assert_allclose(own, 300 + 1000 * points.position[0][:, 2], atol=0.8)
-    np.testing.assert_allclose(other, 7.0, rtol=1e-5)
-    assert (points.body_of(0), points.body_of(len(found) - 1)) == (0, 1)
+    temperatures = points.temperature(kelvin)
+    on_sphere, on_cuboid = (temperatures[rows] for rows in points.rows)
+    np.testing.assert_allclose(
+        on_sphere, 300 + 1000 * points.position[0][:, 2], atol=0.8
+    )
+    np.testing.assert_allclose(on_cuboid, 7.0, rtol=1e-5)
+    assert (points.body_of(0), points.body_of(len(temperatures) - 1)) == (0, 1)
 
 
 def test_a_ray_picks_the_first_point(points):
@@ -59,17 +61,17 @@ def test_a_ray_picks_the_first_point(points):
     radius = points.diameter / 2
     hit = point_on_ray(world, np.array([1.0, 0, 0]), np.array([-2.0, 0, 0]), radius)
     assert world[hit] == pytest.approx([0.02, 0, 0], abs=points.diameter)
-    beside = point_on_ray(
+    missing = point_on_ray(
         world, np.array([1.0, 0, 0.1]), np.array([-1.0, 0, 0]), radius
     )
     away = point_on_ray(world, np.array([1.0, 0, 0]), np.array([1.0, 0, 0]), radius)
-    assert beside is None and away is None
+    assert missing is None and away is None
 
 
 def test_colours_are_those_of_the_palette():
-    found = colours(np.array([280.0, 290.0, 300.0, 400.0]), 280.0, 300.0, "iron")
+    srgb = colours(np.array([280.0, 290.0, 300.0, 400.0]), 280.0, 300.0, "iron")
     table = palette_table("iron")
-    assert found.tolist() == table[[0, 128, 255, 255]].tolist()
+    assert srgb.tolist() == table[[0, 128, 255, 255]].tolist()
 
 
 def test_a_scale_grows_with_what_is_seen():

@@ -31,8 +31,8 @@ def flat(radiance: np.ndarray, time: float = 0.0) -> Image:
 
 def seen(radiance: np.ndarray, *effects, time: float = 0.0) -> np.ndarray:
     chain = in_order(effects)
-    found = Detector(lambda k: flat(radiance, time), [time], chain).frame(0)
-    return np.asarray(found.radiance)
+    image = Detector(lambda k: flat(radiance, time), [time], chain).frame(0)
+    return np.asarray(image.radiance)
 
 
 def test_a_pixel_is_the_mean_of_its_samples():
@@ -46,9 +46,10 @@ def test_a_pixel_is_the_mean_of_its_samples():
 @pytest.mark.parametrize("samples", [1, 2, 3])
 def test_a_blurred_edge_is_the_error_function(samples):
     """Of the step response of a Gaussian, integrated over each pixel."""
-    columns, sigma = 40, 1.5
+    columns = 40
+    sigma = 1.5
     edge = np.repeat((np.arange(columns * samples) >= 20 * samples)[None] * 1.0, 6, 0)
-    found = integrate_pixels(np.repeat(edge, samples, 0), samples, sigma)[3]
+    blurred = integrate_pixels(np.repeat(edge, samples, 0), samples, sigma)[3]
 
     def integral(x: float) -> float:
         """Of the error function's ramp from the edge."""
@@ -58,7 +59,7 @@ def test_a_blurred_edge_is_the_error_function(samples):
 
     exact = [integral(k + 1 - 20) - integral(k - 20) for k in range(columns)]
     # A spot in samples is a sum: the finer, the closer.
-    np.testing.assert_allclose(found, exact, atol=0.02 / samples**2)
+    np.testing.assert_allclose(blurred, exact, atol=0.02 / samples**2)
 
 
 @pytest.mark.parametrize("samples", [1, 2])
@@ -66,10 +67,10 @@ def test_blur_keeps_energy_constants_and_is_the_same_in_jax(samples):
     values = np.random.default_rng(1).random((24 * samples, 30 * samples))
     values[: 9 * samples] = values[-9 * samples :] = 0
     values[:, : 9 * samples] = values[:, -9 * samples :] = 0
-    found = integrate_pixels(values, samples, 1.2)
-    assert found.sum() * samples**2 == pytest.approx(values.sum(), rel=1e-4)
+    blurred = integrate_pixels(values, samples, 1.2)
+    assert blurred.sum() * samples**2 == pytest.approx(values.sum(), rel=1e-4)
     traced = integrate_pixels(jnp.asarray(values), samples, 1.2)
-    np.testing.assert_allclose(np.asarray(traced), found, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(np.asarray(traced), blurred, rtol=1e-12, atol=1e-14)
     constant = integrate_pixels(np.full((10 * samples, 8 * samples), 3.0), samples, 2.0)
     np.testing.assert_allclose(constant, 3.0, rtol=1e-14)
 
@@ -95,10 +96,13 @@ def test_noise_has_its_netd_over_many_frames():
     assert kelvin.std(axis=(1, 2)).mean() == pytest.approx(0.0904, rel=0.03)
     assert kelvin.mean() == pytest.approx(250.0, abs=0.001)
     # Independent from frame to frame, and from pixel to pixel.
-    one, other = kelvin[:-1] - 250.0, kelvin[1:] - 250.0
-    assert abs((one * other).mean()) < 0.01 * 0.09**2
-    beside = ((kelvin[:, :, 1:] - 250.0) * (kelvin[:, :, :-1] - 250.0)).mean()
-    assert abs(beside) < 0.01 * 0.09**2
+    earlier = kelvin[:-1] - 250.0
+    later = kelvin[1:] - 250.0
+    assert abs((earlier * later).mean()) < 0.01 * 0.09**2
+    neighbour_product = (
+        (kelvin[:, :, 1:] - 250.0) * (kelvin[:, :, :-1] - 250.0)
+    ).mean()
+    assert abs(neighbour_product) < 0.01 * 0.09**2
 
 
 def test_noise_is_that_of_its_seed_and_time():
@@ -113,9 +117,9 @@ def test_noise_is_that_of_its_seed_and_time():
 def test_fixed_pattern_is_the_same_in_all_frames():
     radiance = np.full((200, 300), float(LONG_WAVE.radiance(300.0)))
     pattern = jt.FixedPatternNoise(netd=0.02, columns=0.05, seed=1)
-    one, other = (seen(radiance, pattern, time=t) for t in (0.0, 5.0))
-    np.testing.assert_array_equal(one, other)
-    kelvin = np.asarray(LONG_WAVE.temperature(one)) - 300.0
+    first, second = (seen(radiance, pattern, time=t) for t in (0.0, 5.0))
+    np.testing.assert_array_equal(first, second)
+    kelvin = np.asarray(LONG_WAVE.temperature(first)) - 300.0
     columns = kelvin.mean(axis=0)
     assert columns.std() == pytest.approx(0.05, rel=0.1)
     assert (kelvin - columns).std() == pytest.approx(0.02, rel=0.03)
@@ -125,30 +129,31 @@ def test_fixed_pattern_is_the_same_in_all_frames():
 def test_counts_are_steps_of_radiance_within_the_range(bits):
     kelvin = np.linspace(270.0, 330.0, 400).reshape(20, 20)
     radiance = np.asarray(LONG_WAVE.radiance(kelvin))
-    found = seen(radiance, jt.Counts(280.0, 320.0, bits=bits))
+    read = seen(radiance, jt.Counts(280.0, 320.0, bits=bits))
     low, high = (float(LONG_WAVE.radiance(k)) for k in (280.0, 320.0))
     step = (high - low) / (2**bits - 1)
-    counts = (found - low) / step
+    counts = (read - low) / step
     np.testing.assert_allclose(counts, np.round(counts), atol=1e-3)
     assert counts.min() == pytest.approx(0) and counts.max() == pytest.approx(
         2**bits - 1
     )
     inside = (radiance > low) & (radiance < high)
     # The look-up table of a band on the host is not exact.
-    assert np.abs(found - radiance)[inside].max() < step / 2 * 1.001
+    assert np.abs(read - radiance)[inside].max() < step / 2 * 1.001
 
 
 def test_a_bolometer_follows_a_ramp_with_its_time_constant():
-    tau, slope = 0.3, 2.0
+    tau = 0.3
+    slope = 2.0
     times = np.array([0.0, 0.1, 0.25, 0.6, 1.5])
     frames = [flat(np.full((2, 2), 50.0 + slope * t), t) for t in times]
     lag = in_order((jt.BolometerLag(tau),))
     for k, time in enumerate(times):
-        found = Detector(frames.__getitem__, times, lag).frame(k)
+        image = Detector(frames.__getitem__, times, lag).frame(k)
         # y = L - slope tau (1 - exp(-t / tau)) from y = L at the start.
         behind = slope * tau * (1 - math.exp(-time / tau))
         expected = 50.0 + slope * time - behind
-        np.testing.assert_allclose(np.asarray(found.radiance), expected, rtol=1e-12)
+        np.testing.assert_allclose(np.asarray(image.radiance), expected, rtol=1e-12)
 
 
 def test_a_bolometer_forgets_what_was_long_ago():
@@ -160,9 +165,9 @@ def test_a_bolometer_forgets_what_was_long_ago():
         return flat(np.full((2, 2), 50.0 + k), times[k])
 
     lag = in_order((jt.BolometerLag(0.01),))
-    found = Detector(reaching, times, lag).frame(99)
+    image = Detector(reaching, times, lag).frame(99)
     assert min(drawn) == 98
-    np.testing.assert_allclose(np.asarray(found.radiance), 149.0 - 0.01, rtol=1e-12)
+    np.testing.assert_allclose(np.asarray(image.radiance), 149.0 - 0.01, rtol=1e-12)
 
 
 def test_noise_on_a_sky_without_radiance_has_a_temperature_still():
@@ -183,9 +188,9 @@ def test_frames_in_order_are_drawn_once_and_as_if_alone():
     detector = Detector(reaching, times, lag)
     in_turn = [np.asarray(detector.frame(k).radiance) for k in (0, 2, 3, 4)]
     assert drawn == [0, 2, 1, 3, 4]
-    for k, found in zip((0, 2, 3, 4), in_turn, strict=True):
+    for k, radiance in zip((0, 2, 3, 4), in_turn, strict=True):
         alone = Detector(reaching, times, lag).frame(k).radiance
-        np.testing.assert_allclose(found, np.asarray(alone), rtol=1e-12)
+        np.testing.assert_allclose(radiance, np.asarray(alone), rtol=1e-12)
     # Back in time nothing later is remembered.
     again = np.asarray(detector.frame(2).radiance)
     np.testing.assert_array_equal(again, in_turn[1])

@@ -12,7 +12,7 @@ import jaxthermo as jt
 from jaxthermo.image.band import LONG_WAVE, Band
 from jaxthermo.image.draw import draw
 from jaxthermo.image.effects.atmosphere import transmissivity
-from jaxthermo.image.effects.effect import AbstractEffect, in_order
+from jaxthermo.image.effects.effect import _AbstractEffect, in_order
 from jaxthermo.image.effects.surface import _above_horizon
 from jaxthermo.image.response import BANDS
 from jaxthermo.image.view import compute_view
@@ -23,7 +23,7 @@ CAMERA = jt.Camera(
     (0.5, -0.3, 0.2), (0.0, 0.0, 0.0), field_of_view=0.2, width=24, height=20
 )
 # Before noise and counts.
-SMOOTH: tuple[AbstractEffect, ...] = (
+SMOOTH: tuple[_AbstractEffect, ...] = (
     jt.AngularEmissivity(),
     jt.SpecularReflection(0.6, 30.0),
     jt.Atmosphere(300.0),
@@ -67,19 +67,19 @@ def sunlit() -> jt.Solution:
 @pytest.mark.parametrize("count", range(1, len(SMOOTH) + 1))
 def test_isothermal_bodies_show_their_temperature(isothermal, band, emissivity, count):
     solution = isothermal[emissivity]
-    shown = jt.render(solution, CAMERA, band=band, samples=2, effects=SMOOTH[:count])
-    seen = np.asarray(shown.apparent_temperature)
+    image = jt.render(solution, CAMERA, band=band, samples=2, effects=SMOOTH[:count])
+    seen = np.asarray(image.apparent_temperature)
     np.testing.assert_allclose(seen, 300.0, atol=1e-3)
 
 
 def test_reflection_in_all_directions_is_the_limit_of_the_directional_one(sunlit):
     none = jt.SpecularReflection(0.0)
     for band in (None, LONG_WAVE):
-        plain, other = (
+        plain, directional = (
             jt.render(sunlit, CAMERA, band=band, effects=effects)
             for effects in ((), (none,))
         )
-        np.testing.assert_allclose(other.radiance, plain.radiance, rtol=1e-12)
+        np.testing.assert_allclose(directional.radiance, plain.radiance, rtol=1e-12)
 
 
 def test_apparent_temperature_at_the_normal_and_by_the_angle():
@@ -119,11 +119,12 @@ def test_a_glossy_ball_has_its_highlight_where_a_mirror_has(sunlit):
 
 def test_a_glossy_surface_reflects_as_much_as_a_matt_one():
     """Over all directions the lobe has the power of the diffuse part."""
-    exponent, turns = 40.0, 400
-    lobe = lambda angle: (exponent + 2) / (2 * math.pi) * np.cos(angle) ** exponent
+    exponent = 40.0
+    turns = 400
     angle = (np.arange(turns) + 0.5) * (math.pi / 2 / turns)
     # Rays along the normal: the mirror direction is the normal.
-    power = lobe(angle) * np.cos(angle) * np.sin(angle) * 2 * math.pi
+    lobe = (exponent + 2) / (2 * math.pi) * np.cos(angle) ** exponent
+    power = lobe * np.cos(angle) * np.sin(angle) * 2 * math.pi
     assert power.sum() * math.pi / 2 / turns == pytest.approx(1.0, rel=1e-4)
 
 
@@ -136,22 +137,23 @@ def test_part_of_a_lobe_above_the_horizon(exponent):
     sine = np.sqrt(1 - cosine**2)
     for elevation in (-1.2, -0.1, 0.0, 0.03, 0.6, math.pi / 2):
         up = math.sin(elevation) * cosine + math.cos(elevation) * sine * np.cos(turn)
-        found = float(_above_horizon(np.array([elevation]), exponent)[0])
-        assert found == pytest.approx((up > 0).mean(), abs=4e-3)
+        fraction = float(_above_horizon(np.array([elevation]), exponent)[0])
+        assert fraction == pytest.approx((up > 0).mean(), abs=4e-3)
 
 
 def test_daylight_from_everywhere_has_no_highlight():
-    """Beside a sun, of which the lobe is as without daylight."""
-    sun, day = jt.Sun((-1.0, 0.8, -0.6), 900.0), jt.DiffuseSky(120.0, 30.0)
+    """The lobe of a sun is the same with and without daylight."""
+    sun = jt.Sun((-1.0, 0.8, -0.6), 900.0)
+    day = jt.DiffuseSky(120.0, 30.0)
     glossy = (jt.SpecularReflection(0.7, 50.0),)
 
     def added(*terms: Any) -> np.ndarray:
         solution = at_start(jt.Surroundings(280.0), *terms)
-        shown = [
+        radiances = [
             jt.render(solution, CAMERA, band=None, effects=effects).radiance
             for effects in (glossy, ())
         ]
-        return np.asarray(shown[0]) - np.asarray(shown[1])
+        return np.asarray(radiances[0]) - np.asarray(radiances[1])
 
     np.testing.assert_allclose(added(day), 0.0, atol=1e-12)
     np.testing.assert_allclose(added(day, sun), added(sun), atol=1e-12)
@@ -172,9 +174,9 @@ def test_a_polished_ball_mirrors_the_sky_above_and_the_ground_below():
 
 def test_transmissivity_is_the_listed_one():
     distance = np.array([1.0, 10.0, 50.0, 100.0, 500.0])
-    found = transmissivity(distance, 293.15, 0.5, np)
+    passed = transmissivity(distance, temperature=293.15, relative_humidity=0.5, xp=np)
     listed = [0.993943, 0.980699, 0.956235, 0.937455, 0.853766]
-    np.testing.assert_allclose(found, listed, atol=6e-7)
+    np.testing.assert_allclose(passed, listed, atol=6e-7)
 
 
 def test_air_at_a_distance_hides_a_surface():
@@ -193,8 +195,11 @@ def test_air_at_a_distance_hides_a_surface():
     small = dataclasses.replace(far, width=24, height=20)
     image = jt.render(solution, small, effects=(jt.Atmosphere(293.15),))
     centre = float(np.asarray(image.radiance)[10, 12])
-    passed = transmissivity(50.0 - 0.02, 293.15, 0.5, np)
-    hot, air = float(LONG_WAVE.radiance(350.0)), float(LONG_WAVE.radiance(293.15))
+    passed = transmissivity(
+        50.0 - 0.02, temperature=293.15, relative_humidity=0.5, xp=np
+    )
+    hot = float(LONG_WAVE.radiance(350.0))
+    air = float(LONG_WAVE.radiance(293.15))
     assert centre == pytest.approx(passed * hot + (1 - passed) * air, rel=1e-5)
 
 
@@ -216,25 +221,34 @@ def test_derivatives_through_surface_and_air_are_those_of_differences(sunlit):
 
     at = np.array([285.0, 0.6, 0.4, 305.0])
     # Values with a derivative too, since images without are of tables.
-    both = jax.jit(jax.value_and_grad(centre))
-    found = both(at)[1]
+    value_and_gradient = jax.jit(jax.value_and_grad(centre))
+    gradient = value_and_gradient(at)[1]
     for k, step in enumerate((1e-2, 1e-4, 1e-4, 1e-2)):
         by = step * np.eye(4)[k]
-        moved = [float(both(at + sign * by)[0]) for sign in (1, -1)]
+        moved = [float(value_and_gradient(at + sign * by)[0]) for sign in (1, -1)]
         slope = (moved[0] - moved[1]) / (2 * step)
-        assert float(found[k]) == pytest.approx(slope, rel=1e-6)
+        assert float(gradient[k]) == pytest.approx(slope, rel=1e-6)
 
 
 def test_what_is_not_asked_for_is_not_in_the_program(sunlit):
-    surfaces, terms = sunlit.surfaces, sunlit.terms
-    view, received = compute_view(surfaces, terms, CAMERA), sunlit.irradiance(0)
+    surfaces = sunlit.surfaces
+    terms = sunlit.terms
+    view = compute_view(surfaces, terms, CAMERA)
+    received = sunlit.irradiance(0)
 
     def operations(*effects: Any) -> int:
-        shown = lambda kelvin: draw(
-            view, surfaces, terms, kelvin, received, sunlit.times[0],
-            effects=in_order(effects),
-        ).radiance  # fmt: skip
-        return len(jax.make_jaxpr(shown)(sunlit.surface_temperature[0]).jaxpr.eqns)
+        def radiance(kelvin: Any) -> Any:
+            return draw(
+                view,
+                surfaces=surfaces,
+                terms=terms,
+                temperature=kelvin,
+                received=received,
+                time=sunlit.times[0],
+                effects=in_order(effects),
+            ).radiance
+
+        return len(jax.make_jaxpr(radiance)(sunlit.surface_temperature[0]).jaxpr.eqns)
 
     plain = operations()
     # Those of the detector follow later, on the host.
@@ -245,13 +259,13 @@ def test_what_is_not_asked_for_is_not_in_the_program(sunlit):
 
 
 def test_effects_are_sorted_and_each_is_given_once():
-    found = in_order(SMOOTH[::-1] + (jt.Counts(280.0, 320.0), jt.DetectorNoise()))
-    assert [type(e).__name__ for e in found.surface] == [
+    effects = in_order(SMOOTH[::-1] + (jt.Counts(280.0, 320.0), jt.DetectorNoise()))
+    assert [type(e).__name__ for e in effects.surface] == [
         "AngularEmissivity",
         "SpecularReflection",
     ]
-    assert [type(e).__name__ for e in found.detector] == ["DetectorNoise", "Counts"]
-    assert found.spread == pytest.approx(math.hypot(0.7, 0.35))
+    assert [type(e).__name__ for e in effects.detector] == ["DetectorNoise", "Counts"]
+    assert effects.spread == pytest.approx(math.hypot(0.7, 0.35))
     with pytest.raises(jt.InputError, match="Blur twice"):
         in_order((jt.Blur(1.0), jt.Blur(2.0)))
     with pytest.raises(jt.InputError, match="effects"):
@@ -286,10 +300,10 @@ def test_frames_of_all_times_are_those_that_are_drawn_alone():
     scene = jt.Scene((ball(),), (jt.Surroundings(400.0),), dtype="float64")
     solution = jt.simulate(scene, 3.0, save_at=[1.0, 2.0, 3.0])
     effects = (jt.BolometerLag(0.8), jt.Blur(0.5), jt.DetectorNoise())
-    shown = list(jt.frames(solution, CAMERA, effects=effects))
-    assert [float(each.time) for each in shown] == [1.0, 2.0, 3.0]
-    for k, each in enumerate(shown):
+    images = list(jt.frames(solution, CAMERA, effects=effects))
+    assert [float(image.time) for image in images] == [1.0, 2.0, 3.0]
+    for k, image in enumerate(images):
         alone = jt.render(solution, CAMERA, k, effects=effects)
-        np.testing.assert_allclose(each.radiance, alone.radiance, rtol=1e-12)
+        np.testing.assert_allclose(image.radiance, alone.radiance, rtol=1e-12)
     with pytest.raises(jt.InputError, match="effects"):
         jt.frames(solution, CAMERA, effects=(0.5,))

@@ -39,8 +39,8 @@ def test_boxes_are_as_small_as_possible():
 @pytest.mark.parametrize("seed", range(4))
 def test_run_lengths_are_decoded_to_the_mask(seed):
     mask = np.random.default_rng(seed).random((5, 7)) < 0.5
-    for each in (mask, ~mask, np.ones((2, 3), bool), np.zeros((2, 3), bool)):
-        np.testing.assert_array_equal(decoded(run_lengths(each)), each)
+    for pixels in (mask, ~mask, np.ones((2, 3), bool), np.zeros((2, 3), bool)):
+        np.testing.assert_array_equal(decoded(run_lengths(pixels)), pixels)
 
 
 CAMERAS = {
@@ -51,20 +51,21 @@ CAMERAS = {
 }
 
 
-@pytest.mark.parametrize("kind", CAMERAS)
-def test_matrices_project_points_to_their_pixels(kind):
-    camera, mesh = CAMERAS[kind], jt.shapes.box((0.06, 0.08, 0.05))
+@pytest.mark.parametrize("name", CAMERAS)
+def test_matrices_project_points_to_their_pixels(name):
+    camera = CAMERAS[name]
+    mesh = jt.shapes.box((0.06, 0.08, 0.05))
     seen = visible_points(((mesh.vertices, mesh.faces),), camera)
-    given = camera_matrices(camera)
-    extrinsic = np.array(given["world_to_camera"])
+    matrices = camera_matrices(camera)
+    extrinsic = np.array(matrices["world_to_camera"])
     local = seen.position @ extrinsic[:, :3].T + extrinsic[:, 3]
     np.testing.assert_allclose(local[:, 2], seen.depth, atol=1e-12)
-    if kind == "pinhole":
-        projected = local @ np.array(given["K"]).T
+    if name == "pinhole":
+        projected = local @ np.array(matrices["K"]).T
         column, row = (projected[:, :2] / projected[:, 2:]).T
     else:
-        scaled = local[:, :2] * given["pixels_per_metre"]
-        column, row = (scaled + given["centre_pixel"]).T
+        scaled = local[:, :2] * matrices["pixels_per_metre"]
+        column, row = (scaled + matrices["centre_pixel"]).T
     np.testing.assert_allclose(column, seen.pixel % 41, atol=1e-9)
     np.testing.assert_allclose(row, seen.pixel // 41, atol=1e-9)
 

@@ -42,7 +42,8 @@ def seen(solution, point, normal):
 
 def test_vertices_have_the_temperatures_of_the_image(uneven):
     geometry = uneven.surfaces[0].geometry
-    mesh, pose = vertex_mesh(geometry), geometry.placed
+    mesh = vertex_mesh(geometry)
+    pose = geometry.placed
     kelvin = mesh.values(np.asarray(uneven.surface_temperature[-1]))
     corners = mesh.vertices[mesh.faces]
     length = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=-1)
@@ -51,9 +52,9 @@ def test_vertices_have_the_temperatures_of_the_image(uneven):
     assert np.ptp(kelvin) > 20
     # Vertices inside of smooth surfaces: a ray at a crease may hit either side.
     inside = np.abs(mesh.vertices) < np.abs(mesh.vertices).max(0) - 1e-6
-    chosen = np.flatnonzero(inside.sum(axis=1) >= 2)[::211]
-    assert len(chosen) >= 4
-    for vertex in chosen:
+    smooth_vertices = np.flatnonzero(inside.sum(axis=1) >= 2)[::211]
+    assert len(smooth_vertices) >= 4
+    for vertex in smooth_vertices:
         point = pose.to_world(mesh.vertices[vertex])
         normal = pose.rotate(mesh.normals[vertex])
         assert seen(uneven, point, normal) == pytest.approx(kelvin[vertex], abs=2e-4)
@@ -72,10 +73,14 @@ def test_sides_of_a_crease_have_vertices_of_their_own():
 def sampled(image, uv):
     """Texture at coordinates, linear between the centres of texels."""
     height, width = image.shape
-    x, y = uv[:, 0] * width - 0.5, (1 - uv[:, 1]) * height - 0.5
-    left, top = np.floor(x).astype(int), np.floor(y).astype(int)
-    right, low = np.minimum(left + 1, width - 1), np.minimum(top + 1, height - 1)
-    a, b = x - left, y - top
+    x = uv[:, 0] * width - 0.5
+    y = (1 - uv[:, 1]) * height - 0.5
+    left = np.floor(x).astype(int)
+    top = np.floor(y).astype(int)
+    right = np.minimum(left + 1, width - 1)
+    low = np.minimum(top + 1, height - 1)
+    a = x - left
+    b = y - top
     upper = (1 - a) * image[top, left] + a * image[top, right]
     return (1 - b) * upper + b * ((1 - a) * image[low, left] + a * image[low, right])
 
@@ -91,23 +96,29 @@ def test_a_texture_has_the_temperatures_of_the_image(uneven):
     generator = np.random.default_rng(0)
     face = generator.integers(len(atlas.faces), size=12)
     share = generator.dirichlet([1, 1, 1], size=12)
-    mixed = lambda corners: np.einsum("pc,pci->pi", share, corners)
+
+    def mixed(corners: np.ndarray) -> np.ndarray:
+        return np.einsum("pc,pci->pi", share, corners)
+
     points = geometry.placed.to_world(mixed(atlas.vertices[atlas.faces[face]]))
     triangles = geometry.placed.to_world(atlas.vertices)[atlas.faces[face]]
     flat = np.cross(
         triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     )
     flat /= np.linalg.norm(flat, axis=1, keepdims=True)
-    found = sampled(image, mixed(atlas.uv[face]))
-    shown = [seen(uneven, *each) for each in zip(points, flat, strict=True)]
+    texture_kelvin = sampled(image, mixed(atlas.uv[face]))
+    image_kelvin = [
+        seen(uneven, point, normal) for point, normal in zip(points, flat, strict=True)
+    ]
     # Linear between texels of one voxel, of a mean over two.
-    np.testing.assert_allclose(found, shown, atol=0.15)
-    assert np.abs(found - shown).mean() < 0.04
+    np.testing.assert_allclose(texture_kelvin, image_kelvin, atol=0.15)
+    assert np.abs(texture_kelvin - image_kelvin).mean() < 0.04
 
 
 def test_corners_of_triangles_are_at_texels(uneven):
     geometry = uneven.surfaces[0].geometry
-    atlas, mesh = build_atlas(geometry), vertex_mesh(geometry, longest_edge=1.0)
+    atlas = build_atlas(geometry)
+    mesh = vertex_mesh(geometry, longest_edge=1.0)
     fragments = np.asarray(uneven.surface_temperature[-1])
     corners = sampled(atlas.texture(fragments), atlas.uv.reshape(-1, 2))
     np.testing.assert_allclose(

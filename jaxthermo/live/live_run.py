@@ -1,4 +1,4 @@
-"""The interface of what a live view shows: a simulation, or a finished run."""
+"""Interface of a run that a live view shows: a simulation, or a finished run."""
 
 import abc
 from typing import NamedTuple
@@ -13,14 +13,14 @@ from ..scene.scene import SolvedSurface
 
 
 class Curves(NamedTuple):
-    """Temperatures of points of the surface over time, as far as they are known."""
+    """Temperatures of points of the surface over the times that are stored."""
 
     times: Float[np.ndarray, " t"]
     """[s]"""
     kelvin: Float[np.ndarray, "p t"]
 
 
-class AbstractShown(abc.ABC):
+class AbstractLiveRun(abc.ABC):
     """Bodies whose surface temperatures change with a time that can be moved."""
 
     @property
@@ -64,9 +64,9 @@ class AbstractShown(abc.ABC):
 
     @abc.abstractmethod
     def advance_to(self, time: float, budget: float) -> None:
-        """Move on to a later time [s], or as far as `budget` seconds of work allow.
+        """Move on to a later time [s], at most for `budget` seconds of work.
 
-        The time that is reached may be up to one step before.
+        The time that it reaches may be up to one step earlier.
         """
 
     @abc.abstractmethod
