@@ -1,7 +1,7 @@
 """Stencil of a body whose surface cuts voxels: uniform, and corrected there.
 
-Only the nodes S at the surface have capacities and conductances of their own. With the
-uniform stencil's rate q_i and capacity C of whole voxels,
+Only the nodes S at the surface differ in capacity and conductance from whole voxels.
+With the uniform stencil's rate q_i and capacity C of whole voxels,
 
     C_i dT_i/dt = q_i + sum_j (G_ij - G) (T_j - T_i),    i and j in S,
 
@@ -16,7 +16,7 @@ from functools import partial
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Shaped
+from jaxtyping import Array, Float, Int, Shaped
 from typing_extensions import override
 
 from ..arrays import added, taken
@@ -35,26 +35,26 @@ _MAX_CELLS = 2**31 - 1
 
 
 class CutStencil(AbstractDerivedNetwork):
-    """Voxels of which some are cut."""
+    """Stencil of whole voxels, with corrections for the voxels the surface cuts."""
 
     base: AbstractNetwork
     """Stencil of whole voxels."""
     address: Address
     """Position of the surface nodes in the state, in its order."""
     links: RowNetwork
-    """Links of the surface nodes to each other, less whole ones [W/K], with the
-    capacities of these nodes [J/K]."""
-    own: int | None = eqx.field(static=True, default=None)
-    """Number of the body's own nodes where it is a section of one; those after them are
-    of the sections beside it, in the rim of the state. None where all are its own.
-    Where there are fewer, empty cells of infinite capacity fill up their number."""
+    """Differences G_ij - G between surface nodes [W/K], with the capacities of these
+    nodes [J/K]."""
+    inner_count: int | None = eqx.field(static=True, default=None)
+    """Number of surface nodes inside a section of a body; the nodes after them lie in
+    the neighbouring sections, in the rim of the state. None for an undivided body.
+    Sections with fewer nodes are filled up with empty cells of infinite capacity."""
 
-    def _of_own(self, values: Shaped[Array, " m"]) -> Shaped[Array, " n"]:
-        return values if self.own is None else values[: self.own]
+    def _inner(self, values: Shaped[Array, " m"]) -> Shaped[Array, " n"]:
+        return values if self.inner_count is None else values[: self.inner_count]
 
     @property
-    def _own_address(self) -> Address:
-        return tuple(map(self._of_own, self.address))
+    def _inner_address(self) -> Address:
+        return tuple(map(self._inner, self.address))
 
     def _surface(self, values: Float[Array, "..."]) -> Float[Array, " m"]:
         return taken(values, self.address)
@@ -62,40 +62,47 @@ class CutStencil(AbstractDerivedNetwork):
     def section_surface(
         self, state: Float[Array, "x y z"], beyond: Float[Array, "2 y z"]
     ) -> Float[Array, " m"]:
-        """Temperatures of the nodes of a section and beside it, which are in `beyond`.
+        """Temperatures of the nodes of a section, then of those in `beyond`.
 
-        These are the planes before and behind the section.
+        `beyond` holds the planes before and behind the section.
         """
-        assert self.own is not None
-        x, y, z = (index[self.own :] for index in self.address)
-        beside = jnp.minimum(x, 1), y, z
-        others = taken(beyond, beside)
-        own = taken(state, self._own_address)
-        return jnp.concatenate([own, others])
+        assert self.inner_count is not None
+        x, y, z = (index[self.inner_count :] for index in self.address)
+        plane = jnp.minimum(x, 1)
+        outer_temperature = taken(beyond, (plane, y, z))
+        inner_temperature = taken(state, self._inner_address)
+        return jnp.concatenate([inner_temperature, outer_temperature])
 
     def corrected_rate(
         self, rate: Float[Array, "..."], surface: Float[Array, " m"]
     ) -> Float[Array, "..."]:
-        """Conduction [W], from that of whole voxels and the nodes' temperatures."""
+        """Conduction [W], from that of whole voxels and the surface temperatures."""
         return self._add(rate, self.links.heat_rate(surface))
 
     def corrected_step(
         self,
         stepped: Float[Array, "..."],
-        before: Float[Array, " m"],
+        old_surface: Float[Array, " m"],
         dt: Float[Array, ""],
     ) -> Float[Array, "..."]:
-        """The state after a step, from that of whole voxels and the nodes before."""
-        after = self._surface(stepped)
-        more = dt / self.links.node_capacity * self.links.heat_rate(before)
-        whole = self.base.capacity_at(self.address)
-        ratio = whole / self.links.node_capacity
-        return self._add(stepped, more + (ratio - 1) * (after - before))
+        """State after a step: that of whole voxels, corrected at the surface.
 
-    def _add(self, values: Float[Array, "..."], more: Float[Array, " m"]):
-        address, is_unique = self._own_address, self.own is None
-        own = self._of_own(more)
-        return added(values, address, own, is_sorted=True, is_unique=is_unique)
+        `old_surface` is the surface temperature before the step.
+        """
+        uniform_change = self._surface(stepped) - old_surface
+        node_capacity = self.links.node_capacity
+        ratio = self.base.capacity_at(self.address) / node_capacity
+        link_change = dt / node_capacity * self.links.heat_rate(old_surface)
+        return self._add(stepped, link_change + (ratio - 1) * uniform_change)
+
+    def _add(self, values: Float[Array, "..."], surface_values: Float[Array, " m"]):
+        return added(
+            values,
+            self._inner_address,
+            self._inner(surface_values),
+            is_sorted=True,
+            is_unique=self.inner_count is None,
+        )
 
     @override
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -111,7 +118,7 @@ class CutStencil(AbstractDerivedNetwork):
         self, state: Float[Array, "..."], dt: Float[Array, ""]
     ) -> Float[Array, "..."]:
         stepped = self.base.euler_step(state, dt)
-        return self.corrected_step(stepped, self._surface(state), dt)
+        return self.corrected_step(stepped, old_surface=self._surface(state), dt=dt)
 
     @override
     def diagonal(self) -> Float[Array, "..."]:
@@ -119,19 +126,20 @@ class CutStencil(AbstractDerivedNetwork):
 
     @override
     def capacity(self) -> Float[Array, "..."]:
-        # Without a node there is none: nothing conducts there.
-        whole = jnp.where(self.base.diagonal() > 0, self.base.capacity(), 0)
-        own = self._of_own(self.links.node_capacity)
-        return whole.at[self._own_address].set(jnp.where(jnp.isfinite(own), own, 0))
+        # Cells that conduct nothing hold no node, and so have no capacity.
+        capacity = jnp.where(self.base.diagonal() > 0, self.base.capacity(), 0)
+        surface = self._inner(self.links.node_capacity)
+        surface = jnp.where(jnp.isfinite(surface), surface, 0)
+        return capacity.at[self._inner_address].set(surface)
 
     @override
     def max_rate(self) -> Float[Array, ""]:
-        # Without an array of all capacities, which are those of whole voxels elsewhere.
+        # Inside, capacities are those of whole voxels: no array of all is needed.
         rate = self.base.diagonal() * inverse(self.base.capacity())
-        others = rate.at[self.address].set(0)
-        own = self._surface(self.base.diagonal()) + self.links.diagonal()
-        capacity = self.links.node_capacity
-        return jnp.maximum(others.max(), (own * inverse(capacity)).max())
+        interior_rate = rate.at[self.address].set(0)
+        diagonal = self._surface(self.base.diagonal()) + self.links.diagonal()
+        surface_rate = diagonal * inverse(self.links.node_capacity)
+        return jnp.maximum(interior_rate.max(), surface_rate.max())
 
     @override
     def capacity_at(self, address: Address) -> Float[Array, "*m"]:
@@ -142,9 +150,9 @@ class CutStencil(AbstractDerivedNetwork):
 
     def excess_capacity(self) -> Float[Array, " m"]:
         """Capacities of the surface nodes less those of whole voxels [J/K]."""
-        own = self.links.node_capacity
-        excess = own - self.base.capacity_at(self.address)
-        return jnp.where(jnp.isfinite(own), excess, 0)
+        node_capacity = self.links.node_capacity
+        excess = node_capacity - self.base.capacity_at(self.address)
+        return jnp.where(jnp.isfinite(node_capacity), excess, 0)
 
     @override
     def total_capacity(self) -> Float[Array, ""]:
@@ -152,9 +160,9 @@ class CutStencil(AbstractDerivedNetwork):
 
     @override
     def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
-        # Without an array of all capacities, which takes as long to read as the state.
-        more = self.excess_capacity() * self._surface(state)
-        return self.base.stored(state) + precise_sum(more)
+        # An array of all capacities would take as long to read as the state.
+        surface_excess = self.excess_capacity() * self._surface(state)
+        return self.base.stored(state) + precise_sum(surface_excess)
 
 
 @partial(jax.jit, static_argnames="shape", inline=True)
@@ -163,8 +171,14 @@ def _capacity_at(
 ) -> Float[Array, " m"]:
     """Capacities of some nodes [J/K], searched among those of the surface."""
     # An array of the whole lattice would be as large as a state.
-    place = lambda at: (at[0] * shape[1] + at[1]) * shape[2] + at[2]
-    own, wanted = place(network._own_address), place(address)
-    index = jnp.searchsorted(own, wanted).clip(max=len(own) - 1)
-    whole = network.base.capacity_at(address)
-    return jnp.where(own[index] == wanted, network.links.node_capacity[index], whole)
+    surface_cell = _flat_index(network._inner_address, shape)
+    cell = _flat_index(address, shape)
+    index = jnp.searchsorted(surface_cell, cell).clip(max=len(surface_cell) - 1)
+    cut_capacity = network.links.node_capacity[index]
+    whole_capacity = network.base.capacity_at(address)
+    return jnp.where(surface_cell[index] == cell, cut_capacity, whole_capacity)
+
+
+def _flat_index(address: Address, shape: tuple[int, ...]) -> Int[Array, " m"]:
+    x, y, z = address
+    return (x * shape[1] + y) * shape[2] + z

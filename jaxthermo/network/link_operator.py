@@ -1,8 +1,8 @@
 """Conduction along links between nodes, as pairs and as rows.
 
-Both hold the same operator. `LinkNetwork` (coordinate format) is a list of pairs with a
-conductance each: the readable, tested reference. `RowNetwork` (ELLPACK format) runs
-several times faster. A state is one value for each node.
+Both represent one operator. `LinkNetwork` (coordinate format) is a list of pairs with a
+conductance each: the readable, tested reference. `RowNetwork` (ELLPACK format) is the
+fast form. A state is one value for each node.
 """
 
 from functools import partial
@@ -52,9 +52,11 @@ class RowLayout(NamedTuple):
     link: tuple[Int[np.ndarray, " n"], ...]
     """Links to these neighbours; one past the last link if there is none."""
     list_node: Int[np.ndarray, " r"]
-    """Nodes of the entries that exceed the rows, sorted."""
+    """Nodes of the links that exceed the rows, sorted."""
     list_neighbour: Int[np.ndarray, " r"]
+    """Neighbours over the links that exceed the rows."""
     list_link: Int[np.ndarray, " r"]
+    """Numbers of the links that exceed the rows."""
 
 
 def row_layout(
@@ -62,29 +64,28 @@ def row_layout(
 ) -> RowLayout:
     """Rows of the links from `src` to `dst` between a number of `nodes`."""
     # Every link is in the rows of both its nodes, so that nothing is scattered.
-    # One neighbour of every node is gathered at a time, which a compiler vectorizes;
-    # with shifted slices for the next node in order, a step took half as long again.
-    # Nodes with far more neighbours than the others (a coarse cell surrounded by fine
-    # ones) keep the rest in a sparse list.
-    node, neighbour = np.concatenate([src, dst]), np.concatenate([dst, src])
-    order = np.argsort(node, kind="stable")
-    node, neighbour = node[order], neighbour[order]
+    # One neighbour of every node is gathered at a time, which a compiler vectorizes.
+    # Nodes with far more neighbours than most (a coarse cell surrounded by fine ones)
+    # keep the excess in a sparse list.
+    order = np.argsort(np.concatenate([src, dst]), kind="stable")
+    linked_node = np.concatenate([src, dst])[order]
+    linked_neighbour = np.concatenate([dst, src])[order]
     link = np.tile(np.arange(len(src)), 2)[order]
-    degree = np.bincount(node, minlength=nodes)
-    rank = rank_in_group(node)
+    degree = np.bincount(linked_node, minlength=nodes)
+    rank = rank_in_group(linked_node)
     columns = gathered_columns(degree)
-    more = rank >= columns
-    slot = rank[~more], node[~more]
-    beside = np.tile(np.arange(nodes, dtype=np.int32), (columns, 1))
-    beside[slot] = neighbour[~more]
-    through = np.full((columns, nodes), len(src), np.int32)
-    through[slot] = link[~more]
+    exceeds = rank >= columns
+    slot = rank[~exceeds], linked_node[~exceeds]
+    row_neighbour = np.tile(np.arange(nodes, dtype=np.int32), (columns, 1))
+    row_neighbour[slot] = linked_neighbour[~exceeds]
+    row_link = np.full((columns, nodes), len(src), np.int32)
+    row_link[slot] = link[~exceeds]
     return RowLayout(
-        neighbour=tuple(beside),
-        link=tuple(through),
-        list_node=node[more].astype(np.int32),
-        list_neighbour=neighbour[more].astype(np.int32),
-        list_link=link[more].astype(np.int32),
+        neighbour=tuple(row_neighbour),
+        link=tuple(row_link),
+        list_node=linked_node[exceeds].astype(np.int32),
+        list_neighbour=linked_neighbour[exceeds].astype(np.int32),
+        list_link=link[exceeds].astype(np.int32),
     )
 
 
@@ -93,25 +94,28 @@ def _row_change(state, factors, layout):
     conductances, list_conductance = factors
     neighbours, list_node, list_neighbour = layout
     if not len(list_node):
-        # Else XLA computes the step before again for every neighbour that is gathered;
+        # Otherwise XLA recomputes the previous step for every neighbour it gathers;
         # where a list is added, that step is stored anyway.
         state = computed_once(state)
     rate = jnp.zeros_like(state)
     for index, conductance in zip(neighbours, conductances, strict=True):
-        there = taken(state, index)
-        rate = rate + conductance * (there - state)
+        neighbour_temperature = taken(state, index)
+        rate = rate + conductance * (neighbour_temperature - state)
     if not len(list_node):
         return rate
-    there = taken(state, list_neighbour)
-    here = taken(state, list_node)
-    flow = list_conductance * (there - here)
+    neighbour_temperature = taken(state, list_neighbour)
+    node_temperature = taken(state, list_node)
+    flow = list_conductance * (neighbour_temperature - node_temperature)
     return added(rate, list_node, flow, is_sorted=True)
 
 
 def _pull(values, state, factors, layout):
-    values, state = computed_once(values), computed_once(state)
-    change = lambda factors: _row_change(state, factors, layout)
-    return jax.linear_transpose(change, factors)(values)[0]
+    state = computed_once(state)
+
+    def change(factors):
+        return _row_change(state, factors, layout)
+
+    return jax.linear_transpose(change, factors)(computed_once(values))[0]
 
 
 _ROWS = Operator(
@@ -173,5 +177,7 @@ def series(
     # Exact in one dimension, where the arithmetic mean of conductivities is wrong by up
     # to their ratio. This form needs no division by a conductivity, which may be 0.
     dtype = k1.dtype
-    a, l1, l2 = (jnp.asarray(v, dtype) for v in (area, length1, length2))
-    return a * k1 * k2 * inverse(l1 * k2 + l2 * k1)
+    length1 = jnp.asarray(length1, dtype)
+    length2 = jnp.asarray(length2, dtype)
+    resistance = length1 * k2 + length2 * k1
+    return jnp.asarray(area, dtype) * k1 * k2 * inverse(resistance)

@@ -1,9 +1,9 @@
 """Multigrid preconditioner of any network, for implicit steps and steady states.
 
-It is built in two steps: once the levels, which depend on the conductances alone; and
-for every diagonal m (another time step, another air) the cycle, which is cheap. The
-levels of a lattice are its blocks of 2 x 2 x 2 cells, recursively; those of nodes and
-links are connected groups of nodes in cubic blocks, whose edges double likewise.
+It is built in two steps. The levels depend on the conductances alone and are built
+once; the cycle is cheap and is built for every diagonal m (another time step, another
+air). The levels of a lattice are its blocks of 2 x 2 x 2 cells, recursively; those of
+nodes and links are connected groups of nodes in cubic blocks, whose edges double too.
 """
 
 import math
@@ -57,12 +57,15 @@ class _LatticeTransfer(AbstractTransfer):
     @override
     def prolong(self, coarse: Float[Array, "..."]) -> Float[Array, "..."]:
         # The loop makes it an array: otherwise XLA repeats the smoothing for each cell.
-        along_z = lambda plane: jnp.repeat(plane, 2, axis=1)
-        values = jax.lax.map(along_z, coarse[1:-1, 1:-1, 1:-1])
+        values = jax.lax.map(_doubled_along_z, coarse[1:-1, 1:-1, 1:-1])
         for axis in range(2):
             values = jnp.repeat(values, 2, axis=axis)
         x, y, z = self.shape
         return jnp.pad(values[:x, :y, :z], 1)
+
+
+def _doubled_along_z(plane: Float[Array, "y z"]) -> Float[Array, "y zz"]:
+    return jnp.repeat(plane, 2, axis=1)
 
 
 # One small program, instead of hundreds of single operations to compile.
@@ -71,26 +74,28 @@ def _lattice_levels(
     network: AbstractNetwork, max_size: int
 ) -> tuple[tuple[AbstractNetwork, ...], tuple[_LatticeTransfer, ...]]:
     """Stencil and coarser ones down to `max_size` values in a state, with transfers."""
-    networks, transfers = [network], []
+    networks = [network]
+    transfers = []
     shape = tuple(n - 2 for n in jax.eval_shape(network.diagonal).shape)
     while math.prod(n + 2 for n in shape) > max_size:
         transfers.append(_LatticeTransfer(shape))
-        faces = _block_faces(networks[-1])
         shape = tuple(-(-n // 2) for n in shape)
-        # Only conduction is evaluated: the capacities of blocks are in m.
-        networks.append(HeterogeneousStencil(faces, jnp.zeros(shape, faces[0].dtype)))
+        networks.append(_block_stencil(networks[-1], shape))
     return tuple(networks), tuple(transfers)
 
 
-def _block_faces(network: AbstractNetwork) -> tuple[Array, Array, Array]:
+def _block_stencil(
+    network: AbstractNetwork, shape: tuple[int, ...]
+) -> HeterogeneousStencil:
+    """Stencil of the blocks of 2 x 2 x 2 cells of a lattice."""
     # Voxels that the surface cuts count as whole ones in the coarser levels.
     if isinstance(network, CutStencil):
         network = network.base
     faces = []
     for axis in range(3):
         values = _even_faces(network, axis)
-        for other in {0, 1, 2} - {axis}:
-            values = _pair_sum(values, other)
+        for face_axis in {0, 1, 2} - {axis}:
+            values = _pair_sum(values, face_axis)
         faces.append(values)
     x, y, z = faces
     if isinstance(network, UniformStencil | OrthotropicStencil):
@@ -100,14 +105,20 @@ def _block_faces(network: AbstractNetwork) -> tuple[Array, Array, Array]:
     # The centres of blocks are twice as far apart, so the conductance is half of that
     # of the faces together. The plain sum, which the transfers imply, would make coarse
     # levels twice as stiff and correct half of the error.
-    return x / 2, y / 2, z / 2
+    return HeterogeneousStencil(
+        face_conductance=(x / 2, y / 2, z / 2),
+        # Only conduction is evaluated: the capacities of blocks are in m.
+        cell_capacity=jnp.zeros(shape, x.dtype),
+    )
 
 
 def _even_faces(network: AbstractNetwork, axis: int) -> Array:
     """Every other face across an axis: faces between blocks, not inside them."""
     if isinstance(network, HeterogeneousStencil):
         face = network.face_conductance[axis]
-        face = _padded(face, axis=axis, before=0, after=(face.shape[axis] + 1) % 2)
+        face = _padded(
+            face, axis=axis, cells_before=0, cells_after=(face.shape[axis] + 1) % 2
+        )
         return face[_every_other(axis, 0)]
     if isinstance(network, UniformStencil):
         linked = network.degree > 0
@@ -116,19 +127,23 @@ def _even_faces(network: AbstractNetwork, axis: int) -> Array:
     else:
         raise TypeError(f"no lattice levels of a {type(network).__name__}")
     # Two adjacent cells that have any links are linked to each other.
-    linked = _padded(linked, axis=axis, before=1, after=1 + linked.shape[axis] % 2)
-    both = linked[_every_other(axis, 0)] & linked[_every_other(axis, 1)]
-    return both.astype(jnp.uint8)
+    linked = _padded(
+        linked, axis=axis, cells_before=1, cells_after=1 + linked.shape[axis] % 2
+    )
+    open_faces = linked[_every_other(axis, 0)] & linked[_every_other(axis, 1)]
+    return open_faces.astype(jnp.uint8)
 
 
 def _pair_sum(values: Array, axis: int) -> Array:
-    values = _padded(values, axis=axis, before=0, after=values.shape[axis] % 2)
+    values = _padded(
+        values, axis=axis, cells_before=0, cells_after=values.shape[axis] % 2
+    )
     return values[_every_other(axis, 0)] + values[_every_other(axis, 1)]
 
 
-def _padded(values: Array, axis: int, before: int, after: int) -> Array:
+def _padded(values: Array, axis: int, cells_before: int, cells_after: int) -> Array:
     widths = [(0, 0)] * 3
-    widths[axis] = (before, after)
+    widths[axis] = (cells_before, cells_after)
     return jnp.pad(values, widths)
 
 
@@ -154,17 +169,20 @@ class _NodeTransfer(AbstractTransfer):
 
 
 class _CoarseLayout(NamedTuple):
-    """Groups of the nodes of the previous level; found on the host."""
+    """Groups of the nodes of the previous level, computed on the host."""
 
     group: Int[Any, " n"]
+    """Group of each node."""
     members: tuple[Int[Any, " c"], ...]
-    kept: Int[Any, " k"]
+    """Node number k of each group; one past the last node if it has fewer."""
+    crossing: Int[Any, " k"]
     """Links between different groups."""
     link: Int[Any, " k"]
-    """Coarse link that contains each of these links."""
+    """Coarse link that contains each crossing link."""
     length_ratio: Float[Any, " k"]
-    """Length of each link over that of its coarse link, centre to centre [-]."""
+    """Length of each crossing link over that of its coarse link, centre to centre."""
     links: int
+    """Number of coarse links."""
     rows: RowLayout
 
 
@@ -183,20 +201,23 @@ class _Graph(NamedTuple):
 
 
 def node_layout(structure: AbstractStructure, max_nodes: int) -> _NodeLayout:
-    """Levels of the nodes of a structure, found once for each geometry.
+    """Levels of the nodes of a structure, computed once for each geometry.
 
     The coarsest has at most `max_nodes` nodes, unless more than that are not linked.
     """
-    by = "multigrid", max_nodes
-    return structure.found(by, lambda: on_device(_layout(structure, max_nodes)))
+    return structure.found(
+        ("multigrid", max_nodes), lambda: on_device(_layout(structure, max_nodes))
+    )
 
 
 def _layout(structure: AbstractStructure, max_nodes: int) -> _NodeLayout:
-    nodes, links = structure.nodes(), structure.links()
+    nodes = structure.nodes()
+    links = structure.links()
     lattice = structure.grid.lattice
     pairs = np.stack([links.src, links.dst], axis=1)
     graph = _Graph((nodes.centre - lattice.origin) / lattice.pitch, nodes.volume, pairs)
-    edge, coarser = 1, []
+    edge = 1
+    coarser = []
     while len(graph.weight) > max_nodes and len(graph.links):
         edge *= 2
         group = _groups(graph, edge)
@@ -216,11 +237,11 @@ def _groups(graph: _Graph, edge: int) -> Int[np.ndarray, " n"]:
     _, y, z = block.max(axis=0) + 1
     index = (block[:, 0] * y + block[:, 1]) * z + block[:, 2]
     inside = index[graph.links[:, 0]] == index[graph.links[:, 1]]
-    part = connected_labels(len(index), graph.links[inside])
-    leads = np.flatnonzero(part == np.arange(len(part)))
-    number = np.zeros(len(part), np.int32)
+    component = connected_labels(len(index), graph.links[inside])
+    leads = np.flatnonzero(component == np.arange(len(component)))
+    number = np.zeros(len(component), np.int32)
     number[leads[np.argsort(index[leads], kind="stable")]] = np.arange(len(leads))
-    return number[part]
+    return number[component]
 
 
 def _merged(
@@ -233,21 +254,22 @@ def _merged(
     centre /= weight[:, None]
 
     ends = np.sort(group[graph.links], axis=1)
-    kept = np.flatnonzero(ends[:, 0] != ends[:, 1])
+    crossing = np.flatnonzero(ends[:, 0] != ends[:, 1])
     joint, link = np.unique(
-        ends[kept, 0].astype(np.int64) * count + ends[kept, 1], return_inverse=True
+        ends[crossing, 0].astype(np.int64) * count + ends[crossing, 1],
+        return_inverse=True,
     )
     pairs = np.stack(np.divmod(joint, count), axis=1)
-    before = _lengths(graph.centre, graph.links[kept])
-    after = _lengths(centre, pairs)[link]
+    fine_length = _lengths(graph.centre, graph.links[crossing])
+    coarse_length = _lengths(centre, pairs)[link]
     # Conductances between groups are sums over their links, each scaled by this ratio:
     # a link between two single nodes keeps its conductance. Centres of curved groups
     # may be close together, hence the maximum.
-    length_ratio = before / np.maximum(after, before)
+    length_ratio = fine_length / np.maximum(coarse_length, fine_length)
     layout = _CoarseLayout(
         group=group,
         members=tuple(members(group, count)),
-        kept=kept.astype(np.int32),
+        crossing=crossing.astype(np.int32),
         link=link.astype(np.int32),
         length_ratio=length_ratio,
         links=len(pairs),
@@ -265,17 +287,22 @@ def _node_levels(
     layout: _NodeLayout, network: AbstractNodeNetwork
 ) -> tuple[tuple[AbstractNodeNetwork, ...], tuple[_NodeTransfer, ...]]:
     """Network of this layout and successively coarser ones, with the transfers."""
-    networks, transfers = [network], []
+    networks = [network]
+    transfers = []
     conductance = link_conductance(layout, network)
     for coarse in layout.coarser:
         dtype = conductance.dtype
-        part = conductance[coarse.kept] * jnp.asarray(coarse.length_ratio, dtype)
-        conductance = jnp.zeros(coarse.links, dtype).at[coarse.link].add(part)
+        scaled_conductance = conductance[coarse.crossing] * jnp.asarray(
+            coarse.length_ratio, dtype
+        )
+        conductance = (
+            jnp.zeros(coarse.links, dtype).at[coarse.link].add(scaled_conductance)
+        )
         columns = tuple(jnp.asarray(column) for column in coarse.members)
         transfers.append(_NodeTransfer(jnp.asarray(coarse.group), columns))
         # Only conduction is evaluated: the capacities of groups are in m.
-        nothing = jnp.zeros(len(columns[0]), dtype)
-        networks.append(row_network(coarse.rows, conductance, nothing))
+        no_capacity = jnp.zeros(len(columns[0]), dtype)
+        networks.append(row_network(coarse.rows, conductance, no_capacity))
     return tuple(networks), tuple(transfers)
 
 
@@ -289,10 +316,10 @@ def link_conductance(
     if not isinstance(network, RowNetwork):
         raise TypeError(f"no node levels of a {type(network).__name__}")
     # The empty entries of the rows refer to one past the last link.
-    found = jnp.zeros(layout.links + 1, network.node_capacity.dtype)
+    by_link = jnp.zeros(layout.links + 1, network.node_capacity.dtype)
     for link, conductance in zip(rows.link, network.conductance, strict=True):
-        found = found.at[link].set(conductance)
-    return found.at[rows.list_link].set(network.list_conductance)[:-1]
+        by_link = by_link.at[link].set(conductance)
+    return by_link.at[rows.list_link].set(network.list_conductance)[:-1]
 
 
 class Hierarchy(Module):
@@ -305,15 +332,17 @@ class Hierarchy(Module):
     def cycle(self, m: Float[Array, "..."]) -> MultigridCycle:
         """Cycle that approximates (diag(m) - K)^-1; m [W/K] is 0 without a node."""
         levels = []
-        fine = zip(self.networks[:-1], self.transfers, strict=True)
-        for network, transfer in fine:
+        for network, transfer in zip(self.networks[:-1], self.transfers, strict=True):
             levels.append(level(network, m))
             m = transfer.restrict(m)
-        last = self.networks[-1]
         # The coarsest level is larger only if none of its nodes are linked.
-        few = m.size <= MAX_DENSE_SIZE
-        solve = dense_solve(last, m) if few else jacobi(last, m)
-        return MultigridCycle(tuple(levels), self.transfers, solve)
+        is_small = m.size <= MAX_DENSE_SIZE
+        solve = dense_solve if is_small else jacobi
+        return MultigridCycle(
+            levels=tuple(levels),
+            transfers=self.transfers,
+            coarsest=solve(self.networks[-1], m),
+        )
 
 
 def jacobi(network: AbstractNetwork, m: Float[Array, "..."]) -> JacobiCycle:

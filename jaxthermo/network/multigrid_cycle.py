@@ -29,8 +29,7 @@ _SMOOTHED_RANGE = 6.0
 
 def _materialized(values: Float[Array, "*n"]) -> Float[Array, "*n"]:
     # Otherwise XLA on the CPU recomputes gathered values for every neighbour, from
-    # level to level: a cycle took five times as long. It does not fuse through a branch
-    # that depends on the values.
+    # level to level. It does not fuse through a branch that depends on the values.
     first = values.reshape(-1)[0]
     return jax.lax.cond(first > -jnp.inf, lambda v: v, lambda v: v + v, values)
 
@@ -74,22 +73,24 @@ class _Level(Module):
     """Added to the diagonal [W/K]."""
     inverse_diagonal: Float[Array, "..."]
     """Inverse of the diagonal of A [K/W]; 0 where there is no node."""
-    first: Float[Array, ""]
-    second: Float[Array, ""]
-    """q(x) = first - second x."""
+    constant: Float[Array, ""]
+    """Constant term a of the smoother q(x) = a - b x."""
+    slope: Float[Array, ""]
+    """Slope b of the smoother."""
 
     def apply(self, v: Float[Array, "..."]) -> Float[Array, "..."]:
         """A v [W]."""
         return self.m * v - self.network.heat_rate(v)
 
     def masked(self, v: Float[Array, "..."]) -> Float[Array, "..."]:
-        """V with zeros where there is no node."""
+        """`v` with zeros where there is no node."""
         return jnp.where(self.inverse_diagonal > 0, v, 0)
 
     def smoothed(self, r: Float[Array, "..."]) -> Float[Array, "..."]:
         """Smoothed correction q(D^-1 A) D^-1 r [K]."""
         d = _materialized(self.inverse_diagonal * r)
-        return self.first * d - self.second * (self.inverse_diagonal * self.apply(d))
+        image = self.inverse_diagonal * self.apply(d)
+        return self.constant * d - self.slope * image
 
 
 def level(network: AbstractNetwork, m: Float[Array, "..."]) -> _Level:
@@ -108,14 +109,15 @@ def level(network: AbstractNetwork, m: Float[Array, "..."]) -> _Level:
     fraction = (links * inverse_diagonal).max()
     high = 1 + fraction
     low = jnp.maximum(1 - fraction, high / _SMOOTHED_RANGE)
-    middle, half = (low + high) / 2, (high - low) / 2
-    scale = 2 * middle**2 - half**2
+    middle = (low + high) / 2
+    half_range = (high - low) / 2
+    scale = 2 * middle**2 - half_range**2
     return _Level(
         network=network,
         m=m,
         inverse_diagonal=inverse_diagonal,
-        first=4 * middle / scale,
-        second=2 / scale,
+        constant=4 * middle / scale,
+        slope=2 / scale,
     )
 
 
@@ -127,21 +129,22 @@ class _DenseSolve(AbstractCycle):
 
     @override
     def __call__(self, r: Float[Array, "..."]) -> Float[Array, "..."]:
-        once = product(self.factor, r.reshape(-1))
-        return product(self.factor.T, once).reshape(r.shape)
+        scaled = product(self.factor, r.reshape(-1))
+        return product(self.factor.T, scaled).reshape(r.shape)
 
 
 def dense_solve(network: AbstractNetwork, m: Float[Array, "..."]) -> _DenseSolve:
     """(diag(m) - K)^-1 of few nodes, regularized for an insulated body (m = 0)."""
-    n, dtype = m.size, m.dtype
-    unit = jnp.eye(n, dtype=dtype).reshape(n, *m.shape)
-    a = jnp.diag(m.reshape(-1)) - jax.vmap(network.heat_rate)(unit).reshape(n, n)
+    n = m.size
+    unit = jnp.eye(n, dtype=m.dtype).reshape(n, *m.shape)
+    conduction = jax.vmap(network.heat_rate)(unit).reshape(n, n)
+    a = jnp.diag(m.reshape(-1)) - conduction
     scale = jnp.sqrt(inverse(jnp.diag(a)))
     a = scale[:, None] * a * scale[None]
     # Larger than the factorization's rounding error, so that no square root is of a
     # negative number.
-    regularization = 4 * n * jnp.finfo(dtype).eps
-    a = a + jnp.diag(jnp.where(scale > 0, jnp.asarray(regularization, dtype), 1))
+    regularization = jnp.asarray(4 * n * jnp.finfo(m.dtype).eps, m.dtype)
+    a = a + jnp.diag(jnp.where(scale > 0, regularization, 1))
     lower = jnp.linalg.cholesky(a)
     factor = jax.scipy.linalg.solve_triangular(lower, jnp.diag(scale), lower=True)
     return _DenseSolve(factor)
@@ -158,19 +161,15 @@ class MultigridCycle(AbstractCycle):
 
     @override
     def __call__(self, r: Float[Array, "..."]) -> Float[Array, "..."]:
-        steps = list(zip(self.levels, self.transfers, strict=True))
-        before = []
-        for level, transfer in steps:
+        descent = []
+        for level, transfer in zip(self.levels, self.transfers, strict=True):
             z = _materialized(level.smoothed(r))
-            before.append((z, r))
-            r = _materialized(
-                transfer.restrict(_materialized(level.masked(r - level.apply(z))))
-            )
+            descent.append((level, transfer, z, r))
+            residual = _materialized(level.masked(r - level.apply(z)))
+            r = _materialized(transfer.restrict(residual))
         z = self.coarsest(r)
-        for (level, transfer), (z_before, r) in zip(
-            reversed(steps), reversed(before), strict=True
-        ):
+        for level, transfer, smoothed, r in reversed(descent):
             correction = transfer.prolong(_materialized(z))
-            z = _materialized(z_before + level.masked(correction))
+            z = _materialized(smoothed + level.masked(correction))
             z = z + level.smoothed(_materialized(r - level.apply(z)))
         return z

@@ -45,7 +45,7 @@ class AbstractNetwork(Module):
 
     @property
     def linear(self) -> "AbstractNetwork":
-        """Linear network of the conducted potential: itself, or at the reference."""
+        """Linear network of the conducted potential, at the reference."""
         return self
 
     def linearized(
@@ -78,14 +78,14 @@ class AbstractNetwork(Module):
         state: Float[Array, "..."],
         dt: Float[Array, ""],
         combine: Callable[..., Float[Array, "..."]],
-        *others: Float[Array, "..."],
+        *fields: Float[Array, "..."],
     ) -> Float[Array, "..."]:
-        """combine(euler_step(state, dt), *others), for each node by itself.
+        """combine(euler_step(state, dt), *fields), pointwise.
 
-        The others are states and numbers. On several devices, too, all is done in one
-        pass over the nodes, and the result may take the place of the first of them.
+        The fields are states and numbers. Step and combination are one pass over the
+        nodes, on several devices too, and the result may overwrite the first field.
         """
-        return combine(self.euler_step(state, dt), *others)
+        return combine(self.euler_step(state, dt), *fields)
 
     @abc.abstractmethod
     def diagonal(self) -> Float[Array, "..."]:
@@ -115,9 +115,9 @@ class AbstractNetwork(Module):
     def temperature(
         self, state: Float[Array, "*m"], address: Address | None = None
     ) -> Float[Array, "*m"]:
-        """Temperature above the reference [K] of a state, or of some of its nodes.
+        """Temperature above the reference [K] of a state.
 
-        Of a part of a state `address` says which nodes it has.
+        If the values are those of some nodes only, `address` says which.
         """
         return state
 
@@ -126,12 +126,12 @@ class AbstractNetwork(Module):
         return theta
 
     def relative_conductivity(
-        self, theta: Float[Array, "*m"], parts: Float[Array, "q m"] | None = None
+        self, theta: Float[Array, "*m"], fractions: Float[Array, "q m"] | None = None
     ) -> Float[Array, "*#m"]:
         """k(T) / k(reference) at temperatures above the reference [-].
 
-        Of several materials or axes, `parts` are their fractions of the conductivity
-        at the reference.
+        `fractions` are the fractions of the conductivity at the reference that each
+        material, or each axis, contributes.
         """
         return jnp.ones((), theta.dtype)
 
@@ -156,27 +156,32 @@ def _gathered(values: Float[Array, "..."], address: Address) -> Float[Array, "*m
 def precise_sum(values: Float[Array, "..."]) -> Float[Array, ""]:
     """Sum with about one rounding error, whatever the length."""
     # XLA adds in sequence on the CPU, which loses digits in float32 over millions of
-    # terms; sums of short blocks, summed in turn, do not.
-    flat, block = values.reshape(-1), 64
-    # The rest by itself: padded, each value would be selected, which takes longer than
-    # to add it.
-    whole = flat.shape[0] // block * block
-    rest, sums = flat[whole:].sum(), flat[:whole].reshape(-1, block).sum(axis=1)
+    # terms; sums of short blocks, summed again in blocks, do not.
+    flat = values.reshape(-1)
+    block = 64
+    # The remainder is summed separately: padding would add a selection per value,
+    # which costs more than its addition.
+    block_end = flat.shape[0] // block * block
+    remainder = flat[block_end:].sum()
+    sums = flat[:block_end].reshape(-1, block).sum(axis=1)
     while sums.shape[0] > 1:
         # Padded also where blocks are whole: XLA makes one sequence of sums of sums.
         padded = jnp.pad(sums, (0, block - sums.shape[0] % block))
         sums = padded.reshape(-1, block).sum(axis=1)
-    return sums.sum() + rest
+    return sums.sum() + remainder
 
 
 def slot_sums(
     values: Float[Array, " p"], slots: tuple[Int[Array, " m"], ...]
 ) -> Float[Array, " m"]:
     """Sums of the values at `slots[0]`, `slots[1]`, ...; indices past the end add 0."""
-    # Several times faster than a scatter-add.
-    gather = lambda slot: values.at[slot].get(
-        mode="fill", fill_value=0, wrap_negative_indices=False
-    )
+
+    # Gathers run faster than a scatter-add.
+    def gather(slot):
+        return values.at[slot].get(
+            mode="fill", fill_value=0, wrap_negative_indices=False
+        )
+
     return sum((gather(slot) for slot in slots[1:]), gather(slots[0]))
 
 
@@ -209,7 +214,7 @@ class AbstractNodeNetwork(AbstractNetwork):
 
 
 class AbstractDerivedNetwork(AbstractNetwork):
-    """Conduction beside that of a linear network with the same capacities."""
+    """Network built on a linear one with the same capacities."""
 
     base: eqx.AbstractVar[AbstractNetwork]
     """The linear network, whose diagonal bounds or preconditions this one."""

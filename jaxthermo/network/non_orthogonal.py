@@ -25,9 +25,12 @@ from ..structures.surface_map import Gradient, gradient_at
 from .network import AbstractNodeNetwork, inverse
 
 
-# Iterations of the power method, those at its end whose largest growth counts, and the
-# safety factor, since it converges from below.
-_POWER_STEPS, _LAST_STEPS, _MARGIN = 40, 8, 1.05
+_POWER_STEPS = 40
+"""Iterations of the power method."""
+_LAST_STEPS = 8
+"""Iterations at its end, of which the largest growth counts."""
+_MARGIN = 1.05
+"""Safety factor, since the power method converges from below."""
 
 
 class _NonOrthogonalNetwork(AbstractNodeNetwork):
@@ -41,12 +44,13 @@ class _NonOrthogonalNetwork(AbstractNodeNetwork):
     node_capacity: Float[Array, " n"]
     """Heat capacity of each node [J/K]."""
     gradient: Gradient
-    chosen: Int[Array, " m"]
+    gradient_nodes: Int[Array, " m"]
     """Nodes at which the gradient is computed."""
     first: Int[Array, " k"]
-    """Index in `chosen` of the first node of each corrected link."""
+    """Index in `gradient_nodes` of the first node of each corrected link."""
     second: Int[Array, " k"]
-    apart: tuple[Float[Array, " k"], Float[Array, " k"], Float[Array, " k"]]
+    """Index in `gradient_nodes` of the second node of each corrected link."""
+    half_offset: tuple[Float[Array, " k"], Float[Array, " k"], Float[Array, " k"]]
     """Components of s / 2 along x, y and z [m]."""
     conductance: Float[Array, " k"]
     """x G of each corrected link [W/K]."""
@@ -55,16 +59,16 @@ class _NonOrthogonalNetwork(AbstractNodeNetwork):
 
     @override
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        slopes = self.gradient(state, taken(state, self.chosen))
-        along = jnp.zeros_like(self.conductance)
-        for slope, half in zip(slopes, self.apart, strict=True):
+        slopes = self.gradient(state, taken(state, self.gradient_nodes))
+        rise = jnp.zeros_like(self.conductance)
+        for slope, half_offset in zip(slopes, self.half_offset, strict=True):
             ends = taken(slope, self.first) + taken(slope, self.second)
-            along = along + half * ends
-        flow = self.conductance * along
+            rise = rise + half_offset * ends
+        flow = self.conductance * rise
         inward = jnp.zeros_like(slopes[0]).at[self.second].add(flow)
         inward = inward.at[self.first].add(-flow)
         rate = self.straight.heat_rate(state)
-        return added(rate, self.chosen, inward, is_sorted=True, is_unique=True)
+        return added(rate, self.gradient_nodes, inward, is_sorted=True, is_unique=True)
 
     @override
     def diagonal(self) -> Float[Array, "..."]:
@@ -82,19 +86,24 @@ def non_orthogonal(
 
     `conductance` is that of the skewed links times the weight x [W/K].
     """
-    links, dtype = structure.links(), conductance.dtype
-    ends = links.src[skewed.link], links.dst[skewed.link]
-    chosen, index = np.unique(np.concatenate(ends), return_inverse=True)
-    first, second = (device_array(each) for each in np.split(index.astype(np.int32), 2))
-    x, y, z = (device_array(half, dtype) for half in skewed.offset.T / 2)
+    links = structure.links()
+    dtype = conductance.dtype
+    ends = np.concatenate([links.src[skewed.link], links.dst[skewed.link]])
+    gradient_nodes, index = np.unique(ends, return_inverse=True)
+    first, second = np.split(index.astype(np.int32), 2)
+    x, y, z = skewed.offset.T / 2
     network = _NonOrthogonalNetwork(
         straight=straight,
         node_capacity=straight.node_capacity,
-        gradient=gradient_at(structure, chosen, dtype),
-        chosen=device_array(chosen.astype(np.int32)),
-        first=first,
-        second=second,
-        apart=(x, y, z),
+        gradient=gradient_at(structure, gradient_nodes, dtype),
+        gradient_nodes=device_array(gradient_nodes.astype(np.int32)),
+        first=device_array(first),
+        second=device_array(second),
+        half_offset=(
+            device_array(x, dtype),
+            device_array(y, dtype),
+            device_array(z, dtype),
+        ),
         conductance=conductance,
         rate_ratio=jnp.ones((), dtype),
     )
@@ -119,10 +128,10 @@ def _rate_ratio(network: _NonOrthogonalNetwork) -> Float[Array, ""]:
         return rates * inverse(growth), largest
 
     number = jnp.arange(len(per_capacity))
-    # An aperiodic start vector has a part in every mode.
+    # An aperiodic start vector excites every mode.
     start = jnp.sin(number.astype(per_capacity.dtype) ** 1.5)
     start = start / jnp.linalg.norm(start)
     zero = jnp.zeros((), per_capacity.dtype)
-    fastest = jax.lax.fori_loop(0, _POWER_STEPS, step, (start, zero))[1]
+    _, fastest = jax.lax.fori_loop(0, _POWER_STEPS, step, (start, zero))
     bound = 2 * network.straight.max_rate()
     return jnp.maximum(1, _MARGIN * fastest * inverse(bound))

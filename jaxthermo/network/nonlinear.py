@@ -14,7 +14,7 @@ Eyres et al., Phil. Trans. R. Soc. A 240 (1946) 1-57.
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -26,6 +26,15 @@ from ..arrays import Scalar, device_array, is_traced
 from ..material.material import Property
 from ..module import Module
 from .network import AbstractDerivedNetwork, AbstractNetwork, Address
+
+
+class _Piece(NamedTuple):
+    """Columns of a `KirchhoffTransform` for the piece of each point."""
+
+    base: Array
+    integral: Array
+    value: Array
+    half_slope: Array
 
 
 class KirchhoffTransform(Module):
@@ -49,39 +58,36 @@ class KirchhoffTransform(Module):
     half_slope: Float[Array, " pieces"]
     """Half of the slope of p / p(0) [1/K]."""
 
-    def _piece(self, knots, x, *columns):
-        """Values of each column for the piece that contains x."""
+    def _piece(self, knots, x):
+        """The piece that contains x: its base, integral, value and half slope."""
         # Comparison with one knot after the other: for few knots faster than a search.
-        found = [jnp.broadcast_to(column[0], x.shape) for column in columns]
+        pieces = (self.base, self.base_integral, self.value, self.half_slope)
+        columns = [jnp.broadcast_to(column[0], x.shape) for column in pieces]
         for k in range(len(knots)):
-            beyond = x > knots[k]
-            found = [
-                jnp.where(beyond, column[k + 1], old)
-                for column, old in zip(columns, found, strict=True)
-            ]
-        return found
+            is_beyond = x > knots[k]
+            for number, column in enumerate(pieces):
+                columns[number] = jnp.where(is_beyond, column[k + 1], columns[number])
+        return _Piece._make(columns)
 
     def __call__(self, theta: Float[Array, "*m"]) -> Float[Array, "*m"]:
         """P [K] at temperatures above the reference [K]."""
-        columns = (self.base, self.base_integral, self.value, self.half_slope)
-        base, integral, value, half = self._piece(self.knot, theta, *columns)
-        gap = theta - base
-        return integral + gap * (value + half * gap)
+        piece = self._piece(self.knot, theta)
+        gap = theta - piece.base
+        return piece.integral + gap * (piece.value + piece.half_slope * gap)
 
     def slope(self, theta: Float[Array, "*m"]) -> Float[Array, "*m"]:
         """Slope of P, p / p(0) [-], at temperatures above the reference [K]."""
-        columns = (self.base, self.value, self.half_slope)
-        base, value, half = self._piece(self.knot, theta, *columns)
-        return value + 2 * half * (theta - base)
+        piece = self._piece(self.knot, theta)
+        return piece.value + 2 * piece.half_slope * (theta - piece.base)
 
     def inverse(self, integral: Float[Array, "*m"]) -> Float[Array, "*m"]:
         """Temperature above the reference [K] at which P has these values [K]."""
-        columns = (self.base, self.base_integral, self.value, self.half_slope)
-        base, at, value, half = self._piece(self.knot_integral, integral, *columns)
-        rest = integral - at
+        piece = self._piece(self.knot_integral, integral)
+        excess = integral - piece.integral
         # The square of p / p(0) at the solution, which must not round to zero.
-        square = jnp.maximum(value * value + 4 * half * rest, self.min() ** 2 / 4)
-        return base + 2 * rest / (value + jnp.sqrt(square))
+        square = piece.value * piece.value + 4 * piece.half_slope * excess
+        square = jnp.maximum(square, self.min() ** 2 / 4)
+        return piece.base + 2 * excess / (piece.value + jnp.sqrt(square))
 
     def min(self) -> Float[Array, ""]:
         """Smallest p / p(0) at any temperature [-]."""
@@ -97,26 +103,36 @@ def kirchhoff_transform(
 ) -> KirchhoffTransform:
     """Transform of a property from a reference temperature [K]."""
     # In double precision where nothing is traced, for differences of temperatures.
-    xp, width = (jnp, dtype) if is_traced((prop, reference)) else (np, float)
-    number = lambda x: xp.asarray(x, width)
-    knot = number(prop.temperatures) - number(reference)
-    given = number(prop.values)
+    xp: Any = np
+    work_dtype = float
+    if is_traced((prop, reference)):
+        xp = jnp
+        work_dtype = dtype
+    knot = xp.asarray(prop.temperatures, work_dtype)
+    knot = knot - xp.asarray(reference, work_dtype)
+    values = xp.asarray(prop.values, work_dtype)
     infinite = xp.full(1, np.inf, knot.dtype)
     low = xp.concatenate([-infinite, knot])
     high = xp.concatenate([knot, infinite])
     base = xp.clip(xp.zeros_like(low), low, high)
-    rise = xp.diff(given) / xp.diff(knot)
-    slope = xp.pad(rise, 1)
-    value = xp.interp(base, knot, given)
-    value, slope = (x / xp.interp(base[:1] * 0, knot, given) for x in (value, slope))
+    rise = xp.diff(values) / xp.diff(knot)
+    at_reference = xp.interp(base[:1] * 0, knot, values)
+    slope = xp.pad(rise, 1) / at_reference
+    value = xp.interp(base, knot, values) / at_reference
 
-    def integral(at):
-        # Sum over the parts of all pieces between 0 and the point.
-        gap = xp.clip(at[:, None], low[None], high[None]) - base[None]
+    def integral(theta):
+        # Sum over the sections of all pieces between 0 and theta.
+        gap = xp.clip(theta[:, None], low[None], high[None]) - base[None]
         return (gap * (value[None] + slope[None] / 2 * gap)).sum(axis=1)
 
-    columns = (knot, integral(knot), base, integral(base), value, slope / 2)
-    return KirchhoffTransform(*(device_array(column, dtype) for column in columns))
+    return KirchhoffTransform(
+        knot=device_array(knot, dtype),
+        knot_integral=device_array(integral(knot), dtype),
+        base=device_array(base, dtype),
+        base_integral=device_array(integral(base), dtype),
+        value=device_array(value, dtype),
+        half_slope=device_array(slope / 2, dtype),
+    )
 
 
 # Rows into which a one-dimensional state is reshaped for the loop below.
@@ -161,8 +177,9 @@ class NonlinearNetwork(AbstractDerivedNetwork):
     def linearized(
         self, state: Float[Array, "..."]
     ) -> tuple[AbstractNetwork, Float[Array, "..."]]:
-        # For the potential conduction is linear, and symmetric.
-        return self.base, jax.jvp(self.potential, (state,), (jnp.ones_like(state),))[1]
+        # In the potential, conduction is linear and symmetric.
+        _, slope = jax.jvp(self.potential, (state,), (jnp.ones_like(state),))
+        return self.base, slope
 
     @override
     def temperature(
@@ -185,7 +202,7 @@ class NonlinearNetwork(AbstractDerivedNetwork):
 
     @override
     def relative_conductivity(
-        self, theta: Float[Array, "*m"], parts: Float[Array, "q m"] | None = None
+        self, theta: Float[Array, "*m"], fractions: Float[Array, "q m"] | None = None
     ) -> Float[Array, "*#m"]:
         if self.conduction is None:
             return super().relative_conductivity(theta)
@@ -193,23 +210,23 @@ class NonlinearNetwork(AbstractDerivedNetwork):
 
     @override
     def max_relative_conductivity(self) -> Float[Array, ""]:
-        one = super().max_relative_conductivity()
-        return one if self.conduction is None else self.conduction.max()
+        unit_ratio = super().max_relative_conductivity()
+        return unit_ratio if self.conduction is None else self.conduction.max()
 
     @override
     def min_relative_capacity(self) -> Float[Array, ""]:
-        one = super().min_relative_capacity()
-        return one if self.heat is None else self.heat.min()
+        unit_ratio = super().min_relative_capacity()
+        return unit_ratio if self.heat is None else self.heat.min()
 
     def max_relative_diffusivity(self) -> Float[Array, ""]:
         """Largest ratio of k / c to its reference value at any temperature [-]."""
         # Between two knots k / c_p is the ratio of two lines, so it is largest at a
         # knot.
-        parts = [p for p in (self.heat, self.conduction) if p is not None]
+        transforms = [p for p in (self.heat, self.conduction) if p is not None]
         ratio = jnp.ones((), self.total_capacity().dtype)
-        if not parts:
+        if not transforms:
             return ratio
-        knots = jnp.concatenate([part.knot for part in parts])
+        knots = jnp.concatenate([transform.knot for transform in transforms])
         if self.conduction is not None:
             ratio = self.conduction.slope(knots)
         if self.heat is not None:

@@ -3,7 +3,7 @@
     C_i dT_i/dt = G sum_j w_ij (T_j - T_i),    C_i = C V_i,
 
 with the conductance G of a whole link and the capacity C of a whole voxel; w_ij and V_i
-differ from 1 at the surface alone. `RowNetwork` is the same in arrays.
+differ from 1 at the surface alone. `RowNetwork` conducts likewise, with arrays.
 """
 
 import equinox as eqx
@@ -21,8 +21,8 @@ from .self_adjoint_primitive import Operator, computed_once, conduct
 def _spread(
     state: Float[Array, " n"], factor: Float[Array, ""], runs: Runs
 ) -> Float[Array, " n"]:
-    found = conducted(state, keep=jnp.zeros_like(factor), ratio=factor, runs=runs)
-    return found.at[runs.node].multiply(runs.volume, unique_indices=True)
+    change = conducted(state, keep=jnp.zeros_like(factor), ratio=factor, runs=runs)
+    return change.at[runs.node].multiply(runs.volume, unique_indices=True)
 
 
 def _pull(values, state, factor, runs):
@@ -44,7 +44,7 @@ def _step(
 
 @_step.defjvp
 def _along(primals, tangents):
-    # A change over volumes, of which conduction is its own transpose.
+    # The change times the volumes is conduction, which is its own transpose.
     state, ratio, runs = primals
     along_state, along_ratio, _ = tangents
     change = conduct(_RUNS, state=along_state, factors=ratio, layout=runs)
@@ -77,20 +77,21 @@ class RunStencil(AbstractNetwork):
 
     @override
     def diagonal(self) -> Float[Array, "..."]:
-        whole = jnp.full(self.node_count, 6 * self.conductance)
-        own = self.conductance * self.row_weight
-        return whole.at[self.runs.node].set(own, unique_indices=True)
+        diagonal = jnp.full(self.node_count, 6 * self.conductance)
+        row_diagonal = self.conductance * self.row_weight
+        return diagonal.at[self.runs.node].set(row_diagonal, unique_indices=True)
 
     @override
     def capacity(self) -> Float[Array, "..."]:
-        whole = jnp.full(self.node_count, self.whole_capacity)
-        own = self.whole_capacity * self.runs.volume
-        return whole.at[self.runs.node].set(own, unique_indices=True)
+        capacity = jnp.full(self.node_count, self.whole_capacity)
+        row_capacity = self.whole_capacity * self.runs.volume
+        return capacity.at[self.runs.node].set(row_capacity, unique_indices=True)
 
     @override
     def capacity_at(self, address: Address) -> Float[Array, "*m"]:
-        # Searched, without an array of all nodes.
-        rows, nodes = self.runs.node, address[0].astype(jnp.int32)
+        # Searched: an array of all nodes would be as large as a state.
+        rows = self.runs.node
+        nodes = address[0].astype(jnp.int32)
         index = jnp.searchsorted(rows, nodes).clip(max=len(rows) - 1)
         volume = jnp.where(rows[index] == nodes, self.runs.volume[index], 1)
         return self.whole_capacity * volume
@@ -98,16 +99,16 @@ class RunStencil(AbstractNetwork):
     @override
     def max_rate(self) -> Float[Array, ""]:
         inside = 6 if len(self.runs.runs) else 0
-        most = jnp.maximum((self.row_weight / self.runs.volume).max(), inside)
-        return most * self.conductance / self.whole_capacity
+        largest_weight = jnp.maximum((self.row_weight / self.runs.volume).max(), inside)
+        return largest_weight * self.conductance / self.whole_capacity
 
     @override
     def total_capacity(self) -> Float[Array, ""]:
-        less = precise_sum(self.runs.volume - 1)
-        return self.whole_capacity * (self.node_count + less)
+        row_excess = precise_sum(self.runs.volume - 1)
+        return self.whole_capacity * (self.node_count + row_excess)
 
     @override
     def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
-        own = taken(state, self.runs.node)
-        excess = precise_sum((self.runs.volume - 1) * own)
+        row_state = taken(state, self.runs.node)
+        excess = precise_sum((self.runs.volume - 1) * row_state)
         return self.whole_capacity * (precise_sum(state) + excess)

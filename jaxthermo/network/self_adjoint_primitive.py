@@ -22,8 +22,8 @@ from jaxtyping import Array, Float
 class Operator(NamedTuple):
     """Functions of a state, of factors and of a layout that define conduction.
 
-    A state is zero where there is no node. Factors are arrays to which the change is
-    proportional; a layout is arrays with respect to which nothing is differentiated.
+    A state is zero where there is no node. The change is proportional to the factors;
+    the layout holds arrays that nothing is differentiated by.
     """
 
     change: Callable[..., Float[Array, "..."]]
@@ -63,11 +63,11 @@ def conduct_step(
 
 def computed_once(values: Float[Array, "..."]) -> Float[Array, "..."]:
     """Values that a compiler does not recompute for each neighbour."""
-    # XLA puts whatever is cheap into the loop that reads it, once for every read. A
+    # XLA moves cheap operations into the loop that reads them, once for every read. A
     # division is not cheap; the barrier hides that this one is by 1.
     row = (1,) * (values.ndim - 1) + values.shape[-1:]
-    one = jnp.ones(row, values.dtype)
-    return values / jax.lax.optimization_barrier(one)
+    unit = jnp.ones(row, values.dtype)
+    return values / jax.lax.optimization_barrier(unit)
 
 
 def _bind(function, operator, state, factors, layout):
@@ -94,16 +94,16 @@ def _shape(state, *values, **params):
 def _jvp(primals, tangents, *, function, operator, tree, count):
     state, *values = primals
     along_state, *along_values = tangents
-    rest = {"operator": operator, "tree": tree, "count": count}
-    out = _conduction.bind(*primals, function=function, **rest)
+    parameters = {"operator": operator, "tree": tree, "count": count}
+    out = _conduction.bind(*primals, function=function, **parameters)
     along = ad.Zero(jax.typeof(out).to_tangent_aval())
     if not isinstance(along_state, ad.Zero):
-        along = _conduction.bind(along_state, *values, function=function, **rest)
+        along = _conduction.bind(along_state, *values, function=function, **parameters)
     moved = along_values[:count]
     if not all(isinstance(value, ad.Zero) for value in moved):
         moved = [ad.instantiate_zeros(value) for value in moved]
         change = _conduction.bind(
-            state, *moved, *values[count:], function=operator.change, **rest
+            state, *moved, *values[count:], function=operator.change, **parameters
         )
         along = ad.add_tangents(along, change)
     return out, along
@@ -114,35 +114,38 @@ def _transpose(cotangent, state, *values, function, operator, tree, count):
     if isinstance(cotangent, ad.Zero):
         return nothing
     linear = [ad.is_undefined_primal(value) for value in values]
-    known = [
+    values_or_zeros = [
         jnp.zeros(value.aval.shape, value.aval.dtype) if is_linear else value
         for is_linear, value in zip(linear, values, strict=True)
     ]
-    factors, layout = jax.tree.unflatten(tree, known)
+    factors, layout = jax.tree.unflatten(tree, values_or_zeros)
     inside = operator.inside(cotangent, layout)
     if ad.is_undefined_primal(state):
-        once = computed_once(inside)
         out = _bind(
-            function, operator=operator, state=once, factors=factors, layout=layout
+            function,
+            operator=operator,
+            state=computed_once(inside),
+            factors=factors,
+            layout=layout,
         )
         # Values outside the nodes are unchanged.
-        kept = cotangent - inside if function is operator.step else 0
-        return [out + kept, *nothing[1:]]
+        outside = cotangent - inside if function is operator.step else 0
+        return [out + outside, *nothing[1:]]
     pulled = jax.tree.leaves(operator.pull(inside, state, factors, layout))
-    given = zip(linear[:count], pulled, strict=True)
-    return [
-        None,
-        *(p if is_linear else None for is_linear, p in given),
-        *nothing[count + 1 :],
+    gradients = [
+        gradient if is_linear else None
+        for is_linear, gradient in zip(linear[:count], pulled, strict=True)
     ]
+    return [None, *gradients, *nothing[count + 1 :]]
 
 
 def _batch(values, axes, **params):
     return jax.vmap(partial(_plain, **params), axes)(*values), 0
 
 
-_static = ("function", "operator", "tree", "count")
-_conduction.def_impl(jax.jit(_plain, static_argnames=_static))
+_conduction.def_impl(
+    jax.jit(_plain, static_argnames=("function", "operator", "tree", "count"))
+)
 _conduction.def_abstract_eval(_shape)
 mlir.register_lowering(_conduction, mlir.lower_fun(_plain, multiple_results=False))
 ad.primitive_jvps[_conduction] = _jvp

@@ -2,7 +2,7 @@
 
 The planes of the neighbouring sections are sent by `ppermute`, while each device
 evaluates the stencil of its section, see `overlap`. Voxels that the surface cuts are
-corrected afterwards, since they may have links to any in those planes.
+corrected afterwards, since they may have links to any voxel in those planes.
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ from ..parallel.lattice import (
 from .cut_stencil import CutStencil
 from .link_operator import RowNetwork
 from .network import AbstractDerivedNetwork, Address, precise_sum
-from .overlap import overlapped
+from .overlap import apply_overlapping_exchange
 from .stencil import AbstractStencil
 
 
@@ -34,24 +34,24 @@ _State = Float[Array, "..."]
 
 
 class SectionCuts(Module):
-    """Voxels of the sections that the surface cuts: arguments of their `CutStencil`s.
+    """Voxels that the surface cuts, by section: the fields of their `CutStencil`s.
 
-    The lists of all sections, one after the other.
+    The lists of all sections follow one another.
     """
 
     address: Address
-    """Position in a device's own part of the state."""
+    """Position in the state of the section."""
     links: RowNetwork
-    own: int = eqx.field(static=True)
-    """Number of nodes of each section's own."""
+    inner_count: int = eqx.field(static=True)
+    """Number of surface nodes inside each section."""
 
 
 class ShardedStencil(AbstractDerivedNetwork):
-    """Stencils of the sections of a body, each on a device of its own."""
+    """Stencils of the sections of a body, with one section on each device."""
 
     base: AbstractStencil
-    """Stencil with the lattices of all sections, one after the other; each device has
-    one that is complete, with its faces towards both neighbours."""
+    """Stencil with the lattices of all sections, one after the other. Each device holds
+    a complete stencil, with the faces towards both neighbours."""
     devices: Mesh = eqx.field(static=True)
     cuts: SectionCuts | None = None
     """None where all voxels are whole."""
@@ -69,34 +69,43 @@ class ShardedStencil(AbstractDerivedNetwork):
     ) -> Any:
         """Call a function with the stencil of each device's section."""
 
-        def own(base, cuts, *given):
+        def with_section(base, cuts, *local):
+            section = base
             if self.cuts is not None:
-                base = CutStencil(base, *cuts.values, own=self.cuts.own)
-            return function(base, *given)
+                address, links = cuts.values
+                section = CutStencil(
+                    base=base,
+                    address=address,
+                    links=links,
+                    inner_count=self.cuts.inner_count,
+                )
+            return function(section, *local)
 
         cuts = self.cuts and Sectioned((self.cuts.address, self.cuts.links))
         return on_each_device(
-            self.devices, own, self.base, cuts, *arguments, reduced=reduced
+            self.devices, with_section, self.base, cuts, *arguments, reduced=reduced
         )
 
     def _rate(self, law: Callable[..., _State], state: _State) -> _State:
         def rate(section, state):
             beyond = next_planes(state)
+            stencil = section if self.cuts is None else section.base
+            rate = apply_overlapping_exchange(
+                law, stencil=stencil, state=state, beyond=beyond
+            )
             if self.cuts is None:
-                return overlapped(law, stencil=section, state=state, beyond=beyond)
-            whole = overlapped(law, stencil=section.base, state=state, beyond=beyond)
-            surface = section.section_surface(state, beyond)
-            return section.corrected_rate(whole, surface)
+                return rate
+            return section.corrected_rate(rate, section.section_surface(state, beyond))
 
         return self._on_each(rate, state)
 
     @override
     def heat_rate(self, state: _State) -> _State:
-        return self._rate(lambda part, state: part.heat_rate(state), state)
+        return self._rate(lambda section, state: section.heat_rate(state), state)
 
     @override
     def face_heat_rate(self, state: _State) -> _State:
-        return self._rate(lambda part, state: part.face_heat_rate(state), state)
+        return self._rate(lambda section, state: section.face_heat_rate(state), state)
 
     @override
     def euler_step(self, state: _State, dt: Float[Array, ""]) -> _State:
@@ -108,25 +117,33 @@ class ShardedStencil(AbstractDerivedNetwork):
         state: _State,
         dt: Float[Array, ""],
         combine: Callable[..., _State],
-        *others: _State,
+        *fields: _State,
     ) -> _State:
-        def step(section, state, dt, *others):
+        def step(section, state, dt, *fields):
             beyond = next_planes(state)
-            law = lambda part, state, *others: combine(
-                part.euler_step(state, dt), *others
-            )
+
+            def conduct(stencil, state):
+                return stencil.euler_step(state, dt)
+
+            def conduct_and_combine(stencil, state, *fields):
+                return combine(stencil.euler_step(state, dt), *fields)
+
             if self.cuts is None:
-                return overlapped(
-                    law, stencil=section, state=state, beyond=beyond, others=others
+                return apply_overlapping_exchange(
+                    conduct_and_combine,
+                    stencil=section,
+                    state=state,
+                    beyond=beyond,
+                    fields=fields,
                 )
-            conduct = lambda part, state: part.euler_step(state, dt)
-            whole = overlapped(
+            stepped = apply_overlapping_exchange(
                 conduct, stencil=section.base, state=state, beyond=beyond
             )
-            before = section.section_surface(state, beyond)
-            return combine(section.corrected_step(whole, before, dt), *others)
+            old_surface = section.section_surface(state, beyond)
+            stepped = section.corrected_step(stepped, old_surface=old_surface, dt=dt)
+            return combine(stepped, *fields)
 
-        return self._on_each(step, state, dt, *others)
+        return self._on_each(step, state, dt, *fields)
 
     @override
     def diagonal(self) -> _State:
@@ -134,8 +151,7 @@ class ShardedStencil(AbstractDerivedNetwork):
 
     @override
     def max_rate(self) -> Float[Array, ""]:
-        rate = lambda section: section.max_rate()
-        return self._on_each(rate, reduced=jax.lax.pmax)
+        return self._on_each(lambda section: section.max_rate(), reduced=jax.lax.pmax)
 
     @override
     def capacity(self) -> _State:
@@ -157,29 +173,35 @@ class ShardedStencil(AbstractDerivedNetwork):
             return self.base.capacity()
         length = jax.eval_shape(self.diagonal).shape[0] // self.devices.size
 
-        def found(section, number, *address):
-            x, *others = within_section(number, address, length)
-            there = section.capacity_at((jnp.clip(x, 0, length - 1), *others))
-            return jnp.where((x >= 0) & (x < length), there, 0)
+        def section_capacity(section, number, *address):
+            x, y, z = within_section(number, address, length)
+            capacity = section.capacity_at((jnp.clip(x, 0, length - 1), y, z))
+            return jnp.where((x >= 0) & (x < length), capacity, 0)
 
         number = section_numbers(self.devices)
-        capacity = self._on_each(found, number, *address, reduced=jax.lax.psum)
+        capacity = self._on_each(
+            section_capacity, number, *address, reduced=jax.lax.psum
+        )
         # Surface cells are padded with places that are no nodes and get no heat.
         return jnp.where(capacity > 0, capacity, jnp.inf)
 
     @override
     def total_capacity(self) -> Float[Array, ""]:
         if self._whole_capacity_varies:
-            total = lambda section: section.total_capacity()
-            return self._on_each(total, reduced=jax.lax.psum)
-        # Counted for all sections.
+            return self._on_each(
+                lambda section: section.total_capacity(), reduced=jax.lax.psum
+            )
+        # The uniform stencil counts the nodes of all sections.
         total = self.base.total_capacity()
         if self.cuts is None:
             return total
-        excess = lambda section: precise_sum(section.excess_capacity())
-        return total + self._on_each(excess, reduced=jax.lax.psum)
+        return total + self._on_each(
+            lambda section: precise_sum(section.excess_capacity()),
+            reduced=jax.lax.psum,
+        )
 
     @override
     def stored(self, state: _State) -> Float[Array, ""]:
-        stored = lambda section, state: section.stored(state)
-        return self._on_each(stored, state, reduced=jax.lax.psum)
+        return self._on_each(
+            lambda section, state: section.stored(state), state, reduced=jax.lax.psum
+        )

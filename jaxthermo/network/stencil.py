@@ -12,6 +12,7 @@ zero, so that six neighbours are six shifted slices, without a branch or an inde
 
 import abc
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -50,11 +51,14 @@ def _face_heat_rate(
         # Two adjacent cells that both have neighbours are neighbours of each other.
         node = jnp.pad(degree > 0, 1)
         if beyond is not None and axis == 0:
-            first, last = (jnp.pad(each, ((0, 0), (1, 1), (1, 1))) for each in beyond)
+            first, last = (jnp.pad(plane, ((0, 0), (1, 1), (1, 1))) for plane in beyond)
             node = jnp.concatenate([first, node[1:-1], last])
         node = jnp.moveaxis(node, axis, 0)
-        here = jnp.moveaxis(state, axis, 0)
-        flow = jnp.where(node[1:] & node[:-1], here[1:] - here[:-1], 0) * conductance
+        along_axis = jnp.moveaxis(state, axis, 0)
+        flow = (
+            jnp.where(node[1:] & node[:-1], along_axis[1:] - along_axis[:-1], 0)
+            * conductance
+        )
         none = jnp.zeros_like(flow[:1])
         net = jnp.concatenate([flow, none]) - jnp.concatenate([none, flow])
         total = total + jnp.moveaxis(net, 0, axis)
@@ -73,34 +77,44 @@ def solid_degree(solid: Bool[np.ndarray, "x y z"], bits: int = 0) -> np.ndarray:
     for axis in range(3):
         body = np.moveaxis(solid, axis, 0)
         count = np.moveaxis(degree, axis, 0)
-        both = (body[1:] & body[:-1]).view(np.uint8) << (bits * axis)
-        count[1:] += both
-        count[:-1] += both
+        is_linked = (body[1:] & body[:-1]).view(np.uint8) << (bits * axis)
+        count[1:] += is_linked
+        count[:-1] += is_linked
     return degree
 
 
 def end_planes(values: Shaped[Array, "x y z"], count: int) -> Shaped[Array, "_ y z"]:
-    """So many planes from both ends, one after the other."""
+    """The first and the last `count` planes, one after the other."""
     return jnp.concatenate([values[:count], values[-count:]])
 
 
+class _NeighbourSums(NamedTuple):
+    """Sums of the two neighbours of each inner cell along an axis."""
+
+    x: Array
+    y: Array
+    z: Array
+
+
 def _neighbour_sums(state):
-    inner, before, after = slice(1, -1), slice(None, -2), slice(2, None)
-    return (
-        state[after, inner, inner] + state[before, inner, inner],
-        state[inner, after, inner] + state[inner, before, inner],
-        state[inner, inner, after] + state[inner, inner, before],
+    inner = slice(1, -1)
+    low = slice(None, -2)
+    high = slice(2, None)
+    return _NeighbourSums(
+        x=state[high, inner, inner] + state[low, inner, inner],
+        y=state[inner, high, inner] + state[inner, low, inner],
+        z=state[inner, inner, high] + state[inner, inner, low],
     )
 
 
 def _spread(state, degree):
     """Inner state, and sum of the neighbours minus degree times it."""
-    # The barrier keeps XLA from widening the bytes once, outside the time loop:
-    # five bytes a voxel more to read at every step.
+    # The barrier keeps XLA from widening the bytes once, outside the time loop, which
+    # would make every step read more.
     state, degree = jax.lax.optimization_barrier((state, degree))
     centre = state[1:-1, 1:-1, 1:-1]
-    along_x, along_y, along_z = _neighbour_sums(state)
-    spread = along_z + along_y + along_x - degree.astype(state.dtype) * centre
+    sums = _neighbour_sums(state)
+    spread = sums.z + sums.y + sums.x - degree.astype(state.dtype) * centre
     return centre, jnp.where(degree > 0, spread, 0)
 
 
@@ -185,9 +199,11 @@ class UniformStencil(_AbstractOneMaterial):
 
     @override
     def face_heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        conductances, degrees = (self.conductance,) * 3, (self.degree,) * 3
         return _face_heat_rate(
-            state, conductances=conductances, degrees=degrees, beyond=self.beyond
+            state,
+            conductances=[self.conductance] * 3,
+            degrees=[self.degree] * 3,
+            beyond=self.beyond,
         )
 
     @override

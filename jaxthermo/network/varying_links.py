@@ -15,7 +15,9 @@ no change of variables makes the Jacobian symmetric. With u = k / k(reference) T
 node it is near the linear network, with which it is preconditioned.
 """
 
-from typing import Any
+import itertools
+from collections.abc import Callable
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -50,58 +52,65 @@ class Integrals(Module):
         self, material: Int[Array, " m"], theta: Float[Array, " m"]
     ) -> list[Float[Array, " m"]]:
         """F at temperatures above the reference [W/m], by axis."""
-        return self._by_axis(material, lambda own, k: k * own(theta))
+        return self._by_axis(material, lambda integral, k: k * integral(theta))
 
     def conductivity(
         self, material: Int[Array, " m"], theta: Float[Array, " m"]
     ) -> list[Float[Array, " m"]]:
         """Conductivity at temperatures above the reference [W/(m K)], by axis."""
-        return self._by_axis(material, lambda own, k: k * own.slope(theta))
+        return self._by_axis(material, lambda integral, k: k * integral.slope(theta))
 
     def extremes(self, material: Int[Array, " m"]) -> tuple[list[Array], list[Array]]:
         """Lowest and highest k at any temperature [W/(m K)], by axis."""
-        like = jnp.ones(material.shape, self.reference.dtype)
-        low = self._by_axis(material, lambda own, k: k * own.min() * like)
-        high = self._by_axis(material, lambda own, k: k * own.max() * like)
+        ones = jnp.ones(material.shape, self.reference.dtype)
+        low = self._by_axis(material, lambda integral, k: k * integral.min() * ones)
+        high = self._by_axis(material, lambda integral, k: k * integral.max() * ones)
         return low, high
 
     def relative(
-        self, parts: Float[Array, "q m"], theta: Float[Array, " m"]
+        self, fractions: Float[Array, "q m"], theta: Float[Array, " m"]
     ) -> Float[Array, " m"]:
-        """Mean of k / k(reference) of all materials and axes, weighted by `parts`."""
-        every = [own for material in self.transform for own in material]
-        pairs = zip(parts, every, strict=True)
-        return sum((part * own.slope(theta) for part, own in pairs), 0 * theta)
+        """Mean of k / k(reference) over materials and axes, weighted by `fractions`."""
+        transforms = itertools.chain(*self.transform)
+        total = 0 * theta
+        for fraction, transform in zip(fractions, transforms, strict=True):
+            total = total + fraction * transform.slope(theta)
+        return total
 
     def _by_axis(self, material, value) -> list[Array]:
-        found = []
+        by_axis = []
         for axis in range(self.axes):
-            # Few materials: all are evaluated at every node, and one is taken.
-            own = value(self.transform[0][axis], self.reference[0, axis])
+            # Materials are few: all are evaluated at every node, and one is selected.
+            axis_value = value(self.transform[0][axis], self.reference[0, axis])
             for c in range(1, len(self.transform)):
-                other = value(self.transform[c][axis], self.reference[c, axis])
-                own = jnp.where(material == c, other, own)
-            found.append(own)
-        return found
+                material_value = value(self.transform[c][axis], self.reference[c, axis])
+                axis_value = jnp.where(material == c, material_value, axis_value)
+            by_axis.append(axis_value)
+        return by_axis
 
 
 class LinkHalves(Module):
     """Links between nodes, with the geometry of both halves."""
 
     src: Int[Array, " e"]
+    """First node of each link."""
     dst: Int[Array, " e"]
+    """Second node of each link."""
     area: Float[Array, " e"]
     """Shared face, times the weight of the link [m^2]."""
     to_src: Float[Array, " e"]
     """Distance from the first node to the face [m]."""
     to_dst: Float[Array, " e"]
+    """Distance from the face to the second node [m]."""
     along: tuple[Float[Array, " e"], ...]
     """Squared direction cosine of the link along each axis of k; ones for one axis."""
 
     def project(self, by_axis: list[Float[Array, " e"]]) -> Float[Array, " e"]:
         """Values along each link, from those along the axes."""
         pairs = zip(self.along, by_axis, strict=True)
-        return sum((part * own for part, own in pairs), 0 * self.area)
+        return sum(
+            (cosine_squared * values for cosine_squared, values in pairs), 0 * self.area
+        )
 
 
 class VaryingLinks(AbstractDerivedNetwork):
@@ -134,54 +143,62 @@ class VaryingLinks(AbstractDerivedNetwork):
         self, state: Float[Array, "..."]
     ) -> tuple[AbstractNetwork, Float[Array, "..."]]:
         theta, per_state = jax.jvp(self.temperature, (state,), (jnp.ones_like(state),))
-        theta, number = self._at_nodes(theta), self._at_nodes(self.number)
+        theta = self._at_nodes(theta)
+        number = self._at_nodes(self.number)
         by_axis = self.integrals.of(number, theta)
         k = self.integrals.conductivity(number, theta)
         at_zero = self.integrals.conductivity(number, jnp.zeros_like(theta))
         # Any positive d would do: with this one the links are near those at the
         # reference.
         relative = sum(k[1:], k[0]) / sum(at_zero[1:], at_zero[0])
-        slope = [each / relative for each in k]
-        found = []
+        slope = [axis_conductivity / relative for axis_conductivity in k]
+        by_src = []
+        by_dst = []
         for links in (self.within, self.across):
-            # Of the flux, by the integrals F at both ends [1/m].
-            first = second = 1 / (links.to_src + links.to_dst)
+            # Derivatives of the flux by the integrals F at both ends [1/m].
+            first = 1 / (links.to_src + links.to_dst)
+            second = first
             if links is self.across and links.src.shape[0]:
                 face = self._face(links, number, theta, by_axis)
-                k_one, k_other = self._conductivities(links, number, face)
-                series = 1 / (links.to_src * k_other + links.to_dst * k_one)
-                first, second = k_other * series, k_one * series
-            found.append(
-                (
-                    links.src,
-                    links.dst,
-                    links.area * first * links.project([v[links.src] for v in slope]),
-                    links.area * second * links.project([v[links.dst] for v in slope]),
-                )
-            )
-        ends = (jnp.concatenate(column) for column in zip(*found, strict=True))
+                k_src, k_dst = self._conductivities(links, number, face)
+                series = 1 / (links.to_src * k_dst + links.to_dst * k_src)
+                first = k_dst * series
+                second = k_src * series
+            src_slope = links.project([axis_slope[links.src] for axis_slope in slope])
+            dst_slope = links.project([axis_slope[links.dst] for axis_slope in slope])
+            by_src.append(links.area * first * src_slope)
+            by_dst.append(links.area * second * dst_slope)
+        jacobian = _LinkJacobian(
+            base=self.base,
+            address=self.address,
+            src=jnp.concatenate([self.within.src, self.across.src]),
+            dst=jnp.concatenate([self.within.dst, self.across.dst]),
+            by_src=jnp.concatenate(by_src),
+            by_dst=jnp.concatenate(by_dst),
+        )
         spread = jnp.ones_like(state).at[self.address].set(relative)
-        return _LinkJacobian(self.base, self.address, *ends), spread * per_state
+        return jacobian, spread * per_state
 
     @override
     def temperature(
         self, state: Float[Array, "..."], address: Address | None = None
     ) -> Float[Array, "..."]:
-        # One number for all nodes has a temperature for each material.
-        return self._by_material(state, address, lambda own: own.inverse(state))
+        # A state that is one number for all nodes has a temperature for each material.
+        return self._by_material(state, address, lambda heat: heat.inverse(state))
 
     @override
     def state_of(self, theta: Float[Array, "..."]) -> Float[Array, "..."]:
-        return self._by_material(theta, None, lambda own: own(theta))
+        return self._by_material(theta, None, lambda heat: heat(theta))
 
     def _by_material(self, values, address, convert):
-        number, found = self.number, values
+        number = self.number
+        converted = values
         if address is not None:
             number = taken(number, address)
-        for c, own in enumerate(self.heat):
-            if own is not None:
-                found = jnp.where(number == c, convert(own), found)
-        return found
+        for c, transform in enumerate(self.heat):
+            if transform is not None:
+                converted = jnp.where(number == c, convert(transform), converted)
+        return converted
 
     @override
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -201,35 +218,38 @@ class VaryingLinks(AbstractDerivedNetwork):
         return jnp.zeros_like(state).at[self.address].set(total)
 
     def _inside(self, links: LinkHalves, number, theta, by_axis) -> Float[Array, " e"]:
-        rise = links.project([own[links.dst] - own[links.src] for own in by_axis])
+        rise = links.project(
+            [integral[links.dst] - integral[links.src] for integral in by_axis]
+        )
         return links.area * rise / (links.to_src + links.to_dst)
 
     def _between(self, links: LinkHalves, number, theta, by_axis) -> Float[Array, " e"]:
         face = self._face(links, number, theta, by_axis)
-        # The sum of both halves: neither length is divided by, which may be 0.
-        one, other = self._rises(links, number, by_axis, face)
-        return links.area * (one + other) / (links.to_src + links.to_dst)
+        # Dividing by the sum of both lengths, since either may be 0.
+        src_rise, dst_rise = self._rises(links, number, by_axis, face)
+        return links.area * (src_rise + dst_rise) / (links.to_src + links.to_dst)
 
     def _rises(self, links: LinkHalves, number, by_axis, face):
         # F at the face above that of the first node, and below that of the second.
-        here = links.project([own[links.src] for own in by_axis])
-        there = links.project([own[links.dst] for own in by_axis])
-        one = links.project(self.integrals.of(number[links.src], face)) - here
-        return one, there - links.project(self.integrals.of(number[links.dst], face))
+        at_src = links.project([integral[links.src] for integral in by_axis])
+        at_dst = links.project([integral[links.dst] for integral in by_axis])
+        src_face = links.project(self.integrals.of(number[links.src], face))
+        dst_face = links.project(self.integrals.of(number[links.dst], face))
+        return src_face - at_src, at_dst - dst_face
 
     def _conductivities(self, links: LinkHalves, number, face):
-        # Of both materials at the face.
-        k_one = self.integrals.conductivity(number[links.src], face)
-        k_other = self.integrals.conductivity(number[links.dst], face)
-        return links.project(k_one), links.project(k_other)
+        # Those of both materials at the face.
+        k_src = self.integrals.conductivity(number[links.src], face)
+        k_dst = self.integrals.conductivity(number[links.dst], face)
+        return links.project(k_src), links.project(k_dst)
 
     def _face(self, links: LinkHalves, number, theta, by_axis) -> Float[Array, " e"]:
         def imbalance(face):
             # Both fluxes are equal at the face; its slope is positive.
-            one, other = self._rises(links, number, by_axis, face)
-            k_one, k_other = self._conductivities(links, number, face)
-            slope = links.to_dst * k_one + links.to_src * k_other
-            return links.to_dst * one - links.to_src * other, slope
+            src_rise, dst_rise = self._rises(links, number, by_axis, face)
+            k_src, k_dst = self._conductivities(links, number, face)
+            slope = links.to_dst * k_src + links.to_src * k_dst
+            return links.to_dst * src_rise - links.to_src * dst_rise, slope
 
         return _face_temperature(imbalance, theta[links.src], theta[links.dst])
 
@@ -238,44 +258,51 @@ class VaryingLinks(AbstractDerivedNetwork):
 
     @override
     def relative_conductivity(
-        self, theta: Float[Array, "*m"], parts: Float[Array, "q m"] | None = None
+        self, theta: Float[Array, "*m"], fractions: Float[Array, "q m"] | None = None
     ) -> Float[Array, "*#m"]:
-        assert parts is not None
-        return self.integrals.relative(parts, theta)
+        assert fractions is not None
+        return self.integrals.relative(fractions, theta)
 
     @override
     def max_relative_conductivity(self) -> Float[Array, ""]:
-        every = [own.max() for material in self.integrals.transform for own in material]
+        transforms = itertools.chain(*self.integrals.transform)
+        highest = jnp.stack([transform.max() for transform in transforms]).max()
         # The links' bound is relative to the conductances at the reference.
         links = (self._bound() * inverse(self.base.diagonal())).max()
-        return jnp.maximum(jnp.stack(every).max(), links)
+        return jnp.maximum(highest, links)
 
     @override
     def min_relative_capacity(self) -> Float[Array, ""]:
-        one = super().min_relative_capacity()
-        varying = [own.min() for own in self.heat if own is not None]
+        unit_ratio = super().min_relative_capacity()
+        varying = [transform.min() for transform in self.heat if transform is not None]
         # Not above 1, which is that of the other materials.
-        return jnp.stack([one, *varying]).min()
+        return jnp.stack([unit_ratio, *varying]).min()
 
     def _bound(self) -> Float[Array, "..."]:
-        # Largest -d(heat rate)/dT of every node at any temperatures [W/K]. Of a link
+        # Largest -d(heat rate)/dT of every node at any temperatures [W/K]. For a link
         # between two materials dq/dT_1 = A k_1(T_1) k_2 / (d_2 k_1(T_f) + d_1 k_2).
         number = self.number[self.address]
         low, high = self.integrals.extremes(number)
         total = jnp.zeros(number.shape, self.integrals.reference.dtype)
         for links, same in ((self.within, True), (self.across, False)):
             length = links.to_src + links.to_dst
-            for end, other, d_end, d_other in (
+            for end, far_end, d_end, d_other in (
                 (links.src, links.dst, links.to_src, links.to_dst),
                 (links.dst, links.src, links.to_dst, links.to_src),
             ):
-                most = links.project([own[end] for own in high])
-                conductance = links.area * most / length
+                highest_conductivity = links.project(
+                    [conductivity[end] for conductivity in high]
+                )
+                conductance = links.area * highest_conductivity / length
                 if not same:
-                    least = links.project([own[end] for own in low])
-                    beyond = links.project([own[other] for own in high])
-                    series = beyond / (d_other * least + d_end * beyond)
-                    conductance = links.area * most * series
+                    lowest_conductivity = links.project(
+                        [conductivity[end] for conductivity in low]
+                    )
+                    beyond = links.project(
+                        [conductivity[far_end] for conductivity in high]
+                    )
+                    series = beyond / (d_other * lowest_conductivity + d_end * beyond)
+                    conductance = links.area * highest_conductivity * series
                 total = total.at[end].add(conductance)
         return jnp.zeros_like(self.base.diagonal()).at[self.address].set(total)
 
@@ -295,9 +322,9 @@ class _LinkJacobian(AbstractDerivedNetwork):
     src: Int[Array, " e"]
     dst: Int[Array, " e"]
     by_src: Float[Array, " e"]
-    """Decrease of the heat rate into the first node by its own potential [W/K]."""
+    """Decrease of the heat rate into the first node with its potential [W/K]."""
     by_dst: Float[Array, " e"]
-    """Its increase by that of the second [W/K]."""
+    """Increase of the heat rate into the first node with the second's potential."""
 
     @override
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -315,23 +342,34 @@ class _LinkJacobian(AbstractDerivedNetwork):
         return jnp.zeros_like(like).at[self.address].set(nodes)
 
 
-def _face_temperature(imbalance: Any, one: Array, other: Array) -> Array:
+class _Bracket(NamedTuple):
+    """Temperatures around the zero of an increasing function, and the best between."""
+
+    low: Array
+    high: Array
+    face: Array
+
+
+def _face_temperature(
+    imbalance: Callable[[Array], tuple[Array, Array]], theta1: Array, theta2: Array
+) -> Array:
     """Temperature between two at which an increasing function is 0 [K]."""
-    start = jax.lax.stop_gradient(one), jax.lax.stop_gradient(other)
-    fixed = lambda face: jax.lax.stop_gradient(imbalance(face))
+    theta1 = jax.lax.stop_gradient(theta1)
+    theta2 = jax.lax.stop_gradient(theta2)
 
     def narrow(_, bracket):
-        low, high, face = bracket
-        value, slope = fixed(face)
-        low, high = jnp.where(value < 0, face, low), jnp.where(value > 0, face, high)
-        newton = face - value * inverse(slope)
+        value, slope = jax.lax.stop_gradient(imbalance(bracket.face))
+        low = jnp.where(value < 0, bracket.face, bracket.low)
+        high = jnp.where(value > 0, bracket.face, bracket.high)
+        newton = bracket.face - value * inverse(slope)
         inside = (newton >= low) & (newton <= high)
-        return low, high, jnp.where(inside, newton, (low + high) / 2)
+        return _Bracket(low, high, jnp.where(inside, newton, (low + high) / 2))
 
-    low, high = jnp.minimum(*start), jnp.maximum(*start)
-    bracket = low, high, (low + high) / 2
-    _, _, face = jax.lax.fori_loop(0, _FACE_ITERATIONS, narrow, bracket)
-    # One step more, which carries the derivative of the solution.
-    face = jax.lax.stop_gradient(face)
+    low = jnp.minimum(theta1, theta2)
+    high = jnp.maximum(theta1, theta2)
+    bracket = _Bracket(low, high, (low + high) / 2)
+    bracket = jax.lax.fori_loop(0, _FACE_ITERATIONS, narrow, bracket)
+    # A last step carries the derivative of the solution.
+    face = jax.lax.stop_gradient(bracket.face)
     value, slope = imbalance(face)
     return face - value * inverse(jax.lax.stop_gradient(slope))

@@ -137,8 +137,8 @@ def _smoothed(network, m, state):
     finest = level(network, m)
     twice = jacobi(network, m)
     d = twice(state)
-    by_hand = finest.first * d - finest.second * twice(finest.apply(d))
-    return finest.first, finest.second, finest.smoothed(state), by_hand
+    by_hand = finest.constant * d - finest.slope * twice(finest.apply(d))
+    return finest.constant, finest.slope, finest.smoothed(state), by_hand
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxthermo as jt
-from jaxthermo.network.overlap import in_turn, overlapped
+from jaxthermo.network.overlap import apply_after_exchange, apply_overlapping_exchange
 from jaxthermo.network.sharded_stencil import ShardedStencil
 from jaxthermo.parallel.lattice import next_planes, on_each_device, spread
 from jaxthermo.physics.conduction import material_network
@@ -51,14 +51,14 @@ def only_ends_wait(voxels: int) -> None:
     assert isinstance(network, ShardedStencil)
     states = [spread(network.devices, four.state_of(each)) for each in values]
     is_thin = len(states[0]) <= 4 * 4
-    for form in (in_turn, overlapped):
+    for form in (apply_after_exchange, apply_overlapping_exchange):
         program = _program(form, network, states)
         found = np.asarray(program(network.base, *states))
         expected = one.node_values(np.asarray(alone))
         np.testing.assert_array_equal(four.node_values(found), expected)
         text = program.as_text()
         assert text is not None
-        assert _waits(text, states[0]) == (form is in_turn or is_thin)
+        assert _waits(text, states[0]) == (form is apply_after_exchange or is_thin)
     if not is_thin:
         no_copy(network, states)
 
