@@ -9,8 +9,10 @@ import jaxthermo as jt
 
 
 # The ends of a bar along x; its other sides are adiabatic.
-LEFT, RIGHT = jt.Side(normal=(-1.0, 0.0, 0.0)), jt.Side(normal=(1.0, 0.0, 0.0))
-UP, DOWN = jt.Side(normal=(0.0, 0.0, 1.0)), jt.Side(normal=(0.0, 0.0, -1.0))
+LEFT = jt.Side(normal=(-1.0, 0.0, 0.0))
+RIGHT = jt.Side(normal=(1.0, 0.0, 0.0))
+UP = jt.Side(normal=(0.0, 0.0, 1.0))
+DOWN = jt.Side(normal=(0.0, 0.0, -1.0))
 
 # Cell Fourier number alpha dt / pitch^2 of explicit steps: stable, and not 1/6, where
 # the leading errors of space and time cancel and the order would flatter.
@@ -26,10 +28,10 @@ class Bar(NamedTuple):
     along: Int[np.ndarray, " n"]
     """Index of a fragment of each node, on an adiabatic side."""
     length: float
-    """[m]"""
+    """Length of the bar [m]."""
 
     def end(self, surface: np.ndarray, side: jt.Side) -> float:
-        """The surface of one end."""
+        """Surface temperature of one end."""
         normal = self.grid.fragment_normal[:, 0] * side.normal[0]
         return float(surface[normal > 0.9][0])
 
@@ -48,7 +50,7 @@ def bar(cells: int, pitch: float) -> Bar:
 
 
 def conductor(conductivity: float, emissivity: float = 0.9) -> jt.Material:
-    """A material of which a steady state needs only the conductivity [W/(m K)]."""
+    """A material for steady states, which need only its conductivity [W/(m K)]."""
     return jt.Material(conductivity, 1000.0, 1000.0, emissivity)
 
 
@@ -72,7 +74,7 @@ def explicit(pitch: float, material: jt.Material) -> jt.ForwardEuler:
 
 
 def run(scene: jt.Scene, times: tuple[float, ...], solver=None) -> jt.Solution:
-    """Simulate to the last of the times [s], by explicit Euler if by no other."""
+    """Simulate to the last of the times [s], by default with explicit Euler."""
     if solver is None:
         first = scene.bodies[0]
         assert isinstance(first.material, jt.Material)
@@ -84,14 +86,14 @@ def between(
     x: Float[np.ndarray, " n"], y: Float[np.ndarray, " n"], positions: tuple[float, ...]
 ) -> list[float]:
     """Interpolate a smooth profile by the cubic through the four nearest points."""
-    found = []
+    interpolated = []
     for position in positions:
         near = np.argsort(np.abs(x - position), kind="stable")[:4]
         # In units of the points' distance the fit is well conditioned at any pitch.
         scale = float(np.ptp(x[near]))
         fit = np.polyfit((x[near] - position) / scale, y[near], 3)
-        found.append(float(fit[-1]))
-    return found
+        interpolated.append(float(fit[-1]))
+    return interpolated
 
 
 def mirrored(
@@ -104,9 +106,9 @@ def mirrored(
 def layered(surface: np.ndarray, grid: jt.VoxelGrid, axis: int, sign=1) -> np.ndarray:
     """Temperatures of the voxels on one side across an axis, by the other two axes."""
     side = np.flatnonzero(sign * grid.fragment_normal[:, axis] > 0.9)
-    found = np.full(np.delete(grid.lattice.shape, axis), np.nan)
-    found[tuple(np.delete(grid.fragment_voxel[side], axis, 1).T)] = surface[side]
-    return found
+    by_cell = np.full(np.delete(grid.lattice.shape, axis), np.nan)
+    by_cell[tuple(np.delete(grid.fragment_voxel[side], axis, 1).T)] = surface[side]
+    return by_cell
 
 
 # Corners of a face across the last axis, counter-clockwise from its positive side.
@@ -118,7 +120,8 @@ def of_blocks(
 ) -> jt.Mesh:
     """The surface of the solid blocks between planes across x, y and z [m]."""
     # No two blocks may touch along an edge only: four faces would share it.
-    padded, faces = np.pad(solid, 1), []
+    padded = np.pad(solid, 1)
+    faces = []
     for axis in range(3):
         for sign in (-1, 1):
             open_ = ~np.roll(padded, -sign, axis)[1:-1, 1:-1, 1:-1]
@@ -154,10 +157,11 @@ def hollow_hemisphere(inner: float, outer: float, steps: int = 32) -> jt.Mesh:
     volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
     # Both spheres are widened such that each of them holds its true volume.
     wide = float((2 * np.pi / 3 / (volume / 6)) ** (1 / 3))
-    count, this = len(unit), np.arange(rings)
-    after = np.roll(this, -1)
+    count = len(unit)
     last = (steps - 1) * rings
-    rim, hole = last + np.stack([this, after]), count + last + np.stack([this, after])
+    corner = np.arange(rings)
+    rim = last + np.stack([corner, np.roll(corner, -1)])
+    hole = count + rim
     ring = [
         np.stack([rim[0], hole[0], rim[1]], axis=1),
         np.stack([rim[1], hole[0], hole[1]], axis=1),
@@ -170,13 +174,15 @@ def hollow_hemisphere(inner: float, outer: float, steps: int = 32) -> jt.Mesh:
 
 def _cap(steps: int, rings: int) -> np.ndarray:
     # Triangles of a hemisphere, outward; the pole is the last vertex.
-    this = np.arange(rings)
-    after, pole = np.roll(this, -1), np.full(rings, steps * rings)
-    faces = [np.stack([pole, this, after], axis=1)]
+    corner = np.arange(rings)
+    next_corner = np.roll(corner, -1)
+    pole = np.full(rings, steps * rings)
+    faces = [np.stack([pole, corner, next_corner], axis=1)]
     for step in range(steps - 1):
-        up, low = step * rings, (step + 1) * rings
+        up = step * rings
+        low = up + rings
         faces += [
-            np.stack([up + this, low + this, up + after], axis=1),
-            np.stack([up + after, low + this, low + after], axis=1),
+            np.stack([up + corner, low + corner, up + next_corner], axis=1),
+            np.stack([up + next_corner, low + corner, low + next_corner], axis=1),
         ]
     return np.concatenate(faces)

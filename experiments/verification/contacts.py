@@ -1,7 +1,7 @@
 """Bodies that touch, in time: V11, V12, A19."""
 
 import functools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -33,7 +33,7 @@ INTERFACE = perfect_contact(
 
 def resisted(time: float) -> list[float]:
     """Closed form: both surfaces [degC] and the flux [W/m^2] at that conductance."""
-    found = contact_surfaces(
+    surfaces_and_flux = contact_surfaces(
         time,
         temperature_a=100.0,
         temperature_b=0.0,
@@ -41,7 +41,7 @@ def resisted(time: float) -> list[float]:
         effusivity_b=STEEL.effusivity,
         contact_conductance=CONDUCTANCE,
     )
-    return [float(each) for each in found]
+    return [float(value) for value in surfaces_and_flux]
 
 
 # Three times of V12 have the same voxels, and so have both forms of V11.
@@ -54,7 +54,7 @@ def _cells(per_length: int) -> tuple[int, int]:
 
 
 def _pitch(per_length: int, end: float) -> float:
-    # Voxels as fine beside the diffusion length of steel at any end [s] of a run.
+    # The diffusion length of steel at the end [s] of any run has as many voxels.
     return float(np.sqrt(STEEL.diffusivity * end)) / per_length
 
 
@@ -62,10 +62,11 @@ class TwoBars(NamedTuple):
     """A copper bar from 100 degC and a steel one from 0 that touch."""
 
     copper: float
+    """Temperature of the copper surface in contact [degC]."""
     steel: float
-    """Surfaces in contact [degC]."""
+    """Temperature of the steel surface in contact [degC]."""
     energy: Energy
-    """Up to that time [J]."""
+    """Energy ledger up to the end of the run [J]."""
     area: float
     """Area of contact [m^2]."""
 
@@ -85,17 +86,19 @@ def two_bars(contact: jt.Contact, per_length: int, end: float) -> TwoBars:
     """
     pitch = _pitch(per_length, end)
     copper, steel = (_bar(count, pitch) for count in _cells(per_length))
-    hot, cold = ZERO_CELSIUS + 100.0, ZERO_CELSIUS
+    hot = ZERO_CELSIUS + 100.0
+    cold = ZERO_CELSIUS
     # The explicit step is that of the first body, the faster one.
     bodies = (
         full(copper.grid, material=COPPER, start=hot, x=-copper.length / 2),
         full(steel.grid, material=STEEL, start=cold, x=steel.length / 2),
     )
     solution = run(jt.Scene(bodies, (contact,), dtype="float64"), (end,))
-    one, other = (np.asarray(solution.of_body(b))[0] for b in (0, 1))
+    copper_surface = np.asarray(solution.of_body(0))[0]
+    steel_surface = np.asarray(solution.of_body(1))[0]
     return TwoBars(
-        copper=copper.end(one, RIGHT) - ZERO_CELSIUS,
-        steel=steel.end(other, LEFT) - ZERO_CELSIUS,
+        copper=copper.end(copper_surface, RIGHT) - ZERO_CELSIUS,
+        steel=steel.end(steel_surface, LEFT) - ZERO_CELSIUS,
         energy=solution.energy,
         area=pitch**2,
     )
@@ -109,8 +112,12 @@ def _one_bar(per_length: int, end: float) -> float:
     middle = float(row.grid.lattice.origin[0]) + copper * pitch
     wide = 2 * row.length
     beyond = jt.Region(lower=(middle, -wide, -wide), upper=(wide, wide, wide))
-    start = lambda p: ZERO_CELSIUS + np.where(p[:, 0] < middle, 100.0, 0.0)
-    scene = single(row.grid, jt.MaterialMap(COPPER, ((beyond, STEEL),)), start)
+
+    def start_temperature(points: np.ndarray) -> np.ndarray:
+        return ZERO_CELSIUS + np.where(points[:, 0] < middle, 100.0, 0.0)
+
+    materials = jt.MaterialMap(COPPER, ((beyond, STEEL),))
+    scene = single(row.grid, materials, start_temperature)
     solution = run(scene, (end,), explicit(pitch, COPPER))
     nodes = np.asarray(solution.surface_temperature)[0, row.along]
     # Half cells in series: the mean of both nodes by their conductivities.
@@ -127,9 +134,13 @@ def _one_bar(per_length: int, end: float) -> float:
 )
 def _perfect() -> tuple[Value, ...]:
     names = ("two bodies, copper's side", "two bodies, steel's side", "one body")
-    found = [*two_bars(jt.bonded, 5, 1.0).surfaces, _one_bar(5, 1.0)]
+    temperatures = [*two_bars(jt.bonded, 5, 1.0).surfaces, _one_bar(5, 1.0)]
     return values(
-        names, unit="degC", expected=(INTERFACE,) * 3, computed=found, tolerance=0.05
+        names,
+        unit="degC",
+        expected=(INTERFACE,) * 3,
+        computed=temperatures,
+        tolerance=0.05,
     )
 
 
@@ -144,16 +155,18 @@ def _resisting() -> Row:
     def at(per_length: int) -> Iterator[Value]:
         for end in (0.1, 1.0, 10.0):
             hot, cold, flux = resisted(end)
-            found = two_bars(jt.Contact(CONDUCTANCE), per_length, end).surfaces
+            contact_temperatures = two_bars(
+                jt.Contact(CONDUCTANCE), per_length, end
+            ).surfaces
             names = (f"copper, {end:g} s", f"steel, {end:g} s")
             yield from values(
                 names,
                 unit="degC",
                 expected=(hot, cold),
-                computed=found,
+                computed=contact_temperatures,
                 tolerance=0.002 * 100.0,
             )
-            through = CONDUCTANCE * (found[0] - found[1])
+            through = CONDUCTANCE * (contact_temperatures[0] - contact_temperatures[1])
             yield Value(
                 name=f"flux, {end:g} s",
                 unit="W/m^2",
@@ -163,8 +176,11 @@ def _resisting() -> Row:
             )
 
     # The flux follows from the surfaces, in another unit: the order is theirs.
-    surfaces = lambda checks: largest_error(c for c in checks if c.unit == "degC")
-    return converge(at, (5, 10, 20), 1, expected=2.0, error=surfaces)
+
+    def error_of_surfaces(checks: Sequence[Value]) -> float:
+        return largest_error(check for check in checks if check.unit == "degC")
+
+    return converge(at, (5, 10, 20), length=1, expected=2.0, error=error_of_surfaces)
 
 
 def _two_boxes(distance: float) -> tuple[float, float]:
@@ -189,7 +205,7 @@ def _two_boxes(distance: float) -> tuple[float, float]:
     method="boxes of 6 x 6 x 6 voxels, 1000 W/(m^2 K), 0.05 s",
 )
 def _boxes() -> Iterator[Bound | Value]:
-    (hot, cold), far = _two_boxes(0.06), _two_boxes(0.5)
+    hot, cold = _two_boxes(0.06)
     yield Bound(
         name="touching: the hot box cools by",
         computed=80.0 - hot,
@@ -206,7 +222,11 @@ def _boxes() -> Iterator[Bound | Value]:
     )
     names = ("apart: excess of the hot box", "apart: excess of the cold box")
     yield from values(
-        names, unit="K", expected=(80.0, -80.0), computed=far, tolerance=0.05
+        names,
+        unit="K",
+        expected=(80.0, -80.0),
+        computed=_two_boxes(0.5),
+        tolerance=0.05,
     )
 
 

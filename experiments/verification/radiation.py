@@ -58,12 +58,12 @@ def _view_factors() -> Iterator[Value]:
     floor = rectangle_rule(_ORIGIN, first=_X, second=_Y, count=24)
     ceiling = np.array([_Z, _Z + _Y, _Z + _X + _Y, _Z + _X])
     wall = np.array([_ORIGIN, _Y, _Y + _Z, _Z])
-    across, beside = (view_factor_to_polygon(floor, p) for p in (ceiling, wall))
-    lower, upper = (
-        disc_rule(_ORIGIN, normal=_Z, radius=1.0, count=16),
-        disc_rule(_Z, normal=-_Z, radius=1.0, count=16),
-    )
-    sides, discs = across + 4 * beside, view_factor(lower, upper)
+    to_ceiling = view_factor_to_polygon(floor, ceiling)
+    to_wall = view_factor_to_polygon(floor, wall)
+    sides = to_ceiling + 4 * to_wall
+    lower_disc = disc_rule(_ORIGIN, normal=_Z, radius=1.0, count=16)
+    upper_disc = disc_rule(_Z, normal=-_Z, radius=1.0, count=16)
+    discs = view_factor(lower_disc, upper_disc)
     exact = (
         ("parallel unit squares, gap 1", parallel_rectangles(1.0, 1.0, 1.0)),
         ("unit squares that share an edge", perpendicular_rectangles(1.0, 1.0, 1.0)),
@@ -71,8 +71,8 @@ def _view_factors() -> Iterator[Value]:
         ("coaxial discs, r1 = r2 = H", coaxial_discs(1.0, 1.0, 1.0)),
         ("element under a disc, R = H", element_to_disc(1.0, 1.0)),
     )
-    found = (across, beside, sides, discs, _seen(_disc(1.0)))
-    for (name, form), computed in zip(exact, found, strict=True):
+    factors = (to_ceiling, to_wall, sides, discs, _seen(_disc(1.0)))
+    for (name, form), computed in zip(exact, factors, strict=True):
         yield Value(
             name=name, unit="", expected=form, computed=computed, tolerance=1e-6
         )
@@ -118,12 +118,12 @@ def _enclosures() -> Iterator[Value]:
 def _sun() -> Iterator[Value]:
     angle = np.pi * (forms.SUN_RADIUS / forms.ASTRONOMICAL_UNIT) ** 2
     for kelvin, flux in ((5772.0, 1361.1632), (5800.0, 1387.768)):
-        found = forms.solar_irradiance(kelvin)
+        irradiance = forms.solar_irradiance(kelvin)
         yield relative(
             f"irradiance, {kelvin:.0f} K",
             unit="W/m^2",
             expected=flux,
-            computed=found,
+            computed=irradiance,
             fraction=1e-6,
         )
     yield relative(
@@ -144,15 +144,15 @@ def _plates() -> tuple[Value, ...]:
     square = np.array([[-1, 1, 1], [1, 1, 1], [1, -1, 1], [-1, -1, 1]], float)
     # 1e5 m stand for endless: what is beyond subtends 1e-5.
     strip = square * np.array([1e5, 1.0, 1.0])
-    found = [black * _seen(p) for p in (square, strip, _disc(1.0))]
+    fluxes = [black * _seen(p) for p in (square, strip, _disc(1.0))]
     square = 4 * element_to_rectangle(1.0, 1.0, 1.0)
-    factors = square, element_to_strip(2.0, 1.0), element_to_disc(1.0, 1.0)
+    factors = (square, element_to_strip(2.0, 1.0), element_to_disc(1.0, 1.0))
     names = ("plate of 2 x 2 m", "endless strip of 2 m", "disc of 2 m")
     return values(
         names,
         unit="kW/m^2",
         expected=[black * f for f in factors],
-        computed=found,
+        computed=fluxes,
         tolerance=1e-3,
     )
 
@@ -179,19 +179,18 @@ def _net_emission(emissivity: float, kelvin: float, around: float) -> float:
 def _emission() -> Iterator[Value]:
     # Stefan and Boltzmann's, as the peer has it: CODATA 2014 [W/(m^2 K^4)].
     newer = STEFAN_BOLTZMANN / 5.670367e-8
-    black, grey = _net_emission(1.0, 400.0, 0.0), _net_emission(0.85, 400.0, 305.0)
     yield Value(
         name="black, 400 K",
         unit="W/m^2",
         expected=1451.614 * newer,
-        computed=black,
+        computed=_net_emission(1.0, kelvin=400.0, around=0.0),
         tolerance=5e-4,
     )
     yield Value(
         name="0.85, 400 K among 305 K",
         unit="W/m^2",
         expected=816.7822 * newer,
-        computed=grey,
+        computed=_net_emission(0.85, kelvin=400.0, around=305.0),
         tolerance=5e-5,
     )
 
@@ -207,16 +206,21 @@ _NUSSELT = {"churchill_bernstein": 40.63709, "sanitjai_goldstein": 40.38327}
     method="physics/convection",
 )
 def _nusselt() -> tuple[Value | Bound, ...]:
-    averages, checks = {a.name: a.nusselt for a in AVERAGES}, []
+    averages = {average.name: average.nusselt for average in AVERAGES}
+    checks = []
     # Not a generator: the precision would stay switched while it waits.
     with jax.enable_x64(True):
         reynolds, prandtl = (jnp.full(64, x, jnp.float64) for x in (6071.0, 0.7))
         cosine = jnp.asarray(np.cos(2 * np.pi * np.arange(64) / 64), jnp.float64)
         for name, listed in _NUSSELT.items():
-            found = float(averages[name](reynolds, prandtl)[0])
+            nusselt = float(averages[name](reynolds, prandtl)[0])
             checks.append(
                 Value(
-                    name=name, unit="", expected=listed, computed=found, tolerance=5e-6
+                    name=name,
+                    unit="",
+                    expected=listed,
+                    computed=nusselt,
+                    tolerance=5e-6,
                 )
             )
         for name, average in averages.items():
@@ -252,8 +256,9 @@ def _spheres() -> Iterator[Value]:
         np.concatenate([outside.faces, outer.faces[:, ::-1] + len(outside.vertices)]),
         "hollow ball",
     )
-    ball, around = jt.voxelize(inner, 0.005), jt.voxelize(hollow, 0.005)
-    out = np.linalg.norm(around.fragment_position, axis=1) > (0.1 + 0.12) / 2
+    ball = jt.voxelize(inner, 0.005)
+    around = jt.voxelize(hollow, 0.005)
+    is_outside = np.linalg.norm(around.fragment_position, axis=1) > (0.1 + 0.12) / 2
     # They conduct so well that each surface has one temperature.
     bodies = (
         full(ball, conductor(1e6, 0.8), 400.0),
@@ -262,7 +267,7 @@ def _spheres() -> Iterator[Value]:
     volume = ball.solid_count * ball.voxel_volume
     terms = (
         jt.RadiativeExchange(300.0, max_patches=64, directions=32),
-        jt.FixedTemperature(300.0, on=jt.FragmentMask(out, body=1)),
+        jt.FixedTemperature(300.0, on=jt.FragmentMask(is_outside, body=1)),
         jt.HeatSource(_SPHERES / volume, jt.Everything(body=0)),
     )
     solution = jt.steady(jt.Scene(bodies, terms, dtype="float64"))
@@ -271,7 +276,7 @@ def _spheres() -> Iterator[Value]:
     yield Value(
         name=name, unit="K", expected=400.0, computed=float(hot), tolerance=None
     )
-    # What would flow at exactly 100 K of difference, by the exchange that was found.
+    # The heat that would flow at exactly 400 and 300 K through the same exchange.
     heat = _SPHERES * float((400.0**4 - 300.0**4) / (hot**4 - cold**4))
     yield Value(
         name="heat at 400 and 300 K",
@@ -290,8 +295,10 @@ def _spheres() -> Iterator[Value]:
     method="frame of a box of emissivity 0.91 at 300 K, 250 K around",
 )
 def _apparent() -> tuple[Value, ...]:
-    grey, listed = conductor(1.0, 0.91), 296.4424
-    scene = single(bar(2, 0.1).grid, grey, 300.0, jt.Surroundings(250.0))
+    listed = 296.4424
+    grid = bar(2, 0.1).grid
+    grey = conductor(1.0, emissivity=0.91)
+    scene = single(grid, grey, 300.0, jt.Surroundings(250.0))
     camera = jt.Camera((1.0, -1.0, 0.5), (0.0, 0.0, 0.0), width=64, height=48)
     # The frame is in double precision, and so is what is computed from it. The listed
     # temperature is that of the radiation of all wavelengths.
@@ -312,6 +319,12 @@ def _apparent() -> tuple[Value, ...]:
 
 
 CASES = (
-    *(_view_factors, _enclosures, _sun, _plates, _emission, _nusselt),
-    *(_spheres, _apparent),
+    _view_factors,
+    _enclosures,
+    _sun,
+    _plates,
+    _emission,
+    _nusselt,
+    _spheres,
+    _apparent,
 )

@@ -13,7 +13,8 @@ from .bodies import bar, layered, single
 # Radius, or half a side [m].
 _SIZE = 0.1
 _STUFF = jt.Material(1.0, density=1000.0, specific_heat=1000.0)
-_AIR, _HOT = 300.0, 400.0
+_AIR = 300.0
+_HOT = 400.0
 _CYLINDER = {"axis": 0.87017424, "half-way": 0.7938029}
 _CYLINDER |= {"surface": 0.57022774, "mean": 0.71851626}
 # Theta of the slab at its centre and its surface; a cube is the product of three.
@@ -31,9 +32,9 @@ def _cooled(grid: jt.VoxelGrid, exposed: np.ndarray) -> tuple[np.ndarray, float]
     air = jt.Convection(10.0, _AIR, on=jt.FragmentMask(exposed))
     scene = single(grid, _STUFF, _HOT, air)
     solution = jt.simulate(scene, 2000.0, solver=jt.ForwardEuler())
-    theta = lambda kelvin: (np.asarray(kelvin)[0] - _AIR) / (_HOT - _AIR)
-    surface, mean = solution.surface_temperature, solution.mean_temperature
-    return theta(surface), float(theta(mean)[0])
+    surface = (np.asarray(solution.surface_temperature)[0] - _AIR) / (_HOT - _AIR)
+    mean = (np.asarray(solution.mean_temperature)[0, 0] - _AIR) / (_HOT - _AIR)
+    return surface, float(mean)
 
 
 @case(
@@ -55,13 +56,18 @@ def _cylinder() -> Row:
         centre = grid.lattice.centres(grid.fragment_voxel)
         radius = np.hypot(centre[end, 0], centre[end, 1]) / _SIZE
         # No node lies on the axis nor half-way: smooth fits through those around.
-        near, around = radius < 0.3, np.abs(radius - 0.5) < 0.15
-        axis = np.polyfit(radius[near] ** 2, theta[end][near], 2)[-1]
-        half = np.polyfit(radius[around] - 0.5, theta[end][around], 3)[-1]
+        is_near_axis = radius < 0.3
+        is_halfway = np.abs(radius - 0.5) < 0.15
+        axis = np.polyfit(radius[is_near_axis] ** 2, theta[end][is_near_axis], 2)[-1]
+        half = np.polyfit(radius[is_halfway] - 0.5, theta[end][is_halfway], 3)[-1]
         outside = np.average(theta[~end], weights=grid.fragment_area[~end])
-        found = (axis, half, outside, mean)
+        computed = (axis, half, outside, mean)
         return values(
-            names, unit="", expected=_CYLINDER.values(), computed=found, tolerance=5e-3
+            names,
+            unit="",
+            expected=_CYLINDER.values(),
+            computed=computed,
+            tolerance=5e-3,
         )
 
     # Voxels make steps of a round surface: no order is expected of them.
@@ -82,10 +88,8 @@ def _cube() -> Row:
         # An eighth of it: nothing passes through the three planes of symmetry.
         grid = jt.voxelize(jt.shapes.box((_SIZE, _SIZE, _SIZE)), _SIZE / cells)
         theta, _ = _cooled(grid, grid.fragment_normal.max(axis=1) > 0.9)
-        inner, outer = (
-            layered(theta, grid=grid, axis=0, sign=-1),
-            layered(theta, grid, 0),
-        )
+        inner = layered(theta, grid=grid, axis=0, sign=-1)
+        outer = layered(theta, grid=grid, axis=0)
         # Even parabolas through the nodes at 1/2 and 3/2 voxels, along 3 and 2 axes.
         centre = inner[0, 0] + 3 / 8 * (inner[0, 0] - inner[1, 0])
         middle = outer[0, 0] + 2 / 8 * (outer[0, 0] - outer[1, 0])
@@ -112,7 +116,7 @@ _COOLED = {
     "area": 6 * 0.1**2,
     "emissivity": 0.9,
 }
-# Some times [s], and when it has some temperatures; its temperatures then [K].
+# Times [s], those of some temperatures among them, and the temperatures then [K].
 _TIMES = (60.0, 300.0, 600.0, 1800.0, 3600.0)
 _TIMES += tuple(radiation_time(np.array([900.0, 700.0, 500.0, 400.0]), **_COOLED))
 _TIMES = tuple(sorted(float(time) for time in _TIMES))
@@ -132,8 +136,10 @@ def _lumped() -> Row:
 
     def at(dt: float):
         solution = jt.simulate(scene, _TIMES[-1], _TIMES, solver=jt.TRBDF2(dt))
-        found = np.asarray(solution.mean_temperature)[:, 0].tolist()
-        return values(names, unit="K", expected=_COOLING, computed=found, tolerance=0.1)
+        temperatures = np.asarray(solution.mean_temperature)[:, 0].tolist()
+        return values(
+            names, unit="K", expected=_COOLING, computed=temperatures, tolerance=0.1
+        )
 
     return converge(at, (20.0, 10.0, 5.0), expected=2.0)
 

@@ -40,25 +40,34 @@ def _column_points(cells: int) -> list[float]:
     terms = map(jt.FixedTemperature, kelvin, (UP, LEFT, DOWN))
     solution = jt.steady(single(grid, conductor(1.0), ZERO_CELSIUS, *terms))
     surface = np.asarray(solution.surface_temperature)[0]
-    nodes = layered(surface, grid, 1) - ZERO_CELSIUS
+    nodes = layered(surface, grid, axis=1) - ZERO_CELSIUS
     nodes = np.concatenate([nodes, nodes[::-1]])
     # The points are corners of four cells.
     corner = (nodes[:-1, :-1] + nodes[1:, :-1] + nodes[:-1, 1:] + nodes[1:, 1:]) / 4
-    at = cells * np.arange(1, 8) - 1
-    return corner[np.ix_(at[:4], at[::-1])].T.ravel().tolist()
+    eighths = cells * np.arange(1, 8) - 1
+    return corner[np.ix_(eighths[:4], eighths[::-1])].T.ravel().tolist()
 
 
 @case(
     "V21a",
-    "ISO 10211 case 1: half a square column",
-    "ISO 10211, annex A; a Fourier series",
-    "0.1 K",
-    "32 x 64 voxels; steady; places are eighths of the side, from top and left",
+    title="ISO 10211 case 1: half a square column",
+    source="ISO 10211, annex A; a Fourier series",
+    requirement="0.1 K",
+    method="32 x 64 voxels; steady; places are eighths of the side, from top and left",
 )
 def _column() -> Row:
     names = tuple(f"row {i + 1}, column {j + 1}" for i in range(7) for j in range(4))
     expected = tuple(celsius for row in _COLUMN for celsius in row)
-    at = lambda cells: values(names, "degC", expected, _column_points(cells), 0.1)
+
+    def at(cells: int) -> tuple[Value, ...]:
+        return values(
+            names,
+            unit="degC",
+            expected=expected,
+            computed=_column_points(cells),
+            tolerance=0.1,
+        )
+
     # Cells in an eighth of the side. The corners, where 20 and 0 degC meet, spoil the
     # order: none is expected.
     return converge(at, (2, 4, 8), 1)
@@ -68,7 +77,7 @@ def _column() -> Row:
 _ROOF = (230.0, 0.12, 1.15, 0.029)
 # Layers are 1.5 to 35 mm thick: the pitch [m] divides them all.
 _ROOF_PITCH = 0.5e-3
-# [mm]
+# Height of the roof [mm].
 _ROOF_HEIGHT = 47.5
 # x and height [mm], temperature [degC] of the standard.
 _ROOF_POINTS = {
@@ -79,20 +88,20 @@ _ROOF_POINTS = {
 
 
 def _roof_labels(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Which of `_ROOF` is at each place [mm]."""
-    found = np.full(np.broadcast(x, y).shape, 3)
-    found[(y < 1.5) | ((x < 1.5) & (y < 36.5)) | ((x < 15) & (y > 35) & (y < 36.5))] = 0
-    found[(x < 15) & (y > 36.5) & (y < 41.5)] = 1
-    found[np.broadcast_to(y > 41.5, found.shape)] = 2
-    return found
+    """Index in `_ROOF` of the material at each position [mm]."""
+    label = np.full(np.broadcast(x, y).shape, 3)
+    label[(y < 1.5) | ((x < 1.5) & (y < 36.5)) | ((x < 15) & (y > 35) & (y < 36.5))] = 0
+    label[(x < 15) & (y > 36.5) & (y < 41.5)] = 1
+    label[np.broadcast_to(y > 41.5, label.shape)] = 2
+    return label
 
 
 @case(
     "V21b",
-    "ISO 10211 case 2: a roof with an aluminium web",
-    "ISO 10211, annex A (finite volumes of 0.1 mm: 9.4900 W/m)",
-    "0.1 K and 0.1 W/m",
-    "1000 x 95 voxels of 0.5 mm; steady",
+    title="ISO 10211 case 2: a roof with an aluminium web",
+    source="ISO 10211, annex A (finite volumes of 0.1 mm: 9.4900 W/m)",
+    requirement="0.1 K and 0.1 W/m",
+    method="1000 x 95 voxels of 0.5 mm; steady",
 )
 def _roof() -> Iterator[Value]:
     size = (0.5, _ROOF_PITCH, 1e-3 * _ROOF_HEIGHT)
@@ -107,46 +116,65 @@ def _roof() -> Iterator[Value]:
     scene = single(grid, materials, ZERO_CELSIUS + 10.0, inside, outside)
     solution = jt.steady(scene)
     surface = np.asarray(solution.surface_temperature)[0] - ZERO_CELSIUS
-    nodes, conductivity = layered(surface, grid, 1), np.array(_ROOF)[labels]
+    nodes = layered(surface, grid, axis=1)
+    conductivity = np.array(_ROOF)[labels]
     along = np.argsort(grid.fragment_position[:, 0])
     up = grid.fragment_normal[along, 2]
     faces = {0.0: surface[along[up < -0.9]], _ROOF_HEIGHT: surface[along[up > 0.9]]}
     # Through one voxel of depth.
     heat = float(solution.heat_rates.mechanisms["convection"])
-    yield Value("heat flow", "W/m", 9.5, heat / _ROOF_PITCH, 0.1)
+    yield Value(
+        name="heat flow",
+        unit="W/m",
+        expected=9.5,
+        computed=heat / _ROOF_PITCH,
+        tolerance=0.1,
+    )
     for name, (x, y, celsius) in _ROOF_POINTS.items():
         i, j = (round(1e-3 * p / _ROOF_PITCH) + np.array([-1, 0]) for p in (x, y))
         i = np.clip(i, 0, wide - 1)
         if y in faces:
-            found = faces[y][i].mean()
+            temperature = faces[y][i].mean()
         else:
             # A corner of several materials has about the mean by conductivities.
             near = np.ix_(i, j)
-            found = np.average(nodes[near], weights=conductivity[near])
-        yield Value(f"T at {name}", "degC", celsius, float(found), 0.1)
+            temperature = np.average(nodes[near], weights=conductivity[near])
+        yield Value(
+            name=f"T at {name}",
+            unit="degC",
+            expected=celsius,
+            computed=float(temperature),
+            tolerance=0.1,
+        )
 
 
 def _largest_fraction(checks: Sequence[Value]) -> float:
-    # Of what is expected: a heat and a temperature in one order.
+    # Relative to the expected value: a heat and a temperature in one order.
     return max(abs(value.error) / value.expected for value in checks)
 
 
 def _iron_bar(pitch: float) -> Iterator[Value]:
-    """Heat flow and hottest place outside of a quarter of case 4."""
+    """Heat flow of case 4 and its hottest place outside, by a quarter of it."""
     # The bar ends flush with the wall outside, z = 0, and stands out 0.4 m inside.
     blocks = np.ones((2, 2, 2), bool)
     blocks[1, :, 1] = blocks[:, 1, 1] = False
-    planes = np.array([0.0, 0.05, 0.5]), np.array([0.0, 0.025, 0.5])
-    grid = jt.voxelize(of_blocks(blocks, *planes, np.array([0.0, 0.2, 0.6])), pitch)
+    mesh = of_blocks(
+        blocks,
+        np.array([0.0, 0.05, 0.5]),
+        np.array([0.0, 0.025, 0.5]),
+        np.array([0.0, 0.2, 0.6]),
+    )
+    grid = jt.voxelize(mesh, pitch)
     x, y, _ = (pitch * (np.arange(n) + 0.5) for n in grid.lattice.shape)
     iron = (x[:, None] < 0.05) & (y[None] < 0.025)
     labels = np.broadcast_to(iron[..., None], grid.lattice.shape).astype(int)
     materials = jt.MaterialLabels(labels, (conductor(0.1), conductor(50.0)))
-    place, normal = grid.fragment_position, grid.fragment_normal
+    position = grid.fragment_position
+    normal = grid.fragment_normal
     warm = normal[:, 2] > 0.9
     for axis, side in ((0, 0.05), (1, 0.025)):
         # Not the far edges of the wall, which are adiabatic.
-        warm |= (normal[:, axis] > 0.9) & (place[:, axis] < 2 * side)
+        warm |= (normal[:, axis] > 0.9) & (position[:, axis] < 2 * side)
     inside = jt.Convection(10.0, ZERO_CELSIUS + 1.0, on=jt.FragmentMask(warm))
     outside = jt.Convection(10.0, ZERO_CELSIUS, on=DOWN)
     solution = jt.steady(single(grid, materials, ZERO_CELSIUS + 0.5, inside, outside))
@@ -154,16 +182,22 @@ def _iron_bar(pitch: float) -> Iterator[Value]:
     heat = 4 * float(solution.heat_rates.mechanisms["convection"])
     cold = np.asarray(solution.surface_temperature)[0, normal[:, 2] < -0.9]
     hottest = float(cold.max()) - ZERO_CELSIUS
-    yield relative("heat flow", "W", 0.54, heat, 0.01)
-    yield Value("hottest place outside", "degC", 0.805, hottest, 0.005)
+    yield relative("heat flow", unit="W", expected=0.54, computed=heat, fraction=0.01)
+    yield Value(
+        name="hottest place outside",
+        unit="degC",
+        expected=0.805,
+        computed=hottest,
+        tolerance=0.005,
+    )
 
 
 @case(
     "V21d",
-    "ISO 10211 case 4: an iron bar through insulation",
-    "ISO 10211, annex A (finite volumes of 5 mm: 0.53775 W, 0.8080 degC)",
-    "1 % and 0.005 K",
-    "a quarter, 207 000 voxels of 6.25 mm; steady",
+    title="ISO 10211 case 4: an iron bar through insulation",
+    source="ISO 10211, annex A (finite volumes of 5 mm: 0.53775 W, 0.8080 degC)",
+    requirement="1 % and 0.005 K",
+    method="a quarter, 207 000 voxels of 6.25 mm; steady",
 )
 def _iron_bar_case() -> Row:
     # 12.5, 8.3 and 6.25 mm: whole voxels in the bar's half widths of 25 and 50 mm.
@@ -172,8 +206,10 @@ def _iron_bar_case() -> Row:
 
 
 # Radii of the shell [m].
-_INNER, _OUTER = 0.05, 0.1
-_HOT, _COLD = ZERO_CELSIUS + 100.0, ZERO_CELSIUS + 20.0
+_INNER = 0.05
+_OUTER = 0.1
+_HOT = ZERO_CELSIUS + 100.0
+_COLD = ZERO_CELSIUS + 20.0
 
 
 def _shell(cells: int) -> Iterator[Value]:
@@ -187,41 +223,52 @@ def _shell(cells: int) -> Iterator[Value]:
     solution = jt.steady(single(grid, conductor(0.5), _COLD, hot, cold))
     # The flat side shows its nodes, which lie half a voxel above it.
     flat = np.flatnonzero(~round_)
-    at = np.linalg.norm(grid.lattice.centres(grid.fragment_voxel[flat]), axis=1)
+    node_radius = np.linalg.norm(
+        grid.lattice.centres(grid.fragment_voxel[flat]), axis=1
+    )
     kelvin = np.asarray(solution.surface_temperature)[0, flat]
-    near = np.abs(at - 0.075) < 0.01
+    near = np.abs(node_radius - 0.075) < 0.01
     # Temperatures of a shell are linear in 1 / r.
-    fit = np.polyfit(1 / at[near] - 1 / 0.075, kelvin[near], 1)
-    # Twice that of the upper half.
+    fit = np.polyfit(1 / node_radius[near] - 1 / 0.075, kelvin[near], 1)
+    # Twice the heat of the upper half.
     heat = 2 * float(solution.heat_rates.mechanisms["fixed_temperature"])
-    yield relative("heat rate", "W", 50.26548246, heat, 0.02)
+    yield relative(
+        "heat rate", unit="W", expected=50.26548246, computed=heat, fraction=0.02
+    )
     middle = float(fit[-1]) - ZERO_CELSIUS
-    yield relative("T(75 mm)", "degC", 46.66666667, middle, 0.02)
+    yield relative(
+        "T(75 mm)", unit="degC", expected=46.66666667, computed=middle, fraction=0.02
+    )
 
 
 @case(
     "V15",
-    "spherical shell between two temperatures",
-    "Incropera 3.41",
-    "2 % at 20 cells per radius",
-    "upper half, 20 voxels per inner radius, 40 per outer (20 per outer are just "
-    "too few: see the errors); steady",
+    title="spherical shell between two temperatures",
+    source="Incropera 3.41",
+    requirement="2 % at 20 cells per radius",
+    method="upper half, 20 voxels per inner radius, 40 per outer (20 per outer are "
+    "just too few: see the errors); steady",
 )
 def _shell_case() -> Row:
     return converge(_shell, (10, 20, 40), 1, error=_largest_fraction)
 
 
-# Radius and length of the fin [m], h [W/(m^2 K)], excess of its base [K].
-_RADIUS, _LENGTH, _FIN_H, _EXCESS = 0.0025, 0.05, 100.0, 75.0
+# Radius and length of the fin [m].
+_RADIUS = 0.0025
+_LENGTH = 0.05
+# Heat transfer coefficient of the fin [W/(m^2 K)].
+_FIN_H = 100.0
+# Air, and excess of the fin's base over it [K].
 _AIR = 300.0
+_EXCESS = 75.0
 
 
 @case(
     "V16",
-    "pin fin with an adiabatic tip",
-    "Incropera, table 3.4",
-    "1 %",
-    "cylinder of 16 voxels per radius, 320 long; steady",
+    title="pin fin with an adiabatic tip",
+    source="Incropera, table 3.4",
+    requirement="1 %",
+    method="cylinder of 16 voxels per radius, 320 long; steady",
 )
 def _fin() -> Iterator[Value]:
     # Its voxels' section comes and goes with the pitch, so one pitch is shown.
@@ -233,11 +280,25 @@ def _fin() -> Iterator[Value]:
     solution = jt.steady(single(grid, conductor(180.0), _AIR, base, air))
     tip = np.asarray(solution.surface_temperature)[0, along > 0.9].mean()
     heat = float(solution.heat_rates.mechanisms["fixed_temperature"])
-    # Of the same surface, had all of it the temperature of the base.
+    # The heat of the same surface if all of it had the temperature of the base.
     max_heat = _FIN_H * 2 * np.pi * _RADIUS * _LENGTH * _EXCESS
-    yield relative("heat rate", "W", 4.37775788, heat, 0.01)
-    yield relative("efficiency", "", 0.74319126, float(heat / max_heat), 0.01)
-    yield relative("tip above the air", "K", 46.61455996, float(tip) - _AIR, 0.01)
+    yield relative(
+        "heat rate", unit="W", expected=4.37775788, computed=heat, fraction=0.01
+    )
+    yield relative(
+        "efficiency",
+        unit="",
+        expected=0.74319126,
+        computed=float(heat / max_heat),
+        fraction=0.01,
+    )
+    yield relative(
+        "tip above the air",
+        unit="K",
+        expected=46.61455996,
+        computed=float(tip) - _AIR,
+        fraction=0.01,
+    )
 
 
 CASES = (_column, _roof, _iron_bar_case, _shell_case, _fin)
