@@ -1,7 +1,7 @@
 """Heat transfer in triangle meshes as a thermal camera sees it, differentiable, in JAX.
 
-The stub beside this file names all that is public, and its modules. Names are resolved
-when first used, so that importing the package costs nothing of what is not used.
+The stub of this file names everything that is public, and its module. Names are
+resolved when they are first used, so that importing the package is fast.
 """
 
 from importlib.metadata import version as _version

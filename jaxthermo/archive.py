@@ -18,17 +18,22 @@ from .atomic import replacing
 from .errors import InputError
 
 
-_FORMAT, _VERSION, _CHECKSUM = "format", "format_version", "checksum"
-# In an `.npz` file; a record says its kind alone.
+_FORMAT = "format"
+_VERSION = "format_version"
+_CHECKSUM = "checksum"
+
 _ARCHIVE = "jaxthermo {}"
+"""Format of an `.npz` file; that of a record is its name alone."""
+
 _COMPRESSION = 1
-"""Level of zlib: numpy's own, 6, takes twice as long for files as large."""
+"""Level of zlib: higher ones are slower and hardly make the files smaller."""
+
 _SchemaT = TypeVar("_SchemaT", bound=tuple)
 
 
 def write_archive(
     path: Path,
-    kind: str,
+    format_name: str,
     version: int,
     arrays: Mapping[str, Any],
     compress: bool = True,
@@ -36,14 +41,18 @@ def write_archive(
     """Write arrays as an `.npz` file that `read_archive` accepts, in one step.
 
     Args:
-        path: of the file.
-        kind: what the file is, in a word or two, such as "solution".
-        version: of the format; it changes with names, shapes and meanings of arrays.
-        arrays: by name.
+        path: path of the file.
+        format_name: what the file is, in a word or two, such as "solution".
+        version: version of the format; it changes with names, shapes and meanings of
+            arrays.
+        arrays: arrays by name.
         compress: False where speed counts more than size.
     """
     plain = {name: np.asarray(value) for name, value in arrays.items()}
-    plain |= {_FORMAT: np.array(_ARCHIVE.format(kind)), _VERSION: np.array(version)}
+    plain |= {
+        _FORMAT: np.array(_ARCHIVE.format(format_name)),
+        _VERSION: np.array(version),
+    }
     plain[_CHECKSUM] = np.array(arrays_checksum(plain))
     method = zipfile.ZIP_DEFLATED if compress else zipfile.ZIP_STORED
     with (
@@ -56,14 +65,14 @@ def write_archive(
 
 
 def read_archive(
-    path: Path, kind: str, version: int, remedy: str
+    path: Path, format_name: str, version: int, remedy: str
 ) -> dict[str, np.ndarray]:
     """Read the arrays of a file of `write_archive`.
 
     Args:
-        path: of the file, which exists.
-        kind: as it was written.
-        version: that the caller reads.
+        path: path of the file, which exists.
+        format_name: as it was written.
+        version: version that the caller reads.
         remedy: what to do with a file that cannot be read, for the message.
 
     Raises:
@@ -77,13 +86,13 @@ def read_archive(
     except Exception as error:
         # numpy and zipfile raise many types for a damaged file.
         raise InputError(
-            f"{path}: not a {kind} of jaxthermo, or damaged "
+            f"{path}: not a {format_name} of jaxthermo, or damaged "
             f"({type(error).__name__}); {remedy}"
         ) from error
-    written = _ARCHIVE.format(kind)
+    written = _ARCHIVE.format(format_name)
     return _checked(
         path,
-        kind=kind,
+        format_name=format_name,
         version=version,
         remedy=remedy,
         stored=arrays,
@@ -92,19 +101,23 @@ def read_archive(
     )
 
 
-def signed(kind: str, version: int, content: Mapping[str, Any]) -> dict[str, Any]:
+def signed(
+    format_name: str, version: int, content: Mapping[str, Any]
+) -> dict[str, Any]:
     """Plain values with format, version and checksum, as `read_record` expects them."""
-    whole = {_FORMAT: kind, _VERSION: version, **content}
-    return {**whole, _CHECKSUM: plain_checksum(whole)}
+    described = {_FORMAT: format_name, _VERSION: version, **content}
+    return {**described, _CHECKSUM: plain_checksum(described)}
 
 
-def read_record(path: Path, kind: str, version: int, remedy: str) -> dict[str, Any]:
+def read_record(
+    path: Path, format_name: str, version: int, remedy: str
+) -> dict[str, Any]:
     """Read the content of a JSON file that was written with `signed` values.
 
     Args:
-        path: of the file.
-        kind: as it was written.
-        version: that the caller reads.
+        path: path of the file.
+        format_name: as it was written.
+        version: version that the caller reads.
         remedy: what to do with a file that cannot be read, for the message.
 
     Raises:
@@ -116,26 +129,26 @@ def read_record(path: Path, kind: str, version: int, remedy: str) -> dict[str, A
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise InputError(f"{path}: cannot be read: {reason}; {remedy}") from error
-    # Of bytes that are no text, text that is no JSON, and brackets without an end.
+    # The bytes are no text, the text is no JSON, or brackets have no end.
     except (ValueError, RecursionError) as error:
         reason = " ".join(str(error).split())
         raise InputError(f"{path}: damaged ({reason}); {remedy}") from error
     if not isinstance(content, dict):
-        raise InputError(f"{path}: not a {kind} of jaxthermo; {remedy}")
+        raise InputError(f"{path}: not a {format_name} of jaxthermo; {remedy}")
     return _checked(
         path,
-        kind=kind,
+        format_name=format_name,
         version=version,
         remedy=remedy,
         stored=content,
         checksum=plain_checksum,
-        written=kind,
+        written=format_name,
     )
 
 
 def _checked(
     path: Path,
-    kind: str,
+    format_name: str,
     version: int,
     remedy: str,
     stored: dict[str, Any],
@@ -144,18 +157,22 @@ def _checked(
 ) -> dict[str, Any]:
     """Content of a file whose format, version and checksum are as they should be."""
     # Compared as text: a foreign file may store anything under these names.
-    found = {key: str(stored.get(key)) for key in (_FORMAT, _VERSION, _CHECKSUM)}
-    if _VERSION in stored and found[_VERSION] != str(version):
+    head = {key: str(stored.get(key)) for key in (_FORMAT, _VERSION, _CHECKSUM)}
+    if _VERSION in stored and head[_VERSION] != str(version):
         refuse_version(
-            path, kind=kind, found=found[_VERSION], version=version, remedy=remedy
+            path,
+            format_name=format_name,
+            stored_version=head[_VERSION],
+            version=version,
+            remedy=remedy,
         )
-    if _VERSION not in stored or found[_FORMAT] != written:
-        raise InputError(f"{path}: not a {kind} of jaxthermo; {remedy}")
-    if found[_CHECKSUM] != checksum({k: stored[k] for k in stored if k != _CHECKSUM}):
+    if _VERSION not in stored or head[_FORMAT] != written:
+        raise InputError(f"{path}: not a {format_name} of jaxthermo; {remedy}")
+    if head[_CHECKSUM] != checksum({k: stored[k] for k in stored if k != _CHECKSUM}):
         raise InputError(
             f"{path}: damaged or changed, its checksum does not match; {remedy}"
         )
-    return {key: value for key, value in stored.items() if key not in found}
+    return {key: value for key, value in stored.items() if key not in head}
 
 
 def check_regular(path: Path, remedy: str) -> None:
@@ -171,12 +188,12 @@ def check_regular(path: Path, remedy: str) -> None:
 
 
 def refuse_version(
-    path: Path, kind: str, found: object, version: int, remedy: str
+    path: Path, format_name: str, stored_version: object, version: int, remedy: str
 ) -> NoReturn:
     """Raise the error of a file of another version."""
     raise InputError(
-        f"{path}: a {kind} of format version {found}, and this version of jaxthermo "
-        f"reads format version {version}; {remedy}"
+        f"{path}: a {format_name} of format version {stored_version}, and this version "
+        f"of jaxthermo reads format version {version}; {remedy}"
     )
 
 
@@ -208,20 +225,20 @@ def select_arrays(
         schema: a NamedTuple whose annotations are jaxtyping's, such as
             `Float[np.ndarray, "s 3"]`: an axis of one name has one size. An array
             that may be missing has `| None`, and None as default.
-        arrays: by name.
-        prefix: of the names in `arrays`.
+        arrays: arrays by name.
+        prefix: start of their names in `arrays`.
 
     Raises:
         InputError: naming the array that is missing, of another type or shape, or not
             finite; without a path and a remedy, which the caller knows.
     """
-    found = {}
-    # Binds the names of axes for all checks in it.
+    selected = {}
+    # One context binds the names of axes for all checks.
     with jaxtyped("context"):
         for name, expected in schema.__annotations__.items():
             array = arrays.get(prefix + name)
             if array is None:
-                # Of an array that may be missing.
+                # An array that may be missing has None among its types.
                 if isinstance(None, expected):
                     continue
                 raise InputError(f"{prefix}{name} is missing")
@@ -232,15 +249,15 @@ def select_arrays(
                 )
             if array.dtype.kind == "f" and not np.isfinite(array).all():
                 raise InputError(f"{prefix}{name} has values that are not finite")
-            found[name] = array
-    return schema(**found)
+            selected[name] = array
+    return schema(**selected)
 
 
 def _readable(expected: Any) -> str:
     # Float[ndarray, "s 3"] reads as "Float [s 3]".
-    kinds = getattr(expected, "__args__", (expected,))
+    alternatives = getattr(expected, "__args__", (expected,))
     return " or ".join(
-        f"{kind.__name__.split('[')[0]} [{kind.dim_str}]"
-        for kind in kinds
-        if kind is not type(None)
+        f"{alternative.__name__.split('[')[0]} [{alternative.dim_str}]"
+        for alternative in alternatives
+        if alternative is not type(None)
     )

@@ -56,9 +56,9 @@ def is_traced(tree: Any) -> bool:
     """True if any leaf of a pytree is being differentiated, mapped or compiled."""
     if isinstance(tree, float | HOST):
         return False
-    # By their types, which are few: a scene has a hundred leaves.
-    kinds = {type(leaf) for leaf in jax.tree.leaves(tree)}
-    return any(issubclass(kind, jax.core.Tracer) for kind in kinds)
+    # By their types, which are few: a scene has many leaves.
+    types = {type(leaf) for leaf in jax.tree.leaves(tree)}
+    return any(issubclass(leaf_type, jax.core.Tracer) for leaf_type in types)
 
 
 def namespace(values: Any) -> Any:
@@ -68,16 +68,16 @@ def namespace(values: Any) -> Any:
 
 def typed_array(value: Any, dtype: Any) -> Any:
     """The value as an array of a type: of numpy, unless it is one of JAX or traced."""
-    # Single arrays take longer to a device than all of a scene at its end.
+    # The arrays of a scene move to the device together, at its end.
     on_device = any(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(value))
     return (jnp if on_device else np).asarray(value, dtype)
 
 
 def device_array(value: Any, dtype: Any = None) -> Any:
-    """The value as an array on the device, of a type where one is given.
+    """The value as an array on the device; `dtype` is None for that of the value.
 
-    Arrays of numpy, which must not change any more, are moved: `jnp.asarray` compiles a
-    program for each of their shapes.
+    Arrays of numpy, which must not change afterwards, are moved: `jnp.asarray` compiles
+    a program for each of their shapes.
     """
     if not isinstance(value, HOST):
         return jnp.asarray(value, dtype)
@@ -87,7 +87,7 @@ def device_array(value: Any, dtype: Any = None) -> Any:
 def plain_numbers(value: Any) -> Any:
     """Numbers of numpy and JAX as Python's own, arrays as tuples, within tuples too.
 
-    As a converter of static fields, which must be hashable; any other value is kept.
+    A converter of static fields, which must be hashable; other values do not change.
     """
     if isinstance(value, jax.Array) and not is_traced(value):
         value = np.asarray(value)
@@ -103,8 +103,8 @@ def linear_map(
 ) -> Float[np.ndarray, "*n m"]:
     """Product `vectors @ matrix`, column by column.
 
-    BLAS shares such flat products out among threads, which on a busy machine wait for
-    each other: up to 50 times as long.
+    BLAS divides such flat products among threads, which on a busy machine wait for each
+    other.
     """
     x, y, z = np.moveaxis(vectors, -1, 0)
     columns = [x * a + y * b + z * c for a, b, c in matrix.T]
@@ -132,14 +132,14 @@ def taken(values: Shaped[Array, "..."], address: Any) -> Shaped[Array, "..."]:
 def added(
     values: Shaped[Array, "..."],
     address: Any,
-    more: Shaped[Array, "..."],
+    values_to_add: Shaped[Array, "..."],
     *,
     is_sorted: bool = False,
     is_unique: bool = False,
 ) -> Shaped[Array, "..."]:
-    """Return values with more at an address, of indices as in `taken`."""
+    """Return values with others added at an address, of indices as in `taken`."""
     return values.at[address].add(
-        more,
+        values_to_add,
         mode="promise_in_bounds",
         wrap_negative_indices=False,
         indices_are_sorted=is_sorted,
@@ -150,9 +150,9 @@ def added(
 def members(group: Int[np.ndarray, " k"], groups: int) -> Int[np.ndarray, "m g"]:
     """Indices of the first entry of every group, the second, ..., padded with k."""
     order = np.argsort(group, kind="stable").astype(np.int32)
-    found = np.full((np.bincount(group).max(), groups), len(group), np.int32)
-    found[rank_in_group(group[order]), group[order]] = order
-    return found
+    entries = np.full((np.bincount(group).max(), groups), len(group), np.int32)
+    entries[rank_in_group(group[order]), group[order]] = order
+    return entries
 
 
 def rank_in_group(group: Int[np.ndarray, " k"]) -> Int[np.ndarray, " k"]:
@@ -171,29 +171,30 @@ def sorted_with_order(
     key: Int[np.ndarray, " n"],
 ) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
     """Sorted numbers of at least 0, and their order, as by a stable sort."""
-    # One sort of keys with their indices in the low bits has vector instructions, and
-    # takes an eighth of the time of numpy's.
+    # Unlike numpy's stable sort, one of keys with their indices in the low bits uses
+    # vector instructions.
     bits = max(len(key) - 1, 0).bit_length()
     if int(key.max(initial=0)) >> (63 - bits):
         order = np.argsort(key, kind="stable")
         return key[order], order
-    count, both = len(key), key.astype(np.int64)
-    # A long array that the caller has no more use for is freed.
+    count = len(key)
+    packed = key.astype(np.int64)
+    # Frees a long array that the caller does not hold.
     del key
-    both <<= bits
-    both |= np.arange(count)
-    both.sort()
-    order = both & ((1 << bits) - 1)
-    both >>= bits
-    return both, order
+    packed <<= bits
+    packed |= np.arange(count)
+    packed.sort()
+    order = packed & ((1 << bits) - 1)
+    packed >>= bits
+    return packed, order
 
 
 def sorted_union(
-    first: Int[np.ndarray, " n"], *others: Int[np.ndarray, " _"]
+    first: Int[np.ndarray, " n"], *more_arrays: Int[np.ndarray, " _"]
 ) -> Int[np.ndarray, " k"]:
     """Numbers that are in any of the arrays, each once, as by `np.union1d`."""
-    # numpy hashes them first, which takes several times as long as its sort.
-    values = np.sort(np.concatenate((first, *others)))
+    # numpy would hash them first, which is slower than to sort them.
+    values = np.sort(np.concatenate((first, *more_arrays)))
     begins = np.ones(len(values), bool)
     np.not_equal(values[1:], values[:-1], out=begins[1:])
     return values[begins]
@@ -207,14 +208,14 @@ def unique_rows(
     As by `np.unique` along the first axis, which compares rows as bytes.
     """
     low = rows.min(axis=0, initial=0)
-    size = [int(n) for n in rows.max(axis=0, initial=0) - low + 1]
-    if math.prod(size) > np.iinfo(np.int64).max:
-        found, number = np.unique(rows, axis=0, return_inverse=True)
-        return found, number.reshape(-1)
+    counts = [int(n) for n in rows.max(axis=0, initial=0) - low + 1]
+    if math.prod(counts) > np.iinfo(np.int64).max:
+        distinct, number = np.unique(rows, axis=0, return_inverse=True)
+        return distinct, number.reshape(-1)
     # One number a row, which sorts as the row does.
     key = np.zeros(len(rows), np.int64)
-    for column, least, count in zip(rows.T, low, size, strict=True):
-        key = key * count + (column - least)
+    for column, lowest, count in zip(rows.T, low, counts, strict=True):
+        key = key * count + (column - lowest)
     order = np.argsort(key)
     key = key[order]
     begins = np.ones(len(key), bool)
@@ -224,9 +225,11 @@ def unique_rows(
     return rows[order[begins]], number
 
 
-# Cost of one entry of a sparse list, and of having a list at all, relative to an entry
-# that is gathered: scatters are slow, and a list adds operations to every step.
-LIST_ENTRY_COST, LIST_COST = 10.0, 3_000.0
+LIST_ENTRY_COST = 10.0
+"""Cost of one entry of a sparse list over that of a gathered one: scatters are slow."""
+
+LIST_COST = 3_000.0
+"""Cost of a sparse list over that of a gathered entry: it adds operations to a step."""
 
 
 def gathered_columns(degree: Int[np.ndarray, " n"]) -> int:

@@ -1,4 +1,4 @@
-"""Atomic files: a reader sees the old or the new one, never a part."""
+"""Atomic files: a reader sees the old or the new file, never an incomplete one."""
 
 import errno
 import json
@@ -13,9 +13,10 @@ from typing import Any
 from .errors import InputError
 
 
-# A full disk, a quota, a limit of the file size, and a disk that fails or is read-only.
 _DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
-# Name, process and a random part of a temporary file.
+"""A full disk, a quota, a limit of the file size, a disk that fails or is read-only."""
+
+# Name, process and random digits of a temporary file.
 _TEMPORARY = re.compile(r"\..+\.(\d+)-[0-9a-f]{8}(\.\w+)?")
 
 
@@ -35,8 +36,8 @@ def remove_leftovers(folder: Path) -> None:
     # A folder that cannot be listed may still be written to.
     with suppress(OSError):
         for path in folder.iterdir():
-            found = _TEMPORARY.fullmatch(path.name)
-            if found and not _is_running(int(found[1])):
+            match = _TEMPORARY.fullmatch(path.name)
+            if match and not _is_running(int(match[1])):
                 path.unlink(missing_ok=True)
 
 

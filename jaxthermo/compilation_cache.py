@@ -1,9 +1,9 @@
 """Compiled programs on disk: what one process compiled, the next one loads.
 
-JAX has such a cache. Its files are written here instead, since its own are not atomic,
-have no check sum against every damage, and no limit without a further library. The
-commands switch it on; Python switches it on by `cache_compilations`, because it is a
-setting of JAX that the whole process shares.
+JAX has such a cache. Its files are written here instead, since those of JAX are not
+atomic, have no check sum against every damage, and no limit without a further library.
+The commands switch it on; in Python `cache_compilations` does, because it is a setting
+of JAX that the whole process shares.
 
 A file that is damaged, or that XLA rejects, costs a compilation and nothing else. Code
 of another jaxlib or processor can crash when it is loaded, which JAX's own key does not
@@ -67,27 +67,28 @@ def cache_compilations() -> Path | None:
         The folder; None if there is no cache, or not this one.
     """
     settings: Any = jax.config
-    folder, before = _folder(), settings.jax_compilation_cache_dir
-    if folder is None or before is not None:
-        return folder if before == str(folder) else None
+    folder = _folder()
+    configured = settings.jax_compilation_cache_dir
+    if folder is None or configured is not None:
+        return folder if configured == str(folder) else None
     if not settings.jax_enable_compilation_cache or not _is_usable(folder):
         return None
     files = ProgramFiles(folder)
-    known = getattr(_jax_cache, "get_file_cache", None)
-    if known is None:  # a JAX in which another function opens it
+    open_cache = getattr(_jax_cache, "get_file_cache", None)
+    if open_cache is None:  # a JAX in which another function opens it
         return None
 
     def opened(path: str) -> tuple[CacheInterface, str] | None:
-        return (files, path) if path == str(folder) else known(path)
+        return (files, path) if path == str(folder) else open_cache(path)
 
     _jax_cache.get_file_cache = opened
     _jax_cache.reset_cache()
     jax.config.update("jax_compilation_cache_dir", str(folder))
-    # Ours are many programs that take a fraction of a second each.
+    # There are many programs that each compile fast.
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
     jax.config.update("jax_persistent_cache_enable_xla_caches", "none")
-    # Programs that cannot be stored, and files that XLA rejects: compiled as before.
+    # Programs that cannot be stored, and files that XLA rejects, are compiled again.
     warnings.filterwarnings(
         "ignore", "Error (reading|writing) persistent compilation cache entry"
     )
@@ -131,7 +132,7 @@ def _processor() -> str:
         lines = _CPUINFO.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:  # not Linux
         lines = []
-    # Of the first processor; "Features" on ARM.
+    # Properties of the first processor; "Features" on ARM.
     for key in ("model name", "flags", "Features", "CPU part"):
         described += [line for line in lines if line.startswith(key)][:1]
     return "\n".join(described)
@@ -143,9 +144,9 @@ def _is_usable(folder: Path) -> bool:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         status = folder.stat()
         # The files are machine code: nobody else may put any there.
-        own = not hasattr(os, "getuid") or status.st_uid == os.getuid()
+        is_own = not hasattr(os, "getuid") or status.st_uid == os.getuid()
         shared = status.st_mode & 0o022 and sys.platform != "win32"
-        return own and not shared and not (folder / _UNUSABLE).exists()
+        return is_own and not shared and not (folder / _UNUSABLE).exists()
     except OSError:
         return False
 
@@ -168,7 +169,7 @@ class ProgramFiles(CacheInterface):
 
     @override
     def get(self, key: str) -> bytes | None:
-        """Content of a file; None if there is none, or none that can be used."""
+        """Content of a file; None if it is missing or cannot be used."""
         if self._rejected >= _MAX_REJECTED:
             return None
         path = self._file(key)
@@ -207,8 +208,8 @@ class ProgramFiles(CacheInterface):
             # Seldom: it looks at every file of all processors and versions.
             if self._written > _MAX_BYTES / 16:
                 self._written = 0
-                others = path.parent.parent.glob("*/*.bin")
-                user_cache.make_room(others, _OWN_FILES, _MAX_BYTES)
+                all_files = path.parent.parent.glob("*/*.bin")
+                user_cache.make_room(all_files, _OWN_FILES, _MAX_BYTES)
         except (OSError, InputError):
             return
 
@@ -216,11 +217,11 @@ class ProgramFiles(CacheInterface):
 def _read(path: Path, key: str) -> bytes | None:
     """Content of a file, None if it is missing or damaged."""
     try:
-        whole = path.read_bytes()
+        stored = path.read_bytes()
     except OSError:
         return None
-    content = whole[_DIGEST_BYTES:]
-    return content if whole[:_DIGEST_BYTES] == _check_sum(key, content) else None
+    content = stored[_DIGEST_BYTES:]
+    return content if stored[:_DIGEST_BYTES] == _check_sum(key, content) else None
 
 
 def _check_sum(key: str, content: bytes) -> bytes:

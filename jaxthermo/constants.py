@@ -9,6 +9,9 @@ ZERO_CELSIUS = 273.15
 SOLAR_TEMPERATURE = 5800.0
 """Black body with about the spectrum of the sun [K]."""
 
-MIN_TEMPERATURE, MAX_TEMPERATURE = 150.0, 6000.0
-"""Bounds of what a user means by a temperature [K]: a lower number is most likely in
-degrees Celsius, and the surface of the sun is at 5772 K."""
+MIN_TEMPERATURE = 150.0
+"""Smallest plausible temperature [K]: a lower number is most likely in degrees
+Celsius."""
+
+MAX_TEMPERATURE = 6000.0
+"""Largest plausible temperature [K]: the surface of the sun is at 5772 K."""

@@ -17,7 +17,7 @@ class InputError(ValueError):
 
 @contextmanager
 def located(where: str) -> Iterator[None]:
-    """Put a place in the scene, such as "terms[1]", before messages from within."""
+    """Begin the messages of errors with their place in the scene, as "terms[1]"."""
     try:
         yield
     except InputError as error:
@@ -25,20 +25,20 @@ def located(where: str) -> Iterator[None]:
 
 
 def require(
-    value: Any, kinds: type | tuple[type, ...], argument: str, give: str
+    value: Any, classes: type | tuple[type, ...], argument: str, give: str
 ) -> None:
     """Refuse a value that is not of a class.
 
     Args:
         value: the argument.
-        kinds: class of it, or several.
-        argument: as it is written, e.g. "Body(material=)".
+        classes: its class, or several.
+        argument: how it is written, e.g. "Body(material=)".
         give: what to give instead.
 
     Raises:
         InputError: naming the argument and its value.
     """
-    if isinstance(value, kinds):
+    if isinstance(value, classes):
         return
     # A class is a frequent slip: `Sun` where `Sun(...)` is meant.
     if isinstance(value, type):

@@ -1,12 +1,12 @@
-"""Findings: results of searches in geometry, kept for the next run of the same bodies.
+"""Findings: results of searches in geometry, stored for the next run of the bodies.
 
 Shadows, contacts, view factors and surface cells follow from voxels, poses and
-directions, not from materials, coefficients or loads. What is found once is found again
-in no other run of this process, as long as the objects that it belongs to exist.
+directions, not from materials, coefficients or loads. A process searches once for each
+finding, as long as the objects that it belongs to exist.
 
-A finding is known by the identity of these objects, and by the values of all else that
-it depends on. It is dropped with the first of them; of all together the least recently
-used are dropped beyond `MAX_BYTES`. Arrays that are kept refuse to be written to.
+A finding is identified by these objects, and by the values of everything else that it
+depends on. It is dropped with the first of its objects, and the least recently used
+ones are dropped when all findings exceed `MAX_BYTES`. Stored arrays are read-only.
 """
 
 import contextlib
@@ -28,8 +28,8 @@ from .arrays import HOST, is_traced
 MAX_BYTES = 512 * 1024**2
 """Size of all findings together [bytes]."""
 
-_MIN_KEPT = 2**14
-"""Size above which an array is kept on the device [bytes]: others are as soon there."""
+_MIN_STORED = 2**14
+"""Size above which an array stays on the device [bytes]: others move there at once."""
 
 _MAX_NUMBERS = 256
 """Length up to which an array of numbers is compared by its values."""
@@ -39,12 +39,13 @@ _searches: ContextVar[list[str] | None] = ContextVar("searches", default=None)
 
 
 class _Same:
-    """An object as part of a key: equal to itself alone, and not kept alive."""
+    """An object within a key: equal to itself alone, and not kept alive."""
 
     __slots__ = ("__weakref__", "_hash", "_seen")
 
     def __init__(self, seen: object, on_end: Callable[[Any], None] | None = None):
-        self._seen, self._hash = weakref.ref(seen, on_end), id(seen)
+        self._seen = weakref.ref(seen, on_end)
+        self._hash = id(seen)
 
     def __hash__(self) -> int:
         return self._hash
@@ -53,11 +54,15 @@ class _Same:
         if self is other:
             return True
         # Another object may have taken the address of one that is gone.
-        own = self._seen()
-        return isinstance(other, _Same) and own is not None and own is other._seen()
+        object_seen = self._seen()
+        return (
+            isinstance(other, _Same)
+            and object_seen is not None
+            and object_seen is other._seen()
+        )
 
 
-class _Kept(NamedTuple):
+class _Entry(NamedTuple):
     value: Any
     size: int
 
@@ -67,34 +72,34 @@ class _Store:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._kept: OrderedDict[Hashable, _Kept] = OrderedDict()
+        self._entries: OrderedDict[Hashable, _Entry] = OrderedDict()
         self._size = 0
-        # Keys whose object is gone.
+        # Keys whose object no longer exists.
         self._ended: deque[Hashable] = deque()
 
-    def get(self, key: Hashable) -> _Kept | None:
+    def get(self, key: Hashable) -> _Entry | None:
         with self._lock:
             self._sweep()
-            found = self._kept.get(key)
-            if found is not None:
-                self._kept.move_to_end(key)
-            return found
+            entry = self._entries.get(key)
+            if entry is not None:
+                self._entries.move_to_end(key)
+            return entry
 
     def put(self, key: Hashable, value: Any, size: int) -> None:
         if size > MAX_BYTES:
             return
         with self._lock:
             self._drop(key)
-            self._kept[key] = _Kept(value, size)
+            self._entries[key] = _Entry(value, size)
             self._size += size
             while self._size > MAX_BYTES:
-                self._drop(next(iter(self._kept)))
+                self._drop(next(iter(self._entries)))
             self._sweep()
 
     def end(self, key: Hashable) -> None:
-        """Drop a key whose object is gone."""
-        # The collector may call this in the middle of anything, also of `put` in this
-        # very thread: then it is dropped at the next opportunity.
+        """Drop a key whose object no longer exists."""
+        # The collector may call this at any moment, even within `put` of this thread:
+        # the key is then dropped at the next opportunity.
         self._ended.append(key)
         if self._lock.acquire(blocking=False):
             try:
@@ -104,21 +109,21 @@ class _Store:
 
     def clear(self) -> None:
         with self._lock:
-            self._kept.clear()
+            self._entries.clear()
             self._ended.clear()
             self._size = 0
 
     def size(self) -> tuple[int, int]:
         with self._lock:
             self._sweep()
-            return len(self._kept), self._size
+            return len(self._entries), self._size
 
     def _sweep(self) -> None:
         while self._ended:
             self._drop(self._ended.popleft())
 
     def _drop(self, key: Hashable) -> None:
-        dropped = self._kept.pop(key, None)
+        dropped = self._entries.pop(key, None)
         if dropped is not None:
             self._size -= dropped.size
 
@@ -129,19 +134,19 @@ _store = _Store()
 def found(
     of: tuple[object, ...], by: Hashable, find: Callable[[], _T], search: str = ""
 ) -> _T:
-    """Return what `find` finds, from before if it was found before.
+    """Return what `find` finds, without a new search if it was found before.
 
     Args:
-        of: objects, known by their identity, that the finding belongs to.
-        by: values of all else that it depends on, with the kind of finding first; None
-            where they cannot be compared, for a finding that is not kept.
+        of: objects that the finding belongs to, compared by identity.
+        by: values of everything else that it depends on, with the kind of finding
+            first; None where they cannot be compared: the finding is not stored.
         find: the search; of geometry alone, and without effects.
         search: its name for the receipt of a run that makes it; empty for none.
     """
     key = None if by is None else _key(of, by)
-    kept = None if key is None else _store.get(key)
-    if kept is not None:
-        return kept.value
+    entry = None if key is None else _store.get(key)
+    if entry is not None:
+        return entry.value
     names = _searches.get()
     if search and names is not None:
         names.append(search)
@@ -168,13 +173,16 @@ def _key(of: tuple[object, ...], by: Hashable) -> Hashable | None:
 
 
 def _ending_key(of: tuple[object, ...], by: Hashable) -> Hashable:
-    """The same key, which is dropped with the first of its objects."""
-    whole: list[Hashable] = []
-    # Of the store itself: names of the module are gone where an interpreter ends.
+    """Key as of `_key`, which is dropped with the first of its objects."""
+    keys: list[Hashable] = []
+    # A method of the store: names of the module are gone where an interpreter ends.
     end = _store.end
-    on_end = lambda _: end(whole[0])
-    key = (by, _mode(), *(_Same(each, on_end) for each in of))
-    whole.append(key)
+
+    def on_end(_: Any) -> None:
+        end(keys[0])
+
+    key = (by, _mode(), *(_Same(member, on_end) for member in of))
+    keys.append(key)
     return key
 
 
@@ -186,7 +194,7 @@ def _mode() -> Hashable:
 
 @contextlib.contextmanager
 def searches_recorded() -> Iterator[list[str]]:
-    """Context in whose list the names of all searches appear that are made."""
+    """Context that yields a list, to which the name of every search is added."""
     names: list[str] = []
     token = _searches.set(names)
     try:
@@ -222,7 +230,7 @@ def values_of(tree: Any) -> Hashable:
             values.append((host.dtype.str, host.shape, host.tobytes()))
         else:
             values.append((type(leaf), leaf))
-    key = structure, tuple(values)
+    key = (structure, tuple(values))
     try:
         hash(key)
     except TypeError:
@@ -239,7 +247,7 @@ def digest(array: np.ndarray) -> Hashable:
 def is_finding(*arrays: np.ndarray) -> bool:
     """True for arrays that no one can change, such as those of findings."""
     # A view that is read-only may be one of an array that is not.
-    return not any(each.flags.writeable or each.base is not None for each in arrays)
+    return not any(array.flags.writeable or array.base is not None for array in arrays)
 
 
 def _digest(array: np.ndarray) -> Hashable:
@@ -253,7 +261,8 @@ def _leaves(value: Any) -> list[Any]:
     found_here: list[Any] = []
     within = [value]
     while within:
-        leaves, within = jax.tree.leaves(within), []
+        leaves = jax.tree.leaves(within)
+        within = []
         for leaf in leaves:
             fields = getattr(leaf, "__dict__", None)
             is_array = isinstance(leaf, np.ndarray | jax.Array)
@@ -268,20 +277,25 @@ _to_device = jax.jit(lambda arrays: arrays)
 
 
 def on_device(tree: Any) -> Any:
-    """A pytree with its arrays of numpy on the device, those of findings once."""
-    # A function that returns its arguments takes a third of the time of `device_put`.
+    """A pytree with its arrays of numpy on the device; those of findings move once."""
+    # One call of a function that returns its arguments is faster than `device_put` of
+    # each of them.
     leaves, structure = jax.tree.flatten(tree)
     host = {id(leaf): leaf for leaf in leaves if isinstance(leaf, HOST)}
     # Known arrays stay known where other values are traced.
     with jax.ensure_compile_time_eval():
-        kept = {
-            key: found((leaf,), "on device", lambda own=leaf: _to_device(own))
+        on_device_already = {
+            key: found((leaf,), "on device", lambda leaf=leaf: _to_device(leaf))
             for key, leaf in host.items()
             if isinstance(leaf, np.ndarray)
-            and leaf.nbytes > _MIN_KEPT
+            and leaf.nbytes > _MIN_STORED
             and is_finding(leaf)
         }
-        others = {key: leaf for key, leaf in host.items() if key not in kept}
-        moved = dict(zip(others, _to_device(list(others.values())), strict=True))
-    moved |= kept
+        not_there_yet = {
+            key: leaf for key, leaf in host.items() if key not in on_device_already
+        }
+        moved = dict(
+            zip(not_there_yet, _to_device(list(not_there_yet.values())), strict=True)
+        )
+    moved |= on_device_already
     return structure.unflatten([moved.get(id(leaf), leaf) for leaf in leaves])

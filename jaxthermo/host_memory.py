@@ -14,10 +14,10 @@ def _cached_bytes() -> int:
     # The kernel frees its page cache on demand. Only Linux tells its size.
     try:
         with open("/proc/meminfo", encoding="ascii") as lines:
-            found = next((line for line in lines if line.startswith("Cached:")), "")
+            cached = next((line for line in lines if line.startswith("Cached:")), "")
     except OSError:
         return 0
-    return int(found.split()[1]) * 1024 if found else 0
+    return int(cached.split()[1]) * 1024 if cached else 0
 
 
 def readable_bytes(count: float | int) -> str:

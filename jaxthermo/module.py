@@ -19,23 +19,27 @@ class _Fields(NamedTuple):
 
 def _fields_of(cls: type) -> _Fields | None:
     """Fields of a class whose arguments are its fields; None for any other class."""
-    init, code = cls.__init__, getattr(cls.__init__, "__code__", None)
+    init = cls.__init__
+    code = getattr(init, "__code__", None)
     # A type checker wraps the function that dataclasses write.
     if hasattr(init, "__wrapped__") or getattr(code, "co_filename", "") != "<string>":
         return None
-    missing, fields = dataclasses.MISSING, dataclasses.fields(cls)
+    missing = dataclasses.MISSING
+    fields = dataclasses.fields(cls)
     plain = all(f.init and f.default_factory is missing for f in fields)
-    abstract = getattr(cls, "__abstractmethods__", ()), cls.__abstractvars__
+    abstract = (getattr(cls, "__abstractmethods__", ()), cls.__abstractvars__)
     if not plain or any(abstract) or hasattr(cls, "__post_init__"):
         return None
-    found = [(f.name, f.metadata.get("converter")) for f in fields]
-    own = (vars(parent).get("__check_init__") for parent in cls.__mro__)
+    converters = [(f.name, f.metadata.get("converter")) for f in fields]
+    checks = (vars(parent).get("__check_init__") for parent in cls.__mro__)
     return _Fields(
         positional=tuple(f.name for f in fields if not f.kw_only),
         names=dict.fromkeys(f.name for f in fields),
         defaults={f.name: f.default for f in fields if f.default is not missing},
-        converters=tuple((name, each) for name, each in found if each is not None),
-        checks=tuple(check for check in own if check is not None),
+        converters=tuple(
+            (name, convert) for name, convert in converters if convert is not None
+        ),
+        checks=tuple(check for check in checks if check is not None),
     )
 
 
@@ -45,28 +49,28 @@ _fields: dict[type, _Fields | None] = {}
 class _QuickMeta(type(eqx.Module)):
     """Constructor of modules whose arguments are their fields, and nothing else."""
 
-    # A call of a compiled simulation makes some forty modules. Equinox sets each field
-    # by itself and searches it for mistakes of programming, which takes 40 us a module,
-    # ten times as long. Tests go through equinox, where types are checked as well.
+    # A call of a compiled simulation makes many modules. Equinox sets each field by
+    # itself and searches it for mistakes of programming, which takes longer than the
+    # rest of the call. Tests go through equinox, where types are checked as well.
     def __call__(cls, *args: Any, **kwargs: Any) -> Any:
         if cls not in _fields:
             _fields[cls] = _fields_of(cls)
-        known = _fields[cls]
-        if known is None or len(args) > len(known.positional):
+        fields = _fields[cls]
+        if fields is None or len(args) > len(fields.positional):
             return super().__call__(*args, **kwargs)
-        given = dict(zip(known.positional, args, strict=False))
-        values = known.defaults | given | kwargs
-        repeated = not given.keys().isdisjoint(kwargs)
-        if repeated or values.keys() != known.names.keys():
+        positional = dict(zip(fields.positional, args, strict=False))
+        values = fields.defaults | positional | kwargs
+        repeated = not positional.keys().isdisjoint(kwargs)
+        if repeated or values.keys() != fields.names.keys():
             # Equinox says what is missing or too much.
             return super().__call__(*args, **kwargs)
-        for name, convert in known.converters:
+        for name, convert in fields.converters:
             values[name] = convert(values[name])
-        made: Any = object.__new__(cls)
-        vars(made).update((name, values[name]) for name in known.names)
-        for check in known.checks:
-            check(made)
-        return made
+        module: Any = object.__new__(cls)
+        vars(module).update((name, values[name]) for name in fields.names)
+        for check in fields.checks:
+            check(module)
+        return module
 
 
 class Module(eqx.Module):
@@ -76,8 +80,8 @@ class Module(eqx.Module):
     take it as an argument: here `as_pytree` does, for the few that need it.
     """
 
-    # A scene that is compiled looks up a hundred methods. A pytree of each, with a
-    # check of all arrays in its module, takes longer than what the methods do.
+    # The compilation of a scene looks up many methods. A pytree of each, with a check
+    # of all arrays in its module, takes longer than the methods themselves.
     if not TYPE_CHECKING:
         __getattribute__ = object.__getattribute__
 
@@ -96,9 +100,9 @@ def replaced(module: _M, **fields: Any) -> _M:
 
     As `dataclasses.replace`, without the checks of a new module.
     """
-    made = object.__new__(type(module))
-    vars(made).update(vars(module), **fields)
-    return made
+    copy = object.__new__(type(module))
+    vars(copy).update(vars(module), **fields)
+    return copy
 
 
 def as_pytree(method: Callable[..., Any]) -> Callable[..., Any]:

@@ -15,8 +15,14 @@ import jax
 
 # Libraries on which the numbers of a result may depend.
 _PACKAGES = (
-    *("jaxthermo", "jax", "jaxlib", "numpy"),
-    *("scipy", "equinox", "optimistix", "trimesh"),
+    "jaxthermo",
+    "jax",
+    "jaxlib",
+    "numpy",
+    "scipy",
+    "equinox",
+    "optimistix",
+    "trimesh",
 )
 _ROOT = Path(__file__).resolve().parents[1]
 _CPUINFO = Path("/proc/cpuinfo")
@@ -31,8 +37,8 @@ def provenance(config_hash: str | None = None, seed: int | None = None) -> dict:
     (UTC).
 
     Args:
-        config_hash: of the resolved config, if there is one.
-        seed: of the random numbers, if there are any.
+        config_hash: hash of the resolved config, if there is one.
+        seed: seed of the random numbers, if there are any.
     """
     device = jax.devices()[0]
     code = commit(_ROOT)
@@ -92,8 +98,8 @@ def commit(root: Path) -> str | None:
 
 def _git(root: Path, *arguments: str) -> str | None:
     # Within a hook, git's own variables name another repository.
-    own = {k: v for k, v in os.environ.items() if not k.startswith("GIT_")}
-    environment: Mapping[str, Any] = {**own, "GIT_OPTIONAL_LOCKS": "0"}
+    variables = {k: v for k, v in os.environ.items() if not k.startswith("GIT_")}
+    environment: Mapping[str, Any] = {**variables, "GIT_OPTIONAL_LOCKS": "0"}
     try:
         done = subprocess.run(
             ["git", "-C", str(root), *arguments],

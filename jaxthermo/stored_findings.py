@@ -42,9 +42,10 @@ _MEMO_BYTES = 2**20
 
 _ALIGNMENT = 64
 _MARK = b"jaxthermo finding\n"
-# Arrays of truth values from this size on are stored as bits.
 _PACKED_BYTES = 2**16
-# Packages whose code the findings depend on; any change of them makes all anew.
+"""Size from which arrays of truth values are stored as bits."""
+
+# Packages whose code the findings depend on; any change of it invalidates all files.
 _SEARCHES = ("geometry", "raster", "voxels", "structures", "physics", "image")
 _OWN_FILES = re.compile(r"\.?[a-z_]+-[0-9a-f]{40}(\.\d+-[0-9a-f]{8})?\.bin")
 
@@ -73,7 +74,7 @@ def stored_search(
         def run(*args: _P.args, **kwargs: _P.kwargs) -> _T:
             return stored(
                 search,
-                given=(args, kwargs),
+                inputs=(args, kwargs),
                 find=lambda: find(*args, **kwargs),
                 types=types,
             )
@@ -84,34 +85,34 @@ def stored_search(
 
 
 def stored(
-    search: str, given: Any, find: Callable[[], _T], types: tuple[type, ...] = ()
+    search: str, inputs: Any, find: Callable[[], _T], types: tuple[type, ...] = ()
 ) -> _T:
     """Return what a search found before, in any process, or search and store it.
 
     Args:
         search: Its name, in lower case.
-        given: All that the result depends on: numbers, texts, arrays, None, or tuples,
-            dicts and own dataclasses of these. With anything else, such as a traced
-            value or a class of the user, nothing is stored.
-        find: The search, of the same kind of values and of `types`.
+        inputs: Everything that the result depends on: numbers, texts, arrays, None, or
+            tuples, dicts and own dataclasses of these. With anything else, such as a
+            traced value or a class of the user, nothing is stored.
+        find: The search, whose result has values of these kinds and of `types`.
         types: Dataclasses and NamedTuples that occur in what it finds.
     """
     folder = user_cache.cache_folder("findings")
     if folder is None:
         return find()
     try:
-        key = content_hash((_FORMAT, code_hash(*_SEARCHES), search, given))
+        key = content_hash((_FORMAT, code_hash(*_SEARCHES), search, inputs))
     except _Unknown:
         return find()
     path = folder / f"{search}-{key}.bin"
-    known = {kind.__name__: kind for kind in types}
-    before = _read(path, known)
-    if before is not None:
-        return before[0]
+    classes = {named_class.__name__: named_class for named_class in types}
+    stored_value = _read(path, classes)
+    if stored_value is not None:
+        return stored_value[0]
     clock = time.perf_counter()
     value = find()
     if time.perf_counter() - clock >= _MIN_SECONDS:
-        _write(path, value, known)
+        _write(path, value, classes)
     return value
 
 
@@ -152,8 +153,10 @@ def _feed(digest: Any, value: Any) -> None:
 
 def _is_own(value: Any) -> bool:
     """True for a dataclass whose code is part of this program's hash."""
-    kind = type(value)
-    return dataclasses.is_dataclass(kind) and kind.__module__.startswith(_OWN_CLASSES)
+    value_type = type(value)
+    return dataclasses.is_dataclass(value_type) and value_type.__module__.startswith(
+        _OWN_CLASSES
+    )
 
 
 def _feed_fields(digest: Any, value: Any) -> None:
@@ -161,7 +164,7 @@ def _feed_fields(digest: Any, value: Any) -> None:
     name = type(value).__qualname__
     if type(value).__hash__ is not object.__hash__:
         return _feed(digest, (name, fields))
-    # Known by its identity everywhere, such as a grid: its arrays do not change.
+    # Compared by identity, such as a grid: its arrays do not change.
     digest.update(
         found((value,), "content_hash", lambda: content_hash(fields)).encode()
     )
@@ -171,16 +174,19 @@ def _feed_fields(digest: Any, value: Any) -> None:
 def _array_hash(array: np.ndarray) -> bytes:
     if array.dtype.kind not in "biuf":
         raise _Unknown(f"cannot be hashed: an array of {array.dtype}")
-    plain = lambda: hashlib.sha256(np.ascontiguousarray(array).data).digest()
     # Several searches start from the same large arrays.
     if array.flags.writeable or array.base is not None or array.nbytes < _MEMO_BYTES:
-        return plain()
-    return found((array,), "content_hash", plain)
+        return _bytes_hash(array)
+    return found((array,), "content_hash", lambda: _bytes_hash(array))
+
+
+def _bytes_hash(array: np.ndarray) -> bytes:
+    return hashlib.sha256(np.ascontiguousarray(array).data).digest()
 
 
 @functools.cache
 def code_hash(*packages: str) -> str:
-    """Hash of the code in packages of this library, and in the files beside them."""
+    """Hash of the code in packages of this library, and in its single files."""
     digest = hashlib.sha256()
     folder = Path(__file__).parent
     paths = [path for name in packages for path in (folder / name).rglob("*.py")]
@@ -197,44 +203,47 @@ class _Arrays:
         self.size = 0
 
     def add(self, array: np.ndarray) -> dict[str, Any]:
-        """Append an array; returns what says where it is."""
+        """Append an array; return its location and type for the header."""
         if array.dtype.kind not in "biuf":
             raise _Unknown(f"cannot be stored: an array of {array.dtype}")
         packed = array.dtype == bool and array.nbytes >= _PACKED_BYTES
         block = np.packbits(array) if packed else np.ascontiguousarray(array)
-        place = {"at": self.size, "bytes": block.nbytes, "packed": packed}
+        location = {"at": self.size, "bytes": block.nbytes, "packed": packed}
         self.blocks.append(block)
         self.size += -(-block.nbytes // _ALIGNMENT) * _ALIGNMENT
-        return place | {"dtype": array.dtype.str, "shape": list(array.shape)}
+        return location | {"dtype": array.dtype.str, "shape": list(array.shape)}
 
-    def parts(self) -> Iterator[memoryview | bytes]:
+    def content(self) -> Iterator[memoryview | bytes]:
         """Bytes of all arrays, one after the other, without copies."""
         for block in self.blocks:
             yield block.reshape(-1).view(np.uint8).data
             yield bytes(-block.nbytes % _ALIGNMENT)
 
 
-def _encoded(value: Any, known: dict[str, type], arrays: _Arrays) -> Any:
+def _encoded(value: Any, classes: dict[str, type], arrays: _Arrays) -> Any:
     """Plain values for JSON, with the places of arrays."""
-    again: Callable[[Any], Any] = lambda item: _encoded(item, known, arrays)
-    kind: Any = type(value)
-    name = kind.__name__
-    if value is None or kind in (bool, int, float, str):
+
+    def encode(item: Any) -> Any:
+        return _encoded(item, classes, arrays)
+
+    value_type: Any = type(value)
+    name = value_type.__name__
+    if value is None or value_type in (bool, int, float, str):
         return value
     if isinstance(value, np.ndarray | np.generic):
         shape = "array" if isinstance(value, np.ndarray) else "scalar"
         return {shape: arrays.add(np.asarray(value))}
     if isinstance(value, csr_array):
-        parts = value.data, value.indices, value.indptr
+        columns = [encode(x) for x in (value.data, value.indices, value.indptr)]
         sizes: Any = value.shape
-        return {"csr": [again(part) for part in parts], "shape": list(sizes)}
-    if known.get(name) is kind:
-        return {"type": name, "fields": [again(item) for item in _fields(value)]}
-    if kind is tuple or kind is list:
-        return {name: list(map(again, value))}
-    if kind is dict:
-        return {"dict": [[again(key), again(item)] for key, item in value.items()]}
-    raise _Unknown(f"cannot be stored: {kind}")
+        return {"csr": columns, "shape": list(sizes)}
+    if classes.get(name) is value_type:
+        return {"type": name, "fields": [encode(item) for item in _fields(value)]}
+    if value_type is tuple or value_type is list:
+        return {name: list(map(encode, value))}
+    if value_type is dict:
+        return {"dict": [[encode(key), encode(item)] for key, item in value.items()]}
+    raise _Unknown(f"cannot be stored: {value_type}")
 
 
 def _fields(value: Any) -> list[Any]:
@@ -243,65 +252,70 @@ def _fields(value: Any) -> list[Any]:
     return [getattr(value, field.name) for field in dataclasses.fields(value)]
 
 
-def _decoded(plain: Any, known: dict[str, type], buffer: bytearray) -> Any:
+def _decoded(plain: Any, classes: dict[str, type], buffer: bytearray) -> Any:
     if not isinstance(plain, dict):
         return plain
-    again = lambda item: _decoded(item, known, buffer)
+
+    def decode(item: Any) -> Any:
+        return _decoded(item, classes, buffer)
+
     if "array" in plain:
         return _array(plain["array"], buffer)
     if "scalar" in plain:
         return _array(plain["scalar"], buffer)[()]
     if "csr" in plain:
-        return csr_array(tuple(map(again, plain["csr"])), tuple(plain["shape"]))
+        return csr_array(tuple(map(decode, plain["csr"])), tuple(plain["shape"]))
     if "type" in plain:
-        return known[plain["type"]](*map(again, plain["fields"]))
+        return classes[plain["type"]](*map(decode, plain["fields"]))
     if "dict" in plain:
-        return {again(key): again(item) for key, item in plain["dict"]}
+        return {decode(key): decode(item) for key, item in plain["dict"]}
     if "tuple" in plain:
-        return tuple(map(again, plain["tuple"]))
-    return list(map(again, plain["list"]))
+        return tuple(map(decode, plain["tuple"]))
+    return list(map(decode, plain["list"]))
 
 
-def _array(place: dict[str, Any], buffer: bytearray) -> np.ndarray:
-    dtype, shape = np.dtype(place["dtype"]), tuple(place["shape"])
-    block = np.frombuffer(buffer, np.uint8, place["bytes"], place["at"])
-    if place["packed"]:
+def _array(location: dict[str, Any], buffer: bytearray) -> np.ndarray:
+    dtype = np.dtype(location["dtype"])
+    shape = tuple(location["shape"])
+    block = np.frombuffer(buffer, np.uint8, location["bytes"], location["at"])
+    if location["packed"]:
         return np.unpackbits(block, count=math.prod(shape)).view(bool).reshape(shape)
     return block.view(dtype).reshape(shape)
 
 
-def _read(path: Path, known: dict[str, type]) -> tuple[Any] | None:
-    """Value of a file, in a tuple; None without a whole file."""
+def _read(path: Path, classes: dict[str, type]) -> tuple[Any] | None:
+    """Value of a file, in a tuple; None if the file is missing or damaged."""
     try:
         with path.open("rb") as file:
             if file.readline() != _MARK:
                 return None
-            header, check_sum, size = file.readline(), file.readline(), file.readline()
-            buffer = bytearray(int(size))
-            whole = file.readinto(buffer) == len(buffer) and not file.read(1)
-        if not whole or zlib.crc32(buffer, zlib.crc32(header)) != int(check_sum):
+            header = file.readline()
+            check_sum = file.readline()
+            buffer = bytearray(int(file.readline()))
+            is_complete = file.readinto(buffer) == len(buffer) and not file.read(1)
+        if not is_complete or zlib.crc32(buffer, zlib.crc32(header)) != int(check_sum):
             return None
-        value = _decoded(json.loads(header), known, buffer)
+        value = _decoded(json.loads(header), classes, buffer)
     except Exception:  # a damaged or foreign file raises any exception
         return None
     user_cache.mark_used(path)
     return (value,)
 
 
-def _write(path: Path, value: Any, known: dict[str, type]) -> None:
+def _write(path: Path, value: Any, classes: dict[str, type]) -> None:
     arrays = _Arrays()
     try:
-        header = json.dumps(_encoded(value, known, arrays)).encode() + b"\n"
+        header = json.dumps(_encoded(value, classes, arrays)).encode() + b"\n"
     except _Unknown:
         return
     if arrays.size > _MAX_FILE_BYTES:
         return
     check_sum = zlib.crc32(header)
-    for part in arrays.parts():
-        check_sum = zlib.crc32(part, check_sum)
+    for block in arrays.content():
+        check_sum = zlib.crc32(block, check_sum)
 
     def write(file: IO[bytes]) -> None:
         file.write(_MARK + header + b"%d\n%d\n" % (check_sum, arrays.size))
-        file.writelines(arrays.parts())
+        file.writelines(arrays.content())
 
     user_cache.keep(path, write, _OWN_FILES, _MAX_BYTES)

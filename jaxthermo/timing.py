@@ -19,7 +19,11 @@ class Timing(NamedTuple):
 
     def per(self, count: float | int) -> "Timing":
         """Time per item, for calls of `count` items."""
-        return Timing(*(value / count for value in self))
+        return Timing(
+            median=self.median / count,
+            fastest=self.fastest / count,
+            slowest=self.slowest / count,
+        )
 
     def text(self) -> str:
         """Format for a table: "12.3 ms (11.9-14.0)" or "1.92 s (1.89-2.18)"."""
@@ -29,7 +33,7 @@ class Timing(NamedTuple):
 
 
 def timed_call(call: Callable[[], Any]) -> tuple[Any, float]:
-    """The result of a call, and its wall time [s]."""
+    """Result of a call, and its wall time [s]."""
     # A search in geometry would be timed as the reading of a file.
     with without_cache():
         clock = time.perf_counter()
@@ -43,4 +47,6 @@ def measure(call: Callable[[], Any], repeats: int = 5) -> Timing:
     # The first call compiles.
     jax.block_until_ready(call())
     spans = [timed_call(call)[1] for _ in range(repeats)]
-    return Timing(statistics.median(spans), min(spans), max(spans))
+    return Timing(
+        median=statistics.median(spans), fastest=min(spans), slowest=max(spans)
+    )

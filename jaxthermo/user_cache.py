@@ -1,7 +1,7 @@
 """The user's cache folder: structures, findings and compiled programs on disk.
 
 `JAXTHERMO_CACHE` names another folder, or is "off" or "on". A cache never makes a run
-fail: what cannot be read is made anew, what cannot be written is not kept.
+fail: what cannot be read is computed again, what cannot be written is not stored.
 """
 
 import contextlib
@@ -16,7 +16,8 @@ from .errors import InputError
 
 
 _VARIABLE = "JAXTHERMO_CACHE"
-_ON, OFF = "on", "off"
+_ON = "on"
+OFF = "off"
 
 
 def cache_folder(name: str) -> Path | None:
@@ -38,16 +39,16 @@ def cache_folder(name: str) -> Path | None:
 @contextlib.contextmanager
 def without_cache() -> Iterator[None]:
     """Context in which nothing is read or stored, to time what is computed."""
-    before = os.environ.get(_VARIABLE)
-    # Also for the processes that are started within.
+    previous = os.environ.get(_VARIABLE)
+    # Processes that are started within the context inherit it.
     os.environ[_VARIABLE] = OFF
     try:
         yield
     finally:
-        if before is None:
+        if previous is None:
             del os.environ[_VARIABLE]
         else:
-            os.environ[_VARIABLE] = before
+            os.environ[_VARIABLE] = previous
 
 
 def keep(
@@ -56,7 +57,7 @@ def keep(
     own_files: re.Pattern[str],
     max_bytes: int,
 ) -> None:
-    """Write a file in one step and make room beside it; nothing where it cannot be."""
+    """Write a file in one step and make room in its folder; do nothing on failure."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with replacing(path) as temporary, temporary.open("wb") as file:
@@ -75,19 +76,19 @@ def mark_used(path: Path) -> None:
 def make_room(
     paths: Iterable[Path], own_files: re.Pattern[str], max_bytes: int
 ) -> None:
-    """Remove the least recently used files until the rest is below a size.
+    """Remove the least recently used files until the others are below a size.
 
     Files of other names are neither counted nor removed.
     """
-    found = []
+    files = []
     for path in paths:
         # Another process may remove files at the same time.
         with contextlib.suppress(FileNotFoundError):
             if own_files.fullmatch(path.name):
                 status = path.stat()
-                found.append((status.st_mtime, status.st_size, path))
-    kept = 0
-    for _, size, path in sorted(found, reverse=True):
-        kept += size
-        if kept > max_bytes:
+                files.append((status.st_mtime, status.st_size, path))
+    total_size = 0
+    for _, size, path in sorted(files, reverse=True):
+        total_size += size
+        if total_size > max_bytes:
             path.unlink(missing_ok=True)

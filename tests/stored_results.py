@@ -53,26 +53,26 @@ def stored(folder, name, content, rows=None, times=None):
     return folder
 
 
-def fit(folder, value, error: float | None = 0.1, **more):
+def fit(folder, value, error: float | None = 0.1, **changes):
     folder.mkdir(parents=True)
     row = {**RESULT["parameters"]["weights.within"], "value": value}
     rows = {"weights.within": {**row, "standard_error": error}}
-    write_fit(folder / "fit.json", {**RESULT, "parameters": rows, **more})
+    write_fit(folder / "fit.json", {**RESULT, "parameters": rows, **changes})
     return folder
 
 
-def row(name, kelvin, load="+x", **more):
+def row(name, kelvin, load="+x", **changes):
     error = {"worst_rms_kelvin": kelvin, "worst_rms_percent": 10 * kelvin}
     return {"id": f"{name}{load}", "choice": {"structure": name}, "load": load,
-            "error": error, "nodes": 10, **more}  # fmt: skip
+            "error": error, "nodes": 10, **changes}  # fmt: skip
 
 
 def sweep(folder, rows, times):
-    spans = [{"id": key, "loop_s": each} for key, each in times.items()]
+    spans = [{"id": key, "loop_s": seconds} for key, seconds in times.items()]
     line = {"choice": {"structure": "full"}, "rms_kelvin": 0.2, "rms_percent": 2.0}
     content = {"experiment": "sweep", "config": {"scene": "a/ball.yaml"}, **ORIGIN}
     content["choices"] = [{**line, "loop_s": 0.01}]
-    return stored(folder, "result.json", content, rows, spans)
+    return stored(folder, name="result.json", content=content, rows=rows, times=spans)
 
 
 def experiment(folder, **values):

@@ -154,7 +154,7 @@ def read_fit(path: Path) -> dict[str, Any]:
     """
     if not path.exists():
         raise InputError(f"{path}: no such file; `calibrate fit` makes it")
-    result = read_record(path, kind=_KIND, version=_VERSION, remedy=_REMEDY)
+    result = read_record(path, format_name=_KIND, version=_VERSION, remedy=_REMEDY)
     try:
         _SCHEMA.validate_python(result, strict=True)
     except ValidationError as error:

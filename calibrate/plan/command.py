@@ -127,7 +127,7 @@ def _kept(folder: Path, key: str) -> dict[str, Any] | None:
     """An earlier plan of the same scene, tolerance, program and processor."""
     try:
         record = read_record(
-            folder / PLAN, kind=_KIND, version=_VERSION, remedy="plan again"
+            folder / PLAN, format_name=_KIND, version=_VERSION, remedy="plan again"
         )
     except InputError:  # missing or damaged
         return None

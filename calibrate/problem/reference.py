@@ -322,7 +322,7 @@ def _stored_run(
             with contextlib.suppress(InputError):
                 cost = read_record(
                     path.with_suffix(".json"),
-                    kind=_COST,
+                    format_name=_COST,
                     version=_COST_VERSION,
                     remedy=_REMEDY,
                 )

@@ -74,7 +74,9 @@ class Progress(NamedTuple):
             "header": np.array(json.dumps(header)),
             "leaves": np.frombuffer(leaves.getvalue(), np.uint8),
         }
-        write_archive(path, kind=_KIND, version=_VERSION, arrays=parts, compress=False)
+        write_archive(
+            path, format_name=_KIND, version=_VERSION, arrays=parts, compress=False
+        )
 
 
 def _arrays(progress: Progress) -> Any:
@@ -85,7 +87,7 @@ def load_progress(path: Path, start: Progress) -> Progress:
     """Read the state that an earlier process saved, or return the start."""
     if not path.exists():
         return start
-    parts = read_archive(path, kind=_KIND, version=_VERSION, remedy=_REMEDY)
+    parts = read_archive(path, format_name=_KIND, version=_VERSION, remedy=_REMEDY)
     try:
         header = json.loads(str(parts["header"]))
         leaves = io.BytesIO(parts["leaves"].tobytes())

@@ -140,7 +140,7 @@ def _read(file: Path) -> Result:
         return Result("fit", file, read_fit(file))
     if file.name == "plan.json":
         record = read_record(
-            file, kind="plan", version=1, remedy="run `calibrate plan` again"
+            file, format_name="plan", version=1, remedy="run `calibrate plan` again"
         )
         return Result("plan", file, record | record.get("provenance", {}))
     content = _read_json(file)

@@ -59,7 +59,7 @@ def run(folder: Path, height: int | None = None) -> dict[str, Any]:
     return {
         "flows": rows,
         "fits": [
-            {"kind": fit.kind, "rms": fit.rms, "largest": fit.largest} for fit in fits
+            {"kind": fit.regime, "rms": fit.rms, "largest": fit.largest} for fit in fits
         ],
         "files": ["wake_profiles.csv", "wake_fit.csv"],
     }

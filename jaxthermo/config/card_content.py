@@ -85,7 +85,11 @@ def read_card(path: Path) -> CardContent:
         )
     if data["card"] != FORMAT:
         refuse_version(
-            path, kind=_KIND, found=data["card"], version=FORMAT, remedy=REMEDY
+            path,
+            format_name=_KIND,
+            stored_version=data["card"],
+            version=FORMAT,
+            remedy=REMEDY,
         )
     given = data.pop("checksum", None)
     if given is None:
@@ -133,7 +137,7 @@ def _arrays_beside(
     beside = path.parent / name
     found = read_archive(
         beside,
-        kind=LISTS,
+        format_name=LISTS,
         version=FORMAT,
         remedy="keep it beside the card, of the same fit",
     )

@@ -33,7 +33,7 @@ def write_card(path: Path, card: FitCard) -> None:
         else:
             weights[name] = numbers.tolist()
     if arrays:
-        write_archive(beside, kind=LISTS, version=FORMAT, arrays=arrays)
+        write_archive(beside, format_name=LISTS, version=FORMAT, arrays=arrays)
     plain = {
         # Weights stand before the data of their fit.
         "card": FORMAT,

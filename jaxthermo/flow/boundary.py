@@ -49,9 +49,10 @@ def filled_ends(
     entering: dict[int, Float[Array, " n"]] | None,
     outlet: Outlet | None = None,
 ) -> tuple[Populations, Outlet | None]:
-    """Populations with the columns that enter at both ends; None for periodic ends.
+    """Populations with the columns that enter at both ends.
 
-    The outlet, which is read of the same populations, is passed through.
+    `entering` is None for periodic ends. The outlet, which is read from the same
+    populations, is passed through.
     """
     last = f[0].shape[1] - 2
     if entering is None:
@@ -68,27 +69,29 @@ def filled_walls(f: Populations, walls: str, ends: str) -> Populations:
     """Populations with the rows beyond the walls; the frame's columns are filled."""
     top = f[0].shape[0] - 2
     changes = {}
-    for group, frame, inner, other in (
+    for group, frame, inner, opposite in (
         (UPWARD, 0, 1, top),
         (DOWNWARD, top + 1, top, 1),
     ):
         for i in group:
             ahead = VELOCITIES[i][0]
-            # In the corner the inlet has given its own.
-            given = ends == "open" and ahead > 0
+            # In the corner the populations are those of the inlet.
+            is_from_inlet = ends == "open" and ahead > 0
             if walls == "periodic":
-                row, start = f[i][other : other + 1], 0
+                row = f[i][opposite : opposite + 1]
+                start = 0
             elif walls == "slip":
-                row, start = f[MIRRORED[i]][inner : inner + 1, given:], int(given)
+                row = f[MIRRORED[i]][inner : inner + 1, is_from_inlet:]
+                start = int(is_from_inlet)
             else:
                 # What left a cell comes back to it.
-                row = f[OPPOSITE[i]][inner : inner + 1, 1 + given : -1]
-                start = 1 + given - ahead
-            changes[i] = (frame, start), row
+                row = f[OPPOSITE[i]][inner : inner + 1, 1 + is_from_inlet : -1]
+                start = 1 + is_from_inlet - ahead
+            changes[i] = ((frame, start), row)
     return written(f, changes)[0]
 
 
-def _beside_inlet(f: Populations, i: int) -> Float[Array, " n"]:
+def _next_to_inlet(f: Populations, i: int) -> Float[Array, " n"]:
     """Populations opposite to i in the cells that i enters from the inlet's column."""
     rows = f[0].shape[0]
     to = (np.arange(rows) + VELOCITIES[i][1] - 1) % (rows - 2) + 1
@@ -100,17 +103,17 @@ def inlet(
 ) -> dict[int, Float[Array, " n"]]:
     """Populations that enter at the inlet: bounced back from a wall that moves in."""
     rows = len(profile)
-    found = {}
+    entering = {}
     for i in RIGHTWARD:
-        # The flow that is brought in is then exactly that of the profile.
+        # The flow that enters is then exactly that of the profile.
         to = np.clip(np.arange(rows + 2) - 1 + VELOCITIES[i][1], 0, rows - 1)
-        found[i] = _beside_inlet(f, i) + 6 * WEIGHTS[i] * speed * profile[to]
-    return found
+        entering[i] = _next_to_inlet(f, i) + 6 * WEIGHTS[i] * speed * profile[to]
+    return entering
 
 
 def tracer_inlet(g: Populations) -> dict[int, Float[Array, " n"]]:
     """Populations of a temperature of 0 at the inlet."""
-    return {i: -_beside_inlet(g, i) for i in RIGHTWARD}
+    return {i: -_next_to_inlet(g, i) for i in RIGHTWARD}
 
 
 def tracer_outlet(g: Populations) -> dict[int, Float[Array, " n"]]:
@@ -127,7 +130,7 @@ def first_outlet(speed: Float[Array, ""], profile: Float[Array, " _"]) -> Outlet
 def outlet_step(
     f: Populations, at: Outlet, walls: str, viscosity: Scalar
 ) -> tuple[Outlet, dict[int, Float[Array, " n"]]]:
-    """The outlet a step on, and the populations that enter from it.
+    """The outlet after a step, and the populations that enter from it.
 
     The mean over the column leaves as plane waves do in an unbounded fluid, by
     characteristics along x (Poinsot and Lele 1992; for a lattice Izquierdo and Fueyo
@@ -141,37 +144,44 @@ def outlet_step(
     pressure: a wake or vortex is no wave of sound, and waves oblique enough to vary
     along the column decay on their way where the channel is narrower than their length.
     """
-    near, far = (moments(tuple(a[1:-1, column] for a in f)) for column in (-2, -3))
+    near = moments(tuple(a[1:-1, -2] for a in f))
+    far = moments(tuple(a[1:-1, -3] for a in f))
     u = jnp.maximum(at.x, 0)
     mean = at.x.mean()
     root = jnp.sqrt(mean * mean + SOUND**2)
-    ahead, back = mean + root, mean - root
-    wave = lambda m: m.x.mean() - back * m.density.mean()
-    leaving = _arriving(ahead, here=wave(at), near=wave(near), far=wave(far)) - wave(at)
+    ahead = mean + root
+    back = mean - root
+
+    def wave(m: Moments | Outlet) -> Float[Array, ""]:
+        return m.x.mean() - back * m.density.mean()
+
+    leaving = _arriving(ahead, value=wave(at), near=wave(near), far=wave(far)) - wave(
+        at
+    )
     leaving += viscosity * _curvature(at.x, walls).mean()
     length = f[0].shape[1] - 2
     entering = _OUTLET_STIFFNESS * SOUND / length * at.density.mean()
     change = (leaving - entering) / (ahead - back)
-    carried = _arriving(u, here=at.x, near=near.x, far=far.x)
-    after = Outlet(
+    carried = _arriving(u, value=at.x, near=near.x, far=far.x)
+    next_outlet = Outlet(
         at.density + change,
         carried + (mean + leaving + back * change - carried.mean()),
-        _arriving(u, here=at.y, near=near.y, far=far.y),
+        _arriving(u, value=at.y, near=near.y, far=far.y),
     )
     # The deviation from equilibrium is that of the last column of fluid.
-    even = jnp.broadcast_to(after.density, after.x.shape)
-    here = Moments(even, after.x, after.y)
+    even = jnp.broadcast_to(next_outlet.density, next_outlet.x.shape)
+    next_moments = Moments(even, next_outlet.x, next_outlet.y)
     column = {
-        i: f[i][1:-1, -2] + equilibrium(i, here) - equilibrium(i, near)
+        i: f[i][1:-1, -2] + equilibrium(i, next_moments) - equilibrium(i, near)
         for i in LEFTWARD
     }
-    return after, {i: jnp.pad(new, 1, mode="edge") for i, new in column.items()}
+    return next_outlet, {i: jnp.pad(new, 1, mode="edge") for i, new in column.items()}
 
 
-def _arriving(speed, here, near, far):
+def _arriving(speed, value, near, far):
     """Value that arrives in a step at that speed: a parabola through three columns."""
     return (
-        here * (1 - speed) * (2 - speed) / 2
+        value * (1 - speed) * (2 - speed) / 2
         + near * speed * (2 - speed)
         + far * speed * (speed - 1) / 2
     )
@@ -181,8 +191,13 @@ def _curvature(u: Float[Array, " y"], walls: str) -> Float[Array, " y"]:
     """Second difference of the velocity along the channel, across it."""
     if walls == "no_slip":
         # Parabolas that vanish on the walls.
-        below, above = u[1:2] / 3 - 2 * u[:1], u[-2:-1] / 3 - 2 * u[-1:]
+        below = u[1:2] / 3 - 2 * u[:1]
+        above = u[-2:-1] / 3 - 2 * u[-1:]
+    elif walls == "periodic":
+        below = u[-1:]
+        above = u[:1]
     else:
-        below, above = (u[-1:], u[:1]) if walls == "periodic" else (u[:1], u[-1:])
+        below = u[:1]
+        above = u[-1:]
     padded = jnp.concatenate([below, u, above])
     return padded[2:] - 2 * u + padded[:-2]

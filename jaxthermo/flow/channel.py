@@ -13,14 +13,14 @@ from .body import Links, RoundBody, SolidCells, body_links, solid_cells
 from .lattice import MAGIC, SOUND
 
 
-_INLETS = "plug", "poiseuille"
-_WALLS = "no_slip", "slip", "periodic"
-_ENDS = "open", "periodic"
+_INLETS = ("plug", "poiseuille")
+_WALLS = ("no_slip", "slip", "periodic")
+_ENDS = ("open", "periodic")
 
 MAX_MACH = 0.15
 """Largest Mach number: errors of compressibility grow with its square."""
 MAX_CELL_REYNOLDS = 12.0
-"""Largest Reynolds number of one cell, beyond which runs became unstable (17)."""
+"""Largest Reynolds number of one cell, beyond which runs became unstable (at 17)."""
 _MAX_VISCOSITY = 1.0
 
 # Cells of fluid between a body and whatever is next to it: the interpolation at its
@@ -28,10 +28,10 @@ _MAX_VISCOSITY = 1.0
 _GAP = 2
 
 
-def _plain_body(given: Any) -> Any:
+def _plain_body(body: Any) -> Any:
     # Static fields must be hashable.
-    is_mask = isinstance(given, np.ndarray) and given.dtype == bool
-    return solid_cells(given) if is_mask else given
+    is_mask = isinstance(body, np.ndarray) and body.dtype == bool
+    return solid_cells(body) if is_mask else body
 
 
 class Channel(Module):
@@ -88,8 +88,8 @@ class Channel(Module):
 
 
 def _check_words(channel: Channel) -> None:
-    given = {"inlet": _INLETS, "walls": _WALLS, "ends": _ENDS}
-    for name, words in given.items():
+    options_by_name = {"inlet": _INLETS, "walls": _WALLS, "ends": _ENDS}
+    for name, words in options_by_name.items():
         value = getattr(channel, name)
         if value not in words:
             raise InputError(f"Channel({name}={value!r}): give {' or '.join(words)}")
@@ -99,10 +99,10 @@ def _check_words(channel: Channel) -> None:
 
 
 def _check_numbers(channel: Channel) -> None:
-    speed, viscosity = channel.speed, channel.viscosity
-    if is_traced((speed, viscosity, channel.diffusivity)):
+    if is_traced((channel.speed, channel.viscosity, channel.diffusivity)):
         return
-    speed, viscosity = float(speed), float(viscosity)
+    speed = float(channel.speed)
+    viscosity = float(channel.viscosity)
     if not 0 < viscosity <= _MAX_VISCOSITY:
         raise InputError(
             f"Channel(viscosity={viscosity:g}): give a number above 0 and up to "
@@ -132,10 +132,12 @@ def _check_numbers(channel: Channel) -> None:
 
 
 def _check_body(channel: Channel) -> None:
-    body, (height, length) = channel.body, channel.shape
+    body = channel.body
+    height, length = channel.shape
     where = "Channel(body=)"
     if isinstance(body, RoundBody):
-        (x, y), radius = body.centre, body.diameter / 2
+        x, y = body.centre
+        radius = body.diameter / 2
         if not (np.isfinite([x, y, radius]).all() and radius > 0):
             raise InputError(f"{where}: {body} is no cylinder: give finite numbers")
         ends = [y - radius, height - y - radius, x - radius, length - x - radius]
@@ -149,12 +151,13 @@ def _check_body(channel: Channel) -> None:
         solid = body.mask(channel.shape)
         if not solid.any():
             raise InputError(f"{where}: no cell is solid: give a mask of the body")
-        rows, columns = (np.flatnonzero(solid.any(axis)) for axis in (1, 0))
+        rows = np.flatnonzero(solid.any(1))
+        columns = np.flatnonzero(solid.any(0))
         ends = [rows[0], height - 1 - rows[-1], columns[0], length - 1 - columns[-1]]
         blocks = bool(solid.all(axis=0).any())
     if blocks:
         raise InputError(f"{where}: it blocks the channel: use a higher channel")
-    names = "the lower wall", "the upper wall", "the inlet", "the outlet"
+    names = ("the lower wall", "the upper wall", "the inlet", "the outlet")
     for gap, name in zip(ends, names, strict=True):
         if gap < _GAP:
             raise InputError(

@@ -13,10 +13,10 @@ from ..native.call import called
 from .lattice import WEIGHTS, Populations, Rates
 
 
-_Both = tuple[Populations, Populations]
+_FlowAndTracer = tuple[Populations, Populations]
 
-# In the type of the populations, of which the loops compute everything.
-_CONSTANTS = WEIGHTS[0], WEIGHTS[1], WEIGHTS[5], 0.5, 1.0, 3.0, 4.5, 1.5
+# Constants of the equilibrium; the loops get them in the type of the populations.
+_CONSTANTS = (WEIGHTS[0], WEIGHTS[1], WEIGHTS[5], 0.5, 1.0, 3.0, 4.5, 1.5)
 
 
 def collided_into(
@@ -32,18 +32,29 @@ def collided_into(
 
 
 def both_collided_into(
-    target: _Both, read: _Both, rates: tuple[Rates, Rates], force: Any = None
-) -> _Both:
-    """The same of a flow and of a temperature in it."""
+    target: _FlowAndTracer,
+    read: _FlowAndTracer,
+    rates: tuple[Rates, Rates],
+    force: Any = None,
+) -> _FlowAndTracer:
+    """Collide a flow and its tracer in one call, see `collided_into`."""
     # In one call: XLA copies arrays that one reads and another fills in the next step.
-    dtype, (flow, tracer) = target[0][0].dtype, rates
-    numbers = _numbers(dtype, flow, force), _numbers(dtype, tracer)
-    targets, arrays = [*target[0], *target[1]], (*read[0], *read[1])
-    loop = "flow_loops.collide_both"
-    out = called(loop, targets, *numbers, *arrays, *targets, in_place=18)
+    dtype = target[0][0].dtype
+    flow_rates, tracer_rates = rates
+    targets = [*target[0], *target[1]]
+    out = called(
+        "flow_loops.collide_both",
+        targets,
+        _numbers(dtype, flow_rates, force),
+        _numbers(dtype, tracer_rates),
+        *read[0],
+        *read[1],
+        *targets,
+        in_place=18,
+    )
     return tuple(out[:9]), tuple(out[9:])
 
 
 def _numbers(dtype: Any, rates: Rates, force: Any = None) -> Float[Array, "12"]:
-    values = *rates, *(force or (0.0, 0.0)), *_CONSTANTS
+    values = (*rates, *(force or (0.0, 0.0)), *_CONSTANTS)
     return jnp.stack([jnp.asarray(value, dtype) for value in values])

@@ -42,8 +42,8 @@ from .lattice import (
 )
 
 
-# Cells of a band of rows that are moved together.
 _BAND = 16384
+"""Number of cells of a band of rows that are moved together."""
 
 
 class FlowProgram(Module):
@@ -60,7 +60,7 @@ class FlowProgram(Module):
     ends: str = eqx.field(static=True)
     magic: float = eqx.field(static=True)
     kernels: str | None = eqx.field(static=True, default=None)
-    """As of `simulate_flow`."""
+    """Compiler of the collisions, see `simulate_flow`."""
 
 
 class FlowState(NamedTuple):
@@ -85,8 +85,11 @@ class Fields(NamedTuple):
 def flow_program(
     channel: Channel, dtype: Any, kernels: str | None = None
 ) -> FlowProgram:
-    """The channel as a program of a precision."""
-    cast = lambda value: jax.tree.map(lambda v: jnp.asarray(v, dtype), value)
+    """The channel as a program in one precision."""
+
+    def cast(numbers):
+        return jax.tree.map(lambda number: jnp.asarray(number, dtype), numbers)
+
     return FlowProgram(
         speed=cast(channel.speed),
         viscosity=cast(channel.viscosity),
@@ -108,21 +111,25 @@ def initial_state(
     velocity: tuple[Any, Any] | None = None,
     density: Any = 0.0,
 ) -> FlowState:
-    """State in equilibrium: the flow of the inlet everywhere, or a given one.
+    """State in equilibrium: the flow of the inlet everywhere, or another one.
 
     Args:
         program: the channel.
         velocity: components along x and y in every cell [cells per step].
         density: density minus 1 in every cell, three times the pressure.
     """
-    dtype, shape = program.viscosity.dtype, program.shape
+    dtype = program.viscosity.dtype
+    shape = program.shape
     along = program.profile[:, None]
     if velocity is None and program.ends == "open":
-        velocity = program.speed * along, 0.0
+        velocity = (program.speed * along, 0.0)
     x, y = (0.0, 0.0) if velocity is None else velocity
-    full = lambda v: jnp.broadcast_to(jnp.asarray(v, dtype), shape)
-    framed = lambda fs: tuple(jnp.pad(a, 1) for a in fs)
-    flow = framed(equilibria(Moments(full(density), full(x), full(y))))
+
+    def in_all_cells(value):
+        return jnp.broadcast_to(jnp.asarray(value, dtype), shape)
+
+    moments = Moments(in_all_cells(density), x=in_all_cells(x), y=in_all_cells(y))
+    flow = tuple(jnp.pad(population, 1) for population in equilibria(moments))
     heat = None
     if program.diffusivity is not None:
         heat = tuple(jnp.zeros_like(a) for a in flow)
@@ -133,7 +140,7 @@ def initial_state(
 
 
 def _drawn(f: Populations, first: Int[Array, ""], rows: int) -> Populations:
-    """Populations that arrive in the cells of some rows."""
+    """Populations that arrive in the cells of `rows` rows from the first one on."""
     length = f[0].shape[1] - 2
     return tuple(
         lax.dynamic_slice(a, (first + 1 - y, np.int32(1 - x)), (rows, length))
@@ -152,7 +159,9 @@ def _into(
 
 def _step(program: FlowProgram, state: FlowState, target: FlowState) -> tuple:
     """State after a step, in the arrays of `target`, and the state that it has read."""
-    f, outlet, entering = state.flow, state.outlet, None
+    f = state.flow
+    outlet = state.outlet
+    entering = None
     if outlet is not None:
         outlet, entering = outlet_step(
             f, at=outlet, walls=program.walls, viscosity=program.viscosity
@@ -168,13 +177,15 @@ def _step(program: FlowProgram, state: FlowState, target: FlowState) -> tuple:
     return FlowState(flow, outlet, heat), FlowState(f, outlet, g)
 
 
-_Both = tuple[Populations, Populations | None]
+_FlowAndHeat = tuple[Populations, Populations | None]
 
 
-def _moved(program: FlowProgram, read: _Both, target: _Both) -> _Both:
+def _moved(
+    program: FlowProgram, read: _FlowAndHeat, target: _FlowAndHeat
+) -> _FlowAndHeat:
     """Populations drawn from where they come from, and collided, into `target`."""
     height, length = program.shape
-    # Some rows at a time: the loops over each array then find them in a near cache.
+    # A band of rows at a time: the loops over each array then find it in a near cache.
     rows = min(height, max(1, _BAND // length))
     rates = flow_rates(program.viscosity, program.magic)
 
@@ -196,16 +207,22 @@ def _moved(program: FlowProgram, read: _Both, target: _Both) -> _Both:
 
 
 @jax.custom_jvp
-def _moved_in_loops(program: FlowProgram, read: _Both, target: _Both) -> _Both:
-    """The same in loops that numba compiles."""
+def _moved_in_loops(
+    program: FlowProgram, read: _FlowAndHeat, target: _FlowAndHeat
+) -> _FlowAndHeat:
+    """As `_moved`, in loops that numba compiles."""
     rates = flow_rates(program.viscosity, program.magic)
     if read[1] is None or target[1] is None or program.diffusivity is None:
         return collided_into(
             target[0], read=read[0], rates=rates, force=program.force
         ), None
     thermal = tracer_rates(program.diffusivity, program.magic)
-    arrays = (target[0], target[1]), (read[0], read[1])
-    return both_collided_into(*arrays, (rates, thermal), program.force)
+    return both_collided_into(
+        (target[0], target[1]),
+        read=(read[0], read[1]),
+        rates=(rates, thermal),
+        force=program.force,
+    )
 
 
 @_moved_in_loops.defjvp
@@ -227,14 +244,17 @@ def _filled_heat(program: FlowProgram, g: Populations) -> Populations:
 
 @eqx.filter_jit
 def fields(program: FlowProgram, state: FlowState) -> Fields:
-    """Fields of a state; what they hold within the body is of no meaning."""
-    inner = lambda f: tuple(a[1:-1, 1:-1] for a in f)
-    m = moments(inner(state.flow))
-    x, y = m.x, m.y
+    """Fields of a state; values within the body have no meaning."""
+    m = moments(_without_frame(state.flow))
+    x = m.x
+    y = m.y
     if program.force is not None:
-        # A collision adds all of the force, half of it after the moment in question.
-        x, y = x - program.force[0] / 2, y - program.force[1] / 2
-    heat = None if state.heat is None else moments(inner(state.heat)).density
+        # A collision adds all of the force, half of it after the moment of the fields.
+        x = x - program.force[0] / 2
+        y = y - program.force[1] / 2
+    heat = None
+    if state.heat is not None:
+        heat = moments(_without_frame(state.heat)).density
     return Fields(
         pressure=m.density / 3,
         x=x,
@@ -244,8 +264,12 @@ def fields(program: FlowProgram, state: FlowState) -> Fields:
     )
 
 
+def _without_frame(f: Populations) -> Populations:
+    return tuple(population[1:-1, 1:-1] for population in f)
+
+
 class Sample(NamedTuple):
-    """Numbers that are read of a flow at one time."""
+    """Numbers that are read from a flow at one time."""
 
     force: Float[Array, "*t 2"]
     """Drag and lift on the body; 0 without one."""
@@ -263,12 +287,13 @@ class Totals(NamedTuple):
 
 
 def _sampled(program: FlowProgram, state: FlowState) -> Sample:
-    nothing, links = jnp.zeros((), program.viscosity.dtype), program.links
+    zero = jnp.zeros((), program.viscosity.dtype)
+    links = program.links
     if links is None:
-        return Sample(jnp.stack([nothing, nothing]), nothing)
+        return Sample(jnp.stack([zero, zero]), zero)
     force = force_on(state.flow, links, reflected(state.flow, links))
     if state.heat is None:
-        return Sample(force, nothing)
+        return Sample(force, zero)
     return Sample(force, heat_of(state.heat, links).sum())
 
 
@@ -280,6 +305,14 @@ def totals(program: FlowProgram, state: FlowState) -> Totals:
     return Totals(jnp.ones((), state.flow[0].dtype), fields(program, state), heat)
 
 
+class Advanced(NamedTuple):
+    """A flow after several samples."""
+
+    state: FlowState
+    total: Totals | None
+    samples: Sample
+
+
 def _advance(
     program: FlowProgram,
     state: FlowState,
@@ -287,26 +320,31 @@ def _advance(
     weight: Scalar,
     samples: int,
     stride: int,
-) -> tuple[FlowState, Totals | None, Sample]:
-    # Differentiation keeps the state at every sample and repeats the steps between.
+) -> Advanced:
+    def two_steps(pair, _):
+        state, spare = pair
+        state, spare = _step(program, state, spare)
+        return _step(program, state, spare), None
+
+    # Differentiation stores the state at every sample and repeats the steps between.
     @jax.checkpoint
     def steps(state, spare):
-        two = lambda pair, _: (_step(program, *_step(program, *pair)), None)
-        return lax.scan(two, (state, spare), None, length=stride // 2)[0]
+        return lax.scan(two_steps, (state, spare), None, length=stride // 2)[0]
 
     def sample(carry, _):
         state, spare, total = carry
         state, spare = steps(state, spare)
         if total is not None:
-            add = lambda a, b: a + weight * b
-            total = jax.tree.map(add, total, totals(program, state))
+            total = jax.tree.map(
+                lambda a, b: a + weight * b, total, totals(program, state)
+            )
         return (state, spare, total), _sampled(program, state)
 
     spare = jax.tree.map(jnp.zeros_like, state)
     (state, _, total), read = lax.scan(
         sample, (state, spare, total), None, length=samples
     )
-    return state, total, read
+    return Advanced(state=state, total=total, samples=read)
 
 
 advance = jax.jit(_advance, static_argnames=("samples", "stride"))
@@ -322,4 +360,4 @@ advance_in_place = jax.jit(
     donate_argnames=("state", "total"),
     compiler_options={"xla_backend_optimization_level": 3},
 )
-"""The same, which uses up the arrays of its state and sums."""
+"""`advance` in place of the arrays of its state and sums."""

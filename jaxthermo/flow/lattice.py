@@ -55,7 +55,7 @@ Populations = tuple[Float[Array, "..."], ...]
 
 
 class Moments(NamedTuple):
-    """Density minus 1, and velocity [cells per step], or the same of a tracer."""
+    """Density minus 1, and velocity [cells per step]; of a tracer, value and flux."""
 
     density: Float[Array, "..."]
     x: Float[Array, "..."]
@@ -81,8 +81,10 @@ def tracer_rates(diffusivity: Scalar, magic: float) -> Rates:
 
 def moments(f: Populations) -> Moments:
     """Moments of populations: sums over all, and over those to each side."""
-    right, left = f[5] + f[8], f[6] + f[7]
-    up, down = f[5] + f[6], f[7] + f[8]
+    right = f[5] + f[8]
+    left = f[6] + f[7]
+    up = f[5] + f[6]
+    down = f[7] + f[8]
     density = f[0] + (f[1] + f[2]) + (f[3] + f[4]) + (right + left)
     return Moments(density, (f[1] - f[3]) + (right - left), (f[2] - f[4]) + (up - down))
 
@@ -90,12 +92,12 @@ def moments(f: Populations) -> Moments:
 def along(velocity: tuple[int, int], m: Moments) -> Float[Array, "..."]:
     """Product c.u for a lattice velocity."""
     # Sums only: XLA would multiply by 1 and -1.
-    parts = [
+    terms = [
         value if sign > 0 else -value
         for sign, value in zip(velocity, (m.x, m.y), strict=True)
         if sign
     ]
-    return sum(parts[1:], parts[0]) if parts else jnp.zeros_like(m.x)
+    return sum(terms[1:], terms[0]) if terms else jnp.zeros_like(m.x)
 
 
 def equilibrium(i: int, m: Moments) -> Float[Array, "..."]:
@@ -131,7 +133,7 @@ def collided_tracer(g: Populations, velocity: Moments, rates: Rates) -> Populati
     The equilibrium is T e_i with e_i of unit density: a numerical diffusivity of the
     order of the velocity squared is absent.
     """
-    # Or every population would compute them again, from all of both kinds.
+    # Otherwise XLA would compute them again for every population.
     velocity = Moments(*map(_computed_once, velocity))
     total = _computed_once(sum(g[1:], g[0]))
     flux = Moments(total, total * velocity.x, total * velocity.y)
@@ -139,10 +141,11 @@ def collided_tracer(g: Populations, velocity: Moments, rates: Rates) -> Populati
     out: list = [None] * 9
     out[0] = g[0] + rates.symmetric * (WEIGHTS[0] * base - g[0])
     for i in (1, 2, 5, 6):
-        c, w = along(VELOCITIES[i], flux), WEIGHTS[i]
+        c = along(VELOCITIES[i], flux)
+        w = WEIGHTS[i]
         even = w * (base + 4.5 * c * along(VELOCITIES[i], velocity))
         out[i], out[OPPOSITE[i]] = _pair(
-            g[i], other=g[OPPOSITE[i]], even=even, odd=3 * w * c, rates=rates
+            g[i], backward=g[OPPOSITE[i]], even=even, odd=3 * w * c, rates=rates
         )
     return tuple(out)
 
@@ -151,22 +154,28 @@ def _relaxed(f, base, m: Moments, rates: Rates, force) -> Populations:
     out: list = [None] * 9
     out[0] = f[0] + rates.symmetric * (WEIGHTS[0] * base - f[0])
     for i in (1, 2, 5, 6):
-        c, w = along(VELOCITIES[i], m), WEIGHTS[i]
-        even, odd = w * (base + 4.5 * c * c), 3 * w * c
-        one, other = _pair(f[i], other=f[OPPOSITE[i]], even=even, odd=odd, rates=rates)
+        c = along(VELOCITIES[i], m)
+        w = WEIGHTS[i]
+        even = w * (base + 4.5 * c * c)
+        odd = 3 * w * c
+        forward, backward = _pair(
+            f[i], backward=f[OPPOSITE[i]], even=even, odd=odd, rates=rates
+        )
         if force is not None:
             x, y = VELOCITIES[i]
             push = 3 * w * (1 - rates.antisymmetric / 2) * (x * force[0] + y * force[1])
-            one, other = one + push, other - push
-        out[i], out[OPPOSITE[i]] = one, other
+            forward = forward + push
+            backward = backward - push
+        out[i] = forward
+        out[OPPOSITE[i]] = backward
     return tuple(out)
 
 
-def _pair(one, other, even, odd, rates: Rates):
+def _pair(forward, backward, even, odd, rates: Rates):
     """Two opposite populations relaxed to even +- odd."""
-    symmetric = rates.symmetric * (even - 0.5 * (one + other))
-    antisymmetric = rates.antisymmetric * (odd - 0.5 * (one - other))
-    return one + (symmetric + antisymmetric), other + (symmetric - antisymmetric)
+    symmetric = rates.symmetric * (even - 0.5 * (forward + backward))
+    antisymmetric = rates.antisymmetric * (odd - 0.5 * (forward - backward))
+    return forward + (symmetric + antisymmetric), backward + (symmetric - antisymmetric)
 
 
 Changes = dict[int, tuple[tuple[int, int], Float[Array, "_ _"]]]
@@ -178,7 +187,8 @@ def written(
 ) -> tuple[Populations, tuple[Float[Array, "_"], ...]]:
     """Populations with pieces written, in place inside of a compiled loop.
 
-    Whatever else was read of the populations before is passed through.
+    `read` are values that were read from the populations before; they are passed
+    through.
     """
     # An array is written in place only where all that reads it comes before, as far as
     # XLA can tell. Here every piece is a part of one vector, and the division by 1
@@ -187,25 +197,28 @@ def written(
     vector = jnp.concatenate([values.ravel() for values in (*pieces, *read)])
     vector = vector / lax.optimization_barrier(jnp.ones_like(vector))
     ends = np.cumsum([values.size for values in (*pieces, *read)])
-    parts = jnp.split(vector, ends[:-1].tolist())
+    pieces_written = jnp.split(vector, ends[:-1].tolist())
     out = list(f)
-    for (i, (corner, values)), part in zip(changes.items(), parts, strict=False):
-        piece = part.reshape(values.shape)
+    for (i, (corner, values)), piece_written in zip(
+        changes.items(), pieces_written, strict=False
+    ):
+        piece = piece_written.reshape(values.shape)
         out[i] = lax.dynamic_update_slice(out[i], piece, corner)
-    return tuple(out), tuple(parts[len(pieces) :])
+    return tuple(out), tuple(pieces_written[len(pieces) :])
 
 
 def _computed_once(values: Float[Array, "y x"]) -> Float[Array, "y x"]:
-    # As above: a division is not cheap enough to be repeated in every loop that reads.
+    # As in `written`: a division is too costly to be repeated in every loop that reads.
     return values / lax.optimization_barrier(jnp.ones_like(values[:1]))
 
 
 def textbook_step(
     f: Float[Array, "9 y x"], rates: Rates, force: tuple[Scalar, Scalar] | None = None
 ) -> Float[Array, "9 y x"]:
-    """One step in a periodic box as textbooks write it, the reference in tests."""
+    """One step in a periodic box as textbooks write it: the reference of tests."""
     moved = [jnp.roll(f[i], (y, x), axis=(0, 1)) for i, (x, y) in enumerate(VELOCITIES)]
-    c, w = np.asarray(VELOCITIES, f.dtype), np.asarray(WEIGHTS, f.dtype)
+    c = np.asarray(VELOCITIES, f.dtype)
+    w = np.asarray(WEIGHTS, f.dtype)
     f = jnp.stack(moved)
     push = jnp.zeros(2, f.dtype) if force is None else jnp.asarray(force, f.dtype)
     u = jnp.einsum("ia,iyx->ayx", c, f, precision=EXACT) + push[:, None, None] / 2

@@ -10,8 +10,8 @@ from .channel import Channel
 from .run import FlowRun
 
 
-# Range of the lift over the drag below which a flow is steady.
 _STEADY = 0.01
+"""Range of the lift over the drag below which a flow is steady [-]."""
 
 
 class Line(NamedTuple):
@@ -32,8 +32,8 @@ def _cylinder(channel: Channel) -> RoundBody:
 def _at_row(values: Float[Any, "y x"], row: float) -> Float[Any, " x"]:
     """Values between two rows of cells, counted from the middle of the first."""
     low = int(np.floor(row))
-    part = row - low
-    return (1 - part) * values[low] + part * values[low + 1]
+    fraction = row - low
+    return (1 - fraction) * values[low] + fraction * values[low + 1]
 
 
 def force_coefficient(channel: Channel, force: Any) -> Any:
@@ -46,15 +46,16 @@ def strouhal(run: FlowRun) -> float:
 
     NaN for a steady flow, or one with fewer than two periods.
     """
-    lift, step = run.lift[run.averaged].astype(float), run.step[run.averaged]
+    lift = run.lift[run.averaged].astype(float)
+    step = run.step[run.averaged]
     if np.ptp(lift) < _STEADY * np.abs(run.drag[run.averaged]).max():
         return float("nan")
     lift = lift - (lift.max() + lift.min()) / 2
     rises = np.flatnonzero((lift[:-1] <= 0) & (lift[1:] > 0))
     if len(rises) < 3:
         return float("nan")
-    part = -lift[rises] / (lift[rises + 1] - lift[rises])
-    times = step[rises] + part * (step[rises + 1] - step[rises])
+    fraction = -lift[rises] / (lift[rises + 1] - lift[rises])
+    times = step[rises] + fraction * (step[rises + 1] - step[rises])
     period = (times[-1] - times[0]) / (len(times) - 1)
     channel = run.channel
     return float(_cylinder(channel).diameter / (period * channel.speed))
@@ -62,7 +63,8 @@ def strouhal(run: FlowRun) -> float:
 
 def centreline(run: FlowRun) -> Line:
     """Mean velocity behind the cylinder, by the distance from its rear."""
-    channel, body = run.channel, _cylinder(run.channel)
+    channel = run.channel
+    body = _cylinder(channel)
     u = _at_row(run.mean.x, body.centre[1] - 0.5)
     x = np.arange(channel.shape[1]) + 0.5 - body.centre[0] - body.diameter / 2
     behind = x > 0
@@ -72,7 +74,8 @@ def centreline(run: FlowRun) -> Line:
 
 def across(run: FlowRun, distance: float) -> Line:
     """Mean velocity across the wake at a distance behind the rear [diameters]."""
-    channel, body = run.channel, _cylinder(run.channel)
+    channel = run.channel
+    body = _cylinder(channel)
     column = body.centre[0] + (distance + 0.5) * body.diameter - 0.5
     u = _at_row(run.mean.x.T, column)
     y = np.arange(channel.shape[0]) + 0.5 - body.centre[1]
@@ -86,8 +89,8 @@ def recirculation_length(run: FlowRun) -> float:
     if not len(ends):
         return 0.0
     i = int(ends[-1])
-    part = -line.ratio[i] / (line.ratio[i + 1] - line.ratio[i])
-    return float(line.at[i] + part * (line.at[i + 1] - line.at[i]))
+    fraction = -line.ratio[i] / (line.ratio[i + 1] - line.ratio[i])
+    return float(line.at[i] + fraction * (line.at[i + 1] - line.at[i]))
 
 
 def pressure_difference(run: FlowRun) -> float:
@@ -97,14 +100,14 @@ def pressure_difference(run: FlowRun) -> float:
     """
     body = _cylinder(run.channel)
     line = _at_row(run.mean.pressure.astype(float), body.centre[1] - 0.5)
-    found = []
+    pressures = []
     for side in (-1, 1):
         surface = body.centre[0] + side * body.diameter / 2 - 0.5
         first = int(np.floor(surface)) if side < 0 else int(np.ceil(surface))
         cells = first + side * np.arange(3)
         curve = np.polyfit((cells - surface).astype(float), line[cells], 2)
-        found.append(float(curve[-1]))
-    return (found[0] - found[1]) / float(run.channel.speed) ** 2
+        pressures.append(float(curve[-1]))
+    return (pressures[0] - pressures[1]) / float(run.channel.speed) ** 2
 
 
 def mean_nusselt(run: FlowRun) -> float:

@@ -29,11 +29,15 @@ from .flow import (
 STRIDE = 20
 """Steps from one sample of forces and means to the next."""
 
-# Lattice updates in a segment: about a second of one core.
 _SEGMENT = 5e7
-# Arrays of numbers that a run holds for every cell: two sets of populations, sums of
-# fields and what is read; twice as many populations with a temperature.
-_ARRAYS, _ARRAYS_WITH_HEAT = 30, 50
+"""Number of lattice updates in a segment: about a second of one core."""
+
+_ARRAYS = 30
+"""Number of arrays of a run with a value for every cell: two sets of populations, sums
+of fields and samples."""
+
+_ARRAYS_WITH_HEAT = 50
+"""Number of such arrays with a temperature: twice as many populations."""
 
 
 class FlowProgress(NamedTuple):
@@ -105,13 +109,13 @@ def simulate_flow(
     require_memory(needed, "a flow", "use fewer cells")
     samples = -(-steps // STRIDE)
     segments = max(2, round(samples * STRIDE * cells / _SEGMENT))
-    each = -(-samples // segments)
+    samples_per_segment = -(-samples // segments)
     with precision(dtype):
         program = flow_program(channel, dtype, kernels)
         return _run(
             channel,
             program=program,
-            each=each,
+            samples_per_segment=samples_per_segment,
             segments=segments,
             average_from=average_from,
             start=start,
@@ -122,7 +126,7 @@ def simulate_flow(
 def _run(
     channel: Channel,
     program: FlowProgram,
-    each: int,
+    samples_per_segment: int,
     segments: int,
     average_from: float,
     start: Callable[..., FlowState],
@@ -130,37 +134,42 @@ def _run(
 ) -> FlowRun:
     state = start(program)
     total = jax.tree.map(jnp.zeros_like, totals(program, state))
-    first, read = min(round(average_from * segments), segments - 1), []
+    first = min(round(average_from * segments), segments - 1)
+    samples = []
     clock = time.perf_counter()
     for number in range(segments):
         weight = jnp.asarray(float(number >= first), program.viscosity.dtype)
         state, total, sample = advance_in_place(
-            program, state, total, weight, samples=each, stride=STRIDE
+            program, state, total, weight, samples=samples_per_segment, stride=STRIDE
         )
-        read.append(jax.tree.map(np.asarray, sample))
-        done = (number + 1) * each * STRIDE
-        if not np.isfinite(read[-1].force).all() or not _is_finite(state):
+        samples.append(_on_host(sample))
+        done = (number + 1) * samples_per_segment * STRIDE
+        if not np.isfinite(samples[-1].force).all() or not _is_finite(state):
             raise InputError(
                 f"simulate_flow: the flow became unstable before step {done}: use a "
                 "higher viscosity, a lower speed or more cells"
             )
         if progress is not None:
             left = (time.perf_counter() - clock) * (segments / (number + 1) - 1)
-            progress(FlowProgress(done, segments * each * STRIDE, left))
-    force = np.concatenate([r.force for r in read])
-    to_host: Callable[[Any], Any] = lambda tree: jax.tree.map(np.asarray, tree)
+            all_steps = segments * samples_per_segment * STRIDE
+            progress(FlowProgress(steps=done, of=all_steps, seconds_left=left))
+    force = np.concatenate([sample.force for sample in samples])
     mean = jax.tree.map(lambda a: np.asarray(a / total.count), total)
     return FlowRun(
         channel=channel,
-        last=to_host(fields(program, state)),
+        last=_on_host(fields(program, state)),
         mean=mean.fields,
         link_heat=mean.heat,
-        step=STRIDE * np.arange(1, segments * each + 1),
+        step=STRIDE * np.arange(1, segments * samples_per_segment + 1),
         drag=force[:, 0],
         lift=force[:, 1],
-        heat=np.concatenate([r.heat for r in read]),
-        averaged=slice(first * each, None),
+        heat=np.concatenate([sample.heat for sample in samples]),
+        averaged=slice(first * samples_per_segment, None),
     )
+
+
+def _on_host(tree: Any) -> Any:
+    return jax.tree.map(np.asarray, tree)
 
 
 def _is_finite(state: FlowState) -> bool:

@@ -34,7 +34,7 @@ from .wake_runs import WakeProfile
 Curve = Callable[[Float[Array, " k"], Float[Array, " n"]], Float[Array, " n"]]
 
 
-# Where vortices form a deficit falls like a bell: with a higher one only l grows.
+# Where vortices form a deficit falls like a bell: with a higher exponent only l grows.
 _SHEDDING_EXPONENT = 8.0
 
 
@@ -87,22 +87,34 @@ FAMILIES = (
 
 
 class Fit(NamedTuple):
-    """Parameters of a curve, their standard errors, and how far it lies off."""
+    """Parameters of a curve, their standard errors, and its deviations."""
 
     values: Float[np.ndarray, " k"]
     errors: Float[np.ndarray, " k"]
-    """Infinite where the points do not determine a parameter."""
+    """Standard errors; infinite where the points do not determine a parameter."""
     rms: float
     """Root mean square of the deviations of u / U."""
     largest: float
+    """Largest deviation of u / U."""
+
+
+class _Solution(NamedTuple):
+    values: Array
+    residual: Array
+    """Residual at the solution."""
+    slope: Array
+    """Its Jacobian."""
 
 
 @eqx.filter_jit
-def _solution(residual: Callable, guess: Array, points: Any) -> tuple[Array, ...]:
-    """Solution, and what is left there and its slope."""
+def _solution(residual: Callable, guess: Array, points: Any) -> _Solution:
     solver = optimistix.LevenbergMarquardt(rtol=1e-9, atol=1e-9)
     q = optimistix.least_squares(residual, solver, guess, points, max_steps=2000).value
-    return q, residual(q, points), jax.jacfwd(residual)(q, points)
+    return _Solution(
+        values=q,
+        residual=residual(q, points),
+        slope=jax.jacfwd(residual)(q, points),
+    )
 
 
 def _least_squares(
@@ -110,46 +122,53 @@ def _least_squares(
 ) -> Fit:
     """Fit of the parameters of `residual`, a function of them and of the points."""
     with precision("float64"):
-        device = jax.tree.map(jnp.asarray, (guess, points))
-        values, left, slope = map(np.asarray, _solution(residual, *device))
+        solution = _solution(
+            residual, jnp.asarray(guess), jax.tree.map(jnp.asarray, points)
+        )
+        deviation = np.asarray(solution.residual)
+        errors = _standard_errors(np.asarray(solution.slope), deviation)
     return Fit(
-        values=values,
-        errors=_standard_errors(slope, left),
-        rms=float(np.sqrt(np.mean(left**2))),
-        largest=float(np.abs(left).max()),
+        values=np.asarray(solution.values),
+        errors=errors,
+        rms=float(np.sqrt(np.mean(deviation**2))),
+        largest=float(np.abs(deviation).max()),
     )
 
 
 def _standard_errors(
-    slope: Float[np.ndarray, "n k"], left: Float[np.ndarray, " n"]
+    slope: Float[np.ndarray, "n k"], deviation: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " k"]:
     """Standard errors; infinite for parameters that the points do not determine.
 
     Where A and l act by A l^p alone, one direction of the two changes nothing.
     """
     _, effects, directions = np.linalg.svd(slope, full_matrices=False)
-    variance = left @ left / max(len(left) - len(effects), 1)
-    seen = effects > effects[0] * len(left) * np.finfo(float).eps
+    variance = deviation @ deviation / max(len(deviation) - len(effects), 1)
+    seen = effects > effects[0] * len(deviation) * np.finfo(float).eps
     # What rounding leaves of a parameter in a direction is far below this.
     free = (np.abs(directions[~seen]) > 1e-6).any(0)
-    found = variance * ((directions[seen] / effects[seen, None]) ** 2).sum(0)
-    return np.where(free, np.inf, np.sqrt(found))
+    variances = variance * ((directions[seen] / effects[seen, None]) ** 2).sum(0)
+    return np.where(free, np.inf, np.sqrt(variances))
 
 
 def fit_family(
     family: Family, x: Float[np.ndarray, " n"], ratio: Float[np.ndarray, " n"]
 ) -> Fit:
     """Curve of a family through u / U at distances x, all parameters positive."""
-    points = np.asarray(x, float), np.asarray(ratio, float)
-    found = _least_squares(_residual(family.curve), np.log(family.guess), points)
-    values = np.exp(found.values)
-    return found._replace(values=values, errors=values * found.errors)
+    points = (np.asarray(x, float), np.asarray(ratio, float))
+    fit = _least_squares(_residual(family.curve), np.log(family.guess), points)
+    values = np.exp(fit.values)
+    return fit._replace(values=values, errors=values * fit.errors)
 
 
 @functools.cache
 def _residual(curve: Curve) -> Callable:
     # One function a curve, so that it is compiled once.
-    return lambda q, points: curve(jnp.exp(q), points[0]) - points[1]
+    def residual(q, points):
+        x, ratio = points
+        return curve(jnp.exp(q), x) - ratio
+
+    return residual
 
 
 def tail_length(
@@ -162,20 +181,20 @@ def tail_length(
     last = below[-1]
     if last == len(x) - 1:
         return float("inf")
-    part = (level - ratio[last]) / (ratio[last + 1] - ratio[last])
-    return float(x[last] + part * (x[last + 1] - x[last]))
+    fraction = (level - ratio[last]) / (ratio[last + 1] - ratio[last])
+    return float(x[last] + fraction * (x[last + 1] - x[last]))
 
 
 class WakeFit(NamedTuple):
     """Wake of one kind of flow: each parameter is value (Re / reference)^power."""
 
-    kind: str
+    regime: str
     low: float
     """Smallest Reynolds number of the data."""
     high: float
     reference: float
     values: Float[np.ndarray, "6"]
-    """The `PARAMETERS` at the reference."""
+    """Values of `PARAMETERS` at the reference."""
     value_errors: Float[np.ndarray, "6"]
     powers: Float[np.ndarray, "6"]
     power_errors: Float[np.ndarray, "6"]
@@ -183,55 +202,55 @@ class WakeFit(NamedTuple):
     largest: float
 
 
-def fit_wakes(kind: str, profiles: tuple[WakeProfile, ...], remains: bool) -> WakeFit:
+def fit_wakes(regime: str, profiles: tuple[WakeProfile, ...], remains: bool) -> WakeFit:
     """Fit of all profiles of one kind of flow, behind the bubble of each.
 
-    Air that is faster than the wind, beside the body, counts as the wind. With a
+    Air next to the body that is faster than the wind counts as the wind. With a
     remainder the exponent is fixed, and without one the remainder.
     """
     used = [_behind_bubble(profile) for profile in profiles]
-    x, y, ratio = (np.concatenate([p[i] for p in used]) for i in (1, 2, 3))
-    ratio = np.minimum(ratio, 1.0)
+    x = np.concatenate([profile.x for profile in used])
+    y = np.concatenate([profile.y for profile in used])
+    ratio = np.minimum(np.concatenate([profile.ratio for profile in used]), 1.0)
     numbers = np.array([p.reynolds for p in used])
     reference = float(np.exp(np.log(numbers).mean()))
     logs = np.repeat(np.log(numbers / reference), [len(p.x) for p in used])
     start = np.array(_SHEDDING_START if remains else _STEADY_START)
-    free = np.array(
-        [name != ("exponent" if remains else "remainder") for name in PARAMETERS]
-    )
+    fixed = "exponent" if remains else "remainder"
+    free = np.array([name != fixed for name in PARAMETERS])
 
     def residual(q, points):
         x, y, ratio, logs = points
-        every = jnp.log(jnp.asarray(start)).at[free].set(q[:5])
+        log_values = jnp.log(jnp.asarray(start)).at[free].set(q[:5])
         powers = jnp.zeros(6).at[free].set(q[5:])
-        parameters = jnp.exp(every[None] + logs[:, None] * powers[None])
+        parameters = jnp.exp(log_values[None] + logs[:, None] * powers[None])
         return mean_wake(parameters, x, y) - ratio
 
     guess = np.concatenate([np.log(start[free]), np.zeros(5)])
-    found = _least_squares(residual, guess, (x, y, ratio, logs))
+    fit = _least_squares(residual, guess, (x, y, ratio, logs))
 
     def full(values: Float[np.ndarray, "5"]) -> Float[np.ndarray, "6"]:
-        whole = np.zeros(6)
-        whole[free] = values
-        return whole
+        all_values = np.zeros(6)
+        all_values[free] = values
+        return all_values
 
-    values = np.where(free, np.exp(full(found.values[:5])), start)
+    values = np.where(free, np.exp(full(fit.values[:5])), start)
     return WakeFit(
-        kind=kind,
+        regime=regime,
         low=float(numbers.min()),
         high=float(numbers.max()),
         reference=reference,
         values=values,
-        value_errors=values * full(found.errors[:5]),
-        powers=full(found.values[5:]),
-        power_errors=full(found.errors[5:]),
-        rms=found.rms,
-        largest=found.largest,
+        value_errors=values * full(fit.errors[:5]),
+        powers=full(fit.values[5:]),
+        power_errors=full(fit.errors[5:]),
+        rms=fit.rms,
+        largest=fit.largest,
     )
 
 
-_STEADY_START = 1.0, 2.0, 0.7, 0.5, 0.05, NO_REMAINDER
-_SHEDDING_START = 1.1, 5.0, _SHEDDING_EXPONENT, 0.5, 0.03, 0.25
+_STEADY_START = (1.0, 2.0, 0.7, 0.5, 0.05, NO_REMAINDER)
+_SHEDDING_START = (1.1, 5.0, _SHEDDING_EXPONENT, 0.5, 0.03, 0.25)
 
 
 def _behind_bubble(profile: WakeProfile) -> WakeProfile:
@@ -239,8 +258,8 @@ def _behind_bubble(profile: WakeProfile) -> WakeProfile:
     middle = profile.y == 0
     reversed_flow = profile.x[middle & (profile.ratio < 0)]
     start = reversed_flow.max(initial=0.0)
-    kept = profile.x > start
-    return WakeProfile(profile.reynolds, *(values[kept] for values in profile[1:]))
+    is_behind = profile.x > start
+    return WakeProfile(profile.reynolds, *(values[is_behind] for values in profile[1:]))
 
 
 # Far behind a cylinder a turbulent wake has the deficit 0.98 (c D / x)^(1/2) and half
@@ -257,7 +276,7 @@ _TURBULENT = (
     0.25**2 * _DRAG / (2 * float(np.log(2))),
     NO_REMAINDER,
 )
-_TURBULENT_REYNOLDS = 300.0, 2e5
+_TURBULENT_REYNOLDS = (300.0, 2e5)
 
 
 def write_fits(path: Path, fits: tuple[WakeFit, ...]) -> None:
@@ -265,7 +284,7 @@ def write_fits(path: Path, fits: tuple[WakeFit, ...]) -> None:
     names = "kind,Re_low,Re_high,Re_reference,parameter,value,value_error,power"
     lines = [f"{names},power_error,rms,source"]
     for fit in fits:
-        ends = f"{fit.kind},{fit.low:g},{fit.high:g},{fit.reference:.6g}"
+        ends = f"{fit.regime},{fit.low:g},{fit.high:g},{fit.reference:.6g}"
         for name, *row in zip(
             PARAMETERS,
             fit.values,

@@ -22,8 +22,8 @@ from .run import FlowProgress, FlowRun, simulate_flow
 
 
 PRANDTL = 0.71
-STEADY_REYNOLDS = 10.0, 20.0, 40.0
-SHEDDING_REYNOLDS = 60.0, 80.0, 100.0, 150.0
+STEADY_REYNOLDS = (10.0, 20.0, 40.0)
+SHEDDING_REYNOLDS = (60.0, 80.0, 100.0, 150.0)
 
 # Mach number 0.14, with a cylinder's speed-up below 0.25.
 _SPEED = 0.08
@@ -31,7 +31,7 @@ _SPEED = 0.08
 _ALONG = np.concatenate(
     [np.arange(0.1, 1.0, 0.1), np.arange(1.0, 5.0, 0.25), np.arange(5.0, 20.5, 0.5)]
 )
-_STATIONS = 1.0, 2.0, 3.0, 5.0, 7.5, 10.0, 15.0, 20.0
+_STATIONS = (1.0, 2.0, 3.0, 5.0, 7.5, 10.0, 15.0, 20.0)
 _ACROSS = np.arange(0.0, 4.01, 0.2)
 
 
@@ -103,11 +103,11 @@ def disturbed_state(program: FlowProgram) -> FlowState:
 def wake_setup(
     reynolds: float, cells: int | None = None, heated: bool = False
 ) -> WakeSetup:
-    """The set-up of a Reynolds number's kind of flow, on another lattice if told."""
+    """Set-up of the flow at a Reynolds number; `cells` is None for its own lattice."""
     sheds = reynolds > max(STEADY_REYNOLDS)
-    found = SHEDDING_SETUP if sheds else STEADY_SETUP
-    found = HEATED_SETUP if heated else found
-    return found if cells is None else found._replace(cells=cells)
+    setup = SHEDDING_SETUP if sheds else STEADY_SETUP
+    setup = HEATED_SETUP if heated else setup
+    return setup if cells is None else setup._replace(cells=cells)
 
 
 def wake_run(
@@ -132,14 +132,16 @@ def wake_run(
 def wake_profile(run: FlowRun, reynolds: float) -> WakeProfile:
     """Mean velocity of a run along the middle and across, both halves averaged."""
     line = centreline(run)
-    # Nothing from next to the outlet.
+    # Points close to the outlet are not used.
     last = line.at[-1] - 3.0
     along = _ALONG[(last > _ALONG) & (line.at[0] <= _ALONG)]
     pieces = [(along, 0 * along, np.interp(along, line.at, line.ratio))]
     for distance in (at for at in _STATIONS if at < last):
-        found = across(run, distance)
-        inside = _ACROSS[found.at[-1] > _ACROSS]
-        sides = [np.interp(s * inside, found.at, found.ratio) for s in (1, -1)]
+        line_across = across(run, distance)
+        inside = _ACROSS[line_across.at[-1] > _ACROSS]
+        sides = [
+            np.interp(s * inside, line_across.at, line_across.ratio) for s in (1, -1)
+        ]
         pieces.append((distance + 0 * inside, inside, np.mean(sides, axis=0)))
     x, y, ratio = (np.concatenate(column) for column in zip(*pieces, strict=True))
     return WakeProfile(reynolds=reynolds, x=x, y=y, ratio=ratio)

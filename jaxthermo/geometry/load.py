@@ -71,7 +71,7 @@ def load_mesh(
     repaired = lambda: repair_mesh(build(), max_hole_edges=max_hole_edges)
     return stored(
         "mesh",
-        given=(*given, max_hole_edges),
+        inputs=(*given, max_hole_edges),
         find=repaired if repair else build,
         types=(Mesh,),
     )

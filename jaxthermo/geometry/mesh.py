@@ -299,7 +299,7 @@ def as_mesh(given: Any, argument: str = "voxelize(mesh=)") -> Mesh:
     if isinstance(given, type) or any(part is None for part in parts):
         require(
             given,
-            kinds=Mesh,
+            classes=Mesh,
             argument=argument,
             give="a mesh: load_mesh(...), or one of trimesh",
         )

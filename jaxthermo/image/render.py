@@ -107,15 +107,15 @@ def _recording(
     """Draws frames by the index of their time."""
     solutions = "a solution of simulate or steady"
     require(
-        solution, kinds=AbstractSolution, argument="render(solution=)", give=solutions
+        solution, classes=AbstractSolution, argument="render(solution=)", give=solutions
     )
     cameras = "a Camera or an OrthographicCamera"
-    require(camera, kinds=AbstractCamera, argument="render(camera=)", give=cameras)
+    require(camera, classes=AbstractCamera, argument="render(camera=)", give=cameras)
     band = options.band
     if band is not None:
         require(
             band,
-            kinds=Band,
+            classes=Band,
             argument="render(band=)",
             give="a Band, such as Band((7.5e-6, 14e-6))",
         )

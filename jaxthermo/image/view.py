@@ -137,7 +137,9 @@ def compute_view(
             surfaces, camera=camera, smooth=smooth, occlusion=occlusion
         )
 
-    geometry = stored("view", given=content, find=find, types=types) if keep else find()
+    geometry = (
+        stored("view", inputs=content, find=find, types=types) if keep else find()
+    )
     background = compute_background(
         terms, camera=camera, pixel=geometry.pixel, depth=geometry.depth
     )

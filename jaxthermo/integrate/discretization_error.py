@@ -16,10 +16,10 @@ from .truth_error import truth_error
 # gained by finer voxels, and the error may be many times the difference; beyond the
 # third two differences are small or large by chance.
 _ORDERS = (0.5, 3.0)
-"""Observed orders from which is extrapolated."""
+"""Lowest and highest observed order that is used for extrapolation."""
 
 _MAX_RATIO_CHANGE = 1.01
-"""Ratio of two bodies' refinements up to which they are one."""
+"""Ratio of two bodies' refinements up to which they count as equal."""
 
 
 class DiscretizationError(Module):
@@ -30,14 +30,14 @@ class DiscretizationError(Module):
     rms_kelvin: Float[np.ndarray, " t"]
     """Estimated root mean square over the surface; a bound where `is_bound` [K]."""
     rms_percent: Float[np.ndarray, " t"]
-    """The same over the range of the finest run, as of `truth_error` [%]."""
+    """`rms_kelvin` over the range of the finest run, see `truth_error` [%]."""
     order: Float[np.ndarray, " t"]
     """Observed order of convergence; NaN where the runs have none."""
     is_bound: Bool[np.ndarray, " t"]
     """True where the observed order is below 0.5 or above 3: the larger of the two
     differences is given instead, which errors that fall more slowly may exceed."""
     differences: Float[np.ndarray, "t 2"]
-    """Finest to middle and middle to coarsest run, root mean square [K]."""
+    """Root mean square of finest less middle, and of middle less coarsest run [K]."""
 
     @property
     def worst_rms_kelvin(self) -> float:
@@ -46,13 +46,15 @@ class DiscretizationError(Module):
 
     def as_dict(self) -> dict[str, Any]:
         """Return all numbers as plain types for JSON; None for what is not finite."""
-        plain = lambda values: [float(v) if np.isfinite(v) else None for v in values]
         columns = ("times", "rms_kelvin", "rms_percent", "order")
-        found: dict[str, Any] = {name: plain(getattr(self, name)) for name in columns}
-        found["times_s"] = found.pop("times")
-        found["is_bound"] = self.is_bound.tolist()
-        found["differences_kelvin"] = self.differences.tolist()
-        return {**found, "worst_rms_kelvin": self.worst_rms_kelvin}
+        numbers: dict[str, Any] = {}
+        for name in columns:
+            values = getattr(self, name)
+            numbers[name] = [float(v) if np.isfinite(v) else None for v in values]
+        numbers["times_s"] = numbers.pop("times")
+        numbers["is_bound"] = self.is_bound.tolist()
+        numbers["differences_kelvin"] = self.differences.tolist()
+        return {**numbers, "worst_rms_kelvin": self.worst_rms_kelvin}
 
 
 def discretization_error(
@@ -115,11 +117,11 @@ def discretization_error(
 
 def _ratio(finer: AnySolution, coarser: AnySolution) -> float:
     """Pitch of the coarser run over that of the finer one [-]."""
-    pitches = lambda run: np.array([s.geometry.pitch for s in run.surfaces])
     if len(finer.surfaces) != len(coarser.surfaces):
         raise InputError("discretization_error: runs of one scene have equal bodies")
-    ratios = pitches(coarser) / pitches(finer)
-    low, high = float(ratios.min()), float(ratios.max())
+    ratios = _pitches(coarser) / _pitches(finer)
+    low = float(ratios.min())
+    high = float(ratios.max())
     if not (low > 1 and high < _MAX_RATIO_CHANGE * low):
         raise InputError(
             "discretization_error: from one run to the next, the voxels become "
@@ -129,12 +131,19 @@ def _ratio(finer: AnySolution, coarser: AnySolution) -> float:
     return float(ratios.mean())
 
 
+def _pitches(run: AnySolution) -> Float[np.ndarray, " b"]:
+    return np.array([surface.geometry.pitch for surface in run.surfaces])
+
+
 def _observed_order(fine: float, coarse: float, first: float, second: float) -> float:
     """Order at which two differences have their ratio; NaN outside of `_ORDERS`."""
-    # h2 is 1: the left side of the equation for p, which rises with it.
-    ratio = lambda p: (second**p - 1) / (1 - first**-p)
+
+    def ratio(p: float) -> float:
+        # With h2 = 1, the left side of the equation for p, which rises with p.
+        return (second**p - 1) / (1 - first**-p)
+
     low, high = _ORDERS
     if not ratio(low) * fine <= coarse <= ratio(high) * fine or fine == 0:
         return np.nan
-    excess = lambda p: ratio(p) - coarse / fine
-    return float(root_scalar(excess, bracket=_ORDERS).root)
+    solution = root_scalar(lambda p: ratio(p) - coarse / fine, bracket=_ORDERS)
+    return float(solution.root)

@@ -48,7 +48,7 @@ class EulerStepper(AbstractStepper):
         networks = [body.network for body in program.bodies]
         with jax.named_scope("conduction"):
             pairs = zip(networks, state.theta, strict=True)
-            conducted = tuple(net.euler_step(before, dt) for net, before in pairs)
+            conducted = tuple(net.euler_step(theta, dt) for net, theta in pairs)
         # Loads at the middle of the step: the heat of a ramp is exact, and what is
         # switched off at an event is on before it and off after it.
         middle = start + dt / 2
@@ -77,7 +77,8 @@ def rkl2_coefficients(stages: int) -> dict[str, np.ndarray]:
         b = np.where(j < 3, 1 / 3, (j * j + j - 2) / (2 * j * (j + 1)))
         mu = (2 * j - 1) / j * b / np.roll(b, 1)
         nu = -(j - 1) / j * b / np.roll(b, 2)
-    a, weight = np.roll(1 - b, 1), 4 / (stages * stages + stages - 2)
+    a = np.roll(1 - b, 1)
+    weight = 4 / (stages * stages + stages - 2)
     # The time that each stage reaches is the scheme's solution of dt/dt = 1.
     reached = [0.0, weight / 3]
     for k in range(2, stages + 1):
@@ -86,11 +87,11 @@ def rkl2_coefficients(stages: int) -> dict[str, np.ndarray]:
     return {"mu": mu, "nu": nu, "a": a, "time": np.roll(reached, 1)}
 
 
-def _mixed(stepped, before, start, change, mu, nu, a):
+def _mixed(stepped, previous, start, change, mu, nu, a):
     """State of a stage before loads, from the Euler step of the last one."""
     # In differences to the start: what has not changed stays so bit by bit, and weights
     # of about 2 and -1 multiply no rounding of large values.
-    return start + (mu * (stepped - start) + nu * (before - start) - a * mu * change)
+    return start + (mu * (stepped - start) + nu * (previous - start) - a * mu * change)
 
 
 _Stage = tuple[State, Float[Array, " c"]]
@@ -101,7 +102,7 @@ class RKL2Stepper(AbstractStepper):
     """RKL2 with the same number of stages in every step: second order."""
 
     stages: int = eqx.field(static=True)
-    """Number of stages of every step, or the most of any step."""
+    """Number of stages of every step, or the largest number of any step."""
     stable_step: Float[Array, ""] | None = None
     """Largest stable explicit step [s], if the number of stages follows from the length
     of each step: one compiled program then serves steps of any length."""
@@ -116,23 +117,23 @@ class RKL2Stepper(AbstractStepper):
 
     @property
     def stages_taken(self) -> int:
-        """Number of stages of every step, or the most of any step."""
+        """Number of stages of every step, or the largest number of any step."""
         return self.stages if self.count is None else int(self.count)
 
     @property
-    def _most_stages(self) -> int:
+    def _max_stages(self) -> int:
         # A power of 2: runs that differ little share the program.
         return max(64, 2 ** math.ceil(math.log2(self.stages + 3)))
 
     def for_any_step(self, stable_step: float, dtype: Any) -> "RKL2Stepper":
         """Return the stepper of steps of any length, up to the longest of this one."""
-        return RKL2Stepper(self._most_stages, jnp.asarray(stable_step, dtype))
+        return RKL2Stepper(self._max_stages, jnp.asarray(stable_step, dtype))
 
     def for_any_count(self) -> "RKL2Stepper":
         """Return the same steps in a program for other numbers of stages too."""
-        # Of numpy: a single number takes longer to a device than with the others.
+        # A numpy array: it is transferred together with the other arguments.
         count = np.asarray(self.stages, np.int32)
-        return RKL2Stepper(self._most_stages, count=count)
+        return RKL2Stepper(self._max_stages, count=count)
 
     @property
     def _is_fixed(self) -> bool:
@@ -164,7 +165,9 @@ class RKL2Stepper(AbstractStepper):
             # Only the times depend on the number of stages, as the weight does.
             table["time"] *= weight / (4 / (self.stages**2 + self.stages - 2))
         no_heat = jnp.zeros_like(state.ledger.heat)
-        theta, bodies, euler_dt = state.theta, program.bodies, dt * weight
+        theta = state.theta
+        bodies = program.bodies
+        euler_dt = dt * weight
 
         def load(new: State, states: State, time_fraction, dt_fraction) -> _Stage:
             time = start + dt * time_fraction
@@ -173,36 +176,42 @@ class RKL2Stepper(AbstractStepper):
             )
             return loaded, euler_dt * rates
 
-        whole = jnp.ones((), dt.dtype)
+        one_step = jnp.ones((), dt.dtype)
         conducted = tuple(
-            body.network.euler_step(before, euler_dt)
-            for body, before in zip(bodies, theta, strict=True)
+            body.network.euler_step(theta_b, euler_dt)
+            for body, theta_b in zip(bodies, theta, strict=True)
         )
-        after, heat = load(
-            conducted, states=theta, time_fraction=0.0, dt_fraction=whole
+        euler_end, heat = load(
+            conducted, states=theta, time_fraction=0.0, dt_fraction=one_step
         )
-        change = jax.tree.map(jnp.subtract, after, theta)
-        # The first stage is b_1 = 1/3 of a whole Euler step.
+        change = jax.tree.map(jnp.subtract, euler_end, theta)
+        # The first stage is b_1 = 1/3 of an Euler step.
         third = jax.tree.map(lambda y, d: y + d / 3, theta, change)
         first: tuple[_Stage, _Stage] = ((theta, no_heat), (third, heat / 3))
 
         def stage(j, pair):
-            (before, heat_before), (last, heat_last) = pair
-            mu, nu, a = table["mu"][j], table["nu"][j], table["a"][j]
-            # Combined before loads are added, all is done in one pass over the nodes.
-            each = zip(bodies, last, before, theta, change, strict=True)
+            (previous, previous_heat), (latest, latest_heat) = pair
+            mu = table["mu"][j]
+            nu = table["nu"][j]
+            a = table["a"][j]
+            # Combined before loads are added, so that one pass over the nodes suffices.
+            body_states = zip(bodies, latest, previous, theta, change, strict=True)
             mixed = tuple(
-                body.network.combined_step(y, euler_dt, _mixed, *others, mu, nu, a)
-                for body, y, *others in each
+                body.network.combined_step(
+                    y, euler_dt, _mixed, *earlier_states, mu, nu, a
+                )
+                for body, y, *earlier_states in body_states
             )
-            new, brought = load(
-                mixed, states=last, time_fraction=table["time"][j], dt_fraction=mu
+            new, added_heat = load(
+                mixed, states=latest, time_fraction=table["time"][j], dt_fraction=mu
             )
-            total = mu * (heat_last + brought) + nu * heat_before - a * mu * heat
+            total = mu * (latest_heat + added_heat) + nu * previous_heat - a * mu * heat
             return pair[1], (new, total)
 
-        # Two stages per iteration exchange their buffers; one copies them.
-        two_stages = lambda i, pair: stage(2 * i + 3, stage(2 * i + 2, pair))
+        def two_stages(i, pair):
+            # Two stages per iteration exchange their buffers; one copies them.
+            return stage(2 * i + 3, stage(2 * i + 2, pair))
+
         if is_copied_fast(theta):
             pair = jax.lax.fori_loop(2, 2 * pairs + 2, stage, first)
         else:

@@ -76,13 +76,13 @@ class IsolatedComponents(Module):
         """Remove the net heat rate of each component, which is rounding."""
         total = self._sums(heat).at[-1].set(0)
         return tuple(
-            each - (weight * total[number]).reshape(each.shape)
-            for each, number, weight in zip(heat, self.number, self.weight, strict=True)
+            rate - (weight * total[number]).reshape(rate.shape)
+            for rate, number, weight in zip(heat, self.number, self.weight, strict=True)
         )
 
     def _sums(self, values: State) -> Float[Array, " j"]:
         # Of each component; last, those of no component.
-        flat = jnp.concatenate([each.reshape(-1) for each in values])
+        flat = jnp.concatenate([state.reshape(-1) for state in values])
         number = jnp.concatenate(self.number)
         return jax.ops.segment_sum(flat, number, self.count + 1)
 
@@ -149,13 +149,17 @@ def find_isolated_components(
     total = np.bincount(number, capacity)
     weight = np.where(inside, capacity / np.where(inside, total[number], 1), 0)
     cuts = np.cumsum([s.size for s in states])[:-1]
-    found = IsolatedComponents(
-        number=tuple(device_array(each) for each in np.split(number, cuts)),
-        weight=tuple(device_array(each, dtype) for each in np.split(weight, cuts)),
+    components = IsolatedComponents(
+        number=tuple(
+            device_array(body_number) for body_number in np.split(number, cuts)
+        ),
+        weight=tuple(
+            device_array(body_weight, dtype) for body_weight in np.split(weight, cuts)
+        ),
         mean=jnp.zeros(len(roots), dtype),
         count=len(roots),
     )
-    return replace(found, mean=found.means(states))
+    return replace(components, mean=components.means(states))
 
 
 def _refuse_heated(program: Program, states: State, time, number, capacity) -> None:
@@ -177,8 +181,8 @@ def _refuse_heated(program: Program, states: State, time, number, capacity) -> N
     named = ", ".join(str(b) for b in np.unique(bodies[inside]))
     fraction = capacity[inside].sum() / capacity[np.isin(bodies, bodies[inside])].sum()
     raise InputError(
-        f"steady: {net[worst]:.3g} W is brought to body {named} "
-        f"({100 * fraction:.3g} % of its capacity) and nothing carries it off, so "
+        f"steady: {net[worst]:.3g} W enters body {named} "
+        f"({100 * fraction:.3g} % of its capacity) and nothing removes it, so "
         "there is no steady state; give it a term that does, such as Convection, or "
         "use simulate"
     )
@@ -191,22 +195,20 @@ def _flat(states: State) -> np.ndarray:
 def _components(scene: Scene, program: Program, time) -> Int[np.ndarray, " v"]:
     """Label every entry of all states by an entry that conduction connects it to."""
     labels = [
-        _body_components(body.structure, part.network.linear)
-        for body, part in zip(scene.bodies, program.bodies, strict=True)
+        _body_components(body.structure, compiled_body.network.linear)
+        for body, compiled_body in zip(scene.bodies, program.bodies, strict=True)
     ]
     starts = np.cumsum([0, *(label.size for label in labels)])
     flat = np.concatenate(
-        [each.reshape(-1) + s for each, s in zip(labels, starts[:-1], strict=True)]
+        [label.reshape(-1) + s for label, s in zip(labels, starts[:-1], strict=True)]
     )
     links = [np.zeros((0, 2), np.int64)]
     for contact in program.contacts:
-        ends = [
-            flat[
-                starts[b]
-                + np.ravel_multi_index(tuple(map(np.asarray, a)), labels[b].shape)
-            ]
-            for b, a in zip(contact.bodies, contact.address, strict=True)
-        ]
+        ends = []
+        for body, address in zip(contact.bodies, contact.address, strict=True):
+            host_address = tuple(map(np.asarray, address))
+            entry = np.ravel_multi_index(host_address, labels[body].shape)
+            ends.append(flat[starts[body] + entry])
         # A contact of conductance 0 connects nothing.
         conducts = np.asarray(pair_conductance(contact, time)) > 0
         links.append(np.stack(ends, axis=1)[conducts])
@@ -218,7 +220,8 @@ def _body_components(
 ) -> Int[np.ndarray, "..."]:
     """Label every entry of a state by an entry that conduction connects it to."""
     if isinstance(network, AbstractNodeNetwork):
-        layout, links = node_layout(structure, MAX_DENSE_SIZE), structure.links()
+        layout = node_layout(structure, MAX_DENSE_SIZE)
+        links = structure.links()
         conducts = np.asarray(link_conductance(layout, network)) > 0
         pairs = np.stack([links.src, links.dst], axis=1)[conducts]
         return connected_labels(structure.node_count, pairs)

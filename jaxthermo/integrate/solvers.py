@@ -43,13 +43,19 @@ _DEFAULT_STEPS = 128
 
 # What is switched at an event changes fast at first, so that each interval between
 # events gets several steps by default, unless there are very many intervals.
-_MIN_STEPS_AFTER_EVENT, MAX_REFINED_EVENTS = 16, 64
+_MIN_STEPS_AFTER_EVENT = 16
+
+MAX_REFINED_EVENTS = 64
+"""Number of events up to which the intervals between them get several steps."""
 
 MAX_EULER_STEPS = 2_000
 """Number of stable steps up to which explicit Euler is selected by default."""
 
-_FIRST_STEPS, _FIRST_ERROR = 8, 0.08
-"""Number of steps, and error of an adaptive one [K], of the first pass of several."""
+_FIRST_STEPS = 8
+"""Number of steps of the first pass of several."""
+
+_FIRST_ERROR = 0.08
+"""Error of an adaptive step in the first pass of several [K]."""
 
 MAX_RKL2_STEPS = 5_000_000
 """Number of stable steps above which even their square root is too many."""
@@ -63,7 +69,7 @@ class AbstractSolver(Module):
     method: ClassVar[Method] = "euler"
     """Kind of steps, for the forecast of memory."""
     dt: eqx.AbstractVar[Any]
-    """Step [s]; None to have it chosen."""
+    """Step [s]; None if the solver chooses it."""
 
     def min_steps(self, events: int) -> int:
         """Return the smallest number of steps between two of the run's events."""
@@ -100,8 +106,7 @@ class AbstractSolver(Module):
     ) -> AbstractStepper:
         """Return the stepper of a compiled scene for steps of up to `max_dt` [s].
 
-        `stable_step` is as in `max_dt`; `traced` is True if derivatives may be asked
-        for.
+        `stable_step` is as in `max_dt`; `traced` is True if derivatives may be needed.
         """
 
 
@@ -112,7 +117,7 @@ def _positive_step(dt: Any) -> float:
     return step
 
 
-def _known(stable_step: float | None, example: str) -> float:
+def _required(stable_step: float | None, example: str) -> float:
     if stable_step is None:
         raise InputError(
             "simulate: the stable step depends on traced values; give the step, as in "
@@ -146,7 +151,7 @@ class ForwardEuler(AbstractSolver):
     @override
     def max_dt(self, stable_step, t1, sampled) -> float:
         if self.dt is None:
-            dt = _known(stable_step, "ForwardEuler(dt=0.1)")
+            dt = _required(stable_step, "ForwardEuler(dt=0.1)")
             return min(dt, t1 / SAMPLES) if sampled and t1 > 0 else dt
         dt = _positive_step(self.dt)
         # A step that the user computed as the stable one may exceed it by rounding.
@@ -183,13 +188,13 @@ class SuperTimeStepping(AbstractSolver):
         dt = super().max_dt(stable_step, t1, sampled)
         # The number of stages is static, so that it cannot follow a traced stable step.
         if self.stages is None:
-            _known(stable_step, "SuperTimeStepping(dt=0.5, stages=9)")
+            _required(stable_step, "SuperTimeStepping(dt=0.5, stages=9)")
         elif self.stages < MIN_STAGES:
             raise InputError(f"SuperTimeStepping(stages={self.stages}): give 3 or more")
         elif stable_step is not None and self.stages < stage_count(dt, stable_step):
             raise InputError(
                 f"SuperTimeStepping(dt={dt:g}, stages={self.stages}): a stable step of "
-                f"{stable_step:.6g} s asks for {stage_count(dt, stable_step)} stages"
+                f"{stable_step:.6g} s requires {stage_count(dt, stable_step)} stages"
             )
         return dt
 
@@ -218,8 +223,14 @@ class _AbstractImplicit(AbstractSolver):
 
     @override
     def stepper(self, scene, compiled, stable_step, max_dt, traced) -> AbstractStepper:
-        given = stable_step, max_dt, self.tolerance, traced
-        context = implicit_context(scene, compiled, *given)
+        context = implicit_context(
+            scene,
+            compiled=compiled,
+            stable_step=stable_step,
+            max_dt=max_dt,
+            tolerance=self.tolerance,
+            traced=traced,
+        )
         return ImplicitStepper(context, self._tableau)
 
 
@@ -288,21 +299,33 @@ class TRBDF2(_AbstractImplicit):
     @override
     def stepper(self, scene, compiled, stable_step, max_dt, traced) -> AbstractStepper:
         if self.dt is not None:
-            return super().stepper(scene, compiled, stable_step, max_dt, traced)
-        given = stable_step, max_dt, self.tolerance, traced
-        context = implicit_context(scene, compiled, *given)
+            return super().stepper(
+                scene,
+                compiled=compiled,
+                stable_step=stable_step,
+                max_dt=max_dt,
+                traced=traced,
+            )
+        context = implicit_context(
+            scene,
+            compiled=compiled,
+            stable_step=stable_step,
+            max_dt=max_dt,
+            tolerance=self.tolerance,
+            traced=traced,
+        )
         return AdaptiveStepper(context, jnp.asarray(self.error, compiled.receipt.dtype))
 
 
 class ErrorControl(AbstractSolver):
-    """Second order, with as many steps as an error in time asks for.
+    """Second order, with the number of steps that an error in time requires.
 
     The run is repeated with steps half as long until the estimate of its error, at any
     fragment and saved time, is within `relative_error` of the largest range of the
     surface temperatures, or `error`. The receipt gives the estimate, see
     `Solution.run.time_error`. Steps are those of `SuperTimeStepping`, or above 5
     million stable steps of `TRBDF2`. Where values are traced nothing can be repeated:
-    a solver is selected as if none were given.
+    a solver is selected by the number of stable steps instead.
     """
 
     relative_error: float = eqx.field(static=True, default=1e-3)
@@ -330,9 +353,14 @@ class ErrorControl(AbstractSolver):
 
     @override
     def stepper(self, scene, compiled, stable_step, max_dt, traced) -> AbstractStepper:
-        # Of one pass: what is selected for a run goes by `first`.
-        given = stable_step, max_dt, traced
-        return SuperTimeStepping().stepper(scene, compiled, *given)
+        # The stepper of one pass; `first` selects that of a run.
+        return SuperTimeStepping().stepper(
+            scene,
+            compiled=compiled,
+            stable_step=stable_step,
+            max_dt=max_dt,
+            traced=traced,
+        )
 
 
 def _stable_steps(stable_step: float, t1: float | int) -> str:

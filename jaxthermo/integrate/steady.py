@@ -8,7 +8,7 @@ by Newton's method; every iteration is a linear solve preconditioned by multigri
 import math
 import warnings
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -107,7 +107,7 @@ def steady(
         >>> f"{warm.mean_temperature.item():.3f}"
         '300.000'
     """
-    require(scene, kinds=Scene, argument="steady(scene=)", give="a Scene")
+    require(scene, classes=Scene, argument="steady(scene=)", give="a Scene")
     if tolerance is not None and not tolerance > 0:
         raise InputError(f"steady(tolerance={tolerance!r}): give a positive one [K]")
     with precision(scene.dtype):
@@ -134,10 +134,12 @@ def _static_scene(scene: Scene, at: float | None) -> Scene:
 
 def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolution:
     scene = arranged_for_solves(scene)
-    compiled, traced = compile_scene(scene, 1, at, method="implicit"), is_traced(scene)
+    compiled = compile_scene(scene, 1, at, method="implicit")
+    traced = is_traced(scene)
     for warning in compiled.receipt.warnings:
         warnings.warn(warning, stacklevel=3)
-    program, dtype = compiled.program, jnp.dtype(scene.dtype)
+    program = compiled.program
+    dtype = jnp.dtype(scene.dtype)
     kelvin = _STEADY_TOLERANCE[scene.dtype] if tolerance is None else tolerance
     context = implicit_context(
         scene,
@@ -154,16 +156,19 @@ def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolutio
         isolated = find_isolated_components(
             scene, program=program, context=context, states=compiled.state, time=time
         )
-    states, statistics = _solve(program, context, compiled.state, time, isolated)
-    found, rates = _observe(program, states, time)
-    one_time = lambda values: jax.tree.map(lambda each: each[None], values)
+    states, statistics = _solve(
+        program, context=context, start=compiled.state, time=time, isolated=isolated
+    )
+    observation, rates = _observe(program, states, time)
     return SteadySolution(
         times=time[None],
-        surface_temperature=found.surface_temperature[None],
-        mean_temperature=found.mean_temperature[None],
+        surface_temperature=observation.surface_temperature[None],
+        mean_temperature=observation.mean_temperature[None],
         heat_rates=in_order(rates, program.entries),
         isolated_components=0 if isolated is None else isolated.count,
-        result=run_result(found.is_finite, found.is_physical, statistics, steady=True),
+        result=run_result(
+            observation.is_finite, observation.is_physical, statistics, steady=True
+        ),
         run=RunSummary(
             steps=0,
             dt=None,
@@ -176,9 +181,13 @@ def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolutio
         radiation=compiled.radiation,
         receipt=compiled.receipt,
         probes=scene.probes,
-        probe_temperature=one_time(found.probe_temperature),
-        **one_time(found.fragment_outputs),
+        probe_temperature=_with_time_axis(observation.probe_temperature),
+        **_with_time_axis(observation.fragment_outputs),
     )
+
+
+def _with_time_axis(values: Any) -> Any:
+    return jax.tree.map(lambda leaf: leaf[None], values)
 
 
 @eqx.filter_jit
@@ -186,9 +195,9 @@ def _observe(
     program: Program, states: State, time: Float[Array, ""]
 ) -> tuple[Observation, HeatRates]:
     ledger = empty_ledger(len(program.entries), states[0].dtype)
-    found = observe(program, RunState(states, ledger), time)
+    observation = observe(program, RunState(states, ledger), time)
     _, rates = evaluate_rates(program, states, time)
-    return found, _heat_rates(program.entries, rates, len(states))
+    return observation, _heat_rates(program.entries, rates, len(states))
 
 
 def _heat_rates(
@@ -196,25 +205,25 @@ def _heat_rates(
 ) -> HeatRates:
     """Group heat rates by mechanism, by body and by pair."""
     zero = jnp.zeros((1, bodies), rates.dtype)
-    found = energies(
+    energy = energies(
         entries,
         stored=zero,
         heat=rates[None],
         moved=jnp.abs(rates)[None],
         equalization=zero[0],
     )
-    only = lambda table: {name: each[0] for name, each in table.items()}
 
-    def first(e: Energy) -> HeatRates:
-        inner, residual = tuple(map(first, e.bodies)), -e.residual_relative[0]
+    def first(energy: Energy) -> HeatRates:
+        mechanisms = {name: heat[0] for name, heat in energy.mechanisms.items()}
+        contacts = {name: heat[0] for name, heat in energy.contacts.items()}
         return HeatRates(
-            mechanisms=only(e.mechanisms),
-            contacts=only(e.contacts),
-            bodies=inner,
-            residual_relative=residual,
+            mechanisms=mechanisms,
+            contacts=contacts,
+            bodies=tuple(map(first, energy.bodies)),
+            residual_relative=-energy.residual_relative[0],
         )
 
-    return first(found)
+    return first(energy)
 
 
 @eqx.filter_jit
@@ -260,8 +269,8 @@ class _Iterate(NamedTuple):
     states: State
     change: Float[Array, ""]
     """Largest change of a node by the last iteration [K]."""
-    change_before: Float[Array, ""]
-    """By the iteration before it [K]."""
+    previous_change: Float[Array, ""]
+    """Largest change of a node by the second to last iteration [K]."""
     statistics: SolverStatistics
 
 
@@ -272,7 +281,8 @@ def _newton(
     time,
     isolated: IsolatedComponents | None,
 ) -> tuple[State, SolverStatistics]:
-    dtype, tolerance = start[0].dtype, context.tolerance
+    dtype = start[0].dtype
+    tolerance = context.tolerance
     endless = jnp.asarray(jnp.inf, dtype)
 
     def iterate(now: _Iterate) -> _Iterate:
@@ -287,23 +297,26 @@ def _newton(
         # to the inverse, so that its corrections are close to the error.
         solver = ConjugateGradient(CorrectionNorm(), tolerance)
         change, (converged, solve) = solve_linear(at, heat, solver)
-        after = jax.tree.map(jnp.add, now.states, change)
-        # By the maximum principle; it keeps a first iterate from going far beyond.
+        next_states = jax.tree.map(jnp.add, now.states, change)
+        # By the maximum principle; it prevents a first iterate from going far beyond.
         if not context.linear:
-            after = jax.tree.map(jnp.minimum, after, context.ceilings)
+            next_states = jax.tree.map(jnp.minimum, next_states, context.ceilings)
         if isolated is not None:
-            after = isolated.with_initial_means(after)
-        size = max_abs(jax.tree.map(jnp.subtract, after, now.states))
+            next_states = isolated.with_initial_means(next_states)
+        size = max_abs(jax.tree.map(jnp.subtract, next_states, now.states))
         statistics = now.statistics.after_solve(converged, solve)
         return _Iterate(
-            states=after, change=size, change_before=now.change, statistics=statistics
+            states=next_states,
+            change=size,
+            previous_change=now.change,
+            statistics=statistics,
         )
 
     def unfinished(now: _Iterate) -> Bool[Array, ""]:
         # In a linear scene later iterations only remove rounding.
         count = now.statistics.newton_iterations
         settled = context.linear | (count >= _SETTLING_ITERATIONS)
-        stagnates = (now.change >= now.change_before) & settled
+        stagnates = (now.change >= now.previous_change) & settled
         return (
             (now.change > tolerance)
             & ~stagnates
@@ -314,7 +327,7 @@ def _newton(
     first = _Iterate(
         states=start,
         change=endless,
-        change_before=endless,
+        previous_change=endless,
         statistics=zero_statistics(dtype),
     )
     last = jax.lax.while_loop(unfinished, iterate, first)

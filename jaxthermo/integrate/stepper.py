@@ -59,20 +59,20 @@ class AbstractStepper(Module):
 
 
 _FEW_VALUES = 2**16
-"""Size of a state that the caches of a core hold: a copy of it takes a twentieth of a
-step, and to compile a step several times half a second."""
+"""Size of a state that the caches of a core hold: copying it costs less than compiling
+a step several times."""
 
 
 def is_copied_fast(theta: State) -> bool:
-    """Tell whether a loop rather copies temperatures than takes two steps a turn."""
-    # On a GPU a copy is a kernel more, however small it is.
+    """Return True if a loop should copy temperatures, not take two steps a turn."""
+    # On a GPU every copy is one more kernel, however small it is.
     on_host = jax.default_backend() == "cpu"
     count = sum(values.size for values in jax.tree.leaves(theta))
     return on_host and count <= _FEW_VALUES
 
 
-# What XLA starts as one graph on a GPU: WHILE is not among its own choice, so that the
-# host is asked after each turn whether the loop goes on, half of a short step.
+# What XLA starts as one graph on a GPU. Its own choice lacks WHILE: the host would then
+# decide after each turn whether the loop goes on.
 _GRAPHS = {
     "xla_gpu_enable_command_buffer": "FUSION,CUBLAS,CUBLASLT,CUDNN,CUSTOM_CALL,"
     "DYNAMIC_SLICE_FUSION,CONDITIONAL,WHILE"
@@ -86,11 +86,11 @@ def jit_in_place(function: Callable[..., Any], as_graph: bool = False) -> Any:
     return eqx.filter_jit(function, donate="all-except-first", **options)
 
 
-def run_in_place(function: Callable[..., Any], kept: Any, theta: State) -> Any:
+def run_in_place(function: Callable[..., Any], constants: Any, theta: State) -> Any:
     """Run a compiled loop over steps, which overwrites the temperatures `theta`."""
     # A program within another one has no options of its own.
     as_graph = jax.default_backend() == "gpu" and not is_traced(theta)
-    return jit_in_place(function, as_graph)(kept, theta)
+    return jit_in_place(function, as_graph)(constants, theta)
 
 
 def advance(
@@ -118,7 +118,7 @@ def advance(
 
     if isinstance(steps, int):
         if checkpoints is None or checkpoints >= steps:
-            # Of a cheap step, reverse mode stores only the state before it: its
+            # For a cheap step, reverse mode stores only the state before it: its
             # intermediate values take longer to write and read than to recompute.
             if stepper.two_buffers:
                 one_step = jax.checkpoint(one_step, prevent_cse=False)
@@ -132,8 +132,11 @@ def advance(
         )[0]
     if not stepper.two_buffers or is_copied_fast(state.theta):
         return jax.lax.fori_loop(0, steps, one_step, state)
-    # Two steps per iteration write to a second buffer and back; with one, XLA copies
-    # the state to where the loop expects it, a third of the time of an explicit step.
-    two_steps = lambda i, state: one_step(2 * i + 1, one_step(2 * i, state))
+
+    def two_steps(i, state):
+        # Two steps per iteration write to a second buffer and back; with one, XLA
+        # copies the state to where the loop expects it.
+        return one_step(2 * i + 1, one_step(2 * i, state))
+
     state = jax.lax.fori_loop(0, steps // 2, two_steps, state)
     return jax.lax.fori_loop(steps - steps % 2, steps, one_step, state)

@@ -83,7 +83,7 @@ def surface_error(solution: AnySolution, reference: AnySolution) -> SurfaceError
     """
     check_surfaces(solution.surfaces, reference.surfaces)
     with later_temperatures(solution, reference, "surface_error") as later:
-        times, found, expected = (jnp.asarray(each) for each in later)
+        times, temperature, expected = (jnp.asarray(values) for values in later)
         if not is_traced(expected) and not jnp.ptp(expected, axis=1).max() > 0:
             raise InputError(
                 "surface_error: the reference's surface has one temperature at every "
@@ -92,19 +92,19 @@ def surface_error(solution: AnySolution, reference: AnySolution) -> SurfaceError
             )
         areas = [np.asarray(s.geometry.fragment_area) for s in reference.surfaces]
         area = jnp.asarray(np.concatenate(areas), expected.dtype)
-        return _error(times, found, expected, area)
+        return _error(times, temperature=temperature, expected=expected, area=area)
 
 
 @eqx.filter_jit
 def _error(
     times: Float[Array, " t"],
-    found: Float[Array, "t s"],
+    temperature: Float[Array, "t s"],
     expected: Float[Array, "t s"],
     area: Float[Array, " s"],
 ) -> SurfaceError:
-    span = error_span(expected)
-    percent = lambda kelvin: 100 * kelvin / span
-    difference, weight = found - expected, area / area.sum()
+    span = jnp.asarray(error_span(expected))
+    difference = temperature - expected
+    weight = area / area.sum()
     rms = jnp.asarray(root((weight[None, :] * difference**2).sum(axis=1)))
 
     def percentile_99(row: Float[Array, " s"]) -> Float[Array, ""]:
@@ -116,9 +116,9 @@ def _error(
     size = jnp.abs(difference)
     return SurfaceError(
         times=times,
-        rms_percent=percent(rms),
-        p99_percent=percent(jax.vmap(percentile_99)(size)),
-        max_percent=percent(size.max(axis=1)),
+        rms_percent=100 * rms / span,
+        p99_percent=100 * jax.vmap(percentile_99)(size) / span,
+        max_percent=100 * size.max(axis=1) / span,
         rms_kelvin=rms,
     )
 
@@ -132,22 +132,23 @@ def error_span(
     The range between two quantiles of the reference, by default of all of it, or 5 % of
     the largest such range of the run if that is more; never 0.
     """
-    own = np if isinstance(reference, np.ndarray) else jnp
+    xp = np if isinstance(reference, np.ndarray) else jnp
     if quantiles == (0.0, 1.0):
-        low, high = reference.min(axis=1), reference.max(axis=1)
+        low = reference.min(axis=1)
+        high = reference.max(axis=1)
     else:
-        ends = own.asarray(quantiles, reference.dtype)
-        low, high = own.quantile(reference, ends, axis=1)
-    spans = own.maximum(high - low, _MIN_SPAN_FRACTION * (high - low).max())
+        ends = xp.asarray(quantiles, reference.dtype)
+        low, high = xp.quantile(reference, ends, axis=1)
+    spans = xp.maximum(high - low, _MIN_SPAN_FRACTION * (high - low).max())
     # A reference that is uniform at every time must not lead to NaN in a traced run.
-    return own.maximum(spans, own.finfo(spans.dtype).tiny)
+    return xp.maximum(spans, xp.finfo(spans.dtype).tiny)
 
 
 def root(square: PerTime) -> PerTime:
     """Return square roots, with the slope 0 at 0 instead of an infinite one."""
-    own = np if isinstance(square, np.ndarray) else jnp
+    xp = np if isinstance(square, np.ndarray) else jnp
     positive = square > 0
-    return own.where(positive, own.sqrt(own.where(positive, square, 1)), 0)
+    return xp.where(positive, xp.sqrt(xp.where(positive, square, 1)), 0)
 
 
 @contextlib.contextmanager
@@ -168,10 +169,10 @@ def later_temperatures(
     with precision("float64" if "float64" in wide else "float32"):
         later = _later(solution, reference, caller)
         expected = reference.surface_temperature[later]
-        found = solution.surface_temperature[later]
-        dtype = np.promote_types(expected.dtype, found.dtype)
+        temperature = solution.surface_temperature[later]
+        dtype = np.promote_types(expected.dtype, temperature.dtype)
         times = reference.times[later]
-        yield times, found.astype(dtype), expected.astype(dtype)
+        yield times, temperature.astype(dtype), expected.astype(dtype)
 
 
 def _later(
@@ -179,12 +180,13 @@ def _later(
 ) -> Bool[np.ndarray, " t"]:
     times = np.asarray(reference.times, float)
     traced = is_traced(solution.times)
-    others = times if traced else np.asarray(solution.times, float)
-    shown = lambda ts: [f"{t:g}" for t in ts[:6]] + ["..."] * (len(ts) > 6)
-    if len(times) != len(others) or not np.allclose(times, others, rtol=1e-5):
+    judged_times = times if traced else np.asarray(solution.times, float)
+    if len(times) != len(judged_times) or not np.allclose(
+        times, judged_times, rtol=1e-5
+    ):
         raise InputError(
-            f"{caller}: saved at [{', '.join(shown(others))}] s and the reference "
-            f"at [{', '.join(shown(times))}] s: give both the same save_at"
+            f"{caller}: saved at [{_listed(judged_times)}] s and the reference at "
+            f"[{_listed(times)}] s: give both the same save_at"
         )
     if isinstance(reference, SteadySolution):
         return np.ones(1, bool)
@@ -195,28 +197,37 @@ def _later(
     return times > 0
 
 
+def _listed(times: np.ndarray) -> str:
+    return ", ".join([f"{t:g}" for t in times[:6]] + ["..."] * (len(times) > 6))
+
+
 def check_surfaces(
-    found: tuple[SolvedSurface, ...], expected: tuple[SolvedSurface, ...]
+    judged: tuple[SolvedSurface, ...], expected: tuple[SolvedSurface, ...]
 ) -> None:
-    """Refuse surfaces that are not the same fragments of the same bodies."""
-    if len(found) != len(expected):
+    """Raise if the surfaces are not the same fragments of the same bodies."""
+    if len(judged) != len(expected):
         raise InputError(
-            f"surface_error: {len(found)} bodies and the reference has "
+            f"surface_error: {len(judged)} bodies and the reference has "
             f"{len(expected)}: compare runs of the same scene"
         )
-    for index, (a, b) in enumerate(zip(found, expected, strict=True)):
-        here, there = a.geometry, b.geometry
-        positions = here.fragment_position, there.fragment_position
-        same_number = positions[0].shape == positions[1].shape
+    pairs = zip(judged, expected, strict=True)
+    for index, (judged_surface, reference_surface) in enumerate(pairs):
+        geometry = judged_surface.geometry
+        reference = reference_surface.geometry
         # Within a thousandth of a voxel: two voxelizations may round differently.
         if not (
-            same_number
-            and np.allclose(*positions, rtol=0, atol=1e-3 * there.pitch)
-            and np.allclose(here.fragment_area, there.fragment_area, rtol=1e-5)
+            geometry.fragment_position.shape == reference.fragment_position.shape
+            and np.allclose(
+                geometry.fragment_position,
+                reference.fragment_position,
+                rtol=0,
+                atol=1e-3 * reference.pitch,
+            )
+            and np.allclose(geometry.fragment_area, reference.fragment_area, rtol=1e-5)
         ):
             raise InputError(
                 f"surface_error: body {index} has other surface fragments "
-                f"({len(here.fragment_area)}) than the reference "
-                f"({len(there.fragment_area)}): voxelize once, and build both "
+                f"({len(geometry.fragment_area)}) than the reference "
+                f"({len(reference.fragment_area)}): voxelize once, and build both "
                 "structures from that grid"
             )

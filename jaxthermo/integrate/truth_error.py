@@ -30,11 +30,12 @@ from .surface_error import (
 _RANGE_QUANTILES = (0.005, 0.995)
 
 
-# Half, with room for rounding; with errors of second order its own is a quarter.
+# Half, with room for rounding: with errors of second order, the reference's error is
+# then a quarter of the run's.
 _MAX_PITCH_RATIO = 0.501
-"""Largest pitch of a reference over that of what it judges [-]."""
+"""Largest pitch of a reference over that of the run that it judges [-]."""
 
-_KEPT_POSITIONS = 200
+_STORED_POSITIONS = 200
 """Number of fragments by whose positions two runs on the same voxels are recognized."""
 
 _COLUMNS = ("rms_kelvin", "rms_percent", "p99_kelvin", "bias_kelvin", "lost_fraction")
@@ -52,7 +53,7 @@ class AtPoints(NamedTuple):
 
 
 class BodyOutline(NamedTuple):
-    """A body by what tells whether two runs are of the same mesh, or voxels."""
+    """Properties of a body that show whether two runs have the same mesh, or voxels."""
 
     pitch: float
     """[m]"""
@@ -61,11 +62,11 @@ class BodyOutline(NamedTuple):
     fragments: int
     """Number of fragments."""
     position: Float[np.ndarray, "k 3"]
-    """Positions of some of them [m]."""
+    """Positions of every n-th fragment [m]."""
 
 
 class TruthPoints(NamedTuple):
-    """A reference run at points of its meshes: all that errors are measured from.
+    """A reference run, read at points of its meshes, to which runs are compared.
 
     Much smaller than the run, so that one reference serves many runs in many processes.
     """
@@ -89,7 +90,7 @@ class TruthPoints(NamedTuple):
 
         Args:
             solution: a run of the same bodies.
-            reading: that of its surfaces, where it is known.
+            reading: how to read its surfaces at the points; None to find it.
 
         Raises:
             InputError: if the run is of other bodies or save times.
@@ -98,13 +99,15 @@ class TruthPoints(NamedTuple):
         _check_meshes(outlines, self.outlines)
         expected = self.expected
         reference = StoredSolution(self.times, expected.temperature, ())
-        here = self.reading(solution.surfaces) if reading is None else reading
+        used_reading = self.reading(solution.surfaces) if reading is None else reading
         with later_temperatures(solution, reference, "truth_error") as later:
-            times, found, there = (np.asarray(each) for each in later)
+            times, temperature, expected_temperature = (
+                np.asarray(values) for values in later
+            )
             return error_at_points(
                 times,
-                found=AtPoints(here.read(found), here.is_lost),
-                expected=AtPoints(there, expected.is_lost),
+                judged=AtPoints(used_reading.read(temperature), used_reading.is_lost),
+                expected=AtPoints(expected_temperature, expected.is_lost),
                 remarks=_remarks(outlines, self.outlines),
             )
 
@@ -117,7 +120,7 @@ class TruthError(Module):
     rms_kelvin: PerTime
     """Root mean square over the points [K]."""
     rms_percent: PerTime
-    """The same over the reference's range [%]."""
+    """`rms_kelvin` over the reference's range [%]."""
     p99_kelvin: PerTime
     """Difference that 99 % of the points do not exceed [K]."""
     bias_kelvin: PerTime
@@ -158,14 +161,14 @@ class TruthError(Module):
 
     def as_dict(self) -> dict[str, Any]:
         """Return all numbers as plain types for JSON; None for an infinite one."""
-        found: dict[str, Any] = {"times_s": np.asarray(self.times, float).tolist()}
+        numbers: dict[str, Any] = {"times_s": np.asarray(self.times, float).tolist()}
         for name in _COLUMNS:
             values = np.asarray(getattr(self, name), float).tolist()
-            found[name] = [v if np.isfinite(v) else None for v in values]
+            numbers[name] = [v if np.isfinite(v) else None for v in values]
             worst = float(getattr(self, f"worst_{name}"))
-            found[f"worst_{name}"] = worst if np.isfinite(worst) else None
-        found["reference_lost_fraction"] = float(self.reference_lost_fraction)
-        return {**found, "remarks": list(self.remarks)}
+            numbers[f"worst_{name}"] = worst if np.isfinite(worst) else None
+        numbers["reference_lost_fraction"] = float(self.reference_lost_fraction)
+        return {**numbers, "remarks": list(self.remarks)}
 
 
 def truth_points(
@@ -227,43 +230,53 @@ def truth_error(
         >>> bool(error.worst_rms_kelvin < 0.5), float(error.worst_lost_fraction)
         (True, 0.0)
     """
-    outlines = _outlines(solution.surfaces), _outlines(reference.surfaces)
-    _check_meshes(*outlines)
+    outlines = _outlines(solution.surfaces)
+    reference_outlines = _outlines(reference.surfaces)
+    _check_meshes(outlines, reference_outlines)
     samples = _samples(reference.surfaces, count, seed)
-    there = _reading(reference.surfaces, samples)
-    here = _reading(solution.surfaces, samples)
+    reference_reading = _reading(reference.surfaces, samples)
+    solution_reading = _reading(solution.surfaces, samples)
     with later_temperatures(solution, reference, "truth_error") as later:
-        times, found, expected = later
+        times, temperature, expected = later
         # Without derivatives by numpy: nothing to compile for each number of points.
-        own = jnp if is_traced((found, expected)) else np
-        found, expected = own.asarray(found), own.asarray(expected)
+        xp = jnp if is_traced((temperature, expected)) else np
+        temperature = xp.asarray(temperature)
+        expected = xp.asarray(expected)
         return error_at_points(
-            own.asarray(times),
-            found=AtPoints(here.read(found), here.is_lost),
-            expected=AtPoints(there.read(expected), there.is_lost),
-            remarks=_remarks(*outlines),
+            xp.asarray(times),
+            judged=AtPoints(
+                solution_reading.read(temperature), solution_reading.is_lost
+            ),
+            expected=AtPoints(
+                reference_reading.read(expected), reference_reading.is_lost
+            ),
+            remarks=_remarks(outlines, reference_outlines),
         )
 
 
 def _outlines(surfaces: tuple[SolvedSurface, ...]) -> tuple[BodyOutline, ...]:
-    found = []
-    for own in (surface.geometry for surface in surfaces):
-        extent = np.stack([own.vertices.min(axis=0), own.vertices.max(axis=0)])
-        position = np.asarray(own.fragment_position)
-        every = max(1, len(position) // _KEPT_POSITIONS)
-        some = np.array(position[::every], float)
-        found.append(
+    outlines = []
+    for geometry in (surface.geometry for surface in surfaces):
+        extent = np.stack(
+            [geometry.vertices.min(axis=0), geometry.vertices.max(axis=0)]
+        )
+        position = np.asarray(geometry.fragment_position)
+        stride = max(1, len(position) // _STORED_POSITIONS)
+        outlines.append(
             BodyOutline(
-                pitch=own.pitch, extent=extent, fragments=len(position), position=some
+                pitch=geometry.pitch,
+                extent=extent,
+                fragments=len(position),
+                position=np.array(position[::stride], float),
             )
         )
-    return tuple(found)
+    return tuple(outlines)
 
 
 def _check_meshes(
     judged: tuple[BodyOutline, ...], reference: tuple[BodyOutline, ...]
 ) -> None:
-    """Refuse bodies of other sizes: part of their surfaces could agree by chance."""
+    """Raise for bodies of other sizes: part of their surfaces could agree by chance."""
     if len(judged) != len(reference):
         raise InputError(
             f"truth_error: {len(judged)} bodies and the reference has "
@@ -283,23 +296,23 @@ def _check_meshes(
 def _remarks(
     judged: tuple[BodyOutline, ...], reference: tuple[BodyOutline, ...]
 ) -> tuple[str, ...]:
-    """Name the bodies whose reference is not as independent as an error needs it."""
-    found = []
-    for index, (own, finer) in enumerate(zip(judged, reference, strict=True)):
-        if own.fragments == finer.fragments and np.allclose(
-            own.position, finer.position, rtol=0, atol=1e-3 * own.pitch
+    """Name the bodies whose reference is not independent of the run, or too coarse."""
+    remarks = []
+    for index, (outline, finer) in enumerate(zip(judged, reference, strict=True)):
+        if outline.fragments == finer.fragments and np.allclose(
+            outline.position, finer.position, rtol=0, atol=1e-3 * outline.pitch
         ):
-            found.append(
+            remarks.append(
                 f"body {index} has the voxels of the reference: the error is that of "
                 "its structure alone"
             )
-        elif finer.pitch > _MAX_PITCH_RATIO * own.pitch:
-            found.append(
+        elif finer.pitch > _MAX_PITCH_RATIO * outline.pitch:
+            remarks.append(
                 f"the reference's voxels of body {index}, {finer.pitch * 1e3:.4g} mm, "
-                f"are not twice as fine as the run's, {own.pitch * 1e3:.4g} mm: a part "
-                "of the difference is the reference's own error"
+                f"are not twice as fine as the run's, {outline.pitch * 1e3:.4g} mm: a "
+                "part of the difference is the reference's own error"
             )
-    return tuple(found)
+    return tuple(remarks)
 
 
 def _samples(
@@ -307,10 +320,10 @@ def _samples(
 ) -> list[MeshSample]:
     """Points of each body in its own frame, evenly over the area of all."""
     meshes = [surface.geometry for surface in surfaces]
-    first = np.cumsum([0, *(len(each.vertices) for each in meshes[:-1])])
-    last = np.cumsum([len(each.faces) for each in meshes])
-    faces = [each.faces + start for each, start in zip(meshes, first, strict=True)]
-    vertices = np.concatenate([each.vertices for each in meshes])
+    first = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
+    last = np.cumsum([len(mesh.faces) for mesh in meshes])
+    faces = [mesh.faces + start for mesh, start in zip(meshes, first, strict=True)]
+    vertices = np.concatenate([mesh.vertices for mesh in meshes])
     together = Mesh(vertices, np.concatenate(faces), name="the reference")
     sample = mesh_sample(together, count, seed)
     body = np.searchsorted(last, sample.face, side="right")
@@ -324,47 +337,48 @@ def _reading(
     surfaces: tuple[SolvedSurface, ...], samples: list[MeshSample]
 ) -> SurfaceReading:
     """Reading of the points of all bodies from the fragments of all bodies."""
-    found, first = [], 0
+    readings = []
+    first = 0
     for surface, sample in zip(surfaces, samples, strict=True):
-        own = surface_reading(surface.geometry, sample.position, sample.normal)
-        found.append(own._replace(fragment=own.fragment + first))
+        body_reading = surface_reading(surface.geometry, sample.position, sample.normal)
+        readings.append(body_reading._replace(fragment=body_reading.fragment + first))
         first += len(surface.geometry.fragment_area)
     return SurfaceReading(
-        *(np.concatenate(column) for column in zip(*found, strict=True))
+        *(np.concatenate(column) for column in zip(*readings, strict=True))
     )
 
 
 def error_at_points(
-    times: PerTime, found: AtPoints, expected: AtPoints, remarks: tuple[str, ...] = ()
+    times: PerTime, judged: AtPoints, expected: AtPoints, remarks: tuple[str, ...] = ()
 ) -> TruthError:
     """Compare a run with a reference that were read at the same points.
 
     Raises:
         InputError: if they have no point in common.
     """
-    known = np.flatnonzero(~expected.is_lost)
-    lost = found.is_lost[known]
-    common = known[~lost]
+    readable = np.flatnonzero(~expected.is_lost)
+    lost = judged.is_lost[readable]
+    common = readable[~lost]
     if not len(common):
         raise InputError(
             "truth_error: the solution and the reference have no surface in common: "
             "compare runs of the same meshes, each in the frame of its body"
         )
-    own = jnp if is_traced((found.temperature, expected.temperature)) else np
-    span = error_span(expected.temperature[:, known], _RANGE_QUANTILES)
-    difference = found.temperature[:, common] - expected.temperature[:, common]
+    xp = jnp if is_traced((judged.temperature, expected.temperature)) else np
+    span = error_span(expected.temperature[:, readable], _RANGE_QUANTILES)
+    difference = judged.temperature[:, common] - expected.temperature[:, common]
     rms = root((difference**2).mean(axis=1))
     # A reference of one temperature has no range: any error is infinitely large then.
-    has_range = span > own.finfo(span.dtype).tiny
-    uniform = own.where(rms > 0, own.inf, own.zeros_like(rms))
-    percent = own.where(has_range, 100 * rms / own.where(has_range, span, 1), uniform)
+    has_range = span > xp.finfo(span.dtype).tiny
+    uniform = xp.where(rms > 0, xp.inf, xp.zeros_like(rms))
+    percent = xp.where(has_range, 100 * rms / xp.where(has_range, span, 1), uniform)
     return TruthError(
         times=times,
         rms_kelvin=rms,
         rms_percent=percent,
-        p99_kelvin=own.quantile(abs(difference), 0.99, axis=1),
+        p99_kelvin=xp.quantile(abs(difference), 0.99, axis=1),
         bias_kelvin=difference.mean(axis=1),
-        lost_fraction=own.full_like(rms, lost.mean()),
-        reference_lost_fraction=own.asarray(expected.is_lost.mean(), rms.dtype),
+        lost_fraction=xp.full_like(rms, lost.mean()),
+        reference_lost_fraction=xp.asarray(expected.is_lost.mean(), rms.dtype),
         remarks=remarks,
     )

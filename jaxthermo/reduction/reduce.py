@@ -73,7 +73,7 @@ def reduce(
         >>> model.size, model.surface_temperature.shape
         (4, (2, 96))
     """
-    require(scene, kinds=Scene, argument="reduce(scene=)", give="a Scene")
+    require(scene, classes=Scene, argument="reduce(scene=)", give="a Scene")
     _check_options(size, tolerance, method)
     clock = time.perf_counter()
     log("building the scene")

@@ -99,7 +99,7 @@ def write_model(path: Path, model: Mapping[str, Any]) -> None:
     for b, surface in enumerate(model["surfaces"]):
         for name, value in body_arrays(surface, arrays.times).present().items():
             stored[f"body{b}_{name}"] = value
-    write_archive(path, kind=_KIND, version=FORMAT_VERSION, arrays=stored)
+    write_archive(path, format_name=_KIND, version=FORMAT_VERSION, arrays=stored)
 
 
 def read_model(path: Path) -> dict[str, Any]:
@@ -108,7 +108,9 @@ def read_model(path: Path) -> dict[str, Any]:
     Raises:
         InputError: if the file is missing, damaged, or of another version.
     """
-    stored = read_archive(path, kind=_KIND, version=FORMAT_VERSION, remedy=_REMEDY)
+    stored = read_archive(
+        path, format_name=_KIND, version=FORMAT_VERSION, remedy=_REMEDY
+    )
     try:
         return _fields(stored)
     except InputError as error:

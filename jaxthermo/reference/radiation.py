@@ -77,8 +77,8 @@ def sol_air_temperature(
     return float(air) + net / float(heat_transfer_coefficient)
 
 
-# Bisection steps, more than float64 resolves.
 _BISECTIONS = 80
+"""Number of bisection steps: more than float64 resolves."""
 
 
 def _antiderivative(ratio: HostFloat) -> HostFloat:
@@ -108,10 +108,9 @@ def radiation_time(
     T_s = float(surroundings)
     exchange = 4.0 * float(emissivity) * float(area) * STEFAN_BOLTZMANN * T_s**3
     scale = float(capacity) / exchange
-    now, start = host(temperature) / T_s, host(initial) / T_s
-    return np.asarray(
-        scale * (_antiderivative(host(now)) - _antiderivative(host(start)))
-    )
+    end = _antiderivative(host(host(temperature) / T_s))
+    start = _antiderivative(host(host(initial) / T_s))
+    return np.asarray(scale * (end - start))
 
 
 def radiation_temperature(
@@ -125,7 +124,7 @@ def radiation_temperature(
 ) -> HostFloat:
     """Temperature at a time [K]: the inverse of `radiation_time`, by bisection.
 
-    Arguments as there, with the time t >= 0 [s].
+    The arguments are the same, with the time t >= 0 [s] instead of the temperature.
     """
     target = host(time)
     early = np.full(target.shape, float(initial))
@@ -144,6 +143,7 @@ def radiation_temperature(
             area=area,
             emissivity=emissivity,
         )
-        before = passed < target
-        early, late = np.where(before, middle, early), np.where(before, late, middle)
+        is_early = passed < target
+        early = np.where(is_early, middle, early)
+        late = np.where(is_early, late, middle)
     return np.asarray(0.5 * (early + late))

@@ -5,6 +5,8 @@ conductivity k [W/(m K)], diffusivity alpha [m^2/s]. Source: Carslaw and Jaeger,
 Conduction of Heat in Solids.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.special import erf, erfc, erfcx
 
@@ -101,8 +103,20 @@ def perfect_contact(
     with the initial temperatures [K] and the effusivities e = sqrt(k rho c_p)
     [W s^0.5/(m^2 K)]. Source: Carslaw and Jaeger, 2.15.
     """
-    e_a, e_b = float(effusivity_a), float(effusivity_b)
+    e_a = float(effusivity_a)
+    e_b = float(effusivity_b)
     return (e_a * float(temperature_a) + e_b * float(temperature_b)) / (e_a + e_b)
+
+
+class ContactSurfaces(NamedTuple):
+    """Two half-spaces in contact through a resistance."""
+
+    surface_a: HostFloat
+    """Surface temperature T_sA [K]."""
+    surface_b: HostFloat
+    """Surface temperature T_sB [K]."""
+    heat_flux: HostFloat
+    """Heat flux q'' from A to B [W/m^2]."""
 
 
 def contact_surfaces(
@@ -113,16 +127,13 @@ def contact_surfaces(
     effusivity_a: Scalar,
     effusivity_b: Scalar,
     contact_conductance: Scalar,
-) -> tuple[HostFloat, HostFloat, HostFloat]:
+) -> ContactSurfaces:
     """Surface temperatures [K] and heat flux for a contact with a resistance.
 
     T_sA = T_s + (T_A - T_s) w, T_sB = T_s + (T_B - T_s) w, q'' = h_c (T_sA - T_sB),
     w = erfcx(h_c (1/e_A + 1/e_B) sqrt(t)), T_s that of perfect contact
 
     Arguments as for `perfect_contact`, with h_c [W/(m^2 K)].
-
-    Returns:
-        T_sA [K], T_sB [K] and q'' from A to B [W/m^2].
 
     Source: two half-spaces with surface flux h_c (T_sA - T_sB), by Laplace transform;
     checked against a Crank-Nicolson run of 8000 cells.
@@ -139,4 +150,7 @@ def contact_surfaces(
     )
     surface_a = np.asarray(shared + (float(temperature_a) - shared) * decay)
     surface_b = np.asarray(shared + (float(temperature_b) - shared) * decay)
-    return surface_a, surface_b, np.asarray(h_c * (surface_a - surface_b))
+    heat_flux = np.asarray(h_c * (surface_a - surface_b))
+    return ContactSurfaces(
+        surface_a=surface_a, surface_b=surface_b, heat_flux=heat_flux
+    )

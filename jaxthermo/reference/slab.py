@@ -29,7 +29,8 @@ def _eigenvalues(biot: Scalar, terms: int = _TERMS) -> Float[np.ndarray, "m"]:
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         above = turn * (middle * np.sin(middle) - ratio * np.cos(middle)) > 0.0
-        low, high = np.where(above, low, middle), np.where(above, middle, high)
+        low = np.where(above, low, middle)
+        high = np.where(above, middle, high)
     return 0.5 * (low + high)
 
 
@@ -60,7 +61,9 @@ def slab_convection_mean(
 ) -> HostFloat:
     """Mean of `slab_convection` over the thickness [-].
 
-    theta_mean = sum_n C_n exp(-z_n^2 Fo) sin(z_n)/z_n; arguments and source as there
+    theta_mean = sum_n C_n exp(-z_n^2 Fo) sin(z_n)/z_n
+
+    Arguments and source are the same.
     """
     z = _eigenvalues(biot, terms)
     decay = np.exp(-z * z * host(fourier)[..., None])

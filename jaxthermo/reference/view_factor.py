@@ -16,8 +16,10 @@ from ..raster.views import unit_vector, view_frame
 
 def parallel_rectangles(width: Scalar, length: Scalar, gap: Scalar) -> float:
     """View factor between two equal opposite rectangles [-]; lengths in m."""
-    x, y = float(width) / float(gap), float(length) / float(gap)
-    p, q = np.sqrt(1 + x * x), np.sqrt(1 + y * y)
+    x = float(width) / float(gap)
+    y = float(length) / float(gap)
+    p = np.sqrt(1 + x * x)
+    q = np.sqrt(1 + y * y)
     corners = np.log(p * q / np.sqrt(1 + x * x + y * y))
     sides = x * q * np.arctan(x / q) + y * p * np.arctan(y / p)
     ends = x * np.arctan(x) + y * np.arctan(y)
@@ -29,8 +31,10 @@ def perpendicular_rectangles(shared: Scalar, height: Scalar, width: Scalar) -> f
 
     `shared` is the length of the common edge, `width` that of the floor.
     """
-    h, w = float(height) / float(shared), float(width) / float(shared)
-    h2, w2 = h * h, w * w
+    h = float(height) / float(shared)
+    w = float(width) / float(shared)
+    h2 = h * h
+    w2 = w * w
     s = h2 + w2
     angles = w * np.arctan(1 / w) + h * np.arctan(1 / h)
     angles -= np.sqrt(s) * np.arctan(1 / np.sqrt(s))
@@ -42,7 +46,8 @@ def perpendicular_rectangles(shared: Scalar, height: Scalar, width: Scalar) -> f
 
 def coaxial_discs(first: Scalar, second: Scalar, gap: Scalar) -> float:
     """View factor from a disc to a coaxial second one [-]; radii and gap in m."""
-    a, b = float(first) / float(gap), float(second) / float(gap)
+    a = float(first) / float(gap)
+    b = float(second) / float(gap)
     # The smaller root: a view factor is at most 1.
     s = 1 + (1 + b * b) / (a * a)
     return float((s - np.sqrt(s * s - 4 * (b / a) ** 2)) / 2)
@@ -56,8 +61,10 @@ def element_to_disc(radius: Scalar, gap: Scalar) -> float:
 
 def element_to_rectangle(width: Scalar, length: Scalar, gap: Scalar) -> float:
     """View factor from an element to a parallel rectangle, below its corner [-]."""
-    x, y = float(width) / float(gap), float(length) / float(gap)
-    p, q = np.sqrt(1 + x * x), np.sqrt(1 + y * y)
+    x = float(width) / float(gap)
+    y = float(length) / float(gap)
+    p = np.sqrt(1 + x * x)
+    q = np.sqrt(1 + y * y)
     return float((x / p * np.arctan(y / p) + y / q * np.arctan(x / q)) / (2 * np.pi))
 
 
@@ -84,7 +91,8 @@ def _unit_interval(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Gauss-Legendre rule on [0, 1], refined at both ends."""
     # Neighbouring patches may touch there, where the integrand is singular.
     node, weight = np.polynomial.legendre.leggauss(count)
-    t, w = (node + 1) / 2, weight / 2
+    t = (node + 1) / 2
+    w = weight / 2
     return t * t * t * (10 - 15 * t + 6 * t * t), 30 * w * t * t * (1 - t) ** 2
 
 

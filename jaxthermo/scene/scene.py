@@ -152,23 +152,25 @@ class Body(Module):
         structures = "a structure, such as FullVolume(grid)"
         require(
             self.structure,
-            kinds=AbstractStructure,
+            classes=AbstractStructure,
             argument="Body(structure=)",
             give=structures,
         )
         materials = 'a material: Material(...), or materials["copper"]'
         kinds = (Material, AbstractMaterials)
-        require(self.material, kinds=kinds, argument="Body(material=)", give=materials)
+        require(
+            self.material, classes=kinds, argument="Body(material=)", give=materials
+        )
         require(
             self.pose,
-            kinds=(Pose, Motion),
+            classes=(Pose, Motion),
             argument="Body(pose=)",
             give="a Pose or a Motion",
         )
         maps = "a surface map, such as FluxCorrectedMap()"
         require(
             self.surface_map,
-            kinds=AbstractSurfaceMap,
+            classes=AbstractSurfaceMap,
             argument="Body(surface_map=)",
             give=maps,
         )
@@ -272,7 +274,9 @@ class Scene(Module):
                     (AbstractSelection, type(None)),
                 )
                 give = "a selection, such as Side((0.0, 0.0, 1.0)) or Everything()"
-                require(given, kinds=kinds, argument=f"terms[{i}]({name}=)", give=give)
+                require(
+                    given, classes=kinds, argument=f"terms[{i}]({name}=)", give=give
+                )
         for name in self.surface_outputs:
             if name not in SURFACE_OUTPUTS:
                 raise InputError(
@@ -320,12 +324,12 @@ class Scene(Module):
 def _require_all(given: Any, kind: type, field: str, give: str) -> None:
     require(
         given,
-        kinds=(tuple, list),
+        classes=(tuple, list),
         argument=f"Scene({field}=)",
         give=f"a tuple, each {give}",
     )
     for i, each in enumerate(given):
-        require(each, kinds=kind, argument=f"Scene({field}[{i}]=)", give=give)
+        require(each, classes=kind, argument=f"Scene({field}[{i}]=)", give=give)
 
 
 @dataclass(frozen=True, eq=False)

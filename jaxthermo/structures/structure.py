@@ -77,7 +77,7 @@ def check_grid(grid: Any, structure: str) -> None:
         InputError: with what to give instead.
     """
     give = "a voxel grid: voxelize(mesh, pitch)"
-    require(grid, kinds=VoxelGrid, argument=f"{structure}(grid=)", give=give)
+    require(grid, classes=VoxelGrid, argument=f"{structure}(grid=)", give=give)
 
 
 class AbstractStructure(Module):

@@ -28,8 +28,13 @@ BOUNDARY_LAYER = np.array([0.9449, 0.9410, 0.9288, 0.9070, 0.8732, 0.8230, 0.749
 
 @jax.jit
 def around(reynolds, cosine):
-    every = jnp.full(cosine.shape, reynolds)
-    return local_nusselt(cosine, every, jnp.full(cosine.shape, 0.71), profile)
+    reynolds_everywhere = jnp.full(cosine.shape, reynolds)
+    return local_nusselt(
+        cosine,
+        reynolds=reynolds_everywhere,
+        prandtl_number=jnp.full(cosine.shape, 0.71),
+        average=profile,
+    )
 
 
 def local(reynolds, degrees):
@@ -47,8 +52,8 @@ def test_slow_flow_has_the_computed_curve(reynolds):
 def test_the_front_is_a_laminar_boundary_layer(reynolds):
     """Between the computed knots and those that are recalled, to 60 degrees."""
     level = 0.95025 / 0.94492
-    found = local(reynolds, FRONT) / np.sqrt(reynolds)
-    off = found / (BOUNDARY_LAYER * level) - 1
+    ratio = local(reynolds, FRONT) / np.sqrt(reynolds)
+    off = ratio / (BOUNDARY_LAYER * level) - 1
     print(reynolds, "relative difference", off.round(4))
     assert np.abs(off).max() < 4e-3
 

@@ -29,15 +29,16 @@ def _profile(cells: int):
     surface = np.asarray(solution.surface_temperature[-1]) - 273.15
     front = grid.fragment_normal[:, 0] > 0.9
     # The insulated back is a plane of symmetry; the front's own surface stands last.
-    x, along = depth(grid), surface[on_top(grid)]
+    x = depth(grid)
+    along = surface[on_top(grid)]
     x = np.concatenate([-x[1::-1], x, [0.1]])
     along = np.concatenate([along[1::-1], along, surface[front]])
-    found = []
-    for place in PLACES:
-        near = np.argsort(np.abs(x - place), kind="stable")[:4]
-        fit = np.polyfit((x[near] - place) / grid.pitch, along[near], 3)
-        found.append(np.polyval(fit, 0.0))
-    return np.array(found)
+    temperatures = []
+    for position in PLACES:
+        near = np.argsort(np.abs(x - position), kind="stable")[:4]
+        fit = np.polyfit((x[near] - position) / grid.pitch, along[near], 3)
+        temperatures.append(np.polyval(fit, 0.0))
+    return np.array(temperatures)
 
 
 def test_it_converges_to_the_table():

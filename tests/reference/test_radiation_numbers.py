@@ -16,7 +16,7 @@ from jaxthermo.reference.view_factor import (
 
 X, Y, Z = np.eye(3)
 ORIGIN = np.zeros(3)
-FLOOR = rectangle_rule(ORIGIN, X, Y, 24)
+FLOOR = rectangle_rule(ORIGIN, first=X, second=Y, count=24)
 CEILING = np.array([Z, Z + Y, Z + X + Y, Z + X])
 WALL = np.array([ORIGIN, Y, Y + Z, Z])
 
@@ -25,8 +25,10 @@ def test_v23_parallel_squares():
     exact = forms.parallel_rectangles(1.0, 1.0, 1.0)
     assert exact == pytest.approx(0.1998248957, abs=1e-10)
     assert view_factor_to_polygon(FLOOR, CEILING) == pytest.approx(exact, abs=1e-12)
-    both = view_factor(FLOOR, rectangle_rule(Z, Y, X, 24))
-    assert both == pytest.approx(exact, abs=1e-12)
+    by_two_integrals = view_factor(
+        FLOOR, rectangle_rule(Z, first=Y, second=X, count=24)
+    )
+    assert by_two_integrals == pytest.approx(exact, abs=1e-12)
 
 
 def test_v23_squares_that_share_an_edge():
@@ -37,14 +39,14 @@ def test_v23_squares_that_share_an_edge():
 
 def test_v23_the_sides_of_a_cube_see_each_other_and_nothing_else():
     across = forms.parallel_rectangles(1.0, 1.0, 1.0)
-    beside = forms.perpendicular_rectangles(1.0, 1.0, 1.0)
-    assert across + 4 * beside == pytest.approx(1.0, abs=1e-14)
+    to_a_neighbour = forms.perpendicular_rectangles(1.0, 1.0, 1.0)
+    assert across + 4 * to_a_neighbour == pytest.approx(1.0, abs=1e-14)
 
 
 @pytest.mark.parametrize(("height", "width"), [(0.5, 2.0), (3.0, 0.2)])
 def test_unequal_rectangles(height, width):
     """The floor is normal to the wall, 1 m along their common edge."""
-    floor = rectangle_rule(ORIGIN, width * X, Y, 24)
+    floor = rectangle_rule(ORIGIN, first=width * X, second=Y, count=24)
     wall = WALL * np.array([1.0, 1.0, height])
     exact = forms.perpendicular_rectangles(1.0, height, width)
     assert view_factor_to_polygon(floor, wall) == pytest.approx(exact, abs=1e-8)
@@ -56,17 +58,18 @@ def test_unequal_rectangles(height, width):
 def test_v23_discs():
     exact = forms.coaxial_discs(1.0, 1.0, 1.0)
     assert exact == pytest.approx(0.3819660113, abs=1e-10)
-    lower, upper = disc_rule(ORIGIN, Z, 1.0, 16), disc_rule(Z, -Z, 1.0, 16)
+    lower = disc_rule(ORIGIN, normal=Z, radius=1.0, count=16)
+    upper = disc_rule(Z, normal=-Z, radius=1.0, count=16)
     assert view_factor(lower, upper) == pytest.approx(exact, abs=1e-12)
-    wide = disc_rule(0.7 * Z, -Z, 1.5, 24)
+    wide = disc_rule(0.7 * Z, normal=-Z, radius=1.5, count=24)
     exact = forms.coaxial_discs(1.0, 1.5, 0.7)
     assert view_factor(lower, wide) == pytest.approx(exact, abs=1e-6)
 
 
 def test_v23_element_under_a_disc():
-    here = _Rule(ORIGIN[None], Z[None], np.ones(1))
-    found = view_factor(here, disc_rule(Z, -Z, 1.0, 16))
-    assert found == pytest.approx(0.5, abs=1e-12)
+    element = _Rule(ORIGIN[None], Z[None], np.ones(1))
+    factor = view_factor(element, disc_rule(Z, normal=-Z, radius=1.0, count=16))
+    assert factor == pytest.approx(0.5, abs=1e-12)
     assert forms.element_to_disc(1.0, 1.0) == 0.5
 
 
@@ -89,7 +92,7 @@ def test_a14_black_plates_over_an_element():
     black = STEFAN_BOLTZMANN * 1273.15**4
     square = 4 * forms.element_to_rectangle(1.0, 1.0, 1.0)
     assert square == pytest.approx(0.554126, abs=1e-6)
-    found = [
+    heat_fluxes = [
         black * factor / 1e3
         for factor in (
             square,
@@ -97,7 +100,7 @@ def test_a14_black_plates_over_an_element():
             forms.element_to_disc(1.0, 1.0),
         )
     ]
-    assert found == pytest.approx([82.554, 105.345, 74.490], abs=1e-3)
+    assert heat_fluxes == pytest.approx([82.554, 105.345, 74.490], abs=1e-3)
 
 
 def test_c02_a_black_square_metre_at_ten_metres():

@@ -31,9 +31,9 @@ def test_a_square_column():
 )
 def test_within_the_tolerance_that_is_stated(id_):
     (row,) = check(_find_case(id_)).rows
-    for each in row.checks:
-        print(id_, each)
-        assert each.passes
+    for stated_check in row.checks:
+        print(id_, stated_check)
+        assert stated_check.passes
     assert row.verdict == PASS
 
 

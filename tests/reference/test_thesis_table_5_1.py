@@ -36,7 +36,8 @@ def cube():
 
 @pytest.mark.parametrize("name", TABLE)
 def test_rate_to_three_digits(name):
-    area, volume = 1.0, 1.0
+    area = 1.0
+    volume = 1.0
     material = thesis_material(name)
     rate = FLUX * area / (material.volumetric_heat_capacity * volume)
     assert f"{rate:.2e}" == TABLE[name]

@@ -19,13 +19,15 @@ LIMIT = 2e-3
 """Largest difference that counts as equal [K]."""
 
 
-def difference(before: Path, after: Path) -> tuple[float, float] | str:
+def difference(old_path: Path, new_path: Path) -> tuple[float, float] | str:
     """Maximum and RMS difference of two `solution.npz` [K], or why there is none."""
-    with np.load(before) as old, np.load(after) as new:
-        times = [np.asarray(each["times"]) for each in (old, new)]
+    with np.load(old_path) as old, np.load(new_path) as new:
+        times = [np.asarray(solution["times"]) for solution in (old, new)]
         if times[0].shape != times[1].shape or not np.allclose(times[0], times[1]):
             return "other saved times"
-        a, b = (each["surface_temperature"].astype(float) for each in (old, new))
+        a, b = (
+            solution["surface_temperature"].astype(float) for solution in (old, new)
+        )
     if a.shape != b.shape:
         return f"other fragments: {a.shape} and {b.shape}"
     gap = np.abs(a - b)
@@ -34,18 +36,20 @@ def difference(before: Path, after: Path) -> tuple[float, float] | str:
 
 def main() -> int:
     """Print the table."""
-    before, after = Path(sys.argv[1]), Path(sys.argv[2])
+    old_folder = Path(sys.argv[1])
+    new_folder = Path(sys.argv[2])
     worst = 0.0
     print(f"{'scene':24}{'max [K]':>12}{'RMS [K]':>12}")
-    for path in sorted(before.glob("*/solution.npz")):
-        name, other = path.parent.name, after / path.parent.name / path.name
-        found = difference(path, other) if other.is_file() else "missing"
-        if isinstance(found, str):
-            print(f"{name:24}  {found}")
+    for path in sorted(old_folder.glob("*/solution.npz")):
+        name = path.parent.name
+        new_path = new_folder / path.parent.name / path.name
+        gap = difference(path, new_path) if new_path.is_file() else "missing"
+        if isinstance(gap, str):
+            print(f"{name:24}  {gap}")
             worst = float("inf")
             continue
-        print(f"{name:24}{found[0]:>12.1e}{found[1]:>12.1e}")
-        worst = max(worst, found[0])
+        print(f"{name:24}{gap[0]:>12.1e}{gap[1]:>12.1e}")
+        worst = max(worst, gap[0])
     return int(worst > LIMIT)
 
 

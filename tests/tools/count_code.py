@@ -72,10 +72,10 @@ def read_module(path: Path, root: Path) -> Module:
     """Parse a file and count its lines."""
     text = path.read_text(encoding="utf-8")
     tree = ast.parse(text)
-    found: dict[str, list[str]] = {"definition": [], "attribute": []}
+    texts: dict[str, list[str]] = {"definition": [], "attribute": []}
     documented: set[int] = set()
-    for kind, node in docstrings(tree):
-        found[kind].append(str(node.value))
+    for place, node in docstrings(tree):
+        texts[place].append(str(node.value))
         documented.update(range(node.lineno, (node.end_lineno or node.lineno) + 1))
     rows = text.splitlines()
     commented = {
@@ -85,18 +85,18 @@ def read_module(path: Path, root: Path) -> Module:
         and rows[token.start[0] - 1].lstrip().startswith("#")
     }
     blank = {n for n, row in enumerate(rows, 1) if not row.strip()} - documented
-    parts = path.relative_to(root).with_suffix("").parts
-    if parts[-1] == "__init__":
-        parts = parts[:-1]
+    names = path.relative_to(root).with_suffix("").parts
+    if names[-1] == "__init__":
+        names = names[:-1]
     return Module(
-        name=".".join(parts),
+        name=".".join(names),
         path=path,
         tree=tree,
         lines=len(rows),
         code=len(rows) - len(commented | documented | blank),
         comments=len(commented),
         docstring_lines=len(documented),
-        docstrings=found,
+        docstrings=texts,
     )
 
 
@@ -105,7 +105,8 @@ def imports(module: Module, names: set[str]) -> set[tuple[str, str]]:
     package = module.name.split(".")
     if module.path.name != "__init__.py":
         package = package[:-1]
-    taken, modules = set(), {}
+    imported = set()
+    modules = {}
     for node in ast.walk(module.tree):
         if not isinstance(node, ast.ImportFrom):
             continue
@@ -114,14 +115,14 @@ def imports(module: Module, names: set[str]) -> set[tuple[str, str]]:
             inside = package[: len(package) - node.level + 1]
             base = ".".join([*inside, *filter(None, [node.module])])
         for alias in node.names:
-            taken.add((base, alias.name))
+            imported.add((base, alias.name))
             if f"{base}.{alias.name}" in names:
                 modules[alias.asname or alias.name] = f"{base}.{alias.name}"
     for node in ast.walk(module.tree):
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
             home = modules.get(node.value.id)
-            taken |= {(home, node.attr)} if home else set()
-    return taken
+            imported |= {(home, node.attr)} if home else set()
+    return imported
 
 
 def exported(root: Path) -> set[tuple[str, str]]:
@@ -150,27 +151,31 @@ def exported(root: Path) -> set[tuple[str, str]]:
 
 def public_names(module: Module) -> tuple[list[str], list[str]]:
     """Functions and classes at the top level, and constants."""
-    defined, constants = [], []
+    defined = []
+    constants = []
     for node in module.tree.body:
         if isinstance(node, _DEFINITIONS):
             defined.append(node.name)
         elif isinstance(node, ast.Assign | ast.AnnAssign):
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
             constants += [t.id for t in targets if isinstance(t, ast.Name)]
-    is_public = lambda name: not name.startswith("_")
+
+    def is_public(name):
+        return not name.startswith("_")
+
     return list(filter(is_public, defined)), list(filter(is_public, constants))
 
 
 def imports_in_functions(module: Module) -> list[int]:
     """Lines that import from the packages inside a function."""
-    found: set[int] = set()
+    lines: set[int] = set()
     for function in ast.walk(module.tree):
         if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
             for node in ast.walk(function):
                 if isinstance(node, ast.ImportFrom):
                     top = (node.module or "").split(".")[0]
-                    found |= {node.lineno} if node.level or top in PACKAGES else set()
-    return sorted(found)
+                    lines |= {node.lineno} if node.level or top in PACKAGES else set()
+    return sorted(lines)
 
 
 def opens_badly(text: str) -> bool:
@@ -181,23 +186,23 @@ def opens_badly(text: str) -> bool:
 
 def counts(package: str, modules: list[Module], used, tested) -> dict[str, object]:
     """Table rows of one package, by their labels."""
-    own = [m for m in modules if m.name.split(".")[0] == package]
-    real = [m for m in own if m.code]
-    names = [(m.name, name) for m in own for name in public_names(m)[0]]
-    constants = [(m.name, name) for m in own for name in public_names(m)[1]]
-    code = sum(m.code for m in own)
-    comments = sum(m.comments for m in own)
-    texts = [text for m in own for text in m.docstrings["definition"]]
-    attributes = [text for m in own for text in m.docstrings["attribute"]]
+    in_package = [m for m in modules if m.name.split(".")[0] == package]
+    real = [m for m in in_package if m.code]
+    names = [(m.name, name) for m in in_package for name in public_names(m)[0]]
+    constants = [(m.name, name) for m in in_package for name in public_names(m)[1]]
+    code = sum(m.code for m in in_package)
+    comments = sum(m.comments for m in in_package)
+    texts = [text for m in in_package for text in m.docstrings["definition"]]
+    attributes = [text for m in in_package for text in m.docstrings["attribute"]]
     lengths = [m.lines for m in real]
     unused = [pair for pair in names if pair not in used]
     return {
-        "files": len(own),
-        "lines": sum(m.lines for m in own),
+        "files": len(in_package),
+        "lines": sum(m.lines for m in in_package),
         "code lines": code,
         "comment lines": comments,
         "comment lines per 100 of code": round(100 * comments / code, 1),
-        "docstring lines": sum(m.docstring_lines for m in own),
+        "docstring lines": sum(m.docstring_lines for m in in_package),
         "median file": statistics.median(lengths),
         "longest file": max(lengths),
         "public functions and classes": len(names),
@@ -210,7 +215,9 @@ def counts(package: str, modules: list[Module], used, tested) -> dict[str, objec
         "... of at most 3 words": sum(len(text.split()) <= 3 for text in texts),
         "attribute docstrings": len(attributes),
         "... attributes that open badly": sum(map(opens_badly, attributes)),
-        "own imports in functions": sum(len(imports_in_functions(m)) for m in own),
+        "own imports in functions": sum(
+            len(imports_in_functions(m)) for m in in_package
+        ),
     }
 
 
@@ -230,7 +237,10 @@ def main() -> None:
                 if (module.name, name) not in used:
                     print(f"{module.name}.{name}")
         return
-    tables = [counts(package, modules, used, tested) for package in PACKAGES]
+    tables = [
+        counts(package, modules=modules, used=used, tested=tested)
+        for package in PACKAGES
+    ]
     print(f"{'':36}" + "".join(f"{package:>13}" for package in PACKAGES))
     for label in tables[0]:
         print(f"{label:36}" + "".join(f"{table[label]:>13}" for table in tables))

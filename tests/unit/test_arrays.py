@@ -25,9 +25,9 @@ def test_a_value_is_of_numpy_unless_it_is_on_the_device():
 def test_a_moved_array_is_the_one_that_jax_makes(value):
     for dtype in (None, jnp.float32, jnp.float64):
         expected = jnp.asarray(value, dtype)
-        for found in (device_array(value, dtype), jax.jit(device_array)(value)):
-            assert isinstance(found, jax.Array)
-            np.testing.assert_array_equal(found, expected)
+        for array in (device_array(value, dtype), jax.jit(device_array)(value)):
+            assert isinstance(array, jax.Array)
+            np.testing.assert_array_equal(array, expected)
         moved = device_array(value, dtype)
         assert moved.dtype == expected.dtype and moved.weak_type == expected.weak_type
 
@@ -37,18 +37,19 @@ def test_different_rows_are_those_of_numpy(bound):
     # Products of three such ranges are too many for one number.
     rows = np.random.default_rng(0).integers(-bound, bound, (200, 3))
     rows = np.concatenate([rows, rows[:50]])
-    found, number = unique_rows(rows)
+    distinct, number = unique_rows(rows)
     plain, inverse = np.unique(rows, axis=0, return_inverse=True)
-    np.testing.assert_array_equal(found, plain)
+    np.testing.assert_array_equal(distinct, plain)
     np.testing.assert_array_equal(number, inverse.reshape(-1))
     assert len(unique_rows(rows[:0])[0]) == 0
 
 
 def test_union_of_numbers_is_that_of_numpy():
     random = np.random.default_rng(0)
-    one, two = random.integers(0, 50, 40), random.integers(-9, 90, 70)
-    np.testing.assert_array_equal(sorted_union(one, two), np.union1d(one, two))
-    assert len(sorted_union(one[:0])) == 0
+    few = random.integers(0, 50, 40)
+    many = random.integers(-9, 90, 70)
+    np.testing.assert_array_equal(sorted_union(few, many), np.union1d(few, many))
+    assert len(sorted_union(few[:0])) == 0
 
 
 @pytest.mark.parametrize("bound", [5, 2**62])

@@ -64,21 +64,21 @@ jax.jit(lambda x: x + 1)(1.0)
 """
 
 
-def environment(folder: Path | str, **others: str) -> dict[str, str]:
+def environment(folder: Path | str, **variables: str) -> dict[str, str]:
     """Variables as a user has them: without the tests' own cache."""
     tests_own = ("JAX_COMPILATION", "JAX_PERSISTENT", "JAXTHERMO")
-    kept = {k: v for k, v in os.environ.items() if not k.startswith(tests_own)}
-    return kept | {"JAXTHERMO_CACHE": str(folder)} | others
+    users = {k: v for k, v in os.environ.items() if not k.startswith(tests_own)}
+    return users | {"JAXTHERMO_CACHE": str(folder)} | variables
 
 
-def run(folder: Path | str, code: str = SCRIPT, **others: str) -> list[str]:
+def run(folder: Path | str, code: str = SCRIPT, **variables: str) -> list[str]:
     """Words that a new process prints; all that is not of this cache goes nowhere."""
     done = subprocess.run(
         [sys.executable, "-W", "default", "-c", code],
         capture_output=True,
         text=True,
         cwd=ROOT,
-        env=environment(folder, TF_CPP_MIN_LOG_LEVEL="3", **others),
+        env=environment(folder, TF_CPP_MIN_LOG_LEVEL="3", **variables),
         timeout=120,
     )
     assert (done.returncode, done.stderr) == (0, "")
@@ -94,8 +94,8 @@ def filled(tmp_path_factory) -> tuple[Path, list[str]]:
     """A cache that two processes at once have filled, and what one of them printed."""
     folder = tmp_path_factory.mktemp("filled")
     with ThreadPoolExecutor(2) as pool:
-        first, other = pool.map(run, [folder] * 2)
-    assert first[3:] == other[3:]
+        first, second = pool.map(run, [folder] * 2)
+    assert first[3:] == second[3:]
     return folder, first
 
 
@@ -113,13 +113,13 @@ def copied(filled, tmp_path) -> tuple[Path, list[str]]:
 def test_the_next_process_loads_what_was_compiled(filled):
     """Two processes at once leave whole files and no others."""
     folder, first = filled
-    before = {path: path.read_bytes() for path in programs(folder)}
-    assert len(before) >= 2
-    assert set(before) == {path for path in folder.rglob("*") if path.is_file()}
+    contents = {path: path.read_bytes() for path in programs(folder)}
+    assert len(contents) >= 2
+    assert set(contents) == {path for path in folder.rglob("*") if path.is_file()}
     again = run(folder)
-    assert int(again[1]) == int(again[2]) == len(before)
+    assert int(again[1]) == int(again[2]) == len(contents)
     assert again[3:] == first[3:]
-    assert {path: path.read_bytes() for path in programs(folder)} == before
+    assert {path: path.read_bytes() for path in programs(folder)} == contents
 
 
 DAMAGES = ("truncated", "empty", "flipped", "foreign")
@@ -127,13 +127,13 @@ DAMAGES = ("truncated", "empty", "flipped", "foreign")
 
 def do_damage(folder: Path, damage: str) -> None:
     for path in programs(folder):
-        whole = path.read_bytes()
-        half = len(whole) // 2
-        flipped = bytes([whole[half] ^ 1])
+        intact = path.read_bytes()
+        half = len(intact) // 2
+        flipped = bytes([intact[half] ^ 1])
         content = {
-            "truncated": whole[:half],
+            "truncated": intact[:half],
             "empty": b"",
-            "flipped": whole[:half] + flipped + whole[half + 1 :],
+            "flipped": intact[:half] + flipped + intact[half + 1 :],
             "foreign": b"not a program of ours, but of some length" * 9,
         }
         path.write_bytes(content[damage])
@@ -153,8 +153,8 @@ def test_a_damaged_file_is_not_read_and_written_anew(tmp_path, damage):
 @pytest.mark.parametrize(
     "damage",
     [
-        pytest.param(each, marks=[pytest.mark.slow] * (each != "flipped"))
-        for each in DAMAGES
+        pytest.param(damage, marks=[pytest.mark.slow] * (damage != "flipped"))
+        for damage in DAMAGES
     ],
 )
 def test_a_damaged_file_is_compiled_and_written_anew(copied, damage):
@@ -181,8 +181,8 @@ def for_another_machine(path: Path) -> None:
     path.write_bytes(compilation_cache._check_sum(key, content) + content)
 
 
-def _unknown(found: re.Match[bytes]) -> bytes:
-    return b"+" + b"z" * len(found[1])
+def _unknown(feature: re.Match[bytes]) -> bytes:
+    return b"+" + b"z" * len(feature[1])
 
 
 def test_what_xla_rejects_is_silent_and_not_tried_for_ever(copied, monkeypatch):
@@ -267,7 +267,8 @@ def test_a_full_disk_is_no_failure(tmp_path, monkeypatch):
 
 def test_the_least_recently_used_go_first(tmp_path, monkeypatch):
     monkeypatch.setattr(compilation_cache, "_MAX_BYTES", 10_000)
-    old, new = tmp_path / "old-jaxlib", tmp_path / "new-jaxlib"
+    old = tmp_path / "old-jaxlib"
+    new = tmp_path / "new-jaxlib"
     for folder in (old, new):
         folder.mkdir()
     ProgramFiles(old).put("key", bytes(4000))

@@ -35,13 +35,13 @@ def forbidden(source: str) -> list[str]:
 
 @pytest.mark.parametrize("package", ["jaxthermo", "calibrate", "experiments"])
 def test_no_docstring_opens_with_a_forbidden_word(package):
-    found = {
+    forbidden_lines = {
         str(file): lines
         for file in FILES
         if file.parts[0] == package
         and (lines := forbidden((ROOT / file).read_text(encoding="utf-8")))
     }
-    assert not found
+    assert not forbidden_lines
 
 
 def test_all_kinds_of_docstring_are_seen():

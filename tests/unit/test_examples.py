@@ -25,7 +25,9 @@ NAMES = (
 
 @pytest.mark.parametrize("name", NAMES)
 def test_example_runs(name):
-    found = doctest.DocTestFinder(recurse=False).find(getattr(jt, name), name, globs={})
-    assert len(found) == 1 and found[0].examples
+    examples = doctest.DocTestFinder(recurse=False).find(
+        getattr(jt, name), name, globs={}
+    )
+    assert len(examples) == 1 and examples[0].examples
     runner = doctest.DocTestRunner()
-    assert runner.run(found[0]).failed == 0
+    assert runner.run(examples[0]).failed == 0

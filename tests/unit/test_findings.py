@@ -30,8 +30,12 @@ def nothing_found_yet():
 
 
 def test_what_was_found_is_not_searched_again():
-    owner, calls = _Owner(), []
-    find = lambda: calls.append(1) or np.arange(3.0)
+    owner = _Owner()
+    calls = []
+
+    def find():
+        return calls.append(1) or np.arange(3.0)
+
     first = found((owner,), ("a", 1.0), find)
     assert found((owner,), ("a", 1.0), find) is first
     assert len(calls) == 1
@@ -41,11 +45,12 @@ def test_what_was_found_is_not_searched_again():
 
 
 def test_findings_end_with_their_objects():
-    one, other = _Owner(), _Owner()
-    found((one, other), "both", lambda: np.zeros(1000))
-    found((other,), "other", lambda: np.zeros(10))
+    mortal = _Owner()
+    owner = _Owner()
+    found((mortal, owner), "both", lambda: np.zeros(1000))
+    found((owner,), "other", lambda: np.zeros(10))
     assert findings_size() == (2, 8080)
-    del one
+    del mortal
     gc.collect()
     assert findings_size() == (1, 80)
 
@@ -61,8 +66,12 @@ def test_another_object_at_the_same_address_is_another_object():
 
 def test_least_recently_used_findings_are_dropped(monkeypatch):
     monkeypatch.setattr(findings, "MAX_BYTES", 3000)
-    owner, calls = _Owner(), []
-    find = lambda name: calls.append(name) or np.zeros(125)
+    owner = _Owner()
+    calls = []
+
+    def find(name):
+        return calls.append(name) or np.zeros(125)
+
     for name in "abcabd":
         found((owner,), name, lambda name=name: find(name))
     # `c` was used before `a` and `b`.
@@ -99,12 +108,13 @@ def test_traced_values_are_not_kept():
 
     assert float(run(jnp.asarray(3.0))) == 6.0
     assert findings_size()[0] == 1
-    kept = found((owner,), "known", lambda: None)
-    np.testing.assert_array_equal(kept, [0, 1, 2])
+    stored = found((owner,), "known", lambda: None)
+    np.testing.assert_array_equal(stored, [0, 1, 2])
 
 
 def test_precision_is_part_of_what_was_found():
-    owner, find = _Owner(), lambda: jnp.asarray(np.zeros(2))
+    owner = _Owner()
+    find = lambda: jnp.asarray(np.zeros(2))
     assert found((owner,), "zeros", find).dtype == jnp.float64
     with jax.enable_x64(False):
         assert found((owner,), "zeros", find).dtype == jnp.float32
@@ -113,14 +123,16 @@ def test_precision_is_part_of_what_was_found():
 def test_only_searches_that_are_made_are_recorded():
     owner = _Owner()
     with searches_recorded() as names:
-        found((owner,), "a", lambda: 1, "search a")
-        found((owner,), "a", lambda: 1, "search a")
+        found((owner,), by="a", find=lambda: 1, search="search a")
+        found((owner,), by="a", find=lambda: 1, search="search a")
         found((owner,), "b", lambda: 1)
     assert names == ["search a"]
 
 
 def test_values_are_compared_as_numbers():
-    tree = lambda x: {"a": (x, np.arange(3)), "b": "text"}
+    def tree(x):
+        return {"a": (x, np.arange(3)), "b": "text"}
+
     assert values_of(tree(1.0)) == values_of(tree(1.0))
     assert values_of(tree(1.0)) != values_of(tree(2.0))
     assert values_of(tree(np.zeros(100_000))) is None
@@ -130,7 +142,8 @@ def test_values_are_compared_as_numbers():
 
 def test_threads_share_findings(monkeypatch):
     monkeypatch.setattr(findings, "MAX_BYTES", 20_000)
-    owners, wrong = [_Owner() for _ in range(5)], []
+    owners = [_Owner() for _ in range(5)]
+    wrong = []
 
     def work():
         for n in range(300):
@@ -150,32 +163,32 @@ def test_threads_share_findings(monkeypatch):
 
 
 def test_an_array_that_can_still_change_is_hashed_again():
-    whole = np.arange(4.0)
-    view = whole[:]
+    array = np.arange(4.0)
+    view = array[:]
     view.flags.writeable = False
-    assert not findings.is_finding(view) and not findings.is_finding(whole)
-    before = findings.digest(view)
-    whole[0] = 5.0
-    assert findings.digest(view) != before
-    whole.flags.writeable = False
-    assert findings.is_finding(whole) and not findings.is_finding(whole, view)
-    assert findings.digest(whole) == findings.digest(view)
+    assert not findings.is_finding(view) and not findings.is_finding(array)
+    first_digest = findings.digest(view)
+    array[0] = 5.0
+    assert findings.digest(view) != first_digest
+    array.flags.writeable = False
+    assert findings.is_finding(array) and not findings.is_finding(array, view)
+    assert findings.digest(array) == findings.digest(view)
 
 
 def test_arrays_go_to_the_device_and_all_else_stays():
-    here = np.arange(3.0)
-    there, again, number, name = on_device((here, here, 2, "name"))
-    assert isinstance(there, jax.Array)
-    np.testing.assert_array_equal(there, here)
-    assert again is there
+    on_host = np.arange(3.0)
+    moved, again, number, name = on_device((on_host, on_host, 2, "name"))
+    assert isinstance(moved, jax.Array)
+    np.testing.assert_array_equal(moved, on_host)
+    assert again is moved
     assert (number, name) == (2, "name")
 
 
 def test_known_arrays_stay_known_where_others_are_traced():
     def sum_of(x):
-        known, traced = on_device((np.arange(3.0), x))
+        moved, traced = on_device((np.arange(3.0), x))
         assert traced is x
-        return np.asarray(known).sum() * traced
+        return np.asarray(moved).sum() * traced
 
     assert float(jax.jit(sum_of)(2.0)) == 6.0
 
@@ -188,8 +201,8 @@ def test_large_findings_go_to_the_device_once():
     assert once[0] is again[0]
     assert once[1] is not again[1]
     assert once[2] is not again[2]
-    for there in once[::2]:
-        np.testing.assert_array_equal(there, large)
+    for moved in once[::2]:
+        np.testing.assert_array_equal(moved, large)
     # In the precision of the run that asks.
     with jax.enable_x64(False):
         assert on_device([large])[0].dtype == np.float32

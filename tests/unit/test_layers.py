@@ -49,15 +49,15 @@ def rank(folder: str) -> int:
 @functools.cache
 def nodes(path: Path) -> tuple[ast.AST, ...]:
     """Imports and functions of a file, in this order of a walk."""
-    kinds = ast.Import | ast.ImportFrom | FUNCTIONS
+    node_types = ast.Import | ast.ImportFrom | FUNCTIONS
     return tuple(
-        n for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, kinds)
+        n for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, node_types)
     )
 
 
 def imported_folders(path: Path) -> list[str]:
     """Folders of jaxthermo that a file of jaxthermo imports from."""
-    found = []
+    folders = []
     inside = path.relative_to(ROOT / "jaxthermo").parts
     for node in nodes(path):
         if isinstance(node, ast.ImportFrom) and node.level:
@@ -66,17 +66,17 @@ def imported_folders(path: Path) -> list[str]:
             target = base + names
             if not names:
                 target += [alias.name for alias in node.names]
-            found.append(target[0] if len(target) > 1 or target[0] in ORDER else "")
-    return found
+            folders.append(target[0] if len(target) > 1 or target[0] in ORDER else "")
+    return folders
 
 
 def test_imports_point_one_way():
     wrong = []
     for path in SOURCES:
-        parts = path.relative_to(ROOT).parts
-        if parts[0] == "jaxthermo" and len(parts) > 2:
-            higher = [f for f in imported_folders(path) if rank(f) > rank(parts[1])]
-            wrong += [f"{'/'.join(parts)} imports from {folder}" for folder in higher]
+        names = path.relative_to(ROOT).parts
+        if names[0] == "jaxthermo" and len(names) > 2:
+            higher = [f for f in imported_folders(path) if rank(f) > rank(names[1])]
+            wrong += [f"{'/'.join(names)} imports from {folder}" for folder in higher]
     assert not wrong
 
 

@@ -8,9 +8,9 @@ from lazy_beartype import checked_when_called
 
 @jaxtyped(typechecker=checked_when_called)
 def first_rows(
-    values: Float[Array, "n m"], others: Float[Array, " m"], rows: int
+    values: Float[Array, "n m"], last: Float[Array, " m"], rows: int
 ) -> Float[Array, "rows m"]:
-    return values[:rows] if rows < 3 else others
+    return values[:rows] if rows < 3 else last
 
 
 def test_what_is_annotated_passes():
@@ -18,16 +18,16 @@ def test_what_is_annotated_passes():
 
 
 @pytest.mark.parametrize(
-    ("others", "rows", "words"),
+    ("last", "rows", "words"),
     [
         (jnp.ones(4), 1, "parameters"),
         (jnp.ones(2), 1.5, "parameters"),
         (jnp.ones(2), 3, "return value"),
     ],
 )
-def test_other_types_and_sizes_are_refused(others, rows, words):
+def test_other_types_and_sizes_are_refused(last, rows, words):
     with pytest.raises(TypeCheckError, match=words):
-        first_rows(jnp.ones((3, 2)), others, rows)
+        first_rows(jnp.ones((3, 2)), last, rows)
 
 
 def test_a_value_has_the_sizes_of_the_arguments():

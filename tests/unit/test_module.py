@@ -21,7 +21,7 @@ def _classes(base: type) -> Any:
     class Checked(base):
         low: float
         high: float = 2.0
-        kind: str = eqx.field(static=True, default="a")
+        label: str = eqx.field(static=True, default="a")
         weight: float = eqx.field(kw_only=True, default=1.0, converter=_doubled)
 
         def __check_init__(self):
@@ -29,16 +29,17 @@ def _classes(base: type) -> Any:
                 raise ValueError(f"{self.low} is above {self.high}")
 
     class Further(Checked):
-        more: float = 7.0
+        extra: float = 7.0
 
         def __check_init__(self):
-            if self.more < 0:
+            if self.extra < 0:
                 raise ValueError("below 0")
 
     return Further
 
 
-OURS, EQUINOX = _classes(Module), _classes(eqx.Module)
+OURS = _classes(Module)
+EQUINOX = _classes(eqx.Module)
 
 
 @pytest.mark.parametrize(
@@ -46,13 +47,14 @@ OURS, EQUINOX = _classes(Module), _classes(eqx.Module)
     [
         ((1.0,), {}),
         ((1.0, 3.0, "b", 5.0), {}),
-        ((1.0,), {"weight": 4.0, "kind": "c"}),
-        ((), {"more": 1.0, "low": 0.5}),
+        ((1.0,), {"weight": 4.0, "label": "c"}),
+        ((), {"extra": 1.0, "low": 0.5}),
     ],
 )
 def test_fields_are_those_of_equinox(args, named):
     assert _fields_of(OURS) is not None
-    ours, theirs = OURS(*args, **named), EQUINOX(*args, **named)
+    ours = OURS(*args, **named)
+    theirs = EQUINOX(*args, **named)
     assert list(vars(ours).items()) == list(vars(theirs).items())
     assert jax.tree.leaves(ours) == jax.tree.leaves(theirs)
     with pytest.raises(AttributeError):
@@ -67,7 +69,7 @@ def test_fields_are_those_of_equinox(args, named):
         ((1.0,), {"other": 2.0}),
         ((1.0, 2.0, "a", 3.0, 4.0), {}),
         ((3.0,), {}),
-        ((1.0,), {"more": -1.0}),
+        ((1.0,), {"extra": -1.0}),
     ],
 )
 def test_wrong_arguments_are_refused_as_by_equinox(args, named):
@@ -75,7 +77,10 @@ def test_wrong_arguments_are_refused_as_by_equinox(args, named):
         EQUINOX(*args, **named)
     with pytest.raises(theirs.type) as ours:
         OURS(*args, **named)
-    plain = lambda error: str(error.value).rpartition("__init__")[2]
+
+    def plain(error):
+        return str(error.value).rpartition("__init__")[2]
+
     assert plain(ours) == plain(theirs)
 
 
@@ -90,7 +95,7 @@ def test_other_classes_are_left_to_equinox():
         size: eqx.AbstractVar[int]
 
     class Counted(Module):
-        found: list = eqx.field(default_factory=list)
+        counts: list = eqx.field(default_factory=list)
 
     class Computed(Abstract):
         @property
@@ -98,10 +103,12 @@ def test_other_classes_are_left_to_equinox():
         def size(self) -> int:
             return 3
 
-    assert all(_fields_of(each) is None for each in (Own, Abstract, Counted))
+    assert all(
+        _fields_of(module_class) is None for module_class in (Own, Abstract, Counted)
+    )
     assert _fields_of(Computed) is not None
-    made: Any = Computed
-    assert len(Own(3).values) == made().size == 3
-    assert Counted().found is not Counted().found
+    computed: Any = Computed
+    assert len(Own(3).values) == computed().size == 3
+    assert Counted().counts is not Counted().counts
     with pytest.raises(TypeError):
         Abstract()  # type: ignore

@@ -28,12 +28,12 @@ def checkout(tmp_path):
 
 
 def test_a_result_has_all_of_its_origin():
-    found = provenance.provenance("0123", 7)
-    assert found["config_hash"] == "0123" and found["seed"] == 7
-    assert {"python", "jaxthermo", "jax", "jaxlib", "numpy"} <= set(found["versions"])
-    assert found["device"].startswith("cpu: ")
-    assert datetime.fromisoformat(found["date"]).utcoffset() is not None
-    assert json.loads(json.dumps(found)) == found
+    origin = provenance.provenance("0123", 7)
+    assert origin["config_hash"] == "0123" and origin["seed"] == 7
+    assert {"python", "jaxthermo", "jax", "jaxlib", "numpy"} <= set(origin["versions"])
+    assert origin["device"].startswith("cpu: ")
+    assert datetime.fromisoformat(origin["date"]).utcoffset() is not None
+    assert json.loads(json.dumps(origin)) == origin
 
 
 def test_the_processor_is_named_with_the_cores_that_may_be_used(monkeypatch, tmp_path):

@@ -118,20 +118,21 @@ def test_a_slip_is_one_line_that_says_what_to_do(grid, mistake):
 def test_lists_and_numbers_of_numpy_are_taken_as_they_are(grid):
     mesh = jt.Mesh(CORNERS.tolist(), FACES.tolist())
     assert mesh.volume == pytest.approx(1 / 6)
-    whole = jt.Mesh(CORNERS.astype(int), FACES.astype(np.int32))
-    assert whole.vertices.dtype == float
-    axis, one = np.array([0.0, 0.0, 1.0]), np.float64(1.0)
+    of_integers = jt.Mesh(CORNERS.astype(int), FACES.astype(np.int32))
+    assert of_integers.vertices.dtype == float
+    axis = np.array([0.0, 0.0, 1.0])
+    unity = np.float64(1.0)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         side = jt.Side(axis, body=np.int64(0), half_angle=np.float32(0.5))
         assert side == jt.Side((0.0, 0.0, 1.0), half_angle=0.5)
-        assert jt.Side((np.float64(0), 0.0, one)) == jt.Side((0.0, 0.0, 1.0))
-        box = jt.Region(np.zeros(3), (one, 2 * one, np.int32(3)))
+        assert jt.Side((np.float64(0), 0.0, unity)) == jt.Side((0.0, 0.0, 1.0))
+        box = jt.Region(np.zeros(3), (unity, 2 * unity, np.int32(3)))
         assert box == jt.Region((0.0, 0.0, 0.0), (1.0, 2.0, 3))
         assert jt.Everything(body=np.int32(1)) == jt.Everything(1)
         pose = jt.Pose(axis, np.eye(3))
         assert pose == jt.Pose((0.0, 0.0, 1.0))
-        scene = jt.Scene([body(grid, pose=pose)], [jt.HeatFlux(one, on=side)])
+        scene = jt.Scene([body(grid, pose=pose)], [jt.HeatFlux(unity, on=side)])
     # Static fields must be hashable.
     assert len({hash(value) for value in (side, box, pose)}) == 3
     assert len(scene.bodies) == 1
@@ -139,15 +140,17 @@ def test_lists_and_numbers_of_numpy_are_taken_as_they_are(grid):
 
 def test_a_mesh_of_trimesh_is_voxelized(grid):
     sphere = trimesh.creation.icosphere(subdivisions=3, radius=0.05)
-    found = jt.voxelize(sphere, pitch=0.01)
-    own = jt.voxelize(jt.Mesh(np.array(sphere.vertices), np.array(sphere.faces)), 0.01)
-    np.testing.assert_array_equal(found.solid, own.solid)
-    np.testing.assert_array_equal(found.fragment_area, own.fragment_area)
-    assert found.fragment_area.sum() == pytest.approx(sphere.area)
+    repaired = jt.voxelize(sphere, pitch=0.01)
+    expected = jt.voxelize(
+        jt.Mesh(np.array(sphere.vertices), np.array(sphere.faces)), 0.01
+    )
+    np.testing.assert_array_equal(repaired.solid, expected.solid)
+    np.testing.assert_array_equal(repaired.fragment_area, expected.fragment_area)
+    assert repaired.fragment_area.sum() == pytest.approx(sphere.area)
     # Turned inside out, as many exporters do: repaired, as a file would be.
     sphere.invert()
     again = jt.voxelize(sphere, pitch=0.01)
-    np.testing.assert_array_equal(again.solid, own.solid)
+    np.testing.assert_array_equal(again.solid, expected.solid)
     assert (again.fragment_normal * again.fragment_position).sum() > 0
 
 
@@ -161,5 +164,5 @@ def test_a_grid_is_shown_in_one_line(grid):
 
 def test_a_long_value_is_shortened():
     with pytest.raises(jt.InputError) as caught:
-        require("x" * 999, float, "f(a=)", "a number")
+        require("x" * 999, classes=float, argument="f(a=)", give="a number")
     assert str(caught.value) == f"f(a='{'x' * 56}...): give a number"

@@ -50,33 +50,34 @@ class Search:
     """A search that counts how often it is made."""
 
     def __init__(self, value: object):
-        self.value, self.calls = value, 0
+        self.value = value
+        self.calls = 0
 
     def __call__(self) -> object:
         self.calls += 1
         return self.value
 
 
-def assert_same(one: object, other: object) -> None:
-    assert type(one) is type(other)
-    if isinstance(one, np.ndarray):
-        assert isinstance(other, np.ndarray) and one.dtype == other.dtype
-        np.testing.assert_array_equal(one, other)
-    elif isinstance(one, csr_array):
-        assert isinstance(other, csr_array) and one.shape == other.shape
-        assert_same(one.toarray(), other.toarray())
-    elif isinstance(one, Record):
-        assert isinstance(other, Record)
-        assert_same((one.values, one.name), (other.values, other.name))
-    elif isinstance(one, dict):
-        assert isinstance(other, dict)
-        assert_same(list(one.items()), list(other.items()))
-    elif isinstance(one, tuple | list):
-        assert isinstance(other, tuple | list) and len(one) == len(other)
-        for mine, theirs in zip(one, other, strict=True):
+def assert_same(actual: object, expected: object) -> None:
+    assert type(actual) is type(expected)
+    if isinstance(actual, np.ndarray):
+        assert isinstance(expected, np.ndarray) and actual.dtype == expected.dtype
+        np.testing.assert_array_equal(actual, expected)
+    elif isinstance(actual, csr_array):
+        assert isinstance(expected, csr_array) and actual.shape == expected.shape
+        assert_same(actual.toarray(), expected.toarray())
+    elif isinstance(actual, Record):
+        assert isinstance(expected, Record)
+        assert_same((actual.values, actual.name), (expected.values, expected.name))
+    elif isinstance(actual, dict):
+        assert isinstance(expected, dict)
+        assert_same(list(actual.items()), list(expected.items()))
+    elif isinstance(actual, tuple | list):
+        assert isinstance(expected, tuple | list) and len(actual) == len(expected)
+        for mine, theirs in zip(actual, expected, strict=True):
             assert_same(mine, theirs)
     else:
-        assert one == other or (one != one and other != other)
+        assert actual == expected or (actual != actual and expected != expected)
 
 
 VALUES = [
@@ -96,27 +97,30 @@ VALUES = [
 def test_what_was_found_is_read_again(folder, value):
     search = Search(value)
     for _ in range(3):
-        assert_same(stored("a_search", ("given", 1), search, (Pair, Record)), value)
+        assert_same(
+            stored("a_search", inputs=("given", 1), find=search, types=(Pair, Record)),
+            value,
+        )
     assert search.calls == 1
     assert len(list(folder.iterdir())) == 1
 
 
 def test_whatever_a_search_starts_from_is_a_miss(folder, monkeypatch):
     grid = jt.voxelize(jt.shapes.box((0.03, 0.02, 0.01)), 0.005)
-    given = [
+    inputs = [
         *(None, 1, 1.0, True, "1", b"1", (1,), [(1,)], {"1": 1}, np.float32(1)),
         *(np.ones(2), np.ones(2, int), np.ones((2, 1)), -np.ones(2)),
         *(jt.Pose(), jt.Pose((1.0, 0.0, 0.0)), grid, grid.mesh),
         jt.voxelize(jt.shapes.box((0.03, 0.02, 0.02)), 0.005),
     ]
     search = Search(0)
-    for each in given:
-        stored("a_search", each, search)
-    assert search.calls == len(given)
+    for value in inputs:
+        stored("a_search", value, search)
+    assert search.calls == len(inputs)
     stored("another", 1, search)
     monkeypatch.setattr(stored_findings, "code_hash", lambda *names: "edited")
     stored("a_search", 1, search)
-    assert search.calls == len(given) + 2
+    assert search.calls == len(inputs) + 2
 
 
 def test_the_hash_of_a_number_does_not_depend_on_how_numpy_prints_it():
@@ -129,43 +133,47 @@ def test_the_hash_of_a_number_does_not_depend_on_how_numpy_prints_it():
 
 
 def test_equal_bodies_have_equal_hashes():
-    one, other = (jt.voxelize(jt.shapes.sphere(0.02), 0.005) for _ in range(2))
-    assert one is not other
-    assert content_hash(one) == content_hash(other)
+    first, second = (jt.voxelize(jt.shapes.sphere(0.02), 0.005) for _ in range(2))
+    assert first is not second
+    assert content_hash(first) == content_hash(second)
 
 
-@pytest.mark.parametrize("given", [object(), len, jnp.ones(2), {"a": lambda: 1}])
-def test_what_has_no_known_content_is_not_stored(folder, given):
+@pytest.mark.parametrize("inputs", [object(), len, jnp.ones(2), {"a": lambda: 1}])
+def test_what_has_no_known_content_is_not_stored(folder, inputs):
     search = Search(1)
-    stored("a_search", given, search)
-    stored("a_search", given, search)
+    stored("a_search", inputs, search)
+    stored("a_search", inputs, search)
     assert search.calls == 2 and not folder.exists()
 
 
-@pytest.mark.parametrize("found", [object(), jnp.ones(2), np.array([None]), Pair])
-def test_what_cannot_be_stored_is_found_again(folder, found):
-    search = Search(found)
-    assert stored("a_search", 1, search) is found
-    assert stored("a_search", 1, search) is found
+@pytest.mark.parametrize("value", [object(), jnp.ones(2), np.array([None]), Pair])
+def test_what_cannot_be_stored_is_found_again(folder, value):
+    search = Search(value)
+    assert stored("a_search", 1, search) is value
+    assert stored("a_search", 1, search) is value
     assert search.calls == 2 and not folder.exists()
 
 
 def test_any_damaged_byte_is_noticed(folder):
     search = Search(Pair(np.arange(9.0), "text"))
-    stored("a_search", 1, search, (Pair,))
+    stored("a_search", inputs=1, find=search, types=(Pair,))
     (path,) = folder.iterdir()
-    whole = path.read_bytes()
-    for place in range(len(whole)):
-        flipped = bytes([whole[place] ^ 255])
-        path.write_bytes(whole[:place] + flipped + whole[place + 1 :])
-        assert_same(stored("a_search", 1, search, (Pair,)), search.value)
-    for cut in range(0, len(whole), 7):
-        path.write_bytes(whole[:cut])
-        assert_same(stored("a_search", 1, search, (Pair,)), search.value)
-    path.write_bytes(whole + b"more")
-    assert_same(stored("a_search", 1, search, (Pair,)), search.value)
+    intact = path.read_bytes()
+    for byte in range(len(intact)):
+        flipped = bytes([intact[byte] ^ 255])
+        path.write_bytes(intact[:byte] + flipped + intact[byte + 1 :])
+        assert_same(
+            stored("a_search", inputs=1, find=search, types=(Pair,)), search.value
+        )
+    for cut in range(0, len(intact), 7):
+        path.write_bytes(intact[:cut])
+        assert_same(
+            stored("a_search", inputs=1, find=search, types=(Pair,)), search.value
+        )
+    path.write_bytes(intact + b"more")
+    assert_same(stored("a_search", inputs=1, find=search, types=(Pair,)), search.value)
     # A line end may be another character that ends a number as well.
-    assert search.calls > len(whole)
+    assert search.calls > len(intact)
 
 
 def test_threads_and_processes_at_once(folder):
@@ -179,29 +187,29 @@ def test_threads_and_processes_at_once(folder):
         "    found = s.stored('a_search', k, lambda: np.full(9999, k))\n"
         "    assert (found == k).all() and found.shape == (9999,)\n"
     )
-    other = subprocess.Popen(
+    process = subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, cwd=ROOT
     )
-    assert other.stdout is not None
+    assert process.stdout is not None
     got = []
 
     def work() -> None:
         for n in range(60):
             k = n % 3
-            found = stored("a_search", k, lambda k=k: np.full(9999, k))
-            got.append(bool((found == k).all()))
+            array = stored("a_search", k, lambda k=k: np.full(9999, k))
+            got.append(bool((array == k).all()))
             if n % 7 == 0 and folder.exists():
                 for path in list(folder.glob("a_search-*"))[:1]:
                     path.unlink(missing_ok=True)
 
-    with other.stdout as said:
+    with process.stdout as said:
         assert said.readline() == b"ready\n"
         threads = [threading.Thread(target=work) for _ in range(3)]
         for thread in threads:
             thread.start()
         for thread in threads:
             thread.join()
-    assert other.wait(60) == 0
+    assert process.wait(60) == 0
     assert len(got) == 180 and all(got)
     assert all(path.name.startswith("a_search-") for path in folder.iterdir())
 
@@ -251,13 +259,13 @@ def test_a_scene_has_the_same_surface_with_and_without(folder, monkeypatch):
 
     def everything():
         grid = jt.voxelize(jt.shapes.sphere(0.02), 0.005)
-        other = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.01)), 0.005)
+        plate = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.01)), 0.005)
         steel = jt.materials["stainless_steel"]
         scene = jt.Scene(
             bodies=(
                 jt.Body(jt.FullVolume(grid), steel, temperature=300.0),
                 jt.Body(
-                    jt.FullVolume(other),
+                    jt.FullVolume(plate),
                     steel,
                     temperature=290.0,
                     pose=jt.Pose((0.0, 0.0, -0.024)),
@@ -277,9 +285,9 @@ def test_a_scene_has_the_same_surface_with_and_without(folder, monkeypatch):
         return np.asarray(solution.surface_temperature), jt.render(solution, camera)
 
     first = everything()
-    kinds = {path.name.split("-")[0] for path in folder.iterdir()}
-    assert kinds >= {"voxels", "shadows", "point_shadows", "wakes", "cylinders"}
-    assert kinds >= {"contacts", "refined_view_factors", "view"}
+    searches = {path.name.split("-")[0] for path in folder.iterdir()}
+    assert searches >= {"voxels", "shadows", "point_shadows", "wakes", "cylinders"}
+    assert searches >= {"contacts", "refined_view_factors", "view"}
     jt.forget_findings()
     count = len(list(folder.iterdir()))
     again = everything()
@@ -287,9 +295,9 @@ def test_a_scene_has_the_same_surface_with_and_without(folder, monkeypatch):
     monkeypatch.setenv("JAXTHERMO_CACHE", "off")
     jt.forget_findings()
     without = everything()
-    for one in (again, without):
-        np.testing.assert_array_equal(one[0], first[0])
-        np.testing.assert_array_equal(one[1].temperature, first[1].temperature)
+    for repeated in (again, without):
+        np.testing.assert_array_equal(repeated[0], first[0])
+        np.testing.assert_array_equal(repeated[1].temperature, first[1].temperature)
 
 
 def test_a_decorated_search_keeps_its_name(folder):

@@ -19,21 +19,21 @@ SCRIPT = ROOT / "tests" / "typing" / "user_script.py"
 
 def stub_names() -> dict[str, str]:
     """Each name that the stub exports, and its module; a module of its own for both."""
-    found = {}
+    modules = {}
     for node in ast.parse(STUB.read_text()).body:
         if isinstance(node, ast.ImportFrom):
             assert all(name.asname == name.name for name in node.names)
-            found |= {name.name: node.module for name in node.names}
+            modules |= {name.name: node.module for name in node.names}
         elif isinstance(node, ast.AnnAssign):
             assert isinstance(node.target, ast.Name)
-            found[node.target.id] = ""
-    return found
+            modules[node.target.id] = ""
+    return modules
 
 
 def test_the_stub_names_what_the_package_exports():
-    found = stub_names()
-    assert sorted(found) == sorted(vars(jaxthermo)["__all__"])
-    for name, module in found.items():
+    modules = stub_names()
+    assert sorted(modules) == sorted(vars(jaxthermo)["__all__"])
+    for name, module in modules.items():
         value = getattr(jaxthermo, name)
         if module and not isinstance(value, type(ast)):
             home = sys.modules[f"jaxthermo.{module}"]
@@ -74,5 +74,7 @@ def test_pyright_knows_every_type_of_a_script(tmp_path):
         capture_output=True,
         text=True,
     )
-    found = json.loads(done.stdout)["generalDiagnostics"]
-    assert [f"{d['range']['start']['line'] + 1}: {d['message']}" for d in found] == []
+    diagnostics = json.loads(done.stdout)["generalDiagnostics"]
+    assert [
+        f"{d['range']['start']['line'] + 1}: {d['message']}" for d in diagnostics
+    ] == []

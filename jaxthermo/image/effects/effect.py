@@ -143,7 +143,7 @@ def in_order(effects: Any, argument: str = "effects=") -> Effects:
     for effect in candidates:
         require(
             effect,
-            kinds=_AbstractEffect,
+            classes=_AbstractEffect,
             argument=argument,
             give="a tuple of effects, such as (Blur(0.5),)",
         )

@@ -13,14 +13,13 @@ ACM Transactions on Mathematical Software 17 (1991) 533-554.
 """
 
 from dataclasses import replace
-from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
 import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
 from ...module import Module
@@ -49,8 +48,14 @@ _ERROR_WEIGHTS = (
     _IMPLICIT_COEFFICIENT * 2 / 3,
 )
 
-_MIN_FACTOR, _MAX_FACTOR, _SAFETY = 0.2, 5.0, 0.9
-"""Bounds of the ratio of successive steps, and its safety factor."""
+_MIN_FACTOR = 0.2
+"""Smallest ratio of successive steps."""
+
+_MAX_FACTOR = 5.0
+"""Largest ratio of successive steps."""
+
+_SAFETY = 0.9
+"""Factor by which a step is shorter than the error of the last one permits."""
 
 _MIN_ERROR_RATIO = 1e-4
 """Error over tolerance below which it is rounding."""
@@ -62,7 +67,7 @@ _FIRST_STEP_FRACTION = 1e-3
 """First step over the time to the first event."""
 
 MAX_TRIES = 5000
-"""Steps, accepted or not, between two events."""
+"""Largest number of steps, accepted or rejected, between two events."""
 
 
 class _ControllerState(Module):
@@ -99,40 +104,55 @@ class AdaptiveStepper(AbstractStepper):
     @override
     def begin(self, state: RunState) -> RunState:
         dtype = state.theta[0].dtype
-        zero, one = jnp.zeros((), dtype), jnp.ones((), dtype)
-        controller = _ControllerState(zero_statistics(dtype), zero, one)
+        controller = _ControllerState(
+            statistics=zero_statistics(dtype),
+            step=jnp.zeros((), dtype),
+            error=jnp.ones((), dtype),
+        )
         return RunState(state.theta, state.ledger, controller)
 
     @override
     def step(self, program: Program, state: RunState, start, dt) -> RunState:
         controller: _ControllerState = state.solver_state
-        known = controller.step > 0
-        first = jnp.where(known, controller.step, _FIRST_STEP_FRACTION * dt)
+        has_step = controller.step > 0
+        first = jnp.where(has_step, controller.step, _FIRST_STEP_FRACTION * dt)
         state = RunState(state.theta, state.ledger, replace(controller, step=first))
         carry = _Carry(state, jnp.zeros_like(dt), jnp.zeros((), jnp.int32))
-        # A rest of the size of rounding is not a step.
+        # What remains may be a rounding error, which is not a step.
         almost = dt * (1 - 1e-5)
-        unfinished = lambda c: (c.elapsed < almost) & (c.tries < MAX_TRIES)
-        attempt = lambda c: self._attempt(program, start, dt, c)
-        loop, stored = jax.lax.while_loop, self.checkpoints
-        if stored is not None:
-            given = {"kind": "checkpointed", "checkpoints": stored}
-            loop = partial(eqxi.while_loop, max_steps=MAX_TRIES, **given)
-        carry = loop(unfinished, attempt, carry)
-        state, failed = carry.state, carry.elapsed < almost
+
+        def unfinished(carry: _Carry) -> Bool[Array, ""]:
+            return (carry.elapsed < almost) & (carry.tries < MAX_TRIES)
+
+        def attempt(carry: _Carry) -> _Carry:
+            return self._attempt(program, start, dt, carry)
+
+        if self.checkpoints is None:
+            carry = jax.lax.while_loop(unfinished, attempt, carry)
+        else:
+            carry = eqxi.while_loop(
+                unfinished,
+                attempt,
+                carry,
+                max_steps=MAX_TRIES,
+                kind="checkpointed",
+                checkpoints=self.checkpoints,
+            )
+        state = carry.state
         statistics = state.solver_state.statistics
-        failed = statistics.step_limit_reached | failed
+        failed = statistics.step_limit_reached | (carry.elapsed < almost)
         statistics = replace(statistics, step_limit_reached=failed)
         controller = replace(state.solver_state, statistics=statistics)
         return RunState(state.theta, state.ledger, controller)
 
     def _attempt(self, program: Program, start, dt, carry: _Carry) -> _Carry:
-        state, controller = carry.state, carry.state.solver_state
+        state = carry.state
+        controller = state.solver_state
         remaining = dt - carry.elapsed
         # Two halves rather than a whole step and a tiny one.
-        whole = remaining <= controller.step
+        reaches_event = remaining <= controller.step
         half = jnp.minimum(controller.step, remaining / 2)
-        last = jnp.where(whole, remaining, half)
+        last = jnp.where(reaches_event, remaining, half)
         step = jnp.where(remaining < 2 * controller.step, last, controller.step)
         step = jax.lax.stop_gradient(step)
         result = runge_kutta_step(
@@ -166,16 +186,21 @@ class AdaptiveStepper(AbstractStepper):
             linear_failed=spent.linear_failed & accepted,
             newton_failed=spent.newton_failed & accepted,
         )
-        after = _ControllerState(
+        next_controller = _ControllerState(
             statistics=controller.statistics.plus(spent),
             step=following,
             error=jnp.where(accepted, error, controller.error),
         )
-        select = lambda new, old: jnp.where(accepted, new, old)
+
+        def select(new: Array, old: Array) -> Array:
+            return jnp.where(accepted, new, old)
+
         theta = jax.tree.map(select, result.states, state.theta)
         ledger = jax.tree.map(select, state.ledger.add(result.heat), state.ledger)
         elapsed = carry.elapsed + jnp.where(accepted, step, 0)
-        return _Carry(RunState(theta, ledger, after), elapsed, carry.tries + 1)
+        return _Carry(
+            RunState(theta, ledger, next_controller), elapsed, carry.tries + 1
+        )
 
     def _error(
         self, program: Program, result: StepResult, step, time
@@ -184,15 +209,17 @@ class AdaptiveStepper(AbstractStepper):
         program, context, result, step, time = stop_gradient(
             (program, self.context, result, step, time)
         )
-        weighted = lambda f: (w * x for w, x in zip(_ERROR_WEIGHTS, f, strict=True))
-        summed = lambda *f: step * sum(weighted(f))
-        difference: State = jax.tree.map(summed, *result.slopes)
+
+        def embedded_difference(*slopes: Array) -> Array:
+            weighted = [w * f for w, f in zip(_ERROR_WEIGHTS, slopes, strict=True)]
+            return step * sum(weighted)
+
+        difference: State = jax.tree.map(embedded_difference, *result.slopes)
         g = _IMPLICIT_COEFFICIENT * step
         at = linearize(
             program, context=context, states=result.states, rate=1 / g, time=time
         )
-        # Smoothed by (I - g f')^-1. Two digits of an error are enough: more would
-        # cost thousands of iterations.
+        # Smoothed by (I - g f')^-1. Two digits of an error are enough.
         tolerance = jnp.maximum(
             context.tolerance, _ERROR_SOLVE_TOLERANCE * self.tolerance
         )

@@ -18,7 +18,7 @@ the bound on the rounding of b - A y in a row of seven entries (Higham, Accuracy
 Stability of Numerical Algorithms, 2002, section 3.5), and if the correction M r that
 the preconditioner would still make is within the tolerance. It is a solver of
 `lineax.linear_solve`, which knows its derivatives. Without a time step there is no such
-scale: a steady solve asks how far an iteration still moves the solution.
+scale: a steady solve measures how far an iteration still moves the solution.
 """
 
 import abc
@@ -43,16 +43,19 @@ _STAGNATION_ITERATIONS = 200
 _ROUNDINGS = 4.0
 """Bound on the rounding of a residual [eps |A| |y|]."""
 
-_MIN_ITERATIONS, _EARLY_REDUCTION = 3, 1e-3
-"""Iterations made even within the tolerance, unless the norm fell by this factor."""
+_MIN_ITERATIONS = 3
+"""Number of iterations that are made even if the norm is within the tolerance."""
+
+_EARLY_REDUCTION = 1e-3
+"""Reduction of the norm with which fewer iterations than that suffice."""
 
 
 _Map = Callable[[Any], Any]
 
 
 def _dot(a: Any, b: Any) -> Float[Array, ""]:
-    each = jax.tree.map(partial(jnp.vdot, precision=EXACT), a, b)
-    return jnp.stack(jax.tree.leaves(each)).sum()
+    products = jax.tree.map(partial(jnp.vdot, precision=EXACT), a, b)
+    return jnp.stack(jax.tree.leaves(products)).sum()
 
 
 def _add_scaled(y: Any, factor: Float[Array, ""] | float, p: Any) -> Any:
@@ -109,7 +112,7 @@ class _Iteration(NamedTuple):
     y: Any
     residual: Any
     work: Any
-    """Data that the method keeps from one iteration to the next."""
+    """Data that the method passes from one iteration to the next."""
     goes_on: Bool[Array, ""]
     """False after an iteration in which rounding exceeds what the method divides by."""
     norm: Float[Array, ""]
@@ -166,9 +169,11 @@ class _AbstractKrylov(lx.AbstractLinearSolver):
         precondition = options.get("preconditioner", lambda r: r)
         start = options.get("start")
         if start is None:
-            y, r = jax.tree.map(jnp.zeros_like, vector), vector
+            y = jax.tree.map(jnp.zeros_like, vector)
+            r = vector
         else:
-            y, r = start, _add_scaled(vector, -1.0, operator.mv(start))
+            y = start
+            r = _add_scaled(vector, -1.0, operator.mv(start))
         dtype = jax.tree.leaves(vector)[0].dtype
         tolerance = jnp.asarray(self.tolerance, dtype)
 
@@ -222,12 +227,15 @@ class _AbstractKrylov(lx.AbstractLinearSolver):
 
         def above_rounding() -> Float[Array, ""]:
             floor = _ROUNDINGS * float(jnp.finfo(dtype).eps)
-            excess = lambda a, m: jnp.maximum(jnp.abs(a) - floor * m, 0)
+
+            def excess(residual: Array, magnitude: Array) -> Array:
+                return jnp.maximum(jnp.abs(residual) - floor * magnitude, 0)
+
             above = jax.tree.map(excess, r, options["magnitude"](last.y))
             correction = max_abs(precondition(r))
-            known = self.norm.initial(above) <= 2 * goal(last)
+            is_rounding = self.norm.initial(above) <= 2 * goal(last)
             return jnp.where(
-                known & (correction <= 2 * goal(last)), correction, residual
+                is_rounding & (correction <= 2 * goal(last)), correction, residual
             )
 
         if self.rounding:
@@ -239,10 +247,14 @@ class _AbstractKrylov(lx.AbstractLinearSolver):
         def better() -> Any:
             # Where rounding exceeds the operator the start may be the better answer,
             # by what the preconditioner would still change.
-            both = jax.tree.map(lambda *each: jnp.stack(each), r, first.residual)
-            now, before = jax.lax.map(lambda each: max_abs(precondition(each)), both)
-            pick = lambda new, old: jnp.where(now <= before, new, old)
-            return jax.tree.map(pick, last.y, y)
+            residuals = jax.tree.map(lambda a, b: jnp.stack([a, b]), r, first.residual)
+            end_correction, start_correction = jax.lax.map(
+                lambda residual: max_abs(precondition(residual)), residuals
+            )
+            end_is_better = end_correction <= start_correction
+            return jax.tree.map(
+                lambda end, start: jnp.where(end_is_better, end, start), last.y, y
+            )
 
         y = jax.lax.cond(converged, lambda: last.y, better)
         result = lx.RESULTS.where(
@@ -263,8 +275,8 @@ class ConjugateGradient(_AbstractKrylov):
 
     @override
     def first_work(self, residual: Any) -> Any:
-        # The direction, and residual times preconditioned residual of the iteration
-        # before.
+        # The direction, and residual times preconditioned residual of the last
+        # iteration.
         endless = jnp.asarray(jnp.inf, jax.tree.leaves(residual)[0].dtype)
         return jax.tree.map(jnp.zeros_like, residual), endless
 
@@ -279,7 +291,7 @@ class ConjugateGradient(_AbstractKrylov):
         # Where rounding exceeds the curvature the step is 0, and the last one.
         positive = curvature > 0
         length = jnp.where(positive, gamma / jnp.where(positive, curvature, 1), 0)
-        change = jax.tree.map(lambda each: length * each, p)
+        change = jax.tree.map(lambda p_leaf: length * p_leaf, p)
         r = _add_scaled(residual, -length, image)
         return _Step(
             change=change, residual=r, work=(p, gamma), goes_on=positive & (gamma > 0)
@@ -295,6 +307,23 @@ class ConjugateGradient(_AbstractKrylov):
         return state, options
 
 
+class _BiCGStabWork(NamedTuple):
+    """Vectors and numbers that one iteration of BiCGStab passes to the next."""
+
+    shadow: Any
+    """Residual of the start, to which the residuals are made orthogonal."""
+    p: Any
+    """Search direction."""
+    v: Any
+    """A M p."""
+    rho: Float[Array, ""]
+    """Residual times shadow residual."""
+    alpha: Float[Array, ""]
+    """Length of the step along M p."""
+    omega: Float[Array, ""]
+    """Length of the stabilizing step."""
+
+
 class BiCGStab(_AbstractKrylov):
     """Stabilized biconjugate gradients, for operators near a symmetric one.
 
@@ -305,23 +334,27 @@ class BiCGStab(_AbstractKrylov):
 
     @override
     def first_work(self, residual: Any) -> Any:
-        # The shadow residual, p, A M p, and the numbers rho, alpha and omega.
         zero = jax.tree.map(jnp.zeros_like, residual)
-        one = jnp.ones((), jax.tree.leaves(residual)[0].dtype)
-        return residual, zero, zero, one, one, one
+        unit = jnp.ones((), jax.tree.leaves(residual)[0].dtype)
+        return _BiCGStabWork(
+            shadow=residual, p=zero, v=zero, rho=unit, alpha=unit, omega=unit
+        )
 
     @override
     def step(self, apply: _Map, precondition: _Map, residual: Any, work: Any) -> _Step:
-        shadow, p, v, rho_before, alpha, omega = work
-        rho, size = _dot(shadow, residual), _dot(residual, residual)
+        rho = _dot(work.shadow, residual)
+        size = _dot(residual, residual)
         # The residual has become orthogonal to its shadow: start again from here.
         eps = float(jnp.finfo(rho.dtype).eps)
-        lost = jnp.abs(rho) <= 10 * eps * jnp.sqrt(size * _dot(shadow, shadow))
-        pick = lambda new, old: jnp.where(lost, new, old)
-        shadow = jax.tree.map(pick, residual, shadow)
+        shadow_size = _dot(work.shadow, work.shadow)
+        lost = jnp.abs(rho) <= 10 * eps * jnp.sqrt(size * shadow_size)
+        shadow = jax.tree.map(
+            lambda r, old: jnp.where(lost, r, old), residual, work.shadow
+        )
         rho = jnp.where(lost, size, rho)
-        beta = jnp.where(lost, 0, rho * _inverse(rho_before) * alpha * _inverse(omega))
-        p = _add_scaled(residual, beta, _add_scaled(p, -omega, v))
+        beta = rho * _inverse(work.rho) * work.alpha * _inverse(work.omega)
+        beta = jnp.where(lost, 0, beta)
+        p = _add_scaled(residual, beta, _add_scaled(work.p, -work.omega, work.v))
         x = precondition(p)
         v = apply(x)
         alpha = rho * _inverse(_dot(shadow, v))
@@ -335,7 +368,9 @@ class BiCGStab(_AbstractKrylov):
         return _Step(
             change=change,
             residual=r,
-            work=(shadow, p, v, rho, alpha, omega),
+            work=_BiCGStabWork(
+                shadow=shadow, p=p, v=v, rho=rho, alpha=alpha, omega=omega
+            ),
             goes_on=moved,
         )
 

@@ -8,8 +8,8 @@ rates for a change u of the conduction potential (of temperature, where k is con
 is symmetric and positive definite: K is the linear network, s the slope of each node's
 load [W/K], d = d(phi)/d(eta) of `NonlinearNetwork`, 1 elsewhere. Only the K of
 `VaryingLinks` is not quite symmetric. With 1 / g = 0 it is the Jacobian of a steady
-state, which is singular for a part that loses no heat. What else its solves need is
-made once per run, see `ImplicitContext`.
+state, which is singular for a part that loses no heat. `ImplicitContext` has what else
+the solves of a run share.
 """
 
 from collections.abc import Callable
@@ -48,8 +48,8 @@ class _Components(Module):
         """Sum the values of each component."""
         if self.number is None:
             return values.sum()[None]
-        flat, number = values.reshape(-1), self.number.reshape(-1)
-        return jax.ops.segment_sum(flat, number, self.count)
+        number = self.number.reshape(-1)
+        return jax.ops.segment_sum(values.reshape(-1), number, self.count)
 
     def spread(self, values: Float[Array, " p"]) -> Float[Array, "*#m"]:
         """Return the value of its component for every entry of the state."""
@@ -77,12 +77,12 @@ LINEAR_TOLERANCE = {"float32": 1e-4, "float64": 1e-9}
 """Default residual of a linear solve at every node over its capacity [K]."""
 
 MULTIGRID_STEP_RATIO = 30.0
-"""Step over stable step above which multigrid pays: a cycle takes as long as five to
-fifteen iterations with the diagonal (`experiments run multigrid`)."""
+"""Step over stable step above which multigrid pays (`experiments run multigrid`): a
+cycle costs many iterations with the diagonal."""
 
 
 class ImplicitContext(Module):
-    """Everything besides the compiled program that implicit stages share."""
+    """Everything that implicit stages share, except for the compiled program."""
 
     hierarchies: tuple[Hierarchy | None, ...]
     """Multigrid levels of each body; None to precondition by the diagonal."""
@@ -98,7 +98,7 @@ class ImplicitContext(Module):
     linear: bool = eqx.field(static=True)
     """True if one Newton iteration is the solution."""
     differentiable: bool = eqx.field(static=True, default=False)
-    """True if derivatives may be asked for, which costs one more residual."""
+    """True if derivatives may be needed, which costs one more residual."""
 
     @property
     def method(self) -> Method:
@@ -127,7 +127,8 @@ def implicit_context(
     `stable_step` is the largest stable explicit step [s]; None if it is traced, and for
     a steady state, whose step is infinite.
     """
-    dtype, program = compiled.receipt.dtype, compiled.program
+    dtype = compiled.receipt.dtype
+    program = compiled.program
     for number, body in enumerate(program.bodies):
         if not body.network.linear.is_symmetric:
             raise InputError(
@@ -137,10 +138,10 @@ def implicit_context(
             )
     multigrid = stable_step is None or max_dt > MULTIGRID_STEP_RATIO * stable_step
     hierarchies: tuple[Hierarchy | None, ...] = tuple(
-        hierarchy(body.structure, part.network)
-        if multigrid and part.network.mesh is None
+        hierarchy(body.structure, compiled_body.network)
+        if multigrid and compiled_body.network.mesh is None
         else None
-        for body, part in zip(scene.bodies, program.bodies, strict=True)
+        for body, compiled_body in zip(scene.bodies, program.bodies, strict=True)
     )
     varies = not all(body.network.is_linear for body in program.bodies)
     load = program.surface
@@ -207,7 +208,8 @@ class _Jacobian(Module):
             first, second = pair_values(contact, u)
             flow = contact.heat_rate(self.time, (first, second), (zero, zero))
             for side, sign in ((0, 1), (1, -1)):
-                body, address = contact.bodies[side], contact.address[side]
+                body = contact.bodies[side]
+                address = contact.address[side]
                 image[body] = image[body].at[address].add(sign * flow)
         return tuple(image)
 
@@ -220,11 +222,11 @@ class _Jacobian(Module):
             for d, network, v in zip(self.diagonal, self.networks, size, strict=True)
         ]
         for contact in self.contacts:
-            both = pair_conductance(contact, self.time) * sum(
+            pair_sum = pair_conductance(contact, self.time) * sum(
                 pair_values(contact, size)
             )
             for body, address in zip(contact.bodies, contact.address, strict=True):
-                image[body] = image[body].at[address].add(both)
+                image[body] = image[body].at[address].add(pair_sum)
         return tuple(image)
 
 
@@ -247,7 +249,8 @@ class _DeflatedPreconditioner(Module):
         # Where a component loses hardly any heat, as by emission near 0 K in a step of
         # 1e12 s, the balance has next to no curvature along its mean: less than the
         # rounding of a multigrid cycle.
-        components, s = self.components, self.row_sums
+        components = self.components
+        s = self.row_sums
         inverse_sum = inverse(components.sums(s))
         mean = inverse_sum * components.sums(residual)
         z = self.cycle(residual - s * components.spread(mean))
@@ -309,18 +312,24 @@ def linearize(
         networks=conduction, diagonal=diagonal, contacts=program.contacts, time=time
     )
     # Cycles know no links between bodies: contacts enter by their diagonal only [W/K].
-    found = list(diagonal)
+    with_contacts = list(diagonal)
     for contact in program.contacts:
         flow = pair_conductance(contact, time)
         for body, address in zip(contact.bodies, contact.address, strict=True):
-            found[body] = found[body].at[address].add(flow)
-    whole = row_sums = tuple(found)
+            with_contacts[body] = with_contacts[body].at[address].add(flow)
+    row_sums = tuple(with_contacts)
+    regular_diagonal = row_sums
     if regularization is not None:
-        whole = jax.tree.map(jnp.add, whole, regularization(whole))
-    parts = zip(networks, context.hierarchies, whole, strict=True)
+        regular_diagonal = jax.tree.map(
+            jnp.add, regular_diagonal, regularization(regular_diagonal)
+        )
     cycles = tuple(
-        jacobi(network.linear, m) if levels is None else levels.cycle(m)
-        for network, levels, m in parts
+        jacobi(network.linear, body_diagonal)
+        if levels is None
+        else levels.cycle(body_diagonal)
+        for network, levels, body_diagonal in zip(
+            networks, context.hierarchies, regular_diagonal, strict=True
+        )
     )
     blocks = tuple(map(_DeflatedPreconditioner, cycles, context.components, row_sums))
     capacity = tuple(
@@ -340,8 +349,10 @@ def masked_to_nodes(
     values: State, nodes: tuple[Bool[Array, "..."] | None, ...]
 ) -> State:
     """Return values with 0 where there is no node."""
-    masked = lambda v, is_node: v if is_node is None else jnp.where(is_node, v, 0)
-    return tuple(map(masked, values, nodes))
+    return tuple(
+        state if is_node is None else jnp.where(is_node, state, 0)
+        for state, is_node in zip(values, nodes, strict=True)
+    )
 
 
 def _over(values, slope):

@@ -49,7 +49,7 @@ class SolverStatistics(Module):
     step_limit_reached: Bool[Array, ""]
     """True if the error control gave up on an interval."""
 
-    def plus(self, other: "SolverStatistics") -> "SolverStatistics":
+    def plus(self, later: "SolverStatistics") -> "SolverStatistics":
         """Return the statistics of two parts of a run together."""
 
         # Counts add up, failures stay, and residuals are compared.
@@ -58,7 +58,7 @@ class SolverStatistics(Module):
                 return jnp.maximum(a, b)
             return a | b if a.dtype == bool else a + b
 
-        return jax.tree.map(combine, self, other)
+        return jax.tree.map(combine, self, later)
 
     def after_solve(self, converged, solve: dict[str, Any]) -> "SolverStatistics":
         """Count a Newton iteration by the outcome of its linear solve."""
@@ -74,16 +74,17 @@ class SolverStatistics(Module):
 
 def zero_statistics(dtype) -> SolverStatistics:
     """Return the statistics of a run that has not started."""
-    none, no = jnp.zeros((), jnp.int32), jnp.zeros((), bool)
+    zero = jnp.zeros((), jnp.int32)
+    false = jnp.zeros((), bool)
     return SolverStatistics(
-        newton_iterations=none,
-        linear_iterations=none,
-        accepted_steps=none,
-        rejected_steps=none,
+        newton_iterations=zero,
+        linear_iterations=zero,
+        accepted_steps=zero,
+        rejected_steps=zero,
         largest_linear_residual=jnp.zeros((), dtype),
-        linear_failed=no,
-        newton_failed=no,
-        step_limit_reached=no,
+        linear_failed=false,
+        newton_failed=false,
+        step_limit_reached=false,
     )
 
 
@@ -108,35 +109,37 @@ def solve_stage(
 ) -> _Iterate:
     """Solve eta = base + g f(eta)."""
     constants = stop_gradient((program, context, base, g, time, guess))
-    found = _newton(*constants)
+    solution = _newton(*constants)
     if not context.differentiable:
-        return found
+        return solution
     # The residual less its own value is 0, with the derivative of the residual.
-    residual, _ = _residual(program, base=base, g=g, time=time, states=found.states)
+    residual, _ = _residual(program, base=base, g=g, time=time, states=solution.states)
     zero = jax.tree.map(lambda r: r - jax.lax.stop_gradient(r), residual)
     fixed_program, context, _, fixed_g, fixed_time, _ = constants
-    states, rate = stop_gradient(found.states), 1 / fixed_g
+    states = stop_gradient(solution.states)
+    rate = 1 / fixed_g
     at = linearize(
         fixed_program, context=context, states=states, rate=rate, time=fixed_time
     )
     heat = missing_heat(zero, at, rate)
     change, _ = solve_linear(at, heat, derivative_solver(states))
-    states = jax.tree.map(jnp.add, found.states, change)
+    states = jax.tree.map(jnp.add, solution.states, change)
     _, entries = evaluate_rates(program, states, time)
-    return found._replace(states=states, entries=entries)
+    return solution._replace(states=states, entries=entries)
 
 
 def stop_gradient(tree: Any) -> Any:
     """Return a pytree whose arrays carry no derivatives."""
-    stop = lambda x: jax.lax.stop_gradient(x) if eqx.is_array(x) else x
-    return jax.tree.map(stop, tree)
+    return jax.tree.map(
+        lambda leaf: jax.lax.stop_gradient(leaf) if eqx.is_array(leaf) else leaf, tree
+    )
 
 
 def _residual(program, base, g, time, states) -> tuple[State, Float[Array, " c"]]:
     # eta - base - g f(eta) [K], and the heat rates of the ledger [W].
     change, entries = evaluate_rates(program, states, time)
-    residual = lambda e, b, f: (e - b) - g * f
-    return jax.tree.map(residual, states, base, change), entries
+    residual = jax.tree.map(lambda e, b, f: (e - b) - g * f, states, base, change)
+    return residual, entries
 
 
 def kelvin_norm(at: Linearization, g: Float[Array, ""]) -> ResidualNorm:
@@ -152,21 +155,23 @@ def solve_linear(
     heat = masked_to_nodes(heat, at.nodes)
     shapes = jax.eval_shape(lambda: heat)
     if at.operator.is_symmetric:
-        method, tags = solver, lx.positive_semidefinite_tag
+        method = solver
+        tags = lx.positive_semidefinite_tag
     else:
-        method, tags = BiCGStab(**vars(solver)), ()
+        method = BiCGStab(**vars(solver))
+        tags = ()
     operator = lx.FunctionLinearOperator(as_pytree(at.operator.mv), shapes, tags)
     options = {
         "preconditioner": at.preconditioner,
         "magnitude": as_pytree(at.operator.magnitude),
     }
-    found = lx.linear_solve(operator, heat, method, options=options, throw=False)
-    potential = masked_to_nodes(found.value, at.nodes)
+    solution = lx.linear_solve(operator, heat, method, options=options, throw=False)
+    potential = masked_to_nodes(solution.value, at.nodes)
     change = tuple(
         u if d is None else u * inverse(d)
         for u, d in zip(potential, at.potential_slopes, strict=True)
     )
-    return change, (found.result == lx.RESULTS.successful, found.stats)
+    return change, (solution.result == lx.RESULTS.successful, solution.stats)
 
 
 def missing_heat(residual: State, at: Linearization, rate: Float[Array, ""]) -> State:
@@ -177,8 +182,9 @@ def missing_heat(residual: State, at: Linearization, rate: Float[Array, ""]) -> 
 def _newton(program, context: ImplicitContext, base, g, time, guess) -> _Iterate:
     dtype = guess[0].dtype
     # A stage may start above every bound, where its explicit part overshot.
-    highest = lambda c, b: jnp.maximum(c, b.max())
-    ceilings = jax.tree.map(highest, context.ceilings, base)
+    ceilings = jax.tree.map(
+        lambda ceiling, start: jnp.maximum(ceiling, start.max()), context.ceilings, base
+    )
 
     def iterate(now: _Iterate) -> _Iterate:
         at = linearize(
@@ -189,28 +195,43 @@ def _newton(program, context: ImplicitContext, base, g, time, guess) -> _Iterate
         )
         heat = missing_heat(now.residual, at, 1 / g)
         change, (converged, solve) = solve_linear(at, heat, solver)
-        after = jax.tree.map(jnp.add, now.states, change)
+        states = jax.tree.map(jnp.add, now.states, change)
         if not context.linear:
-            after = jax.tree.map(jnp.minimum, after, ceilings)
-        size = max_abs(jax.tree.map(jnp.subtract, after, now.states))
-        residual = _residual(program, base=base, g=g, time=time, states=after)
-        statistics = now.statistics.after_solve(converged, solve)
-        return _Iterate(after, *residual, size, statistics)
+            states = jax.tree.map(jnp.minimum, states, ceilings)
+        size = max_abs(jax.tree.map(jnp.subtract, states, now.states))
+        residual, entries = _residual(program, base=base, g=g, time=time, states=states)
+        return _Iterate(
+            states=states,
+            residual=residual,
+            entries=entries,
+            change=size,
+            statistics=now.statistics.after_solve(converged, solve),
+        )
 
-    residual = _residual(program, base=base, g=g, time=time, states=guess)
-    endless = jnp.asarray(jnp.inf, dtype)
-    now = _Iterate(guess, *residual, endless, zero_statistics(dtype))
+    residual, entries = _residual(program, base=base, g=g, time=time, states=guess)
+    now = _Iterate(
+        states=guess,
+        residual=residual,
+        entries=entries,
+        change=jnp.asarray(jnp.inf, dtype),
+        statistics=zero_statistics(dtype),
+    )
     if context.linear:
         return iterate(now)
-    # Relative to the solution: a stage may end thousands of kelvin from its start.
-    rounding = lambda i: 8 * jnp.finfo(dtype).eps * (1 + max_abs((base, i.states)))
-    # At least once: steps that change less than the tolerance would add up to nothing.
-    unfinished = lambda i: (
-        (i.statistics.newton_iterations < 1)
-        | ((max_abs(i.residual) > context.tolerance) & (i.change > rounding(i)))
-    )
-    allowed = lambda i: i.statistics.newton_iterations < _MAX_NEWTON_ITERATIONS
-    now = jax.lax.while_loop(lambda i: unfinished(i) & allowed(i), iterate, now)
+
+    def rounding(now: _Iterate) -> Float[Array, ""]:
+        # Relative to the solution: a stage may end thousands of kelvin from its start.
+        return 8 * jnp.finfo(dtype).eps * (1 + max_abs((base, now.states)))
+
+    def unfinished(now: _Iterate) -> Bool[Array, ""]:
+        count = now.statistics.newton_iterations
+        is_wrong = max_abs(now.residual) > context.tolerance
+        # At least once: steps that change less than the tolerance would add up to
+        # nothing.
+        is_needed = (count < 1) | (is_wrong & (now.change > rounding(now)))
+        return is_needed & (count < _MAX_NEWTON_ITERATIONS)
+
+    now = jax.lax.while_loop(unfinished, iterate, now)
     # A residual that no step reduces is rounding; NaN is no convergence.
     converged = (max_abs(now.residual) <= context.tolerance) | (
         now.change <= jnp.maximum(rounding(now), 10 * context.tolerance)

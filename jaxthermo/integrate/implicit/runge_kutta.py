@@ -95,11 +95,15 @@ def runge_kutta_step(
     """Take one step of a method, or of `fallback` if its first stage goes too far."""
     slopes: list[State] = []
     entries: list[Float[Array, " c"]] = []
-    statistics, weights = zero_statistics(states[0].dtype), tableau.weights
+    statistics = zero_statistics(states[0].dtype)
+    weights = tableau.weights
     times: Any = tableau.times
     if tableau.explicit_first_stage:
-        first = evaluate_rates(program, states, _stage_time(start, dt, times[0]))
-        slopes, entries = [first[0]], [first[1]]
+        first_slope, first_entries = evaluate_rates(
+            program, states, _stage_time(start, dt, times[0])
+        )
+        slopes.append(first_slope)
+        entries.append(first_entries)
         if fallback is not None:
             ahead = _add_slopes(states, dt=dt, weights=weights[0][:1], slopes=slopes)
             accepted = _within_bounds(
@@ -120,17 +124,23 @@ def runge_kutta_step(
         solved = solve_stage(
             program, context=context, base=base, g=g, time=time, guess=stage
         )
-        stage, statistics = solved.states, statistics.plus(solved.statistics)
+        stage = solved.states
+        statistics = statistics.plus(solved.statistics)
         slopes.append(jax.tree.map(lambda e, b, g=g: (e - b) / g, stage, base))
         entries.append(solved.entries)
     last = weights[-1]
     heat = dt * sum(w * e for w, e in zip(last, entries, strict=True))
     end = _stage_time(start, dt, times[-1])
-    after, heat = _correct_energy(
-        program, before=states, after=stage, heat=heat, g=last[-1] * dt, time=end
+    end_states, heat = _correct_energy(
+        program,
+        start_states=states,
+        end_states=stage,
+        heat=heat,
+        g=last[-1] * dt,
+        time=end,
     )
     return StepResult(
-        states=after, heat=heat, slopes=tuple(slopes), statistics=statistics
+        states=end_states, heat=heat, slopes=tuple(slopes), statistics=statistics
     )
 
 
@@ -141,15 +151,14 @@ def _within_bounds(
     accepted = []
     bodies = zip(program.bodies, context.ceilings, states, ahead, strict=True)
     for body, ceiling, now, then in bodies:
-        known = jnp.isfinite(ceiling)
-        above_reference = (
-            body.network.temperature(x)
-            for x in (now, then, jnp.where(known, ceiling, 0))
-        )
-        before, after, bound = (body.reference + each for each in above_reference)
-        bound = _MAX_TEMPERATURE_RATIO * jnp.maximum(bound, before)
-        too_low = after < _MIN_TEMPERATURE_RATIO * before
-        accepted.append(~(too_low | (known & (after > bound))).any())
+        is_bounded = jnp.isfinite(ceiling)
+        temperature = body.network.temperature
+        start = body.reference + temperature(now)
+        end = body.reference + temperature(then)
+        bound = body.reference + temperature(jnp.where(is_bounded, ceiling, 0))
+        bound = _MAX_TEMPERATURE_RATIO * jnp.maximum(bound, start)
+        too_low = end < _MIN_TEMPERATURE_RATIO * start
+        accepted.append(~(too_low | (is_bounded & (end > bound))).any())
     return jnp.stack(accepted).all()
 
 
@@ -201,8 +210,8 @@ class ImplicitStepper(AbstractStepper):
 
 def _correct_energy(
     program: Program,
-    before: State,
-    after: State,
+    start_states: State,
+    end_states: State,
     heat: Float[Array, " c"],
     g: Float[Array, ""],
     time: Float[Array, ""],
@@ -221,59 +230,63 @@ def _correct_energy(
     # States and heat are computed separately: they differ by what the linear solve
     # leaves, and by rounding of the rates, which a long step multiplies.
     # Slopes -d(entry)/d(state) of loads and of contacts [W/K].
-    _, loads = load_slopes(program, after, time)
+    _, loads = load_slopes(program, end_states, time)
     contacts = jnp.zeros_like(loads)
     for contact in program.contacts:
         conductance = precise_sum(pair_conductance(contact, time))
         contacts = contacts.at[contact.entry].set(conductance)
-    # They only distribute a rest of the size of rounding: so small, too, is what their
-    # derivatives would add.
+    # They only distribute a remainder of the size of rounding: what their derivatives
+    # would add is as small.
     loads, contacts = jax.lax.stop_gradient((loads, contacts))
     capacity = [body.network.capacity() for body in program.bodies]
-    difference = jax.tree.map(jnp.subtract, after, before)
+    difference = jax.tree.map(jnp.subtract, end_states, start_states)
     # Nodes that have not changed at all stay as they are, bit by bit.
-    changed = tuple((each != 0).astype(heat.dtype) for each in difference)
-    stored = lambda change: jnp.stack(
-        [precise_sum(c * each) for c, each in zip(capacity, change, strict=True)]
-    )
-    missing = lambda heat, states: (
-        into_bodies(heat, program.entries, len(program.bodies))
-        - stored(jax.tree.map(jnp.subtract, states, before))
-    )
+    changed = tuple((change != 0).astype(heat.dtype) for change in difference)
+
+    def stored(change: State) -> Float[Array, " b"]:
+        products = zip(capacity, change, strict=True)
+        return jnp.stack([precise_sum(c * body_change) for c, body_change in products])
+
+    def missing(heat: Float[Array, " c"], states: State) -> Float[Array, " b"]:
+        gained = into_bodies(heat, program.entries, len(program.bodies))
+        return gained - stored(jax.tree.map(jnp.subtract, states, start_states))
+
     holding = stored(changed)
     total = jnp.stack([body.network.total_capacity() for body in program.bodies])
     # Where nothing changed nothing will; only a division by zero must be avoided.
     holding = jnp.where(holding > 0, holding, total)
     # Sums of the slopes of each body's loads, and of each pair's contacts [W/K].
     bodies = len(total)
-    loss, links = (jnp.zeros(s, loads.dtype) for s in (bodies, (bodies, bodies)))
+    loss = jnp.zeros(bodies, loads.dtype)
+    links = jnp.zeros((bodies, bodies), loads.dtype)
     for n, (_, ends) in enumerate(program.entries):
         if len(ends) == 1:
             loss = loss.at[ends[0]].add(loads[n])
         else:
             links = links.at[ends].add(contacts[n])
     links = links + links.T
-    warmer = _solve_dominant(holding + g * loss, g * links, missing(heat, after))
+    warmer = _solve_dominant(holding + g * loss, g * links, missing(heat, end_states))
     heat = heat - g * _response(program, loads=loads, contacts=contacts, warmer=warmer)
     states = tuple(
-        new + extra * m for new, extra, m in zip(after, warmer, changed, strict=True)
+        new + extra * m
+        for new, extra, m in zip(end_states, warmer, changed, strict=True)
     )
-    # The rest is rounding; loads that depend on temperature take it.
-    rest = missing(heat, states) * inverse(loss)
+    # What remains is rounding; loads that depend on temperature take it.
+    remainder = missing(heat, states) * inverse(loss)
     return states, heat - _response(
-        program, loads=loads, contacts=0 * contacts, warmer=rest
+        program, loads=loads, contacts=0 * contacts, warmer=remainder
     )
 
 
 def _response(program, loads, contacts, warmer) -> Float[Array, " c"]:
     # Decrease of each entry's heat rate for warmer bodies [W].
-    each = [
-        loads[n] * warmer[ends[0]]
-        if len(ends) == 1
-        else contacts[n] * (warmer[ends[1]] - warmer[ends[0]])
-        for n, (_, ends) in enumerate(program.entries)
-    ]
-    return jnp.stack(each) if each else jnp.zeros(0, warmer.dtype)
+    responses = []
+    for n, (_, ends) in enumerate(program.entries):
+        if len(ends) == 1:
+            responses.append(loads[n] * warmer[ends[0]])
+        else:
+            responses.append(contacts[n] * (warmer[ends[1]] - warmer[ends[0]]))
+    return jnp.stack(responses) if responses else jnp.zeros(0, warmer.dtype)
 
 
 def _solve_dominant(

@@ -1,8 +1,8 @@
 """Checkpoint files of a run in segments.
 
 Temperatures are stored in the order of nodes that all layouts of a body share, so that
-a run goes on where it was on another number of devices too. Of several processes each
-writes a file of its own, with the nodes that it has.
+a run can go on with another number of devices. Each of several processes writes a file
+of its own, with the nodes that it holds.
 """
 
 import re
@@ -23,36 +23,59 @@ from .segments import RunProgress
 from .time_error import Passes, TimeError
 
 
-_KIND, _VERSION = "checkpoint", 3
+_KIND = "checkpoint"
+_VERSION = 3
 _NEW = ".new"
 
 
 def save_checkpoint(path: Path, plan: Plan, progress: RunProgress, key: str) -> None:
     """Write the checkpoint of a run in one step, from all of its processes."""
-    interval, taken, state, *parts, passes = progress
-    rest = state.ledger, state.solver_state, parts, passes.rows
-    leaves = jax.tree.leaves(rest)
+    state = progress.state
+    passes = progress.passes
+    leaves = jax.tree.leaves(
+        (
+            state.ledger,
+            state.solver_state,
+            [progress.initial, progress.observations],
+            passes.rows,
+        )
+    )
     arrays: dict[str, Any] = {f"leaf{i}": np.asarray(x) for i, x in enumerate(leaves)}
     for n, values in enumerate(_own_nodes(plan, state)):
         arrays[f"body{n}"] = values
-    saved = 0 if passes.rows is None else len(passes.rows.is_finite)
-    counts = (interval, taken, len(progress.observations), saved, passes.number)
-    arrays |= {"key": np.array(key), "position": np.array(counts)}
-    arrays["part"] = np.array((jax.process_index(), jax.process_count()))
+    arrays["key"] = np.array(key)
+    arrays["position"] = np.array(
+        [
+            progress.interval,
+            progress.steps_taken,
+            len(progress.observations),
+            0 if passes.rows is None else len(passes.rows.is_finite),
+            passes.number,
+        ]
+    )
+    arrays["part"] = np.array([jax.process_index(), jax.process_count()])
     # A pass without a difference has none, and no error either.
     numbers = (passes.difference, *(passes.error or ()))
     arrays["error"] = np.array([n for n in numbers if n is not None], float)
     arrays["finished"] = np.array(passes.finished)
-    # Replaced in one step: a Ctrl-C while writing leaves the old checkpoint.
-    own = _path_of(path, jax.process_index())
+    # Replaced in one step: an interruption while writing leaves the old checkpoint.
+    process_path = _path_of(path, jax.process_index())
     if jax.process_count() == 1:
-        write_archive(own, kind=_KIND, version=_VERSION, arrays=arrays, compress=False)
+        write_archive(
+            process_path,
+            format_name=_KIND,
+            version=_VERSION,
+            arrays=arrays,
+            compress=False,
+        )
         return
-    # And a process that is lost leaves all files of the old one, or of the new one.
-    new = own.with_name(own.name + _NEW)
-    write_archive(new, kind=_KIND, version=_VERSION, arrays=arrays, compress=False)
+    # If a process is lost, either all files are old or all files are new.
+    new = process_path.with_name(process_path.name + _NEW)
+    write_archive(
+        new, format_name=_KIND, version=_VERSION, arrays=arrays, compress=False
+    )
     wait_for_all("checkpoint written")
-    new.replace(own)
+    new.replace(process_path)
     wait_for_all("checkpoint in place")
 
 
@@ -61,7 +84,7 @@ def _path_of(path: Path, process: int) -> Path:
 
 
 def checkpoint_files(path: Path) -> list[Path]:
-    """Files of a checkpoint that are there, of all processes."""
+    """Return the existing files of a checkpoint, of all processes."""
     name = re.compile(
         rf"{re.escape(path.stem)}(-\d+)?{re.escape(path.suffix)}({re.escape(_NEW)})?"
     )
@@ -71,98 +94,124 @@ def checkpoint_files(path: Path) -> list[Path]:
 
 
 def _own_nodes(plan: Plan, state: RunState) -> list[np.ndarray]:
-    """Values of the nodes of every body that this process has."""
-    found = []
+    """Values of the nodes of every body that this process holds."""
+    node_values = []
     mesh = plan.compiled.program.mesh
-    for body, own in zip(plan.scene.bodies, state.theta, strict=True):
+    for body, theta in zip(plan.scene.bodies, state.theta, strict=True):
         if mesh is None:
-            found.append(body.structure.node_values(np.asarray(own)))
+            node_values.append(body.structure.node_values(np.asarray(theta)))
         else:
-            found.append(body.structure.node_values(*own_sections(mesh, own)))
-    return found
+            node_values.append(body.structure.node_values(*own_sections(mesh, theta)))
+    return node_values
 
 
 def load_checkpoint(
     path: Path, plan: Plan, fresh: RunProgress, key: str
 ) -> RunProgress | None:
     """Read a checkpoint; None if it is missing, damaged or of another run."""
-    parts = _whole_checkpoint(path, key)
-    if parts is None:
+    archives = _complete_checkpoint(path, key)
+    if archives is None:
         return None
-    kept = parts[0]
+    first_archive = archives[0]
     try:
-        interval, taken, rows, saved, number = (int(n) for n in kept["position"])
+        interval, steps_taken, row_count, saved, number = (
+            int(n) for n in first_archive["position"]
+        )
         # A new run of the same plan has leaves of the same shapes.
-        first, before = fresh.initial, None
+        first = fresh.initial
+        previous_rows = None
         if saved:
-            before = jax.tree.map(lambda a: jnp.stack([a] * saved), first)
+            previous_rows = jax.tree.map(lambda a: jnp.stack([a] * saved), first)
         state = fresh.state
-        whole = state.ledger, state.solver_state, [first, (first,) * rows], before
-        leaves, tree = jax.tree.flatten(whole)
-        loaded = [jnp.asarray(kept[f"leaf{i}"]) for i in range(len(leaves))]
-        theta = _states(plan, state, parts)
-        difference, error = None, None
-        if len(kept["error"]):
-            difference, *estimate = kept["error"].tolist()
+        template = (
+            state.ledger,
+            state.solver_state,
+            [first, (first,) * row_count],
+            previous_rows,
+        )
+        leaves, tree = jax.tree.flatten(template)
+        loaded = [jnp.asarray(first_archive[f"leaf{i}"]) for i in range(len(leaves))]
+        theta = _states(plan, state, archives)
+        difference = None
+        error = None
+        if len(first_archive["error"]):
+            difference, *estimate = first_archive["error"].tolist()
             error = TimeError(*estimate)
-        finished = bool(kept["finished"])
+        finished = bool(first_archive["finished"])
     # Damaged, or the user's own file of the same name.
     except (KeyError, ValueError):
         return None
-    alike = lambda a, b: (a.shape, a.dtype) == (b.shape, b.dtype)
-    if theta is None or not all(map(alike, leaves, loaded)):
+    fits = all(
+        (a.shape, a.dtype) == (b.shape, b.dtype)
+        for a, b in zip(leaves, loaded, strict=True)
+    )
+    if theta is None or not fits:
         return None
-    ledger, solver_state, (first, found), before = jax.tree.unflatten(tree, loaded)
+    ledger, solver_state, (first, observations), previous_rows = jax.tree.unflatten(
+        tree, loaded
+    )
     state = RunState(theta, ledger, solver_state)
     passes = Passes(
         number=number,
-        rows=before,
+        rows=previous_rows,
         difference=difference,
         error=error,
         finished=finished,
     )
     return RunProgress(
         interval=interval,
-        steps_taken=taken,
+        steps_taken=steps_taken,
         state=state,
         initial=first,
-        observations=found,
+        observations=observations,
         passes=passes,
     )
 
 
-def _whole_checkpoint(path: Path, key: str) -> list[dict[str, np.ndarray]] | None:
-    """The parts of a checkpoint by their number; None if one is missing."""
-    found: dict[tuple[int, ...], dict[int, dict[str, np.ndarray]]] = {}
+def _complete_checkpoint(path: Path, key: str) -> list[dict[str, np.ndarray]] | None:
+    """Read the files of a checkpoint, in order of processes; None if one is missing."""
+    archives_by_position: dict[tuple[int, ...], dict[int, dict[str, np.ndarray]]] = {}
     for file in checkpoint_files(path):
         try:
-            kept = read_archive(
-                file, kind=_KIND, version=_VERSION, remedy="the run starts again"
+            arrays = read_archive(
+                file, format_name=_KIND, version=_VERSION, remedy="the run starts again"
             )
-            if str(kept["key"]) == key:
-                number, count = (int(n) for n in kept["part"])
-                at = tuple(int(n) for n in kept["position"])
-                found.setdefault((*at, count), {})[number] = kept
+            if str(arrays["key"]) == key:
+                number, count = (int(n) for n in arrays["part"])
+                position = tuple(int(n) for n in arrays["position"])
+                archives_by_position.setdefault((*position, count), {})[number] = arrays
         # Damaged, or the user's own file of the same name.
         except (InputError, KeyError, ValueError):
             continue
-    whole = [(at, own) for at, own in found.items() if len(own) == at[-1]]
-    if not whole:
+    complete = [
+        (position, archives)
+        for position, archives in archives_by_position.items()
+        if len(archives) == position[-1]
+    ]
+    if not complete:
         return None
-    # The last: by pass, interval and step.
-    _, own = max(whole, key=lambda each: (each[0][4], *each[0][:2]))
-    return [own[number] for number in sorted(own)]
+
+    def pass_interval_step(candidate) -> tuple[int, ...]:
+        position, _ = candidate
+        return (position[4], *position[:2])
+
+    _, latest = max(complete, key=pass_interval_step)
+    return [latest[number] for number in sorted(latest)]
 
 
 def _states(
-    plan: Plan, fresh: RunState, parts: list[dict[str, np.ndarray]]
+    plan: Plan, fresh: RunState, archives: list[dict[str, np.ndarray]]
 ) -> tuple[jax.Array, ...] | None:
     """States on their devices; None if they are not of the bodies of this plan."""
-    mesh, states = plan.compiled.program.mesh, []
+    mesh = plan.compiled.program.mesh
+    states = []
     pairs = zip(plan.scene.bodies, fresh.theta, strict=True)
-    for n, (body, own) in enumerate(pairs):
-        values = np.concatenate([part[f"body{n}"] for part in parts])
-        if values.shape != (body.structure.node_count,) or values.dtype != own.dtype:
+    for n, (body, fresh_theta) in enumerate(pairs):
+        values = np.concatenate([archive[f"body{n}"] for archive in archives])
+        if (
+            values.shape != (body.structure.node_count,)
+            or values.dtype != fresh_theta.dtype
+        ):
             return None
         host = body.structure.state_of(values)
         states.append(jnp.asarray(host) if mesh is None else spread(mesh, host))

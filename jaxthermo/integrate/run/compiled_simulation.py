@@ -53,7 +53,7 @@ class CompiledSimulation:
         else:
             require(
                 scene,
-                kinds=Scene,
+                classes=Scene,
                 argument="CompiledSimulation(scene=)",
                 give="a Scene",
             )
@@ -104,7 +104,7 @@ def compile_simulation(
         >>> fast.receipt.searches
         ()
     """
-    require(scene, kinds=Scene, argument="compile_simulation(scene=)", give="a Scene")
+    require(scene, classes=Scene, argument="compile_simulation(scene=)", give="a Scene")
     if is_traced(scene):
         raise InputError(
             "compile_simulation: values of the scene are traced: compile it for known "
@@ -135,9 +135,9 @@ def _planned(scene, t1, save_at, solver, reverse_memory) -> Plan:
         )
 
 
-def _check_alike(one: Scene, other: Scene) -> None:
+def _check_alike(original: Scene, changed: Scene) -> None:
     """Refuse a scene that differs by more than numbers, poses and directions."""
-    differs = _difference(one, other)
+    differs = _difference(original, changed)
     if differs:
         raise InputError(
             f"CompiledSimulation: {differs}: compile that scene by itself, with "
@@ -145,61 +145,72 @@ def _check_alike(one: Scene, other: Scene) -> None:
         )
 
 
-def _difference(one: Scene, other: Scene) -> str:
+def _difference(original: Scene, changed: Scene) -> str:
     """First difference of two scenes, in words; empty if there is none."""
-    for what, a, b in (
-        ("bodies", len(one.bodies), len(other.bodies)),
-        ("terms", len(one.terms), len(other.terms)),
-        ("probes", len(one.probes), len(other.probes)),
-        ("dtype", one.dtype, other.dtype),
-        ("surface_outputs", one.surface_outputs, other.surface_outputs),
+    for property_name, a, b in (
+        ("bodies", len(original.bodies), len(changed.bodies)),
+        ("terms", len(original.terms), len(changed.terms)),
+        ("probes", len(original.probes), len(changed.probes)),
+        ("dtype", original.dtype, changed.dtype),
+        ("surface_outputs", original.surface_outputs, changed.surface_outputs),
     ):
         if a != b:
-            return f"{what} is {b} instead of {a}"
-    for n, (first, second) in enumerate(zip(one.bodies, other.bodies, strict=True)):
+            return f"{property_name} is {b} instead of {a}"
+    for n, (first, second) in enumerate(
+        zip(original.bodies, changed.bodies, strict=True)
+    ):
         differs = _body_difference(first, second)
         if differs:
             return f"bodies[{n}]{differs}"
-    for n, (first, second) in enumerate(zip(one.terms, other.terms, strict=True)):
+    for n, (first, second) in enumerate(
+        zip(original.terms, changed.terms, strict=True)
+    ):
         if type(first) is not type(second):
-            names = type(second).__name__, type(first).__name__
-            return f"terms[{n}] is a {names[0]} instead of a {names[1]}"
+            return (
+                f"terms[{n}] is a {type(second).__name__} instead of a "
+                f"{type(first).__name__}"
+            )
         differs = _other_shapes(first, second)
         if differs:
             return f"terms[{n}], {second.name},{differs}"
     return ""
 
 
-def _body_difference(one: Body, other: Body) -> str:
-    a, b = one.structure, other.structure
+def _body_difference(original: Body, changed: Body) -> str:
+    a = original.structure
+    b = changed.structure
     if type(a) is not type(b) or a.node_count != b.node_count:
-        described = (f"{type(s).__name__} of {s.node_count} nodes" for s in (b, a))
-        return ".structure is {} instead of {}".format(*described)
+        return (
+            f".structure is {type(b).__name__} of {b.node_count} nodes instead of "
+            f"{type(a).__name__} of {a.node_count} nodes"
+        )
     if a.link_count != b.link_count:
         return f".structure has {b.link_count} links instead of {a.link_count}"
     if a.state_shape != b.state_shape:
         return ".structure is a stencil in one of the scenes only, without weights"
-    counts = [len(s.grid.fragment_area) for s in (b, a)]
-    if counts[0] != counts[1]:
-        return ".structure has {} fragments instead of {}".format(*counts)
-    if type(one.surface_map) is not type(other.surface_map):
+    fragments = len(b.grid.fragment_area)
+    original_fragments = len(a.grid.fragment_area)
+    if fragments != original_fragments:
+        return f".structure has {fragments} fragments instead of {original_fragments}"
+    if type(original.surface_map) is not type(changed.surface_map):
         return ".surface_map is of another kind"
-    if callable(one.temperature) != callable(other.temperature):
+    if callable(original.temperature) != callable(changed.temperature):
         return ".temperature is a function in one of the scenes only"
-    return _other_shapes(one.material, other.material) and (
-        ".material" + _other_shapes(one.material, other.material)
+    return _other_shapes(original.material, changed.material) and (
+        ".material" + _other_shapes(original.material, changed.material)
     )
 
 
-def _other_shapes(one: Any, other: Any) -> str:
-    """First number of other shape, or another kind of value, in words."""
-    (first, kinds), (second, others) = (_numbers(tree) for tree in (one, other))
-    if kinds != others:
+def _other_shapes(original: Any, changed: Any) -> str:
+    """Name the first number of another shape, or kind of value; empty if none."""
+    shapes, node_kinds = _numbers(original)
+    changed_shapes, changed_kinds = _numbers(changed)
+    if node_kinds != changed_kinds:
         return " has other kinds of values (a number, a table or none)"
-    for (name, shape), (_, now) in zip(first, second, strict=True):
-        if shape != now:
+    for (name, shape), (_, changed_shape) in zip(shapes, changed_shapes, strict=True):
+        if shape != changed_shape:
             named = jax.tree_util.keystr(name)
-            return f" has {named} of shape {now} instead of {shape}"
+            return f" has {named} of shape {changed_shape} instead of {shape}"
     return ""
 
 
@@ -210,6 +221,6 @@ def _numbers(tree: Any) -> tuple[list[tuple[Any, tuple[int, ...]]], list[Any]]:
     shapes = [
         (path, np.shape(leaf)) for path, leaf in named if isinstance(leaf, number)
     ]
-    kinds: list[Any] = [path for path, _ in named]
-    kinds += [type(leaf) for _, leaf in named if not isinstance(leaf, number)]
-    return shapes, kinds
+    leaf_kinds: list[Any] = [path for path, _ in named]
+    leaf_kinds += [type(leaf) for _, leaf in named if not isinstance(leaf, number)]
+    return shapes, leaf_kinds

@@ -32,19 +32,20 @@ def add_loads(
     # All loads of a step act at the temperatures before it.
     nodes = _surface_nodes(program, states)
     received = _net_irradiation(program, nodes, time)
-    own, rates = _add_own_loads(
+    after_loads, rates = _add_own_loads(
         program, nodes=nodes, received=received, emits=False, new=new, time=time, dt=dt
     )
     # The heat that one body loses the other gains, from the same temperatures.
-    warmed = list(own)
+    warmed = list(after_loads)
     for contact in program.contacts:
-        one, other = contact.bodies
+        first, second = contact.bodies
         with jax.named_scope("contact"):
-            theta = pair_temperatures(program, contact, states)
-            references = program.bodies[one].reference, program.bodies[other].reference
-            both = warmed[one], warmed[other]
-            (warmed[one], warmed[other]), rate = contact.apply_heat(
-                both, theta, references, time, dt
+            (warmed[first], warmed[second]), rate = contact.apply_heat(
+                (warmed[first], warmed[second]),
+                pair_temperatures(program, contact, states),
+                (program.bodies[first].reference, program.bodies[second].reference),
+                time,
+                dt,
             )
             rates = rates.at[contact.entry].add(rate)
     return tuple(warmed), rates
@@ -64,22 +65,25 @@ def _add_own_loads(
     `received` is the irradiation of the surface cells [W/m^2], None without exchange;
     `emits` is False if their own emission is already subtracted from it.
     """
-    warmed, rates = [], jnp.zeros(len(program.entries), new[0].dtype)
-    for body, after in zip(program.bodies, new, strict=True):
+    warmed = []
+    rates = jnp.zeros(len(program.entries), new[0].dtype)
+    for body, body_state in zip(program.bodies, new, strict=True):
         for source in body.sources:
             with jax.named_scope("heat_source"):
-                after, rate = source.apply_heat(after, time, dt)
+                body_state, rate = source.apply_heat(body_state, time, dt)
             rates = rates.at[source.entry].add(rate)
-        warmed.append(after)
+        warmed.append(body_state)
     load = program.surface
     if load is None:
         return tuple(warmed), rates
     networks = _networks(program, load)
-    heat, brought = load.heat(time, nodes, networks, received, emits)
+    heat, surface_rates = load.heat(time, nodes, networks, received, emits)
     for index, cells in enumerate(load.by_cell.cells):
-        own = warmed[cells.body]
-        warmed[cells.body] = load.add(index, own, networks[index], dt, heat[index])
-    return tuple(warmed), rates + brought
+        body_state = warmed[cells.body]
+        warmed[cells.body] = load.add(
+            index, body_state, networks[index], dt, heat[index]
+        )
+    return tuple(warmed), rates + surface_rates
 
 
 def _networks(program: Program, load: AbstractSurfaceLoad) -> list[AbstractNetwork]:
@@ -91,12 +95,12 @@ def _surface_nodes(program: Program, states: State) -> _Nodes:
     load = program.surface
     if load is None:
         return []
-    found = []
+    node_temperatures = []
     for index, cells in enumerate(load.by_cell.cells):
         nodes = load.nodes_of(index, states[cells.body])
         network = program.bodies[cells.body].network
-        found.append(network.temperature(nodes, cells.address))
-    return found
+        node_temperatures.append(network.temperature(nodes, cells.address))
+    return node_temperatures
 
 
 def _net_irradiation(
@@ -105,15 +109,17 @@ def _net_irradiation(
     """Irradiation less emission of the surface cells [W/m^2]; None without exchange."""
     # The nodes' temperatures give a first irradiation, and that the temperatures of the
     # surface, which emits: two evaluations instead of a solve.
-    given = _irradiation(program, nodes, time)
-    if given is None or program.surface is None or program.enclosure is None:
+    irradiation = _irradiation(program, nodes, time)
+    if irradiation is None or program.surface is None or program.enclosure is None:
         return None
     load = program.surface.by_cell
     with jax.named_scope("emission"):
         # Surface temperatures with the irradiation by nodes; then the exchange between
         # surfaces of these temperatures, in which no heat is lost.
-        terms, here = load.conducting(nodes, _networks(program, load))
-        surface = here + terms.irradiated(given).surface_excess(time, here)
+        terms, node_theta = load.conducting(nodes, _networks(program, load))
+        surface = node_theta + terms.irradiated(irradiation).surface_excess(
+            time, node_theta
+        )
         return program.enclosure.net(time, surface)
 
 
@@ -128,25 +134,30 @@ def _irradiation(
         return None
     load = program.surface.by_cell
     with jax.named_scope("emission"):
-        terms, here = load.conducting(nodes, _networks(program, load))
-        radiating = here + terms.prescribed_excess(time, here)
+        terms, node_theta = load.conducting(nodes, _networks(program, load))
+        radiating = node_theta + terms.prescribed_excess(time, node_theta)
         return program.enclosure.irradiation(time, radiating)
 
 
 def pair_conductance(contact: ContactLinks, time: Float[Array, ""]):
     """Return the conductance of every touching pair [W/K]."""
-    one, zero = jnp.ones_like(contact.area), jnp.zeros((), contact.area.dtype)
-    return contact.heat_rate(time, (one, 0 * one), (zero, zero))
+    ones = jnp.ones_like(contact.area)
+    zero = jnp.zeros((), contact.area.dtype)
+    return contact.heat_rate(time, (ones, 0 * ones), (zero, zero))
 
 
 def pair_temperatures(
     program: Program, contact: ContactLinks, states: State
 ) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
     """Temperatures of the nodes of every touching pair above the references [K]."""
-    one, other = (program.bodies[body].network for body in contact.bodies)
+    first_network, second_network = (
+        program.bodies[body].network for body in contact.bodies
+    )
     first, second = pair_values(contact, states)
-    here, there = contact.address
-    return one.temperature(first, here), other.temperature(second, there)
+    first_address, second_address = contact.address
+    return first_network.temperature(first, first_address), second_network.temperature(
+        second, second_address
+    )
 
 
 def pair_values(contact: ContactLinks, states: State) -> list[Float[Array, " p"]]:
@@ -186,19 +197,20 @@ def load_slopes(
 ) -> tuple[State, Float[Array, " c"]]:
     """Return -d(loads)/d(state) of all loads but contacts, never negative.
 
-    Of every node [1/s], and of each ledger entry, summed over its nodes [W/K].
+    The first is that of every node [1/s], the second that of each ledger entry, summed
+    over its nodes [W/K].
     """
     zero = tuple(jnp.zeros_like(state) for state in states)
     one_second = jnp.ones((), states[0].dtype)
     # Irradiation is constant here: what bodies emit counts, what returns does not.
-    given = _irradiation(program, _surface_nodes(program, states), time)
+    irradiation = _irradiation(program, _surface_nodes(program, states), time)
 
     def own_loads(states):
         nodes = _surface_nodes(program, states)
         return _add_own_loads(
             program,
             nodes=nodes,
-            received=given,
+            received=irradiation,
             emits=True,
             new=zero,
             time=time,

@@ -28,7 +28,7 @@ class Ledger(Module):
     """Integral of |heat rate|."""
 
     def add(self, heat: Float[Array, " m"]) -> "Ledger":
-        """Return the ledger after a step of given `heat` [J]."""
+        """Return the ledger after a step that added `heat` [J]."""
         if not len(heat):
             return self
         # Compensated (Kahan): a thousand float32 steps would otherwise lose more than
@@ -62,7 +62,7 @@ class Energy(Module):
     """Heat from the first to the second body of each pair in contact, by a name such as
     "contact 0-1"; of one body, positive into it [J]."""
     bodies: tuple["Energy", ...]
-    """Those of each body; none within one body."""
+    """Energies of each body; empty within one body."""
     residual_relative: Float[Array, " t"]
     """(stored - sum of mechanisms) / heat moved, by mechanisms or by conduction; of one
     body, contacts count with the mechanisms."""
@@ -77,7 +77,7 @@ class HeatRates(Module):
     """Heat rate from the first to the second body of each pair in contact; of one body,
     positive into it [W]."""
     bodies: tuple["HeatRates", ...]
-    """Those of each body; none within one body."""
+    """Heat rates of each body; empty within one body."""
     residual_relative: Float[Array, ""]
     """Net heat rate over the sum of magnitudes, 0 in a steady state."""
 
@@ -123,9 +123,9 @@ def energies(
 
 
 def _body_energy(entries, body, stored, heat, moved, equalization) -> Energy:
-    own = [c for c, (_, ends) in enumerate(entries) if body in ends]
-    loads = [c for c in own if len(entries[c][1]) == 1]
-    pairs = [c for c in own if len(entries[c][1]) == 2]
+    columns = [c for c, (_, ends) in enumerate(entries) if body in ends]
+    loads = [c for c in columns if len(entries[c][1]) == 1]
+    pairs = [c for c in columns if len(entries[c][1]) == 2]
     contacts = {
         _pair_name(*entries[c]): _sign(entries[c][1], body) * heat[:, c] for c in pairs
     }
@@ -170,6 +170,7 @@ def in_order(energy: _Energies, entries: LedgerEntries) -> _Energies:
     """Return energies, or heat rates, with mechanisms in the order of the scene."""
     # A dictionary that leaves a jitted function is sorted by name.
     names = dict.fromkeys(name for name, _ in entries)
-    sort = lambda table: {name: table[name] for name in names if name in table}
+    table = energy.mechanisms
+    mechanisms = {name: table[name] for name in names if name in table}
     bodies = tuple(in_order(body, entries) for body in energy.bodies)
-    return replace(energy, mechanisms=sort(energy.mechanisms), bodies=bodies)
+    return replace(energy, mechanisms=mechanisms, bodies=bodies)

@@ -97,14 +97,23 @@ class ParametricRun:
 
     def __call__(self, scene: Scene, table: StepTable) -> ParametricSolution:
         """Run a scene that may hold traced values."""
-        saves, end, memory = self.save_times, self.save_times[-1], self.reverse_memory
+        saves = self.save_times
+        end = saves[-1]
+        memory = self.reverse_memory
         with precision(scene.dtype):
             if self.uses_stable_step:
                 # The stable step of a traced scene is not known, so that `plan_run`
                 # would refuse it; the step table gives the steps.
                 compiled = compile_scene(scene, len(saves), end)
-                given = ForwardEuler(), EulerStepper()
-                plan = Plan(scene, compiled, (), saves, None, *given)
+                plan = Plan(
+                    scene=scene,
+                    compiled=compiled,
+                    intervals=(),
+                    save_times=saves,
+                    stable_step=None,
+                    solver=ForwardEuler(),
+                    stepper=EulerStepper(),
+                )
             else:
                 plan = plan_run(
                     scene,
@@ -113,7 +122,8 @@ class ParametricRun:
                     solver=self.solver,
                     reverse_memory=memory,
                 )
-            compiled, state = plan.compiled, initial_state(plan)
+            compiled = plan.compiled
+            state = initial_state(plan)
             if memory is not None:
                 rows = integrate(plan, state, traced=True)
             else:
@@ -131,16 +141,16 @@ class ParametricRun:
 
 def with_more_steps(table: StepTable, factor: float) -> StepTable:
     """Divide the same intervals into at least `factor` times as many steps."""
-    start, dt, before, observed = (np.asarray(each) for each in table)
-    after = np.ceil(before * factor).astype(before.dtype)
-    ratio = np.where(after > 0, before / np.maximum(after, 1), 1.0)
+    start, dt, steps, observed = (np.asarray(column) for column in table)
+    more_steps = np.ceil(steps * factor).astype(steps.dtype)
+    ratio = np.where(more_steps > 0, steps / np.maximum(more_steps, 1), 1.0)
     shorter = dt * ratio.astype(dt.dtype)
     # Explicit steps take their loads at the middle; so does the last observation.
-    middle = (start + dt * before - shorter / 2).astype(dt.dtype)
-    observed = np.where(before > 0, middle, observed)
+    middle = (start + dt * steps - shorter / 2).astype(dt.dtype)
+    observed = np.where(steps > 0, middle, observed)
     return StepTable(
         start=table.start,
         dt=jnp.asarray(shorter),
-        steps=jnp.asarray(after),
+        steps=jnp.asarray(more_steps),
         observation_time=jnp.asarray(observed),
     )

@@ -98,7 +98,8 @@ def _schedule(
             "for values far out of range"
         )
     ends = sorted({*saves, *(t for t in event_times if 0 < t < t1), t1} - {0.0})
-    intervals, start = [], 0.0
+    intervals = []
+    start = 0.0
     for end in ends:
         # A quotient that exceeds a whole number by rounding must not cost a step more.
         steps = max(min_steps, math.ceil((end - start) / max_dt * (1 - 1e-9)))
@@ -121,8 +122,14 @@ def _more_after_events(
     if len(event_times) > MAX_REFINED_EVENTS:
         return intervals
     switched = {0.0, *event_times}
-    least = lambda i: _FIRST_STEPS_AFTER_EVENT if i.start in switched else 1
-    return tuple(replace(i, steps=max(i.steps, least(i))) for i in intervals)
+
+    def refined(interval: Interval) -> Interval:
+        if interval.start not in switched:
+            return interval
+        steps = max(interval.steps, _FIRST_STEPS_AFTER_EVENT)
+        return replace(interval, steps=steps)
+
+    return tuple(map(refined, intervals))
 
 
 def save_intervals(
@@ -190,70 +197,78 @@ def plan_run(
     solvers = "a solver, such as ForwardEuler(), or None"
     require(
         solver,
-        kinds=(AbstractSolver, type(None)),
+        classes=(AbstractSolver, type(None)),
         argument="simulate(solver=)",
         give=solvers,
     )
     saves = checked_save_times(t1, save_at)
     # Steps after the last saved time would be in no result: the run ends there, and
     # its solver and its bounds of temperatures are those of that time.
-    given, t1 = t1, saves[-1]
-    wanted = ErrorControl() if solver is None else solver
-    control = wanted if isinstance(wanted, ErrorControl) else None
-    chosen = None if isinstance(wanted, ErrorControl) else wanted
-    arranged = scene if chosen is None else chosen.arranged(scene)
-    method = ForwardEuler.method if chosen is None else chosen.method
+    requested_end = t1
+    t1 = saves[-1]
+    requested_solver = ErrorControl() if solver is None else solver
+    control = requested_solver if isinstance(requested_solver, ErrorControl) else None
+    selected = None if isinstance(requested_solver, ErrorControl) else requested_solver
+    arranged = scene if selected is None else selected.arranged(scene)
+    method = ForwardEuler.method if selected is None else selected.method
     compiled = compile_scene(
         arranged, saves=len(saves), end=t1, prune=prune, method=method
     )
     limit = compiled.stable_step
     stable_step = None if is_traced(limit) else float(limit)
-    reason, note = "as given", None
+    reason = "as given"
+    note = None
     if control is not None and not (control_error and t1 > 0):
         control = None
     elif control is not None and is_traced((scene, compiled)):
         # To repeat a run until a condition holds takes known numbers.
-        control, note = None, "error in time not estimated: values are traced"
-    if chosen is None:
+        control = None
+        note = "error in time not estimated: values are traced"
+    if selected is None:
         # The selection needs the stable step, and so a compiled scene; an implicit
         # solver arranges the bodies differently, which takes a second compilation.
-        chosen, reason = _selected(
+        selected, reason = _selected(
             control, program=compiled.program, stable_step=stable_step, t1=t1
         )
-        arranged = chosen.arranged(scene)
+        arranged = selected.arranged(scene)
         if arranged is not scene:
-            method = chosen.method
+            method = selected.method
             compiled = compile_scene(
                 arranged, saves=len(saves), end=t1, prune=prune, method=method
             )
-    if t1 < given:
+    if t1 < requested_end:
         compiled = _with_note(
             compiled,
             f"the run stops at the last saved time, {t1:g} s: nothing up to its end, "
-            f"{given:g} s, would be saved",
+            f"{requested_end:g} s, would be saved",
         )
     if note is not None:
         compiled = _with_note(compiled, note)
     # Poses and source positions are recomputed at `starts`, so steps end there too.
-    max_dt = chosen.max_dt(stable_step, t1, compiled.program.sampled)
+    max_dt = selected.max_dt(stable_step, t1, compiled.program.sampled)
     event_times = (*compiled.breakpoints, *compiled.starts)
-    min_steps = chosen.min_steps(len({*saves, *event_times}))
+    min_steps = selected.min_steps(len({*saves, *event_times}))
     intervals = _schedule(
         t1, saves=saves, event_times=event_times, max_dt=max_dt, min_steps=min_steps
     )
-    if control is not None and chosen.dt is not None:
+    if control is not None and selected.dt is not None:
         intervals = _more_after_events(intervals, event_times)
     # Stages and multigrid follow the longest step taken, which may be far shorter
     # than the longest allowed.
     longest = max((i.dt for i in intervals), default=max_dt)
-    if control is not None and isinstance(chosen, SuperTimeStepping):
+    if control is not None and isinstance(selected, SuperTimeStepping):
         assert stable_step is not None
-        # All passes, of steps half as long in turn, run in one program.
+        # All passes, each with steps half as long, run in one program.
         fixed = RKL2Stepper(stage_count(longest, stable_step))
         stepper = fixed.for_any_step(stable_step, compiled.receipt.dtype)
     else:
-        given = stable_step, longest, is_traced(scene)
-        stepper = chosen.stepper(arranged, compiled, *given)
+        stepper = selected.stepper(
+            arranged,
+            compiled=compiled,
+            stable_step=stable_step,
+            max_dt=longest,
+            traced=is_traced(scene),
+        )
     if stepper.method != method:
         compiled = with_memory_of(
             compiled, scene=arranged, saves=len(saves), method=stepper.method
@@ -274,8 +289,18 @@ def plan_run(
         (compiled.programs, stepper), arranged, compiled.program
     )
     compiled = replaced(compiled, programs=programs)
-    parts = (arranged, compiled, intervals, saves, stable_step, chosen, stepper)
-    return Plan(*parts, reason, checkpoints, control)
+    return Plan(
+        scene=arranged,
+        compiled=compiled,
+        intervals=intervals,
+        save_times=saves,
+        stable_step=stable_step,
+        solver=selected,
+        stepper=stepper,
+        solver_reason=reason,
+        checkpoints=checkpoints,
+        control=control,
+    )
 
 
 def plan_once(
@@ -285,16 +310,24 @@ def plan_once(
     solver: AbstractSolver | None = None,
     reverse_memory: int | None = None,
 ) -> Plan:
-    """Plan a run that controls its error; the plan from before for the same scene.
+    """Plan a run that controls its error; a scene that was planned keeps its plan.
 
     Arguments and errors are those of `plan_run`.
     """
-    made: list[Plan] = []
+    plans: list[Plan] = []
 
     def make() -> Plan:
-        given = scene, t1, save_at, solver, True, reverse_memory
-        made.append(plan_run(*given, control_error=True))
-        return made[0]
+        plans.append(
+            plan_run(
+                scene,
+                t1=t1,
+                save_at=save_at,
+                solver=solver,
+                reverse_memory=reverse_memory,
+                control_error=True,
+            )
+        )
+        return plans[0]
 
     # Within another function that is traced, hardly anything of a run is known.
     solver_values = values_of(solver)
@@ -303,26 +336,28 @@ def plan_once(
 
     def find() -> tuple[Plan, bool]:
         # Without the scene, which would then exist as long as its plan.
-        own = make().scene is scene
-        return (made[0]._replace(scene=_NO_SCENE) if own else made[0]), own
+        is_same_scene = make().scene is scene
+        return (
+            plans[0]._replace(scene=_NO_SCENE) if is_same_scene else plans[0]
+        ), is_same_scene
 
     saves = checked_save_times(t1, save_at)
-    by = "plan", float(t1), saves, solver_values, reverse_memory
-    plan, own = found((scene,), by, find)
-    if made:
-        return made[0]
+    key = ("plan", float(t1), saves, solver_values, reverse_memory)
+    plan, is_same_scene = found((scene,), key, find)
+    if plans:
+        return plans[0]
     plan = without_searches(plan)
-    return plan._replace(scene=scene) if own else plan
+    return plan._replace(scene=scene) if is_same_scene else plan
 
 
 def without_searches(plan: Plan) -> Plan:
-    """Return the plan of a run before which nothing is searched any more."""
+    """Return a plan whose receipt lists no searches in geometry."""
     receipt = replace(plan.compiled.receipt, searches=())
     return plan._replace(compiled=replaced(plan.compiled, receipt=receipt))
 
 
 _NO_SCENE: Any = None
-"""In place of the scene of a plan that is kept."""
+"""Stands for the scene in a remembered plan."""
 
 
 def _selected(
@@ -362,8 +397,7 @@ def observation_time(plan: Plan, interval: Interval) -> float:
 class StepTable(NamedTuple):
     """Steps as arrays: one row per save interval, one column per interval in it.
 
-    An argument of the compiled program, so that one program serves every schedule; of
-    numpy, which such an argument may be at the cost of one on the device.
+    An argument of the compiled program, so that one program serves every schedule.
     Unused columns have 0 steps.
     """
 
@@ -383,11 +417,12 @@ def step_table(
     min_columns: int = 0,
 ) -> StepTable:
     """Tabulate the steps of save intervals, of at least the given shape."""
-    shape = max(len(groups), min_rows), max(min_columns, *(len(g) for g in groups))
-    table = np.zeros((4, *shape))
+    rows = max(len(groups), min_rows)
+    columns = max(min_columns, *(len(group) for group in groups))
+    table = np.zeros((4, rows, columns))
     for row, group in enumerate(groups):
-        columns = [(i.start, i.dt, observation_time(plan, i), i.steps) for i in group]
-        table[:, row, : len(group)] = np.transpose(columns)
+        steps = [(i.start, i.dt, observation_time(plan, i), i.steps) for i in group]
+        table[:, row, : len(group)] = np.transpose(steps)
     # Computed in float64 on the host, rounded once.
     start, dt, observed = table[:3].astype(plan.dtype)
     return StepTable(

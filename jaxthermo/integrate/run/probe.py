@@ -53,43 +53,52 @@ def probe(
                 "Scene(probes=) before the run"
             )
         return stored
-    given = _vectors(points, "points")
+    positions = _vectors(points, "points")
     facing = None if normals is None else _vectors(normals, "normals")
     if facing is not None:
-        if facing.shape != given.shape:
+        if facing.shape != positions.shape:
             raise InputError(
-                f"probe: {len(given)} points and {len(facing)} normals: give as many"
+                f"probe: {len(positions)} points and {len(facing)} normals: give one "
+                "normal for each point"
             )
         facing = facing / np.linalg.norm(facing, axis=1, keepdims=True)
-    number = _scene_probe(solution, given)
-    own = np if isinstance(solution.surface_temperature, np.ndarray) else jnp
-    columns, rest = [], np.flatnonzero(number < 0)
+    number = _scene_probe(solution, positions)
+    xp = np if isinstance(solution.surface_temperature, np.ndarray) else jnp
+    columns = []
+    on_surfaces = np.flatnonzero(number < 0)
     if stored is not None:
         columns.append(stored[:, number[number >= 0]])
-    if len(rest):
-        side = None if facing is None else facing[rest]
+    if len(on_surfaces):
+        side = None if facing is None else facing[on_surfaces]
         columns.append(
-            _on_surface(solution, number=rest, points=given[rest], normals=side)
+            _on_surface(
+                solution,
+                number=on_surfaces,
+                points=positions[on_surfaces],
+                normals=side,
+            )
         )
     # Back into the order of the points.
-    place = np.argsort(np.argsort(number < 0, kind="stable"), kind="stable")
-    return own.concatenate(columns, axis=1)[:, place]
+    column_of_point = np.argsort(np.argsort(number < 0, kind="stable"), kind="stable")
+    return xp.concatenate(columns, axis=1)[:, column_of_point]
 
 
-def _vectors(given: Points, name: str) -> Float[np.ndarray, "p 3"]:
+def _vectors(values: Points, name: str) -> Float[np.ndarray, "p 3"]:
     try:
-        found = np.asarray(given, float)
+        vectors = np.asarray(values, float)
     except (TypeError, ValueError):
-        found = np.zeros(0)
-    lengths = np.linalg.norm(found, axis=1) if found.shape[1:] == (3,) else np.zeros(0)
-    if not len(lengths) or not np.isfinite(found).all():
+        vectors = np.zeros(0)
+    lengths = (
+        np.linalg.norm(vectors, axis=1) if vectors.shape[1:] == (3,) else np.zeros(0)
+    )
+    if not len(lengths) or not np.isfinite(vectors).all():
         raise InputError(
-            f"probe({name}={shortened(given)}): give three finite numbers for each "
+            f"probe({name}={shortened(values)}): give three finite numbers for each "
             "point, [n 3]"
         )
     if name == "normals" and not lengths.all():
         raise InputError("probe(normals=): some have no length: give unit vectors")
-    return found
+    return vectors
 
 
 def _scene_probe(
@@ -98,10 +107,12 @@ def _scene_probe(
     """Number of the scene's probe at each point; -1 where there is none."""
     if solution.probe_temperature is None:
         return np.full(len(points), -1)
-    given = np.array([each.position for each in solution.probes])
+    probe_positions = np.array(
+        [scene_probe.position for scene_probe in solution.probes]
+    )
     # The same numbers, but for the rounding of whoever computed them twice.
     size = 1e-9 * (1 + np.abs(points).max(axis=1))
-    apart = np.abs(given[None] - points[:, None]).max(axis=2)
+    apart = np.abs(probe_positions[None] - points[:, None]).max(axis=2)
     nearest = apart.argmin(axis=1)
     return np.where(apart.min(axis=1) <= size, nearest, -1)
 
@@ -112,7 +123,7 @@ def _on_surface(
     points: Float[np.ndarray, "p 3"],
     normals: Float[np.ndarray, "p 3"] | None,
 ) -> Float[Array | np.ndarray, "t p"]:
-    """Temperatures of points on the nearest surface that there is [K]."""
+    """Temperatures of points on the nearest surface of any body [K]."""
     geometries = [surface.geometry for surface in solution.surfaces]
     readings = [
         surface_reading(
@@ -122,27 +133,30 @@ def _on_surface(
         )
         for geometry in geometries
     ]
-    gaps = [np.where(each.is_lost, np.inf, each.distance) for each in readings]
-    body, found = np.argmin(gaps, axis=0), np.isfinite(gaps).any(axis=0)
-    if not found.all():
-        first = int(np.argmin(found))
+    gaps = [np.where(reading.is_lost, np.inf, reading.distance) for reading in readings]
+    body = np.argmin(gaps, axis=0)
+    is_readable = np.isfinite(gaps).any(axis=0)
+    if not is_readable.all():
+        first = int(np.argmin(is_readable))
         x, y, z = points[first]
         where = f"probe: point {number[first]}, ({x:g}, {y:g}, {z:g}) m, is"
-        at_first = [each.at(np.arange(len(points)) == first) for each in readings]
+        at_first = [reading.at(np.arange(len(points)) == first) for reading in readings]
         raise _lost(where, at_first, is_facing=normals is not None)
-    own = np if isinstance(solution.surface_temperature, np.ndarray) else jnp
-    read, order = [], []
+    xp = np if isinstance(solution.surface_temperature, np.ndarray) else jnp
+    read = []
+    order = []
     for index, reading in enumerate(readings):
-        here = np.flatnonzero(body == index)
-        order.append(here)
+        on_body = np.flatnonzero(body == index)
+        order.append(on_body)
         read.append(reading.at(body == index).read(solution.of_body(index)))
-    return own.concatenate(read, axis=1)[:, np.argsort(np.concatenate(order))]
+    return xp.concatenate(read, axis=1)[:, np.argsort(np.concatenate(order))]
 
 
 def _lost(where: str, readings: list[SurfaceReading], is_facing: bool) -> InputError:
     """Say why a point cannot be read, from its reading on each body."""
-    body = int(np.argmin([each.distance[0] for each in readings]))
-    distance, height = readings[body].distance[0], readings[body].height[0]
+    body = int(np.argmin([reading.distance[0] for reading in readings]))
+    distance = readings[body].distance[0]
+    height = readings[body].height[0]
     if is_facing:
         return InputError(
             f"{where} {distance:.3g} m from the surface of body {body}, which has none "

@@ -38,7 +38,7 @@ def save_solution(path: Path, solution: Solution) -> StoredSolution:
     arrays["irradiance_sources"] = irradiance.sources
     arrays["source_spectrum"] = irradiance.spectrum
     arrays["stored_J"] = solution.energy.stored_J
-    # What the scene asked for besides.
+    # Optional outputs of the scene.
     for name in (*SURFACE_OUTPUTS, "probe_temperature"):
         if getattr(solution, name) is not None:
             arrays[name] = getattr(solution, name)
@@ -50,11 +50,11 @@ def save_solution(path: Path, solution: Solution) -> StoredSolution:
         stored = body_arrays(surface, np.asarray(solution.times, float))
         for field, value in stored.present().items():
             arrays[f"body{b}_{field}"] = value
-    write_archive(path, kind=KIND, version=FORMAT_VERSION, arrays=arrays)
+    write_archive(path, format_name=KIND, version=FORMAT_VERSION, arrays=arrays)
     return StoredSolution(
-        solution.times,
-        solution.surface_temperature,
-        solution.surfaces,
-        irradiance,
-        *(getattr(solution, name) for name in SURFACE_OUTPUTS),
+        times=solution.times,
+        surface_temperature=solution.surface_temperature,
+        surfaces=solution.surfaces,
+        irradiance=irradiance,
+        **{name: getattr(solution, name) for name in SURFACE_OUTPUTS},
     )

@@ -10,10 +10,12 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
 
 from ...parallel.processes import agreed
 from ...scene.compile.program import Program, State
 from ..stepper import AbstractStepper, RunState, advance, run_in_place
+from .ledger import Ledger
 from .plan import Interval, Plan, initial_state, observation_time
 from .simulate import make_solution
 from .solution import Observation, Solution, observe
@@ -83,25 +85,46 @@ def _continued(plan: Plan, progress: RunProgress, steps: int) -> RunState:
 def take_segment(
     plan: Plan, interval: Interval, state: RunState, steps_taken: int, steps: int
 ) -> RunState:
-    """Take so many more steps of an interval; overwrites the temperatures."""
+    """Take `steps` more steps of an interval, in place of the temperatures."""
     # Arrays, not Python numbers: the next segment must not compile again.
-    span = (
-        jnp.asarray(interval.start, plan.dtype),
-        jnp.asarray(interval.dt, plan.dtype),
-        jnp.asarray(steps, jnp.int32),
-        jnp.asarray(steps_taken, jnp.int32),
+    constants = _SegmentConstants(
+        stepper=plan.stepper,
+        program=_program_of(plan, interval),
+        ledger=state.ledger,
+        solver_state=state.solver_state,
+        start=jnp.asarray(interval.start, plan.dtype),
+        dt=jnp.asarray(interval.dt, plan.dtype),
+        steps=jnp.asarray(steps, jnp.int32),
+        steps_taken=jnp.asarray(steps_taken, jnp.int32),
     )
-    program, rest = _program_of(plan, interval), (state.ledger, state.solver_state)
-    kept = plan.stepper, program, rest, span
-    return jax.block_until_ready(run_in_place(_advance_all, kept, state.theta))
+    return jax.block_until_ready(run_in_place(_advance_all, constants, state.theta))
 
 
-def _advance_all(
-    kept: tuple[AbstractStepper, Program, Any, tuple], theta: State
-) -> RunState:
-    # Only the temperatures are donated; the rest of a state is small, and shared.
-    stepper, program, rest, span = kept
-    return advance(stepper, program, RunState(theta, *rest), *span)
+class _SegmentConstants(NamedTuple):
+    """Arguments of a segment that are not overwritten: all but the temperatures."""
+
+    stepper: AbstractStepper
+    program: Program
+    ledger: Ledger
+    solver_state: Any
+    start: Float[Array, ""]
+    dt: Float[Array, ""]
+    steps: Int[Array, ""]
+    steps_taken: Int[Array, ""]
+
+
+def _advance_all(constants: _SegmentConstants, theta: State) -> RunState:
+    # Only the temperatures are donated: the other arrays of a state are small, and
+    # shared.
+    return advance(
+        constants.stepper,
+        program=constants.program,
+        state=RunState(theta, constants.ledger, constants.solver_state),
+        start=constants.start,
+        dt=constants.dt,
+        steps=constants.steps,
+        steps_before=constants.steps_taken,
+    )
 
 
 def _program_of(plan: Plan, interval: Interval) -> Program:
@@ -111,7 +134,7 @@ def _program_of(plan: Plan, interval: Interval) -> Program:
 def compile_segments(plan: Plan, progress: RunProgress) -> RunProgress:
     """Compile the program of all segments now, by a segment of 0 steps.
 
-    The given progress is used up: its state is overwritten.
+    The state of the argument `progress` is overwritten.
     """
     if progress.interval == len(plan.intervals):
         return progress
@@ -124,9 +147,10 @@ def run_segments(
 ) -> Iterator[RunProgress]:
     """Take segments of about `seconds` of wall time until the end of the run.
 
-    The state of a progress is used up when the next one is asked for.
+    The state of a progress is overwritten when the iterator goes on.
     """
-    length, running = 2, _running(plan, progress)
+    length = 2
+    running = _running(plan, progress)
     while progress.interval < len(plan.intervals):
         interval = running.intervals[progress.interval]
         steps = agreed(min(length, interval.steps - progress.steps_taken))
@@ -134,18 +158,22 @@ def run_segments(
         state = _continued(running, progress, steps)
         # A clock of coarse resolution may show no time at all.
         spent = max(time.perf_counter() - clock, 1e-6)
-        # Even lengths keep the loop of two steps; growth is limited to 8 times, since
+        # Even lengths suit the loop of two steps; growth is limited to 8 times, since
         # the first segment's time is mostly compilation.
         length = max(2, 2 * int(min(8 * steps, steps * seconds / spent) / 2))
-        taken, observations = progress.steps_taken + steps, progress.observations
-        ended = taken >= interval.steps
+        steps_taken = progress.steps_taken + steps
+        observations = progress.observations
+        ended = steps_taken >= interval.steps
         if ended and interval.saved:
-            at = jnp.asarray(observation_time(running, interval), plan.dtype)
-            row = observe(_program_of(plan, interval), state, at)
+            load_time = jnp.asarray(observation_time(running, interval), plan.dtype)
+            row = observe(_program_of(plan, interval), state, load_time)
             observations = (*observations, row)
-        at = (progress.interval + 1, 0) if ended else (progress.interval, taken)
-        made = state, progress.initial, observations, progress.passes
-        progress = RunProgress(*at, *made)
+        progress = progress._replace(
+            interval=progress.interval + 1 if ended else progress.interval,
+            steps_taken=0 if ended else steps_taken,
+            state=state,
+            observations=observations,
+        )
         if plan.control is not None and progress.interval == len(plan.intervals):
             progress = _next_pass(plan, progress)
             running = _running(plan, progress)
@@ -162,7 +190,7 @@ def _next_pass(plan: Plan, progress: RunProgress) -> RunProgress:
 
 
 def _stacked(observations: tuple[Observation, ...]) -> Observation:
-    return jax.tree.map(lambda *each: jnp.stack(each), *observations)
+    return jax.tree.map(lambda *rows: jnp.stack(rows), *observations)
 
 
 def finish_run(plan: Plan, progress: RunProgress) -> Solution:

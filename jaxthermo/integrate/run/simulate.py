@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -18,9 +18,10 @@ from ...parallel.lattice import own_copies, replicated
 from ...scene.compile.on_devices import on_devices
 from ...scene.compile.program import Program, State
 from ...scene.scene import Scene
+from ..implicit.newton_stage import SolverStatistics
 from ..solvers import AbstractSolver
 from ..stepper import AbstractStepper, RunState, advance, run_in_place
-from .ledger import Energy, energies, in_order
+from .ledger import Energy, Ledger, energies, in_order
 from .plan import (
     Plan,
     StepTable,
@@ -98,7 +99,7 @@ def simulate(
         >>> solution.surface_temperature.shape  # times, fragments
         (2, 96)
     """
-    require(scene, kinds=Scene, argument="simulate(scene=)", give="a Scene")
+    require(scene, classes=Scene, argument="simulate(scene=)", give="a Scene")
     with precision(scene.dtype):
         scene = on_devices(scene, devices)
         plan = plan_once(
@@ -161,19 +162,36 @@ def take_steps_in_place(
     stepper: AbstractStepper, program: Program, state: RunState, table: StepTable
 ) -> tuple[RunState, Observation]:
     """`take_steps` in one program, which overwrites the temperatures of the state."""
-    rest = state.ledger, state.solver_state
-    kept = stepper, program, rest, table
-    return run_in_place(take_all_steps, kept, state.theta)
+    constants = RunConstants(
+        stepper=stepper,
+        program=program,
+        ledger=state.ledger,
+        solver_state=state.solver_state,
+        table=table,
+    )
+    return run_in_place(take_all_steps, constants, state.theta)
+
+
+class RunConstants(NamedTuple):
+    """Arguments of a run that are not overwritten: all but the temperatures."""
+
+    stepper: AbstractStepper
+    program: Program
+    ledger: Ledger
+    solver_state: Any
+    table: StepTable
 
 
 def take_all_steps(
-    kept: tuple[AbstractStepper, Program, Any, StepTable], theta: State
+    constants: RunConstants, theta: State
 ) -> tuple[RunState, Observation]:
     """Take all steps of a table, as `take_steps`; compiled by `take_steps_in_place`."""
-    # Only the temperatures are donated: they are large, and the rest is shared.
-    stepper, program, rest, table = kept
+    # Only the temperatures are donated: they are large, and the other arrays shared.
     return take_steps(
-        stepper, program=program, state=RunState(theta, *rest), table=table
+        constants.stepper,
+        program=constants.program,
+        state=RunState(theta, constants.ledger, constants.solver_state),
+        table=constants.table,
     )
 
 
@@ -191,68 +209,82 @@ def integrate(
 ) -> Observation:
     """Take every step of a plan and return the observations at the save times.
 
-    The temperatures of the state are overwritten, but where values are traced.
-    Without `takes_steps` all is compiled and nothing integrated.
+    The temperatures of the state are overwritten, except where values are traced.
+    Without `takes_steps` the programs are compiled and nothing is integrated.
     """
     index = [plan.compiled.number_at(i.start) for i in plan.intervals]
-    numbers, pairs = sorted(set(index)), list(zip(plan.intervals, index, strict=True))
+    numbers = sorted(set(index))
+    pairs = list(zip(plan.intervals, index, strict=True))
     groups = [save_intervals(tuple(i for i, m in pairs if m == n)) for n in numbers]
     # One shape for all programs, which differ in numbers only: compiled once.
-    rows = max((len(each) for each in groups), default=0)
-    columns = max((len(group) for each in groups for group in each), default=0)
-    found, saved = [], []
-    for number, each in zip(numbers, groups, strict=True):
+    rows = max((len(program_groups) for program_groups in groups), default=0)
+    columns = max(
+        (len(group) for program_groups in groups for group in program_groups), default=0
+    )
+    observations_by_program = []
+    saved = []
+    for number, program_groups in zip(numbers, groups, strict=True):
         program = plan.compiled.programs[number]
         if traced:
             state, observations = _take_fixed_steps(
-                plan, program=program, state=state, groups=each
+                plan, program=program, state=state, groups=program_groups
             )
         else:
-            table = step_table(plan, groups=each, min_rows=rows, min_columns=columns)
+            table = step_table(
+                plan, groups=program_groups, min_rows=rows, min_columns=columns
+            )
             if not takes_steps:
                 table = table._replace(steps=jnp.zeros_like(table.steps))
-            given = plan.stepper, program, state, table
-            state, observations = take_steps_in_place(*given)
-        found.append(observations)
+            state, observations = take_steps_in_place(
+                plan.stepper, program=program, state=state, table=table
+            )
+        observations_by_program.append(observations)
         # The last interval before a motion snapshot may not be saved.
-        saved.append(np.flatnonzero([g[-1].saved for g in each]))
-    if len(found) == 1 and len(saved[0]) == len(found[0].is_finite):
-        return found[0]
-    return _saved_rows(tuple(found), tuple(map(device_array, saved)))
+        saved.append(np.flatnonzero([g[-1].saved for g in program_groups]))
+    if len(observations_by_program) == 1 and len(saved[0]) == len(
+        observations_by_program[0].is_finite
+    ):
+        return observations_by_program[0]
+    return _saved_rows(tuple(observations_by_program), tuple(map(device_array, saved)))
 
 
 def _take_fixed_steps(
     plan: Plan, program: Program, state: RunState, groups
 ) -> tuple[RunState, Observation]:
     # `take_steps` with lengths that are Python numbers, for reverse mode.
-    found, dtype = [], plan.dtype
+    rows = []
+    dtype = plan.dtype
     for group in groups:
         for i in group:
-            start, dt = jnp.asarray(i.start, dtype), jnp.asarray(i.dt, dtype)
             state = advance(
                 plan.stepper,
                 program=program,
                 state=state,
-                start=start,
-                dt=dt,
+                start=jnp.asarray(i.start, dtype),
+                dt=jnp.asarray(i.dt, dtype),
                 steps=i.steps,
                 steps_before=0,
                 checkpoints=plan.checkpoints,
             )
         time = jnp.asarray(observation_time(plan, group[-1]), dtype)
-        found.append(observe(program, state, time))
-    return state, jax.tree.map(lambda *rows: jnp.stack(rows), *found)
+        rows.append(observe(program, state, time))
+    return state, jax.tree.map(lambda *rows: jnp.stack(rows), *rows)
 
 
 @eqx.filter_jit
 def _saved_rows(
-    found: tuple[Observation, ...], saved: tuple[Int[Array, " _"], ...]
+    observations_by_program: tuple[Observation, ...],
+    saved: tuple[Int[Array, " _"], ...],
 ) -> Observation:
     picked = [
         jax.tree.map(lambda a, rows=rows: a[rows], observations)
-        for observations, rows in zip(found, saved, strict=True)
+        for observations, rows in zip(observations_by_program, saved, strict=True)
     ]
-    return jax.tree.map(lambda *each: jnp.concatenate(each), *picked)
+    return _joined(*picked)
+
+
+def _joined(*rows: Observation) -> Observation:
+    return jax.tree.map(lambda *columns: jnp.concatenate(columns), *rows)
 
 
 def make_solution(
@@ -273,15 +305,25 @@ def make_solution(
         for b in plan.scene.bodies
     )
     from_start = plan.save_times[0] == 0.0
-    # Rows that are the solution's as they are: a program would return a copy of them.
-    # On several devices it also brings them together.
+    # Rows that enter the solution unchanged do not pass through the program, which
+    # would copy them; on several devices it also gathers them.
     observed = None if from_start or program.mesh is not None else observations
-    given = observations
+    rows_to_balance = observations
     if observed is not None:
-        given = observed._replace(surface_temperature=None, fragment_outputs={})
-    kept = _balance(program, state, given, uneven, from_start)
-    rows, energy, statistics, result = own_copies(kept)
-    saved: Observation = rows if observed is None else observed
+        rows_to_balance = observed._replace(
+            surface_temperature=None, fragment_outputs={}
+        )
+    balance = own_copies(
+        _balance(
+            program,
+            state=state,
+            saved=rows_to_balance,
+            uneven=uneven,
+            from_start=from_start,
+        )
+    )
+    energy = balance.energy
+    saved: Observation = balance.rows if observed is None else observed
     receipt = plan.compiled.receipt
     if error is not None:
         receipt = replace(receipt, notes=(*receipt.notes, error.text()))
@@ -290,13 +332,13 @@ def make_solution(
         surface_temperature=saved.surface_temperature,
         mean_temperature=saved.mean_temperature,
         energy=in_order(energy, program.entries),
-        result=result,
+        result=balance.result,
         run=RunSummary(
             steps=plan.steps,
             dt=max((i.dt for i in plan.intervals), default=None),
             stable_step=plan.stable_step,
             solver=type(plan.solver).__name__,
-            statistics=statistics,
+            statistics=balance.statistics,
             time_error=None if error is None else error.kelvin,
             time_error_limit=None if error is None else error.limit,
         ),
@@ -310,6 +352,15 @@ def make_solution(
     )
 
 
+class _Balance(NamedTuple):
+    rows: Observation
+    """Saved observations, with that of the start if it is saved."""
+    energy: Energy
+    statistics: SolverStatistics | None
+    """Totals at the end of the run; None for explicit solvers."""
+    result: RESULTS
+
+
 @eqx.filter_jit
 def _balance(
     program: Program,
@@ -317,33 +368,32 @@ def _balance(
     saved: Observation | None,
     uneven: tuple[Address | None, ...],
     from_start: bool,
-) -> tuple[Observation, Energy, Any, RESULTS]:
-    """Saved rows, their energies, the last statistics, and the result.
+) -> _Balance:
+    """Complete the saved rows of a run, and draw up their energies.
 
-    `uneven` are the nodes of bodies that start so.
+    `uneven` are the nodes of the bodies whose initial temperature is not uniform.
     """
     rows = saved
     if from_start or rows is None:
         # The row of the start; cut to length 0, it has the shapes.
         initial = observe(program, state, None)
         start = jax.tree.map(lambda a: a[None][: int(from_start)], initial)
-        join = lambda *parts: jnp.concatenate(parts)
-        rows = start if rows is None else jax.tree.map(join, start, rows)
+        rows = start if rows is None else _joined(start, rows)
     # The ledger starts at 0, stored heat at that of the initial state.
     stored = rows.stored_heat - program.stored_heat(state.theta)[None]
-    ledger, heat = rows.ledger, _equalization_heat(program, state.theta, uneven)
     energy = energies(
         program.entries,
         stored=stored,
-        heat=ledger.heat,
-        moved=ledger.moved,
-        equalization=heat,
+        heat=rows.ledger.heat,
+        moved=rows.ledger.moved,
+        equalization=_equalization_heat(program, state.theta, uneven),
     )
     statistics = None
     if saved is not None:
         statistics = jax.tree.map(lambda a: a[-1], saved.statistics)
     result = run_result(rows.is_finite.all(), rows.is_physical.all(), statistics)
-    return replicated(program.mesh, (rows, energy, statistics, result))
+    balance = _Balance(rows=rows, energy=energy, statistics=statistics, result=result)
+    return replicated(program.mesh, balance)
 
 
 def _equalization_heat(

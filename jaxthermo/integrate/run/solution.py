@@ -51,8 +51,8 @@ class RESULTS(eqx.Enumeration):
         "a float32 scene, dtype float64 reaches further."
     )
     step_limit = (
-        "The error stayed above what was asked however short the step: ask for a "
-        "larger error, or float64; a term may be not finite."
+        "The error stayed above its limit however short the step: give a larger error, "
+        "or dtype float64, and check that every term is finite."
     )
     below_zero = (
         "A temperature fell below 0 K: a negative heat flux takes out more heat than "
@@ -148,9 +148,10 @@ class AbstractSolution(Module):
 
     def _reflected_parts(self, index: int) -> tuple[Array, Array]:
         with precision(self.receipt.dtype):
-            names = "emissivity", "absorptivity"
-            properties = (per_fragment(self.surfaces, name) for name in names)
-            return self.irradiance(index).reflected(*properties)
+            return self.irradiance(index).reflected(
+                per_fragment(self.surfaces, "emissivity"),
+                per_fragment(self.surfaces, "absorptivity"),
+            )
 
 
 @eqx.filter_jit
@@ -230,21 +231,23 @@ def run_result(
     statistics: SolverStatistics | None,
     steady: bool = False,
 ) -> RESULTS:
-    """Return the outcome of a run or steady state: its gravest failure, if any."""
-    found = RESULTS.where(is_physical, RESULTS.successful, RESULTS.below_zero)
-    # Later ones replace earlier ones, so the order is from mild to grave.
+    """Return the outcome of a run or steady state: its worst failure, if any."""
+    outcome = RESULTS.where(is_physical, RESULTS.successful, RESULTS.below_zero)
+    # Later ones replace earlier ones, so the order is from mild to severe.
     if statistics is not None:
-        linear, newton = RESULTS.linear_not_converged, RESULTS.newton_not_converged
+        linear = RESULTS.linear_not_converged
+        newton = RESULTS.newton_not_converged
         # A steady state has no step to shorten: the remedies of a run do not fit.
         if steady:
-            linear = newton = RESULTS.steady_not_converged
+            linear = RESULTS.steady_not_converged
+            newton = RESULTS.steady_not_converged
         for failed, failure in (
             (statistics.linear_failed, linear),
             (statistics.newton_failed, newton),
             (statistics.step_limit_reached, RESULTS.step_limit),
         ):
-            found = RESULTS.where(failed, failure, found)
-    return RESULTS.where(is_finite, found, RESULTS.nonfinite)
+            outcome = RESULTS.where(failed, failure, outcome)
+    return RESULTS.where(is_finite, outcome, RESULTS.nonfinite)
 
 
 _SolutionT = TypeVar("_SolutionT", Solution, SteadySolution)
@@ -252,16 +255,20 @@ _SolutionT = TypeVar("_SolutionT", Solution, SteadySolution)
 
 def finished(solution: _SolutionT, throw: bool) -> _SolutionT:
     """Return a solution with float64 as numpy arrays; raise its failure if `throw`."""
-    known = not is_traced(solution.result)
-    if throw and known and solution.result != RESULTS.successful:
+    is_known = not is_traced(solution.result)
+    if throw and is_known and solution.result != RESULTS.successful:
         raise RuntimeError(RESULTS[solution.result])
     # Where JAX is not set to 64 bits, every later use of a float64 array warns and
     # rounds to float32.
-    known = known and solution.receipt.dtype == "float64"
-    if not known or jnp.result_type(float) == jnp.float64 or is_traced(solution):
+    is_known = is_known and solution.receipt.dtype == "float64"
+    if not is_known or jnp.result_type(float) == jnp.float64 or is_traced(solution):
         return solution
-    double = lambda leaf: isinstance(leaf, jax.Array) and leaf.dtype == jnp.float64
-    return jax.tree.map(lambda x: np.asarray(x) if double(x) else x, solution)
+
+    def on_host(leaf):
+        is_double = isinstance(leaf, jax.Array) and leaf.dtype == jnp.float64
+        return np.asarray(leaf) if is_double else leaf
+
+    return jax.tree.map(on_host, solution)
 
 
 class Observation(NamedTuple):
@@ -282,7 +289,7 @@ class Observation(NamedTuple):
     probe_temperature: Float[Array, " p"] | None
     """At the scene's probes [K]; None without any."""
     fragment_outputs: dict[str, Float[Array, " s"]]
-    """Those of the scene's `surface_outputs`."""
+    """Values of the scene's `surface_outputs` at each fragment."""
 
 
 @eqx.filter_jit
@@ -306,25 +313,23 @@ def observe(
         rate = contact.heat_rate(time, theta, (first, second))
         for side, body in enumerate(contact.bodies):
             fragments = program.bodies[body].node.shape[0]
-            parts = [(by_contacts, contact.excess(rate, side, fragments))]
+            _add_to_body(by_contacts, body, contact.excess(rate, side, fragments))
             if program.surface_heat is not None:
                 heat = contact.fragment_heat(rate, side, fragments)
-                parts.append((contact_heat, heat))
-            for values, own in parts:
-                before = values[body]
-                values[body] = own if before is None else before + own
+                _add_to_body(contact_heat, body, heat)
     above = program.surface_temperatures(state.theta, time, by_contacts)
-    surface, mean = [], []
-    for body, theta, here in zip(program.bodies, state.theta, above, strict=True):
+    surface = []
+    mean = []
+    for body, theta, excess in zip(program.bodies, state.theta, above, strict=True):
         # The reference is added last: differences keep their digits in float32.
-        surface.append(body.reference + here)
+        surface.append(body.reference + excess)
         network = body.network
         heat = network.stored(network.temperature(theta)) / network.total_capacity()
         mean.append(body.reference + heat)
     # Stored, and its minimum is that of what was stored.
     temperature = computed_once(jnp.concatenate(surface))
     heat = program.stored_heat(state.theta)
-    # The adaptive stepper keeps its statistics beside the controller's memory.
+    # The adaptive stepper stores its statistics together with the controller's memory.
     solver_state = state.solver_state
     if not isinstance(solver_state, SolverStatistics | None):
         solver_state = solver_state.statistics
@@ -342,3 +347,9 @@ def observe(
     )
     # Every process reads it.
     return replicated(program.mesh, observation)
+
+
+def _add_to_body(values: list, body: int, contribution: Float[Array, " _"]) -> None:
+    # None stands for 0, which costs no addition.
+    total = values[body]
+    values[body] = contribution if total is None else total + contribution

@@ -58,13 +58,13 @@ class StoredSolution(NamedTuple):
                 f"{path}: nothing is saved at {listed} s there: the run and its "
                 "reference need the same save times"
             )
-        chosen = jnp.asarray([int(row[0]) for row in rows])
-        surface = self.surface_temperature[chosen]
+        selected_rows = jnp.asarray([int(row[0]) for row in rows])
+        surface = self.surface_temperature[selected_rows]
         return StoredSolution(jnp.asarray(times), surface, self.surfaces)
 
 
 class RunArrays(NamedTuple):
-    """Arrays that a file stores once; the energies of mechanisms are beside them."""
+    """Arrays that a file stores once, except for the energies of mechanisms."""
 
     times: Float[np.ndarray, " t"]
     surface_temperature: Float[np.ndarray, "t s"]
@@ -73,7 +73,7 @@ class RunArrays(NamedTuple):
     irradiance: Float[np.ndarray, "t s"]
     irradiance_sources: Float[np.ndarray, "t q s"]
     source_spectrum: Float[np.ndarray, "t q"]
-    # Only what the scene asks for.
+    # Optional outputs of the scene.
     heat_flux: Float[np.ndarray, "t s"] | None = None
     heat_transfer_coefficient: Float[np.ndarray, "t s"] | None = None
     probe_temperature: Float[np.ndarray, "t p"] | None = None
@@ -100,9 +100,9 @@ class BodyArrays(NamedTuple):
     part_names: UInt8[np.ndarray, " n"] | None = None
 
     def present(self) -> dict[str, np.ndarray]:
-        """The arrays by name, without those that a body has not."""
-        given = self._asdict().items()
-        return {name: array for name, array in given if array is not None}
+        """Return the arrays by name, without those that the body does not have."""
+        fields = self._asdict().items()
+        return {name: array for name, array in fields if array is not None}
 
 
 _GEOMETRY_FIELDS = BodyArrays._fields[:5]
@@ -139,7 +139,9 @@ def load_solution(path: Path) -> StoredSolution:
         raise InputError(
             f"{path}: no such file; `jaxthermo simulate` makes it when a run is done"
         )
-    arrays = read_archive(path, kind=KIND, version=FORMAT_VERSION, remedy=_REMEDY)
+    arrays = read_archive(
+        path, format_name=KIND, version=FORMAT_VERSION, remedy=_REMEDY
+    )
     try:
         return _stored_solution(arrays)
     except InputError as error:
@@ -161,17 +163,24 @@ def _stored_solution(arrays: dict[str, np.ndarray]) -> StoredSolution:
     if not len(run.times) or (np.diff(run.times) <= 0).any():
         raise InputError("times do not increase")
     surfaces = tuple(solved_surface(body, run.times) for body in bodies)
-    irradiance = run.irradiance, run.irradiance_sources, run.source_spectrum
-    temperatures = run.times, run.surface_temperature
-    outputs = (getattr(run, name) for name in SURFACE_OUTPUTS)
-    return StoredSolution(*temperatures, surfaces, Irradiance(*irradiance), *outputs)
+    return StoredSolution(
+        times=run.times,
+        surface_temperature=run.surface_temperature,
+        surfaces=surfaces,
+        irradiance=Irradiance(
+            run.irradiance, run.irradiance_sources, run.source_spectrum
+        ),
+        **{name: getattr(run, name) for name in SURFACE_OUTPUTS},
+    )
 
 
 def _check_energies(arrays: dict[str, np.ndarray], run: RunArrays, bodies: int) -> None:
     # The energies have the names of the scene's mechanisms; nothing else is left.
-    known = set(RunArrays._fields)
-    known |= {f"body{b}_{name}" for b in range(bodies) for name in BodyArrays._fields}
-    for name in arrays.keys() - known:
+    expected_names = set(RunArrays._fields)
+    expected_names |= {
+        f"body{b}_{name}" for b in range(bodies) for name in BodyArrays._fields
+    }
+    for name in arrays.keys() - expected_names:
         if not (name.startswith("energy_") and name.endswith("_J")):
             raise InputError(f"{name} is no part of a solution")
         heat = arrays[name]
@@ -182,15 +191,18 @@ def _check_energies(arrays: dict[str, np.ndarray], run: RunArrays, bodies: int) 
 
 
 def _check_ranges(body: BodyArrays) -> None:
-    fraction = lambda values: (values >= 0) & (values <= 1)
+
+    def is_fraction(values):
+        return (values >= 0) & (values <= 1)
+
     valid = {
         "pitch": body.pitch > 0,
         "fragment_area": body.fragment_area > 0,
-        "emissivity": fraction(body.emissivity),
-        "absorptivity": fraction(body.absorptivity),
+        "emissivity": is_fraction(body.emissivity),
+        "absorptivity": is_fraction(body.absorptivity),
     }
-    for name, found in valid.items():
-        if not found.all():
+    for name, is_valid in valid.items():
+        if not is_valid.all():
             raise InputError(f"{name} of a body is out of its range")
 
 
@@ -213,13 +225,15 @@ def solved_surface(body: BodyArrays, times: Float[np.ndarray, " t"]) -> SolvedSu
         InputError: if they contradict each other.
     """
     _check_ranges(body)
-    first, last = body.faces.min(initial=0), body.faces.max(initial=0)
+    first = body.faces.min(initial=0)
+    last = body.faces.max(initial=0)
     if not 0 <= first <= last < len(body.vertices):
-        raise InputError("a face has a vertex that is not there")
-    row = lambda values: (float(values[0]), float(values[1]), float(values[2]))
+        raise InputError("a face has a vertex that does not exist")
     poses = tuple(
-        Pose(row(shift), tuple(map(row, turn)))
-        for shift, turn in zip(body.translation, body.rotation, strict=True)
+        Pose(tuple(shift), tuple(map(tuple, turn)))
+        for shift, turn in zip(
+            body.translation.tolist(), body.rotation.tolist(), strict=True
+        )
     )
     if len(poses) not in (1, len(times)):
         raise InputError(f"{len(poses)} poses are stored at {len(times)} times")

@@ -2,7 +2,7 @@
 
 Through the fragments near a point that face the same way, a plane over the tangent
 plane of the surface is laid by weighted least squares, and read at the point. Facing
-decides: a thin sheet has another temperature a voxel behind, a fold one beside.
+decides: a thin sheet has another temperature a voxel behind, a fold a voxel away.
 """
 
 from typing import NamedTuple
@@ -56,20 +56,20 @@ class SurfaceReading(NamedTuple):
     """Temperatures at points as weighted means of those of fragments."""
 
     fragment: Int[np.ndarray, "p k"]
-    """The nearest first."""
+    """Index of each fragment, the nearest first."""
     weight: Float[np.ndarray, "p k"]
-    """Weight of each [-]; the sum is 1."""
+    """Weight of each fragment [-]; the sum is 1."""
     is_lost: Bool[np.ndarray, " p"]
     """True where no fragment nearby faces as the point does."""
     distance: Float[np.ndarray, " p"]
-    """To the nearest fragment, whichever way it faces [m]."""
+    """Distance to the nearest fragment, whichever way it faces [m]."""
     height: Float[np.ndarray, " p"]
-    """Above the plane of that fragment [m]; negative inside."""
+    """Height above the plane of the nearest fragment [m]; negative inside."""
 
     def at(
         self, points: Bool[np.ndarray, " p"] | Int[np.ndarray, " q"]
     ) -> "SurfaceReading":
-        """Return the reading of some of the points."""
+        """Return the reading of the points that a mask or indices select."""
         return SurfaceReading(*(column[points] for column in self))
 
     def read(
@@ -102,7 +102,8 @@ def surface_reading(
     Without `normals`, a point faces as the nearest fragment does, and is lost if it is
     not in the plane of that fragment.
     """
-    position, pitch = geometry.fragment_position, geometry.pitch
+    position = geometry.fragment_position
+    pitch = geometry.pitch
     distance, near = _tree(position).query(points, k=_CANDIDATES)
     # Where there are fewer fragments, the others are at infinity.
     near = np.minimum(near, len(position) - 1)
@@ -119,16 +120,16 @@ def surface_reading(
     apart = np.abs(np.diff(offset, axis=1)).max(axis=2) > _APART
     alike = np.einsum("pki,pki->pk", directions[near[:, 1:]], directions[near[:, :-1]])
     used[:, 1:] &= apart | (alike < _SAME_SIDE)
-    # The nearest of those first, then the others, without weight.
+    # The nearest used fragments first, then unused ones, which have no weight.
     order = np.argsort(~used, axis=1, kind="stable")[:, :_NEIGHBOURS]
-    own = np.take_along_axis(used, order, axis=1)
+    is_used = np.take_along_axis(used, order, axis=1)
     first = np.take_along_axis(distance, order, axis=1)[:, 0]
-    is_lost = ~own[:, 0] | (first > _REACH * pitch)
+    is_lost = ~is_used[:, 0] | (first > _REACH * pitch)
     if normals is None:
         is_lost |= np.abs(above) > _MAX_HEIGHT * pitch
     offset = np.take_along_axis(offset, order[..., None], axis=1)
     along = offset @ np.stack(tangents(normal), axis=2)
-    weight = _plane_weights(along, own)
+    weight = _plane_weights(along, is_used)
     fragment = np.take_along_axis(near, order, axis=1)
     return SurfaceReading(
         fragment=fragment,
@@ -140,7 +141,7 @@ def surface_reading(
 
 
 def _tree(position: Float[np.ndarray, "s 3"]) -> KDTree:
-    """Search tree of the fragments of a body, found once for all solutions of it."""
+    """Search tree of the fragments of a body, built once for all of its solutions."""
     # With a copy: a finding must not keep what it belongs to.
     return found((position,), "tree", lambda: KDTree(position, copy_data=True))
 
@@ -151,15 +152,15 @@ def _plane_weights(
     """Weights of the value at 0 of the plane nearest to the values at `along`."""
     # Nearly an interpolation: an average over neighbours would hide their scatter.
     square = (along**2).sum(axis=2)
-    part = np.maximum(1 - square / _RADIUS**2, 0) / (square + _CLOSE)
-    part = np.where(used, part, 0)
+    root_weight = np.maximum(1 - square / _RADIUS**2, 0) / (square + _CLOSE)
+    root_weight = np.where(used, root_weight, 0)
     # Of a lost point nothing is read, but its weights must be finite.
-    part[:, 0] = np.maximum(part[:, 0], 1e-9)
-    mean = part**2 / (part**2).sum(axis=1, keepdims=True)
+    root_weight[:, 0] = np.maximum(root_weight[:, 0], 1e-9)
+    mean = root_weight**2 / (root_weight**2).sum(axis=1, keepdims=True)
     centre = np.einsum("pk,pkj->pj", mean, along)
-    lever = part[:, :, None] * (along - centre[:, None])
+    lever = root_weight[:, :, None] * (along - centre[:, None])
     # By the pseudo-inverse: no slope across fragments that lie in a row.
-    slope = np.linalg.pinv(lever, rcond=1e-3) * part[:, None]
+    slope = np.linalg.pinv(lever, rcond=1e-3) * root_weight[:, None]
     weight = mean - np.einsum("pj,pjk->pk", centre, slope)
     # Nearly in a row they would be a lever: their mean instead.
     is_lever = np.abs(weight).sum(axis=1) > _MAX_WEIGHTS

@@ -35,13 +35,13 @@ from .solution import Observation
 
 
 _MAX_PASSES = 12
-"""Passes after which something else than the step is wrong."""
+"""Largest number of passes: after it something other than the step is wrong."""
 
 _MIN_PROGRESS = 1.25
-"""Ratio of successive differences below which shorter steps are of no use,"""
+"""Ratio of successive differences below which shorter steps are of no use."""
 
 _FIRST_JUDGED = 4
-"""from this pass on: the steps of the first ones may be too long to tell."""
+"""Pass from which that ratio is judged: earlier steps may be too long to tell."""
 
 
 class TimeError(NamedTuple):
@@ -58,12 +58,13 @@ class TimeError(NamedTuple):
 
     def text(self) -> str:
         """Return the estimate as a note of the receipt."""
-        found, limit = f"error in time about {self.kelvin:.2g} K", f"{self.limit:.2g} K"
+        estimate = f"error in time about {self.kelvin:.2g} K"
+        limit = f"{self.limit:.2g} K"
         if self.holds:
-            return f"{found}, within {limit}"
+            return f"{estimate}, within {limit}"
         return (
-            f"{found}, above the limit of {limit}, which shorter steps did not reach: "
-            "use dtype float64, or give a solver with its step"
+            f"{estimate}, above the limit of {limit}, which shorter steps did not "
+            "reach: use dtype float64, or give a solver with its step"
         )
 
 
@@ -71,13 +72,13 @@ class Passes(NamedTuple):
     """The passes of a run so far: all that the next one depends on."""
 
     number: int = 0
-    """Number of the next pass, or of that of `rows` if `finished`."""
+    """Number of the next pass, or if `finished` of the pass that made `rows`."""
     rows: Observation | None = None
     """Observations of the last pass that succeeded."""
     difference: float | None = None
-    """Its largest difference to the one before [K]."""
+    """Largest difference between the last two passes [K]."""
     error: TimeError | None = None
-    """Estimate of its error; None before the second pass."""
+    """Estimate of the error of the last pass; None before the second pass."""
     finished: bool = False
 
     def after(self, rows: Observation, control: ErrorControl) -> "Passes":
@@ -92,16 +93,18 @@ class Passes(NamedTuple):
             return Passes(self.number, rows, finished=True)
         if self.rows is None:
             return Passes(self.number + 1, rows)
-        one, other = (np.asarray(r.surface_temperature) for r in (self.rows, rows))
-        # On the host: nothing to compile, and a fraction of the time of one pass.
-        difference = float(np.abs(other - one).max())
-        ratio, stagnates = 2.0, False
+        # On the host, where there is nothing to compile.
+        previous = np.asarray(self.rows.surface_temperature)
+        latest = np.asarray(rows.surface_temperature)
+        difference = float(np.abs(latest - previous).max())
+        ratio = 2.0
+        stagnates = False
         if self.difference is not None:
             reduction = self.difference / max(difference, 1e-30)
             ratio = min(max(reduction, 2.0), 4.0)
             judged = self.number >= _FIRST_JUDGED
             stagnates = judged and reduction < _MIN_PROGRESS
-        ranges = other.max(axis=1) - other.min(axis=1)
+        ranges = latest.max(axis=1) - latest.min(axis=1)
         limit = max(control.relative_error * float(ranges.max()), control.error)
         error = TimeError(difference / (ratio - 1), limit)
         finished = error.holds or stagnates or self.number + 1 >= _MAX_PASSES
@@ -116,8 +119,8 @@ class Passes(NamedTuple):
 
 
 def _succeeded(rows: Observation) -> bool:
-    # The same as `run_result`, on the host.
-    if not all(np.asarray(each).all() for each in (rows.is_finite, rows.is_physical)):
+    # As `run_result` judges a run, but on the host.
+    if not all(np.asarray(flags).all() for flags in (rows.is_finite, rows.is_physical)):
         return False
     if rows.statistics is None:
         return True
@@ -129,7 +132,8 @@ def of_pass(plan: Plan, number: int) -> Plan:
     """Return the plan of a pass; the plan itself where the error is not controlled."""
     if plan.control is None:
         return plan
-    factor, stepper = 2**number, plan.stepper
+    factor = 2**number
+    stepper = plan.stepper
     if isinstance(stepper, AdaptiveStepper):
         # The error of a step is of third order in its length.
         tolerance = stepper.tolerance * float(factor) ** -3

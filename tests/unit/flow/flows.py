@@ -22,6 +22,7 @@ def schaefer_turek(diameter, reynolds, speed):
 @functools.cache
 def small_steady():
     """2D-1 with 20 cells across the cylinder, and the progress that it reports."""
-    channel, seen = schaefer_turek(20, 20.0, 0.05), []
+    channel = schaefer_turek(20, 20.0, 0.05)
+    seen = []
     run = simulate_flow(channel, 9000, average_from=0.9, progress=seen.append)
     return run, seen

@@ -81,13 +81,15 @@ class _Grid:
         s = np.linspace(0, 1, nt + 1)
         self.radius = _RADIUS * np.exp(self.dx * np.arange(nr + 1))
         self.angle = np.pi * ((1 - bend) * s + bend * s * s)
-        slope, curvature = np.pi * ((1 - bend) + 2 * bend * s), 2 * np.pi * bend
+        slope = np.pi * ((1 - bend) + 2 * bend * s)
+        curvature = 2 * np.pi * bend
         along, along2 = _differences(nr + 1, self.dx)
         ds, ds2 = _differences(nt + 1, 1 / nt)
         around2 = (
             sparse.diags(slope**-2) @ ds2 - sparse.diags(curvature / slope**3) @ ds
         )
-        rows, columns = sparse.identity(nr + 1), sparse.identity(nt + 1)
+        rows = sparse.identity(nr + 1)
+        columns = sparse.identity(nt + 1)
         self.by_x = sparse.kron(along, columns).tocsr()
         self.by_t = sparse.kron(rows, sparse.diags(1 / slope) @ ds).tocsr()
         self.laplacian = (
@@ -95,10 +97,12 @@ class _Grid:
         ).tocsr()
 
         i, j = (k.ravel() for k in np.indices(self.shape))
-        self.r, self.t = self.radius[i], self.angle[j]
+        self.r = self.radius[i]
+        self.t = self.angle[j]
         between = (j > 0) & (j < nt)
         self.inner = (i > 0) & (i < nr) & between
-        self.wall, self.edge = (i == 0) & between, (i == nr) & between
+        self.wall = (i == 0) & between
+        self.edge = (i == nr) & between
         self.outflow = self.edge & (self.t < np.pi / 2)
         # No slip: r^2 w = -(8 psi_1 - psi_2) / (2 dx^2), to second order (V. Jensen).
         e = np.ones(nr + 1)
@@ -116,9 +120,12 @@ class _Grid:
     def newton_step(self, state, reynolds: float, drag: float):
         """What a step of Newton's method adds to psi and w, with a far deficit."""
         psi, w = np.split(state, 2)
-        psi_x, psi_t = self.by_x @ psi, self.by_t @ psi
-        w_x, w_t = self.by_x @ w, self.by_t @ w
-        r2, inner = self.r**2, self.inner
+        psi_x = self.by_x @ psi
+        psi_t = self.by_t @ psi
+        w_x = self.by_x @ w
+        w_t = self.by_t @ w
+        r2 = self.r**2
+        inner = self.inner
         poisson = np.where(
             inner,
             self.laplacian @ psi + r2 * w,
@@ -162,7 +169,8 @@ class _Grid:
 
     def centreline(self, psi):
         """u = psi_t / r behind, from two angles: psi is odd in the angle."""
-        psi, (t1, t2) = psi.reshape(self.shape), self.angle[1:3]
+        psi = psi.reshape(self.shape)
+        (t1, t2) = self.angle[1:3]
         slope = psi[:, 1] * t2**3 - psi[:, 2] * t1**3
         return slope / (t1 * t2**3 - t2 * t1**3) / self.radius
 
@@ -186,14 +194,21 @@ def polar_flow(
     grid = _Grid(shape, outer, 0.0 if as_data else _BEND)
     if start is None:
         stream = (grid.r - _RADIUS**2 / grid.r) * np.sin(grid.t)
-        state, drag = np.append(stream, 0 * stream), 2.0
+        state = np.append(stream, 0 * stream)
+        drag = 2.0
     else:
-        state, drag = start.state, start.drag
+        state = start.state
+        drag = start.drag
     for _ in range(30):
         step = grid.newton_step(state, reynolds, 0.0 if as_data else drag)
         state = state + step
         psi, w = np.split(state, 2)
         drag = grid.drag(w, reynolds)
         if np.abs(step).max() < 1e-7:
-            return PolarFlow(grid.radius, grid.centreline(psi), drag, state)
+            return PolarFlow(
+                radius=grid.radius,
+                centreline=grid.centreline(psi),
+                drag=drag,
+                state=state,
+            )
     raise RuntimeError(f"no steady flow found at Re {reynolds:g}")

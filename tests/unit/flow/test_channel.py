@@ -12,13 +12,13 @@ from jaxthermo.flow.run import simulate_flow
 
 def mask(rows, columns):
     """A body of cells in a channel of 20 x 40."""
-    found = np.zeros((20, 40), bool)
-    found[rows, columns] = True
-    return found
+    solid = np.zeros((20, 40), bool)
+    solid[rows, columns] = True
+    return solid
 
 
 @pytest.mark.parametrize(
-    ("given", "words"),
+    ("options", "words"),
     [
         ({"speed": 0.1}, "Mach number 0.173 is not between 0 and 0.15.*below 0.0866"),
         ({"speed": 0.06, "inlet": "poiseuille"}, "Mach number 0.155.*below 0.058"),
@@ -46,16 +46,16 @@ def mask(rows, columns):
         ({"body": np.ones((3, 3), bool)}, "of shape"),
     ],
 )
-def test_a_mistake_is_one_line(given, words):
+def test_a_mistake_is_one_line(options, words):
     usual = {"shape": (20, 40), "speed": 0.05, "viscosity": 0.05, "body": None}
     with pytest.raises(InputError, match=words) as raised:
-        Channel(**{**usual, **given})
+        Channel(**{**usual, **options})
     assert "\n" not in str(raised.value)
 
 
 def test_traced_numbers_are_not_refused():
-    made = jax.jit(lambda speed: Channel((20, 40), speed, 0.05).speed)
-    assert float(made(0.4)) == 0.4
+    speed_of_channel = jax.jit(lambda speed: Channel((20, 40), speed, 0.05).speed)
+    assert float(speed_of_channel(0.4)) == 0.4
 
 
 def test_at_least_one_step_is_taken():

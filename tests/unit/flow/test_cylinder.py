@@ -64,7 +64,13 @@ def test_the_steady_benchmark_of_schaefer_and_turek_on_a_coarse_lattice():
 
 def test_a_run_reports_its_progress_and_samples():
     seen = []
-    channel = Channel((12, 24), 0.05, 0.1, RoundBody((6.0, 6.0), 4.0), walls="slip")
+    channel = Channel(
+        shape=(12, 24),
+        speed=0.05,
+        viscosity=0.1,
+        body=RoundBody((6.0, 6.0), 4.0),
+        walls="slip",
+    )
     run = simulate_flow(channel, 120, average_from=0.5, progress=seen.append)
     assert [p.steps for p in seen] == [60, 120]
     assert seen[-1].seconds_left == 0.0 and "of 120 steps" in seen[0].text
@@ -86,8 +92,9 @@ def test_a_longer_run_reports_its_progress_and_samples():
 
 
 def test_the_frequency_of_a_known_lift():
-    step, none = np.arange(0, 9001, 18), jnp.zeros((1, 1))
-    fields = Fields(none, none, none, none, None)
+    step = np.arange(0, 9001, 18)
+    none = jnp.zeros((1, 1))
+    fields = Fields(pressure=none, x=none, y=none, speed=none, temperature=None)
     run = FlowRun(
         channel=schaefer_turek(20, 20.0, 0.05),
         last=fields,
@@ -129,14 +136,14 @@ def as_data(reynolds: float) -> PolarFlow:
 @pytest.mark.parametrize("reynolds", [10.0, 20.0, 40.0])
 def test_the_data_are_those_of_a_coarse_grid_and_a_one_sided_difference(reynolds):
     computed = np.genfromtxt(STEADY, delimiter=",", names=True)
-    found = as_data(reynolds).one_sided_speed(computed["x_over_D_from_centre"])
+    speed = as_data(reynolds).one_sided_speed(computed["x_over_D_from_centre"])
     expected = computed[f"u_over_U_Re{reynolds:g}"]
-    np.testing.assert_allclose(found, expected, atol=1e-4)
+    np.testing.assert_allclose(speed, expected, atol=1e-4)
 
 
 # The data are of an unbounded flow. Walls 60 diameters apart add 0.02 U to it, and the
 # bound is 0.03: at Re 40 they stand 90 apart.
-WIDE = WakeSetup(16, 90.0, 25.0, 15.0, 4.0)
+WIDE = WakeSetup(cells=16, height=90.0, upstream=25.0, downstream=15.0, passes=4.0)
 
 
 def one_sided_line(run, at: np.ndarray) -> np.ndarray:
@@ -145,7 +152,8 @@ def one_sided_line(run, at: np.ndarray) -> np.ndarray:
     Their one-sided difference over hundredths of a half turn reads a thin wake as
     slower than it is: at Re 40 by 0.026 U at 10 diameters.
     """
-    body, u = run.channel.body, run.mean.x.astype(float) / run.channel.speed
+    body = run.channel.body
+    u = run.mean.x.astype(float) / run.channel.speed
     psi = np.vstack([np.zeros(u.shape[1]), np.cumsum(u, 0)]) / body.diameter
 
     def upper(angle: float) -> np.ndarray:

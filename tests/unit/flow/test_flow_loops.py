@@ -45,36 +45,39 @@ def state_after(program, steps=10):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("options", "dtype", "most"),
+    ("options", "dtype", "tolerance"),
     [
         pytest.param(
-            own,
+            channel_options,
             dtype,
-            most,
+            tolerance,
             id=f"{dtype}-{name}",
             marks=[pytest.mark.slice] * (name == "heat" and dtype == "float64"),
         )
-        for dtype, most in (("float64", 1e-15), ("float32", 4e-7))
-        for name, own in OPTIONS.items()
+        for dtype, tolerance in (("float64", 1e-15), ("float32", 4e-7))
+        for name, channel_options in OPTIONS.items()
     ],
 )
-def test_states_are_those_of_the_arrays(options, dtype, most):
+def test_states_are_those_of_the_arrays(options, dtype, tolerance):
     pytest.importorskip("numba")
-    found, plain = (
+    in_loops, plain = (
         state_after(flow_program(channel(**options), dtype, kernels))
         for kernels in ("numba", None)
     )
-    compare = lambda a, b: np.testing.assert_allclose(a, b, rtol=0, atol=most)
-    jax.tree.map(compare, found, plain)
-    assert max(float(abs(f).max()) for f in found.flow) > 1e-3
+
+    def compare(a, b):
+        return np.testing.assert_allclose(a, b, rtol=0, atol=tolerance)
+
+    jax.tree.map(compare, in_loops, plain)
+    assert max(float(abs(f).max()) for f in in_loops.flow) > 1e-3
 
 
 @pytest.mark.slow
 def test_derivatives_are_those_of_the_arrays_and_of_differences():
     pytest.importorskip("numba")
 
-    def total(given, kernels="numba"):
-        speed, viscosity, diffusivity = given
+    def total(numbers, kernels="numba"):
+        speed, viscosity, diffusivity = numbers
         options = OPTIONS["heat"] | {"diffusivity": diffusivity}
         program = flow_program(channel(speed, viscosity, **options), "float64", kernels)
         state = state_after(program, 4)
@@ -82,24 +85,24 @@ def test_derivatives_are_those_of_the_arrays_and_of_differences():
         return (state.flow[1] ** 2).sum() + (state.heat[2] ** 2).sum()
 
     at = jnp.array([0.05, 0.06, 0.07])
-    found = jax.jit(jax.grad(total))(at)
-    np.testing.assert_allclose(found, jax.grad(total)(at, None), rtol=1e-10)
+    gradient = jax.jit(jax.grad(total))(at)
+    np.testing.assert_allclose(gradient, jax.grad(total)(at, None), rtol=1e-10)
     for n in range(3):
         step = jnp.zeros(3).at[n].set(1e-6)
         difference = (total(at + step) - total(at - step)) / 2e-6
-        np.testing.assert_allclose(found[n], difference, rtol=1e-5)
+        np.testing.assert_allclose(gradient[n], difference, rtol=1e-5)
 
 
 @pytest.mark.slow
 def test_a_run():
     pytest.importorskip("numba")
-    found, plain = (
+    in_loops, plain = (
         simulate_flow(channel(**OPTIONS["heat"]), 80, dtype="float64", kernels=kernels)
         for kernels in ("numba", None)
     )
-    np.testing.assert_allclose(found.drag, plain.drag, rtol=1e-9)
-    np.testing.assert_allclose(found.heat, plain.heat, rtol=1e-9)
-    np.testing.assert_allclose(found.mean.speed, plain.mean.speed, atol=1e-13)
+    np.testing.assert_allclose(in_loops.drag, plain.drag, rtol=1e-9)
+    np.testing.assert_allclose(in_loops.heat, plain.heat, rtol=1e-9)
+    np.testing.assert_allclose(in_loops.mean.speed, plain.mean.speed, atol=1e-13)
 
 
 def test_other_kernels_are_one_line():

@@ -11,10 +11,10 @@ from jaxthermo.flow.flow import advance, fields, flow_program, initial_state
 from jaxthermo.flow.lattice import MAGIC, flow_rates, textbook_step
 
 
-def box(shape, viscosity, **given):
+def box(shape, viscosity, **options):
     """Periodic in both directions unless told otherwise."""
     return Channel(
-        shape, 0.0, viscosity, **{"walls": "periodic", "ends": "periodic", **given}
+        shape, 0.0, viscosity, **{"walls": "periodic", "ends": "periodic", **options}
     )
 
 
@@ -43,14 +43,15 @@ def test_a_step_is_that_of_the_textbook(force):
     step = jax.jit(lambda f: textbook_step(f, flow_rates(0.07, MAGIC), force))
     for _ in range(6):
         plain = step(plain)
-    found = np.stack([f[1:-1, 1:-1] for f in state.flow])
-    np.testing.assert_allclose(found, plain, atol=1e-15)
+    populations = np.stack([f[1:-1, 1:-1] for f in state.flow])
+    np.testing.assert_allclose(populations, plain, atol=1e-15)
 
 
 @functools.cache
 def parabola(viscosity, magic):
     """Largest error of the flow between two walls, over its highest speed."""
-    height, top = 8, 0.05
+    height = 8
+    top = 0.05
     force = 8 * viscosity * top / height**2
     channel = box(
         (height, 4), viscosity, walls="no_slip", force=(force, 0.0), magic=magic
@@ -59,8 +60,8 @@ def parabola(viscosity, magic):
     state = after(program, initial_state(program), 2 * round(250 / viscosity))
     y = (np.arange(height) + 0.5) / height
     exact = 4 * top * y * (1 - y)
-    found = np.asarray(fields(program, state).x)
-    return np.abs(found - exact[:, None]).max() / top
+    speed = np.asarray(fields(program, state).x)
+    return np.abs(speed - exact[:, None]).max() / top
 
 
 @pytest.mark.parametrize("viscosity", [0.2, 0.5])
@@ -74,14 +75,15 @@ def test_at_another_magic_parameter_the_walls_lie_elsewhere():
 
 def vortex_error(count):
     """Relative error after the vortices have lost about half of their speed."""
-    viscosity, speed = 0.05, 0.64 / count
+    viscosity = 0.05
+    speed = 0.64 / count
     program = flow_program(box((count, count), viscosity), "float64")
     u, state = vortices(count, speed, program)
     steps = round(count**2 / 12)
     steps += steps % 2
     left = np.exp(-2 * viscosity * (2 * np.pi / count) ** 2 * steps)
-    found = fields(program, after(program, state, steps))
-    error = np.hypot(found.x - left * u[0], found.y - left * u[1])
+    end = fields(program, after(program, state, steps))
+    error = np.hypot(end.x - left * u[0], end.y - left * u[1])
     return error.max() / (left * speed), left
 
 
@@ -97,16 +99,19 @@ def test_mass_is_conserved_over_many_steps(dtype):
     program = flow_program(box((8, 8), 0.02), dtype)
     random = np.random.default_rng(2).uniform(-0.05, 0.05, (2, 8, 8))
     state = initial_state(program, (random[0], random[1]))
-    mass = lambda s: 64 + 3 * np.asarray(fields(program, s).pressure, float).sum()
-    before = mass(state)
-    assert abs(mass(after(program, state, 10_000)) / before - 1) < 1e-6
+
+    def mass(s):
+        return 64 + 3 * np.asarray(fields(program, s).pressure, float).sum()
+
+    first_mass = mass(state)
+    assert abs(mass(after(program, state, 10_000)) / first_mass - 1) < 1e-6
 
 
 def test_float32_is_as_precise_as_the_deviation_from_rest():
     """Speeds far below the precision of populations near 1."""
-    found = []
+    speeds = []
     for dtype in ("float32", "float64"):
         program = flow_program(box((12, 12), 0.05), dtype)
         _, state = vortices(12, 1e-6, program)
-        found.append(np.asarray(fields(program, after(program, state, 12)).x, float))
-    np.testing.assert_allclose(*found, atol=1e-11)
+        speeds.append(np.asarray(fields(program, after(program, state, 12)).x, float))
+    np.testing.assert_allclose(*speeds, atol=1e-11)

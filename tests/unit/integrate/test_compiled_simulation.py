@@ -52,16 +52,16 @@ def make_scene(structure, k=16.0, h=10.0, air: Any = 290.0, sun=SHADED, **option
     return jt.Scene((body,), terms, dtype="float64")
 
 
-def assert_equal(one, other):
+def assert_equal(solution, expected):
     """Equal bit for bit."""
     for name in ("times", "surface_temperature", "mean_temperature", "energy"):
-        both = jax.tree.leaves((getattr(one, name), getattr(other, name)))
-        half = len(both) // 2
-        for a, b in zip(both[:half], both[half:], strict=True):
+        leaves = jax.tree.leaves((getattr(solution, name), getattr(expected, name)))
+        half = len(leaves) // 2
+        for a, b in zip(leaves[:half], leaves[half:], strict=True):
             np.testing.assert_array_equal(a, b, name)
-    assert one.run.steps == other.run.steps
-    assert one.receipt.notes == other.receipt.notes
-    assert one.receipt.left_out == other.receipt.left_out
+    assert solution.run.steps == expected.run.steps
+    assert solution.receipt.notes == expected.receipt.notes
+    assert solution.receipt.left_out == expected.receipt.left_out
 
 
 def fresh(scene, solver=None):
@@ -77,81 +77,85 @@ def test_other_numbers_cost_no_compilation(structure, solver):
     run = jt.compile_simulation(make_scene(structure), *TIMES, solver=solver)
     # Both numbers of a run that controls its error, which may take more passes.
     run(make_scene(structure, h=11.0))
-    before = compilations()
-    other = make_scene(structure, k=150.0, h=25.0, air=285.0, temperature=310.0)
-    found = run(other)
-    assert compilations() == before
-    assert found.receipt.searches == ()
-    assert_equal(found, fresh(other, solver))
+    compiled_so_far = compilations()
+    changed_scene = make_scene(structure, k=150.0, h=25.0, air=285.0, temperature=310.0)
+    solution = run(changed_scene)
+    assert compilations() == compiled_so_far
+    assert solution.receipt.searches == ()
+    assert_equal(solution, fresh(changed_scene, solver))
 
 
 def test_the_same_scene_again_is_the_same(structure):
     scene = make_scene(structure)
     run = jt.compile_simulation(scene, *TIMES)
-    before = compilations()
-    found = run()
-    assert compilations() == before
-    assert found.receipt.searches == ()
-    assert_equal(found, fresh(scene))
+    compiled_so_far = compilations()
+    solution = run()
+    assert compilations() == compiled_so_far
+    assert solution.receipt.searches == ()
+    assert_equal(solution, fresh(scene))
 
 
 def test_the_plan_of_a_scene_ends_with_it(structure):
     forget_findings()
     scene = make_scene(structure)
     first = jt.simulate(scene, *TIMES, solver=EULER)
-    kept = findings_size()
+    size = findings_size()
     again = jt.simulate(scene, *TIMES, solver=EULER)
-    assert findings_size() == kept
+    assert findings_size() == size
     assert first.receipt.searches == ("shadows of sun on body 0",)
     assert again.receipt.searches == ()
     assert_equal(first, again)
     # Of another run of the scene there is another plan.
     jt.simulate(scene, *TIMES, solver=jt.ForwardEuler(dt=0.5))
-    assert findings_size()[0] == kept[0] + 1
+    assert findings_size()[0] == size[0] + 1
     del scene, first, again
     gc.collect(0)
-    assert findings_size()[0] == kept[0] - 1
+    assert findings_size()[0] == size[0] - 1
 
 
 def test_simulate_compiles_nothing_again_either(structure):
     jt.simulate(make_scene(structure), *TIMES, solver=jt.ForwardEuler())
-    before = compilations()
+    compiled_so_far = compilations()
     scene = make_scene(structure, k=20.0, h=30.0)
-    found = jt.simulate(scene, *TIMES, solver=jt.ForwardEuler())
-    assert compilations() == before
-    assert found.receipt.searches == ()
+    solution = jt.simulate(scene, *TIMES, solver=jt.ForwardEuler())
+    assert compilations() == compiled_so_far
+    assert solution.receipt.searches == ()
 
 
 def test_other_times_of_a_table_cost_no_compilation(structure):
-    air = lambda end: jt.Table([0.0, end], [290.0, 300.0])
+    def air(end):
+        return jt.Table([0.0, end], [290.0, 300.0])
+
     solver = jt.SuperTimeStepping(dt=10.0)
     run = jt.compile_simulation(
         make_scene(structure, air=air(30.0)), *TIMES, solver=solver
     )
-    other = make_scene(structure, air=air(45.0))
-    before = compilations()
-    found = run(other)
-    assert compilations() == before
-    assert_equal(found, fresh(other, solver))
+    later_table = make_scene(structure, air=air(45.0))
+    compiled_so_far = compilations()
+    solution = run(later_table)
+    assert compilations() == compiled_so_far
+    assert_equal(solution, fresh(later_table, solver))
 
 
 def test_other_weights_cost_no_compilation(structure):
-    grid, solver = structure.grid, jt.ForwardEuler()
-    weighted = lambda w: jt.Aggregate(
-        grid, factor=2, weights=jt.ConductionWeights(within=w)
-    )
+    grid = structure.grid
+    solver = jt.ForwardEuler()
+
+    def weighted(w):
+        return jt.Aggregate(grid, factor=2, weights=jt.ConductionWeights(within=w))
+
     run = jt.compile_simulation(make_scene(weighted(1.1)), *TIMES, solver=solver)
-    other = make_scene(weighted(0.9))
-    before = compilations()
-    found = run(other)
-    assert compilations() == before
-    assert_equal(found, fresh(other, solver))
+    weaker_links = make_scene(weighted(0.9))
+    compiled_so_far = compilations()
+    solution = run(weaker_links)
+    assert compilations() == compiled_so_far
+    assert_equal(solution, fresh(weaker_links, solver))
 
 
 def test_a_full_volume_with_weights_does_not_run_in_cells_found_without():
     grid = blocks(np.ones((3, 3, 4), bool), 0.01)
     weights = jt.ConductionWeights(), jt.ConductionWeights(within=1 + 1e-9)
-    bodies = (jt.FullVolume(grid, weights=each) for each in weights)
+    bodies = (jt.FullVolume(grid, weights=body_weights) for body_weights in weights)
     scenes = (
         jt.Scene(make_scene(body).bodies, AIR, dtype="float64") for body in bodies
     )
@@ -163,26 +167,26 @@ def test_a_full_volume_with_weights_does_not_run_in_cells_found_without():
 def test_a_sun_that_moved_casts_its_shadows_again(structure):
     run = jt.compile_simulation(make_scene(structure), *TIMES, solver=EULER)
     moved = make_scene(structure, sun=jt.Sun((0.0, -1.0, -0.7), jt.Until(900.0, 40.0)))
-    found = run(moved)
-    assert found.receipt.searches == ("shadows of sun on body 0",)
-    assert_equal(found, fresh(moved, EULER))
+    solution = run(moved)
+    assert solution.receipt.searches == ("shadows of sun on body 0",)
+    assert_equal(solution, fresh(moved, EULER))
 
 
 def test_a_sun_that_moved_a_little_costs_its_shadows_only(structure):
-    sun = lambda x: jt.Sun((-1.0, 0.0, x), jt.Until(800.0, 40.0))
-    low, high = (
-        make_scene(structure, sun=sun(0.0)),
-        make_scene(structure, sun=sun(-0.4)),
-    )
+    def sun(x):
+        return jt.Sun((-1.0, 0.0, x), jt.Until(800.0, 40.0))
+
+    low = make_scene(structure, sun=sun(0.0))
+    high = make_scene(structure, sun=sun(-0.4))
     # Another number of lit fragments, of which two runs know.
     jt.simulate(high, *TIMES, solver=EULER)
     run = jt.compile_simulation(low, *TIMES, solver=EULER)
     moved = make_scene(structure, sun=sun(-0.1))
-    before = compilations()
-    found = run(moved)
-    assert found.receipt.searches == ("shadows of sun on body 0",)
-    assert compilations() == before
-    assert_equal(found, fresh(moved, EULER))
+    compiled_so_far = compilations()
+    solution = run(moved)
+    assert solution.receipt.searches == ("shadows of sun on body 0",)
+    assert compilations() == compiled_so_far
+    assert_equal(solution, fresh(moved, EULER))
 
 
 @pytest.fixture
@@ -219,10 +223,10 @@ def test_a_body_that_moved_costs_its_contacts_and_nothing_of_its_structure(count
     count(placement, "_enclosed")
 
     def pair(gap, k=16.0):
-        one = make_scene(structure, k).bodies[0]
+        lower = make_scene(structure, k).bodies[0]
         pose = jt.Pose(translation=(0.0, 0.0, 0.08 + gap))
-        two = jt.Body(structure, one.material, temperature=350.0, pose=pose)
-        return jt.Scene((one, two), (SHADED, jt.Contact(500.0)), dtype="float64")
+        upper = jt.Body(structure, lower.material, temperature=350.0, pose=pose)
+        return jt.Scene((lower, upper), (SHADED, jt.Contact(500.0)), dtype="float64")
 
     run = jt.compile_simulation(pair(0.0), *TIMES, solver=EULER)
     assert sorted(calls) == ["_enclosed", "contacts_between", "row_layout"]
@@ -238,9 +242,9 @@ def test_a_body_that_moved_costs_its_contacts_and_nothing_of_its_structure(count
     assert calls == []
     # Nor are both searched for more where they do not touch any longer.
     apart = pair(0.005)
-    found = run(apart)
-    assert set(found.receipt.searches) == MOVED
-    assert_equal(found, fresh(apart, EULER))
+    solution = run(apart)
+    assert set(solution.receipt.searches) == MOVED
+    assert_equal(solution, fresh(apart, EULER))
 
 
 def test_implicit_steps_and_probes_search_once(counted):
@@ -263,10 +267,10 @@ def test_implicit_steps_and_probes_search_once(counted):
     read(16.0)
     assert set(calls) == {"_layout", "_found_components", "KDTree"}
     calls.clear()
-    other = read(20.0)
+    reading = read(20.0)
     assert calls == []
     forget_findings()
-    np.testing.assert_array_equal(other, read(20.0))
+    np.testing.assert_array_equal(reading, read(20.0))
 
 
 def test_gradients_are_those_of_finite_differences(structure):
@@ -275,22 +279,26 @@ def test_gradients_are_those_of_finite_differences(structure):
     def mean(k, h):
         return run(make_scene(structure, k, h)).surface_temperature[-1].mean()
 
-    found = jax.jit(jax.grad(mean, (0, 1)))(16.0, 10.0)
+    gradient = jax.jit(jax.grad(mean, (0, 1)))(16.0, 10.0)
     for n, (at, step) in enumerate([(16.0, 1e-3), (10.0, 1e-3)]):
         ends = [[16.0, 10.0], [16.0, 10.0]]
-        ends[0][n], ends[1][n] = at - step, at + step
-        low, high = (float(mean(*each)) for each in ends)
+        ends[0][n] = at - step
+        ends[1][n] = at + step
+        low, high = (float(mean(*numbers)) for numbers in ends)
         expected = (high - low) / (2 * step)
-        assert float(found[n]) == pytest.approx(expected, rel=1e-5)
+        assert float(gradient[n]) == pytest.approx(expected, rel=1e-5)
 
 
 def test_it_can_be_jitted_and_mapped(structure):
     run = jt.compile_simulation(make_scene(structure), *TIMES, solver=EULER)
-    mean = lambda h: run(make_scene(structure, h=h)).mean_temperature[-1, 0]
+
+    def mean(h):
+        return run(make_scene(structure, h=h)).mean_temperature[-1, 0]
+
     values = np.array([5.0, 10.0, 20.0])
     expected = [float(mean(h)) for h in values.tolist()]
-    found = jax.jit(jax.vmap(mean))(values)
-    np.testing.assert_allclose(found, expected, rtol=1e-10)
+    mapped = jax.jit(jax.vmap(mean))(values)
+    np.testing.assert_allclose(mapped, expected, rtol=1e-10)
 
 
 def test_scenes_of_other_shapes_are_refused_in_one_line(structure):
@@ -298,7 +306,7 @@ def test_scenes_of_other_shapes_are_refused_in_one_line(structure):
     run = jt.compile_simulation(scene, *TIMES, solver=EULER)
     coarser = jt.Aggregate(structure.grid, factor=4)
     table = jt.Table([0.0, 10.0], [290.0, 295.0])
-    for other, words in (
+    for other_scene, words in (
         (make_scene(coarser), r"bodies\[0\].structure is Aggregate of 2 nodes instead"),
         (jt.Scene(scene.bodies, scene.terms[:2], dtype="float64"), "terms is 2 inst"),
         (jt.Scene(scene.bodies, scene.terms), "dtype is float32 instead of float64"),
@@ -309,7 +317,7 @@ def test_scenes_of_other_shapes_are_refused_in_one_line(structure):
         ),
     ):
         with pytest.raises(jt.InputError, match=words) as refused:
-            run(other)
+            run(other_scene)
         assert "\n" not in str(refused.value)
 
 
@@ -337,5 +345,5 @@ def test_a_run_equals_that_of_a_new_process(structure, tmp_path):
         [sys.executable, "-c", _ALONE, str(path)], cwd=ROOT, check=True, timeout=300
     )
     run = jt.compile_simulation(make_scene(structure), *TIMES)
-    found = run(make_scene(structure, k=20.0, h=30.0))
-    np.testing.assert_array_equal(found.surface_temperature, np.load(path))
+    solution = run(make_scene(structure, k=20.0, h=30.0))
+    np.testing.assert_array_equal(solution.surface_temperature, np.load(path))

@@ -26,10 +26,15 @@ def exact(x, t=0.0):
     return 300.0 + x @ np.array([30.0, -20.0, 10.0]) + t
 
 
-def made(box, pitch, error, times=(0.0, 1.0, 9.0)):
+def run_with_error(box, pitch, error, times=(0.0, 1.0, 9.0)):
     """A run that is off by `error(pitch, time)` times a field of 1 K and more."""
-    shape = lambda x: 1.0 + x @ np.array([1.0, 2.0, 3.0])
-    field = lambda x, t: exact(x, t) + error(pitch, t) * shape(x)
+
+    def shape(x):
+        return 1.0 + x @ np.array([1.0, 2.0, 3.0])
+
+    def field(x, t):
+        return exact(x, t) + error(pitch, t) * shape(x)
+
     return run(field, sized(box, pitch), times=times)
 
 
@@ -41,17 +46,23 @@ def rms_of_shape(box, count=400):
 @pytest.mark.parametrize("order", [0.6, 1.0, 1.7, 2.0, 2.9])
 @pytest.mark.parametrize("pitches", [(0.1, 0.2, 0.4), (0.1, 0.15, 0.4)])
 def test_errors_of_a_known_order_are_found(box, order, pitches):
-    error = lambda h, t: 5.0 * h**order * (1 + t)
-    found = jt.discretization_error(*(made(box, h, error) for h in pitches), count=400)
-    np.testing.assert_allclose(found.order, order, rtol=1e-6)
+    def error(h, t):
+        return 5.0 * h**order * (1 + t)
+
+    estimate = jt.discretization_error(
+        *(run_with_error(box, h, error) for h in pitches), count=400
+    )
+    np.testing.assert_allclose(estimate.order, order, rtol=1e-6)
     expected = 5.0 * 0.1**order * rms_of_shape(box) * np.array([2.0, 10.0])
-    np.testing.assert_allclose(found.rms_kelvin, expected, rtol=1e-6)
-    assert not found.is_bound.any() and found.times.tolist() == [1.0, 9.0]
-    assert found.worst_rms_kelvin == pytest.approx(expected[1])
+    np.testing.assert_allclose(estimate.rms_kelvin, expected, rtol=1e-6)
+    assert not estimate.is_bound.any() and estimate.times.tolist() == [1.0, 9.0]
+    assert estimate.worst_rms_kelvin == pytest.approx(expected[1])
     # The percentage has the range of a truth error.
-    against = jt.truth_error(made(box, 0.2, error), made(box, 0.1, error), 400)
+    against = jt.truth_error(
+        run_with_error(box, 0.2, error), run_with_error(box, 0.1, error), 400
+    )
     ratio = np.asarray(against.rms_percent) / np.asarray(against.rms_kelvin)
-    np.testing.assert_allclose(found.rms_percent, ratio * expected, rtol=1e-6)
+    np.testing.assert_allclose(estimate.rms_percent, ratio * expected, rtol=1e-6)
 
 
 def test_each_time_has_its_own_order_and_bounds_are_marked(box):
@@ -63,49 +74,56 @@ def test_each_time_has_its_own_order_and_bounds_are_marked(box):
         4.0: (0.1, 0.11, 0.9),
     }
     pitches = (0.1, 0.2, 0.4)
-    error = lambda h, t: 0.0 if t == 0 else values[t][pitches.index(h)]
+
+    def error(h, t):
+        return 0.0 if t == 0 else values[t][pitches.index(h)]
+
     times = (0.0, *values)
-    found = jt.discretization_error(
-        *(made(box, h, error, times) for h in pitches), count=400
+    estimate = jt.discretization_error(
+        *(run_with_error(box, pitch=h, error=error, times=times) for h in pitches),
+        count=400,
     )
-    assert found.is_bound.tolist() == [False, True, True, True]
-    assert found.order[0] == pytest.approx(2) and np.isnan(found.order[1:]).all()
+    assert estimate.is_bound.tolist() == [False, True, True, True]
+    assert estimate.order[0] == pytest.approx(2) and np.isnan(estimate.order[1:]).all()
     rms = rms_of_shape(box)
     expected = rms * np.array([0.01, 0.4, 0.11, 0.79])
-    np.testing.assert_allclose(found.rms_kelvin, expected, rtol=1e-6)
-    plain = json.loads(json.dumps(found.as_dict(), allow_nan=False))
+    np.testing.assert_allclose(estimate.rms_kelvin, expected, rtol=1e-6)
+    plain = json.loads(json.dumps(estimate.as_dict(), allow_nan=False))
     assert plain["order"] == [pytest.approx(2), None, None, None]
     assert plain["is_bound"] == [False, True, True, True]
-    np.testing.assert_allclose(plain["differences_kelvin"], found.differences)
+    np.testing.assert_allclose(plain["differences_kelvin"], estimate.differences)
 
 
 def test_runs_that_agree_have_no_error(box):
-    found = jt.discretization_error(
-        *(made(box, h, lambda h, t: 0.0) for h in (0.1, 0.2, 0.4)), count=100
+    estimate = jt.discretization_error(
+        *(run_with_error(box, h, lambda h, t: 0.0) for h in (0.1, 0.2, 0.4)), count=100
     )
-    np.testing.assert_allclose(found.rms_kelvin, 0)
-    np.testing.assert_allclose(found.rms_percent, 0)
-    assert not found.is_bound.any()
+    np.testing.assert_allclose(estimate.rms_kelvin, 0)
+    np.testing.assert_allclose(estimate.rms_percent, 0)
+    assert not estimate.is_bound.any()
+
     # Only the finer two agree: nothing is known but the other difference.
-    late = lambda h, t: 1.0 if h == 0.4 else 0.0
+    def late(h, t):
+        return 1.0 if h == 0.4 else 0.0
+
     bound = jt.discretization_error(
-        *(made(box, h, late) for h in (0.1, 0.2, 0.4)), count=100
+        *(run_with_error(box, h, late) for h in (0.1, 0.2, 0.4)), count=100
     )
     assert bound.is_bound.all() and (bound.rms_kelvin > 0.5).all()
 
 
 def test_runs_in_the_wrong_order_are_refused(box):
-    runs = [made(box, h, lambda h, t: h) for h in (0.1, 0.2, 0.4)]
+    runs = [run_with_error(box, h, lambda h, t: h) for h in (0.1, 0.2, 0.4)]
     with pytest.raises(InputError, match="finest run first"):
         jt.discretization_error(runs[2], runs[1], runs[0])
     with pytest.raises(InputError, match="finest run first"):
         jt.discretization_error(runs[0], runs[0], runs[1])
-    one = sized(box, 0.1)
-    both = [run(wavy, one, sized(box, h)) for h in (0.1, 0.2, 0.4)]
+    unchanged = sized(box, 0.1)
+    two_body_runs = [run(wavy, unchanged, sized(box, h)) for h in (0.1, 0.2, 0.4)]
     with pytest.raises(InputError, match="1 to 2 times as large"):
-        jt.discretization_error(both[0], both[1], both[2])
+        jt.discretization_error(two_body_runs[0], two_body_runs[1], two_body_runs[2])
     with pytest.raises(InputError, match="equal bodies"):
-        jt.discretization_error(both[0], runs[1], runs[2])
+        jt.discretization_error(two_body_runs[0], runs[1], runs[2])
 
 
 @pytest.mark.slow

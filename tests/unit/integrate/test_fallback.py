@@ -11,7 +11,9 @@ import jaxthermo as jt
 from tests.bodies import blocks
 
 
-AROUND, HOT, COLD = 300.0, 5800.0, 1e-3
+AROUND = 300.0
+HOT = 5800.0
+COLD = 1e-3
 SOLVERS = {"TRBDF2": jt.TRBDF2, "CrankNicolson": jt.CrankNicolson}
 # Every one of these is a program of its own to compile.
 SLOW = pytest.mark.slow
@@ -58,10 +60,10 @@ def test_steps_of_any_length_stay_between_start_and_surroundings(name, start):
 @pytest.mark.parametrize(("name", "halves"), [("TRBDF2", 2), ("CrankNicolson", 1)])
 def test_such_a_step_is_backward_eulers(name, halves):
     dt = 10.0
-    found = _run(HOT, SOLVERS[name](dt=dt), dt)
-    wanted = _run(HOT, jt.BackwardEuler(dt=dt / halves), dt)
+    run = _run(HOT, SOLVERS[name](dt=dt), dt)
+    expected = _run(HOT, jt.BackwardEuler(dt=dt / halves), dt)
     np.testing.assert_allclose(
-        found.surface_temperature, wanted.surface_temperature, rtol=0, atol=1e-6
+        run.surface_temperature, expected.surface_temperature, rtol=0, atol=1e-6
     )
 
 
@@ -70,9 +72,10 @@ def test_such_a_step_is_backward_eulers(name, halves):
 def test_short_steps_keep_their_order(name):
     """From 5800 K: tau = C / (4 eps sigma A T^3) is 0.02 s there."""
     end = 0.032
-    mean = lambda n: float(
-        _run(HOT, SOLVERS[name](dt=end / n), end).mean_temperature[-1, 0]
-    )
+
+    def mean(n):
+        return float(_run(HOT, SOLVERS[name](dt=end / n), end).mean_temperature[-1, 0])
+
     exact = (4 * mean(512) - mean(256)) / 3
     errors = np.abs(np.array([mean(n) for n in (16, 32, 64)]) - exact)
     orders = np.log2(errors[:-1] / errors[1:])
@@ -87,7 +90,8 @@ def test_the_derivative_through_such_a_step():
         run = jt.simulate(scene, 1.0, solver=jt.TRBDF2(dt=1.0))
         return run.mean_temperature[-1, 0]
 
-    at, step = jnp.asarray(0.8), 1e-5
+    at = jnp.asarray(0.8)
+    step = 1e-5
     loss = jax.jit(mean)
     numeric = (loss(at + step) - loss(at - step)) / (2 * step)
     forward = jax.jit(jax.jacfwd(mean))(at)

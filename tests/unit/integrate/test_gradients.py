@@ -93,7 +93,8 @@ def test_forward_mode_is_reverse_mode(outcome, point, gradient):
 def test_what_is_left_of_the_taylor_series_is_of_second_order(outcome, point, gradient):
     direction = {name: 0.02 * value for name, value in AT.items()}
     slope = sum(float(gradient[n]) * direction[n] for n in AT)
-    base, left = float(outcome(point)), []
+    base = float(outcome(point))
+    left = []
     for size in (1.0, 0.5, 0.25):
         moved = {n: point[n] + size * direction[n] for n in AT}
         left.append(abs(float(outcome(moved)) - base - size * slope))
@@ -135,16 +136,16 @@ def test_a_gradient_with_two_bodies_and_a_traced_emissivity(structure):
         material = jt.Material(
             16.0, density=8000.0, specific_heat=500.0, emissivity=emissivity
         )
-        other = jt.Pose(translation=(1.0, 0.0, 0.0))
+        far_away = jt.Pose(translation=(1.0, 0.0, 0.0))
         bodies = (
             jt.Body(structure, material, temperature=400.0),
-            jt.Body(structure, material, temperature=500.0, pose=other),
+            jt.Body(structure, material, temperature=500.0, pose=far_away),
         )
         terms = jt.Surroundings(300.0), jt.HeatFlux(10.0)
         scene = jt.Scene(bodies, terms, dtype="float64")
         solution = jt.simulate(scene, 5.0, solver=SOLVER)
         return solution.mean_temperature.sum()
 
-    both = jax.jit(jax.value_and_grad(mean))
-    difference = float(both(0.501)[0] - both(0.499)[0]) / 0.002
-    assert float(both(0.5)[1]) == pytest.approx(difference, rel=1e-6)
+    value_and_slope = jax.jit(jax.value_and_grad(mean))
+    difference = float(value_and_slope(0.501)[0] - value_and_slope(0.499)[0]) / 0.002
+    assert float(value_and_slope(0.5)[1]) == pytest.approx(difference, rel=1e-6)

@@ -22,7 +22,9 @@ def _network(conductivity, dtype):
     solid[0, 0, 0] = False
     structure = jt.FullVolume(blocks(solid, 1e-3))
     material = jt.Material(conductivity, 2700.0, 900.0)
-    network = material_network(structure, material, 5800.0, dtype)
+    network = material_network(
+        structure, material=material, reference=5800.0, dtype=dtype
+    )
     nodes = np.zeros(structure.state_shape, bool)
     nodes[structure.node_address()] = True
     return network, nodes
@@ -58,14 +60,18 @@ def test_a_long_step_ends_at_the_lumped_balance(dtype):
     metal = jt.Material(200.0, 2700.0, 900.0, emissivity=1.0)
     body = jt.Body(structure, metal, temperature=5800.0)
     scene = jt.Scene((body,), (jt.Surroundings(300.0),), dtype=dtype)
-    dt, capacity, area = 1e8, 2700.0 * 900.0 * 8e-9, 24e-6
+    dt = 1e8
+    capacity = 2700.0 * 900.0 * 8e-9
+    area = 24e-6
     run = jt.simulate(scene, dt, solver=jt.BackwardEuler(dt=dt), throw=False)
     excess = capacity * 5500.0 / (dt * area * 5.670374419e-8 * 4 * 300.0**3)
-    found = float(run.mean_temperature[-1, 0]) - 300.0
+    excess_reached = float(run.mean_temperature[-1, 0]) - 300.0
     effort = run.run.statistics
     assert effort is not None
-    print(dtype, found, excess, int(effort.newton_iterations), run.result)
+    print(dtype, excess_reached, excess, int(effort.newton_iterations), run.result)
     assert run.result == jt.RESULTS.successful
     assert int(effort.newton_iterations) <= 16
     # One rounding of 5500 K in float32 is 5e-4 K.
-    np.testing.assert_allclose(found, excess, atol=1e-6 if dtype == "float64" else 1e-3)
+    np.testing.assert_allclose(
+        excess_reached, excess, atol=1e-6 if dtype == "float64" else 1e-3
+    )

@@ -30,13 +30,14 @@ def _grid():
     return blocks(np.ones((4, 3, 3), bool), 0.01)
 
 
-def _body(start, place=0.0, material=METAL, structure: Any = jt.FullVolume):
-    pose = jt.Pose(translation=(place, 0.0, 0.0))
+def _body(start, x=0.0, material=METAL, structure: Any = jt.FullVolume):
+    pose = jt.Pose(translation=(x, 0.0, 0.0))
     return jt.Body(structure(_grid()), material, temperature=start, pose=pose)
 
 
 def _scene(name):
-    air, sky = jt.Convection(20.0, 290.0), jt.Surroundings(280.0)
+    air = jt.Convection(20.0, 290.0)
+    sky = jt.Surroundings(280.0)
     sun = jt.Sun((0.0, 0.0, -1.0), jt.Until(5000.0, 30.0))
     bodies = {
         "contact": (_body(400.0), _body(300.0, 0.04)),
@@ -92,15 +93,15 @@ def test_it_is_what_small_explicit_steps_give(name):
 def test_an_implicit_run_in_segments_is_one_long_run():
     scene = _scene("varying properties")
     solver = jt.BackwardEuler(dt=5.0)
-    todo = plan_run(scene, END, [30.0, END], solver)
+    todo = plan_run(scene, t1=END, save_at=[30.0, END], solver=solver)
     *_, last = run_segments(todo, begin_run(todo))
     pieces = finish_run(todo, last)
-    whole = jt.simulate(scene, END, [30.0, END], solver=solver)
+    expected = jt.simulate(scene, END, [30.0, END], solver=solver)
     np.testing.assert_allclose(
-        pieces.surface_temperature, whole.surface_temperature, rtol=1e-12
+        pieces.surface_temperature, expected.surface_temperature, rtol=1e-12
     )
-    assert pieces.run.statistics is not None and whole.run.statistics is not None
+    assert pieces.run.statistics is not None and expected.run.statistics is not None
     assert (
         pieces.run.statistics.newton_iterations
-        == whole.run.statistics.newton_iterations
+        == expected.run.statistics.newton_iterations
     )

@@ -12,7 +12,10 @@ STEPS = 200_000
 
 def test_totals_of_many_small_entries_in_float32():
     entry = jnp.array([0.1, -0.3], jnp.float32)
-    add = lambda i, ledger: ledger.add(entry)
+
+    def add(i, ledger):
+        return ledger.add(entry)
+
     ledger = jax.jit(
         lambda: jax.lax.fori_loop(0, STEPS, add, empty_ledger(2, jnp.float32))
     )()

@@ -52,7 +52,7 @@ def test_the_limit_counts_what_is_on_the_surface(structure):
     """Every voxel has three open faces, each through half a cell in series."""
     h = 5000.0
     scene = _scene(structure, jt.Convection(jt.Table([0.0, 5.0], [0.0, h]), 300.0))
-    run = plan_run(scene, 1.0, None, STEPS)
+    run = plan_run(scene, t1=1.0, save_at=None, solver=STEPS)
     through = 1 / (1 / h + 0.01 / (2 * np.asarray(METAL.conductivity)))
     rate = 3 * METAL.diffusivity / 0.01**2 + 3 * through / (
         METAL.volumetric_heat_capacity * 0.01
@@ -77,22 +77,22 @@ def test_no_time_at_all_is_the_start(structure, terms):
     solution = jt.simulate(scene, 0.0)
     assert solution.times.tolist() == [0.0]
     assert solution.run.steps == 0
-    found = np.unique(np.asarray(solution.surface_temperature).round(9))
-    np.testing.assert_allclose(found, [305.0, 315.0])
+    temperatures = np.unique(np.asarray(solution.surface_temperature).round(9))
+    np.testing.assert_allclose(temperatures, [305.0, 315.0])
     assert float(solution.energy.stored_J[0]) == 0.0
     assert solution.result == jt.RESULTS.successful
 
 
 def test_saving_at_zero_is_the_start_and_changes_nothing_after(structure):
     scene = _scene(structure, jt.HeatFlux(1000.0, on=TOP))
-    both = jt.simulate(scene, 4.0, save_at=[0.0, 3.0], solver=STEPS)
+    from_start = jt.simulate(scene, 4.0, save_at=[0.0, 3.0], solver=STEPS)
     late = jt.simulate(scene, 4.0, save_at=[3.0], solver=STEPS)
-    assert both.times.tolist() == [0.0, 3.0]
-    np.testing.assert_array_equal(both.surface_temperature[0], 300.0)
+    assert from_start.times.tolist() == [0.0, 3.0]
+    np.testing.assert_array_equal(from_start.surface_temperature[0], 300.0)
     np.testing.assert_array_equal(
-        both.surface_temperature[1], late.surface_temperature[0]
+        from_start.surface_temperature[1], late.surface_temperature[0]
     )
-    joules = float(both.energy.mechanisms["heat_flux"][1])
+    joules = float(from_start.energy.mechanisms["heat_flux"][1])
     assert joules == pytest.approx(1000.0 * 4e-4 * 3.0, rel=1e-13)
 
 
@@ -108,7 +108,9 @@ def test_a_step_that_does_not_divide_the_end_lands_on_it(structure):
     "flux", [pytest.param(float("inf"), marks=pytest.mark.slow), float("nan")]
 )
 def test_a_flux_that_is_not_finite(structure, flux):
-    late = lambda t: jnp.where(t < 1.0, 10.0, flux)
+    def late(t):
+        return jnp.where(t < 1.0, 10.0, flux)
+
     scene = _scene(structure, jt.HeatFlux(late))
     with pytest.raises(RuntimeError, match="no longer finite.*check the terms"):
         jt.simulate(scene, 4.0, [0.5, 4.0], solver=jt.ForwardEuler(dt=0.5))
@@ -128,13 +130,16 @@ def test_thin_bodies(cells):
     assert solution.surface_temperature.shape == (1, 4 * cells + 2)
     joules = 1000.0 * (4 * cells + 2) * 1e-4 * 2.0
     rise = joules / (METAL.volumetric_heat_capacity * cells * 1e-6)
-    found = float(solution.mean_temperature[0, 0]) - 300.0
-    assert found == pytest.approx(rise, rel=1e-10)
+    actual_rise = float(solution.mean_temperature[0, 0]) - 300.0
+    assert actual_rise == pytest.approx(rise, rel=1e-10)
 
 
 def test_every_digit_without_the_global_switch(structure):
     scene = _scene(structure, jt.Convection(20.0, 280.0), jt.Surroundings(270.0))
-    run = lambda: jt.simulate(scene, 20.0, [0.0, 10.0, 20.0], solver=STEPS)
+
+    def run():
+        return jt.simulate(scene, 20.0, [0.0, 10.0, 20.0], solver=STEPS)
+
     expected = run()
     with jax.enable_x64(False):
         solution = run()
@@ -153,7 +158,10 @@ def test_every_digit_without_the_global_switch(structure):
 def test_float32_is_the_default_and_close(structure):
     terms = jt.Convection(20.0, 280.0), jt.Surroundings(270.0)
     body = jt.Body(structure, METAL, temperature=300.0)
-    run = lambda scene: jt.simulate(scene, 200.0, [0.0, 100.0, 200.0], solver=STEPS)
+
+    def run(scene):
+        return jt.simulate(scene, 200.0, [0.0, 100.0, 200.0], solver=STEPS)
+
     single = run(jt.Scene((body,), terms))
     double = run(jt.Scene((body,), terms, dtype="float64"))
     assert single.surface_temperature.dtype == np.float32
@@ -164,10 +172,14 @@ def test_float32_is_the_default_and_close(structure):
 
 
 def test_options_of_a_gpu_are_those_of_the_outermost_program(structure, monkeypatch):
-    scene, solver = _scene(structure, jt.HeatFlux(10.0)), jt.ForwardEuler(dt=0.5)
+    scene = _scene(structure, jt.HeatFlux(10.0))
+    solver = jt.ForwardEuler(dt=0.5)
     plain = jt.simulate(scene, 10.0, solver=solver).surface_temperature
     # XLA reads the options of GPUs for other devices too.
     monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
-    run = lambda: jt.simulate(scene, 10.0, solver=solver).surface_temperature
+
+    def run():
+        return jt.simulate(scene, 10.0, solver=solver).surface_temperature
+
     assert np.array_equal(run(), plain)
     assert jax.eval_shape(run).shape == plain.shape

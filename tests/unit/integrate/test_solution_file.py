@@ -55,18 +55,20 @@ def test_what_is_written_is_read(solution, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["solution.npz"]
     stored = load_solution(path)
     np.testing.assert_array_equal(stored.times, solution.times)
-    kept = stored.surface_temperature
-    assert kept.dtype == solution.surface_temperature.dtype
-    np.testing.assert_array_equal(kept, solution.surface_temperature)
+    stored_temperature = stored.surface_temperature
+    assert stored_temperature.dtype == solution.surface_temperature.dtype
+    np.testing.assert_array_equal(stored_temperature, solution.surface_temperature)
     assert stored.irradiance is not None
     for k in range(2):
-        for kept, given in zip(stored.irradiance, solution.irradiance(k), strict=True):
-            np.testing.assert_array_equal(kept[k], given)
+        pairs = zip(stored.irradiance, solution.irradiance(k), strict=True)
+        for stored_rows, row in pairs:
+            np.testing.assert_array_equal(stored_rows[k], row)
     assert len(stored.surfaces) == 2
-    for one, other in zip(stored.surfaces, solution.surfaces, strict=True):
-        np.testing.assert_array_equal(one.emissivity, other.emissivity)
-        np.testing.assert_array_equal(one.absorptivity, other.absorptivity)
-        a, b = one.geometry, other.geometry
+    for stored_surface, surface in zip(stored.surfaces, solution.surfaces, strict=True):
+        np.testing.assert_array_equal(stored_surface.emissivity, surface.emissivity)
+        np.testing.assert_array_equal(stored_surface.absorptivity, surface.absorptivity)
+        a = stored_surface.geometry
+        b = surface.geometry
         assert (a.pose, a.pitch) == (b.pose, b.pitch)
         for field in ("vertices", "faces", "fragment_position", "fragment_area"):
             np.testing.assert_array_equal(getattr(a, field), getattr(b, field))
@@ -76,22 +78,22 @@ def test_a_camera_sees_the_same(solution, tmp_path):
     save_solution(tmp_path / "solution.npz", solution)
     stored = load_solution(tmp_path / "solution.npz")
     camera = jt.Camera((0.3, -0.4, 0.2), (0.0, 0.0, 0.05), width=40, height=30)
-    one = compute_view(stored.surfaces, solution.terms, camera)
-    other = compute_view(solution.surfaces, solution.terms, camera)
-    assert set(one.body) == {0, 1}
-    np.testing.assert_array_equal(one.pixel, other.pixel)
-    weights: list[Any] = [each.weights for each in (one, other)]
+    stored_view = compute_view(stored.surfaces, solution.terms, camera)
+    view = compute_view(solution.surfaces, solution.terms, camera)
+    assert set(stored_view.body) == {0, 1}
+    np.testing.assert_array_equal(stored_view.pixel, view.pixel)
+    weights: list[Any] = [one_view.weights for one_view in (stored_view, view)]
     np.testing.assert_array_equal(weights[0].data, weights[1].data)
 
 
 def test_the_energies_are_kept_by_name(solution, tmp_path):
     save_solution(tmp_path / "solution.npz", solution)
-    with np.load(tmp_path / "solution.npz") as kept:
+    with np.load(tmp_path / "solution.npz") as arrays:
         for name, heat in solution.energy.mechanisms.items():
-            np.testing.assert_array_equal(kept[f"energy_{name}_J"], heat)
-        np.testing.assert_array_equal(kept["stored_J"], solution.energy.stored_J)
+            np.testing.assert_array_equal(arrays[f"energy_{name}_J"], heat)
+        np.testing.assert_array_equal(arrays["stored_J"], solution.energy.stored_J)
         np.testing.assert_array_equal(
-            kept["mean_temperature"], solution.mean_temperature
+            arrays["mean_temperature"], solution.mean_temperature
         )
 
 
@@ -174,10 +176,14 @@ BAD_ARRAYS = {
 def test_arrays_that_do_not_fit_the_schema(stored, name):
     """With a checksum that is right: another program wrote them."""
     path, arrays = stored
-    kept = {k: v for k, v in arrays.items() if not k.startswith(("format", "check"))}
-    changed = BAD_ARRAYS[name](kept.pop(name))
-    kept |= {} if changed is None else {name: changed}
-    write_archive(path, "solution", FORMAT_VERSION, kept)
+    changed_arrays = {
+        k: v for k, v in arrays.items() if not k.startswith(("format", "check"))
+    }
+    changed = BAD_ARRAYS[name](changed_arrays.pop(name))
+    changed_arrays |= {} if changed is None else {name: changed}
+    write_archive(
+        path, format_name="solution", version=FORMAT_VERSION, arrays=changed_arrays
+    )
     refused(path, "run the simulation again")
 
 

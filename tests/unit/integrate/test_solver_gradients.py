@@ -56,7 +56,10 @@ def _loss(values, solver, memory=None):
 def _numeric(loss):
     """Central differences."""
     step = 1e-5
-    at = lambda i, sign: loss(START.at[i].multiply(1 + sign * step))
+
+    def at(i, sign):
+        return loss(START.at[i].multiply(1 + sign * step))
+
     pairs = [(at(i, 1) - at(i, -1)) / (2 * step * START[i]) for i in range(len(START))]
     return np.array(pairs)
 
@@ -78,7 +81,10 @@ def _taylor(loss, gradient):
     direction = START * jnp.array([0.3, -0.5, 0.2, 0.4])
     slope = gradient @ direction
     sizes = np.array([1e-2, 5e-3, 2.5e-3])
-    along = lambda e: float(loss(START + e * direction) - loss(START) - e * slope)
+
+    def along(e):
+        return float(loss(START + e * direction) - loss(START) - e * slope)
+
     left = [abs(along(e)) for e in sizes]
     return np.diff(np.log(left)) / np.diff(np.log(sizes))
 
@@ -90,8 +96,8 @@ def test_checkpoints_give_the_same_gradient_and_it_is_of_first_order(states):
     solver = SOLVERS["ForwardEuler"]
     size = 8 * int(np.prod(_structure().state_shape))
     loss = jax.jit(functools.partial(_loss, solver=solver))
-    kept = functools.partial(_loss, solver=solver, memory=states * size)
-    gradient = jax.jit(jax.grad(kept))(START)
+    checkpointed_loss = functools.partial(_loss, solver=solver, memory=states * size)
+    gradient = jax.jit(jax.grad(checkpointed_loss))(START)
     np.testing.assert_allclose(gradient, jax.jit(jax.grad(loss))(START), rtol=1e-12)
     np.testing.assert_allclose(_taylor(loss, gradient), 2.0, atol=0.05)
 
@@ -107,7 +113,7 @@ def test_no_room_for_a_state_is_said():
 def test_adaptive_steps_have_a_gradient_from_checkpoints():
     solver = jt.TRBDF2(error=1e-4)
     loss = jax.jit(functools.partial(_loss, solver=solver))
-    kept = functools.partial(_loss, solver=solver, memory=100_000)
-    reverse = jax.jit(jax.grad(kept))(START)
+    checkpointed_loss = functools.partial(_loss, solver=solver, memory=100_000)
+    reverse = jax.jit(jax.grad(checkpointed_loss))(START)
     # Steps are taken as given: what their choice changes is of the error's size.
     np.testing.assert_allclose(reverse, _numeric(loss), rtol=2e-3)

@@ -20,7 +20,7 @@ def _scene(*terms, dtype="float64"):
 
 
 def test_the_choice_goes_by_how_many_stable_steps_there_are():
-    kinds = [
+    selected = [
         type(select_solver(1.0, steps)[0])
         for steps in (
             0,
@@ -30,8 +30,8 @@ def test_the_choice_goes_by_how_many_stable_steps_there_are():
             MAX_RKL2_STEPS + 1,
         )
     ]
-    assert kinds[:2] == [jt.ForwardEuler] * 2
-    assert kinds[2:] == [jt.SuperTimeStepping, jt.SuperTimeStepping, jt.TRBDF2]
+    assert selected[:2] == [jt.ForwardEuler] * 2
+    assert selected[2:] == [jt.SuperTimeStepping, jt.SuperTimeStepping, jt.TRBDF2]
     assert select_solver(None, 1.0)[0] == jt.ForwardEuler()
     assert type(select_solver(float("inf"), 1e9)[0]) is jt.ForwardEuler
 
@@ -44,8 +44,12 @@ def test_the_choice_is_in_the_solution():
 
 
 def test_steps_that_nothing_else_determines_are_128_and_16_after_events():
-    scene, solver = _scene(jt.Convection(10.0, 290.0)), jt.SuperTimeStepping()
-    steps = lambda *saves: plan_run(scene, 1e5, saves, solver).steps
+    scene = _scene(jt.Convection(10.0, 290.0))
+    solver = jt.SuperTimeStepping()
+
+    def steps(*saves):
+        return plan_run(scene, t1=1e5, save_at=saves, solver=solver).steps
+
     assert steps(1e5) == 128
     assert steps(10.0, 1e5) == 16 + 128
 
@@ -53,7 +57,10 @@ def test_steps_that_nothing_else_determines_are_128_and_16_after_events():
 @pytest.mark.parametrize("ratio", [0.5, 1.0, 2.4, 10.0, 333.3, 1e6])
 def test_stages_cover_the_step_and_no_more(ratio):
     stages = stage_count(ratio, 1.0)
-    covered = lambda s: (s * s + s - 2) / 4
+
+    def covered(s):
+        return (s * s + s - 2) / 4
+
     assert stages % 2 == 1
     assert covered(stages) >= ratio * (1 - 1e-8)
     assert stages == 3 or covered(stages - 2) < ratio
@@ -62,15 +69,21 @@ def test_stages_cover_the_step_and_no_more(ratio):
 @pytest.mark.parametrize("stages", [3, 9, 31])
 def test_a_mode_decays_by_the_schemes_polynomial_within_one(stages):
     """Of second order at small steps, and never above 1 up to the stable one."""
-    table, weight = rkl2_coefficients(stages), 4 / (stages**2 + stages - 2)
+    table = rkl2_coefficients(stages)
+    weight = 4 / (stages**2 + stages - 2)
 
     def factor(z):
-        step = lambda y: y * (1 - weight * z)
-        before, last = 1.0, 1 - weight * z / 3
+        def step(y):
+            return y * (1 - weight * z)
+
+        previous = 1.0
+        last = 1 - weight * z / 3
         for j in range(2, stages + 1):
             mu, nu, a = (table[name][j] for name in ("mu", "nu", "a"))
-            mixed = mu * step(last) + nu * before + (1 - mu - nu) + a * mu * weight * z
-            before, last = last, mixed
+            mixed = (
+                mu * step(last) + nu * previous + (1 - mu - nu) + a * mu * weight * z
+            )
+            previous, last = last, mixed
         return last
 
     off = [abs(factor(z) - np.exp(-z)) for z in (0.02, 0.01)]
@@ -85,7 +98,7 @@ def test_a_mode_decays_by_the_schemes_polynomial_within_one(stages):
     [
         (jt.BackwardEuler(dt=0.0), "dt=0 is no step"),
         (jt.TRBDF2(dt=float("nan")), "dt=nan is no step"),
-        (jt.SuperTimeStepping(dt=100.0, stages=3), "asks for [0-9]+ stages"),
+        (jt.SuperTimeStepping(dt=100.0, stages=3), "requires [0-9]+ stages"),
         (jt.SuperTimeStepping(dt=1.0, stages=2), "give 3 or more"),
         (jt.ForwardEuler(dt=1e3), "another solver"),
     ],
@@ -109,7 +122,7 @@ def test_a_tolerance_knows_its_rounding_floor(dt, steps):
         structure, jt.Material(1.0, density=1.0, specific_heat=1.0), temperature=300.0
     )
     held = jt.FixedTemperature(400.0, on=jt.Side((1.0, 0.0, 0.0)))
-    found = [
+    runs = [
         jt.simulate(
             jt.Scene((body,), (held,), dtype=dtype),
             steps * dt,
@@ -117,9 +130,9 @@ def test_a_tolerance_knows_its_rounding_floor(dt, steps):
         )
         for dtype in ("float32", "float64")
     ]
-    one, other = (np.asarray(run.surface_temperature, float) for run in found)
-    np.testing.assert_allclose(one, other, rtol=0, atol=1e-3)
-    statistics = found[0].run.statistics
+    single, double = (np.asarray(run.surface_temperature, float) for run in runs)
+    np.testing.assert_allclose(single, double, rtol=0, atol=1e-3)
+    statistics = runs[0].run.statistics
     assert statistics is not None
     assert float(statistics.largest_linear_residual) <= 2e-4
 

@@ -22,7 +22,8 @@ VARYING = jt.Material(
 )
 LEFT = jt.Side((-1.0, 0.0, 0.0))
 RIGHT = jt.Side((1.0, 0.0, 0.0))
-AIR, SKY = jt.Convection(20.0, 290.0), jt.Surroundings(280.0)
+AIR = jt.Convection(20.0, 290.0)
+SKY = jt.Surroundings(280.0)
 EXACT = {"float64": 1e-9, "float32": 2e-3}
 
 
@@ -31,9 +32,9 @@ def _grid(*shape):
     return blocks(np.ones(shape, bool), PITCH)
 
 
-def _body(start=300.0, material=METAL, place=0.0, shape=(6, 3, 3), kind=jt.FullVolume):
-    pose = jt.Pose(translation=(place, 0.0, 0.0))
-    return jt.Body(kind(_grid(*shape)), material, temperature=start, pose=pose)
+def _body(start=300.0, material=METAL, x=0.0, shape=(6, 3, 3), structure=jt.FullVolume):
+    pose = jt.Pose(translation=(x, 0.0, 0.0))
+    return jt.Body(structure(_grid(*shape)), material, temperature=start, pose=pose)
 
 
 def _along(solution, body=0):
@@ -48,28 +49,31 @@ def _along(solution, body=0):
 @pytest.mark.slow
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
 @pytest.mark.parametrize(
-    "kind", [jt.FullVolume, functools.partial(jt.FullVolume, stencil=False)]
+    "structure", [jt.FullVolume, functools.partial(jt.FullVolume, stencil=False)]
 )
-def test_a_bar_between_two_temperatures_is_a_straight_line(kind, dtype):
+def test_a_bar_between_two_temperatures_is_a_straight_line(structure, dtype):
     terms = (jt.FixedTemperature(400.0, on=LEFT), jt.FixedTemperature(300.0, on=RIGHT))
-    found = jt.steady(jt.Scene((_body(kind=kind),), terms, dtype=dtype))
-    x, theta = _along(found)
+    solution = jt.steady(jt.Scene((_body(structure=structure),), terms, dtype=dtype))
+    x, theta = _along(solution)
     exact = 400.0 - 100.0 * x / (6 * PITCH)
     assert np.abs(theta - exact).max() < EXACT[dtype]
     # k A / L times the difference comes in on the one side, and goes out again.
     through = 20.0 * (3 * PITCH) ** 2 / (6 * PITCH) * 100.0
-    sides = [float(rate) for rate in found.heat_rates.mechanisms.values()]
+    sides = [float(rate) for rate in solution.heat_rates.mechanisms.values()]
     np.testing.assert_allclose(sides, [through, -through], rtol=1e-5)
-    assert abs(float(found.heat_rates.residual_relative)) < 1e-5
-    assert found.result == jt.RESULTS.successful
-    assert found.isolated_components == 0
+    assert abs(float(solution.heat_rates.residual_relative)) < 1e-5
+    assert solution.result == jt.RESULTS.successful
+    assert solution.isolated_components == 0
 
 
 def test_conductivity_that_varies_makes_its_integral_a_straight_line():
     terms = (jt.FixedTemperature(440.0, on=LEFT), jt.FixedTemperature(260.0, on=RIGHT))
-    found = jt.steady(jt.Scene((_body(material=VARYING),), terms, dtype="float64"))
-    x, theta = _along(found)
-    phi = lambda t: 10.0 * (t - 250.0) + 0.05 * (t - 250.0) ** 2
+    solution = jt.steady(jt.Scene((_body(material=VARYING),), terms, dtype="float64"))
+    x, theta = _along(solution)
+
+    def phi(t):
+        return 10.0 * (t - 250.0) + 0.05 * (t - 250.0) ** 2
+
     exact = phi(440.0) + (phi(260.0) - phi(440.0)) * x / (6 * PITCH)
     # Half a cell at the ends conducts as its node does, an error of second order.
     np.testing.assert_allclose(phi(theta), exact, rtol=0, atol=0.01 * np.ptp(exact))
@@ -81,12 +85,12 @@ SCENES = {
     "air, sky and sun": ((_body(400.0),), (AIR, SKY, jt.Sun((0.0, 0, -1), 900.0))),
     "varying properties": ((_body(400.0, VARYING),), (AIR, SKY)),
     "contact": (
-        (_body(400.0), _body(300.0, place=6 * PITCH)),
+        (_body(400.0), _body(300.0, x=6 * PITCH)),
         (jt.Contact(2000.0), jt.FixedTemperature(350.0, on=LEFT), SKY),
     ),
     "wind": ((_body(400.0),), (jt.Wind((3.0, 0.0, 0.0), 280.0), jt.HeatSource(2e5))),
     "exchange": (
-        (_body(500.0), _body(300.0, place=8 * PITCH)),
+        (_body(500.0), _body(300.0, x=8 * PITCH)),
         (
             jt.RadiativeExchange(300.0, max_patches=24, directions=32),
             jt.HeatSource(2e5, within=jt.Region((0.0, 0.0, 0.0), (0.02, 0.03, 0.03))),
@@ -111,67 +115,72 @@ IN_SLICE = ("contact",)
 def test_it_is_where_a_long_run_ends(name):
     bodies, terms = SCENES[name]
     scene = jt.Scene(bodies, terms, dtype="float64")
-    found = jt.steady(scene)
+    solution = jt.steady(scene)
     run = jt.simulate(scene, 1e7, solver=jt.BackwardEuler(dt=5e5), throw=False)
-    off = np.abs(found.surface_temperature - run.surface_temperature[-1:]).max()
-    effort = found.run.statistics
+    off = np.abs(solution.surface_temperature - run.surface_temperature[-1:]).max()
+    effort = solution.run.statistics
     assert effort is not None
     print(name, "off", off, "newton", int(effort.newton_iterations))
     assert off < 1e-5
-    assert abs(float(found.heat_rates.residual_relative)) < 1e-9
-    bodies = found.heat_rates.bodies
-    each = [[*body.mechanisms.values(), *body.contacts.values()] for body in bodies]
-    passes = max(abs(float(rate)) for body in each for rate in body)
-    assert all(abs(float(sum(body))) < 1e-8 * passes for body in each)
+    assert abs(float(solution.heat_rates.residual_relative)) < 1e-9
+    bodies = solution.heat_rates.bodies
+    rates_by_body = [
+        [*body.mechanisms.values(), *body.contacts.values()] for body in bodies
+    ]
+    passes = max(abs(float(rate)) for body in rates_by_body for rate in body)
+    assert all(abs(float(sum(body))) < 1e-8 * passes for body in rates_by_body)
 
 
 @pytest.mark.parametrize("start", [1e-3, pytest.param(5800.0, marks=pytest.mark.slow)])
 def test_it_settles_from_any_start(start):
     options: dict = {"dtype": "float64", "allow_extreme_temperatures": True}
-    found = jt.steady(jt.Scene((_body(start),), (SKY,), **options))
-    effort = found.run.statistics
+    solution = jt.steady(jt.Scene((_body(start),), (SKY,), **options))
+    effort = solution.run.statistics
     assert effort is not None
     print(start, "newton", int(effort.newton_iterations))
     assert effort.newton_iterations <= 20
-    np.testing.assert_allclose(found.surface_temperature, 280.0, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(solution.surface_temperature, 280.0, rtol=0, atol=1e-6)
 
 
 def _split():
     """A block and a speck apart from it."""
     solid = np.zeros((6, 2, 2), bool)
-    solid[:3], solid[5, 0, 0] = True, True
+    solid[:3] = True
+    solid[5, 0, 0] = True
     return blocks(solid, PITCH)
 
 
 @pytest.mark.parametrize(
-    "kind",
+    "structure",
     [
         jt.FullVolume,
         pytest.param(jt.Octree, marks=pytest.mark.slow),
         pytest.param(functools.partial(jt.Aggregate, factor=2), marks=pytest.mark.slow),
     ],
 )
-def test_an_island_keeps_the_mean_that_it_starts_with(kind):
-    start = lambda points: 300.0 + 1000.0 * points[:, 0]
-    body = jt.Body(kind(_split()), METAL, temperature=start)
+def test_an_island_keeps_the_mean_that_it_starts_with(structure):
+    def start(points):
+        return 300.0 + 1000.0 * points[:, 0]
+
+    body = jt.Body(structure(_split()), METAL, temperature=start)
     hold = jt.Region((-1.0, -1.0, -1.0), (1e-4, 1.0, 1.0))
     scene = jt.Scene((body,), (jt.FixedTemperature(350.0, on=hold),), dtype="float64")
-    found = jt.steady(scene)
+    solution = jt.steady(scene)
     apart = body.structure.grid.fragment_position[:, 0] > 4.5 * PITCH
-    theta = np.asarray(found.surface_temperature[0])
-    assert found.isolated_components == 1
+    theta = np.asarray(solution.surface_temperature[0])
+    assert solution.isolated_components == 1
     np.testing.assert_allclose(theta[~apart], 350.0, rtol=0, atol=1e-9)
     np.testing.assert_allclose(theta[apart], 355.0, rtol=0, atol=1e-9)
 
 
 @pytest.mark.slow
 def test_two_bodies_that_only_touch_even_out():
-    bodies = (_body(400.0), _body(300.0, VARYING, place=6 * PITCH))
+    bodies = (_body(400.0), _body(300.0, VARYING, x=6 * PITCH))
     scene = jt.Scene(bodies, (jt.Contact(500.0),), dtype="float64")
-    found = jt.steady(scene)
+    solution = jt.steady(scene)
     run = jt.simulate(scene, 1e7, solver=jt.BackwardEuler(dt=1e5))
-    assert found.isolated_components == 1
-    theta = np.asarray(found.surface_temperature)
+    assert solution.isolated_components == 1
+    theta = np.asarray(solution.surface_temperature)
     assert np.ptp(theta) < 1e-6
     np.testing.assert_allclose(theta, run.surface_temperature[-1:], rtol=0, atol=1e-5)
 
@@ -180,8 +189,8 @@ def test_two_bodies_that_only_touch_even_out():
 @pytest.mark.slow
 def test_heat_in_and_out_of_an_island_leaves_a_slope_about_its_mean():
     terms = (jt.HeatFlux(1000.0, on=LEFT), jt.HeatFlux(-1000.0, on=RIGHT))
-    found = jt.steady(jt.Scene((_body(320.0),), terms, dtype="float64"))
-    x, theta = _along(found)
+    solution = jt.steady(jt.Scene((_body(320.0),), terms, dtype="float64"))
+    x, theta = _along(solution)
     exact = 320.0 - 1000.0 / 20.0 * (x - 3 * PITCH)
     np.testing.assert_allclose(theta, exact, rtol=0, atol=1e-7)
 
@@ -191,7 +200,7 @@ def test_heat_in_and_out_of_an_island_leaves_a_slope_about_its_mean():
 )
 def test_heat_that_nothing_carries_off_is_refused(dtype):
     scene = jt.Scene((_body(),), (jt.Sun((0.0, 0, -1), 900.0),), dtype=dtype)
-    with pytest.raises(jt.InputError, match=r"1\.3 W is brought to body 0") as caught:
+    with pytest.raises(jt.InputError, match=r"1\.3 W enters body 0") as caught:
         jt.steady(scene)
     assert "\n" not in str(caught.value)
     speck = jt.HeatSource(1e5, within=jt.Region((0.05, 0.0, 0.0), (0.06, 0.01, 0.01)))
@@ -226,9 +235,9 @@ def test_a_tolerance_that_is_none_is_refused(tolerance):
 def test_what_cannot_be_reached_is_said():
     body = _body(400.0, shape=(3, 2, 2))
     scene = jt.Scene((body,), (AIR, jt.HeatFlux(1e3, on=LEFT)))
-    found = jt.steady(scene, tolerance=1e-9, throw=False)
-    assert found.result == jt.RESULTS.steady_not_converged
-    assert np.isfinite(found.surface_temperature).all()
+    solution = jt.steady(scene, tolerance=1e-9, throw=False)
+    assert solution.result == jt.RESULTS.steady_not_converged
+    assert np.isfinite(solution.surface_temperature).all()
     with pytest.raises(RuntimeError, match="give steady.. a larger tolerance"):
         jt.steady(scene, tolerance=1e-9)
 
@@ -244,15 +253,19 @@ def _loss(values):
     )
     body = _body(300.0, material, shape=(3, 2, 2))
     terms = (jt.Sun((1.0, 0.0, 0.0), sun), jt.Convection(h, 290.0), SKY)
-    found = jt.steady(jt.Scene((body,), terms, dtype="float64"), throw=False)
-    return (found.surface_temperature**2).mean() / 1e4
+    solution = jt.steady(jt.Scene((body,), terms, dtype="float64"), throw=False)
+    return (solution.surface_temperature**2).mean() / 1e4
 
 
 @pytest.mark.slow
 @pytest.mark.slice
 def test_derivatives_are_those_of_the_steady_state():
-    step, loss = 1e-4, jax.jit(_loss)
-    at = lambda i, sign: loss(START.at[i].multiply(1 + sign * step))
+    step = 1e-4
+    loss = jax.jit(_loss)
+
+    def at(i, sign):
+        return loss(START.at[i].multiply(1 + sign * step))
+
     numeric = [
         (at(i, 1) - at(i, -1)) / (2 * step * START[i]) for i in range(len(START))
     ]
@@ -265,12 +278,12 @@ def test_derivatives_are_those_of_the_steady_state():
 
 @pytest.mark.slow
 def test_it_makes_a_picture():
-    found = jt.steady(jt.Scene((_body(320.0),), (AIR,)))
+    solution = jt.steady(jt.Scene((_body(320.0),), (AIR,)))
     centre = (0.03, 0.015, 0.015)
     camera = jt.OrthographicCamera(
         (0.03, -1.0, 0.015), centre, view_height=0.05, width=24, height=16
     )
-    image = jt.render(found, camera)
-    shown = np.asarray(image.object_id) == 0
-    assert shown.any()
-    np.testing.assert_allclose(np.asarray(image.temperature)[shown], 290.0, atol=1e-2)
+    image = jt.render(solution, camera)
+    is_body = np.asarray(image.object_id) == 0
+    assert is_body.any()
+    np.testing.assert_allclose(np.asarray(image.temperature)[is_body], 290.0, atol=1e-2)

@@ -12,7 +12,8 @@ from jaxthermo.integrate.stepper import advance
 from tests.bodies import blocks
 
 
-STEPS, DT = 5, 0.5
+STEPS = 5
+DT = 0.5
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +29,9 @@ def value():
         body = jt.Body(structure, material, temperature=350.0)
         terms = jt.Convection(25.0, 280.0), jt.Surroundings(290.0)
         scene = jt.Scene((body,), terms, dtype="float64")
-        todo = plan_run(scene, STEPS * DT, None, jt.ForwardEuler(dt=DT))
+        todo = plan_run(
+            scene, t1=STEPS * DT, save_at=None, solver=jt.ForwardEuler(dt=DT)
+        )
         end = loop(
             todo.stepper, todo.compiled.program, initial_state(todo), jnp.array(DT)
         )
@@ -48,7 +51,16 @@ def _plain(stepper, program, state, dt):
 def _kept(checkpoints):
     def loop(stepper, program, state, dt):
         begin = jnp.zeros_like(dt)
-        return advance(stepper, program, state, begin, dt, STEPS, 0, checkpoints)
+        return advance(
+            stepper,
+            program=program,
+            state=state,
+            start=begin,
+            dt=dt,
+            steps=STEPS,
+            steps_before=0,
+            checkpoints=checkpoints,
+        )
 
     return loop
 
@@ -65,9 +77,9 @@ VALUES = jnp.array([16.0, 0.7])
     ],
 )
 def test_reverse_mode_is_that_of_the_plain_steps(value, checkpoints):
-    found = jax.jit(jax.grad(lambda v: value(v, _kept(checkpoints))))(VALUES)
+    gradient = jax.jit(jax.grad(lambda v: value(v, _kept(checkpoints))))(VALUES)
     expected = jax.jit(jax.grad(lambda v: value(v, _plain)))(VALUES)
-    np.testing.assert_allclose(found, expected, rtol=1e-11)
+    np.testing.assert_allclose(gradient, expected, rtol=1e-11)
 
 
 # By default reverse mode is that of the plain steps, above, and of differences and
@@ -75,18 +87,21 @@ def test_reverse_mode_is_that_of_the_plain_steps(value, checkpoints):
 @pytest.mark.slow
 def test_reverse_mode_is_the_central_difference(value):
     run = jax.jit(lambda v: value(v, _kept(None)))
-    found, steps = jax.jit(jax.grad(run))(VALUES), 1e-5 * VALUES
+    gradient = jax.jit(jax.grad(run))(VALUES)
+    steps = 1e-5 * VALUES
     for i, step in enumerate(steps):
         move = jnp.zeros(2).at[i].set(step)
         difference = (run(VALUES + move) - run(VALUES - move)) / (2 * step)
-        np.testing.assert_allclose(found[i], difference, rtol=1e-6)
+        np.testing.assert_allclose(gradient[i], difference, rtol=1e-6)
 
 
 @pytest.mark.slow
 def test_forward_mode_is_reverse_mode(value):
-    run = lambda v: value(v, _kept(None))
-    found = jax.jit(jax.jacfwd(run))(VALUES)
-    np.testing.assert_allclose(found, jax.jit(jax.grad(run))(VALUES), rtol=1e-11)
+    def run(v):
+        return value(v, _kept(None))
+
+    forward = jax.jit(jax.jacfwd(run))(VALUES)
+    np.testing.assert_allclose(forward, jax.jit(jax.grad(run))(VALUES), rtol=1e-11)
 
 
 @pytest.mark.parametrize(
@@ -100,19 +115,26 @@ def test_two_steps_a_turn_are_one_after_the_other(monkeypatch, solver):
     material = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.7)
     body = jt.Body(structure, material, temperature=350.0)
     scene = jt.Scene((body,), (jt.Surroundings(290.0),), dtype="float64")
-    plan = plan_run(scene, STEPS * DT, None, solver)
-    start, begin, dt = initial_state(plan), jnp.array(0.0), jnp.array(DT)
-    found = []
+    plan = plan_run(scene, t1=STEPS * DT, save_at=None, solver=solver)
+    start = initial_state(plan)
+    begin = jnp.array(0.0)
+    dt = jnp.array(DT)
+    end_states = []
     for few in (module._FEW_VALUES, 0):
         monkeypatch.setattr(module, "_FEW_VALUES", few)
         # A function of its own: one program for both would be found again.
         end = jax.jit(
             lambda state, n: advance(
-                plan.stepper, plan.compiled.program, state, begin, dt, n
+                plan.stepper,
+                program=plan.compiled.program,
+                state=state,
+                start=begin,
+                dt=dt,
+                steps=n,
             )
         )(start, jnp.array(STEPS))
-        found.append(end)
-    copied, exchanged = found
+        end_states.append(end)
+    copied, exchanged = end_states
     assert np.ptp(copied.theta[0]) > 0.01
     np.testing.assert_allclose(copied.theta[0], exchanged.theta[0], rtol=1e-13)
     np.testing.assert_allclose(copied.ledger.heat, exchanged.ledger.heat, rtol=1e-12)
@@ -128,8 +150,8 @@ def test_one_state_a_step_is_kept():
         )
         body = jt.Body(structure, material, temperature=350.0)
         scene = jt.Scene((body,), (jt.Surroundings(290.0),), dtype="float64")
-        found = jt.simulate(scene, steps * DT, solver=jt.ForwardEuler(dt=DT))
-        return found.surface_temperature.mean()
+        solution = jt.simulate(scene, steps * DT, solver=jt.ForwardEuler(dt=DT))
+        return solution.surface_temperature.mean()
 
     sizes = []
     for n in (20, 120):

@@ -41,8 +41,8 @@ AREA = (1.0, 3.0)
 def test_by_hand():
     """Areas 1 and 3; ranges 10 and 20 K; differences (2, 0) and (0, -4) K."""
     reference = run([0, 10, 20], [[300, 300], [300, 310], [300, 320]], AREA)
-    found = run([0, 10, 20], [[300, 300], [302, 310], [300, 316]], AREA)
-    error = jt.surface_error(found, reference)
+    solution = run([0, 10, 20], [[300, 300], [302, 310], [300, 316]], AREA)
+    error = jt.surface_error(solution, reference)
     np.testing.assert_allclose(error.times, [10, 20])
     rms = np.array([np.sqrt(4 / 4), np.sqrt(3 * 16 / 4)])
     np.testing.assert_allclose(error.rms_kelvin, rms, rtol=1e-12)
@@ -54,8 +54,8 @@ def test_by_hand():
 
 def test_a_time_that_is_even_again_counts_with_5_percent_of_the_largest_range():
     reference = run([1, 2], [[300, 400], [350, 350]], AREA)
-    found = run([1, 2], [[300, 400], [351, 351]], AREA)
-    error = jt.surface_error(found, reference)
+    solution = run([1, 2], [[300, 400], [351, 351]], AREA)
+    error = jt.surface_error(solution, reference)
     np.testing.assert_allclose(error.rms_percent, [0, 100 * 1 / 5], rtol=1e-12)
 
 
@@ -63,18 +63,24 @@ def test_the_99th_percentile_goes_by_area():
     """One fragment in a hundred is off: it counts if it has over 1 % of the area."""
     reference = run([1], [np.r_[np.zeros(99), 10]], np.ones(100))
     off = np.r_[np.zeros(98), 5.0, 10]
-    share = lambda area: float(
-        jt.surface_error(
-            run([1], [off], area), reference._replace(surfaces=(surface(area),))
-        ).worst_p99_percent
-    )
+
+    def share(area):
+        return float(
+            jt.surface_error(
+                run([1], [off], area), reference._replace(surfaces=(surface(area),))
+            ).worst_p99_percent
+        )
+
     assert share(np.ones(100)) == 0
     assert share(np.r_[np.ones(98), 3.0, 1]) == 50
 
 
 def brute_percentile(sizes, area):
     """The smallest size that 99 % of the area does not exceed."""
-    below = lambda v: sum(a for a, s in zip(area, sizes, strict=True) if s <= v)
+
+    def below(v):
+        return sum(a for a, s in zip(area, sizes, strict=True) if s <= v)
+
     return min(s for s in sizes if below(s) >= (0.99 - 1e-6) * sum(area))
 
 
@@ -84,20 +90,23 @@ def brute_percentile(sizes, area):
     hnp.arrays(float, (2, 5), elements=st.floats(280, 400)),
     hnp.arrays(float, 5, elements=st.floats(0.1, 9)),
 )
-def test_against_a_plain_loop(one, other, area):
-    ranges = [max(row) - min(row) for row in other]
+def test_against_a_plain_loop(temperature, expected, area):
+    ranges = [max(row) - min(row) for row in expected]
     if max(ranges) == 0:
         return
-    error = jt.surface_error(run([1, 2], one, area), run([1, 2], other, area))
+    error = jt.surface_error(
+        run([1, 2], temperature, area), run([1, 2], expected, area)
+    )
     for t in range(2):
         span = max(ranges[t], 0.05 * max(ranges))
         square = sum(
-            a * (x - y) ** 2 for a, x, y in zip(area, one[t], other[t], strict=True)
+            a * (x - y) ** 2
+            for a, x, y in zip(area, temperature[t], expected[t], strict=True)
         )
         rms = (square / sum(area)) ** 0.5
         assert float(error.rms_kelvin[t]) == pytest.approx(rms, rel=1e-9, abs=1e-12)
         assert float(error.rms_percent[t]) == pytest.approx(100 * rms / span)
-        sizes = [abs(x - y) for x, y in zip(one[t], other[t], strict=True)]
+        sizes = [abs(x - y) for x, y in zip(temperature[t], expected[t], strict=True)]
         assert float(error.max_percent[t]) == pytest.approx(100 * max(sizes) / span)
         p99 = brute_percentile(sizes, area)
         assert float(error.p99_percent[t]) == pytest.approx(100 * p99 / span)
@@ -105,11 +114,12 @@ def test_against_a_plain_loop(one, other, area):
 
 def test_it_has_a_derivative_and_the_slope_0_where_nothing_differs():
     reference = run([1], [[300, 310]], AREA)
-    worst = lambda t: (
-        jt.surface_error(
+
+    def worst(t):
+        return jt.surface_error(
             reference._replace(surface_temperature=t), reference
         ).worst_rms_percent
-    )
+
     same = reference.surface_temperature
     np.testing.assert_array_equal(jax.grad(worst)(same), 0)
     # 100 sqrt((a d^2) / 4) / 10 for d in the second fragment alone.
@@ -134,23 +144,26 @@ def test_solutions_of_one_scene_agree_and_go_through_a_simulation_with_a_derivat
 
     reference = solve(16.0, 0.1)
     assert float(jt.surface_error(reference, reference).worst_max_percent) == 0
-    error = lambda k: jt.surface_error(solve(k, 0.1), reference).worst_rms_percent
-    both = jax.jit(jax.value_and_grad(error))
-    (low, _), (_, slope), (high, _) = (both(k) for k in (19.9, 20.0, 20.1))
+
+    def error(k):
+        return jt.surface_error(solve(k, 0.1), reference).worst_rms_percent
+
+    error_and_slope = jax.jit(jax.value_and_grad(error))
+    (low, _), (_, slope), (high, _) = (error_and_slope(k) for k in (19.9, 20.0, 20.1))
     assert float(slope) == pytest.approx(float(high - low) / 0.2, rel=1e-3)
 
 
 def test_a_float32_run_is_measured_against_a_float64_one():
     with jax.enable_x64(False):
-        found = run([1], [[300, 312]], AREA)
-    assert found.surface_temperature.dtype == jnp.float32
-    error = jt.surface_error(found, run([1], [[300, 310]], AREA))
+        single = run([1], [[300, 312]], AREA)
+    assert single.surface_temperature.dtype == jnp.float32
+    error = jt.surface_error(single, run([1], [[300, 310]], AREA))
     assert error.rms_percent.dtype == jnp.float64
     assert float(error.worst_max_percent) == pytest.approx(20)
 
 
 @pytest.mark.parametrize(
-    ("found", "message"),
+    ("solution", "message"),
     [
         (run([1], [[300, 310]], (1.0, 2.0)), "other surface fragments"),
         (run([1], [[300, 310]], AREA, shift=0.5), "other surface fragments"),
@@ -159,9 +172,9 @@ def test_a_float32_run_is_measured_against_a_float64_one():
         (run([0, 1], [[300, 300], [300, 310]], AREA), "same save_at"),
     ],
 )
-def test_runs_that_do_not_fit_are_told_in_one_line(found, message):
+def test_runs_that_do_not_fit_are_told_in_one_line(solution, message):
     with pytest.raises(InputError, match=message) as caught:
-        jt.surface_error(found, run([1], [[300, 310]], AREA))
+        jt.surface_error(solution, run([1], [[300, 310]], AREA))
     assert "\n" not in str(caught.value)
 
 
@@ -172,6 +185,6 @@ def test_a_reference_that_says_nothing_is_refused():
     start = run([0], [[300, 310]], AREA)
     with pytest.raises(InputError, match="after time 0"):
         jt.surface_error(start, start)
-    two = start._replace(surfaces=(surface(AREA), surface(AREA)))
+    two_bodies = start._replace(surfaces=(surface(AREA), surface(AREA)))
     with pytest.raises(InputError, match="2 bodies and the reference has 1"):
-        jt.surface_error(two, start)
+        jt.surface_error(two_bodies, start)

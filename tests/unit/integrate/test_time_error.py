@@ -23,9 +23,11 @@ from jaxthermo.integrate.stepper import jit_in_place
 from tests.bodies import bar
 
 
-FRONT, BACK = jt.Side((1.0, 0.0, 0.0)), jt.Side((-1.0, 0.0, 0.0))
+FRONT = jt.Side((1.0, 0.0, 0.0))
+BACK = jt.Side((-1.0, 0.0, 0.0))
 METAL = jt.Material(16.0, density=8000.0, specific_heat=500.0)
-END, SAVES = 400.0, (100.0, 250.0, 400.0)
+END = 400.0
+SAVES = (100.0, 250.0, 400.0)
 
 
 def _plate():
@@ -54,11 +56,12 @@ def _plate_mean(time):
 def test_a_plate_of_one_voxel_cools_as_the_closed_form():
     control = jt.ErrorControl()
     run = jt.simulate(_plate(), 30.0, solver=control)
-    found, limit = float(run.mean_temperature[0, 0]), run.run.time_error_limit
+    mean = float(run.mean_temperature[0, 0])
+    limit = run.run.time_error_limit
     surface = np.asarray(run.surface_temperature)
     assert limit == pytest.approx(max(1e-3, 1e-3 * np.ptp(surface)))
     assert run.run.time_error is not None and limit is not None
-    assert abs(found - _plate_mean(30.0)) <= run.run.time_error <= limit
+    assert abs(mean - _plate_mean(30.0)) <= run.run.time_error <= limit
     assert run.receipt.notes[-1].startswith("error in time about")
 
 
@@ -66,14 +69,17 @@ def test_a_plate_of_one_voxel_cools_as_the_closed_form():
 @pytest.mark.slice
 def test_many_stable_steps_are_taken_by_steps_of_tr_bdf2():
     """A lump cools by exp(-t h A / C): 10 um voxels, 6 million stable steps."""
-    pitch, h, times = 1e-5, 0.1, np.array([20.0, 80.0])
+    pitch = 1e-5
+    h = 0.1
+    times = np.array([20.0, 80.0])
     body = jt.Body(jt.FullVolume(bar(3, pitch)), METAL, temperature=400.0)
     scene = jt.Scene((body,), (jt.Convection(h, 300.0),), dtype="float64")
     run = jt.simulate(scene, 80.0, list(times))
     rate = h * 14 * pitch**2 / (8000.0 * 500.0 * 3 * pitch**3)
     exact = 300.0 + 100.0 * np.exp(-rate * times)
     off = np.abs(np.asarray(run.mean_temperature)[:, 0] - exact).max()
-    error, limit = run.run.time_error, run.run.time_error_limit
+    error = run.run.time_error
+    limit = run.run.time_error_limit
     assert run.run.solver == "TRBDF2" and error is not None and limit == 1e-3
     assert off <= error <= 1e-3
 
@@ -93,13 +99,20 @@ def controlled():
 
 def test_the_error_is_below_its_estimate(controlled):
     with precision("float64"):
-        todo = plan_run(_heated(), END, SAVES, jt.ErrorControl(), control_error=True)
+        todo = plan_run(
+            _heated(),
+            t1=END,
+            save_at=SAVES,
+            solver=jt.ErrorControl(),
+            control_error=True,
+        )
         # Steps so short that they are exact by comparison, in the program at hand.
         short = of_pass(todo, 9)
         exact = np.asarray(integrate(short, initial_state(short)).surface_temperature)
-    found = np.asarray(controlled.surface_temperature)
+    surface = np.asarray(controlled.surface_temperature)
     assert short.steps > 50 * controlled.run.steps
-    off, ranges = np.abs(found - exact).max(), np.ptp(exact, axis=1)
+    off = np.abs(surface - exact).max()
+    ranges = np.ptp(exact, axis=1)
     assert off <= controlled.run.time_error <= controlled.run.time_error_limit
     assert controlled.run.time_error_limit == pytest.approx(1e-3 * ranges.max(), 1e-3)
 
@@ -110,7 +123,7 @@ def _programs() -> int:
 
 
 def test_a_smaller_error_takes_more_steps_in_the_same_program(controlled):
-    before = _programs()
+    programs = _programs()
     control = jt.ErrorControl(relative_error=1e-5)
     # Of other numbers too: another heat flux, and so other passes.
     finer = jt.simulate(_heated(3e4), END, SAVES, solver=control)
@@ -118,38 +131,52 @@ def test_a_smaller_error_takes_more_steps_in_the_same_program(controlled):
     assert finer.run.time_error is not None and limit is not None
     assert finer.run.time_error <= limit
     assert finer.run.steps > controlled.run.steps
-    assert _programs() == before
+    assert _programs() == programs
 
 
 def test_segments_and_checkpoints_take_the_same_passes(tmp_path, controlled):
     path = tmp_path / "checkpoint.npz"
     with precision("float64"):
-        todo = plan_run(_heated(), END, SAVES, jt.ErrorControl(), control_error=True)
-        progress, count = compile_segments(todo, begin_run(todo)), 0
+        todo = plan_run(
+            _heated(),
+            t1=END,
+            save_at=SAVES,
+            solver=jt.ErrorControl(),
+            control_error=True,
+        )
+        progress = compile_segments(todo, begin_run(todo))
+        count = 0
         while not progress.passes.finished:
             for reached in islice(run_segments(todo, progress, seconds=0.0), 7):
-                count, progress = count + 1, reached
+                count = count + 1
+                progress = reached
             # From a file, as after a break.
-            save_checkpoint(path, todo, progress, "key")
-            progress = load_checkpoint(path, todo, begin_run(todo), "key")
+            save_checkpoint(path, plan=todo, progress=progress, key="key")
+            progress = load_checkpoint(
+                path, plan=todo, fresh=begin_run(todo), key="key"
+            )
             assert progress is not None
-        parts = finish_run(todo, progress)
+        solution = finish_run(todo, progress)
     assert count > controlled.run.steps / 2
-    assert parts.run.time_error == controlled.run.time_error
-    assert parts.run.steps == controlled.run.steps
+    assert solution.run.time_error == controlled.run.time_error
+    assert solution.run.steps == controlled.run.steps
     for name in ("surface_temperature", "mean_temperature", "energy"):
-        pairs = (jax.tree.leaves(getattr(run, name)) for run in (parts, controlled))
-        for one, other in zip(*pairs, strict=True):
-            np.testing.assert_array_equal(one, other)
+        pairs = (jax.tree.leaves(getattr(run, name)) for run in (solution, controlled))
+        for leaf, expected in zip(*pairs, strict=True):
+            np.testing.assert_array_equal(leaf, expected)
 
 
 def test_a_traced_scene_takes_the_stable_steps_and_says_so():
-    seen, structure = [], jt.FullVolume(bar(9, 0.01))
+    seen = []
+    structure = jt.FullVolume(bar(9, 0.01))
 
     def planned(temperature):
         body = jt.Body(structure, METAL, temperature=temperature)
-        scene, control = jt.Scene((body,), (), dtype="float64"), jt.ErrorControl()
-        seen.append(plan_run(scene, 10.0, None, control, control_error=True))
+        scene = jt.Scene((body,), (), dtype="float64")
+        control = jt.ErrorControl()
+        seen.append(
+            plan_run(scene, t1=10.0, save_at=None, solver=control, control_error=True)
+        )
         return temperature
 
     jax.jvp(planned, (300.0,), (1.0,))
@@ -169,28 +196,31 @@ def test_passes_end_at_the_limit_or_at_rounding(controlled):
         return rows._replace(surface_temperature=surface, is_finite=jnp.full(2, finite))
 
     control = jt.ErrorControl()
-    after = lambda passes, *given, **how: passes.after(seen(*given, **how), control)
+
+    def next_passes(passes, *given, **how):
+        return passes.after(seen(*given, **how), control)
+
     # Second order: a quarter each, of which the last three quarters are the error.
-    passes = after(after(after(Passes(), 16.0), 4.0), 1.0)
+    passes = next_passes(next_passes(next_passes(Passes(), 16.0), 4.0), 1.0)
     assert (passes.number, passes.finished) == (3, False)
     assert passes.error == pytest.approx((1.0, 0.021))
-    held = after(passes, 0.96)
+    held = next_passes(passes, 0.96)
     assert (held.number, held.finished) == (3, True)
     assert held.error == pytest.approx((0.04 / 3, 0.02096))
-    unclear = after(passes, 5.0)
+    unclear = next_passes(passes, 5.0)
     assert (unclear.number, unclear.finished) == (4, False)
-    stalled = after(unclear, 1.0)
+    stalled = next_passes(unclear, 1.0)
     assert (stalled.number, stalled.finished) == (4, True)
     assert "above the limit" in stalled.error.text()
     # Shorter steps that fail give way to longer ones that did not.
-    failed = after(passes, 0.0, finite=False)
+    failed = next_passes(passes, 0.0, finite=False)
     assert (failed.number, failed.finished, failed.error.kelvin) == (2, True, 1.0)
     assert float(failed.rows.surface_temperature[1, 1]) == 321.0
-    never = after(after(Passes(), 0.0, finite=False), 0.0, finite=False)
+    never = next_passes(next_passes(Passes(), 0.0, finite=False), 0.0, finite=False)
     assert (never.number, never.finished, never.error) == (1, True, None)
 
 
-@pytest.mark.parametrize("given", [{"error": 0.0}, {"relative_error": float("nan")}])
-def test_errors_that_are_none_are_refused(given):
+@pytest.mark.parametrize("options", [{"error": 0.0}, {"relative_error": float("nan")}])
+def test_errors_that_are_none_are_refused(options):
     with pytest.raises(jt.InputError, match="give a positive one"):
-        jt.ErrorControl(**given)
+        jt.ErrorControl(**options)

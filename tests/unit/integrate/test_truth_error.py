@@ -17,22 +17,22 @@ from jaxthermo.scene.scene import BodyGeometry, SolvedSurface
 
 def geometry(grid, translation=(0.0, 0.0, 0.0)) -> BodyGeometry:
     return BodyGeometry(
-        grid.mesh.vertices,
-        grid.mesh.faces,
-        grid.fragment_foot,
-        grid.fragment_normal,
-        grid.fragment_area,
-        grid.pitch,
-        jt.Pose(translation),
+        vertices=grid.mesh.vertices,
+        faces=grid.mesh.faces,
+        fragment_position=grid.fragment_foot,
+        fragment_normal=grid.fragment_normal,
+        fragment_area=grid.fragment_area,
+        pitch=grid.pitch,
+        pose=jt.Pose(translation),
     )
 
 
 def run(field, *geometries, times=(0.0, 10.0)) -> StoredSolution:
     """A solution whose fragments have a field of positions and time [K]."""
-    one = jnp.asarray(1.0)
+    unity = jnp.asarray(1.0)
     rows = [[field(g.fragment_position, t) for g in geometries] for t in times]
     temperature = np.array([np.concatenate(row) for row in rows])
-    surfaces = tuple(SolvedSurface(g, one, one) for g in geometries)
+    surfaces = tuple(SolvedSurface(g, unity, unity) for g in geometries)
     return StoredSolution(np.array(times), temperature, surfaces)
 
 
@@ -76,10 +76,10 @@ def test_a_linear_field_is_exact_on_plane_sides_up_to_their_edges(box):
 def test_reading_on_a_sphere_is_of_second_order(spheres, field):
     sample = jt.mesh_sample(jt.shapes.sphere(1.0, subdivisions=4), 2000)
     errors = []
-    for each in spheres:
-        reading = surface_reading(each, sample.position, sample.normal)
+    for sphere in spheres:
+        reading = surface_reading(sphere, sample.position, sample.normal)
         assert not reading.is_lost.any()
-        off = reading.read(field(each.fragment_position)[None])[0] - field(
+        off = reading.read(field(sphere.fragment_position)[None])[0] - field(
             sample.position
         )
         errors.append(np.sqrt((off**2).mean()))
@@ -90,12 +90,15 @@ def test_sides_of_a_sheet_are_told_apart_by_normals():
     """One voxel thick: 400 K above, 300 K below."""
     grid = jt.voxelize(jt.shapes.box((1.0, 1.0, 0.1)), 0.1)
     sheet = geometry(grid)
-    both = lambda x, t=0.0: 350.0 + 1000.0 * x[:, 2]
+
+    def two_sides(x, t=0.0):
+        return 350.0 + 1000.0 * x[:, 2]
+
     sample = jt.mesh_sample(grid.mesh, 300)
     reading = surface_reading(sheet, sample.position, sample.normal)
-    read = reading.read(both(sheet.fragment_position)[None])[0]
+    read = reading.read(two_sides(sheet.fragment_position)[None])[0]
     upright = np.abs(sample.normal[:, 2]) > 0.5
-    expected = both(sample.position)[upright]
+    expected = two_sides(sample.position)[upright]
     np.testing.assert_allclose(read[upright], expected, atol=1e-9)
     assert set(np.round(expected)) == {300, 400}
 
@@ -115,7 +118,10 @@ def test_by_hand_on_plane_sides():
     body = geometry(jt.voxelize(jt.shapes.box((0.6, 0.6, 0.6)), 0.1))
     reference = run(linear, body, times=(0.0, 1.0, 9.0))
     slope = np.array([0.0, 3.0, 1.0])
-    extra = lambda x, t=0.0: linear(x, t) + (2.0 + x @ slope if t < 5 else 0.0)
+
+    def extra(x, t=0.0):
+        return linear(x, t) + (2.0 + x @ slope if t < 5 else 0.0)
+
     error = jt.truth_error(run(extra, body, times=(0.0, 1.0, 9.0)), reference, 800, 5)
     points = jt.mesh_sample(jt.Mesh(body.vertices, body.faces), 800, 5).position
     off = 2.0 + points @ slope
@@ -134,7 +140,9 @@ def test_by_hand_on_plane_sides():
 
 
 def test_a_time_that_is_even_again_counts_with_5_percent_of_the_largest_range(box):
-    field = lambda x, t=0.0: 300.0 + (linear(x) - 300.0) * (t < 5)
+    def field(x, t=0.0):
+        return 300.0 + (linear(x) - 300.0) * (t < 5)
+
     reference = run(field, box, times=(1.0, 9.0))
     off = run(lambda x, t=0.0: field(x, t) + 0.5, box, times=(1.0, 9.0))
     percent = jt.truth_error(off, reference, 400).rms_percent
@@ -142,7 +150,9 @@ def test_a_time_that_is_even_again_counts_with_5_percent_of_the_largest_range(bo
 
 
 def test_a_reference_of_one_temperature_gives_kelvin_and_no_percentage(box):
-    even = lambda x, t=0.0: np.full(len(x), 300.0)
+    def even(x, t=0.0):
+        return np.full(len(x), 300.0)
+
     error = jt.truth_error(run(lambda x, t: even(x) - 0.5, box), run(even, box), 100)
     assert float(error.worst_rms_kelvin) == pytest.approx(0.5)
     assert np.isinf(error.worst_rms_percent)
@@ -156,8 +166,8 @@ def test_the_error_falls_with_the_pitch_against_an_analytic_field(spheres):
     """Exact fragments: what is left is reading between them, of second order."""
     fine = geometry(jt.voxelize(jt.shapes.sphere(1.0, subdivisions=4), 0.04))
     exact = run(wavy, fine)
-    errors = [jt.truth_error(run(wavy, each), exact, 2000) for each in spheres]
-    coarse, finer = (float(each.worst_rms_kelvin) for each in errors)
+    errors = [jt.truth_error(run(wavy, sphere), exact, 2000) for sphere in spheres]
+    coarse, finer = (float(error.worst_rms_kelvin) for error in errors)
     assert finer < 0.32 * coarse < 0.2
     # A run that is 1 K too warm everywhere is that, whatever its voxels.
     warm = jt.truth_error(run(lambda x, t: wavy(x, t) + 1.0, spheres[1]), exact, 2000)
@@ -173,14 +183,19 @@ def without(body: BodyGeometry, keep) -> BodyGeometry:
 
 def test_a_missing_part_is_counted_and_left_out():
     """A plate beside a block, of 2.4 of the area of 8.4, which a run does not have."""
-    block, plate = jt.shapes.box((1.0, 1.0, 1.0)), jt.shapes.box((0.1, 1.0, 1.0))
+    block = jt.shapes.box((1.0, 1.0, 1.0))
+    plate = jt.shapes.box((0.1, 1.0, 1.0))
     vertices = [block.vertices, plate.vertices + np.array([1.0, 0.0, 0.0])]
     faces = np.concatenate([block.faces, plate.faces + len(block.vertices)])
-    both = geometry(jt.voxelize(jt.Mesh(np.concatenate(vertices), faces), 0.1))
-    is_plate = both.fragment_position[:, 0] > 0.7
-    hot = lambda x, t=0.0: linear(x) + 1e3 * (x[:, 0] > 0.7)
-    reference, found = run(hot, both), run(hot, without(both, ~is_plate))
-    error = jt.truth_error(found, reference)
+    joined = geometry(jt.voxelize(jt.Mesh(np.concatenate(vertices), faces), 0.1))
+    is_plate = joined.fragment_position[:, 0] > 0.7
+
+    def hot(x, t=0.0):
+        return linear(x) + 1e3 * (x[:, 0] > 0.7)
+
+    reference = run(hot, joined)
+    solution = run(hot, without(joined, ~is_plate))
+    error = jt.truth_error(solution, reference)
     share = 2.4 / 8.4
     spread = 4 * np.sqrt(share * (1 - share) / 10_000)
     lost = float(error.worst_lost_fraction)
@@ -189,28 +204,33 @@ def test_a_missing_part_is_counted_and_left_out():
     assert float(error.worst_rms_kelvin) < 1e-3
     assert float(error.reference_lost_fraction) == 0
     # What the reference has lost counts for no one.
-    other = jt.truth_error(reference, found)
-    assert float(other.reference_lost_fraction) == lost
-    assert float(other.worst_lost_fraction) == 0
+    swapped = jt.truth_error(reference, solution)
+    assert float(swapped.reference_lost_fraction) == lost
+    assert float(swapped.worst_lost_fraction) == 0
 
 
 def test_several_bodies_count_by_area(box):
     """The one that is 3 K off has a part of the area, and of the mean square."""
     small = geometry(jt.voxelize(jt.shapes.box(0.4), 0.1), (5.0, 0.0, 0.0))
-    off = lambda x, t=0.0: linear(x) + 3.0
-    still = lambda x, t=0.0: linear(x)
+
+    def off(x, t=0.0):
+        return linear(x) + 3.0
+
+    def still(x, t=0.0):
+        return linear(x)
+
     reference = run(still, box, small)
     rows = np.concatenate([linear(box.fragment_position), off(small.fragment_position)])
-    found = reference._replace(surface_temperature=np.tile(rows, (2, 1)))
-    error = jt.truth_error(found, reference)
-    area = [jt.Mesh(each.vertices, each.faces).area for each in (box, small)]
+    solution = reference._replace(surface_temperature=np.tile(rows, (2, 1)))
+    error = jt.truth_error(solution, reference)
+    area = [jt.Mesh(body.vertices, body.faces).area for body in (box, small)]
     share = area[1] / sum(area)
     assert float(error.worst_bias_kelvin) == pytest.approx(3 * share, rel=0.05)
     assert float(error.worst_rms_kelvin) == pytest.approx(3 * share**0.5, rel=0.03)
 
 
 def test_remarks_name_a_reference_that_is_not_independent(spheres):
-    coarse, fine = (run(wavy, each) for each in spheres)
+    coarse, fine = (run(wavy, sphere) for sphere in spheres)
     assert jt.truth_error(coarse, fine, 200).remarks == ()
     (same,) = jt.truth_error(fine, fine, 200).remarks
     assert "body 0 has the voxels of the reference" in same
@@ -226,54 +246,62 @@ def test_plain_numbers_for_json(spheres, box):
         assert (
             plain[name] == [float(getattr(error, name)[0])] == [plain[f"worst_{name}"]]
         )
-    even = lambda x, t=0.0: np.full(len(x), 300.0 + t)
+
+    def even(x, t=0.0):
+        return np.full(len(x), 300.0 + t)
+
     off = jt.truth_error(run(lambda x, t: even(x) - t, box), run(even, box), 100)
     assert off.as_dict()["worst_rms_percent"] is None
 
 
 @pytest.mark.slow
 def test_derivatives_reach_both_temperatures(spheres):
-    reference, found = run(wavy, spheres[1]), run(linear, spheres[0])
-    rms = lambda shift: (
-        jt.truth_error(
-            found._replace(surface_temperature=found.surface_temperature + shift),
+    reference = run(wavy, spheres[1])
+    solution = run(linear, spheres[0])
+
+    def rms(shift):
+        return jt.truth_error(
+            solution._replace(surface_temperature=solution.surface_temperature + shift),
             reference,
             200,
         ).worst_rms_kelvin
-    )
+
     slope = float(jax.grad(rms)(jnp.asarray(0.0)))
     step = 1e-4
     assert slope == pytest.approx(float(rms(step) - rms(-step)) / (2 * step), rel=1e-6)
     same = reference.surface_temperature
-    zero = lambda t: (
-        jt.truth_error(
+
+    def zero(t):
+        return jt.truth_error(
             reference._replace(surface_temperature=t), reference, 50
         ).worst_rms_kelvin
-    )
+
     np.testing.assert_array_equal(jax.grad(zero)(jnp.asarray(same)), 0)
 
 
 def test_runs_that_cannot_be_compared(spheres, box):
-    one = run(wavy, spheres[0])
+    reference = run(wavy, spheres[0])
     with pytest.raises(InputError, match="2 bodies and the reference has 1"):
-        jt.truth_error(run(wavy, spheres[0], box), one)
+        jt.truth_error(run(wavy, spheres[0], box), reference)
     with pytest.raises(InputError, match="truth_error: saved at .*same save_at"):
-        jt.truth_error(run(wavy, spheres[0], times=(0.0, 5.0)), one)
+        jt.truth_error(run(wavy, spheres[0], times=(0.0, 5.0)), reference)
     with pytest.raises(InputError, match="truth_error: nothing is saved after time 0"):
         jt.truth_error(
             run(wavy, spheres[0], times=(0.0,)), run(wavy, spheres[0], times=(0.0,))
         )
     far = replace(spheres[0], fragment_position=spheres[0].fragment_position + 9.0)
     with pytest.raises(InputError, match="no surface in common"):
-        jt.truth_error(run(wavy, far), one)
+        jt.truth_error(run(wavy, far), reference)
     # Within a voxel the meshes may differ, where they are made of voxels.
     for factor in (1.1, 1.5):
-        other = replace(spheres[0], vertices=factor * spheres[0].vertices)
+        scaled = replace(spheres[0], vertices=factor * spheres[0].vertices)
         if factor == 1.1:
-            assert jt.truth_error(run(wavy, other), one, 50).worst_rms_kelvin < 0.1
+            assert (
+                jt.truth_error(run(wavy, scaled), reference, 50).worst_rms_kelvin < 0.1
+            )
         else:
             with pytest.raises(InputError, match=r"body 0 ends up to 0\.5 m away"):
-                jt.truth_error(run(wavy, other), one, 50)
+                jt.truth_error(run(wavy, scaled), reference, 50)
 
 
 @pytest.mark.slow
@@ -287,24 +315,22 @@ def test_a_body_that_moves_has_the_error_of_one_that_does_not(structure):
     steel = jt.Material(16.0, 8000.0, 500.0)
     flux = jt.HeatFlux(2e4, on=jt.Side((1.0, 0.0, 0.0)))
 
-    def solve(kind, pitch, pose):
+    def solve(structure_kind, pitch, pose):
         grid = jt.voxelize(jt.shapes.sphere(0.05), pitch)
-        body = jt.Body(kind(grid), steel, temperature=300.0, pose=pose)
+        body = jt.Body(structure_kind(grid), steel, temperature=300.0, pose=pose)
         return jt.simulate(
             jt.Scene((body,), (flux,), dtype="float64"), 60.0, [30.0, 60.0]
         )
 
     errors = []
     for pose in (jt.Pose(), jt.Motion(path)):
-        found, reference = (
-            solve(structure, 0.01, pose),
-            solve(jt.FullVolume, 0.005, pose),
-        )
-        errors.append(jt.truth_error(found, reference, 2000))
+        solution = solve(structure, 0.01, pose)
+        reference = solve(jt.FullVolume, 0.005, pose)
+        errors.append(jt.truth_error(solution, reference, 2000))
         assert 0 < float(errors[-1].worst_rms_kelvin) < 5
         assert float(errors[-1].worst_lost_fraction) == 0
     for name in ("rms_kelvin", "rms_percent", "p99_kelvin", "bias_kelvin"):
-        still, moved = (getattr(each, name) for each in errors)
+        still, moved = (getattr(error, name) for error in errors)
         np.testing.assert_allclose(moved, still, rtol=1e-6, atol=1e-9)
 
 

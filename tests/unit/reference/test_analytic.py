@@ -37,22 +37,22 @@ SEMI_INFINITE = [
 
 def test_v01_surface_step():
     x, t, expected, _ = np.array(SEMI_INFINITE).T
-    found = semi_infinite.surface_step(
+    temperature = semi_infinite.surface_step(
         x, t, initial=20.0, surface=100.0, diffusivity=ALPHA
     )
-    np.testing.assert_allclose(found, expected, rtol=1e-7)
+    np.testing.assert_allclose(temperature, expected, rtol=1e-7)
 
 
 def test_v02_surface_flux():
     x, t, _, expected = np.array(SEMI_INFINITE).T
     load = {"heat_flux": 3.2e5, "conductivity": 45.0, "diffusivity": ALPHA}
-    found = semi_infinite.surface_flux(x, t, initial=20.0, **load)
-    np.testing.assert_allclose(found, expected, rtol=1e-7)
+    temperature = semi_infinite.surface_flux(x, t, initial=20.0, **load)
+    np.testing.assert_allclose(temperature, expected, rtol=1e-7)
 
 
 def test_v02_holman_4_2():
     steel = Material(45.0, 8000.0, 401.79)
-    found = semi_infinite.surface_flux(
+    temperature = semi_infinite.surface_flux(
         0.025,
         30.0,
         initial=35.0,
@@ -60,7 +60,7 @@ def test_v02_holman_4_2():
         conductivity=45.0,
         diffusivity=steel.diffusivity,
     )
-    assert float(found) == pytest.approx(79.313554, abs=1e-6)
+    assert float(temperature) == pytest.approx(79.313554, abs=1e-6)
 
 
 def convected(depth, time, h):
@@ -113,8 +113,8 @@ def test_slab_eigenvalues():
     ],
 )
 def test_v04_slab_convection(biot, fourier, centre, half, surface, mean):
-    found = slab.slab_convection(np.array([0.0, 0.5, 1.0]), fourier, biot)
-    np.testing.assert_allclose(found, [centre, half, surface], atol=2e-8)
+    excess = slab.slab_convection(np.array([0.0, 0.5, 1.0]), fourier, biot)
+    np.testing.assert_allclose(excess, [centre, half, surface], atol=2e-8)
     assert float(slab.slab_convection_mean(fourier, biot)) == pytest.approx(
         mean, abs=2e-8
     )
@@ -122,17 +122,17 @@ def test_v04_slab_convection(biot, fourier, centre, half, surface, mean):
 
 def test_v22a_slab_of_the_fire_dynamics_simulator():
     # L = 0.1 m, alpha = 1e-6, 1000 s, 20 -> 120 degC, h = 100, k = 0.1.
-    place = np.linspace(0.0, 1.0, 6)
-    excess = slab.slab_convection(place, 1e-6 * 1000.0 / 0.1**2, 100.0 * 0.1 / 0.1)
+    position = np.linspace(0.0, 1.0, 6)
+    excess = slab.slab_convection(position, 1e-6 * 1000.0 / 0.1**2, 100.0 * 0.1 / 0.1)
     expected = [24.791, 27.701, 37.429, 55.969, 83.880, 118.217]
     np.testing.assert_allclose(120.0 - 100.0 * excess, expected, atol=6e-4)
 
 
 def test_slab_takes_many_times_at_once():
     times = np.array([0.05, 0.2])[:, None]
-    found = slab.slab_convection(np.array([0.0, 1.0]), times, 1.0)
+    excess = slab.slab_convection(np.array([0.0, 1.0]), times, 1.0)
     np.testing.assert_allclose(
-        found, [[0.99975096, 0.79037676], [0.95064178, 0.64339078]], atol=2e-8
+        excess, [[0.99975096, 0.79037676], [0.95064178, 0.64339078]], atol=2e-8
     )
 
 
@@ -140,7 +140,7 @@ def test_v09_sine_mode():
     exact = sine_mode.sine_rate(1e-5, 0.1)
     cells = sine_mode.sine_rate_of_cells(1e-5, 0.1, 20)
     assert cells == pytest.approx(0.009849327523889818, rel=1e-14)
-    found = [
+    amplitudes = [
         sine_mode.decay_exact(exact, 50.0),
         sine_mode.decay_exact(cells, 50.0),
         sine_mode.decay_explicit_euler(cells, 0.5, 100),
@@ -148,11 +148,12 @@ def test_v09_sine_mode():
         sine_mode.decay_crank_nicolson(cells, 0.5, 100),
     ]
     expected = [0.61049803, 0.61111729, 0.61037425, 0.61185636, 0.61111668]
-    np.testing.assert_allclose(found, expected, atol=6e-9)
+    np.testing.assert_allclose(amplitudes, expected, atol=6e-9)
 
 
 def test_v09_is_the_eigenvector_of_cells_with_half_cell_walls():
-    cells, mode = 20, 3
+    cells = 20
+    mode = 3
     matrix = 2.0 * np.eye(cells) - np.eye(cells, k=1) - np.eye(cells, k=-1)
     matrix[0, 0] = matrix[-1, -1] = 3.0
     centre = (np.arange(cells) + 0.5) / cells
@@ -166,8 +167,10 @@ STAINLESS = Material(15.1, 8055.0, 480.0)
 
 
 def test_v11_perfect_contact():
-    found = contact.perfect_contact(100.0, 0.0, COPPER.effusivity, STAINLESS.effusivity)
-    assert found == pytest.approx(82.93590583, abs=1e-8)
+    temperature = contact.perfect_contact(
+        100.0, 0.0, COPPER.effusivity, STAINLESS.effusivity
+    )
+    assert temperature == pytest.approx(82.93590583, abs=1e-8)
 
 
 def touching(time, conductance):
@@ -207,16 +210,16 @@ CUBE = {
 
 
 def test_v14_time_to_a_temperature():
-    found = lumped.radiation_time(np.array([900.0, 700.0, 500.0, 400.0]), **CUBE)
+    times = lumped.radiation_time(np.array([900.0, 700.0, 500.0, 400.0]), **CUBE)
     expected = [99.350085, 517.172931, 1979.070819, 4576.287399]
-    np.testing.assert_allclose(found, expected, rtol=1e-8)
+    np.testing.assert_allclose(times, expected, rtol=1e-8)
 
 
 def test_v14_temperature_at_a_time():
     times = np.array([0.0, 60.0, 300.0, 600.0, 1800.0, 3600.0, 1e9])
-    found = lumped.radiation_temperature(times, **CUBE)
+    temperatures = lumped.radiation_temperature(times, **CUBE)
     expected = [1000, 934.667745, 778.764437, 677.388833, 513.013603, 425.566551, 300]
-    np.testing.assert_allclose(found, expected, atol=1e-6)
+    np.testing.assert_allclose(temperatures, expected, atol=1e-6)
 
 
 def test_v14_also_warms():
@@ -231,10 +234,10 @@ def test_v14_also_warms():
 
 def test_accepts_float32_jax_arrays_and_gives_float64():
     depth = jnp.asarray([0.01], jnp.float32)
-    found = semi_infinite.surface_step(
+    temperature = semi_infinite.surface_step(
         depth, 60.0, initial=20.0, surface=100.0, diffusivity=jnp.asarray(ALPHA)
     )
-    assert found.dtype == np.float64
-    np.testing.assert_allclose(found, [83.726865], rtol=1e-6)
+    assert temperature.dtype == np.float64
+    np.testing.assert_allclose(temperature, [83.726865], rtol=1e-6)
     fourier = jnp.asarray(0.2, jnp.float32)
     assert slab.slab_convection(depth, fourier, 1).dtype == np.float64

@@ -14,7 +14,7 @@ from jaxthermo.integrate.run.plan import (
     save_intervals,
     step_table,
 )
-from jaxthermo.integrate.run.simulate import take_all_steps
+from jaxthermo.integrate.run.simulate import RunConstants, take_all_steps
 from jaxthermo.integrate.stepper import jit_in_place
 from jaxthermo.scene.compile import compile as compile_module
 from jaxthermo.scene.compile.memory import forecast_memory
@@ -80,9 +80,14 @@ def test_the_forecast_is_that_of_the_arrays(kind, method):
     assert plan.stepper.method == method
     kept = sum(_kept().values())
     state, table = initial_state(plan), step_table(plan, save_intervals(plan.intervals))
-    rest = state.ledger, state.solver_state
-    given = plan.stepper, plan.compiled.program, rest, table
-    lowered = jit_in_place(take_all_steps).lower(given, state.theta)
+    constants = RunConstants(
+        stepper=plan.stepper,
+        program=plan.compiled.program,
+        ledger=state.ledger,
+        solver_state=state.solver_state,
+        table=table,
+    )
+    lowered = jit_in_place(take_all_steps).lower(constants, state.theta)
     report = lowered.compile().compiled.memory_analysis()
     size = sum(theta.nbytes for theta in state.theta)
     # The state at the start is overwritten: it is the one at the end.
