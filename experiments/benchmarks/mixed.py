@@ -19,7 +19,7 @@ import jaxthermo as jt
 from jaxthermo.cli.console import open_console
 from jaxthermo.config.loader import load_config
 from jaxthermo.integrate.explicit import EulerStepper
-from jaxthermo.integrate.run.ledger import empty_ledger
+from jaxthermo.integrate.ledger import empty_ledger
 from jaxthermo.integrate.stepper import RunState, advance
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.compile.program import Compiled

@@ -11,7 +11,7 @@ from ..config.loader import config_hash, resolved
 from ..config.schema.scene import SceneConfig
 from ..geometry.mesh import describe_mesh
 from ..integrate.implicit.newton_stage import SolverStatistics
-from ..integrate.run.ledger import Energy
+from ..integrate.ledger import Energy
 from ..integrate.run.solution import RESULTS, Solution
 from ..provenance import provenance
 from ..report.columns import write_columns

@@ -29,7 +29,7 @@ from typing_extensions import override
 
 from ..scene.compile.memory import Method
 from ..scene.compile.program import Program, State
-from .run.heat_rates import add_loads
+from .heat_rates import add_loads
 from .stepper import AbstractStepper, RunState, is_copied_fast
 
 

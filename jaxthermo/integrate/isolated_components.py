@@ -23,8 +23,8 @@ from ..network.network import AbstractNetwork, AbstractNodeNetwork
 from ..scene.compile.program import Program, State
 from ..scene.scene import Scene
 from ..structures.structure import AbstractStructure
+from .heat_rates import add_loads, load_slopes, pair_conductance
 from .implicit.jacobian import ImplicitContext, masked_to_nodes
-from .run.heat_rates import add_loads, load_slopes, pair_conductance
 
 
 _NET_HEAT_ROUNDING = 1e-5

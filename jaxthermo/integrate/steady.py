@@ -21,6 +21,7 @@ from ..scene.compile.compile import compile_scene
 from ..scene.compile.program import LedgerEntries, Program, State
 from ..scene.motion import Motion
 from ..scene.scene import Scene
+from .heat_rates import evaluate_rates
 from .implicit.conjugate_gradient import ConjugateGradient, CorrectionNorm, max_abs
 from .implicit.jacobian import (
     ImplicitContext,
@@ -41,8 +42,7 @@ from .isolated_components import (
     ProjectedPreconditioner,
     find_isolated_components,
 )
-from .run.heat_rates import evaluate_rates
-from .run.ledger import Energy, HeatRates, empty_ledger, energies, in_order
+from .ledger import Energy, HeatRates, empty_ledger, energies, in_order
 from .run.solution import (
     Observation,
     RunSummary,

@@ -15,7 +15,7 @@ from ..arrays import is_traced
 from ..module import Module
 from ..scene.compile.memory import Method
 from ..scene.compile.program import Program, State
-from .run.ledger import Ledger
+from .ledger import Ledger
 
 
 # How long before its end a step evaluates the loads of its end, so that they are those

@@ -23,7 +23,7 @@ from ..arrays import precision
 from ..config.loader import load_config
 from ..config.schema.scene import SceneConfig
 from ..errors import InputError
-from ..integrate.run.ledger import empty_ledger
+from ..integrate.ledger import empty_ledger
 from ..integrate.run.plan import (
     Interval,
     Plan,

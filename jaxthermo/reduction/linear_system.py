@@ -22,6 +22,7 @@ from jaxtyping import Array, Float, Int
 
 from ..arrays import is_traced, precision
 from ..errors import InputError
+from ..integrate.heat_rates import pair_values
 from ..integrate.implicit.conjugate_gradient import ConjugateGradient, ResidualNorm
 from ..integrate.implicit.jacobian import (
     ImplicitContext,
@@ -30,7 +31,6 @@ from ..integrate.implicit.jacobian import (
     linearize,
 )
 from ..integrate.implicit.newton_stage import solve_linear
-from ..integrate.run.heat_rates import pair_values
 from ..scene.compile.compile import compile_scene
 from ..scene.compile.program import Compiled, Program, State
 from ..scene.scene import Scene, SolvedSurface

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.run.heat_rates import evaluate_rates
+from jaxthermo.integrate.heat_rates import evaluate_rates
 from jaxthermo.scene.compile.bodies import surface_property
 from jaxthermo.scene.compile.compile import compile_scene
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.run.heat_rates import evaluate_rates
+from jaxthermo.integrate.heat_rates import evaluate_rates
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.compile.program import Compiled
 from tests.radiating import surface_of, whole

@@ -9,7 +9,7 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.integrate.explicit import EulerStepper
-from jaxthermo.integrate.run.ledger import empty_ledger
+from jaxthermo.integrate.ledger import empty_ledger
 from jaxthermo.integrate.stepper import RunState, advance
 from jaxthermo.scene.compile.compile import compile_scene
 from tests.bodies import blocks

@@ -34,7 +34,7 @@ from ...scene.compile.memory import Method
 from ...scene.compile.program import Compiled, Program, State
 from ...scene.scene import Scene
 from ...structures.structure import AbstractStructure
-from ..run.heat_rates import load_slopes, pair_conductance, pair_values
+from ..heat_rates import load_slopes, pair_conductance, pair_values
 
 
 class _Components(Module):

@@ -21,7 +21,7 @@ from jaxtyping import Array, Bool, Float, Int
 from ...module import Module, as_pytree
 from ...network.network import inverse
 from ...scene.compile.program import Program, State
-from ..run.heat_rates import evaluate_rates
+from ..heat_rates import evaluate_rates
 from .conjugate_gradient import BiCGStab, ConjugateGradient, ResidualNorm, max_abs
 from .jacobian import ImplicitContext, Linearization, linearize, masked_to_nodes
 

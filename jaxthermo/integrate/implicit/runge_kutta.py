@@ -21,8 +21,8 @@ from ...network.network import inverse, precise_sum
 from ...physics.time_varying import just_before
 from ...scene.compile.memory import Method
 from ...scene.compile.program import Program, State
-from ..run.heat_rates import evaluate_rates, load_slopes, pair_conductance
-from ..run.ledger import into_bodies
+from ..heat_rates import evaluate_rates, load_slopes, pair_conductance
+from ..ledger import into_bodies
 from ..stepper import END_FRACTION, AbstractStepper, RunState
 from .jacobian import ImplicitContext
 from .newton_stage import SolverStatistics, solve_stage, zero_statistics

@@ -22,6 +22,7 @@ from ...scene.compile.program import Compiled, Program
 from ...scene.scene import Scene
 from ..explicit import RKL2Stepper, stage_count
 from ..implicit.adaptive import AdaptiveStepper
+from ..ledger import empty_ledger
 from ..solvers import (
     MAX_REFINED_EVENTS,
     AbstractSolver,
@@ -31,7 +32,6 @@ from ..solvers import (
     select_solver,
 )
 from ..stepper import AbstractStepper, RunState
-from .ledger import empty_ledger
 
 
 _MAX_INTERVAL_STEPS = 2**31 - 1

@@ -14,8 +14,8 @@ from jaxtyping import Array, Float, Int
 
 from ...parallel.processes import agreed
 from ...scene.compile.program import Program, State
+from ..ledger import Ledger
 from ..stepper import AbstractStepper, RunState, advance, run_in_place
-from .ledger import Ledger
 from .plan import Interval, Plan, initial_state, observation_time
 from .simulate import make_solution
 from .solution import Observation, Solution, observe

@@ -19,9 +19,9 @@ from ...scene.compile.on_devices import on_devices
 from ...scene.compile.program import Program, State
 from ...scene.scene import Scene
 from ..implicit.newton_stage import SolverStatistics
+from ..ledger import Energy, Ledger, energies, in_order
 from ..solvers import AbstractSolver
 from ..stepper import AbstractStepper, RunState, advance, run_in_place
-from .ledger import Energy, Ledger, energies, in_order
 from .plan import (
     Plan,
     StepTable,

@@ -22,10 +22,10 @@ from ...physics.term import AbstractTerm
 from ...physics.time_varying import just_before
 from ...scene.compile.program import Program, Receipt
 from ...scene.scene import Probe, SolvedSurface, per_fragment
+from ..heat_rates import pair_temperatures
 from ..implicit.newton_stage import SolverStatistics
+from ..ledger import Energy, HeatRates, Ledger
 from ..stepper import RunState
-from .heat_rates import pair_temperatures
-from .ledger import Energy, HeatRates, Ledger
 
 
 class RESULTS(eqx.Enumeration):

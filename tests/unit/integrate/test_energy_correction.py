@@ -12,7 +12,7 @@ from jaxtyping import Array
 
 import jaxthermo as jt
 from jaxthermo.integrate.implicit.runge_kutta import _correct_energy, _solve_dominant
-from jaxthermo.integrate.run.ledger import into_bodies
+from jaxthermo.integrate.ledger import into_bodies
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.compile.program import Program, State
 from tests.bodies import blocks

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxthermo.integrate.run.ledger import empty_ledger
+from jaxthermo.integrate.ledger import empty_ledger
 
 
 STEPS = 200_000

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.run.heat_rates import add_loads
+from jaxthermo.integrate.heat_rates import add_loads
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.compile.linear_load import _LinearSurfaceLoad
 from jaxthermo.scene.compile.surface_load import SurfaceLoad

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.run.heat_rates import (
+from jaxthermo.integrate.heat_rates import (
     _net_irradiation,
     _surface_nodes,
     add_loads,

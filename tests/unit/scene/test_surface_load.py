@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.run.heat_rates import add_loads
+from jaxthermo.integrate.heat_rates import add_loads
 from jaxthermo.scene.compile import surface_cells
 from jaxthermo.scene.compile.compile import compile_scene
 

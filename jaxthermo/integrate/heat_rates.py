@@ -6,11 +6,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...arrays import taken
-from ...network.network import AbstractNetwork, inverse
-from ...physics.contact.links import ContactLinks
-from ...scene.compile.program import Program, State
-from ...scene.compile.surface_load import AbstractSurfaceLoad
+from ..arrays import taken
+from ..network.network import AbstractNetwork, inverse
+from ..physics.contact.links import ContactLinks
+from ..scene.compile.program import Program, State
+from ..scene.compile.surface_load import AbstractSurfaceLoad
 
 
 _Nodes = list[Float[Array, " _"]]

@@ -12,9 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import device_array, product
-from ...module import Module
-from ...scene.compile.program import LedgerEntries
+from ..arrays import device_array, product
+from ..module import Module
+from ..scene.compile.program import LedgerEntries
 
 
 class Ledger(Module):
