@@ -2,7 +2,7 @@
 
 | term | heat flux into the surface |
 |---|---|
-| `FixedTemperature` | what keeps the surface at T_s, through k / distance to the node |
+| `FixedTemperature` | k (T_s - T_node) / distance, which holds the surface at T_s |
 | `HeatFlux` | q'' |
 | `Convection` | h (T_inf - T_surface) (Newton; thesis eq. 5) |
 
@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ..arrays import Time, TimeVarying, is_traced
+from ..arrays import Time, TimeVarying, namespace
 from ..module import Module
 from ..voxels.selection import AbstractSelection
 from .flux_law import (
@@ -46,7 +46,7 @@ from .time_varying import (
 
 def _is_number(value: Any) -> bool:
     """True if the value is one number at any time, not one per surface cell."""
-    # Known without a trace of its own, which every run would pay for.
+    # A trace is needed for unknown functions only.
     if not callable(value):
         return np.ndim(value) == 0
     if isinstance(value, Table):
@@ -54,15 +54,15 @@ def _is_number(value: Any) -> bool:
     if isinstance(value, Until):
         return _is_number(value.value)
     time = jax.ShapeDtypeStruct((), jnp.result_type(float))
-    found = eqx.filter_eval_shape(lambda t: value_at(value, t), time)
-    return not found.shape
+    return not eqx.filter_eval_shape(lambda t: value_at(value, t), time).shape
 
 
 def _largest_size(value: Any, end: float | int) -> Any:
     """The largest |value| in [0, end] [s]."""
-    highest, lowest = largest(value, end), smallest(value, end)
-    own: Any = jnp if is_traced((highest, lowest)) else np
-    return own.maximum(abs(highest), abs(lowest)).max()
+    highest = largest(value, end)
+    lowest = smallest(value, end)
+    xp = namespace((highest, lowest))
+    return xp.maximum(abs(highest), abs(lowest)).max()
 
 
 class ImposedFlux(AbstractFluxLaw):
@@ -106,7 +106,7 @@ class ImposedFlux(AbstractFluxLaw):
 
 
 class _Above(Module):
-    """A function of time for a temperature above the reference [K]."""
+    """Temperature above the reference [K] as a function of time."""
 
     temperature: Any
     reference: Float[Any, ""]
@@ -126,6 +126,7 @@ class Exchange(AbstractFluxLaw):
     temperature: Any
     """T_inf [K], a number or a function of time."""
     reference: Any = 0.0
+    """Temperature from which theta counts [K]."""
 
     @override
     def flux(self, time: Time, theta: PerCell) -> PerCellOrOne:
@@ -139,12 +140,13 @@ class Exchange(AbstractFluxLaw):
 
     @override
     def linear(self) -> LinearLaw | None:
-        h, ambient = self.coefficient, self.temperature
+        h = self.coefficient
+        ambient = self.temperature
         if callable(h):
             return None
         if not callable(ambient):
             return LinearLaw(h * (ambient - self.reference), 1.0, h)
-        # Of a function of time only one number is known to be the same for all cells.
+        # A function of time with one value per cell has no common forcing.
         if not _is_number(ambient) or jnp.ndim(self.reference):
             return None
         return LinearLaw(h, _Above(ambient, self.reference), h)
@@ -161,8 +163,8 @@ class Exchange(AbstractFluxLaw):
     def max_flux(self, within: Forcing, end: float) -> float | Float[Array, ""]:
         warmest = largest(self.temperature, end)
         coldest = smallest(self.temperature, end)
-        own: Any = jnp if is_traced((warmest, coldest)) else np
-        gap = own.maximum(warmest - within.lowest, within.highest - coldest)
+        xp = namespace((warmest, coldest))
+        gap = xp.maximum(warmest - within.lowest, within.highest - coldest)
         return largest(self.coefficient, end) * gap
 
     @override
@@ -174,7 +176,7 @@ class FixedTemperature(AbstractSurfaceTerm):
     """A prescribed surface temperature T_s; on the whole surface without `on`.
 
     Other terms have no effect where a temperature is prescribed, but that surface
-    radiates to others through `RadiativeExchange`, and T_s is kept. Two of these on one
+    radiates to others through `RadiativeExchange` and stays at T_s. Two of these on one
     piece of surface are an error.
     """
 
@@ -194,11 +196,9 @@ class FixedTemperature(AbstractSurfaceTerm):
             coefficient=np.ones((), surface.dtype),
             temperature=for_jit(self.temperature, surface.dtype),
         )
-        found = [(body, body.exposed(self.on)) for body in surface.bodies]
         # The surface is at T_s: its heat goes through the half cell to the node.
-        return surface.bind(
-            law, [e if isinstance(e, Omitted) else (b.half_cell, e) for b, e in found]
-        )
+        covers = [body.cover(body.half_cell, self.on) for body in surface.bodies]
+        return surface.bind(law, covers)
 
     @override
     def forcing(self, end: float | int) -> Forcing:
@@ -282,14 +282,14 @@ class Convection(AbstractSurfaceTerm):
 
 
 def toward(temperature: Any, end: float | int) -> Forcing:
-    """Bounds of exchange with something at a temperature [K], constant or not."""
+    """Bounds of the exchange with surroundings at a temperature [K], which may vary."""
     return Forcing(highest=largest(temperature, end), lowest=smallest(temperature, end))
 
 
 def either(bounds: Sequence[Forcing]) -> Forcing:
-    """Bounds of exchange with all of several things [K]."""
-    own: Any = jnp if is_traced(bounds) else np
+    """Bounds of the exchange with several surroundings at once [K]."""
+    xp = namespace(bounds)
     return Forcing(
-        highest=own.stack([each.highest for each in bounds]).max(),
-        lowest=own.stack([each.lowest for each in bounds]).min(),
+        highest=xp.stack([bound.highest for bound in bounds]).max(),
+        lowest=xp.stack([bound.lowest for bound in bounds]).min(),
     )

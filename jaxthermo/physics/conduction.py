@@ -22,7 +22,7 @@ face that depends on the temperatures of the two nodes at its sides alone.
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -32,17 +32,17 @@ from jaxtyping import Array, Float, Int
 from ..arrays import Scalar, device_array, is_traced, typed_array
 from ..errors import InputError
 from ..material.material import Material, Property
-from ..network.link_operator import row_layout, row_network, series
+from ..network.link_operator import RowLayout, row_layout, row_network, series
 from ..network.network import AbstractNetwork, precise_sum
 from ..network.non_orthogonal import non_orthogonal
-from ..network.nonlinear import NonlinearNetwork, kirchhoff_transform
+from ..network.nonlinear import NonlinearNetwork
 from ..structures.build.assignment import volume_within
 from ..structures.build.links import link_axes, non_orthogonal_links
 from ..structures.kinds.full import FullVolume
 from ..structures.structure import AbstractStructure
 from .run_conduction import WITH_NUMBA, run_stencil
 from .stencil_conduction import mixed_stencil, uniform_stencil
-from .varying_conduction import varying_links
+from .varying_conduction import transform_or_none, varying_links
 
 
 _Values = Array | np.ndarray
@@ -53,31 +53,29 @@ def material_network(
 ) -> AbstractNetwork:
     """Network of a body of one material, with states relative to `reference` [K]."""
     constant = material.at(reference)
-    k, heat = constant.conductivity, constant.volumetric_heat_capacity
     network = assemble_uniform(
-        structure, conductivity=k, volumetric_heat_capacity=heat, dtype=dtype
+        structure,
+        conductivity=constant.conductivity,
+        volumetric_heat_capacity=constant.volumetric_heat_capacity,
+        dtype=dtype,
     )
     if not material.varies:
         return network
-    by_axis = material.conductivity
-    if isinstance(by_axis, tuple) and any(isinstance(k, Property) for k in by_axis):
-        number = np.zeros(structure.node_count, np.int32)
-        weights = _link_weights_or_none(structure, dtype)
-        given = (material,)
+    k = material.conductivity
+    if isinstance(k, tuple) and any(isinstance(along, Property) for along in k):
         return varying_links(
             structure,
             base=network,
-            number=number,
-            materials=given,
+            number=np.zeros(structure.node_count, np.int32),
+            materials=(material,),
             reference=reference,
-            weights=weights,
+            weights=_link_weights_or_none(structure, dtype),
         )
-    varying = (material.specific_heat, material.conductivity)
-    heat, conduction = (
-        kirchhoff_transform(p, reference, dtype) if isinstance(p, Property) else None
-        for p in varying
+    return NonlinearNetwork(
+        base=network,
+        heat=transform_or_none(material.specific_heat, reference, dtype),
+        conduction=transform_or_none(k, reference, dtype),
     )
-    return NonlinearNetwork(network, heat, conduction)
 
 
 def materials_network(
@@ -89,7 +87,7 @@ def materials_network(
 ) -> AbstractNetwork:
     """Network of a body of several materials, with states relative to `reference` [K].
 
-    `number` is that of the material of each node.
+    `number` is the index of each node's material.
     """
     k = conductivity_table(materials, reference, dtype)
     constant = [material.at(reference) for material in materials]
@@ -99,14 +97,13 @@ def materials_network(
     )
     if not any(material.varies for material in materials):
         return network
-    weights = _link_weights_or_none(structure, dtype)
     return varying_links(
         structure,
         base=network,
         number=number,
         materials=materials,
         reference=reference,
-        weights=weights,
+        weights=_link_weights_or_none(structure, dtype),
     )
 
 
@@ -124,10 +121,10 @@ def conductivity_table(
 
 def _table(numbers: Sequence[Any], dtype: Any) -> Float[_Values, "c *k"]:
     """Numbers, or three by axis, one row a material: on the host unless traced."""
-    given = [typed_array(number, dtype) for number in numbers]
-    shape = max((row.shape for row in given), key=len)
-    own = jnp if any(isinstance(row, jax.Array) for row in given) else np
-    return own.stack([own.broadcast_to(row, shape) for row in given])
+    rows = [typed_array(number, dtype) for number in numbers]
+    shape = max((row.shape for row in rows), key=len)
+    xp = jnp if any(isinstance(row, jax.Array) for row in rows) else np
+    return xp.stack([xp.broadcast_to(row, shape) for row in rows])
 
 
 def conductivity_parts(
@@ -139,22 +136,24 @@ def conductivity_parts(
 ) -> Float[Array, "q s"] | None:
     """Fractions of the conductivity normal to a surface, by material and axis [-].
 
-    For `relative_conductivity`, with the number of the material of every fragment;
-    None where no material varies, or one alone in all directions.
+    They are the argument of `relative_conductivity`. `number` is that of the material
+    of every fragment; None is returned where no material varies with temperature, and
+    for one isotropic material, whose conductivity varies as a whole.
     """
     varies = any(material.varies for material in materials)
     by_axis = any(isinstance(material.conductivity, tuple) for material in materials)
     if not varies or (len(materials) == 1 and not by_axis):
         return None
     table = conductivity_table(materials, reference, dtype)
+    xp = jnp if isinstance(table, jax.Array) else np
     squared = np.square(normal) if table.ndim == 2 else np.ones((len(normal), 1))
     columns = table if table.ndim == 2 else table[:, None]
     of_surface = normal_conductivity(table[number], normal)
-    rows, own = [], jnp if isinstance(table, jax.Array) else np
+    rows = []
     for c in range(len(materials)):
-        part = own.asarray((number == c)[:, None] * squared, dtype)
-        rows += list((part * columns[c][None] / of_surface[:, None]).T)
-    return device_array(own.stack(rows))
+        squared_cosine = xp.asarray((number == c)[:, None] * squared, dtype)
+        rows += list((squared_cosine * columns[c][None] / of_surface[:, None]).T)
+    return device_array(xp.stack(rows))
 
 
 def assemble_uniform(
@@ -166,7 +165,7 @@ def assemble_uniform(
     """Network of a body of one material, without an array of conductivities.
 
     The conductivity [W/(m K)] is one number, or three along x, y and z; the heat
-    capacity rho c_p is in J/(m^3 K), and the state has the given dtype.
+    capacity rho c_p is in J/(m^3 K), and `dtype` is the type of the state.
     """
     k = typed_array(conductivity, dtype)
     heat = typed_array(volumetric_heat_capacity, dtype)
@@ -175,8 +174,7 @@ def assemble_uniform(
     if not (isinstance(structure, FullVolume) and structure.runs_as_stencil):
         # A single row of conductivities by axis stands for all nodes.
         return _assemble_links(structure, k[None] if k.ndim else k, heat)
-    k, heat = device_array(k), device_array(heat)
-    return uniform_stencil(structure, k, heat)
+    return uniform_stencil(structure, device_array(k), device_array(heat))
 
 
 def _assemble_mixed(
@@ -188,13 +186,17 @@ def _assemble_mixed(
     """Network of a body of several materials, numbered by node.
 
     Conductivities [W/(m K)], one number or three by axis, and heat capacities rho c_p
-    [J/(m^3 K)] are given for each material.
+    [J/(m^3 K)] have one row per material.
     """
     if isinstance(structure, FullVolume) and structure.kernels == "numba":
         raise InputError(f"{WITH_NUMBA} has one material: leave it out")
     if isinstance(structure, FullVolume) and structure.runs_as_stencil:
-        given = map(device_array, (conductivity, volumetric_heat_capacity))
-        return mixed_stencil(structure, material, *given)
+        return mixed_stencil(
+            structure,
+            material=material,
+            conductivity=device_array(conductivity),
+            heat=device_array(volumetric_heat_capacity),
+        )
     return _assemble_links(
         structure, conductivity[material], volumetric_heat_capacity[material]
     )
@@ -239,8 +241,8 @@ def conductivity_at_ends(
     links = structure.links()
     if k.ndim == 1:
         return k[links.src], k[links.dst]
-    own = jnp if isinstance(k, jax.Array) else np
-    axes = own.asarray(link_axes(structure), k.dtype)
+    xp = jnp if isinstance(k, jax.Array) else np
+    axes = xp.asarray(link_axes(structure), k.dtype)
     ends = [k[node] if len(k) > 1 else k for node in (links.src, links.dst)]
     return [(axes * by_axis).sum(axis=1) for by_axis in ends]
 
@@ -248,22 +250,31 @@ def conductivity_at_ends(
 def _assemble_links(
     structure: AbstractStructure, k: Float[Any, "*k"], heat: Float[Any, "*n"]
 ) -> AbstractNetwork:
-    links, nodes = structure.links(), structure.nodes()
-    first, second = conductivity_at_ends(structure, k)
-    given = links.area, links.distance_src, links.distance_dst, nodes.volume
-    area, length1, length2, volume = structure.found(
-        ("link_sizes", k.dtype.name),
-        lambda: tuple(device_array(each, k.dtype) for each in given),
+    links = structure.links()
+    sizes = _LinkSizes(
+        area=links.area,
+        length_src=links.distance_src,
+        length_dst=links.distance_dst,
+        node_volume=structure.nodes().volume,
     )
-    count = len(nodes.volume)
+    device_sizes = structure.found(
+        ("link_sizes", k.dtype.name),
+        lambda: jax.tree.map(lambda size: device_array(size, k.dtype), sizes),
+    )
     layout = structure.found(
         "row_layout",
-        lambda: jax.tree.map(device_array, row_layout(count, links.src, links.dst)),
+        lambda: jax.tree.map(
+            device_array, row_layout(len(sizes.node_volume), links.src, links.dst)
+        ),
     )
-    sizes, weights = (area, length1, first, length2, second), structure.weights
+    k_src, k_dst = conductivity_at_ends(structure, k)
+    weights = structure.weights
     if weights.are_one and not weights.corrects_non_orthogonality:
-        return _plain_network(layout, sizes, heat, volume)
-    conductance, capacity = series(*sizes), heat * volume
+        return _plain_network(
+            layout, sizes=device_sizes, k_src=k_src, k_dst=k_dst, heat=heat
+        )
+    conductance = device_sizes.conductance(k_src, k_dst)
+    capacity = heat * device_sizes.node_volume
     if not weights.are_one:
         conductance = conductance * _link_weights(structure, k.dtype)
         capacity = _weighted_capacity(structure, capacity)
@@ -274,24 +285,51 @@ def _assemble_links(
     )
 
 
+class _LinkSizes(NamedTuple):
+    """Geometry of the links and nodes of a structure."""
+
+    area: Float[_Values, " e"]
+    """Shared face of each link's nodes [m^2]."""
+    length_src: Float[_Values, " e"]
+    """Distance from the first node of each link to the face [m]."""
+    length_dst: Float[_Values, " e"]
+    """Distance from the second node of each link to the face [m]."""
+    node_volume: Float[_Values, " n"]
+    """Volume of each node [m^3]."""
+
+    def conductance(self, k_src, k_dst) -> Float[Array, " e"]:
+        """Conductances of the links [W/K], with the conductivities at both ends."""
+        return series(
+            self.area,
+            length1=self.length_src,
+            k1=k_src,
+            length2=self.length_dst,
+            k2=k_dst,
+        )
+
+
 @partial(jax.jit, inline=True)
-def _plain_network(layout, sizes, heat, volume) -> AbstractNetwork:
+def _plain_network(
+    layout: RowLayout, sizes: _LinkSizes, k_src, k_dst, heat
+) -> AbstractNetwork:
     """Network without weights, in one program."""
-    return row_network(layout, series(*sizes), heat * volume)
+    conductance = sizes.conductance(k_src, k_dst)
+    return row_network(layout, conductance, heat * sizes.node_volume)
 
 
 def _corrected_network(structure, layout, conductance, capacity) -> AbstractNetwork:
     """Network with a correction for links that are not normal to their faces."""
-    found, weight = non_orthogonal_links(structure), structure.weights.non_orthogonal
-    if not len(found.link):
+    skewed = non_orthogonal_links(structure)
+    if not len(skewed.link):
         return row_network(layout, conductance, capacity)
-    weight = jnp.asarray(weight, conductance.dtype)
-    excess = device_array(found.length_ratio - 1, conductance.dtype)
+    weight = jnp.asarray(structure.weights.non_orthogonal, conductance.dtype)
+    excess = device_array(skewed.length_ratio - 1, conductance.dtype)
     conductance = conductance * (1 + weight * excess)
-    straight = row_network(layout, conductance, capacity)
-    corrected = weight * conductance[found.link]
     return non_orthogonal(
-        straight, structure=structure, skewed=found, conductance=corrected
+        row_network(layout, conductance, capacity),
+        structure=structure,
+        skewed=skewed,
+        conductance=weight * conductance[skewed.link],
     )
 
 
@@ -305,7 +343,8 @@ def _link_weights(structure: AbstractStructure, dtype: Any) -> Float[Array, " e"
     Raises:
         InputError: if the weights are for another number of levels or links.
     """
-    weights, links = structure.weights, structure.links()
+    weights = structure.weights
+    links = structure.links()
     level = structure.nodes().level
     low = np.minimum(level[links.src], level[links.dst])
     crosses = level[links.src] != level[links.dst]
@@ -339,19 +378,25 @@ def _weighted_capacity(
     """
     # The total is conserved; with `nearest_capacity` it goes from that of the nodes to
     # that of the body.
-    weights, nodes = structure.weights, structure.nodes()
-    levels, dtype = int(nodes.level.max()) + 1, capacity.dtype
+    weights = structure.weights
+    nodes = structure.nodes()
+    dtype = capacity.dtype
     factor = _by_level(
-        weights.capacity, levels=levels, level=nodes.level, name="capacity", dtype=dtype
+        weights.capacity,
+        levels=int(nodes.level.max()) + 1,
+        level=nodes.level,
+        name="capacity",
+        dtype=dtype,
     )
-    shifted, total = capacity * factor, precise_sum(capacity)
+    shifted = capacity * factor
+    total = precise_sum(capacity)
     if weights.uses_nearest_capacity:
         nearest = _nearest_volume(structure) / nodes.volume
         exponent = jnp.asarray(weights.nearest_capacity, dtype)
         shifted = shifted * jnp.exp(exponent * jnp.asarray(np.log(nearest), dtype))
         # The nodes may have less capacity than the body; with weight 1 they have all.
-        whole = precise_sum(capacity * jnp.asarray(nearest, dtype))
-        total = total * jnp.exp(exponent * jnp.log(whole / total))
+        body_total = precise_sum(capacity * jnp.asarray(nearest, dtype))
+        total = total * jnp.exp(exponent * jnp.log(body_total / total))
     return shifted * (total / precise_sum(shifted))
 
 

@@ -4,6 +4,7 @@ Their nodes are in the order of the state, so that those of one section of a bod
 several devices follow one another.
 """
 
+import itertools
 from typing import NamedTuple
 
 import jax
@@ -31,43 +32,47 @@ from ..voxels.sharded_lattice import ShardedLattice
 
 
 def with_cut_voxels(
-    whole: AbstractNetwork,
+    stencil: AbstractNetwork,
     structure: FullVolume,
     number: Int[np.ndarray, "x y z"] | None,
     conductivity: Float[Array, " c"] | Float[Array, "c 3"],
     heat: Float[Array, " c"],
 ) -> AbstractNetwork:
-    """A stencil with the capacities and links of the voxels that the surface cuts.
+    """A stencil of whole voxels, corrected for the voxels that the surface cuts.
 
-    `number` is that of the material of each voxel; None for the only one.
+    `number` is the index of each voxel's material; None for one material.
     """
     cut = structure.grid.cut
     if cut is None or cut.is_empty:
-        return whole
+        return stencil
     layout = structure.found("cut_layout", lambda: _cut_layout(structure, cut))
-    materials = (np.int32(0),) * 3
-    if number is not None:
+    if number is None:
+        src = dst = node = np.int32(0)
+    else:
         nodes = structure.found("cut_nodes", lambda: _cut_nodes(structure, cut))
-        cells = cut.links.voxel, cut.links.voxel + cut.links.step, nodes
-        materials = tuple(number[tuple(each.T)] for each in cells)
-    conductance, capacity = _cut_values(
+        src = number[tuple(cut.links.voxel.T)]
+        dst = number[tuple((cut.links.voxel + cut.links.step).T)]
+        node = number[tuple(nodes.T)]
+    conductance = _link_conductance(
         conductivity,
-        heat,
-        materials,
-        (cut.links.step, cut.links.extra, structure.grid.pitch),
-        layout.volume,
+        src=src,
+        dst=dst,
+        step=cut.links.step,
+        extra=cut.links.extra,
+        pitch=structure.grid.pitch,
     )
-    if isinstance(whole, ShardedStencil):
+    capacity = _cut_capacity(heat, node, layout.volume)
+    if isinstance(stencil, ShardedStencil):
         cuts = _section_cuts(
             structure, layout=layout, conductance=conductance, capacity=capacity
         )
-        return replaced(whole, cuts=cuts)
+        return replaced(stencil, cuts=cuts)
     links = row_network(layout.rows, conductance, capacity)
-    return CutStencil(base=whole, address=layout.address, links=links)
+    return CutStencil(base=stencil, address=layout.address, links=links)
 
 
 class _CutLayout(NamedTuple):
-    """Cut voxels and their links as far as geometry goes."""
+    """Geometry of the cut voxels and of their links."""
 
     address: Address
     """Position of the nodes in the state."""
@@ -79,21 +84,30 @@ class _CutLayout(NamedTuple):
 
 def _cut_nodes(structure: FullVolume, cut: CutVoxels) -> Int[np.ndarray, "n 3"]:
     """Voxels that are cut or have changed links, in the order of the state."""
-    ends, shape = cut.links.voxel, structure.grid.solid.shape
-    flat = (_flat(each, shape) for each in (ends, ends + cut.links.step, cut.voxel))
-    voxel = np.stack(np.unravel_index(sorted_union(*flat), shape), axis=1)
+    shape = structure.grid.solid.shape
+    union = sorted_union(
+        _flat(cut.links.voxel, shape),
+        _flat(cut.links.voxel + cut.links.step, shape),
+        _flat(cut.voxel, shape),
+    )
+    voxel = np.stack(np.unravel_index(union, shape), axis=1)
     if structure.packed is None and structure.sharded is None:
         return voxel
     return voxel[np.lexsort(structure.address_of_voxels(voxel)[::-1])]
 
 
 def _cut_layout(structure: FullVolume, cut: CutVoxels) -> _CutLayout:
-    voxel, shape = _cut_nodes(structure, cut), structure.grid.solid.shape
+    voxel = _cut_nodes(structure, cut)
+    shape = structure.grid.solid.shape
     flat = _flat(voxel, shape)
     order = np.argsort(flat, kind="stable")
-    index_of = lambda end: order[np.searchsorted(flat[order], _flat(end, shape))]
-    ends = cut.links.voxel, cut.links.voxel + cut.links.step
-    src, dst = (np.asarray(index_of(end), np.int32) for end in ends)
+
+    def node_of(end: Int[np.ndarray, "m 3"]) -> Int[np.ndarray, " m"]:
+        index = order[np.searchsorted(flat[order], _flat(end, shape))]
+        return np.asarray(index, np.int32)
+
+    src = node_of(cut.links.voxel)
+    dst = node_of(cut.links.voxel + cut.links.step)
     return _CutLayout(
         address=tuple(map(device_array, structure.address_of_voxels(voxel))),
         volume=device_array(structure.grid.volume_at(voxel)),
@@ -107,34 +121,37 @@ def _flat(
     return np.asarray(np.ravel_multi_index(tuple(voxel.T), shape))
 
 
-# One program instead of twenty of single operations.
 @jax.jit
-def _cut_values(conductivity, heat, materials, links, volume) -> tuple[Array, Array]:
-    """Conductances of links over k, and capacities of voxels, by their materials."""
-    first, second, own = materials
-    step, extra, pitch = links
+def _cut_capacity(heat, material, volume) -> Float[Array, " n"]:
+    """Heat capacities of voxels [J/K], by their materials."""
+    return heat[material] * volume.astype(heat.dtype)
+
+
+# One program, where single operations would be twenty.
+@jax.jit
+def _link_conductance(conductivity, src, dst, step, extra, pitch) -> Float[Array, " e"]:
+    """Conductances of links [W/K], with the materials of both ends."""
     # Along a link over an edge, the mean along its two axes.
     along = jnp.abs(step).astype(conductivity.dtype)
     axes = along / along.sum(axis=1, keepdims=True)
-    k = [conductivity[number] for number in (first, second)]
+    k = [conductivity[number] for number in (src, dst)]
     if conductivity.ndim == 2:
-        k = [(axes * each.reshape(-1, 3)).sum(axis=1) for each in k]
-    # Of a section that is the extra times pitch times the length of the link.
+        k = [(axes * at_end.reshape(-1, 3)).sum(axis=1) for at_end in k]
+    # The section of a link is extra times pitch times the length of the link.
     half = jnp.full(extra.shape, 0.5)
-    conductance = series(extra * pitch, half, k[0], half, k[1])
-    return conductance, heat[own] * volume.astype(heat.dtype)
+    return series(extra * pitch, length1=half, k1=k[0], length2=half, k2=k[1])
 
 
 class _Section(NamedTuple):
-    """Cut voxels of one device's section, and those beside it that its links reach."""
+    """Cut voxels of one device's section, and the adjacent nodes that they link to."""
 
     nodes: range
-    """Its own nodes among all."""
+    """The section's own nodes among all."""
     address: tuple[Int[np.ndarray, " p"], ...]
-    """Position in its part of the state: of its own; of an empty cell, up to the number
-    that every section has places for; of the nodes beside it, in the rim."""
+    """Position in the section's state: of its own nodes; of an empty cell, as padding
+    to the same number in all sections; of the adjacent nodes, in the rim."""
     rows: RowLayout
-    """Rows of all of these; only its own have links."""
+    """Rows of all these nodes, in which only the section's own have links."""
 
 
 def _section_cuts(
@@ -143,7 +160,7 @@ def _section_cuts(
     conductance: Float[Array, " e"],
     capacity: Float[Array, " n"],
 ) -> SectionCuts:
-    """Cut voxels of the sections of a sharded body, those of each on its device."""
+    """Cut voxels of the sections of a sharded body, each section's on its device."""
     lattice = structure.sharded
     assert lattice is not None
     count, sections = structure.found(
@@ -151,12 +168,13 @@ def _section_cuts(
     )
 
     def cuts(number: int) -> tuple[tuple[np.ndarray, ...], RowNetwork]:
-        own = sections[number]
-        # Heat of no other node is stored here: an infinite capacity leaves it as it is.
-        none = jnp.full(own.address[0].shape, jnp.inf, capacity.dtype)
-        here = capacity[own.nodes.start : own.nodes.stop]
-        whole = none.at[: len(here)].set(here)
-        return own.address, row_network(own.rows, conductance, whole)
+        section = sections[number]
+        # Adjacent nodes store their heat elsewhere: an infinite capacity leaves their
+        # temperatures unchanged.
+        padded = jnp.full(section.address[0].shape, jnp.inf, capacity.dtype)
+        section_capacity = capacity[section.nodes.start : section.nodes.stop]
+        padded = padded.at[: len(section_capacity)].set(section_capacity)
+        return section.address, row_network(section.rows, conductance, padded)
 
     address, links = from_sections(mesh_of(lattice.count), cuts)
     return SectionCuts(address, links, count)
@@ -165,76 +183,85 @@ def _section_cuts(
 def _sections(
     lattice: ShardedLattice, layout: _CutLayout, links: int
 ) -> tuple[int, list[_Section]]:
-    """Cut voxels of every section, and the number that each has places for."""
+    """Cut voxels of every section, and the largest number in one section."""
     x, y, z = map(np.asarray, layout.address)
-    every_row: RowLayout = jax.tree.map(np.asarray, layout.rows)
+    all_rows: RowLayout = jax.tree.map(np.asarray, layout.rows)
     length = lattice.thickness + 2
     ends = np.searchsorted(x // length, np.arange(lattice.count + 1)).tolist()
-    own = [range(*ends[n : n + 2]) for n in range(lattice.count)]
-    rows = [_rows_of(every_row, nodes) for nodes in own]
-    beside = [_beside(*each) for each in zip(rows, own, strict=True)]
-    count, listed = max(map(len, own)), max(len(each.list_node) for each in rows)
-    total = count + max(map(len, beside))
+    ranges = list(itertools.starmap(range, itertools.pairwise(ends)))
+    rows = [_rows_of(all_rows, nodes) for nodes in ranges]
+    adjacent = [_adjacent(row, nodes) for row, nodes in zip(rows, ranges, strict=True)]
+    count = max(map(len, ranges))
+    total = count + max(map(len, adjacent))
+    listed = max(len(row.list_node) for row in rows)
     sections = []
-    for number, nodes in enumerate(own):
-        node = np.append(np.arange(nodes.start, nodes.stop), beside[number])
-        place = np.append(np.arange(len(nodes)), count + np.arange(len(beside[number])))
-        # Nodes beside the section are in its rim, in the first or in the last plane; so
-        # is an empty cell for places that are left.
+    for number, nodes in enumerate(ranges):
+        outer = adjacent[number]
+        node = np.append(np.arange(nodes.start, nodes.stop), outer)
+        slot = np.append(np.arange(len(nodes)), count + np.arange(len(outer)))
+        # Adjacent nodes are in the rim of the section, in its first or last plane; the
+        # padding is an empty cell of the rim.
         along = np.clip(x[node] - number * length, 0, length - 1)
         address = [np.full(total, index, np.int32) for index in (length - 1, 0, 0)]
         for axis, index in enumerate((along, y[node], z[node])):
-            address[axis][place] = index
-        own_rows = _numbered(
-            rows[number], node=node, place=place, sizes=(total, listed), links=links
+            address[axis][slot] = index
+        section_rows = _numbered(
+            rows[number], node=node, slot=slot, sizes=(total, listed), links=links
         )
-        sections.append(_Section(nodes, tuple(address), own_rows))
+        sections.append(
+            _Section(nodes=nodes, address=tuple(address), rows=section_rows)
+        )
     return count, sections
 
 
 def _rows_of(rows: RowLayout, nodes: range) -> RowLayout:
-    """The rows of nodes that follow one another."""
-    own = slice(nodes.start, nodes.stop)
+    """Rows of consecutive nodes."""
+    span = slice(nodes.start, nodes.stop)
     listed = slice(*np.searchsorted(rows.list_node, (nodes.start, nodes.stop)))
     return RowLayout(
-        neighbour=tuple(each[own] for each in rows.neighbour),
-        link=tuple(each[own] for each in rows.link),
+        neighbour=tuple(column[span] for column in rows.neighbour),
+        link=tuple(column[span] for column in rows.link),
         list_node=rows.list_node[listed],
         list_neighbour=rows.list_neighbour[listed],
         list_link=rows.list_link[listed],
     )
 
 
-def _beside(rows: RowLayout, nodes: range) -> Int[np.ndarray, " g"]:
-    """Nodes that are not among these, but in their rows, in order."""
-    found = np.unique(np.concatenate([*rows.neighbour, rows.list_neighbour]))
-    return found[(found < nodes.start) | (found >= nodes.stop)]
+def _adjacent(rows: RowLayout, nodes: range) -> Int[np.ndarray, " g"]:
+    """Neighbours of some nodes that are not among these, in order."""
+    neighbours = np.unique(np.concatenate([*rows.neighbour, rows.list_neighbour]))
+    return neighbours[(neighbours < nodes.start) | (neighbours >= nodes.stop)]
 
 
 def _numbered(
     rows: RowLayout,
     node: Int[np.ndarray, " k"],
-    place: Int[np.ndarray, " k"],
+    slot: Int[np.ndarray, " k"],
     sizes: tuple[int, int],
     links: int,
 ) -> RowLayout:
-    """Rows of the first of some nodes, with the number of each replaced by its place.
+    """Rows with the number of each node replaced by its slot, padded to a size.
 
-    `sizes` are those of the rows and of the list; where they have more than there is,
-    there is no link: the number of `links`.
+    `sizes` are the numbers of rows and of entries in the list. Padding has no link,
+    which is the number `links`.
     """
     order = np.argsort(node)
-    numbered = lambda old: place[order[np.searchsorted(node, old, sorter=order)]]
+    row_count, list_count = sizes
+    itself = np.arange(row_count)
+    last = np.full(list_count, row_count - 1)
+    no_link = np.full(row_count, links)
+    no_listed_link = np.full(list_count, links)
 
-    def filled(values: np.ndarray, rest: np.ndarray) -> Int[np.ndarray, " _"]:
-        return np.append(values, rest[len(values) :]).astype(np.int32)
+    def slot_of(number: Int[np.ndarray, " m"]) -> Int[np.ndarray, " m"]:
+        return slot[order[np.searchsorted(node, number, sorter=order)]]
 
-    own, last = np.arange(sizes[0]), np.full(sizes[1], sizes[0] - 1)
-    none = np.full(max(sizes), links)
+    def padded(values: np.ndarray, padding: np.ndarray) -> Int[np.ndarray, " _"]:
+        return np.append(values, padding[len(values) :]).astype(np.int32)
+
     return RowLayout(
-        neighbour=tuple(filled(numbered(each), own) for each in rows.neighbour),
-        link=tuple(filled(each, none[: sizes[0]]) for each in rows.link),
-        list_node=filled(numbered(rows.list_node), last),
-        list_neighbour=filled(numbered(rows.list_neighbour), last),
-        list_link=filled(rows.list_link, none[: sizes[1]]),
+        neighbour=tuple(padded(slot_of(column), itself) for column in rows.neighbour),
+        link=tuple(padded(column, no_link) for column in rows.link),
+        list_node=padded(slot_of(rows.list_node), last),
+        list_neighbour=padded(slot_of(rows.list_neighbour), last),
+        list_link=padded(rows.list_link, no_listed_link),
     )

@@ -21,12 +21,14 @@ Values = Array | np.ndarray
 # NumPy arrays wherever nothing is traced: they compile nothing.
 
 PerCell = Float[Array, " m"]
+# One value per surface cell.
+
 PerCellOrOne = Float[Array, "*#m"]
-# One value per surface cell; or one number that all cells have.
+# One value per surface cell, or one number for all cells.
 
 
 class Forcing(NamedTuple):
-    """Bounds of what a term does to temperatures, or of those that all terms cause."""
+    """Bounds of the temperatures and heat fluxes that one term, or all, can cause."""
 
     highest: Any = 0.0
     """Highest temperature towards which it heats a body [K]; 0 for none."""
@@ -77,11 +79,11 @@ class AbstractFluxLaw(Module):
 
     def heat_transfer_coefficient(self, time: Time, theta: PerCell) -> PerCellOrOne:
         """Coefficient h = q / (T_inf - T_s) of a law of convection [W/(m^2 K)]."""
-        # The same as the slope where h does not depend on the temperature.
+        # Equal to the slope where h does not depend on the temperature.
         return self.slope(time, theta)
 
     def linear(self) -> LinearLaw | None:
-        """The parts of a law that is linear with a constant slope, else None."""
+        """The law in linear form if its slope is constant, else None."""
         return None
 
     def uniform_flux(self, time: Time) -> Float[Array, ""] | None:
@@ -132,11 +134,11 @@ class AbstractFluxLaw(Module):
 
 
 class BoundTerm(Module):
-    """A law on surface cells: fragments, or the parts of a surface that nodes have."""
+    """A law on surface cells: fragments, or groups of fragments of one node."""
 
     effective_area: Float[Values, " m"]
-    """Area times the part of the law's flux that each cell absorbs [m^2]; 0 where the
-    law does not act. A conductance [W/K] for a prescribed temperature."""
+    """Area times the absorbed fraction of the law's flux [m^2]; 0 where the law does
+    not act. For a prescribed temperature, a conductance [W/K]."""
     total_effective_area: Float[Values, "*b"]
     """Sum over all cells, or over the cells of each body [m^2]."""
     law: AbstractFluxLaw

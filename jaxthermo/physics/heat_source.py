@@ -25,7 +25,7 @@ _UNBOUNDED = 1e5
 if TYPE_CHECKING:
     _Within = AbstractSpace | None
 else:
-    # Checked by the class, which says what to give instead.
+    # The class itself checks the value and names the remedy.
     _Within = Any
 
 
@@ -47,9 +47,9 @@ class HeatSource(AbstractVolumeTerm):
 
     name = "heat_source"
 
-    # Counted voxel by voxel, by their centres, so that the total heat is the same in
-    # every structure: a node receives that of its voxels, and where a structure leaves
-    # the inside out the nearest node receives that of the inside.
+    # The heat is counted by the centres of voxels, so that the total is the same in
+    # every structure: a node receives the heat of its voxels, and where a structure has
+    # no nodes inside, the nearest node receives the heat of the inside.
 
     heat_rate_density: TimeVarying
     """q''' [W/m^3], positive into the body; a number or a function of time."""
@@ -83,19 +83,18 @@ class HeatSource(AbstractVolumeTerm):
         if is_zero(self.heat_rate_density):
             return Omitted("the heat rate density is 0")
         grid = structure.grid
-        chosen = np.ones(grid.solid_count, bool)
+        heated = np.ones(grid.solid_count, bool)
         if self.within is not None:
-            own = self.within.on_body(body)
-            if own is None:
+            space = self.within.on_body(body)
+            if space is None:
                 return Omitted("`within` is on another body")
             # Part of a space is a space.
-            assert isinstance(own, AbstractSpace)
-            centre = grid.lattice.centres(np.argwhere(grid.solid))
-            chosen = own.contains(centre)
-        if not chosen.any():
+            assert isinstance(space, AbstractSpace)
+            heated = space.contains(grid.lattice.centres(np.argwhere(grid.solid)))
+        if not heated.any():
             raise InputError(
                 f"HeatSource(within={self.within!r}): no voxel of body {body} has its "
                 "centre in it; corners are metres in the body's own frame, and a "
                 f"voxel has {grid.pitch:g} m"
             )
-        return VolumeBinding(volume_within(structure, chosen), self.heat_rate_density)
+        return VolumeBinding(volume_within(structure, heated), self.heat_rate_density)

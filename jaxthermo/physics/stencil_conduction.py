@@ -1,5 +1,7 @@
 """Stencils of full volumes, from their grid and the properties of their materials."""
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -19,6 +21,7 @@ from ..network.stencil import (
 from ..parallel.devices import mesh_of
 from ..parallel.lattice import from_sections
 from ..structures.kinds.full import FullVolume
+from ..voxels.grid import VoxelGrid
 from ..voxels.packed_lattice import PackedLattice
 from ..voxels.sharded_lattice import ShardedLattice
 from .cut_conduction import with_cut_voxels
@@ -32,39 +35,43 @@ def uniform_stencil(
     The heat capacity rho c_p is in J/(m^3 K).
     """
     if structure.sharded is not None:
-        whole = _sharded_uniform(
+        base = _sharded_uniform(
             structure, lattice=structure.sharded, conductivity=conductivity, heat=heat
         )
-        return with_cut_voxels(
-            whole,
-            structure=structure,
-            number=None,
-            conductivity=conductivity[None],
-            heat=heat[None],
-        )
-    grid, packed, three = structure.grid, structure.packed, bool(conductivity.ndim)
-    stencil, bits = (OrthotropicStencil, 2) if three else (UniformStencil, 0)
-    axes = (0, 1, 2) if packed is None else packed.axes
-    conductance = conductivity * grid.pitch
-    whole = stencil(
-        heat * grid.voxel_volume,
-        structure.node_count,
-        structure.found(
-            ("solid_degree", bits, packed is None),
-            lambda: device_array(solid_degree(_of_lattice(grid.solid, packed), bits)),
-        ),
-        conductance[np.array(axes)] if three else conductance,
-    )
-    if packed is not None:
-        across = conductance[packed.axes[0]] if three else conductance
-        whole = SectionedStencil(whole, *_cut_pairs(structure, packed), across)
+    else:
+        base = _local_uniform(structure, conductivity, heat)
     return with_cut_voxels(
-        whole,
+        base,
         structure=structure,
         number=None,
         conductivity=conductivity[None],
         heat=heat[None],
     )
+
+
+def _local_uniform(
+    structure: FullVolume, conductivity: Array, heat: Array
+) -> AbstractNetwork:
+    """Stencil of one material on one device."""
+    grid = structure.grid
+    packed = structure.packed
+    orthotropic = bool(conductivity.ndim)
+    bits = 2 if orthotropic else 0
+    degree = structure.found(
+        ("solid_degree", bits, packed is None),
+        lambda: device_array(solid_degree(_of_lattice(grid.solid, packed), bits)),
+    )
+    conductance = conductivity * grid.pitch
+    across = conductance
+    if orthotropic and packed is not None:
+        across = conductance[packed.axes[0]]
+        conductance = conductance[np.array(packed.axes)]
+    stencil = OrthotropicStencil if orthotropic else UniformStencil
+    base = stencil(heat * grid.voxel_volume, structure.node_count, degree, conductance)
+    if packed is None:
+        return base
+    before, behind = _cut_pairs(structure, packed)
+    return SectionedStencil(base, before=before, behind=behind, conductance=across)
 
 
 def mixed_stencil(
@@ -73,83 +80,110 @@ def mixed_stencil(
     conductivity: Float[Array, " c"] | Float[Array, "c 3"],
     heat: Float[Array, " c"],
 ) -> AbstractNetwork:
-    """Stencil of several materials, numbered by node, with properties of each.
+    """Stencil of several materials, numbered by node.
 
-    Conductivities [W/(m K)] and heat capacities rho c_p [J/(m^3 K)].
+    Conductivities [W/(m K)] and heat capacities rho c_p [J/(m^3 K)] have one row per
+    material.
     """
-    grid, packed = structure.grid, structure.packed
+    grid = structure.grid
     number = np.zeros(grid.solid.shape, np.int32)
     number[grid.solid] = material
-    sizes = grid.pitch / 2, grid.pitch**2, grid.voxel_volume
     if structure.sharded is not None:
-        whole = _sharded_mixed(
-            structure.sharded,
-            solid=grid.solid,
-            number=number,
-            properties=(conductivity, heat),
-            sizes=sizes,
+        base = _sharded_mixed(
+            structure, number=number, conductivity=conductivity, heat=heat
         )
-        return with_cut_voxels(
-            whole,
-            structure=structure,
-            number=number,
-            conductivity=conductivity,
-            heat=heat,
+    else:
+        base = _local_mixed(
+            structure, number=number, conductivity=conductivity, heat=heat
         )
-    solid, own = (_of_lattice(values, packed) for values in (grid.solid, number))
-    axes = (0, 1, 2) if packed is None else packed.axes
-    by_axis = (
-        conductivity[:, np.array(axes)] if conductivity.ndim == 2 else conductivity
-    )
-    whole = _stencil_arrays(solid, own, by_axis, heat, sizes)
-    if packed is not None:
-        at = _cut_pairs(structure, packed)
-        ends = tuple(own[tuple(np.asarray(i) - 1 for i in address)] for address in at)
-        across = by_axis[:, 0] if by_axis.ndim == 2 else by_axis
-        whole = SectionedStencil(whole, *at, _between(across, ends, sizes))
     return with_cut_voxels(
-        whole, structure=structure, number=number, conductivity=conductivity, heat=heat
+        base, structure=structure, number=number, conductivity=conductivity, heat=heat
     )
+
+
+def _local_mixed(
+    structure: FullVolume,
+    number: Int[np.ndarray, "x y z"],
+    conductivity: Array,
+    heat: Array,
+) -> AbstractNetwork:
+    """Stencil of several materials on one device."""
+    packed = structure.packed
+    sizes = _sizes(structure.grid)
+    solid = _of_lattice(structure.grid.solid, packed)
+    number = _of_lattice(number, packed)
+    if packed is not None and conductivity.ndim == 2:
+        conductivity = conductivity[:, np.array(packed.axes)]
+    base = _stencil_arrays(
+        solid, number=number, conductivity=conductivity, heat=heat, sizes=sizes
+    )
+    if packed is None:
+        return base
+    before, behind = _cut_pairs(structure, packed)
+    across = conductivity[:, 0] if conductivity.ndim == 2 else conductivity
+    conductance = _face_conductance(
+        across[number[tuple(np.asarray(index) - 1 for index in before)]],
+        across[number[tuple(np.asarray(index) - 1 for index in behind)]],
+        sizes,
+    )
+    return SectionedStencil(base, before=before, behind=behind, conductance=conductance)
 
 
 def _sharded_uniform(
     structure: FullVolume, lattice: ShardedLattice, conductivity: Array, heat: Array
 ) -> ShardedStencil:
     """Stencil of one material with a section on each of several devices."""
-    grid, three, mesh = structure.grid, bool(conductivity.ndim), mesh_of(lattice.count)
-    stencil, bits = (OrthotropicStencil, 2) if three else (UniformStencil, 0)
+    grid = structure.grid
+    mesh = mesh_of(lattice.count)
+    orthotropic = bool(conductivity.ndim)
+    bits = 2 if orthotropic else 0
 
     def section(n: int) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
         solid = lattice.section(grid.solid, n)
         return solid_degree(solid, bits)[1:-1], (solid[:1], solid[-1:])
 
-    by, layout = ("sharded_degree", bits), lambda: from_sections(mesh, section)
-    degree, beyond = structure.found(by, layout)
+    degree, beyond = structure.found(
+        ("sharded_degree", bits), lambda: from_sections(mesh, section)
+    )
     conductance = conductivity * grid.pitch
-    if three:
+    if orthotropic:
         conductance = conductance[np.array(lattice.axes)]
-    capacity = heat * grid.voxel_volume
-    base = stencil(capacity, structure.node_count, degree, conductance, beyond)
+    stencil = OrthotropicStencil if orthotropic else UniformStencil
+    base = stencil(
+        heat * grid.voxel_volume,
+        structure.node_count,
+        degree,
+        conductance,
+        beyond=beyond,
+    )
     return ShardedStencil(base, mesh)
 
 
 def _sharded_mixed(
-    lattice: ShardedLattice,
-    solid: Shaped[np.ndarray, "x y z"],
+    structure: FullVolume,
     number: Shaped[np.ndarray, "x y z"],
-    properties: tuple[Array, Array],
-    sizes: tuple[float, float, float],
+    conductivity: Array,
+    heat: Array,
 ) -> ShardedStencil:
     """Stencil of several materials with a section on each of several devices."""
-    conductivity, heat = properties
-    mesh, along = mesh_of(lattice.count), np.array(lattice.axes)
-    by_axis = conductivity[:, along] if conductivity.ndim == 2 else conductivity
+    lattice = structure.sharded
+    assert lattice is not None
+    grid = structure.grid
+    sizes = _sizes(grid)
+    mesh = mesh_of(lattice.count)
+    if conductivity.ndim == 2:
+        conductivity = conductivity[:, np.array(lattice.axes)]
 
     def section(n: int) -> HeterogeneousStencil:
-        own, of = lattice.section(solid, n), lattice.section(number, n)
-        whole = _stencil_arrays(own, of, by_axis, heat, sizes)
-        # Less the planes of the neighbours, which give its outer faces.
-        return jax.tree.map(lambda values: values[1:-1], whole)
+        padded = _stencil_arrays(
+            lattice.section(grid.solid, n),
+            number=lattice.section(number, n),
+            conductivity=conductivity,
+            heat=heat,
+            sizes=sizes,
+        )
+        # Without the planes of the neighbours, which give the section's outer faces.
+        return jax.tree.map(lambda values: values[1:-1], padded)
 
     return ShardedStencil(from_sections(mesh, section), mesh)
 
@@ -164,42 +198,61 @@ def _cut_pairs(structure: FullVolume, packed: PackedLattice) -> tuple[Address, A
     """Position of the voxels before and behind the cuts between sections."""
 
     def find() -> tuple[Address, Address]:
-        pairs = packed.cut_pairs(structure.grid.solid)
-        before, behind = (structure.address_of_voxels(each) for each in pairs)
+        first, second = packed.cut_pairs(structure.grid.solid)
+        before = structure.address_of_voxels(first)
+        behind = structure.address_of_voxels(second)
         # In the order of the state, in which they are read.
         order = np.lexsort(before[::-1])
-        sort = lambda address: tuple(device_array(index[order]) for index in address)
-        return sort(before), sort(behind)
+        return (
+            tuple(device_array(index[order]) for index in before),
+            tuple(device_array(index[order]) for index in behind),
+        )
 
     return structure.found("cut_pairs", find)
 
 
-@jax.jit
-def _between(
-    k: Float[Array, " c"], ends: tuple[Int[Array, " p"], Int[Array, " p"]], sizes
-) -> Float[Array, " p"]:
-    """Conductance of faces between voxels of these materials [W/K]."""
-    half, area, _ = sizes
-    lengths, areas = (jnp.full(ends[0].shape, v, k.dtype) for v in (half, area))
-    return series(areas, lengths, k[ends[0]], lengths, k[ends[1]])
+class _VoxelSizes(NamedTuple):
+    """Sizes of a voxel, computed in double precision."""
+
+    half_edge: float
+    """[m]"""
+    face_area: float
+    """[m^2]"""
+    volume: float
+    """[m^3]"""
+
+
+def _sizes(grid: VoxelGrid) -> _VoxelSizes:
+    return _VoxelSizes(
+        half_edge=grid.pitch / 2, face_area=grid.pitch**2, volume=grid.voxel_volume
+    )
 
 
 @jax.jit
-def _stencil_arrays(solid, number, conductivity, heat, sizes) -> HeterogeneousStencil:
-    (half, area, volume), dtype = sizes, conductivity.dtype
+def _face_conductance(
+    first: Float[Array, "*f"], second: Float[Array, "*f"], sizes: _VoxelSizes
+) -> Float[Array, "*f"]:
+    """Conductance of faces between voxels, by the conductivities of both [W/K]."""
+    half = jnp.full(first.shape, sizes.half_edge, first.dtype)
+    area = jnp.full(first.shape, sizes.face_area, first.dtype)
+    return series(area, length1=half, k1=first, length2=half, k2=second)
+
+
+@jax.jit
+def _stencil_arrays(
+    solid, number, conductivity, heat, sizes: _VoxelSizes
+) -> HeterogeneousStencil:
     by_axis = conductivity[number]
     faces = []
     for axis in range(3):
         k = by_axis[..., axis] if by_axis.ndim == 4 else by_axis
         k = jnp.where(solid, k, 0)
-        before, after = [slice(None)] * 3, [slice(None)] * 3
-        before[axis], after[axis] = slice(None, -1), slice(1, None)
-        first, second = k[tuple(before)], k[tuple(after)]
-        lengths, areas = (jnp.full(first.shape, v, dtype) for v in (half, area))
+        first = jax.lax.slice_in_dim(k, 0, k.shape[axis] - 1, axis=axis)
+        second = jax.lax.slice_in_dim(k, 1, k.shape[axis], axis=axis)
         outer = [(0, 0)] * 3
         outer[axis] = (1, 1)
-        faces.append(jnp.pad(series(areas, lengths, first, lengths, second), outer))
+        faces.append(jnp.pad(_face_conductance(first, second, sizes), outer))
     return HeterogeneousStencil(
         face_conductance=(faces[0], faces[1], faces[2]),
-        cell_capacity=jnp.where(solid, heat[number] * volume, 0),
+        cell_capacity=jnp.where(solid, heat[number] * sizes.volume, 0),
     )

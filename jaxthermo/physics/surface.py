@@ -1,4 +1,4 @@
-"""Surface of a scene, as terms find it, and what they become when bound to it."""
+"""Surface of a scene, as it is passed to terms, and the bindings that they return."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..arrays import Scalar, is_traced, typed_array
+from ..arrays import Scalar, is_traced, namespace, typed_array
 from ..errors import InputError
 from ..findings import found, is_finding
 from ..geometry.mesh import Pose
@@ -20,7 +20,7 @@ from .flux_law import AbstractFluxLaw, Forcing, Values
 
 
 class Omitted(NamedTuple):
-    """The reason why a term does not act on a body; on any of them if none is named."""
+    """Reason why a term does not act on a body, or on any if `body` is None."""
 
     reason: str
     body: int | None = None
@@ -30,8 +30,8 @@ class Binding(NamedTuple):
     """A law on the surface of the scene."""
 
     effective_area: Float[Values, " s"]
-    """As in `BoundTerm`, per fragment."""
-    acts: Bool[np.ndarray, " s"]
+    """Effective area of each fragment, as in `BoundTerm` [m^2]."""
+    acting: Bool[np.ndarray, " s"]
     """False where the effective area is 0; known even where the area is traced."""
     law: AbstractFluxLaw
     notes: tuple[tuple[int, str], ...] = ()
@@ -45,14 +45,14 @@ class BodySurface:
     body: int
     """Number of the body in the scene."""
     grid: VoxelGrid
-    """In the body's own frame, which `Side` and `Region` refer to."""
+    """Voxels, in the body's own frame, which `Side` and `Region` refer to."""
     pose: Pose
     position: Float[np.ndarray, "s 3"]
-    """World [m]."""
+    """Centres of the fragments in the world [m]."""
     normal: Float[np.ndarray, "s 3"]
-    """World, outward."""
+    """Outward unit normals in the world."""
     area: Float[np.ndarray, " s"]
-    """True area that nothing touches [m^2]."""
+    """True area of each fragment that nothing touches [m^2]."""
     exposed_fraction: Float[np.ndarray, " s"]
     """Fraction of each fragment that nothing touches [-]."""
     natural: Bool[np.ndarray, " s"]
@@ -65,7 +65,8 @@ class BodySurface:
     """Triangles of every body, world [m]: what may cast a shadow."""
     dtype: Any
     enclosed: Bool[np.ndarray, " s"] | None = None
-    """Fragments in a closed cavity, which nothing from outside reaches, if any."""
+    """Fragments in closed cavities, which nothing from outside reaches; None if there
+    are no cavities."""
     prune: bool = True
     """False to keep terms that have no effect, for tests."""
 
@@ -76,12 +77,12 @@ class BodySurface:
 
     @property
     def own_position(self) -> Float[np.ndarray, "s 3"]:
-        """In the body's own frame [m]."""
+        """Centres of the fragments in the body's own frame [m]."""
         return self.grid.fragment_position
 
     @property
     def own_normal(self) -> Float[np.ndarray, "s 3"]:
-        """In the body's own frame, outward."""
+        """Outward unit normals in the body's own frame."""
         return self.grid.fragment_normal
 
     def omitted(self, reason: str) -> Omitted:
@@ -96,33 +97,41 @@ class BodySurface:
         """
         if on is None:
             return np.ones(len(self.own_position), bool)
-        own = on.on_body(self.body)
-        if own is None:
+        selection = on.on_body(self.body)
+        if selection is None:
             return np.zeros(len(self.own_position), bool)
-        chosen = own.select(self.own_position, self.own_normal)
-        if not chosen.any():
+        selected = selection.select(self.own_position, self.own_normal)
+        if not selected.any():
             raise InputError(
-                f"on={own!r} selects no surface of body {self.body}: check its corners "
-                "or its normal, which are in the body's own frame, in metres"
+                f"on={selection!r} selects no surface of body {self.body}: check its "
+                "corners or its normal, which are in the body's own frame, in metres"
             )
-        return chosen
+        return selected
 
     def exposed(
         self, on: AbstractSelection | None = None
     ) -> Bool[np.ndarray, " s"] | Omitted:
         """Selected fragments that have a natural boundary."""
-        # All of it is the same array in all runs, and so is what is found of it.
+        # Without a selection this is the stored array itself, by whose identity the
+        # results that were computed from it are recognized.
         acting = self.natural
         # The reasons are those of the receipt, in the order that a user would check.
         if on is not None:
-            chosen = self.selected(on)
-            if self.prune and not chosen.any():
+            selected = self.selected(on)
+            if self.prune and not selected.any():
                 return self.omitted("`on` is on another body")
-            acting = chosen & self.natural
+            acting = selected & self.natural
         if self.prune and not acting.any():
             closed = "" if self.enclosed is None else " or lies in a closed cavity"
             return self.omitted(f"all of its surface is held at a temperature{closed}")
         return acting
+
+    def cover(
+        self, area: Float[Values, " s"], on: AbstractSelection | None = None
+    ) -> "Cover | Omitted":
+        """Effective area of all fragments, and those that are selected and exposed."""
+        exposed = self.exposed(on)
+        return exposed if isinstance(exposed, Omitted) else (area, exposed)
 
 
 Cover = tuple[Float[Values, " _"], Bool[np.ndarray, " _"]]
@@ -185,8 +194,7 @@ class Surface:
             return [values]
         # Traced values, such as a fitted emissivity, stay on the device.
         ends = np.cumsum(self.counts)[:-1]
-        own: Any = jnp if is_traced(values) else np
-        return own.split(values, ends, axis=-1)
+        return namespace(values).split(values, ends, axis=-1)
 
     def bind(
         self,
@@ -205,52 +213,53 @@ class Surface:
             notes: on the validity of the law, by body.
         """
         if covers is None:
-            found = [(body, body.exposed(on)) for body in self.bodies]
-            covers = [e if isinstance(e, Omitted) else (b.area, e) for b, e in found]
+            covers = [body.cover(body.area, on) for body in self.bodies]
         omitted = [cover for cover in covers if isinstance(cover, Omitted)]
         # Several snapshots need the same bindings, whether they act or not.
         if self.prune and len(omitted) == len(self.bodies):
             return tuple(omitted)
         # Bodies without the term have no area: one law and one array for the scene.
-        areas, acts = [], []
+        areas = []
+        masks = []
         for body, cover in zip(self.bodies, covers, strict=True):
-            nowhere = np.zeros(len(body.area), bool)
-            area, where = (body.area, nowhere) if isinstance(cover, Omitted) else cover
-            # The whole surface has its own array, the same in all runs.
-            if not where.all():
-                area = _within(area, where)
+            if isinstance(cover, Omitted):
+                cover = (body.area, np.zeros(len(body.area), bool))
+            area, mask = cover
+            # Where all fragments take part, the body's own array serves as it is.
+            if not mask.all():
+                area = _within(area, mask)
             areas.append(area)
-            acts.append(where)
+            masks.append(mask)
         binding = Binding(
             effective_area=concatenated(areas),
-            acts=concatenated(acts),
+            acting=concatenated(masks),
             law=law.above(self.reference),
             notes=notes,
         )
         return (binding, *omitted)
 
 
-def _within(area: Any, where: Bool[np.ndarray, " s"]) -> Any:
+def _within(area: Any, mask: Bool[np.ndarray, " s"]) -> Any:
     """Areas where a term acts, 0 elsewhere."""
     if not isinstance(area, np.ndarray):
-        return jnp.where(where, area, 0)
-    by = "within" if is_finding(area, where) else None
-    return found((area, where), by, lambda: np.where(where, area, np.zeros_like(area)))
+        return jnp.where(mask, area, 0)
+    by = "within" if is_finding(area, mask) else None
+    return found((area, mask), by, lambda: np.where(mask, area, np.zeros_like(area)))
 
 
 def spread(values: Sequence[Any], counts: Sequence[int], dtype: Any) -> Any:
     """Values of bodies at each of their cells; one number where all are equal."""
-    # One number where bodies count from one temperature: no array for the time loop.
+    # Bodies that count from one temperature need no array in the time loop.
     same = not is_traced(values) and len({float(value) for value in values}) == 1
     if same or len(values) == 1:
         return typed_array(values[0], dtype)
-    own: Any = jnp if is_traced(values) else np
+    xp = namespace(values)
     pairs = zip(values, counts, strict=True)
-    return own.concatenate([own.full(n, own.asarray(v, dtype)) for v, n in pairs])
+    return xp.concatenate([xp.full(n, xp.asarray(v, dtype)) for v, n in pairs])
 
 
 def concatenated(values: Sequence[Any], axis: int = -1) -> Any:
     """Arrays one after the other, on the host where none is traced."""
     if len(values) == 1:
         return values[0]
-    return (jnp if is_traced(values) else np).concatenate(values, axis)
+    return namespace(values).concatenate(values, axis)

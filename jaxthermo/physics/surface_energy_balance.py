@@ -8,22 +8,24 @@ all mechanisms equals the heat that conduction carries to the node:
 All mechanisms act at that one T_s, so a sun on an insulator heats its surface, which
 then convects and emits accordingly; a node alone would do so too late and too little,
 with an error of first order in the pitch. Newton's method solves the balance: in one
-iteration where every law is linear, and from a supersolution of emission, where it
-cannot overshoot, else. Laws that are neither, such as convection with properties that
-vary, are so nearly linear that the start may be their tangent at the node.
+iteration where every law is linear, else from a supersolution of emission, where it
+cannot overshoot. Laws that are neither linear nor emission, such as convection with
+variable properties, are so nearly linear that the start may be their tangent at the
+node.
 
 The number of iterations is known beforehand. From a start e_0 kelvin off each leaves at
 most
 
     e_{n+1} = c e_n^2,    c = max |q''| / (2 G),
 
-of a flux q with that curvature. A metal's half cell conducts a thousand times better
+with the curvature q'' of the flux. A metal's half cell conducts a thousand times better
 than its surface radiates: there one iteration from the node's temperature is exact to
-rounding, where a near-insulator in the sun needs all.
+rounding, whereas a near-insulator in the sun needs all iterations.
 """
 
+from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -32,7 +34,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from scipy.sparse import csr_array
 
-from ..arrays import Time, is_traced
+from ..arrays import Time, is_traced, namespace
 from ..findings import found, is_finding
 from ..module import Module, replaced
 from ..network.network import inverse, precise_sum
@@ -48,13 +50,27 @@ from .flux_law import (
 
 
 MAX_ITERATIONS = 6
-"""From ten times the node's temperature in a near-insulator they leave 1e-6 of q."""
+"""Newton iterations, which reduce the error in a near-insulator to 1e-6 of q, also from
+ten times the node's temperature."""
 
 TOLERANCE = {"float32": 1e-5, "float64": 1e-12}
 """About one rounding of a difference of 100 K, by the type of the state [K]."""
 
 NumberedTerms = tuple[tuple[int, BoundTerm], ...]
-"""Bound terms with the index of their name."""
+"""Bound terms, each with the index of its mechanism's name."""
+
+
+class _LinearSum(NamedTuple):
+    """Sum of linear laws, rate - slope theta, exact at any surface temperature."""
+
+    rate: PerCell
+    """Heat rate at the reference temperature [W]."""
+    slope: PerCell
+    """-d heat rate / d theta [W/K]."""
+
+    def at(self, theta: PerCell) -> PerCell:
+        """Heat rate into each cell [W]."""
+        return self.rate - self.slope * theta
 
 
 class SurfaceTerms(Module):
@@ -71,7 +87,8 @@ class SurfaceTerms(Module):
     radiating: NumberedTerms = ()
     """Exchange with other surfaces where the temperature is prescribed."""
     iterations: int = eqx.field(static=True, default=MAX_ITERATIONS)
-    """Newton iterations; with fewer than all they start at the node's temperature."""
+    """Newton iterations; with fewer than the maximum they start at the node's
+    temperature."""
 
     @property
     def is_linear(self) -> bool:
@@ -79,33 +96,36 @@ class SurfaceTerms(Module):
         return all(term.law.is_linear for _, term in self.natural)
 
     def newton_iterations(self, within: Forcing | None, end: float) -> int:
-        """Iterations from the node's temperature that solve the balance.
+        """Number of iterations from the node's temperature that solve the balance.
 
-        All of them where no bound is known, as for unknown temperatures up to `end`.
+        It is the maximum where no bound is known, as for unknown temperatures up to
+        `end` [s].
         """
         traced = is_traced((self.half_cell, self.natural))
         if within is None or self.is_linear or traced:
             return MAX_ITERATIONS
         conducts = np.asarray(self.half_cell, float)
-        flux, curvature = np.zeros_like(conducts), np.zeros_like(conducts)
+        flux = np.zeros_like(conducts)
+        curvature = np.zeros_like(conducts)
         for _, term in self.natural:
-            bounds = term.law.max_flux(within, end), term.law.curvature(within, end)
-            if not np.isfinite(np.asarray(bounds, float)).all():
+            max_flux = float(term.law.max_flux(within, end))
+            max_curvature = float(term.law.curvature(within, end))
+            if not np.isfinite([max_flux, max_curvature]).all():
                 return MAX_ITERATIONS
             area = np.asarray(term.effective_area, float)
-            flux += area * float(bounds[0])
-            curvature += area * float(bounds[1])
+            flux += area * max_flux
+            curvature += area * max_curvature
         # Terms that radiate from prescribed temperatures only have no flux here.
         if not flux.any():
             return 1
         # A half cell without conductance gives no bound; one without flux needs none.
-        acts = (flux > 0) & (conducts > 0)
+        bounded = (flux > 0) & (conducts > 0)
         unbounded = not np.isfinite(flux).all() or (flux[conducts <= 0] > 0).any()
-        if not acts.any() or unbounded:
+        if not bounded.any() or unbounded:
             return MAX_ITERATIONS
         # The start is off by at most the flux over the conductance.
-        error = flux[acts] / conducts[acts]
-        rate = curvature[acts] / 2 / conducts[acts]
+        error = flux[bounded] / conducts[bounded]
+        rate = curvature[bounded] / 2 / conducts[bounded]
         tolerance = TOLERANCE[np.asarray(self.half_cell).dtype.name]
         # Where the bound overflows it is of no use, and all iterations are taken.
         with np.errstate(over="ignore"):
@@ -128,13 +148,15 @@ class SurfaceTerms(Module):
 
     def irradiated(self, received: PerCell, emits: bool = True) -> "SurfaceTerms":
         """The terms with the irradiation of each cell from other surfaces [W/m^2]."""
+
         # Without `emits` the cell's own emission is in what is received.
-        each = lambda terms: tuple(
-            (n, replaced(term, law=term.law.irradiated(received, emits)))
-            for n, term in terms
-        )
+        def irradiate(term: BoundTerm) -> BoundTerm:
+            return replaced(term, law=term.law.irradiated(received, emits))
+
         return replaced(
-            self, natural=each(self.natural), radiating=each(self.radiating)
+            self,
+            natural=_mapped(irradiate, self.natural),
+            radiating=_mapped(irradiate, self.radiating),
         )
 
     def surface_excess(self, time: Time, theta: PerCell) -> PerCell:
@@ -144,7 +166,7 @@ class SurfaceTerms(Module):
     def prescribed_excess(
         self, time: Time, theta: PerCell, elsewhere: PerCellOrOne | float = 0.0
     ) -> PerCellOrOne:
-        """The same where a temperature is prescribed, and `elsewhere` else [K]."""
+        """Excess of prescribed temperatures, and `elsewhere` on the other cells [K]."""
         # A fragment has one prescribed temperature at most.
         excess = jnp.asarray(elsewhere, theta.dtype)
         for _, term in self.prescribed:
@@ -158,41 +180,42 @@ class SurfaceTerms(Module):
         `theta` are temperatures of the cells' nodes above the reference [K].
         """
         by_name = jnp.zeros(len(self.names), theta.dtype)
-        whole, rates = self.rates(time, theta)
+        total_rate, rates = self.rates(time, theta)
         for number, rate in self.imposed(time):
             by_name = by_name.at[number].add(rate.sum())
         for number, rate in rates.items():
             by_name = by_name.at[number].add(precise_sum(rate))
-        return whole, by_name
+        return total_rate, by_name
 
     def imposed(self, time: Time) -> list[tuple[int, Float[Array, "*b"]]]:
         """Heat rates of the terms with one flux for all cells, per body [W]."""
-        # They are known without evaluating any cell.
-        found = []
+        # They follow without evaluating any cell.
+        rates = []
         for n, term in self.natural:
             flux = term.law.uniform_flux(time)
             if flux is not None:
                 with jax.named_scope(self.names[n]):
-                    found.append((n, jnp.asarray(term.total_effective_area) * flux))
-        return found
+                    rates.append((n, jnp.asarray(term.total_effective_area) * flux))
+        return rates
 
     def rates(self, time: Time, theta: PerCell) -> tuple[PerCell, dict[int, PerCell]]:
-        """Heat rate through each cell, and its parts without those of `imposed` [W]."""
-        # What all natural terms bring is what conduction carries to the node.
+        """Heat rate through each cell [W], and by mechanism except `imposed` ones."""
+        # The heat of all natural terms is what conduction carries to the node.
         rates, excess = self._solve(time, theta)
-        whole = jnp.asarray(self.half_cell) * excess
+        total_rate = jnp.asarray(self.half_cell) * excess
         for n, term in self.prescribed:
-            rate = self._rate(n, term, time, theta)
+            rate = self._rate(n, term, time=time, theta=theta)
             rates[n] = rates.get(n, 0) + rate
-            whole = whole + rate
+            total_rate = total_rate + rate
         for n, term in self.radiating:
-            # What keeps the temperature supplies what the surface radiates to others.
-            here = theta + self.prescribed_excess(time, theta)
-            rate = self._rate(n, term, time, here)
+            # The term that prescribes the temperature supplies the radiated heat.
+            surface = theta + self.prescribed_excess(time, theta)
+            rate = self._rate(n, term, time=time, theta=surface)
             rates[n] = rates.get(n, 0) + rate
-            for fixed, own in self.prescribed:
-                rates[fixed] = rates[fixed] - jnp.where(own.effective_area > 0, rate, 0)
-        return whole, rates
+            for fixed, supply in self.prescribed:
+                on_cell = jnp.where(supply.effective_area > 0, rate, 0)
+                rates[fixed] = rates[fixed] - on_cell
+        return total_rate, rates
 
     def _rate(self, number: int, term: BoundTerm, time, theta):
         with jax.named_scope(self.names[number]):
@@ -202,15 +225,16 @@ class SurfaceTerms(Module):
         """Heat rate of each natural term, and the excess, which agree to rounding."""
         nonlinear = [(n, term) for n, term in self.natural if not term.law.is_linear]
         linear = [(n, term) for n, term in self.natural if term.law.is_linear]
-        # Linear terms together: brought - slope T_s, exact at any temperature.
         zero = jnp.zeros_like(theta)
-        brought = sum((term.heat_rate(time, zero) for _, term in linear), zero)
-        slope = sum((term.slope(time, zero) for _, term in linear), zero)
+        sums = _LinearSum(
+            rate=sum((term.heat_rate(time, zero) for _, term in linear), zero),
+            slope=sum((term.slope(time, zero) for _, term in linear), zero),
+        )
         if nonlinear:
-            newton = partial(self._newton, nonlinear, brought, slope, time, theta)
+            newton = partial(self._newton, nonlinear, sums, time, theta)
             start = zero
             if self.iterations == MAX_ITERATIONS:
-                start = self._start(time, theta, brought, slope)
+                start = self._start(sums, time, theta)
             if self.iterations > 1:
                 # A loop's short body is vectorized, where one long formula is not.
                 start = jax.lax.fori_loop(
@@ -219,56 +243,62 @@ class SurfaceTerms(Module):
             # The last step alone carries the derivative of the solution, exactly.
             excess, rates = newton(jax.lax.stop_gradient(start))
         else:
-            excess, rates = self._linear(theta, brought, slope), {}
+            excess = self._linear(sums, theta)
+            rates = {}
         for n, term in linear:
             if term.law.uniform_flux(time) is None:
-                rates[n] = rates.get(n, 0) + self._rate(n, term, time, theta + excess)
+                rate = self._rate(n, term, time=time, theta=theta + excess)
+                rates[n] = rates.get(n, 0) + rate
         return rates, excess
 
-    def _linear(self, theta, brought, slope):
-        return _ratio(brought - slope * theta, slope + self.half_cell)
+    def _linear(self, sums: _LinearSum, theta):
+        return _ratio(sums.at(theta), sums.slope + self.half_cell)
 
-    def _newton(self, nonlinear, brought, slope, time, theta, excess):
-        """The next excess, and the heat rates of the nonlinear laws linearized here."""
-        here, bring, slopes = theta + excess, {}, {}
-        # Laws of one entry, such as sky and ground, are added: fewer arrays to write.
+    def _newton(self, nonlinear, sums: _LinearSum, time, theta, excess):
+        """Next excess, and heat rates of the nonlinear laws, linearized at `excess`."""
+        surface = theta + excess
+        rates = {}
+        slopes = {}
+        # Laws of one mechanism, such as sky and ground, are added: fewer arrays.
         for n, term in nonlinear:
-            bring[n] = bring.get(n, 0) + self._rate(n, term, time, here)
-            slopes[n] = slopes.get(n, 0) + term.slope(time, here)
-        net = sum(bring.values(), brought - slope * here - self.half_cell * excess)
-        change = _ratio(net, sum(slopes.values(), slope + self.half_cell))
-        return excess + change, {n: bring[n] - slopes[n] * change for n in bring}
+            rate = self._rate(n, term, time=time, theta=surface)
+            rates[n] = rates.get(n, 0) + rate
+            slopes[n] = slopes.get(n, 0) + term.slope(time, surface)
+        net = sum(rates.values(), sums.at(surface) - self.half_cell * excess)
+        change = _ratio(net, sum(slopes.values(), sums.slope + self.half_cell))
+        return excess + change, {n: rates[n] - slopes[n] * change for n in rates}
 
-    def _start(self, time, theta, brought, slope):
-        """Start of Newton's method; laws that are not dissipative by their tangents."""
+    def _start(self, sums: _LinearSum, time, theta):
+        """Start of Newton's method, with the tangents of laws without supersolution."""
         nonlinear = [term for _, term in self.natural if not term.law.is_linear]
         for term in nonlinear:
             if not term.law.is_dissipative:
-                steep = term.slope(time, theta)
-                brought = brought + term.heat_rate(time, theta) + steep * theta
-                slope = slope + steep
+                slope = term.slope(time, theta)
+                rate = sums.rate + term.heat_rate(time, theta) + slope * theta
+                sums = _LinearSum(rate=rate, slope=sums.slope + slope)
         dissipative = [term for term in nonlinear if term.law.is_dissipative]
         if not dissipative:
-            return self._linear(theta, brought, slope)
-        return self._supersolution(dissipative, time, theta, brought, slope)
+            return self._linear(sums, theta)
+        return self._supersolution(dissipative, sums, time=time, theta=theta)
 
-    def _supersolution(self, dissipative, time, theta, brought, slope):
-        """An excess at or above the solution, from where Newton cannot overshoot."""
+    def _supersolution(self, dissipative, sums: _LinearSum, time, theta):
+        """Excess at or above the solution, from where Newton cannot overshoot."""
         # The lower of two bounds: emission alone loses all the heat that is imposed and
         # that a hotter node sends; or conduction alone carries it off.
         zero = jnp.zeros_like(theta)
-        imposed = lambda here: jnp.maximum(brought - slope * here, 0)
         ambient = zero - jnp.inf
         for term in dissipative:
             ambient = jnp.maximum(ambient, term.law.supersolution(time, zero))
-        sent = imposed(ambient) + self.half_cell * jnp.maximum(theta - ambient, 0)
+        imposed = jnp.maximum(sums.at(ambient), 0)
+        sent = imposed + self.half_cell * jnp.maximum(theta - ambient, 0)
         hot = zero + jnp.inf
         for term in dissipative:
             area = jnp.asarray(term.effective_area)
             emitting = term.law.supersolution(time, sent * inverse(area))
             hot = jnp.where(area > 0, jnp.minimum(hot, emitting), hot)
         conducts = jnp.asarray(self.half_cell)
-        carried = jnp.maximum(theta, ambient) + imposed(theta) * inverse(conducts)
+        imposed = jnp.maximum(sums.at(theta), 0)
+        carried = jnp.maximum(theta, ambient) + imposed * inverse(conducts)
         hot = jnp.where(conducts > 0, jnp.minimum(hot, carried), hot)
         hot = jnp.maximum(hot, ambient)
         return jnp.where(jnp.isfinite(hot), hot - theta, 0)
@@ -306,38 +336,40 @@ class SurfaceTerms(Module):
 
         def add(values):
             if is_traced(values):
-                kept = np.flatnonzero(cell >= 0)
-                picked = values if len(kept) == len(cell) else values[..., kept]
-                return jax.ops.segment_sum(picked.T, cell[kept], cells).T
+                fragments = np.flatnonzero(cell >= 0)
+                if len(fragments) < len(cell):
+                    values = values[..., fragments]
+                return jax.ops.segment_sum(values.T, cell[fragments], cells).T
             host = np.asarray(values)
-            sums = lambda: (by_cell @ host.T).T.astype(host.dtype)
-            # Of arrays that were found before, the sums are found once, too.
+            # Sums of arrays that are stored are stored, too.
             by = ("sums of cells", cells) if is_finding(host, cell) else None
-            return found((host, cell), by, sums)
+            return found(
+                (host, cell), by, lambda: (by_cell @ host.T).T.astype(host.dtype)
+            )
 
         def merge(term: BoundTerm) -> BoundTerm:
             area = add(term.effective_area)
-            # Arrays with a value per fragment have the fragments on the last axis.
-            along = lambda values, weight: values * weight[(None,) * (values.ndim - 1)]
-            own: Any = jnp if is_traced(area) else np
-            # Few laws have any: their divisor is found where it is needed.
-            mean = lambda values: along(
-                add(along(values, term.effective_area)), inverse(jnp.asarray(area))
-            )
-            parts = own.split(area, np.cumsum(counts)[:-1]) if counts[1:] else [area]
-            totals = own.stack([total(part) for part in parts])
-            law = term.law.coarsened(mean).above(reference)
+
+            def mean(values):
+                heat = add(values * _along_last(term.effective_area, values))
+                return heat * _along_last(inverse(jnp.asarray(area)), heat)
+
+            xp = namespace(area)
+            ends = np.cumsum(counts)[:-1]
+            areas = xp.split(area, ends) if counts[1:] else [area]
             return replaced(
-                term, effective_area=area, total_effective_area=totals, law=law
+                term,
+                effective_area=area,
+                total_effective_area=xp.stack([total(row) for row in areas]),
+                law=term.law.coarsened(mean).above(reference),
             )
 
-        each = lambda terms: tuple((n, merge(term)) for n, term in terms)
         return replaced(
             self,
             half_cell=add(self.half_cell),
-            natural=each(self.natural),
-            prescribed=each(self.prescribed),
-            radiating=each(self.radiating),
+            natural=_mapped(merge, self.natural),
+            prescribed=_mapped(merge, self.prescribed),
+            radiating=_mapped(merge, self.radiating),
         )
 
     def selected(
@@ -349,27 +381,40 @@ class SurfaceTerms(Module):
             law = term.law.coarsened(lambda values: values[..., cells])
             return bound(term.effective_area[cells], law.above(reference))
 
-        each = lambda terms: tuple((n, select(t)) for n, t in terms if n in acting)
+        def selection(terms: NumberedTerms) -> NumberedTerms:
+            return _mapped(select, tuple(pair for pair in terms if pair[0] in acting))
+
         return replaced(
             self,
             half_cell=self.half_cell[cells],
-            natural=each(self.natural),
-            prescribed=each(self.prescribed),
-            radiating=each(self.radiating),
+            natural=selection(self.natural),
+            prescribed=selection(self.prescribed),
+            radiating=selection(self.radiating),
         )
+
+
+def _mapped(
+    function: Callable[[BoundTerm], BoundTerm], terms: NumberedTerms
+) -> NumberedTerms:
+    return tuple((n, function(term)) for n, term in terms)
+
+
+def _along_last(weight, values):
+    """Weights of cells, shaped for values that have the cells on the last axis."""
+    return weight[(None,) * (values.ndim - 1)]
 
 
 def _ratio(above, below):
     """Above / below, and 0 where below is 0."""
-    # A division at the end is what XLA makes an array of, instead of computing a whole
-    # step again for every sum that reads it.
+    # XLA stores the result of a final division as an array, instead of repeating a
+    # whole step for every sum that reads it.
     positive = below > 0
     return jnp.where(positive, above, 0) / jnp.where(positive, below, 1)
 
 
 def _by_cell(cell: Int[np.ndarray, " m"], cells: int) -> csr_array:
     """Matrix that sums values of fragments by cell, without those of cell -1."""
-    # In double precision, whatever the values are.
-    kept = np.flatnonzero(cell >= 0)
-    place = cell[kept], kept
-    return csr_array((np.ones(len(kept)), place), shape=(cells, len(cell)))
+    # In double precision, whatever the type of the values.
+    fragments = np.flatnonzero(cell >= 0)
+    entries = (np.ones(len(fragments)), (cell[fragments], fragments))
+    return csr_array(entries, shape=(cells, len(cell)))

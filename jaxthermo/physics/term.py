@@ -1,4 +1,4 @@
-"""Mechanisms of heat transfer: what a user writes, and what it becomes when bound.
+"""Mechanisms of heat transfer, as users write them and as they are bound to a scene.
 
 A term is bound once, to the surface of the whole scene. Each binding is an effective
 area of every surface fragment and a law, the heat flux into a unit of that area. Where
@@ -60,21 +60,19 @@ class AbstractTerm(Module):
     @property
     def values(self) -> tuple[Any, ...]:
         """Its values that may be functions of time: all fields that are traced."""
-        given = (
-            getattr(self, field.name)
-            for field in dataclasses.fields(self)
-            if not field.metadata.get("static")
-        )
         # Selections of a surface or a volume never change with time.
-        where = AbstractSelection
-        return tuple(v for v in given if v is not None and not isinstance(v, where))
+        constant = AbstractSelection | None
+        fields = dataclasses.fields(self)
+        traced = [field.name for field in fields if not field.metadata.get("static")]
+        values = [getattr(self, name) for name in traced]
+        return tuple(value for value in values if not isinstance(value, constant))
 
     @property
     def temperatures(self) -> dict[str, Any]:
         """Its temperatures by the names of their fields [K], which scenes check."""
         names = ("temperature", "ground")
-        given = {name: getattr(self, name, None) for name in names}
-        return {name: value for name, value in given.items() if value is not None}
+        values = {name: getattr(self, name, None) for name in names}
+        return {name: value for name, value in values.items() if value is not None}
 
     def forcing(self, end: float | int) -> Forcing:
         """Bounds of its effect on temperatures up to `end` [s].
@@ -87,17 +85,17 @@ class AbstractTerm(Module):
         """Its size on a body, for dimensionless groups.
 
         Args:
-            material: of the body.
-            kelvin: its temperature [K].
-            end: of the run [s].
+            material: material of the body.
+            kelvin: temperature of the body [K].
+            end: end of the run [s].
         """
         return Scale()
 
     @property
     def named_bodies(self) -> tuple[int, ...]:
         """Numbers of the bodies that it names; none if it acts on all."""
-        chosen = getattr(self, "on", None)
-        return () if chosen is None else chosen.bodies
+        selection = getattr(self, "on", None)
+        return () if selection is None else selection.bodies
 
     @property
     def moves(self) -> bool:
@@ -121,7 +119,7 @@ class AbstractSurfaceTerm(AbstractTerm):
     """
 
     is_dirichlet: ClassVar[bool] = False
-    """True if it prescribes the temperature of the surface, as no other term."""
+    """True if it prescribes the temperature of the surface."""
     from_outside: ClassVar[bool] = False
     """True if it comes from outside all bodies: it does not act in closed cavities."""
 
@@ -137,8 +135,8 @@ class AbstractExchangeTerm(AbstractSurfaceTerm):
     def enclosure(self, surface: Surface) -> tuple[Any, Any]:
         """The exchange between all fragments of the scene.
 
-        With it comes what the receipt says of its accuracy: the `note` of an object
-        with an `error`.
+        The second result is for the receipt: an object with the `error` of the
+        exchange and a `note` on it.
         """
 
 
@@ -172,8 +170,8 @@ class AbstractPairTerm(AbstractTerm):
         """Its conductances between the fragments of two bodies that touch.
 
         Args:
-            pairs: the touching fragments, `ContactPairs`.
-            ends: the prepared bodies.
+            pairs: touching fragments, as `ContactPairs`.
+            ends: both prepared bodies.
             entry: number in the energy ledger.
             size: length of the arrays, at least the number of pairs.
         """

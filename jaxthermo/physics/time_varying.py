@@ -14,8 +14,8 @@ from ..errors import InputError, shortened
 from ..module import Module
 
 
+# Roundings between the time of an event and the time just before it.
 _EVENT_ROUNDINGS = 8
-"""Between a time and the one just before it."""
 
 
 def _as_array(numbers: Any) -> Any:
@@ -54,12 +54,12 @@ def _interpolated(
     time: Time, times: Float[Array, " n"], values: Float[Array, " n"]
 ) -> Float[Array, ""]:
     """`jnp.interp` without its loop: inside the steps' own loop XLA fails on a GPU."""
-    # https://github.com/openxla/xla/issues/49299: an index that a loop has found, in a
-    # loop of fixed length. On a GPU each turn would start kernels of its own besides.
+    # https://github.com/openxla/xla/issues/49299: an index from a loop, in a loop of
+    # fixed length. On a GPU each turn would start kernels of its own as well.
     if len(times) == 1:
         return values[0]
-    found = jnp.searchsorted(times, time, side="right", method="scan_unrolled")
-    i = found.clip(1, len(times) - 1)
+    following = jnp.searchsorted(times, time, side="right", method="scan_unrolled")
+    i = following.clip(1, len(times) - 1)
     slope = (values[i] - values[i - 1]) / (times[i] - times[i - 1])
     inside = values[i - 1] + (time - times[i - 1]) * slope
     inside = jnp.where(time > times[-1], values[-1], inside)
@@ -79,21 +79,23 @@ class Until(Module):
 
 def value_at(value: Any, time: Time) -> Float[Array, "..."]:
     """A number or array, or a function of time, at `time` [s]."""
-    found = value(time) if callable(value) else value
-    return jnp.asarray(found, time.dtype)
+    return jnp.asarray(value(time) if callable(value) else value, time.dtype)
 
 
 def for_jit(value: Any, dtype: Any) -> Any:
     """The value with its numbers as arrays, so that new numbers need no new program."""
     if not callable(value):
         return typed_array(value, dtype)
-    numbers = float | np.ndarray | np.floating
-    typed = lambda x: typed_array(x, dtype) if isinstance(x, numbers) else x
+
+    def typed(leaf: Any) -> Any:
+        is_number = isinstance(leaf, float | np.ndarray | np.floating)
+        return typed_array(leaf, dtype) if is_number else leaf
+
     return jax.tree.map(typed, value)
 
 
 def _stated(value: Any) -> Any:
-    # The numbers of a value as it was given.
+    # Numbers of a value, as its author wrote them.
     value = value.value if isinstance(value, Until) else value
     return value.values if isinstance(value, Table) else value
 
@@ -112,7 +114,7 @@ SAMPLES = 256
 
 
 def is_unknown_function(value: Any) -> bool:
-    """True if the value is a function of which nothing is known between steps."""
+    """True if the value is a function that may do anything between steps."""
     if isinstance(value, Until):
         return is_unknown_function(value.value)
     return callable(value) and not isinstance(value, Table)
@@ -122,19 +124,19 @@ def breakpoints(value: Any) -> tuple[float, ...]:
     """Times at which a value has a kink or jump, where steps end exactly [s]."""
     if isinstance(value, Until):
         return (value.end, *breakpoints(value.value))
-    # The times of a traced table are not known.
+    # A traced table has no numbers yet.
     if isinstance(value, Table) and not is_traced(value.times):
         return tuple(float(t) for t in np.asarray(value.times))
     return ()
 
 
-def check_value(value: Any, what: str, minimum: float = -np.inf) -> None:
+def check_value(value: Any, argument: str, minimum: float = -np.inf) -> None:
     """Refuse a number or table that is not finite or below `minimum`.
 
     Functions and traced values are not checked.
 
     Raises:
-        InputError: naming `what`.
+        InputError: naming the argument.
     """
     stated = _stated(value)
     if callable(stated) or is_traced(stated):
@@ -145,19 +147,22 @@ def check_value(value: Any, what: str, minimum: float = -np.inf) -> None:
     except (TypeError, ValueError):
         numbers = np.full((), np.nan)
     if not numbers.ndim and np.isnan(numbers):
-        raise InputError(f"{what}: got {shortened(stated)}: give a finite number")
+        raise InputError(f"{argument}: got {shortened(stated)}: give a finite number")
     if not np.isfinite(numbers).all() or (numbers < minimum).any():
         need = "finite" if minimum == -np.inf else f"at least {minimum:g}"
-        raise InputError(f"{what}: got {numbers.tolist()}, which must be {need}")
+        raise InputError(f"{argument}: got {numbers.tolist()}, which must be {need}")
 
 
-def check_temperature(value: Any, what: str, end: float | int | None = None) -> None:
+def check_temperature(
+    value: Any, argument: str, end: float | int | None = None
+) -> None:
     """Refuse temperatures outside of the bounds that all scenes share [K].
 
-    Traced values are not checked, and functions only up to `end` [s], if it is given.
+    Traced values are not checked, and functions only up to `end` [s], unless it is
+    None.
 
     Raises:
-        InputError: naming `what`.
+        InputError: naming the argument.
     """
     stated = _stated(value)
     if callable(stated):
@@ -170,21 +175,25 @@ def check_temperature(value: Any, what: str, end: float | int | None = None) -> 
     outside = kelvin[(kelvin < MIN_TEMPERATURE) | (kelvin > MAX_TEMPERATURE)]
     if not len(outside):
         return
-    found = float(outside[0])
-    limit, side, hint = MAX_TEMPERATURE, "above", ""
-    if found < MIN_TEMPERATURE:
-        limit, side = MIN_TEMPERATURE, "below"
-        hint = f" ({found:g} degC are {found + ZERO_CELSIUS:g} K)"
+    first = float(outside[0])
+    relation = f"above {MAX_TEMPERATURE:g} K"
+    hint = ""
+    if first < MIN_TEMPERATURE:
+        relation = f"below {MIN_TEMPERATURE:g} K"
+        hint = f" ({first:g} degC are {first + ZERO_CELSIUS:g} K)"
     raise InputError(
-        f"{what}: {found:g} K is {side} {limit:g} K: give kelvin{hint}; if it is "
+        f"{argument}: {first:g} K is {relation}: give kelvin{hint}; if it is "
         "meant, Scene(..., allow_extreme_temperatures=True)"
     )
 
 
 def just_before(time: Any, dtype: Any = None) -> Any:
-    """Return the time [s] at which loads are still those from before an event at it.
+    """Return a time [s] just before an event, at which loads are not yet changed by it.
 
-    An array, or a number of the host for a run in `dtype`, where the two must differ.
+    Args:
+        time: time of the event [s], an array or a number of the host.
+        dtype: type of the run, in which the two times must differ; None for that of
+            the array.
     """
     dtype = time.dtype if dtype is None else dtype
     # By less, the difference would vanish late in a float32 run.
@@ -193,12 +202,11 @@ def just_before(time: Any, dtype: Any = None) -> Any:
 
 def largest(value: Any, end: float | int) -> Any:
     """The largest value in [0, end] [s]; functions are sampled 1025 times."""
-    # On the host where nothing is traced: single operations on a device would take
-    # longer than all else that a scene of other numbers costs.
+    # On the host where nothing is traced: single operations on a device are slow.
     if isinstance(value, Table):
         return namespace(value.values).max(_float(value.values))
     if isinstance(value, Until):
-        # It is 0 after its end.
+        # The value is 0 after the end.
         highest = largest(value.value, end)
         return namespace(highest).maximum(highest, 0.0)
     if callable(value):
@@ -220,7 +228,7 @@ def smallest(value: Any, end: float | int) -> Any:
 
 def cooling_bound(value: Any, end: float | int) -> Any:
     """Lower bound of temperatures under an imposed heat, as `Forcing.lowest` [K]."""
-    # What takes heat out at any temperature cools without a bound.
+    # A flux that extracts heat at any temperature cools without a bound.
     lowest = smallest(value, end)
     return namespace(lowest).where(lowest < 0, 0.0, np.inf)
 

@@ -11,7 +11,7 @@ from ..arrays import Scalar, device_array
 from ..errors import InputError
 from ..material.material import Material, Property
 from ..network.network import AbstractNetwork
-from ..network.nonlinear import kirchhoff_transform
+from ..network.nonlinear import KirchhoffTransform, kirchhoff_transform
 from ..network.varying_links import Integrals, LinkHalves, VaryingLinks
 from ..structures.build.links import link_axes
 from ..structures.structure import AbstractStructure
@@ -25,9 +25,9 @@ def varying_links(
     reference: Scalar,
     weights: Float[Array, " e"] | None,
 ) -> VaryingLinks:
-    """Network of materials of which some vary, from its linear one at the reference.
+    """Network of materials that may vary, from the linear one at the reference.
 
-    `number` is that of the material of each node, the reference temperature is in
+    `number` is the index of each node's material, the reference temperature is in
     kelvin, and `weights` are the factors of the links [-], None for 1.
 
     Raises:
@@ -43,34 +43,31 @@ def varying_links(
     along = np.ones((1, structure.link_count))
     if integrals.axes == 3:
         along = link_axes(structure).T
-    found = structure.links()
-    area = device_array(found.area, dtype)
+    links = structure.links()
+    area = device_array(links.area, dtype)
     if weights is not None:
         area = area * weights
 
-    def halves(chosen: Int[np.ndarray, " c"]) -> LinkHalves:
-        own = lambda values: device_array(values[chosen], dtype)
+    def halves(selected: Int[np.ndarray, " c"]) -> LinkHalves:
         return LinkHalves(
-            src=device_array(found.src[chosen]),
-            dst=device_array(found.dst[chosen]),
-            area=area[chosen],
-            to_src=own(found.distance_src),
-            to_dst=own(found.distance_dst),
-            along=tuple(own(part) for part in along),
+            src=device_array(links.src[selected]),
+            dst=device_array(links.dst[selected]),
+            area=area[selected],
+            to_src=device_array(links.distance_src[selected], dtype),
+            to_dst=device_array(links.distance_dst[selected], dtype),
+            along=tuple(device_array(axis[selected], dtype) for axis in along),
         )
 
     address = structure.node_address()
     of_state = np.zeros(structure.state_shape, np.int32)
     of_state[address] = number
-    same = number[found.src] == number[found.dst]
+    same = number[links.src] == number[links.dst]
     return VaryingLinks(
         base=base,
         integrals=integrals,
         heat=tuple(
-            kirchhoff_transform(c, reference, dtype)
-            if isinstance(c, Property)
-            else None
-            for c in (material.specific_heat for material in materials)
+            transform_or_none(material.specific_heat, reference, dtype)
+            for material in materials
         ),
         number=device_array(of_state),
         address=tuple(device_array(index) for index in address),
@@ -79,21 +76,39 @@ def varying_links(
     )
 
 
+def transform_or_none(
+    value: Any, reference: Scalar, dtype: Any
+) -> KirchhoffTransform | None:
+    """Kirchhoff's transform of a property that varies, None for a constant."""
+    if not isinstance(value, Property):
+        return None
+    return kirchhoff_transform(value, reference, dtype)
+
+
 def _integrals(
     materials: Sequence[Material], reference: Scalar, dtype: Any
 ) -> Integrals:
-    by_axis = [
-        k if isinstance(k := material.conductivity, tuple) else (k,)
-        for material in materials
-    ]
-    axes = max(len(k) for k in by_axis)
-    every = [k if len(k) == axes else k * axes for k in by_axis]
-    # A constant is a table of one row.
-    table = lambda k: k if isinstance(k, Property) else Property([300.0], [k])
-    number = lambda k: k(reference) if isinstance(k, Property) else k
+    by_axis = []
+    for material in materials:
+        k = material.conductivity
+        by_axis.append(k if isinstance(k, tuple) else (k,))
+    axes = max(len(row) for row in by_axis)
+    table = [row if len(row) == axes else row * axes for row in by_axis]
     transform = tuple(
-        tuple(kirchhoff_transform(table(k), reference, dtype) for k in row)
-        for row in every
+        tuple(_transform(k, reference, dtype) for k in row) for row in table
     )
-    rows = [jnp.stack([device_array(number(k), dtype) for k in row]) for row in every]
-    return Integrals(transform, jnp.stack(rows))
+    at_reference = [
+        jnp.stack([device_array(_number(k, reference), dtype) for k in row])
+        for row in table
+    ]
+    return Integrals(transform=transform, reference=jnp.stack(at_reference))
+
+
+def _transform(k: Any, reference: Scalar, dtype: Any) -> KirchhoffTransform:
+    # A constant is a table of one row.
+    prop = k if isinstance(k, Property) else Property([300.0], [k])
+    return kirchhoff_transform(prop, reference, dtype)
+
+
+def _number(k: Any, reference: Scalar) -> Any:
+    return k(reference) if isinstance(k, Property) else k

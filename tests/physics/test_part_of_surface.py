@@ -41,7 +41,7 @@ def test_two_parts_are_the_whole(make):
     for part, other, every in zip(*map(acting, (one, rest, both)), strict=True):
         first, second = np.split(np.asarray(part.effective_area), 2)
         assert first.any() and not first[~chosen].any() and not second.any()
-        assert not part.acts[len(chosen) :].any()
+        assert not part.acting[len(chosen) :].any()
         half, nothing = np.split(np.asarray(every.effective_area), 2)
         np.testing.assert_array_equal(
             first + np.split(other.effective_area, 2)[0], half

@@ -10,7 +10,7 @@ both exactly and with finite derivatives. One body loses exactly what the other 
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -28,8 +28,8 @@ from .search import ContactPairs
 
 
 _Rows = Float[Array | np.ndarray, "*p"]
-_Both = tuple[Float[Array, "..."], Float[Array, "..."]]
-# Values of both bodies.
+_Pair = tuple[Float[Array, "..."], Float[Array, "..."]]
+# Values of the first and of the second body.
 
 
 def contact_conductance_of(
@@ -45,17 +45,15 @@ def contact_conductance_of(
     # The inner `where` keeps inf * area, whose derivative is infinite, out of the
     # graph.
     between = jnp.where(finite, jnp.where(finite, h_c, 1) * area, jnp.inf)
-    return _series(half_a, half_b, between)
+    return _series(_series(half_a, half_b), between)
 
 
-def _series(first: _Rows, *others: _Rows) -> _Rows:
-    # Conductance of several in series [W/K], 0 to infinity but not all infinite.
-    # G = low / (1 + low / high) for two: no product that overflows, and no 0 / 0.
-    total = jnp.asarray(first)
-    for other in others:
-        low, high = jnp.minimum(total, other), jnp.maximum(total, other)
-        total = low / (1 + low * inverse(high))
-    return total
+def _series(first: _Rows, second: _Rows) -> _Rows:
+    # Conductance of two in series [W/K], 0 to infinity but not both infinite.
+    # G = low / (1 + low / high): no product that overflows, and no 0 / 0.
+    low = jnp.minimum(first, second)
+    high = jnp.maximum(first, second)
+    return low / (1 + low * inverse(high))
 
 
 def _gap_factor(gap: _Rows, gap_length: Scalar) -> _Rows:
@@ -78,6 +76,7 @@ class ContactLinks(Module):
     address: tuple[Address, Address]
     """Position of each pair's nodes in the states of both bodies."""
     fragment: tuple[Int[Array, " p"], Int[Array, " p"]]
+    """Fragment of each pair on both bodies."""
     half_cell: tuple[Float[Array, " p"], Float[Array, " p"]]
     """Conductances from the contact to the nodes, k A / distance [W/K]."""
     per_capacity: tuple[Float[Array, " p"], Float[Array, " p"]]
@@ -90,11 +89,15 @@ class ContactLinks(Module):
     """h_c [W/(m^2 K)], a number or a function of time."""
 
     def _links(self, conductance) -> Float[Array, " p"]:
-        found = contact_conductance_of(self.area, *self.half_cell, conductance)
-        return jnp.asarray(found)
+        half_a, half_b = self.half_cell
+        return jnp.asarray(
+            contact_conductance_of(
+                self.area, half_a=half_a, half_b=half_b, coefficient=conductance
+            )
+        )
 
     def heat_rate(
-        self, time: Time, theta: _Both, references: _Both
+        self, time: Time, theta: _Pair, references: _Pair
     ) -> Float[Array, " p"]:
         """Heat rate from the first body to the second through each pair [W].
 
@@ -105,8 +108,8 @@ class ContactLinks(Module):
         return self._links(value_at(self.conductance, time)) * difference
 
     def apply_heat(
-        self, new: _Both, theta: _Both, references: _Both, time: Time, dt: Time
-    ) -> tuple[_Both, Float[Array, ""]]:
+        self, new: _Pair, theta: _Pair, references: _Pair, time: Time, dt: Time
+    ) -> tuple[_Pair, Float[Array, ""]]:
         """Both states after the heat of one step, and the total heat rate [W]."""
         rate = self.heat_rate(time, theta, references)
         # The same rate for both bodies: one gains exactly what the other loses.
@@ -173,9 +176,8 @@ class Contact(AbstractPairTerm):
         h_c = self.conductance
         if not isinstance(h_c, float | int) or h_c != math.inf:
             check_value(h_c, "Contact(conductance [W/(m^2 K)])", 0.0)
-        for name, length in (
-            ("threshold", self.threshold), ("gap_length", self.gap_length)
-        ):  # fmt: skip
+        lengths = {"threshold": self.threshold, "gap_length": self.gap_length}
+        for name, length in lengths.items():
             if length is not None and not 0 < length < np.inf:
                 raise InputError(f"Contact({name}={length!r}): give a positive length")
         if self.bodies is not None and self.bodies[0] == self.bodies[1]:
@@ -206,32 +208,37 @@ class Contact(AbstractPairTerm):
     ) -> ContactLinks:
         first, second = (body.number for body in ends)
         dtype = np.dtype(ends[0].half_cell.dtype)
-        # Arrays of one size at all snapshots, so that one program runs them all.
+        # Arrays have one size in all snapshots, so that one program runs them all.
         padded = pairs.padded(self.max_pairs or size, f"bodies {first} and {second}")
-        fragments = padded.fragment_a, padded.fragment_b
-        columns = [
-            _end(body, fragment=fragment, area=padded.area, dtype=dtype)
-            for body, fragment in zip(ends, fragments, strict=True)
-        ]
-        address, half_cell, per_capacity, fraction = zip(*columns, strict=True)
+        a = _end(ends[0], padded.fragment_a, area=padded.area, dtype=dtype)
+        b = _end(ends[1], padded.fragment_b, area=padded.area, dtype=dtype)
         area = padded.area
         if self.gap_length is not None:
             area = area * np.asarray(_gap_factor(padded.gap, self.gap_length))
         return ContactLinks(
             entry=entry,
             bodies=(first, second),
-            address=address,
-            fragment=(device_array(fragments[0]), device_array(fragments[1])),
-            half_cell=half_cell,
-            per_capacity=per_capacity,
-            area_fraction=fraction,
+            address=(a.address, b.address),
+            fragment=(a.fragment, b.fragment),
+            half_cell=(a.half_cell, b.half_cell),
+            per_capacity=(a.per_capacity, b.per_capacity),
+            area_fraction=(a.area_fraction, b.area_fraction),
             area=device_array(area, dtype),
             conductance=for_jit(self.conductance, dtype),
         )
 
 
-def _end(body: Any, fragment: np.ndarray, area: np.ndarray, dtype: Any):
-    """Address, half cell, 1 / capacity and area fraction of the pairs' fragments."""
+class _End(NamedTuple):
+    """One body's side of all pairs, with the fields of `ContactLinks`."""
+
+    address: Address
+    fragment: Int[Array, " p"]
+    half_cell: Float[Array, " p"]
+    per_capacity: Float[Array, " p"]
+    area_fraction: Float[Array, " p"]
+
+
+def _end(body: Any, fragment: np.ndarray, area: np.ndarray, dtype: Any) -> _End:
     node = body.fragment_node[fragment]
     address = body.address_of(node)
     fragment_area = body.body.structure.grid.fragment_area
@@ -240,8 +247,13 @@ def _end(body: Any, fragment: np.ndarray, area: np.ndarray, dtype: Any):
     capacity = body.network.capacity_at(address)
     if not capacity.ndim:
         capacity = jnp.broadcast_to(capacity, fraction.shape)
-    half_cell = body.half_cell[fragment] * fraction
-    return address, device_array(half_cell), 1 / capacity, device_array(fraction)
+    return _End(
+        address=address,
+        fragment=device_array(fragment),
+        half_cell=device_array(body.half_cell[fragment] * fraction),
+        per_capacity=1 / capacity,
+        area_fraction=device_array(fraction),
+    )
 
 
 bonded = Contact(math.inf)

@@ -4,7 +4,7 @@ The common part is counted in the voxels of the finer body whose centres lie in 
 voxels of the other. At a point of it the bodies overlap by the sum of its depths below
 both surfaces, each the distance to the tangent plane of the nearest fragment: exact for
 facing planes at any angle, whereas voxels are known to a voxel only. Bodies that touch
-overlap by rounding; up to a voxel of the coarser one counts as contact.
+overlap by rounding; an overlap of up to a voxel of the coarser one counts as contact.
 """
 
 from collections.abc import Iterator
@@ -34,9 +34,9 @@ class Overlap(NamedTuple):
     """The common part of two bodies."""
 
     volume: float
-    """[m^3]"""
+    """Common volume [m^3]."""
     fraction: float
-    """Volume over that of the smaller body [-]."""
+    """Common volume over that of the smaller body [-]."""
     smaller: int
     """Number of the smaller body."""
     depth: float
@@ -56,52 +56,54 @@ class Overlap(NamedTuple):
 
 
 def find_overlaps(
-    bodies: tuple[PlacedGrid, ...], known: dict | None = None
+    bodies: tuple[PlacedGrid, ...], cache: dict | None = None
 ) -> dict[tuple[int, int], Overlap]:
     """Overlaps of all pairs i < j of bodies by more than a voxel of the coarser one.
 
     Args:
         bodies: at their poses.
-        known: results by pair and poses, which are read and added to.
+        cache: results by pair and poses, which are read and added to.
 
     Raises:
         InputError: if a body lies wholly in the solid of another one.
     """
-    known, found = {} if known is None else known, {}
+    cache = {} if cache is None else cache
+    overlaps = {}
     for i, j in combinations(range(len(bodies)), 2):
-        poses = bodies[i].pose, bodies[j].pose
+        poses = (bodies[i].pose, bodies[j].pose)
         key = (i, j, *((pose.translation, pose.rotation) for pose in poses))
-        if key not in known:
-            known[key] = _overlap(bodies, i, j)
-        if known[key] is not None:
-            found[i, j] = known[key]
-    return found
+        if key not in cache:
+            cache[key] = _overlap(bodies, i, j)
+        if cache[key] is not None:
+            overlaps[i, j] = cache[key]
+    return overlaps
 
 
 @stored_search("overlap", (Overlap,))
 def _overlap(bodies: tuple[PlacedGrid, ...], i: int, j: int) -> Overlap | None:
     # The finer body's voxels are counted.
-    if bodies[j].pitch < bodies[i].pitch:
-        i, j = j, i
-    a, b = bodies[i], bodies[j]
+    finer, coarser = sorted((i, j), key=lambda number: bodies[number].pitch)
+    a = bodies[finer]
+    b = bodies[coarser]
     if not (_below(a.world_bounds[0], b) and _below(b.world_bounds[0], a)):
         return None
     chunks = [centres[_inside(b, centres)] for centres in _centres_near(a, b)]
     points = np.concatenate([np.zeros((0, 3)), *chunks])
     if not len(points):
         return None
-    some = points[:: -(-len(points) // _MAX_POINTS)]
-    depths = _depth_below(a, some) + _depth_below(b, some)
+    samples = points[:: -(-len(points) // _MAX_POINTS)]
+    depths = _depth_below(a, samples) + _depth_below(b, samples)
     deepest = int(depths.argmax())
     is_deep = bool(depths[deepest] > b.pitch * (1 + _ROUNDING))
     volume = len(points) * a.pitch**3
     sizes = [body.grid.solid_count * body.pitch**3 for body in (a, b)]
-    pairs = zip((i, j), (j, i), sizes, strict=True)
-    for own, other, size in pairs:
+    for inner, outer, size in zip(
+        (finer, coarser), (coarser, finer), sizes, strict=True
+    ):
         # Half of the volume, since voxels of two sizes count it differently.
-        if volume > size / 2 and _is_within(bodies[own], bodies[other], is_deep):
+        if volume > size / 2 and _is_within(bodies[inner], bodies[outer], is_deep):
             raise InputError(
-                f"body {own} lies wholly in the solid of body {other}: move it out, "
+                f"body {inner} lies wholly in the solid of body {outer}: move it out, "
                 "give the other a cavity for it, or a region of another material"
             )
     if not is_deep:
@@ -109,24 +111,23 @@ def _overlap(bodies: tuple[PlacedGrid, ...], i: int, j: int) -> Overlap | None:
     return Overlap(
         volume=volume,
         fraction=volume / min(sizes),
-        smaller=(i, j)[int(np.argmin(sizes))],
+        smaller=(finer, coarser)[int(np.argmin(sizes))],
         depth=float(depths[deepest]),
-        position=some[deepest],
+        position=samples[deepest],
     )
 
 
-def _is_within(body: PlacedGrid, other: PlacedGrid, is_deep: bool) -> bool:
-    """True if all solid voxels of a body are in solid ones of another."""
+def _is_within(inner: PlacedGrid, outer: PlacedGrid, is_deep: bool) -> bool:
+    """True if all solid voxels of one body are in solid ones of another."""
     # A body in a cavity is in no solid voxel. Centres of a thin plate that touches may
     # be, by rounding: unless the overlap is deep, whole voxels must be below the
     # surface.
-    for centres in _centres_near(body, body):
-        if not _inside(other, centres).all():
+    min_depth = 0.5 * inner.pitch * (1 - _ROUNDING)
+    for centres in _centres_near(inner, inner):
+        if not _inside(outer, centres).all():
             return False
-        if not is_deep:
-            least = 0.5 * body.pitch * (1 - _ROUNDING)
-            if (_depth_below(other, centres) < least).any():
-                return False
+        if not is_deep and (_depth_below(outer, centres) < min_depth).any():
+            return False
     return True
 
 
@@ -135,11 +136,12 @@ def _below(corner: Float[np.ndarray, "3"], body: PlacedGrid) -> bool:
 
 
 def _centres_near(
-    body: PlacedGrid, other: PlacedGrid
+    body: PlacedGrid, neighbour: PlacedGrid
 ) -> Iterator[Float[np.ndarray, "n 3"]]:
     """Centres of a body's solid voxels near another body, in the world [m]."""
-    lattice, solid = body.grid.lattice, body.grid.solid
-    low, high = other.world_bounds
+    lattice = body.grid.lattice
+    solid = body.grid.solid
+    low, high = neighbour.world_bounds
     corners = np.stack(np.meshgrid(*zip(low, high, strict=True)), -1).reshape(-1, 3)
     cells = lattice.to_cells(body.pose.to_body(corners))
     first = np.clip(np.floor(cells.min(0)).astype(int), 0, solid.shape)
@@ -147,9 +149,9 @@ def _centres_near(
     near = solid[tuple(map(slice, first, last))]
     step = max(1, _CHUNK // max(1, int(np.prod(near.shape[1:]))))
     for start in range(0, len(near), step):
-        found = np.argwhere(near[start : start + step]) + first
-        found[:, 0] += start
-        yield body.pose.to_world(lattice.centres(found))
+        voxels = np.argwhere(near[start : start + step]) + first
+        voxels[:, 0] += start
+        yield body.pose.to_world(lattice.centres(voxels))
 
 
 def _inside(

@@ -76,9 +76,9 @@ class ContactRange(NamedTuple):
     """Distances at which surfaces count as in contact."""
 
     max_gap: float
-    """[m]"""
+    """Largest gap [m]."""
     max_overlap: float
-    """[m]"""
+    """Largest overlap [m]."""
 
     @classmethod
     def between(cls, a: PlacedGrid, b: PlacedGrid, max_gap: float) -> "ContactRange":
@@ -100,9 +100,9 @@ class _RayHits(NamedTuple):
     triangle_a: Int[np.ndarray, " k"]
     triangle_b: Int[np.ndarray, " k"]
     area: Float[np.ndarray, " k"]
-    """[m^2]"""
+    """Contact area that each ray stands for [m^2]."""
     gap: Float[np.ndarray, " k"]
-    """[m]; negative where the bodies overlap."""
+    """Distance of the surfaces [m], negative where the bodies overlap."""
 
 
 def ray_hits(
@@ -121,29 +121,28 @@ def ray_hits(
     dominant = face_axes(a.grid.mesh)[1]
     position = lattice.to_cells(a.grid.fragment_position[near])
     axes = a.grid.fragment_axis[near]
-    parts = []
+    hits = []
     for axis in np.unique(axes).tolist():
         points = position[axes == axis]
         low = points.min(0) - FRAGMENT_SPACING
         high = points.max(0) + FRAGMENT_SPACING
         low[axis] -= limits.max_distance / lattice.pitch
         high[axis] += limits.max_distance / lattice.pitch
-        box = np.floor(low), np.ceil(high)
-        parts.append(
+        hits.append(
             _hits_along(
                 axis,
                 lattice=lattice,
                 triangles=triangles,
                 dominant=dominant,
-                box=box,
+                box=(np.floor(low), np.ceil(high)),
                 limits=limits,
             )
         )
-    return _RayHits(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    return _RayHits(*(np.concatenate(column) for column in zip(*hits, strict=True)))
 
 
 def _hits_along(axis, lattice: Lattice, triangles, dominant, box, limits: ContactRange):
-    """Contact of the parts of A's surface whose dominant axis this is.
+    """Contact of A's surface where its dominant axis is `axis`.
 
     `triangles` are those of A, then of B; `box` is the sampled region; both in cells.
     """
@@ -156,8 +155,10 @@ def _hits_along(axis, lattice: Lattice, triangles, dominant, box, limits: Contac
     of_a = which[layers.triangle] < count_a
     same_ray = layers.pixel[1:] == layers.pixel[:-1]
     first = np.flatnonzero(same_ray & (of_a[1:] != of_a[:-1]))
-    at_a, at_b = first + ~of_a[first], first + of_a[first]
-    n_a, n_b = normals[layers.triangle[at_a]], normals[layers.triangle[at_b]]
+    at_a = first + ~of_a[first]
+    at_b = first + of_a[first]
+    n_a = normals[layers.triangle[at_a]]
+    n_b = normals[layers.triangle[at_b]]
     # Gap and area refer to the surface that is closer to normal to the ray e: with c =
     # max(|n_A . e|, |n_B . e|), gap = c distance and area = ray's square / c. This is
     # exact for parallel surfaces, and otherwise the same whichever body is sampled.
@@ -167,7 +168,8 @@ def _hits_along(axis, lattice: Lattice, triangles, dominant, box, limits: Contac
     hit = (gap <= limits.max_gap) & (gap >= -limits.max_overlap)
     hit &= (n_a * n_b).sum(1) <= -_MIN_FACING_COSINE
     hit &= dominant[which[layers.triangle[at_a]]] == axis
-    at_a, at_b = at_a[hit], at_b[hit]
+    at_a = at_a[hit]
+    at_b = at_b[hit]
     return _RayHits(
         point_a=_points(layers, which=at_a, axis=axis, lattice=lattice, box=box),
         point_b=_points(layers, which=at_b, axis=axis, lattice=lattice, box=box),
@@ -186,21 +188,22 @@ def _layers(triangles, axis: int, box) -> DepthLayers:
     frame = triangles[..., [*views, axis]]
     frame[..., :2] = (frame[..., :2] - box[0][views]) * _SAMPLES
     rows, fragments = capacities(frame, width, height)
-    rows, fragments = _padded(rows, 1 << 14), _padded(fragments, 1 << 16)
+    rows = _padded(rows, 1 << 14)
+    fragments = _padded(fragments, 1 << 16)
     require_memory(
         fragments * BYTES_PER_FRAGMENT, "the search for contact", "use a coarser pitch"
     )
     # Triangles of zero extent cover no pixel: they only fill the array.
     spare = _padded(len(frame), 1 << 12) - len(frame)
     frame = np.pad(frame, ((0, spare), (0, 0), (0, 0)))
-    # Shapes are known while the rest of a scene is traced.
+    # The geometry is computed at once, even while the scene is traced.
     with jax.ensure_compile_time_eval():
         return peel(frame, width=width, height=height, sizes=(rows, fragments))
 
 
 def _padded(count: int, smallest: int) -> int:
     """Next power of 4, at least `smallest`."""
-    # Few distinct sizes, hence few programs to compile.
+    # Few distinct sizes require few programs.
     bits = int(max(count, smallest) - 1).bit_length()
     return 1 << (bits + bits % 2)
 
@@ -248,56 +251,59 @@ def _nearest_fragments(
     """Fragment nearest to each point on a body's surface along its ray; -1 for none.
 
     Points are in the body's frame [m], each in a triangle of its mesh. If no fragment
-    on the ray faces the same way (a sliver beside an edge), it is the nearest one on
-    the surrounding rays along all three axes.
+    on the ray faces the same way (a sliver at an edge), it is the nearest one on the
+    surrounding rays along all three axes.
     """
     normals, dominant = face_axes(grid.mesh)
-    normal, point_axis = normals[triangle], dominant[triangle]
+    normal = normals[triangle]
+    point_axis = dominant[triangle]
     cells = grid.lattice.to_cells(point)
     rays = [_rays_along(grid, axis) for axis in range(3)]
-    found = np.full(len(point), -1)
+    fragment = np.full(len(point), -1)
     distance = np.full(len(point), MAX_FRAGMENT_DISTANCE)
     for axis in range(3):
         points = np.flatnonzero(point_axis == axis)
-        found[points], distance[points] = _on_ray(
+        fragment[points], distance[points] = _on_ray(
             rays[axis], cells=cells[points], normal=normal[points], offset=(0, 0)
         )
-    missing = np.flatnonzero(found < 0)
+    missing = np.flatnonzero(fragment < 0)
     for axis in range(3 if len(missing) else 0):
         for offset in _OFFSETS:
-            other, apart = _on_ray(
+            candidate, apart = _on_ray(
                 rays[axis], cells=cells[missing], normal=normal[missing], offset=offset
             )
             nearer = apart < distance[missing]
-            found[missing] = np.where(nearer, other, found[missing])
+            fragment[missing] = np.where(nearer, candidate, fragment[missing])
             distance[missing] = np.where(nearer, apart, distance[missing])
-    return found
+    return fragment
 
 
 FragmentShares = tuple[Int[np.ndarray, " k"], Float[np.ndarray, " k"]]
-"""A fragment of each point, -1 for none, and the share of its area there [-]."""
+"""Fragment of each point, -1 for none, and the share of the point's area [-]."""
 
 
 def fragment_shares(
     grid: VoxelGrid, point: Float[np.ndarray, "k 3"], triangle: Int[np.ndarray, " k"]
 ) -> list[FragmentShares]:
-    """Fragments that the area around each point on a body's surface belongs to.
+    """Fragments to which the area around each point on a body's surface belongs.
 
-    Arguments as for `_nearest_fragments`. Where fragments are on rays of all axes a,
-    each of these has n_a^2 of it, as on the whole surface.
+    Arguments as for `_nearest_fragments`. Where there are fragments on rays of all axes
+    a, the one along a has the share n_a^2, as everywhere on the surface.
     """
     nearest = _nearest_fragments(grid, point, triangle)
     if grid.cut is None:
         return [(nearest, np.ones(len(point)))]
     normal = face_axes(grid.mesh)[0][triangle]
-    cells, found = grid.lattice.to_cells(point), []
+    cells = grid.lattice.to_cells(point)
+    shares = []
     for axis in range(3):
-        own, _ = _on_ray(
+        fragment, _ = _on_ray(
             _rays_along(grid, axis), cells=cells, normal=normal, offset=(0, 0)
         )
-        # Beside an edge the rays of an axis may have none.
-        found.append((np.where(own < 0, nearest, own), np.square(normal[:, axis])))
-    return found
+        # Near an edge the rays of an axis may have none.
+        fragment = np.where(fragment < 0, nearest, fragment)
+        shares.append((fragment, np.square(normal[:, axis])))
+    return shares
 
 
 def _rays_along(grid: VoxelGrid, axis: int) -> _Rays:
@@ -331,11 +337,11 @@ def _key(ray, depth, shape):
 
 
 def _on_ray(rays: _Rays, cells, normal, offset):
-    """Nearest fragment on one ray beside each point, and its distance in cells."""
-    found = np.full(len(cells), -1)
+    """Nearest fragment on the ray at an offset from each point; distance in cells."""
+    fragment = np.full(len(cells), -1)
     distance = np.full(len(cells), MAX_FRAGMENT_DISTANCE)
     if not len(rays.ray):
-        return found, distance
+        return fragment, distance
     ray = _ray(cells, axis=rays.axis, shape=rays.shape, offset=offset)
     behind = np.searchsorted(rays.key, _key(ray, cells[:, rays.axis], rays.shape))
     for candidate in (behind - 1, behind):
@@ -343,20 +349,20 @@ def _on_ray(rays: _Rays, cells, normal, offset):
         apart = np.linalg.norm(cells - rays.position[slot], axis=1)
         faces = (rays.outward[slot] * normal).sum(1) > 0
         nearer = (rays.ray[slot] == ray) & faces & (apart < distance)
-        found = np.where(nearer, rays.fragment[slot], found)
+        fragment = np.where(nearer, rays.fragment[slot], fragment)
         distance = np.where(nearer, apart, distance)
-    return found, distance
+    return fragment, distance
 
 
-def _depth_in(body: PlacedGrid, other: PlacedGrid) -> float:
+def _depth_in(body: PlacedGrid, target: PlacedGrid) -> float:
     """Depth of a body's fragments in another one [m]; 0 if all are outside."""
     # The shortest way out of its voxels along the axes of its lattice, to half a voxel.
-    solid = np.pad(other.grid.solid, 1)
-    points = other.pose.to_body(body.world_fragments)
-    points = points[other.grid.contains(points)]
+    solid = np.pad(target.grid.solid, 1)
+    points = target.pose.to_body(body.world_fragments)
+    points = points[target.grid.contains(points)]
     if not len(points):
         return 0.0
-    cells = np.floor(other.grid.lattice.to_cells(points)).astype(np.int64)
+    cells = np.floor(target.grid.lattice.to_cells(points)).astype(np.int64)
     # Padded on all sides, so that every way out ends.
     cells = np.unique(cells + 1, axis=0)
     steps = 0
@@ -366,14 +372,14 @@ def _depth_in(body: PlacedGrid, other: PlacedGrid) -> float:
             cells[:, None] + steps * _AXIS_DIRECTIONS, 0, np.array(solid.shape) - 1
         )
         cells = cells[solid[tuple(np.moveaxis(ahead, 2, 0))].all(1)]
-    return (steps - 0.5) * other.pitch
+    return (steps - 0.5) * target.pitch
 
 
-def _fraction_inside(body: PlacedGrid, other: PlacedGrid) -> float:
+def _fraction_inside(body: PlacedGrid, target: PlacedGrid) -> float:
     """Fraction of a body's fragments with a voxel centre inside another body."""
     voxels = body.grid.lattice.centres(body.grid.fragment_voxel)
-    points = other.pose.to_body(body.pose.to_world(voxels))
-    return float(other.grid.contains(points).mean())
+    points = target.pose.to_body(body.pose.to_world(voxels))
+    return float(target.grid.contains(points).mean())
 
 
 def require_shallow(a: PlacedGrid, b: PlacedGrid, threshold: float) -> None:

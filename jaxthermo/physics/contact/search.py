@@ -61,9 +61,15 @@ class ContactPairs(NamedTuple):
     @classmethod
     def none(cls, fragments_a: int, fragments_b: int) -> "ContactPairs":
         """Empty pairs, for bodies that do not touch."""
-        none, nothing = np.zeros(0, np.int64), np.zeros(0)
-        covered = np.zeros(fragments_a), np.zeros(fragments_b)
-        return cls(none, none, nothing, nothing, *covered)
+        no_fragments = np.zeros(0, np.int64)
+        return cls(
+            fragment_a=no_fragments,
+            fragment_b=no_fragments,
+            area=np.zeros(0),
+            gap=np.zeros(0),
+            coverage_a=np.zeros(fragments_a),
+            coverage_b=np.zeros(fragments_b),
+        )
 
     @property
     def count(self) -> int:
@@ -72,14 +78,11 @@ class ContactPairs(NamedTuple):
 
     def swapped(self) -> "ContactPairs":
         """Same pairs with A and B exchanged."""
-        a, b, area, gap, coverage_a, coverage_b = self
-        return ContactPairs(
-            fragment_a=b,
-            fragment_b=a,
-            area=area,
-            gap=gap,
-            coverage_a=coverage_b,
-            coverage_b=coverage_a,
+        return self._replace(
+            fragment_a=self.fragment_b,
+            fragment_b=self.fragment_a,
+            coverage_a=self.coverage_b,
+            coverage_b=self.coverage_a,
         )
 
     def padded(self, capacity: int, names: str = "two bodies") -> "ContactPairs":
@@ -94,14 +97,11 @@ class ContactPairs(NamedTuple):
                 f"contact of {names}: {len(self.area)} pairs and room for {capacity}; "
                 "give a larger capacity or a coarser pitch"
             )
-        a, b, area, gap = (np.pad(rows, (0, spare)) for rows in self[:4])
-        return ContactPairs(
-            fragment_a=a,
-            fragment_b=b,
-            area=area,
-            gap=gap,
-            coverage_a=self.coverage_a,
-            coverage_b=self.coverage_b,
+        return self._replace(
+            fragment_a=np.pad(self.fragment_a, (0, spare)),
+            fragment_b=np.pad(self.fragment_b, (0, spare)),
+            area=np.pad(self.area, (0, spare)),
+            gap=np.pad(self.gap, (0, spare)),
         )
 
 
@@ -134,14 +134,15 @@ def broad_phase(
         [MAX_SLANT * float(b.pitch if threshold is None else threshold) for b in bodies]
     )
     bounds = np.stack([body.world_bounds for body in bodies])
-    lower, upper = bounds[:, 0] - margin[:, None], bounds[:, 1] + margin[:, None]
-    pairs = _overlapping_pairs(lower, upper)
-    kept = [
+    pairs = _overlapping_pairs(
+        bounds[:, 0] - margin[:, None], bounds[:, 1] + margin[:, None]
+    )
+    may_touch = [
         not _are_separated(bodies[i], bodies[j], float(margin[[i, j]].max()))
         for i, j in pairs.tolist()
     ]
     return _BroadPhase(
-        pairs=pairs[np.array(kept, bool)],
+        pairs=pairs[np.array(may_touch, bool)],
         possible=len(bodies) * (len(bodies) - 1) // 2,
         overlapping_boxes=len(pairs),
     )
@@ -175,7 +176,8 @@ def _overlap_in_view(a, b, axis: int, low, high, pixel: float, margin: float) ->
         b.world_fragments, axis=axis, low=low, high=high, pixel=pixel
     )
     # Points within the margin of each other lie in the same pixel or in neighbours.
-    near_a, far_a = _dilated(near_a, np.minimum), _dilated(far_a, np.maximum)
+    near_a = _dilated(near_a, np.minimum)
+    far_a = _dilated(far_a, np.maximum)
     overlap = (near_a - margin <= far_b) & (near_b - margin <= far_a)
     return bool(overlap.any())
 
@@ -189,7 +191,8 @@ def _depths(
     seen = points[((points >= low) & (points <= high))[:, across].all(1)]
     index = np.floor((seen - low)[:, across] / pixel).astype(np.int64)
     shape = np.floor((high - low) / pixel).astype(np.int64)[across] + 1
-    near, far = np.full(shape, np.inf), np.full(shape, -np.inf)
+    near = np.full(shape, np.inf)
+    far = np.full(shape, -np.inf)
     np.minimum.at(near, tuple(index.T), seen[:, axis])
     np.maximum.at(far, tuple(index.T), seen[:, axis])
     return near, far
@@ -214,7 +217,8 @@ def _overlapping_pairs(
     # start before it ends.
     axis = int(np.argmax(np.ptp(lower, axis=0))) if len(lower) else 0
     order = np.argsort(lower[:, axis], kind="stable")
-    starts, ends = lower[order, axis], upper[order, axis]
+    starts = lower[order, axis]
+    ends = upper[order, axis]
     ahead = np.searchsorted(starts, ends, side="right") - np.arange(len(order)) - 1
     ahead = np.maximum(ahead, 0)
     first = np.repeat(np.arange(len(order)), ahead)
@@ -222,8 +226,8 @@ def _overlapping_pairs(
     pairs = np.stack([order[first], order[first + 1 + step]], axis=1)
     i, j = pairs.T
     meet = ((lower[i] <= upper[j]) & (lower[j] <= upper[i])).all(1)
-    found = np.sort(pairs[meet], axis=1)
-    return found[np.lexsort(found.T[::-1])]
+    meeting = np.sort(pairs[meet], axis=1)
+    return meeting[np.lexsort(meeting.T[::-1])]
 
 
 def find_contacts(
@@ -255,59 +259,69 @@ def contacts_between(
     Raises:
         InputError: as `find_contacts`.
     """
-    found = {}
+    contacts = {}
     for i, j in broad_phase(bodies, threshold).pairs.tolist():
         pairs = find_contacts(bodies[i], bodies[j], threshold)
         if pairs.count:
-            found[i, j] = pairs
-    return found
+            contacts[i, j] = pairs
+    return contacts
 
 
 def _contact_pairs(a: PlacedGrid, b: PlacedGrid, threshold: float) -> ContactPairs:
-    nothing = ContactPairs.none(len(a.grid.fragment_area), len(b.grid.fragment_area))
+    no_contact = ContactPairs.none(len(a.grid.fragment_area), len(b.grid.fragment_area))
     limits = ContactRange.between(a, b, threshold)
     near = _near_fragments(
         a, b, limits.max_distance + FRAGMENT_SPACING * (a.pitch + b.pitch)
     )
     if not len(near):
-        return nothing
-    found = ray_hits(a, b=b, near=near, limits=limits)
-    in_b = b.pose.to_body(a.pose.to_world(found.point_b))
-    shares_a = fragment_shares(a.grid, found.point_a, found.triangle_a)
-    shares_b = fragment_shares(b.grid, in_b, found.triangle_b)
-    parts = [
-        (index_a, index_b, found.area * share_a * share_b)
+        return no_contact
+    hits = ray_hits(a, b=b, near=near, limits=limits)
+    in_b = b.pose.to_body(a.pose.to_world(hits.point_b))
+    shares_a = fragment_shares(a.grid, hits.point_a, hits.triangle_a)
+    shares_b = fragment_shares(b.grid, in_b, hits.triangle_b)
+    touches = [
+        (index_a, index_b, hits.area * share_a * share_b)
         for (index_a, share_a), (index_b, share_b) in product(shares_a, shares_b)
     ]
-    fragment_a, fragment_b, area = map(np.concatenate, zip(*parts, strict=True))
-    kept = np.flatnonzero((fragment_a >= 0) & (fragment_b >= 0) & (area > 0))
-    if not len(kept):
-        return nothing
-    touch = fragment_a[kept], fragment_b[kept], area[kept]
-    gap = np.tile(found.gap, len(parts))[kept]
-    return _merge_touches(*touch, gap, a.grid.fragment_area, b.grid.fragment_area)
+    fragment_a, fragment_b, area = map(np.concatenate, zip(*touches, strict=True))
+    gap = np.tile(hits.gap, len(touches))
+    valid = np.flatnonzero((fragment_a >= 0) & (fragment_b >= 0) & (area > 0))
+    if not len(valid):
+        return no_contact
+    return _merge_touches(
+        fragment_a=fragment_a[valid],
+        fragment_b=fragment_b[valid],
+        area=area[valid],
+        gap=gap[valid],
+        fragment_area_a=a.grid.fragment_area,
+        fragment_area_b=b.grid.fragment_area,
+    )
 
 
 def _near_fragments(
     a: PlacedGrid, b: PlacedGrid, distance: float
 ) -> Int[np.ndarray, " c"]:
-    """Fragments of A with one of B within a distance; some have one a bit farther."""
+    """Fragments of A within a distance of one of B, and a few that are farther away."""
     # Fragments are sorted into blocks of that edge; close ones are in adjacent blocks.
-    points_a, points_b = a.world_fragments, b.world_fragments
+    points_a = a.world_fragments
+    points_b = b.world_fragments
     low = np.maximum(points_a.min(0), points_b.min(0)) - distance
     high = np.minimum(points_a.max(0), points_b.max(0)) + distance
     if (low > high).any():
         return np.zeros(0, np.int64)
     candidates = np.flatnonzero(((points_a >= low) & (points_a <= high)).all(1))
     points_b = points_b[((points_b >= low) & (points_b <= high)).all(1)]
-    block = lambda points: np.floor((points - low) / distance).astype(np.int64) + 1
+
+    def block(points):
+        return np.floor((points - low) / distance).astype(np.int64) + 1
+
     occupied = np.zeros(block(high) + 2, bool)
     occupied[tuple(block(points_b).T)] = True
     for axis in range(3):
-        before = np.moveaxis(occupied.copy(), axis, 0)
+        unspread = np.moveaxis(occupied.copy(), axis, 0)
         around = np.moveaxis(occupied, axis, 0)
-        around[1:] |= before[:-1]
-        around[:-1] |= before[1:]
+        around[1:] |= unspread[:-1]
+        around[:-1] |= unspread[1:]
     return candidates[occupied[tuple(block(points_a[candidates]).T)]]
 
 
@@ -354,8 +368,7 @@ def _merge_touches(
 
 def _coverage(fragment, area, fragment_area):
     covered = np.bincount(fragment, area, minlength=len(fragment_area)) / fragment_area
-    # Otherwise an exposed surface of nothing but rounding error remains at some
-    # pitches.
+    # Otherwise an exposed surface that is only rounding error remains at some pitches.
     return np.where(covered > 1 - _ROUNDING, 1.0, covered)
 
 
@@ -368,7 +381,8 @@ def _limited_areas(a, b, area, fragment_area_b):
     # B, a small part is covered twice.
     touched, b = np.unique(b, return_inverse=True)
     a = np.unique(a, return_inverse=True)[1]
-    available, total = fragment_area_b[touched], np.bincount(a, area)
+    available = fragment_area_b[touched]
+    total = np.bincount(a, area)
     for _ in range(_MAX_ITERATIONS):
         fits = np.minimum(available / np.bincount(b, area), 1.0)
         if fits.min() > 1 - _COVERAGE_TOLERANCE:

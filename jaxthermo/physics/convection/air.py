@@ -12,6 +12,7 @@ and interpolated by the polynomial through them in 1 / (T_f + 600 K).
 """
 
 import functools
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -22,15 +23,16 @@ from numpy.polynomial import polynomial
 from ...arrays import product
 
 
-_MIN_AIR_TEMPERATURE, _MAX_AIR_TEMPERATURE = 200.0, 1500.0
-"""Range of the fits [K]."""
+# Range of the fits [K].
+_MIN_AIR_TEMPERATURE = 200.0
+_MAX_AIR_TEMPERATURE = 1500.0
 
 _NU = (-11.0587, 1.782631, -0.08207018, 0.01119141, 0.002716612)
 _K = (-3.634962, 0.8443252, -0.07134693, 0.01388592, 0.002188257)
 _PR = (-0.3471677, -0.05669733, 0.04780579, 0.05825147, -0.03378019)
 
 
-# One program instead of nine where a temperature is known.
+# One program, also where a temperature is known and single operations would run.
 @functools.partial(jax.jit, static_argnums=0, inline=True)
 def _fit(
     coefficients: tuple[float, ...], temperature: Float[Array, "*n"]
@@ -58,8 +60,11 @@ def prandtl(temperature: Float[Array, "*n"]) -> Float[Array, "*n"]:
     return _fit(_PR, temperature)
 
 
-MIN_FILM_TEMPERATURE, MAX_FILM_TEMPERATURE = 200.0, 1000.0
-"""Range of interpolation in the film temperature [K]."""
+MIN_FILM_TEMPERATURE = 200.0
+"""Lower end of the interpolation in the film temperature [K]."""
+
+MAX_FILM_TEMPERATURE = 1000.0
+"""Upper end of the interpolation in the film temperature [K]."""
 
 # Logarithms and powers in every cell and step would cost more than conduction does; the
 # polynomial costs one division and five products.
@@ -68,11 +73,12 @@ _NODES = 5
 _SHIFT = 600.0
 _LOW = 1 / (MAX_FILM_TEMPERATURE + _SHIFT)
 _HIGH = 1 / (MIN_FILM_TEMPERATURE + _SHIFT)
-_MIDDLE, _HALF = (_HIGH + _LOW) / 2, (_HIGH - _LOW) / 2
+_MIDDLE = (_HIGH + _LOW) / 2
+_HALF = (_HIGH - _LOW) / 2
 _CHEBYSHEV = np.cos((np.arange(_NODES) + 0.5) * np.pi / _NODES)
 
 FILM_TEMPERATURES = 1 / (_MIDDLE - _HALF * _CHEBYSHEV) - _SHIFT
-"""Film temperatures at which h has to be known [K]: the Chebyshev nodes."""
+"""Film temperatures at which h is tabulated [K]: the Chebyshev nodes."""
 
 
 def film_polynomial(values: Float[Array, "*g n"]) -> Float[Array, "*g n"]:
@@ -91,28 +97,45 @@ def film_argument(double_film: Float[Array, "*m"]) -> tuple[Array, Array]:
 
 def horner(rows, x) -> tuple[Array, Array]:
     """Value and derivative of a polynomial, coefficients along the first axis."""
-    value, slope = rows[_NODES - 1], jnp.zeros_like(x)
+    value = rows[_NODES - 1]
+    slope = jnp.zeros_like(x)
     for power in range(_NODES - 2, -1, -1):
         slope = slope * x + value
         value = value * x + rows[power]
     return value, slope
 
 
+class FilmDerivatives(NamedTuple):
+    """Film polynomials and their derivatives by T_s at several film temperatures."""
+
+    value: Float[np.ndarray, "*g f"]
+    first: Float[np.ndarray, "*g f"]
+    """First derivative [1/K times the unit of the value]."""
+    second: Float[np.ndarray, "*g f"]
+    """Second derivative [1/K^2 times the unit of the value]."""
+
+
 def film_derivatives(
     rows: Float[np.ndarray, "n *g"], film: Float[np.ndarray, " f"]
-) -> tuple[Float[np.ndarray, "*g f"], ...]:
+) -> FilmDerivatives:
     """Value, first and second derivative by T_s of a film polynomial, on the host.
 
-    The powers are along the first axis of `rows`; film temperatures T_f in K.
+    The powers are along the first axis of `rows`; film temperatures T_f are in K.
     """
     inverse = 1 / (film + _SHIFT)
-    x, slope = (_MIDDLE - inverse) / _HALF, inverse**2 / (2 * _HALF)
+    x = (_MIDDLE - inverse) / _HALF
+    slope = inverse**2 / (2 * _HALF)
     powers = polynomial.polyvander(x, _NODES - 1)
     # All are linear in the coefficients: one product of matrices for all cells.
-    once, twice = np.zeros_like(powers), np.zeros_like(powers)
+    once = np.zeros_like(powers)
+    twice = np.zeros_like(powers)
     for power in range(1, _NODES):
         once[:, power] = power * powers[:, power - 1]
         twice[:, power] = power * once[:, power - 1]
     second = twice * (slope**2)[:, None] - once * (slope * inverse)[:, None]
     cells = np.moveaxis(rows, 0, -1)
-    return cells @ powers.T, cells @ (once * slope[:, None]).T, cells @ second.T
+    return FilmDerivatives(
+        value=cells @ powers.T,
+        first=cells @ (once * slope[:, None]).T,
+        second=cells @ second.T,
+    )

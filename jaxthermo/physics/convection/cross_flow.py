@@ -25,7 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...arrays import is_traced, unique_rows
+from ...arrays import is_traced, namespace, unique_rows
 from ...voxels.cylinders import CylinderParts
 from ..flux_law import Values
 from .air import (
@@ -41,7 +41,7 @@ from .nusselt import Average, NamedAverage, Pchip, cylinder_table, pchip
 MAX_REYNOLDS = 2.5e5
 """Reynolds number above which the average is constant: the drag crisis is near."""
 
-# Relative difference of x / D + 1/2 below which fragments share a group.
+# Relative difference of x / D + 1/2 within which fragments share a group.
 _WAKE_STEP = 0.01
 
 # Sine of the angle between wind and axis from which on the full shape applies.
@@ -71,13 +71,11 @@ def _harmonics(cosine: _Values, square: _Values | float = 1.0) -> Any:
     # Chebyshev's recurrence where r = 1, as on a cylinder's side: no arc cosine. On an
     # end, where the normal is parallel to the axis, all R_k vanish smoothly and Nu is
     # its average; a harmonic function has no extreme inside, so Nu > 0 in between.
-    before, here = 1.0, cosine
-    found = [here]
+    harmonics = [1.0, cosine]
     for _ in range(_HARMONICS - 1):
-        before, here = here, 2 * cosine * here - square * before
-        found.append(here)
+        harmonics.append(2 * cosine * harmonics[-1] - square * harmonics[-2])
     xp = jnp if isinstance(cosine, Array) else np
-    return xp.stack(found)
+    return xp.stack(harmonics[1:])
 
 
 def surface_harmonics(
@@ -86,7 +84,8 @@ def surface_harmonics(
     wind: Float[np.ndarray, "3"],
 ) -> Float[np.ndarray, "k *n"]:
     """R_k of cylinder surfaces, from unit vectors along normal, axis and wind."""
-    along, yaw = (normal * axis).sum(-1), (wind * axis).sum(-1)
+    along = (normal * axis).sum(-1)
+    yaw = (wind * axis).sum(-1)
     crossing = 1 - yaw * yaw
     # The shape fades out towards wind along the axis, where theta is undefined.
     gain = 1 / np.maximum(np.sqrt(np.maximum(crossing, 0)), _FULL_CROSS_FLOW)
@@ -95,10 +94,10 @@ def surface_harmonics(
 
 
 def _shape_factor(
-    coefficients: Float[Array, "*n k"], found: Float[Array, "k *n"]
+    coefficients: Float[Array, "*n k"], harmonics: Float[Array, "k *n"]
 ) -> Float[Array, "*n"]:
     """Local over average Nusselt number [-], from the c_k and the R_k."""
-    return 1 + (coefficients * jnp.moveaxis(found, 0, -1)).sum(-1)
+    return 1 + (coefficients * jnp.moveaxis(harmonics, 0, -1)).sum(-1)
 
 
 def local_nusselt(
@@ -138,22 +137,23 @@ class FlowGroups(NamedTuple):
 
 
 def group_fragments(
-    parts: CylinderParts, behind: Float[np.ndarray, " s"]
+    cylinder_parts: CylinderParts, behind: Float[np.ndarray, " s"]
 ) -> FlowGroups:
     """Groups of the fragments at x / D = `behind`, rounded by half of a wake step."""
     exposed = np.isinf(behind)
     offset = np.where(exposed, 1.0, behind + 0.5)
     step = np.rint(np.log(offset) / _WAKE_STEP).astype(np.int64)
-    key = np.stack([parts.fragment, exposed, step], axis=1)
-    found, member = unique_rows(key)
-    diameter = np.array([cylinder.diameter for cylinder in parts.cylinders])
-    axis = np.stack([cylinder.direction for cylinder in parts.cylinders])
-    rounded = np.maximum(np.exp(found[:, 2] * _WAKE_STEP) - 0.5, 0)
+    number = cylinder_parts.fragment
+    groups, member = unique_rows(np.stack([number, exposed, step], axis=1))
+    group_cylinder, group_exposed, group_step = groups.T
+    diameter = np.array([cylinder.diameter for cylinder in cylinder_parts.cylinders])
+    axis = np.stack([cylinder.direction for cylinder in cylinder_parts.cylinders])
+    rounded = np.maximum(np.exp(group_step * _WAKE_STEP) - 0.5, 0)
     return FlowGroups(
-        diameter=diameter[found[:, 0]],
-        behind=np.where(found[:, 1] > 0, np.inf, rounded),
+        diameter=diameter[group_cylinder],
+        behind=np.where(group_exposed > 0, np.inf, rounded),
         member=member,
-        axis=axis[parts.fragment],
+        axis=axis[number],
     )
 
 
@@ -195,52 +195,63 @@ def film_coefficients(
     """Film polynomial of h for every fragment at every wind speed [W/(m^2 K)].
 
     Wind speeds are in m/s, the temperature of the air in K; `speed_ratio` is the local
-    speed of each group over that of the wind, at all wind speeds or at each, and
-    `harmonics` the R_k of each fragment.
+    speed of each group over the wind speed, one for all wind speeds or one for each,
+    and `harmonics` are the R_k of each fragment.
     """
-    cast = lambda v: jnp.asarray(v if is_traced(v) else np.asarray(v, dtype), dtype)
-    # Known values are computed at once, even while the rest of a scene is traced, and
-    # in numpy from there on.
+
+    def cast(values: Values) -> Float[Array, "..."]:
+        host = values if is_traced(values) else np.asarray(values, dtype)
+        return jnp.asarray(host, dtype)
+
+    # Known values are computed at once, even while a scene is traced, and in numpy
+    # from there on.
     with jax.ensure_compile_time_eval():
-        given = speeds, air, _padded(speed_ratio), _padded(groups.diameter)
-        mean, shape = _group_coefficients(*map(cast, given), average=average)
+        mean, shape = _group_coefficients(
+            cast(speeds),
+            air=cast(air),
+            ratio=cast(_padded(speed_ratio)),
+            diameter=cast(_padded(groups.diameter)),
+            average=average,
+        )
         if not is_traced((mean, shape)):
-            mean, shape = np.asarray(mean), np.asarray(shape)
-    xp = jnp if is_traced((mean, shape)) else np
-    found, member = harmonics.astype(dtype, copy=False), groups.member
-    rows = [
-        m[member].T * (1 + xp.einsum("sk,ks->s", c[member], found))[None]
-        for m, c in zip(mean, shape, strict=True)
-    ]
+            mean = np.asarray(mean)
+            shape = np.asarray(shape)
+    xp = namespace((mean, shape))
+    member = groups.member
+    typed_harmonics = harmonics.astype(dtype, copy=False)
+    rows = []
+    for polynomial, coefficients in zip(mean, shape, strict=True):
+        cosines = xp.einsum("sk,ks->s", coefficients[member], typed_harmonics)
+        rows.append(polynomial[member].T * (1 + cosines)[None])
     return xp.stack(rows)
 
 
 def _padded(values: Float[Values, "*v g"]) -> Float[Values, "*v h"]:
     """Values with the last one repeated up to a power of two."""
-    # Few distinct sizes, hence few programs to compile.
+    # Few distinct sizes require few programs.
     count = values.shape[-1]
-    more = max(16, 1 << (count - 1).bit_length()) - count
-    xp = jnp if is_traced(values) else np
-    return xp.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, more)], mode="edge")
+    spare = max(16, 1 << (count - 1).bit_length()) - count
+    widths = [(0, 0)] * (values.ndim - 1) + [(0, spare)]
+    return namespace(values).pad(values, widths, mode="edge")
 
 
 def validity_notes(reynolds: float, average: NamedAverage) -> tuple[str, ...]:
     """Limits of validity that a result at this Reynolds number exceeds."""
     table = cylinder_table()
-    found = []
+    notes = []
     if reynolds > MAX_REYNOLDS:
-        found.append(
+        notes.append(
             f"Re {reynolds:.3g} is above {MAX_REYNOLDS:.3g}, beyond which the Nusselt "
             "number is constant: give a lower speed or a smaller cylinder"
         )
     if reynolds > table.reynolds[~table.recalled].max():
-        found.append(
+        notes.append(
             f"at Re {reynolds:.3g} the local Nusselt number rests on recalled curves, "
             "+-15 %, not on measured ones"
         )
     if not average.min_reynolds <= reynolds <= average.max_reynolds:
-        found.append(
+        notes.append(
             f"Re {reynolds:.3g} is outside {average.name}'s range, "
             f"{average.min_reynolds:g} to {average.max_reynolds:g}"
         )
-    return tuple(found)
+    return tuple(notes)

@@ -8,18 +8,18 @@ have a sharp bend above Re 4000. Where the wind speed changes with time, the pol
 is interpolated in a table over the speed.
 """
 
+import abc
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ...arrays import EXACT, is_traced
-from ...module import Module
+from ...arrays import EXACT, namespace
+from ...module import Module, replaced
 from ..flux_law import AbstractFluxLaw, Forcing
 from ..time_varying import largest, smallest, value_at
 from .air import (
@@ -49,7 +49,7 @@ def speed_nodes(highest: _Speeds, count: int, dtype: Any) -> Any:
     """Speeds [m/s] from 0 to `highest`, equidistant in their fourth root."""
     root = np.linspace(0, 1, count).astype(dtype) * _speed_root(highest)
     nodes = (root + _SMALL_SPEED**0.25) ** 4 - _SMALL_SPEED
-    # The first may round to less than 0.
+    # The first node may round to less than 0.
     return nodes * (nodes > 0)
 
 
@@ -96,7 +96,8 @@ def speed_table(
 ) -> _SpeedTable:
     """Table from the values at the `speed_nodes`."""
     xp = np if isinstance(values, np.ndarray) else jnp
-    below, above = 2 * values[0] - values[1], 2 * values[-1] - values[-2]
+    below = 2 * values[0] - values[1]
+    above = 2 * values[-1] - values[-2]
     table = xp.concatenate([below[None], values, above[None]])
     return _SpeedTable(table, highest, speed)
 
@@ -105,7 +106,7 @@ _FILM_SAMPLES = 33
 _CELLS_AT_ONCE = 4096
 
 SAMPLING_MARGIN = 1.05
-"""Factor on bounds that are found by sampling: a maximum may lie between samples."""
+"""Factor on bounds from samples: a maximum may lie between them."""
 
 
 class _FilmRange(NamedTuple):
@@ -123,18 +124,52 @@ class _FilmRange(NamedTuple):
 
 def film_range(temperature: Any, within: Forcing, end: float) -> _FilmRange:
     """Range up to `end` [s] for air of a temperature [K], which may change."""
-    air = float(smallest(temperature, end)), float(largest(temperature, end))
-    low, high = (air[0] + within.lowest) / 2, (air[1] + within.highest) / 2
+    coldest = float(smallest(temperature, end))
+    warmest = float(largest(temperature, end))
+    low = (coldest + within.lowest) / 2
+    high = (warmest + within.highest) / 2
     samples = np.linspace(low, high, _FILM_SAMPLES)
     return _FilmRange(
-        air=air,
-        gap=max(within.highest - air[0], air[1] - within.lowest, 0.0),
+        air=(coldest, warmest),
+        gap=max(within.highest - coldest, warmest - within.lowest, 0.0),
         film=np.clip(samples, MIN_FILM_TEMPERATURE, MAX_FILM_TEMPERATURE),
         smooth=low > MIN_FILM_TEMPERATURE and high < MAX_FILM_TEMPERATURE,
     )
 
 
-class FilmExchange(AbstractFluxLaw):
+class FilmState(NamedTuple):
+    """Difference and heat transfer coefficient between air and surface cells."""
+
+    difference: Float[Array, "*#m"]
+    """T_inf - T_s [K]."""
+    h: Float[Array, "*#m"]
+    """Heat transfer coefficient [W/(m^2 K)]."""
+    dh: Float[Array, "*#m"]
+    """dh / dT_s [W/(m^2 K^2)]."""
+
+
+class AbstractFilmLaw(AbstractFluxLaw):
+    """Heat flux h (T_inf - T_s) with an h that depends on the surface's temperature."""
+
+    @abc.abstractmethod
+    def _at(self, time, theta) -> FilmState: ...
+
+    @override
+    def flux(self, time, theta) -> Float[Array, "*#m"]:
+        state = self._at(time, theta)
+        return state.h * state.difference
+
+    @override
+    def heat_transfer_coefficient(self, time, theta) -> Float[Array, "*#m"]:
+        return self._at(time, theta).h
+
+    @override
+    def slope(self, time, theta) -> Float[Array, "*#m"]:
+        state = self._at(time, theta)
+        return state.h - state.difference * state.dh
+
+
+class FilmExchange(AbstractFilmLaw):
     """Heat flux h(T_f) (T_inf - T_s) from air [W/m^2]."""
 
     coefficients: Any
@@ -143,26 +178,18 @@ class FilmExchange(AbstractFluxLaw):
     """T_inf [K], a number or a function of time."""
     reference: Any = 0.0
 
-    def _at(self, time, theta) -> tuple[Array, Array, Array]:
-        """T_inf - T_s [K], h, and dh/dT_s."""
+    @override
+    def _at(self, time, theta) -> FilmState:
         air = value_at(self.temperature, time)
         x, per_kelvin = film_argument(air + self.reference + theta)
         h, slope = horner(value_at(self.coefficients, time), x)
-        return (air - self.reference) - theta, h, slope * per_kelvin
-
-    @override
-    def flux(self, time, theta) -> Float[Array, "*#m"]:
-        difference, h, _ = self._at(time, theta)
-        return h * difference
-
-    @override
-    def heat_transfer_coefficient(self, time, theta) -> Float[Array, "*#m"]:
-        return self._at(time, theta)[1]
+        return FilmState(
+            difference=(air - self.reference) - theta, h=h, dh=slope * per_kelvin
+        )
 
     @override
     def slope(self, time, theta) -> Float[Array, "*#m"]:
-        difference, h, dh = self._at(time, theta)
-        return jnp.maximum(h - difference * dh, 0)
+        return jnp.maximum(super().slope(time, theta), 0)
 
     @override
     def max_slope(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
@@ -182,11 +209,11 @@ class FilmExchange(AbstractFluxLaw):
             return jnp.maximum(bound, steep.max(initial=0.0)), None
 
         films = np.linspace(MIN_FILM_TEMPERATURE, MAX_FILM_TEMPERATURE, 17)
-        # A loop in the program: unrolled, it took most of the compilation.
+        # A loop in the program, since an unrolled one takes long to compile.
         bound, _ = jax.lax.scan(
             steepest, jnp.zeros_like(hottest), jnp.asarray(films, rows.dtype)
         )
-        # The samples may miss the maximum by this much, and a table's cubic exceed it.
+        # The samples may miss the maximum, and the cubic of a table may exceed it.
         return bound * (1.05 if tabulated else 1.01)
 
     @override
@@ -194,7 +221,7 @@ class FilmExchange(AbstractFluxLaw):
         air = film_range(self.temperature, within, end)
         largest_h = 0.0
         for rows in _blocks(self._rows):
-            h, _, _ = film_derivatives(rows, air.film)
+            h = film_derivatives(rows, air.film).value
             largest_h = h.max(initial=largest_h)
         return SAMPLING_MARGIN * self._overshoot * float(largest_h) * air.gap
 
@@ -206,20 +233,20 @@ class FilmExchange(AbstractFluxLaw):
         if not air.smooth:
             # h has a kink at the ends of the interpolation: no finite bound there.
             return np.inf
-        found = 0.0
+        largest_bend = 0.0
         for rows in _blocks(self._rows):
-            _, once, twice = film_derivatives(rows, air.film)
+            h = film_derivatives(rows, air.film)
             for ambient in dict.fromkeys(air.air):
-                bend = twice * 2 * (ambient - air.film) - 2 * once
-                found = np.abs(bend, out=bend).max(initial=found)
-        return SAMPLING_MARGIN * self._overshoot * float(found)
+                bend = h.second * 2 * (ambient - air.film) - 2 * h.first
+                largest_bend = np.abs(bend, out=bend).max(initial=largest_bend)
+        return SAMPLING_MARGIN * self._overshoot * float(largest_bend)
 
     @property
     def _rows(self) -> Any:
         """Coefficients with the powers along the first axis, [n ...]."""
         tabulated = isinstance(self.coefficients, _SpeedTable)
         rows = self.coefficients.table if tabulated else self.coefficients
-        return (jnp if is_traced(rows) else np).moveaxis(rows, -2, 0)
+        return namespace(rows).moveaxis(rows, -2, 0)
 
     @property
     def _overshoot(self) -> float:
@@ -227,12 +254,12 @@ class FilmExchange(AbstractFluxLaw):
 
     @override
     def coarsened(self, mean: Callable[[Array], Array]) -> "FilmExchange":
-        where = lambda law: (
-            law.coefficients.table
-            if isinstance(law.coefficients, _SpeedTable)
-            else law.coefficients
-        )
-        return eqx.tree_at(where, self, _each_row(mean, where(self)))
+        rows = self.coefficients
+        if isinstance(rows, _SpeedTable):
+            averaged = replaced(rows, table=_row_means(mean, rows.table))
+        else:
+            averaged = _row_means(mean, rows)
+        return replaced(self, coefficients=averaged)
 
 
 def _blocks(rows: Any) -> Iterator[Float[np.ndarray, "n k"]]:
@@ -242,8 +269,8 @@ def _blocks(rows: Any) -> Iterator[Float[np.ndarray, "n k"]]:
         yield flat[:, first : first + _CELLS_AT_ONCE].astype(float)
 
 
-def _each_row(mean: Callable[[Array], Array], values: Float[Any, "*r s"]) -> Any:
-    """Means of the rows of an array, which `mean` takes one at a time."""
+def _row_means(mean: Callable[[Array], Array], values: Float[Any, "*r s"]) -> Any:
+    """Means of an array's rows, of which `mean` takes one at a time."""
     rows = [mean(row) for row in values.reshape(-1, values.shape[-1])]
-    stacked = (jnp if is_traced(rows) else np).stack(rows)
+    stacked = namespace(rows).stack(rows)
     return stacked.reshape(*values.shape[:-1], -1)

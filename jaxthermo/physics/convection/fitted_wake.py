@@ -4,13 +4,13 @@
     d(x) = (A - r) (1 + (x / l)^2)^(-p / 2) + r (1 + x / 30)^(-1/2),
 
 x behind the rear of an object and y to the side of it, in its diameters. A, l, p, w, g
-and r are powers of Re = V D / nu: of their own for steady wakes and for the mean of
-those that shed vortices, constant for turbulent ones, with a smooth change between. r
-is what remains of a deficit where the vortices have formed, which mix the fluid well
-before and little afterwards; other wakes have none.
+and r are powers of Re = V D / nu: one set for steady wakes, one for the mean of wakes
+that shed vortices, and constants for turbulent ones, with a smooth change between. r is
+the deficit that remains where the vortices have formed: they mix the fluid well before
+and little afterwards. Other wakes have no remainder.
 
-Several objects upstream each take their share of the speed that arrives at them: the
-ratios multiply. A part of a body that is one cylinder feels the mean over its front.
+Behind several objects the speed ratios multiply. Each cylinder of a body takes the mean
+over its front.
 """
 
 import csv
@@ -32,7 +32,7 @@ from .wake import above_zero
 from .wake_geometry import WakeGeometry
 
 
-PARAMETERS = "amplitude", "length", "exponent", "width", "spread", "remainder"
+PARAMETERS = ("amplitude", "length", "exponent", "width", "spread", "remainder")
 """A, l, p, w, g, r."""
 
 NO_REMAINDER = 1e-3
@@ -43,7 +43,7 @@ _FILE = Path(__file__).parents[2] / "data" / "wake_fit.csv"
 # Beyond its first and last Reynolds number a curve levels off within this factor.
 _LEVELS_OFF = 1.2
 
-# Beside an object the wake sets in over this length before its rear [diameters].
+# Length before an object's rear over which its wake sets in at the sides [diameters].
 _ONSET = 1.0
 
 # Length over which the remainder decays, as a far wake does [diameters].
@@ -54,15 +54,20 @@ _SPREADS_FROM = 0.5
 
 
 class WakeRange(NamedTuple):
-    """Kind of wake and the Reynolds numbers that it is known for."""
+    """Parameters of one regime of wakes in its range of Reynolds numbers."""
 
-    kind: str
+    regime: str
+    """Name of the regime: steady, mean of a shedding wake, or turbulent."""
     low: float
+    """Smallest Reynolds number of the range."""
     high: float
+    """Largest Reynolds number of the range."""
     reference: float
     """Reynolds number at which the values hold."""
     values: Float[np.ndarray, "6"]
+    """`PARAMETERS` at the reference."""
     powers: Float[np.ndarray, "6"]
+    """Powers of Re by which they change."""
 
     def at(self, reynolds: float) -> Float[np.ndarray, "6"]:
         """Logarithms of the parameters."""
@@ -71,48 +76,41 @@ class WakeRange(NamedTuple):
 
 @functools.cache
 def wake_ranges() -> tuple[WakeRange, ...]:
-    """Kinds of wakes by rising Reynolds number."""
+    """Regimes of wakes by rising Reynolds number."""
     with _FILE.open(encoding="utf-8", newline="") as lines:
         rows = list(csv.DictReader(lines))
-    found = []
-    for kind in dict.fromkeys(row["kind"] for row in rows):
-        own = {row["parameter"]: row for row in rows if row["kind"] == kind}
-        first = own[PARAMETERS[0]]
-        names = "Re_low", "Re_high", "Re_reference"
-        low, high, reference = (float(first[name]) for name in names)
-        column = lambda name, own=own: np.array(
-            [float(own[parameter][name]) for parameter in PARAMETERS]
-        )
-        values, powers = column("value"), column("power")
-        found.append(
+    ranges = []
+    for regime in dict.fromkeys(row["kind"] for row in rows):
+        by_name = {row["parameter"]: row for row in rows if row["kind"] == regime}
+        parameters = [by_name[name] for name in PARAMETERS]
+        ranges.append(
             WakeRange(
-                kind=kind,
-                low=low,
-                high=high,
-                reference=reference,
-                values=values,
-                powers=powers,
+                regime=regime,
+                low=float(parameters[0]["Re_low"]),
+                high=float(parameters[0]["Re_high"]),
+                reference=float(parameters[0]["Re_reference"]),
+                values=np.array([float(row["value"]) for row in parameters]),
+                powers=np.array([float(row["power"]) for row in parameters]),
             )
         )
-    return tuple(found)
+    return tuple(ranges)
 
 
 @functools.cache
 def _by_reynolds() -> Pchip:
     """Logarithms of the parameters by that of Re, level beyond the ends."""
-    points = []
-    for each in wake_ranges():
-        middle = np.sqrt(each.low * each.high)
-        points += [(re, each.at(re)) for re in (each.low, middle, each.high)]
+    reynolds = []
+    logs = []
+    for wake_range in wake_ranges():
+        middle = np.sqrt(wake_range.low * wake_range.high)
+        for re in (wake_range.low, middle, wake_range.high):
+            reynolds.append(re)
+            logs.append(wake_range.at(re))
     # Turbulent wakes are alike at all Reynolds numbers: their first will do.
-    points = points[:-2]
-    first, last = points[0], points[-1]
-    points = [
-        (first[0] / _LEVELS_OFF, first[1]),
-        *points,
-        (last[0] * _LEVELS_OFF, last[1]),
-    ]
-    reynolds, logs = zip(*points, strict=True)
+    reynolds = reynolds[:-2]
+    logs = logs[:-2]
+    reynolds = [reynolds[0] / _LEVELS_OFF, *reynolds, reynolds[-1] * _LEVELS_OFF]
+    logs = [logs[0], *logs, logs[-1]]
     return pchip(np.log(np.array(reynolds)), np.stack(logs))
 
 
@@ -120,8 +118,9 @@ def mean_wake(
     parameters: Float[Array, "*#n 6"], x: Float[Array, "*n"], y: Float[Array, "*n"]
 ) -> Float[Array, "*n"]:
     """Mean velocity u / U, negative where it is reversed, x >= 0 behind the rear."""
-    parts = jnp.moveaxis(parameters, -1, 0)
-    amplitude, length, exponent, width, spread, remainder = parts
+    amplitude, length, exponent, width, spread, remainder = jnp.moveaxis(
+        parameters, -1, 0
+    )
     near = (1 + (x / length) ** 2) ** (-exponent / 2)
     far = remainder * (1 + x / _REMAINS) ** -0.5
     decay = (amplitude - remainder) * near + far
@@ -155,22 +154,23 @@ class FittedWake(Module):
 
 def fitted_notes(reynolds: Float[np.ndarray, " n"]) -> tuple[str, ...]:
     """Notes on objects at Reynolds numbers V D / nu that no wake was computed for."""
-    computed = [each for each in wake_ranges() if each.kind != "turbulent"]
-    low, high = computed[0].low, computed[-1].high
+    computed = [fit for fit in wake_ranges() if fit.regime != "turbulent"]
+    low = computed[0].low
+    high = computed[-1].high
     turbulent = wake_ranges()[-1].low
-    found = []
+    notes = []
     if (reynolds < low).any():
-        found.append(
+        notes.append(
             f"the wake is of an object at Re {reynolds.min():.3g}; below {low:g}, "
             f"where none was computed, it is taken as that of Re {low:g}"
         )
     if (reynolds > high).any():
-        found.append(
+        notes.append(
             f"the wake is of an object at Re {reynolds.max():.3g}; wakes were computed "
             f"up to {high:g}, from {turbulent:g} on it is a turbulent far wake "
             "(Schlichting), which holds some 50 diameters behind"
         )
-    return tuple(found)
+    return tuple(notes)
 
 
 def arriving_ratio(
@@ -193,7 +193,7 @@ def arriving_ratio(
     """
     count = int(member.max(initial=0)) + 1
     total = np.bincount(member, front, count)
-    # A group without a front is met from the side: by its mean.
+    # A group without a front takes the plain mean.
     weight = np.where(total[member] > 0, front, 1.0)
     weight = weight / np.bincount(member, weight, count)[member]
     dtype = speeds.dtype
@@ -202,9 +202,9 @@ def arriving_ratio(
         nu = kinematic_viscosity(jnp.asarray(air, dtype))
         for x, y, diameter in zip(*geometry, strict=True):
             reynolds = jnp.asarray(speeds) * jnp.asarray(diameter, dtype) / nu
-            place = (jnp.asarray(v.astype(dtype)) for v in (x, y))
-            wide = (jnp.broadcast_to(v[None], ratio.shape) for v in place)
-            ratio = ratio * wake(*wide, reynolds[:, None])
+            behind = jnp.broadcast_to(x.astype(dtype), ratio.shape)
+            aside = jnp.broadcast_to(y.astype(dtype), ratio.shape)
+            ratio = ratio * wake(behind, aside, reynolds[:, None])
         grouped = jax.ops.segment_sum(
             (ratio * jnp.asarray(weight.astype(dtype))[None]).T,
             jnp.asarray(member),

@@ -27,10 +27,11 @@ from typing_extensions import override
 
 from ...arrays import TimeVarying
 from ...errors import InputError
+from ...module import replaced
 from ...voxels.cylinders import Cylinder, given_cylinders, parts_of
 from ...voxels.selection import AbstractSelection
 from ..boundary import toward
-from ..flux_law import AbstractFluxLaw, Forcing
+from ..flux_law import Forcing
 from ..surface import Binding, BodySurface, Omitted, Surface
 from ..term import AbstractSurfaceTerm
 from ..time_varying import check_value, for_jit, largest, value_at
@@ -39,12 +40,13 @@ from .air import (
     FILM_TEMPERATURES,
     MAX_FILM_TEMPERATURE,
     MIN_FILM_TEMPERATURE,
+    FilmDerivatives,
     film_argument,
     film_derivatives,
     film_polynomial,
     horner,
 )
-from .film import SAMPLING_MARGIN, film_range
+from .film import SAMPLING_MARGIN, AbstractFilmLaw, FilmState, film_range
 
 
 class _Shape(NamedTuple):
@@ -57,8 +59,11 @@ class _Shape(NamedTuple):
 # Standard gravity [m/s^2].
 _GRAVITY = 9.80665
 
-PLATE, CYLINDER = _Shape(0.825, 0.492), _Shape(0.6, 0.559)
-"""Vertical plate, by its height; horizontal cylinder, by its diameter."""
+PLATE = _Shape(0.825, 0.492)
+"""Vertical plate; L is its height."""
+
+CYLINDER = _Shape(0.6, 0.559)
+"""Horizontal cylinder; L is its diameter."""
 
 
 def _b(prandtl, c: float):
@@ -87,7 +92,8 @@ def _free_coefficient(
     Temperatures T_s and T_inf are in K, the length L in m.
     """
     film = (surface + ambient) / 2
-    nu, pr = air.kinematic_viscosity(film), air.prandtl(film)
+    nu = air.kinematic_viscosity(film)
+    pr = air.prandtl(film)
     buoyancy = _GRAVITY * jnp.abs(surface - ambient) / film
     rayleigh = buoyancy * length**3 * pr / nu**2
     return _churchill_chu(rayleigh, pr, shape) * air.conductivity(film) / length
@@ -101,7 +107,8 @@ def _film_factors(
     # Since Ra goes with L^3, sqrt(h) = a sqrt(k / L) + beta |T_s - T_inf|^(1/6): two
     # polynomials in the film temperature, common to all cells, replace all powers and
     # logarithms but the sixth root.
-    nu, pr = air.kinematic_viscosity(film), air.prandtl(film)
+    nu = air.kinematic_viscosity(film)
+    pr = air.prandtl(film)
     root = jnp.sqrt(air.conductivity(film))
     rise = (_GRAVITY * pr / (film * nu * nu)) ** (1 / 6)
     return root, root * rise * _b(pr, PLATE.c)
@@ -128,7 +135,20 @@ def _sixth_root(x: Float[Array, "*m"]) -> Float[Array, "*m"]:
     return guess * (cube + 2 * root) / (2 * cube + root)
 
 
-class _FreeExchange(AbstractFluxLaw):
+class _Bounds(NamedTuple):
+    """Bounds of w = sqrt(h) at sampled differences and film temperatures."""
+
+    apart: Float[np.ndarray, "d 1"]
+    """Differences |T_s - T_inf| [K]."""
+    w: Float[np.ndarray, "d f"]
+    """Bound of |w| [W^(1/2) / (m K^(1/2))]."""
+    dw: Float[np.ndarray, "d f"]
+    """Bound of |dw / dT_s|."""
+    ddw: Float[np.ndarray, "d f"]
+    """Bound of |d2w / dT_s^2|."""
+
+
+class _FreeExchange(AbstractFilmLaw):
     """Heat flux h (T_inf - T_s) of free convection [W/m^2].
 
     sqrt(h) = still sqrt(k) + rising beta |T_s - T_inf|^(1/6)
@@ -146,8 +166,8 @@ class _FreeExchange(AbstractFluxLaw):
     """T_inf [K], a number or a function of time."""
     reference: Any = 0.0
 
-    def _at(self, time, theta) -> tuple[Array, Array, Array]:
-        """T_inf - T_s [K], h, and dh/dT_s."""
+    @override
+    def _at(self, time, theta) -> FilmState:
         ambient = value_at(self.temperature, time)
         below = (ambient - self.reference) - theta
         x, per_kelvin = film_argument(ambient + self.reference + theta)
@@ -155,25 +175,11 @@ class _FreeExchange(AbstractFluxLaw):
         rise, rise_slope = horner(self.rise, x)
         square = below * below + _REGULARIZATION**2
         sixth = _sixth_root(jnp.sqrt(square))
-        whole = self.still * root + self.rising * rise * sixth
+        w = self.still * root + self.rising * rise * sixth
         by_film = self.still * root_slope + self.rising * rise_slope * sixth
         by_difference = self.rising * rise * sixth * below / (6 * square)
         slope = by_film * per_kelvin - by_difference
-        return below, whole * whole, 2 * whole * slope
-
-    @override
-    def flux(self, time, theta) -> Float[Array, "*#m"]:
-        difference, h, _ = self._at(time, theta)
-        return h * difference
-
-    @override
-    def heat_transfer_coefficient(self, time, theta) -> Float[Array, "*#m"]:
-        return self._at(time, theta)[1]
-
-    @override
-    def slope(self, time, theta) -> Float[Array, "*#m"]:
-        difference, h, dh = self._at(time, theta)
-        return h - difference * dh
+        return FilmState(difference=below, h=w * w, dh=2 * w * slope)
 
     @override
     def max_slope(self, hottest: Float[Array, ""], end: float) -> Float[Array, ""]:
@@ -185,61 +191,63 @@ class _FreeExchange(AbstractFluxLaw):
             MIN_FILM_TEMPERATURE, MAX_FILM_TEMPERATURE, 17, dtype=hottest.dtype
         )
         x, _ = film_argument(2 * film)
-        cast = lambda values: jnp.asarray(values, hottest.dtype)
-        root = cast(self.still).max(initial=0.0) * horner(cast(self.root), x)[0]
-        rise = cast(self.rising).max(initial=0.0) * horner(cast(self.rise), x)[0]
+        root_rows = jnp.asarray(self.root, hottest.dtype)
+        rise_rows = jnp.asarray(self.rise, hottest.dtype)
+        still = jnp.asarray(self.still, hottest.dtype).max(initial=0.0)
+        rising = jnp.asarray(self.rising, hottest.dtype).max(initial=0.0)
+        root = still * horner(root_rows, x)[0]
+        rise = rising * horner(rise_rows, x)[0]
         h = (root + rise * _sixth_root(apart)) ** 2
         return 7 / 3 * 1.01 * h.max()
 
     @override
     def max_flux(self, within: Forcing, end: float) -> float:
-        apart, whole, _, _ = self._sampled(within, end)
-        return SAMPLING_MARGIN * float((apart * whole**2).max())
+        sampled = self._sampled(within, end)
+        return SAMPLING_MARGIN * float((sampled.apart * sampled.w**2).max())
 
     @override
     def curvature(self, within: Forcing, end: float) -> float:
-        # |h'' (T_inf - T_s)| + 2 |h'| with h = w^2. The sixth root has no bounded
-        # second derivative at 0 but for the regularization.
+        # |h'' (T_inf - T_s)| + 2 |h'| with h = w^2. The second derivative of the sixth
+        # root at 0 is bounded thanks to the regularization.
         if not film_range(self.temperature, within, end).smooth:
             return np.inf
-        apart, whole, once, twice = self._sampled(within, end)
-        curvature = 2 * apart * (once**2 + whole * twice) + 4 * whole * once
+        apart, w, dw, ddw = self._sampled(within, end)
+        curvature = 2 * apart * (dw**2 + w * ddw) + 4 * w * dw
         return SAMPLING_MARGIN * float(curvature.max())
 
-    def _sampled(
-        self, within: Forcing, end: float
-    ) -> tuple[Float[np.ndarray, "d #f"], ...]:
-        """Differences [K], and bounds of w = sqrt(h) and its first two derivatives."""
-        # Every part of a derivative counts with its absolute value.
+    def _sampled(self, within: Forcing, end: float) -> _Bounds:
+        # The absolute values of all terms of a derivative are added.
         air = film_range(self.temperature, within, end)
-        max_of = lambda values: float(np.max(values, initial=0.0))
-        host = lambda values: np.asarray(values, float)
-        root = [
-            max_of(self.still) * v for v in film_derivatives(host(self.root), air.film)
-        ]
-        rise = [
-            max_of(self.rising) * v for v in film_derivatives(host(self.rise), air.film)
-        ]
+        root = _scaled_derivatives(self.still, self.root, air.film)
+        rise = _scaled_derivatives(self.rising, self.rise, air.film)
         tiny = _REGULARIZATION / 100
         apart = np.geomspace(tiny, max(air.gap, tiny), _DIFFERENCE_SAMPLES)[:, None]
         square = apart**2 + _REGULARIZATION**2
         sixth = square ** (1 / 12)
         steep = sixth * apart / (6 * square)
         second = sixth * np.abs(1 / 6 - 11 / 36 * apart**2 / square) / square
-        return (
-            apart,
-            np.abs(root[0]) + np.abs(rise[0]) * sixth,
-            np.abs(root[1]) + np.abs(rise[1]) * sixth + np.abs(rise[0]) * steep,
-            np.abs(root[2])
-            + np.abs(rise[2]) * sixth
-            + 2 * np.abs(rise[1]) * steep
-            + np.abs(rise[0]) * second,
+        return _Bounds(
+            apart=apart,
+            w=root.value + rise.value * sixth,
+            dw=root.first + rise.first * sixth + rise.value * steep,
+            ddw=root.second
+            + rise.second * sixth
+            + 2 * rise.first * steep
+            + rise.value * second,
         )
 
     @override
     def coarsened(self, mean: Callable[[Array], Array]) -> "_FreeExchange":
-        where = lambda law: (law.still, law.rising)
-        return eqx.tree_at(where, self, tuple(map(mean, where(self))))
+        return replaced(self, still=mean(self.still), rising=mean(self.rising))
+
+
+def _scaled_derivatives(
+    factors: Float[Any, " m"], rows: Float[Any, " n"], film: Float[np.ndarray, " f"]
+) -> FilmDerivatives:
+    """Absolute film polynomial and derivatives, times the largest factor."""
+    largest_factor = float(np.max(factors, initial=0.0))
+    derivatives = film_derivatives(np.asarray(rows, float), film)
+    return FilmDerivatives(*(largest_factor * np.abs(row) for row in derivatives))
 
 
 class FreeConvection(AbstractSurfaceTerm):
@@ -271,12 +279,12 @@ class FreeConvection(AbstractSurfaceTerm):
 
     def __check_init__(self):
         check_value(self.temperature, "FreeConvection(temperature [K])", 0.0)
-        given = self.length
-        if given is not None and not (
-            isinstance(given, int | float) and 0 < given < np.inf
+        length = self.length
+        if length is not None and not (
+            isinstance(length, int | float) and 0 < length < np.inf
         ):
             raise InputError(
-                f"FreeConvection(length={given!r}): give a positive length in metres"
+                f"FreeConvection(length={length!r}): give a positive length in metres"
             )
 
     @override
@@ -285,38 +293,45 @@ class FreeConvection(AbstractSurfaceTerm):
 
     @override
     def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
-        dtype, covers, still, rising = surface.dtype, [], [], []
+        dtype = surface.dtype
+        covers = []
+        factors = []
         for body in surface.bodies:
-            exposed = body.exposed(self.on)
-            skipped = isinstance(exposed, Omitted)
-            covers.append(exposed if skipped else (body.area, exposed))
-            factors = np.zeros((2, len(body.area))) if skipped else self._factors(body)
-            still.append(factors[0].astype(dtype))
-            rising.append(factors[1].astype(dtype))
+            cover = body.cover(body.area, self.on)
+            covers.append(cover)
+            omitted = isinstance(cover, Omitted)
+            factors.append(
+                np.zeros((2, len(body.area))) if omitted else self._factors(body)
+            )
+        still, rising = np.concatenate(factors, axis=1).astype(dtype)
         # The film polynomials are common to all bodies, whatever their temperatures.
         with jax.ensure_compile_time_eval():
-            films = _film_factors(jnp.asarray(FILM_TEMPERATURES, dtype))
-            root, rise = (np.asarray(film_polynomial(each)) for each in films)
+            root, rise = _film_factors(jnp.asarray(FILM_TEMPERATURES, dtype))
+            root_rows = np.asarray(film_polynomial(root))
+            rise_rows = np.asarray(film_polynomial(rise))
         law = _FreeExchange(
-            still=np.concatenate(still),
-            rising=np.concatenate(rising),
-            root=root,
-            rise=rise,
+            still=still,
+            rising=rising,
+            root=root_rows,
+            rise=rise_rows,
             temperature=for_jit(self.temperature, dtype),
         )
         return surface.bind(law, covers)
 
     def _factors(self, body: BodySurface) -> Float[np.ndarray, "2 s"]:
-        """Factors `still` and `rising` of every fragment, as part of a cylinder."""
-        parts = parts_of(body.grid, self.cylinders, body.body)
+        """Factors `still` and `rising` of every fragment, by its cylinder."""
+        cylinder_parts = parts_of(body.grid, self.cylinders, body.body)
         up = body.pose.rotate_back(np.array([0.0, 0.0, 1.0]))
-        each = np.array([self._part(c, up) for c in parts.cylinders])
-        return each.T[:, parts.fragment]
+        by_cylinder = [
+            self._cylinder_factors(cylinder, up)
+            for cylinder in cylinder_parts.cylinders
+        ]
+        return np.array(by_cylinder).T[:, cylinder_parts.fragment]
 
-    def _part(
+    def _cylinder_factors(
         self, cylinder: Cylinder, up: Float[np.ndarray, "3"]
     ) -> tuple[float, float]:
-        """Values of `still` and `rising` of a part."""
+        """Factors `still` and `rising` of one cylinder."""
         upright = abs(float(cylinder.direction @ up)) >= _MIN_UPRIGHT_COSINE
         length = self.length or (cylinder.length if upright else cylinder.diameter)
         if length is None:

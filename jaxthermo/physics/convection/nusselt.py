@@ -52,12 +52,11 @@ def cylinder_table() -> _CylinderTable:
     """Table of the local Nusselt number, in ascending order of Re."""
     with _FILE.open(encoding="utf-8", newline="") as lines:
         rows = list(csv.DictReader(lines))
-    column = lambda name: np.array([float(row[name]) for row in rows])
     harmonics = [name for name in rows[0] if name.startswith("c")]
     return _CylinderTable(
-        reynolds=column("Re"),
-        average=column("Nbar_profile"),
-        shape=np.stack([column(name) for name in harmonics], axis=1),
+        reynolds=np.array([float(row["Re"]) for row in rows]),
+        average=np.array([float(row["Nbar_profile"]) for row in rows]),
+        shape=np.array([[float(row[name]) for name in harmonics] for row in rows]),
         recalled=np.array([row["provenance"].startswith("recalled") for row in rows]),
     )
 
@@ -71,11 +70,10 @@ class Pchip(Module):
 
     def __call__(self, x: Float[Array, "*q"]) -> Float[Array, "*q p"]:
         """Interpolated rows at `x`."""
-        # Cast on the host: it compiles nothing.
-        knots, values, slopes = (
-            a.astype(x.dtype) for a in (self.knots, self.values, self.slopes)
-        )
-        knots, values, slopes = map(jnp.asarray, (knots, values, slopes))
+        # A cast on the host compiles nothing.
+        knots = jnp.asarray(self.knots.astype(x.dtype))
+        values = jnp.asarray(self.values.astype(x.dtype))
+        slopes = jnp.asarray(self.slopes.astype(x.dtype))
         x = jnp.clip(x, knots[0], knots[-1])
         left = jnp.clip(jnp.searchsorted(knots, x, side="right") - 1, 0, len(knots) - 2)
         width = knots[left + 1] - knots[left]
@@ -90,13 +88,17 @@ def pchip(x: Float[np.ndarray, " n"], y: Float[np.ndarray, "n p"]) -> Pchip:
     """Shape-preserving curve through three points (x, y) or more."""
     width = np.diff(x)[:, None]
     secant = np.diff(y, axis=0) / width
-    before, after = secant[:-1], secant[1:]
-    w1, w2 = 2 * width[1:] + width[:-1], width[1:] + 2 * width[:-1]
+    left = secant[:-1]
+    right = secant[1:]
+    left_weight = 2 * width[1:] + width[:-1]
+    right_weight = width[1:] + 2 * width[:-1]
     # The weighted harmonic mean of the secants, and zero where they differ in sign,
-    # keep the curve within the range of the two values it joins.
-    same = before * after > 0
-    safe = lambda s: np.where(same, s, 1.0)
-    inner = np.where(same, (w1 + w2) / (w1 / safe(before) + w2 / safe(after)), 0.0)
+    # hold the curve within the range of the two values it joins.
+    same = left * right > 0
+    left = np.where(same, left, 1.0)
+    right = np.where(same, right, 1.0)
+    mean = (left_weight + right_weight) / (left_weight / left + right_weight / right)
+    inner = np.where(same, mean, 0.0)
     first = _end_slope(width[0], far=width[1], secant=secant[0], next_secant=secant[1])
     last = _end_slope(
         width[-1], far=width[-2], secant=secant[-1], next_secant=secant[-2]
@@ -170,8 +172,10 @@ def profile(
     tabulated_re = cylinder_table().reynolds
     inside = jnp.clip(reynolds, float(tabulated_re[0]), float(tabulated_re[-1]))
     tabulated = jnp.exp(_profile_curve()(jnp.log(inside))[..., 0])
-    there = churchill_bernstein(inside, jnp.full_like(inside, _PROFILE_PRANDTL))
-    return tabulated * churchill_bernstein(reynolds, prandtl) / there
+    formula_inside = churchill_bernstein(
+        inside, jnp.full_like(inside, _PROFILE_PRANDTL)
+    )
+    return tabulated * churchill_bernstein(reynolds, prandtl) / formula_inside
 
 
 class NamedAverage(NamedTuple):

@@ -24,8 +24,9 @@ from ...module import Module
 # Where the formula is negative, u / U decays to 0 over about this much.
 _TRANSITION = 0.05
 
-# Reynolds numbers of the objects to whose wakes the family was fitted.
-_FITTED_REYNOLDS = 10.0, 40.0
+# Range of Reynolds numbers to whose wakes the family was fitted.
+_MIN_FITTED_REYNOLDS = 10.0
+_MAX_FITTED_REYNOLDS = 40.0
 
 
 class WakeDeficit(Module):
@@ -48,16 +49,14 @@ class WakeDeficit(Module):
 
     def __call__(self, x: Float[Array, "*n"]) -> Float[Array, "*n"]:
         """Speed ratio u / U [-] at x diameters behind the rear."""
-        a, l, p = (
-            jnp.asarray(v, x.dtype)
-            for v in (self.amplitude, self.length, self.exponent)
-        )
-        ratio = 1 - a * (1 + (x / l) ** 2) ** (-p / 2)
-        return above_zero(ratio)
+        a = jnp.asarray(self.amplitude, x.dtype)
+        length = jnp.asarray(self.length, x.dtype)
+        p = jnp.asarray(self.exponent, x.dtype)
+        return above_zero(1 - a * (1 + (x / length) ** 2) ** (-p / 2))
 
 
 def above_zero(ratio: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """Speed ratio that decays to 0 where a mean velocity u / U is negative."""
+    """Speed ratio u / U, smoothly limited to positive values."""
     # Inside the bubble the mean flow runs backwards; a speed cannot.
     return jax.nn.softplus(ratio / _TRANSITION) / jax.nn.softplus(1 / _TRANSITION)
 
@@ -78,9 +77,10 @@ def _check(name: str, value: Any, low: float, high: float) -> None:
 
 def wake_notes(wake: Any, reynolds: Float[np.ndarray, " n"]) -> tuple[str, ...]:
     """Note on a wake of objects at other Reynolds numbers V D / nu than its fit."""
-    low, high = _FITTED_REYNOLDS
+    low = _MIN_FITTED_REYNOLDS
+    high = _MAX_FITTED_REYNOLDS
     beyond = reynolds[(reynolds < low) | (reynolds > high)]
-    # What another function was fitted to is not known.
+    # The range of a user's function is not known.
     if not isinstance(wake, WakeDeficit) or not len(beyond):
         return ()
     ends = f"{beyond.min():.3g}"

@@ -53,7 +53,8 @@ def upstream_wakes(
     point_object = _point_objects(
         layers, layer_object=layer_object, pixel=pixel, depth=depth
     )
-    behind, width = np.full(len(position), np.inf), np.zeros(len(position))
+    behind = np.full(len(position), np.inf)
+    width = np.zeros(len(position))
     for number in np.unique(point_object):
         points = np.flatnonzero(point_object == number)
         rear = np.flatnonzero(~layers.entering & (layer_object != number))
@@ -61,12 +62,12 @@ def upstream_wakes(
             # A wake is at least as wide as its object: one more pixel around.
             points = points[np.isinf(behind[points])]
             near = _shifted(layers, pixel[points], offset)
-            last = _last_before(layers, chosen=rear, pixel=near, depth=depth[points])
+            last = _last_before(layers, subset=rear, pixel=near, depth=depth[points])
             hit = last >= 0
-            found = rear[last[hit]]
-            gap = depth[points[hit]] - layers.depth[found]
-            behind[points[hit]] = gap / diameter[layer_object[found]]
-            width[points[hit]] = diameter[layer_object[found]] * view.pitch
+            rear_layer = rear[last[hit]]
+            gap = depth[points[hit]] - layers.depth[rear_layer]
+            behind[points[hit]] = gap / diameter[layer_object[rear_layer]]
+            width[points[hit]] = diameter[layer_object[rear_layer]] * view.pitch
     return Wakes(behind, width)
 
 
@@ -77,7 +78,7 @@ def _seen_along(
 ) -> tuple[OrthographicView, DepthLayers]:
     view = orthographic_view(triangles, direction, pitch)
     require_memory(view.width * view.height * 16, "a wake", "use a coarser pitch")
-    # Shapes are known while the rest of a scene is traced.
+    # The geometry is computed at once, even while the scene is traced.
     with jax.ensure_compile_time_eval():
         return view, view.peel(triangles)
 
@@ -121,21 +122,33 @@ def _silhouettes(
     corners = triangles @ frame[:2].T
     area = np.maximum(-_normals(triangles) @ frame[2], 0) / 2
     total = np.maximum(np.bincount(objects, area), np.finfo(float).tiny)
-    mean = lambda values: np.bincount(objects, area * values, len(total)) / total
+
+    def mean(values: Float[np.ndarray, " f"]) -> Float[np.ndarray, " o"]:
+        return np.bincount(objects, area * values, len(total)) / total
+
     centre = np.stack([mean(corners[..., i].mean(1)) for i in range(2)], axis=1)
     corners = corners - centre[objects][:, None]
+
     # Second moments of a triangle: (sum of the squared corners + squared sum) / 12.
-    square = lambda i, j: (
-        (corners[..., i] * corners[..., j]).sum(1)
-        + corners[..., i].sum(1) * corners[..., j].sum(1)
-    )
-    xx, yy, xy = (mean(square(i, j)) / 12 for i, j in ((0, 0), (1, 1), (0, 1)))
+    def moment(i: int, j: int) -> Float[np.ndarray, " o"]:
+        squares = (corners[..., i] * corners[..., j]).sum(1)
+        square = corners[..., i].sum(1) * corners[..., j].sum(1)
+        return mean(squares + square) / 12
+
+    xx = moment(0, 0)
+    yy = moment(1, 1)
+    xy = moment(0, 1)
     apart = np.hypot((xx - yy) / 2, xy)
     # The principal direction of the smaller moment.
     angle = np.arctan2(2 * xy, xx - yy) / 2 + np.pi / 2
     across = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    sides = (np.sqrt(12 * np.maximum((xx + yy) / 2 + s * apart, 0)) for s in (-1, 1))
-    return _Silhouettes(centre, across, *sides)
+    mean_moment = (xx + yy) / 2
+    return _Silhouettes(
+        centre=centre,
+        across=across,
+        width=np.sqrt(12 * np.maximum(mean_moment - apart, 0)),
+        length=np.sqrt(12 * np.maximum(mean_moment + apart, 0)),
+    )
 
 
 def _normals(triangles: Float[np.ndarray, "f 3 3"]) -> Float[np.ndarray, "f 3"]:
@@ -151,18 +164,18 @@ def _key(layers: DepthLayers, pixel, depth) -> Float[np.ndarray, " n"]:
     return pixel * (2 * span) + np.clip(depth, -0.5 * span, span)
 
 
-def _next_layer(layers, chosen, pixel, depth) -> Int[np.ndarray, " s"]:
-    """Index in `chosen` of the first layer not before each point, in ray order."""
-    keys = _key(layers, layers.pixel[chosen], layers.depth[chosen])
+def _next_layer(layers, subset, pixel, depth) -> Int[np.ndarray, " s"]:
+    """Index in `subset` of the first layer not before each point, in ray order."""
+    keys = _key(layers, layers.pixel[subset], layers.depth[subset])
     return np.searchsorted(keys, _key(layers, pixel, depth))
 
 
-def _last_before(layers, chosen, pixel, depth) -> Int[np.ndarray, " s"]:
-    """Index in `chosen` of the last layer before each point on its ray; -1 for none."""
-    last = _next_layer(layers, chosen=chosen, pixel=pixel, depth=depth) - 1
-    if not len(chosen):
+def _last_before(layers, subset, pixel, depth) -> Int[np.ndarray, " s"]:
+    """Index in `subset` of the last layer before each point on its ray; -1 for none."""
+    last = _next_layer(layers, subset=subset, pixel=pixel, depth=depth) - 1
+    if not len(subset):
         return last
-    return np.where(layers.pixel[chosen[np.maximum(last, 0)]] == pixel, last, -1)
+    return np.where(layers.pixel[subset[np.maximum(last, 0)]] == pixel, last, -1)
 
 
 def _shifted(layers, pixel, offset: tuple[int, int]) -> Int[np.ndarray, " s"]:
@@ -177,28 +190,29 @@ def _point_objects(layers, layer_object, pixel, depth) -> Int[np.ndarray, " s"]:
     # A ray through the middle of a pixel may miss a surface that only touches the
     # pixel, so the eight pixels around it are searched too.
     everything = np.arange(len(layers.pixel))
-    found = np.zeros(len(pixel), np.int64)
+    point_object = np.zeros(len(pixel), np.int64)
     nearest = np.full(len(pixel), np.inf)
     for offset in _NEIGHBOURS:
         near = _shifted(layers, pixel, offset)
-        after = _next_layer(layers, chosen=everything, pixel=near, depth=depth)
-        for layer in (after - 1, after):
+        following = _next_layer(layers, subset=everything, pixel=near, depth=depth)
+        for layer in (following - 1, following):
             layer = np.clip(layer, 0, len(everything) - 1)
             apart = np.abs(layers.depth[layer] - depth) + np.hypot(*offset)
             better = (layers.pixel[layer] == near) & (apart < nearest)
-            found[better], nearest[better] = layer_object[layer[better]], apart[better]
-    return found
+            point_object[better] = layer_object[layer[better]]
+            nearest[better] = apart[better]
+    return point_object
 
 
 class WakeGeometry(NamedTuple):
-    """Places of surface points relative to objects upstream, in their diameters."""
+    """Positions of surface points relative to objects upstream, in their diameters."""
 
     behind: Float[np.ndarray, "o s"]
     """Distance behind the rear; far before it for the point's own object."""
-    beside: Float[np.ndarray, "o s"]
+    aside: Float[np.ndarray, "o s"]
     """Distance from the middle of the wake to the side."""
     diameter: Float[np.ndarray, " o"]
-    """[m]"""
+    """Diameter of each object [m]."""
 
 
 # Distance behind an object's rear, in its diameters, of points that it does not affect.
@@ -212,56 +226,64 @@ def wake_geometry(
     direction: Float[np.ndarray, "3"],
     pitch: float,
 ) -> WakeGeometry:
-    """Places of surface points in the wakes of all objects, as `upstream_wakes`.
+    """Positions of surface points in the wakes of all objects.
 
-    An object is a rod, or compact, along the longer side of its silhouette. Distances
-    change smoothly as objects move.
+    Arguments as for `upstream_wakes`. An object counts as a rod along the longer side
+    of its silhouette if that is much longer, else as compact. Distances change smoothly
+    as objects move.
     """
     objects = _objects(triangles)
     if objects.max() == 0:
-        nothing = np.zeros((0, len(position)))
-        return WakeGeometry(nothing, nothing, np.zeros(0))
+        no_points = np.zeros((0, len(position)))
+        return WakeGeometry(behind=no_points, aside=no_points, diameter=np.zeros(0))
     view, layers = _seen_along(triangles, direction, pitch)
-    own = _point_objects(layers, objects[layers.triangle], *_pixels(view, position))
-    found = _silhouettes(triangles, objects, view.frame)
-    places = position @ view.frame.T
-    behind, beside = [], []
-    for number in range(len(found.width)):
-        rear = triangles[objects == number] @ view.frame.T
-        x, y = _place(places, rear, *(field[number] for field in found))
-        behind.append(np.where(own == number, _NOWHERE, x))
-        beside.append(y)
+    pixel, depth = _pixels(view, position)
+    point_object = _point_objects(
+        layers, layer_object=objects[layers.triangle], pixel=pixel, depth=depth
+    )
+    silhouettes = _silhouettes(triangles, objects, view.frame)
+    points = position @ view.frame.T
+    behind = []
+    aside = []
+    for number in range(len(silhouettes.width)):
+        x, y = _distances(
+            points,
+            triangles=triangles[objects == number] @ view.frame.T,
+            silhouette=_Silhouettes(*(field[number] for field in silhouettes)),
+        )
+        behind.append(np.where(point_object == number, _NOWHERE, x))
+        aside.append(y)
     near = np.array([(x > -1).any() for x in behind])
     return WakeGeometry(
-        np.stack(behind)[near], np.stack(beside)[near], found.width[near]
+        behind=np.stack(behind)[near],
+        aside=np.stack(aside)[near],
+        diameter=silhouettes.width[near],
     )
 
 
-def _place(
-    places: Float[np.ndarray, "s 3"],
+def _distances(
+    points: Float[np.ndarray, "s 3"],
     triangles: Float[np.ndarray, "f 3 3"],
-    centre: Float[np.ndarray, "2"],
-    across: Float[np.ndarray, "2"],
-    width: Float[np.floating, ""],
-    length: Float[np.floating, ""],
+    silhouette: _Silhouettes,
 ) -> tuple[Float[np.ndarray, " s"], Float[np.ndarray, " s"]]:
-    """Distances behind and beside an object [diameters], in the frame of the view."""
+    """Distances behind and aside of an object [diameters], in the view's frame."""
+    centre, across, width, length = silhouette
     along = np.array([-across[1], across[0]])
     # A rod may be inclined to the wind: its rear is a plane through its leeward side.
     leeward = np.maximum(_normals(triangles)[:, 2], 0)
     on_axis = (triangles.mean(1)[:, :2] - centre) @ along
     depth = triangles.mean(1)[:, 2]
     weight = leeward / max(leeward.sum(), np.finfo(float).tiny)
-    offset = on_axis - weight @ on_axis
-    spread = max(weight @ offset**2, np.finfo(float).tiny)
-    slope = weight @ (offset * depth) / spread if length > 2 * width else 0.0
+    from_mean = on_axis - weight @ on_axis
+    spread = max(weight @ from_mean**2, np.finfo(float).tiny)
+    slope = weight @ (from_mean * depth) / spread if length > 2 * width else 0.0
     corners = triangles.reshape(-1, 3)
     rear = (corners[:, 2] - slope * ((corners[:, :2] - centre) @ along)).max()
-    place = places[:, :2] - centre
-    axial = place @ along
+    offset = points[:, :2] - centre
+    axial = offset @ along
     half = max((length - width) / 2, 0.0)
     # Beyond the ends of a rod the distance is that from its end.
     past = np.maximum(np.abs(axial) - half, 0.0)
     at = np.clip(axial, -half, half)
-    behind = (places[:, 2] - rear - slope * at) / width
-    return behind, np.hypot(place @ across, past) / width
+    behind = (points[:, 2] - rear - slope * at) / width
+    return behind, np.hypot(offset @ across, past) / width

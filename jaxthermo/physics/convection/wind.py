@@ -14,7 +14,7 @@ function of the user, where fragments at nearly the same x share one Reynolds nu
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 from typing_extensions import override
 
-from ...arrays import TimeVarying, is_traced
+from ...arrays import TimeVarying, is_traced, namespace
 from ...errors import InputError
 from ...findings import found
 from ...raster.views import unit_vector
@@ -58,10 +58,13 @@ from .wake import wake_notes, wake_speed_ratio
 from .wake_geometry import WakeGeometry, Wakes, upstream_wakes, wake_geometry
 
 
+_Triple = tuple[float, float, float]
+
+
 # Nodes of the table for a speed that changes with time.
 _SPEED_NODES = 25
 
-# The same behind other objects, whose wakes change fast where they begin to shed.
+# Nodes of that table behind other objects: where wakes begin to shed they change fast.
 _WAKE_SPEED_NODES = 73
 
 # A speed given as a plain function of time is limited to this [m/s].
@@ -74,21 +77,22 @@ _MIN_TABLE_LIMIT = 1e-3
 if TYPE_CHECKING:
     Wake = FittedWake | Callable[[Float[Array, "..."]], Float[Array, "..."]]
 else:
-    # For editors: the class refuses a wrong value with a remedy.
+    # The annotation is for editors: the class refuses a wrong value with a remedy.
     Wake = Any
 
 
-def _velocity(given: Any) -> tuple[float, float, float]:
+def _velocity(value: Any) -> _Triple:
     try:
-        x, y, z = (float(v) for v in given)
+        x, y, z = value
+        velocity = (float(x), float(y), float(z))
     except (TypeError, ValueError) as error:
         raise InputError(
-            f"Wind(velocity={given!r}): give three numbers [m/s]; what changes with "
+            f"Wind(velocity={value!r}): give three numbers [m/s]; what changes with "
             "time, or is differentiated by, is `speed`"
         ) from error
-    if not np.isfinite([x, y, z]).all():
-        raise InputError(f"Wind(velocity={given!r}): give three finite numbers [m/s]")
-    return x, y, z
+    if not np.isfinite(velocity).all():
+        raise InputError(f"Wind(velocity={value!r}): give three finite numbers [m/s]")
+    return velocity
 
 
 class Wind(AbstractSurfaceTerm):
@@ -108,7 +112,7 @@ class Wind(AbstractSurfaceTerm):
     from_outside = True
     is_convective = True
 
-    velocity: tuple[float, float, float] = eqx.field(static=True, converter=_velocity)
+    velocity: _Triple = eqx.field(static=True, converter=_velocity)
     """Direction of the wind; its length is the speed [m/s] unless `speed` is given."""
     temperature: TimeVarying
     """T_inf of the air [K], a number or a function of time."""
@@ -146,9 +150,9 @@ class Wind(AbstractSurfaceTerm):
     @property
     def strength(self) -> Any:
         """Wind speed V [m/s]: a number or a function of time."""
-        return (
-            float(np.linalg.norm(self.velocity)) if self.speed is None else self.speed
-        )
+        if self.speed is not None:
+            return self.speed
+        return float(np.linalg.norm(self.velocity))
 
     @override
     def forcing(self, end: float | int) -> Forcing:
@@ -158,33 +162,27 @@ class Wind(AbstractSurfaceTerm):
     def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
         if is_zero(self.strength):
             return (Omitted("the air stands still"),)
-        exposed = [body.exposed(self.on) for body in surface.bodies]
-        omitted = tuple(each for each in exposed if isinstance(each, Omitted))
-        if len(omitted) == len(exposed):
+        covers = [body.cover(body.area, self.on) for body in surface.bodies]
+        omitted = tuple(cover for cover in covers if isinstance(cover, Omitted))
+        if len(omitted) == len(covers):
             return omitted
-        # One law for all bodies: their coefficients differ from fragment to fragment.
-        tables, notes, covers = [], [], []
-        upstream = [
-            None if isinstance(where, Omitted) else self._wakes(body)
-            for body, where in zip(surface.bodies, exposed, strict=True)
+        flows = [
+            None if isinstance(cover, Omitted) else self._flow(body)
+            for body, cover in zip(surface.bodies, covers, strict=True)
         ]
         nodes = _SPEED_NODES
-        if any(isinstance(w, WakeGeometry) and len(w.diameter) for w in upstream):
+        if any(flow is not None and flow.has_fitted_wakes for flow in flows):
             nodes = _WAKE_SPEED_NODES
-        for body, where, wakes in zip(surface.bodies, exposed, upstream, strict=True):
-            if isinstance(where, Omitted) or wakes is None:
+        # One law for all bodies: their coefficients differ from fragment to fragment.
+        tables = []
+        notes = []
+        for body, cover, flow in zip(surface.bodies, covers, flows, strict=True):
+            if isinstance(cover, Omitted) or flow is None:
                 tables.append(None)
-                covers.append(where)
                 continue
-            groups = self._groups(body, wakes)
-            ratio = lambda speeds, body=body, groups=groups, wakes=wakes: (
-                self._speed_ratio(body, groups, wakes, speeds)
-            )
-            tables.append(self._coefficients(body, groups, ratio, nodes))
-            # Of the part that the wind cools.
-            own = self._notes(groups, wakes, where, ratio)
-            notes += [(body.body, note) for note in own]
-            covers.append((body.area, where))
+            tables.append(self._coefficients(flow, nodes))
+            _, cooled = cover
+            notes += [(body.body, note) for note in self._notes(flow, cooled)]
         law = FilmExchange(
             coefficients=self._joined(tables, surface),
             temperature=for_jit(self.temperature, surface.dtype),
@@ -194,7 +192,7 @@ class Wind(AbstractSurfaceTerm):
     def _joined(self, tables: list[Any], surface: Surface) -> Any:
         """Coefficients of all fragments, with 0 on bodies without any."""
         lead = next(table.shape[:-1] for table in tables if table is not None)
-        every = concatenated(
+        coefficients = concatenated(
             [
                 np.zeros((*lead, count), surface.dtype) if table is None else table
                 for table, count in zip(tables, surface.counts, strict=True)
@@ -202,131 +200,140 @@ class Wind(AbstractSurfaceTerm):
         )
         speed = self.strength
         if not callable(speed):
-            return every
+            return coefficients
         highest = for_jit(_table_limit(speed), surface.dtype)
-        return speed_table(every, highest, for_jit(speed, surface.dtype))
+        return speed_table(coefficients, highest, for_jit(speed, surface.dtype))
 
-    def _notes(
-        self,
-        groups: FlowGroups,
-        wakes: Wakes | WakeGeometry,
-        where: Bool[np.ndarray, " s"],
-        ratio: Callable[[Values], Values],
-    ) -> tuple[str, ...]:
+    def _notes(self, flow: "_Flow", cooled: Bool[np.ndarray, " s"]) -> tuple[str, ...]:
         """Validity notes for the receipt, as far as the Reynolds numbers are known."""
         air = _initial_value(self.temperature, float)
         speed = _known_maximum(self.strength)
-        if speed is None or is_traced(air) or not where.any():
+        if speed is None or is_traced(air) or not cooled.any():
             return ()
-        share = ratio(np.array([speed]))
-        if is_traced(share):
+        ratio = self._speed_ratio(flow, np.array([speed]))
+        if is_traced(ratio):
             return ()
         with jax.ensure_compile_time_eval():
             nu = float(kinematic_viscosity(jnp.asarray(air)))
-        local = np.asarray(share).reshape(-1) * speed * groups.diameter / nu
-        reynolds = local[np.unique(groups.member[where])]
-        ends, average = (reynolds.min(), reynolds.max()), named_average(self.average)
-        notes = [note for re in ends for note in validity_notes(float(re), average)]
+        local = np.asarray(ratio).reshape(-1) * speed * flow.groups.diameter / nu
+        reynolds = local[np.unique(flow.groups.member[cooled])]
+        average = named_average(self.average)
+        notes = [
+            *validity_notes(float(reynolds.min()), average),
+            *validity_notes(float(reynolds.max()), average),
+        ]
+        wakes = flow.wakes
         if isinstance(wakes, WakeGeometry):
-            notes += fitted_notes(_felt(wakes, where) * speed / nu)
+            notes += fitted_notes(_felt_diameters(wakes, cooled) * speed / nu)
         else:
-            upstream = wakes.diameter[where & (wakes.diameter > 0)] * speed / nu
+            upstream = wakes.diameter[cooled & (wakes.diameter > 0)] * speed / nu
             notes += wake_notes(self.wake, upstream)
         return tuple(dict.fromkeys(notes))
 
-    def _speed_ratio(
-        self,
-        surface: BodySurface,
-        groups: FlowGroups,
-        wakes: Wakes | WakeGeometry,
-        speeds: Values,
-    ) -> Float[Values, "*v g"]:
-        """Local speed over wind speed of each group [-], at each of some speeds."""
+    def _speed_ratio(self, flow: "_Flow", speeds: Values) -> Float[Values, "*v g"]:
+        """Local speed over wind speed of each group [-], at each of the speeds."""
+        wakes = flow.wakes
+        groups = flow.groups
         if isinstance(wakes, WakeGeometry):
             if not len(wakes.diameter):
                 return np.ones(len(groups.diameter))
-            faces = -(surface.normal @ unit_vector(self.velocity))
-            front = np.maximum(faces, 0) * surface.grid.fragment_area
-            air = _initial_value(self.temperature, speeds.dtype)
+            facing = -(flow.surface.normal @ unit_vector(self.velocity))
             return arriving_ratio(
                 self.wake,
                 geometry=wakes,
                 member=groups.member,
-                front=front,
+                front=np.maximum(facing, 0) * flow.surface.grid.fragment_area,
                 speeds=speeds,
-                air=air,
+                air=_initial_value(self.temperature, speeds.dtype),
             )
         if self.wake is None:
             return np.ones(len(groups.diameter))
         return wake_speed_ratio(self.wake, groups.behind)
 
+    def _flow(self, surface: BodySurface) -> "_Flow":
+        wakes = self._wakes(surface)
+        return _Flow(surface, wakes=wakes, groups=self._groups(surface, wakes))
+
     def _wakes(self, surface: BodySurface) -> Wakes | WakeGeometry:
         count = len(surface.position)
         if self.wake is None:
             return Wakes(np.full(count, np.inf), np.zeros(count))
-        of, wind = (surface.scene_triangles, surface.position), self.velocity
         fitted = isinstance(self.wake, FittedWake)
         search = wake_geometry if fitted else upstream_wakes
         return found(
-            of,
-            by=(search.__name__, wind, surface.pitch),
-            find=lambda: search(*of, unit_vector(wind), surface.pitch),
+            (surface.scene_triangles, surface.position),
+            by=(search.__name__, self.velocity, surface.pitch),
+            find=lambda: search(
+                surface.scene_triangles,
+                position=surface.position,
+                direction=unit_vector(self.velocity),
+                pitch=surface.pitch,
+            ),
             search=f"objects upstream of body {surface.body}",
         )
 
     def _groups(self, surface: BodySurface, wakes: Wakes | WakeGeometry) -> FlowGroups:
-        grid, number = surface.grid, surface.body
-        own = tuple(c for c in self.cylinders if c.body == number)
-        # Without a wake nothing is behind anything; a fitted one goes by cylinders.
-        whole = self.wake is None or isinstance(wakes, WakeGeometry)
-        behind = np.full(len(surface.position), np.inf) if whole else wakes.behind
-        of = (grid,) if whole else (grid, wakes.behind)
+        grid = surface.grid
+        number = surface.body
+        cylinders = tuple(c for c in self.cylinders if c.body == number)
+        # Without a wake, and in a fitted one, the groups are the cylinders.
+        by_cylinder = self.wake is None or isinstance(wakes, WakeGeometry)
+        behind = np.full(len(surface.position), np.inf) if by_cylinder else wakes.behind
         return found(
-            of,
-            ("flow_groups", own),
-            lambda: group_fragments(parts_of(grid, own, number), behind),
+            (grid,) if by_cylinder else (grid, wakes.behind),
+            ("flow_groups", cylinders),
+            lambda: group_fragments(parts_of(grid, cylinders, number), behind),
         )
 
-    def _coefficients(
-        self,
-        surface: BodySurface,
-        groups: FlowGroups,
-        ratio: Callable[[Values], Values],
-        nodes: int,
-    ) -> Any:
+    def _coefficients(self, flow: "_Flow", nodes: int) -> Any:
         """Film polynomial of h for each fragment, at each node of a changing speed."""
+        surface = flow.surface
+        groups = flow.groups
         dtype = surface.dtype
         wind = surface.pose.rotate_back(unit_vector(self.velocity))
-        of = surface.own_normal, groups.axis
+        normal = surface.own_normal
         harmonics = found(
-            of,
+            (normal, groups.axis),
             ("harmonics", tuple(wind.tolist()), jnp.dtype(dtype).name),
-            lambda: surface_harmonics(*of, wind).astype(dtype),
+            lambda: surface_harmonics(normal, groups.axis, wind).astype(dtype),
         )
-        air = _initial_value(self.temperature, dtype)
-        average, speed = named_average(self.average).nusselt, self.strength
-        every = lambda speeds: film_coefficients(
+        speed = self.strength
+        if callable(speed):
+            speeds = speed_nodes(_table_limit(speed), nodes, dtype)
+        else:
+            speeds = namespace(speed).asarray(speed, dtype)[None]
+        coefficients = film_coefficients(
             speeds,
-            air=air,
-            speed_ratio=ratio(speeds),
+            air=_initial_value(self.temperature, dtype),
+            speed_ratio=self._speed_ratio(flow, speeds),
             groups=groups,
-            average=average,
+            average=named_average(self.average).nusselt,
             harmonics=harmonics,
             dtype=dtype,
         )
-        if not callable(speed):
-            xp = jnp if is_traced(speed) else np
-            return every(xp.asarray(speed, dtype)[None])[0]
-        return every(speed_nodes(_table_limit(speed), nodes, dtype))
+        return coefficients if callable(speed) else coefficients[0]
 
 
-def _felt(
-    wakes: WakeGeometry, where: Bool[np.ndarray, " s"]
+class _Flow(NamedTuple):
+    """Flow around one body."""
+
+    surface: BodySurface
+    wakes: Wakes | WakeGeometry
+    groups: FlowGroups
+
+    @property
+    def has_fitted_wakes(self) -> bool:
+        """True behind objects whose wakes follow their Reynolds numbers."""
+        return isinstance(self.wakes, WakeGeometry) and len(self.wakes.diameter) > 0
+
+
+def _felt_diameters(
+    wakes: WakeGeometry, points: Bool[np.ndarray, " s"]
 ) -> Float[np.ndarray, " o"]:
     """Diameters of the objects in whose wakes the points are [m]."""
     # The widest wakes are some diameters wide.
-    felt = (wakes.behind > 0) & (wakes.beside < 2 + 0.2 * np.maximum(wakes.behind, 0))
-    return wakes.diameter[(felt & where[None]).any(1)]
+    felt = (wakes.behind > 0) & (wakes.aside < 2 + 0.2 * np.maximum(wakes.behind, 0))
+    return wakes.diameter[(felt & points[None]).any(1)]
 
 
 def _initial_value(value: Any, dtype: Any) -> Float[Values, ""]:
@@ -349,7 +356,7 @@ def _table_limit(speed: Any) -> Float[Array, ""] | float:
     """Largest speed that a table of speeds has to cover [m/s]."""
     if is_unknown_function(speed):
         return _MAX_UNKNOWN_SPEED
-    known = _known_maximum(speed)
-    if known is None:
+    maximum = _known_maximum(speed)
+    if maximum is None:
         return jnp.maximum(largest(speed, 0.0), _MIN_TABLE_LIMIT)
-    return known
+    return maximum

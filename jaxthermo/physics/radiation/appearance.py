@@ -39,7 +39,8 @@ def sphere(
     origin: _Rays, step: _Rays, centre: Float[np.ndarray, "3"], radius: float
 ) -> Appearance:
     """Diffuse sphere, radiance I / (pi R^2) of a radiant intensity I."""
-    square, offset = _dot(step, step), origin - centre
+    square = _dot(step, step)
+    offset = origin - centre
     half = _dot(offset, step) / square
     under = half * half - (_dot(offset, offset) - radius * radius) / square
     depth = -half - np.sqrt(np.maximum(under, 0.0))

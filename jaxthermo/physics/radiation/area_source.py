@@ -63,19 +63,25 @@ def polygon_view_factor(
     Source: Lambert, Photometria (1760); Hottel and Sarofim, Radiative Transfer (1967).
     """
     total = np.zeros(len(position))
-    leaving, entering = np.zeros_like(position), np.zeros_like(position)
+    leaving = np.zeros_like(position)
+    entering = np.zeros_like(position)
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        a, b = start - position, end - position
-        up, down = _dot(a, normal), _dot(b, normal)
-        t = np.where(up == down, 0.0, up / np.where(up == down, 1.0, up - down))
+        a = start - position
+        b = end - position
+        height_a = _dot(a, normal)
+        height_b = _dot(b, normal)
+        level = height_a == height_b
+        t = np.where(level, 0.0, height_a / np.where(level, 1.0, height_a - height_b))
         crossing = a + t[:, None] * (b - a)
-        sinks, rises = (up > 0) & (down <= 0), (up <= 0) & (down > 0)
+        sinks = (height_a > 0) & (height_b <= 0)
+        rises = (height_a <= 0) & (height_b > 0)
         # A convex polygon sinks below the horizon at most once, and rises once.
         leaving += np.where(sinks[:, None], crossing, 0.0)
         entering += np.where(rises[:, None], crossing, 0.0)
         first = np.where(rises[:, None], crossing, a)
         last = np.where(sinks[:, None], crossing, b)
-        total += np.where((up > 0) | (down > 0), _edge(first, last, normal), 0.0)
+        above = (height_a > 0) | (height_b > 0)
+        total += np.where(above, _edge(first, last, normal), 0.0)
     total += _edge(leaving, entering, normal)
     # Counter-clockwise from the front is clockwise around the element's normal.
     return np.clip(-total / (2 * np.pi), 0.0, 1.0)
@@ -136,7 +142,7 @@ class AreaSource(AbstractSource):
     patches: int = eqx.field(static=True, default=4)
     """Number of patches along each edge, each with its own shadow map."""
     on: AbstractSelection | None = None
-    """Part of the surface that it heats; the rest casts shadows still."""
+    """Part of the surface that it heats; the rest still casts shadows."""
 
     def __check_init__(self):
         unit_vector(self.normal, "AreaSource(normal=)")
@@ -184,7 +190,8 @@ class AreaSource(AbstractSource):
         """Corners of the patches, counter-clockwise seen from the front [m]."""
         width, height = self._edges
         low = np.asarray(self.centre, float) - (width + height) / 2
-        step = np.stack(np.meshgrid(*[np.arange(self.patches)] * 2), -1).reshape(-1, 2)
+        edge = np.arange(self.patches)
+        step = np.stack(np.meshgrid(edge, edge), -1).reshape(-1, 2)
         turn = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
         fraction = (step[:, None] + turn) / self.patches
         return low + fraction[..., :1] * width + fraction[..., 1:] * height
@@ -204,12 +211,12 @@ class AreaSource(AbstractSource):
     @property
     @override
     def exposure_key(self) -> Hashable:
-        return self.centre, self.normal, self.size, self.up, self.patches
+        return (self.centre, self.normal, self.size, self.up, self.patches)
 
     @override
     def exposure(self, triangles, position, normal, pitch) -> Float[np.ndarray, " s"]:
         """Integral of cos cos' s / R^2 over its front [sr], at most pi."""
-        found = np.zeros(len(position))
+        exposure = np.zeros(len(position))
         for corners in self.patch_corners():
             factor = polygon_view_factor(position, normal, corners)
             seen = np.flatnonzero(factor > 0)
@@ -221,8 +228,8 @@ class AreaSource(AbstractSource):
                     eye=corners.mean(0),
                     pitch=pitch,
                 )
-                found[seen] += np.pi * factor[seen] * lit
-        return found
+                exposure[seen] += np.pi * factor[seen] * lit
+        return exposure
 
     @override
     def appearance(self, origin, step) -> Appearance:

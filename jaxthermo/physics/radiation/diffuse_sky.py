@@ -1,4 +1,4 @@
-"""Diffuse daylight: short-wave radiation of an even sky, and what the ground reflects.
+"""Diffuse daylight: short-wave radiation of an even sky, also reflected by the ground.
 
     q = a (F_sky E_sky + F_ground E_ground) A
 
@@ -15,7 +15,6 @@ from jaxtyping import Float
 from typing_extensions import override
 
 from ...arrays import TimeVarying
-from ...findings import found
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux
 from ..flux_law import Forcing
@@ -23,7 +22,7 @@ from ..surface import Binding, BodySurface, Omitted, Surface
 from ..term import Scale
 from ..time_varying import check_value, for_jit, is_zero, largest
 from .irradiation import AbstractRadiativeTerm, Irradiation
-from .visibility import check_directions, sky_view, unobstructed_view
+from .visibility import check_directions, sky_view_of, unobstructed_view
 
 
 class DiffuseSky(AbstractRadiativeTerm):
@@ -45,7 +44,8 @@ class DiffuseSky(AbstractRadiativeTerm):
     irradiance: TimeVarying
     """E_sky on a horizontal surface [W/m^2]: a number or a function of time."""
     reflected: TimeVarying = 0.0
-    """E_ground, albedo times the global irradiance [W/m^2], likewise."""
+    """E_ground, albedo times the global irradiance [W/m^2]: a number or a function of
+    time."""
     occlusion: int | None = eqx.field(static=True, default=None)
     """Number of directions in which obstacles are detected, such as 128."""
     on: AbstractSelection | None = None
@@ -83,20 +83,12 @@ class DiffuseSky(AbstractRadiativeTerm):
         directions = self.occlusion
         if directions is None:
             return tuple(unobstructed_view(body.normal))
-        of = body.scene_triangles, body.position, body.normal
-        # The same finding as that of `Surroundings`.
-        view = found(
-            of,
-            by=("sky_view", body.pitch, directions),
-            find=lambda: sky_view(*of, body.pitch, directions),
-            search=f"view of sky and ground from body {body.body}",
-        )
-        return tuple(view)
+        return tuple(sky_view_of(body, directions))
 
     @override
     def forcing(self, end: float | int) -> Forcing:
-        both = largest(self.irradiance, end) + largest(self.reflected, end)
-        return Forcing(heat_flux=both)
+        total = largest(self.irradiance, end) + largest(self.reflected, end)
+        return Forcing(heat_flux=total)
 
     @override
     def scale(self, material: Any, kelvin: float, end: float) -> Scale:

@@ -18,10 +18,9 @@ import numpy as np
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ...arrays import TimeVarying, is_traced
+from ...arrays import TimeVarying, is_traced, namespace
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
-from ...findings import found
 from ...module import Module
 from ...voxels.selection import AbstractSelection
 from ..boundary import Exchange, either, toward
@@ -30,7 +29,7 @@ from ..surface import BodySurface, Surface
 from ..term import Scale
 from ..time_varying import check_value, for_jit, largest, smallest, value_at
 from .irradiation import AbstractRadiativeTerm, Irradiation
-from .visibility import check_directions, sky_view, unobstructed_view
+from .visibility import check_directions, sky_view_of, unobstructed_view
 
 
 class AbstractEmission(AbstractFluxLaw):
@@ -41,7 +40,7 @@ class AbstractEmission(AbstractFluxLaw):
     @property
     @abc.abstractmethod
     def reference(self) -> Any:
-        """Temperature from which the state counts [K]."""
+        """Temperature from which theta counts [K]."""
 
     @override
     def slope(self, time, theta) -> Float[Array, "*#m"]:
@@ -87,22 +86,20 @@ class _Emission(AbstractEmission):
     @override
     def max_flux(self, within: Forcing, end: float) -> float | Float[Array, ""]:
         highest = largest(self.temperature, end)
-        own: Any = jnp if is_traced(highest) else np
-        highest = own.maximum(highest, within.highest)
+        highest = namespace(highest).maximum(highest, within.highest)
         return STEFAN_BOLTZMANN * highest**4
 
     @override
     def supersolution(self, time, imposed) -> Float[Array, "*#m"]:
         ambient = value_at(self.temperature, time)
-        return (
-            equilibrium_temperature(ambient, jnp.maximum(imposed, 0)) - self.reference
-        )
+        kelvin = equilibrium_temperature(ambient, jnp.maximum(imposed, 0))
+        return kelvin - self.reference
 
 
 def equilibrium_temperature(
     around: Float[Array, "*#m"], imposed: Float[Array, "*#m"]
 ) -> Float[Array, "*#m"]:
-    """Temperature T [K] with sigma (T^4 - T_a^4) = q'', close to 0 if there is none.
+    """Temperature T [K] with sigma (T^4 - T_a^4) = q''; close to 0 without a solution.
 
     T_a is `around` [K], q'' the imposed heat flux [W/m^2].
     """
@@ -116,7 +113,7 @@ def equilibrium_temperature(
 
 
 class _RadiativeCoefficient(Module):
-    # h of the linear law at T_s [K], a function of time.
+    # h of the linear law as a function of time, at T_s [K].
     temperature: Any
 
     def __call__(self, time: Float[Array, ""]) -> Float[Array, ""]:
@@ -187,12 +184,12 @@ class Surroundings(AbstractRadiativeTerm):
     @override
     def irradiation(self, surface: Surface) -> tuple[Irradiation, ...]:
         factors = [self._view_factors(body) for body in surface.bodies]
-        return tuple(
-            self._on_all(
-                surface, [own[n] for own in factors], *self._law(temperature, surface)
-            )
-            for n, temperature in enumerate(self.values)
-        )
+        irradiation = []
+        for n, temperature in enumerate(self.values):
+            law, notes = self._law(temperature, surface)
+            by_body = [view[n] for view in factors]
+            irradiation.append(self._on_all(surface, by_body, law=law, notes=notes))
+        return tuple(irradiation)
 
     def _law(
         self, temperature: Any, surface: Surface
@@ -214,22 +211,13 @@ class Surroundings(AbstractRadiativeTerm):
         return Exchange(h, ambient), (note,)
 
     def _view_factors(self, body: BodySurface) -> list[Float[np.ndarray, " s"]]:
-        """View factor to each of the temperatures."""
+        """View factors to the surroundings at each temperature."""
         if self.ground is None and self.occlusion is None:
             return [np.ones(len(body.position))]
         if self.occlusion is None:
             view = unobstructed_view(body.normal)
         else:
-            of, directions = (
-                (body.scene_triangles, body.position, body.normal),
-                self.occlusion,
-            )
-            view = found(
-                of,
-                by=("sky_view", body.pitch, directions),
-                find=lambda: sky_view(*of, body.pitch, directions),
-                search=f"view of sky and ground from body {body.body}",
-            )
+            view = sky_view_of(body, self.occlusion)
         return [view.sky + view.ground] if self.ground is None else list(view)
 
     @override

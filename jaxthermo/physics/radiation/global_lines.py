@@ -77,7 +77,7 @@ _FEW_POINTS = 1000
 
 
 def _outline(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "m 3"]:
-    """The corners of the convex hull of points: views of both have one extent."""
+    """Corners of the convex hull of points; their views have the same extent."""
     if len(points) < _FEW_POINTS:
         return points
     try:
@@ -106,7 +106,7 @@ class _Strip(NamedTuple):
     views: Sequence[OrthographicView]
     """All with the same pitch."""
     start: Int[np.ndarray, " w"]
-    """First column of each."""
+    """First column of each view."""
     width: int
     height: int
 
@@ -115,8 +115,10 @@ class _Strip(NamedTuple):
         right = np.array([1.0, 0.0, 0.0])
         pairs = zip(self.views, self.start, strict=True)
         # Vertices are fewer than corners.
-        points = (v.project(scene.vertices) + s * right for v, s in pairs)
-        return np.concatenate([each[scene.faces] for each in points])
+        projected = [
+            view.project(scene.vertices) + start * right for view, start in pairs
+        ]
+        return np.concatenate([points[scene.faces] for points in projected])
 
     def points(
         self, layers: DepthLayers, view: Int[np.ndarray, " k"]
@@ -125,8 +127,8 @@ class _Strip(NamedTuple):
         row, column = np.divmod(layers.pixel, self.width)
         column = column - self.start[view]
         seen = np.stack([column + 0.5, row + 0.5, layers.depth], axis=1)
-        corner = np.stack([own.corner for own in self.views])
-        frame = np.stack([own.frame for own in self.views])
+        corner = np.stack([strip_view.corner for strip_view in self.views])
+        frame = np.stack([strip_view.frame for strip_view in self.views])
         local = seen * self.views[0].pitch + corner[view]
         return np.einsum("ki,kij->kj", local, frame[view])
 
@@ -154,14 +156,21 @@ def _hits(
     patch = np.zeros(len(point), int)
     for number, patched in enumerate(bodies):
         hits = np.flatnonzero(body == number)
-        normal = scene.normal[triangle[hits]]
-        local = patched.pose.to_body(point[hits]), patched.pose.rotate_back(normal)
+        pose = patched.pose
         cavity = None
         if patched.patches.cavities is not None:
-            every = scene.normal[triangle]
-            own = patched.pose.to_body(point), patched.pose.rotate_back(every)
-            cavity = _cavity_ahead(patched.patches.cavities, *own, open_gap)[hits]
-        patch[hits] = scene.first[number] + patched.patches.patch_of(*local, cavity)
+            cavity = _cavity_ahead(
+                patched.patches.cavities,
+                point=pose.to_body(point),
+                normal=pose.rotate_back(scene.normal[triangle]),
+                open_gap=open_gap,
+            )[hits]
+        patch_in_body = patched.patches.patch_of(
+            pose.to_body(point[hits]),
+            normals=pose.rotate_back(scene.normal[triangle[hits]]),
+            cavity=cavity,
+        )
+        patch[hits] = scene.first[number] + patch_in_body
     return patch
 
 
@@ -172,17 +181,22 @@ def _cavity_ahead(
     open_gap: Bool[np.ndarray, " g"],
 ) -> Int[np.ndarray, " k"]:
     """Cavity of a body in front of each fragment, 0 for none; all in its frame."""
-    # Both ends of a gap see one cavity, that in their middle: no line leads out of a
-    # closed one, however coarse the voxels. First and last surfaces are outside.
-    before = np.flatnonzero(open_gap)
-    middle = cavities.at((point[before] + point[before + 1]) / 2)
+    # Both ends of a gap face the cavity in the middle of the gap: no line leads out of
+    # a closed one, however coarse the voxels. First and last surfaces are outside.
+    start = np.flatnonzero(open_gap)
+    middle = cavities.at((point[start] + point[start + 1]) / 2)
     # A short gap in a corner may have a solid voxel there: its ends decide.
     short = np.flatnonzero(middle < 0)
-    ends = before[short], before[short] + 1
-    middle[short] = np.maximum(*(cavities.faced(point[e], normal[e]) for e in ends))
-    found = np.zeros(len(point), int)
-    found[before] = found[before + 1] = middle
-    return found
+    exit_point = start[short]
+    entry = exit_point + 1
+    middle[short] = np.maximum(
+        cavities.faced(point[exit_point], normal[exit_point]),
+        cavities.faced(point[entry], normal[entry]),
+    )
+    cavity = np.zeros(len(point), int)
+    cavity[start] = middle
+    cavity[start + 1] = middle
+    return cavity
 
 
 class LineSums(NamedTuple):
@@ -199,8 +213,8 @@ class LineSums(NamedTuple):
     def visible(self) -> Float[np.ndarray, "2 p"]:
         """Fraction of the sky and of the ground that each patch sees [-]."""
         free = np.stack([self.sky, self.ground])
-        every = free + np.stack([self.pairs.sum(1), self.pairs.sum(0)])
-        return np.where(every > 0, free / np.where(every > 0, every, 1.0), 1.0)
+        total = free + np.stack([self.pairs.sum(1), self.pairs.sum(0)])
+        return np.where(total > 0, free / np.where(total > 0, total, 1.0), 1.0)
 
 
 def _count_lines(
@@ -233,13 +247,14 @@ def _count_lines(
         triangle=triangle,
         open_gap=open_gap,
     )
-    first, last = np.append(True, ~same), np.append(~same, True)
+    first = np.append(True, ~same)
+    last = np.append(~same, True)
     numbers = patch[:-1][open_gap] * scene.count + patch[1:][open_gap]
     pairs = np.bincount(numbers, minlength=scene.count**2)
     lines = LineSums(
-        pairs.reshape(scene.count, scene.count),
-        np.bincount(patch[last & ~enters], minlength=scene.count),
-        np.bincount(patch[first & enters], minlength=scene.count),
+        pairs=pairs.reshape(scene.count, scene.count),
+        sky=np.bincount(patch[last & ~enters], minlength=scene.count),
+        ground=np.bincount(patch[first & enters], minlength=scene.count),
     )
     return lines, room
 
@@ -251,30 +266,37 @@ def sample_all_directions(
 
     A view has `lines` lines across the largest body.
     """
-    # A line counts both ways: half of the directions, of an odd number one more.
+    # A line counts both ways, so that half of the directions are enough, rounded up.
     scene = _concatenated(bodies)
     extent = max(float(np.ptp(b.vertices, 0).max()) for b in bodies)
     pixel = extent / lines
-    found = LineSums(*(np.zeros((scene.count,) * n) for n in (2, 1, 1)))
-    room, half = (MIN_CAPACITY, MIN_CAPACITY), (directions + 1) // 2
+    totals = LineSums(
+        pairs=np.zeros((scene.count, scene.count)),
+        sky=np.zeros(scene.count),
+        ground=np.zeros(scene.count),
+    )
+    room = (MIN_CAPACITY, MIN_CAPACITY)
+    half = (directions + 1) // 2
     weight = 2 / half * pixel * pixel
     views = _views(_outline(scene.vertices), half_sphere_directions(half), pixel)
     # A small scene leaves room for more views in arrays of the smallest size.
     at_once = max(1, min(_MAX_VIEWS, MIN_CAPACITY // (8 * len(scene.faces))))
-    while chosen := tuple(islice(views, at_once)):
-        counted, room = _count_lines(bodies, scene=scene, views=chosen, room=room)
-        for total, number in zip(found, counted, strict=True):
+    while batch := tuple(islice(views, at_once)):
+        counted, room = _count_lines(bodies, scene=scene, views=batch, room=room)
+        for total, number in zip(totals, counted, strict=True):
             total += weight * number
-    return found
+    return totals
 
 
 def _cone(
     first: Float[np.ndarray, "n 3"], second: Float[np.ndarray, "m 3"], pose: Pose
 ) -> tuple[np.ndarray, float]:
-    """Axis and smallest cosine of the cone of directions from one box to another."""
+    """Axis and smallest cosine of the cone of directions between two boxes."""
     # The boxes are aligned with the axes of `pose`.
-    ends = [pose.rotate_back(points) for points in (first, second)]
-    low, high = ends[1].min(0) - ends[0].max(0), ends[1].max(0) - ends[0].min(0)
+    source = pose.rotate_back(first)
+    target = pose.rotate_back(second)
+    low = target.min(0) - source.max(0)
+    high = target.max(0) - source.min(0)
     corners = np.where(np.indices((2, 2, 2)).reshape(3, -1).T == 1, high, low)
     axis = (low + high) / 2
     length = np.linalg.norm(corners, axis=1) * np.linalg.norm(axis)
@@ -303,7 +325,7 @@ def pair_cones(bodies: tuple[PatchedBody, ...]) -> list[PairCone]:
     Those are pairs with separate boxes around them, along the world's axes or those of
     either body.
     """
-    found = []
+    cones_apart = []
     for pair in combinations(range(len(bodies)), 2):
         first, second = (bodies[number].vertices for number in pair)
         poses = [Pose(), *(bodies[number].pose for number in pair)]
@@ -311,10 +333,10 @@ def pair_cones(bodies: tuple[PatchedBody, ...]) -> list[PairCone]:
         axis, min_cosine = max(cones, key=lambda cone: cone[1])
         if min_cosine > 0:
             small = min(first, second, key=lambda points: np.ptp(points, axis=0).max())
-            found.append(
+            cones_apart.append(
                 PairCone(pair=pair, axis=axis, min_cosine=min_cosine, small=small)
             )
-    return found
+    return cones_apart
 
 
 def sample_pair(
@@ -334,10 +356,10 @@ def sample_pair(
     for view in _views(_outline(cone.small), ahead, pixel):
         counted, room = _count_lines(bodies, scene=scene, views=[view], room=room)
         between += weight * counted.pairs
-    one, other = (
+    rows, columns = (
         slice(scene.first[n], scene.first[n] + bodies[n].patches.count)
         for n in cone.pair
     )
     only = np.zeros_like(between)
-    only[one, other] = between[one, other]
+    only[rows, columns] = between[rows, columns]
     return only + only.T

@@ -1,4 +1,4 @@
-"""Irradiation of a surface: what radiative terms bring, absorbed and reflected.
+"""Irradiation of a surface by radiative terms, absorbed and reflected.
 
 Thermal radiation H and that of sources E [W/m^2] reach a surface at T:
 
@@ -6,8 +6,9 @@ Thermal radiation H and that of sources E [W/m^2] reach a surface at T:
 
 with the view factors F and laws q of thermal terms, exposures X and strengths s of
 sources. The surface absorbs eps (H - sigma T^4) + a E, which is the heat of these terms
-in the balance, and reflects (1 - eps) H + (1 - a) E, which a camera sees beside the
-emission eps sigma T^4. What sees nothing that radiates receives as much as it emits.
+in the balance, and reflects (1 - eps) H + (1 - a) E, which a camera sees in addition to
+the emission eps sigma T^4. A surface that sees nothing which radiates receives as much
+as it emits.
 """
 
 import abc
@@ -33,8 +34,8 @@ from ..time_varying import is_zero, value_at
 class Irradiation(NamedTuple):
     """Radiation that reaches the fragments of a scene, whether they absorb it or not.
 
-    Of thermal radiation, net of what a black surface emits: the factor times the law's
-    flux is H - sigma T^4 [W/m^2].
+    Thermal radiation is net of the emission of a black surface: the factor times the
+    law's flux is H - sigma T^4 [W/m^2].
     """
 
     factor: Float[np.ndarray, " s"]
@@ -48,7 +49,7 @@ class Irradiation(NamedTuple):
 
 
 class AbstractRadiativeTerm(AbstractSurfaceTerm):
-    """A mechanism that irradiates surfaces: it heats them, and they reflect the rest.
+    """A mechanism that irradiates surfaces, which absorb a part and reflect the rest.
 
     Implement `irradiation`; the heat in the balance and the radiation in an image both
     follow from it.
@@ -66,12 +67,12 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
 
     @property
     def horizon(self) -> tuple[Any, Any] | None:
-        """Temperatures of sky and ground behind all bodies [K]; None of a source."""
+        """Temperatures of sky and ground behind all bodies [K]; None for a source."""
         return None
 
     @abc.abstractmethod
     def irradiation(self, surface: Surface) -> tuple[Irradiation, ...]:
-        """Its irradiation of all fragments, whatever else acts there."""
+        """Irradiation of all fragments, whatever other terms act there."""
 
     @override
     def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
@@ -80,24 +81,25 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
     def absorbed(
         self, surface: Surface, irradiation: tuple[Irradiation, ...]
     ) -> tuple[Binding | Omitted, ...]:
-        """The heat that the surface takes from its irradiation."""
-        factors = [surface.apart(each.factor) for each in irradiation]
+        """Heat that the surface absorbs of its irradiation."""
+        factors = [surface.apart(incident.factor) for incident in irradiation]
         covers = [
-            self._covers(body, [own[n] for own in factors])
+            self._covers(body, [by_body[n] for by_body in factors])
             for n, body in enumerate(surface.bodies)
         ]
         omitted = [cover for cover in covers if isinstance(cover, Omitted)]
         if len(omitted) == len(covers):
             return tuple(omitted)
         bindings: list[Binding] = []
-        for n, each in enumerate(irradiation):
-            own = [c if isinstance(c, Omitted) else c[n] for c in covers]
-            (binding, *_) = surface.bind(each.law, own)
+        for n, incident in enumerate(irradiation):
+            nth_covers = [c if isinstance(c, Omitted) else c[n] for c in covers]
+            (binding, *_) = surface.bind(incident.law, nth_covers)
             assert isinstance(binding, Binding)
-            acts = [bool(part.any()) for part in surface.apart(binding.acts)]
-            notes = ((b, note) for note in each.notes for b, a in enumerate(acts) if a)
-            if any(acts) or not surface.prune:
-                bindings.append(binding._replace(notes=tuple(notes)))
+            masks = surface.apart(binding.acting)
+            lit_bodies = [body for body, mask in enumerate(masks) if mask.any()]
+            notes = tuple((n, note) for note in incident.notes for n in lit_bodies)
+            if lit_bodies or not surface.prune:
+                bindings.append(binding._replace(notes=notes))
         return (*bindings, *omitted)
 
     def _covers(
@@ -112,10 +114,12 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
             return exposed
         # Fragments out of sight are left out of the binding, so that they cost nothing.
         lit = [_lit(factor, body.area) for factor in factors]
-        # Exposed everywhere, the same array in all runs.
-        both = lambda reached: reached if exposed.all() else exposed & reached
-        covers = [(_times(absorbed, area), both(reached)) for area, reached in lit]
-        if body.prune and not any(acts.any() for _, acts in covers):
+        covers = []
+        for area, reached in lit:
+            # Where all fragments are exposed, the array itself serves as it is.
+            acting = reached if exposed.all() else exposed & reached
+            covers.append((_times(absorbed, area), acting))
+        if body.prune and not any(acting.any() for _, acting in covers):
             return body.omitted(self.unseen)
         return covers
 
@@ -127,22 +131,25 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
         notes: tuple[str, ...] = (),
         spectrum: Any = SOLAR_TEMPERATURE,
     ) -> Irradiation:
-        """Irradiation of the bodies by the factors of each, where `on` selects them."""
-        chosen = [
+        """Irradiation of the bodies by their factors, where `on` selects surface."""
+        selected = [
             factor if self.on is None else factor * body.selected(self.on)
             for body, factor in zip(surface.bodies, factors, strict=True)
         ]
         return Irradiation(
-            factor=concatenated(chosen), law=law, notes=notes, spectrum=spectrum
+            factor=concatenated(selected), law=law, notes=notes, spectrum=spectrum
         )
 
 
 def _lit(
     factor: Float[np.ndarray, " s"], area: Float[np.ndarray, " s"]
 ) -> tuple[Float[np.ndarray, " s"], Bool[np.ndarray, " s"]]:
-    """Area of fragments times a factor [m^2], and those where that is not 0."""
-    lit = lambda: (factor.astype(area.dtype) * area, factor > 0)
-    return found((factor, area), "lit" if is_finding(factor, area) else None, lit)
+    """Area of fragments times a factor [m^2], and the mask where that is not 0."""
+    return found(
+        (factor, area),
+        "lit" if is_finding(factor, area) else None,
+        lambda: (factor.astype(area.dtype) * area, factor > 0),
+    )
 
 
 def _times(number: Any, area: Float[np.ndarray, " s"]) -> Any:
@@ -152,7 +159,7 @@ def _times(number: Any, area: Float[np.ndarray, " s"]) -> Any:
     return found((area,), ("times", float(number)), lambda: number * area)
 
 
-class _Part(Module):
+class _Incident(Module):
     """An irradiation in the type of the state."""
 
     factor: Float[Any, " s"]
@@ -166,7 +173,7 @@ class Irradiance(NamedTuple):
     thermal: Any
     """H, of surroundings and surfaces [W/m^2], [s]."""
     sources: Any
-    """E of the sources, in the order of the terms, those never on left out [W/m^2],
+    """E of the sources that are on at some time, in the order of the terms [W/m^2],
     [q s]."""
     spectrum: Any
     """Temperature of a black body with the spectrum of each row [K], [q]."""
@@ -180,33 +187,38 @@ class Irradiance(NamedTuple):
 class SurfaceRadiation(Module):
     """Irradiation of the fragments of all bodies at one snapshot of a scene."""
 
-    thermal: tuple[_Part, ...]
-    sources: tuple[_Part, ...]
+    thermal: tuple[_Incident, ...]
+    """Irradiation by surroundings."""
+    sources: tuple[_Incident, ...]
+    """Irradiation by sources."""
     enclosure: Any
-    """Radiation between fragments; None if no term brings any."""
+    """Radiation between fragments; None without a term for it."""
     reference: Float[Any, "*#s"]
     """Temperature from which the laws count [K]."""
 
     def irradiance(self, time: Time, temperature: PerCell) -> Irradiance:
         """Irradiance of surfaces at temperatures [K]."""
         theta = temperature - self.reference
-        thermal = [part.law for part in self.thermal]
+        laws = [incident.law for incident in self.thermal]
         if self.enclosure is not None:
             received = self.enclosure.irradiation(time, theta)
-            thermal = [law.irradiated(received, True) for law in thermal]
-        laws = zip(self.thermal, thermal, strict=True)
-        net = sum((part.factor * law.flux(time, theta) for part, law in laws), 0.0)
-        black = STEFAN_BOLTZMANN * temperature**4
-        rows, spectrum = [], []
-        for part in self.sources:
-            lit = part.factor * part.law.flux(time, theta)
+            laws = [law.irradiated(received, emits=True) for law in laws]
+        net = 0.0
+        for incident, law in zip(self.thermal, laws, strict=True):
+            net = net + incident.factor * law.flux(time, theta)
+        rows = []
+        spectrum = []
+        for source in self.sources:
+            lit = source.factor * source.law.flux(time, theta)
             rows.append(jnp.broadcast_to(lit, theta.shape))
-            kelvin = value_at(part.spectrum, time)
+            kelvin = value_at(source.spectrum, time)
             spectrum.append(jnp.asarray(kelvin, theta.dtype).reshape(()))
-        none = jnp.zeros((0, *theta.shape), theta.dtype)
-        if not rows:
-            return Irradiance(black + net, none, none[:, 0])
-        return Irradiance(black + net, jnp.stack(rows), jnp.stack(spectrum))
+        empty = jnp.zeros((0, *theta.shape), theta.dtype)
+        return Irradiance(
+            thermal=STEFAN_BOLTZMANN * temperature**4 + net,
+            sources=jnp.stack(rows) if rows else empty,
+            spectrum=jnp.stack(spectrum) if rows else empty[:, 0],
+        )
 
 
 class SceneRadiation(Module):
@@ -217,7 +229,7 @@ class SceneRadiation(Module):
     snapshots: tuple[SurfaceRadiation, ...]
 
     def at(self, time: Time | float) -> SurfaceRadiation:
-        """The snapshot at a time [s], which is known if there are several."""
+        """The snapshot at a time [s], which must not be traced if there are several."""
         if len(self.snapshots) == 1:
             return self.snapshots[0]
         # A saved time may be a rounding error before the start of its snapshot.
@@ -232,21 +244,20 @@ def surface_radiation(
 ) -> SurfaceRadiation:
     """Radiation on a surface: each irradiation with the property that absorbs it."""
 
-    def parts(absorbed_by: str) -> tuple[_Part, ...]:
+    def incident_on(absorbed_by: str) -> tuple[_Incident, ...]:
         return tuple(
-            _Part(
-                typed_array(each.factor, surface.dtype),
-                each.law.above(surface.reference),
-                each.spectrum,
+            _Incident(
+                factor=typed_array(incident.factor, surface.dtype),
+                law=incident.law.above(surface.reference),
+                spectrum=incident.spectrum,
             )
-            for by, each in irradiation
+            for by, incident in irradiation
             if by == absorbed_by
         )
 
-    thermal, sources = parts("emissivity"), parts("absorptivity")
     return SurfaceRadiation(
-        thermal=thermal,
-        sources=sources,
+        thermal=incident_on("emissivity"),
+        sources=incident_on("absorptivity"),
         enclosure=enclosure,
         reference=surface.reference,
     )

@@ -1,6 +1,6 @@
 """Patches of a body's surface: fragments of one grid cell that face one side.
 
-What faces a closed cavity is never in one patch with what faces the outside.
+Fragments that face a closed cavity never share a patch with those that face outward.
 """
 
 from dataclasses import dataclass
@@ -87,9 +87,10 @@ class _Patches:
         normals: Float[np.ndarray, "n 3"],
         cavity: Int[np.ndarray, " n"] | None = None,
     ) -> Int[np.ndarray, " n"]:
-        """Patch of any points on the surface; the nearest one in a cell without any.
+        """Patch of each point on the surface; the nearest in a cell without patches.
 
-        `cavity` is the number of the one that each point faces; None for all outside.
+        `cavity` is the number of the cavity that each point faces; None if all points
+        face outward.
         """
         rooms = np.zeros(len(points), int) if cavity is None else self.room[cavity]
         code = self.cells.codes(points, normals, rooms)
@@ -103,7 +104,8 @@ class _Patches:
             far = np.einsum("upi,upi->up", gap, gap)
             # Patches of the same room take precedence over those of other rooms, and
             # in a room those of the same side.
-            apart, period = 1 + far.max(), self.cells.period
+            apart = 1 + far.max()
+            period = self.cells.period
             far += (unknown[:, None] % _SIDES != self.code % _SIDES) * apart
             far += (unknown[:, None] // period != self.code // period) * (2 * apart)
             slot[missing] = far.argmin(1)[inverse.reshape(-1)]
@@ -149,7 +151,8 @@ def group_patches(
     """
     if max_patches < 6:
         raise InputError(f"{max_patches} patches a body: give 6 or more, such as 128")
-    room, rooms = np.zeros(1, int), np.zeros(len(area), int)
+    room = np.zeros(1, int)
+    rooms = np.zeros(len(area), int)
     if cavities is not None:
         cavity = cavities.faced(position, normal)
         room = _rooms(np.bincount(cavity, area, cavities.count + 1), max_patches)

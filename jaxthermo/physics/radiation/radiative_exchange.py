@@ -14,7 +14,7 @@ Sarofim, Radiative Transfer (1967); Gebhart, Heat Transfer (1961).
 """
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -23,7 +23,14 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from ...arrays import TimeVarying, device_array, is_traced, product, taken
+from ...arrays import (
+    TimeVarying,
+    device_array,
+    is_traced,
+    namespace,
+    product,
+    taken,
+)
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from ...findings import digest, found
@@ -72,12 +79,12 @@ class _Irradiated(AbstractEmission):
     @override
     def supersolution(self, time, imposed) -> Float[Array, "*#m"]:
         del time
-        brought = self.received + jnp.maximum(imposed, 0)
-        return equilibrium_temperature(self.base, brought) - self.reference
+        absorbed = self.received + jnp.maximum(imposed, 0)
+        return equilibrium_temperature(self.base, absorbed) - self.reference
 
     @override
     def irradiated(self, received: Float[Array, " m"], emits: bool) -> AbstractFluxLaw:
-        # The net flux does not depend on the temperature of the surface any more.
+        # Without emission the flux does not depend on the surface's temperature.
         return replace(self, received=received) if emits else ImposedFlux(received)
 
 
@@ -106,14 +113,14 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractRadiativeTerm):
     max_patches: int = eqx.field(static=True, default=128)
     """Largest number of patches of a body."""
     directions: int | None = eqx.field(static=True, default=None)
-    """Number of directions in which view factors are sampled; None for as many as
-    `error` needs."""
+    """Number of directions in which view factors are sampled; None for the number
+    that `error` requires."""
     error: float = eqx.field(static=True, default=0.01)
     """Largest estimated relative error of the exchange of a body [-]."""
     max_directions: int = eqx.field(static=True, default=DEFAULT_MAX_DIRECTIONS)
     """Number of directions at which sampling ends, whatever the estimate."""
     on: AbstractSelection | None = None
-    """Part of the surface; what remains reflects, without taking or giving heat."""
+    """Part of the surface; the rest reflects, without absorbing or emitting heat."""
 
     def __check_init__(self):
         check_value(self.temperature, "RadiativeExchange(temperature [K])", 0.0)
@@ -143,27 +150,26 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractRadiativeTerm):
     @override
     def irradiation(self, surface: Surface) -> tuple[Irradiation, ...]:
         zero = jnp.zeros((), surface.dtype)
-        # What the surface receives is found at every step.
+        # The irradiation follows at every step from the enclosure.
         law = _Irradiated(zero, jnp.asarray(_base(surface), surface.dtype))
         return (self._on_all(surface, [np.ones(n) for n in surface.counts], law),)
 
     @override
     def enclosure(self, surface: Surface) -> tuple["Enclosure", Sampling]:
-        bodies, base = surface.bodies, _base(surface)
+        bodies = surface.bodies
+        base = _base(surface)
         # Fragments in contact keep a trace of their area, so that no patch has area 0.
         areas = [np.maximum(b.area, 1e-6 * b.grid.fragment_area) for b in bodies]
-        views, sampling, patch = self._views(bodies, areas)
-        # What exchanges no heat reflects all that it receives.
-        takes_part = [b.selected(self.on).astype(b.dtype) for b in bodies]
-        pairs = zip(bodies, takes_part, strict=True)
-        grey = [body.emissivity * part for body, part in pairs]
+        sampled = self._views(bodies, areas)
+        # A surface that is not selected reflects all that it receives.
+        grey = [b.emissivity * b.selected(self.on).astype(b.dtype) for b in bodies]
         ground = self.ground
         upward = np.concatenate([b.normal[:, 2] for b in bodies])
         enclosure = _enclosure(
-            views,
-            patch=patch,
+            sampled.views,
+            patch=sampled.patch,
             area=np.concatenate(areas),
-            emissivity=(jnp if is_traced(grey) else np).concatenate(grey),
+            emissivity=namespace(grey).concatenate(grey),
             upward=None if ground is None else upward,
             base=jnp.asarray(base, surface.dtype),
             temperature=for_jit(self.temperature, surface.dtype),
@@ -174,13 +180,12 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractRadiativeTerm):
                 surface.dtype,
             ),
         )
-        return enclosure, sampling
+        return enclosure, sampled.sampling
 
     def _views(
         self, bodies: tuple[BodySurface, ...], areas: list[Float[np.ndarray, " _"]]
-    ) -> tuple[ViewFactors, Sampling, Int[np.ndarray, " s"]]:
-        """View factors of the patches of all bodies, and the patch of each fragment."""
-        options = self.max_patches, self.directions, self.error, self.max_directions
+    ) -> "_SampledViews":
+        options = (self.max_patches, self.directions, self.error, self.max_directions)
         poses = tuple((b.pose.translation, b.pose.rotation) for b in bodies)
         return found(
             tuple(b.grid for b in bodies),
@@ -191,27 +196,39 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractRadiativeTerm):
 
     def _sampled_views(
         self, bodies: tuple[BodySurface, ...], areas: list[Float[np.ndarray, " _"]]
-    ) -> tuple[ViewFactors, Sampling, Int[np.ndarray, " s"]]:
-        patches = [
-            group_patches(
-                *(b.own_position, b.own_normal, area, b.grid.lattice),
-                *(self.max_patches, b.grid.cavities),
+    ) -> "_SampledViews":
+        patched = []
+        numbers = []
+        first = 0
+        for body, area in zip(bodies, areas, strict=True):
+            patches = group_patches(
+                body.own_position,
+                normal=body.own_normal,
+                area=area,
+                lattice=body.grid.lattice,
+                max_patches=self.max_patches,
+                cavities=body.grid.cavities,
             )
-            for b, area in zip(bodies, areas, strict=True)
-        ]
-        patched = tuple(
-            PatchedBody.of_mesh(b.grid.mesh, own, b.pose)
-            for b, own in zip(bodies, patches, strict=True)
-        )
-        first = np.cumsum([0, *(own.count for own in patches)])
+            patched.append(PatchedBody.of_mesh(body.grid.mesh, patches, body.pose))
+            numbers.append(patches.patch + first)
+            first += patches.count
         if self.directions is None:
-            asked = self.error, self.max_directions
-            views, sampling = refined_view_factors(patched, *asked)
+            views, sampling = refined_view_factors(
+                tuple(patched), error=self.error, max_directions=self.max_directions
+            )
         else:
-            views = view_factors(patched, self.directions)
-            sampling = Sampling(self.directions, np.nan, self.error)
-        pairs = zip(patches, first, strict=False)
-        return views, sampling, np.concatenate([p.patch + n for p, n in pairs])
+            views = view_factors(tuple(patched), self.directions)
+            sampling = Sampling(self.directions, error=np.nan, limit=self.error)
+        return _SampledViews(views, sampling=sampling, patch=np.concatenate(numbers))
+
+
+class _SampledViews(NamedTuple):
+    """View factors of the patches of all bodies."""
+
+    views: ViewFactors
+    sampling: Sampling
+    patch: Int[np.ndarray, " s"]
+    """Patch of each fragment, bodies concatenated."""
 
 
 def _base(surface: Surface) -> Any:
@@ -229,7 +246,7 @@ class Enclosure(Module):
     transfer: Float[Array, "p p"]
     """K [-]: irradiation of each patch for a unit of emissive power of another."""
     from_surroundings: Float[Array, " p"]
-    """k_s [-], of the sky alone if there is a ground."""
+    """k_s [-]: of the surroundings, or of the sky alone if there is a ground."""
     from_ground: Float[Array, " p"] | None
     """k of a ground [-]; with k_s and the row of K it adds up to 1."""
     base: Float[Array, ""]
@@ -242,14 +259,14 @@ class Enclosure(Module):
     """Reference of each cell minus T_0 [K]."""
 
     def _emitted(self, above: Float[Array, "*s"]) -> Float[Array, "*s"]:
-        # Sigma (T^4 - T_0^4) at T_0 + `above`.
+        # sigma (T^4 - T_0^4) at T = T_0 + `above` [W/m^2].
         return net_emission(self.base + above, self.base, above)
 
     def _received(
         self, time: Float[Array, ""], emitted: Float[Array, " s"]
     ) -> Float[Array, " s"]:
         around = self._emitted(value_at(self.temperature, time) - self.base)
-        # A patch emits what its cells emit, so that no heat is lost between the two.
+        # The emission of a patch is the sum over its cells, so that no heat is lost.
         count = len(self.from_surroundings)
         by_patch = jax.ops.segment_sum(self.weight * emitted, self.patch, count)
         heat = product(self.transfer, by_patch) + self.from_surroundings * around
@@ -276,21 +293,24 @@ class Enclosure(Module):
     ) -> "Enclosure":
         """Exchange on cells that each combine fragments of one patch, -1 for none."""
         # The patches remain, and with them the matrix K; only the weights are summed.
-        kept, cells = np.flatnonzero(cell >= 0), sum(counts)
+        cells = sum(counts)
+        fragments = np.flatnonzero(cell >= 0)
+        target = cell[fragments]
         patch = np.zeros(cells, np.int32)
-        patch[cell[kept]] = np.asarray(self.patch)[kept]
-        above, weight = self.above, self.weight
+        patch[target] = np.asarray(self.patch)[fragments]
+        weight = self.weight
         if is_traced(weight):
-            none = jnp.zeros(cells, weight.dtype)
-            weight = none.at[cell[kept]].add(weight[kept])
+            empty = jnp.zeros(cells, weight.dtype)
+            weight = empty.at[target].add(weight[fragments])
         else:
-            sums = np.bincount(cell[kept], np.asarray(weight)[kept], cells)
+            sums = np.bincount(target, np.asarray(weight)[fragments], cells)
             weight = device_array(sums, weight.dtype)
+        above = self.above
         if above.ndim and is_traced(above):
-            above = jnp.zeros(cells, above.dtype).at[cell[kept]].set(above[kept])
+            above = jnp.zeros(cells, above.dtype).at[target].set(above[fragments])
         elif above.ndim:
             rows = np.zeros(cells, above.dtype)
-            rows[cell[kept]] = np.asarray(above)[kept]
+            rows[target] = np.asarray(above)[fragments]
             above = device_array(rows)
         return replace(self, patch=device_array(patch), weight=weight, above=above)
 
@@ -308,32 +328,37 @@ def _enclosure(
 
     With a ground, `upward` is the vertical component of the fragments' normals.
     """
-    # Gradients pass through the emissivities; what is not traced is solved on the host,
-    # in double precision.
-    xp: Any = jnp if is_traced(emissivity) else np
-    wide = emissivity if xp is jnp else np.asarray(emissivity, float)
-    cast = lambda values: xp.asarray(values, wide.dtype)
-    emitting = cast(area) * xp.maximum(wide, _MIN_EMISSIVITY)
-    if xp is jnp:
-        grey = jax.ops.segment_sum(emitting, jnp.asarray(patch), len(views.area))
-    else:
-        grey = np.bincount(patch, emitting, len(views.area))
-    mean, factor, outside = map(
-        cast, (grey / cast(views.area), views.factor, views.to_surroundings)
+    # Gradients pass through the emissivities; without tracing the system is solved on
+    # the host, in double precision.
+    traced = is_traced(emissivity)
+    xp = namespace(emissivity)
+    dtype = emissivity.dtype if traced else float
+    emitting = xp.asarray(area, dtype) * xp.maximum(
+        xp.asarray(emissivity, dtype), _MIN_EMISSIVITY
     )
-    reflection = xp.eye(len(mean), dtype=factor.dtype) - factor * (1 - mean)[None]
-    around = outside[:, None]
+    count = len(views.area)
+    if traced:
+        grey = jax.ops.segment_sum(emitting, jnp.asarray(patch), count)
+    else:
+        grey = np.bincount(patch, emitting, count)
+    mean = xp.asarray(grey / xp.asarray(views.area, dtype), dtype)
+    factor = xp.asarray(views.factor, dtype)
+    reflection = xp.eye(count, dtype=dtype) - factor * (1 - mean)[None]
+    around = xp.asarray(views.to_surroundings, dtype)[:, None]
     if upward is not None:
-        around = around * cast(_halves(views, patch=patch, area=area, upward=upward)).T
+        halves = _halves(views, patch=patch, area=area, upward=upward)
+        around = around * xp.asarray(halves, dtype).T
     sources = xp.concatenate([factor * mean[None], around], axis=1)
     solved = xp.linalg.solve(reflection, sources)
-    count = len(mean)
-    output = lambda values: device_array(values, emissivity.dtype)
-    # Cells are found from it while a function of the emissivity is compiled.
+
+    def output(values: Any) -> Float[Array, "..."]:
+        return device_array(values, emissivity.dtype)
+
+    # Cells are built from it on the host, also while the emissivity is traced.
     with jax.ensure_compile_time_eval():
-        known = device_array(patch, jnp.int32)
+        host_patch = device_array(patch, jnp.int32)
     return Enclosure(
-        patch=known,
+        patch=host_patch,
         weight=output(emitting / grey[patch]),
         transfer=output(solved[:, :count]),
         from_surroundings=output(solved[:, count]),
@@ -355,5 +380,5 @@ def _halves(
     up = np.bincount(patch, area * (1 + upward) / 2, len(views.area))
     down = np.bincount(patch, area * (1 - upward) / 2, len(views.area))
     seen = np.stack([up, down]) * (1.0 if views.visible is None else views.visible)
-    every = seen.sum(0)
-    return np.where(every > 0, seen / np.where(every > 0, every, 1.0), 0.5)
+    total = seen.sum(0)
+    return np.where(total > 0, seen / np.where(total > 0, total, 1.0), 0.5)

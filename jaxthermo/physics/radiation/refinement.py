@@ -1,9 +1,10 @@
-"""View factors from as many directions as an error estimate asks for.
+"""View factors with a number of directions that follows from an error estimate.
 
-The number of directions is doubled. Each time a new Fibonacci spiral covers all of
-them, and differs from the coarser ones by an error of which half remains in the mean of
-both. That error is judged by what bodies exchange: between their sides, six on each,
-and with the surroundings. Single patches are less accurate than their sums.
+The number of directions is doubled until the estimate is small enough. Each new
+Fibonacci spiral covers all directions; half of its difference from the coarser ones
+remains as an error in the mean of both. The error is that of the exchange between the
+sides of bodies, six on each, and with the surroundings. Single patches are less
+accurate than their sums.
 """
 
 from collections.abc import Callable
@@ -31,9 +32,11 @@ MIN_DIRECTIONS = 128
 DEFAULT_MAX_DIRECTIONS = 4096
 """Limit of the number of directions."""
 
-# First number of directions, and doublings before an estimate is trusted: a single
-# difference may be small by chance.
-_FIRST, _DOUBLINGS = 16, 3
+# First number of directions.
+_FIRST = 16
+
+# Doublings before an estimate is trusted: a single difference may be small by chance.
+_DOUBLINGS = 3
 
 # Estimates below this leave nothing to refine, such as those of a convex body alone.
 _NEGLIGIBLE = 1e-9
@@ -47,21 +50,22 @@ _Sample = TypeVar("_Sample", bound=Any)
 
 
 class Sampling(NamedTuple):
-    """Directions in which view factors were sampled, and the error that is left."""
+    """Number of directions in which view factors were sampled, with their error."""
 
     directions: int
     error: float
-    """Estimate, relative to the exchange of a body [-]; nan for a given number."""
+    """Estimated error relative to the exchange of a body [-]; nan if the number of
+    directions was prescribed."""
     limit: float
-    """Error that was asked for [-]."""
+    """Largest error that the user allows [-]."""
 
     @property
     def note(self) -> str:
         """Remark for the receipt."""
-        what = f"view factors from {self.directions} directions"
+        factors = f"view factors from {self.directions} directions"
         if np.isnan(self.error):
-            return f"{what}, as given; their error is not estimated"
-        estimate = f"{what}, with an estimated error of {100 * self.error:.2g} %"
+            return f"{factors}, as given; their error is not estimated"
+        estimate = f"{factors}, with an estimated error of {100 * self.error:.2g} %"
         if self.error <= self.limit:
             return estimate
         return (
@@ -80,29 +84,44 @@ def refined_view_factors(
     """View factors with an estimated relative error of at most `error`, if possible."""
     cones = pair_cones(bodies)
     apart = {cone.pair for cone in cones}
-    summed, used, worst = _refine(
+    scene = _refine(
         lambda count: sample_all_directions(bodies, count, lines),
-        difference=lambda one, other: _difference(
-            bodies, one=one, other=other, apart=apart
+        difference=lambda coarse, fine: _difference(
+            bodies, coarse=coarse, fine=fine, apart=apart
         ),
         error=error,
         max_directions=max_directions,
     )
-    found = exchange_areas(bodies, summed)
+    factors = exchange_areas(bodies, scene.mean)
+    refined = [scene]
     for cone in cones:
-        seen, count, left = _refine(
+        pair = _refine(
             lambda count, cone=cone: sample_pair(
                 bodies, cone=cone, directions=count, lines=lines
             ),
-            difference=lambda one, other, cone=cone: _pair_difference(
-                bodies, one=one, other=other, cone=cone
+            difference=lambda coarse, fine, cone=cone: _pair_difference(
+                bodies, coarse=coarse, fine=fine, cone=cone
             ),
             error=error,
             max_directions=max_directions,
         )
-        found = with_pair(found, seen=seen, bodies=bodies, pair=cone.pair)
-        used, worst = max(used, count), max(worst, left)
-    return found, Sampling(used, worst, error)
+        factors = with_pair(factors, seen=pair.mean, bodies=bodies, pair=cone.pair)
+        refined.append(pair)
+    sampling = Sampling(
+        directions=max(sample.directions for sample in refined),
+        error=max(sample.error for sample in refined),
+        limit=error,
+    )
+    return factors, sampling
+
+
+class _Refined(NamedTuple):
+    mean: Any
+    """Weighted mean of the samples."""
+    directions: int
+    """Number of directions of the finest sample."""
+    error: float
+    """Estimated relative error of the mean [-]."""
 
 
 def _refine(
@@ -110,21 +129,24 @@ def _refine(
     difference: Callable[[_Sample, _Sample], float],
     error: float,
     max_directions: int,
-) -> tuple[_Sample, int, float]:
-    """A mean of samples, the number of directions in the last, and its error."""
-    count, doublings = _FIRST, 0
-    found, estimate = sample(count), 0.0
+) -> _Refined:
+    """Samples with doubled numbers of directions until their error is small enough."""
+    count = _FIRST
+    mean = sample(count)
+    estimate = 0.0
+    doublings = 0
     while 2 * count <= max_directions:
-        count, doublings = 2 * count, doublings + 1
+        count *= 2
+        doublings += 1
         finer = sample(count)
         # Twice the directions halve the error: an estimate holds for the next, too.
-        estimate = max(difference(found, finer) / 2, estimate / 2)
+        estimate = max(difference(mean, finer) / 2, estimate / 2)
         # The finer spiral weighs more, as its error is about half as large.
-        found = jax.tree.map(lambda a, b: (a + 2 * b) / 3, found, finer)
+        mean = jax.tree.map(lambda a, b: (a + 2 * b) / 3, mean, finer)
         settled = doublings >= _DOUBLINGS and estimate <= error
         if settled or estimate <= _NEGLIGIBLE:
             break
-    return found, count, estimate
+    return _Refined(mean, directions=count, error=estimate)
 
 
 def _by_side(bodies: tuple[PatchedBody, ...]) -> Float[np.ndarray, "g p"]:
@@ -135,39 +157,58 @@ def _by_side(bodies: tuple[PatchedBody, ...]) -> Float[np.ndarray, "g p"]:
 
 def _difference(
     bodies: tuple[PatchedBody, ...],
-    one: LineSums,
-    other: LineSums,
+    coarse: LineSums,
+    fine: LineSums,
     apart: set[tuple[int, int]],
 ) -> float:
-    """Largest relative difference of what two bodies, or one, exchange [-].
+    """Largest relative difference of the exchange of two bodies, or within one [-].
 
-    Pairs that are `apart` have samples of their own.
+    Pairs that are `apart` are left out: they have samples of their own.
     """
-    sides, count = _by_side(bodies), len(bodies)
+    sides = _by_side(bodies)
+    count = len(bodies)
     area = np.array([body.patches.area.sum() for body in bodies])
-    views = [exchange_areas(bodies, lines) for lines in (one, other)]
-    a, b = (sides @ view.between @ sides.T for view in views)
-    block = lambda x: x.reshape(count, _SIDES, count, _SIDES).sum((1, 3))
-    least = _SMALL_VIEW_FACTOR * np.minimum.outer(area, area)
-    between = block(np.abs(a - b)) / np.maximum(block(a + b) / 2, least)
-    for pair in apart:
-        between[pair] = between[pair[::-1]] = 0.0
-    a, b = (sides @ view.outside for view in views)
-    row = lambda x: x.reshape(count, _SIDES).sum(1)
-    least = _SMALL_VIEW_FACTOR * area
-    outside = row(np.abs(a - b)) / np.maximum(row(a + b) / 2, least)
+    a = exchange_areas(bodies, coarse)
+    b = exchange_areas(bodies, fine)
+
+    # Sums over the sides of each body, or of both bodies of a pair.
+    def over_sides(values: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+        if values.ndim == 1:
+            return values.reshape(count, _SIDES).sum(1)
+        return values.reshape(count, _SIDES, count, _SIDES).sum((1, 3))
+
+    def relative(
+        first: Float[np.ndarray, "..."],
+        second: Float[np.ndarray, "..."],
+        reference_area: Float[np.ndarray, "..."],
+    ) -> Float[np.ndarray, "..."]:
+        exchanged = over_sides(first + second) / 2
+        smallest = _SMALL_VIEW_FACTOR * reference_area
+        return over_sides(np.abs(first - second)) / np.maximum(exchanged, smallest)
+
+    between = relative(
+        sides @ a.between @ sides.T,
+        sides @ b.between @ sides.T,
+        np.minimum.outer(area, area),
+    )
+    for i, j in apart:
+        between[i, j] = 0.0
+        between[j, i] = 0.0
+    outside = relative(sides @ a.outside, sides @ b.outside, area)
     return float(max(between.max(), outside.max()))
 
 
 def _pair_difference(
     bodies: tuple[PatchedBody, ...],
-    one: Float[np.ndarray, "p p"],
-    other: Float[np.ndarray, "p p"],
+    coarse: Float[np.ndarray, "p p"],
+    fine: Float[np.ndarray, "p p"],
     cone: PairCone,
 ) -> float:
-    """Relative difference of what two bodies exchange [-]."""
+    """Relative difference of the exchange of the cone's two bodies [-]."""
     sides = _by_side(bodies)
-    a, b = (sides @ between @ sides.T for between in (one, other))
-    # The lines of the cone carry at most this, in both directions [m^2].
-    least = _SMALL_VIEW_FACTOR * 4 * (1 - cone.min_cosine) * cone.extent**2
-    return float(np.abs(a - b).sum() / max((a + b).sum() / 2, least))
+    a = sides @ coarse @ sides.T
+    b = sides @ fine @ sides.T
+    # Largest area that the lines of the cone carry, in both directions [m^2].
+    cone_area = 4 * (1 - cone.min_cosine) * cone.extent**2
+    exchanged = max((a + b).sum() / 2, _SMALL_VIEW_FACTOR * cone_area)
+    return float(np.abs(a - b).sum() / exchanged)

@@ -65,14 +65,16 @@ class AbstractSource(AbstractRadiativeTerm):
         value = _value_at(getattr(self, field), 0.0)
         self._check_location(value, f"{type(self).__name__}({field}=)")
 
-    def _check_location(self, value: Any, what: str) -> None:
-        """Raise an InputError that names `what` for an invalid position."""
+    def _check_location(self, value: Any, argument: str) -> None:
+        """Raise an InputError that names the argument for an invalid position."""
         try:
             point = np.asarray(value, float)
         except (TypeError, ValueError):
             point = np.zeros(0)
         if point.shape != (3,) or not np.isfinite(point).all():
-            raise InputError(f"{what} {value!r}: give three finite numbers, in metres")
+            raise InputError(
+                f"{argument} {value!r}: give three finite numbers, in metres"
+            )
 
     @property
     @override
@@ -81,8 +83,8 @@ class AbstractSource(AbstractRadiativeTerm):
 
     @override
     def snapshot_times(self, end: float | int) -> tuple[float, ...]:
-        given = getattr(getattr(self, self.location_field), "snapshots", None)
-        return super().snapshot_times(end) if given is None else given
+        times = getattr(getattr(self, self.location_field), "snapshots", None)
+        return super().snapshot_times(end) if times is None else times
 
     @override
     def at(self: _Source, time: float) -> _Source:
@@ -112,9 +114,9 @@ class AbstractSource(AbstractRadiativeTerm):
 
     @property
     def exposure_key(self) -> Hashable:
-        """Values that its exposure depends on beside surfaces; None if not known.
+        """Values on which its exposure depends, besides the surfaces; None if unknown.
 
-        A source without it finds its shadows again for every run.
+        The shadows of a source without a key are computed again for every run.
         """
         return None
 
@@ -126,17 +128,18 @@ class AbstractSource(AbstractRadiativeTerm):
     def cone(self) -> tuple[Float[np.ndarray, "3"], float] | None:
         """Unit vector to a source at infinity, and its apparent radius [rad].
 
-        None for a source nearby, of which `appearance` alone says where it is seen.
+        None for a source nearby: `appearance` alone says where it is seen.
         """
         return None
 
     def appearance(
         self, origin: Float[np.ndarray, "p 3"], step: Float[np.ndarray, "p 3"]
     ) -> Appearance:
-        """Radiance towards a camera for a unit of strength, and its depth.
+        """Radiance along rays towards a camera for a unit of strength, and its depth.
 
-        Of rays from `origin` [m] with `step` [m] per metre of depth: 0 for those that
-        miss it. A source without an extent of its own, as here, is never seen.
+        Rays start at `origin` [m] and proceed by `step` [m] per metre of depth; the
+        radiance is 0 on rays that miss the source. A source without an extent, as by
+        default, is never seen.
         """
         del step
         return np.zeros(len(origin)), np.full(len(origin), np.inf)
@@ -152,7 +155,8 @@ class AbstractSource(AbstractRadiativeTerm):
             return ()
         law = ImposedFlux(for_jit(self.strength, surface.dtype))
         exposures = [self._exposure_of(body) for body in surface.bodies]
-        return (self._on_all(surface, exposures, law, spectrum=self.spectrum),)
+        irradiation = self._on_all(surface, exposures, law=law, spectrum=self.spectrum)
+        return (irradiation,)
 
     @override
     def absorbed(
@@ -170,12 +174,16 @@ class AbstractSource(AbstractRadiativeTerm):
                 f"{type(self).__name__}({field}={getattr(self, field)}): is inside "
                 f"body {body.body} (or a part of it is); move it out of the body"
             )
-        of = body.scene_triangles, body.position, body.normal
-        by = self.exposure_key
+        key = self.exposure_key
         return found(
-            of,
-            by=None if by is None else ("exposure", type(self), by, body.pitch),
-            find=lambda: self.exposure(*of, body.pitch),
+            (body.scene_triangles, body.position, body.normal),
+            by=None if key is None else ("exposure", type(self), key, body.pitch),
+            find=lambda: self.exposure(
+                body.scene_triangles,
+                position=body.position,
+                normal=body.normal,
+                pitch=body.pitch,
+            ),
             search=f"shadows of {self.name} on body {body.body}",
         )
 
@@ -205,7 +213,7 @@ class Sun(AbstractSource):
     irradiance: TimeVarying
     """Irradiance normal to the rays [W/m^2]: a number or a function of time."""
     on: AbstractSelection | None = None
-    """Part of the surface that it heats; the rest casts shadows still."""
+    """Part of the surface that it heats; the rest still casts shadows."""
 
     def __check_init__(self):
         check_value(self.irradiance, "Sun(irradiance [W/m^2])", 0.0)
@@ -216,8 +224,8 @@ class Sun(AbstractSource):
         return self.irradiance
 
     @override
-    def _check_location(self, value: Any, what: str) -> None:
-        unit_vector(value, what)
+    def _check_location(self, value: Any, argument: str) -> None:
+        unit_vector(value, argument)
 
     @property
     @override
@@ -265,8 +273,8 @@ class PointSource(AbstractSource):
 
     E = I max(0, L . n) s / max(R, R_0)^2 [W/m^2],
 
-    with the unit vector L to the source, the lit fraction s and the distance R. Below
-    R_0 a real source is no point any more. (The thesis' eq. 3 omits the distance.)
+    with the unit vector L to the source, the lit fraction s and the distance R. A real
+    source closer than R_0 is not a point. (The thesis' eq. 3 omits the distance.)
 
     Raises:
         InputError: for an invalid position, or values that are not positive.
@@ -284,11 +292,11 @@ class PointSource(AbstractSource):
     min_distance: float = eqx.field(static=True, default=0.01)
     """R_0 [m]: closer surfaces receive the irradiance at this distance."""
     on: AbstractSelection | None = None
-    """Part of the surface that it heats; the rest casts shadows still."""
+    """Part of the surface that it heats; the rest still casts shadows."""
 
     def __check_init__(self):
-        what = "PointSource(radiant_intensity [W/sr])"
-        check_value(self.radiant_intensity, what, 0.0)
+        argument = "PointSource(radiant_intensity [W/sr])"
+        check_value(self.radiant_intensity, argument, 0.0)
         if not (np.isfinite(self.min_distance) and self.min_distance > 0):
             raise InputError(
                 f"PointSource(min_distance={self.min_distance!r}): "
@@ -316,9 +324,8 @@ class PointSource(AbstractSource):
         away = origin - position
         distance = np.linalg.norm(away, axis=1)
         floored = np.maximum(distance, self.min_distance)
-        along = np.einsum("ij,ij->i", normal, away) / np.where(
-            distance > 0, distance, 1
-        )
+        safe_distance = np.where(distance > 0, distance, 1)
+        along = np.einsum("ij,ij->i", normal, away) / safe_distance
         exposed = np.maximum(0.0, along) / (floored * floored)
         facing = np.flatnonzero(exposed > 0)
         exposed[facing] *= lit_fraction_from_point(
@@ -332,7 +339,7 @@ class PointSource(AbstractSource):
 
     @override
     def appearance(self, origin, step) -> Appearance:
-        # A diffuse sphere of this radius irradiates as the law says, beside shadows.
+        # But for shadows, a diffuse sphere of this radius irradiates as the law says.
         centre = np.asarray(self.position, float)
         return sphere(origin, step=step, centre=centre, radius=self.min_distance)
 

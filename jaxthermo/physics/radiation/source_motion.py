@@ -6,9 +6,10 @@ The tables are constant before the first and after the last time.
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from ...arrays import Numbers, Points
 from ...errors import InputError
@@ -20,8 +21,8 @@ Triple = tuple[float, float, float]
 
 def triple(value: Any) -> Triple:
     """Three plain numbers, which can be compared and hashed."""
-    x, y, z = (float(number) for number in np.asarray(value, float))
-    return x, y, z
+    x, y, z = np.asarray(value, float).tolist()
+    return (x, y, z)
 
 
 # Unit vectors with a shorter sum count as opposite: no unique arc connects them.
@@ -46,8 +47,9 @@ class PointTable:
 
     def __call__(self, time: float) -> Triple:
         """Point at `time` [s]."""
-        first, second, t = _between(self.times, self.points, time)
-        return triple((1 - t) * first + t * second)
+        interval = _interval(self.times, self.points, time)
+        t = interval.fraction
+        return triple((1 - t) * interval.first + t * interval.second)
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ class DirectionTable:
     directions: Points
     """Directions of any length, one for each time."""
     snapshots: Numbers | None = None
-    """Times at which shadows are recomputed [s]; None for 64 of equal distance."""
+    """Times at which shadows are recomputed [s]; None for 64 equidistant ones."""
 
     def __post_init__(self):
         _make_plain(self, "directions")
@@ -83,8 +85,10 @@ class DirectionTable:
 
     def __call__(self, time: float) -> Triple:
         """Unit vector at `time` [s]."""
-        *ends, t = _between(self.times, self.directions, time)
-        first, second = (unit_vector(end) for end in ends)
+        interval = _interval(self.times, self.directions, time)
+        first = unit_vector(interval.first)
+        second = unit_vector(interval.second)
+        t = interval.fraction
         across = float(np.linalg.norm(np.cross(first, second)))
         angle = math.atan2(across, float(first @ second))
         if angle == 0:
@@ -94,15 +98,24 @@ class DirectionTable:
         return triple(unit_vector(turned + math.sin(t * angle) * second))
 
 
-def _between(
-    times: Any, rows: Any, time: float
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Rows before and after `time` [s], and the fraction of the interval passed [-]."""
+class _Interval(NamedTuple):
+    """Rows of a table at both ends of the interval around a time."""
+
+    first: Float[np.ndarray, "3"]
+    second: Float[np.ndarray, "3"]
+    fraction: float
+    """Fraction of the interval that has passed [-]."""
+
+
+def _interval(times: Any, rows: Any, time: float) -> _Interval:
     last = len(times) - 1
     position = float(np.interp(time, times, np.arange(last + 1.0)))
-    before = int(position)
-    first, second = rows[before], rows[min(before + 1, last)]
-    return np.asarray(first), np.asarray(second), position - before
+    index = int(position)
+    return _Interval(
+        first=np.asarray(rows[index]),
+        second=np.asarray(rows[min(index + 1, last)]),
+        fraction=position - index,
+    )
 
 
 def _make_plain(table: Any, field: str) -> None:

@@ -21,7 +21,7 @@ from .patches import PatchedBody
 
 
 DEFAULT_DIRECTIONS = 128
-"""Directions of the whole scene, and as many between each pair of bodies."""
+"""Directions of the whole scene, and also of the cone between each pair of bodies."""
 
 DEFAULT_LINES = 64
 """Lines across the largest extent of the scene, or of the smaller body of a pair."""
@@ -33,7 +33,7 @@ class ViewFactors(NamedTuple):
     """View factors of the patches of all bodies, concatenated."""
 
     area: Float[np.ndarray, " p"]
-    """[m^2]"""
+    """Area of each patch [m^2]."""
     between: Float[np.ndarray, "p p"]
     """A_i F_ij, symmetric [m^2]."""
     outside: Float[np.ndarray, " p"]
@@ -72,11 +72,11 @@ def view_factors(
             f"view factors: directions={directions}, lines={lines}; "
             "give 8 or more of both"
         )
-    found = exchange_areas(bodies, sample_all_directions(bodies, directions, lines))
+    factors = exchange_areas(bodies, sample_all_directions(bodies, directions, lines))
     for cone in pair_cones(bodies):
         seen = sample_pair(bodies, cone=cone, directions=directions, lines=lines)
-        found = with_pair(found, seen=seen, bodies=bodies, pair=cone.pair)
-    return found
+        factors = with_pair(factors, seen=seen, bodies=bodies, pair=cone.pair)
+    return factors
 
 
 def exchange_areas(bodies: tuple[PatchedBody, ...], lines: LineSums) -> ViewFactors:
@@ -88,20 +88,27 @@ def exchange_areas(bodies: tuple[PatchedBody, ...], lines: LineSums) -> ViewFact
     enclosed = np.concatenate([body.patches.enclosed for body in bodies])
     alone = np.flatnonzero(enclosed & (between.sum(1) == 0))
     between[alone, alone] = area[alone]
-    found = _balance(between, sky + ground, area)
-    return found._replace(visible=lines.visible)
+    balanced = _balance(between, sky + ground, area)
+    return balanced._replace(visible=lines.visible)
 
 
-def with_pair(found: ViewFactors, seen, bodies, pair: tuple[int, int]) -> ViewFactors:
-    """View factors with better samples of one pair of bodies."""
+def with_pair(
+    factors: ViewFactors,
+    seen: Float[np.ndarray, "p p"],
+    bodies: tuple[PatchedBody, ...],
+    pair: tuple[int, int],
+) -> ViewFactors:
+    """View factors with the areas A_i F_ij of one pair of bodies replaced by `seen`."""
     counts = [body.patches.count for body in bodies]
     number = np.repeat(np.arange(len(bodies)), counts)
-    a, b = number == pair[0], number == pair[1]
-    between = np.where((a[:, None] & b) | (b[:, None] & a), seen, found.between)
-    # The surroundings take the difference, so that the rows keep their sums.
-    outside = found.outside + (found.between - between).sum(1)
-    balanced = _balance(between, np.maximum(outside, 0.0), found.area)
-    return balanced._replace(visible=found.visible)
+    a = number == pair[0]
+    b = number == pair[1]
+    is_pair = (a[:, None] & b) | (b[:, None] & a)
+    between = np.where(is_pair, seen, factors.between)
+    # The surroundings take the difference, so that the sums of the rows do not change.
+    outside = factors.outside + (factors.between - between).sum(1)
+    balanced = _balance(between, np.maximum(outside, 0.0), factors.area)
+    return balanced._replace(visible=factors.visible)
 
 
 def _balance(
@@ -125,4 +132,4 @@ def _balance(
     between = between * np.outer(scale, scale)
     outside = scale * outside
     between[np.diag_indices(len(area))] += area - between.sum(1) - outside
-    return ViewFactors(area, between, outside)
+    return ViewFactors(area=area, between=between, outside=outside)

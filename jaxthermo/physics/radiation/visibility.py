@@ -20,6 +20,7 @@ from jaxtyping import Float
 
 from ...arrays import linear_map
 from ...errors import InputError
+from ...findings import found
 from ...geometry.mesh import tangents
 from ...host_memory import require_memory
 from ...raster.depth_buffer import depth_range
@@ -32,6 +33,7 @@ from ...raster.views import (
     view_frame,
 )
 from ...stored_findings import stored_search
+from ..surface import BodySurface
 
 
 # Distance of the four samples from the fragment's centre, in voxels.
@@ -40,7 +42,7 @@ _SAMPLE_RADIUS = 0.3
 # Samples are lifted off the surface along its normal by this many pixels. The depth of
 # a plane varies by less than sqrt(1/2) across a pixel at any angle, so a surface never
 # shades itself, and a shadow is displaced by less than half a voxel as the source sees
-# it. In perspective the same holds with a pixel's size at the fragment's depth.
+# it. In perspective this holds with a pixel's size at the fragment's depth.
 _LIFT = 0.75
 
 
@@ -110,10 +112,10 @@ def lit_fraction_from_point(
     facing = np.flatnonzero(np.einsum("ij,ij->i", normal, eye - position) > 0)
     if not len(facing):
         return lit
-    for view, chosen in perspective_views(eye, position[facing], pitch / 2):
+    for view, in_view in perspective_views(eye, position[facing], pitch / 2):
         _check_map(view)
         nearest = view.nearest(triangles)
-        seen = facing[chosen]
+        seen = facing[in_view]
         size = view.pixel * view.project(position[seen])[:, 2]
         raised = position[seen] + normal[seen] * (_LIFT * size)[:, None]
         lit[seen] = _lit_samples(
@@ -177,7 +179,8 @@ def sky_view(
         InputError: for fewer than 8 directions.
     """
     check_directions(directions)
-    seen, sampled = np.zeros((2, len(position))), np.zeros((2, len(position)))
+    seen = np.zeros((2, len(position)))
+    sampled = np.zeros((2, len(position)))
     points = np.arange(len(position))
     # All directions point upward: the sky is half 0, the opposite directions half 1,
     # the ground. The first depth layer of a map shows the points that are visible from
@@ -188,12 +191,28 @@ def sky_view(
         corners = view.project(triangles)
         ends = depth_range(corners, view.width, view.height)
         cosine = normal @ upward
-        visible, known = _sees_out(view, ends=ends, position=position, normal=normal)
+        visible, certain = _sees_out(view, ends=ends, position=position, normal=normal)
         half = (cosine <= 0).astype(int)
-        weight = np.abs(cosine) * known
+        weight = np.abs(cosine) * certain
         seen[half, points] += weight * visible
         sampled[half, points] += weight
     return _scaled(seen, sampled, unobstructed_view(normal))
+
+
+def sky_view_of(body: BodySurface, directions: int) -> _SkyView:
+    """View factors of a body's fragments to sky and ground, computed once."""
+    return found(
+        (body.scene_triangles, body.position, body.normal),
+        by=("sky_view", body.pitch, directions),
+        find=lambda: sky_view(
+            body.scene_triangles,
+            position=body.position,
+            normal=body.normal,
+            pitch=body.pitch,
+            directions=directions,
+        ),
+        search=f"view of sky and ground from body {body.body}",
+    )
 
 
 def _sees_out(
@@ -202,16 +221,17 @@ def _sees_out(
     position: Float[np.ndarray, "s 3"],
     normal: Float[np.ndarray, "s 3"],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Flags: the point is visible along the view or against it; the answer is known."""
-    # The ray through a pixel's middle meets the plane of a point beside the point, the
-    # farther the more it grazes the plane. Too far away the depths say nothing.
-    at, tilt = view.project(position), linear_map(normal, view.frame.T)
+    """Masks: the point is visible along or against the view; the answer is certain."""
+    # The ray through a pixel's middle meets the plane of a point at a distance from the
+    # point that grows as it grazes the plane. Too far away the depths say nothing.
+    at = view.project(position)
+    tilt = linear_map(normal, view.frame.T)
     column = np.clip(at[:, 0].astype(int), 0, view.width - 1)
     row = np.clip(at[:, 1].astype(int), 0, view.height - 1)
     nearest, farthest = (end[row, column] for end in ends)
-    beside = np.stack([column, row], axis=1) + 0.5 - at[:, :2]
+    to_middle = np.stack([column, row], axis=1) + 0.5 - at[:, :2]
     steep = np.where(np.abs(tilt[:, 2]) > 1e-9, tilt[:, 2], 1e-9)
-    deeper = -np.einsum("ij,ij->i", beside, tilt[:, :2]) / steep
+    deeper = -np.einsum("ij,ij->i", to_middle, tilt[:, :2]) / steep
     depth = at[:, 2] + deeper
     visible = np.where(
         tilt[:, 2] > 0,
@@ -226,7 +246,7 @@ def _scaled(seen: np.ndarray, sampled: np.ndarray, unobstructed: _SkyView) -> _S
     # Only the visible fraction is sampled, in the same directions everywhere, so that
     # unobstructed surfaces have exactly the factors of the closed form. A sliver of sky
     # or ground without samples takes the fraction of both together.
-    whole = seen.sum(0) / np.maximum(sampled.sum(0), 1e-30)
+    mean = seen.sum(0) / np.maximum(sampled.sum(0), 1e-30)
     has_samples = sampled > 0
-    visible = np.where(has_samples, seen / np.where(has_samples, sampled, 1.0), whole)
+    visible = np.where(has_samples, seen / np.where(has_samples, sampled, 1.0), mean)
     return _SkyView(unobstructed.sky * visible[0], unobstructed.ground * visible[1])

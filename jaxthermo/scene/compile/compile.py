@@ -219,7 +219,7 @@ def _parts(ledger: Ledger, snapshot: Snapshot) -> tuple[Part, ...]:
     parts = []
     surface = snapshot.surface
     whole = [float(body.grid.fragment_area.sum()) for body in surface.bodies]
-    acting = [(n, surface.apart(binding.acts)) for n, binding in snapshot.bindings]
+    acting = [(n, surface.apart(binding.acting)) for n, binding in snapshot.bindings]
     area_of = lambda area, acts: found(
         (area,), ("area", digest(acts)), lambda: float(area[acts].sum())
     )

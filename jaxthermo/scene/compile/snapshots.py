@@ -129,7 +129,7 @@ def acting(snapshots: list[Snapshot]) -> list[Bool[np.ndarray, " s"]]:
     """Fragments on which each binding acts at any snapshot."""
     # A light that moves reaches a fragment at some snapshots only.
     rows = zip(*(each.bindings for each in snapshots), strict=True)
-    return [np.any([binding.acts for _, binding in row], axis=0) for row in rows]
+    return [np.any([binding.acting for _, binding in row], axis=0) for row in rows]
 
 
 def _body_surfaces(
@@ -330,7 +330,7 @@ def _bind_terms(
     reached = {
         (n, body)
         for n, binding in radiating
-        for body, own in enumerate(surface.apart(binding.acts))
+        for body, own in enumerate(surface.apart(binding.acting))
         if own.any()
     }
     omitted = [(n, each) for n, each in omitted if (n, each.body) not in reached]
@@ -352,14 +352,14 @@ def _claimed(
     """
     taken = np.full(len(surface.body), -1)
     for number, binding in bindings:
-        other = binding.acts & (taken >= 0) & (taken != number)
+        other = binding.acting & (taken >= 0) & (taken != number)
         if other.any():
             raise InputError(
                 f"terms[{taken[other].max()}] and terms[{number}] both {verb} a piece "
                 f"of body {surface.body[other][0]}'s surface {what}".rstrip()
                 + ": keep their `on` apart"
             )
-        taken[binding.acts] = number
+        taken[binding.acting] = number
     return taken
 
 

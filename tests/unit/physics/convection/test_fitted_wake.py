@@ -26,10 +26,10 @@ def speed_of(reynolds):
     return reynolds * VISCOSITY / DIAMETER
 
 
-def behind(shift, beside=0.0):
+def behind(shift, aside=0.0):
     """The cylinder that far behind another of its kind, in diameters of both."""
     grid = upright_cylinder()
-    upstream = grid.mesh.triangles - DIAMETER * np.array([shift, beside, 0.0])
+    upstream = grid.mesh.triangles - DIAMETER * np.array([shift, aside, 0.0])
     return surface(grid, triangles=np.concatenate([grid.mesh.triangles, upstream]))
 
 
@@ -117,7 +117,7 @@ def test_places_are_behind_the_rear_and_beside_the_middle():
     )
     # As high as wide: it is no rod, and its wake is round.
     beside = np.hypot(position[:, 1] + 1.5, position[:, 2])
-    np.testing.assert_allclose(found.beside[other], beside, atol=0.03)
+    np.testing.assert_allclose(found.aside[other], beside, atol=0.03)
     np.testing.assert_allclose(found.diameter, DIAMETER, rtol=0.01)
 
 
@@ -147,7 +147,7 @@ def test_a_rod_has_a_wake_along_its_length():
         here = int(np.argmin(found.diameter))
         rear = 0.05 + shear[0, 2] * np.minimum(points[:, 2], 0.25)
         np.testing.assert_allclose(found.behind[here], (0.5 - rear) / 0.1, atol=0.06)
-        np.testing.assert_allclose(found.beside[here], [1.0, 0.0, 2.0], atol=0.06)
+        np.testing.assert_allclose(found.aside[here], [1.0, 0.0, 2.0], atol=0.06)
 
 
 def test_heat_transfer_is_continuous_as_it_moves_out_of_the_wake():
@@ -191,4 +191,8 @@ def test_the_receipt_names_what_no_wake_was_computed_for():
     assert "below 10, where none was computed" in notes(2.0)[0]
     assert "computed up to 150, from 300 on" in notes(5e3)[0]
     assert notes(5e3, surface(upright_cylinder())) == []
-    assert [each.kind for each in wake_ranges()] == ["steady", "shedding", "turbulent"]
+    assert [each.regime for each in wake_ranges()] == [
+        "steady",
+        "shedding",
+        "turbulent",
+    ]
