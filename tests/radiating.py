@@ -20,7 +20,7 @@ def moved(x, y, z, rotation=UPRIGHT) -> Pose:
     return Pose((float(x), float(y), float(z)), (a, b, c))
 
 
-def surface_of(grid: VoxelGrid, pose=STANDING, others=(), emissivity=0.8, body=0):
+def surface_of(grid: VoxelGrid, pose=STANDING, obstacles=(), emissivity=0.8, body=0):
     """The surface of a body of a metal, with the triangles of others in the scene."""
     count = len(grid.fragment_area)
     return BodySurface(
@@ -35,7 +35,9 @@ def surface_of(grid: VoxelGrid, pose=STANDING, others=(), emissivity=0.8, body=0
         half_cell=np.full(count, 1e3),
         emissivity=np.asarray(emissivity),
         absorptivity=np.asarray(1.0),
-        scene_triangles=np.concatenate([pose.to_world(grid.mesh.triangles), *others]),
+        scene_triangles=np.concatenate(
+            [pose.to_world(grid.mesh.triangles), *obstacles]
+        ),
         dtype=np.dtype("float64"),
     )
 
@@ -47,7 +49,8 @@ def whole(*bodies, reference=300.0):
 
 def shell(inner: float, outer: float, subdivisions: int = 3) -> Mesh:
     """A hollow sphere."""
-    hole, ball = sphere(inner, subdivisions), sphere(outer, subdivisions)
+    hole = sphere(inner, subdivisions)
+    ball = sphere(outer, subdivisions)
     return Mesh(
         np.concatenate([ball.vertices, hole.vertices]),
         np.concatenate([ball.faces, hole.faces[:, ::-1] + len(ball.vertices)]),
@@ -55,13 +58,13 @@ def shell(inner: float, outer: float, subdivisions: int = 3) -> Mesh:
     )
 
 
-def in_patches(grid: VoxelGrid, most: int, pose=STANDING) -> PatchedBody:
+def in_patches(grid: VoxelGrid, max_patches: int, pose=STANDING) -> PatchedBody:
     patches = group_patches(
         grid.fragment_position,
-        grid.fragment_normal,
-        grid.fragment_area,
-        grid.lattice,
-        most,
-        grid.cavities,
+        normal=grid.fragment_normal,
+        area=grid.fragment_area,
+        lattice=grid.lattice,
+        max_patches=max_patches,
+        cavities=grid.cavities,
     )
     return PatchedBody.of_mesh(grid.mesh, patches, pose)

@@ -14,37 +14,37 @@ ENDS = tuple(
 )
 
 
-def _mode(kind, cells, dt, end=50.0):
+def _mode(shape_name, cells, dt, end=50.0):
     """Amplitude left of the second eigenmode, and of the same by the closed form."""
     grid = bar(cells, LENGTH / cells)
-    shape = {"cosine": np.cos, "sine": np.sin}[kind]
+    shape = {"cosine": np.cos, "sine": np.sin}[shape_name]
     wave = 2 * np.pi / LENGTH
     body = jt.Body(
         jt.FullVolume(grid),
         SOLID,
         temperature=lambda p: 300.0 + shape(wave * (p[:, 0] + LENGTH / 2)),
     )
-    scene = jt.Scene((body,), ENDS if kind == "sine" else (), dtype="float64")
+    scene = jt.Scene((body,), ENDS if shape_name == "sine" else (), dtype="float64")
     solution = jt.simulate(scene, end, solver=jt.ForwardEuler(dt=dt))
-    found = np.asarray(solution.surface_temperature)[0, on_top(grid)] - 300.0
+    temperature = np.asarray(solution.surface_temperature)[0, on_top(grid)] - 300.0
     exact = np.exp(-SOLID.diffusivity * wave**2 * end) * shape(wave * depth(grid))
-    return np.sqrt(np.mean((found - exact) ** 2))
+    return np.sqrt(np.mean((temperature - exact) ** 2))
 
 
 # Cosines alone are exact eigenvectors of cells, of second order: test_anisotropic.
 @pytest.mark.parametrize(
-    "kind", [pytest.param("cosine", marks=pytest.mark.slow), "sine"]
+    "shape_name", [pytest.param("cosine", marks=pytest.mark.slow), "sine"]
 )
-def test_second_order_in_space(kind):
+def test_second_order_in_space(shape_name):
     # dt ~ h^2 keeps the error in time in step; alpha dt = h^2 / 12 leaves space ahead.
     errors = np.array(
         [
-            _mode(kind, cells, (LENGTH / cells) ** 2 / (12 * SOLID.diffusivity))
+            _mode(shape_name, cells, (LENGTH / cells) ** 2 / (12 * SOLID.diffusivity))
             for cells in (10, 20, 40)
         ]
     )
     orders = np.log2(errors[:-1] / errors[1:])
-    print("space,", kind, errors, "orders", orders)
+    print("space,", shape_name, errors, "orders", orders)
     np.testing.assert_allclose(orders, 2.0, atol=0.1)
 
 

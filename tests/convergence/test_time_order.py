@@ -9,7 +9,8 @@ import jaxthermo as jt
 from tests.bodies import blocks
 
 
-END, OFF = 400.0, 200.0
+END = 400.0
+OFF = 200.0
 STONE = jt.Material(1.5, density=2000.0, specific_heat=800.0, emissivity=0.9)
 ORDERS = {
     "BackwardEuler": (jt.BackwardEuler, 1.0),
@@ -70,13 +71,15 @@ def test_the_error_of_adaptive_steps_follows_what_is_asked():
     runs = [_run(jt.TRBDF2(error=error)) for error in asked]
     off = [np.abs(run.surface_temperature - _exact()).max() for run in runs]
     efforts = [run.run.statistics for run in runs]
-    taken = [int(effort.accepted_steps) for effort in efforts if effort is not None]
-    print("asked", asked, "off", off, "steps", taken)
+    step_counts = [
+        int(effort.accepted_steps) for effort in efforts if effort is not None
+    ]
+    print("asked", asked, "off", off, "steps", step_counts)
     assert off[0] > off[1] > off[2]
     assert all(error < 3 * limit for error, limit in zip(off, asked, strict=True))
-    assert taken[0] < taken[1] < taken[2]
+    assert step_counts[0] < step_counts[1] < step_counts[2]
     # Of a method whose error a step is of third order.
-    assert taken[2] / taken[1] == pytest.approx(10 ** (1 / 3), rel=0.4)
+    assert step_counts[2] / step_counts[1] == pytest.approx(10 ** (1 / 3), rel=0.4)
 
 
 @pytest.mark.slow

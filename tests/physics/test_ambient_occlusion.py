@@ -26,7 +26,8 @@ def out_of_groove(x, angle):
 
     F = [1 - (cos a - x) / sqrt(1 + x^2 - 2 x cos a)] / 2, walls of 1 m
     """
-    along, across = np.cos(angle) - x, np.sin(angle)
+    along = np.cos(angle) - x
+    across = np.sin(angle)
     return (1 - along / np.hypot(along, across)) / 2
 
 
@@ -52,11 +53,13 @@ def quads(corners):
 
 def groove(angle, length=60.0):
     """An endless V in a flat ground, its walls 1 m long, along y."""
-    s, c = np.sin(angle / 2), np.cos(angle / 2)
+    s = np.sin(angle / 2)
+    c = np.cos(angle / 2)
     y = np.array([0.0, length / 2, 0.0])
     sides = []
     for sign in (1.0, -1.0):
-        rim, out = np.array([sign * s, 0.0, c]), np.array([sign * 5.0, 0.0, 0.0])
+        rim = np.array([sign * s, 0.0, c])
+        out = np.array([sign * 5.0, 0.0, 0.0])
         sides += [[-y, rim - y, rim + y, y]]
         sides += [[rim - y, rim + out - y, rim + out + y, rim + y]]
     # What is below the ground must not be seen through it.
@@ -73,32 +76,38 @@ def groove(angle, length=60.0):
     ],
 )
 def test_endless_groove(degrees):
-    angle, pitch = np.deg2rad(degrees), 0.05
-    s, c = np.sin(angle / 2), np.cos(angle / 2)
+    angle = np.deg2rad(degrees)
+    pitch = 0.05
+    s = np.sin(angle / 2)
+    c = np.cos(angle / 2)
     x, y = np.meshgrid(
         (np.arange(20) + 0.5) * pitch, 0.37 * np.arange(9) * pitch, indexing="ij"
     )
-    place = np.stack([x * s, y, x * c], axis=-1).reshape(-1, 3)
-    normal = np.tile([-c, 0.0, s], (len(place), 1))
-    view = sky_view(groove(angle), place, normal, pitch, 256)
-    found = (view.sky + view.ground).reshape(x.shape).mean(1)
+    position = np.stack([x * s, y, x * c], axis=-1).reshape(-1, 3)
+    normal = np.tile([-c, 0.0, s], (len(position), 1))
+    view = sky_view(
+        groove(angle), position=position, normal=normal, pitch=pitch, directions=256
+    )
+    factor = (view.sky + view.ground).reshape(x.shape).mean(1)
     exact = out_of_groove(x[:, 0], angle)
-    rms = float(np.sqrt(np.mean((found - exact) ** 2)))
-    print(degrees, "degrees: rms", rms, "mean", found.mean() - exact.mean())
+    rms = float(np.sqrt(np.mean((factor - exact) ** 2)))
+    print(degrees, "degrees: rms", rms, "mean", factor.mean() - exact.mean())
     assert rms < 0.015
-    assert found.mean() == pytest.approx(groove_mouth(angle), abs=0.008)
+    assert factor.mean() == pytest.approx(groove_mouth(angle), abs=0.008)
     # The ground is below the horizon, and here all of it is hidden by the walls.
     assert view.ground.max() < 0.02
 
 
 def test_ball_on_a_plane():
     ball = sphere(1.0, 3).triangles + np.array([0.0, 0.0, 1.0])
-    place = np.random.default_rng(0).uniform(-3, 3, (800, 3)) * np.array([1, 1, 0.0])
-    place = place[np.hypot(*place[:, :2].T) > 0.2]
-    normal = np.tile([0.0, 0.0, 1.0], (len(place), 1))
+    position = np.random.default_rng(0).uniform(-3, 3, (800, 3)) * np.array([1, 1, 0.0])
+    position = position[np.hypot(*position[:, :2].T) > 0.2]
+    normal = np.tile([0.0, 0.0, 1.0], (len(position), 1))
     floor = box((20.0, 20.0, 1.0)).triangles - np.array([0.0, 0.0, 0.5])
-    view = sky_view(np.concatenate([ball, floor]), place, normal, 0.05)
-    away = np.hypot(*place[:, :2].T)
+    view = sky_view(
+        np.concatenate([ball, floor]), position=position, normal=normal, pitch=0.05
+    )
+    away = np.hypot(*position[:, :2].T)
     far = np.hypot(away, 1.0)
     exact = 1 - element_to_sphere(1.0, far, 1 / far)
     np.testing.assert_array_equal(view.ground, 0.0)
@@ -108,8 +117,15 @@ def test_ball_on_a_plane():
 @pytest.mark.parametrize("directions", [8, 33])
 def test_convex_bodies_see_everything_exactly(directions):
     ball = voxelize(sphere(0.2, 3), 0.02)
-    place, normal = ball.fragment_position, ball.fragment_normal
-    view = sky_view(ball.mesh.triangles, place, normal, 0.02, directions)
+    position = ball.fragment_position
+    normal = ball.fragment_normal
+    view = sky_view(
+        ball.mesh.triangles,
+        position=position,
+        normal=normal,
+        pitch=0.02,
+        directions=directions,
+    )
     free = unobstructed_view(normal)
     # On facets next to the terminator a ray may graze the next one.
     off = np.abs(view.sky + view.ground - 1) > 1e-12
@@ -117,7 +133,10 @@ def test_convex_bodies_see_everything_exactly(directions):
     np.testing.assert_allclose(view.sky[~off], free.sky[~off], atol=1e-12)
     block = voxelize(box((0.2, 0.1, 0.1)), 0.02)
     view = sky_view(
-        block.mesh.triangles, block.fragment_position, block.fragment_normal, 0.02
+        block.mesh.triangles,
+        position=block.fragment_position,
+        normal=block.fragment_normal,
+        pitch=0.02,
     )
     np.testing.assert_allclose(
         view.sky, unobstructed_view(block.fragment_normal).sky, atol=0
@@ -130,14 +149,12 @@ def test_convex_bodies_see_everything_exactly(directions):
 def test_two_cubes_against_closed_form_and_exchange():
     cube = voxelize(box((1.0, 1.0, 1.0)), 0.05)
     apart = 1.5
-    other = cube.mesh.triangles + np.array([apart, 0.0, 0.0])
-    both = np.concatenate([cube.mesh.triangles, other])
-    place, normal, area = (
-        cube.fragment_position,
-        cube.fragment_normal,
-        cube.fragment_area,
-    )
-    view = sky_view(both, place, normal, 0.05)
+    neighbour = cube.mesh.triangles + np.array([apart, 0.0, 0.0])
+    triangles = np.concatenate([cube.mesh.triangles, neighbour])
+    position = cube.fragment_position
+    normal = cube.fragment_normal
+    area = cube.fragment_area
+    view = sky_view(triangles, position=position, normal=normal, pitch=0.05)
     seen = view.sky + view.ground
     facing = normal[:, 0] > 0.9
     exact = 1 - parallel_rectangles(1.0, 1.0, apart - 1.0)
@@ -171,10 +188,10 @@ def fluxes(term, surface):
 
 def test_sky_and_ground_each_with_its_temperature(block):
     surface = surface_of(block, emissivity=0.7)
-    found = fluxes(Surroundings(250.0, ground=300.0), surface)
+    flux = fluxes(Surroundings(250.0, ground=300.0), surface)
     up = (1 + block.fragment_normal[:, 2]) / 2
     exact = up * 250.0**4 + (1 - up) * 300.0**4 - 320.0**4
-    np.testing.assert_allclose(found, 0.7 * STEFAN_BOLTZMANN * exact, rtol=1e-12)
+    np.testing.assert_allclose(flux, 0.7 * STEFAN_BOLTZMANN * exact, rtol=1e-12)
     same = fluxes(Surroundings(300.0, ground=300.0), surface)
     plain = fluxes(Surroundings(300.0), surface)
     np.testing.assert_allclose(same, plain, rtol=1e-12)
@@ -182,7 +199,7 @@ def test_sky_and_ground_each_with_its_temperature(block):
 
 def test_what_is_hidden_neither_gives_nor_takes(block):
     roof = box((1.0, 1.0, 0.1)).triangles + np.array([0.0, 0.0, 0.2])
-    surface = surface_of(block, others=[roof])
+    surface = surface_of(block, obstacles=[roof])
     shaded = fluxes(Surroundings(280.0, occlusion=64), surface)
     free = fluxes(Surroundings(280.0), surface)
     top = block.fragment_normal[:, 2] > 0.9
@@ -190,13 +207,13 @@ def test_what_is_hidden_neither_gives_nor_takes(block):
     assert share[top].max() < 0.45 and share.max() <= 1.0
     bottom = block.fragment_normal[:, 2] < -0.9
     np.testing.assert_allclose(share[bottom], 1.0, rtol=1e-12)
-    two = fluxes(Surroundings(280.0, ground=280.0, occlusion=64), surface)
-    np.testing.assert_allclose(two, shaded, rtol=1e-12)
+    split = fluxes(Surroundings(280.0, ground=280.0, occlusion=64), surface)
+    np.testing.assert_allclose(split, shaded, rtol=1e-12)
 
 
 def test_a_sealed_body_has_no_surroundings():
     inner = voxelize(sphere(0.05, 2), 0.01)
-    surface = surface_of(inner, others=[shell(0.1, 0.12, 2).triangles])
+    surface = surface_of(inner, obstacles=[shell(0.1, 0.12, 2).triangles])
     (result,) = Surroundings(300.0, occlusion=32).bind(whole(surface))
     assert isinstance(result, Omitted) and "sees" in result.reason
 

@@ -21,7 +21,8 @@ from jaxthermo.reference.slab import decay_explicit_euler, sine_rate, sine_rate_
 from tests.bodies import blocks
 
 
-K, HEAT = (16.0, 4.0, 1.0), 2e6
+K = (16.0, 4.0, 1.0)
+HEAT = 2e6
 
 
 @eqx.filter_jit
@@ -39,15 +40,20 @@ def _state(structure, values):
 @pytest.mark.parametrize("make", [jt.FullVolume, jt.Octree])
 def test_along_an_axis_heat_flows_by_its_conductivity(axis, make):
     """A linear field along one axis: q = k_i A dT/dx through every plane."""
-    cells, pitch, slope = 10, 0.01, 300.0
+    cells = 10
+    pitch = 0.01
+    slope = 300.0
     grid = blocks(np.ones((cells,) * 3, bool), pitch)
     structure = make(grid, levels=1) if make is jt.Octree else make(grid)
-    network = assemble_uniform(structure, K, HEAT, jnp.float64)
+    network = assemble_uniform(
+        structure, conductivity=K, volumetric_heat_capacity=HEAT, dtype=jnp.float64
+    )
     centre = structure.nodes().centre[:, axis]
     rate = np.asarray(_heat_rate(network, _state(structure, slope * centre)))
     rate = rate[structure.node_address()]
     flow = K[axis] * (cells * pitch) ** 2 * slope
-    low, high = centre < pitch, centre > (cells - 1) * pitch
+    low = centre < pitch
+    high = centre > (cells - 1) * pitch
     assert rate[low].sum() == pytest.approx(flow, rel=1e-12)
     assert rate[high].sum() == pytest.approx(-flow, rel=1e-12)
     assert np.abs(rate[~(low | high)]).max() < 1e-12 * flow
@@ -55,11 +61,14 @@ def test_along_an_axis_heat_flows_by_its_conductivity(axis, make):
 
 def _mode_rate(cells):
     """Decay rate of one cosine mode an axis in an insulated box [1/s]."""
-    size, modes = (0.08, 0.04, 0.06), (1, 2, 1)
+    size = (0.08, 0.04, 0.06)
+    modes = (1, 2, 1)
     shape = tuple(int(round(cells * length / 0.04)) for length in size)
     pitch = 0.04 / cells
     structure = jt.FullVolume(blocks(np.ones(shape, bool), pitch))
-    network = assemble_uniform(structure, K, HEAT, jnp.float64)
+    network = assemble_uniform(
+        structure, conductivity=K, volumetric_heat_capacity=HEAT, dtype=jnp.float64
+    )
     waves = [
         np.cos(m * np.pi * (np.arange(n) + 0.5) / n)
         for m, n in zip(modes, shape, strict=True)
@@ -68,22 +77,22 @@ def _mode_rate(cells):
     rate = np.asarray(_heat_rate(network, _state(structure, mode)))
     rate = rate[structure.node_address()]
     capacity = HEAT * pitch**3
-    found = -float(rate @ mode) / (capacity * float(mode @ mode))
+    decay_rate = -float(rate @ mode) / (capacity * float(mode @ mode))
     # An eigenvector: nothing but the mode itself comes of it.
-    np.testing.assert_allclose(rate, -found * capacity * mode, atol=1e-12)
-    each = zip(K, size, shape, modes, strict=True)
-    return found, [(k / HEAT, length, n, m) for k, length, n, m in each]
+    np.testing.assert_allclose(rate, -decay_rate * capacity * mode, atol=1e-12)
+    rows = zip(K, size, shape, modes, strict=True)
+    return decay_rate, [(k / HEAT, length, n, m) for k, length, n, m in rows]
 
 
 def test_a_sine_mode_decays_by_the_sum_over_the_axes_to_second_order():
     """exp(-(a_x q_x^2 + a_y q_y^2 + a_z q_z^2) t), a = k / (rho c)."""
     errors = []
     for cells in (8, 16, 32):
-        found, axes = _mode_rate(cells)
+        rate, axes = _mode_rate(cells)
         exact = sum(sine_rate(a, length, m) for a, length, _, m in axes)
         discrete = sum(sine_rate_of_cells(*axis) for axis in axes)
-        assert found == pytest.approx(discrete, rel=1e-12)
-        errors.append(abs(found - exact) / exact)
+        assert rate == pytest.approx(discrete, rel=1e-12)
+        errors.append(abs(rate - exact) / exact)
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     print("errors", errors, "orders", orders)
     assert errors[-1] < 5e-3
@@ -92,7 +101,11 @@ def test_a_sine_mode_decays_by_the_sum_over_the_axes_to_second_order():
 
 def test_a_sine_mode_between_cold_faces_runs_to_rounding():
     """All faces prescribed through half a cell, k = n . K n: the same eigenvalues."""
-    shape, pitch, kelvin, dt, steps = (6, 5, 4), 0.01, 300.0, 0.5, 12
+    shape = (6, 5, 4)
+    pitch = 0.01
+    kelvin = 300.0
+    dt = 0.5
+    steps = 12
     size = [n * pitch for n in shape]
     structure = jt.FullVolume(blocks(np.ones(shape, bool), pitch))
 
@@ -101,14 +114,16 @@ def test_a_sine_mode_between_cold_faces_runs_to_rounding():
 
     body = jt.Body(structure, Material(K, 1e3, HEAT / 1e3), temperature=start)
     scene = jt.Scene((body,), (jt.FixedTemperature(kelvin),), dtype="float64")
-    found = jt.simulate(
+    solution = jt.simulate(
         scene, steps * dt, [0.0, steps * dt], solver=jt.ForwardEuler(dt)
     )
     rate = sum(
         sine_rate_of_cells(k / HEAT, length, n)
         for k, length, n in zip(K, size, shape, strict=True)
     )
-    left = (found.mean_temperature[1] - kelvin) / (found.mean_temperature[0] - kelvin)
+    left = (solution.mean_temperature[1] - kelvin) / (
+        solution.mean_temperature[0] - kelvin
+    )
     assert float(left[0]) == pytest.approx(
         decay_explicit_euler(rate, dt, steps), rel=1e-11
     )
@@ -122,52 +137,60 @@ STRUCTURES = {
 }
 
 
-@pytest.mark.parametrize("kind", STRUCTURES)
-def test_a_turned_body_of_a_turned_material_conducts_the_same(kind):
+@pytest.mark.parametrize("structure_name", STRUCTURES)
+def test_a_turned_body_of_a_turned_material_conducts_the_same(structure_name):
     """Axes permuted, and conductivities with them: the dissipation stays."""
     solid = np.ones((9, 7, 8), bool)
     solid[6:, 4:, 5:] = False
-    found = []
+    rates = []
     for turn in ((0, 1, 2), (1, 2, 0), (2, 1, 0)):
         grid = blocks(solid.transpose(turn), 0.01)
-        structure = STRUCTURES[kind](grid)
+        structure = STRUCTURES[structure_name](grid)
         k = [K[axis] for axis in turn]
-        network = assemble_uniform(structure, k, HEAT, jnp.float64)
-        place = np.empty_like(structure.nodes().centre)
-        place[:, turn] = structure.nodes().centre
-        values = np.sin(40 * place[:, 0]) + 9 * place[:, 1] ** 2 - 3 * place[:, 2]
+        network = assemble_uniform(
+            structure, conductivity=k, volumetric_heat_capacity=HEAT, dtype=jnp.float64
+        )
+        centre = np.empty_like(structure.nodes().centre)
+        centre[:, turn] = structure.nodes().centre
+        values = np.sin(40 * centre[:, 0]) + 9 * centre[:, 1] ** 2 - 3 * centre[:, 2]
         rate = np.asarray(_heat_rate(network, _state(structure, values)))
         rate = rate[structure.node_address()]
         assert abs(rate.sum()) < 1e-12 * np.abs(rate).sum()
-        found.append(-values @ rate)
-    assert found[0] > 0.0
-    np.testing.assert_allclose(found, found[0], rtol=1e-10)
+        rates.append(-values @ rate)
+    assert rates[0] > 0.0
+    np.testing.assert_allclose(rates, rates[0], rtol=1e-10)
 
 
-@pytest.mark.parametrize("kind", STRUCTURES)
-def test_three_equal_conductivities_are_one(kind):
+@pytest.mark.parametrize("structure_name", STRUCTURES)
+def test_three_equal_conductivities_are_one(structure_name):
     grid = blocks(np.ones((9, 7, 8), bool), 0.01)
-    structure = STRUCTURES[kind](grid)
+    structure = STRUCTURES[structure_name](grid)
     values = np.random.default_rng(0).normal(size=structure.node_count)
-    one, three = (
+    isotropic, three = (
         _heat_rate(
-            assemble_uniform(structure, k, HEAT, jnp.float64), _state(structure, values)
+            assemble_uniform(
+                structure,
+                conductivity=k,
+                volumetric_heat_capacity=HEAT,
+                dtype=jnp.float64,
+            ),
+            _state(structure, values),
         )
         for k in (5.0, (5.0, 5.0, 5.0))
     )
-    np.testing.assert_allclose(three, one, rtol=1e-11, atol=1e-11)
+    np.testing.assert_allclose(three, isotropic, rtol=1e-11, atol=1e-11)
 
 
 def test_a_surface_conducts_by_its_normal():
     slant = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.6, 0.0, 0.8]])
     wood = Material(K, 500.0, 1600.0)
-    found = surface_conductivity(wood, slant, np.float64)
-    np.testing.assert_allclose(found, [16.0, 4.0, 0.36 * 16 + 0.64 * 1], rtol=1e-14)
-    assert isinstance(found, np.ndarray)
+    k = surface_conductivity(wood, slant, np.float64)
+    np.testing.assert_allclose(k, [16.0, 4.0, 0.36 * 16 + 0.64 * 1], rtol=1e-14)
+    assert isinstance(k, np.ndarray)
     plain = surface_conductivity(Material(3.0, 1.0, 1.0), slant, np.float64)
     assert plain.shape == () and plain == 3.0
-    each = normal_conductivity(np.tile(K, (3, 1)), slant)
-    np.testing.assert_allclose(each, found, rtol=1e-14)
+    by_row = normal_conductivity(np.tile(K, (3, 1)), slant)
+    np.testing.assert_allclose(by_row, k, rtol=1e-14)
     np.testing.assert_array_equal(
         normal_conductivity(np.array([1.0, 2.0, 3.0]), slant), [1, 2, 3]
     )
@@ -175,28 +198,37 @@ def test_a_surface_conducts_by_its_normal():
 
 def test_two_layers_across_an_axis_are_in_series():
     """Half of the one, half of the other: 1 / k = (1 / k_1 + 1 / k_2) / 2, by axis."""
-    first, second = Material((8.0, 2.0, 1.0), 1e3, 1e3), Material(4.0, 2e3, 1e3)
+    first = Material((8.0, 2.0, 1.0), 1e3, 1e3)
+    second = Material(4.0, 2e3, 1e3)
     table = conductivity_table((first, second), 300.0, jnp.float64)
     np.testing.assert_array_equal(table, [[8, 2, 1], [4, 4, 4]])
-    for axis, one in enumerate((8.0, 2.0, 1.0)):
+    for axis, k_first in enumerate((8.0, 2.0, 1.0)):
         shape = [1, 1, 1]
         shape[axis] = 2
         structure = jt.FullVolume(blocks(np.ones(shape, bool), 0.1))
         network = materials_network(
-            structure, np.array([0, 1], np.int32), (first, second), 300.0, jnp.float64
+            structure,
+            number=np.array([0, 1], np.int32),
+            materials=(first, second),
+            reference=300.0,
+            dtype=jnp.float64,
         )
         rate = _heat_rate(network, _state(structure, [0.0, 1.0]))
-        conductance = 0.1 * 2 / (1 / one + 1 / 4.0)
+        conductance = 0.1 * 2 / (1 / k_first + 1 / 4.0)
         assert float(np.max(rate)) == pytest.approx(conductance, rel=1e-14)
 
 
 def test_heat_spreads_in_an_ellipsoid():
     """From a hot voxel, variances along the axes grow as 2 k t / (rho c)."""
     structure = jt.FullVolume(blocks(np.ones((25, 13, 9), bool), 0.01))
-    network = assemble_uniform(structure, K, HEAT, jnp.float64)
+    network = assemble_uniform(
+        structure, conductivity=K, volumetric_heat_capacity=HEAT, dtype=jnp.float64
+    )
     start = np.zeros((25, 13, 9))
     start[12, 6, 4] = 1.0
-    state, dt, steps = _state(structure, start.reshape(-1)), jnp.asarray(1.0), 8
+    state = _state(structure, start.reshape(-1))
+    dt = jnp.asarray(1.0)
+    steps = 8
 
     @eqx.filter_jit
     def run(state):
@@ -204,11 +236,11 @@ def test_heat_spreads_in_an_ellipsoid():
             state = network.euler_step(state, dt)
         return state
 
-    after = np.asarray(run(state))[structure.node_address()]
-    assert after.sum() == pytest.approx(1.0, rel=1e-14)
+    end_state = np.asarray(run(state))[structure.node_address()]
+    assert end_state.sum() == pytest.approx(1.0, rel=1e-14)
     centre = structure.nodes().centre
-    away = centre - after @ centre
-    spread = after @ away**2
+    away = centre - end_state @ centre
+    spread = end_state @ away**2
     expected = [2 * k / HEAT * float(dt) * steps for k in K]
     np.testing.assert_allclose(spread, expected, rtol=1e-6)
     assert math.isclose(spread[0] / spread[2], K[0] / K[2], rel_tol=1e-6)

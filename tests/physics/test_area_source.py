@@ -22,11 +22,11 @@ def test_a14_plate_over_an_element():
     """2 x 2 m at 1000 degC, black, 1 m above: 82.554 kW/m^2, and a strip's 105.345."""
     plate = AreaSource((0, 0, 1.0), (0, 0, -1.0), (2.0, 2.0), temperature=1273.15)
     strip = AreaSource((0, 0, 1.0), (0, 0, -1.0), (2.0, 4e3), temperature=1273.15)
-    found = [
+    irradiances = [
         float(s.strength * s.exposure(NOTHING, np.zeros((1, 3)), UP, 0.01)[0])
         for s in (plate, strip)
     ]
-    assert found == pytest.approx([82554.147, 105345.269], rel=1e-6)
+    assert irradiances == pytest.approx([82554.147, 105345.269], rel=1e-6)
 
 
 def test_far_away_it_is_a_point():
@@ -39,10 +39,10 @@ def test_far_away_it_is_a_point():
     errors = []
     for distance in (4.0, 8.0, 16.0):
         points = way * distance
-        found = panel.exposure(NOTHING, points, -way, 0.5)
+        exposure = panel.exposure(NOTHING, points, -way, 0.5)
         lamp = PointSource((0.0, 0.0, 0.0), 1.0).exposure(NOTHING, points, -way, 0.5)
         expected = 0.4 * 0.2 * -way[:, 2] * lamp
-        errors.append(np.abs(found / expected - 1).max())
+        errors.append(np.abs(exposure / expected - 1).max())
     assert errors[0] < 5e-3
     ratio = np.array(errors[:-1]) / errors[1:]
     np.testing.assert_allclose(ratio, 4.0, rtol=0.02)
@@ -52,13 +52,13 @@ def test_a_panel_in_a_hollow_ball_loses_nothing():
     """pi L A in all, from its front alone."""
     hollow = voxelize(shell(0.2, 0.24), 0.02)
     panel = AreaSource((0.02, 0.0, 0.05), (1.0, 0.5, 0.2), (0.1, 0.06), radiance=1.0)
-    found = panel.exposure(
+    exposure = panel.exposure(
         hollow.mesh.triangles, hollow.fragment_position, hollow.fragment_normal, 0.02
     )
-    caught = (found * hollow.fragment_area).sum()
+    caught = (exposure * hollow.fragment_area).sum()
     assert caught == pytest.approx(np.pi * 0.1 * 0.06, rel=0.01)
     front = (hollow.fragment_position - [0.02, 0.0, 0.05]) @ [1.0, 0.5, 0.2] > 0
-    assert found[~front].max() == 0.0
+    assert exposure[~front].max() == 0.0
 
 
 def test_penumbra_of_an_edge():
@@ -92,9 +92,9 @@ def test_no_surface_receives_more_than_the_source_radiates():
     panel = AreaSource((0, 0, 0.0), (0, 0, -1.0), (1.0, 1.0), radiance=2.0)
     depth = -np.array([1e-12, 1e-6, 1e-3])
     points = np.stack([0.1 + 0 * depth, 0.2 + 0 * depth, depth], axis=1)
-    found = panel.exposure(NOTHING, points, np.repeat(UP, 3, axis=0), 0.01)
-    assert (found <= np.pi * (1 + 1e-12)).all()
-    np.testing.assert_allclose(found, np.pi, rtol=2e-3)
+    exposure = panel.exposure(NOTHING, points, np.repeat(UP, 3, axis=0), 0.01)
+    assert (exposure <= np.pi * (1 + 1e-12)).all()
+    np.testing.assert_allclose(exposure, np.pi, rtol=2e-3)
 
 
 def test_a_grey_panel_radiates_by_its_temperature():
@@ -104,8 +104,8 @@ def test_a_grey_panel_radiates_by_its_temperature():
     )  # fmt: skip
     black = 0.7 * STEFAN_BOLTZMANN / np.pi
     for time, kelvin in ((0.0, 300.0), (5.0, 600.0), (10.0, 900.0)):
-        found = float(panel.strength(jnp.asarray(time)))
-        assert found == pytest.approx(black * kelvin**4, rel=1e-12)
+        radiance = float(panel.strength(jnp.asarray(time)))
+        assert radiance == pytest.approx(black * kelvin**4, rel=1e-12)
     assert float(panel.forcing(10.0).heat_flux) == pytest.approx(
         np.pi * black * 900.0**4, rel=1e-6
     )
@@ -119,7 +119,8 @@ def test_what_is_absorbed():
     )
     (binding,) = panel.bind(whole(surface_of(grid)))
     assert isinstance(binding, Binding)
-    time, theta = jnp.asarray(0.0), jnp.zeros(len(grid.fragment_area))
+    time = jnp.asarray(0.0)
+    theta = jnp.zeros(len(grid.fragment_area))
     heat = float((binding.effective_area * binding.law.flux(time, theta)).sum())
     top = grid.fragment_position[:, 2] > 0.049
     free = panel.exposure(
@@ -156,14 +157,14 @@ def test_patches_make_up_the_rectangle_whatever_its_normal(normal):
     ],
 )
 def test_bad_input_is_told_in_a_line(changes, says):
-    given = {
+    fields = {
         "centre": (0.0, 0.0, 1.0),
         "normal": (0.0, 0.0, -1.0),
         "size": (1.0, 1.0),
         "radiance": 1.0,
     }
     with pytest.raises(jt.InputError, match=says) as told:
-        AreaSource(**(given | changes))
+        AreaSource(**(fields | changes))
     assert "\n" not in str(told.value)
 
 

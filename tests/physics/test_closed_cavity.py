@@ -39,8 +39,9 @@ def compiled(term, inside="closed", **options):
 def acts_on(term):
     """Fragments with an effective area other than 0."""
     terms = compiled(term).programs[0].fragment_terms
-    bound = [each for _, each in (*terms.natural, *terms.prescribed)]
-    return np.any([np.asarray(each.effective_area) > 0 for each in bound], axis=0)
+    bound_terms = (*terms.natural, *terms.prescribed)
+    acting = [np.asarray(bound.effective_area) > 0 for _, bound in bound_terms]
+    return np.any(acting, axis=0)
 
 
 # A scene has one surroundings.
@@ -100,8 +101,8 @@ def told(receipt):
 def test_the_receipt_says_so():
     receipt = compiled(FROM_OUTSIDE["convection"]).receipt
     area = GRID.fragment_area
-    (part,) = receipt.parts
-    assert part.area == pytest.approx(area[~INNER].sum())
+    (surface_part,) = receipt.parts
+    assert surface_part.area == pytest.approx(area[~INNER].sum())
     (note,) = told(receipt)
     assert note == (
         f"{100 * area[INNER].sum() / area.sum():.2g} % of the surface of body 0 faces "
@@ -126,13 +127,13 @@ def test_a_body_in_the_cavity_of_another_is_enclosed():
     around = jt.Body(
         jt.FullVolume(GRID), METAL, temperature=320.0, pose=jt.Pose((1.0, 0.0, 0.0))
     )
-    for inside, place in (("closed", 1.01), ("open", 1.01), ("closed", 1.5)):
+    for inside, distance in (("closed", 1.01), ("open", 1.01), ("closed", 1.5)):
         bodies = (
             jt.Body(
                 jt.FullVolume(ball),
                 METAL,
                 temperature=300.0,
-                pose=jt.Pose((place, 0.0, 0.0)),
+                pose=jt.Pose((distance, 0.0, 0.0)),
             ),
             jt.Body(
                 around.structure,
@@ -144,8 +145,8 @@ def test_a_body_in_the_cavity_of_another_is_enclosed():
         )
         terms = (FROM_OUTSIDE["convection"],)
         receipt = compile_scene(jt.Scene(bodies, terms)).receipt
-        reached = {part.bodies[0] for part in receipt.parts}
-        shut = inside == "closed" and place == 1.01
+        reached = {surface_part.bodies[0] for surface_part in receipt.parts}
+        shut = inside == "closed" and distance == 1.01
         assert reached == ({1} if shut else {0, 1})
         if shut:
             assert "convection on body 0" in [o.what for o in receipt.left_out]
@@ -154,18 +155,19 @@ def test_a_body_in_the_cavity_of_another_is_enclosed():
 
 def room(inner, outer, pitch=0.01):
     """A closed cubic room."""
-    hole, block = jt.shapes.box((inner,) * 3), jt.shapes.box((outer,) * 3)
+    hole = jt.shapes.box((inner,) * 3)
+    block = jt.shapes.box((outer,) * 3)
     faces = np.concatenate([block.faces, hole.faces[:, ::-1] + len(block.vertices)])
     vertices = np.concatenate([block.vertices, hole.vertices])
     return jt.voxelize(jt.Mesh(vertices, faces, "room"), pitch)
 
 
-def in_a_room(around, place, *terms):
+def in_a_room(around, position, *terms):
     """Receipt of a cube of 3 cm in a room."""
     box = jt.voxelize(jt.shapes.box((0.03, 0.03, 0.03)), 0.01)
     bodies = tuple(
         jt.Body(jt.FullVolume(g), METAL, temperature=300.0, pose=jt.Pose(p))
-        for g, p in ((box, place), (around, (0.0, 0.0, 0.0)))
+        for g, p in ((box, position), (around, (0.0, 0.0, 0.0)))
     )
     return compile_scene(jt.Scene(bodies, terms)).receipt
 
@@ -173,9 +175,9 @@ def in_a_room(around, place, *terms):
 @pytest.mark.parametrize("gap", [0.005, 0.0099])
 def test_a_body_close_to_the_walls_is_enclosed(gap):
     """Half a voxel or less from the wall, on which its next voxel then lies."""
-    place = (0.005 - gap, 0.0, 0.0)
-    receipt = in_a_room(room(0.04, 0.06), place, FROM_OUTSIDE["convection"])
-    assert {part.bodies[0] for part in receipt.parts} == {1}
+    position = (0.005 - gap, 0.0, 0.0)
+    receipt = in_a_room(room(0.04, 0.06), position, FROM_OUTSIDE["convection"])
+    assert {surface_part.bodies[0] for surface_part in receipt.parts} == {1}
     assert receipt.warnings == ()
 
 
@@ -202,15 +204,17 @@ def test_cavities_that_are_open_in_the_voxels_are_told(term):
 
 @pytest.mark.slow
 def test_what_does_not_come_from_outside_needs_no_warning():
-    where = room(0.04, 0.05), (0.0, 0.0, 0.0)
-    assert in_a_room(*where, EVERYWHERE["flux"]).warnings == ()
+    receipt = in_a_room(room(0.04, 0.05), (0.0, 0.0, 0.0), EVERYWHERE["flux"])
+    assert receipt.warnings == ()
 
 
-@pytest.mark.parametrize("most", [6, pytest.param(60, marks=pytest.mark.slow), 200])
-def test_radiation_crosses_a_cavity(most):
+@pytest.mark.parametrize(
+    "max_patches", [6, pytest.param(60, marks=pytest.mark.slow), 200]
+)
+def test_radiation_crosses_a_cavity(max_patches):
     """Black parts of a hollow ball, above and below: A_1 A_2 / (A_1 + A_2)."""
     black = surface_of(GRID, emissivity=1.0)
-    exchange = jt.RadiativeExchange(0.0, max_patches=most, directions=32)
+    exchange = jt.RadiativeExchange(0.0, max_patches=max_patches, directions=32)
     enclosure, _ = exchange.enclosure(whole(black))
     # Hot above and cold below, inside and, the other way round, outside.
     hot = (GRID.fragment_position[:, 2] > 0) == INNER
@@ -221,7 +225,7 @@ def test_radiation_crosses_a_cavity(most):
     above, below = (GRID.fragment_area[INNER & s].sum() for s in (hot, ~hot))
     mutual = above * below / (above + below)
     exact = STEFAN_BOLTZMANN * (400.0**4 - 300.0**4) * mutual
-    if most > 6:
+    if max_patches > 6:
         assert heat[INNER & ~hot].sum() == pytest.approx(exact, rel=0.02)
     emitted = STEFAN_BOLTZMANN * np.where(hot, 400.0, 300.0) ** 4
     np.testing.assert_allclose(net[~INNER], -emitted[~INNER], rtol=1e-9)

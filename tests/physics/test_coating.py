@@ -36,7 +36,8 @@ def rates(*coatings):
 
 
 def test_a_coating_replaces_what_is_below():
-    area, lit = GRID.fragment_area.sum(), 0.03 * 0.04
+    area = GRID.fragment_area.sum()
+    lit = 0.03 * 0.04
     painted = rates(jt.Coating(0.95, on=TOP))
     emitting = 0.3 * (area - lit) + 0.95 * lit
     assert painted == pytest.approx([emitting * NET, 0.95 * lit * 1000.0], rel=1e-6)
@@ -52,15 +53,16 @@ def test_a_coating_replaces_what_is_below():
 
 def test_each_fragment_may_have_its_own_and_so_may_materials():
     emissivity = np.linspace(0.0, 1.0, len(GRID.fragment_area))
-    found = rates(jt.Coating(emissivity, absorptivity=0.0))
-    assert found[0] == pytest.approx(
+    coated = rates(jt.Coating(emissivity, absorptivity=0.0))
+    assert coated[0] == pytest.approx(
         (emissivity * GRID.fragment_area).sum() * NET, 1e-6
     )
     half = jt.Region((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0))
-    two = jt.MaterialMap(METAL, ((half, jt.Material(1e9, 2000.0, 500.0, 0.7)),))
-    top, upper = (GRID.fragment_normal[:, 2] > 0.9, GRID.fragment_position[:, 2] >= 0)
+    materials = jt.MaterialMap(METAL, ((half, jt.Material(1e9, 2000.0, 500.0, 0.7)),))
+    top = GRID.fragment_normal[:, 2] > 0.9
+    upper = GRID.fragment_position[:, 2] >= 0
     expected = np.where(top, 0.5, np.where(upper, 0.7, 0.3))
-    body = body_of(jt.Coating(0.5, on=TOP), material=two)
+    body = body_of(jt.Coating(0.5, on=TOP), material=materials)
     np.testing.assert_allclose(surface_property(body, "emissivity", float), expected)
 
 
@@ -77,7 +79,8 @@ def test_its_gradient_is_that_of_a_finite_difference():
     heat = jax.jit(
         jax.value_and_grad(lambda value: rates(jt.Coating(value, on=TOP))[0])
     )
-    (low, slope), (high, _) = heat(0.75), heat(0.85)
+    (low, slope) = heat(0.75)
+    (high, _) = heat(0.85)
     assert float(slope) == pytest.approx(float(high - low) / 0.1, rel=1e-6)
 
 

@@ -38,30 +38,37 @@ def _scene(contact, pitch=1e-3, cells=(165, 35), dtype="float64"):
 
 def _ends(solution, scene):
     """Surface temperatures at the faces that touch, above 273.15 K."""
-    found = []
+    interface = []
     for index, sign in ((0, 1.0), (1, -1.0)):
         normal = scene.bodies[index].structure.grid.fragment_normal
         face = np.flatnonzero(normal[:, 0] * sign > 0.9)
-        found.append(np.asarray(solution.of_body(index))[:, face].mean(axis=1) - COLD)
-    return found
+        interface.append(
+            np.asarray(solution.of_body(index))[:, face].mean(axis=1) - COLD
+        )
+    return interface
 
 
 def test_bonded_half_spaces_meet_between():
     scene = _scene(jt.bonded)
     end = float((5e-3) ** 2 / STEEL.diffusivity)
     solution = jt.simulate(scene, end, [end / 2, end], solver=jt.ForwardEuler())
-    one, other = (float(side[-1]) for side in _ends(solution, scene))
-    exact = perfect_contact(100.0, 0.0, COPPER.effusivity, STEEL.effusivity)
-    print("V11 two bodies", one, other, "exact", exact)
-    assert one == pytest.approx(exact, abs=0.05)
-    assert other == pytest.approx(one, abs=1e-9)
+    first, second = (float(side[-1]) for side in _ends(solution, scene))
+    exact = perfect_contact(
+        100.0,
+        temperature_b=0.0,
+        effusivity_a=COPPER.effusivity,
+        effusivity_b=STEEL.effusivity,
+    )
+    print("V11 two bodies", first, second, "exact", exact)
+    assert first == pytest.approx(exact, abs=0.05)
+    assert second == pytest.approx(first, abs=1e-9)
 
 
 def test_a_contact_conductance_holds_two_half_spaces_apart():
     scene = _scene(jt.Contact(1000.0))
     times = [1.0, 6.0]
     solution = jt.simulate(scene, times[-1], times, solver=jt.ForwardEuler())
-    one, other = _ends(solution, scene)
+    first, second = _ends(solution, scene)
     *exact, _ = contact_surfaces(
         np.array(times),
         temperature_a=100.0,
@@ -70,16 +77,16 @@ def test_a_contact_conductance_holds_two_half_spaces_apart():
         effusivity_b=STEEL.effusivity,
         contact_conductance=1000.0,
     )
-    print("V12", one - exact[0], other - exact[1])
-    np.testing.assert_allclose(one, exact[0], atol=0.2)
-    np.testing.assert_allclose(other, exact[1], atol=0.2)
+    print("V12", first - exact[0], second - exact[1])
+    np.testing.assert_allclose(first, exact[0], atol=0.2)
+    np.testing.assert_allclose(second, exact[1], atol=0.2)
 
 
 @pytest.mark.parametrize(
-    ("dtype", "most"),
+    ("dtype", "tolerance"),
     [("float64", 1e-12), pytest.param("float32", 1e-5, marks=pytest.mark.slow)],
 )
-def test_what_one_loses_the_other_gains(dtype, most):
+def test_what_one_loses_the_other_gains(dtype, tolerance):
     scene = _scene(jt.Contact(1000.0), cells=(10, 8), dtype=dtype)
     energy = jt.simulate(scene, 2.0, [1.0, 2.0], solver=STEPS).energy
     swapped = np.asarray(energy.contacts["contact 0-1"])
@@ -87,15 +94,18 @@ def test_what_one_loses_the_other_gains(dtype, most):
     np.testing.assert_array_equal(energy.bodies[0].contacts["contact 0-1"], -swapped)
     np.testing.assert_array_equal(energy.bodies[1].contacts["contact 0-1"], swapped)
     for body in energy.bodies:
-        assert np.abs(body.residual_relative).max() < most
-    assert np.abs(energy.residual_relative).max() < most
+        assert np.abs(body.residual_relative).max() < tolerance
+    assert np.abs(energy.residual_relative).max() < tolerance
 
 
 def test_no_conductance_parts_and_more_of_it_bonds():
     """S11: the limits are the thing itself."""
-    run = lambda contact: jt.simulate(
-        _scene(contact, cells=(10, 8)), 2.0, [1.0, 2.0], solver=STEPS
-    )
+
+    def run(contact):
+        return jt.simulate(
+            _scene(contact, cells=(10, 8)), 2.0, [1.0, 2.0], solver=STEPS
+        )
+
     apart, bonded, nearly = map(run, (jt.Contact(0.0), jt.bonded, jt.Contact(1e16)))
     np.testing.assert_allclose(
         apart.mean_temperature, 2 * [[COLD + 100.0, COLD]], atol=0
@@ -113,13 +123,15 @@ def test_the_gradient_with_respect_to_the_conductance():
         return solution.mean_temperature[0, 1]
 
     _scene(jt.bonded, cells=(10, 8))
-    both = jax.jit(jax.value_and_grad(cold_end))
-    value, slope = both(1000.0)
+    value_and_slope = jax.jit(jax.value_and_grad(cold_end))
+    value, slope = value_and_slope(1000.0)
     step = 1e-2
-    central = (both(1000.0 + step)[0] - both(1000.0 - step)[0]) / (2 * step)
+    central = (
+        value_and_slope(1000.0 + step)[0] - value_and_slope(1000.0 - step)[0]
+    ) / (2 * step)
     assert float(slope) == pytest.approx(float(central), rel=1e-6)
     assert float(value) > COLD
-    assert np.isfinite(both(0.0)[1])
+    assert np.isfinite(value_and_slope(0.0)[1])
 
 
 def test_boxes_in_contact_move_toward_each_other_and_apart_stay():

@@ -32,7 +32,10 @@ def test_lumped_body_cools_exponentially(voxel):
     time_constant = 1e6 * 1e-3 / (50.0 * 0.06)
     exact = 300.0 + 100.0 * np.exp(-1.0)
     errors = [
-        _cooled_voxel(voxel, NO_RESISTANCE, time_constant, time_constant / n) - exact
+        _cooled_voxel(
+            voxel, material=NO_RESISTANCE, t1=time_constant, dt=time_constant / n
+        )
+        - exact
         for n in (100, 200)
     ]
     print("lumped errors", errors)
@@ -44,7 +47,9 @@ def test_half_a_cell_is_in_series_with_the_fluid(voxel):
     coefficient = 1 / (1 / 50.0 + 0.05 / 1.0)
     dt = 10.0
     exact = 300.0 + 100.0 * (1 - dt * coefficient * 0.06 / 1e3) ** 100
-    assert _cooled_voxel(voxel, SOLID, 1000.0, dt) == pytest.approx(exact, abs=1e-10)
+    assert _cooled_voxel(voxel, material=SOLID, t1=1000.0, dt=dt) == pytest.approx(
+        exact, abs=1e-10
+    )
 
 
 def _slab(cells, biot=1.0, fourier=0.2):
@@ -58,9 +63,9 @@ def _slab(cells, biot=1.0, fourier=0.2):
     # At a cell Fourier number of 1/8 the error in time falls with that in space.
     step = (HALF_THICKNESS / cells) ** 2 / (8 * SOLID.diffusivity)
     solution = jt.simulate(scene, end, solver=jt.ForwardEuler(dt=step))
-    found = np.asarray(solution.surface_temperature)[0, on_top(grid)]
+    temperature = np.asarray(solution.surface_temperature)[0, on_top(grid)]
     exact = slab_convection(depth(grid) / HALF_THICKNESS, fourier, biot)
-    return np.abs(found - exact).max()
+    return np.abs(temperature - exact).max()
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +110,8 @@ def test_coefficient_that_depends_on_time(voxel):
     body = jt.Body(jt.FullVolume(voxel), NO_RESISTANCE, temperature=400.0)
     ramp = jt.Table([0.0, 1000.0], [0.0, 100.0])
     scene = jt.Scene((body,), (jt.Convection(ramp, 300.0),), dtype="float64")
-    dt, steps = 5.0, 200
+    dt = 5.0
+    steps = 200
     solution = jt.simulate(scene, 1000.0, solver=jt.ForwardEuler(dt=dt))
     # The coefficient is taken at the middle of each step.
     h = 0.1 * dt * (np.arange(steps) + 0.5)

@@ -16,7 +16,8 @@ from jaxthermo.scene.compile.compile import compile_scene
 from tests.bodies import bar
 
 
-AREA, CAPACITY = 0.06, 2430.0
+AREA = 0.06
+CAPACITY = 2430.0
 ALUMINIUM = jt.Material(
     conductivity=1e9, density=2700.0, specific_heat=900.0, emissivity=0.9
 )
@@ -40,17 +41,20 @@ def _scene(voxel, start, surroundings, dtype="float64", material=ALUMINIUM):
 def test_cube_cools_from_a_thousand_kelvin(voxel, dtype):
     times = [60.0, 300.0, 600.0, 1800.0, 3600.0]
     solution = jt.simulate(
-        _scene(voxel, 1000.0, 300.0, dtype), 3600.0, times, solver=jt.ForwardEuler(0.25)
+        _scene(voxel, start=1000.0, surroundings=300.0, dtype=dtype),
+        3600.0,
+        times,
+        solver=jt.ForwardEuler(0.25),
     )
     exact = radiation_temperature(
         np.array(times), initial=1000.0, surroundings=300.0, capacity=CAPACITY,
         area=AREA, emissivity=0.9,
     )  # fmt: skip
-    found = np.asarray(solution.mean_temperature)[:, 0]
-    print("V14 errors", found - exact, "K")
+    mean = np.asarray(solution.mean_temperature)[:, 0]
+    print("V14 errors", mean - exact, "K")
     listed = [934.667745, 778.764437, 677.388833, 513.013603, 425.566551]
     np.testing.assert_allclose(exact, listed, atol=1e-6)
-    np.testing.assert_allclose(found, exact, atol=0.1)
+    np.testing.assert_allclose(mean, exact, atol=0.1)
 
 
 def test_stable_step_is_that_of_the_hottest_surface(voxel):
@@ -79,7 +83,7 @@ def test_no_heat_flows_between_equals(voxel):
 )
 def test_zero_kelvin_is_no_singularity(voxel, surroundings, dtype):
     def mean(start):
-        scene = _scene(voxel, start, surroundings, dtype)
+        scene = _scene(voxel, start=start, surroundings=surroundings, dtype=dtype)
         solution = jt.simulate(scene, 10.0, solver=jt.ForwardEuler(1.0))
         return solution.mean_temperature[0, 0]
 
@@ -91,13 +95,15 @@ def test_zero_kelvin_is_no_singularity(voxel, surroundings, dtype):
 
 
 def test_a_millikelvin_in_float32(voxel):
-    compiled = compile_scene(_scene(voxel, 300.0, 300.0, "float32"))
+    compiled = compile_scene(
+        _scene(voxel, start=300.0, surroundings=300.0, dtype="float32")
+    )
     terms = compiled.program.fragment_terms
     above = np.full(terms.half_cell.shape, 1e-3, np.float32)
     ((_, emission),) = terms.natural
-    found = jax.jit(emission.heat_rate)(np.float32(0.0), above).sum()
+    heat = jax.jit(emission.heat_rate)(np.float32(0.0), above).sum()
     exact = 0.9 * STEFAN_BOLTZMANN * AREA * (300.0**4 - 300.001**4)
-    assert float(found) == pytest.approx(exact, rel=3e-6)
+    assert float(heat) == pytest.approx(exact, rel=3e-6)
 
 
 @eqx.filter_jit
@@ -120,7 +126,8 @@ def _radiating_wall(cells):
     body = jt.Body(jt.FullVolume(grid), material, temperature=1000.0)
     scene = jt.Scene((body,), (jt.Surroundings(300.0),), dtype="float64")
     surface = compile_scene(scene).program.fragment_terms
-    node, flux = 1000.0, 0.0
+    node = 1000.0
+    flux = 0.0
     for _ in range(200):
         theta = np.full(surface.half_cell.shape, node - 1000.0)
         rates, _ = _heat(surface, np.array(0.0), theta)
@@ -131,8 +138,8 @@ def _radiating_wall(cells):
 
 def test_a_radiating_wall_is_exact_at_any_pitch():
     """V20a (NAFEMS T2): the surface between node and surroundings is solved for."""
-    found = np.array([_radiating_wall(cells) for cells in (2, 4, 8)])
-    np.testing.assert_allclose(found, 927.00395, rtol=0, atol=1e-5)
+    surface = np.array([_radiating_wall(cells) for cells in (2, 4, 8)])
+    np.testing.assert_allclose(surface, 927.00395, rtol=0, atol=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -140,8 +147,10 @@ def test_a_radiating_wall_is_exact_at_any_pitch():
 )
 def test_surface_settles_between_node_and_surroundings(k, ambient):
     """A node at 300 K under half a cell of 2.5 mm, against bisection."""
-    half, strength = 2 * k / 0.005, 0.9 * STEFAN_BOLTZMANN
-    low, high = min(300.0, ambient), max(300.0, ambient)
+    half = 2 * k / 0.005
+    strength = 0.9 * STEFAN_BOLTZMANN
+    low = min(300.0, ambient)
+    high = max(300.0, ambient)
     for _ in range(200):
         middle = (low + high) / 2
         excess = strength * (ambient**4 - middle**4) - half * (middle - 300.0)
@@ -149,7 +158,12 @@ def test_surface_settles_between_node_and_surroundings(k, ambient):
     exact = half * (low - 300.0)
     law = _Emission(temperature=jnp.asarray(ambient), reference=jnp.asarray(290.0))
     term = bound(jnp.full(1, 0.9), law)
-    surface = SurfaceTerms(("emission",), jnp.full(1, half), ((0, term),), ())
+    surface = SurfaceTerms(
+        names=("emission",),
+        half_cell=jnp.full(1, half),
+        natural=((0, term),),
+        prescribed=(),
+    )
     above = np.full(1, 10.0)
     (rate, _), excess = _heat_and_excess(surface, np.array(0.0), above)
     assert float(rate[0]) == pytest.approx(exact, rel=1e-6)

@@ -63,14 +63,17 @@ def test_all_mechanisms_at_once(ball, dtype, stencil, painted, solver):
 def test_insulated_body_evens_out_to_its_mean(ball, dtype, painted):
     region = jt.Region((0.0, -1.0, -1.0), (1.0, 1.0, 1.0))
     material = jt.MaterialMap(METAL, ((region, OTHER),)) if painted else METAL
-    hot = lambda p: 300.0 + 200.0 * (p[:, 2] > 0.02) + 30.0 * (p[:, 0] > 0)
+
+    def hot(p):
+        return 300.0 + 200.0 * (p[:, 2] > 0.02) + 30.0 * (p[:, 0] > 0)
+
     structure = jt.FullVolume(ball)
     body = jt.Body(structure, material, temperature=hot)
     scene = jt.Scene((body,), dtype=dtype)
     solution = jt.simulate(scene, 20000.0, save_at=[0.0, 20000.0])
     nodes = structure.nodes()
-    kinds = [METAL, OTHER] if painted else [METAL, METAL]
-    heat = np.array([m.volumetric_heat_capacity for m in kinds])
+    materials = [METAL, OTHER] if painted else [METAL, METAL]
+    heat = np.array([m.volumetric_heat_capacity for m in materials])
     weight = nodes.volume * heat[(nodes.centre[:, 0] >= 0).astype(int)]
     mean = (weight * hot(nodes.centre)).sum() / weight.sum()
     surface = np.asarray(solution.surface_temperature, float)
@@ -125,6 +128,8 @@ def test_heat_stays_on_the_island_it_fell_on():
     assert lit.sum() == 4
     flux = 1000.0 * 20.0 / (METAL.volumetric_heat_capacity * 0.02)
     assert surface[on_left].mean() > 300.0
-    both = [surface[grid.fragment_voxel[:, 0] == x].mean() for x in (0, 1, 3, 4)]
-    assert both[0] + both[1] == pytest.approx(2 * (300.0 + flux), rel=1e-12)
-    assert both[0] == pytest.approx(both[2], rel=1e-14)
+    layer_means = [surface[grid.fragment_voxel[:, 0] == x].mean() for x in (0, 1, 3, 4)]
+    assert layer_means[0] + layer_means[1] == pytest.approx(
+        2 * (300.0 + flux), rel=1e-12
+    )
+    assert layer_means[0] == pytest.approx(layer_means[2], rel=1e-14)

@@ -40,11 +40,14 @@ def corner(turn: Any = UPRIGHT):
     wall = voxelize(jt.shapes.box((THICK, 1.0, 2.0)), THICK)
     places = np.array([[0.5, 0.0, -THICK / 2], [-THICK / 2, 0.0, 1.0]]) @ turn.T
     pairs = zip((floor, wall), places, strict=True)
-    return tuple(in_patches(g, 96, moved(x, y, z, turn)) for g, (x, y, z) in pairs)
+    return tuple(
+        in_patches(g, 96, moved(x, y=y, z=z, rotation=turn)) for g, (x, y, z) in pairs
+    )
 
 
 def from_floor_to_wall(views, bodies):
-    up, across = side(bodies[0], 2, 1), side(bodies[1], 0, 1, bodies[0].patches.count)
+    up = side(bodies[0], 2, 1)
+    across = side(bodies[1], axis=0, sign=1, first=bodies[0].patches.count)
     return views.between[np.ix_(up, across)].sum() / views.area[up].sum()
 
 
@@ -54,9 +57,9 @@ def test_perpendicular_plates():
     views, sampling = refined_view_factors(bodies, 0.01)
     exact = perpendicular_rectangles(1.0, 2.0, 1.0)
     assert exact == pytest.approx(0.2329, abs=5e-5)
-    found = from_floor_to_wall(views, bodies)
-    print("F", found, "error", found / exact - 1, sampling)
-    assert found == pytest.approx(exact, rel=0.01)
+    factor = from_floor_to_wall(views, bodies)
+    print("F", factor, "error", factor / exact - 1, sampling)
+    assert factor == pytest.approx(exact, rel=0.01)
     assert sampling.error <= 0.01 and sampling.directions <= 4096
 
 
@@ -77,7 +80,8 @@ def test_the_estimate_holds_however_plates_are_turned(seed):
 @pytest.fixture(scope="module")
 def room():
     """A closed cubic room of 1 m in one body."""
-    inner, outer = jt.shapes.box((1.0, 1.0, 1.0)), jt.shapes.box((1.4, 1.4, 1.4))
+    inner = jt.shapes.box((1.0, 1.0, 1.0))
+    outer = jt.shapes.box((1.4, 1.4, 1.4))
     faces = np.concatenate([outer.faces, inner.faces[:, ::-1] + len(outer.vertices)])
     mesh = jt.Mesh(np.concatenate([outer.vertices, inner.vertices]), faces, "room")
     return voxelize(mesh, 0.1)
@@ -92,12 +96,16 @@ def test_the_walls_of_a_closed_room(room):
     assert views.outside[inside].sum() == 0.0
     walls = {s: side(body, *s) for s in ((0, 1), (0, -1), (2, 1))}
     inner = {s: which[inside[which]] for s, which in walls.items()}
-    total = lambda a, b: views.between[np.ix_(inner[a], inner[b])].sum()
-    across, beside = total((0, 1), (0, -1)), total((0, 1), (2, 1))
-    print("across", across, "beside", beside, sampling)
+
+    def total(a, b):
+        return views.between[np.ix_(inner[a], inner[b])].sum()
+
+    across = total((0, 1), (0, -1))
+    adjacent = total((0, 1), (2, 1))
+    print("across", across, "beside", adjacent, sampling)
     assert across == pytest.approx(parallel_rectangles(1.0, 1.0, 1.0), rel=0.01)
     exact = perpendicular_rectangles(1.0, 1.0, 1.0)
-    assert beside == pytest.approx(exact, rel=0.01)
+    assert adjacent == pytest.approx(exact, rel=0.01)
 
 
 def wobble(count):
@@ -105,26 +113,37 @@ def wobble(count):
     return np.array([1.0 + 4.0 / count * np.sin(count)])
 
 
-def change(one, other):
-    return float(np.abs(one - other).max())
+def change(coarse, fine):
+    return float(np.abs(coarse - fine).max())
 
 
 def test_doubling_ends_where_the_estimate_holds():
     for error in (0.1, 0.01, 0.001):
-        found, count, estimate = _refine(wobble, change, error, 2**20)
-        assert estimate <= error and abs(float(found[0]) - 1) <= error
-        coarser = _refine(wobble, change, error, count // 2)
+        mean, count, estimate = _refine(
+            wobble, difference=change, error=error, max_directions=2**20
+        )
+        assert estimate <= error and abs(float(mean[0]) - 1) <= error
+        coarser = _refine(
+            wobble, difference=change, error=error, max_directions=count // 2
+        )
         assert coarser[2] > error or count == 128
 
 
 def test_doubling_ends_at_its_limit():
     noise = np.random.default_rng(0)
-    found, count, estimate = _refine(lambda n: noise.normal(size=1), change, 1e-6, 1000)
-    assert count == 512 and estimate > 1e-6 and np.isfinite(found).all()
+    mean, count, estimate = _refine(
+        lambda n: noise.normal(size=1),
+        difference=change,
+        error=1e-6,
+        max_directions=1000,
+    )
+    assert count == 512 and estimate > 1e-6 and np.isfinite(mean).all()
 
 
 def test_nothing_to_refine_ends_at_once():
-    assert _refine(lambda n: np.ones(3), change, 0.01, 4096)[1:] == (32, 0.0)
+    assert _refine(
+        lambda n: np.ones(3), difference=change, error=0.01, max_directions=4096
+    )[1:] == (32, 0.0)
 
 
 def test_notes_for_the_receipt():
@@ -177,8 +196,8 @@ def net_flux(term, *surfaces, theta=0.0):
     """Net heat flux into fragments at 300 K + theta [W/m^2]."""
     surface = whole(*surfaces)
     enclosure, _ = term.enclosure(surface)
-    every = jnp.full(sum(surface.counts), theta)
-    return np.asarray(enclosure.net(jnp.asarray(0.0), every))
+    cell_theta = jnp.full(sum(surface.counts), theta)
+    return np.asarray(enclosure.net(jnp.asarray(0.0), cell_theta))
 
 
 def test_a_convex_body_between_sky_and_ground():
@@ -187,7 +206,8 @@ def test_a_convex_body_between_sky_and_ground():
     surface = surface_of(ball, emissivity=0.5)
     term = jt.RadiativeExchange(250.0, ground=350.0)
     enclosure, _ = term.enclosure(whole(surface))
-    patch, area = np.asarray(enclosure.patch), ball.fragment_area
+    patch = np.asarray(enclosure.patch)
+    area = ball.fragment_area
     up = np.bincount(patch, area * (1 + ball.fragment_normal[:, 2]) / 2)
     up /= np.bincount(patch, area)
     np.testing.assert_allclose(enclosure.from_surroundings, up, rtol=1e-9)
@@ -198,27 +218,30 @@ def test_a_convex_body_between_sky_and_ground():
 
 
 def test_one_temperature_everywhere_is_at_rest():
-    pair = surface_of(CUBE), surface_of(CUBE, moved(0.0, 0.0, 0.25), body=1)
+    lower = surface_of(CUBE)
+    upper = surface_of(CUBE, moved(0.0, 0.0, 0.25), body=1)
     same = jt.RadiativeExchange(300.0, ground=300.0, max_patches=24, directions=8)
-    assert np.abs(net_flux(same, *pair)).max() < 1e-9
+    assert np.abs(net_flux(same, lower, upper)).max() < 1e-9
     plain = jt.RadiativeExchange(280.0, max_patches=24, directions=8)
     split = jt.RadiativeExchange(280.0, ground=280.0, max_patches=24, directions=8)
     np.testing.assert_allclose(
-        net_flux(split, *pair), net_flux(plain, *pair), rtol=1e-10
+        net_flux(split, lower, upper), net_flux(plain, lower, upper), rtol=1e-10
     )
 
 
 @pytest.mark.slow
 def test_a_roof_hides_the_sky_and_a_floor_the_ground():
     """Of two cubes above each other the facing sides see half of what is left."""
-    low, high = surface_of(CUBE), surface_of(CUBE, moved(0.0, 0.0, 0.3), body=1)
+    low = surface_of(CUBE)
+    high = surface_of(CUBE, moved(0.0, 0.0, 0.3), body=1)
     term = jt.RadiativeExchange(0.0, ground=300.0, max_patches=24, directions=32)
     enclosure, _ = term.enclosure(whole(low, high))
     sky = np.asarray(enclosure.from_surroundings)[np.asarray(enclosure.patch)]
     ground = np.asarray(enclosure.from_ground)[np.asarray(enclosure.patch)]
     normal = np.concatenate([low.normal, high.normal])[:, 2]
     of_low = np.arange(len(normal)) < len(low.area)
-    top, bottom = of_low & (normal > 0.9), ~of_low & (normal < -0.9)
+    top = of_low & (normal > 0.9)
+    bottom = ~of_low & (normal < -0.9)
     factor = parallel_rectangles(0.2, 0.2, 0.1)
     # Reflection between both adds a little of the other half.
     assert sky[top].mean() == pytest.approx((1 - factor), abs=0.1 * factor)
@@ -227,16 +250,19 @@ def test_a_roof_hides_the_sky_and_a_floor_the_ground():
 
 
 def test_gradients_by_sky_and_ground():
-    area, factor = np.ones(2), np.array([[0.0, 0.3], [0.3, 0.0]])
+    area = np.ones(2)
+    factor = np.array([[0.0, 0.3], [0.3, 0.0]])
     visible = np.array([[0.9, 0.5], [0.4, 1.0]])
-    views = ViewFactors(area, factor, area - factor.sum(1), visible)
+    views = ViewFactors(
+        area=area, between=factor, outside=area - factor.sum(1), visible=visible
+    )
 
     def heat(sky, ground):
         enclosure = _enclosure(
             views,
-            np.arange(2),
-            area,
-            np.array([0.8, 0.6]),
+            patch=np.arange(2),
+            area=area,
+            emissivity=np.array([0.8, 0.6]),
             upward=np.array([0.5, -0.2]),
             ground=ground,
             base=jnp.asarray(300.0),
@@ -245,11 +271,11 @@ def test_gradients_by_sky_and_ground():
         )
         return enclosure.net(jnp.asarray(0.0), jnp.array([10.0, -5.0])) @ np.ones(2)
 
-    both = jax.jit(jax.value_and_grad(heat, argnums=(0, 1)))
+    value_and_slopes = jax.jit(jax.value_and_grad(heat, argnums=(0, 1)))
     at = np.array([260.0, 310.0])
-    slopes = both(*at)[1]
+    slopes = value_and_slopes(*at)[1]
     for slope, step in zip(slopes, 1e-2 * np.eye(2), strict=True):
-        ends = [both(*(at + sign * step))[0] for sign in (1, -1)]
+        ends = [value_and_slopes(*(at + sign * step))[0] for sign in (1, -1)]
         assert float(slope) == pytest.approx(float(ends[0] - ends[1]) / 2e-2, rel=1e-6)
     assert float(slopes[0]) > 0 and float(slopes[1]) > 0
 

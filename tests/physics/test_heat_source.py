@@ -48,53 +48,54 @@ WITHIN = {
 
 
 def _bound(source, structure):
-    found = source.bind(structure, 0)
-    assert isinstance(found, VolumeBinding)
-    return found
+    binding = source.bind(structure, 0)
+    assert isinstance(binding, VolumeBinding)
+    return binding
 
 
 def _voxels(grid, within):
     centre = grid.lattice.centres(np.argwhere(grid.solid))
-    chosen = np.ones(len(centre), bool) if within is None else within.contains(centre)
-    return centre[chosen]
+    inside = np.ones(len(centre), bool) if within is None else within.contains(centre)
+    return centre[inside]
 
 
 @pytest.mark.parametrize("within", WITHIN.values(), ids=WITHIN)
-@pytest.mark.parametrize("kind", STRUCTURES)
-def test_the_heat_in_all_is_the_same_in_every_structure(grid, kind, within):
-    structure = STRUCTURES[kind](grid)
-    found = _bound(HeatSource(1e5, within), structure)
+@pytest.mark.parametrize("structure_name", STRUCTURES)
+def test_the_heat_in_all_is_the_same_in_every_structure(grid, structure_name, within):
+    structure = STRUCTURES[structure_name](grid)
+    binding = _bound(HeatSource(1e5, within), structure)
     voxels = _voxels(grid, within)
-    assert found.volume.shape == (structure.node_count,)
-    assert found.volume.min() >= 0.0
+    assert binding.volume.shape == (structure.node_count,)
+    assert binding.volume.min() >= 0.0
     total = len(voxels) * grid.voxel_volume
-    assert found.volume.sum() == pytest.approx(total, rel=1e-13)
-    assert found.heat_rate_density == 1e5
+    assert binding.volume.sum() == pytest.approx(total, rel=1e-13)
+    assert binding.heat_rate_density == 1e5
 
 
-@pytest.mark.parametrize("kind", ["full", "octree", "aggregate", "core"])
-def test_and_so_is_where_it_is(grid, kind):
+@pytest.mark.parametrize("structure_name", ["full", "octree", "aggregate", "core"])
+def test_and_so_is_where_it_is(grid, structure_name):
     """The middle of the heat is that of the voxels, as far as nodes resolve it."""
-    structure, within = STRUCTURES[kind](grid), WITHIN["corner"]
+    structure = STRUCTURES[structure_name](grid)
+    within = WITHIN["corner"]
     share = _bound(HeatSource(1.0, within), structure).volume
     middle = share @ structure.nodes().centre / share.sum()
     away = np.abs(middle - _voxels(grid, within).mean(axis=0)).max()
-    assert away < (1e-12 if kind == "full" else 1.0 * PITCH)
+    assert away < (1e-12 if structure_name == "full" else 1.0 * PITCH)
     untouched = (structure.nodes().centre > 0.035 + 3 * PITCH).any(axis=1)
     assert share[untouched].sum() == 0.0
 
 
 def test_everything_is_the_volume_of_the_nodes(grid):
-    for kind in ("full", "octree", "aggregate", "core"):
-        structure = STRUCTURES[kind](grid)
+    for structure_name in ("full", "octree", "aggregate", "core"):
+        structure = STRUCTURES[structure_name](grid)
         share = _bound(HeatSource(1.0), structure).volume
         np.testing.assert_allclose(share, structure.nodes().volume, rtol=1e-12)
 
 
 def test_what_does_nothing_is_left_out(grid):
     structure = jt.FullVolume(grid)
-    other = HeatSource(1.0, Everything(body=1)).bind(structure, 0)
-    assert other == Omitted("`within` is on another body")
+    elsewhere = HeatSource(1.0, Everything(body=1)).bind(structure, 0)
+    assert elsewhere == Omitted("`within` is on another body")
     none = HeatSource(0.0).bind(structure, 0)
     assert none == Omitted("the heat rate density is 0")
     zero = jt.Table([0.0, 1.0], [0.0, 0.0])
@@ -103,24 +104,34 @@ def test_what_does_nothing_is_left_out(grid):
 
 def test_an_insulated_body_warms_at_q_over_rho_c(grid):
     """In every structure, to rounding: dT/dt = q''' / (rho c)."""
-    density, heat, kelvin = 1e6, (8e3, 500.0), 300.0
-    for kind in ("full", "octree"):
+    density = 1e6
+    material = jt.Material(16.0, density=8e3, specific_heat=500.0)
+    kelvin = 300.0
+    for structure_name in ("full", "octree"):
         body = jt.Body(
-            STRUCTURES[kind](grid), jt.Material(16.0, *heat), temperature=kelvin
+            STRUCTURES[structure_name](grid),
+            material,
+            temperature=kelvin,
         )
         scene = jt.Scene((body,), (HeatSource(density),), dtype="float64")
-        found = jt.simulate(scene, 20.0, [10.0, 20.0], solver=jt.ForwardEuler())
-        exact = kelvin + density / (heat[0] * heat[1]) * np.array([10.0, 20.0])
-        np.testing.assert_allclose(found.mean_temperature[:, 0], exact, rtol=1e-13)
-        assert float(np.ptp(found.surface_temperature[-1])) < 1e-10
+        solution = jt.simulate(scene, 20.0, [10.0, 20.0], solver=jt.ForwardEuler())
+        exact = kelvin + density / (8e3 * 500.0) * np.array([10.0, 20.0])
+        np.testing.assert_allclose(solution.mean_temperature[:, 0], exact, rtol=1e-13)
+        assert float(np.ptp(solution.surface_temperature[-1])) < 1e-10
         total = density * grid.solid_count * grid.voxel_volume * 20.0
-        assert float(found.energy.mechanisms["heat_source"][-1]) == pytest.approx(total)
-        assert float(np.abs(found.energy.residual_relative).max()) < 1e-12
+        assert float(solution.energy.mechanisms["heat_source"][-1]) == pytest.approx(
+            total
+        )
+        assert float(np.abs(solution.energy.residual_relative).max()) < 1e-12
 
 
 def test_a_slab_with_cold_faces_has_a_parabola():
     """Steady: T = T_0 + q (L x - x^2) / 2 k, and q h^2 / 8 k more on cells of h."""
-    cells, pitch, k, q, cold = 10, 0.01, 50.0, 2e6, 300.0
+    cells = 10
+    pitch = 0.01
+    k = 50.0
+    q = 2e6
+    cold = 300.0
     line = bar(cells, pitch)
     body = jt.Body(jt.FullVolume(line), jt.Material(k, 1e3, 1e2), temperature=cold)
     ends = [
@@ -128,11 +139,12 @@ def test_a_slab_with_cold_faces_has_a_parabola():
         for sign in (-1.0, 1.0)
     ]
     scene = jt.Scene((body,), (HeatSource(q), *ends), dtype="float64")
-    found = jt.simulate(scene, 60.0, solver=jt.ForwardEuler())
-    x, length = depth(line), cells * pitch
+    solution = jt.simulate(scene, 60.0, solver=jt.ForwardEuler())
+    x = depth(line)
+    length = cells * pitch
     exact = cold + q / (2 * k) * (length * x - x**2) + q * pitch**2 / (8 * k)
     np.testing.assert_allclose(
-        found.surface_temperature[-1][on_top(line)], exact, rtol=1e-9
+        solution.surface_temperature[-1][on_top(line)], exact, rtol=1e-9
     )
 
 

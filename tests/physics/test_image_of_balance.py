@@ -27,8 +27,8 @@ def irradiation(solution, index=-1):
     time = solution.times[index]
     with jax.enable_x64(True):
         kelvin = jnp.asarray(solution.surface_temperature[index])
-        found = solution.radiation.at(time).irradiance(jnp.asarray(time), kelvin)
-    return [np.asarray(found.thermal), np.asarray(found.sources).sum(0)]
+        irradiance = solution.radiation.at(time).irradiance(jnp.asarray(time), kelvin)
+    return [np.asarray(irradiance.thermal), np.asarray(irradiance.sources).sum(0)]
 
 
 def ball(kelvin, emissivity, pitch=0.0125):
@@ -79,7 +79,7 @@ def test_power_that_leaves_the_surface_is_that_of_the_ledger(name):
         leaves = float(area @ net[first : first + len(area)])
         first += len(area)
         heat = solution.energy.bodies[number].mechanisms
-        rates = [float(brought[-1]) / dt for brought in heat.values()]
+        rates = [float(heat_over_time[-1]) / dt for heat_over_time in heat.values()]
         size = sum(map(abs, rates))
         assert size > 0.1
         assert leaves == pytest.approx(-sum(rates), abs=1e-5 * size)
@@ -98,7 +98,9 @@ def test_a_grey_sphere_reflects_the_surroundings_of_the_exchange():
 
 def test_a_sphere_between_sky_and_ground():
     """View factors of an unobstructed surface, (1 + n_z) / 2 and (1 - n_z) / 2."""
-    sky, ground, kelvin = 250.0, 350.0, 290.0
+    sky = 250.0
+    ground = 350.0
+    kelvin = 290.0
     body = ball(kelvin, 0.5, pitch=0.05 / 16)
     solution = at_start((body,), jt.Surroundings(sky, ground=ground))
 
@@ -111,12 +113,12 @@ def test_a_sphere_between_sky_and_ground():
     np.testing.assert_allclose(radiosity(solution), exact, rtol=1e-12)
     # On the image, the normal of the sphere itself at the point that a pixel shows.
     image = jt.render(solution, FRONT, band=None)
-    shown = on_body(image)
+    visible = on_body(image)
     origin, step = FRONT.rays()
     depth = np.asarray(image.depth).reshape(-1, 1)
     height = (origin + np.where(np.isinf(depth), 0, depth) * step)[:, 2]
-    up = np.clip(height.reshape(shown.shape)[shown] / 0.05, -1, 1)
-    error = apparent(image)[shown] - closed_form(up) ** 0.25
+    up = np.clip(height.reshape(visible.shape)[visible] / 0.05, -1, 1)
+    error = apparent(image)[visible] - closed_form(up) ** 0.25
     assert np.sqrt((error**2).mean()) < 0.5 and np.abs(error).max() < 2.0
     # The background is the scene's: the camera looks along the horizon.
     behind = apparent(image)
@@ -126,7 +128,9 @@ def test_a_sphere_between_sky_and_ground():
 
 def test_a_block_in_exchange_with_sky_and_ground():
     """Sides between both, top under the sky, bottom over the ground: (1 + n_z) / 2."""
-    sky, ground, kelvin = 250.0, 350.0, 290.0
+    sky = 250.0
+    ground = 350.0
+    kelvin = 290.0
     body = block((0.04, 0.04, 0.04), kelvin, metal(0.5))
     exchange = jt.RadiativeExchange(sky, ground=ground, max_patches=60, directions=16)
     solution = at_start((body,), exchange)
@@ -182,8 +186,8 @@ def test_isothermal_surroundings_hide_a_body(name):
         "exchange": jt.RadiativeExchange(300.0, max_patches=60, directions=32),
         "surroundings": jt.Surroundings(300.0, ground=300.0, occlusion=32),
     }[name]
-    other = block((0.02, 0.02, 0.02), 300.0, metal(0.1), at=(0.1, 0.0, 0.0))
-    bodies = ball(300.0, 0.5), other
+    neighbour = block((0.02, 0.02, 0.02), 300.0, metal(0.1), at=(0.1, 0.0, 0.0))
+    bodies = ball(300.0, 0.5), neighbour
     image = jt.render(at_start(bodies, term), FRONT, band=None)
     np.testing.assert_allclose(apparent(image), 300.0, atol=1e-3)
 
@@ -211,7 +215,8 @@ def _facing_plates(n, side, gap, emissivities, kelvins, around):
 @pytest.mark.slice
 def test_a_mirror_shows_the_hot_plate_before_it():
     """0.2 m squares 40 mm apart, against a quadrature of their radiosity."""
-    side, gap = 0.2, 0.04
+    side = 0.2
+    gap = 0.04
     size = (side, side, 0.01)
     hot = block(size, 600.0, metal(0.9), at=(0.0, 0.0, gap + 0.01))
     mirror = block(size, 293.0, metal(0.1))
@@ -221,7 +226,14 @@ def test_a_mirror_shows_the_hot_plate_before_it():
         (0.0, 0.0, 0.03), (0.0, 0.0, 0.0), 0.02, up=(0.0, 1.0, 0.0), width=8, height=8
     )
     seen = apparent(jt.render(solution, camera, band=None))[3:5, 3:5].mean()
-    arrives = _facing_plates(41, side, gap, (0.9, 0.1), (600.0, 293.0), 293.0)
+    arrives = _facing_plates(
+        41,
+        side=side,
+        gap=gap,
+        emissivities=(0.9, 0.1),
+        kelvins=(600.0, 293.0),
+        around=293.0,
+    )
     expected = (0.1 * 293.0**4 + 0.9 * arrives / SIGMA) ** 0.25
     assert expected > 450.0
     assert seen == pytest.approx(expected, rel=0.005)
@@ -230,17 +242,17 @@ def test_a_mirror_shows_the_hot_plate_before_it():
 def test_without_radiation_a_surface_shows_its_own_temperature():
     """What is not in the heat balance is not in the image; the air is behind it."""
     image = jt.render(at_start((BALL,), jt.Convection(10.0, 280.0)), FRONT, band=None)
-    shown = on_body(image)
-    np.testing.assert_allclose(apparent(image)[shown], 320.0, atol=1e-9)
-    np.testing.assert_allclose(apparent(image)[~shown], 280.0, atol=1e-9)
+    visible = on_body(image)
+    np.testing.assert_allclose(apparent(image)[visible], 320.0, atol=1e-9)
+    np.testing.assert_allclose(apparent(image)[~visible], 280.0, atol=1e-9)
 
 
 def test_what_a_surface_held_at_a_temperature_reflects():
     held = jt.FixedTemperature(320.0)
     body = block((0.04, 0.04, 0.04), 300.0, metal(0.4))
-    found = radiosity(at_start((body,), held, jt.Surroundings(250.0)))
+    leaving = radiosity(at_start((body,), held, jt.Surroundings(250.0)))
     expected = 0.4 * SIGMA * 300.0**4 + 0.6 * SIGMA * 250.0**4
-    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    np.testing.assert_allclose(leaving, expected, rtol=1e-12)
 
 
 @pytest.mark.slow
@@ -252,15 +264,16 @@ def test_occlusion_reaches_the_image():
     ]
     cold = jt.Surroundings(200.0, occlusion=32)
     solution = at_start(bodies, cold)
-    found = radiosity(solution)[: len(solution.surfaces[0].geometry.fragment_area)]
-    reflected = (found / SIGMA - 0.2 * 300.0**4) / 0.8
+    leaving = radiosity(solution)[: len(solution.surfaces[0].geometry.fragment_area)]
+    reflected = (leaving / SIGMA - 0.2 * 300.0**4) / 0.8
     factor = (300.0**4 - reflected) / (300.0**4 - 200.0**4)
     grid = bodies[0].structure.grid
     up = grid.fragment_normal[:, 2] > 0.5
     away = 0.04 - grid.fragment_position[:, 0]
     inner = up & (np.abs(grid.fragment_position[:, 1]) < 0.01)
     # A wall as long as it is wide: nearly the half strip (1 + cos) / 2 of 2D.
-    near, far = (factor[inner & (away < 0.01)], factor[inner & (away > 0.07)])
+    near = factor[inner & (away < 0.01)]
+    far = factor[inner & (away > 0.07)]
     assert near.mean() < 0.7 < 0.85 < far.mean() <= 1.0
 
 
@@ -284,11 +297,12 @@ def test_pixels_have_gradients_through_the_exchange():
         solution = jt.simulate(scene, 0.0, solver=jt.ForwardEuler(dt=0.01))
         return solution.reflected(-1)[:96].mean()
 
-    start, step = jnp.asarray([0.4, 280.0]), jnp.asarray([1e-4, 1e-2])
-    found = jax.jit(jax.jacfwd(pixel))(start)
+    start = jnp.asarray([0.4, 280.0])
+    step = jnp.asarray([1e-4, 1e-2])
+    slopes = jax.jit(jax.jacfwd(pixel))(start)
     run = jax.jit(pixel)
     for k in range(2):
         move = jnp.where(jnp.arange(2) == k, step, 0.0)
         slope = (run(start + move) - run(start - move)) / (2 * step[k])
         assert abs(float(slope)) > 1e-3
-        assert float(found[k]) == pytest.approx(float(slope), rel=1e-5)
+        assert float(slopes[k]) == pytest.approx(float(slope), rel=1e-5)

@@ -32,13 +32,14 @@ def test_sources_are_seen_where_nothing_hides_them():
     lamp = jt.PointSource((0.1, 0.0, 0.0), 0.02, min_distance=0.02)
     behind = jt.PointSource((0.0, 0.2, 0.0), 0.02, min_distance=0.02)
     sun = jt.Sun((0.3, -1.0, 0.0), jt.Until(800.0, 5.0))
-    terms = jt.Surroundings(250.0), panel, lamp, behind, sun
-    solution = at_start((body,), *terms)
+    surroundings = jt.Surroundings(250.0)
+    solution = at_start((body,), surroundings, panel, lamp, behind, sun)
     front = jt.OrthographicCamera(
         (0.0, -0.5, 0.0), (0.0, 0.0, 0.0), 0.3, width=60, height=60
     )
     image = jt.render(solution, front, 0, band=None)
-    radiance, depth = np.asarray(image.radiance), np.asarray(image.depth)
+    radiance = np.asarray(image.radiance)
+    depth = np.asarray(image.depth)
     sky = SIGMA * 250.0**4 / np.pi
     lit = np.abs(radiance / 90.0 - 1) < 1e-6
     # Pixels of 5 mm: the panel has 16 x 8 of them, the lamp's disc pi 4^2.
@@ -48,8 +49,8 @@ def test_sources_are_seen_where_nothing_hides_them():
     assert disc.sum() == pytest.approx(np.pi * 16, abs=4) and disc[30, 50]
     # The second lamp is behind the block, and the sun outside of parallel rays.
     assert np.asarray(image.object_id)[30, 30] == 0
-    rest = ~lit & ~disc & (np.asarray(image.object_id) < 0)
-    np.testing.assert_allclose(radiance[rest], sky, rtol=1e-5)
+    background = ~lit & ~disc & (np.asarray(image.object_id) < 0)
+    np.testing.assert_allclose(radiance[background], sky, rtol=1e-5)
     # Past the block to the sun, 32 minutes of arc wide: its disc sends the irradiance.
     at_sun = jt.Camera(
         (0.074, -0.39, 0.0),
@@ -58,15 +59,26 @@ def test_sources_are_seen_where_nothing_hides_them():
         width=200,
         height=200,
     )
+    terms = (surroundings, panel, lamp, behind, sun)
     view = compute_view(solution.surfaces, terms, at_sun)
-    state = solution.surface_temperature[0], solution.irradiance(0)
-    given = view, solution.surfaces, terms, *state
-    seen = np.asarray(draw(*given, jnp.zeros(())).radiance)
+
+    def radiance_at(time):
+        image = draw(
+            view,
+            solution.surfaces,
+            terms,
+            solution.surface_temperature[0],
+            solution.irradiance(0),
+            jnp.asarray(time),
+        )
+        return np.asarray(image.radiance)
+
+    seen = radiance_at(0.0)
     pixel = (np.tan(0.1) / 100) ** 2
     sends = (seen[seen > 1e5] * pixel).sum()
     assert sends == pytest.approx(800.0, rel=0.05)
     # It sets at 5 s.
-    assert np.asarray(draw(*given, jnp.asarray(6.0)).radiance).max() < 1e3
+    assert radiance_at(6.0).max() < 1e3
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,8 @@ def _run(start, within, t1=400.0):
 
 
 def test_it_is_used_where_it_is_good_enough_and_off_by_no_more():
-    exact, linear = _run(310.0, None), _run(310.0, 0.06)
+    exact = _run(310.0, None)
+    linear = _run(310.0, 0.06)
     assert any("off by up to 4.9 %" in note for note in linear.receipt.notes)
     drop = [310.0 - float(run.mean_temperature[0, 0]) for run in (exact, linear)]
     print("drop", drop)
@@ -29,18 +30,19 @@ def test_it_is_used_where_it_is_good_enough_and_off_by_no_more():
 
 
 def test_it_is_not_used_where_it_is_not():
-    exact, asked = _run(400.0, None), _run(400.0, 0.06)
+    exact = _run(400.0, None)
+    asked = _run(400.0, 0.06)
     assert any("not used" in note for note in asked.receipt.notes)
     np.testing.assert_array_equal(exact.mean_temperature, asked.mean_temperature)
 
 
 def test_the_error_is_that_of_the_laws():
-    for there, low, high in ((300.0, 280.0, 330.0), (250.0, 250.0, 290.0)):
+    for surroundings, low, high in ((300.0, 280.0, 330.0), (250.0, 250.0, 290.0)):
         t = np.array([low, high]) + 1e-9
-        ratio = 4 * there**3 * (there - t) / (there**4 - t**4)
+        ratio = 4 * surroundings**3 * (surroundings - t) / (surroundings**4 - t**4)
         exact = np.abs(ratio - 1).max()
         reach = Forcing(highest=high, lowest=low)
-        assert _linear_error(there, reach, 1.0) == pytest.approx(exact, rel=1e-5)
+        assert _linear_error(surroundings, reach, 1.0) == pytest.approx(exact, rel=1e-5)
 
 
 def test_a_fraction_is_asked_for():

@@ -16,7 +16,8 @@ SAVES = [5.0, 10.0, 20.0]
 
 def _approaching(arrival):
     """A hot cube that stands 4 cm off and meets a cold one at the given time [s]."""
-    far, near = jt.Pose((0.08, 0.0, 0.0)), jt.Pose((0.04, 0.0, 0.0))
+    far = jt.Pose((0.08, 0.0, 0.0))
+    near = jt.Pose((0.04, 0.0, 0.0))
     path = PoseTable((0.0, arrival - 1e-6, arrival), (far, far, near))
     still = jt.Body(jt.FullVolume(GRID), METAL, temperature=300.0)
     moving = jt.Body(jt.FullVolume(GRID), METAL, temperature=400.0, pose=Motion(path))
@@ -54,10 +55,10 @@ def test_heat_flows_from_when_they_meet(scene, solution):
 
 
 def test_segments_follow_the_motion(scene, solution):
-    todo = plan_run(scene, 20.0, SAVES, jt.ForwardEuler())
+    todo = plan_run(scene, t1=20.0, save_at=SAVES, solver=jt.ForwardEuler())
     *_, progress = run_segments(todo, begin_run(todo))
-    found = finish_run(todo, progress).surface_temperature
-    np.testing.assert_array_equal(found, solution.surface_temperature)
+    surface = finish_run(todo, progress).surface_temperature
+    np.testing.assert_array_equal(surface, solution.surface_temperature)
 
 
 @pytest.mark.slow
@@ -74,7 +75,8 @@ def test_a_sun_that_travels_brings_what_the_angles_say():
     only_top = jt.Scene((body,), (jt.Sun(direction, 1000.0),), dtype="float64")
     heat = jt.simulate(only_top, half_day, [half_day]).energy.mechanisms["sun"][0]
     # The top takes the cosine, the four edges' lit one the sine.
-    area, edge = 0.06 * 0.06, 0.06 * 0.01
+    area = 0.06 * 0.06
+    edge = 0.06 * 0.01
     exact = 0.5 * 1000.0 * half_day * 2 / np.pi * (area + edge)
     print("travelling sun", float(heat), "exact", exact)
     assert float(heat) == pytest.approx(exact, rel=2e-4)

@@ -29,11 +29,11 @@ def test_frozen_they_stand_still(source):
         assert not still.moves and type(still) is type(source)
         assert still.at(99.0) is still
         assert still.strength is source.strength
-    place = np.array([[0.0, 0.0, 0.0]])
+    position = np.array([[0.0, 0.0, 0.0]])
     up = np.array([[0.0, 0.0, 1.0]])
     none = np.zeros((0, 3, 3))
     first, second = (
-        source.at(t).exposure(none, place, up, 0.01)[0] for t in (1.0, 5.0)
+        source.at(t).exposure(none, position, up, 0.01)[0] for t in (1.0, 5.0)
     )
     assert first > 0 and second > 0 and abs(first / second - 1) > 0.3
 

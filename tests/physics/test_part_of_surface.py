@@ -35,19 +35,26 @@ TERMS = {
 @pytest.mark.parametrize("make", TERMS.values(), ids=TERMS)
 def test_two_parts_are_the_whole(make):
     surface = whole(surface_of(GRID), surface_of(GRID, body=1))
-    chosen = UPPER.select(GRID.fragment_position, GRID.fragment_normal)
-    one, rest, both = (make(on).bind(surface) for on in (UPPER, ~UPPER, None))
-    acting = lambda found: [each for each in found if isinstance(each, jt.Binding)]
-    for part, other, every in zip(*map(acting, (one, rest, both)), strict=True):
-        first, second = np.split(np.asarray(part.effective_area), 2)
-        assert first.any() and not first[~chosen].any() and not second.any()
-        assert not part.acting[len(chosen) :].any()
-        half, nothing = np.split(np.asarray(every.effective_area), 2)
+    selected = UPPER.select(GRID.fragment_position, GRID.fragment_normal)
+    on_upper, on_lower, on_all = (
+        make(on).bind(surface) for on in (UPPER, ~UPPER, None)
+    )
+
+    def acting(bindings):
+        return [binding for binding in bindings if isinstance(binding, jt.Binding)]
+
+    for upper, lower, everywhere in zip(
+        *map(acting, (on_upper, on_lower, on_all)), strict=True
+    ):
+        first, second = np.split(np.asarray(upper.effective_area), 2)
+        assert first.any() and not first[~selected].any() and not second.any()
+        assert not upper.acting[len(selected) :].any()
+        half, nothing = np.split(np.asarray(everywhere.effective_area), 2)
         np.testing.assert_array_equal(
-            first + np.split(other.effective_area, 2)[0], half
+            first + np.split(lower.effective_area, 2)[0], half
         )
         assert nothing.any()
-    assert [each for each in one if isinstance(each, jt.Omitted)] == [
+    assert [binding for binding in on_upper if isinstance(binding, jt.Omitted)] == [
         jt.Omitted("`on` is on another body", 1)
     ]
 
@@ -56,8 +63,8 @@ def entries(compiled: Compiled) -> dict[tuple[str | int, ...], float]:
     """Heat rate of each mechanism on each body at the start [W]."""
     zero = jnp.zeros((), compiled.receipt.dtype)
     _, rates = RATES(compiled.program, compiled.state, zero)
-    found = zip(compiled.program.entries, np.asarray(rates).tolist(), strict=True)
-    return {(name, *bodies): rate for (name, bodies), rate in found}
+    pairs = zip(compiled.program.entries, np.asarray(rates).tolist(), strict=True)
+    return {(name, *bodies): rate for (name, bodies), rate in pairs}
 
 
 def body(x=0.0, kelvin=400.0, material=METAL, grid=GRID) -> jt.Body:
@@ -71,13 +78,14 @@ def test_parts_have_surroundings_of_their_own():
     terms = (jt.Surroundings(200.0, on=UPPER), jt.Surroundings(300.0, on=~UPPER))
     scene = jt.Scene((body(material=black),), terms, dtype="float64")
     acting = compile_scene(scene).program.fragment_terms
-    area, zero = GRID.fragment_area, jnp.zeros(())
+    area = GRID.fragment_area
+    zero = jnp.zeros(())
     _, rates = acting.heat(zero, jnp.zeros(len(area)))
-    chosen = UPPER.select(GRID.fragment_position, GRID.fragment_normal)
+    selected = UPPER.select(GRID.fragment_position, GRID.fragment_normal)
     sigma = 5.670374419e-8
     exact = [
-        sigma * area[chosen].sum() * (200.0**4 - 400.0**4),
-        sigma * area[~chosen].sum() * (300.0**4 - 400.0**4),
+        sigma * area[selected].sum() * (200.0**4 - 400.0**4),
+        sigma * area[~selected].sum() * (300.0**4 - 400.0**4),
     ]
     assert acting.names == ("emission", "emission#2")
     np.testing.assert_allclose(rates, exact, rtol=1e-6)
@@ -120,12 +128,12 @@ def test_what_takes_no_part_in_the_exchange_reflects():
     # The ball at 400 K in a room of 250 K.
     kelvin = np.repeat([400.0, 250.0], surface.counts)
     alone = replace(EXCHANGE, on=jt.Everything(0))
-    both, only = (_received(term, surface, kelvin) for term in (EXCHANGE, alone))
-    print("without and with the room", only, both)
-    assert both[0] < -1.0 and both[1] > 0.0
+    with_room, only = (_received(term, surface, kelvin) for term in (EXCHANGE, alone))
+    print("without and with the room", only, with_room)
+    assert with_room[0] < -1.0 and with_room[1] > 0.0
     assert only[1] == 0.0
     # A perfect mirror is replaced by an absorptivity of 1e-6.
-    assert abs(only[0]) < 1e-4 * abs(both[0])
+    assert abs(only[0]) < 1e-4 * abs(with_room[0])
 
 
 def _received(term, surface, kelvin) -> list[float]:
@@ -133,7 +141,7 @@ def _received(term, surface, kelvin) -> list[float]:
     (binding, *_) = term.bind(surface)
     net = term.enclosure(surface)[0].net(jnp.zeros(()), jnp.asarray(kelvin - 300.0))
     heat = surface.apart(binding.effective_area * np.asarray(net))
-    return [float(own.sum()) for own in heat]
+    return [float(rates.sum()) for rates in heat]
 
 
 def _room(inner: float, outer: float) -> jt.Mesh:
@@ -167,20 +175,21 @@ def test_a_surface_of_fixed_temperature_radiates_like_any_other():
     # An insulator, whose nodes are 300 K colder than its surface.
     wool = jt.Material(0.05, density=100.0, specific_heat=800.0, emissivity=0.8)
     compiled = compile_scene(_facing(HOT, wool))
-    found, enclosure = entries(compiled), compiled.program.fine_enclosure
+    rates = entries(compiled)
+    enclosure = compiled.program.fine_enclosure
     assert enclosure is not None
     area = PLATE.fragment_area
     above = jnp.asarray(np.repeat([300.0, 0.0], len(area)))
     net = np.asarray(enclosure.net(jnp.zeros(()), above)).reshape(2, -1)
     exact = 0.8 * net @ area
-    print("found", found, "exact", exact)
-    emitted = [found["emission", number] for number in (0, 1)]
+    print("found", rates, "exact", exact)
+    emitted = [rates["emission", number] for number in (0, 1)]
     # Body 1 is a metal, whose surface is at the temperature of its nodes to 1e-4.
     assert emitted == pytest.approx(exact, rel=1e-3)
     assert emitted[1] > 0
     # What keeps the temperature supplies the radiation and heats the inside, through
     # half a voxel of wool.
-    supplied = found["fixed_temperature", 0] + found["emission", 0]
+    supplied = rates["fixed_temperature", 0] + rates["emission", 0]
     inward = 0.05 * area.sum() / 0.01 * 300.0
     assert supplied == pytest.approx(inward, rel=1e-6)
 
@@ -193,7 +202,7 @@ def test_a_surface_of_fixed_temperature_radiates_like_any_other():
 def test_the_heat_of_a_fixed_temperature_closes(solver, dtype):
     side = jt.FixedTemperature(600.0, on=jt.Side((1.0, 0.0, 0.0)))
     run = jt.simulate(_facing(side, dtype=dtype), 20.0, solver=solver)
-    for own in run.energy.bodies:
-        assert np.abs(own.residual_relative).max() < (1e-5, 1e-12)[dtype == "float64"]
+    for body in run.energy.bodies:
+        assert np.abs(body.residual_relative).max() < (1e-5, 1e-12)[dtype == "float64"]
     held = run.energy.bodies[0].mechanisms
     assert held["fixed_temperature"][0] > -held["emission"][0] > 0

@@ -31,9 +31,9 @@ def of_patches(factor, area, emissivity, surroundings=300.0):
     views = ViewFactors(area, area[:, None] * factor, outside)
     return _enclosure(
         views,
-        np.arange(len(area)),
-        area,
-        emissivity,
+        patch=np.arange(len(area)),
+        area=area,
+        emissivity=emissivity,
         base=jnp.asarray(300.0),
         temperature=jnp.asarray(surroundings),
         above=jnp.asarray(0.0),
@@ -46,38 +46,65 @@ def lost_by(factor, area, emissivity, kelvin):
 
 
 def test_v24_endless_plates():
-    factor, area = np.array([[0.0, 1.0], [1.0, 0.0]]), np.ones(2)
-    found = lost_by(factor, area, np.array([0.8, 0.5]), np.array([400.0, 300.0]))
-    exact = between_plates(400.0, 300.0, 0.8, 0.5)
+    factor = np.array([[0.0, 1.0], [1.0, 0.0]])
+    area = np.ones(2)
+    lost = lost_by(
+        factor,
+        area=area,
+        emissivity=np.array([0.8, 0.5]),
+        kelvin=np.array([400.0, 300.0]),
+    )
+    exact = between_plates(400.0, cold=300.0, emissivity_hot=0.8, emissivity_cold=0.5)
     assert exact == pytest.approx(441.0291215, rel=1e-9)
-    np.testing.assert_allclose(found, [exact, -exact], rtol=1e-12)
+    np.testing.assert_allclose(lost, [exact, -exact], rtol=1e-12)
 
 
 def test_v24_concentric_spheres():
     share = (0.05 / 0.1) ** 2
     factor = np.array([[0.0, 1.0], [share, 1 - share]])
     area = 4 * np.pi * np.array([0.05, 0.1]) ** 2
-    found = lost_by(factor, area, np.array([0.8, 0.5]), np.array([400.0, 300.0]))
-    exact = between_spheres(0.05, 0.1, 400.0, 300.0, 0.8, 0.5)
+    lost = lost_by(
+        factor,
+        area=area,
+        emissivity=np.array([0.8, 0.5]),
+        kelvin=np.array([400.0, 300.0]),
+    )
+    exact = between_spheres(
+        0.05,
+        outer=0.1,
+        hot=400.0,
+        cold=300.0,
+        emissivity_inner=0.8,
+        emissivity_outer=0.5,
+    )
     assert exact == pytest.approx(20.78300772, rel=1e-9)
-    np.testing.assert_allclose(found, [exact, -exact], rtol=1e-12)
+    np.testing.assert_allclose(lost, [exact, -exact], rtol=1e-12)
 
 
 @pytest.mark.slow
 @pytest.mark.slice
 def test_v24_concentric_spheres_of_voxels():
-    inner, outer = voxelize(sphere(0.05, 3), 0.005), voxelize(shell(0.1, 0.12), 0.006)
-    surfaces = (
+    inner = voxelize(sphere(0.05, 3), 0.005)
+    outer = voxelize(shell(0.1, 0.12), 0.006)
+    surface = whole(
         surface_of(inner, emissivity=0.8),
         surface_of(outer, emissivity=0.5, body=1),
     )
     term = RadiativeExchange(300.0, max_patches=60, directions=32)
-    exchange, _ = term.enclosure(whole(*surfaces))
-    n, other = len(inner.fragment_area), len(outer.fragment_area)
-    theta, grey = (np.repeat(v, (n, other)) for v in ([100.0, 0.0], [0.8, 0.5]))
+    exchange, _ = term.enclosure(surface)
+    n = len(inner.fragment_area)
+    outer_count = len(outer.fragment_area)
+    theta, grey = (np.repeat(v, (n, outer_count)) for v in ([100.0, 0.0], [0.8, 0.5]))
     flux = np.asarray(flux_of(exchange, grey, jnp.asarray(theta)))
     lost = -flux[:n] @ inner.fragment_area
-    exact = between_spheres(0.05, 0.1, 400.0, 300.0, 0.8, 0.5)
+    exact = between_spheres(
+        0.05,
+        outer=0.1,
+        hot=400.0,
+        cold=300.0,
+        emissivity_inner=0.8,
+        emissivity_outer=0.5,
+    )
     print("V24 spheres of voxels, error", lost / exact - 1)
     assert lost == pytest.approx(exact, rel=0.01)
     gained = flux[n:] @ outer.fragment_area
@@ -85,8 +112,11 @@ def test_v24_concentric_spheres_of_voxels():
 
 
 def test_mirrors_exchange_nothing():
-    factor, area = np.array([[0.0, 1.0], [1.0, 0.0]]), np.ones(2)
-    mirrors = lost_by(factor, area, np.zeros(2), np.array([400.0, 300.0]))
+    factor = np.array([[0.0, 1.0], [1.0, 0.0]])
+    area = np.ones(2)
+    mirrors = lost_by(
+        factor, area=area, emissivity=np.zeros(2), kelvin=np.array([400.0, 300.0])
+    )
     np.testing.assert_array_equal(mirrors, 0.0)
 
 
@@ -94,7 +124,8 @@ def test_mirrors_exchange_nothing():
 def scene():
     """Two blocks near each other, and their view factors."""
     block = voxelize(box((0.4, 0.2, 0.2)), 0.04)
-    first, second = in_patches(block, 40), in_patches(block, 40, moved(0.0, 0.3, 0.05))
+    first = in_patches(block, 40)
+    second = in_patches(block, 40, moved(0.0, 0.3, 0.05))
     views = view_factors((first, second), directions=32, lines=32)
     patch = np.concatenate(
         [first.patches.patch, second.patches.patch + first.patches.count]
@@ -107,9 +138,9 @@ def made(scene, emissivity, dtype="float64", sky=0.0):
     views, patch, area = scene
     return _enclosure(
         views,
-        patch,
-        area,
-        emissivity * jnp.ones(len(area), dtype)
+        patch=patch,
+        area=area,
+        emissivity=emissivity * jnp.ones(len(area), dtype)
         if is_traced(emissivity)
         else np.broadcast_to(np.asarray(emissivity, dtype), area.shape),
         base=jnp.asarray(300.0, dtype),
@@ -121,7 +152,8 @@ def made(scene, emissivity, dtype="float64", sky=0.0):
 def given_away(exchange, grey_area, theta):
     """Net heat rate to the surroundings [W]."""
     kelvin = np.asarray(theta, float) + 300.0
-    weight, patch = np.asarray(exchange.weight, float), np.asarray(exchange.patch)
+    weight = np.asarray(exchange.weight, float)
+    patch = np.asarray(exchange.patch)
     emitted = STEFAN_BOLTZMANN * np.bincount(patch, weight * kelvin**4)
     around = STEFAN_BOLTZMANN * float(exchange.temperature) ** 4
     reached = np.bincount(patch, grey_area) * np.asarray(exchange.from_surroundings)
@@ -199,22 +231,25 @@ def test_gradients(scene):
         flux = flux_of(made(scene, grey, sky=-20.0), grey, theta)
         return flux @ jnp.asarray(way * area)
 
-    both = jax.jit(jax.value_and_grad(heat, argnums=(0, 1)))
-    by_theta, by_grey = both(start, 0.6)[1]
+    value_and_slopes = jax.jit(jax.value_and_grad(heat, argnums=(0, 1)))
+    by_theta, by_grey = value_and_slopes(start, 0.6)[1]
     step = 1e-3 * way
-    ahead, behind = (both(start + s * step, 0.6)[0] for s in (1, -1))
+    ahead, behind = (value_and_slopes(start + s * step, 0.6)[0] for s in (1, -1))
     assert float(by_theta @ step) == pytest.approx(float(ahead - behind) / 2, rel=1e-6)
-    ahead, behind = (both(start, 0.6 + s * 1e-4)[0] for s in (1, -1))
+    ahead, behind = (value_and_slopes(start, 0.6 + s * 1e-4)[0] for s in (1, -1))
     assert float(by_grey) == pytest.approx(float(ahead - behind) / 2e-4, rel=1e-6)
     # At zero kelvin, where T^4 has no slope.
-    cold = both(np.full(len(area), -300.0), 0.6)[1]
-    assert all(np.isfinite(np.asarray(part)).all() for part in cold)
+    cold = value_and_slopes(np.full(len(area), -300.0), 0.6)[1]
+    assert all(np.isfinite(np.asarray(slope)).all() for slope in cold)
 
 
 def test_no_slope_is_steeper_than_own_emission(scene):
     exchange = made(scene, 0.6, sky=-20.0)
     theta = jnp.asarray(theta_of(scene))
-    flux = lambda t: flux_of(exchange, 0.6, t)
+
+    def flux(t):
+        return flux_of(exchange, 0.6, t)
+
     matrix = np.asarray(jax.jit(jax.jacobian(flux))(theta))
     law = _Irradiated(jnp.asarray(0.0), jnp.asarray(300.0))
     steepest = 0.6 * float(law.max_slope(jnp.asarray(300.0 + theta.max()), 1.0))
@@ -224,7 +259,8 @@ def test_no_slope_is_steeper_than_own_emission(scene):
 
 
 def test_it_is_a_module_that_jit_takes(scene):
-    exchange, theta = made(scene, 0.6), jnp.asarray(theta_of(scene))
+    exchange = made(scene, 0.6)
+    theta = jnp.asarray(theta_of(scene))
     jitted = eqx.filter_jit(flux_of)(exchange, 0.6, theta)
     np.testing.assert_allclose(jitted, flux_of(exchange, 0.6, theta), rtol=1e-10)
 

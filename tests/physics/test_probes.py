@@ -12,9 +12,11 @@ from tests.bodies import bar
 
 CLAY = jt.Material(conductivity=1.0, density=2000.0, specific_heat=1000.0)
 STEEL = jt.Material(conductivity=20.0, density=2000.0, specific_heat=1000.0)
-PITCH, CELLS = 0.01, 8
+PITCH = 0.01
+CELLS = 8
 LENGTH = PITCH * CELLS
-LOW, HIGH = jt.Side((-1.0, 0.0, 0.0)), jt.Side((1.0, 0.0, 0.0))
+LOW = jt.Side((-1.0, 0.0, 0.0))
+HIGH = jt.Side((1.0, 0.0, 0.0))
 RIGHT = jt.Region(lower=(0.0, -1.0, -1.0), upper=(1.0, 1.0, 1.0))
 
 
@@ -24,7 +26,9 @@ def linear(x):
 
 
 # Per area of the bar: air, clay and steel [m^2 K/W], and the flux from air at 400 K.
-R_AIR, R_CLAY, R_STEEL = 1 / 25.0, LENGTH / 2 / 1.0, LENGTH / 2 / 20.0
+R_AIR = 1 / 25.0
+R_CLAY = LENGTH / 2 / 1.0
+R_STEEL = LENGTH / 2 / 20.0
 FLUX = 100.0 / (R_AIR + R_CLAY + R_STEEL)
 
 
@@ -108,11 +112,14 @@ def test_a_probe_moves_with_its_body():
     poses = [jt.Pose((0.0, 0.0, 1.0)), jt.Pose((5.0, 0.0, 0.0), quarter)]
     path = jt.PoseTable([0.0, 1.0], poses)
     structure = jt.FullVolume(bar(CELLS, PITCH))
-    along = lambda points: linear(points[:, 0])
+
+    def along(points):
+        return linear(points[:, 0])
+
     moving = jt.Body(structure, CLAY, temperature=along, pose=jt.Motion(path))
-    other = jt.Body(structure, CLAY, temperature=500.0)
+    second = jt.Body(structure, CLAY, temperature=500.0)
     points = [(0.03, 0.0, 1.0), (0.0312, 0.0, 0.001)]
-    scene = jt.Scene((moving, other), dtype="float64", probes=points)
+    scene = jt.Scene((moving, second), dtype="float64", probes=points)
     solution = jt.simulate(scene, 1.5, [0.0, 1.5])
     read = jt.probe(solution)
     assert read[0] == pytest.approx([linear(0.03), 500.0], abs=1e-9)
@@ -162,7 +169,8 @@ def test_gradients_reach_a_probe():
         return jt.probe(jt.simulate(scene, 200.0, solver=solver))[0, 0]
 
     with jax.enable_x64(True):
-        k, step = jnp.asarray(2.0), 1e-4
+        k = jnp.asarray(2.0)
+        step = 1e-4
         slope = jax.grad(core)(k)
         numeric = (core(k + step) - core(k - step)) / (2 * step)
         np.testing.assert_allclose(slope, numeric, rtol=1e-6)

@@ -21,9 +21,9 @@ def _facing(gap, hot=500.0, cold=300.0, surroundings=300.0, dtype="float64"):
             PLATE,
             METAL,
             temperature=start,
-            pose=jt.Pose((place, 0.0, 0.0)),
+            pose=jt.Pose((height, 0.0, 0.0)),
         )
-        for start, place in ((hot, 0.0), (cold, 0.02 + gap))
+        for start, height in ((hot, 0.0), (cold, 0.02 + gap))
     )
     return jt.Scene(
         bodies,
@@ -37,7 +37,10 @@ def _facing(gap, hot=500.0, cold=300.0, surroundings=300.0, dtype="float64"):
 def test_what_a_hot_plate_sends_a_cold_one_gets():
     near = jt.simulate(_facing(0.01), 20.0)
     far = jt.simulate(_facing(1.0), 20.0)
-    rise = lambda run: float(run.mean_temperature[0, 1]) - 300.0
+
+    def rise(run):
+        return float(run.mean_temperature[0, 1]) - 300.0
+
     print("rise near", rise(near), "far", rise(far))
     assert rise(near) > 20 * rise(far) > 0
     for run in (near, far):
@@ -49,8 +52,12 @@ def test_what_a_hot_plate_sends_a_cold_one_gets():
 @pytest.mark.slow
 def test_a_convex_body_sees_only_its_surroundings():
     body = jt.Body(jt.FullVolume(GRID), METAL, temperature=400.0)
-    run = lambda term: jt.simulate(jt.Scene((body,), (term,), dtype="float64"), 20.0)
-    alone, plain = run(jt.RadiativeExchange(290.0)), run(jt.Surroundings(290.0))
+
+    def run(term):
+        return jt.simulate(jt.Scene((body,), (term,), dtype="float64"), 20.0)
+
+    alone = run(jt.RadiativeExchange(290.0))
+    plain = run(jt.Surroundings(290.0))
     np.testing.assert_allclose(
         alone.surface_temperature, plain.surface_temperature, rtol=1e-7
     )
@@ -60,7 +67,11 @@ def test_a_convex_body_sees_only_its_surroundings():
 # By default at rest by its heat rates: test_exchange_accuracy.
 @pytest.mark.slow
 def test_where_all_is_at_one_temperature_nothing_flows():
-    run = jt.simulate(_facing(GAP, 350.0, 350.0, 350.0), 20.0, solver=jt.ForwardEuler())
+    run = jt.simulate(
+        _facing(GAP, hot=350.0, cold=350.0, surroundings=350.0),
+        20.0,
+        solver=jt.ForwardEuler(),
+    )
     np.testing.assert_allclose(run.surface_temperature, 350.0, atol=1e-9)
 
 
@@ -71,7 +82,8 @@ def test_where_all_is_at_one_temperature_nothing_flows():
 def test_the_first_heat_between_two_squares_is_that_of_their_view_factor(dtype):
     """Black, 6 cm wide and 3 cm apart; the cold one and all around at 0 K."""
     black = jt.Material(400.0, density=8000.0, specific_heat=400.0, emissivity=1.0)
-    width, hot = 0.06, 400.0
+    width = 0.06
+    hot = 400.0
     scene = _facing(GAP, hot=hot, cold=0.0, surroundings=0.0, dtype=dtype)
     bodies = tuple(
         jt.Body(b.structure, black, temperature=b.temperature, pose=b.pose)

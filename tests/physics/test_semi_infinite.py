@@ -10,7 +10,8 @@ from tests.bodies import bar, depth, on_top
 
 CONDUCTIVITY = 45.0
 STEEL = jt.Material(conductivity=CONDUCTIVITY, density=7800.0, specific_heat=460.0)
-START, HELD = 293.15, 373.15
+START = 293.15
+HELD = 373.15
 HOT_END = jt.Side(normal=(-1.0, 0.0, 0.0))
 """All other sides carry no term: they are insulated."""
 
@@ -33,21 +34,21 @@ def prescribed():
 
 def test_prescribed_surface_everywhere_within_a_thousandth_of_the_step(prescribed):
     grid, solution = prescribed
-    found = np.asarray(solution.surface_temperature)[0, on_top(grid)]
+    temperature = np.asarray(solution.surface_temperature)[0, on_top(grid)]
     exact = surface_step(
         depth(grid), 60.0, initial=START, surface=HELD, diffusivity=STEEL.diffusivity
     )
-    print("V01 largest error", np.abs(found - exact).max(), "K")
-    assert np.abs(found - exact).max() < 1e-3 * (HELD - START)
+    print("V01 largest error", np.abs(temperature - exact).max(), "K")
+    assert np.abs(temperature - exact).max() < 1e-3 * (HELD - START)
 
 
 def test_prescribed_surface_at_one_centimetre(prescribed):
     grid, solution = prescribed
     node = on_top(grid)[7]
     assert depth(grid)[7] == pytest.approx(0.01)
-    found = float(solution.surface_temperature[0, node]) - 273.15
-    print("V01 T(1 cm, 60 s)", found)
-    assert found == pytest.approx(83.726865, abs=0.08)
+    celsius = float(solution.surface_temperature[0, node]) - 273.15
+    print("V01 T(1 cm, 60 s)", celsius)
+    assert celsius == pytest.approx(83.726865, abs=0.08)
 
 
 def _with_flux(grid, material, start, times):
@@ -59,7 +60,7 @@ def _with_flux(grid, material, start, times):
 
 @pytest.fixture(scope="module")
 def heated(fine_bar):
-    return _with_flux(fine_bar, STEEL, START, [1.0, 10.0, 60.0])
+    return _with_flux(fine_bar, material=STEEL, start=START, times=[1.0, 10.0, 60.0])
 
 
 def test_heated_first_node_is_at_half_a_cell(fine_bar, heated):
@@ -84,7 +85,12 @@ def test_heated_surface_half_a_cell_further_out(fine_bar, heated):
 
 def test_holman_4_2(fine_bar):
     material = jt.Material(conductivity=45.0, density=8000.0, specific_heat=401.79)
-    found = _with_flux(fine_bar, material, 273.15 + 35.0, [30.0])[0, 37] - 273.15
+    celsius = (
+        _with_flux(fine_bar, material=material, start=273.15 + 35.0, times=[30.0])[
+            0, 37
+        ]
+        - 273.15
+    )
     assert depth(fine_bar)[37] == pytest.approx(0.025)
-    print("Holman 4.2", found)
-    assert found == pytest.approx(79.313554, abs=0.02)
+    print("Holman 4.2", celsius)
+    assert celsius == pytest.approx(79.313554, abs=0.02)

@@ -25,10 +25,10 @@ KEEPING = {
 """Structures that claim the whole capacity of the body."""
 
 
-def _in_slice(kinds, *chosen):
+def _in_slice(names, *in_slice):
     """All kinds, of which only the chosen ones are in the slice."""
     mark = pytest.mark.slice
-    return [pytest.param(kind, marks=[mark] * (kind in chosen)) for kind in kinds]
+    return [pytest.param(name, marks=[mark] * (name in in_slice)) for name in names]
 
 
 @pytest.fixture(scope="module")
@@ -60,10 +60,10 @@ def test_every_structure_absorbs_the_same(grid):
         assert convection == pytest.approx(lost, rel=0.2), name
 
 
-@pytest.mark.parametrize("kind", _in_slice(KEEPING, "octree", "core"))
-def test_a_hot_spot_evens_out_to_the_same_mean(grid, kind):
+@pytest.mark.parametrize("structure_name", _in_slice(KEEPING, "octree", "core"))
+def test_a_hot_spot_evens_out_to_the_same_mean(grid, structure_name):
     """C11: the mean of an insulated body is what its heat and capacity make it."""
-    structure = KEEPING[kind](grid)
+    structure = KEEPING[structure_name](grid)
     assert structure.capacity_ratio == pytest.approx(1.0, abs=1e-12)
     flux = jt.Until(2e4, 5.0)
     spot = jt.Region((-1.0, -1.0, 0.10), (0.03, 0.03, 1.0))
@@ -108,7 +108,7 @@ def _cooled(make, cells, biot_length, on):
 def _slab_errors(make, cells):
     """V04: error of the mean surface temperature and of the body's mean."""
     front = jt.Side(normal=(1.0, 0.0, 0.0))
-    grid, solution = _cooled(make, cells, SIZE, front)
+    grid, solution = _cooled(make, cells=cells, biot_length=SIZE, on=front)
     lit = grid.fragment_normal[:, 0] > 0.9
     surface = np.asarray(solution.surface_temperature)[0, lit]
     exact = slab_convection(np.array([1.0]), 0.2, 1.0)[0]
@@ -116,22 +116,36 @@ def _slab_errors(make, cells):
     return abs(surface.mean() - exact), abs(mean - 0.851595), surface - exact
 
 
-@pytest.mark.parametrize("kind", _in_slice(COARSE, "octree"))
-def test_slab_at_the_order_of_the_structure(kind):
+@pytest.mark.parametrize("structure_name", _in_slice(COARSE, "octree"))
+def test_slab_at_the_order_of_the_structure(structure_name):
     """An aggregate of whole blocks is of second order. So is the octree's mean.
 
     Where fine cells run beside coarse ones, two-point fluxes are not consistent: the
     octree's surface is uneven by a fifth of what it changes over a voxel.
     """
-    found = [_slab_errors(COARSE[kind], cells) for cells in (8, 16, 32)]
-    surface, mean = (np.array([errors[i] for errors in found]) for i in (0, 1))
-    uneven = [float(np.abs(errors[2]).max()) for errors in found]
+    errors_by_cells = [
+        _slab_errors(COARSE[structure_name], cells) for cells in (8, 16, 32)
+    ]
+    surface, mean = (
+        np.array([errors[i] for errors in errors_by_cells]) for i in (0, 1)
+    )
+    uneven = [float(np.abs(errors[2]).max()) for errors in errors_by_cells]
     orders = [np.log2(e[:-1] / e[1:]).round(2).tolist() for e in (surface, mean)]
-    print("V04", kind, "surface", surface, "mean", mean, "orders", orders, uneven)
-    assert uneven[-1] < (1e-4 if kind == "aggregate" else 2.5e-3)
+    print(
+        "V04",
+        structure_name,
+        "surface",
+        surface,
+        "mean",
+        mean,
+        "orders",
+        orders,
+        uneven,
+    )
+    assert uneven[-1] < (1e-4 if structure_name == "aggregate" else 2.5e-3)
     assert mean[-1] < 2e-4
     assert mean[0] / mean[-1] > 4**1.9
-    if kind == "aggregate":
+    if structure_name == "aggregate":
         np.testing.assert_allclose(orders[0], 2.0, atol=0.2)
 
 
@@ -140,33 +154,36 @@ CUBE = {"face": 0.581445, "corner": 0.266333}
 
 
 def _cube_errors(make, cells):
-    grid, solution = _cooled(make, cells, SIZE / 2, None)
+    grid, solution = _cooled(make, cells=cells, biot_length=SIZE / 2, on=None)
     surface = np.asarray(solution.surface_temperature)[0]
-    corner, face = np.zeros(3), np.array([SIZE / 2, SIZE / 2, 0.0])
+    corner = np.zeros(3)
+    face = np.array([SIZE / 2, SIZE / 2, 0.0])
     errors = []
-    for place, exact in ((face, CUBE["face"]), (corner, CUBE["corner"])):
-        away = np.linalg.norm(grid.fragment_position - place, axis=1)
+    for point, exact in ((face, CUBE["face"]), (corner, CUBE["corner"])):
+        away = np.linalg.norm(grid.fragment_position - point, axis=1)
         nearest = away < away.min() * (1 + 1e-9)
         errors.append(float(surface[nearest].mean()) - exact)
     return errors
 
 
-@pytest.mark.parametrize("kind", COARSE)
-def test_cube_cooled_on_all_sides(kind):
+@pytest.mark.parametrize("structure_name", COARSE)
+def test_cube_cooled_on_all_sides(structure_name):
     """V07. The corner is read half a voxel from it: its error is of first order.
 
     So is the octree's at the face, next to which coarse cells begin.
     """
-    found = np.abs([_cube_errors(COARSE[kind], cells) for cells in (8, 16, 32)])
-    print("V07", kind, "face, corner", found.tolist())
-    assert found[-1, 0] < (4e-4 if kind == "aggregate" else 4.5e-3)
-    assert found[0, 0] / found[-1, 0] > 2.5
-    assert found[-1, 1] < 0.03
-    assert (np.log2(found[:-1, 1] / found[1:, 1]) > 0.8).all()
+    errors = np.abs(
+        [_cube_errors(COARSE[structure_name], cells) for cells in (8, 16, 32)]
+    )
+    print("V07", structure_name, "face, corner", errors.tolist())
+    assert errors[-1, 0] < (4e-4 if structure_name == "aggregate" else 4.5e-3)
+    assert errors[0, 0] / errors[-1, 0] > 2.5
+    assert errors[-1, 1] < 0.03
+    assert (np.log2(errors[:-1, 1] / errors[1:, 1]) > 0.8).all()
 
 
-@pytest.mark.parametrize("kind", _in_slice(COARSE, "octree"))
-def test_two_blocks_in_series(kind):
+@pytest.mark.parametrize("structure_name", _in_slice(COARSE, "octree"))
+def test_two_blocks_in_series(structure_name):
     """Steady heat through copper and steel: exact ends, and the same flux in both."""
     solid = np.ones((16, 8, 8), bool)
     grid = blocks(solid, PITCH)
@@ -175,7 +192,9 @@ def test_two_blocks_in_series(kind):
     steel = jt.Material(16.0, density=1000.0, specific_heat=10.0)
     right = jt.Region((half, -1.0, -1.0), (1.0, 1.0, 1.0))
     body = jt.Body(
-        COARSE[kind](grid), jt.MaterialMap(metal, ((right, steel),)), temperature=350.0
+        COARSE[structure_name](grid),
+        jt.MaterialMap(metal, ((right, steel),)),
+        temperature=350.0,
     )
     terms = (
         jt.FixedTemperature(400.0, on=jt.Side((-1.0, 0.0, 0.0))),
@@ -189,5 +208,7 @@ def test_two_blocks_in_series(kind):
     )
     exact = 100.0 / (half / 400.0 + half / 16.0) * (8 * PITCH) ** 2
     assert into == pytest.approx(-out, rel=1e-4)
-    assert into == pytest.approx(exact, rel=0.04 if kind == "octree" else 1e-4)
-    print("two blocks", kind, into / exact)
+    assert into == pytest.approx(
+        exact, rel=0.04 if structure_name == "octree" else 1e-4
+    )
+    print("two blocks", structure_name, into / exact)

@@ -32,9 +32,9 @@ def ball():
     return voxelize(sphere(0.2, subdivisions=4), PITCH)
 
 
-def _exposure(grid, direction, *others):
+def _exposure(grid, direction, *obstacles):
     """On the fragments of `grid`, with other bodies that cast shadows."""
-    triangles = np.concatenate([grid.mesh.triangles, *(m.triangles for m in others)])
+    triangles = np.concatenate([grid.mesh.triangles, *(m.triangles for m in obstacles)])
     return Sun(direction, 1.0).exposure(
         triangles, grid.fragment_position, grid.fragment_normal, grid.pitch
     )
@@ -42,7 +42,8 @@ def _exposure(grid, direction, *others):
 
 def _rays(angle, turn=0.3):
     """Travelling down, `angle` [degrees] from the vertical."""
-    sine, cosine = np.sin(np.deg2rad(angle)), np.cos(np.deg2rad(angle))
+    sine = np.sin(np.deg2rad(angle))
+    cosine = np.cos(np.deg2rad(angle))
     return (-float(sine * np.cos(turn)), -float(sine * np.sin(turn)), -float(cosine))
 
 
@@ -76,13 +77,14 @@ def test_box_absorbs_what_its_projected_area_catches(plate):
 def test_turning_the_body_is_turning_the_sun(plate):
     turn = ((0.0, -1.0, 0.0), (0.8, 0.0, -0.6), (0.6, 0.0, 0.8))
     rays = _rays(35.0)
-    own = tuple(float(x) for x in np.array(rays) @ np.array(turn))
+    body_rays = tuple(float(x) for x in np.array(rays) @ np.array(turn))
     structure = jt.FullVolume(plate)
     pose = jt.Pose(translation=(3.0, -2.0, 1.0), rotation=turn)
     turned = jt.Body(structure, METAL, temperature=300.0, pose=pose)
     straight = jt.Body(structure, METAL, temperature=300.0)
-    found, expected = _absorbed((turned,), rays), _absorbed((straight,), own)
-    assert found == pytest.approx(expected, rel=1e-12)
+    turned_heat = _absorbed((turned,), rays)
+    expected = _absorbed((straight,), body_rays)
+    assert turned_heat == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("rays", [(0.0, 0.0, -1.0), (-1.0, 0.4, -0.7)])
@@ -110,20 +112,23 @@ def test_terminator_of_a_sphere_is_at_ninety_degrees(ball, rays):
 def test_shadow_of_a_plate_over_a_plate(plate, cover, angle):
     """The shadow of a box 2 cm thick: its shape swept along the rays."""
     rays = _rays(angle, turn=0.0)
-    gap, slope = 0.03, np.tan(np.deg2rad(angle))
+    gap = 0.03
+    slope = np.tan(np.deg2rad(angle))
     above = cover.mesh.moved((0.03, 0.01, 0.01 + gap + 0.01))
     top = plate.fragment_normal[:, 2] > 0.9
     cosine = -rays[2]
     exposure = _exposure(plate, rays, above)[top]
-    x, y = plate.fragment_position[top, 0], plate.fragment_position[top, 1]
+    x = plate.fragment_position[top, 0]
+    y = plate.fragment_position[top, 1]
     dark = 1.0 - exposure / cosine
     low = 0.03 - 0.03 - (gap + 0.02) * slope
     high = 0.03 + 0.03 - gap * slope
     expected = (min(high, 0.1) - max(low, -0.1)) * 0.08
-    found = (dark * PITCH**2).sum()
+    shadow = (dark * PITCH**2).sum()
     perimeter = 2 * ((high - low) + 0.08)
-    assert abs(found - expected) < 0.5 * PITCH * perimeter
-    full, shaded = dark > 0.99, dark > 0.01
+    assert abs(shadow - expected) < 0.5 * PITCH * perimeter
+    full = dark > 0.99
+    shaded = dark > 0.01
     # Half a voxel as the source sees it, and half of the voxel that is in part dark.
     edge = 0.5 * PITCH * (1 / cosine + 1)
     inside = (x > low + edge) & (x < high - edge) & (abs(y - 0.01) < 0.04 - PITCH)
@@ -137,7 +142,8 @@ def test_no_light_under_a_body_that_stands_on_another(plate, cover, angle):
     rays = _rays(angle, turn=0.0)
     standing = cover.mesh.moved((0.0, 0.0, 0.02))
     exposure = _exposure(plate, rays, standing)
-    x, y = plate.fragment_position[:, 0], plate.fragment_position[:, 1]
+    x = plate.fragment_position[:, 0]
+    y = plate.fragment_position[:, 1]
     top = plate.fragment_normal[:, 2] > 0.9
     # The rays come from +x: the shadow starts at the foot on the other side, too.
     reach = 0.03 + 0.02 * np.tan(np.deg2rad(angle))

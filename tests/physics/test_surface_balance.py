@@ -17,7 +17,9 @@ from tests.bodies import bar
 
 INSULATION = jt.Material(0.03, density=30.0, specific_heat=1000.0, emissivity=0.9)
 FRONT = jt.Side(normal=(1.0, 0.0, 0.0))
-FLUX, H, AIR = 1000.0, 10.0, 290.0
+FLUX = 1000.0
+H = 10.0
+AIR = 290.0
 
 
 def _at_rest(pitch, cells=2):
@@ -49,7 +51,9 @@ def test_the_ledger_closes_where_mechanisms_oppose_each_other():
 def _surface(half_cell, *laws, share=2.0):
     terms = tuple((n, bound(jnp.full(1, share), law)) for n, law in enumerate(laws))
     names = tuple(f"term{n}" for n in range(len(laws)))
-    return SurfaceTerms(names, jnp.full(1, half_cell), terms, ())
+    return SurfaceTerms(
+        names=names, half_cell=jnp.full(1, half_cell), natural=terms, prescribed=()
+    )
 
 
 def _laws(flux, h, ambient, reference=280.0):
@@ -70,12 +74,13 @@ def _all_of(surface, theta):
 
 def _bisected(half_cell, flux, h, ambient, node, share=2.0):
     """Surface temperature by bisection [K]."""
-    low, high = 0.0, 1e5
+    low = 0.0
+    high = 1e5
     for _ in range(200):
         middle = (low + high) / 2
         emitted = STEFAN_BOLTZMANN * (ambient**4 - middle**4)
-        brought = share * (flux + h * (AIR - middle) + emitted)
-        hotter = brought > half_cell * (middle - node)
+        heat = share * (flux + h * (AIR - middle) + emitted)
+        hotter = heat > half_cell * (middle - node)
         low, high = (middle, high) if hotter else (low, middle)
     return low
 
@@ -93,7 +98,7 @@ def _bisected(half_cell, flux, h, ambient, node, share=2.0):
     ],
 )
 def test_against_bisection(half_cell, flux, h, ambient, node):
-    exact = _bisected(half_cell, flux, h, ambient, node)
+    exact = _bisected(half_cell, flux=flux, h=h, ambient=ambient, node=node)
     surface = _surface(half_cell, *_laws(flux, h, ambient))
     theta = jnp.full(1, node - 280.0)
     excesses, heat, by_term = _all_of(surface, theta)
@@ -108,7 +113,9 @@ def test_against_bisection(half_cell, flux, h, ambient, node):
 def test_what_holds_a_surface_goes_straight_to_the_node():
     hold = Exchange(jnp.array(1.0), jnp.array(350.0), jnp.array(280.0))
     held = ((0, bound(jnp.full(1, 7.0), hold)),)
-    surface = SurfaceTerms(("hold",), jnp.zeros(1), (), held)
+    surface = SurfaceTerms(
+        names=("hold",), half_cell=jnp.zeros(1), natural=(), prescribed=held
+    )
     theta = jnp.full(1, 20.0)
     heat, _ = surface.heat(jnp.array(0.0), theta)
     assert float(heat[0]) == pytest.approx(7.0 * 50.0)
@@ -120,12 +127,16 @@ def test_stiffness_is_the_slope_of_the_heat_rate():
     surface = _surface(3.0, *_laws(500.0, 8.0, 300.0))
     heat = jax.jit(lambda theta: surface.heat(jnp.array(0.0), theta)[0].sum())
     theta = jnp.full(1, 40.0)
-    here = 320.0 + float(surface.surface_excess(jnp.array(0.0), theta)[0])
+    surface_temperature = 320.0 + float(
+        surface.surface_excess(jnp.array(0.0), theta)[0]
+    )
     slope = -float(jax.grad(heat)(theta)[0])
     step = 1e-3
     exact = -float(heat(theta + step) - heat(theta - step)) / (2 * step)
     assert slope == pytest.approx(exact, rel=1e-6)
-    bound_ = float(surface.stiffness(jnp.array(here), 1.0, jnp.array(1.0))[0])
+    bound_ = float(
+        surface.stiffness(jnp.array(surface_temperature), 1.0, jnp.array(1.0))[0]
+    )
     assert slope == pytest.approx(bound_, rel=1e-6)
 
 
@@ -134,8 +145,10 @@ def test_fragments_of_a_corner_do_not_share_their_half_cells():
     body = jt.Body(jt.FullVolume(bar(1, 0.1)), INSULATION, temperature=400.0)
     held = jt.Scene((body,), (jt.FixedTemperature(300.0, on=FRONT),), dtype="float64")
     blown = jt.Scene((body,), (jt.Convection(1e9, 300.0, on=FRONT),), dtype="float64")
-    both = [jt.simulate(s, 5e3, solver=jt.ForwardEuler(100.0)) for s in (held, blown)]
-    means = [float(s.mean_temperature[0, 0]) for s in both]
+    solutions = [
+        jt.simulate(s, 5e3, solver=jt.ForwardEuler(100.0)) for s in (held, blown)
+    ]
+    means = [float(s.mean_temperature[0, 0]) for s in solutions]
     assert means[0] == pytest.approx(means[1], rel=1e-7)
     assert means[0] < 390.0
 

@@ -19,9 +19,10 @@ from jaxthermo.reference.slab import slab_convection
 
 
 pytestmark = pytest.mark.filterwarnings("ignore:body 0 represents")
-KINDS = ("crossings", "dominant_axis")
+SURFACE_CELLS = ("crossings", "dominant_axis")
 UNIT = jt.Material(1.0, density=1.0, specific_heat=1.0)
-HOT, AIR = 400.0, 300.0
+HOT = 400.0
+AIR = 300.0
 TIMES = 0.05, 0.2, 0.5
 
 
@@ -35,31 +36,34 @@ def rms(error, area):
 
 def sphere_surface(time, biot, terms=60):
     """Excess at the surface of a sphere of radius 1 in a fluid (Incropera 5.6.2)."""
-    return sphere_inside(1.0, time, biot, terms)
+    return sphere_inside(1.0, time=time, biot=biot, terms=terms)
 
 
 def sphere_inside(radius, time, biot, terms=60):
     """The same at a radius."""
     total = 0.0
     for n in range(terms):
-        balance = lambda z: z * np.cos(z) + (biot - 1) * np.sin(z)
+
+        def balance(z):
+            return z * np.cos(z) + (biot - 1) * np.sin(z)
+
         z: Any = brentq(balance, n * np.pi + 1e-9, (n + 1) * np.pi - 1e-9)
         weight = 4 * (np.sin(z) - z * np.cos(z)) / (2 * z - np.sin(2 * z))
         total += weight * np.exp(-z * z * time) * np.sinc(z * radius / np.pi)
     return total
 
 
-def ball_error(kind, cells, biot):
+def ball_error(surface_cells, cells, biot):
     """Largest RMS of the surface over the times, by area; and the energy residual."""
     mesh = jt.shapes.sphere(1.0, subdivisions=6 if cells > 12 else 5)
-    grid = jt.voxelize(mesh, 1.0001 / cells, kind)
+    grid = jt.voxelize(mesh, 1.0001 / cells, surface_cells)
     body = jt.Body(jt.FullVolume(grid), UNIT, temperature=HOT)
     scene = jt.Scene((body,), (jt.Convection(biot, AIR),), dtype="float64")
     solver = jt.SuperTimeStepping(0.0025 / (cells / 6) ** 2)
     solution = jt.simulate(scene, TIMES[-1], save_at=TIMES, solver=solver)
-    found = excess(solution.surface_temperature)
+    temperature = excess(solution.surface_temperature)
     errors = [
-        rms(found[i] - sphere_surface(time, biot), grid.fragment_area)
+        rms(temperature[i] - sphere_surface(time, biot), grid.fragment_area)
         for i, time in enumerate(TIMES)
     ]
     return max(errors), np.abs(solution.energy.residual_relative).max()
@@ -88,20 +92,28 @@ def ball_nodes_error(cells, biot):
     """Largest RMS of the nodes over the times, by volume, without an error in time."""
     grid = jt.voxelize(jt.shapes.sphere(1.0, subdivisions=6), 1.0001 / cells)
     structure = jt.FullVolume(grid, stencil=False)
-    nodes, links = structure.nodes(), structure.links()
-    count, fragment_node = len(nodes.volume), structure.fragment_node()
+    nodes = structure.nodes()
+    links = structure.links()
+    count = len(nodes.volume)
+    fragment_node = structure.fragment_node()
     conductance = links.area / (links.distance_src + links.distance_dst)
-    area, half = grid.fragment_area, structure.fragment_distance()
+    area = grid.fragment_area
+    half = structure.fragment_distance()
     loss = np.bincount(fragment_node, area / (half + 1 / biot), count)
     between = coo_array((conductance, (links.src, links.dst)), (count, count))
     between = (between + between.T).tocsr()
     rate = between - diags_array(between.sum(axis=1) + loss)
     rate = diags_array(1 / nodes.volume) @ rate
     radius = np.minimum(np.linalg.norm(nodes.location, axis=1), 1)
-    found, now, errors = np.ones(count), 0.0, []
+    temperature = np.ones(count)
+    now = 0.0
+    errors = []
     for time in TIMES:
-        found, now = expm_multiply(rate * (time - now), found), time
-        errors.append(rms(found - sphere_inside(radius, time, biot), nodes.volume))
+        temperature = expm_multiply(rate * (time - now), temperature)
+        now = time
+        errors.append(
+            rms(temperature - sphere_inside(radius, time, biot), nodes.volume)
+        )
     return max(errors)
 
 
@@ -118,19 +130,19 @@ def test_a_ball_of_the_dominant_axis_is_of_first_order():
     assert 0.03 < coarse < 0.04 and 0.02 < fine < 0.03
 
 
-def box_error(kind):
+def box_error(surface_cells):
     """Surface of a box of 14.0 x 11.4 x 19.8 voxels against a product of slabs."""
     size = np.array([0.14, 0.114, 0.198])
-    grid = jt.voxelize(jt.shapes.box(tuple(size.tolist())), 0.01, kind)
+    grid = jt.voxelize(jt.shapes.box(tuple(size.tolist())), 0.01, surface_cells)
     body = jt.Body(jt.FullVolume(grid), UNIT, temperature=HOT)
     scene = jt.Scene((body,), (jt.Convection(10.0, AIR),), dtype="float64")
     end = 0.2 * 0.1**2
     solver = jt.SuperTimeStepping(end / 50)
     solution = jt.simulate(scene, end, save_at=[end], solver=solver)
-    place = np.clip(grid.fragment_position / (size / 2), -1, 1)
-    exact = np.ones(len(place))
+    position = np.clip(grid.fragment_position / (size / 2), -1, 1)
+    exact = np.ones(len(position))
     for axis, half in enumerate(size / 2):
-        exact *= slab_convection(place[:, axis], end / half**2, 10.0 * half)
+        exact *= slab_convection(position[:, axis], end / half**2, 10.0 * half)
     return np.abs(excess(solution.surface_temperature)[0] - exact).max()
 
 
@@ -142,7 +154,8 @@ def test_a_box_of_no_whole_number_of_voxels():
 
 def turned(mesh, degrees):
     """The mesh turned about y, and where that takes x and z."""
-    cos, sin = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+    cos = np.cos(np.deg2rad(degrees))
+    sin = np.sin(np.deg2rad(degrees))
     turn = np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
     return replace(mesh, vertices=mesh.vertices @ turn.T), turn[:, 0], turn[:, 2]
 
@@ -157,16 +170,16 @@ def conductor(conductivity):
     return jt.Material(conductivity, density=1e3, specific_heat=1e3)
 
 
-def slab_error(kind, degrees):
+def slab_error(surface_cells, degrees):
     """RMS at the upper side of a turned slab, far from its ends, of 60 K across it."""
     mesh, along, up = turned(jt.shapes.box((0.12, 0.005, 0.03)), degrees)
-    grid = jt.voxelize(mesh, 0.0025, kind)
+    grid = jt.voxelize(mesh, 0.0025, surface_cells)
     facing = grid.fragment_normal @ up
     hot = jt.FixedTemperature(HOT, on=jt.FragmentMask(facing < -0.9))
     air = jt.Convection(50.0, AIR, on=jt.FragmentMask(facing > 0.9))
-    found, _ = steady_surface(grid, 1.0, hot, air)
+    surface, _ = steady_surface(grid, 1.0, hot, air)
     middle = (facing > 0.9) & (np.abs(grid.fragment_position @ along) < 0.03)
-    return rms(found[middle] - 340.0, grid.fragment_area[middle])
+    return rms(surface[middle] - 340.0, grid.fragment_area[middle])
 
 
 @pytest.mark.slow
@@ -187,32 +200,38 @@ def test_a_turned_slab(degrees):
 @pytest.mark.slice
 def test_a_pipe_wall():
     """Outer diameter 0.22 m, inner 0.17 m, k 0.072: 4 mm are a sixth of the wall."""
-    outer, inner, k, h, inside = 0.11, 0.085, 0.072, 10.5, AIR + 352.0
+    outer = 0.11
+    inner = 0.085
+    k = 0.072
+    h = 10.5
+    inside = AIR + 352.0
     wall = np.log(outer / inner) / (2 * np.pi * k)
     flow = 352.0 / (wall + 1 / (2 * np.pi * outer * h))
     exact = AIR + flow / (2 * np.pi * outer * h)
     spread = {}
-    for kind in KINDS:
+    for surface_cells in SURFACE_CELLS:
         mesh = jt.shapes.tube(outer, inner, 0.004, sections=512)
-        grid = jt.voxelize(mesh, 0.004, kind)
+        grid = jt.voxelize(mesh, 0.004, surface_cells)
         radius = np.hypot(*grid.fragment_position[:, :2].T)
         side = np.abs(grid.fragment_normal[:, 2]) < 0.5
-        within, without = side & (radius < 0.0975), side & (radius > 0.0975)
+        within = side & (radius < 0.0975)
+        without = side & (radius > 0.0975)
         hot = jt.FixedTemperature(inside, on=jt.FragmentMask(within))
         air = jt.Convection(h, AIR, on=jt.FragmentMask(without))
-        found, _ = steady_surface(grid, k, hot, air)
+        surface, _ = steady_surface(grid, k, hot, air)
         area = grid.fragment_area[without]
-        mean = np.average(found[without], weights=area)
-        spread[kind] = rms(found[without] - mean, area)
-        if kind == "crossings":
+        mean = np.average(surface[without], weights=area)
+        spread[surface_cells] = rms(surface[without] - mean, area)
+        if surface_cells == "crossings":
             assert mean == pytest.approx(exact, abs=0.2)
     assert spread["crossings"] < 0.6 < 3.0 < spread["dominant_axis"]
 
 
-def rod_heat(kind):
+def rod_heat(surface_cells):
     """Heat through a rod of 2.06 x 2.06 voxels over the exact."""
-    width, length = 0.0206, 0.1
-    grid = jt.voxelize(jt.shapes.box((width, width, length)), 0.01, kind)
+    width = 0.0206
+    length = 0.1
+    grid = jt.voxelize(jt.shapes.box((width, width, length)), 0.01, surface_cells)
     up = grid.fragment_normal[:, 2]
     hot = jt.FixedTemperature(HOT, on=jt.FragmentMask(up > 0.9))
     cold = jt.FixedTemperature(AIR, on=jt.FragmentMask(up < -0.9))
@@ -254,16 +273,18 @@ def test_a_rod_at_a_slant_carries_its_heat(cells, within, degrees):
 @pytest.mark.slow
 def test_a_fin():
     """V16, table 3.4 of Incropera: 12 voxels a radius, 240 long."""
-    radius, length, h = 0.0025, 0.05, 100.0
+    radius = 0.0025
+    length = 0.05
+    h = 100.0
     grid = jt.voxelize(
-        jt.shapes.cylinder(radius, length, sections=256), radius / 12, KINDS[0]
+        jt.shapes.cylinder(radius, length, sections=256), radius / 12, SURFACE_CELLS[0]
     )
     along = grid.fragment_normal[:, 2]
     base = jt.FixedTemperature(AIR + 75.0, on=jt.FragmentMask(along < -0.9))
     air = jt.Convection(h, AIR, on=jt.FragmentMask(np.abs(along) < 0.5))
-    found, solution = steady_surface(grid, 180.0, base, air)
+    surface, solution = steady_surface(grid, 180.0, base, air)
     tip = along > 0.9
-    above = np.average(found[tip], weights=grid.fragment_area[tip]) - AIR
+    above = np.average(surface[tip], weights=grid.fragment_area[tip]) - AIR
     heat = float(np.abs(solution.heat_rates.mechanisms["fixed_temperature"]).max())
     assert above == pytest.approx(46.61455996, rel=3e-3)
     assert heat == pytest.approx(4.37775788, rel=3e-3)
@@ -273,7 +294,9 @@ def test_a_fin():
 def test_a_long_cylinder():
     """V05 at 12 voxels a radius: Bi 1, Fo 0.2 (Incropera 5.50)."""
     pitch = 0.1 / 12
-    grid = jt.voxelize(jt.shapes.cylinder(0.1, pitch, sections=256), pitch, KINDS[0])
+    grid = jt.voxelize(
+        jt.shapes.cylinder(0.1, pitch, sections=256), pitch, SURFACE_CELLS[0]
+    )
     side = np.abs(grid.fragment_normal[:, 2]) < 0.5
     air = jt.Convection(10.0, AIR, on=jt.FragmentMask(side))
     stuff = jt.Material(1.0, density=1000.0, specific_heat=1000.0)
@@ -281,8 +304,9 @@ def test_a_long_cylinder():
     scene = jt.Scene((body,), (air,), dtype="float64")
     solver = jt.SuperTimeStepping(10.0)
     solution = jt.simulate(scene, 2000.0, save_at=[2000.0], solver=solver)
-    found, area = excess(solution.surface_temperature)[0], grid.fragment_area
-    assert rms(found[side] - 0.57022774, area[side]) < 3e-3
+    temperature = excess(solution.surface_temperature)[0]
+    area = grid.fragment_area
+    assert rms(temperature[side] - 0.57022774, area[side]) < 3e-3
     mean = float(excess(solution.mean_temperature)[0, 0])
     assert mean == pytest.approx(0.71851626, abs=3e-3)
 
@@ -301,7 +325,9 @@ KEPT = {
 @pytest.mark.slow
 def test_every_structure_takes_part():
     """All have the body's volume, and come as near to the truth as their nodes do."""
-    grid = jt.voxelize(jt.shapes.sphere(1.0, subdivisions=5), 1.0001 / 12, KINDS[0])
+    grid = jt.voxelize(
+        jt.shapes.sphere(1.0, subdivisions=5), 1.0001 / 12, SURFACE_CELLS[0]
+    )
     errors = {}
     for name, make in KEPT.items():
         structure = make(grid)
@@ -310,9 +336,9 @@ def test_every_structure_takes_part():
         scene = jt.Scene((body,), (jt.Convection(1.0, AIR),), dtype="float64")
         solution = jt.simulate(scene, 0.5, save_at=TIMES)
         assert np.abs(solution.energy.residual_relative).max() < 1e-11, name
-        found = excess(solution.surface_temperature)
+        temperature = excess(solution.surface_temperature)
         exact = np.array([[sphere_surface(t, 1.0)] for t in TIMES])
-        errors[name] = max(rms(e, grid.fragment_area) for e in found - exact)
+        errors[name] = max(rms(e, grid.fragment_area) for e in temperature - exact)
     assert errors["links"] < 0.003 and errors["octree"] < 0.004, errors
     assert errors["aggregate"] < 0.006 and errors["core"] < 0.009, errors
     # Without nodes inside, a shell is only as good as its one layer.
@@ -322,7 +348,7 @@ def test_every_structure_takes_part():
 @pytest.mark.slow
 @pytest.mark.slice
 def test_derivatives_are_difference_quotients():
-    grid = jt.voxelize(jt.shapes.sphere(1.0, subdivisions=3), 0.3, KINDS[0])
+    grid = jt.voxelize(jt.shapes.sphere(1.0, subdivisions=3), 0.3, SURFACE_CELLS[0])
     structure = jt.FullVolume(grid)
 
     @jax.jit
@@ -333,9 +359,9 @@ def test_derivatives_are_difference_quotients():
         solution = jt.simulate(scene, 0.1, solver=jt.ForwardEuler(0.005))
         return (solution.surface_temperature[0] * grid.fragment_area).mean()
 
-    at = 1.3, 2.0, 0.9
-    found = jax.grad(surface, argnums=(0, 1, 2))(*at)
-    for i, value in enumerate(found):
+    at = np.array([1.3, 2.0, 0.9])
+    slopes = jax.grad(surface, argnums=(0, 1, 2))(*at.tolist())
+    for i, value in enumerate(slopes):
         step = np.zeros(3)
         step[i] = 1e-5 * at[i]
         quotient = surface(*(at + step)) - surface(*(at - step))

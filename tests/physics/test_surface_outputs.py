@@ -16,8 +16,8 @@ GRID = bar(4, 0.01)
 
 def scene_of(*terms, bodies=None, outputs=BOTH):
     body = jt.Body(jt.FullVolume(GRID, stencil=False), CLAY, temperature=350.0)
-    given = (body,) if bodies is None else bodies
-    return jt.Scene(given, terms, dtype="float64", surface_outputs=outputs)
+    scene_bodies = (body,) if bodies is None else bodies
+    return jt.Scene(scene_bodies, terms, dtype="float64", surface_outputs=outputs)
 
 
 @pytest.mark.slow
@@ -28,14 +28,15 @@ def test_the_flux_of_all_fragments_is_what_a_body_stores():
         jt.Body(jt.FullVolume(GRID), CLAY, temperature=t, pose=jt.Pose((x, 0.0, 0.0)))
         for t, x in ((350.0, 0.0), (320.0, 0.04))
     )
-    terms = (
+    scene = scene_of(
         jt.Wind((3.0, 0.0, 0.0), 290.0),
         jt.Sun((-1.0, 0.0, -1.0), 500.0),
         jt.Surroundings(280.0),
         jt.Contact(200.0),
+        bodies=bodies,
     )
     step = 1e-4
-    solution = jt.simulate(scene_of(*terms, bodies=bodies), step, [0.0, step])
+    solution = jt.simulate(scene, step, [0.0, step])
     assert solution.heat_flux is not None
     area = np.concatenate([GRID.fragment_area] * 2)
     rate = (np.asarray(solution.heat_flux)[1] * area).reshape(2, -1).sum(axis=1)
@@ -49,7 +50,8 @@ def test_free_convection_and_wind_give_the_coefficient_of_their_flux():
     """h (T_inf - T_s) is the flux where nothing else acts; emission has no h."""
     for term in (jt.FreeConvection(290.0), jt.Wind((2.0, 0.0, 0.0), 290.0)):
         solution = jt.simulate(scene_of(term), 1.0)
-        h, flux = solution.heat_transfer_coefficient, solution.heat_flux
+        h = solution.heat_transfer_coefficient
+        flux = solution.heat_flux
         assert h is not None and flux is not None
         assert (np.asarray(h) > 1.0).all()
         gap = 290.0 - np.asarray(solution.surface_temperature)
@@ -62,8 +64,10 @@ def test_free_convection_and_wind_give_the_coefficient_of_their_flux():
 def test_only_what_is_asked_for_is_saved():
     none = jt.simulate(scene_of(outputs=()), 0.0, [0.0])
     assert none.heat_flux is None and none.heat_transfer_coefficient is None
-    one = jt.simulate(scene_of(outputs=("heat_flux",)), 0.0, [0.0])
-    assert one.heat_transfer_coefficient is None
-    assert one.heat_flux is not None and jnp.shape(one.heat_flux)[0] == 1
+    fluxes_only = jt.simulate(scene_of(outputs=("heat_flux",)), 0.0, [0.0])
+    assert fluxes_only.heat_transfer_coefficient is None
+    assert (
+        fluxes_only.heat_flux is not None and jnp.shape(fluxes_only.heat_flux)[0] == 1
+    )
     with pytest.raises(InputError, match="'flux' is none; name some of heat_flux, "):
         scene_of(outputs=("flux",))

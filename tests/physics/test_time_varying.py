@@ -48,10 +48,11 @@ def test_a_function_of_time_is_sampled_however_long_the_stable_step(voxel):
 
 
 def test_a_switch_at_a_landing_is_on_before_and_off_after(voxel):
-    scene, saves = voxel(jt.Until(1000.0, 5.0)), [5.0, 20.0]
+    scene = voxel(jt.Until(1000.0, 5.0))
+    saves = [5.0, 20.0]
     solution = jt.simulate(scene, 20.0, saves, solver=jt.ForwardEuler())
-    brought = np.asarray(solution.energy.mechanisms["heat_flux"])
-    np.testing.assert_allclose(brought, 0.01 * 1000.0 * 5.0, rtol=1e-12)
+    heat = np.asarray(solution.energy.mechanisms["heat_flux"])
+    np.testing.assert_allclose(heat, 0.01 * 1000.0 * 5.0, rtol=1e-12)
 
 
 def test_a_switched_zero_is_left_out(voxel):

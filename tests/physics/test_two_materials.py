@@ -9,39 +9,50 @@ from jaxthermo.reference.semi_infinite import perfect_contact
 from tests.bodies import bar, depth, on_top
 
 
-COPPER_K, STEEL_K = 401.0, 15.1
+COPPER_K = 401.0
+STEEL_K = 15.1
 COPPER = jt.Material(conductivity=COPPER_K, density=8933.0, specific_heat=385.0)
 STEEL = jt.Material(conductivity=STEEL_K, density=8055.0, specific_heat=480.0)
-LEFT, RIGHT = jt.Side((-1.0, 0.0, 0.0)), jt.Side((1.0, 0.0, 0.0))
+LEFT = jt.Side((-1.0, 0.0, 0.0))
+RIGHT = jt.Side((1.0, 0.0, 0.0))
 
 
-def _painted(grid, base, other, cells):
+def _painted(grid, base, rest_material, cells):
     """`base` in the first `cells` cells of a bar, `other` in the rest."""
     start = float(grid.origin[0] + cells * grid.pitch)
     wide = 10 * float(grid.pitch) * len(depth(grid))
     region = jt.Region((start, -wide, -wide), (wide, wide, wide))
-    return jt.MaterialMap(base, ((region, other),))
+    return jt.MaterialMap(base, ((region, rest_material),))
 
 
 @pytest.mark.slow
 @pytest.mark.slice
 def test_interface_of_copper_and_steel():
     """In copper one diffusion length is 27 cells, in steel 5."""
-    pitch, copper_cells, steel_cells = 1e-3, 165, 35
+    pitch = 1e-3
+    copper_cells = 165
+    steel_cells = 35
     grid = bar(copper_cells + steel_cells, pitch)
     middle = float(grid.origin[0] + copper_cells * pitch)
     body = jt.Body(
         jt.FullVolume(grid),
-        _painted(grid, COPPER, STEEL, copper_cells),
+        _painted(grid, base=COPPER, rest_material=STEEL, cells=copper_cells),
         temperature=lambda p: np.where(p[:, 0] < middle, 373.15, 273.15),
     )
     end = float((5 * pitch) ** 2 / STEEL.diffusivity)
     solution = jt.simulate(jt.Scene((body,), dtype="float64"), end)
     nodes = np.asarray(solution.surface_temperature)[0, on_top(grid)]
-    a, b = nodes[copper_cells - 1], nodes[copper_cells]
-    k_a, k_b = COPPER_K, STEEL_K
+    a = nodes[copper_cells - 1]
+    b = nodes[copper_cells]
+    k_a = COPPER_K
+    k_b = STEEL_K
     interface = (k_a * a + k_b * b) / (k_a + k_b) - 273.15
-    exact = perfect_contact(100.0, 0.0, COPPER.effusivity, STEEL.effusivity)
+    exact = perfect_contact(
+        100.0,
+        temperature_b=0.0,
+        effusivity_a=COPPER.effusivity,
+        effusivity_b=STEEL.effusivity,
+    )
     print("V11 interface", interface, "error", interface - exact, "K")
     assert exact == pytest.approx(82.93590583, abs=1e-8)
     assert interface == pytest.approx(exact, abs=0.05)
@@ -55,7 +66,9 @@ def _composite(grid, solver):
     first = jt.Material(401.0, density=401.0, specific_heat=1e4)
     second = jt.Material(0.2, density=0.2, specific_heat=1e4)
     body = jt.Body(
-        jt.FullVolume(grid), _painted(grid, first, second, 3), temperature=300.0
+        jt.FullVolume(grid),
+        _painted(grid, base=first, rest_material=second, cells=3),
+        temperature=300.0,
     )
     terms = jt.FixedTemperature(400.0, on=LEFT), jt.FixedTemperature(300.0, on=RIGHT)
     scene = jt.Scene((body,), terms, dtype="float64")

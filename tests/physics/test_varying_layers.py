@@ -16,7 +16,10 @@ from jaxthermo.physics.conduction import (
 from tests.bodies import bar, blocks
 
 
-LOW, HIGH, PITCH, CELLS = 300.0, 500.0, 0.01, 12
+LOW = 300.0
+HIGH = 500.0
+PITCH = 0.01
+CELLS = 12
 RISES, FALLS = (Property([LOW, HIGH], k) for k in ([4.0, 20.0], [30.0, 10.0]))
 RISING = jt.Material(RISES, 1000.0, 500.0)
 FALLING = jt.Material(FALLS, 2000.0, 400.0)
@@ -51,15 +54,19 @@ def bisected(function, low, high):
 
 def wall(x, length):
     """Two layers, both of a length, between 300 and 500 K: T at x, and the flux."""
-    fluxes = lambda face: (
-        (integral(RISING, face) - 0.0) / length,
-        (integral(FALLING, HIGH) - integral(FALLING, face)) / length,
-    )
+
+    def fluxes(face):
+        return (
+            (integral(RISING, face) - 0.0) / length,
+            (integral(FALLING, HIGH) - integral(FALLING, face)) / length,
+        )
+
     face = bisected(lambda t: fluxes(t)[0] - fluxes(t)[1], LOW, HIGH)
     flux = fluxes(face)[0]
-    here = np.minimum(flux * x, integral(RISING, face))
-    there = integral(FALLING, face) + flux * np.maximum(x - length, 0)
-    left, right = temperature(RISING, here), temperature(FALLING, there)
+    rising_integral = np.minimum(flux * x, integral(RISING, face))
+    falling_integral = integral(FALLING, face) + flux * np.maximum(x - length, 0)
+    left = temperature(RISING, rising_integral)
+    right = temperature(FALLING, falling_integral)
     return np.where(x < length, left, right), flux
 
 
@@ -68,7 +75,13 @@ def layered(structure, materials=(RISING, FALLING), reference=350.0):
         structure.nodes().centre[:, 0] > structure.nodes().centre[:, 0].mean()
     ) * 1
     number = number.astype(np.int32)
-    return materials_network(structure, number, materials, reference, jnp.float64)
+    return materials_network(
+        structure,
+        number=number,
+        materials=materials,
+        reference=reference,
+        dtype=jnp.float64,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -100,14 +113,14 @@ def states_of(rng):
 def test_two_layers_with_k_of_t_are_exact_at_every_node(network):
     """F_a linear on the left, F_b on the right, one flux: no rate but at the ends."""
     exact, flux = wall(np.arange(CELLS) * PITCH, (CELLS - 1) / 2 * PITCH)
-    given = np.stack([exact, exact + np.sin(np.arange(CELLS))]) - 350.0
-    exact_rate, other = rates_of(network, given)
+    states = np.stack([exact, exact + np.sin(np.arange(CELLS))]) - 350.0
+    exact_rate, disturbed_rate = rates_of(network, states)
     scale = flux * PITCH**2
     np.testing.assert_allclose(exact_rate[[0, -1]], [scale, -scale], rtol=1e-9)
     np.testing.assert_allclose(exact_rate[1:-1], 0, atol=1e-9 * scale)
-    assert np.abs(other[1:-1]).max() > 0.01 * scale
+    assert np.abs(disturbed_rate[1:-1]).max() > 0.01 * scale
     # Conductivities at the reference would miss it by far.
-    linear = np.asarray(heat_rate(network.linear, given[0]))
+    linear = np.asarray(heat_rate(network.linear, states[0]))
     assert np.abs(linear[1:-1]).max() > 0.1 * scale
 
 
@@ -119,9 +132,9 @@ def test_what_one_node_loses_the_others_gain(structure):
     states = np.asarray(states_at(theta))
     back = np.asarray(jax.jit(jax.vmap(network.temperature))(states))
     np.testing.assert_allclose(back, theta, rtol=1e-12, atol=1e-10)
-    found = rates_of(network, states)
-    lost = np.abs(found).sum(axis=1)
-    np.testing.assert_allclose(found.sum(axis=1) / lost, 0, atol=1e-14)
+    rates = rates_of(network, states)
+    lost = np.abs(rates).sum(axis=1)
+    np.testing.assert_allclose(rates.sum(axis=1) / lost, 0, atol=1e-14)
     uniform = np.asarray(states_at(np.full((ROWS, CELLS), 31.0)))[0]
     assert np.abs(rates_of(network, np.tile(uniform, (ROWS, 1)))).max() < 1e-12
     # The state of the layer with c(T) is its heat over the capacity at 350 K.
@@ -136,9 +149,10 @@ def test_one_stable_step_keeps_all_temperatures_between_the_extremes(network):
     max_rate, capacity = eqx.filter_jit(lambda n: (n.max_rate(), n.capacity()))(network)
     dt = 1 / float(max_rate)
     per_step = dt * rates_of(network, states) / np.asarray(capacity)
-    low, high = states.min(axis=1, keepdims=True), states.max(axis=1, keepdims=True)
-    after = states + per_step
-    assert ((after >= low - 1e-9) & (after <= high + 1e-9)).all()
+    low = states.min(axis=1, keepdims=True)
+    high = states.max(axis=1, keepdims=True)
+    stepped = states + per_step
+    assert ((stepped >= low - 1e-9) & (stepped <= high + 1e-9)).all()
     # The bound is no excuse: a step of three times that leaves them.
     beyond = states + 3 * per_step
     assert (beyond > high + 1.0).any() or (beyond < low - 1.0).any()
@@ -163,15 +177,18 @@ def test_the_jacobian_is_the_derivative_of_the_rates(structure, by_axis):
     def both(state):
         jacobian, slope = network.linearized(state)
         assert slope is not None
-        flat = lambda own: jax.vmap(own)(jnp.eye(state.size).reshape(-1, *state.shape))
+
+        def flat(operator):
+            return jax.vmap(operator)(jnp.eye(state.size).reshape(-1, *state.shape))
+
         by_hand = flat(lambda change: jacobian.heat_rate(slope * change))
         exact = jax.jacfwd(network.heat_rate)(state)
         return by_hand, exact, jacobian.diagonal() * slope
 
-    found, exact, diagonal = map(np.asarray, both(state))
-    found = found.reshape(state.size, -1).T
+    by_hand, exact, diagonal = map(np.asarray, both(state))
+    by_hand = by_hand.reshape(state.size, -1).T
     exact = exact.reshape(state.size, -1)
-    np.testing.assert_allclose(found, exact, atol=1e-9 * np.abs(exact).max())
+    np.testing.assert_allclose(by_hand, exact, atol=1e-9 * np.abs(exact).max())
     np.testing.assert_allclose(diagonal.reshape(-1), -np.diag(exact), rtol=1e-9)
     assert np.abs(exact - exact.T).max() > 0.1 * np.abs(exact).max()
 
@@ -182,9 +199,9 @@ def test_the_stencil_has_the_same_rates_as_the_links(structure, network):
     theta = np.linspace(-50.0, 150.0, CELLS) ** 2 / 150.0
     state = np.zeros(lattice.state_shape)
     state[lattice.node_address()] = theta
-    found = np.asarray(heat_rate(dense, state))
-    own = rates_of(network, theta[None])[0]
-    np.testing.assert_allclose(found[lattice.node_address()], own, rtol=1e-12)
+    dense_rate = np.asarray(heat_rate(dense, state))
+    row_rate = rates_of(network, theta[None])[0]
+    np.testing.assert_allclose(dense_rate[lattice.node_address()], row_rate, rtol=1e-12)
 
 
 @pytest.mark.slow
@@ -192,10 +209,13 @@ def test_derivatives_by_all_conductivities(structure):
     theta = jnp.asarray(np.linspace(-50.0, 150.0, CELLS))
 
     def warmth(values):
-        one = jt.Material(Property([LOW, HIGH], values[:2]), 1000.0, 500.0)
-        other = jt.Material(Property([LOW, HIGH], values[2:]), 2000.0, 400.0)
-        network = layered(structure, (one, other))
-        step = lambda _, state: network.euler_step(state, jnp.asarray(0.2))
+        first = jt.Material(Property([LOW, HIGH], values[:2]), 1000.0, 500.0)
+        second = jt.Material(Property([LOW, HIGH], values[2:]), 2000.0, 400.0)
+        network = layered(structure, (first, second))
+
+        def step(_, state):
+            return network.euler_step(state, jnp.asarray(0.2))
+
         return (jax.lax.fori_loop(0, 20, step, theta) ** 2).mean()
 
     at = np.array([4.0, 20.0, 30.0, 10.0])
@@ -213,7 +233,9 @@ def test_along_every_axis_its_own_law_holds(axis):
     shape = [1, 1, 1]
     shape[axis] = 2
     structure = jt.FullVolume(blocks(np.ones(shape, bool), 0.1))
-    network = material_network(structure, wood, 350.0, jnp.float64)
+    network = material_network(
+        structure, material=wood, reference=350.0, dtype=jnp.float64
+    )
     state = np.zeros(structure.state_shape)
     state[structure.node_address()] = [310.0 - 350.0, 480.0 - 350.0]
     rate = float(np.max(heat_rate(network, state)))
@@ -230,20 +252,38 @@ def test_a_slanted_surface_has_the_conductivity_of_its_normal():
     wood = jt.Material((RISES, 7.0, 2.0), 500.0, 1600.0)
     normal = np.array([[0.6, 0.0, 0.8], [0.0, 1.0, 0.0], [0.6, 0.8, 0.0]])
     number = np.array([0, 0, 1], np.int32)
-    given = (wood, FALLING)
-    parts = conductivity_parts(given, number, normal, LOW, jnp.float64)
-    assert parts is not None
-    np.testing.assert_allclose(np.asarray(parts).sum(axis=0), 1.0, rtol=1e-12)
+    materials = (wood, FALLING)
+    fractions = conductivity_parts(
+        materials, number=number, normal=normal, reference=LOW, dtype=jnp.float64
+    )
+    assert fractions is not None
+    np.testing.assert_allclose(np.asarray(fractions).sum(axis=0), 1.0, rtol=1e-12)
     structure = jt.FullVolume(blocks(np.ones((3, 1, 1), bool), 0.1), stencil=False)
-    network = materials_network(structure, number, given, LOW, jnp.float64)
+    network = materials_network(
+        structure, number=number, materials=materials, reference=LOW, dtype=jnp.float64
+    )
     theta = np.asarray([50.0, 80.0, 100.0])
     first = (0.36 * (4.0 + 0.08 * 50.0) + 0.64 * 2.0) / (0.36 * 4.0 + 0.64 * 2.0)
     expected = [first, 1.0, 20.0 / 30.0]
-    found = jax.jit(network.relative_conductivity)(theta, parts)
-    np.testing.assert_allclose(found, expected, rtol=1e-12)
-    assert conductivity_parts((RISING,), number * 0, normal, LOW, jnp.float64) is None
+    relative = jax.jit(network.relative_conductivity)(theta, fractions)
+    np.testing.assert_allclose(relative, expected, rtol=1e-12)
+    assert (
+        conductivity_parts(
+            (RISING,),
+            number=number * 0,
+            normal=normal,
+            reference=LOW,
+            dtype=jnp.float64,
+        )
+        is None
+    )
     plain = (jt.Material(1.0, 1.0, 1.0), jt.Material(2.0, 1.0, 1.0))
-    assert conductivity_parts(plain, number, normal, LOW, jnp.float64) is None
+    assert (
+        conductivity_parts(
+            plain, number=number, normal=normal, reference=LOW, dtype=jnp.float64
+        )
+        is None
+    )
 
 
 RIGHT = jt.Region(lower=(0.0, -1.0, -1.0), upper=(1.0, 1.0, 1.0))
@@ -280,9 +320,9 @@ def test_steady_and_implicit_steps_agree_with_explicit_ones():
         ends[name] = np.asarray(jt.probe(solution))
     exact = ends["RKL2"]
     np.testing.assert_allclose(ends["TR-BDF2"][0], exact[0], atol=0.3)
-    for name, found in ends.items():
+    for name, flux in ends.items():
         np.testing.assert_allclose(
-            found[1], jt.probe(steady)[0], atol=2e-3, err_msg=name
+            flux[1], jt.probe(steady)[0], atol=2e-3, err_msg=name
         )
 
 
@@ -293,11 +333,11 @@ def test_gradients_of_solves_that_are_not_symmetric(name):
     structure = jt.FullVolume(bar(4, PITCH))
 
     def core(values):
-        one = jt.Material(Property([LOW, HIGH], values[:2]), 1000.0, 500.0)
-        other = jt.Material(
+        first = jt.Material(Property([LOW, HIGH], values[:2]), 1000.0, 500.0)
+        second = jt.Material(
             (Property([LOW, HIGH], values[2:]), 9.0, 9.0), 2000.0, 400.0
         )
-        materials = jt.MaterialMap(one, ((RIGHT, other),))
+        materials = jt.MaterialMap(first, ((RIGHT, second),))
         body = jt.Body(structure, materials, temperature=400.0)
         terms = (
             jt.FixedTemperature(LOW, on=jt.Side((-1.0, 0.0, 0.0))),
@@ -326,8 +366,8 @@ def test_a_wall_simulated_to_its_steady_state():
     """Through half cells with the conductivity of their nodes: of second order."""
     exact, _ = wall(np.array([0.03, 0.0775, 0.1025]), CELLS / 2 * PITCH)
     worst = []
-    for parts in (1, 2):
-        grid = bar(CELLS * parts, PITCH / parts)
+    for refinement in (1, 2):
+        grid = bar(CELLS * refinement, PITCH / refinement)
         solution = jt.simulate(scene_of(jt.FullVolume(grid)), 4000.0)
         assert abs(float(solution.energy.residual_relative[-1])) < 1e-11
         worst.append(np.abs(np.asarray(jt.probe(solution))[0] - exact).max())

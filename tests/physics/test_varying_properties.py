@@ -14,7 +14,8 @@ from jaxthermo.physics.conduction import material_network
 from tests.bodies import blocks
 
 
-DENSITY, PITCH = 1000.0, 0.01
+DENSITY = 1000.0
+PITCH = 0.01
 
 
 def _bar(cells):
@@ -26,43 +27,60 @@ def test_a_steady_slab_with_k_linear_in_temperature():
 
     Source: Carslaw and Jaeger, Conduction of Heat in Solids, 1.6.
     """
-    cells, low, high, k0, rise = 12, 300.0, 500.0, 4.0, 0.01
+    cells = 12
+    low = 300.0
+    high = 500.0
+    k0 = 4.0
+    rise = 0.01
     metal = jt.Material(
         Property([low, high], [k0, k0 * (1 + rise * (high - low))]), DENSITY, 500.0
     )
     structure = _bar(cells)
-    network = material_network(structure, metal, 350.0, jnp.float64)
+    network = material_network(
+        structure, material=metal, reference=350.0, dtype=jnp.float64
+    )
     ends = jnp.array([0, cells - 1])
     held = jnp.array([low, high]) - 350.0
 
     @eqx.filter_jit
     def relax(theta):
         dt = 1 / network.max_rate()
-        hold = lambda theta: theta.at[ends].set(held)
-        step = lambda _, theta: hold(network.euler_step(theta, dt))
+
+        def hold(theta):
+            return theta.at[ends].set(held)
+
+        def step(_, theta):
+            return hold(network.euler_step(theta, dt))
+
         return jax.lax.fori_loop(0, 2000, step, hold(theta))
 
     theta = relax(jnp.zeros(cells))
-    part = np.arange(cells) / (cells - 1)
+    fraction = np.arange(cells) / (cells - 1)
     gap = high - low
-    whole = gap + rise * gap**2 / 2
-    exact = low + (np.sqrt(1 + 2 * rise * part * whole) - 1) / rise
+    total_integral = gap + rise * gap**2 / 2
+    exact = low + (np.sqrt(1 + 2 * rise * fraction * total_integral) - 1) / rise
     np.testing.assert_allclose(350.0 + theta, exact, rtol=1e-10)
     rate = network.heat_rate(theta)
-    area, length = PITCH**2, (cells - 1) * PITCH
+    area = PITCH**2
+    length = (cells - 1) * PITCH
     flow = k0 * (1 + rise * gap / 2) * area * gap / length
     assert float(rate[0]) == pytest.approx(flow, rel=1e-9)
     assert float(rate[-1]) == pytest.approx(-flow, rel=1e-9)
-    assert np.abs(np.asarray(350.0 + theta) - (low + part * gap)).max() > 10.0
+    assert np.abs(np.asarray(350.0 + theta) - (low + fraction * gap)).max() > 10.0
 
 
 def test_a_lumped_body_with_c_linear_in_temperature():
     """Under a constant heat rate: T = T_0 + (sqrt(1 + 2 b q t / (rho c_0)) - 1) / b."""
-    c0, rise, start, q = 400.0, 0.004, 300.0, 5e5
+    c0 = 400.0
+    rise = 0.004
+    start = 300.0
+    q = 5e5
     metal = jt.Material(
         20.0, DENSITY, Property([start, 800.0], [c0, c0 * (1 + rise * 500)])
     )
-    network = material_network(_bar(1), metal, start, jnp.float64)
+    network = material_network(
+        _bar(1), material=metal, reference=start, dtype=jnp.float64
+    )
     times = np.array([0.0, 1.0, 30.0, 100.0, 300.0])
     # The state grows by heat over the capacity at the reference: exact in any steps.
     state = jnp.asarray(q * times / (DENSITY * c0))
@@ -75,7 +93,8 @@ def test_a_lumped_body_with_c_linear_in_temperature():
 
 def _freezing(width, reference=290.0):
     """A latent heat of 200 kJ/kg as a peak of c_p, `width` wide about 300 K."""
-    latent, c = 2e5, 1000.0
+    latent = 2e5
+    c = 1000.0
     middle = [300 - width / 2, 300.0, 300 + width / 2]
     peak = Property(middle, [c, c + 2 * latent / width, c])
     return jt.Material(2.0, DENSITY, peak), latent, c, reference
@@ -85,15 +104,19 @@ def _freezing(width, reference=290.0):
 def test_a_peak_of_c_takes_up_its_latent_heat(width):
     """Heated at a constant rate it stays in the peak for rho L / q."""
     wax, latent, c, reference = _freezing(width)
-    network = material_network(_bar(1), wax, reference, jnp.float64)
-    rate = 1e5 / (DENSITY * c)
-    time_to = lambda kelvin: (
-        float(network.state_of(jnp.asarray(kelvin - reference))) / rate
+    network = material_network(
+        _bar(1), material=wax, reference=reference, dtype=jnp.float64
     )
-    before, after = 300.0 - width / 2, 300.0 + width / 2
-    assert time_to(before) == pytest.approx((before - reference) / rate, rel=1e-12)
+    rate = 1e5 / (DENSITY * c)
+
+    def time_to(kelvin):
+        return float(network.state_of(jnp.asarray(kelvin - reference))) / rate
+
+    solid = 300.0 - width / 2
+    liquid = 300.0 + width / 2
+    assert time_to(solid) == pytest.approx((solid - reference) / rate, rel=1e-12)
     heat = DENSITY * (latent + c * width)
-    assert time_to(after) - time_to(before) == pytest.approx(heat / 1e5, rel=1e-12)
+    assert time_to(liquid) - time_to(solid) == pytest.approx(heat / 1e5, rel=1e-12)
 
 
 @pytest.mark.slow
@@ -104,24 +127,27 @@ def test_a_mushy_front_moves_without_losing_heat(dtype):
     """A warm half melts a cold half: heat is kept, nothing leaves the start's range."""
     wax, _, _, reference = _freezing(1.0)
     structure = _bar(40)
-    network = material_network(structure, wax, reference, dtype)
+    network = material_network(
+        structure, material=wax, reference=reference, dtype=dtype
+    )
     theta = jnp.where(jnp.arange(40) < 20, 60.0, -2.0).astype(dtype)
-    state, dt = network.state_of(theta), 1 / network.max_rate()
+    state = network.state_of(theta)
+    dt = 1 / network.max_rate()
     run = jax.jit(
         lambda s: jax.lax.fori_loop(0, 500, lambda _, x: network.euler_step(x, dt), s)
     )
-    after = run(state)
-    found = np.asarray(network.temperature(after), float)
+    end_state = run(state)
+    temperature = np.asarray(network.temperature(end_state), float)
     exact = dtype == jnp.float64
-    assert found.min() > -2.0 - (1e-9 if exact else 1e-3)
-    assert found.max() < 60.0 + (1e-9 if exact else 1e-3)
-    assert (np.diff(found) < 1e-9 if exact else np.diff(found) < 1e-3).all()
-    heat = np.asarray(after, float).sum() - np.asarray(state, float).sum()
-    moved = np.abs(np.asarray(after, float) - np.asarray(state, float)).sum()
+    assert temperature.min() > -2.0 - (1e-9 if exact else 1e-3)
+    assert temperature.max() < 60.0 + (1e-9 if exact else 1e-3)
+    assert (np.diff(temperature) < 1e-9 if exact else np.diff(temperature) < 1e-3).all()
+    heat = np.asarray(end_state, float).sum() - np.asarray(state, float).sum()
+    moved = np.abs(np.asarray(end_state, float) - np.asarray(state, float)).sum()
     drift = abs(heat) / moved
     print("drift", dtype, drift)
     assert drift < (1e-12 if exact else 1e-4)
-    mushy = np.abs(found + reference - 300.0) < 0.5
+    mushy = np.abs(temperature + reference - 300.0) < 0.5
     # The front is in the cold half, with part of its latent heat taken up.
     assert mushy[20:].any() and not mushy[:10].any()
 
@@ -136,9 +162,12 @@ def test_stefan_problem():
     Source: Carslaw and Jaeger, Conduction of Heat in Solids, 11.2 (Neumann).
     """
     wax, latent, c, reference = _freezing(0.1)
-    cells, wall = 100, 340.0
+    cells = 100
+    wall = 340.0
     structure = _bar(cells)
-    network = material_network(structure, wax, reference, jnp.float64)
+    network = material_network(
+        structure, material=wax, reference=reference, dtype=jnp.float64
+    )
     stefan = c * (wall - 300.05) / (latent + c * 0.05)
     root = 0.1
     for _ in range(60):
@@ -151,13 +180,15 @@ def test_stefan_problem():
 
     @eqx.filter_jit
     def run(state):
-        step = lambda _, s: network.euler_step(s, dt).at[0].set(held)
+        def step(_, s):
+            return network.euler_step(s, dt).at[0].set(held)
+
         return jax.lax.fori_loop(0, 12_000, step, state.at[0].set(held))
 
-    after = run(start)
+    end_state = run(start)
     # What has molten, in cells, by the heat taken up beyond the warming.
-    theta = np.asarray(network.temperature(after)) + reference
-    enthalpy = np.asarray(after) - (theta - reference)
+    theta = np.asarray(network.temperature(end_state)) + reference
+    enthalpy = np.asarray(end_state) - (theta - reference)
     solid = float(start[1]) - (299.95 - reference)
     molten = (enthalpy[1:] - solid).sum() / (latent / c)
     front = (molten + 0.5) * PITCH

@@ -19,14 +19,14 @@ def cube():
     return voxelize(box((1.0, 1.0, 1.0)), 0.1)
 
 
-def check(found):
+def check(views):
     """Reciprocity and closure of any view factors."""
-    np.testing.assert_array_equal(found.between, found.between.T)
-    closed = found.factor.sum(1) + found.to_surroundings
+    np.testing.assert_array_equal(views.between, views.between.T)
+    closed = views.factor.sum(1) + views.to_surroundings
     np.testing.assert_allclose(closed, 1.0, rtol=0, atol=1e-12)
-    assert found.to_surroundings.min() >= 0
-    off = found.factor - np.diag(np.diag(found.factor))
-    assert off.min() >= 0 and np.diag(found.factor).min() > -1e-9
+    assert views.to_surroundings.min() >= 0
+    off = views.factor - np.diag(np.diag(views.factor))
+    assert off.min() >= 0 and np.diag(views.factor).min() > -1e-9
 
 
 @pytest.mark.parametrize(
@@ -40,63 +40,65 @@ def check(found):
 )
 def test_aligned_cubes_are_parallel_squares(cube, gap):
     """Only the squares that face each other see each other at all."""
-    first, second = in_patches(cube, 60), in_patches(cube, 60, moved(1 + gap, 0, 0))
-    found = view_factors((first, second), directions=48, lines=32)
-    check(found)
+    first = in_patches(cube, 60)
+    second = in_patches(cube, 60, moved(1 + gap, 0, 0))
+    views = view_factors((first, second), directions=48, lines=32)
+    check(views)
     n = first.patches.count
     exact = parallel_rectangles(1.0, 1.0, gap)
-    between = found.between[:n, n:].sum()
+    between = views.between[:n, n:].sum()
     print("gap", gap, "sizes: F error", between / exact - 1)
     assert between == pytest.approx(exact, rel=0.01)
-    assert np.trace(found.factor) == pytest.approx(0.0, abs=1e-10)
+    assert np.trace(views.factor) == pytest.approx(0.0, abs=1e-10)
 
 
 def test_turning_the_scene_changes_nothing_but_the_sampling(cube):
     turn = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
     turn *= np.linalg.det(turn)
     x, y, z = turn[:, 0]
-    first = in_patches(cube, 60, moved(0, 0, 0, turn))
-    second = in_patches(cube, 60, moved(1.5 * x, 1.5 * y, 1.5 * z, turn))
-    found = view_factors((first, second), directions=48, lines=32)
-    check(found)
+    first = in_patches(cube, 60, moved(0, y=0, z=0, rotation=turn))
+    second = in_patches(cube, 60, moved(1.5 * x, y=1.5 * y, z=1.5 * z, rotation=turn))
+    views = view_factors((first, second), directions=48, lines=32)
+    check(views)
     n = first.patches.count
     exact = parallel_rectangles(1.0, 1.0, 0.5)
-    assert found.between[:n, n:].sum() == pytest.approx(exact, rel=0.01)
+    assert views.between[:n, n:].sum() == pytest.approx(exact, rel=0.01)
 
 
 def test_what_stands_between_is_in_the_way(cube):
     wall = voxelize(box((0.1, 4.0, 4.0)), 0.1)
-    first, second = in_patches(cube, 60), in_patches(cube, 60, moved(2.0, 0, 0))
+    first = in_patches(cube, 60)
+    second = in_patches(cube, 60, moved(2.0, 0, 0))
     third = in_patches(wall, 60, moved(1.0, 0, 0))
-    found = view_factors((first, second, third), directions=16, lines=32)
-    check(found)
+    views = view_factors((first, second, third), directions=16, lines=32)
+    check(views)
     n = first.patches.count
-    assert found.between[:n, n : 2 * n].sum() == 0.0
-    assert found.between[:n, 2 * n :].sum() > 0.9
+    assert views.between[:n, n : 2 * n].sum() == 0.0
+    assert views.between[:n, 2 * n :].sum() > 0.9
 
 
 def test_ball_in_a_hollow_ball():
     inner = in_patches(voxelize(sphere(0.05, 3), 0.005), 60)
     outer = in_patches(voxelize(shell(0.1, 0.12), 0.006), 120)
-    found = view_factors((inner, outer), directions=32, lines=64)
-    check(found)
+    views = view_factors((inner, outer), directions=32, lines=64)
+    check(views)
     n = inner.patches.count
-    cavity = np.zeros(len(found.area), bool)
+    cavity = np.zeros(len(views.area), bool)
     cavity[n:] = np.linalg.norm(outer.patches.centre, axis=1) < 0.11
     # Sealed: not a ray finds its way out, and the scaling must not make one.
-    assert found.outside[:n].sum() == 0.0 and found.outside[cavity].sum() == 0.0
-    np.testing.assert_allclose(found.factor[:n, n:].sum(1), 1.0, atol=1e-12)
-    wall = found.area[cavity]
-    own = found.between[np.ix_(cavity, cavity)].sum() / wall.sum()
-    assert own == pytest.approx(1 - 0.05**2 / 0.1**2, abs=0.01)
-    outside = found.outside[n:][~cavity[n:]]
-    np.testing.assert_allclose(outside, found.area[n:][~cavity[n:]], rtol=1e-10)
+    assert views.outside[:n].sum() == 0.0 and views.outside[cavity].sum() == 0.0
+    np.testing.assert_allclose(views.factor[:n, n:].sum(1), 1.0, atol=1e-12)
+    wall = views.area[cavity]
+    self_factor = views.between[np.ix_(cavity, cavity)].sum() / wall.sum()
+    assert self_factor == pytest.approx(1 - 0.05**2 / 0.1**2, abs=0.01)
+    outside = views.outside[n:][~cavity[n:]]
+    np.testing.assert_allclose(outside, views.area[n:][~cavity[n:]], rtol=1e-10)
 
 
 def test_one_body_alone_sees_the_surroundings(cube):
-    found = view_factors((in_patches(cube, 60),), directions=16, lines=48)
-    check(found)
-    np.testing.assert_allclose(found.to_surroundings, 1.0, atol=1e-12)
+    views = view_factors((in_patches(cube, 60),), directions=16, lines=48)
+    check(views)
+    np.testing.assert_allclose(views.to_surroundings, 1.0, atol=1e-12)
 
 
 def test_balancing_restores_what_was_scaled():
@@ -126,33 +128,34 @@ def test_too_coarse_is_refused(cube, how):
         view_factors((in_patches(cube, 60),), **how)
 
 
-def squares(pitch, kind):
-    cube = voxelize(box((1.0, 1.0, 1.0)), pitch, kind)
+def squares(pitch, surface_cells):
+    cube = voxelize(box((1.0, 1.0, 1.0)), pitch, surface_cells)
     return cube, cube, (1.5, 0, 0), parallel_rectangles(1.0, 1.0, 0.5)
 
 
-def discs(pitch, kind):
-    disc = voxelize(cylinder(1.0, 0.5, sections=128), pitch, kind)
+def discs(pitch, surface_cells):
+    disc = voxelize(cylinder(1.0, 0.5, sections=128), pitch, surface_cells)
     return disc, disc, (0, 0, 1.5), np.pi * coaxial_discs(1.0, 1.0, 1.0)
 
 
-def ball_over_a_disc(pitch, kind):
+def ball_over_a_disc(pitch, surface_cells):
     """F = (1 - 1 / sqrt(1 + (R / H)^2)) / 2."""
-    ball = voxelize(sphere(1.0, 5), pitch, kind)
-    disc = voxelize(cylinder(2.0, 0.5, sections=128), 1.9 * pitch, kind)
+    ball = voxelize(sphere(1.0, 5), pitch, surface_cells)
+    disc = voxelize(cylinder(2.0, 0.5, sections=128), 1.9 * pitch, surface_cells)
     factor = (1 - 1 / np.hypot(1, 2.0 / 1.8)) / 2
     return ball, disc, (0, 0, -2.05), 4 * np.pi * factor
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["crossings", "dominant_axis"])
+@pytest.mark.parametrize("surface_cells", ["crossings", "dominant_axis"])
 @pytest.mark.parametrize("cells", [8.3, 14.6])
 @pytest.mark.parametrize("bodies", [squares, discs, ball_over_a_disc])
-def test_closed_forms_do_not_depend_on_the_surface_cells(bodies, cells, kind):
+def test_closed_forms_do_not_depend_on_the_surface_cells(bodies, cells, surface_cells):
     """Lines meet the mesh, whatever its cells: A_1 F_12 within 0.2 % at odd pitches."""
-    one, other, offset, exact = bodies(1 / cells, kind)
-    first, second = in_patches(one, 100), in_patches(other, 100, moved(*offset))
-    found = view_factors((first, second), directions=48, lines=48)
-    check(found)
+    first_grid, second_grid, offset, exact = bodies(1 / cells, surface_cells)
+    first = in_patches(first_grid, 100)
+    second = in_patches(second_grid, 100, moved(*offset))
+    views = view_factors((first, second), directions=48, lines=48)
+    check(views)
     n = first.patches.count
-    assert found.between[:n, n:].sum() == pytest.approx(exact, rel=2e-3)
+    assert views.between[:n, n:].sum() == pytest.approx(exact, rel=2e-3)

@@ -13,8 +13,11 @@ from jaxthermo.physics.convection.wake import WakeDeficit
 from jaxthermo.physics.convection.wind import Wind
 
 
-AIR, HOT = 300.0, 340.0
-DIAMETER, HEIGHT, SPEED = 0.1, 0.0125, 5.0
+AIR = 300.0
+HOT = 340.0
+DIAMETER = 0.1
+HEIGHT = 0.0125
+SPEED = 5.0
 CERAMIC = jt.Material(conductivity=8.0, density=1800.0, specific_heat=900.0)
 COPPER = jt.Material(conductivity=400.0, density=8900.0, specific_heat=385.0)
 WIND = Wind((SPEED, 0.0, 0.0), AIR)
@@ -50,8 +53,16 @@ def test_the_order_of_side_temperatures_follows_the_local_number(grid):
     mean = np.bincount(sector, temperature) / np.bincount(sector)
     middle = jnp.cos(jnp.radians(jnp.asarray(7.5 + 15.0 * np.arange(12))))
     reynolds = SPEED * DIAMETER / float(kinematic_viscosity(jnp.array(AIR)))
-    every = lambda value: jnp.full(12, value)
-    local = local_nusselt(middle, every(reynolds), every(0.707), churchill_bernstein)
+
+    def constant(value):
+        return jnp.full(12, value)
+
+    local = local_nusselt(
+        middle,
+        reynolds=constant(reynolds),
+        prandtl_number=constant(0.707),
+        average=churchill_bernstein,
+    )
     by_value = np.corrcoef(mean, local)[0, 1]
     by_rank = np.corrcoef(_rank(mean), _rank(local))[0, 1]
     print("temperature by sector", mean.round(2), "local number", local.round(1))
@@ -67,17 +78,26 @@ def test_a_good_conductor_cools_as_the_mean_coefficient_says(grid):
     """C dT/dt = -A h(T) (T - T_air), within the fragments' quadrature."""
     end = 150.0
     solution = simulate((body(grid, COPPER),), end, WIND)
-    found = float(solution.mean_temperature[0, 0])
+    mean = float(solution.mean_temperature[0, 0])
     area = grid.fragment_area.sum()
     capacity = COPPER.volumetric_heat_capacity * np.pi / 4 * DIAMETER**2 * HEIGHT
-    speed, diameter = jnp.array(SPEED), jnp.array(DIAMETER)
-    h = jax.jit(lambda t: _mean_coefficient(speed, diameter, t, churchill_bernstein))
-    temperature, dt = HOT, 1.5
+    speed = jnp.array(SPEED)
+    diameter = jnp.array(DIAMETER)
+    h = jax.jit(
+        lambda t: _mean_coefficient(
+            speed, diameter=diameter, film=t, average=churchill_bernstein
+        )
+    )
+    temperature = HOT
+    dt = 1.5
     for _ in range(100):
-        rate = lambda t: -area * float(h((t + AIR) / 2)) * (t - AIR) / capacity
+
+        def rate(t):
+            return -area * float(h((t + AIR) / 2)) * (t - AIR) / capacity
+
         temperature += dt * rate(temperature + dt / 2 * rate(temperature))
-    print("copper", found, "lumped", temperature)
-    assert found - HOT == pytest.approx(temperature - HOT, rel=0.02)
+    print("copper", mean, "lumped", temperature)
+    assert mean - HOT == pytest.approx(temperature - HOT, rel=0.02)
     assert temperature < HOT - 4.0
 
 
@@ -92,9 +112,9 @@ def test_gradients_by_the_speed_go_through_a_run(grid):
         solution = jt.simulate(scene, 5.0, solver=jt.ForwardEuler(dt=0.25))
         return solution.mean_temperature[0, 0]
 
-    both = jax.jit(jax.value_and_grad(mean))
-    slope = float(both(2.0)[1])
-    rise = float(both(2.001)[0] - both(1.999)[0]) / 2e-3
+    value_and_slope = jax.jit(jax.value_and_grad(mean))
+    slope = float(value_and_slope(2.0)[1])
+    rise = float(value_and_slope(2.001)[0] - value_and_slope(1.999)[0]) / 2e-3
     assert slope == pytest.approx(rise, rel=1e-5) and slope < 0
 
 
@@ -102,13 +122,13 @@ def test_gradients_by_the_speed_go_through_a_run(grid):
 @pytest.mark.slice
 def test_one_in_the_wake_of_another_cools_less_and_the_ledger_closes():
     """Two cylinders in one mesh, in gusts."""
-    one = jt.shapes.cylinder(DIAMETER / 2, HEIGHT)
-    behind = one.moved((3 * DIAMETER, 0.0, 0.0))
-    both = jt.Mesh(
-        np.concatenate([one.vertices, behind.vertices]),
-        np.concatenate([one.faces, behind.faces + len(one.vertices)]),
+    upstream = jt.shapes.cylinder(DIAMETER / 2, HEIGHT)
+    behind = upstream.moved((3 * DIAMETER, 0.0, 0.0))
+    bodies = jt.Mesh(
+        np.concatenate([upstream.vertices, behind.vertices]),
+        np.concatenate([upstream.faces, behind.faces + len(upstream.vertices)]),
     )
-    grid = jt.voxelize(both, DIAMETER / 16)
+    grid = jt.voxelize(bodies, DIAMETER / 16)
     gusts = jt.Table([0.0, 15.0, 30.0], [1.0, 9.0, 0.0])
     wind = Wind((1.0, 0.0, 0.0), AIR, speed=gusts, wake=WakeDeficit())
     solution = simulate((body(grid, CERAMIC),), 30.0, wind)
@@ -116,8 +136,8 @@ def test_one_in_the_wake_of_another_cools_less_and_the_ledger_closes():
     rear = grid.fragment_position[:, 0] > 1.5 * DIAMETER
     loss = HOT - np.asarray(solution.surface_temperature)[0]
     first, second = (
-        np.average(loss[part], weights=grid.fragment_area[part])
-        for part in (~rear, rear)
+        np.average(loss[selection], weights=grid.fragment_area[selection])
+        for selection in (~rear, rear)
     )
     print("cooled by [K]", first, second)
     # Such a disc is as wide as it is high: u / U = 0.61 at x / D = 16 behind its rear,

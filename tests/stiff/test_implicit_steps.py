@@ -21,7 +21,10 @@ def _laminate(pattern, dtype):
     on = (index[0] if pattern == "laminate" else index.sum(axis=0)) % 2
     grid = blocks(np.ones(shape, bool), PITCH)
     labels = jt.MaterialLabels(on.astype(np.int32), (AEROGEL, DIAMOND))
-    hot = lambda points: np.where(points[:, 0] < 6 * PITCH, 400.0, 300.0)
+
+    def hot(points):
+        return np.where(points[:, 0] < 6 * PITCH, 400.0, 300.0)
+
     body = jt.Body(jt.FullVolume(grid), labels, temperature=hot)
     return jt.Scene((body,), (), dtype=dtype)
 
@@ -76,7 +79,8 @@ def test_emission_settles_from_any_start_at_any_step(start, dt):
     """S06, S07: at most 20 steps of Newton's method, and nothing beyond the ends."""
     scene = _cube(start)
     run = jt.simulate(scene, dt, solver=jt.BackwardEuler(dt=dt), throw=False)
-    mean, effort = float(run.mean_temperature[-1, 0]), run.run.statistics
+    mean = float(run.mean_temperature[-1, 0])
+    effort = run.run.statistics
     assert effort is not None
     newton = int(effort.newton_iterations)
     print(start, dt, "ends at", mean, "after", newton, run.result)
@@ -90,7 +94,8 @@ def test_emission_settles_from_any_start_at_any_step(start, dt):
 def test_an_island_stays_as_it_is_bit_by_bit():
     """S12: a part without heat exchange, beside one that loses heat."""
     solid = np.zeros((5, 2, 2), bool)
-    solid[:2], solid[4, 0, 0] = True, True
+    solid[:2] = True
+    solid[4, 0, 0] = True
     grid = blocks(solid, 0.01)
     body = jt.Body(
         jt.FullVolume(grid),

@@ -28,7 +28,8 @@ from tests.bodies import blocks
 
 
 SHAPE = (6, 5, 5)
-CASES, SLICE = 500, 25
+CASES = 500
+SLICE = 25
 STEPS = 3
 STAGES = (7, 61)
 """Of super time stepping: one program each."""
@@ -77,7 +78,10 @@ SOLVERS = {
     "TRBDF2": jt.TRBDF2,
     "adaptive": jt.TRBDF2,
 }
-between = lambda low, high: st.floats(low, high, allow_nan=False)
+
+
+def between(low, high):
+    return st.floats(low, high, allow_nan=False)
 
 
 ANY = between(-6.0, 6.0).map(lambda x: 10.0**x) | st.just(np.inf)
@@ -103,7 +107,7 @@ def drawn(
     )
 
 
-def _body(case, rng, place, temperature):
+def _body(case, rng, offset, temperature):
     pitch = 10.0**case.pitch
     # Within six digits of one another, about those of steel.
     k, heat = (10.0 ** (r / 2) for r in case.ratios)
@@ -112,40 +116,48 @@ def _body(case, rng, place, temperature):
         jt.Material(16.0 / k, 4000.0 / heat, 1000.0),
     )
     labels = jt.MaterialLabels(rng.integers(0, 2, SHAPE).astype(np.int32), pair)
-    pose = jt.Pose(translation=(place * pitch, 0.0, 0.0))
+    pose = jt.Pose(translation=(offset * pitch, 0.0, 0.0))
     grid = blocks(np.ones(SHAPE, bool), pitch)
     return jt.Body(jt.FullVolume(grid), labels, temperature=temperature, pose=pose)
 
 
 def scene_of(case: Drawn) -> jt.Scene:
-    rng, pitch = np.random.default_rng(case.seed), 10.0**case.pitch
-    halves = lambda points: np.where(points[:, 0] < 3 * pitch, 400.0, 300.0)
-    bodies = _body(case, rng, 0, halves), _body(case, rng, SHAPE[0], 350.0)
+    rng = np.random.default_rng(case.seed)
+    pitch = 10.0**case.pitch
+
+    def halves(points):
+        return np.where(points[:, 0] < 3 * pitch, 400.0, 300.0)
+
+    bodies = (
+        _body(case, rng=rng, offset=0, temperature=halves),
+        _body(case, rng=rng, offset=SHAPE[0], temperature=350.0),
+    )
     air = jt.Convection(10.0**case.air, case.air_temperature)
     return jt.Scene(bodies, (jt.Contact(case.contact), air), dtype=case.dtype)
 
 
 def _solver(case: Drawn, scene: jt.Scene):
     """The solver and the end: that which was drawn, or the latest that it gets to."""
-    kind, end = SOLVERS[case.solver], 10.0**case.end
+    solver_class = SOLVERS[case.solver]
+    end = 10.0**case.end
     if case.solver == "adaptive":
-        return kind(), end
+        return solver_class(), end
     if case.solver not in ("ForwardEuler", "SuperTimeStepping"):
-        return kind(dt=end / STEPS), end
+        return solver_class(dt=end / STEPS), end
     stable = plan_run(scene, 0.0, None).stable_step
     assert stable is not None
     if case.solver == "ForwardEuler":
         _refuses_more(end, scene, stable)
         end = _within(end, STEPS * stable)
-        return kind(dt=end / STEPS), end
+        return solver_class(dt=end / STEPS), end
     covered = {s: (s * s + s - 2) / 4 * stable for s in STAGES}
     end = _within(end, STEPS * covered[max(STAGES)])
     stages = min(s for s in STAGES if covered[s] >= end / STEPS)
-    return kind(dt=end / STEPS, stages=stages), end
+    return solver_class(dt=end / STEPS, stages=stages), end
 
 
-def _within(end: float, most: float) -> float:
-    return end if end <= most else 10.0 ** float(np.floor(np.log10(most)))
+def _within(end: float, largest: float) -> float:
+    return end if end <= largest else 10.0 ** float(np.floor(np.log10(largest)))
 
 
 def run(case: Drawn):
@@ -153,16 +165,15 @@ def run(case: Drawn):
     scene = scene_of(case)
     with precision(case.dtype):
         solver, end = _solver(case, scene)
-        todo = plan_run(scene, end, None, solver)
-        program, layout = (
-            todo.compiled.program,
-            step_table(todo, save_intervals(todo.intervals)),
-        )
+        todo = plan_run(scene, t1=end, save_at=None, solver=solver)
+        program = todo.compiled.program
+        layout = step_table(todo, save_intervals(todo.intervals))
         state, seen = _RUN(todo.stepper, program, initial_state(todo), layout)
         solution = make_solution(todo, seen)
     nodes = [
-        np.asarray(theta, float)[body.structure.node_address()] + float(part.reference)
-        for body, part, theta in zip(
+        np.asarray(theta, float)[body.structure.node_address()]
+        + float(prepared.reference)
+        for body, prepared, theta in zip(
             scene.bodies, program.bodies, state.theta, strict=True
         )
     ]
@@ -172,7 +183,7 @@ def run(case: Drawn):
 def _refuses_more(dt: float, scene: jt.Scene, stable: float) -> None:
     if dt > stable * (1 + 1e-6):
         with pytest.raises(jt.InputError, match=f"scene is {stable:.6g} s"):
-            plan_run(scene, dt, None, jt.ForwardEuler(dt=dt))
+            plan_run(scene, t1=dt, save_at=None, solver=jt.ForwardEuler(dt=dt))
 
 
 def check(case: Drawn) -> None:

@@ -47,11 +47,17 @@ def _compiled(mechanism, painted, dtype):
 def _range_after(mechanism, share, painted, dtype, steps):
     """Lowest and highest temperature after some steps of a share of the limit."""
     structure, compiled = _compiled(mechanism, painted, dtype)
-    program, kind = compiled.program, jnp.dtype(dtype)
-    dt = (compiled.stable_step * share).astype(kind)
-    state = RunState(compiled.state, empty_ledger(len(program.entries), kind))
+    program = compiled.program
+    float_type = jnp.dtype(dtype)
+    dt = (compiled.stable_step * share).astype(float_type)
+    state = RunState(compiled.state, empty_ledger(len(program.entries), float_type))
     state = _advance(
-        EulerStepper(), program, state, jnp.zeros((), kind), dt, jnp.asarray(steps)
+        EulerStepper(),
+        program,
+        state,
+        jnp.zeros((), float_type),
+        dt,
+        jnp.asarray(steps),
     )
     nodes = np.asarray(state.theta[0], float)[structure.node_address()]
     reference = float(program.bodies[0].reference)
@@ -74,13 +80,17 @@ BOTH = ("insulated", "convection")
 )
 def test_bounds_hold_at_the_limit(mechanism, painted):
     for steps in (1, 50):
-        low, high = _range_after(mechanism, 1.0, painted, "float64", steps)
+        low, high = _range_after(
+            mechanism, share=1.0, painted=painted, dtype="float64", steps=steps
+        )
         assert low >= 300.0 - 1e-9
         assert high <= 400.0 + 1e-9
 
 
 def test_bounds_hold_in_float32():
-    low, high = _range_after("convection", 1.0, False, "float32", 50)
+    low, high = _range_after(
+        "convection", share=1.0, painted=False, dtype="float32", steps=50
+    )
     assert low >= 300.0 - 3e-5
     assert high <= 400.0 + 3e-5
 
@@ -94,11 +104,15 @@ def test_bounds_hold_in_float32():
     ],
 )
 def test_bounds_break_just_above_the_limit(mechanism, painted):
-    low, high = _range_after(mechanism, 1.05, painted, "float64", 1)
+    low, high = _range_after(
+        mechanism, share=1.05, painted=painted, dtype="float64", steps=1
+    )
     print(mechanism, painted, "overshoot", 300.0 - low, high - 400.0)
     assert max(300.0 - low, high - 400.0) > 1.0
 
 
 def test_far_above_the_limit_it_blows_up():
-    low, high = _range_after("insulated", 1.3, False, "float64", 100)
+    low, high = _range_after(
+        "insulated", share=1.3, painted=False, dtype="float64", steps=100
+    )
     assert high - low > 1e6

@@ -69,7 +69,6 @@ def test_on_another_device(monkeypatch):
 
 @pytest.mark.usefixtures("fresh")
 def test_where_another_version_of_xla_cannot_call(monkeypatch):
-    wrong = lambda *given: np.zeros(3, np.float32)
-    monkeypatch.setattr(call, "called", wrong)
+    monkeypatch.setattr(call, "called", lambda *_: np.zeros(3, np.float32))
     with pytest.raises(InputError, match="cannot call what numba compiles"):
         require_native("a")

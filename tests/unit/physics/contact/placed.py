@@ -33,7 +33,7 @@ def placed(grid, translation=(0.0, 0.0, 0.0), turn=(0.0, 0.0, 0.0), name="body")
 
 
 def moved(body, by):
-    """The same body after another rigid motion of the whole world."""
+    """A body after another rigid motion of the whole world."""
     rotation = np.array(by.rotation) @ np.array(body.pose.rotation)
     x, y, z = by.to_world(np.array(body.pose.translation)).tolist()
     turned = tuple(tuple(row) for row in rotation.tolist())

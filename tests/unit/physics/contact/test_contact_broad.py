@@ -21,18 +21,20 @@ GRIDS = (BOX, BALL, ROD)
 
 
 def points_of(body):
-    """Closely spread over a body's surface, in the world [m]."""
+    """Points closely spread over a body's surface, in the world [m]."""
     triangles = body.grid.mesh.triangles
     steps = np.linspace(0.0, 1.0, 9 if len(triangles) < 100 else 2)
     u, v = (w.reshape(-1)[:, None] for w in np.meshgrid(steps, steps))
-    u, v = u[(u + v <= 1)[:, 0]], v[(u + v <= 1)[:, 0]]
+    inside = (u + v <= 1)[:, 0]
+    u = u[inside]
+    v = v[inside]
     a, b, c = (triangles[:, None, i] for i in range(3))
     return body.pose.to_world((a + u * (b - a) + v * (c - a)).reshape(-1, 3))
 
 
-def closest(one, other):
-    """The least distance between points of two surfaces: no less than the true one."""
-    return float(KDTree(points_of(one)).query(points_of(other))[0].min())
+def closest(first, second):
+    """Smallest distance of sampled points of two surfaces, never too small."""
+    return float(KDTree(points_of(first)).query(points_of(second))[0].min())
 
 
 @settings(deadline=None, max_examples=12)
@@ -47,14 +49,14 @@ def test_no_pair_is_lost(seed, count, spread):
         )
         for _ in range(count)
     )
-    found = broad_phase(bodies)
-    kept = {tuple(pair) for pair in found.pairs.tolist()}
+    candidates = broad_phase(bodies)
+    pairs = {tuple(pair) for pair in candidates.pairs.tolist()}
     for i in range(count):
         for j in range(i + 1, count):
             if closest(bodies[i], bodies[j]) <= PITCH:
-                assert (i, j) in kept
-    assert len(kept) <= found.overlapping_boxes <= found.possible
-    assert set(found.bodies) == {body for pair in kept for body in pair}
+                assert (i, j) in pairs
+    assert len(pairs) <= candidates.overlapping_boxes <= candidates.possible
+    assert set(candidates.bodies) == {body for pair in pairs for body in pair}
 
 
 @pytest.mark.slow
@@ -88,17 +90,22 @@ def test_views_prune_what_boxes_do_not():
         placed(box_grid((0.1, 0.1, 4.0), 0.05), (1.2 * k, 0.0, 0.0), (0.0, 45.0, 0.0))
         for k in range(4)
     )
-    found = broad_phase(rods)
-    assert (found.possible, found.overlapping_boxes) == (6, 5)
-    assert found.pairs.tolist() == [] and found.bodies == ()
+    candidates = broad_phase(rods)
+    assert (candidates.possible, candidates.overlapping_boxes) == (6, 5)
+    assert candidates.pairs.tolist() == [] and candidates.bodies == ()
 
 
 def test_a_wide_threshold_keeps_more():
-    pair = placed(BALL), placed(BALL, (3.0, 0.0, 0.0))
+    pair = (placed(BALL), placed(BALL, (3.0, 0.0, 0.0)))
     assert broad_phase(pair).pairs.tolist() == []
     assert broad_phase(pair, 2.1).pairs.tolist() == [[0, 1]]
 
 
 def test_one_body_has_no_pair():
-    found = broad_phase((placed(BALL),))
-    assert found.possible == found.overlapping_boxes == len(found.pairs) == 0
+    candidates = broad_phase((placed(BALL),))
+    assert (
+        candidates.possible
+        == candidates.overlapping_boxes
+        == len(candidates.pairs)
+        == 0
+    )

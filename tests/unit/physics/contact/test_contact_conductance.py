@@ -28,14 +28,18 @@ HALF_B = jnp.array([0.5, 2e-2, 0.0])
 BONDED = np.array([4.0 * 0.5 / 4.5, 1e-3 * 2e-2 / 2.1e-2, 0.0])
 
 conductance = jax.jit(contact_conductance_of)
-series = jax.jit(_series)
+
+
+@jax.jit
+def series(first, second, third):
+    return _series(_series(first, second), third)
 
 
 @pytest.mark.parametrize("h_c", [1.0, 1e2, 1e4, 1e6])
 def test_resistances_add(h_c):
-    found = np.asarray(conductance(AREA, HALF_A, HALF_B, h_c))[:2]
+    actual = np.asarray(conductance(AREA, HALF_A, HALF_B, h_c))[:2]
     resistance = 1 / HALF_A[:2] + 1 / (h_c * AREA[:2]) + 1 / HALF_B[:2]
-    assert found == pytest.approx(1 / np.asarray(resistance), rel=1e-13)
+    assert actual == pytest.approx(1 / np.asarray(resistance), rel=1e-13)
 
 
 def test_limits():
@@ -47,26 +51,36 @@ def test_limits():
 
 
 def test_float32_holds_over_its_whole_range():
-    single = lambda values: jnp.asarray(values, jnp.float32)
-    inputs = single(AREA), single(HALF_A), single(HALF_B)
-    total = lambda h_c: contact_conductance_of(*inputs, h_c).sum()
-    h_c = single([0.0, 1e-30, 1.0, 1e30, 3e38, math.inf])
-    found, slope = jax.jit(jax.vmap(jax.value_and_grad(total)))(h_c)
-    assert np.isfinite(found).all() and np.isfinite(slope).all()
-    assert (np.diff(found) >= 0).all() and (slope >= 0).all()
-    assert np.asarray(found[3:]) == pytest.approx(BONDED.sum(), rel=1e-6)
+    area = AREA.astype(jnp.float32)
+    half_a = HALF_A.astype(jnp.float32)
+    half_b = HALF_B.astype(jnp.float32)
+
+    def total(h_c):
+        return contact_conductance_of(
+            area, half_a=half_a, half_b=half_b, coefficient=h_c
+        ).sum()
+
+    h_c = jnp.asarray([0.0, 1e-30, 1.0, 1e30, 3e38, math.inf], jnp.float32)
+    conductances, slope = jax.jit(jax.vmap(jax.value_and_grad(total)))(h_c)
+    assert np.isfinite(conductances).all() and np.isfinite(slope).all()
+    assert (np.diff(conductances) >= 0).all() and (slope >= 0).all()
+    assert np.asarray(conductances[3:]) == pytest.approx(BONDED.sum(), rel=1e-6)
 
 
 def test_all_derivatives_are_finite_and_right():
-    total = lambda area, h_c: contact_conductance_of(area, HALF_A, HALF_B, h_c).sum()
+    def total(area, h_c):
+        return contact_conductance_of(
+            area, half_a=HALF_A, half_b=HALF_B, coefficient=h_c
+        ).sum()
+
     h_c = jnp.array([0.0, 1.0, 5e3, 1e9, math.inf])
-    over = lambda f: jax.jit(jax.vmap(f, (None, 0)))
-    by_area, by_h_c = over(jax.grad(total, (0, 1)))(AREA, h_c)
+    slopes = jax.jit(jax.vmap(jax.grad(total, (0, 1)), (None, 0)))
+    by_area, by_h_c = slopes(AREA, h_c)
     assert np.isfinite(by_area).all() and np.isfinite(by_h_c).all()
     assert float(by_h_c[0]) == pytest.approx(float(AREA.sum()))
     assert float(by_h_c[-1]) == 0.0
     step = 1e-5 * h_c[1:4]
-    value = over(total)
+    value = jax.jit(jax.vmap(total, (None, 0)))
     rise = value(AREA, h_c[1:4] + step) - value(AREA, h_c[1:4] - step)
     expected = np.asarray(rise / (2 * step))
     assert np.asarray(by_h_c[1:4]) == pytest.approx(expected, rel=1e-5, abs=1e-16)
@@ -80,12 +94,12 @@ def test_all_derivatives_are_finite_and_right():
 @settings(deadline=None, max_examples=50)
 @given(p=st.floats(0, 1e30), q=st.floats(0, 1e30), r=st.floats(0, 1e30))
 def test_the_order_in_a_series_does_not_matter(p, q, r):
-    one, other = (
+    forward, cyclic = (
         float(series(*(jnp.array(v) for v in values)))
         for values in ((p, q, r), (r, p, q))
     )
-    assert one == pytest.approx(other, rel=1e-14, abs=1e-300)
-    assert one <= min(p, q, r)
+    assert forward == pytest.approx(cyclic, rel=1e-14, abs=1e-300)
+    assert forward <= min(p, q, r)
 
 
 def test_a_fragments_half_cell_is_shared_by_its_pairs():
@@ -94,22 +108,26 @@ def test_a_fragments_half_cell_is_shared_by_its_pairs():
     side = prepare(0, body, np.float64)._replace(half_cell=np.full(6, 6.0))
     covered = np.zeros(6)
     pairs = ContactPairs(
-        np.array([0, 1]), np.array([0, 1]), np.array([1.0, 2.0]), np.zeros(2),
-        covered, covered,
-    )  # fmt: skip
-    links = Contact(1.0).bind(pairs, (side, side), 0, 3)
+        fragment_a=np.array([0, 1]),
+        fragment_b=np.array([0, 1]),
+        area=np.array([1.0, 2.0]),
+        gap=np.zeros(2),
+        coverage_a=covered,
+        coverage_b=covered,
+    )
+    links = Contact(1.0).bind(pairs, ends=(side, side), entry=0, size=3)
     for half in links.half_cell:
         assert np.asarray(half).tolist() == [1.5, 3.0, 0.0]
 
 
-def test_the_gap_law_falls_smoothly_from_one_to_nothing():
+def test_the_gap_law_falls_smoothly_from_one_to_zero():
     gap = jnp.array([-1.0, 0.0, 0.25, 0.5, 0.75, 1.0, 2.0]) * 1e-3
     left = np.asarray(_gap_factor(gap, 1e-3))
     assert left == pytest.approx([1, 1, 27 / 32, 0.5, 5 / 32, 0, 0], abs=1e-15)
     slope = jax.jit(jax.vmap(jax.grad(lambda g: _gap_factor(g, 1e-3))))
-    found = np.asarray(slope(jnp.array([-1e-9, 1e-9, 1e-3 - 1e-9, 1e-3 + 1e-9, 5e-4])))
-    assert np.abs(found[:4]).max() < 1e-5 * 1.5 / 1e-3
-    assert found[4] == pytest.approx(-1.5 / 1e-3)
+    slopes = np.asarray(slope(jnp.array([-1e-9, 1e-9, 1e-3 - 1e-9, 1e-3 + 1e-9, 5e-4])))
+    assert np.abs(slopes[:4]).max() < 1e-5 * 1.5 / 1e-3
+    assert slopes[4] == pytest.approx(-1.5 / 1e-3)
 
 
 @pytest.mark.parametrize("h_c", [0.0, 2e3, math.inf])
@@ -117,15 +135,18 @@ def test_the_coefficient_across_a_gap(h_c):
     gap = jnp.array([0.0, 4e-4, 2e-3])
     areas = jnp.full(3, 1e-4)
     half = jnp.full(3, 0.1)
-    across = lambda length, h: contact_conductance_of(
-        areas * _gap_factor(gap, length), half, half, h
-    )
-    found = np.asarray(across(1e-3, h_c))
+
+    def across(length, h):
+        return contact_conductance_of(
+            areas * _gap_factor(gap, length), half_a=half, half_b=half, coefficient=h
+        )
+
+    actual = np.asarray(across(1e-3, h_c))
     left = np.asarray(_gap_factor(gap, 1e-3))
     expected = np.full(3, 0.05)
     if math.isfinite(h_c):
         expected = 1 / (2 / 0.1 + 1 / np.maximum(h_c * left * 1e-4, 1e-300))
-    assert found.tolist() == pytest.approx(expected.tolist())
+    assert actual.tolist() == pytest.approx(expected.tolist())
     through = jax.jit(lambda length, h: across(length, h).sum())
     slopes = jax.jit(jax.grad(through, argnums=(0, 1)))(1e-3, h_c)
     assert np.isfinite(slopes).all()

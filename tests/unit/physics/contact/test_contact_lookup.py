@@ -25,33 +25,33 @@ def on_surface(grid, count, seed=0):
 
 def test_points_on_a_box_lie_in_the_square_of_their_fragment():
     point, triangle = on_surface(BOX, 500)
-    found = _nearest_fragments(BOX, point, triangle)
-    assert (found >= 0).all()
-    apart = np.abs(point - BOX.fragment_position[found])
-    axis = BOX.fragment_axis[found]
+    fragment = _nearest_fragments(BOX, point, triangle)
+    assert (fragment >= 0).all()
+    apart = np.abs(point - BOX.fragment_position[fragment])
+    axis = BOX.fragment_axis[fragment]
     assert apart.max() <= 0.1 + 1e-9
     assert apart[np.arange(500), axis] == pytest.approx(np.zeros(500), abs=1e-12)
 
 
 def test_points_on_a_ball_find_one_as_near_as_its_rays_are():
     point, triangle = on_surface(BALL, 500)
-    found = _nearest_fragments(BALL, point, triangle)
-    assert (found >= 0).all()
+    fragment = _nearest_fragments(BALL, point, triangle)
+    assert (fragment >= 0).all()
     apart = np.linalg.norm(point[:, None] - BALL.fragment_position, axis=2)
-    mine = apart[np.arange(500), found]
+    mine = apart[np.arange(500), fragment]
     assert mine.max() < 1.3 * BALL.pitch
     # The ray of one's own dominant axis, if not the very nearest fragment.
     assert (mine - apart.min(1)).max() < 0.7 * BALL.pitch
     vectors = BALL.mesh.area_vectors[triangle]
-    assert ((vectors * BALL.fragment_normal[found]).sum(1) > 0).all()
+    assert ((vectors * BALL.fragment_normal[fragment]).sum(1) > 0).all()
 
 
 def test_thin_sheets_keep_their_sides_apart():
     sheet = box_grid((2.0, 2.0, 0.2), 0.2)
     point, triangle = on_surface(sheet, 300, seed=1)
-    found = _nearest_fragments(sheet, point, triangle)
+    fragment = _nearest_fragments(sheet, point, triangle)
     vectors = sheet.mesh.area_vectors[triangle]
-    assert ((vectors * sheet.fragment_normal[found]).sum(1) > 0).all()
+    assert ((vectors * sheet.fragment_normal[fragment]).sum(1) > 0).all()
 
 
 def test_a_part_without_voxels_has_no_fragments():

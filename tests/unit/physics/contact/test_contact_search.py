@@ -30,8 +30,8 @@ def check_sums(pairs, a, b):
     keys = set(zip(pairs.fragment_a.tolist(), pairs.fragment_b.tolist(), strict=True))
     assert len(keys) == pairs.count == len(pairs.area)
     normals = a.pose.rotate(a.grid.fragment_normal)[pairs.fragment_a]
-    others = b.pose.rotate(b.grid.fragment_normal)[pairs.fragment_b]
-    assert ((normals * others).sum(1) < -0.4).all()
+    facing_normals = b.pose.rotate(b.grid.fragment_normal)[pairs.fragment_b]
+    assert ((normals * facing_normals).sum(1) < -0.4).all()
 
 
 def test_matching_lattices_touch_fragment_by_fragment():
@@ -39,9 +39,9 @@ def test_matching_lattices_touch_fragment_by_fragment():
     assert pairs.count == 25
     assert pairs.area == pytest.approx(np.full(25, PITCH**2))
     assert pairs.gap == pytest.approx(np.zeros(25), abs=1e-12)
-    one = ON_TOP.world_fragments[pairs.fragment_a]
-    other = BELOW.world_fragments[pairs.fragment_b]
-    assert one == pytest.approx(other, abs=1e-12)
+    points_a = ON_TOP.world_fragments[pairs.fragment_a]
+    points_b = BELOW.world_fragments[pairs.fragment_b]
+    assert points_a == pytest.approx(points_b, abs=1e-12)
     assert (pairs.coverage_a > 0).sum() == (pairs.coverage_b > 0).sum() == 25
     assert pairs.coverage_a.max() == pytest.approx(1.0)
     check_sums(pairs, ON_TOP, BELOW)
@@ -58,14 +58,16 @@ def test_faces_that_match_are_covered_whole_at_any_scale(pitch):
 
 
 def test_swapping_the_bodies_swaps_the_pairs():
-    one, other = find_contacts(ON_TOP, BELOW), find_contacts(BELOW, ON_TOP)
-    assert sorted(zip(one.fragment_a, one.fragment_b, strict=True)) == sorted(
-        zip(other.fragment_b, other.fragment_a, strict=True)
+    pairs = find_contacts(ON_TOP, BELOW)
+    swapped = find_contacts(BELOW, ON_TOP)
+    assert sorted(zip(pairs.fragment_a, pairs.fragment_b, strict=True)) == sorted(
+        zip(swapped.fragment_b, swapped.fragment_a, strict=True)
     )
-    assert other.coverage_b == pytest.approx(one.coverage_a)
+    assert swapped.coverage_b == pytest.approx(pairs.coverage_a)
     fine = placed(box_grid((1.0, 1.0, 0.6), 0.15), (0.03, 0.02, 0.3))
-    one, other = find_contacts(fine, BELOW), find_contacts(BELOW, fine)
-    for mine, theirs in zip(one, other.swapped(), strict=True):
+    pairs = find_contacts(fine, BELOW)
+    swapped = find_contacts(BELOW, fine)
+    for mine, theirs in zip(pairs, swapped.swapped(), strict=True):
         assert (mine == theirs).all()
 
 
@@ -79,11 +81,12 @@ def test_swapping_the_bodies_swaps_the_pairs():
 @example(shift=(0.1953125, 0.1953125), turn=0.0, pitch=0.17, swap=False)
 def test_the_area_of_a_box_is_exact_to_a_ray(shift, turn, pitch, swap):
     table = placed(box_grid((2.2, 2.2, 0.6), pitch), (*shift, -0.3), (0, 0, turn))
-    one, other = (table, ON_TOP) if swap else (ON_TOP, table)
+    first, second = (table, ON_TOP) if swap else (ON_TOP, table)
     # An edge of the finer lattice is known to a quarter of a voxel, four of them.
-    pairs, edges = find_contacts(one, other), 4 * min(PITCH, pitch) / 8
+    pairs = find_contacts(first, second)
+    edges = 4 * min(PITCH, pitch) / 8
     assert pairs.area.sum() == pytest.approx(1.0, abs=edges)
-    check_sums(pairs, one, other)
+    check_sums(pairs, first, second)
     lid = pairs.coverage_b if swap else pairs.coverage_a
     bottom = ON_TOP.grid.fragment_normal[:, 2] < -0.9
     assert not lid[~bottom].any()
@@ -111,10 +114,10 @@ def test_no_fragment_of_another_lattice_is_covered_twice():
 )
 def test_the_world_may_be_turned(turn, shift):
     world = pose(shift, turn)
-    found = find_contacts(moved(ON_TOP, world), moved(BELOW, world))
+    pairs = find_contacts(moved(ON_TOP, world), moved(BELOW, world))
     expected = find_contacts(ON_TOP, BELOW)
-    assert found.area.sum() == pytest.approx(expected.area.sum(), rel=1e-9)
-    assert found.coverage_a == pytest.approx(expected.coverage_a, abs=1e-9)
+    assert pairs.area.sum() == pytest.approx(expected.area.sum(), rel=1e-9)
+    assert pairs.coverage_a == pytest.approx(expected.coverage_a, abs=1e-9)
 
 
 def test_contact_is_found_while_a_scene_is_traced():
@@ -125,8 +128,8 @@ def test_contact_is_found_while_a_scene_is_traced():
 @pytest.mark.parametrize("gap", [-0.28, -0.1, -1e-9, 1e-9, 0.06, 0.199])
 def test_gaps_and_slight_overlaps_are_told(gap):
     lid = placed(SMALL, (0.0, 0.0, 0.3 + gap))
-    for one, other in ((lid, BELOW), (BELOW, lid)):
-        pairs = find_contacts(one, other)
+    for first, second in ((lid, BELOW), (BELOW, lid)):
+        pairs = find_contacts(first, second)
         faces = pairs.gap < 2 * abs(gap)
         assert pairs.gap[faces] == pytest.approx(gap, abs=1e-9)
         assert pairs.area[faces].sum() == pytest.approx(1.0, rel=1e-9)
@@ -157,9 +160,9 @@ def test_sheets_touch_with_the_sides_that_face():
 def test_a_body_in_a_slot_touches_both_walls():
     walls = (placed(SMALL, (0, 0, 0.6)), placed(SMALL, (0, 0, -0.6)))
     filling = placed(SMALL)
-    found = contacts_between((*walls, filling))
-    assert sorted(found) == [(0, 2), (1, 2)]
-    for pairs in found.values():
+    contacts = contacts_between((*walls, filling))
+    assert sorted(contacts) == [(0, 2), (1, 2)]
+    for pairs in contacts.values():
         assert pairs.area.sum() == pytest.approx(1.0)
 
 
@@ -171,8 +174,8 @@ def test_a_box_tilted_on_its_edge_touches_along_a_strip(angle):
     lid = placed(SMALL, (0.0, 0.0, float(lift)), (0.0, angle, 0.0))
     threshold = 0.04 if angle == 5.0 else 0.01
     expected = threshold / np.sin(slope)
-    for one, other in ((lid, BELOW), (BELOW, lid)):
-        area = find_contacts(one, other, threshold).area.sum()
+    for first, second in ((lid, BELOW), (BELOW, lid)):
+        area = find_contacts(first, second, threshold).area.sum()
         assert area == pytest.approx(expected, abs=2 * PITCH / 4)
 
 

@@ -15,7 +15,8 @@ FINE = blocks(np.ones((20, 20, 20), bool), 0.002)
 _HOLLOW = np.ones((10, 10, 10), bool)
 _HOLLOW[2:8, 2:8, 2:8] = False
 HOLLOW = blocks(_HOLLOW, 0.01)
-C, S = float(np.cos(0.6)), float(np.sin(0.6))
+C = float(np.cos(0.6))
+S = float(np.sin(0.6))
 TURN = ((C, -S, 0.0), (S, C, 0.0), (0.0, 0.0, 1.0))
 STRAIGHT = Pose().rotation
 
@@ -31,27 +32,27 @@ def test_two_boxes_overlap_by_a_slab(depth, turned):
     """10 cm cubes, side by side along x but for the depth, together at any angle."""
     frame = Pose(rotation=TURN) if turned else Pose()
     x, y, z = frame.rotate(np.array([0.1 - depth, 0.0, 0.0])).tolist()
-    beside = Pose((x, y, z), frame.rotation)
-    placed = PlacedGrid(CUBE, frame), PlacedGrid(CUBE, beside)
-    (found,) = find_overlaps(placed).values()
-    assert found.depth == pytest.approx(depth, rel=1e-9)
+    neighbour = Pose((x, y, z), frame.rotation)
+    placed = (PlacedGrid(CUBE, frame), PlacedGrid(CUBE, neighbour))
+    (overlap,) = find_overlaps(placed).values()
+    assert overlap.depth == pytest.approx(depth, rel=1e-9)
     # Counted by the centres of voxels.
-    assert found.volume == pytest.approx(0.01 * depth, abs=0.51 * 0.01 * 0.01)
-    assert found.fraction == pytest.approx(found.volume / 1e-3)
-    inside = frame.to_body(found.position)
+    assert overlap.volume == pytest.approx(0.01 * depth, abs=0.51 * 0.01 * 0.01)
+    assert overlap.fraction == pytest.approx(overlap.volume / 1e-3)
+    inside = frame.to_body(overlap.position)
     assert 0.1 - depth <= inside[0] <= 0.1
-    line = found.described((0, 1))
+    line = overlap.described((0, 1))
     print(line)
     assert line.startswith(f"bodies 0 and 1 overlap by {1e3 * depth:.3g} mm around (")
 
 
 @pytest.mark.parametrize("share", [-0.5, 0.0, 0.5, 1.0])
-@pytest.mark.parametrize("other", [CUBE, FINE], ids=["equal", "finer"])
-def test_up_to_a_voxel_is_contact(share, other):
+@pytest.mark.parametrize("cube", [CUBE, FINE], ids=["equal", "finer"])
+def test_up_to_a_voxel_is_contact(share, cube):
     for offset in (0.0, 0.0033):
         where = (0.1 - share * 0.01, offset, -offset)
-        assert overlaps(CUBE, other, where) == {}
-        assert overlaps(other, CUBE, [-x for x in where]) == {} or other is FINE
+        assert overlaps(CUBE, cube, where) == {}
+        assert overlaps(cube, CUBE, [-x for x in where]) == {} or cube is FINE
 
 
 def test_a_turned_box_that_touches_does_not_overlap():
@@ -60,9 +61,11 @@ def test_a_turned_box_that_touches_does_not_overlap():
     corner = np.array([[x, y, 0.0] for x in (0, 0.04) for y in (0, 0.04)])
     lowest = Pose(rotation=TURN).rotate(corner)[:, 0].min()
     for deeper in (0.0, 0.002):
-        assert overlaps(CUBE, FINE, (0.1 - lowest - deeper, 0.03, 0.03), TURN) == {}
-    (found,) = overlaps(CUBE, FINE, (0.1 - lowest - 0.03, 0.03, 0.03), TURN).values()
-    assert 0.01 < found.depth <= 0.03 + 1e-9
+        touching = (0.1 - lowest - deeper, 0.03, 0.03)
+        assert overlaps(CUBE, FINE, touching, rotation=TURN) == {}
+    sunk = (0.1 - lowest - 0.03, 0.03, 0.03)
+    (overlap,) = overlaps(CUBE, FINE, sunk, rotation=TURN).values()
+    assert 0.01 < overlap.depth <= 0.03 + 1e-9
 
 
 def test_a_body_inside_the_solid_of_another_is_refused():
@@ -91,16 +94,16 @@ def test_a_body_in_a_cavity_is_not():
     """6 cm wide: the cube of 4 cm is free, touches a wall, or is partly in it."""
     assert overlaps(HOLLOW, FINE, (0.03, 0.03, 0.03)) == {}
     assert overlaps(HOLLOW, FINE, (0.02, 0.02, 0.03)) == {}
-    (found,) = overlaps(HOLLOW, FINE, (0.005, 0.03, 0.03)).values()
-    assert found.depth == pytest.approx(0.015, rel=1e-9)
-    assert found.smaller == 1 and found.fraction == pytest.approx(0.4, abs=0.06)
+    (overlap,) = overlaps(HOLLOW, FINE, (0.005, 0.03, 0.03)).values()
+    assert overlap.depth == pytest.approx(0.015, rel=1e-9)
+    assert overlap.smaller == 1 and overlap.fraction == pytest.approx(0.4, abs=0.06)
 
 
 def test_what_is_known_is_not_found_again():
-    placed = PlacedGrid(CUBE, Pose()), PlacedGrid(CUBE, Pose((0.05, 0.0, 0.0)))
-    known: dict = {}
-    first = find_overlaps(placed, known)
-    assert find_overlaps(placed, known)[0, 1] is first[0, 1]
-    apart = placed[0], PlacedGrid(CUBE, Pose((1.0, 0.0, 0.0)))
-    assert find_overlaps(apart, known) == {}
-    assert len(known) == 2
+    placed = (PlacedGrid(CUBE, Pose()), PlacedGrid(CUBE, Pose((0.05, 0.0, 0.0))))
+    cache: dict = {}
+    first = find_overlaps(placed, cache)
+    assert find_overlaps(placed, cache)[0, 1] is first[0, 1]
+    apart = (placed[0], PlacedGrid(CUBE, Pose((1.0, 0.0, 0.0))))
+    assert find_overlaps(apart, cache) == {}
+    assert len(cache) == 2

@@ -22,16 +22,15 @@ FITS = [
 def table(column):
     with TABLE.open(newline="") as lines:
         rows = list(csv.DictReader(lines))
-    return np.array([float(r["T_K"]) for r in rows]), np.array(
-        [float(r[column]) for r in rows]
-    )
+    temperature = np.array([float(row["T_K"]) for row in rows])
+    return temperature, np.array([float(row[column]) for row in rows])
 
 
 @pytest.mark.parametrize(("column", "fit", "error"), FITS)
 def test_the_fits_follow_the_table_within_their_stated_errors(column, fit, error):
     temperature, value = table(column)
-    found = np.asarray(fit(jnp.asarray(temperature)))
-    worst = np.abs(found / value - 1).max()
+    fitted = np.asarray(fit(jnp.asarray(temperature)))
+    worst = np.abs(fitted / value - 1).max()
     print(column, "largest relative error", worst)
     assert 0.2 * error < worst <= error
 
@@ -41,8 +40,10 @@ KELVIN = jnp.array([0.0, 100.0, 200.0, 299.9, 300.0, 300.1, 1500.0, 5800.0])
 
 @jax.jit
 def values_and_slopes(kelvin):
-    every = lambda t: jnp.stack([fit(t) for _, fit, _ in FITS])
-    return jax.vmap(every)(kelvin), jax.vmap(jax.jacfwd(every))(kelvin)
+    def properties(t):
+        return jnp.stack([fit(t) for _, fit, _ in FITS])
+
+    return jax.vmap(properties)(kelvin), jax.vmap(jax.jacfwd(properties))(kelvin)
 
 
 def test_outside_the_range_the_ends_hold_and_gradients_are_finite():
@@ -56,23 +57,30 @@ def test_outside_the_range_the_ends_hold_and_gradients_are_finite():
 def test_prandtl_number_times_conductivity_is_viscosity_times_heat():
     """Two fits made apart: k Pr = mu c_p of the table, within their errors."""
     kelvin, viscosity = table("mu")
-    made = viscosity * table("cp")[1] / np.asarray(air.conductivity(jnp.array(kelvin)))
-    np.testing.assert_allclose(made, air.prandtl(jnp.array(kelvin)), rtol=3e-3)
+    viscosity_heat = (
+        viscosity * table("cp")[1] / np.asarray(air.conductivity(jnp.array(kelvin)))
+    )
+    np.testing.assert_allclose(
+        viscosity_heat, air.prandtl(jnp.array(kelvin)), rtol=3e-3
+    )
 
 
 def test_derivatives_of_the_film_polynomial_are_those_of_numpys_polynomials():
     rng = np.random.default_rng(0)
-    rows, film = rng.normal(size=(5, 3, 4)), np.linspace(200, 1000, 7)
+    rows = rng.normal(size=(5, 3, 4))
+    film = np.linspace(200, 1000, 7)
     step = 1e-3
-    value, once, twice = air.film_derivatives(rows, film)
-    argument = lambda kelvin: np.asarray(air.film_argument(jnp.asarray(2 * kelvin))[0])
-    plain = np.polynomial.polynomial.polyval(argument(film), rows)
-    np.testing.assert_allclose(value, plain, rtol=1e-12, atol=1e-12)
-    # By the surface's temperature, of which the film has a half.
+    derivatives = air.film_derivatives(rows, film)
+    argument = np.asarray(air.film_argument(jnp.asarray(2 * film))[0])
+    expected = np.polynomial.polynomial.polyval(argument, rows)
+    np.testing.assert_allclose(derivatives.value, expected, rtol=1e-12, atol=1e-12)
+    # By the surface's temperature, which changes the film by half as much.
     inside = film[1:-1]
-    above, _, _ = air.film_derivatives(rows, inside + step / 2)
-    below, _, _ = air.film_derivatives(rows, inside - step / 2)
+    above = air.film_derivatives(rows, inside + step / 2).value
+    below = air.film_derivatives(rows, inside - step / 2).value
     slope = (above - below) / (2 * step)
-    np.testing.assert_allclose(once[..., 1:-1], slope, rtol=1e-5, atol=1e-9)
-    bend = (above - 2 * value[..., 1:-1] + below) / step**2
-    np.testing.assert_allclose(twice[..., 1:-1], bend, rtol=1e-3, atol=1e-8)
+    first = derivatives.first[..., 1:-1]
+    np.testing.assert_allclose(first, slope, rtol=1e-5, atol=1e-9)
+    bend = (above - 2 * derivatives.value[..., 1:-1] + below) / step**2
+    second = derivatives.second[..., 1:-1]
+    np.testing.assert_allclose(second, bend, rtol=1e-3, atol=1e-8)

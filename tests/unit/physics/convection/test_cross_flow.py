@@ -25,25 +25,32 @@ AROUND = jnp.asarray(np.arange(64) * (2 * np.pi / 64))
 @jax.jit
 def shape(reynolds):
     """At all angles."""
-    every = jnp.broadcast_to(_shape_coefficients(reynolds), (*ANGLES.shape, 16))
-    return _shape_factor(every, _harmonics(jnp.cos(ANGLES)))
+    coefficients = jnp.broadcast_to(_shape_coefficients(reynolds), (*ANGLES.shape, 16))
+    return _shape_factor(coefficients, _harmonics(jnp.cos(ANGLES)))
 
 
 @jax.jit
 def around(reynolds):
     """By each average all the way around, and the average itself; Pr 0.7."""
-    every, prandtl = jnp.full(64, reynolds), jnp.full(64, 0.7)
+    prandtl = jnp.full(64, 0.7)
     local = [
-        local_nusselt(jnp.cos(AROUND), every, prandtl, a.nusselt) for a in AVERAGES
+        local_nusselt(
+            jnp.cos(AROUND),
+            reynolds=jnp.full(64, reynolds),
+            prandtl_number=prandtl,
+            average=average.nusselt,
+        )
+        for average in AVERAGES
     ]
-    held = jnp.minimum(every, MAX_REYNOLDS)
-    return jnp.stack(local), jnp.stack([a.nusselt(held, prandtl)[0] for a in AVERAGES])
+    limited = jnp.full(64, jnp.minimum(reynolds, MAX_REYNOLDS))
+    means = [average.nusselt(limited, prandtl)[0] for average in AVERAGES]
+    return jnp.stack(local), jnp.stack(means)
 
 
 def minima(reynolds):
     """Angles of the interior minima [degrees]."""
-    found = np.asarray(shape(reynolds))
-    inner = (found[1:-1] < found[:-2]) & (found[1:-1] <= found[2:])
+    factor = np.asarray(shape(reynolds))
+    inner = (factor[1:-1] < factor[:-2]) & (factor[1:-1] <= factor[2:])
     return np.degrees(np.asarray(ANGLES[1:-1])[inner])
 
 
@@ -73,8 +80,8 @@ def test_slow_flow_has_no_minimum_but_the_rear(reynolds):
     + [(3e4, 86), (7.08e4, 86), (1.013e5, 86)],
 )
 def test_one_minimum_where_the_flow_separates(reynolds, angle):
-    (found,) = minima(reynolds)
-    assert found == pytest.approx(angle, abs=1.0)
+    (minimum,) = minima(reynolds)
+    assert minimum == pytest.approx(angle, abs=1.0)
 
 
 @pytest.mark.parametrize("reynolds", [1.4e5, 1.7e5, 1.86e5, 2.19e5])
@@ -99,9 +106,9 @@ def by_normal(normals):
     """The factor and its slope by the normal, around an upright cylinder."""
 
     def factor(normal):
-        cosine, square = -normal[:1], (normal[:2] @ normal[:2])[None]
-        found = _shape_coefficients(jnp.array([2e4]))
-        return _shape_factor(found, _harmonics(cosine, square))[0]
+        square = (normal[:2] @ normal[:2])[None]
+        coefficients = _shape_coefficients(jnp.array([2e4]))
+        return _shape_factor(coefficients, _harmonics(-normal[:1], square))[0]
 
     return jax.vmap(jax.value_and_grad(factor))(normals)
 
@@ -112,15 +119,17 @@ def test_slopes_by_the_normal_are_finite_and_right():
     side = np.stack([-np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     normals = np.concatenate([side, [[0.0, 0.0, 1.0]]])
     steps = 1e-6 * np.eye(3)
-    moved = lambda sign: (normals[:, None] + sign * steps).reshape(15, 3)
-    every = np.concatenate([moved(1), moved(-1), normals])
-    value, slope = (np.asarray(v) for v in by_normal(jnp.asarray(every)))
+    forward = (normals[:, None] + steps).reshape(15, 3)
+    backward = (normals[:, None] - steps).reshape(15, 3)
+    stacked = np.concatenate([forward, backward, normals])
+    value, slope = (np.asarray(v) for v in by_normal(jnp.asarray(stacked)))
     rise = (value[:15] - value[15:30]) / 2e-6
     np.testing.assert_allclose(slope[30:], rise.reshape(5, 3), atol=1e-7)
 
 
 def test_harmonics_are_cosines_on_the_side_and_vanish_on_the_ends():
-    axis, wind = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
+    axis = np.array([0.0, 0.0, 1.0])
+    wind = np.array([1.0, 0.0, 0.0])
     angle = np.linspace(0, 2 * np.pi, 50)
     side = np.stack([-np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     order = np.arange(1, 17)[:, None]
@@ -160,7 +169,7 @@ def test_the_front_is_what_laminar_theory_gives_within_what_is_stated():
 
 
 def test_doubts_are_told_where_there_are_some():
-    churchill, sanitjai = AVERAGES[0], AVERAGES[1]
+    churchill, sanitjai, _ = AVERAGES
     assert validity_notes(5000.0, churchill) == ()
     assert "recalled" in validity_notes(7.08e4, churchill)[0]
     assert "is constant" in validity_notes(3e5, churchill)[0]

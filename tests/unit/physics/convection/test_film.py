@@ -25,7 +25,7 @@ SWAPPED = np.array([0, 2, 1, 4, 3])
 
 @eqx.filter_jit
 def direct(average, speed, diameter, film):
-    return _mean_coefficient(speed, diameter, film, average)
+    return _mean_coefficient(speed, diameter=diameter, film=film, average=average)
 
 
 def law(average, speed, air):
@@ -33,7 +33,12 @@ def law(average, speed, air):
     shape = (len(DIAMETERS), len(FILM_TEMPERATURES))
     film = np.broadcast_to(FILM_TEMPERATURES, shape)
     width = np.broadcast_to(DIAMETERS[:, None], shape)
-    h = direct(average, *map(jnp.asarray, (np.full(shape, speed), width, film)))
+    h = direct(
+        average,
+        speed=jnp.full(shape, speed),
+        diameter=jnp.asarray(width),
+        film=jnp.asarray(film),
+    )
     return FilmExchange(film_polynomial(h).T, jnp.asarray(air), jnp.asarray(250.0))
 
 
@@ -42,8 +47,8 @@ def evaluated(law, surface, time=TIME):
     """Flux and slope at surface temperatures [q], of every cell."""
 
     def at(theta):
-        every = jnp.full(len(DIAMETERS), theta)
-        return law.flux(time, every), law.slope(time, every)
+        cell_theta = jnp.full(len(DIAMETERS), theta)
+        return law.flux(time, cell_theta), law.slope(time, cell_theta)
 
     return jax.vmap(at)(surface - law.reference)
 
@@ -61,8 +66,8 @@ def with_slopes(law, surface):
         moved = eqx.tree_at(lambda l: l.temperature, law, air)
         return moved.flux(TIME, jnp.full(len(DIAMETERS), surface - 250.0)).sum()
 
-    both = jax.value_and_grad(heat, (0, 1))
-    return jax.vmap(both, (None, 0))(law.temperature, surface)
+    with_gradient = jax.value_and_grad(heat, (0, 1))
+    return jax.vmap(with_gradient, (None, 0))(law.temperature, surface)
 
 
 @pytest.mark.parametrize(
@@ -81,9 +86,9 @@ def test_it_follows_the_correlation_at_each_film_temperature(average, error):
             width = np.broadcast_to(DIAMETERS, shape)
             exact = direct(
                 average.nusselt,
-                jnp.full(shape, speed),
-                jnp.asarray(width),
-                jnp.asarray(film),
+                speed=jnp.full(shape, speed),
+                diameter=jnp.asarray(width),
+                film=jnp.asarray(film),
             )
             h = (
                 np.asarray(flux)
@@ -95,54 +100,63 @@ def test_it_follows_the_correlation_at_each_film_temperature(average, error):
 
 
 def test_nothing_flows_at_the_airs_own_temperature():
-    found = law(AVERAGES[0].nusselt, 2.0, 300.0)
-    flux, slope = evaluated(found, jnp.full(len(SURFACES), 300.0))
+    exchange = law(AVERAGES[0].nusselt, 2.0, 300.0)
+    flux, slope = evaluated(exchange, jnp.full(len(SURFACES), 300.0))
     assert not np.asarray(flux).any()
     assert (np.asarray(slope) > 0).all()
 
 
 def test_the_slope_is_that_of_the_flux_and_below_the_steepest():
-    found = law(AVERAGES[0].nusselt, 2.0, 300.0)
+    exchange = law(AVERAGES[0].nusselt, 2.0, 300.0)
     surface = jnp.asarray(np.linspace(5.0, 2500.0, len(SURFACES)))
-    flux = lambda s: evaluated(found, s)[0]
-    slope = np.asarray(evaluated(found, surface)[1])
-    rise = np.asarray(flux(surface + 1e-3) - flux(surface - 1e-3)) / 2e-3
+    slope = np.asarray(evaluated(exchange, surface)[1])
+    above, _ = evaluated(exchange, surface + 1e-3)
+    below, _ = evaluated(exchange, surface - 1e-3)
+    rise = np.asarray(above - below) / 2e-3
     np.testing.assert_allclose(slope, -rise, rtol=1e-6)
     assert (slope > 0).all()
-    steepest = float(steepest_of(found, 2500.0))
+    steepest = float(steepest_of(exchange, 2500.0))
     assert slope.max() <= steepest < 2 * slope.max()
 
 
 def test_gradients_by_both_temperatures_are_finite_and_right():
-    base, step = law(AVERAGES[0].nusselt, 2.0, 300.0), 1e-3
+    base = law(AVERAGES[0].nusselt, 2.0, 300.0)
+    step = 1e-3
     surface = np.array([0.0, 5.0, 290.0, 300.0, 1699.0, 5800.0])
-    shifted = lambda by: eqx.tree_at(lambda l: l.temperature, base, jnp.array(300 + by))
-    heat = lambda law, surface: with_slopes(law, jnp.asarray(surface))[0]
-    by_air = (heat(shifted(step), surface) - heat(shifted(-step), surface)) / (2 * step)
-    by_surface = (heat(base, surface + step) - heat(base, surface - step)) / (2 * step)
+
+    def heat(surface, air=300.0):
+        moved = eqx.tree_at(lambda l: l.temperature, base, jnp.array(air))
+        return with_slopes(moved, jnp.asarray(surface))[0]
+
+    by_air = (heat(surface, 300 + step) - heat(surface, 300 - step)) / (2 * step)
+    by_surface = (heat(surface + step) - heat(surface - step)) / (2 * step)
     slopes = with_slopes(base, jnp.asarray(surface))[1]
     np.testing.assert_allclose(slopes[0], by_air, rtol=1e-5)
     np.testing.assert_allclose(slopes[1], by_surface, rtol=1e-5)
 
 
 def test_single_precision_keeps_small_differences():
-    found = law(AVERAGES[0].nusselt, 2.0, 300.0)
-    single = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), found)
+    exchange = law(AVERAGES[0].nusselt, 2.0, 300.0)
+    single = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), exchange)
     surface = jnp.asarray(np.array([300.001]), jnp.float32)
     flux, _ = evaluated(single, surface, jnp.zeros((), jnp.float32))
     assert flux.dtype == jnp.float32
-    exact, _ = evaluated(found, surface.astype(float))
+    exact, _ = evaluated(exchange, surface.astype(float))
     np.testing.assert_allclose(flux, exact, rtol=2e-6)
 
 
 def test_places_are_merged_by_their_mean_coefficient():
-    found = law(AVERAGES[0].nusselt, 2.0, 300.0)
+    exchange = law(AVERAGES[0].nusselt, 2.0, 300.0)
+
     # The first cell twice, then the mean of the next two, and so on.
-    mean = lambda row: (jnp.asarray(row) + jnp.asarray(row)[SWAPPED]) / 2
-    merged = found.coarsened(mean)
+    def mean(row):
+        return (jnp.asarray(row) + jnp.asarray(row)[SWAPPED]) / 2
+
+    merged = exchange.coarsened(mean)
     surface = jnp.asarray(SURFACES)
-    whole, flux = evaluated(found, surface)[0], evaluated(merged, surface)[0]
-    np.testing.assert_allclose(flux, np.stack([mean(q) for q in whole]), rtol=1e-12)
+    separate, _ = evaluated(exchange, surface)
+    flux, _ = evaluated(merged, surface)
+    np.testing.assert_allclose(flux, np.stack([mean(q) for q in separate]), rtol=1e-12)
 
 
 def test_a_speed_table_is_exact_at_its_nodes_and_smooth_between():
@@ -154,10 +168,11 @@ def test_a_speed_table_is_exact_at_its_nodes_and_smooth_between():
     value, _ = at(jnp.asarray(nodes))
     np.testing.assert_allclose(value, np.sqrt(nodes), atol=1e-12)
     between = np.array([0.05, 0.4, 1.3, 7.0, -1.0, 0.0, 99.0])
-    shifted = lambda by: jnp.asarray(np.resize(between + by, 25))
-    (value, slope), above, below = at(shifted(0)), at(shifted(1e-5)), at(shifted(-1e-5))
+    value, slope = at(jnp.asarray(np.resize(between, 25)))
+    above, _ = at(jnp.asarray(np.resize(between + 1e-5, 25)))
+    below, _ = at(jnp.asarray(np.resize(between - 1e-5, 25)))
     np.testing.assert_allclose(value[:4], np.sqrt(between[:4]), rtol=1e-3)
-    rise = (above[0] - below[0]) / 2e-5
+    rise = (above - below) / 2e-5
     np.testing.assert_allclose(slope[:4], rise[:4], rtol=1e-5)
     # Held beyond its ends, with finite slopes at them.
     assert value[4] == value[5] and value[6] == pytest.approx(np.sqrt(8.0))
@@ -168,14 +183,14 @@ def test_the_steepest_of_a_table_bounds_every_speed():
     nodes = speed_nodes(8.0, 25, np.float64)
     rows = [law(AVERAGES[0].nusselt, float(v), 300.0).coefficients for v in nodes]
     table = speed_table(np.stack(rows), 8.0, lambda t: t)
-    found = FilmExchange(table, jnp.asarray(300.0), jnp.asarray(250.0))
-    assert isinstance(found.coefficients, _SpeedTable)
+    exchange = FilmExchange(table, jnp.asarray(300.0), jnp.asarray(250.0))
+    assert isinstance(exchange.coefficients, _SpeedTable)
     surface = jnp.asarray(SURFACES)
     top = max(
-        float(evaluated(found, surface, jnp.asarray(t))[1].max())
+        float(evaluated(exchange, surface, jnp.asarray(t))[1].max())
         for t in np.linspace(0.0, 8.0, 9)
     )
-    steepest = float(steepest_of(found, 600.0))
+    steepest = float(steepest_of(exchange, 600.0))
     assert top <= steepest < 2 * top
 
 

@@ -4,7 +4,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from wind_bodies import DIAMETER, flux_at, law_of, surface, upright_cylinder, whole
+from wind_bodies import (
+    DIAMETER,
+    flux_at,
+    law_of,
+    scene_surface,
+    surface,
+    upright_cylinder,
+)
 
 import jaxthermo as jt
 from jaxthermo.geometry import shapes
@@ -15,7 +22,8 @@ from jaxthermo.physics.convection.wind import Wind
 from jaxthermo.physics.surface import Binding
 
 
-AIR, HOT = 300.0, 340.0
+AIR = 300.0
+HOT = 340.0
 ALONG_X = (1.0, 0.0, 0.0)
 VISCOSITY = float(kinematic_viscosity(jnp.asarray(AIR)))
 
@@ -33,15 +41,24 @@ def behind(shift, aside=0.0):
     return surface(grid, triangles=np.concatenate([grid.mesh.triangles, upstream]))
 
 
+def geometry_of(seen):
+    return wake_geometry(
+        seen.scene_triangles,
+        position=seen.position,
+        direction=np.array(ALONG_X),
+        pitch=seen.pitch,
+    )
+
+
 def heat(seen, wake, reynolds=100.0):
     """Heat into the whole surface [W]."""
     wind = Wind(ALONG_X, AIR, speed=speed_of(reynolds), wake=wake)
     return float((flux_at(law_of(wind, seen), HOT, len(seen.area)) * seen.area).sum())
 
 
-def factor(*place, reynolds=100.0):
+def factor(*position, reynolds=100.0):
     """Heat transfer in the wake over that without."""
-    seen = behind(*place)
+    seen = behind(*position)
     return heat(seen, FittedWake(), reynolds) / heat(seen, None, reynolds)
 
 
@@ -51,13 +68,14 @@ def test_the_ratio_is_above_zero_and_at_most_one_everywhere():
         [0.0, 0.3, 1.0, 5.0, 1e3],
         [0.0, 1.0, 10.0, 40.0, 47.0, 60.0, 150.0, 200.0, 1e4, 1e7],
     )
-    found = np.asarray(ratio(*(jnp.asarray(v.ravel()) for v in (x, y, reynolds))))
-    assert (found > 0).all() and (found <= 1 + 1e-12).all()
-    before = found.reshape(x.shape)[x <= -1.0]
-    np.testing.assert_allclose(before, 1.0, rtol=1e-12)
+    ratios = np.asarray(ratio(*(jnp.asarray(v.ravel()) for v in (x, y, reynolds))))
+    assert (ratios > 0).all() and (ratios <= 1 + 1e-12).all()
+    ahead = ratios.reshape(x.shape)[x <= -1.0]
+    np.testing.assert_allclose(ahead, 1.0, rtol=1e-12)
     # Slow in the bubble, undisturbed far away.
-    at = lambda *p: float(ratio(*(jnp.asarray(v) for v in p)))
-    assert at(0.5, 0.0, 40.0) < 0.1 and at(1e6, 0.0, 20.0) > 0.99
+    near = ratio(jnp.asarray(0.5), jnp.asarray(0.0), jnp.asarray(40.0))
+    far = ratio(jnp.asarray(1e6), jnp.asarray(0.0), jnp.asarray(20.0))
+    assert float(near) < 0.1 and float(far) > 0.99
 
 
 def test_a_turbulent_wake_is_that_of_the_published_law_far_away():
@@ -65,13 +83,13 @@ def test_a_turbulent_wake_is_that_of_the_published_law_far_away():
     deficit = 1 - np.asarray(ratio(x, 0 * x, jnp.asarray(1e4)))
     np.testing.assert_allclose(deficit, 0.98 * np.sqrt(1.2 / np.asarray(x)), rtol=0.02)
     half = 0.25 * jnp.sqrt(1.2 * x)
-    beside = 1 - np.asarray(ratio(x, half, jnp.asarray(1e4)))
-    np.testing.assert_allclose(beside / deficit, 0.5, atol=0.03)
+    aside = 1 - np.asarray(ratio(x, half, jnp.asarray(1e4)))
+    np.testing.assert_allclose(aside / deficit, 0.5, atol=0.03)
 
 
 def test_the_wake_is_smooth_in_distance_and_reynolds_number():
     """The slope never jumps: by steps of a thousandth it changes little."""
-    place = jnp.asarray([0.7, 0.3, 50.0])
+    point = jnp.asarray([0.7, 0.3, 50.0])
     slope = jax.jit(jax.vmap(jax.grad(lambda p: FittedWake()(p[0], p[1], p[2]))))
     for axis, values in enumerate(
         (
@@ -80,50 +98,47 @@ def test_the_wake_is_smooth_in_distance_and_reynolds_number():
             np.geomspace(2.0, 1e3, 4000),
         )
     ):
-        points = jnp.tile(place[None], (4000, 1)).at[:, axis].set(values)
-        found = np.asarray(slope(points))[:, axis]
+        points = jnp.tile(point[None], (4000, 1)).at[:, axis].set(values)
+        slopes = np.asarray(slope(points))[:, axis]
         if axis == 2:
-            found = found * values
-        assert np.isfinite(found).all()
-        assert np.abs(np.diff(found)).max() < 0.03 * np.ptp(found)
+            slopes = slopes * values
+        assert np.isfinite(slopes).all()
+        assert np.abs(np.diff(slopes)).max() < 0.03 * np.ptp(slopes)
 
 
 def test_gradients_are_right():
     at = jax.jit(lambda p: FittedWake()(p[0], p[1], p[2]))
-    place, steps = jnp.array([2.0, 0.4, 80.0]), np.diag([1e-6, 1e-6, 1e-4])
-    rise = [float(at(place + d) - at(place - d)) / (2 * d.max()) for d in steps]
-    np.testing.assert_allclose(jax.grad(at)(place), rise, rtol=1e-5)
+    point = jnp.array([2.0, 0.4, 80.0])
+    steps = np.diag([1e-6, 1e-6, 1e-4])
+    rise = [float(at(point + d) - at(point - d)) / (2 * d.max()) for d in steps]
+    np.testing.assert_allclose(jax.grad(at)(point), rise, rtol=1e-5)
 
 
 def test_one_body_is_cooled_as_without_a_wake():
     seen = surface(upright_cylinder())
     assert heat(seen, FittedWake()) == heat(seen, None)
-    geometry = wake_geometry(
-        seen.scene_triangles, seen.position, np.array(ALONG_X), seen.pitch
-    )
+    geometry = geometry_of(seen)
     assert geometry.behind.shape == (0, len(seen.area))
 
 
 def test_places_are_behind_the_rear_and_beside_the_middle():
     seen = behind(4.0, 1.5)
-    found = wake_geometry(
-        seen.scene_triangles, seen.position, np.array(ALONG_X), seen.pitch
-    )
+    geometry = geometry_of(seen)
     # Of both cylinders, the second is the points' own.
-    other = int(np.argmax(found.behind.max(1)))
+    upstream = int(np.argmax(geometry.behind.max(1)))
     position = seen.position / DIAMETER
     np.testing.assert_allclose(
-        found.behind[other], position[:, 0] + 4.0 - 0.5, atol=0.02
+        geometry.behind[upstream], position[:, 0] + 4.0 - 0.5, atol=0.02
     )
     # As high as wide: it is no rod, and its wake is round.
-    beside = np.hypot(position[:, 1] + 1.5, position[:, 2])
-    np.testing.assert_allclose(found.aside[other], beside, atol=0.03)
-    np.testing.assert_allclose(found.diameter, DIAMETER, rtol=0.01)
+    aside = np.hypot(position[:, 1] + 1.5, position[:, 2])
+    np.testing.assert_allclose(geometry.aside[upstream], aside, atol=0.03)
+    np.testing.assert_allclose(geometry.diameter, DIAMETER, rtol=0.01)
 
 
 def test_one_behind_another_is_cooled_less_the_nearer_it_is():
-    found = [factor(1.0 + gap) for gap in (0.5, 2.0, 5.0)]
-    assert 0.1 < found[0] < found[1] < found[2] < 1.0
+    factors = [factor(1.0 + gap) for gap in (0.5, 2.0, 5.0)]
+    assert 0.1 < factors[0] < factors[1] < factors[2] < 1.0
     # As by a wind of the mean speed that arrives at its front.
     seen = behind(6.0)
     x = jnp.asarray(seen.position[:, 0] / DIAMETER + 5.5)
@@ -143,22 +158,27 @@ def test_a_rod_has_a_wake_along_its_length():
     points = np.array([[0.5, 0.1, 0.0], [0.5, 0.0, 0.2], [0.5, 0.0, 0.45]])
     for shear in (np.eye(3), inclined):
         triangles = np.concatenate([long @ shear.T, plate])
-        found = wake_geometry(triangles, points, np.array(ALONG_X), 0.01)
-        here = int(np.argmin(found.diameter))
+        geometry = wake_geometry(
+            triangles, position=points, direction=np.array(ALONG_X), pitch=0.01
+        )
+        rod = int(np.argmin(geometry.diameter))
         rear = 0.05 + shear[0, 2] * np.minimum(points[:, 2], 0.25)
-        np.testing.assert_allclose(found.behind[here], (0.5 - rear) / 0.1, atol=0.06)
-        np.testing.assert_allclose(found.aside[here], [1.0, 0.0, 2.0], atol=0.06)
+        np.testing.assert_allclose(geometry.behind[rod], (0.5 - rear) / 0.1, atol=0.06)
+        np.testing.assert_allclose(geometry.aside[rod], [1.0, 0.0, 2.0], atol=0.06)
 
 
 def test_heat_transfer_is_continuous_as_it_moves_out_of_the_wake():
-    beside = np.concatenate([np.linspace(0, 3, 31), [5.0, 8.0]])
+    offsets = np.concatenate([np.linspace(0, 3, 31), [5.0, 8.0]])
     # Without a wake another cylinder changes nothing, wherever it stands.
     alone = heat(behind(3.0), None)
     assert heat(behind(3.0, 1.0), None) == alone
-    factor_at = lambda y: heat(behind(3.0, y), FittedWake()) / alone
-    found = np.array([factor_at(y) for y in beside])
-    assert found[0] < 0.7 and found[-1] == pytest.approx(1.0, abs=1e-6)
-    assert np.diff(found).min() > -1e-3 and np.abs(np.diff(found)[:30]).max() < 0.05
+
+    def factor_at(y):
+        return heat(behind(3.0, y), FittedWake()) / alone
+
+    factors = np.array([factor_at(y) for y in offsets])
+    assert factors[0] < 0.7 and factors[-1] == pytest.approx(1.0, abs=1e-6)
+    assert np.diff(factors).min() > -1e-3 and np.abs(np.diff(factors)[:30]).max() < 0.05
     # By a smaller step it changes by less.
     near = np.array([factor_at(y) for y in np.linspace(0.5, 0.51, 6)])
     assert np.abs(np.diff(near)).max() < 3e-3
@@ -168,7 +188,8 @@ def test_heat_transfer_is_continuous_as_it_moves_out_of_the_wake():
 @pytest.mark.slow
 @pytest.mark.slice
 def test_a_gusty_wind_has_the_wake_of_each_moment():
-    seen, count = behind(4.0), len(behind(4.0).area)
+    seen = behind(4.0)
+    count = len(seen.area)
     top = speed_of(200.0)
     gusts = jt.Table([0.0, 1.0], [0.0, top])
     law = law_of(Wind(ALONG_X, AIR, speed=gusts, wake=FittedWake()), seen)
@@ -181,9 +202,9 @@ def test_a_gusty_wind_has_the_wake_of_each_moment():
 def test_the_receipt_names_what_no_wake_was_computed_for():
     seen = behind(4.0)
 
-    def notes(reynolds, where=seen):
+    def notes(reynolds, body=seen):
         wind = Wind(ALONG_X, AIR, speed=speed_of(reynolds), wake=FittedWake())
-        (binding,) = wind.bind(whole(where))
+        (binding,) = wind.bind(scene_surface(body))
         assert isinstance(binding, Binding)
         return [note for _, note in binding.notes if "the wake is" in note]
 
@@ -191,7 +212,7 @@ def test_the_receipt_names_what_no_wake_was_computed_for():
     assert "below 10, where none was computed" in notes(2.0)[0]
     assert "computed up to 150, from 300 on" in notes(5e3)[0]
     assert notes(5e3, surface(upright_cylinder())) == []
-    assert [each.regime for each in wake_ranges()] == [
+    assert [wake_range.regime for wake_range in wake_ranges()] == [
         "steady",
         "shedding",
         "turbulent",

@@ -8,9 +8,9 @@ from wind_bodies import (
     flux_and_slope,
     flux_at,
     law_of,
+    scene_surface,
     surface,
     upright_cylinder,
-    whole,
 )
 
 from jaxthermo.errors import InputError
@@ -37,27 +37,31 @@ def grid():
 @jax.jit
 def formula(surface, ambient, length):
     """h of plates and of cylinders by the formula."""
-    s, a, l = jnp.broadcast_arrays(surface, ambient, length)
-    return jnp.stack([_free_coefficient(s, a, l, k) for k in (PLATE, CYLINDER)])
+    surface, ambient, length = jnp.broadcast_arrays(surface, ambient, length)
+    by_shape = [
+        _free_coefficient(surface, ambient=ambient, length=length, shape=shape)
+        for shape in (PLATE, CYLINDER)
+    ]
+    return jnp.stack(by_shape)
 
 
 @pytest.mark.parametrize(
-    ("kind", "expected"), [(PLATE, 147.16185223770603), (CYLINDER, 139.13493970073597)]
+    ("shape", "expected"), [(PLATE, 147.16185223770603), (CYLINDER, 139.13493970073597)]
 )
-def test_values_of_the_library_ht(kind, expected):
+def test_values_of_the_library_ht(shape, expected):
     """Values of its documentation, at Pr 0.69 and Gr 2.63e9."""
     by_kind = jax.jit(_churchill_chu, static_argnums=2)
-    found = by_kind(jnp.array(0.69 * 2.63e9), jnp.array(0.69), kind)
-    assert float(found) == pytest.approx(expected, rel=1e-12)
+    nusselt = by_kind(jnp.array(0.69 * 2.63e9), jnp.array(0.69), shape)
+    assert float(nusselt) == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("pose", [Pose(), LYING])
 @pytest.mark.parametrize("ambient", [250.0, 300.0])
 def test_the_law_is_the_formula(grid, pose, ambient):
     """Standing by its height as a plate, lying by its diameter as a cylinder."""
-    (part,) = parts_of(grid, (), 0).cylinders
+    (cylinder,) = parts_of(grid, (), 0).cylinders
     law = law_of(FreeConvection(ambient), surface(grid, pose))
-    length = part.length if pose == Pose() else part.diameter
+    length = cylinder.length if pose == Pose() else cylinder.diameter
     for sign in (1, -1):
         hot = jnp.asarray(ambient + sign * APART[: 7 if sign > 0 else 5])
         exact = np.asarray(formula(hot, ambient, length))[int(pose is LYING)]
@@ -76,9 +80,11 @@ def test_the_slope_is_that_of_the_flux_and_below_the_steepest(grid):
     count = len(grid.fragment_area)
     theta = np.zeros(count)
     theta[:14] = np.concatenate([-APART[:6], [0.0], APART])
-    both = lambda t: flux_and_slope(law, jnp.asarray(t), jnp.zeros(()))
-    slope = np.asarray(both(theta)[1])
-    rise = (both(theta + 1e-6)[0] - both(theta - 1e-6)[0]) / 2e-6
+    time = jnp.zeros(())
+    slope = np.asarray(flux_and_slope(law, jnp.asarray(theta), time)[1])
+    above, _ = flux_and_slope(law, jnp.asarray(theta + 1e-6), time)
+    below, _ = flux_and_slope(law, jnp.asarray(theta - 1e-6), time)
+    rise = (above - below) / 2e-6
     np.testing.assert_allclose(slope, -rise, rtol=1e-4)
     assert (slope > 0).all()
     steepest = float(law.max_slope(jnp.array(600.0), 1.0))
@@ -92,23 +98,23 @@ def test_nothing_flows_at_equal_temperatures_and_gradients_are_finite(grid):
         law = law_of(FreeConvection(air), seen)
         return law.flux(jnp.zeros(()), jnp.full(len(seen.area), theta)).mean()
 
-    both = jax.jit(jax.value_and_grad(heat, (0, 1)))
-    value, slopes = both(jnp.array(300.0), jnp.array(0.0))
+    value_and_slopes = jax.jit(jax.value_and_grad(heat, (0, 1)))
+    value, slopes = value_and_slopes(jnp.array(300.0), jnp.array(0.0))
     assert float(value) == 0.0
     assert float(slopes[0]) == pytest.approx(-float(slopes[1])) and slopes[0] > 0
 
 
 def test_a_length_takes_the_place_of_the_bodys_own(grid):
-    given = law_of(FreeConvection(300.0, length=2.0), surface(grid))
+    law = law_of(FreeConvection(300.0, length=2.0), surface(grid))
     exact = float(formula(350.0, 300.0, 2.0)[0])
-    flux = flux_at(given, 350.0, len(grid.fragment_area))
+    flux = flux_at(law, 350.0, len(grid.fragment_area))
     np.testing.assert_allclose(flux / -50.0, exact, rtol=1e-3)
 
 
 def test_an_upright_cylinder_without_ends_needs_a_length(grid):
     endless = Cylinder((0.0, 0.0, 0.0), (0, 0, 1), 0.1)
     with pytest.raises(InputError, match="has no length"):
-        FreeConvection(300.0, cylinders=[endless]).bind(whole(surface(grid)))
+        FreeConvection(300.0, cylinders=[endless]).bind(scene_surface(surface(grid)))
     law_of(FreeConvection(300.0, cylinders=[endless]), surface(grid, LYING))
 
 

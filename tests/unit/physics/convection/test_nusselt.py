@@ -12,23 +12,23 @@ from jaxthermo.physics.convection.nusselt import AVERAGES, cylinder_table, named
 @jax.jit
 def everything(reynolds, prandtl):
     """Each average and its slope by Re."""
-    both = [jax.vmap(jax.value_and_grad(a.nusselt)) for a in AVERAGES]
-    found = [f(reynolds, prandtl) for f in both]
-    return tuple(jnp.stack(rows) for rows in zip(*found, strict=True))
+    with_slope = [jax.vmap(jax.value_and_grad(a.nusselt)) for a in AVERAGES]
+    pairs = [f(reynolds, prandtl) for f in with_slope]
+    return tuple(jnp.stack(rows) for rows in zip(*pairs, strict=True))
 
 
 def values(reynolds, prandtl=0.7):
     """Each average, and its slope by Re, at any number of Re below 1000."""
     padded = np.ones(1000)
     padded[: len(reynolds)] = reynolds
-    found = everything(jnp.asarray(padded), jnp.full(1000, prandtl))
-    return tuple(np.asarray(each)[:, : len(reynolds)] for each in found)
+    stacked = everything(jnp.asarray(padded), jnp.full(1000, prandtl))
+    return tuple(np.asarray(rows)[:, : len(reynolds)] for rows in stacked)
 
 
 def test_values_of_the_library_ht():
     """At Re 6071, Pr 0.7, as its own tests have them (`test_conv_external.py`)."""
-    found = values([6071.0])[0][:2, 0]
-    np.testing.assert_allclose(found, [40.63709, 40.38327], atol=6e-6)
+    averages = values([6071.0])[0][:2, 0]
+    np.testing.assert_allclose(averages, [40.63709, 40.38327], atol=6e-6)
 
 
 @pytest.mark.parametrize(
@@ -37,14 +37,14 @@ def test_values_of_the_library_ht():
 )
 def test_values_of_the_tabulated_correlations(reynolds, churchill, sanitjai):
     """Evaluated independently at Pr 0.71."""
-    found = values([reynolds], 0.71)[0][:2, 0]
-    np.testing.assert_allclose(found, [churchill, sanitjai], rtol=4e-6)
+    averages = values([reynolds], 0.71)[0][:2, 0]
+    np.testing.assert_allclose(averages, [churchill, sanitjai], rtol=4e-6)
 
 
 def test_the_profile_is_the_tables_average_at_its_knots():
     knots = cylinder_table()
-    found = values(knots.reynolds, 0.71)[0][2]
-    np.testing.assert_allclose(found, knots.average, rtol=1e-14)
+    profile = values(knots.reynolds, 0.71)[0][2]
+    np.testing.assert_allclose(profile, knots.average, rtol=1e-14)
     # Between them it stays near the straight line in log-log.
     between = np.geomspace(1.0, 2.19e5, 400)
     straight = np.interp(np.log(between), np.log(knots.reynolds), np.log(knots.average))
@@ -53,15 +53,18 @@ def test_the_profile_is_the_tables_average_at_its_knots():
 
 def test_how_far_the_three_part():
     """By 2 % at Re 1000 and by 1.29 at 2.19e5, where two of them are extrapolated."""
-    found = values([1000.0, 2.19e5], 0.71)[0]
-    np.testing.assert_allclose(found.max(0) / found.min(0), [1.024, 1.286], atol=1e-3)
+    averages = values([1000.0, 2.19e5], 0.71)[0]
+    np.testing.assert_allclose(
+        averages.max(0) / averages.min(0), [1.024, 1.286], atol=1e-3
+    )
 
 
 def test_slopes_are_finite_and_right():
     reynolds = np.array([0.0, 1e-6, 0.5, 1.5, 5000.0, 1e5, 4e5])
     step = 1e-7 + 1e-6 * reynolds
     low = np.maximum(reynolds - step, 0.0)
-    above, below = values(reynolds + step)[0], values(low)[0]
+    above, _ = values(reynolds + step)
+    below, _ = values(low)
     slope = values(reynolds)[1]
     rise = (above - below) / (reynolds + step - low)
     np.testing.assert_allclose(slope, rise, rtol=2e-3)
@@ -74,8 +77,8 @@ def test_still_air_has_the_limit_of_churchill_and_bernstein():
 
 def test_single_precision_holds_at_the_ends():
     ends = jnp.array([0.0, 1e-10, 2.5e5, 1e7], jnp.float32)
-    for found in everything(ends, jnp.full_like(ends, 0.7)):
-        assert found.dtype == jnp.float32 and np.isfinite(found).all()
+    for rows in everything(ends, jnp.full_like(ends, 0.7)):
+        assert rows.dtype == jnp.float32 and np.isfinite(rows).all()
 
 
 def test_an_unknown_average_is_named():

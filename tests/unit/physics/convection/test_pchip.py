@@ -26,16 +26,16 @@ def test_it_is_scipys_curve(y, gap):
     x = np.concatenate([[0.0], np.cumsum(gap)])
     y = np.round(np.array(y), 3)
     at = np.linspace(x[0], x[-1], 101)
-    found = np.asarray(rows_at(pchip(x, y[:, None]), jnp.asarray(at)))[:, 0]
-    np.testing.assert_allclose(found, PchipInterpolator(x, y)(at), atol=1e-10)
+    interpolated = np.asarray(rows_at(pchip(x, y[:, None]), jnp.asarray(at)))[:, 0]
+    np.testing.assert_allclose(interpolated, PchipInterpolator(x, y)(at), atol=1e-10)
 
 
 def test_beyond_the_ends_it_is_constant_and_its_slope_continuous_inside():
-    x, y = np.array([0.0, 1.0, 2.5, 3.0]), np.array([[0.0], [1.0], [1.5], [4.0]])
-    curve = pchip(x, y)
-    both = jax.jit(jax.vmap(jax.value_and_grad(lambda s: curve(s)[0])))
+    x = np.array([0.0, 1.0, 2.5, 3.0])
+    curve = pchip(x, np.array([[0.0], [1.0], [1.5], [4.0]]))
+    value_and_slope = jax.jit(jax.vmap(jax.value_and_grad(lambda s: curve(s)[0])))
     at = jnp.asarray([-5.0, *(x[1:3] - 1e-9), *(x[1:3] + 1e-9), 9.0])
-    value, slope = both(at)
+    value, slope = value_and_slope(at)
     np.testing.assert_allclose(value[jnp.array([0, 5])], [0.0, 4.0])
     np.testing.assert_allclose(slope[1:3], slope[3:5], rtol=1e-6)
     assert float(slope[0]) == float(slope[5]) == 0.0

@@ -16,8 +16,8 @@ SHARE += [0.51193, 0.60210, 0.65397, 0.71253, 0.74630, 0.77073]
 
 
 def test_the_defaults_fit_the_computed_wake():
-    found = WakeDeficit()(jnp.asarray(np.array(DISTANCE) - 0.5))
-    error = np.asarray(found) - SHARE
+    speed_ratio = WakeDeficit()(jnp.asarray(np.array(DISTANCE) - 0.5))
+    error = np.asarray(speed_ratio) - SHARE
     print("rms and largest difference", np.sqrt((error**2).mean()), np.abs(error).max())
     assert np.sqrt((error**2).mean()) < 0.02 and np.abs(error).max() < 0.04
 
@@ -33,14 +33,18 @@ def test_where_nothing_is_upstream_there_is_no_wake_and_no_slope():
     x = np.array([0.0, 2.0, np.inf])
     share = wake_speed_ratio(WakeDeficit(), x)
     assert share[2] == 1.0
-    total = lambda *p: wake_speed_ratio(WakeDeficit(*p), x)[2]
-    assert jax.grad(total, (0, 1, 2))(1.0, 2.0, 0.5) == (0.0, 0.0, 0.0)
+
+    def undisturbed(*parameters):
+        return wake_speed_ratio(WakeDeficit(*parameters), x)[2]
+
+    assert jax.grad(undisturbed, (0, 1, 2))(1.0, 2.0, 0.5) == (0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("x", [0.0, 0.7, 30.0])
 def test_gradients_by_its_parameters_are_right(x):
     at = jax.jit(lambda p: WakeDeficit(p[0], p[1], p[2])(jnp.array(x)))
-    p, steps = jnp.array([1.1, 2.0, 0.5]), 1e-6 * jnp.eye(3)
+    p = jnp.array([1.1, 2.0, 0.5])
+    steps = 1e-6 * jnp.eye(3)
     rise = [float(at(p + d) - at(p - d)) / 2e-6 for d in steps]
     np.testing.assert_allclose(jax.jit(jax.grad(at))(p), rise, atol=1e-8)
 

@@ -8,9 +8,9 @@ from wind_bodies import (
     DIAMETER,
     flux_at,
     law_of,
+    scene_surface,
     surface,
     upright_cylinder,
-    whole,
 )
 
 import jaxthermo as jt
@@ -58,9 +58,13 @@ def test_the_mean_over_the_side_is_that_of_the_correlation(grid, seen, speed):
     diameter = _diameter(seen)
     film = jnp.array(AIR + 10.0)
     expected = _mean_coefficient(
-        jnp.array(speed), jnp.array(diameter), film, churchill_bernstein
+        jnp.array(speed),
+        diameter=jnp.array(diameter),
+        film=film,
+        average=churchill_bernstein,
     )
-    h, side = coefficients(Wind((speed, 0, 0), AIR), seen), side_of(grid)
+    h = coefficients(Wind((speed, 0, 0), AIR), seen)
+    side = side_of(grid)
     mean = np.average(h[side], weights=grid.fragment_area[side])
     print("mean over the side, relative", speed, mean / float(expected) - 1)
     assert mean == pytest.approx(float(expected), rel=2e-2)
@@ -73,25 +77,30 @@ def _diameter(seen):
     return only.diameter
 
 
-def test_every_place_has_the_local_number_of_its_angle(grid, seen):
-    speed, air = 2.0, 300.0
-    h, side = coefficients(Wind((speed, 0, 0), air), seen, 300.2), side_of(grid)
+def test_every_fragment_has_the_local_number_of_its_angle(grid, seen):
+    speed = 2.0
+    h = coefficients(Wind((speed, 0, 0), AIR), seen, 300.2)
+    side = side_of(grid)
     cosine = -grid.fragment_normal[side, 0]
     diameter = _diameter(seen)
-    nu = float(kinematic_viscosity(jnp.array(air)))
+    nu = float(kinematic_viscosity(jnp.array(AIR)))
     # By whole rings of equal angles, of which there are few.
     angles, ring = np.unique(np.round(cosine, 9), return_inverse=True)
-    every = lambda value: jnp.full(len(angles), value)
-    reynolds, prandtl = every(speed * diameter / nu), every(0.7071)
     by_ring = jax.jit(
-        lambda c: local_nusselt(c, reynolds, prandtl, churchill_bernstein)
+        lambda ring_cosine: local_nusselt(
+            ring_cosine,
+            reynolds=jnp.full(len(angles), speed * diameter / nu),
+            prandtl_number=jnp.full(len(angles), 0.7071),
+            average=churchill_bernstein,
+        )
     )
     local = np.asarray(by_ring(jnp.asarray(angles)))[ring]
     np.testing.assert_allclose(h[side], local * 0.02638 / diameter, rtol=2e-3)
 
 
 def test_a_turned_body_feels_the_same_wind_turned_with_it(grid, seen):
-    sine, cosine = 0.5, float(np.sqrt(0.75))
+    sine = 0.5
+    cosine = float(np.sqrt(0.75))
     rotation = ((cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0))
     turned = surface(grid, Pose((1.0, 2.0, 3.0), rotation))
     wind = tuple(float(v) for v in turned.pose.rotate(np.array([2.0, 0.0, 0.0])))
@@ -104,13 +113,13 @@ def test_a_turned_body_feels_the_same_wind_turned_with_it(grid, seen):
 
 def test_another_average_changes_the_level_alone(seen):
     base = coefficients(Wind((5.0, 0, 0), AIR), seen)
-    other = coefficients(Wind((5.0, 0, 0), AIR, average="profile"), seen)
-    assert np.ptp(other / base) < 1e-9
-    assert (other / base).mean() > 1.1
+    profile = coefficients(Wind((5.0, 0, 0), AIR, average="profile"), seen)
+    assert np.ptp(profile / base) < 1e-9
+    assert (profile / base).mean() > 1.1
 
 
 def _heat(seen, wake, speed, air, surface_temperature):
-    """Into the whole surface [W]."""
+    """Heat into the whole surface [W]."""
     law = law_of(Wind(ALONG_X, air, speed=speed, wake=wake), seen)
     theta = jnp.full(len(seen.area), surface_temperature - 300.0)
     return (law.flux(jnp.zeros(()), theta) * seen.area).sum()
@@ -118,19 +127,26 @@ def _heat(seen, wake, speed, air, surface_temperature):
 
 def test_gradients_by_speed_and_temperatures_are_finite_and_right(seen):
     """At V = 0 too, where sqrt(Re) has no slope."""
-    heat = lambda p: _heat(seen, None, p[0], p[1], p[2])
-    both = jax.jit(jax.value_and_grad(heat))
-    value = lambda *p: float(both(jnp.asarray(np.array(p)))[0])
+
+    @jax.jit
+    @jax.value_and_grad
+    def value_and_slope(p):
+        return _heat(seen, None, speed=p[0], air=p[1], surface_temperature=p[2])
+
+    def value(*p):
+        return float(value_and_slope(jnp.asarray(np.array(p)))[0])
+
     for speed in (0.0, 1e-6, 0.3, 4.0):
-        found = both(jnp.array([speed, AIR, 350.0]))[1]
+        slopes = value_and_slope(jnp.array([speed, AIR, 350.0]))[1]
         step = 1e-12 + 1e-6 * speed
-        low, high = max(speed - step, 0.0), speed + step
+        low = max(speed - step, 0.0)
+        high = speed + step
         rises = (
             (value(high, AIR, 350.0) - value(low, AIR, 350.0)) / (high - low),
             (value(speed, AIR + 1e-3, 350.0) - value(speed, AIR - 1e-3, 350.0)) / 2e-3,
             (value(speed, AIR, 350.001) - value(speed, AIR, 349.999)) / 2e-3,
         )
-        np.testing.assert_allclose(found, rises, rtol=2e-3)
+        np.testing.assert_allclose(slopes, rises, rtol=2e-3)
 
 
 def test_a_gusty_wind_is_the_steady_one_at_each_moment(seen):
@@ -153,7 +169,8 @@ def test_a_plain_function_may_be_the_speed_or_the_temperature(seen):
 
 def test_the_air_may_warm_up(seen):
     wind = Wind((2.0, 0, 0), jt.Table([0.0, 100.0], [AIR, AIR + 50.0]))
-    law, count = law_of(wind, seen), len(seen.area)
+    law = law_of(wind, seen)
+    count = len(seen.area)
     assert not flux_at(law, AIR + 50.0, count, time=100.0).any()
     assert (flux_at(law, AIR, count, time=50.0) > 0).all()
 
@@ -164,33 +181,33 @@ def test_still_air_is_left_out(seen):
         Wind(ALONG_X, AIR, speed=0.0),
         Wind(ALONG_X, AIR, speed=jt.Table([0.0, 1.0], [0.0, 0.0])),
     ):
-        assert wind.bind(whole(seen)) == (Omitted("the air stands still"),)
+        assert wind.bind(scene_surface(seen)) == (Omitted("the air stands still"),)
 
 
 def test_the_places_of_two_cylinders_go_by_their_own_diameters(grid, seen):
     """The lower half as a thin cylinder, the upper one as a thick one."""
     halves = (
-        Cylinder((0.0, 0.0, -0.025), (0, 0, 1), 0.05, 0.05),
-        Cylinder((0.0, 0.0, 0.025), (0, 0, 1), 0.2, 0.05),
+        Cylinder((0.0, 0.0, -0.025), axis=(0, 0, 1), diameter=0.05, length=0.05),
+        Cylinder((0.0, 0.0, 0.025), axis=(0, 0, 1), diameter=0.2, length=0.05),
     )
     h = coefficients(Wind((1.0, 0, 0), AIR, cylinders=halves), seen)
-    whole = Cylinder((0.0, 0.0, 0.0), (0, 0, 1), 0.2)
-    thick = coefficients(Wind((1.0, 0, 0), AIR, cylinders=(whole,)), seen)
+    full_height = Cylinder((0.0, 0.0, 0.0), (0, 0, 1), 0.2)
+    thick = coefficients(Wind((1.0, 0, 0), AIR, cylinders=(full_height,)), seen)
     upper = grid.fragment_position[:, 2] > 0
     np.testing.assert_allclose(h[upper], thick[upper], rtol=1e-12)
     assert h[~upper].mean() > 1.5 * h[upper].mean()
 
 
 def test_cylinders_of_another_body_are_not_this_ones(seen):
-    other = Cylinder((0.0, 0.0, 0.0), (1, 0, 0), 0.5, body=1)
+    foreign = Cylinder((0.0, 0.0, 0.0), (1, 0, 0), 0.5, body=1)
     np.testing.assert_array_equal(
-        coefficients(Wind((1.0, 0, 0), AIR, cylinders=(other,)), seen),
+        coefficients(Wind((1.0, 0, 0), AIR, cylinders=(foreign,)), seen),
         coefficients(Wind((1.0, 0, 0), AIR), seen),
     )
 
 
 def _behind(grid, gap):
-    """The cylinder with another of its kind upstream, and both's triangles."""
+    """The cylinder behind a second one like it, with the triangles of both."""
     upstream = grid.mesh.triangles - np.array([DIAMETER + gap, 0.0, 0.0])
     return surface(grid, triangles=np.concatenate([grid.mesh.triangles, upstream]))
 
@@ -208,15 +225,24 @@ def test_a_wake_slows_the_wind_as_its_function_says(seen, shaded):
 
 
 def test_gradients_reach_the_wakes_parameters(shaded):
-    heat = lambda l: _heat(shaded, WakeDeficit(length=l), 2.0, AIR, 350.0)
-    both = jax.jit(jax.value_and_grad(heat))
-    slope = float(both(2.0)[1])
-    rise = float(both(2.001)[0] - both(1.999)[0]) / 0.002
+    @jax.jit
+    @jax.value_and_grad
+    def value_and_slope(length):
+        return _heat(
+            shaded,
+            WakeDeficit(length=length),
+            speed=2.0,
+            air=AIR,
+            surface_temperature=350.0,
+        )
+
+    slope = float(value_and_slope(2.0)[1])
+    rise = float(value_and_slope(2.001)[0] - value_and_slope(1.999)[0]) / 0.002
     assert slope == pytest.approx(rise, rel=1e-5) and slope > 0
 
 
 def notes(wind, seen):
-    (binding,) = wind.bind(whole(seen))
+    (binding,) = wind.bind(scene_surface(seen))
     return tuple(note for _, note in binding.notes)
 
 
@@ -234,45 +260,49 @@ def test_notes_name_recalled_shapes_and_constant_numbers(seen):
 
 def test_a_note_names_the_reynolds_number_of_a_wake_beyond_its_fit(seen, shaded):
     """Fitted at Re 20; the object upstream is 0.1 m wide."""
-    at = lambda reynolds, **given: notes(
-        Wind(ALONG_X, AIR, speed=reynolds * nu / DIAMETER, **given), shaded
-    )
     nu = float(kinematic_viscosity(jnp.asarray(AIR)))
-    of_wake = lambda found: [note for note in found if "the deficit was" in note]
-    assert of_wake(at(20.0, wake=WakeDeficit())) == []
-    (note,) = of_wake(at(2e4, wake=WakeDeficit()))
+
+    def wake_notes(wind):
+        return [note for note in notes(wind, shaded) if "the deficit was" in note]
+
+    def at(reynolds, wake=None):
+        speed = reynolds * nu / DIAMETER
+        return wake_notes(Wind(ALONG_X, AIR, speed=speed, wake=wake))
+
+    assert at(20.0, wake=WakeDeficit()) == []
+    (note,) = at(2e4, wake=WakeDeficit())
     print(note)
     assert "of an object at Re 2e+04, and" in note
-    # What another function was fitted to is not known, and nothing is without wakes.
-    assert of_wake(at(2e4, wake=lambda x: 0.5 + 0 * x)) == of_wake(at(2e4)) == []
-    before = Wind((-1.0, 0, 0), AIR, speed=9.0, wake=WakeDeficit())
-    assert of_wake(notes(before, shaded)) == []
+    # The range of another function is not known, and without a wake there is no note.
+    assert at(2e4, wake=lambda x: 0.5 + 0 * x) == at(2e4) == []
+    headwind = Wind((-1.0, 0, 0), AIR, speed=9.0, wake=WakeDeficit())
+    assert wake_notes(headwind) == []
 
 
 def test_notes_are_of_the_part_that_the_wind_cools(seen):
     """Of two halves given as cylinders the thick one alone is at a high Re."""
     halves = (
-        Cylinder((0.0, 0.0, -0.025), (0, 0, 1), DIAMETER, 0.05),
-        Cylinder((0.0, 0.0, 0.025), (0, 0, 1), 9.0, 0.05),
+        Cylinder((0.0, 0.0, -0.025), axis=(0, 0, 1), diameter=DIAMETER, length=0.05),
+        Cylinder((0.0, 0.0, 0.025), axis=(0, 0, 1), diameter=9.0, length=0.05),
     )
     lower = jt.Region((-1.0, -1.0, -1.0), (1.0, 1.0, -1e-6))
-    found = [
+    part_notes = [
         notes(Wind((2.0, 0, 0), AIR, cylinders=halves, on=on), seen)
         for on in (None, ~lower, lower)
     ]
-    assert found[0] == found[1] != () and found[2] == ()
+    assert part_notes[0] == part_notes[1] != () and part_notes[2] == ()
 
 
 def test_notes_are_known_while_something_else_is_traced(seen):
     storm = Wind((15.0, 0, 0), AIR)
-    found = []
+    traced_notes = []
 
     def traced(x):
-        found.extend(notes(storm, seen))
+        traced_notes.extend(notes(storm, seen))
         return x
 
     jax.make_jaxpr(traced)(1.0)
-    assert "recalled" in found[0]
+    assert "recalled" in traced_notes[0]
 
 
 def test_a_storm_is_held_and_finite(seen):
@@ -301,18 +331,18 @@ def test_a_storm_is_held_and_finite(seen):
     ],
 )
 def test_a_mistake_is_one_line(arguments, words):
-    given = {"velocity": ALONG_X, "temperature": AIR, **arguments}
+    fields = {"velocity": ALONG_X, "temperature": AIR, **arguments}
     with pytest.raises(InputError, match=words) as raised:
-        Wind(**given)
+        Wind(**fields)
     assert "\n" not in str(raised.value)
 
 
 def test_cylinders_far_from_the_body_are_refused(seen):
-    lost = Cylinder((50.0, 0.0, 0.0), (0, 0, 1), 0.1, 0.1)
+    lost = Cylinder((50.0, 0.0, 0.0), axis=(0, 0, 1), diameter=0.1, length=0.1)
     with pytest.raises(InputError, match="nearest is 49.9 m away"):
-        Wind(ALONG_X, AIR, cylinders=(lost,)).bind(whole(seen))
+        Wind(ALONG_X, AIR, cylinders=(lost,)).bind(scene_surface(seen))
 
 
 def test_a_wake_that_gives_no_share_is_refused(shaded):
     with pytest.raises(InputError, match=r"must lie in \(0, 1\]"):
-        Wind(ALONG_X, AIR, wake=lambda x: -x).bind(whole(shaded))
+        Wind(ALONG_X, AIR, wake=lambda x: -x).bind(scene_surface(shaded))

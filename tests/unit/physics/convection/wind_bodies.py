@@ -12,12 +12,13 @@ from jaxthermo.physics.surface import BodySurface, Surface
 from jaxthermo.voxels.voxelize import voxelize
 
 
-DIAMETER, HEIGHT = 0.1, 0.1
+DIAMETER = 0.1
+HEIGHT = 0.1
 
 
 @functools.cache
 def upright_cylinder():
-    """20 voxels across."""
+    """Cylinder with 20 voxels across."""
     return voxelize(shapes.cylinder(DIAMETER / 2, HEIGHT), DIAMETER / 20)
 
 
@@ -45,14 +46,14 @@ def surface(grid, pose=None, triangles=None, dtype=np.float64, **changes):
     return BodySurface(**{**fields, **changes})
 
 
-def whole(body, reference=300.0):
-    """The surface of a scene of this body alone."""
+def scene_surface(body, reference=300.0):
+    """The surface of a scene with one body."""
     return Surface((body,), (reference,))
 
 
 def law_of(term, seen, reference=300.0):
     """The law of a term's only binding."""
-    (binding,) = term.bind(whole(seen, reference))
+    (binding,) = term.bind(scene_surface(seen, reference))
     return binding.law
 
 

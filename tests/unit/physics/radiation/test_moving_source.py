@@ -38,24 +38,27 @@ def test_a_direction_stays_between_its_neighbours(first, second, share):
     units = [np.asarray(v) / np.linalg.norm(v) for v in (first, second)]
     if np.linalg.norm(units[0] + units[1]) < 1e-3:
         return
-    here = np.array(jt.DirectionTable((0.0, 1.0), (first, second))(share))
-    assert np.linalg.norm(here) == pytest.approx(1, abs=1e-12)
-    between = lambda a, b: np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)
-    whole = between(*units)
-    assert between(units[0], here) == pytest.approx(share * whole, abs=1e-7)
-    assert between(here, units[1]) == pytest.approx((1 - share) * whole, abs=1e-7)
+    direction = np.array(jt.DirectionTable((0.0, 1.0), (first, second))(share))
+    assert np.linalg.norm(direction) == pytest.approx(1, abs=1e-12)
+
+    def between(a, b):
+        return np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)
+
+    total = between(*units)
+    assert between(units[0], direction) == pytest.approx(share * total, abs=1e-7)
+    assert between(direction, units[1]) == pytest.approx((1 - share) * total, abs=1e-7)
 
 
-@pytest.mark.parametrize("kind", [jt.PointTable, jt.DirectionTable])
-def test_tables_are_equal_by_value_and_can_be_kept(kind):
-    one = kind([0, 1], np.eye(3)[:2])
-    other = kind((0.0, 1.0), ((1, 0, 0), (0, 1, 0)))
-    assert one == other and hash(one) == hash(other)
-    assert pickle.loads(pickle.dumps(one)) == one
-    assert kind([0, 2], np.eye(3)[:2]) != one
+@pytest.mark.parametrize("table_class", [jt.PointTable, jt.DirectionTable])
+def test_tables_are_equal_by_value_and_can_be_kept(table_class):
+    table = table_class([0, 1], np.eye(3)[:2])
+    same = table_class((0.0, 1.0), ((1, 0, 0), (0, 1, 0)))
+    assert table == same and hash(table) == hash(same)
+    assert pickle.loads(pickle.dumps(table)) == table
+    assert table_class([0, 2], np.eye(3)[:2]) != table
 
 
-@pytest.mark.parametrize("kind", [jt.PointTable, jt.DirectionTable])
+@pytest.mark.parametrize("table_class", [jt.PointTable, jt.DirectionTable])
 @pytest.mark.parametrize(
     ("times", "rows", "message"),
     [
@@ -68,9 +71,9 @@ def test_tables_are_equal_by_value_and_can_be_kept(kind):
         ([0], [[np.inf, 0, 0]], "finite"),
     ],
 )
-def test_what_is_no_table(kind, times, rows, message):
+def test_what_is_no_table(table_class, times, rows, message):
     with pytest.raises(InputError, match=message):
-        kind(times, rows)
+        table_class(times, rows)
 
 
 @pytest.mark.parametrize(

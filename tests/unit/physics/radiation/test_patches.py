@@ -20,11 +20,11 @@ def block():
     return voxelize(box((0.2, 0.11, 0.07)), 0.01)
 
 
-@pytest.mark.parametrize("most", [6, 30, 200])
-def test_no_more_than_asked_for_and_nothing_lost(hollow, most):
-    patches = in_patches(hollow, most).patches
+@pytest.mark.parametrize("max_patches", [6, 30, 200])
+def test_no_more_than_asked_for_and_nothing_lost(hollow, max_patches):
+    patches = in_patches(hollow, max_patches).patches
     # Six more for the cavity, which has patches of its own.
-    assert 6 <= patches.count <= most + 6
+    assert 6 <= patches.count <= max_patches + 6
     np.testing.assert_array_equal(np.unique(patches.patch), np.arange(patches.count))
     assert patches.area.sum() == pytest.approx(hollow.fragment_area.sum(), rel=1e-12)
     moment = patches.area @ patches.centre
@@ -37,8 +37,8 @@ def test_a_patch_faces_one_way(hollow):
     axis = np.abs(hollow.fragment_normal).argmax(1)
     rows = np.arange(len(axis))
     side = 2 * axis + (hollow.fragment_normal[rows, axis] > 0)
-    for one in range(patches.count):
-        assert len(np.unique(side[patches.patch == one])) == 1
+    for number in range(patches.count):
+        assert len(np.unique(side[patches.patch == number])) == 1
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -46,20 +46,23 @@ def test_points_near_fragments_are_in_their_patches(block, seed):
     random = np.random.default_rng(seed)
     grid = block
     patches = in_patches(grid, int(random.integers(6, 100))).patches
-    place, normal = grid.fragment_position, grid.fragment_normal
-    np.testing.assert_array_equal(patches.patch_of(place, normal), patches.patch)
+    position = grid.fragment_position
+    normal = grid.fragment_normal
+    np.testing.assert_array_equal(patches.patch_of(position, normal), patches.patch)
     # Anywhere on the fragment's own square, above or below by rounding.
-    shift = random.uniform(-0.0049, 0.0049, place.shape) * (np.abs(normal) < 0.5)
-    off = shift + normal * random.uniform(-1e-12, 1e-12, (len(place), 1))
-    np.testing.assert_array_equal(patches.patch_of(place + off, normal), patches.patch)
+    shift = random.uniform(-0.0049, 0.0049, position.shape) * (np.abs(normal) < 0.5)
+    off = shift + normal * random.uniform(-1e-12, 1e-12, (len(position), 1))
+    np.testing.assert_array_equal(
+        patches.patch_of(position + off, normal), patches.patch
+    )
 
 
 def test_where_no_fragment_is_the_nearest_patch_of_that_side(hollow):
     patches = in_patches(hollow, 200).patches
     points = np.array([[0.0, 0.0, 0.15], [0.0, 0.0, -0.15]])
-    found = patches.patch_of(points, np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]))
-    assert (patches.code[found] % 6 == [5, 4]).all()
-    assert patches.centre[found[0], 2] > 0.05 and patches.centre[found[1], 2] < -0.05
+    patch = patches.patch_of(points, np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]))
+    assert (patches.code[patch] % 6 == [5, 4]).all()
+    assert patches.centre[patch[0], 2] > 0.05 and patches.centre[patch[1], 2] < -0.05
 
 
 def test_too_few_are_refused(hollow):

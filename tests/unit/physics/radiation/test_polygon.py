@@ -14,12 +14,14 @@ UNIT = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 def midpoint(position, normal, corners, count=300):
     """The plain sum over small squares of a rectangle."""
     t = (np.arange(count) + 0.5) / count
-    a, b = corners[1] - corners[0], corners[3] - corners[0]
+    a = corners[1] - corners[0]
+    b = corners[3] - corners[0]
     points = corners[0] + t[:, None, None] * a + t[None, :, None] * b
     front = np.cross(a, b)
     gap = points - position
     square = (gap**2).sum(-1)
-    leaves, meets = (gap @ normal).clip(0), -(gap @ front).clip(None, 0)
+    leaves = (gap @ normal).clip(0)
+    meets = -(gap @ front).clip(None, 0)
     return float((leaves * meets / (np.pi * square**2)).sum() / count**2)
 
 
@@ -34,16 +36,19 @@ def test_any_element_and_any_rectangle(seed):
     position *= (0.8 + np.linalg.norm(position)) / np.linalg.norm(position)
     normal = random.normal(size=3)
     normal /= np.linalg.norm(normal)
-    found = polygon_view_factor(position[None], normal[None], corners)[0]
+    factor = polygon_view_factor(position[None], normal[None], corners)[0]
     # Where the horizon cuts squares in two the plain sum is off by a part of one.
-    assert found == pytest.approx(midpoint(position, normal, corners), abs=2e-4)
+    assert factor == pytest.approx(midpoint(position, normal, corners), abs=2e-4)
 
 
 def test_corner_above_the_element():
     corners = UNIT[::-1] * np.array([3.0, 2.0, 1.0]) + np.array([0.0, 0.0, 0.7])
-    here, up = np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]])
+    origin = np.zeros((1, 3))
+    up = np.array([[0.0, 0.0, 1.0]])
     exact = element_to_rectangle(3.0, 2.0, 0.7)
-    assert polygon_view_factor(here, up, corners)[0] == pytest.approx(exact, abs=1e-14)
+    assert polygon_view_factor(origin, up, corners)[0] == pytest.approx(
+        exact, abs=1e-14
+    )
 
 
 def test_half_below_the_horizon():
@@ -53,13 +58,14 @@ def test_half_below_the_horizon():
     above[:2, 2] = 0.0
     floor = np.random.default_rng(0).uniform(0.1, 2.0, (50, 3)) * [1.0, 1.0, 0.0]
     up = np.tile([0.0, 0.0, 1.0], (50, 1))
-    found, exact = (polygon_view_factor(floor, up, w) for w in (wall, above))
-    np.testing.assert_allclose(found, exact, atol=1e-14)
+    cut, exact = (polygon_view_factor(floor, up, w) for w in (wall, above))
+    np.testing.assert_allclose(cut, exact, atol=1e-14)
     assert (exact > 0.01).any()
 
 
 def test_a_square_seen_from_nowhere_near_to_all_round():
-    up, front = np.array([[0.0, 0.0, 1.0]]), UNIT[::-1] - np.array([0.5, 0.5, 0.0])
+    up = np.array([[0.0, 0.0, 1.0]])
+    front = UNIT[::-1] - np.array([0.5, 0.5, 0.0])
     far = np.array([0.0, 0.0, 1e6])
     tiny = polygon_view_factor(np.zeros((1, 3)), up, front + far)[0]
     assert tiny == pytest.approx(1 / (np.pi * 1e12), rel=1e-3)
