@@ -17,11 +17,15 @@ from playwright.sync_api import sync_playwright
 
 # WebGL without a graphics processor.
 _BROWSER = (
-    *("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
     "--no-sandbox",
 )
-_WIDTH, _HEIGHT, _WAIT_MS = 1280, 800, 20_000
-_COMMAND = "jaxthermo", "view", "configs/scenes/figurine.yaml", "--port", "0"
+_WIDTH = 1280
+_HEIGHT = 800
+_WAIT_MS = 20_000
+_COMMAND = ("jaxthermo", "view", "configs/scenes/figurine.yaml", "--port", "0")
 
 
 def _screenshot(address: str, path: Path) -> None:
@@ -48,11 +52,11 @@ def main() -> None:
     started = subprocess.Popen(command, cwd=ROOT, text=True, stdout=subprocess.PIPE)
     assert started.stdout is not None
     try:
-        found = re.search(r"http://127\.0\.0\.1:\d+", started.stdout.readline())
-        assert found is not None, "the view names no address"
+        address = re.search(r"http://127\.0\.0\.1:\d+", started.stdout.readline())
+        assert address is not None, "the view names no address"
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "live.png"
-            _screenshot(found[0], path)
+            _screenshot(address[0], path)
             with Image.open(path) as image:
                 write_small("live", image)
     finally:

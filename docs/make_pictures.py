@@ -30,8 +30,10 @@ from jaxthermo.report.voxel_sheet import voxel_sheet
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURES = ROOT / "docs" / "pictures"
-MAX_BYTES, MAX_WIDTH = 150_000, 1200
-_PAPER, _INK = (255, 255, 255), (60, 60, 60)
+MAX_BYTES = 150_000
+MAX_WIDTH = 1200
+_PAPER = (255, 255, 255)
+_INK = (60, 60, 60)
 
 
 def write_small(name: str, image: Image.Image) -> None:
@@ -84,8 +86,8 @@ def raster() -> Image.Image:
     """Depth layers along x."""
     with tempfile.TemporaryDirectory() as folder:
         sheets = write_layer_sheets(_figurine(100), Path(folder))
-        chosen = next(path for path in sheets if "x" in path.stem.split("_"))
-        with Image.open(chosen) as image:
+        sheet_along_x = next(path for path in sheets if "x" in path.stem.split("_"))
+        with Image.open(sheet_along_x) as image:
             return image.convert("RGB")
 
 
@@ -123,7 +125,7 @@ def _coloured_nodes(nodes: np.ndarray, scale: int) -> np.ndarray:
 def structure() -> Image.Image:
     """Nodes of several structures in one slice."""
     grid = _figurine(80)
-    kinds = {
+    structures = {
         "full volume": jt.FullVolume(grid),
         "single shell": jt.SingleShell(grid),
         "octree": jt.Octree(grid),
@@ -131,11 +133,14 @@ def structure() -> Image.Image:
         "shell over core": jt.ShellOverCore(grid),
     }
     tiles = [
-        _labelled(_coloured_nodes(_node_slice(kind), 6), name)
-        for name, kind in kinds.items()
+        _labelled(_coloured_nodes(_node_slice(body_structure), 6), name)
+        for name, body_structure in structures.items()
     ]
     return _row(
-        [_labelled_count(t, k) for t, k in zip(tiles, kinds.values(), strict=True)]
+        [
+            _labelled_count(t, body_structure)
+            for t, body_structure in zip(tiles, structures.values(), strict=True)
+        ]
     )
 
 
@@ -147,38 +152,41 @@ def _labelled(pixels: np.ndarray, text: str) -> Image.Image:
     return image
 
 
-def _labelled_count(image: Image.Image, kind) -> Image.Image:
+def _labelled_count(image: Image.Image, body_structure) -> Image.Image:
     at = (image.width / 2, image.height - 26)
-    text = f"{kind.node_count:,} nodes".replace(",", " ")
+    text = f"{body_structure.node_count:,} nodes".replace(",", " ")
     ImageDraw.Draw(image).text(at, text, fill=_INK, anchor="ma", font_size=22)
     return image
 
 
 def _row(tiles: list[Image.Image]) -> Image.Image:
-    whole = Image.new("RGB", (sum(t.width for t in tiles), tiles[0].height), _PAPER)
+    joined = Image.new("RGB", (sum(t.width for t in tiles), tiles[0].height), _PAPER)
     left = 0
     for tile in tiles:
-        whole.paste(tile, (left, 0))
+        joined.paste(tile, (left, 0))
         left += tile.width
-    return whole
+    return joined
 
 
 def network() -> Image.Image:
     """Nodes and links of an octree near one layer across y."""
     octree = jt.Octree(_figurine(90))
-    grid, nodes, links = octree.grid, octree.nodes(), octree.links()
-    scale, layer = 16, _middle(grid)
+    grid = octree.grid
+    nodes = octree.nodes()
+    links = octree.links()
+    scale = 16
+    layer = _middle(grid)
     pixels = _coloured_nodes(_node_slice(octree), scale)
     image = Image.fromarray((255 - (255 - pixels.astype(int)) // 4).astype(np.uint8))
     draw = ImageDraw.Draw(image)
-    own = np.unique(_node_slice(octree))
+    layer_nodes = np.unique(_node_slice(octree))
     centres = grid.lattice.centres(np.array([[0, layer, 0]]))[0]
     across = (nodes.location - centres) / grid.pitch + 0.5
     at = np.stack([across[:, 0], grid.solid.shape[2] - across[:, 2]], 1) * scale
-    seen = np.isin(np.arange(len(at)), own)
-    for one, other in zip(links.src, links.dst, strict=True):
-        if seen[one] and seen[other]:
-            draw.line((*at[one], *at[other]), fill=(150, 70, 40), width=2)
+    seen = np.isin(np.arange(len(at)), layer_nodes)
+    for source, target in zip(links.src, links.dst, strict=True):
+        if seen[source] and seen[target]:
+            draw.line((*at[source], *at[target]), fill=(150, 70, 40), width=2)
     for x, y in at[seen]:
         draw.ellipse((x - 4, y - 4, x + 4, y + 4), fill=(30, 60, 110))
     # The base, where the body is thick enough for cells of several sizes.
@@ -207,8 +215,9 @@ def physics() -> Image.Image:
     image = jt.render(shifted, camera, band=None)
     drawn = np.asarray(image.temperature) - 2000.0
     inside = np.isfinite(np.asarray(image.depth))
-    low, high = -100.0, 900.0
-    pixels = apply_palette(drawn, low, high, "ember")
+    low = -100.0
+    high = 900.0
+    pixels = apply_palette(drawn, low=low, high=high, name="ember")
     pixels = np.where(inside[..., None], pixels, BACKGROUND).astype(np.uint8)
     ticks = tuple(
         ((t - low) / (high - low), label(t, 0)) for t in nice_ticks(low, high)
@@ -269,21 +278,32 @@ def _simulated(scene: str, *options: str) -> Path:
 
 def demo() -> Image.Image:
     """Frames of the built-in figurine in sun and shade."""
-    size = ("--set", "camera.width=300", "--set", "camera.height=420")
-    frames = sorted((_simulated("figurine", *size) / "frames").glob("*.png"))
+    folder = _simulated(
+        "figurine", "--set", "camera.width=300", "--set", "camera.height=420"
+    )
+    frames = sorted((folder / "frames").glob("*.png"))
     return contact_sheet([Image.open(path) for path in frames], columns=3)
 
 
 def image() -> Image.Image:
     """One frame of the figurine."""
-    size = ("--set", "camera.width=420", "--set", "camera.height=520")
-    frames = sorted((_simulated("figurine", *size) / "frames").glob("*.png"))
+    folder = _simulated(
+        "figurine", "--set", "camera.width=420", "--set", "camera.height=520"
+    )
+    frames = sorted((folder / "frames").glob("*.png"))
     return Image.open(frames[2])
 
 
 def _sheet(scene: str, *options: str) -> Image.Image:
-    small = ("--set", "camera.width=300", "--set", "camera.height=400")
-    folder = _simulated(scene, *small, "--contact-sheet", *options)
+    folder = _simulated(
+        scene,
+        "--set",
+        "camera.width=300",
+        "--set",
+        "camera.height=400",
+        "--contact-sheet",
+        *options,
+    )
     return Image.open(folder / "contact_sheet.png")
 
 

@@ -23,7 +23,8 @@ import jaxthermo as jt
 
 
 TRUE = {"conductivity": 20.0, "coefficient": 30.0}
-POSITION, LOOK_AT = (-0.5, -0.6, 0.4), (0.0, 0.0, 0.05)
+POSITION = (-0.5, -0.6, 0.4)
+LOOK_AT = (0.0, 0.0, 0.05)
 NOISE = 0.05  # standard deviation of a pixel [K]
 ZERO_CELSIUS = 273.15
 
@@ -37,13 +38,13 @@ def main() -> None:
     times = [60, 240] if options.quick else [30, 60, 120, 240]
     options.out.mkdir(parents=True, exist_ok=True)
     files = write_frames(options.out, times, size)
-    config = write_calibration(options.out, files, times, size)
+    config = write_calibration(options.out, files=files, times=times, size=size)
     fit = options.out / "fit"
     command = [sys.executable, "-m", "calibrate", "fit", str(config), "--out", str(fit)]
     subprocess.run(command, check=True)
     print(f"true values: {TRUE}")
-    for name, found in read_fit(fit).items():
-        print(f"{name}: {found['value']:.4g} +- {found['standard_error']:.2g}")
+    for name, estimate in read_fit(fit).items():
+        print(f"{name}: {estimate['value']:.4g} +- {estimate['standard_error']:.2g}")
 
 
 def write_frames(folder: Path, times: list[int], size: tuple[int, int]) -> list[str]:
@@ -138,8 +139,8 @@ def read_fit(folder: Path) -> dict[str, dict[str, float]]:
     """Values and standard errors of the parameters by name."""
     fitted = json.loads((folder / "fit.json").read_text())["parameters"]
     return {
-        name: {key: found[key] for key in ("value", "standard_error")}
-        for name, found in fitted.items()
+        name: {key: estimate[key] for key in ("value", "standard_error")}
+        for name, estimate in fitted.items()
     }
 
 

@@ -23,7 +23,8 @@ def main() -> None:
         else jt.shapes.figurine(0.3)
     )
     low, high = mesh.bounds
-    extent, middle = (high - low).max(), (low + high) / 2
+    extent = (high - low).max()
+    middle = (low + high) / 2
     grid = jt.voxelize(mesh, pitch=extent / size)
     print(f"{grid.solid_count} voxels of {1e3 * grid.pitch:.2f} mm")
 
@@ -40,8 +41,10 @@ def main() -> None:
     eye = middle + extent * np.array((0.6, -2.4, 0.3))
     camera = jt.Camera(tuple(eye), tuple(middle), width=240, height=320)
     kelvin = np.asarray(solution.surface_temperature)
-    scale = float(kelvin.min()), float(kelvin.max())
-    images = [jt.picture(each, *scale) for each in jt.frames(solution, camera)]
+    images = [
+        jt.picture(frame, float(kelvin.min()), float(kelvin.max()))
+        for frame in jt.frames(solution, camera)
+    ]
     jt.write_animation(options.out, images)
     print(f"{len(images)} frames in {options.out}")
 

@@ -42,15 +42,15 @@ def main() -> None:
     print("voxels high  structure         nodes    error       run")
     for high in heights:
         for name, structure in STRUCTURES.items():
-            kind = structure(grids[high])
-            solution, seconds = timed(scene_of(kind))
+            body_structure = structure(grids[high])
+            solution, seconds = timed(scene_of(body_structure))
             error = jt.truth_error(solution, reference).worst_rms_percent
             choices.append((seconds, error, name, high))
             print(
-                f"{high:11}  {name:15} {kind.node_count:7}  {error:6.2f} %"
+                f"{high:11}  {name:15} {body_structure.node_count:7}  {error:6.2f} %"
                 f"  {1e3 * seconds:6.1f} ms"
             )
-    within = [each for each in choices if each[1] <= options.tolerance]
+    within = [choice for choice in choices if choice[1] <= options.tolerance]
     if not within:
         nearest = min(error for _, error, _, _ in choices)
         print(f"none within {options.tolerance} %: the nearest {nearest:.2f} %")
@@ -62,7 +62,8 @@ def main() -> None:
 def scene_of(structure) -> jt.Scene:
     steel = jt.materials["stainless_steel"]
     body = jt.Body(structure, steel, temperature=293.15)
-    sun, air = jt.Sun((-1.0, 0.0, 0.0), 5000.0), jt.Convection(10.0, 293.15)
+    sun = jt.Sun((-1.0, 0.0, 0.0), 5000.0)
+    air = jt.Convection(10.0, 293.15)
     return jt.Scene((body,), (sun, air))
 
 

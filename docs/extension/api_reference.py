@@ -13,11 +13,11 @@ STUB = Path(__file__).resolve().parents[2] / "jaxthermo" / "__init__.pyi"
 
 def exported() -> dict[str, str]:
     """Each exported name and its module in the package, in the order of the stub."""
-    found = {}
+    module_of = {}
     for node in ast.parse(STUB.read_text()).body:
         if isinstance(node, ast.ImportFrom):
-            found |= {name.name: node.module or "" for name in node.names}
-    return found
+            module_of |= {name.name: node.module or "" for name in node.names}
+    return module_of
 
 
 def api_reference(folder: str) -> str:
@@ -51,17 +51,19 @@ _SECTIONS = ("Args:", "Raises:", "Returns:", "Attributes:", "Example:", "Yields:
 
 def literal_equations(lines: list[str]) -> list[str]:
     """Lines of a docstring in which indented equations are literal blocks."""
-    found: list[str] = []
-    section, literal = False, False
+    converted: list[str] = []
+    section = False
+    literal = False
     for line in lines:
         indented = line.startswith("    ")
         if line and not indented:
-            section, literal = line.strip() in _SECTIONS, False
+            section = line.strip() in _SECTIONS
+            literal = False
         if indented and not section and not literal:
-            found += ["::", ""]
+            converted += ["::", ""]
             literal = True
-        found.append(line if literal else _escaped(line))
-    return found
+        converted.append(line if literal else _escaped(line))
+    return converted
 
 
 def _escaped(line: str) -> str:

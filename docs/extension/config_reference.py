@@ -13,13 +13,13 @@ CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 def config_reference(name: str) -> str:
     """Fields of `configs/NAME.schema.json` with units, defaults and descriptions."""
     schema = json.loads((CONFIGS / f"{name}.schema.json").read_text())
-    parts = [_fields(name, schema)]
+    sections = [_fields(name, schema)]
     for key, definition in schema.get("$defs", {}).items():
         text = f"({_label(name, key)})=\n## {_title(key, definition)}\n"
         words = definition.get("description")
-        parts.append(f"{text}\n{_escape(words)}\n" if words else text)
-        parts.append(_fields(name, definition))
-    return "\n".join(parts)
+        sections.append(f"{text}\n{_escape(words)}\n" if words else text)
+        sections.append(_fields(name, definition))
+    return "\n".join(sections)
 
 
 def _label(name: str, key: str) -> str:
@@ -29,8 +29,8 @@ def _label(name: str, key: str) -> str:
 def _title(key: str, definition: dict[str, Any]) -> str:
     """The words of a type's name, and its kind."""
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", key.removesuffix("Config"))
-    kind = definition.get("properties", {}).get("kind", {}).get("const")
-    return f"{words} (`kind: {kind}`)" if kind else words
+    type_kind = definition.get("properties", {}).get("kind", {}).get("const")
+    return f"{words} (`kind: {type_kind}`)" if type_kind else words
 
 
 def _fields(name: str, schema: dict[str, Any]) -> str:
@@ -78,21 +78,23 @@ def _options(name: str, field: dict[str, Any]) -> list[str]:
     for group in ("anyOf", "oneOf"):
         if group in field:
             return [o for option in field[group] for o in _options(name, option)]
-    kind = field.get("type")
-    if kind == "array":
+    json_type = field.get("type")
+    if json_type == "array":
         items = field.get("items") or (field.get("prefixItems") or [{}])[0]
         count = field.get("minItems")
         exact = count is not None and count == field.get("maxItems")
         head = f"{count} of" if exact else "list of"
         return [f"{head} ({_value(name, items)})"]
-    if kind == "object":
+    if json_type == "object":
         inside = field.get("additionalProperties")
         values = _value(name, inside) if isinstance(inside, dict) else ""
         return [f"names with ({values})" if values else "mapping"]
-    if kind == "string":
+    if json_type == "string":
         return ["text" if "pattern" not in field else _TEXT_WITH_UNIT]
     words = {"null": "", "boolean": "true or false"}
-    return [words.get(str(kind), (str(kind) if kind else "") + _range(field))]
+    return [
+        words.get(str(json_type), (str(json_type) if json_type else "") + _range(field))
+    ]
 
 
 def _range(field: dict[str, Any]) -> str:
@@ -102,14 +104,14 @@ def _range(field: dict[str, Any]) -> str:
         "maximum": "<=",
         "exclusiveMaximum": "<",
     }
-    found = [f"{sign} {field[key]}" for key, sign in signs.items() if key in field]
-    return " " + ", ".join(found) if found else ""
+    limits = [f"{sign} {field[key]}" for key, sign in signs.items() if key in field]
+    return " " + ", ".join(limits) if limits else ""
 
 
 def _unit(field: dict[str, Any]) -> str:
     """The unit anywhere inside a field, if there is one."""
-    found = set(re.findall(r'"unit": "([^"]+)"', json.dumps(field)))
-    return ", ".join(sorted(found)).replace("|", r"\|")
+    units = set(re.findall(r'"unit": "([^"]+)"', json.dumps(field)))
+    return ", ".join(sorted(units)).replace("|", r"\|")
 
 
 def _default(key: str, field: dict[str, Any], schema: dict[str, Any]) -> str:

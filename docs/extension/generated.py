@@ -19,7 +19,7 @@ _LINE = re.compile(r"^%generate (\w+) (\S+)$", re.M)
 
 def fill(text: str) -> str:
     """The text of a page with its generated parts."""
-    return _LINE.sub(lambda found: GENERATORS[found[1]](found[2]), text)
+    return _LINE.sub(lambda match: GENERATORS[match[1]](match[2]), text)
 
 
 def _fill_page(app: Sphinx, name: str, source: list[str]) -> None:

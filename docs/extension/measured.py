@@ -32,7 +32,7 @@ def load(name: str) -> dict[str, Any]:
     return json.loads((DATA / f"{name}.json").read_text())
 
 
-def lookup(reference: str, kind: str) -> tuple[Any, Source]:
+def lookup(reference: str, section: str) -> tuple[Any, Source]:
     """The entry that `file:entry` names, of `values` or `tables`, and its source.
 
     Raises:
@@ -40,9 +40,9 @@ def lookup(reference: str, kind: str) -> tuple[Any, Source]:
     """
     name, entry = reference.split(":")
     record = load(name)
-    found = record[kind][entry]
-    own = {**record, **(found if isinstance(found, dict) else {})}
-    return found, Source(own["command"], own["machine"])
+    entry_value = record[section][entry]
+    origin = {**record, **(entry_value if isinstance(entry_value, dict) else {})}
+    return entry_value, Source(origin["command"], origin["machine"])
 
 
 def text_of(value: str | dict[str, str]) -> str:

@@ -16,9 +16,9 @@ def result(tmp_path_factory):
     with warnings.catch_warnings():
         # So coarse, walls are thinner than a voxel.
         warnings.simplefilter("ignore", UserWarning)
-        found = camera_ladder.run(tmp_path_factory.mktemp("ladder"), height=30)
+        ladder = camera_ladder.run(tmp_path_factory.mktemp("ladder"), height=30)
     patch.undo()
-    return found
+    return ladder
 
 
 @pytest.mark.slow

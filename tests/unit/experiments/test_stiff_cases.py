@@ -22,19 +22,27 @@ from experiments.harness.case import (
 from experiments.harness.run import _select
 from experiments.stiff import extremes, run as stiff
 from experiments.stiff.radiation import _cube
-from experiments.stiff.solved import Limits, Method, _row_of, run_nodes, stable_step
+from experiments.stiff.solved import (
+    LIMITS,
+    Limits,
+    Method,
+    _row_of,
+    run_nodes,
+    stable_step,
+)
 from jaxthermo.errors import InputError
 
 
 def test_it_is_listed_with_all_its_cases():
-    (found,) = catalogue.find("stiff")
-    assert found.options == ("cases",)
+    (experiment,) = catalogue.find("stiff")
+    assert experiment.options == ("cases",)
     assert [case.id for case in stiff._CASES] == [f"S{n:02}" for n in range(1, 23)]
 
 
-@pytest.mark.parametrize("found", [2.0, -1.0, float("nan"), float("inf")])
-def test_a_check_out_of_its_limits_fails_the_row(found):
-    good, bad = Bound("x", 0.5, 1.0, 0.0), Bound("x", found, 1.0, 0.0)
+@pytest.mark.parametrize("computed", [2.0, -1.0, float("nan"), float("inf")])
+def test_a_check_out_of_its_limits_fails_the_row(computed):
+    good = Bound("x", computed=0.5, highest=1.0, lowest=0.0)
+    bad = Bound("x", computed=computed, highest=1.0, lowest=0.0)
     assert Row("", checks=(good,)).verdict == PASS
     assert Row("", checks=(good, bad)).verdict == FAIL
     assert Row("", checks=(good, bad), if_met=REPORTED).verdict == FAIL
@@ -49,12 +57,14 @@ def _raises(error):
 
 
 def test_only_a_refusal_that_says_why_is_met():
-    row = lambda call: refusal("", call, "the limit is 3")
-    assert row(_raises(InputError("too long: the limit is 3"))).verdict == REFUSED
-    assert row(_raises(InputError("too long"))).verdict == FAIL
-    assert row(_raises(InputError("the limit is 3\nor so"))).verdict == FAIL
-    assert row(_raises(ValueError("the limit is 3"))).verdict == FAIL
-    assert row(lambda: None).verdict == FAIL
+    def verdict(call):
+        return refusal("", call, "the limit is 3").verdict
+
+    assert verdict(_raises(InputError("too long: the limit is 3"))) == REFUSED
+    assert verdict(_raises(InputError("too long"))) == FAIL
+    assert verdict(_raises(InputError("the limit is 3\nor so"))) == FAIL
+    assert verdict(_raises(ValueError("the limit is 3"))) == FAIL
+    assert verdict(lambda: None) == FAIL
 
 
 def test_a_case_that_breaks_is_a_row_that_fails():
@@ -72,15 +82,26 @@ def test_a_run_out_of_bounds_or_energy_fails():
     dt = stable_step(scene) / 2
     method = Method("ForwardEuler", jt.ForwardEuler(dt=dt), 10 * dt)
     ran = run_nodes(scene, method)
-    row = lambda *given: _row_of("", "float64", method, ran, *given)
+
+    def row(bounds, limits=LIMITS, ran=ran):
+        return _row_of(
+            "",
+            dtype="float64",
+            method=method,
+            ran=ran,
+            bounds=bounds,
+            limits=limits,
+            max_newton=None,
+        )
+
     assert row((300.0, 400.0)).verdict == PASS
-    # The same run, were it to keep below 350 K, or its energy closer than it can be.
+    # The same run fails if it must stay below 350 K, or close its energy exactly.
     assert row((300.0, 350.0)).verdict == FAIL
-    none = {"float64": -1.0}
-    assert row((300.0, 400.0), Limits({"float64": 1e-9}, none)).verdict == FAIL
+    strict = Limits(overshoot={"float64": 1e-9}, energy={"float64": -1.0})
+    assert row((300.0, 400.0), limits=strict).verdict == FAIL
     assert row((300.0, 350.0)).overshoot_K == pytest.approx(50.0, abs=1.0)
-    worse = ran._replace(nodes=(np.array([np.nan]),))
-    assert _row_of("", "float64", method, worse, (300.0, 400.0)).verdict == FAIL
+    without_number = ran._replace(nodes=(np.array([np.nan]),))
+    assert row((300.0, 400.0), ran=without_number).verdict == FAIL
 
 
 def _some():
@@ -91,11 +112,11 @@ def _some():
 def test_what_fails_is_written_as_what_passes_is(tmp_path, monkeypatch):
     small = Case("S00", "two rows", "none", "both", "", _some)
     monkeypatch.setattr(stiff, "_CASES", (small,))
-    (found,) = catalogue.find("stiff")
-    result = catalogue.run(found, tmp_path, cases=" s00")["result"]
+    (experiment,) = catalogue.find("stiff")
+    result = catalogue.run(experiment, tmp_path, cases=" s00")["result"]
     assert result["verdicts"] == {PASS: 0, REFUSED: 1, REPORTED: 0, FAIL: 1}
-    kept = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))
-    rows = kept["result"]["cases"][0]["rows"]
+    record = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))
+    rows = record["result"]["cases"][0]["rows"]
     assert [row["verdict"] for row in rows] == [REFUSED, FAIL]
     assert rows[1]["checks"][0]["computed"] == "nan"
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
@@ -105,8 +126,8 @@ def test_what_fails_is_written_as_what_passes_is(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_cheap_cases_pass(tmp_path):
-    (found,) = catalogue.find("stiff")
-    result = catalogue.run(found, tmp_path, cases="S14,S16")["result"]
+    (experiment,) = catalogue.find("stiff")
+    result = catalogue.run(experiment, tmp_path, cases="S14,S16")["result"]
     assert result["verdicts"][FAIL] == 0
     assert [case["id"] for case in result["cases"]] == ["S14", "S16"]
 
