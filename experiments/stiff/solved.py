@@ -176,7 +176,7 @@ class Ran(NamedTuple):
 
 
 class Observation(NamedTuple):
-    """What a case looks at in a run, besides bounds and energy."""
+    """Further checks of a case on a run, besides bounds and energy."""
 
     seen: str = ""
     """Text for the report."""
