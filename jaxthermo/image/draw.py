@@ -43,7 +43,7 @@ from .view import View
 
 
 class _PixelSurface(NamedTuple):
-    """What the pixels show of the bodies."""
+    """Surface temperatures and radiances of the bodies, as the pixels show them."""
 
     temperature: Values
     """[K]"""

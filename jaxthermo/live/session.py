@@ -69,7 +69,7 @@ class Change(NamedTuple):
 
 
 def _signature(tree: Any) -> tuple[Any, ...]:
-    """What a compiled program depends on: structure, shapes and types of a pytree."""
+    """Structure, shapes and types of a pytree, on which a compiled program depends."""
     leaves, structure = jax.tree.flatten(tree)
     arrays = jax.Array, np.ndarray, np.generic
     typed = (
