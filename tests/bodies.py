@@ -9,7 +9,9 @@ from jaxthermo.voxels.grid import Lattice, LayerCounts, ThinParts, VoxelGrid
 from jaxthermo.voxels.voxelize import voxelize
 
 
-NO_THIN_PARTS = ThinParts(0, 0.0, 0, 0.0, ())
+NO_THIN_PARTS = ThinParts(
+    thin_fragments=0, thin_area=0.0, lost_fragments=0, lost_area=0.0, regions=()
+)
 
 
 def bar(cells: int, pitch: float) -> VoxelGrid:
@@ -19,8 +21,8 @@ def bar(cells: int, pitch: float) -> VoxelGrid:
 
 def on_top(grid: VoxelGrid) -> np.ndarray:
     """The fragments on the side +z of a bar: one a voxel, in the order of x."""
-    chosen = np.flatnonzero(grid.fragment_normal[:, 2] > 0.9)
-    return chosen[np.argsort(grid.fragment_position[chosen, 0])]
+    top = np.flatnonzero(grid.fragment_normal[:, 2] > 0.9)
+    return top[np.argsort(grid.fragment_position[top, 0])]
 
 
 def depth(grid: VoxelGrid) -> np.ndarray:
@@ -31,16 +33,19 @@ def depth(grid: VoxelGrid) -> np.ndarray:
 def blocks(solid: np.ndarray, pitch: float = 1.0) -> VoxelGrid:
     """A body of the given voxels, with one fragment on every open face."""
     padded = np.pad(solid, 1)
-    voxel, normal = [], []
+    voxel = []
+    normal = []
     for axis in range(3):
         for sign in (-1, 1):
             outside = ~np.roll(padded, -sign, axis)[1:-1, 1:-1, 1:-1]
             cells = np.argwhere(solid & outside)
             voxel.append(cells)
             normal.append(np.tile(sign * np.eye(3)[axis], (len(cells), 1)))
-    cells, outward = np.concatenate(voxel), np.concatenate(normal)
+    cells = np.concatenate(voxel)
+    outward = np.concatenate(normal)
     order = np.lexsort(cells.T[::-1])
-    cells, outward = cells[order], outward[order]
+    cells = cells[order]
+    outward = outward[order]
     count = len(cells)
     size = np.array(solid.shape) * pitch
     around = box(tuple(size))
@@ -63,8 +68,8 @@ def blocks(solid: np.ndarray, pitch: float = 1.0) -> VoxelGrid:
 
 def slanted(pitch: float) -> VoxelGrid:
     """All voxels below a plane that no axis is along."""
-    place = np.argwhere(np.ones((16, 12, 12), bool))
-    below = place[place @ [0.4, 0.3, 1.0] < 13.0]
+    cell = np.argwhere(np.ones((16, 12, 12), bool))
+    below = cell[cell @ [0.4, 0.3, 1.0] < 13.0]
     solid = np.zeros((16, 12, 12), bool)
     solid[tuple(below.T)] = True
     return blocks(solid, pitch)

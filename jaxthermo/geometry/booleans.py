@@ -11,14 +11,14 @@ from ..errors import InputError
 from .mesh import Mesh
 
 
-# Importing it takes a second, and few scenes combine shapes.
+# Imported at its first use: it is slow to import, and few scenes combine shapes.
 _trimesh: Any = lazy_loader.load("trimesh")
 
 
 def union(*meshes: Mesh) -> Mesh:
     """One body of all the space inside any of the meshes.
 
-    Faces inside of it are gone, which overlapping meshes in one file would keep.
+    Unlike overlapping meshes in one file, it has no faces inside.
 
     Raises:
         InputError: without the package manifold3d, or for a mesh that is not closed.
@@ -50,15 +50,17 @@ def _combined(name: str, combine: Callable[..., Any], meshes: tuple[Mesh, ...]) 
     if len(meshes) < 2:
         raise InputError(f"shapes.{name}: give two meshes or more, not {len(meshes)}")
     for number, mesh in enumerate(meshes):
-        # The library would return an empty mesh, or raise an error of its own.
+        # The library would return an empty mesh, or raise an unclear error.
         if not (mesh.is_watertight and mesh.volume > 0):
             raise InputError(
                 f"shapes.{name}: mesh {number} ({mesh.name}) is not closed, with its "
                 "faces outward: repair it first (see load_mesh)"
             )
-    parts = [_trimesh.Trimesh(m.vertices, m.faces, process=False) for m in meshes]
-    found = combine(parts, engine="manifold", check_volume=False)
-    if not len(found.faces):
+    bodies = [_trimesh.Trimesh(m.vertices, m.faces, process=False) for m in meshes]
+    combined = combine(bodies, engine="manifold", check_volume=False)
+    if not len(combined.faces):
         raise InputError(f"shapes.{name}: nothing is left of mesh 0 ({meshes[0].name})")
-    vertices = np.asarray(found.vertices, float)
-    return Mesh(vertices, np.asarray(found.faces, np.int64), name)
+    vertices = np.asarray(combined.vertices, float)
+    return Mesh(
+        vertices=vertices, faces=np.asarray(combined.faces, np.int64), name=name
+    )

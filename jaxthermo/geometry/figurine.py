@@ -94,19 +94,28 @@ def _sculpted(height: float, resolution: int) -> Mesh:
     axes = [np.arange(a, b, step) for a, b in zip(_LOWER, _UPPER, strict=True)]
     x, y, z = np.meshgrid(*axes, indexing="ij")
     vertices, faces, _, _ = marching_cubes(
-        _body((x, y, z)), 0.0, spacing=(step, step, step), gradient_direction="descent"
+        _body((x, y, z)),
+        level=0.0,
+        spacing=(step, step, step),
+        gradient_direction="descent",
     )
     points = vertices.astype(np.float64) + np.array(_LOWER)
-    low, high = points[:, 2].min(), points[:, 2].max()
+    low = points[:, 2].min()
+    high = points[:, 2].max()
     points[:, 2] -= low
-    return Mesh(points * height / (high - low), faces.astype(np.int64), "figurine")
+    return Mesh(
+        vertices=points * height / (high - low),
+        faces=faces.astype(np.int64),
+        name="figurine",
+    )
 
 
 def _body(points: _Points) -> _Field:
     robe = _robe(points)
     body = _smooth_union(robe, _head(points), 0.02)
     # To the side and forward, with a ball on the open hand.
-    elbow, wrist = (-0.200, -0.020, 0.625), (-0.290, -0.125, 0.690)
+    elbow = (-0.200, -0.020, 0.625)
+    wrist = (-0.290, -0.125, 0.690)
     hand = _ellipsoid(points, (-0.302, -0.148, 0.705), (0.026, 0.032, 0.016))
     right = _arm(
         points, shoulder=(-0.088, 0.0, 0.712), elbow=elbow, wrist=wrist, hand=hand
@@ -115,7 +124,8 @@ def _body(points: _Points) -> _Field:
     right = _smooth_union(right, ball, 0.008)
     right_sleeve = _sleeve(points, elbow=elbow, wrist=wrist, drop=(0.08, 0.24))
     # In front of the robe without contact: its shadow falls on the pleats.
-    elbow, wrist = (0.176, -0.060, 0.590), (0.062, -0.195, 0.575)
+    elbow = (0.176, -0.060, 0.590)
+    wrist = (0.062, -0.195, 0.575)
     hand = _ellipsoid(points, (0.040, -0.213, 0.582), (0.030, 0.022, 0.020))
     left = _arm(
         points, shoulder=(0.088, 0.0, 0.712), elbow=elbow, wrist=wrist, hand=hand
@@ -140,7 +150,8 @@ def _body(points: _Points) -> _Field:
 
 def _robe(points: _Points) -> _Field:
     x, y, z = points
-    wide, deep = _profile(z, _ROBE_X), _profile(z, _ROBE_Y)
+    wide = _profile(z, _ROBE_X)
+    deep = _profile(z, _ROBE_Y)
     angle = np.arctan2(y / deep, x / wide)
     # Pleats fade out upward; their phase varies, or they would seem turned on a lathe.
     pleat = np.clip((0.56 - z) / 0.5, 0.0, 1.0) ** 1.2
@@ -155,7 +166,8 @@ def _robe(points: _Points) -> _Field:
 
 def _profile(z: _Field, radii: tuple[float, ...]) -> _Field:
     """Radii at heights z by cubic Hermite interpolation of the table."""
-    heights, values = np.array(_ROBE_Z), np.array(radii)
+    heights = np.array(_ROBE_Z)
+    values = np.array(radii)
     slopes = np.gradient(values, heights)
     i = np.clip(np.searchsorted(heights, z) - 1, 0, len(heights) - 2)
     gap = heights[i + 1] - heights[i]

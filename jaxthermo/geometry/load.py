@@ -66,13 +66,16 @@ def load_mesh(
     target = None if height is None else positive_length("height", height)
     axes = _axes_for_up(up)
     data = _read(path)
-    given = data, path.name, target or scale, target is None, axes, repair
-    build = lambda: _meshed(path, data=data, scale=scale, target=target, axes=axes)
-    repaired = lambda: repair_mesh(build(), max_hole_edges=max_hole_edges)
+
+    def build() -> Mesh:
+        mesh = _meshed(path, data=data, scale=scale, target=target, axes=axes)
+        return repair_mesh(mesh, max_hole_edges=max_hole_edges) if repair else mesh
+
+    size = (target or scale, target is None)
     return stored(
         "mesh",
-        inputs=(*given, max_hole_edges),
-        find=repaired if repair else build,
+        inputs=(data, path.name, *size, axes, repair, max_hole_edges),
+        find=build,
         types=(Mesh,),
     )
 
@@ -84,7 +87,7 @@ def _meshed(
     target: float | None,
     axes: tuple[str, str, str],
 ) -> Mesh:
-    """Mesh of a file's bytes, of a scale [m] or else of a height `target` [m]."""
+    """Mesh from a file's bytes, with a unit of `scale` [m] or a height `target` [m]."""
     vertices, faces = _parse(path, data)
     _check_geometry(path, vertices, faces)
     vertices = vertices @ _axes_rotation(axes).T
@@ -156,8 +159,9 @@ def _parse(path: Path, data: bytes) -> _FileMesh:
 @contextmanager
 def _silence() -> Iterator[None]:
     """Suppress the parser's warnings and log lines: our error message replaces them."""
-    log, discard = logging.getLogger("trimesh"), logging.NullHandler()
-    before = log.propagate
+    log = logging.getLogger("trimesh")
+    discard = logging.NullHandler()
+    propagates = log.propagate
     # Its modules log to children of this logger, which propagate to it.
     log.propagate = False
     log.addHandler(discard)
@@ -168,7 +172,7 @@ def _silence() -> Iterator[None]:
             warnings.filterwarnings("error", ".*could not be read to its end.*")
             yield
     finally:
-        log.propagate = before
+        log.propagate = propagates
         log.removeHandler(discard)
 
 
@@ -266,14 +270,14 @@ def _declared_counts(suffix: str, data: bytes) -> tuple[int, int] | None:
         faces = _lines(data.lower(), rb"^\s*facet\b")
         return 3 * faces, faces
     if suffix == ".off":
-        found = re.search(rb"OFF\s+(\d+)\s+(\d+)", re.sub(rb"#[^\n]*", b"", data))
-        return (int(found[1]), int(found[2])) if found else None
+        counts = re.search(rb"OFF\s+(\d+)\s+(\d+)", re.sub(rb"#[^\n]*", b"", data))
+        return (int(counts[1]), int(counts[2])) if counts else None
     header = _PLY_HEADER.match(data) if suffix == ".ply" else None
     if header is None:
         return None
     element = rb"^element\s+(vertex|face)\s+(\d+)"
-    counts = dict(re.findall(element, header[0], re.MULTILINE))
-    return int(counts.get(b"vertex", 0)), int(counts.get(b"face", 0))
+    by_element = dict(re.findall(element, header[0], re.MULTILINE))
+    return int(by_element.get(b"vertex", 0)), int(by_element.get(b"face", 0))
 
 
 def _plain_obj(data: bytes) -> bytes:
@@ -318,7 +322,8 @@ def _stl_fault(data: bytes) -> str | None:
     text = data.lower()
     # Some exporters begin binary files with "solid" too: only facets are conclusive.
     if text.lstrip().startswith(b"solid") and b"facet" in text[:2000]:
-        begun, ended = _lines(text, rb"^\s*facet\b"), text.count(b"endfacet")
+        begun = _lines(text, rb"^\s*facet\b")
+        ended = text.count(b"endfacet")
         if begun != ended:
             return f"the file is cut short: {begun} facets begin, {ended} end"
         return None if b"endsolid" in text else "the file is cut short: no endsolid"

@@ -29,7 +29,8 @@ class Mesh:
 
     def __post_init__(self):
         try:
-            vertices, faces = np.asarray(self.vertices), np.asarray(self.faces)
+            vertices = np.asarray(self.vertices)
+            faces = np.asarray(self.faces)
         except ValueError as error:  # rows of different lengths
             raise InputError(f"Mesh: give rows of three numbers: {error}") from error
         if vertices.dtype.kind not in "fiu" or vertices.shape[1:] != (3,):
@@ -62,11 +63,13 @@ class Mesh:
     @property
     def bounds(self) -> Float[np.ndarray, "2 3"]:
         """Lowest and highest corner of the bounding box [m]."""
-        # Only of vertices that a face uses: scanners leave strays far away.
+        # Only of vertices that a face uses: scans have stray vertices far away.
         is_used = np.zeros(len(self.vertices), bool)
         is_used[self.faces] = True
-        x, y, z = self.vertices[is_used].T
-        return np.array([[f(axis) for axis in (x, y, z)] for f in (np.min, np.max)])
+        used = self.vertices[is_used].T
+        lower = [axis.min() for axis in used]
+        upper = [axis.max() for axis in used]
+        return np.array([lower, upper])
 
     @property
     def area_vectors(self) -> Float[np.ndarray, "f 3"]:
@@ -74,7 +77,7 @@ class Mesh:
         # Component by component: numpy is slow along an axis of length three.
         points = np.ascontiguousarray(self.vertices.T)
         corners = [
-            points.take(own, axis=1) for own in np.ascontiguousarray(self.faces.T)
+            points.take(corner, axis=1) for corner in np.ascontiguousarray(self.faces.T)
         ]
         return np.stack(area_components(*corners), axis=1)
 
@@ -115,24 +118,28 @@ def area_components(
     c: Float[np.ndarray, "3 f"],
 ) -> list[Float[np.ndarray, " f"]]:
     """Components of normal times area, from the components of the three corners."""
-    (ux, uy, uz), (vx, vy, vz) = b - a, c - a
-    twice = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    return [component / 2 for component in twice]
+    ux, uy, uz = b - a
+    vx, vy, vz = c - a
+    return [
+        (uy * vz - uz * vy) / 2,
+        (uz * vx - ux * vz) / 2,
+        (ux * vy - uy * vx) / 2,
+    ]
 
 
 def part_volumes(
-    mesh: Mesh, labels: Int[np.ndarray, "f"], parts: int
+    mesh: Mesh, labels: Int[np.ndarray, "f"], count: int
 ) -> Float[np.ndarray, "parts"]:
     """Signed volume of each connected part [m^3]."""
     # About each part's own centre, so that open parts get a volume near their bulge
     # and not one that depends on the origin.
     centre = mesh.triangles.mean(1)
-    weight = np.bincount(labels, minlength=parts)
+    weight = np.bincount(labels, minlength=count)
     origin = np.stack(
-        [np.bincount(labels, axis, parts) / weight for axis in centre.T], axis=1
+        [np.bincount(labels, axis, count) / weight for axis in centre.T], axis=1
     )
     cone = ((centre - origin[labels]) * mesh.area_vectors).sum(1) / 3.0
-    return np.bincount(labels, cone, parts)
+    return np.bincount(labels, cone, count)
 
 
 def winding_number(
@@ -162,9 +169,9 @@ def describe_mesh(mesh: Mesh) -> dict:
     closed ones that point inward.
     """
     labels = part_labels(mesh.faces)
-    parts = int(labels.max(initial=-1)) + 1
-    closed = is_closed(edges_of(mesh.faces), labels, parts)
-    cavities = int((closed & (part_volumes(mesh, labels, parts) < 0.0)).sum())
+    part_count = int(labels.max(initial=-1)) + 1
+    closed = is_closed(edges_of(mesh.faces), labels, part_count)
+    cavities = int((closed & (part_volumes(mesh, labels, part_count) < 0.0)).sum())
     return {
         "name": mesh.name,
         "vertices": len(mesh.vertices),
@@ -174,7 +181,7 @@ def describe_mesh(mesh: Mesh) -> dict:
         "volume": mesh.volume if mesh.is_watertight else None,
         "area": mesh.area,
         "size": [float(side) for side in np.ptp(mesh.bounds, axis=0)],
-        "bodies": parts - cavities,
+        "bodies": part_count - cavities,
         "cavities": cavities,
         "axes": list(mesh.axes),
         "repairs": dict(mesh.repairs),
@@ -189,16 +196,16 @@ def mesh_summary(mesh: Mesh) -> str:
         state = f"watertight, volume {facts['volume']:.4g} m^3"
     else:
         state = f"open ({_count(facts['open_edges'], 'open edge')}), no volume"
-    parts = _count(facts["bodies"], "body", "bodies")
+    bodies = _count(facts["bodies"], "body", "bodies")
     if facts["cavities"]:
-        parts += f" with {_count(facts['cavities'], 'cavity', 'cavities')}"
+        bodies += f" with {_count(facts['cavities'], 'cavity', 'cavities')}"
     repairs = ", ".join(
-        f"{number} {kind.replace('_', ' ')}"
-        for kind, number in facts["repairs"].items()
+        f"{number} {defect.replace('_', ' ')}"
+        for defect, number in facts["repairs"].items()
     )
     return (
         f"{facts['name']}: {facts['faces']:,} faces, {state}, area {facts['area']:.4g} "
-        f"m^2, {width:.4g} x {depth:.4g} x {height:.4g} m, {parts}; "
+        f"m^2, {width:.4g} x {depth:.4g} x {height:.4g} m, {bodies}; "
         f"repaired: {repairs or 'nothing'}"
     )
 
@@ -225,7 +232,7 @@ def edges_of(faces: Int[np.ndarray, "f 3"]) -> _Edges:
     """Build the edge table of a mesh."""
     start = faces.reshape(-1).astype(np.int64)
     end = np.roll(faces, -1, axis=1).reshape(-1).astype(np.int64)
-    # One integer per edge: np.unique of integers is much faster than of rows.
+    # One integer per edge, which sorts faster than rows of two.
     width = int(faces.max(initial=0)) + 1
     key = np.minimum(start, end) * width + np.maximum(start, end)
     _, edge, uses = np.unique(key, return_inverse=True, return_counts=True)
@@ -253,16 +260,16 @@ def connected_labels(
     # Truth values, since a link may occur often: sums of its numbers could wrap to 0.
     linked = np.ones(len(links), bool)
     graph = coo_array((linked, tuple(links.T)), shape=(count, count))
-    part = connected_components(graph, directed=False)[1]
-    return np.unique(part, return_index=True)[1][part]
+    component = connected_components(graph, directed=False)[1]
+    return np.unique(component, return_index=True)[1][component]
 
 
 def is_closed(
-    edges: _Edges, labels: Int[np.ndarray, "f"], parts: int
+    edges: _Edges, labels: Int[np.ndarray, "f"], count: int
 ) -> Bool[np.ndarray, "parts"]:
     """Flag the parts in which every edge is used equally often in both directions."""
     open_edge = edges.balance[edges.edge] != 0
-    touched = np.bincount(np.repeat(labels, 3)[open_edge], minlength=parts)
+    touched = np.bincount(np.repeat(labels, 3)[open_edge], minlength=count)
     return touched == 0
 
 
@@ -286,25 +293,25 @@ else:
     AnyMesh = Any
 
 
-def as_mesh(given: Any, argument: str = "voxelize(mesh=)") -> Mesh:
-    """Convert anything with vertices [m] and triangular faces, such as trimesh's own.
+def as_mesh(mesh: Any, argument: str = "voxelize(mesh=)") -> Mesh:
+    """Convert anything with vertices [m] and triangular faces, as a `trimesh.Trimesh`.
 
     Raises:
-        InputError: for anything else, or faces that are not of its vertices.
+        InputError: for anything else, or faces with vertices that do not exist.
     """
-    if isinstance(given, Mesh):
-        return given
-    # Not by its class: trimesh is slow to import, and only files need it.
-    parts = [getattr(given, name, None) for name in ("vertices", "faces")]
-    if isinstance(given, type) or any(part is None for part in parts):
+    if isinstance(mesh, Mesh):
+        return mesh
+    # By attributes, not by class: trimesh is slow to import, and only files need it.
+    arrays = [getattr(mesh, name, None) for name in ("vertices", "faces")]
+    if isinstance(mesh, type) or any(array is None for array in arrays):
         require(
-            given,
+            mesh,
             classes=Mesh,
             argument=argument,
             give="a mesh: load_mesh(...), or one of trimesh",
         )
-    # Copies, of a class of numpy's own: trimesh's arrays notice changes.
-    vertices, faces = (np.array(part) for part in parts)
+    # Copies as plain arrays: those of trimesh track changes.
+    vertices, faces = (np.array(array) for array in arrays)
     return Mesh(vertices, faces)
 
 

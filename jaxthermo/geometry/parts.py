@@ -2,8 +2,9 @@
 
 import os
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import lazy_loader
 import numpy as np
@@ -17,10 +18,8 @@ from .repair import repair_mesh
 
 _trimesh: Any = lazy_loader.load("trimesh")
 
-# Of faces before any group.
+# Name of the faces before any group.
 _UNNAMED = "unnamed"
-
-_FileMesh = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
 
 
 def load_parts(
@@ -30,10 +29,10 @@ def load_parts(
     height: float | int | None = None,
     up: str = "z",
 ) -> dict[str, Mesh]:
-    """Read the named parts of a GLB or OBJ file, each as a mesh of its own.
+    """Read the named parts of a GLB or OBJ file, each as a separate mesh.
 
-    Parts are where `load_mesh` with the same arguments has them. A part may be closed,
-    or a patch of a surface: no hole is filled.
+    Parts have the positions that `load_mesh` gives them with the same arguments. A part
+    may be closed, or a patch of a surface: no hole is filled.
 
     Args:
         path: the file; nodes of a GLB, groups or objects of an OBJ are parts.
@@ -45,26 +44,30 @@ def load_parts(
         InputError: as `load_mesh`, and for a format without parts.
     """
     path = Path(path).expanduser()
-    # All parts together, checked as a whole.
-    whole = load_mesh(path, unit=unit, height=height, up=up, repair=False)
+    # All parts together, so that the file is checked as one mesh.
+    merged = load_mesh(path, unit=unit, height=height, up=up, repair=False)
     if path.suffix.lower() == ".obj":
-        vertices, faces, names = _obj_parts(path.read_text("utf-8", "replace"))
-        vertices = _placed_as(whole, vertices, faces)
+        groups = _obj_parts(path.read_text("utf-8", "replace"))
+        faces = groups.faces
+        names = groups.names
+        vertices = _placed_as(merged, groups.vertices, faces)
     elif path.suffix.lower() == ".glb":
-        vertices, faces, names = whole.vertices, whole.faces, _glb_names(path)
+        vertices = merged.vertices
+        faces = merged.faces
+        names = _glb_names(path)
     else:
         raise InputError(
             f"{path}: {path.suffix} files have no named parts: give a GLB with nodes, "
             "or an OBJ with groups"
         )
     assert len(names) == len(faces)
-    found = {}
+    meshes = {}
     for name in dict.fromkeys(names):
-        own = faces[np.array(names) == name]
-        part = Mesh(vertices=vertices, faces=own, name=name, axes=whole.axes)
-        # Welded, so that a closed part is known as one.
-        found[name] = repair_mesh(part, max_hole_edges=0)
-    return found
+        part_faces = faces[np.array(names) == name]
+        mesh = Mesh(vertices=vertices, faces=part_faces, name=name, axes=merged.axes)
+        # Welded, so that a closed part is watertight.
+        meshes[name] = repair_mesh(mesh, max_hole_edges=0)
+    return meshes
 
 
 def _glb_names(path: Path) -> list[str]:
@@ -81,11 +84,20 @@ def _glb_names(path: Path) -> list[str]:
     return names
 
 
-def _obj_parts(
-    text: str,
-) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"], list[str]]:
-    """Vertices, triangles and the name of the group of each."""
-    vertices, faces, names, name = [], [], [], _UNNAMED
+class _ObjParts(NamedTuple):
+    """Triangles of an OBJ file with the names of their groups."""
+
+    vertices: Float[np.ndarray, "v 3"]
+    faces: Int[np.ndarray, "f 3"]
+    names: list[str]
+    """Name of the group of each face."""
+
+
+def _obj_parts(text: str) -> _ObjParts:
+    vertices = []
+    faces = []
+    names = []
+    name = _UNNAMED
     for key, words in _obj_lines(text):
         if key == "v":
             vertices.append([float(word) for word in words[:3]])
@@ -95,12 +107,12 @@ def _obj_parts(
             corners = [int(word.split("/")[0]) for word in words]
             # Counted from 1, or back from the last vertex so far.
             index = [c - 1 if c > 0 else len(vertices) + c for c in corners]
-            fan = [
-                (index[0], *pair) for pair in zip(index[1:], index[2:], strict=False)
-            ]
+            fan = [(index[0], *pair) for pair in pairwise(index[1:])]
             faces += fan
             names += [name] * len(fan)
-    return np.array(vertices, float), np.array(faces, np.int64), names
+    return _ObjParts(
+        vertices=np.array(vertices, float), faces=np.array(faces, np.int64), names=names
+    )
 
 
 def _obj_lines(text: str) -> Iterator[tuple[str, list[str]]]:
@@ -111,12 +123,12 @@ def _obj_lines(text: str) -> Iterator[tuple[str, list[str]]]:
 
 
 def _placed_as(
-    whole: Mesh, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
+    merged: Mesh, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
 ) -> Float[np.ndarray, "v 3"]:
-    """Vertices of the file in the axes and the scale of the whole mesh."""
+    """Vertices of the file in the axes and at the scale of the merged mesh."""
     turned = np.empty_like(vertices)
-    for ours, axis in enumerate(whole.axes):
+    for ours, axis in enumerate(merged.axes):
         sign = -1.0 if axis.startswith("-") else 1.0
         turned[:, ours] = sign * vertices[:, "xyz".index(axis[-1])]
     extent = float(np.ptp(turned[faces].reshape(-1, 3), axis=0).max())
-    return turned * (float(np.ptp(whole.bounds, axis=0).max()) / extent)
+    return turned * (float(np.ptp(merged.bounds, axis=0).max()) / extent)

@@ -1,12 +1,14 @@
 """Refinement of triangles until all edges are short, without gaps between them."""
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Float, Int
 
 
-# Corners of the triangles that replace one, by the number of its edges that are cut:
-# 0, 1, 2 are its corners, edge e from corner e to the next one has its middle at 3 + e.
-# Edges are rotated so that of one cut it is edge 0, of two the edges 0 and 1.
+# Corners of the triangles that replace a triangle, by the number of its cut edges.
+# 0, 1, 2 are its corners; edge e, from corner e to the next one, has its middle at
+# 3 + e. The triangle is rotated so that edge 0, or edges 0 and 1, are cut.
 _PIECES = {
     1: ((0, 3, 2), (3, 1, 2)),
     2: ((3, 1, 4), (0, 3, 4), (0, 4, 2)),
@@ -14,9 +16,18 @@ _PIECES = {
 }
 
 
+class RefinedMesh(NamedTuple):
+    """Mesh with additional vertices, after the original ones."""
+
+    vertices: Float[np.ndarray, "w k"]
+    faces: Int[np.ndarray, "g 3"]
+    parent: Int[np.ndarray, " g"]
+    """Number of the original face that each face is a piece of."""
+
+
 def refine_edges(
     vertices: Float[np.ndarray, "v k"], faces: Int[np.ndarray, "f 3"], longest: float
-) -> tuple[Float[np.ndarray, "w k"], Int[np.ndarray, "g 3"], Int[np.ndarray, " g"]]:
+) -> RefinedMesh:
     """Cut edges in the middle until none is longer than a length.
 
     Neighbours are cut at the same points: a field over the vertices stays continuous.
@@ -24,12 +35,8 @@ def refine_edges(
     Args:
         vertices: positions in the first three columns [m]; others, such as normals, are
             interpolated.
-        faces: of the mesh.
+        faces: vertex numbers of each triangle.
         longest: length [m].
-
-    Returns:
-        Vertices, of which the first are the given ones, faces, and the given face that
-        each is a part of.
     """
     parent = np.arange(len(faces))
     while True:
@@ -37,8 +44,8 @@ def refine_edges(
         along = vertices[ends[..., 1], :3] - vertices[ends[..., 0], :3]
         cut = np.einsum("fei,fei->fe", along, along) > longest**2
         if not cut.any():
-            return vertices, faces, parent
-        # The same for both sides of an edge, whatever its direction.
+            return RefinedMesh(vertices=vertices, faces=faces, parent=parent)
+        # Sorted, so that both faces at an edge have the same pair.
         pairs = np.sort(ends[cut], axis=-1)
         edges, number = np.unique(pairs, axis=0, return_inverse=True)
         middle = np.full(cut.shape, -1)
@@ -54,18 +61,18 @@ def _cut_faces(
 ) -> tuple[Int[np.ndarray, "g 3"], Int[np.ndarray, " g"]]:
     cut = middle >= 0
     count = cut.sum(axis=1)
-    new, of = [faces[count == 0]], [parent[count == 0]]
+    new_faces = [faces[count == 0]]
+    new_parents = [parent[count == 0]]
     for number, pieces in _PIECES.items():
-        here = np.flatnonzero(count == number)
-        # With one edge cut it comes first; with two the one that is not comes last.
-        first = np.argmax(cut[here], axis=1)
+        refined = np.flatnonzero(count == number)
+        # A single cut edge comes first; a single uncut edge comes last.
+        first = np.argmax(cut[refined], axis=1)
         if number == 2:
-            first = (np.argmin(cut[here], axis=1) + 1) % 3
+            first = (np.argmin(cut[refined], axis=1) + 1) % 3
         turned = (first[:, None] + np.arange(3)) % 3
-        take = lambda rows, here=here, turned=turned: np.take_along_axis(
-            rows[here], turned, axis=1
-        )
-        points = np.concatenate([take(faces), take(middle)], axis=1)
-        new += [points[:, list(piece)] for piece in pieces]
-        of += [parent[here]] * len(pieces)
-    return np.concatenate(new), np.concatenate(of)
+        corners = np.take_along_axis(faces[refined], turned, axis=1)
+        middles = np.take_along_axis(middle[refined], turned, axis=1)
+        points = np.concatenate([corners, middles], axis=1)
+        new_faces += [points[:, list(piece)] for piece in pieces]
+        new_parents += [parent[refined]] * len(pieces)
+    return np.concatenate(new_faces), np.concatenate(new_parents)

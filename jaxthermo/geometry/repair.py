@@ -48,9 +48,9 @@ def repair_mesh(mesh: Mesh, *, max_hole_edges: int = MAX_HOLE_EDGES) -> Mesh:
     turned = outward[: len(mesh.faces)] != mesh.faces
     counts["flipped_faces"] = int(turned.any(1).sum())
     mesh = _drop_unused(replace(closed, faces=outward))
-    before = mesh.repairs
-    total = {kind: before.get(kind, 0) + counts[kind] for kind in counts}
-    return replace(mesh, repairs={kind: n for kind, n in total.items() if n})
+    earlier = mesh.repairs
+    total = {defect: earlier.get(defect, 0) + counts[defect] for defect in counts}
+    return replace(mesh, repairs={defect: n for defect, n in total.items() if n})
 
 
 def _merge_vertices(mesh: Mesh) -> tuple[Mesh, int]:
@@ -90,18 +90,18 @@ def _is_duplicate(faces: Int[np.ndarray, "f 3"]) -> Bool[np.ndarray, "f"]:
     _, first = np.unique(2 * same + winding, return_index=True)
     copy = np.ones(len(faces), bool)
     copy[first] = False
-    kept = np.flatnonzero(~copy)
-    partners = np.bincount(same[kept], minlength=len(corners))[same[kept]] == 2
+    distinct = np.flatnonzero(~copy)
+    partners = np.bincount(same[distinct], minlength=len(corners))[same[distinct]] == 2
     if partners.any():
-        labels = part_labels(faces[kept])
+        labels = part_labels(faces[distinct])
         singles = np.bincount(labels[~partners], minlength=int(labels.max()) + 1)
-        odd = edges_of(faces[kept])
+        odd = edges_of(faces[distinct])
         uneven = (odd.uses[odd.edge] % 2 == 1).reshape(-1, 3).any(1)
         suspect = partners & (uneven | (singles[labels] == 0))
-        _, earliest = np.unique(same[kept], return_index=True)
-        later = np.ones(len(kept), bool)
+        _, earliest = np.unique(same[distinct], return_index=True)
+        later = np.ones(len(distinct), bool)
         later[earliest] = False
-        copy[kept[suspect & later]] = True
+        copy[distinct[suspect & later]] = True
     return copy
 
 
@@ -131,15 +131,16 @@ def _consistent_winding(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "f 3"]
         [np.stack([a, b + shift], 1), np.stack([a + count, b + count - shift], 1)]
     )
     label = connected_labels(2 * count, links)
-    as_is, turned = label[:count], label[count:]
+    as_is = label[:count]
+    turned = label[count:]
     # The lower label of its two windings identifies a part.
-    part = np.minimum(as_is, turned)
-    differs = (as_is != part) & (as_is != turned)
-    outvoted = np.bincount(part, differs, 2 * count) > np.bincount(
-        part, ~differs, 2 * count
+    lower_label = np.minimum(as_is, turned)
+    differs = (as_is != lower_label) & (as_is != turned)
+    outvoted = np.bincount(lower_label, differs, 2 * count) > np.bincount(
+        lower_label, ~differs, 2 * count
     )
-    one_sided = np.bincount(part, as_is == turned, 2 * count) > 0
-    return _flip(faces, (differs ^ outvoted[part]) & ~one_sided[part])
+    one_sided = np.bincount(lower_label, as_is == turned, 2 * count) > 0
+    return _flip(faces, (differs ^ outvoted[lower_label]) & ~one_sided[lower_label])
 
 
 def _outward_winding(mesh: Mesh) -> Int[np.ndarray, "f 3"]:
@@ -147,15 +148,17 @@ def _outward_winding(mesh: Mesh) -> Int[np.ndarray, "f 3"]:
     # Flipping nested parts together keeps their sense relative to each other: a cavity
     # stays a cavity, whichever way the file wound the outer surface.
     labels = part_labels(mesh.faces)
-    parts = int(labels.max(initial=-1)) + 1
-    volumes = part_volumes(mesh, labels, parts)
-    areas = np.bincount(labels, np.linalg.norm(mesh.area_vectors, axis=1), parts)
-    closed = is_closed(edges_of(mesh.faces), labels, parts)
+    part_count = int(labels.max(initial=-1)) + 1
+    volumes = part_volumes(mesh, labels, part_count)
+    areas = np.bincount(labels, np.linalg.norm(mesh.area_vectors, axis=1), part_count)
+    closed = is_closed(edges_of(mesh.faces), labels, part_count)
     inward = volumes < -np.where(closed, 0.0, _MIN_COMPACTNESS) * areas**1.5
     if not inward.any():
         return mesh.faces
-    triangles, outermost = mesh.triangles, np.arange(parts)
-    lower, upper = np.full((parts, 3), np.inf), np.full((parts, 3), -np.inf)
+    triangles = mesh.triangles
+    outermost = np.arange(part_count)
+    lower = np.full((part_count, 3), np.inf)
+    upper = np.full((part_count, 3), -np.inf)
     np.minimum.at(lower, labels, triangles.min(1))
     np.maximum.at(upper, labels, triangles.max(1))
     for outer in np.argsort(-np.prod(upper - lower, axis=1), kind="stable"):
@@ -163,7 +166,7 @@ def _outward_winding(mesh: Mesh) -> Int[np.ndarray, "f 3"]:
             continue
         boxed = (lower > lower[outer]).all(1) & (upper < upper[outer]).all(1)
         # The costly winding number is needed only where it would change the result.
-        boxed &= (outermost == np.arange(parts)) & (inward != inward[outer])
+        boxed &= (outermost == np.arange(part_count)) & (inward != inward[outer])
         surface = triangles[labels == outer] if boxed.any() else triangles[:0]
         for inner in np.flatnonzero(boxed):
             point = triangles[np.argmax(labels == inner)].mean(0)
@@ -192,16 +195,19 @@ def _fill_small_holes(mesh: Mesh, max_edges: int) -> tuple[Mesh, int]:
     limit = np.zeros(len(mesh.vertices))
     limit[mesh.faces] = _MAX_HOLE_AREA * areas[labels][:, None]
     edges = edges_of(mesh.faces)
-    taken = set(zip(edges.start.tolist(), edges.end.tolist(), strict=True))
+    used_edges = set(zip(edges.start.tolist(), edges.end.tolist(), strict=True))
     fans: list[Int[np.ndarray, "t 3"]] = []
     for loop in loops:
         fan = _best_fan(
-            mesh.vertices, loop=loop, taken=taken, max_area=float(limit[loop[0]])
+            mesh.vertices,
+            loop=loop,
+            used_edges=used_edges,
+            max_area=float(limit[loop[0]]),
         )
         if fan is not None:
             fans.append(fan)
             rim = np.roll(fan, -1, axis=1).reshape(-1)
-            taken.update(zip(fan.reshape(-1).tolist(), rim.tolist(), strict=True))
+            used_edges.update(zip(fan.reshape(-1).tolist(), rim.tolist(), strict=True))
     if not fans:
         return mesh, 0
     return replace(mesh, faces=np.concatenate([mesh.faces, *fans])), len(fans)
@@ -224,7 +230,9 @@ def _boundary_loops(faces: Int[np.ndarray, "f 3"]) -> list[list[int]]:
 def _walk(first: int, onward: dict[int, list[int]]) -> list[list[int]]:
     # Where two holes meet in a vertex the path drops each ring as it closes, so that
     # every ring visits a vertex once.
-    path, position, loops = [first], {first: 0}, []
+    path = [first]
+    position = {first: 0}
+    loops = []
     while onward.get(path[-1]):
         vertex = onward[path[-1]].pop()
         if vertex not in position:
@@ -241,19 +249,23 @@ def _walk(first: int, onward: dict[int, list[int]]) -> list[list[int]]:
 def _best_fan(
     vertices: Float[np.ndarray, "v 3"],
     loop: list[int],
-    taken: set[tuple[int, int]],
+    used_edges: set[tuple[int, int]],
     max_area: float,
 ) -> Int[np.ndarray, "t 3"] | None:
     """Fan of minimal area over a ring, or None where none is valid."""
-    best, best_area = None, max_area
+    best = None
+    best_area = max_area
     for start in range(len(loop)):
         ring = loop[start:] + loop[:start]
         spokes = [(ring[0], tip) for tip in ring[2:-1]]
-        if len(ring) < 3 or any(s in taken or s[::-1] in taken for s in spokes):
+        if len(ring) < 3 or any(
+            s in used_edges or s[::-1] in used_edges for s in spokes
+        ):
             continue
         fan = np.array([(ring[0], *side) for side in pairwise(ring[1:])])
         a, b, c = np.moveaxis(vertices[fan], 1, 0)
         area = float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
         if area < best_area:
-            best, best_area = fan, area
+            best = fan
+            best_area = area
     return best

@@ -14,10 +14,10 @@ _trimesh: Any = lazy_loader.load("trimesh")
 
 
 class MeshSample(NamedTuple):
-    """Points on a mesh, each of which stands for the same area."""
+    """Points on a mesh that stand for equal areas."""
 
     position: Float[np.ndarray, "p 3"]
-    """[m]"""
+    """Position [m]."""
     normal: Float[np.ndarray, "p 3"]
     """Outward unit normal of the triangle that each point is on."""
     face: Int[np.ndarray, " p"]
@@ -25,8 +25,11 @@ class MeshSample(NamedTuple):
 
     def placed(self, pose: Pose) -> "MeshSample":
         """Rotate and translate by a pose: from the frame of a body to the world."""
-        position, normal = pose.to_world(self.position), pose.rotate(self.normal)
-        return MeshSample(position, normal, self.face)
+        return MeshSample(
+            position=pose.to_world(self.position),
+            normal=pose.rotate(self.normal),
+            face=self.face,
+        )
 
 
 def mesh_sample(mesh: AnyMesh, count: int = 10_000, seed: int = 0) -> MeshSample:
@@ -36,9 +39,9 @@ def mesh_sample(mesh: AnyMesh, count: int = 10_000, seed: int = 0) -> MeshSample
     1 / sqrt(count) times the relative spread. Equal arguments give equal points.
 
     Args:
-        mesh: in metres; also one of trimesh.
+        mesh: body in metres; a `trimesh.Trimesh` is accepted too.
         count: number of points.
-        seed: of the random numbers.
+        seed: seed of the random numbers.
 
     Raises:
         InputError: for no mesh, one without area, or a count that is not a whole
@@ -50,18 +53,23 @@ def mesh_sample(mesh: AnyMesh, count: int = 10_000, seed: int = 0) -> MeshSample
         >>> sample.position.shape, float(abs(sample.normal).max())
         ((1000, 3), 1.0)
     """
-    found = as_mesh(mesh, "mesh_sample(mesh=)")
+    surface = as_mesh(mesh, "mesh_sample(mesh=)")
     count = whole_number(count, "mesh_sample(count=)")
     seed = whole_number(seed, "mesh_sample(seed=)", minimum=0)
-    vectors = found.area_vectors
+    vectors = surface.area_vectors
     area = np.linalg.norm(vectors, axis=1)
     if not area.sum() > 0:
         raise InputError(
-            f"mesh_sample: {found.name} has {len(found.faces)} faces and no area: "
+            f"mesh_sample: {surface.name} has {len(surface.faces)} faces and no area: "
             "give a mesh with triangles"
         )
-    given = _trimesh.Trimesh(found.vertices, found.faces, process=False)
-    sample_surface = _trimesh.sample.sample_surface
-    points, face = sample_surface(given, count, face_weight=area, seed=seed)[:2]
+    trimesh_mesh = _trimesh.Trimesh(surface.vertices, surface.faces, process=False)
+    points, face, *_ = _trimesh.sample.sample_surface(
+        trimesh_mesh, count, face_weight=area, seed=seed
+    )
     normal = vectors[face] / area[face, None]
-    return MeshSample(np.asarray(points, float), normal.astype(float), np.asarray(face))
+    return MeshSample(
+        position=np.asarray(points, float),
+        normal=normal.astype(float),
+        face=np.asarray(face),
+    )

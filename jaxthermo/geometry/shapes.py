@@ -41,29 +41,29 @@ def box(size: _Size) -> Mesh:
     lengths = np.array([positive_length("size", edge) for edge in edges])
     corners = np.indices((2, 2, 2)).reshape(3, -1).T - 0.5
     faces = np.concatenate([_BOX_QUADS[:, [0, 1, 2]], _BOX_QUADS[:, [0, 2, 3]]])
-    return Mesh(corners * lengths, faces, "box")
+    return Mesh(vertices=corners * lengths, faces=faces, name="box")
 
 
 def slab(thickness: float | int, width: float | int, length: float | int) -> Mesh:
     """Box `thickness` thick along x, `width` along y, `length` along z [m]."""
     plate = box((thickness, width, length))
-    return Mesh(plate.vertices, plate.faces, "slab")
+    return Mesh(vertices=plate.vertices, faces=plate.faces, name="slab")
 
 
 def sphere(radius: float | int, subdivisions: int = 4) -> Mesh:
     """Sphere of `radius` [m]: an icosahedron with its faces repeatedly cut in four.
 
-    Of 20 * 4^subdivisions faces. The volume is exact; the area is too large by 1e-3 of
-    itself at 3 subdivisions, a quarter of that with each further one.
+    It has 20 * 4^subdivisions faces. The volume is exact; the area is too large by
+    0.1 % at 3 subdivisions, and by a quarter of that with each further one.
     """
     radius = positive_length("radius", radius)
     points, faces = _icosahedron()
     for _ in range(subdivisions):
         points, faces = _cut_in_four(points, faces)
     # Widened so that the volume is that of the sphere.
-    unit = Mesh(points, faces, "sphere")
+    unit = Mesh(vertices=points, faces=faces, name="sphere")
     widening = (4.0 / 3.0 * np.pi / unit.volume) ** (1.0 / 3.0)
-    return Mesh(points * radius * widening, faces, "sphere")
+    return Mesh(vertices=points * radius * widening, faces=faces, name="sphere")
 
 
 def cylinder(radius: float | int, height: float | int, sections: int = 64) -> Mesh:
@@ -133,7 +133,8 @@ def capsule(radius: float | int, height: float | int, sections: int = 64) -> Mes
             f"height={height:g} is less than the diameter of a capsule's ends: give at "
             f"least {2.0 * radius:g} m, or a smaller radius"
         )
-    half, upper = 0.5 * straight, _quarter(radius, sections)
+    half = 0.5 * straight
+    upper = _quarter(radius, sections)
     # Without a straight part both ends share their widest ring.
     lower = upper[::-1] if straight else upper[:0:-1]
     rings = [(r, -z - half) for r, z in lower] + [(r, z + half) for r, z in upper]
@@ -153,7 +154,7 @@ def _quarter(radius: float, sections: int) -> _Rings:
 
 
 def _with_volume(rings: _Rings, ends: tuple[float, float], volume: float) -> _Rings:
-    """The rings widened so that the cones between them, to both ends, have a volume."""
+    """Widen rings so that the cones between them, up to both ends, have a volume."""
     r, z = np.array([(0.0, ends[0]), *rings, (0.0, ends[1])]).T
     between = np.diff(z) * (r[1:] ** 2 + r[1:] * r[:-1] + r[:-1] ** 2)
     factor = float(np.sqrt(volume / (np.pi / 3.0 * between.sum())))
@@ -183,20 +184,25 @@ def _revolved(
         for radius, height in rings
     ]
     index = np.arange(sections)
-    after = np.roll(index, -1)
+    next_index = np.roll(index, -1)
     starts = sections * np.arange(len(rings))
     faces = []
     for low, high in zip(starts, np.roll(starts, -1), strict=True):
         if high > low or not has_ends:
-            faces.append(np.stack([low + index, low + after, high + after], axis=1))
-            faces.append(np.stack([low + index, high + after, high + index], axis=1))
+            faces.append(
+                np.stack([low + index, low + next_index, high + next_index], axis=1)
+            )
+            faces.append(
+                np.stack([low + index, high + next_index, high + index], axis=1)
+            )
     if has_ends:
         bottom, top = ends or (rings[0][1], rings[-1][1])
         points.append(np.array([[0.0, 0.0, bottom], [0.0, 0.0, top]]))
-        pole, last = np.full(sections, sections * len(rings)), starts[-1]
-        faces.append(np.stack([pole, after, index], axis=1))
-        faces.append(np.stack([pole + 1, last + index, last + after], axis=1))
-    return Mesh(np.concatenate(points), np.concatenate(faces), name)
+        pole = np.full(sections, sections * len(rings))
+        last = starts[-1]
+        faces.append(np.stack([pole, next_index, index], axis=1))
+        faces.append(np.stack([pole + 1, last + index, last + next_index], axis=1))
+    return Mesh(vertices=np.concatenate(points), faces=np.concatenate(faces), name=name)
 
 
 def _icosahedron() -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]:
@@ -208,10 +214,14 @@ def _icosahedron() -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]:
         [2 * z * np.cos(angle + np.pi / 5), 2 * z * np.sin(angle + np.pi / 5)]
     )
     points = np.zeros((12, 3))
-    points[0, 2], points[11, 2] = 1.0, -1.0
-    points[1:6, :2], points[1:6, 2] = upper, z
-    points[6:11, :2], points[6:11, 2] = lower, -z
-    u, n = np.arange(1, 6), np.roll(np.arange(1, 6), -1)
+    points[0, 2] = 1.0
+    points[11, 2] = -1.0
+    points[1:6, :2] = upper
+    points[1:6, 2] = z
+    points[6:11, :2] = lower
+    points[6:11, 2] = -z
+    u = np.arange(1, 6)
+    n = np.roll(u, -1)
     faces = [
         np.stack([np.zeros(5, int), u, n], axis=1),
         np.stack([u, u + 5, n], axis=1),

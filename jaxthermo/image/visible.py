@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 from ..errors import InputError
 from ..geometry.mesh import winding_number
 from ..raster.depth_buffer import nearest_hits
-from ..raster.host_fragments import within_raster
+from ..raster.fragments import within_raster
 from ..scene.scene import SolvedSurface
 from .camera import AbstractCamera
 

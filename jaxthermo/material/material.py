@@ -20,7 +20,7 @@ def _as_array(numbers: Any) -> Any:
     try:
         return np.asarray(numbers, float)
     except (TypeError, ValueError):
-        raise InputError(f"Property: {numbers!r} are no numbers") from None
+        raise InputError(f"Property: {numbers!r} are not numbers") from None
 
 
 class Property(Module):
@@ -42,7 +42,8 @@ class Property(Module):
                 f"Property: {shape} temperatures and {np.shape(self.values)} values: "
                 "give two lists of the same length"
             )
-        kelvin, values = self.temperatures, self.values
+        kelvin = self.temperatures
+        values = self.values
         if not is_traced(kelvin):
             if not np.isfinite(kelvin).all() or (kelvin < 0).any():
                 raise InputError(
@@ -56,18 +57,18 @@ class Property(Module):
         wrong = np.flatnonzero(~(np.isfinite(values) & (values > 0)))
         if len(wrong):
             first = values[wrong[0]]
-            known = not is_traced(kelvin)
-            where = f"at {kelvin[wrong[0]]:g} K" if known else f"value {wrong[0]}"
-            what = "goes negative" if first < 0 else "is no positive number"
+            has_kelvin = not is_traced(kelvin)
+            where = f"at {kelvin[wrong[0]]:g} K" if has_kelvin else f"value {wrong[0]}"
+            fault = "goes negative" if first < 0 else "is no positive number"
             raise InputError(
-                f"Property: it {what}, {first:g} {where}: give positive, finite values"
+                f"Property: it {fault}, {first:g} {where}: give positive, finite values"
             )
 
     def __call__(self, temperature: Any) -> Any:
         """Value at a temperature [K]."""
         # numpy outside of jit: its result stays a number that can be checked.
-        module = jnp if is_traced((self, temperature)) else np
-        return module.interp(temperature, self.temperatures, self.values)
+        xp = jnp if is_traced((self, temperature)) else np
+        return xp.interp(temperature, self.temperatures, self.values)
 
 
 DEFAULT_EMISSIVITY = 0.9
@@ -93,19 +94,20 @@ def _check(name: str, value: object, maximum: float, unit: str) -> None:
         raise InputError(f"{name}={number}: give a positive, finite number [{unit}]")
 
 
-def _conductivity(given) -> _Conductivity:
-    if isinstance(given, Property):
-        return given
-    if not isinstance(given, list | tuple) and getattr(given, "ndim", 0) != 1:
-        _check("conductivity", value=given, maximum=math.inf, unit="W/(m K)")
-        return given
-    if len(given) != 3:
+def _checked_conductivity(conductivity) -> _Conductivity:
+    if isinstance(conductivity, Property):
+        return conductivity
+    is_list = isinstance(conductivity, list | tuple)
+    if not is_list and getattr(conductivity, "ndim", 0) != 1:
+        _check("conductivity", value=conductivity, maximum=math.inf, unit="W/(m K)")
+        return conductivity
+    if len(conductivity) != 3:
         # One number a direction: a full tensor would couple all 26 neighbours.
         raise InputError(
-            f"conductivity: got {len(given)} numbers; give one, or three, along the "
-            "body's own x, y and z [W/(m K)]"
+            f"conductivity: got {len(conductivity)} numbers; give one, or three, along "
+            "the body's own x, y and z [W/(m K)]"
         )
-    x, y, z = given
+    x, y, z = conductivity
     for axis, value in zip("xyz", (x, y, z), strict=True):
         if not isinstance(value, Property):
             _check(
@@ -163,7 +165,7 @@ class Material(Module):
         _check("emissivity", value=emissivity, maximum=1.0, unit="-")
         if absorptivity is not None:
             _check("absorptivity", value=absorptivity, maximum=1.0, unit="-")
-        self.conductivity = _conductivity(conductivity)
+        self.conductivity = _checked_conductivity(conductivity)
         self.density = density
         self.specific_heat = specific_heat
         self.emissivity = emissivity
@@ -181,19 +183,27 @@ class Material(Module):
     def varies(self) -> bool:
         """True if a property depends on temperature."""
         k = self.conductivity
-        given = (*(k if isinstance(k, tuple) else (k,)), self.specific_heat)
-        return any(isinstance(each, Property) for each in given)
+        conductivities = k if isinstance(k, tuple) else (k,)
+        properties = (*conductivities, self.specific_heat)
+        return any(isinstance(value, Property) for value in properties)
 
     def at(self, temperature: Scalar) -> "Material":
         """Material with constant properties, evaluated at `temperature` [K]."""
         if not self.varies:
             return self
-        number = lambda p: p(temperature) if isinstance(p, Property) else p
+
+        def constant(value):
+            return value(temperature) if isinstance(value, Property) else value
+
         k = self.conductivity
+        if isinstance(k, tuple):
+            conductivity = tuple(constant(along_axis) for along_axis in k)
+        else:
+            conductivity = constant(k)
         return Material(
-            conductivity=tuple(map(number, k)) if isinstance(k, tuple) else number(k),
+            conductivity=conductivity,
             density=self.density,
-            specific_heat=number(self.specific_heat),
+            specific_heat=constant(self.specific_heat),
             emissivity=self.emissivity,
             absorptivity=self.given_absorptivity,
         )

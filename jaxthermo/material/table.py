@@ -77,13 +77,15 @@ def _read(file: str, key: str) -> dict[str, dict[str, str]]:
         return {row[key]: row for row in csv.DictReader(lines)}
 
 
-# Read at first use, and once: the tables are no part of the time of `import`.
+# Read once, at first use, so that `import` does not wait for the tables.
 @functools.cache
 def emissivity_rows() -> tuple[EmissivityRow, ...]:
     """All tabulated surfaces, in the order of the data file."""
     column = "emissivity_total_or_LWIR"
     return tuple(
-        EmissivityRow(surface, float(row[column]), row["source"])
+        EmissivityRow(
+            surface=surface, emissivity=float(row[column]), source=row["source"]
+        )
         for surface, row in _read("emissivity.csv", "material").items()
     )
 
@@ -93,10 +95,9 @@ def material_rows() -> tuple[MaterialRow, ...]:
     """All named materials, in the order of the data file (`data/README.md`)."""
     bulk = _read("materials.csv", "material")
     surfaces = {row.surface: row for row in emissivity_rows()}
-    # Numbers of a bulk have no finish: the names say which surface is typical.
+    # Bulk properties have no surface finish: the names say which surface is typical.
     names = _read("names.csv", "name").values()
     pairs = [(name, bulk[name["material"]]) for name in names]
-    number = lambda text: float(text) if text else None
     return tuple(
         MaterialRow(
             name=name["name"],
@@ -106,12 +107,16 @@ def material_rows() -> tuple[MaterialRow, ...]:
             specific_heat=float(row["cp_J_kgK"]),
             surface=surfaces.get(name["emissivity_row"]),
             bulk_source=row["source"],
-            thesis_density=number(row["thesis_rho"]),
-            thesis_specific_heat=number(row["thesis_cp"]),
+            thesis_density=_number_or_none(row["thesis_rho"]),
+            thesis_specific_heat=_number_or_none(row["thesis_cp"]),
             aliases=tuple(name["aliases"].split()),
         )
         for name, row in pairs
     )
+
+
+def _number_or_none(text: str) -> float | None:
+    return float(text) if text else None
 
 
 @functools.cache
@@ -126,21 +131,24 @@ def material_row(name: str) -> MaterialRow:
     Raises:
         InputError: for an unknown name, with similar names.
     """
-    known = _by_name()
-    if name in known:
-        return known[name]
-    close = difflib.get_close_matches(str(name).lower(), known, n=3, cutoff=0.6)
-    # A part of a name has a large edit distance, yet is what users often type.
-    parts = [k for k in known if len(str(name)) > 2 and str(name).lower() in k]
-    hint = ", ".join(dict.fromkeys([*parts, *close])) or ", ".join(materials)
+    rows = _by_name()
+    if name in rows:
+        return rows[name]
+    close = difflib.get_close_matches(str(name).lower(), rows, n=3, cutoff=0.6)
+    # Users often type a substring of a name, which has a large edit distance.
+    containing = [k for k in rows if len(str(name)) > 2 and str(name).lower() in k]
+    hint = ", ".join(dict.fromkeys([*containing, *close])) or ", ".join(materials)
     raise InputError(f"material {name!r} is not known: did you mean {hint}?")
 
 
-def find_materials(part: str) -> tuple[MaterialRow, ...]:
-    """Materials whose name, alias or label contains `part`."""
-    names = lambda row: (row.name, row.label, *row.aliases)
-    found = lambda row: any(part.lower() in name.lower() for name in names(row))
-    return tuple(filter(found, material_rows()))
+def find_materials(text: str) -> tuple[MaterialRow, ...]:
+    """Materials whose name, alias or label contains `text`."""
+
+    def is_match(row: MaterialRow) -> bool:
+        names = (row.name, row.label, *row.aliases)
+        return any(text.lower() in name.lower() for name in names)
+
+    return tuple(filter(is_match, material_rows()))
 
 
 def thesis_material(name: str) -> Material:
@@ -151,8 +159,10 @@ def thesis_material(name: str) -> Material:
     """
     row = material_row(name)
     if row.thesis_density is None or row.thesis_specific_heat is None:
-        known = ", ".join(r.name for r in material_rows() if r.in_thesis)
-        raise InputError(f"material {name!r} is not in Table 5.1: use one of {known}")
+        in_thesis = ", ".join(r.name for r in material_rows() if r.in_thesis)
+        raise InputError(
+            f"material {name!r} is not in Table 5.1: use one of {in_thesis}"
+        )
     # The thesis gives no conductivity, hence the table's; its bodies are black.
     return Material(
         conductivity=row.conductivity,

@@ -10,216 +10,33 @@ crosses a watertight mesh an even number of times.
 The thesis (4.1, after Everitt 2001) renders one depth layer per pass, each discarding
 what the passes before it have drawn. Sorting by (pixel, depth) gives all layers at
 once: the layer of a fragment is its rank within its pixel.
-
-On a processor without an accelerator numpy does the same faster (`host_fragments`), and
-compiles nothing; the program here is for accelerators, and the reference in the tests.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 
-from .host_fragments import SNAP, check_coordinates, host_fragments, host_layers
-
-
-MIN_CAPACITY = 2**14
-"""Smallest array size: smaller ones save no time, only compile more programs."""
+from ..arrays import sorted_union
+from ..errors import InputError
 
 
-class _Fragments(NamedTuple):
-    """Fragments in fixed-size arrays; slots from `count` on are padding."""
+SNAP = 1024
+"""Steps per pixel of the snapped coordinates."""
 
-    pixel: Int[Array, " k"]
-    """row * width + column; width * height in the padding."""
-    depth: Float[Array, " k"]
-    triangle: Int[Array, " k"]
-    entering: Bool[Array, " k"]
-    """True if the ray meets the outer side of the triangle (see `_rasterize`)."""
-    count: Int[Array, ""]
-    """Number of fragments, larger than the arrays if the capacity was too small."""
-    rows_needed: Int[Array, ""]
-    """Number of (triangle, row) pairs, against `row_capacity`."""
+_MAX_COORDINATE = 2**20
+"""Limit [pixels] below which the products of 64-bit integers cannot overflow."""
 
+# Limit [pixels] below which float64 is exact: products of snapped coordinates and their
+# sums stay below 2^53, and so does the error of a quotient below its distance from the
+# next integer. Processors have vector instructions for float64 quotients.
+_MAX_EXACT = 2**15
 
-def _ceil_div(numerator, denominator):
-    return -((-numerator) // denominator)
-
-
-def _first_centre(snapped):
-    """Index of the first pixel centre at or after a snapped coordinate."""
-    return _ceil_div(snapped - SNAP // 2, SNAP)
-
-
-def _expand(counts, capacity):
-    """Owner of each of `sum(counts)` slots, and the position within its owner."""
-    ends = jnp.cumsum(counts)
-    owner = jnp.repeat(
-        jnp.arange(counts.shape[0]), counts, total_repeat_length=capacity
-    )
-    slot = jnp.arange(capacity)
-    return owner, slot - (ends - counts)[owner], slot < ends[-1], ends[-1]
-
-
-def _crossings(corners, row):
-    """First and last column between the edges of each triangle in a row of centres."""
-    # From the lower to the upper end in either triangle of an edge, so that both
-    # divide the same integers.
-    start, end = corners, jnp.roll(corners, -1, axis=1)
-    swap = start[..., 1:] > end[..., 1:]
-    low, high = jnp.where(swap, end, start), jnp.where(swap, start, end)
-    centre = (row * SNAP + SNAP // 2)[:, None]
-    rise = high[..., 1] - low[..., 1]
-    # Half-open: a centre at the height of a vertex belongs to one of two edges.
-    covers = (low[..., 1] <= centre) & (centre < high[..., 1])
-    rise = jnp.where(covers, rise, 1)
-    numerator = low[..., 0] * rise + (centre - low[..., 1]) * (
-        high[..., 0] - low[..., 0]
-    )
-    column = _ceil_div(numerator - rise * (SNAP // 2), rise * SNAP)
-    far = jnp.iinfo(column.dtype).max
-    left = jnp.where(covers, column, far).min(axis=1)
-    right = jnp.where(covers, column, -far).max(axis=1)
-    return left, right
-
-
-def _plane_at(corners, depths, row, column):
-    """Depth of each triangle's plane at a pixel centre, and twice its signed area."""
-    (x0, y0), (x1, y1), (x2, y2) = [
-        (corners[:, i, 0], corners[:, i, 1]) for i in range(3)
-    ]
-    z0, z1, z2 = depths[:, 0], depths[:, 1], depths[:, 2]
-    dx, dy = column * SNAP + SNAP // 2 - x0, row * SNAP + SNAP // 2 - y0
-    double_area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
-    w1 = dx * (y2 - y0) - dy * (x2 - x0)
-    w2 = dy * (x1 - x0) - dx * (y1 - y0)
-    # Integers up to here; only the depth itself is rounded.
-    weighted = w1.astype(z0.dtype) * (z1 - z0) + w2.astype(z0.dtype) * (z2 - z0)
-    depth = z0 + weighted / jnp.where(double_area == 0, 1, double_area).astype(z0.dtype)
-    # Planes nearly parallel to the ray extrapolate wildly; the corners bound them.
-    return jnp.clip(depth, depths.min(axis=1), depths.max(axis=1)), double_area
-
-
-@partial(jax.jit, static_argnames=("row_capacity", "capacity"))
-def _rasterize_fixed(
-    triangles: Float[Array, "f 3 3"],
-    width: int | Int[Array, ""],
-    height: int | Int[Array, ""],
-    *,
-    row_capacity: int,
-    capacity: int,
-) -> _Fragments:
-    """Compute the fragments of triangles (column, row, depth) in arrays of fixed size.
-
-    If `count > capacity` or `rows_needed > row_capacity` the result is incomplete and
-    the caller must call again with more.
-    """
-    # int64 needs x64 mode, which the caller must have enabled.
-    corners = jnp.round(triangles[..., :2] * SNAP).astype(jnp.int64)
-    low = jnp.clip(_first_centre(corners[..., 1].min(axis=1)), 0, height)
-    high = jnp.clip(_first_centre(corners[..., 1].max(axis=1)), 0, height)
-    owner, step, real, rows_needed = _expand(high - low, row_capacity)
-    row = low[owner] + step
-    left, right = _crossings(corners[owner], row)
-    left, right = jnp.clip(left, 0, width), jnp.clip(right, 0, width)
-    spans = jnp.where(real, jnp.maximum(right - left, 0), 0)
-    span, offset, valid, count = _expand(spans, capacity)
-    triangle, column, line = owner[span], left[span] + offset, row[span]
-    depth, area = _plane_at(
-        corners[triangle], depths=triangles[triangle, :, 2], row=line, column=column
-    )
-    return _Fragments(
-        pixel=jnp.where(valid, line * width + column, width * height),
-        depth=depth,
-        triangle=triangle,
-        entering=area < 0,
-        count=count,
-        rows_needed=rows_needed,
-    )
-
-
-def _rounded_up(number: float | int) -> int:
-    """Round up to 2^n or 3/4 2^n, so that few array sizes and programs occur."""
-    power = 2 ** int(np.ceil(np.log2(max(number, 1024.0))))
-    return int(0.75 * power) if number <= 0.75 * power else power
-
-
-def capacities(
-    triangles: Float[np.ndarray, "f 3 3"], width: int, height: int
-) -> tuple[int, int]:
-    """Array sizes sufficient for all rows and very likely for all fragments."""
-    # Corner by corner: numpy is slow at the minimum along an axis of length three.
-    x, y = (tuple(triangles[:, corner, i] for corner in range(3)) for i in range(2))
-    least = lambda c: np.minimum(np.minimum(c[0], c[1]), c[2])
-    most = lambda c: np.maximum(np.maximum(c[0], c[1]), c[2])
-    bottom, top = np.clip(least(y), 0, height), np.clip(most(y), 0, height)
-    # Snapping can move an end beyond one more centre.
-    slack = 1 / SNAP
-    rows = (np.ceil(top - 0.5 + slack) - np.ceil(bottom - 0.5 - slack)).sum()
-    left, right = np.clip(least(x), 0, width), np.clip(most(x), 0, width)
-    area = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0])
-    area = 0.5 * np.abs(area)
-    # A triangle has about as many fragments as pixels of area; the margin covers the
-    # scatter of that count.
-    covered = np.minimum(area, (right - left) * (top - bottom)).sum()
-    return _rounded_up(rows), _rounded_up(1.05 * covered + 8 * np.sqrt(covered) + 256)
-
-
-def shared_capacities(
-    triangles: Float[np.ndarray, "f 3 3"],
-    width: int,
-    height: int,
-    minimum: tuple[int, int] = (MIN_CAPACITY, MIN_CAPACITY),
-) -> tuple[int, int]:
-    """`capacities`, at least `minimum`, so that most views share one program."""
-    rows, fragments = capacities(triangles, width, height)
-    return max(rows, minimum[0]), max(fragments, minimum[1])
-
-
-def _padded(triangles: Float[np.ndarray, "f 3 3"]) -> Float[np.ndarray, "k 3 3"]:
-    # Triangles without area cover no pixel: views and meshes share one program.
-    size = _rounded_up(max(len(triangles), MIN_CAPACITY))
-    return np.concatenate([triangles, np.zeros((size - len(triangles), 3, 3))])
-
-
-def _rasterize(
-    triangles: Float[np.ndarray, "f 3 3"],
-    width: int,
-    height: int,
-    sizes: tuple[int, int] | None = None,
-) -> _Fragments:
-    """Compute the fragments of triangles (column, row, depth), in arrays of any size.
-
-    A fragment is `entering` if its triangle's corners turn counter-clockwise on an
-    image with rows downwards: for triangles wound counter-clockwise seen from outside
-    and a right-handed view (right, down, forward), the ray enters the body there.
-    `sizes` are initial (row, fragment) capacities, to share a compiled program.
-
-    Raises:
-        InputError: if a corner is not finite or more than 2^20 pixels away.
-    """
-    check_coordinates(triangles)
-    row_capacity, capacity = sizes or shared_capacities(triangles, width, height)
-    with jax.enable_x64(True):
-        corners = jnp.asarray(_padded(triangles), jnp.float64)
-        while True:
-            fragments = _rasterize_fixed(
-                corners,
-                width,
-                height,
-                row_capacity=row_capacity,
-                capacity=capacity,
-            )
-            rows, count = int(fragments.rows_needed), int(fragments.count)
-            if rows <= row_capacity and count <= capacity:
-                return fragments
-            row_capacity = max(row_capacity, _rounded_up(rows))
-            capacity = max(capacity, _rounded_up(count))
+# Triangles that are drawn together: temporaries stay in the cache, and the allocator
+# keeps them instead of returning them.
+_CHUNK = 4096
 
 
 @dataclass(frozen=True)
@@ -227,6 +44,7 @@ class DepthLayers:
     """Fragments sorted by pixel, then depth; `layer` counts from 0 at the front."""
 
     pixel: Int[np.ndarray, " k"]
+    """row * width + column."""
     depth: Float[np.ndarray, " k"]
     triangle: Int[np.ndarray, " k"]
     entering: Bool[np.ndarray, " k"]
@@ -242,107 +60,322 @@ class DepthLayers:
 
     def image(self, layer: int, values: np.ndarray, background: Any = 0) -> np.ndarray:
         """Draw one layer of per-fragment `values` as an image [height, width, ...]."""
-        chosen = self.layer == layer
+        in_layer = self.layer == layer
         shape = (self.height * self.width, *values.shape[1:])
         flat = np.full(shape, background, values.dtype)
-        flat[self.pixel[chosen]] = values[chosen]
+        flat[self.pixel[in_layer]] = values[in_layer]
         return flat.reshape(self.height, self.width, *values.shape[1:])
 
 
-def _depth_steps(depth, bits):
-    low = depth.min()
-    span = depth.max() - low
-    fraction = (depth - low) / jnp.where(span > 0, span, 1.0)
-    return (fraction * (2.0**bits - 1)).astype(jnp.int64)
+def peel(triangles: Float[np.ndarray, "f 3 3"], width: int, height: int) -> DepthLayers:
+    """All depth layers of triangles given as (column, row, depth) [pixels].
 
-
-@jax.jit
-def _sort_fragments(
-    fragments: _Fragments, pixel_bits: int | Int[Array, ""]
-) -> tuple[Int[Array, " k"], Int[Array, " k"]]:
-    """Permutation that sorts by pixel, then depth, and the layer of each fragment."""
-    # Pixel and depth share one 64-bit key (x64 mode must be on), which resolves depths
-    # to 2^-40 of their range in an image of eight million pixels.
-    # More bits than a float64 holds would round up into the pixel's.
-    depth_bits = jnp.minimum(63 - pixel_bits, 52)
-    key = fragments.pixel.astype(jnp.int64) << depth_bits
-    key |= _depth_steps(fragments.depth, depth_bits)
-    slots = jnp.arange(key.shape[0], dtype=jnp.int32)
-    key, order = jax.lax.sort((key, slots), num_keys=1, is_stable=True)
-    pixel = key >> depth_bits
-    first = jnp.concatenate([jnp.ones(1, bool), pixel[1:] != pixel[:-1]])
-    start = jax.lax.cummax(jnp.where(first, slots, 0))
-    return order, slots - start
-
-
-def peel(
-    triangles: Float[np.ndarray, "f 3 3"],
-    width: int,
-    height: int,
-    sizes: tuple[int, int] | None = None,
-) -> DepthLayers:
-    """All depth layers of triangles given as (column, row, depth) [pixels]."""
-    if _on_host():
-        faces = np.arange(3 * len(triangles)).reshape(-1, 3)
-        return _peel_on_host(
-            triangles.reshape(-1, 3), faces=faces, width=width, height=height
-        )
-    fragments = _rasterize(triangles, width=width, height=height, sizes=sizes)
-    with jax.enable_x64(True):
-        # Padding has pixel width * height: it sorts behind all fragments.
-        sorted_by = _sort_fragments(fragments, int(width * height).bit_length())
-    count = int(fragments.count)
-    order, layer = (np.asarray(each)[:count] for each in sorted_by)
-    return _sorted_layers(
-        fragments, order=order, layer=layer, width=width, height=height
-    )
-
-
-def peel_views(
-    points: Float[np.ndarray, "v 3"],
-    faces: Int[np.ndarray, "f 3"],
-    views: Sequence[tuple[tuple[int, int, int], int, int]],
-) -> list[DepthLayers]:
-    """Depth layers of triangles in several views along axes of their corners.
-
-    A view is the axes of its columns, rows and depth, its width and its height.
+    Raises:
+        InputError: if a corner is not finite or more than 2^20 pixels away.
     """
-    frames = ((points[:, axes], width, height) for axes, width, height in views)
-    if _on_host():
-        return [_peel_on_host(own, faces, *size) for own, *size in frames]
-    every = [(own[faces], width, height) for own, width, height in frames]
-    # One array size for all views: one program is compiled.
-    sizes = [shared_capacities(*view) for view in every]
-    rows, fragments = (max(size) for size in zip(*sizes, strict=True))
-    return [peel(*view, (rows, fragments)) for view in every]
+    faces = np.arange(3 * len(triangles)).reshape(-1, 3)
+    points = triangles.reshape(-1, 3)
+    return peel_mesh(points, faces=faces, width=width, height=height)
 
 
-def _peel_on_host(
+def peel_mesh(
     points: Float[np.ndarray, "v 3"],
     faces: Int[np.ndarray, "f 3"],
     width: int,
     height: int,
 ) -> DepthLayers:
-    found = host_fragments(points, faces=faces, width=width, height=height)
-    order, layer = host_layers(found, int(width * height).bit_length())
-    return _sorted_layers(found, order=order, layer=layer, width=width, height=height)
+    """All depth layers of triangles with corners `points` (column, row, depth).
 
+    A fragment is `entering` if its triangle's corners turn counter-clockwise on an
+    image with rows downwards: for triangles wound counter-clockwise seen from outside
+    and a right-handed view (right, down, forward), the ray enters the body there.
 
-def _sorted_layers(
-    found: Any, order: np.ndarray, layer: np.ndarray, width: int, height: int
-) -> DepthLayers:
-    take = lambda array, kind: np.asarray(array).astype(kind, copy=False)[order]
+    Raises:
+        InputError: if a corner is not finite or more than 2^20 pixels away.
+    """
+    chunks = [*fragment_chunks(points, faces=faces, width=width, height=height)]
+    none = FragmentChunk(
+        triangle=np.empty(0, np.int64), pixel=np.empty(0, np.int64), depth=np.empty(0)
+    )
+    triangle, pixel, depth = (
+        np.concatenate(column) for column in zip(none, *chunks, strict=True)
+    )
+    order, layer = _sorted_layers(
+        triangle, pixel=pixel, depth=depth, pixel_bits=(width * height).bit_length()
+    )
+    triangle = triangle[order]
     return DepthLayers(
-        pixel=take(found.pixel, np.int64),
-        depth=take(found.depth, np.float64),
-        triangle=take(found.triangle, np.int64),
-        entering=take(found.entering, np.bool_),
-        layer=layer.astype(np.int64, copy=False),
+        pixel=pixel[order],
+        depth=depth[order],
+        triangle=triangle,
+        entering=_turns_to_viewer(points, faces)[triangle],
+        layer=layer,
         width=width,
         height=height,
     )
 
 
-def _on_host() -> bool:
-    """True without an accelerator; what is compiled would run on the processor too."""
-    return jax.default_backend() == "cpu"
+def _turns_to_viewer(
+    points: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
+) -> Bool[np.ndarray, " f"]:
+    # By the snapped corners: they may show the other side of a sliver.
+    x = np.rint(points[:, 0] * SNAP)
+    y = np.rint(points[:, 1] * SNAP)
+    a, b, c = np.ascontiguousarray(faces.T)
+    to_b = (x[b] - x[a], y[b] - y[a])
+    to_c = (x[c] - x[a], y[c] - y[a])
+    return to_b[0] * to_c[1] - to_c[0] * to_b[1] < 0
+
+
+def _sorted_layers(
+    triangle: Int[np.ndarray, " k"],
+    pixel: Int[np.ndarray, " k"],
+    depth: Float[np.ndarray, " k"],
+    pixel_bits: int,
+) -> tuple[Int[np.ndarray, " k"], Int[np.ndarray, " k"]]:
+    """Permutation that sorts by pixel, then depth, and the layer of each fragment."""
+    # Pixel and depth share one 64-bit key, which resolves depths to 2^-40 of their
+    # range in an image of eight million pixels. More bits than a float64 holds would
+    # round up into those of the pixel.
+    bits = min(63 - pixel_bits, 52)
+    low = depth.min(initial=np.inf)
+    span = depth.max(initial=-np.inf) - low
+    fraction = (depth - low) / (span if span > 0 else 1.0)
+    key = (pixel << bits) | (fraction * (2.0**bits - 1)).astype(np.int64)
+    order = np.argsort(key)
+    key = key[order]
+    # The fast sort leaves equal keys in any order: by triangle.
+    tied = np.flatnonzero(key[1:] == key[:-1])
+    if len(tied):
+        tied = sorted_union(tied, tied + 1)
+        fragment = order[tied]
+        order[tied] = fragment[np.lexsort((triangle[fragment], key[tied]))]
+    sorted_pixel = key >> bits
+    begins = np.ones(len(sorted_pixel), bool)
+    np.not_equal(sorted_pixel[1:], sorted_pixel[:-1], out=begins[1:])
+    first = np.flatnonzero(begins)
+    counts = np.diff(np.append(first, len(sorted_pixel)))
+    return order, np.arange(len(sorted_pixel)) - np.repeat(first, counts)
+
+
+def expected_fragments(
+    triangles: Float[np.ndarray, "f 3 3"], width: int, height: int
+) -> float:
+    """Number of fragments of triangles (column, row, depth), from their areas."""
+    # A triangle has about as many fragments as pixels of area within the image.
+    x, y, _ = np.moveaxis(triangles, 2, 0)
+    across = np.ptp(np.clip(x, 0, width), axis=1)
+    down = np.ptp(np.clip(y, 0, height), axis=1)
+    to_b = (x[:, 1] - x[:, 0], y[:, 1] - y[:, 0])
+    to_c = (x[:, 2] - x[:, 0], y[:, 2] - y[:, 0])
+    area = 0.5 * np.abs(to_b[0] * to_c[1] - to_b[1] * to_c[0])
+    return float(np.minimum(area, across * down).sum())
+
+
+def within_raster(corners: Float[np.ndarray, "*n 3"]) -> bool:
+    """True if no product of corners (column, row, depth) can overflow."""
+    ends = (corners.min(initial=0), corners.max(initial=0))
+    # Most often the bounds of all numbers suffice, which are quick to compute.
+    if np.abs(ends).max() <= _MAX_COORDINATE:
+        return True
+    farthest = np.abs(corners[..., :2]).max(initial=0)
+    return bool(np.isfinite(ends).all() and farthest <= _MAX_COORDINATE)
+
+
+class FragmentChunk(NamedTuple):
+    """Fragments of some triangles, in any order."""
+
+    triangle: Int[np.ndarray, " k"]
+    pixel: Int[np.ndarray, " k"]
+    """row * width + column."""
+    depth: Float[np.ndarray, " k"]
+
+
+def fragment_chunks(
+    points: Float[np.ndarray, "v 3"],
+    faces: Int[np.ndarray, "f 3"],
+    width: int,
+    height: int,
+) -> Iterator[FragmentChunk]:
+    """Fragments of triangles with corners `points` (column, row, depth), in chunks.
+
+    Raises:
+        InputError: if a corner is not finite or more than 2^20 pixels away.
+    """
+    if not within_raster(points):
+        raise InputError(
+            "raster: a triangle is not finite or over a million pixels away; "
+            "use a coarser pitch or clip the mesh to the view"
+        )
+    across, down, depth = np.ascontiguousarray(points.T)
+    largest = max(np.abs(across).max(initial=0), np.abs(down).max(initial=0))
+    dtype = np.float64 if largest <= _MAX_EXACT else np.int64
+    x = np.rint(across * SNAP).astype(dtype)
+    y = np.rint(down * SNAP).astype(dtype)
+    near_centres = _around_centres(x, y=y, faces=faces, width=width, height=height)
+    for first in range(0, len(near_centres), _CHUNK):
+        chunk = near_centres[first : first + _CHUNK]
+        corners = np.ascontiguousarray(faces[chunk].T)
+        spans = _spans(x, y=y, corners=corners, width=width, height=height)
+        span, step = _slots(spans.count)
+        face = spans.face[span]
+        row = spans.row[span]
+        column = spans.left[span] + step
+        plane_depth = _plane_at(
+            x, y=y, depth=depth, corners=corners, face=face, column=column, row=row
+        )
+        yield FragmentChunk(
+            triangle=chunk[face], pixel=row * width + column, depth=plane_depth
+        )
+
+
+def _slots(count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Owners of `count` slots each, and the numbers of the slots within their owner."""
+    full = np.flatnonzero(count)
+    ends = np.cumsum(count[full])
+    total = int(ends[-1]) if len(full) else 0
+    # The owner as a running sum of steps, instead of a call for each run of slots.
+    owner = np.zeros(total, np.int64)
+    owner[ends[:-1]] = np.diff(full)
+    owner[:1] = full[:1]
+    np.cumsum(owner, out=owner)
+    return owner, np.arange(total) - (np.cumsum(count) - count)[owner]
+
+
+def _first_centre(snapped: np.ndarray, size: int) -> Int[np.ndarray, " k"]:
+    """Index from 0 to `size` of the first pixel centre at or after a coordinate."""
+    # Snapped coordinates are whole numbers, also in float64.
+    return np.clip((snapped.astype(np.int64) + (SNAP // 2 - 1)) // SNAP, 0, size)
+
+
+def _around_centres(
+    x: np.ndarray, y: np.ndarray, faces: np.ndarray, width: int, height: int
+) -> Int[np.ndarray, " k"]:
+    """Triangles with the centre of a pixel in their bounding box."""
+    # Most triangles of a fine mesh lie between the centres.
+    inside: Any = True
+    for coordinate, size in ((x, width), (y, height)):
+        low, high = _ends(*_first_centre(coordinate, size)[faces.T])
+        inside &= low < high
+    return np.flatnonzero(inside)
+
+
+def _ends(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Minimum and maximum of three arrays."""
+    # Pair by pair: numpy is slow at the minimum along an axis of length three.
+    low = np.minimum(np.minimum(a, b), c)
+    high = np.maximum(np.maximum(a, b), c)
+    return low, high
+
+
+class _Spans(NamedTuple):
+    """Runs of pixels that a triangle covers in one row."""
+
+    face: Int[np.ndarray, " r"]
+    row: Int[np.ndarray, " r"]
+    left: Int[np.ndarray, " r"]
+    """First column."""
+    count: Int[np.ndarray, " r"]
+    """Number of pixels."""
+
+
+def _spans(
+    x: np.ndarray, y: np.ndarray, corners: np.ndarray, width: int, height: int
+) -> _Spans:
+    # Below and above the middle corner two edges cross a row, one of them the longest.
+    # Each edge starts at its lower end, so that both of its triangles divide the same
+    # integers.
+    bottom, middle, top = _by_height(x[corners], y[corners])
+    low, split, high = (
+        _first_centre(corner.y, height) for corner in (bottom, middle, top)
+    )
+    half, step = _slots(np.append(split - low, high - split))
+    count = len(low)
+    face = np.where(half < count, half, half - count)
+    row = np.append(low, split)[half] + step
+    centre = (row * SNAP + SNAP // 2).astype(x.dtype)
+    long_crossing = _crossing(_line(bottom, top), face, centre)
+    lower = _line(bottom, middle)
+    upper = _line(middle, top)
+    short_edges = _Line(*map(np.append, lower, upper))
+    short_crossing = _crossing(short_edges, half, centre)
+    left = np.clip(np.minimum(long_crossing, short_crossing), 0, width)
+    right = np.clip(np.maximum(long_crossing, short_crossing), 0, width)
+    return _Spans(face=face, row=row, left=left, count=right - left)
+
+
+class _Corner(NamedTuple):
+    """One corner of each triangle, in steps."""
+
+    x: np.ndarray
+    y: np.ndarray
+
+
+def _by_height(x: np.ndarray, y: np.ndarray) -> list[_Corner]:
+    """The corners of triangles [3, k] with the lowest y first."""
+    corners = [_Corner(*corner) for corner in zip(x, y, strict=True)]
+    for i, j in ((0, 1), (1, 2), (0, 1)):
+        a = corners[i]
+        b = corners[j]
+        is_above = a.y > b.y
+        corners[i] = _Corner(np.where(is_above, b.x, a.x), np.minimum(a.y, b.y))
+        corners[j] = _Corner(np.where(is_above, a.x, b.x), np.maximum(a.y, b.y))
+    return corners
+
+
+class _Line(NamedTuple):
+    """Edges of triangles: x = (y slope + offset) / scale, in pixels and steps."""
+
+    slope: np.ndarray
+    offset: np.ndarray
+    scale: np.ndarray
+
+
+def _line(low: _Corner, high: _Corner) -> _Line:
+    run = high.x - low.x
+    rise = high.y - low.y
+    offset = low.x * rise - low.y * run - rise * (SNAP // 2)
+    return _Line(slope=run, offset=offset, scale=rise * SNAP)
+
+
+def _crossing(
+    line: _Line, edge: Int[np.ndarray, " r"], centre: np.ndarray
+) -> Int[np.ndarray, " r"]:
+    """First column at or after edges in rows of centres, which they cross."""
+    numerator = centre * line.slope[edge] + line.offset[edge]
+    scale = line.scale[edge]
+    if numerator.dtype != np.float64:
+        return -(-numerator // scale)
+    # Rounded up to an integer without the pass of `np.ceil`.
+    quotient = numerator / scale
+    truncated = quotient.astype(np.int64)
+    return truncated + (quotient > truncated)
+
+
+def _plane_at(
+    x: np.ndarray,
+    y: np.ndarray,
+    depth: np.ndarray,
+    corners: np.ndarray,
+    face: np.ndarray,
+    column: np.ndarray,
+    row: np.ndarray,
+) -> Float[np.ndarray, " k"]:
+    """Depths of the planes of triangles at pixel centres inside them."""
+    x0, x1, x2 = x[corners]
+    y0, y1, y2 = y[corners]
+    z0, z1, z2 = depth[corners]
+    ux = x1 - x0
+    uy = y1 - y0
+    vx = x2 - x0
+    vy = y2 - y0
+    low, high = _ends(z0, z1, z2)
+    dx = column * SNAP + SNAP // 2 - x0[face]
+    dy = row * SNAP + SNAP // 2 - y0[face]
+    # Integers up to here; only the depth itself is rounded.
+    weight_1 = dx * vy[face] - dy * vx[face]
+    weight_2 = dy * ux[face] - dx * uy[face]
+    rise = weight_1 * (z1 - z0)[face] + weight_2 * (z2 - z0)[face]
+    plane = z0[face] + rise / (ux * vy - vx * uy)[face]
+    # Planes nearly parallel to the ray extrapolate wildly; the corners bound them.
+    return np.minimum(np.maximum(plane, low[face]), high[face])

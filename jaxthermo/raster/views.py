@@ -1,6 +1,7 @@
 """Views: directions, and orthographic and perspective rays through pixels."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -66,7 +67,8 @@ def orthographic_view(
     """Smallest view along `direction` around all points, with a pixel of margin."""
     frame = view_frame(direction)
     rotated = linear_map(points.reshape(-1, 3), frame.T)
-    low, high = rotated.min(0), rotated.max(0)
+    low = rotated.min(0)
+    high = rotated.max(0)
     size = np.maximum(np.ceil((high - low)[:2] / pitch).astype(int), 1) + 2
     corner = (low + high) / 2 - np.append(size, 0) * pitch / 2
     corner[2] = low[2]
@@ -102,25 +104,34 @@ def half_sphere_directions(count: int) -> Float[np.ndarray, "d 3"]:
     return cap_directions((0.0, 0.0, 1.0), 0.0, count)
 
 
+class ClippedTriangles(NamedTuple):
+    """Pieces of triangles, and the number of the triangle that each is a piece of."""
+
+    pieces: Float[np.ndarray, "k 3 3"]
+    parent: Int[np.ndarray, " k"]
+
+
 def clip_half_space(
     triangles: Float[np.ndarray, "f 3 3"],
     normal: Float[np.ndarray, "3"],
     offset: float,
-) -> tuple[Float[np.ndarray, "k 3 3"], Int[np.ndarray, " k"]]:
-    """Clip triangles to normal . x >= offset; return the pieces and whose they are."""
+) -> ClippedTriangles:
+    """Clip triangles to normal . x >= offset."""
     depth = triangles @ normal - offset
     ahead = depth >= 0
     count = ahead.sum(axis=1)
-    whole, one, two = (np.flatnonzero(count == n) for n in (3, 1, 2))
+    inside = np.flatnonzero(count == 3)
+    single = np.flatnonzero(count == 1)
+    double = np.flatnonzero(count == 2)
 
-    def corners(chosen, first):
+    def corners(selected, first):
         """Points and depths of the corners, in order from corner `first`."""
         order = [(first + k) % 3 for k in range(3)]
-        points = (triangles[chosen, corner] for corner in order)
-        return (*points, *(depth[chosen, corner] for corner in order))
+        points = (triangles[selected, corner] for corner in order)
+        return (*points, *(depth[selected, corner] for corner in order))
 
     # One corner ahead leaves a triangle, two leave a quadrilateral: two triangles.
-    a, b, c, da, db, dc = corners(one, ahead[one].argmax(1))
+    a, b, c, da, db, dc = corners(single, ahead[single].argmax(1))
     tips = np.stack(
         [
             a,
@@ -129,14 +140,15 @@ def clip_half_space(
         ],
         axis=1,
     )
-    behind, d, e, db, dd, de = corners(two, (~ahead[two]).argmax(1))
-    at_d, at_e = (
-        _intersect(d, outside=behind, depth_in=dd, depth_out=db),
-        _intersect(e, outside=behind, depth_in=de, depth_out=db),
+    behind, d, e, db, dd, de = corners(double, (~ahead[double]).argmax(1))
+    at_d = _intersect(d, outside=behind, depth_in=dd, depth_out=db)
+    at_e = _intersect(e, outside=behind, depth_in=de, depth_out=db)
+    lower = np.stack([d, e, at_e], axis=1)
+    upper = np.stack([d, at_e, at_d], axis=1)
+    return ClippedTriangles(
+        pieces=np.concatenate([triangles[inside], tips, lower, upper]),
+        parent=np.concatenate([inside, single, double, double]),
     )
-    lower, upper = np.stack([d, e, at_e], axis=1), np.stack([d, at_e, at_d], axis=1)
-    pieces = np.concatenate([triangles[whole], tips, lower, upper])
-    return pieces, np.concatenate([whole, one, two, two])
 
 
 def _intersect(inside, outside, depth_in, depth_out):
@@ -209,7 +221,7 @@ class PerspectiveView:
 def perspective_views(
     eye: Float[np.ndarray, "3"], points: Float[np.ndarray, "n 3"], size: float
 ) -> list[tuple[PerspectiveView, Int[np.ndarray, " m"]]]:
-    """Views from `eye` [m] that cover all points, and the indices of those in each.
+    """Views from `eye` [m] that cover all points, with the indices of their points.
 
     No point may be at the eye; `size` is that of a pixel at the farthest point [m].
     """
@@ -226,10 +238,10 @@ def perspective_views(
     views = []
     # Six square views at most: a single image would grow with tan(angle).
     for face in np.unique(2 * axis + side):
-        chosen = np.flatnonzero(2 * axis + side == face)
+        in_view = np.flatnonzero(2 * axis + side == face)
         forward = (1.0 if face % 2 else -1.0) * np.eye(3)[face // 2]
         views.append(
-            (_view(eye, forward=forward, away=away[chosen], size=size), chosen)
+            (_view(eye, forward=forward, away=away[in_view], size=size), in_view)
         )
     return views
 
@@ -240,17 +252,17 @@ def _view(eye, forward, away: np.ndarray, size: float) -> PerspectiveView:
     farthest = float(local[:, 2].max())
     pixel = size / farthest
     tangent = local[:, :2] / local[:, 2:]
-    low, high = tangent.min(0), tangent.max(0)
-    # Two pixels of margin: samples lie slightly beside their point.
+    low = tangent.min(0)
+    high = tangent.max(0)
+    # Two pixels of margin: samples are slightly displaced from their point.
     count = np.maximum(np.ceil((high - low) / pixel).astype(int), 1) + 4
     corner = (low + high) / 2 - count * pixel / 2
-    width, height = int(count[0]), int(count[1])
     return PerspectiveView(
         frame=frame,
         eye=eye,
         corner=corner,
         pixel=pixel,
-        width=width,
-        height=height,
+        width=int(count[0]),
+        height=int(count[1]),
         near=_NEAR * farthest,
     )

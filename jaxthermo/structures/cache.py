@@ -32,37 +32,38 @@ _OWN_FILES = re.compile(r"\.?[a-z_]+-[0-9a-f]{40}(\.(\d+-)?[0-9a-f]{8})?\.npz")
 
 
 def built_once(
-    kind: str, grid: VoxelGrid, options: dict[str, Any], build: Callable[..., Built]
+    name: str, grid: VoxelGrid, options: dict[str, Any], build: Callable[..., Built]
 ) -> Built:
-    """The same as `cached`, found once in this process as long as the grid exists.
+    """Arrays from `cached`, kept in this process as long as the grid exists.
 
-    A structure with other weights then has the same arrays, and all that is known of
-    them.
+    Structures that differ only in their weights share the arrays and whatever has been
+    derived from them.
     """
-    check_grid(grid, kind)
-    known = tuple(
-        (name, digest(value) if isinstance(value, np.ndarray) else value)
-        for name, value in sorted(options.items())
+    check_grid(grid, name)
+    option_values = tuple(
+        (option, digest(value) if isinstance(value, np.ndarray) else value)
+        for option, value in sorted(options.items())
     )
-    by = "structure", kind, known
     return found(
-        (grid,), by, lambda: cached(kind, grid=grid, options=options, build=build)
+        (grid,),
+        by=("structure", name, option_values),
+        find=lambda: cached(name, grid=grid, options=options, build=build),
     )
 
 
 def cached(
-    kind: str, grid: VoxelGrid, options: dict[str, Any], build: Callable[..., Built]
+    name: str, grid: VoxelGrid, options: dict[str, Any], build: Callable[..., Built]
 ) -> Built:
     """Read a structure of a kind (lower case) from the cache, or build and store it.
 
     Options are all other inputs: numbers, texts, arrays, or tuples and dicts of these;
     `build` takes the grid, and the options by name.
     """
-    check_grid(grid, kind)
+    check_grid(grid, name)
     folder = cache_folder()
     if folder is None or grid.solid_count < _MIN_VOXELS:
         return build(grid, **options)
-    path = folder / f"{kind}-{_key(kind, grid, options)}.npz"
+    path = folder / f"{name}-{_key(name, grid, options)}.npz"
     built = _read(path)
     if built is None:
         built = build(grid, **options)
@@ -75,16 +76,17 @@ def cache_folder() -> Path | None:
     return user_cache.cache_folder("structures")
 
 
-def _key(kind: str, grid: VoxelGrid, options: dict[str, Any]) -> str:
-    lattice, cut = grid.lattice, grid.cut
-    parts: list[Any] = [_FORMAT, code_hash("structures", "voxels"), kind, options]
-    parts += [grid.mesh.vertices, grid.mesh.faces]
-    parts += [lattice.shape, lattice.origin, lattice.pitch]
-    parts += [np.packbits(grid.solid), grid.volume_ratio]
-    parts += [grid.fragment_voxel, grid.fragment_position]
-    parts += [grid.fragment_normal, grid.fragment_area]
-    parts += [] if cut is None else [cut.voxel, cut.volume, *cut.links]
-    return content_hash(parts)
+def _key(name: str, grid: VoxelGrid, options: dict[str, Any]) -> str:
+    lattice = grid.lattice
+    cut = grid.cut
+    inputs: list[Any] = [_FORMAT, code_hash("structures", "voxels"), name, options]
+    inputs += [grid.mesh.vertices, grid.mesh.faces]
+    inputs += [lattice.shape, lattice.origin, lattice.pitch]
+    inputs += [np.packbits(grid.solid), grid.volume_ratio]
+    inputs += [grid.fragment_voxel, grid.fragment_position]
+    inputs += [grid.fragment_normal, grid.fragment_area]
+    inputs += [] if cut is None else [cut.voxel, cut.volume, *cut.links]
+    return content_hash(inputs)
 
 
 def _read(path: Path) -> Built | None:
@@ -112,5 +114,8 @@ def _write(path: Path, built: Built) -> None:
     arrays |= {"fragment_node": built.fragment_node, "voxel_node": built.voxel_node}
     if sum(array.nbytes for array in arrays.values()) > _MAX_BYTES / 2:
         return
-    write = lambda file: np.savez(file, allow_pickle=False, **arrays)
+
+    def write(file):
+        np.savez(file, allow_pickle=False, **arrays)
+
     user_cache.keep(path, write, _OWN_FILES, _MAX_BYTES)

@@ -28,8 +28,8 @@ class AbstractCard(abc.ABC):
     error_percent: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """Errors of "train" and "held_out", each "default" and "fitted" [%]."""
     error_kelvin: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """The same against finer voxels, with the "reference"'s own error [K]; empty if
-    the fit was compared with none."""
+    """Errors of "train" and "held_out" against finer voxels, and that of the
+    "reference" itself [K]; empty if the fit was compared with no finer voxels."""
     surface_cells: str = ""
     """Surface cells of the voxels that were fitted; empty if they are not known."""
     origin: Mapping[str, str] = field(default_factory=dict)

@@ -14,9 +14,11 @@ def structure_report(
     structure: AbstractStructure, build_time: float | None = None
 ) -> dict[str, Any]:
     """Counts, memory and capacity of every level; with the time to build it [s]."""
-    nodes, init = structure.nodes(), [f.name for f in fields(structure) if f.init]
+    nodes = structure.nodes()
+    init = [f.name for f in fields(structure) if f.init]
     options = [name for name in init if name not in ("grid", "weights")]
-    levels = np.bincount(nodes.level), np.bincount(nodes.level, nodes.volume)
+    counts = np.bincount(nodes.level)
+    volumes = np.bincount(nodes.level, nodes.volume)
     report = {
         "kind": type(structure).__name__,
         "options": {name: getattr(structure, name) for name in options},
@@ -29,7 +31,7 @@ def structure_report(
         "capacity_ratio": structure.capacity_ratio,
         "levels": [
             {"level": level, "nodes": int(count), "volume_m3": float(volume)}
-            for level, (count, volume) in enumerate(zip(*levels, strict=True))
+            for level, (count, volume) in enumerate(zip(counts, volumes, strict=True))
         ],
         "build_time_s": build_time,
     }
@@ -45,10 +47,10 @@ def _bytes(structure: AbstractStructure) -> dict[str, int]:
     # Per node a state and a capacity; per link two node indices and a conductance; per
     # fragment a node and an area. A stencil has a state and a byte of open faces for
     # each cell of its lattice, and neither capacities nor links.
-    parts = {
+    sizes = {
         "state": 4 * prod(shape),
         "capacity": 0 if as_stencil else 4 * structure.node_count,
         "links": prod(shape) if as_stencil else 12 * structure.link_count,
         "fragments": 8 * len(structure.grid.fragment_area),
     }
-    return {**parts, "total": sum(parts.values())}
+    return {**sizes, "total": sum(sizes.values())}

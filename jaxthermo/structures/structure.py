@@ -53,9 +53,15 @@ class Links(NamedTuple):
     """Distance from the shared face to `dst` [m]."""
 
     def lengthened(self, ratio: Float[np.ndarray, " e"] | float) -> "Links":
-        """The same links with both distances multiplied by a ratio."""
-        to_src, to_dst = self.distance_src * ratio, self.distance_dst * ratio
-        return self._replace(distance_src=to_src, distance_dst=to_dst)
+        """Links with both distances multiplied by a ratio."""
+        return self._replace(
+            distance_src=self.distance_src * ratio,
+            distance_dst=self.distance_dst * ratio,
+        )
+
+    def selected(self, which: np.ndarray) -> "Links":
+        """Select links by mask or index."""
+        return Links(*(column[which] for column in self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +138,7 @@ class AbstractStructure(Module):
         """Indices of every node in the state."""
 
     def address_of(self, nodes: Int[np.ndarray, " m"]) -> tuple[np.ndarray, ...]:
-        """Indices of some nodes in the state."""
+        """Indices of nodes in the state."""
         return tuple(index[nodes] for index in self.node_address())
 
     def node_values(
@@ -152,27 +158,27 @@ class AbstractStructure(Module):
 
     @property
     def identity(self) -> tuple[object, ...]:
-        """Objects that its arrays follow from, beside its options; none if unknown.
+        """Objects that determine its arrays, apart from its options; none if unknown.
 
-        A structure without them finds its arrays again for every run.
+        Without them the arrays are computed again for every run.
         """
         return ()
 
     @property
     def options(self) -> Hashable:
         """Its class and options, on which its arrays depend, without weights."""
-        kept = ("grid", "built")
+        excluded = ("grid", "built")
         return type(self), *(
-            getattr(self, each.name)
-            for each in dataclasses.fields(self)
-            if each.metadata.get("static") and each.name not in kept
+            getattr(self, field.name)
+            for field in dataclasses.fields(self)
+            if field.metadata.get("static") and field.name not in excluded
         )
 
     def found(self, by: Hashable, find: Callable[[], _T], search: str = "") -> _T:
         """Return a finding that belongs to this geometry, see `findings.found`."""
-        of = self.identity
-        known = (by, self.options) if of and by is not None else None
-        return found(of, by=known, find=find, search=search)
+        identity = self.identity
+        key = (by, self.options) if identity and by is not None else None
+        return found(identity, by=key, find=find, search=search)
 
     def for_solves(self) -> "AbstractStructure":
         """Same nodes and links in the form that is fastest in implicit solves."""
@@ -183,7 +189,8 @@ class AbstractStructure(Module):
         return self.found("fragment_offset", self._fragment_offset)
 
     def _fragment_offset(self) -> Float[np.ndarray, "s 3"]:
-        grid, location = self.grid, self.nodes().location
+        grid = self.grid
+        location = self.nodes().location
         voxel = grid.lattice.centres(grid.fragment_voxel)
         return voxel - location[self.fragment_node()]
 

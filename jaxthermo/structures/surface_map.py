@@ -45,13 +45,15 @@ class Gradient(Module):
     """Temperature gradient at nodes: weighted sums of differences to linked nodes."""
 
     neighbour: tuple[Int[Array, "k m"], ...]
-    """State indices of the k-th neighbour of each node; its own if there are fewer."""
+    """State indices of each node's k-th neighbour; of the node if it has fewer."""
     weight: tuple[Float[Array, "k m"], Float[Array, "k m"], Float[Array, "k m"]]
     """Weight of its temperature difference, along x, y, z [1/m]."""
     list_node: Int[Array, " r"]
-    """Nodes of the further neighbours, sorted."""
+    """Nodes of further neighbours, beyond the first k of each node; sorted."""
     list_neighbour: tuple[Int[Array, " r"], ...]
+    """State indices of the further neighbours."""
     list_weight: tuple[Float[Array, " r"], Float[Array, " r"], Float[Array, " r"]]
+    """Weights of their temperature differences, along x, y, z [1/m]."""
 
     def __call__(
         self, theta: Float[Array, "..."], nodes: Float[Array, " m"]
@@ -82,21 +84,24 @@ class Gradient(Module):
 
 
 def gradient_at(
-    structure: AbstractStructure, chosen: Int[np.ndarray, " m"], dtype: Any
+    structure: AbstractStructure, at_nodes: Int[np.ndarray, " m"], dtype: Any
 ) -> Gradient:
     """Gradient at sorted nodes by least squares over links.
 
     Weighted by area / distance^2; zero in directions without neighbours (by the
     pseudo-inverse).
     """
-    node, other, row, _, _ = gradient_rows(structure, chosen)
+    rows = gradient_rows(structure, at_nodes)
+    node = rows.node
+    neighbour = rows.neighbour
+    row = rows.weight
     rank = rank_in_group(node)
-    columns = gathered_columns(np.bincount(node, minlength=len(chosen)))
-    # Most nodes have few neighbours: dense columns for those, a list for the rest.
+    columns = gathered_columns(np.bincount(node, minlength=len(at_nodes)))
+    # Most nodes have few neighbours: dense columns for those, a list for any others.
     first = rank < columns
-    index = np.tile(chosen, (columns, 1))
-    weights = np.zeros((3, columns, len(chosen)))
-    index[rank[first], node[first]] = other[first]
+    index = np.tile(at_nodes, (columns, 1))
+    weights = np.zeros((3, columns, len(at_nodes)))
+    index[rank[first], node[first]] = neighbour[first]
     weights[:, rank[first], node[first]] = row[first].T
     address = np.stack(structure.node_address())
     x, y, z = (device_array(w, dtype) for w in weights)
@@ -105,7 +110,7 @@ def gradient_at(
         neighbour=tuple(device_array(a[index]) for a in address),
         weight=(x, y, z),
         list_node=device_array(node[~first].astype(np.int32)),
-        list_neighbour=tuple(device_array(a[other[~first]]) for a in address),
+        list_neighbour=tuple(device_array(a[neighbour[~first]]) for a in address),
         list_weight=(further[0], further[1], further[2]),
     )
 
@@ -114,43 +119,50 @@ class _GradientRows(NamedTuple):
     """Entries of the gradients at some nodes, sorted by node."""
 
     node: Int[np.ndarray, " r"]
-    """Index among those nodes."""
-    other: Int[np.ndarray, " r"]
-    """Neighbour."""
+    """Index of the node among those at which gradients are evaluated."""
+    neighbour: Int[np.ndarray, " r"]
+    """Number of the neighbour."""
     weight: Float[np.ndarray, "r 3"]
     """Weight of its temperature difference, along x, y, z [1/m]."""
     link: Int[np.ndarray, " r"]
-    """Link to it."""
+    """Link to the neighbour."""
     is_src: Bool[np.ndarray, " r"]
     """True where the node is the first of the link."""
 
 
 def gradient_rows(
-    structure: AbstractStructure, chosen: Int[np.ndarray, " m"]
+    structure: AbstractStructure, at_nodes: Int[np.ndarray, " m"]
 ) -> _GradientRows:
     """Gradients at sorted nodes by least squares over links, see `gradient_at`."""
-    links, nodes = structure.links(), structure.nodes()
+    links = structure.links()
+    nodes = structure.nodes()
     slot = np.full(len(nodes.volume), -1)
-    slot[chosen] = np.arange(len(chosen))
+    slot[at_nodes] = np.arange(len(at_nodes))
     node = np.concatenate([links.src, links.dst])
-    other = np.concatenate([links.dst, links.src])
+    neighbour = np.concatenate([links.dst, links.src])
     area = np.concatenate([links.area, links.area])
     used = np.flatnonzero(slot[node] >= 0)
     used = used[np.argsort(slot[node[used]], kind="stable")]
-    node, other, area = slot[node[used]], other[used], area[used]
-    step = nodes.location[other] - nodes.location[chosen][node]
+    node = slot[node[used]]
+    neighbour = neighbour[used]
+    area = area[used]
+    step = nodes.location[neighbour] - nodes.location[at_nodes][node]
     length = np.einsum("ei,ei->e", step, step)
     weight = area / np.where(length > 0, length, 1)
-    moment = np.zeros((len(chosen), 3, 3))
+    moment = np.zeros((len(at_nodes), 3, 3))
     for i in range(3):
         for j in range(3):
             product = weight * step[:, i] * step[:, j]
-            moment[:, i, j] = np.bincount(node, product, len(chosen))
+            moment[:, i, j] = np.bincount(node, product, len(at_nodes))
     solved = np.linalg.pinv(moment, rcond=_MIN_MOMENT, hermitian=True)
     row = np.einsum("eij,ej->ei", solved[node], step) * weight[:, None]
     count = len(links.src)
     return _GradientRows(
-        node=node, other=other, weight=row, link=used % count, is_src=used < count
+        node=node,
+        neighbour=neighbour,
+        weight=row,
+        link=used % count,
+        is_src=used < count,
     )
 
 
@@ -179,8 +191,8 @@ class BoundMap(Module):
         """Temperature of every fragment above the reference [K].
 
         From the state `theta`, its values at the nodes with a surface and `below` each
-        fragment, the `index` of each fragment's node among those, and the excess of the
-        surface over the node, from the surface balance.
+        fragment, the `index` of each fragment's node in the former, and the excess of
+        the surface over the node, from the surface balance.
         """
         total = below
         if self.gradient is not None and self.offset is not None:
@@ -209,7 +221,7 @@ class ConstantMap(AbstractSurfaceMap):
     @override
     def bind(self, structure: AbstractStructure, dtype: Any) -> BoundMap:
         del structure, dtype
-        return BoundMap(None, None, None)
+        return BoundMap(gradient=None, offset=None, along_flux=None)
 
 
 class LinearMap(AbstractSurfaceMap):
@@ -228,12 +240,13 @@ class LinearMap(AbstractSurfaceMap):
             grid = structure.grid
             voxel = grid.lattice.centres(grid.fragment_voxel)
             offset = offset + grid.fragment_foot - voxel
-        return _with_gradient(structure, offset=offset, part=None, dtype=dtype)
+        return _with_gradient(structure, offset=offset, along_flux=None, dtype=dtype)
 
 
 # From the mean of a cell to its surface, of a parabola with the flux at the surface and
 # the gradient at the far side of the cell: T_s - T = (2 q'' / k + g) / 3 x distance.
-_FLUX_PART, _GRADIENT_PART = 2 / 3, 1 / 3
+_FLUX_FRACTION = 2 / 3
+_GRADIENT_FRACTION = 1 / 3
 
 
 class FluxCorrectedMap(AbstractSurfaceMap):
@@ -250,33 +263,36 @@ class FluxCorrectedMap(AbstractSurfaceMap):
     @override
     def bind(self, structure: AbstractStructure, dtype: Any) -> BoundMap:
         by = "flux_corrected_map", self.at, jnp.dtype(dtype).name
-        known = structure.found(by, lambda: self._bound(structure, dtype))
+        unweighted = structure.found(by, lambda: self._bound(structure, dtype))
         longer = structure.weights.surface_distance
         if not is_traced(longer) and longer == 1:
-            return known
-        assert known.along_flux is not None
-        flux = known.along_flux * device_array(longer, dtype)
-        return BoundMap(known.gradient, known.offset, flux)
+            return unweighted
+        assert unweighted.along_flux is not None
+        flux = unweighted.along_flux * device_array(longer, dtype)
+        return BoundMap(
+            gradient=unweighted.gradient, offset=unweighted.offset, along_flux=flux
+        )
 
     def _bound(self, structure: AbstractStructure, dtype: Any) -> BoundMap:
         """The map without the weight of the surface's distance."""
-        offset, normal = structure.fragment_offset(), structure.grid.fragment_normal
+        offset = structure.fragment_offset()
+        normal = structure.grid.fragment_normal
         along = np.maximum(np.einsum("si,si->s", offset, normal), 0)[:, None] * normal
         depth = structure.grid.fragment_depth
         outermost = structure.grid.pitch / 2 if depth is None else depth
         outermost = outermost / structure.fragment_distance()
-        part = _FLUX_PART * (1 - outermost)
+        flux_fraction = _FLUX_FRACTION * (1 - outermost)
         if self.at == "surface":
-            part = part + outermost
-        flux = device_array(part, dtype)
-        inside = offset - (1 - _GRADIENT_PART) * along
-        return _with_gradient(structure, offset=inside, part=flux, dtype=dtype)
+            flux_fraction = flux_fraction + outermost
+        flux = device_array(flux_fraction, dtype)
+        inside = offset - (1 - _GRADIENT_FRACTION) * along
+        return _with_gradient(structure, offset=inside, along_flux=flux, dtype=dtype)
 
 
-def _with_gradient(structure, offset, part, dtype) -> BoundMap:
+def _with_gradient(structure, offset, along_flux, dtype) -> BoundMap:
     # Zero but for rounding, as in a full volume: no gradient to compute.
     if np.abs(offset).max(initial=0) < 1e-6 * structure.grid.pitch:
-        return BoundMap(None, None, part)
+        return BoundMap(gradient=None, offset=None, along_flux=along_flux)
     gradient = gradient_at(structure, np.unique(structure.fragment_node()), dtype)
     x, y, z = (device_array(offset[:, i], dtype) for i in range(3))
-    return BoundMap(gradient, (x, y, z), part)
+    return BoundMap(gradient=gradient, offset=(x, y, z), along_flux=along_flux)

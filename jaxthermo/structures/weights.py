@@ -1,4 +1,4 @@
-"""Weights of links and capacities, and fit cards, which give those of a fit."""
+"""Weights of links and capacities, and fit cards with fitted weights."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -73,8 +73,8 @@ class ConductionWeights(Module):
     def are_one(self) -> bool:
         """True if links and capacities are known to have no factors."""
         values = (self.within, self.between, self.surface, self.capacity, self.links)
-        known = not any(is_traced(value) for value in values)
-        plain = known and all(np.all(np.asarray(value) == 1) for value in values)
+        are_numbers = not any(is_traced(value) for value in values)
+        plain = are_numbers and all(np.all(np.asarray(value) == 1) for value in values)
         return plain and not self.uses_nearest_capacity
 
     @property
@@ -115,6 +115,6 @@ class FitCard(AbstractCard):
     weights: ConductionWeights
 
 
-def as_weights(given: ConductionWeights | FitCard) -> ConductionWeights:
-    """Weights as given, or those of a card."""
-    return given.weights if isinstance(given, FitCard) else given
+def as_weights(weights: ConductionWeights | FitCard) -> ConductionWeights:
+    """Weights themselves, or those of a card."""
+    return weights.weights if isinstance(weights, FitCard) else weights

@@ -5,6 +5,7 @@ An opening narrower than a voxel may be closed in the voxels.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -14,24 +15,25 @@ from ..host_memory import require_memory
 from .lattice import Lattice
 
 
-# Labels, and empty cells with and without a rim.
+# Labels of 4 bytes, and truth values of the empty cells with and without a rim.
 _BYTES_PER_CELL = 6
 
-_SOLID, _OUTSIDE = -1, 0
+_SOLID = -1
+_OUTSIDE = 0
 
 
 @dataclass(frozen=True, eq=False)
 class Cavities:
     """The closed cavities of a body, in its own frame, as runs of voxels along z.
 
-    Numbers of all voxels would be the largest array that a run keeps of a body.
+    An array with a number for each voxel would be the largest one of a body.
     """
 
     lattice: Lattice
     solid: Bool[np.ndarray, "x y z"]
     """Voxels of the body."""
     start: Int[np.ndarray, " r"]
-    """First voxel of each run, by its place in the flat lattice, in ascending order."""
+    """First voxel of each run, as an index into the flat lattice, ascending."""
     stop: Int[np.ndarray, " r"]
     """Voxel after the last of each run."""
     number: Int32[np.ndarray, " r"]
@@ -49,14 +51,14 @@ class Cavities:
     def _of_cells(self, cells: Int[np.ndarray, "n 3"]) -> Int[np.ndarray, " n"]:
         within = ((cells >= 0) & (cells < self.lattice.shape)).all(1)
         inside = tuple(cells[within].T)
-        place = np.ravel_multi_index(inside, self.lattice.shape)
-        # The last run that starts up to there; the first one if none does.
-        run = np.searchsorted(self.start, place, side="right").clip(min=1) - 1
-        is_closed = (self.start[run] <= place) & (place < self.stop[run])
-        other = np.where(self.solid[inside], _SOLID, _OUTSIDE)
-        found = np.full(len(cells), _OUTSIDE)
-        found[within] = np.where(is_closed, self.number[run], other)
-        return found
+        flat_index = np.ravel_multi_index(inside, self.lattice.shape)
+        # The last run that starts at or before the cell; the first one if none does.
+        run = np.searchsorted(self.start, flat_index, side="right").clip(min=1) - 1
+        is_closed = (self.start[run] <= flat_index) & (flat_index < self.stop[run])
+        open_label = np.where(self.solid[inside], _SOLID, _OUTSIDE)
+        number = np.full(len(cells), _OUTSIDE)
+        number[within] = np.where(is_closed, self.number[run], open_label)
+        return number
 
     def faced(
         self, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
@@ -65,21 +67,22 @@ class Cavities:
 
         Points [m] on the surface, with normals out of the body.
         """
-        rows, axis = np.arange(len(points)), np.abs(normals).argmax(1)
+        rows = np.arange(len(points))
+        axis = np.abs(normals).argmax(1)
         ahead = np.where(normals[rows, axis] > 0, 1, -1)
-        at = self.lattice.to_cells(points)
+        position = self.lattice.to_cells(points)
         # The first voxel centre in front of the surface.
-        at[rows, axis] += 0.5 * ahead
-        cells = np.floor(at).astype(int)
-        found = self._of_cells(cells)
+        position[rows, axis] += 0.5 * ahead
+        cells = np.floor(position).astype(int)
+        number = self._of_cells(cells)
         # In narrow corners that voxel may be solid: what is empty around it decides.
-        corner = np.flatnonzero(found == _SOLID)
+        corner = np.flatnonzero(number == _SOLID)
         offsets = np.indices((3, 3, 3)).reshape(3, -1).T - 1
         near = [self._of_cells(cells[corner] + offset) for offset in offsets]
-        opens = np.any([each == _OUTSIDE for each in near], axis=0)
+        opens = (np.asarray(near) == _OUTSIDE).any(axis=0)
         highest = np.maximum(np.max(near, axis=0), _OUTSIDE)
-        found[corner] = np.where(opens, _OUTSIDE, highest)
-        return found
+        number[corner] = np.where(opens, _OUTSIDE, highest)
+        return number
 
 
 def find_cavities(
@@ -91,30 +94,40 @@ def find_cavities(
     require_memory(_BYTES_PER_CELL * cells, "finding closed cavities", remedy)
     # A rim of empty voxels joins all that is outside.
     label = np.zeros([n + 2 for n in solid.shape], np.int32)
-    # Scipy loads this part when it is first used, which for stored voxels it is not.
     scipy.ndimage.label(np.pad(~solid, 1, constant_values=True), output=label)
     if label.max() < 2:
         return None
     # Plane by plane: copies would be the largest arrays of a run.
+    plane_size = solid[0].size
     runs = [
-        _runs(plane, int(label[0, 0, 0]), first)
-        for plane, first in zip(
-            label[1:-1, 1:-1, 1:-1], range(0, solid.size, solid[0].size), strict=True
-        )
+        _runs_in_plane(plane, outside=int(label[0, 0, 0]), first=x * plane_size)
+        for x, plane in enumerate(label[1:-1, 1:-1, 1:-1])
     ]
-    start, stop, number = (np.concatenate(part) for part in zip(*runs, strict=True))
-    return Cavities(lattice=lattice, solid=solid, start=start, stop=stop, number=number)
+    return Cavities(
+        lattice=lattice,
+        solid=solid,
+        start=np.concatenate([run.start for run in runs]),
+        stop=np.concatenate([run.stop for run in runs]),
+        number=np.concatenate([run.number for run in runs]),
+    )
 
 
-def _runs(
-    label: Int32[np.ndarray, "y z"], outside: int, first: int
-) -> tuple[Int[np.ndarray, " r"], Int[np.ndarray, " r"], Int32[np.ndarray, " r"]]:
-    """Start, end and number of the runs of cavities in a plane of labels.
+class _Runs(NamedTuple):
+    """Runs of cavity voxels along z in one plane."""
+
+    start: Int[np.ndarray, " r"]
+    stop: Int[np.ndarray, " r"]
+    number: Int32[np.ndarray, " r"]
+
+
+def _runs_in_plane(label: Int32[np.ndarray, "y z"], outside: int, first: int) -> _Runs:
+    """Runs of cavities in a plane of labels.
 
     Labels count from 1, with 0 in the body; the plane begins at the voxel `first`.
     """
     number = np.pad((label - (label > outside)).ravel(), 1)
     number[1:-1][(label == outside).ravel()] = 0
     change = np.flatnonzero(number[1:] != number[:-1])
-    opens, closes = change[number[change + 1] > 0], change[number[change] > 0]
-    return first + opens, first + closes, number[opens + 1]
+    opens = change[number[change + 1] > 0]
+    closes = change[number[change] > 0]
+    return _Runs(start=first + opens, stop=first + closes, number=number[opens + 1])

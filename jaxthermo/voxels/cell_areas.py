@@ -32,7 +32,7 @@ _SPACING = 4
 # middles of the sides do, with which hat functions on a plane along axes are exact.
 _SMALL = 1.5
 
-# Parts of the spacing that are none.
+# Tolerance of rounding [spacings].
 _TINY = 1e-9
 
 # Largest factor, and the inverse of the smallest: rays meet a needle by chance, and few
@@ -52,11 +52,15 @@ class Patches(NamedTuple):
     normal: Float[np.ndarray, "s 3"]
     area: Float[np.ndarray, " s"]
 
-    def parts(self) -> Iterator["Patches"]:
-        """Few of them after others."""
+    def batches(self) -> Iterator["Patches"]:
+        """Consecutive pieces, so few at a time that they fit a cache."""
         for start in range(0, len(self.area), _AT_ONCE):
-            own = slice(start, start + _AT_ONCE)
-            yield Patches(self.position[:, own], self.normal[own], self.area[own])
+            chunk = slice(start, start + _AT_ONCE)
+            yield Patches(
+                position=self.position[:, chunk],
+                normal=self.normal[chunk],
+                area=self.area[chunk],
+            )
 
 
 def areas_of_mesh(
@@ -65,15 +69,15 @@ def areas_of_mesh(
     """Areas of the cells that add up to those of the triangles, nearby [voxel faces].
 
     Args:
-        cells: of all crossings: those that are left out later take their part away.
+        cells: of all crossings, with those that no voxel has: these keep their share.
         triangles: of the mesh [voxels].
         shape: number of voxels of the lattice.
     """
     nodes = _Nodes.around(cells, shape)
-    true = nodes.total(_pieces(triangles, _AT_ONCE))
-    found = nodes.total(cells.parts())
-    ratio = true / np.where(found > 0, found, 1)
-    factor = np.concatenate([nodes.means(ratio, part) for part in cells.parts()])
+    mesh_area = nodes.total(_pieces(triangles, _AT_ONCE))
+    cell_area = nodes.total(cells.batches())
+    ratio = mesh_area / np.where(cell_area > 0, cell_area, 1)
+    factor = np.concatenate([nodes.means(ratio, batch) for batch in cells.batches()])
     np.clip(factor, 1 / _MAX_FACTOR, _MAX_FACTOR, out=factor)
     factor *= cells.area
     return factor
@@ -84,21 +88,21 @@ class _Nodes(NamedTuple):
 
     shape: tuple[int, ...]
     slot: Int[np.ndarray, " n"]
-    """First of the six sums of each node; others share the last ones."""
+    """First of the six sums of each node; nodes far from any cell share the last."""
     count: int
 
     @classmethod
     def around(cls, cells: Patches, shape: tuple[int, int, int]) -> "_Nodes":
-        """Those whose hats reach one of some cells."""
+        """Nodes whose hat functions reach a cell."""
         # One more on either side: crossings may be a little outside the lattice.
         coarse = tuple(n // _SPACING + 4 for n in shape)
         has_cell = np.zeros(np.prod(coarse), bool)
-        for part in cells.parts():
-            has_cell[_places(part.position, coarse)[0]] = True
-        found = np.flatnonzero(has_cell)
+        for batch in cells.batches():
+            has_cell[_places(batch.position, coarse)[0]] = True
+        occupied = np.flatnonzero(has_cell)
         is_near = np.zeros_like(has_cell)
         for step in _corners(coarse):
-            is_near[found + step] = True
+            is_near[occupied + step] = True
         count = int(is_near.sum())
         slot = np.full(len(is_near), 6 * count)
         slot[is_near] = 6 * np.arange(count)
@@ -109,16 +113,23 @@ class _Nodes(NamedTuple):
         first, beyond = _places(patches.position, self.shape)
         steps = iter(_corners(self.shape))
         for i, j in np.ndindex(2, 2):
-            across = [(x if i else 1 - x) * (y if j else 1 - y) for x, y, _ in beyond]
-            above = _mean([h * z for h, (_, _, z) in zip(across, beyond, strict=True)])
+            across = []
+            upper = []
+            for x, y, z in beyond:
+                hat_x = x if i else 1 - x
+                hat_y = y if j else 1 - y
+                across.append(hat_x * hat_y)
+                upper.append(hat_x * hat_y * z)
+            above = _mean(upper)
             for hat in (_mean(across) - above, above):
                 yield self.slot[first + next(steps)], hat
 
-    def total(self, parts: Iterable[Patches]) -> Float[np.ndarray, "n 6"]:
+    def total(self, batches: Iterable[Patches]) -> Float[np.ndarray, "n 6"]:
         """Areas of patches, shared out to nodes and signed axes."""
         sums = np.zeros(6 * self.count)
-        for patches in parts:
-            normal, area = patches.normal.T, patches.area
+        for patches in batches:
+            normal = patches.normal.T
+            area = patches.area
             shares = [(_sides(n, a), n * n * area) for a, n in enumerate(normal)]
             for slot, hat in self._hats(patches):
                 for side, share in shares:
@@ -129,16 +140,17 @@ class _Nodes(NamedTuple):
         self, values: Float[np.ndarray, "n 6"], patches: Patches
     ) -> Float[np.ndarray, " s"]:
         """Values of the sums at the patches."""
-        flat, found = values.reshape(-1), np.zeros(len(patches.area))
+        flat = values.reshape(-1)
+        mean = np.zeros(len(patches.area))
         shares = [(_sides(n, a), n * n) for a, n in enumerate(patches.normal.T)]
         for slot, hat in self._hats(patches):
-            of_node = sum(flat[slot + side] * weight for side, weight in shares)
-            found += hat * of_node
-        return found
+            node_value = sum(flat[slot + side] * weight for side, weight in shares)
+            mean += hat * node_value
+        return mean
 
 
-def _mean(parts: list[np.ndarray]) -> np.ndarray:
-    return parts[0] if len(parts) == 1 else sum(parts[1:], parts[0]) / len(parts)
+def _mean(arrays: list[np.ndarray]) -> np.ndarray:
+    return arrays[0] if len(arrays) == 1 else sum(arrays[1:], arrays[0]) / len(arrays)
 
 
 def _sides(along: Float[np.ndarray, " s"], axis: int) -> Int[np.ndarray, " s"]:
@@ -150,13 +162,14 @@ def _places(
     position: Float[np.ndarray, "p s 3"], shape: tuple[int, ...]
 ) -> tuple[Int[np.ndarray, " s"], list[list[np.ndarray]]]:
     """First of the eight nodes around each patch, and how far its points are beyond."""
-    first, beyond = np.zeros(position.shape[1], np.int64), [[] for _ in position]
+    first = np.zeros(position.shape[1], np.int64)
+    beyond = [[] for _ in position]
     for axis, n in enumerate(shape):
-        places = [points[:, axis] / _SPACING + 1 for points in position]
+        coordinates = [points[:, axis] / _SPACING + 1 for points in position]
         # Of their mean: a point may lie on the border of the cell.
-        below = np.clip(np.floor(_mean(places)), 0, n - 2)
-        for own, place in zip(beyond, places, strict=True):
-            own.append(place - below)
+        below = np.clip(np.floor(_mean(coordinates)), 0, n - 2)
+        for offsets, coordinate in zip(beyond, coordinates, strict=True):
+            offsets.append(coordinate - below)
         first *= n
         first += below.astype(np.int64)
     return first, beyond
@@ -174,17 +187,19 @@ _Corners = Float[np.ndarray, "3 3 _"]
 
 
 def _pieces(triangles: Float[np.ndarray, "f 3 3"], at_once: int) -> Iterator[Patches]:
-    """Pieces of triangles, about as many as asked for at once."""
+    """Pieces of triangles, in batches of about `at_once`."""
     corners = np.ascontiguousarray(np.moveaxis(triangles, 0, 2))
     longest = _longest(corners)
-    many = 3 + _lengths(np.stack(area_components(*corners))) / 2 + 2 * longest
-    chunk = (np.cumsum(many) / at_once).astype(int)
+    area = _lengths(np.stack(area_components(*corners)))
+    expected_pieces = 3 + area / 2 + 2 * longest
+    chunk = (np.cumsum(expected_pieces) / at_once).astype(int)
     ends = [*(np.flatnonzero(np.diff(chunk)) + 1), len(triangles)]
     for start, stop in pairwise([0, *ends]):
-        own, is_small = corners[..., start:stop], longest[start:stop] <= _SMALL
-        small = own.take(np.flatnonzero(is_small), axis=2)
+        batch = corners[..., start:stop]
+        is_small = longest[start:stop] <= _SMALL
+        small = batch.take(np.flatnonzero(is_small), axis=2)
         yield _patches(small.sum(axis=0)[None] / 3, small)
-        large = own.take(np.flatnonzero(~is_small), axis=2)
+        large = batch.take(np.flatnonzero(~is_small), axis=2)
         for axis in range(3):
             large = np.concatenate([*_cut(large, axis), large[..., :0]], axis=2)
         middle = np.empty_like(large)
@@ -205,17 +220,20 @@ def _cut(corners: _Corners, axis: int) -> list[_Corners]:
     """Triangles cut by the planes of coarse nodes, where hat functions have kinks."""
     done = []
     while corners.size:
-        zero, one, two = along = corners[:, axis] / _SPACING
-        low, high = (f(f(zero, one), two) for f in (np.minimum, np.maximum))
-        first, last = np.floor(low + _TINY) + 1, np.ceil(high - _TINY) - 1
+        along = corners[:, axis] / _SPACING
+        a, b, c = along
+        low = np.minimum(np.minimum(a, b), c)
+        high = np.maximum(np.maximum(a, b), c)
+        first = np.floor(low + _TINY) + 1
+        last = np.ceil(high - _TINY) - 1
         is_cut = first <= last
         done.append(corners.take(np.flatnonzero(~is_cut), axis=2))
         cut = np.flatnonzero(is_cut)
-        plane, along = (first + last)[cut] // 2, along[:, cut]
-        zero, one, two = along > plane
+        plane = (first + last)[cut] // 2
+        a, b, c = along[:, cut] > plane
         # Turned so that the first corner is alone on its side of the plane.
-        most = (zero & one) | (zero & two) | (one & two)
-        alone = (one != most) + 2 * (two != most)
+        majority = (a & b) | (a & c) | (b & c)
+        alone = (b != majority) + 2 * (c != majority)
         slots = [(alone + n) % 3 * corners[0].size + cut for n in range(3)]
         corners = _halved(corners.reshape(9, -1), slots=slots, plane=plane, axis=axis)
     return done
@@ -227,23 +245,25 @@ def _halved(
     plane: Float[np.ndarray, " k"],
     axis: int,
 ) -> _Corners:
-    """Three pieces of triangles on both sides of a plane each.
+    """Triangles divided by a plane into three pieces each.
 
-    Each triangle's corners have a slot in the rows of the first corner, the one that is
-    alone on its side first.
+    `slots` has the three corners of each triangle, as indices into the rows of the
+    first corner; the corner that is alone on its side of the plane comes first.
     """
-    at, to_b, to_c = (rows[axis:].take(slot) / _SPACING for slot in slots)
-    to_p, to_q = (plane - at) / (to_b - at), (plane - at) / (to_c - at)
+    from_a, to_b, to_c = (rows[axis:].take(slot) / _SPACING for slot in slots)
+    to_p = (plane - from_a) / (to_b - from_a)
+    to_q = (plane - from_a) / (to_c - from_a)
     count = len(plane)
-    found = np.empty((3, 3, 3 * count))
+    pieces = np.empty((3, 3, 3 * count))
     for n in range(3):
         # One component of each corner.
         a, b, c = (rows[n:].take(slot) for slot in slots)
-        p, q = a + to_p * (b - a), a + to_q * (c - a)
+        p = a + to_p * (b - a)
+        q = a + to_q * (c - a)
         for piece, points in enumerate(((a, p, q), (p, b, c), (p, c, q))):
             for corner, point in enumerate(points):
-                found[corner, n, piece * count : (piece + 1) * count] = point
-    return found
+                pieces[corner, n, piece * count : (piece + 1) * count] = point
+    return pieces
 
 
 def _longest(corners: _Corners) -> Float[np.ndarray, " f"]:

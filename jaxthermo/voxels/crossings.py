@@ -60,7 +60,7 @@ class Crossings(NamedTuple):
     layer: Int[np.ndarray, " s"]
     """Depth layer in the view."""
     number: Int[np.ndarray, " s"]
-    """Number of the solid voxel that it belongs to, as of `VoxelBits`."""
+    """Number in `VoxelBits` of the solid voxel that the crossing belongs to."""
     depth: Float[np.ndarray, " s"]
     """Distance of that voxel's centre to the surface along the normal [cells]."""
     excess: Float[np.ndarray, " s"]
@@ -75,14 +75,14 @@ class Crossings(NamedTuple):
     def normals(
         self, of_faces: Float[np.ndarray, "f 3"], which: Int[np.ndarray, " k"]
     ) -> Float[np.ndarray, "k 3"]:
-        """Outward normals of some of them, from those of the mesh's faces."""
+        """Outward normals of the crossings `which`, from the normals of all faces."""
         triangle = self.triangle[which]
-        found = of_faces.take(triangle, axis=0, mode="wrap")
+        normal = of_faces.take(triangle, axis=0, mode="wrap")
         bare = np.flatnonzero(triangle < 0)
-        found[bare] = 0
-        own = which[bare]
-        found[bare, self.axis[own]] = np.where(self.ahead[own], 1.0, -1.0)
-        return found
+        normal[bare] = 0
+        crossing = which[bare]
+        normal[bare, self.axis[crossing]] = np.where(self.ahead[crossing], 1.0, -1.0)
+        return normal
 
 
 class Cells(NamedTuple):
@@ -106,22 +106,25 @@ def find_crossings(
 
     From the normals of all triangles, and whether these are closed.
     """
-    parts, hidden, rays = [], [], 0
-    slopes, bits = np.abs(normals.T), VoxelBits.of(solid)
+    crossings_by_axis = []
+    hidden = []
+    rays = 0
+    slopes = np.abs(normals.T)
+    bits = VoxelBits.of(solid)
     for axis, layers in enumerate(views):
         inside = hidden_inside(layers)
         hidden.append(layers.triangle[inside])
         outer = selected(layers, ~inside) if inside.any() else layers
-        # Last that of a face that no ray crosses, with the normal along the axis.
+        # The last slope, 1, is that of faces that no ray crosses: triangle -1.
         slope = np.append(slopes[axis], 1.0)
-        found = _along(
+        crossings = _along(
             outer, solid=solid, bits=bits, slope=slope, is_closed=is_closed, axis=axis
         )
-        found.ray[:] += rays
-        parts.append(found)
+        crossings.ray[:] += rays
+        crossings_by_axis.append(crossings)
         rays += layers.width * layers.height
-    del outer, layers, found
-    return Crossings(*joined_columns(parts)), np.concatenate(hidden)
+    del outer, layers, crossings
+    return Crossings(*joined_columns(crossings_by_axis)), np.concatenate(hidden)
 
 
 def _along(
@@ -132,7 +135,8 @@ def _along(
     is_closed: bool,
     axis: int,
 ) -> Crossings:
-    length, faces = solid.shape[axis], _exposed_faces(bits, axis)
+    length = solid.shape[axis]
+    faces = _exposed_faces(bits, axis)
     crossing = _crossing_of_faces(layers, faces, length)
     crossed = np.flatnonzero(crossing >= 0)
     # The link between the centres of cells k - 1 and k has the number k.
@@ -147,7 +151,8 @@ def _along(
         link = np.append(link, faces.link[bare])
         on_face = np.append(on_face, np.ones(len(bare), bool))
         thickness = np.append(thickness, np.full(len(bare), np.inf))
-    enters, triangle = layers.entering, layers.triangle.astype(np.int32)
+    enters = layers.entering
+    triangle = layers.triangle.astype(np.int32)
     cell = _cells(
         layers.pixel,
         along=np.clip(link - ~enters, 0, length - 1),
@@ -155,14 +160,15 @@ def _along(
         layers=layers,
     )
     position = np.empty((len(link), 3))
-    for own in range(3):
-        np.add(cell[own], 0.5, out=position[:, own])
+    for component in range(3):
+        np.add(cell[component], 0.5, out=position[:, component])
     position[:, axis] = layers.depth
-    number, lost = bits.number(cell), np.zeros(len(link), bool)
+    number = bits.number(cell)
+    lost = np.zeros(len(link), bool)
     stray = np.flatnonzero(~bits.has(number))
     if len(stray):
-        at = np.stack([own[stray] for own in cell], axis=1)
-        near, lost[stray] = attach_to_solid(solid, position[stray], at)
+        stray_cell = np.stack([component[stray] for component in cell], axis=1)
+        near, lost[stray] = attach_to_solid(solid, position[stray], stray_cell)
         number[stray] = bits.number(tuple(near.T))
     excess = link - layers.depth
     np.negative(excess, out=excess, where=~enters)
@@ -188,7 +194,7 @@ def _along(
 def _with_bare(
     layers: DepthLayers, faces: "_Faces", bare: Int[np.ndarray, " k"]
 ) -> DepthLayers:
-    """Crossings, and faces that no ray crosses behind them."""
+    """Crossings, followed by the faces `bare` that no ray crosses."""
     count = len(bare)
     return replace(
         layers,
@@ -201,7 +207,7 @@ def _with_bare(
 
 
 class _Faces(NamedTuple):
-    """Exposed voxel faces across one axis, sorted by ray and place."""
+    """Exposed voxel faces across one axis, sorted by ray and position along it."""
 
     pixel: Int[np.ndarray, " k"]
     link: Int[np.ndarray, " k"]
@@ -212,7 +218,8 @@ class _Faces(NamedTuple):
 def _exposed_faces(bits: VoxelBits, axis: int) -> _Faces:
     row_axis, column_axis = pixel_axes(axis)
     # Outside the lattice nothing is solid.
-    differs = VoxelBits(bits.shape, bits.word ^ bits.shifted(axis, ahead=True))
+    shifted = bits.shifted(axis, ahead=True)
+    differs = VoxelBits(shape=bits.shape, word=bits.word ^ shifted)
     number = differs.numbers()
     voxel = bits.cells(number)
     span = bits.shape[axis] + 1
@@ -224,37 +231,40 @@ def _exposed_faces(bits: VoxelBits, axis: int) -> _Faces:
     key += bits.has(number)
     key.sort()
     pixel, link = np.divmod(key >> 1, span)
-    return _Faces(pixel, link, (key & 1).astype(bool))
+    return _Faces(pixel=pixel, link=link, enters=(key & 1).astype(bool))
 
 
 def _crossing_of_faces(
     layers: DepthLayers, faces: _Faces, length: int
 ) -> Int[np.ndarray, " e"]:
     """Crossing of each face, the nearest to its solid voxel; -1 for none."""
-    found = np.full(len(faces.link), -1)
+    crossing = np.full(len(faces.link), -1)
     for enters in (False, True):
         face = np.flatnonzero(faces.enters == enters)
-        own = np.flatnonzero(layers.entering == enters)
+        candidate = np.flatnonzero(layers.entering == enters)
         # Rays and depths in one number, in the order of both.
         span = length + 4.0
-        place = layers.pixel[own] * span + layers.depth[own]
-        if (place[1:] < place[:-1]).any():
+        key = layers.pixel[candidate] * span + layers.depth[candidate]
+        if (key[1:] < key[:-1]).any():
             # Layers are sorted by rounded depths.
-            order = np.argsort(place, kind="stable")
-            own, place = own[order], place[order]
+            order = np.argsort(key, kind="stable")
+            candidate = candidate[order]
+            key = key[order]
         # The link reaches from one voxel's centre to the other's, and a little farther.
         middle = faces.pixel[face] * span + faces.link[face]
-        near, far = middle - 0.5 - _MAX_SNAP, middle + 0.5 + _MAX_SNAP
-        first = np.searchsorted(place, near)
-        beyond = np.append(place, [np.inf, np.inf])
+        near = middle - 0.5 - _MAX_SNAP
+        far = middle + 0.5 + _MAX_SNAP
+        first = np.searchsorted(key, near)
+        beyond = np.append(key, [np.inf, np.inf])
         last = np.where(beyond[first] < far, first, first - 1)
         several = np.flatnonzero(beyond[first + 1] < far)
-        last[several] = np.searchsorted(place, far[several]) - 1
-        # Of several the solid voxel is beyond the last that enters, before the first
-        # that leaves.
-        there = np.flatnonzero(last >= first)
-        found[face[there]] = own[(last if enters else first)[there]]
-    return found
+        last[several] = np.searchsorted(key, far[several]) - 1
+        # Among several crossings the solid voxel is behind the last one that enters
+        # and in front of the first one that leaves.
+        is_met = np.flatnonzero(last >= first)
+        nearest = last if enters else first
+        crossing[face[is_met]] = candidate[nearest[is_met]]
+    return crossing
 
 
 def _cells(
@@ -263,8 +273,8 @@ def _cells(
     axis: int,
     layers: DepthLayers,
 ) -> list[np.ndarray]:
-    """Cells of pixels at a place along the axis, x, y and z."""
+    """x, y and z of the cells of pixels, with their index along the view's axis."""
     row_axis, column_axis = pixel_axes(axis)
-    found = [along] * 3
-    found[row_axis], found[column_axis] = np.divmod(pixel, layers.width)
-    return found
+    cell = [along] * 3
+    cell[row_axis], cell[column_axis] = np.divmod(pixel, layers.width)
+    return cell

@@ -16,7 +16,7 @@ should, and a gradient along the normal conducts no more than before.
 """
 
 from collections.abc import Iterator
-from itertools import combinations, product
+from itertools import chain, combinations, product
 from typing import NamedTuple
 
 import numpy as np
@@ -42,7 +42,7 @@ class CutLinks(NamedTuple):
     voxel: Int[np.ndarray, "e 3"]
     """First voxel of each link in lattice order."""
     step: Int[np.ndarray, "e 3"]
-    """From there to the other one: along one axis, or over an edge."""
+    """Step from the first voxel to the second: along one axis, or over an edge."""
     extra: Float[np.ndarray, " e"]
     """Conductance over k h, less that of a whole face if there is one [-]."""
 
@@ -53,31 +53,31 @@ class CutLinks(NamedTuple):
         x, y, z = (self.step != 0).T
         return (x & y) | (y & z) | (z & x)
 
-    def chosen(self, which: np.ndarray | slice) -> "CutLinks":
-        """Some of them."""
+    def selected(self, which: np.ndarray | slice) -> "CutLinks":
+        """Select links by mask, slice or index."""
         return CutLinks(*(column[which] for column in self))
 
     def within(self, planes: slice) -> "CutLinks":
-        """Those between voxels in a range of planes along x, counted from its first."""
+        """Links between voxels in a range of planes along x, counted from its first."""
         first = self.voxel[:, 0]
-        own = (first >= planes.start) & (first + self.step[:, 0] < planes.stop)
-        found = self.chosen(np.flatnonzero(own))
-        return found._replace(voxel=found.voxel - np.array([planes.start, 0, 0]))
+        inside = (first >= planes.start) & (first + self.step[:, 0] < planes.stop)
+        links = self.selected(np.flatnonzero(inside))
+        return links._replace(voxel=links.voxel - np.array([planes.start, 0, 0]))
 
     def open_across(
         self, flat: Int[np.ndarray, " m"], shape: tuple[int, ...], axis: int
     ) -> Float[np.ndarray, " m"]:
-        """Open area of the link of some voxels to the next along an axis.
+        """Open area of the links of voxels to their next neighbours along an axis.
 
-        Their indices in a lattice of that shape ascend.
+        `flat` has the indices of the voxels in a lattice of that shape, ascending.
         """
-        own = np.flatnonzero((self.step[:, axis] == 1) & ~self.over_edge)
-        cut = np.asarray(np.ravel_multi_index(tuple(self.voxel[own].T), shape))
-        at = np.asarray(np.searchsorted(flat, cut))
-        there = np.flatnonzero(np.append(flat, -1)[at] == cut)
-        found = np.ones(len(flat))
-        found[at[there]] += self.extra[own[there]]
-        return found
+        across = np.flatnonzero((self.step[:, axis] == 1) & ~self.over_edge)
+        cut = np.asarray(np.ravel_multi_index(tuple(self.voxel[across].T), shape))
+        index = np.asarray(np.searchsorted(flat, cut))
+        is_listed = np.flatnonzero(np.append(flat, -1)[index] == cut)
+        area = np.ones(len(flat))
+        area[index[is_listed]] += self.extra[across[is_listed]]
+        return area
 
 
 class Sides(NamedTuple):
@@ -98,40 +98,44 @@ def cut_links(
 ) -> CutLinks:
     """Links of cut voxels, in lattice order, from their sections across each axis.
 
-    `number` is that of each voxel, as of `VoxelBits`, ascending.
+    `number` has the numbers of the voxels in `VoxelBits`, ascending.
     """
-    index = VoxelIndex(VoxelBits.listed(solid.shape, number))
-    voxels = _Voxels(number, index, VoxelBits.of(solid))
+    voxels = _Voxels(
+        number=number,
+        index=VoxelIndex(VoxelBits.listed(solid.shape, number)),
+        solid=VoxelBits.of(solid),
+    )
     slivers = list(_slivers(sides, voxels))
-    # One integer for each link, of its first voxel and its kind: many times faster to
-    # sort than pairs of voxels, and half as large.
+    # One integer for each link, from its first voxel and its step: it sorts faster
+    # than a pair of voxels, and is half as large.
     reach = voxels.reach
     largest = len(reach) * 64 * voxels.solid.word.size
     small = np.int32 if largest < 2**31 else np.int64
-    keys, extras = [], []
+    keys = []
+    extras = []
     for low, apart, extra in _links(section, slivers, voxels):
-        kept = np.flatnonzero(np.abs(extra) > WHOLE)
-        key = low[kept] * len(reach) + np.searchsorted(reach, apart)
+        significant = np.flatnonzero(np.abs(extra) > WHOLE)
+        key = low[significant] * len(reach) + np.searchsorted(reach, apart)
         keys.append(key.astype(small))
-        extras.append(extra[kept])
+        extras.append(extra[significant])
     # The largest arrays follow.
-    del slivers, low, extra, kept
+    del slivers, low, extra, significant
     key, order = sorted_with_order(_joined(keys))
     extra = _joined(extras)[order]
     del order
     low = key // len(reach)
     key -= low * len(reach)
-    kind = key.astype(np.int8)
+    step_index = key.astype(np.int8)
     del key
     step = np.array([_step(apart, voxels) for apart in reach.tolist()], np.int8)
-    return CutLinks(voxels.solid.voxels(low), step[kind], extra)
+    return CutLinks(voxel=voxels.solid.voxels(low), step=step[step_index], extra=extra)
 
 
-def _joined(parts: list[np.ndarray]) -> np.ndarray:
-    """All arrays of a list, which is emptied: they would be in memory twice."""
-    found = np.concatenate(parts)
-    parts.clear()
-    return found
+def _joined(arrays: list[np.ndarray]) -> np.ndarray:
+    """Concatenate a list of arrays and empty it, so that none is in memory twice."""
+    joined = np.concatenate(arrays)
+    arrays.clear()
+    return joined
 
 
 class _Voxels(NamedTuple):
@@ -150,8 +154,8 @@ class _Voxels(NamedTuple):
     def reach(self) -> Int[np.ndarray, " k"]:
         """Jumps over faces and edges, increasing."""
         pairs = combinations(self.jumps, 2)
-        over_edges = (each for a, b in pairs for each in (a + b, a - b))
-        return np.unique([*self.jumps, *over_edges])
+        over_edges = [(a + b, a - b) for a, b in pairs]
+        return np.unique([*self.jumps, *chain.from_iterable(over_edges)])
 
 
 def _step(apart: int, voxels: _Voxels) -> tuple[int, ...]:
@@ -167,90 +171,115 @@ _EDGES: tuple[_Edge, ...] = tuple(
 """Two axes, and the side of the body across each: below or above."""
 
 
-_Part = tuple[Int[np.ndarray, " e"], int, Float[np.ndarray, " e"]]
-"""First voxels of links, the jump from there to the others, and what is extra."""
+class _LinksAlong(NamedTuple):
+    """Links of one direction."""
+
+    low: Int[np.ndarray, " e"]
+    """Number of the first voxel of each link."""
+    jump: int
+    """Difference of numbers from the first voxel to the second."""
+    extra: Float[np.ndarray, " e"]
+    """Conductance over k h, less that of a whole face if there is one [-]."""
 
 
 def _links(
     section: Float[np.ndarray, "m 3"], slivers: list["_Slivers"], voxels: _Voxels
-) -> Iterator[_Part]:
+) -> Iterator[_LinksAlong]:
     """Links of all directions, each once."""
     for axis in range(3):
-        # What slivers add to the links of each cut voxel, to below and above; none to
-        # those of the last, which stands for voxels that are not cut.
-        beside = np.zeros((2, len(section) + 1))
-        for ((a, b), (i, j)), found in zip(_EDGES, slivers, strict=True):
+        # What slivers add to the links of each cut voxel with the one below and above;
+        # the last column, of voxels that are not cut, stays zero.
+        sliver_extra = np.zeros((2, len(section) + 1))
+        for ((a, b), (i, j)), sliver in zip(_EDGES, slivers, strict=True):
             if b == axis:
-                beside[1 - j, found.one] += found.from_one
+                sliver_extra[1 - j, sliver.voxel_1] += sliver.from_1
             if a == axis:
-                beside[1 - i, found.two] += found.from_two
+                sliver_extra[1 - i, sliver.voxel_2] += sliver.from_2
         # Voxels that are not cut have whole sections.
         yield from _open_areas(
-            np.append(section[:, axis], 1.0), beside=beside, voxels=voxels, axis=axis
+            np.append(section[:, axis], 1.0),
+            sliver_extra=sliver_extra,
+            voxels=voxels,
+            axis=axis,
         )
-    for ((a, b), (i, j)), found in zip(_EDGES, slivers, strict=True):
+    for ((a, b), (i, j)), sliver in zip(_EDGES, slivers, strict=True):
         # An edge has one sliver: of the voxels around it one is empty, the third solid.
         apart = voxels.jumps[a] * (2 * i - 1) - voxels.jumps[b] * (2 * j - 1)
-        low = voxels.number[found.one if apart > 0 else found.two]
-        yield low, abs(apart), found.over
+        low = voxels.number[sliver.voxel_1 if apart > 0 else sliver.voxel_2]
+        yield _LinksAlong(low=low, jump=abs(apart), extra=sliver.over)
 
 
 def _open_areas(
     section: Float[np.ndarray, " j"],
-    beside: Float[np.ndarray, "2 j"],
+    sliver_extra: Float[np.ndarray, "2 j"],
     voxels: _Voxels,
     axis: int,
-) -> Iterator[_Part]:
+) -> Iterator[_LinksAlong]:
     """Links over faces across one axis: the mean of the sections of both ends."""
-    number, jump, (to_below, to_above) = voxels.number, voxels.jumps[axis], beside
-    limited = lambda extra: np.maximum(1 + extra, _MIN_OPEN) - 1
-    # Those to the voxel above.
-    own = np.flatnonzero(voxels.solid.has(number, jump))
-    above, is_cut = voxels.index.at(number[own] + jump)
+    number = voxels.number
+    jump = voxels.jumps[axis]
+    to_below, to_above = sliver_extra
+    # Links to the voxel above.
+    has_upper = np.flatnonzero(voxels.solid.has(number, jump))
+    above, is_cut = voxels.index.at(number[has_upper] + jump)
     above[~is_cut] = len(number)
-    upper = (section[own] + section[above]) / 2 - 1
-    upper += to_above[own] + to_below[above]
-    yield number[own], jump, limited(upper)
-    # Those to a voxel below that is not cut.
+    upper = (section[has_upper] + section[above]) / 2 - 1
+    upper += to_above[has_upper] + to_below[above]
+    yield _LinksAlong(low=number[has_upper], jump=jump, extra=_limited(upper))
+    # Links to a voxel below that is not cut.
     is_below = voxels.solid.has(number, -jump)
     is_below[above[is_cut]] = False
-    rest = np.flatnonzero(is_below)
-    lower = (1 + section[rest]) / 2 - 1 + to_below[rest]
-    yield number[rest] - jump, jump, limited(lower)
+    has_lower = np.flatnonzero(is_below)
+    lower = (1 + section[has_lower]) / 2 - 1 + to_below[has_lower]
+    yield _LinksAlong(low=number[has_lower] - jump, jump=jump, extra=_limited(lower))
+
+
+def _limited(extra: Float[np.ndarray, " e"]) -> Float[np.ndarray, " e"]:
+    """Extra conductances of links whose open area is not below the smallest one."""
+    return np.maximum(1 + extra, _MIN_OPEN) - 1
 
 
 class _Slivers(NamedTuple):
-    """Slivers over concave edges of one kind."""
+    """Slivers over concave edges of one direction."""
 
-    one: Int[np.ndarray, " k"]
+    voxel_1: Int[np.ndarray, " k"]
     """Index of voxel 1 among the cut voxels."""
-    two: Int[np.ndarray, " k"]
+    voxel_2: Int[np.ndarray, " k"]
+    """Index of voxel 2 among the cut voxels."""
     over: Float[np.ndarray, " k"]
     """Conductance from voxel 1 to 2 over k h [-]."""
-    from_one: Float[np.ndarray, " k"]
-    """The same from voxel 1 to 3."""
-    from_two: Float[np.ndarray, " k"]
+    from_1: Float[np.ndarray, " k"]
+    """Conductance from voxel 1 to 3 over k h [-]."""
+    from_2: Float[np.ndarray, " k"]
+    """Conductance from voxel 2 to 3 over k h [-]."""
 
 
 def _slivers(sides: Sides, voxels: _Voxels) -> Iterator[_Slivers]:
-    """Slivers of all kinds of edges."""
+    """Slivers over edges of all directions."""
     sided = [[np.flatnonzero(cell >= 0) for cell in cells] for cells in sides.cell]
     for (a, b), (i, j) in _EDGES:
         to_a = voxels.jumps[a] * (2 * i - 1)
         to_b = voxels.jumps[b] * (2 * j - 1)
-        one = sided[a][i]
-        # Few have an edge: those are searched.
-        second = voxels.number[one] + (to_a - to_b)
-        kept = np.flatnonzero(voxels.solid.has(second))
-        one, second = one[kept], second[kept]
-        kept = np.flatnonzero(voxels.solid.has(second, -to_a))
-        one, second = one[kept], second[kept]
-        two, is_cut = voxels.index.at(second)
-        kept = np.flatnonzero(is_cut)
-        kept = kept[sides.cell[b, j, two[kept]] >= 0]
-        one, two = one[kept].astype(np.int32), two[kept].astype(np.int32)
-        cells = sides.cell[a, i, one], sides.cell[b, j, two]
-        yield _slivers_between(sides, axes=(a, b), voxels=(one, two), cells=cells)
+        first = sided[a][i]
+        # Few voxels have an edge: the search starts with those.
+        second_number = voxels.number[first] + (to_a - to_b)
+        valid = np.flatnonzero(voxels.solid.has(second_number))
+        first = first[valid]
+        second_number = second_number[valid]
+        valid = np.flatnonzero(voxels.solid.has(second_number, -to_a))
+        first = first[valid]
+        second_number = second_number[valid]
+        second, is_cut = voxels.index.at(second_number)
+        valid = np.flatnonzero(is_cut)
+        valid = valid[sides.cell[b, j, second[valid]] >= 0]
+        first = first[valid].astype(np.int32)
+        second = second[valid].astype(np.int32)
+        yield _slivers_between(
+            sides,
+            axes=(a, b),
+            voxels=(first, second),
+            cells=(sides.cell[a, i, first], sides.cell[b, j, second]),
+        )
 
 
 def _slivers_between(
@@ -260,14 +289,20 @@ def _slivers_between(
     cells: tuple[Int[np.ndarray, " k"], Int[np.ndarray, " k"]],
 ) -> _Slivers:
     """Slivers between voxels 1 and 2, from the cells of these across two axes."""
-    one, two = (sides.normal.take(cell, axis=0) for cell in cells)
-    smooth = np.einsum("ki,ki->k", one, two) > _SMOOTH
-    mean = one + two
+    normal_1, normal_2 = (sides.normal.take(cell, axis=0) for cell in cells)
+    smooth = np.einsum("ki,ki->k", normal_1, normal_2) > _SMOOTH
+    mean = normal_1 + normal_2
     length = np.maximum(np.sqrt(np.einsum("ki,ki->k", mean, mean)), WHOLE)
     n_a, n_b = (np.abs(mean[:, axis]) / length for axis in axes)
     width = sides.excess[cells[0]] * n_a + sides.excess[cells[1]] * n_b
     width = np.maximum(width / 2 + (n_a + n_b) / 4, 0)
     squared = np.maximum(n_a**2 + n_b**2, WHOLE)
     scale = np.where(smooth, width * (n_a + n_b) / squared, 0)
-    beside = scale * n_a * (n_a - n_b), scale * n_b * (n_b - n_a)
-    return _Slivers(*voxels, scale * n_a * n_b, *beside)
+    voxel_1, voxel_2 = voxels
+    return _Slivers(
+        voxel_1=voxel_1,
+        voxel_2=voxel_2,
+        over=scale * n_a * n_b,
+        from_1=scale * n_a * (n_a - n_b),
+        from_2=scale * n_b * (n_b - n_a),
+    )

@@ -123,19 +123,19 @@ def _nearest_parts(
     return CylinderParts(tuple(cylinders), distance.argmin(0))
 
 
-def given_cylinders(given: Any) -> tuple[Cylinder, ...]:
+def given_cylinders(argument: Any) -> tuple[Cylinder, ...]:
     """Validate a user's argument `cylinders`; empty for None.
 
     Raises:
         InputError: unless it is a list of `Cylinder` or None.
     """
     try:
-        found = list(given or ())
+        values = list(argument or ())
     except (TypeError, ValueError):
-        found = [given]
-    cylinders = tuple(item for item in found if isinstance(item, Cylinder))
-    if len(cylinders) < len(found):
-        raise InputError(f"cylinders={given!r}: give a list of Cylinder, or None")
+        values = [argument]
+    cylinders = tuple(item for item in values if isinstance(item, Cylinder))
+    if len(cylinders) < len(values):
+        raise InputError(f"cylinders={argument!r}: give a list of Cylinder, or None")
     return cylinders
 
 
@@ -235,37 +235,43 @@ def _decomposed(grid: VoxelGrid) -> CylinderParts:
     axis = np.eye(3)[main] if np.abs(axis[main]) >= _ALIGNED else axis
     slab = _slabs(blocks, axis)
     piece, touching = _pieces(blocks, slab)
-    part = _join(piece, slab=slab, volume=blocks.volume, touching=touching)[piece]
-    cylinders = [_fitted(blocks, part == p, axis) for p in range(part.max() + 1)]
-    kept = _kept(cylinders, np.bincount(part, blocks.volume))
-    chosen = [cylinders[p] for p in kept]
-    number = np.full(len(cylinders), -1)
-    number[kept] = np.arange(len(kept))
+    part_number = _join(piece, slab=slab, volume=blocks.volume, touching=touching)[
+        piece
+    ]
+    fitted = [
+        _fitted(blocks, part_number == p, axis) for p in range(part_number.max() + 1)
+    ]
+    significant = _significant(fitted, np.bincount(part_number, blocks.volume))
+    cylinders = [fitted[p] for p in significant]
+    number = np.full(len(fitted), -1)
+    number[significant] = np.arange(len(significant))
     lattice = np.full(blocks.occupied.shape, -1)
-    lattice[blocks.occupied] = number[part]
+    lattice[blocks.occupied] = number[part_number]
     block_part = lattice[tuple((grid.fragment_voxel // blocks.factor).T)]
-    nearest = _nearest_parts(chosen, grid.fragment_position).fragment
+    nearest = _nearest_parts(cylinders, grid.fragment_position).fragment
     fragment = np.where(block_part >= 0, block_part, nearest)
-    return CylinderParts(tuple(chosen), fragment)
+    return CylinderParts(tuple(cylinders), fragment)
 
 
-def parts_of(grid: VoxelGrid, given: tuple[Cylinder, ...], body: int) -> CylinderParts:
-    """Cylinders given for a body, or else those of its decomposition.
+def parts_of(
+    grid: VoxelGrid, cylinders: tuple[Cylinder, ...], body: int
+) -> CylinderParts:
+    """The user's cylinders for a body, or else those of its decomposition.
 
     Raises:
-        InputError: if the given ones are far from the body.
+        InputError: if the user's cylinders are far from the body.
     """
-    selected = [cylinder for cylinder in given if cylinder.body == body]
+    selected = [cylinder for cylinder in cylinders if cylinder.body == body]
     if selected:
         return _nearest_parts(selected, grid.fragment_position)
     return cylinder_parts(grid)
 
 
 def _extent(
-    blocks: _Blocks, chosen: Bool[np.ndarray, " n"], axis: Float[np.ndarray, "3"]
+    blocks: _Blocks, selected: Bool[np.ndarray, " n"], axis: Float[np.ndarray, "3"]
 ) -> tuple[float, float]:
-    """Lower end and length of the chosen blocks along an axis [m]."""
-    along = blocks.centre[chosen] @ axis
+    """Lower end and length of the selected blocks along an axis [m]."""
+    along = blocks.centre[selected] @ axis
     # From the centres of the outermost blocks on to their outer faces.
     support = blocks.edge * np.abs(axis).max()
     return float(along.min() - support / 2), float(np.ptp(along) + support)
@@ -287,7 +293,9 @@ def _pieces(
     label = np.asarray(measure.label(lattice, background=0, connectivity=3))
     pairs = []
     for axis in range(3):
-        below, above = np.moveaxis(label, axis, 0)[:-1], np.moveaxis(label, axis, 0)[1:]
+        layered = np.moveaxis(label, axis, 0)
+        below = layered[:-1]
+        above = layered[1:]
         differ = (below > 0) & (above > 0) & (below != above)
         pairs.append(np.stack([below[differ], above[differ]], axis=1))
     touching = np.unique(np.sort(np.concatenate(pairs), axis=1), axis=0)
@@ -309,7 +317,7 @@ def _join(
     for a, b in touching.tolist():
         neighbours[a].add(b)
         neighbours[b].add(a)
-    part = np.arange(len(first))
+    part_of_piece = np.arange(len(first))
 
     def dissimilarity(pair):
         a, b = pair
@@ -327,36 +335,39 @@ def _join(
         a, b = min(pairs, key=lambda pair: pairs[pair])
         volumes[a] += volumes[b]
         slabs[a] |= slabs[b]
-        part[part == b] = a
+        part_of_piece[part_of_piece == b] = a
         neighbours[a] = (neighbours[a] | neighbours[b]) - {a, b}
         pairs = {pair: v for pair, v in pairs.items() if not {a, b} & set(pair)}
-        for other in neighbours[a]:
-            neighbours[other] = (neighbours[other] - {b}) | {a}
-            pair = (min(a, other), max(a, other))
+        for neighbour in neighbours[a]:
+            neighbours[neighbour] = (neighbours[neighbour] - {b}) | {a}
+            pair = (min(a, neighbour), max(a, neighbour))
             pairs[pair] = dissimilarity(pair)
-    return np.unique(part, return_inverse=True)[1].reshape(-1)
+    return np.unique(part_of_piece, return_inverse=True)[1].reshape(-1)
 
 
 def _fitted(
-    blocks: _Blocks, chosen: Bool[np.ndarray, " n"], axis: Float[np.ndarray, "3"]
+    blocks: _Blocks, selected: Bool[np.ndarray, " n"], axis: Float[np.ndarray, "3"]
 ) -> Cylinder:
-    centre, volume = blocks.centre[chosen], blocks.volume[chosen]
+    centre = blocks.centre[selected]
+    volume = blocks.volume[selected]
     main, ratio = _main_axis(centre, volume)
     axis = main if ratio >= _MIN_ELONGATION else axis
-    low, length = _extent(blocks, chosen, axis)
+    low, length = _extent(blocks, selected, axis)
     middle = np.average(centre, axis=0, weights=volume)
     middle = middle + (low + length / 2 - middle @ axis) * axis
     diameter = 2 * np.sqrt(volume.sum() / (np.pi * length))
-    triple = lambda v: (float(v[0]), float(v[1]), float(v[2]))
     return Cylinder(
-        axis_point=triple(middle),
-        axis=triple(axis),
+        axis_point=middle,
+        axis=axis,
         diameter=float(diameter),
         length=length,
     )
 
 
-def _kept(cylinders: list[Cylinder], volume: Float[np.ndarray, " p"]) -> list[int]:
+def _significant(
+    cylinders: list[Cylinder], volume: Float[np.ndarray, " p"]
+) -> list[int]:
+    """Numbers of the cylinders that are not too small, the largest first."""
     fraction = volume / volume.sum()
     stub = [c.length is not None and bool(c.length < c.diameter / 2) for c in cylinders]
     minimum = np.where(stub, _MIN_STUB_VOLUME, _MIN_VOLUME)

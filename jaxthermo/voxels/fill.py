@@ -40,8 +40,10 @@ def fill_by_vote(
 ) -> Bool[np.ndarray, "x y z"]:
     """Solid voxels by majority of the votes of the three views."""
     empty = VoxelBits.none(shape).word
-    # Rays that vote: inside for none, one, or at least two of the axes, and outside.
-    one, two, outside = empty, np.zeros_like(empty), np.zeros_like(empty)
+    # Voxels with one or two votes for inside, and with a vote for outside.
+    at_least_one = empty
+    at_least_two = np.zeros_like(empty)
+    outside = np.zeros_like(empty)
     for axis, layers in enumerate(views):
         rays = balanced_rays(layers)
         inside = _inside(layers, votes=rays, axis=axis, shape=shape)
@@ -49,12 +51,12 @@ def fill_by_vote(
         if not rays.all():
             against &= _votes_cast(rays.reshape(layers.height, layers.width), axis)
         outside |= against
-        two |= one & inside
-        one |= inside
-    # With one vote for it none may be against.
-    one &= ~outside
-    one |= two
-    return VoxelBits(shape, one).array()
+        at_least_two |= at_least_one & inside
+        at_least_one |= inside
+    # A single vote for inside counts if there is none for outside.
+    at_least_one &= ~outside
+    at_least_one |= at_least_two
+    return VoxelBits(shape, at_least_one).array()
 
 
 def _inside(
@@ -64,15 +66,18 @@ def _inside(
     shape: tuple[int, int, int],
 ) -> UInt64[np.ndarray, "x y w"]:
     """Bits of the voxels that are inside along rays that vote."""
-    own = slice(None) if votes.all() else np.flatnonzero(votes[layers.pixel])
-    pixel, sign = layers.pixel[own], crossing_sign(layers)[own]
+    on_voting_ray = slice(None) if votes.all() else np.flatnonzero(votes[layers.pixel])
+    pixel = layers.pixel[on_voting_ray]
+    sign = crossing_sign(layers)[on_voting_ray]
     # Behind the lattice there is a rim, where every ray is outside again.
-    behind = np.clip(first_cell_behind(layers.depth[own]), 0, shape[axis])
+    behind = np.clip(first_cell_behind(layers.depth[on_voting_ray]), 0, shape[axis])
     if ((behind[1:] < behind[:-1]) & (pixel[1:] == pixel[:-1])).any():
         # Layers are sorted by rounded depths.
         order = np.lexsort([behind, pixel])
-        pixel, sign, behind = pixel[order], sign[order], behind[order]
-    # One running sum serves all rays, as that of each ends with zero.
+        pixel = pixel[order]
+        sign = sign[order]
+        behind = behind[order]
+    # One running sum serves all rays, because each ray's sum ends at zero.
     winding = np.cumsum(sign, dtype=np.int32)
     changes = np.flatnonzero((winding != 0) != (winding != sign))
     row_axis, column_axis = pixel_axes(axis)
@@ -106,5 +111,5 @@ def _votes_cast(
     if axis < 2:
         word = VoxelBits.of(np.expand_dims(ordered, axis)).word
         return word.take([1], axis)
-    every = np.where(np.pad(ordered, 1), ~np.uint64(0), np.uint64(0))
-    return every[..., None]
+    row_word = np.where(np.pad(ordered, 1), ~np.uint64(0), np.uint64(0))
+    return row_word[..., None]

@@ -1,6 +1,6 @@
 """Bodies from arrays of voxels: a scan, a label volume, or the design of a program."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Int
@@ -35,29 +35,36 @@ def grid_from_voxels(
         >>> grid.fragment_area.sum().round(12).item()  # m^2
         0.0096
     """
-    given = np.asarray(solid)
-    if given.dtype != bool or given.ndim != 3:
+    is_solid = np.asarray(solid)
+    if is_solid.dtype != bool or is_solid.ndim != 3:
         raise InputError(
-            f"grid_from_voxels: got {given.dtype} of shape {given.shape}: give a "
+            f"grid_from_voxels: got {is_solid.dtype} of shape {is_solid.shape}: give a "
             "boolean array [x y z], such as `scan > 0`"
         )
-    if not given.any():
+    if not is_solid.any():
         raise InputError("grid_from_voxels: no voxel is True: the body is empty")
-    edge, corner = positive_length("pitch", float(pitch)), np.asarray(origin, float)
+    edge = positive_length("pitch", float(pitch))
+    corner = np.asarray(origin, float)
     if corner.shape != (3,) or not np.isfinite(corner).all():
         raise InputError(f"grid_from_voxels(origin={origin!r}): give three numbers [m]")
-    x, y, z = given.shape
-    lattice = Lattice((x, y, z), corner, edge)
-    parts = [_faces_across(given, axis) for axis in range(3)]
-    voxel, outward, layer = (np.concatenate(c) for c in zip(*parts, strict=True))
+    x, y, z = is_solid.shape
+    lattice = Lattice(shape=(x, y, z), origin=corner, pitch=edge)
+    faces_by_axis = [_faces_across(is_solid, axis) for axis in range(3)]
+    voxel = np.concatenate([faces.voxel for faces in faces_by_axis])
+    outward = np.concatenate([faces.outward for faces in faces_by_axis])
+    layer = np.concatenate([faces.layer for faces in faces_by_axis])
     # In lattice order the solver's gathers and scatters walk memory forwards.
-    order = np.argsort(np.ravel_multi_index(tuple(voxel.T), given.shape), kind="stable")
-    voxel, outward, layer = voxel[order], outward[order], layer[order]
+    order = np.argsort(
+        np.ravel_multi_index(tuple(voxel.T), is_solid.shape), kind="stable"
+    )
+    voxel = voxel[order]
+    outward = outward[order]
+    layer = layer[order]
     axis = np.abs(outward).argmax(axis=1)
     counts = tuple(int(layer[axis == a].max(initial=-1)) + 1 for a in range(3))
     return VoxelGrid(
         lattice=lattice,
-        solid=given,
+        solid=is_solid,
         mesh=_cube_mesh(voxel, outward, lattice),
         fragment_position=lattice.centres(voxel) + 0.5 * edge * outward,
         fragment_normal=outward.astype(float),
@@ -74,13 +81,20 @@ def grid_from_voxels(
     )
 
 
-def _faces_across(
-    solid: Bool[np.ndarray, "x y z"], axis: int
-) -> tuple[Int[np.ndarray, "k 3"], Int[np.ndarray, "k 3"], Int[np.ndarray, " k"]]:
-    """Voxel, outward normal and layer along an axis of the open faces across it."""
+class _OpenFaces(NamedTuple):
+    """Voxel faces between solid and empty, across one axis."""
+
+    voxel: Int[np.ndarray, "k 3"]
+    outward: Int[np.ndarray, "k 3"]
+    """Outward normal."""
+    layer: Int[np.ndarray, " k"]
+    """Depth layer along the axis."""
+
+
+def _faces_across(solid: Bool[np.ndarray, "x y z"], axis: int) -> _OpenFaces:
     along = np.moveaxis(solid, axis, 2)
     step = np.diff(along.astype(np.int8), axis=2, prepend=0, append=0)
-    # A ray meets the faces of its column in turn: layers 0, 1, ...
+    # A ray meets the faces of its column one after the other: layers 0, 1, ...
     number = np.cumsum(step != 0, axis=2)
     face = np.argwhere(step)
     enters = step[tuple(face.T)] > 0
@@ -90,8 +104,10 @@ def _faces_across(
     normal = np.zeros_like(face)
     normal[:, 2] = np.where(enters, -1, 1)
     # Columns back in the order of the axes: the other two, then this one.
-    place = np.argsort([a for a in range(3) if a != axis] + [axis])
-    return face[:, place], normal[:, place], layer
+    column_order = np.argsort([a for a in range(3) if a != axis] + [axis])
+    return _OpenFaces(
+        voxel=face[:, column_order], outward=normal[:, column_order], layer=layer
+    )
 
 
 def _cube_mesh(

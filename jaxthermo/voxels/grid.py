@@ -210,7 +210,7 @@ class VoxelGrid:
         return self.size * self.voxel_volume
 
     def volume_at(self, voxels: Int[np.ndarray, "m 3"]) -> Float[np.ndarray, " m"]:
-        """Volumes of some solid voxels [m^3]."""
+        """Volumes of solid voxels [m^3]."""
         if self.cut is None:
             return np.full(len(voxels), self.voxel_volume)
         return self.cut.volumes_at(voxels, self.solid.shape) * self.voxel_volume
@@ -220,27 +220,27 @@ class VoxelGrid:
     ) -> Float[np.ndarray, " n"]:
         """Volumes of `count` groups of solid voxels [m^3]; -1 is in no group."""
         inside = group >= 0
-        own = None if self.solid_volumes is None else self.solid_volumes[inside]
-        return np.bincount(group[inside], own, count) * self.voxel_volume
+        weights = None if self.solid_volumes is None else self.solid_volumes[inside]
+        return np.bincount(group[inside], weights, count) * self.voxel_volume
 
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
         """Flag the points (in the body's frame) that lie in a solid voxel."""
         cells = self.lattice.to_cells(points)
         inside = (cells >= 0) & (cells < self.solid.shape)
-        found: Any = inside.all(1)
-        found[found] = self.solid[tuple(np.floor(cells[found]).astype(int).T)]
-        return found
+        is_solid: Any = inside.all(1)
+        is_solid[is_solid] = self.solid[tuple(np.floor(cells[is_solid]).astype(int).T)]
+        return is_solid
 
 
 def _cavity_area(mesh: Mesh) -> float:
     """Area of the parts that point inward [m^2]; 0 for an open mesh."""
-    # Over vertices, which is much faster than over edges: most meshes are one part.
+    # Parts by shared vertices, which needs no list of edges: most meshes are one part.
     links = np.concatenate([mesh.faces[:, :2], mesh.faces[:, 1:]])
     roots = connected_labels(len(mesh.vertices), links)[mesh.faces[:, 0]]
-    parts, labels = np.unique(roots, return_inverse=True)
-    if len(parts) < 2 or not mesh.is_watertight:
+    part_roots, labels = np.unique(roots, return_inverse=True)
+    if len(part_roots) < 2 or not mesh.is_watertight:
         return 0.0
-    inward = part_volumes(mesh, labels.reshape(-1), len(parts)) < 0.0
+    inward = part_volumes(mesh, labels.reshape(-1), len(part_roots)) < 0.0
     area = np.linalg.norm(mesh.area_vectors, axis=1)
     return float(area[inward[labels.reshape(-1)]].sum())
 
@@ -252,7 +252,8 @@ def voxel_report(grid: VoxelGrid) -> dict[str, Any]:
     """
     surface = surface_voxels(grid.solid)
     counts = zip(grid.layers.peeled, grid.layers.packed, grid.mesh.axes, strict=True)
-    thin, watertight = grid.thin, grid.mesh.is_watertight
+    thin = grid.thin
+    watertight = grid.mesh.is_watertight
     true = {} if grid.represented is None else grid.represented.as_dict()
     return {
         "pitch_m": grid.pitch,

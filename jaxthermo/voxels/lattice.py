@@ -9,11 +9,15 @@ from jaxtyping import Float, Int
 from ..errors import InputError
 from ..geometry.mesh import Mesh
 from ..host_memory import available_bytes, require_memory
-from ..raster.fragments import DepthLayers, peel_views
+from ..raster.fragments import DepthLayers, peel_mesh
 
 
-# The solid; and words of up to 64 bits a row: votes, one view and what is summed.
-_BYTES_PER_CELL, _BYTES_PER_WORD = 1, 7 * 8
+# The array of solid voxels.
+_BYTES_PER_CELL = np.dtype(bool).itemsize
+
+# Words of 64 voxels in a row: two votes, the votes against, one view with its
+# complement, its rays that vote, and a temporary array.
+_BYTES_PER_WORD = 7 * np.dtype(np.uint64).itemsize
 
 BYTES_PER_FRAGMENT = 150
 """Peak memory of the sort of fragments, with the padding of its arrays."""
@@ -28,16 +32,17 @@ class SurfaceMemory(NamedTuple):
     """For the pieces of triangles that are summed at once."""
 
 
-# The most that one of ten bodies of 50 000 to 600 000 crossings needed: a box, at a
-# slant or along the axes, with few and large triangles. Statues need about half of it.
+# Measured maximum for ten bodies of 50 000 to 600 000 crossings: that of a box with few
+# and large triangles. Statues need about half as much.
 SURFACE_MEMORY = {
-    "crossings": SurfaceMemory(260, 10_000_000),
-    "dominant_axis": SurfaceMemory(240, 0),
+    "crossings": SurfaceMemory(per_crossing=260, at_once=10_000_000),
+    "dominant_axis": SurfaceMemory(per_crossing=240, at_once=0),
 }
 
-# While triangles are peeled, each has corners in the views, spans of rows, normals, and
-# the crossings found before are listed; later only its normal and corners remain.
-_BYTES_PER_PEELED_FACE, _BYTES_PER_PEELED_CROSSING = 400, 70
+# While triangles are peeled, each has corners in the views, spans of rows and normals,
+# next to the list of crossings; later only its normal and corners remain.
+_BYTES_PER_PEELED_FACE = 400
+_BYTES_PER_PEELED_CROSSING = 70
 _BYTES_PER_FACE = 200
 
 
@@ -66,7 +71,7 @@ class Lattice:
         count = _cell_counts(high - low, pitch)
         corner = (low + high) / 2 - count * pitch / 2
         nx, ny, nz = (int(n) for n in count)
-        return cls((nx, ny, nz), corner, pitch)
+        return cls(shape=(nx, ny, nz), origin=corner, pitch=pitch)
 
     @property
     def cells(self) -> int:
@@ -137,7 +142,8 @@ def pixel_axes(axis: int) -> tuple[int, int]:
     return (axis + 2) % 3, (axis + 1) % 3
 
 
-Views = tuple[DepthLayers, DepthLayers, DepthLayers]
+Views = list[DepthLayers]
+"""Depth layers along x, y and z."""
 
 
 def peel_axes(mesh: Mesh, lattice: Lattice) -> Views:
@@ -150,7 +156,11 @@ def peel_axes(mesh: Mesh, lattice: Lattice) -> Views:
     views = []
     for axis in range(3):
         row_axis, column_axis = pixel_axes(axis)
-        size = lattice.shape[column_axis], lattice.shape[row_axis]
-        views.append(((column_axis, row_axis, axis), *size))
-    x, y, z = peel_views(points, mesh.faces, views)
-    return x, y, z
+        layers = peel_mesh(
+            points[:, [column_axis, row_axis, axis]],
+            faces=mesh.faces,
+            width=lattice.shape[column_axis],
+            height=lattice.shape[row_axis],
+        )
+        views.append(layers)
+    return views

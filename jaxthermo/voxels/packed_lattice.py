@@ -48,22 +48,22 @@ class PackedLattice(NamedTuple):
     """Shape of the lattice [cells]."""
 
     def cells(self, voxel: Int[np.ndarray, "m 3"]) -> Int[np.ndarray, "m 3"]:
-        """Cells of some solid voxels."""
+        """Cells of solid voxels."""
         along = voxel[:, self.axes[0]]
         section, depth = np.divmod(along, self.thickness)
-        beside = voxel[:, self.axes[1:]]
-        moved = beside + (self.corner - self.low)[section]
+        across = voxel[:, self.axes[1:]]
+        moved = across + (self.corner - self.low)[section]
         return np.column_stack([depth, moved]).astype(voxel.dtype)
 
     def packed(
         self, values: Shaped[np.ndarray, "x y z"]
     ) -> Shaped[np.ndarray, "a b c"]:
         """Values of all voxels in the lattice, 0 between the sections."""
-        found = np.zeros(self.shape, values.dtype)
-        for here, there in self._boxes():
-            own = values.transpose(self.axes)[here]
-            found[there][: len(own)] = own
-        return found
+        lattice_values = np.zeros(self.shape, values.dtype)
+        for source, target in self._boxes():
+            section = values.transpose(self.axes)[source]
+            lattice_values[target][: len(section)] = section
+        return lattice_values
 
     def _boxes(self) -> Iterator[tuple[tuple[slice, ...], tuple[slice, ...]]]:
         """Box of each section in the body (axes in our order) and in the lattice."""
@@ -73,28 +73,30 @@ class PackedLattice(NamedTuple):
         ):
             first = n * self.thickness
             inside = slice(first, first + self.thickness)
-            here = (slice(a, a + s) for a, s in zip(low, size, strict=True))
-            there = (slice(a, a + s) for a, s in zip(corner, size, strict=True))
-            yield (inside, *here), (slice(None), *there)
+            source = (slice(a, a + s) for a, s in zip(low, size, strict=True))
+            target = (slice(a, a + s) for a, s in zip(corner, size, strict=True))
+            yield (inside, *source), (slice(None), *target)
 
     def cut_pairs(
         self, solid: Bool[np.ndarray, "x y z"]
     ) -> tuple[Int[np.ndarray, "p 3"], Int[np.ndarray, "p 3"]]:
         """Solid voxels before and behind each cut that are neighbours across it."""
-        body, step = np.moveaxis(solid, self.axes[0], 0), self.thickness
+        body = np.moveaxis(solid, self.axes[0], 0)
+        step = self.thickness
         ends = np.arange(step, len(body), step)
-        found = np.argwhere(body[ends - 1] & body[ends])
-        before = np.empty((len(found), 3), np.int32)
-        before[:, self.axes[0]] = ends[found[:, 0]] - 1
-        before[:, self.axes[1:]] = found[:, 1:]
-        behind = before.copy()
+        seam = np.argwhere(body[ends - 1] & body[ends])
+        front = np.empty((len(seam), 3), np.int32)
+        front[:, self.axes[0]] = ends[seam[:, 0]] - 1
+        front[:, self.axes[1:]] = seam[:, 1:]
+        behind = front.copy()
         behind[:, self.axes[0]] += 1
-        return before, behind
+        return front, behind
 
 
 def packed_lattice(solid: Bool[np.ndarray, "x y z"]) -> PackedLattice | None:
     """The cheapest packed lattice of a body; None where its box is as good."""
-    limit, best = _MAX_COST * solid.size, None
+    limit = _MAX_COST * solid.size
+    best = None
     for axis in range(3):
         body = np.moveaxis(solid, axis, 0)
         # Occupied lines of each plane across the axis, along the two others.
@@ -130,9 +132,11 @@ def _section_boxes(
     lines: tuple[Bool[np.ndarray, "p b"], Bool[np.ndarray, "p c"]], thickness: int
 ) -> tuple[Int[np.ndarray, "n 2"], Int[np.ndarray, "n 2"]]:
     """Lowest and one past the highest voxel of the planes of each section."""
-    starts, low, high = np.arange(0, len(lines[0]), thickness), [], []
-    for each in lines:
-        occupied = np.logical_or.reduceat(each, starts, axis=0)
+    starts = np.arange(0, len(lines[0]), thickness)
+    low = []
+    high = []
+    for line in lines:
+        occupied = np.logical_or.reduceat(line, starts, axis=0)
         low.append(occupied.argmax(axis=1))
         past = occupied.shape[1] - occupied[:, ::-1].argmax(axis=1)
         high.append(np.where(occupied.any(axis=1), past, low[-1]))
@@ -147,21 +151,25 @@ def _placed(
     None if it and its rim take as many cells as `room`.
     """
     # One empty cell between two; the rim of the lattice is beside the others.
-    sizes, best = sizes + 1, None
+    sizes = sizes + 1
+    best = None
     if sizes.prod(axis=1).sum() >= room:
         return None
-    widest, longest = int(sizes[:, 1].max()), int(sizes[:, 1].sum())
+    widest = int(sizes[:, 1].max())
+    longest = int(sizes[:, 1].sum())
     for width in np.unique(np.linspace(widest, longest, _WIDTHS).astype(int)):
         corner = _lowest_places(sizes, int(width))
         height, used = ((corner + sizes).max(axis=0) - 1).tolist()
         if (height + 2) * (used + 2) < room:
-            room, best = (height + 2) * (used + 2), (corner, (height, used))
+            room = (height + 2) * (used + 2)
+            best = (corner, (height, used))
     return best
 
 
 def _lowest_places(sizes: Int[np.ndarray, "n 2"], width: int) -> Int[np.ndarray, "n 2"]:
     """Corners of rectangles in a strip, each as low as it fits, the tallest first."""
-    top, corner = np.zeros(width, np.int64), np.zeros_like(sizes)
+    top = np.zeros(width, np.int64)
+    corner = np.zeros_like(sizes)
     for n in np.lexsort((-sizes[:, 1], -sizes[:, 0])):
         height, across = sizes[n]
         # Of the windows to the right of each place.

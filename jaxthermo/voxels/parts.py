@@ -14,49 +14,53 @@ from .lattice import Lattice, Views, peel_axes
 from .surface import axis_fragments, face_axes
 
 
-def part_labels(grid: VoxelGrid, parts: Sequence[Mesh]) -> Int[np.ndarray, "x y z"]:
+def part_labels(
+    grid: VoxelGrid, part_meshes: Sequence[Mesh]
+) -> Int[np.ndarray, "x y z"]:
     """Number of the part of every solid voxel; -1 outside the body.
 
-    A closed part has the voxels inside of it, a later one before an earlier one. The
-    others, of a body whose parts are patches of one surface, go to the part with the
-    nearest surface.
+    The voxels inside a closed part belong to it, or to the last of several parts. Other
+    voxels, as in a body whose parts are patches of one surface, belong to the part with
+    the nearest surface.
 
     Raises:
         InputError: if no part has a surface within the body's lattice.
     """
     shape = grid.lattice.shape
     label = np.full(shape, -1, np.int32)
-    points, owner = [], []
-    for number, part in enumerate(parts):
-        views = peel_axes(part, grid.lattice)
-        if part.is_watertight:
+    points = []
+    owner = []
+    for number, mesh in enumerate(part_meshes):
+        views = peel_axes(mesh, grid.lattice)
+        if mesh.is_watertight:
             label[fill_by_vote(views, shape) & grid.solid] = number
-        found = _surface_points(part, grid.lattice, views)
-        points.append(found)
-        owner.append(np.full(len(found), number, np.int32))
-    surface, of = np.concatenate(points), np.concatenate(owner)
+        part_points = _surface_points(mesh, grid.lattice, views)
+        points.append(part_points)
+        owner.append(np.full(len(part_points), number, np.int32))
+    surface = np.concatenate(points)
+    part_of_point = np.concatenate(owner)
     if not len(surface):
         raise InputError(
             "part_labels: no part has any surface where the body is: load both from "
             "the same file, with the same unit and axes"
         )
-    rest = np.argwhere(grid.solid & (label < 0))
-    if len(rest):
-        _, nearest = KDTree(surface).query(grid.lattice.centres(rest))
-        label[tuple(rest.T)] = of[nearest]
+    unassigned = np.argwhere(grid.solid & (label < 0))
+    if len(unassigned):
+        _, nearest = KDTree(surface).query(grid.lattice.centres(unassigned))
+        label[tuple(unassigned.T)] = part_of_point[nearest]
     return label
 
 
 def _surface_points(
-    part: Mesh, lattice: Lattice, views: Views
+    mesh: Mesh, lattice: Lattice, views: Views
 ) -> Float[np.ndarray, "k 3"]:
     # One point for each piece of surface, from the view in which it is largest [m].
-    _, dominant = face_axes(part)
-    found = [
+    _, dominant = face_axes(mesh)
+    positions = [
         axis_fragments(layers, dominant=dominant, axis=axis, first_ray=0)[0].position
         for axis, layers in enumerate(views)
     ]
-    points = np.concatenate(found)
+    points = np.concatenate(positions)
     # Along its rays a view also sees what is beyond the lattice.
     within = ((points > -1) & (points < np.add(lattice.shape, 1))).all(axis=1)
     return lattice.origin + points[within] * lattice.pitch

@@ -34,6 +34,11 @@ class _Pair(NamedTuple):
         """Relative difference [-]."""
         return self.represented / self.true - 1 if self.true else 0.0
 
+    @property
+    def percent(self) -> str:
+        """Represented in percent of the true value."""
+        return f"{100 * (1 + self.error):.2f} %"
+
 
 class Represented(NamedTuple):
     """Quantities of a closed mesh and of its voxels."""
@@ -49,10 +54,9 @@ class Represented(NamedTuple):
 
     def described(self) -> str:
         """One line, in percent of the true values."""
-        percent = lambda pair: f"{100 * (1 + pair.error):.2f} %"
         return (
-            f"represents {percent(self.volume)} of its volume, {percent(self.area)} of "
-            f"its area and {percent(self.smallest_section)} of its smallest section "
+            f"represents {self.volume.percent} of its volume, {self.area.percent} of "
+            f"its area and {self.smallest_section.percent} of its smallest section "
             f"({self.smallest_section.true * 1e4:.3g} cm2 across "
             f"{'xyz'[self.section_axis]})"
         )
@@ -60,7 +64,7 @@ class Represented(NamedTuple):
     @property
     def is_off(self) -> bool:
         """True if one of them is off by more than 2 %."""
-        pairs = self.volume, self.area, self.smallest_section
+        pairs = (self.volume, self.area, self.smallest_section)
         return any(abs(pair.error) > MAX_DIFFERENCE for pair in pairs)
 
     def as_dict(self) -> dict[str, Any]:
@@ -77,16 +81,18 @@ def represented(
     mesh: Mesh, lattice: Lattice, solid: np.ndarray, cut: CutVoxels, area: float
 ) -> Represented:
     """Compare a closed mesh with its voxels, whose surface has an area [m^2]."""
-    face, cell = lattice.pitch**2, lattice.pitch**3
+    face = lattice.pitch**2
+    cell = lattice.pitch**3
     volume = (np.count_nonzero(solid) + float((cut.volume - 1).sum())) * cell
     necks = []
     for axis in range(3):
         true = _mesh_sections(mesh, lattice, axis)
         k = _narrowest(true)
-        here = cut.section[cut.voxel[:, axis] == k, axis]
+        section = cut.section[cut.voxel[:, axis] == k, axis]
         voxels = np.count_nonzero(solid.take(k, axis))
-        found = _Pair(float(true[k]), (voxels + float((here - 1).sum())) * face)
-        necks.append((found.true, axis, found))
+        section_voxels = voxels + float((section - 1).sum())
+        pair = _Pair(true=float(true[k]), represented=section_voxels * face)
+        necks.append((pair.true, axis, pair))
     _, axis, smallest = min(necks)
     return Represented(
         volume=_Pair(mesh.volume, volume),
@@ -100,9 +106,10 @@ def _mesh_sections(mesh: Mesh, lattice: Lattice, axis: int) -> Float[np.ndarray,
     """Sections of a closed mesh by the planes of voxel centres across an axis [m^2]."""
     # Each triangle that a plane cuts is a piece of the section's outline; by Green's
     # theorem its area is half the sum of p x q along the pieces.
-    one, two = (axis + 1) % 3, (axis + 2) % 3
-    corners = lattice.to_cells(mesh.triangles)[..., [axis, one, two]]
-    low, high = (np.ceil(f(corners[..., 0], 1) - 0.5) for f in (np.min, np.max))
+    axis_order = [axis, (axis + 1) % 3, (axis + 2) % 3]
+    corners = lattice.to_cells(mesh.triangles)[..., axis_order]
+    low = np.ceil(corners[..., 0].min(1) - 0.5)
+    high = np.ceil(corners[..., 0].max(1) - 0.5)
     count = np.clip(high - low, 0, None).astype(int)
     owner = np.repeat(np.arange(len(count)), count)
     step = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
@@ -113,12 +120,14 @@ def _mesh_sections(mesh: Mesh, lattice: Lattice, axis: int) -> Float[np.ndarray,
     alone = np.where(above.sum(1) == 1, above.argmax(1), above.argmin(1))
     order = (alone[:, None] + np.arange(3)) % 3
     rows = np.arange(len(owner))
-    triangle, above = triangle[rows[:, None], order], above[rows, alone]
-    at = (plane + 0.5)[:, None] - triangle[:, :1, 0]
+    triangle = triangle[rows[:, None], order]
+    above = above[rows, alone]
+    below_plane = (plane + 0.5)[:, None] - triangle[:, :1, 0]
     rise = triangle[:, 1:, 0] - triangle[:, :1, 0]
-    part = (at / np.where(rise == 0, 1, rise))[..., None]
-    ends = triangle[:, :1, 1:] + part * (triangle[:, 1:, 1:] - triangle[:, :1, 1:])
-    p, q = ends[:, 0], ends[:, 1]
+    fraction = (below_plane / np.where(rise == 0, 1, rise))[..., None]
+    ends = triangle[:, :1, 1:] + fraction * (triangle[:, 1:, 1:] - triangle[:, :1, 1:])
+    p = ends[:, 0]
+    q = ends[:, 1]
     double = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
     double = np.where(above, double, -double)
     shape = lattice.shape[axis]
@@ -130,10 +139,14 @@ def _mesh_sections(mesh: Mesh, lattice: Lattice, axis: int) -> Float[np.ndarray,
 def _narrowest(section: Float[np.ndarray, " k"]) -> int:
     """Index of the narrowest neck, or of the widest section."""
     # Between parts there is no section: their ends are no necks.
-    parts = np.split(section, np.flatnonzero(np.diff(section > 0)) + 1)
-    before = np.concatenate([np.maximum.accumulate(p) for p in parts])
-    after = np.concatenate([np.maximum.accumulate(p[::-1])[::-1] for p in parts])
-    neck = (section > 0) & (section < (1 - _MIN_NECK) * np.minimum(before, after))
+    pieces = np.split(section, np.flatnonzero(np.diff(section > 0)) + 1)
+    widest_before = np.concatenate([np.maximum.accumulate(p) for p in pieces])
+    widest_after = np.concatenate(
+        [np.maximum.accumulate(p[::-1])[::-1] for p in pieces]
+    )
+    neck = (section > 0) & (
+        section < (1 - _MIN_NECK) * np.minimum(widest_before, widest_after)
+    )
     if not neck.any():
         return int(section.argmax())
     return int(np.where(neck, section, np.inf).argmin())

@@ -37,11 +37,11 @@ class AbstractSelection(eqx.Module):
     ) -> Bool[np.ndarray, " s"]:
         """Flag the selected surface fragments of one body (in the body's frame)."""
 
-    def __and__(self, other: "AbstractSelection") -> "AbstractSelection":
-        return _combined("&", (self, other))
+    def __and__(self, selection: "AbstractSelection") -> "AbstractSelection":
+        return _combined("&", (self, selection))
 
-    def __or__(self, other: "AbstractSelection") -> "AbstractSelection":
-        return _combined("|", (self, other))
+    def __or__(self, selection: "AbstractSelection") -> "AbstractSelection":
+        return _combined("|", (self, selection))
 
     def __invert__(self) -> "AbstractSelection":
         return _combined("~", (self,))
@@ -66,24 +66,24 @@ class AbstractSpace(AbstractSelection):
 
     # Editors then know that `within` takes a combination of parts of space.
     @overload
-    def __and__(self, other: "AbstractSpace") -> "AbstractSpace": ...
+    def __and__(self, selection: "AbstractSpace") -> "AbstractSpace": ...
     @overload
-    def __and__(self, other: AbstractSelection) -> AbstractSelection: ...
+    def __and__(self, selection: AbstractSelection) -> AbstractSelection: ...
     @override
-    def __and__(self, other: AbstractSelection) -> AbstractSelection:
-        return super().__and__(other)
+    def __and__(self, selection: AbstractSelection) -> AbstractSelection:
+        return super().__and__(selection)
 
     @overload
-    def __or__(self, other: "AbstractSpace") -> "AbstractSpace": ...
+    def __or__(self, selection: "AbstractSpace") -> "AbstractSpace": ...
     @overload
-    def __or__(self, other: AbstractSelection) -> AbstractSelection: ...
+    def __or__(self, selection: AbstractSelection) -> AbstractSelection: ...
     @override
-    def __or__(self, other: AbstractSelection) -> AbstractSelection:
-        return super().__or__(other)
+    def __or__(self, selection: AbstractSelection) -> AbstractSelection:
+        return super().__or__(selection)
 
     @override
     def __invert__(self) -> "AbstractSpace":
-        return _CombinedSpace(rule="~", parts=(self,))
+        return _CombinedSpace(rule="~", operands=(self,))
 
 
 class _AbstractOnOneBody(AbstractSelection):
@@ -193,7 +193,8 @@ class FragmentMask(_AbstractOnOneBody):
                 f"FragmentMask(mask=): got {values.dtype} values of shape "
                 f"{values.shape}: give one True or False for each fragment"
             )
-        self.body, self.count = int(body), len(values)
+        self.body = int(body)
+        self.count = len(values)
         self.packed = np.packbits(values).tobytes()
 
     @property
@@ -232,72 +233,76 @@ class _AbstractCombination(AbstractSelection):
     """Combination of selections by one of the rules."""
 
     rule: AbstractVar[str]
-    parts: AbstractVar[tuple[AbstractSelection, ...]]
+    operands: AbstractVar[tuple[AbstractSelection, ...]]
 
     @property
     @override
     def bodies(self) -> tuple[int, ...]:
-        each = [set(part.bodies) for part in self.parts]
+        operand_bodies = [set(operand.bodies) for operand in self.operands]
         together = set.intersection if self.rule == "&" else set.union
-        return tuple(sorted(together(*each)))
+        return tuple(sorted(together(*operand_bodies)))
 
     @override
     def on_body(self, body: int) -> AbstractSelection | None:
         if body not in self.bodies:
             return None
-        own = [part.on_body(body) for part in self.parts]
-        return _combined(self.rule, tuple(part for part in own if part is not None))
+        operands = [operand.on_body(body) for operand in self.operands]
+        return _combined(
+            self.rule, tuple(operand for operand in operands if operand is not None)
+        )
 
     def __repr__(self) -> str:
-        each = [repr(part) for part in self.parts]
+        texts = [repr(operand) for operand in self.operands]
         if self.rule == "~":
-            return f"~{each[0]}"
-        return f"({f' {self.rule} '.join(each)})"
+            return f"~{texts[0]}"
+        return f"({f' {self.rule} '.join(texts)})"
 
 
 class _CombinedSurface(_AbstractCombination):
     """Combination of which a part depends on the normal or on single fragments."""
 
     rule: str = eqx.field(static=True)
-    parts: tuple[AbstractSelection, ...]
+    operands: tuple[AbstractSelection, ...]
 
     @override
     def select(
         self, position: Float[np.ndarray, "s 3"], normal: Float[np.ndarray, "s 3"]
     ) -> Bool[np.ndarray, " s"]:
-        return _RULES[self.rule]([p.select(position, normal) for p in self.parts])
+        return _RULES[self.rule]([p.select(position, normal) for p in self.operands])
 
 
 class _CombinedSpace(_AbstractCombination, AbstractSpace):
     """Combination of parts of space."""
 
     rule: str = eqx.field(static=True)
-    parts: tuple[AbstractSpace, ...]
+    operands: tuple[AbstractSpace, ...]
 
     @override
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
-        return _RULES[self.rule]([part.contains(points) for part in self.parts])
+        return _RULES[self.rule](
+            [operand.contains(points) for operand in self.operands]
+        )
 
 
-def _combined(rule: str, parts: tuple[Any, ...]) -> AbstractSelection:
+def _combined(rule: str, operands: tuple[Any, ...]) -> AbstractSelection:
     """A combination of selections.
 
     Raises:
         InputError: for anything else, or parts of different bodies in common.
     """
-    for part in parts:
-        if not isinstance(part, AbstractSelection):
+    for operand in operands:
+        if not isinstance(operand, AbstractSelection):
             raise InputError(
-                f"a selection with {rule} {part!r}: combine selections only, such as "
-                "Side(normal) & Region(lower, upper)"
+                f"a selection with {rule} {operand!r}: combine selections only, such "
+                "as Side(normal) & Region(lower, upper)"
             )
-    kind = _CombinedSurface
-    if all(isinstance(part, AbstractSpace) for part in parts):
-        kind = _CombinedSpace
-    found = kind(rule=rule, parts=parts)
-    if not found.bodies:
+    combination_class = _CombinedSurface
+    if all(isinstance(operand, AbstractSpace) for operand in operands):
+        combination_class = _CombinedSpace
+    combination = combination_class(rule=rule, operands=operands)
+    if not combination.bodies:
         raise InputError(
-            f"{found!r}: its parts are on different bodies and have nothing in common: "
-            "give both the same `body`, or join them by |"
+            f"{combination!r}: its parts are on different bodies and have nothing in "
+            "common: give both the same `body`, or join them by |"
         )
-    return found
+    return combination

@@ -37,7 +37,7 @@ class ShardedLattice(NamedTuple):
         return self.count * (self.thickness + 2) - 2, y, z
 
     def cells(self, voxel: Int[np.ndarray, "m 3"]) -> Int[np.ndarray, "m 3"]:
-        """Cells of some voxels."""
+        """Cells of voxels."""
         moved = voxel[:, np.array(self.axes)].copy()
         # The rims between sections.
         moved[:, 0] += 2 * (moved[:, 0] // self.thickness)
@@ -52,10 +52,10 @@ class ShardedLattice(NamedTuple):
         """
         first = number * self.thickness
         along = values.transpose(self.axes)
-        own = along[max(first - 1, 0) : first + self.thickness + 1]
-        before = int(number == 0)
-        behind = self.thickness + 2 - before - len(own)
-        return np.pad(own, ((before, behind), (0, 0), (0, 0)))
+        planes = along[max(first - 1, 0) : first + self.thickness + 1]
+        rim_before = int(number == 0)
+        rim_behind = self.thickness + 2 - rim_before - len(planes)
+        return np.pad(planes, ((rim_before, rim_behind), (0, 0), (0, 0)))
 
 
 def cut_axes(shape: tuple[int, ...]) -> tuple[int, int, int]:
@@ -92,12 +92,12 @@ def _fills(length: int, count: int) -> bool:
 def padded_places(
     section: Int[np.ndarray, " m"], count: int, size: Callable[[int], int] = int
 ) -> tuple[Int[np.ndarray, " m"], int]:
-    """Place of each entry in a list with as many places for each of some sections.
+    """Place of each entry in a list of sections that are padded to one length.
 
-    Entries are in the order of their sections; `size` is that of the list of one that
-    has to have so many.
+    Entries are in the order of their sections. `size` turns the largest number of
+    entries of a section into the common length, which is returned too.
     """
-    each = np.bincount(section, minlength=count)
-    length = size(int(each.max()))
-    first = np.cumsum(each) - each
+    section_sizes = np.bincount(section, minlength=count)
+    length = size(int(section_sizes.max()))
+    first = np.cumsum(section_sizes) - section_sizes
     return section * length + np.arange(len(section)) - first[section], length

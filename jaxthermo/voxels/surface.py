@@ -30,17 +30,17 @@ def hidden_inside(layers: DepthLayers) -> Bool[np.ndarray, " k"]:
     # Balanced rays sum to zero, so one running sum serves all of them; a ray through a
     # hole is left out, and nothing on it is hidden.
     balanced = balanced_rays(layers)[layers.pixel]
-    after = np.cumsum(np.where(balanced, step, 0))
+    winding = np.cumsum(np.where(balanced, step, 0))
     apart = (np.diff(layers.pixel) != 0) | (np.diff(layers.depth) > _SAME_DEPTH)
     is_new = np.append(True, apart)
     start = np.flatnonzero(is_new)
-    last = np.append(start[1:], len(after)) - 1
-    between = ((after - step)[start] != 0) & (after[last] != 0)
+    last = np.append(start[1:], len(winding)) - 1
+    between = ((winding - step)[start] != 0) & (winding[last] != 0)
     return between[np.cumsum(is_new) - 1] & balanced
 
 
 def selected(layers: DepthLayers, keep: Bool[np.ndarray, " k"]) -> DepthLayers:
-    """Some of the crossings."""
+    """Select crossings by mask."""
     # Layers keep their original numbers.
     arrays = ("pixel", "depth", "triangle", "entering", "layer")
     return replace(layers, **{name: getattr(layers, name)[keep] for name in arrays})
@@ -49,19 +49,19 @@ def selected(layers: DepthLayers, keep: Bool[np.ndarray, " k"]) -> DepthLayers:
 def thickness_behind(layers: DepthLayers) -> Float[np.ndarray, " k"]:
     """Depth of the body behind each crossing [cells]; inf where it has no far side."""
     entering = layers.entering
-    other = np.arange(len(entering)) + np.where(entering, 1, -1)
-    other = np.clip(other, 0, max(len(entering) - 1, 0))
-    paired = (layers.pixel[other] == layers.pixel) & (entering[other] != entering)
-    return np.where(paired, np.abs(layers.depth[other] - layers.depth), np.inf)
+    partner = np.arange(len(entering)) + np.where(entering, 1, -1)
+    partner = np.clip(partner, 0, max(len(entering) - 1, 0))
+    paired = (layers.pixel[partner] == layers.pixel) & (entering[partner] != entering)
+    return np.where(paired, np.abs(layers.depth[partner] - layers.depth), np.inf)
 
 
-def joined_columns(parts: list[Any]) -> Iterator[np.ndarray]:
+def joined_columns(tables: list[Any]) -> Iterator[np.ndarray]:
     """Columns of several NamedTuples, one after the other.
 
     The list is emptied: each column is freed as soon as it is joined.
     """
-    rows = [list(part) for part in parts]
-    parts.clear()
+    rows = [list(table) for table in tables]
+    tables.clear()
     while rows[0]:
         yield np.concatenate([row.pop(0) for row in rows])
 
@@ -73,7 +73,7 @@ class AxisFragments(NamedTuple):
     """Position [cells]."""
     triangle: Int[np.ndarray, " s"]
     ray: Int[np.ndarray, " s"]
-    """Number of the ray among those of all three views."""
+    """Number of the ray, counted over all three views."""
     layer: Int[np.ndarray, " s"]
     """Depth layer in the view."""
     inward_cell: Int[np.ndarray, "s 3"]
@@ -121,7 +121,7 @@ def axis_fragments(
     position[:, axis] = outer.depth
     behind = first_cell_behind(outer.depth)
     cell[:, axis] = np.where(outer.entering, behind, behind - 1)
-    kept = AxisFragments(
+    fragments = AxisFragments(
         position=position,
         triangle=outer.triangle.astype(np.int32),
         ray=outer.pixel + first_ray,
@@ -129,7 +129,7 @@ def axis_fragments(
         inward_cell=cell,
         thickness=thickness,
     )
-    return kept, inside[dominant[inside] == axis]
+    return fragments, inside[dominant[inside] == axis]
 
 
 def attach_to_solid(
@@ -142,11 +142,12 @@ def attach_to_solid(
     # nearest solid voxel within two cells is taken.
     last = np.subtract(solid.shape, 1).astype(inward_cell.dtype)
     cell = np.clip(inward_cell, 0, last)
-    stray, lost = np.flatnonzero(~solid[tuple(cell.T)]), np.zeros(len(cell), bool)
+    stray = np.flatnonzero(~solid[tuple(cell.T)])
+    lost = np.zeros(len(cell), bool)
     # Few at a time: all could need more memory than the voxels.
     for first in range(0, len(stray), _CHUNK):
-        own = stray[first : first + _CHUNK]
-        cell[own], lost[own] = _nearest_solid(solid, position[own], cell[own])
+        chunk = stray[first : first + _CHUNK]
+        cell[chunk], lost[chunk] = _nearest_solid(solid, position[chunk], cell[chunk])
     return cell, lost
 
 
@@ -161,9 +162,11 @@ def _nearest_solid(
 ) -> tuple[Int[np.ndarray, "k 3"], Bool[np.ndarray, " k"]]:
     """Solid voxel nearest to each position, within two cells of a start.
 
-    Where there is none that start, and true.
+    Where there is none, the start is returned and flagged.
     """
-    candidate, squared, within = [], [], []
+    candidate = []
+    squared = []
+    within = []
     for axis, length in enumerate(solid.shape):
         along = start[:, axis, None] + np.arange(-2, 3)
         squared.append((along + 0.5 - position[:, axis, None]) ** 2)
@@ -177,8 +180,8 @@ def _nearest_solid(
     flat = distance.reshape(len(start), -1)
     best = flat.argmin(axis=1)
     lost = np.isinf(flat[np.arange(len(start)), best])
-    found = start + np.stack(np.unravel_index(best, (5, 5, 5)), axis=1) - 2
-    return np.where(lost[:, None], start, found), lost
+    nearest = start + np.stack(np.unravel_index(best, (5, 5, 5)), axis=1) - 2
+    return np.where(lost[:, None], start, nearest), lost
 
 
 def _spread(columns: list[np.ndarray]) -> tuple[np.ndarray, ...]:
@@ -214,7 +217,7 @@ def surface_links(
     pairs = []
     # The half of the 26 neighbours that come later in lattice order.
     for jump in (offsets @ strides)[14:]:
-        other = slot[key + jump]
-        linked = np.flatnonzero(other >= 0)
-        pairs.append(np.stack([linked.astype(np.int32), other[linked]], axis=1))
+        neighbour = slot[key + jump]
+        linked = np.flatnonzero(neighbour >= 0)
+        pairs.append(np.stack([linked.astype(np.int32), neighbour[linked]], axis=1))
     return np.concatenate(pairs)

@@ -28,7 +28,7 @@ def layer_images(grid: VoxelGrid) -> dict[str, list[UInt8[np.ndarray, "h w 3"]]]
     moved to the first free layer.
     """
     normals, dominant = face_axes(grid.mesh)
-    kept = normal_colours(grid.fragment_normal)
+    fragment_colours = normal_colours(grid.fragment_normal)
     images = {}
     for axis, layers in enumerate(peel_axes(grid.mesh, grid.lattice)):
         depth = np.clip(layers.depth / grid.lattice.shape[axis], 0, 1)
@@ -37,12 +37,12 @@ def layer_images(grid: VoxelGrid) -> dict[str, list[UInt8[np.ndarray, "h w 3"]]]
             "normal": normal_colours(normals[layers.triangle]),
             "dominant": AXIS_COLOURS[dominant[layers.triangle]],
         }
-        for kind, colours in paints.items():
-            images[f"{'xyz'[axis]}_{kind}"] = [
+        for quantity, colours in paints.items():
+            images[f"{'xyz'[axis]}_{quantity}"] = [
                 _upright(layers.image(k, colours, _BACKGROUND), axis)
                 for k in range(layers.count)
             ]
-        images[f"{'xyz'[axis]}_packed"] = packed_images(grid, axis, kept)
+        images[f"{'xyz'[axis]}_packed"] = packed_images(grid, axis, fragment_colours)
     return images
 
 
@@ -54,7 +54,8 @@ def packed_images(
     cell = np.floor(grid.lattice.to_cells(grid.fragment_position[on_axis])).astype(int)
     rank = grid.fragment_layer[on_axis, 1]
     row_axis, column_axis = pixel_axes(axis)
-    height, width = grid.lattice.shape[row_axis], grid.lattice.shape[column_axis]
+    height = grid.lattice.shape[row_axis]
+    width = grid.lattice.shape[column_axis]
     stack = np.empty((grid.layers.packed[axis], height, width, 3), np.uint8)
     stack[:] = _BACKGROUND
     stack[rank, cell[:, row_axis], cell[:, column_axis]] = colours[on_axis]

@@ -120,26 +120,29 @@ def _with_surface(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     views, solid = _filled(mesh, lattice)
     peeled = tuple(layers.count for layers in views)
     normals, dominant = face_axes(mesh)
-    parts, hidden, rays = [], [], 0
-    # Each view is dropped as soon as its fragments are found.
-    rest = [*views]
+    fragments_by_axis = []
+    hidden = []
+    rays = 0
+    # Each view is dropped as soon as its fragments are known.
+    remaining = [*views]
     del views
     for axis in range(3):
-        layers = rest.pop(0)
-        kept, inside = axis_fragments(
+        layers = remaining.pop(0)
+        fragments, inside = axis_fragments(
             layers, dominant=dominant, axis=axis, first_ray=rays
         )
-        parts.append(kept)
+        fragments_by_axis.append(fragments)
         hidden.append(inside)
         rays += layers.width * layers.height
     del layers
-    kept, hidden = AxisFragments(*joined_columns(parts)), np.concatenate(hidden)
+    fragments = AxisFragments(*joined_columns(fragments_by_axis))
+    hidden = np.concatenate(hidden)
     # A ray grid of spacing h cuts the surface into pieces of area h^2 / |n_i|.
     slope = np.abs(normals).max(1)
-    area = lattice.pitch**2 / slope[kept.triangle]
-    cell, lost = attach_to_solid(solid, kept.position, kept.inward_cell)
-    position = lattice.origin + kept.position * lattice.pitch
-    thickness = kept.thickness * lattice.pitch * slope[kept.triangle]
+    area = lattice.pitch**2 / slope[fragments.triangle]
+    cell, lost = attach_to_solid(solid, fragments.position, fragments.inward_cell)
+    position = lattice.origin + fragments.position * lattice.pitch
+    thickness = fragments.thickness * lattice.pitch * slope[fragments.triangle]
     thin = thin_parts(
         position,
         thickness=thickness,
@@ -148,34 +151,33 @@ def _with_surface(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
         cell=cell,
         pitch=lattice.pitch,
     )
-    found_area = float(area[~lost].sum())
-    found_volume = np.count_nonzero(solid) * lattice.pitch**3
+    fragment_area = float(area[~lost].sum())
+    voxel_volume = np.count_nonzero(solid) * lattice.pitch**3
     hidden_area = float((lattice.pitch**2 / slope[hidden]).sum())
-    true, own = (mesh.area, mesh.volume), (found_area, found_volume)
     unreliable = _unreliable_because(
-        mesh, true=true, found=own, hidden_area=hidden_area
+        mesh, area=fragment_area, volume=voxel_volume, hidden_area=hidden_area
     )
     # True over voxelized area and volume; 1 where that would hide lost parts.
-    area_ratio = 1.0 if unreliable else true[0] / found_area
-    volume_ratio = 1.0 if unreliable else true[1] / found_volume
+    area_ratio = 1.0 if unreliable else mesh.area / fragment_area
+    volume_ratio = 1.0 if unreliable else mesh.volume / voxel_volume
     packed = np.zeros(len(lost), np.int32)
-    packed[~lost] = rank_in_group(kept.ray[~lost])
+    packed[~lost] = rank_in_group(fragments.ray[~lost])
     # In lattice order the solver's gathers and scatters walk memory forwards.
     attached = np.flatnonzero(~lost)
     number = np.ravel_multi_index(tuple(cell[attached].T), lattice.shape)
     order = attached[stable_order(np.asarray(number))]
-    axis = dominant[kept.triangle[order]].astype(np.int8)
+    axis = dominant[fragments.triangle[order]].astype(np.int8)
     in_front = (int(packed[order][axis == a].max(initial=-1)) + 1 for a in range(3))
     return VoxelGrid(
         lattice=lattice,
         solid=solid,
         mesh=mesh,
         fragment_position=position[order],
-        fragment_normal=normals[kept.triangle[order]],
+        fragment_normal=normals[fragments.triangle[order]],
         fragment_area=area[order] * area_ratio,
         fragment_voxel=cell[order],
         fragment_axis=axis,
-        fragment_layer=np.stack([kept.layer[order], packed[order]], axis=1),
+        fragment_layer=np.stack([fragments.layer[order], packed[order]], axis=1),
         area_ratio=area_ratio,
         volume_ratio=volume_ratio,
         unscaled_because=unreliable,
@@ -186,28 +188,33 @@ def _with_surface(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
 
 def _with_crossings(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     views, solid = _filled(mesh, lattice)
-    pitch, (normals, _) = lattice.pitch, face_axes(mesh)
+    pitch = lattice.pitch
+    normals, _ = face_axes(mesh)
     peeled = tuple(layers.count for layers in views)
-    # Each view is dropped as soon as its crossings are found.
-    rest = [*views]
+    # Each view is dropped as soon as its crossings are known.
+    remaining = [*views]
     del views
-    each, is_closed = (rest.pop(0) for _ in range(3)), mesh.is_watertight
-    found, hidden = find_crossings(
-        each, solid=solid, normals=normals, is_closed=is_closed
+    crossings, hidden = find_crossings(
+        (remaining.pop(0) for _ in range(3)),
+        solid=solid,
+        normals=normals,
+        is_closed=mesh.is_watertight,
     )
     hidden_area = float(pitch**2 * np.abs(normals[hidden]).max(1, initial=0).sum())
-    surface, cells, thin = _surface(found, normals, lattice)
-    del found
+    surface, cells, thin = _surface(crossings, normals, lattice)
+    del crossings
     position = surface.position
     shapes, cut_cells = surface_shapes(cells)
-    count, patches = len(cells.axis), _patches(surface, cut_cells)
+    count = len(cells.axis)
+    patches = _patches(surface, cut_cells)
     del cut_cells
     slope = patches.area
-    own_area, true = float(pitch**2 * slope[:count].sum()), (mesh.area, mesh.volume)
-    whole = np.count_nonzero(solid)
-    own_volume = (whole + float((shapes.volume - 1).sum())) * pitch**3
+    solid_count = np.count_nonzero(solid)
     unreliable = _unreliable_because(
-        mesh, true=true, found=(own_area, own_volume), hidden_area=hidden_area
+        mesh,
+        area=float(pitch**2 * slope[:count].sum()),
+        volume=(solid_count + float((shapes.volume - 1).sum())) * pitch**3,
+        hidden_area=hidden_area,
     )
     if not unreliable:
         slope = areas_of_mesh(patches, lattice.to_cells(mesh.triangles), lattice.shape)
@@ -223,13 +230,14 @@ def _with_crossings(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     cut = cut_voxels(shapes, links, solid.shape)
     del shapes
     cut = limited(cut, solid)
-    volume = (whole + float((cut.volume - 1).sum())) * pitch**3
-    ratios = true[0] / float(area.sum()), true[1] / volume
-    # More means lost parts, which the others must not stand for.
+    volume = (solid_count + float((cut.volume - 1).sum())) * pitch**3
+    ratios = (mesh.area / float(area.sum()), mesh.volume / volume)
+    # A larger difference means lost parts, which the other parts must not stand for.
     is_scaled = [not unreliable and abs(r - 1) <= MAX_DIFFERENCE for r in ratios]
     area_ratio, volume_ratio = np.where(is_scaled, ratios, 1.0).tolist()
     area *= area_ratio
-    layer, axis = surface.layer[:count], surface.axis[:count]
+    layer = surface.layer[:count]
+    axis = surface.axis[:count]
     in_front = (int(layer[axis == a, 1].max(initial=-1)) + 1 for a in range(3))
     position *= pitch
     position += lattice.origin
@@ -256,7 +264,7 @@ def _with_crossings(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
 
 
 class _Surface(NamedTuple):
-    """Crossings in the order of their voxels, and those without any behind them."""
+    """Crossings in the order of their voxels, followed by those without a voxel."""
 
     position: Float[np.ndarray, "e 3"]
     """Position [cells]."""
@@ -268,91 +276,110 @@ class _Surface(NamedTuple):
     """Distance of the voxel's centre to the surface along the normal [cells]."""
 
 
+class _SortedSurface(NamedTuple):
+    """Surface in the order of its voxels, with its cells and thin parts."""
+
+    surface: _Surface
+    cells: Cells
+    thin: ThinParts
+
+
 def _surface(
-    found: Crossings, normals: Float[np.ndarray, "f 3"], lattice: Lattice
-) -> tuple[_Surface, Cells, ThinParts]:
-    """Surface in the order of its voxels, the cells of these, and thin parts."""
+    crossings: Crossings, normals: Float[np.ndarray, "f 3"], lattice: Lattice
+) -> _SortedSurface:
     # Thickness counts along the dominant axis: near a limb other rays are short.
-    bare = found.triangle < 0
-    dominant = dominant_axis(normals).take(found.triangle, mode="wrap")
-    is_main = bare | (dominant == found.axis)
+    bare = crossings.triangle < 0
+    dominant = dominant_axis(normals).take(crossings.triangle, mode="wrap")
+    is_main = bare | (dominant == crossings.axis)
     thin = _thin_crossings(
-        found, main=np.flatnonzero(is_main), normals=normals, lattice=lattice
+        crossings, main=np.flatnonzero(is_main), normals=normals, lattice=lattice
     )
-    packed = _packed(found, is_main & ~bare & ~found.lost)
+    packed = _packed(crossings, is_main & ~bare & ~crossings.lost)
     # In lattice order the solver's gathers and scatters walk memory forwards.
-    attached = np.flatnonzero(~found.lost)
-    attached = attached[stable_order(found.number[attached])]
-    order, count = attached, len(attached)
+    attached = np.flatnonzero(~crossings.lost)
+    attached = attached[stable_order(crossings.number[attached])]
+    order = attached
+    count = len(attached)
     if count < len(packed):
-        order = np.concatenate([attached, np.flatnonzero(found.lost)])
+        order = np.concatenate([attached, np.flatnonzero(crossings.lost)])
     layer = np.empty((len(order), 2), np.int32)
-    layer[:, 0], layer[:, 1] = found.layer[order], packed[order]
-    axis = found.axis[order]
-    normal = found.normals(normals, order)
-    own = Cells(
+    layer[:, 0] = crossings.layer[order]
+    layer[:, 1] = packed[order]
+    axis = crossings.axis[order]
+    normal = crossings.normals(normals, order)
+    cells = Cells(
         normal=normal[:count],
         axis=axis[:count],
-        ahead=found.ahead[attached],
-        number=found.number[attached],
-        excess=found.excess[attached],
-        on_face=found.on_face[attached],
+        ahead=crossings.ahead[attached],
+        number=crossings.number[attached],
+        excess=crossings.excess[attached],
+        on_face=crossings.on_face[attached],
     )
-    position, depth = found.position[order], found.depth[order]
-    return (
-        _Surface(position=position, normal=normal, axis=axis, layer=layer, depth=depth),
-        own,
-        thin,
+    surface = _Surface(
+        position=crossings.position[order],
+        normal=normal,
+        axis=axis,
+        layer=layer,
+        depth=crossings.depth[order],
     )
+    return _SortedSurface(surface=surface, cells=cells, thin=thin)
 
 
-def _patches(surface: _Surface, of_cells: CellShapes) -> Patches:
+def _patches(surface: _Surface, cell_shapes: CellShapes) -> Patches:
     """Pieces of surface around all crossings, with areas by their rays.
 
-    Cells of the mesh's area stand for those that are lost, too.
+    Lost crossings have pieces too: nearby cells must not stand for their area.
     """
-    count, position = len(of_cells.factor), surface.position
+    count = len(cell_shapes.factor)
+    position = surface.position
     area = np.abs(surface.normal[np.arange(len(position)), surface.axis])
-    area[:count] *= of_cells.factor
-    middle = of_cells.shift
+    area[:count] *= cell_shapes.factor
+    middle = cell_shapes.shift
     middle += position[:count]
     if count < len(position):
         middle = np.concatenate([middle, position[count:]])
-    return Patches(middle[None], surface.normal, area)
+    return Patches(position=middle[None], normal=surface.normal, area=area)
 
 
 def _thin_crossings(
-    found: Crossings,
+    crossings: Crossings,
     main: Int[np.ndarray, " m"],
     normals: Float[np.ndarray, "f 3"],
     lattice: Lattice,
 ) -> ThinParts:
-    pitch, triangle = lattice.pitch, found.triangle[main]
-    slope = np.abs(normals[triangle, found.axis[main]])
+    pitch = lattice.pitch
+    triangle = crossings.triangle[main]
+    slope = np.abs(normals[triangle, crossings.axis[main]])
     slope[triangle < 0] = 1
-    thickness = found.thickness[main] * pitch * slope
-    # Few are: only those are summed up.
-    near = np.flatnonzero(found.lost[main] | (thickness < pitch))
-    own = main[near]
+    thickness = crossings.thickness[main] * pitch * slope
+    # Few crossings are on thin parts: only those are summed up.
+    near = np.flatnonzero(crossings.lost[main] | (thickness < pitch))
+    thin_crossing = main[near]
     return thin_parts(
-        lattice.origin + found.position[own] * pitch,
+        lattice.origin + crossings.position[thin_crossing] * pitch,
         thickness=thickness[near],
         area=pitch**2 / slope[near],
-        lost=found.lost[own],
-        cell=VoxelBits.none(lattice.shape).voxels(found.number[own]).astype(np.int64),
+        lost=crossings.lost[thin_crossing],
+        cell=VoxelBits.none(lattice.shape)
+        .voxels(crossings.number[thin_crossing])
+        .astype(np.int64),
         pitch=pitch,
     )
 
 
-def _packed(found: Crossings, is_kept: Bool[np.ndarray, " e"]) -> Int[np.ndarray, " e"]:
+def _packed(
+    crossings: Crossings, is_kept: Bool[np.ndarray, " e"]
+) -> Int[np.ndarray, " e"]:
     # As in the thesis, each piece of surface is in the view of its dominant axis only.
-    packed = np.full(len(found.axis), -1, np.int32)
-    kept = np.flatnonzero(is_kept)
-    ray, along = found.ray[kept], found.position[kept, found.axis[kept]]
+    packed = np.full(len(crossings.axis), -1, np.int32)
+    packable = np.flatnonzero(is_kept)
+    ray = crossings.ray[packable]
+    along = crossings.position[packable, crossings.axis[packable]]
     if ((np.diff(ray) == 0) & (np.diff(along) < 0)).any() or (np.diff(ray) < 0).any():
         order = np.lexsort([along, ray])
-        kept, ray = kept[order], ray[order]
-    packed[kept] = rank_in_group(ray)
+        packable = packable[order]
+        ray = ray[order]
+    packed[packable] = rank_in_group(ray)
     return packed
 
 
@@ -364,20 +391,20 @@ _MAX_OVERLAP = 2e-3
 
 
 def _unreliable_because(
-    mesh: Mesh,
-    true: tuple[float, float],
-    found: tuple[float, float],
-    hidden_area: float,
+    mesh: Mesh, area: float, volume: float, hidden_area: float
 ) -> str:
-    """Reason why areas and volumes, true and found, are unreliable; empty for none."""
+    """Reason why a body's true and voxelized sizes are unreliable; empty for none.
+
+    The area [m^2] and the volume [m^3] are those of the voxels.
+    """
     edges = mesh.open_edges
     if edges:
         return f"the mesh is open ({edges} open edges): it has no volume of its own"
-    overlap = hidden_area / (found[0] + hidden_area)
+    overlap = hidden_area / (area + hidden_area)
     if overlap > _MAX_OVERLAP:
         return f"parts overlap or touch: {overlap:.1%} of the surface lies inside"
-    for quantity, of_mesh, own in zip(("area", "volume"), true, found, strict=True):
-        ratio = of_mesh / own
+    ratios = {"area": mesh.area / area, "volume": mesh.volume / volume}
+    for quantity, ratio in ratios.items():
         if not 1 / _MAX_RATIO < ratio < _MAX_RATIO:
             return (
                 f"the mesh has {ratio:.2g} times the {quantity} of its voxels: "

@@ -7,12 +7,12 @@ from jaxthermo.geometry.mesh import Pose
 from jaxthermo.geometry.shapes import figurine
 from jaxthermo.image.camera import frame_all
 from jaxthermo.image.preview import draw_preview
-from jaxthermo.raster.slices import slice_voxels
 from jaxthermo.report.sheet import Legend, Tile, sheet
 from jaxthermo.report.voxel_sheet import voxel_view
 from jaxthermo.voxels.lattice import peel_axes, pixel_axes
 
 from ..exhibit import Exhibit, Finding, Picture, Row, Verdict
+from ..slicing import slice_voxels
 
 
 # Of the body [m]; voxels along it.

@@ -15,14 +15,13 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
-import jax
 import numpy as np
 from jaxtyping import Float, Int
 
 from ...errors import InputError
 from ...geometry.mesh import Pose
 from ...host_memory import require_memory
-from ...raster.fragments import DepthLayers, capacities, peel
+from ...raster.fragments import DepthLayers, expected_fragments, peel
 from ...voxels.grid import VoxelGrid
 from ...voxels.lattice import BYTES_PER_FRAGMENT, Lattice, pixel_axes
 from ...voxels.surface import face_axes
@@ -187,25 +186,13 @@ def _layers(triangles, axis: int, box) -> DepthLayers:
     width, height = ((box[1] - box[0])[views] * _SAMPLES).astype(int).tolist()
     frame = triangles[..., [*views, axis]]
     frame[..., :2] = (frame[..., :2] - box[0][views]) * _SAMPLES
-    rows, fragments = capacities(frame, width, height)
-    rows = _padded(rows, 1 << 14)
-    fragments = _padded(fragments, 1 << 16)
+    fragments = expected_fragments(frame, width, height)
     require_memory(
-        fragments * BYTES_PER_FRAGMENT, "the search for contact", "use a coarser pitch"
+        int(fragments * BYTES_PER_FRAGMENT),
+        "the search for contact",
+        "use a coarser pitch",
     )
-    # Triangles of zero extent cover no pixel: they only fill the array.
-    spare = _padded(len(frame), 1 << 12) - len(frame)
-    frame = np.pad(frame, ((0, spare), (0, 0), (0, 0)))
-    # The geometry is computed at once, even while the scene is traced.
-    with jax.ensure_compile_time_eval():
-        return peel(frame, width=width, height=height, sizes=(rows, fragments))
-
-
-def _padded(count: int, smallest: int) -> int:
-    """Next power of 4, at least `smallest`."""
-    # Few distinct sizes require few programs.
-    bits = int(max(count, smallest) - 1).bit_length()
-    return 1 << (bits + bits % 2)
+    return peel(frame, width, height)
 
 
 def _points(layers: DepthLayers, which, axis: int, lattice: Lattice, box):

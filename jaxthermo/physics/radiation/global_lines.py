@@ -16,18 +16,12 @@ from dataclasses import replace
 from itertools import combinations, islice
 from typing import NamedTuple
 
-import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import ConvexHull, QhullError
 
 from ...geometry.mesh import Pose
-from ...raster.fragments import (
-    MIN_CAPACITY,
-    DepthLayers,
-    peel,
-    shared_capacities,
-)
+from ...raster.fragments import DepthLayers, peel
 from ...raster.views import (
     OrthographicView,
     cap_directions,
@@ -65,8 +59,9 @@ def _concatenated(bodies: tuple[PatchedBody, ...]) -> _Scene:
     )
 
 
-# Views that are drawn at once, at most.
+# Views that are drawn at once, at most; and triangles, of all these views together.
 _MAX_VIEWS = 16
+_MAX_TRIANGLES = 2048
 
 # Steps of a low-discrepancy sequence in the unit square: 1/g, 1/g^2 with g^3 = g + 1.
 _SEQUENCE_STEP = np.array([0.7548776662466927, 0.5698402909980532])
@@ -221,19 +216,13 @@ def _count_lines(
     bodies: tuple[PatchedBody, ...],
     scene: _Scene,
     views: Sequence[OrthographicView],
-    room: tuple[int, int],
-) -> tuple[LineSums, tuple[int, int]]:
-    """Lines between each pair of patches and to the surroundings; array capacities.
+) -> LineSums:
+    """Lines between each pair of patches and to the surroundings.
 
     Several views must each show the whole scene.
     """
     strip = _strip(views)
-    corners = strip.project(scene)
-    room = shared_capacities(
-        corners, width=strip.width, height=strip.height, minimum=room
-    )
-    with jax.ensure_compile_time_eval():
-        layers = peel(corners, width=strip.width, height=strip.height, sizes=room)
+    layers = peel(strip.project(scene), width=strip.width, height=strip.height)
     same = layers.pixel[1:] == layers.pixel[:-1]
     enters = layers.entering
     # Consecutive fragments of a line face each other across empty space where the first
@@ -251,12 +240,11 @@ def _count_lines(
     last = np.append(~same, True)
     numbers = patch[:-1][open_gap] * scene.count + patch[1:][open_gap]
     pairs = np.bincount(numbers, minlength=scene.count**2)
-    lines = LineSums(
+    return LineSums(
         pairs=pairs.reshape(scene.count, scene.count),
         sky=np.bincount(patch[last & ~enters], minlength=scene.count),
         ground=np.bincount(patch[first & enters], minlength=scene.count),
     )
-    return lines, room
 
 
 def sample_all_directions(
@@ -275,14 +263,13 @@ def sample_all_directions(
         sky=np.zeros(scene.count),
         ground=np.zeros(scene.count),
     )
-    room = (MIN_CAPACITY, MIN_CAPACITY)
     half = (directions + 1) // 2
     weight = 2 / half * pixel * pixel
     views = _views(_outline(scene.vertices), half_sphere_directions(half), pixel)
-    # A small scene leaves room for more views in arrays of the smallest size.
-    at_once = max(1, min(_MAX_VIEWS, MIN_CAPACITY // (8 * len(scene.faces))))
+    # Several views of a small scene at once: each call has a cost of its own.
+    at_once = max(1, min(_MAX_VIEWS, _MAX_TRIANGLES // len(scene.faces)))
     while batch := tuple(islice(views, at_once)):
-        counted, room = _count_lines(bodies, scene=scene, views=batch, room=room)
+        counted = _count_lines(bodies, scene=scene, views=batch)
         for total, number in zip(totals, counted, strict=True):
             total += weight * number
     return totals
@@ -350,11 +337,10 @@ def sample_pair(
     scene = _concatenated(bodies)
     pixel = cone.extent / lines
     between = np.zeros((scene.count, scene.count))
-    room = (MIN_CAPACITY, MIN_CAPACITY)
     weight = 2 * (1 - cone.min_cosine) / directions * pixel * pixel
     ahead = cap_directions(cone.axis, cone.min_cosine, directions)
     for view in _views(_outline(cone.small), ahead, pixel):
-        counted, room = _count_lines(bodies, scene=scene, views=[view], room=room)
+        counted = _count_lines(bodies, scene=scene, views=[view])
         between += weight * counted.pairs
     rows, columns = (
         slice(scene.first[n], scene.first[n] + bodies[n].patches.count)

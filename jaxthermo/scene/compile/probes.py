@@ -179,7 +179,7 @@ def _bind(
         body=body.number,
         number=tuple(number.tolist()),
         address=body.address_of(node),
-        neighbour=body.address_of(rows.other[entry]),
+        neighbour=body.address_of(rows.neighbour[entry]),
         row=device_array(row.astype(np.int32)),
         weight=device_array(weight, dtype) * ratio,
         fragment=device_array(fragment.astype(np.int32)),

@@ -88,10 +88,14 @@ def assign_voxels(
     visible[: counts[0]] = True
     visible[owner[owner >= counts[0]]] = True
     if not visible.all():
-        parts = np.split(visible, np.cumsum(counts)[:-1])
-        levels = [cells[part] for cells, part in zip(levels, parts, strict=True)]
+        visible_by_level = np.split(visible, np.cumsum(counts)[:-1])
+        levels = [
+            cells[is_visible]
+            for cells, is_visible in zip(levels, visible_by_level, strict=True)
+        ]
         owner = _paint(body, levels)
-    return Assignment(owner, _assign_nearest(body, owner)), levels
+    gap = _assign_nearest(body, owner)
+    return Assignment(owner=owner, gap=gap), levels
 
 
 def _paint(
@@ -102,18 +106,20 @@ def _paint(
     owner = np.full(body.shape, -1, np.int32)
     first = sum(len(cells) for cells in levels)
     for level in reversed(range(len(levels))):
-        size, cells = 1 << level, levels[level]
+        size = 1 << level
+        cells = levels[level]
         first -= len(cells)
         number = np.arange(first, first + len(cells), dtype=np.int32)
         # As blocks, so that one index takes all voxels of a cell: [cell, x, y, z].
         shape = [n for axis in body.shape for n in (axis // size, size)]
         x, y, z = cells.T
-        at = (x, slice(None), y, slice(None), z, slice(None))
-        allowed = body.reshape(shape)[at]
-        whole = allowed.all(axis=(1, 2, 3), keepdims=True)
-        allowed &= whole | _joined_to_centre(size)
+        in_blocks = (x, slice(None), y, slice(None), z, slice(None))
+        allowed = body.reshape(shape)[in_blocks]
+        is_full = allowed.all(axis=(1, 2, 3), keepdims=True)
+        allowed &= is_full | _joined_to_centre(size)
         blocks = owner.reshape(shape)
-        blocks[at] = np.where(allowed, number[:, None, None, None], blocks[at])
+        cell_number = number[:, None, None, None]
+        blocks[in_blocks] = np.where(allowed, cell_number, blocks[in_blocks])
     return owner
 
 
@@ -131,25 +137,28 @@ def _joined_to_centre(size: int) -> Bool[np.ndarray, "s s s"]:
 def _assign_nearest(
     body: Bool[np.ndarray, "x y z"], owner: Int[np.ndarray, "x y z"]
 ) -> Int[np.ndarray, "x y z"]:
-    """Assign voxels without owner, in place, to the nearest; return the steps to it.
+    """Assign voxels without an owner to the nearest one, in place.
+
+    Returns the number of steps from each voxel to its owner.
 
     The body has an empty rim; voxels that it connects to no owner keep -1.
     """
     gap = np.zeros(body.shape, np.int16)
-    flat_owner, flat_gap = owner.reshape(-1), gap.reshape(-1)
+    flat_owner = owner.reshape(-1)
+    flat_gap = gap.reshape(-1)
     unassigned = np.flatnonzero(body & (owner < 0))
     _, y, z = body.shape
     step = 0
     while len(unassigned):
         step += 1
-        found = np.full(len(unassigned), -1, np.int32)
-        # Of several neighbours the first in lattice order decides: reproducible.
+        nearest = np.full(len(unassigned), -1, np.int32)
+        # The first neighbour in lattice order decides: results are reproducible.
         for jump in (-y * z, -z, -1, 1, z, y * z):
-            found = np.where(found < 0, flat_owner[unassigned + jump], found)
-        reached = found >= 0
+            nearest = np.where(nearest < 0, flat_owner[unassigned + jump], nearest)
+        reached = nearest >= 0
         if not reached.any():
             break
-        flat_owner[unassigned[reached]] = found[reached]
+        flat_owner[unassigned[reached]] = nearest[reached]
         flat_gap[unassigned[reached]] = step
         unassigned = unassigned[~reached]
     return gap
@@ -161,7 +170,8 @@ def voxel_owner(structure: AbstractStructure) -> Int[np.ndarray, " v"]:
     A voxel in no node, as inside a shell, is assigned to the nearest node through the
     body; one that is connected to no node keeps -1.
     """
-    node, solid = structure.voxel_node(), structure.grid.solid
+    node = structure.voxel_node()
+    solid = structure.grid.solid
     if (node >= 0).all():
         return node
     owner = np.full(np.add(solid.shape, 2), -1, np.int32)
@@ -172,8 +182,8 @@ def voxel_owner(structure: AbstractStructure) -> Int[np.ndarray, " v"]:
 
 
 def volume_within(
-    structure: AbstractStructure, chosen: Bool[np.ndarray, " v"]
+    structure: AbstractStructure, selected: Bool[np.ndarray, " v"]
 ) -> Float[np.ndarray, " n"]:
-    """Volume of the chosen solid voxels (in lattice order) of each node [m^3]."""
-    owner = np.where(chosen, voxel_owner(structure), -1)
+    """Volume of the selected solid voxels (in lattice order) of each node [m^3]."""
+    owner = np.where(selected, voxel_owner(structure), -1)
     return structure.grid.volume_of(owner, structure.node_count)

@@ -134,14 +134,14 @@ def _first_of_parts(
     """Lowest of `voxel` in each connected part of each block; -1 where empty."""
     # All blocks stacked, separated by empty planes, so that one labelling serves all.
     stack = np.pad(solid, [(0, 0), (1, 0), (0, 0), (0, 0)])
-    part = measure.label(stack.reshape(-1, *solid.shape[2:]), connectivity=1)
-    part = np.asarray(part).reshape(stack.shape)[:, 1:][solid]
+    label = measure.label(stack.reshape(-1, *solid.shape[2:]), connectivity=1)
+    label = np.asarray(label).reshape(stack.shape)[:, 1:][solid]
     index = voxel[solid]
-    lowest = np.zeros(part.max(initial=0) + 1, index.dtype)
+    lowest = np.zeros(label.max(initial=0) + 1, index.dtype)
     # Indices rise within a block: written backwards, the lowest one remains.
-    lowest[part[::-1]] = index[::-1]
+    lowest[label[::-1]] = index[::-1]
     result = np.full(solid.shape, -1, index.dtype)
-    result[solid] = lowest[part]
+    result[solid] = lowest[label]
     return result
 
 

@@ -31,21 +31,22 @@ def octree_levels(solid: Bool[np.ndarray, "x y z"], levels: int | None) -> Level
         solid: voxels of the body.
         levels: number of sizes; None for no limit.
     """
-    possible, filled = [solid], solid
+    possible = [solid]
+    filled = solid
     while levels is None or len(possible) < levels:
         filled = _halve(filled)
         inner = _with_neighbours(filled)
         if not inner.any():
             break
         possible.append(inner)
-    # Children of a cube could all be cubes: a smaller one is taken beside them alone.
-    taken = [possible[-1]]
+    # The children of a cube could all be cubes too: they are excluded.
+    chosen_levels = [possible[-1]]
     for fine, coarse in zip(possible[-2::-1], possible[:0:-1], strict=True):
         alone = fine.copy()
         for child in _children(alone, coarse.shape):
             child &= ~coarse
-        taken.append(alone)
-    return taken[::-1]
+        chosen_levels.append(alone)
+    return chosen_levels[::-1]
 
 
 def _halve(filled: Bool[np.ndarray, "x y z"]) -> Bool[np.ndarray, "u v w"]:
@@ -92,14 +93,16 @@ def build_cubes(grid: VoxelGrid, levels: Levels) -> Built:
     order = stable_order(first)
     number = np.empty(len(order), np.int32)
     number[order] = np.arange(len(order), dtype=np.int32)
-    corner, level = corner[order], level[order]
-    counts = [int(np.count_nonzero(own)) for own in levels]
-    own_numbers = np.split(number, np.cumsum(counts)[:-1])
-    labels, pairs = _linked(levels, own_numbers, level)
+    corner = corner[order]
+    level = level[order]
+    counts = [int(np.count_nonzero(cubes)) for cubes in levels]
+    numbers_by_level = np.split(number, np.cumsum(counts)[:-1])
+    labels, pairs = _linked(levels, numbers_by_level, level)
     inner = labels[1:-1, 1:-1, 1:-1]
-    volume, over_edges = 8.0**level, []
+    volume = 8.0**level
+    over_edges = []
     if grid.cut is not None:
-        over_faces, *over_edges = _of_cut(grid, inner)
+        over_faces, *over_edges = _cut_pairs(grid, inner)
         pairs.append(over_faces)
         volume += np.bincount(
             inner[tuple(grid.cut.voxel.T)], grid.cut.volume - 1, len(level)
@@ -125,103 +128,137 @@ def _corners(
     levels: Levels,
 ) -> tuple[Int[np.ndarray, "n 3"], Int[np.ndarray, " n"]]:
     """First voxel of each cube, and its level."""
-    corners, level = [], []
-    for size, own in enumerate(levels):
-        along = np.unravel_index(np.flatnonzero(own), own.shape)
+    corners = []
+    level = []
+    for size, cubes in enumerate(levels):
+        along = np.unravel_index(np.flatnonzero(cubes), cubes.shape)
         cells = [index.astype(np.int32) << size for index in along]
         corners.append(np.stack(cells, axis=1))
         level.append(np.full(len(corners[-1]), size, np.int32))
     return np.concatenate(corners), np.concatenate(level)
 
 
-_Pairs = list[
-    tuple[Int[np.ndarray, " _"], Int[np.ndarray, " _"], Float[np.ndarray, " _"]]
-]
-"""Two nodes and what they share [voxel faces]; entries of a pair add up."""
+class _Pairs(NamedTuple):
+    """Pairs of linked nodes; entries of the same pair add up."""
+
+    low: Int[np.ndarray, " _"]
+    """Node with the lower number."""
+    high: Int[np.ndarray, " _"]
+    shared: Float[np.ndarray, " _"]
+    """Shared area [voxel faces]."""
+
+    @classmethod
+    def of(
+        cls,
+        first: Int[np.ndarray, " _"],
+        second: Int[np.ndarray, " _"],
+        shared: Float[np.ndarray, " _"],
+    ) -> "_Pairs":
+        """Pairs of nodes, in either order."""
+        return cls(
+            low=np.minimum(first, second),
+            high=np.maximum(first, second),
+            shared=shared,
+        )
 
 
 def _linked(
     levels: Levels, numbers: list[Int[np.ndarray, " _"]], level: Int[np.ndarray, " n"]
-) -> tuple[Int[np.ndarray, "u v w"], _Pairs]:
+) -> tuple[Int[np.ndarray, "u v w"], list[_Pairs]]:
     """Number of each voxel's cube, with a rim of -1, and pairs that share a face."""
-    pairs, labels = [], np.full((2, 2, 2), -1, np.int32)
+    pairs = []
+    labels = np.full((2, 2, 2), -1, np.int32)
     for size in reversed(range(len(levels))):
-        own, coarse = levels[size], labels[1:-1, 1:-1, 1:-1]
-        x, y, z = (length + 2 for length in own.shape)
+        cubes = levels[size]
+        coarse = labels[1:-1, 1:-1, 1:-1]
+        x, y, z = (length + 2 for length in cubes.shape)
         labels = np.full((x, y, z), -1, np.int32)
         within = labels[1:-1, 1:-1, 1:-1]
         for child in _children(within, coarse.shape):
             child[...] = coarse
-        within[own] = numbers[size]
-        along = np.unravel_index(np.flatnonzero(own), own.shape)
+        within[cubes] = numbers[size]
+        along = np.unravel_index(np.flatnonzero(cubes), cubes.shape)
         cell = (along[0] + 1) * (y * z) + (along[1] + 1) * z + along[2] + 1
-        flat, here = labels.reshape(-1), numbers[size]
+        flat = labels.reshape(-1)
+        number = numbers[size]
         for jump in (y * z, z, 1):
-            above, below = flat[cell + jump], flat[cell - jump]
-            # Of two of one size the lower one has the link.
-            for other, is_linked in (
+            above = flat[cell + jump]
+            below = flat[cell - jump]
+            # Between cubes of one size the lower cube has the link.
+            for neighbour, is_linked in (
                 (above, above >= 0),
                 (below, (below >= 0) & (level[below] > size)),
             ):
-                at = np.flatnonzero(is_linked)
-                one, two = here[at], other[at]
-                face = np.full(len(at), 4.0**size)
-                pairs.append((np.minimum(one, two), np.maximum(one, two), face))
+                linked = np.flatnonzero(is_linked)
+                face = np.full(len(linked), 4.0**size)
+                pairs.append(_Pairs.of(number[linked], neighbour[linked], face))
     return labels, pairs
 
 
-def _of_cut(grid: VoxelGrid, labels: Int[np.ndarray, "x y z"]) -> _Pairs:
-    """Nodes of links of cut voxels, and what these have besides whole faces.
+def _cut_pairs(grid: VoxelGrid, labels: Int[np.ndarray, "x y z"]) -> list[_Pairs]:
+    """Nodes linked by cut voxels, with the areas that differ from whole faces.
 
-    Those over faces, and those over edges.
+    First the pairs over faces, then those over edges.
     """
     assert grid.cut is not None
-    found = []
+    node_pairs = []
     for is_edge in (False, True):
-        own = np.flatnonzero(grid.cut.links.over_edge == is_edge)
-        links = grid.cut.links.chosen(own)
-        one = labels[tuple(links.voxel.T)]
-        two = labels[tuple((links.voxel + links.step).T)]
-        apart = np.flatnonzero(one != two)
-        # What conducts over an edge does so over the distance of its two voxels.
+        selected = np.flatnonzero(grid.cut.links.over_edge == is_edge)
+        links = grid.cut.links.selected(selected)
+        first = labels[tuple(links.voxel.T)]
+        second = labels[tuple((links.voxel + links.step).T)]
+        apart = np.flatnonzero(first != second)
+        # Conduction over an edge acts over the distance of its two voxels.
         shared = links.extra[apart] * (np.sqrt(2) if is_edge else 1.0)
-        ends = np.minimum(one, two)[apart], np.maximum(one, two)[apart]
-        found.append((*ends, shared))
-    return found
+        node_pairs.append(_Pairs.of(first[apart], second[apart], shared))
+    return node_pairs
 
 
 def _links(
-    pairs: _Pairs,
-    over_edges: _Pairs,
+    pairs: list[_Pairs],
+    over_edges: list[_Pairs],
     centre: Float[np.ndarray, "n 3"],
     level: Int[np.ndarray, " n"],
     pitch: float,
 ) -> Links:
     """Sorted links; centres in voxels, the pitch in m."""
-    every, size = zip(*pairs, *over_edges, strict=True), len(level)
-    src, dst, shared = (np.concatenate(column) for column in every)
+    size = len(level)
+    src, dst, shared = (
+        np.concatenate(column) for column in zip(*pairs, *over_edges, strict=True)
+    )
     table = csr_array((shared, (src, dst)), (size, size))
     del src, dst, shared
     table.sum_duplicates()
     src = np.repeat(np.arange(size, dtype=np.int32), np.diff(table.indptr))
-    dst, area = table.indices.astype(np.int32, copy=False), table.data
+    dst = table.indices.astype(np.int32, copy=False)
+    area = table.data
     # Cubes of one size over a face meet in the middle; all others are few.
     levels = level.astype(np.int8)
-    sides = levels[src], levels[dst]
-    others = np.flatnonzero(sides[0] != sides[1])
+    src_level = levels[src]
+    dst_level = levels[dst]
+    unequal = np.flatnonzero(src_level != dst_level)
     if over_edges:
-        one, two, _ = (
-            np.concatenate(column) for column in zip(*over_edges, strict=True)
-        )
+        low = np.concatenate([pair.low for pair in over_edges])
+        high = np.concatenate([pair.high for pair in over_edges])
         key = src.astype(np.int64) * size + dst
-        at = np.searchsorted(key, np.sort(one.astype(np.int64) * size + two))
-        others = sorted_union(others, at)
+        edge_key = np.sort(low.astype(np.int64) * size + high)
+        unequal = sorted_union(unequal, np.searchsorted(key, edge_key))
     half = 2.0 ** np.arange(level.max() + 1) * (pitch / 2)
-    distance = np.stack([half[side] for side in sides])
-    own = src[others], dst[others]
-    distance[:, others] = _distances(*own, centre, level) * pitch
+    distance_src = half[src_level]
+    distance_dst = half[dst_level]
+    to_src, to_dst = _distances(
+        src[unequal], dst=dst[unequal], centre=centre, level=level
+    )
+    distance_src[unequal] = to_src * pitch
+    distance_dst[unequal] = to_dst * pitch
     area *= pitch**2
-    return Links(src, dst, area, *distance)
+    return Links(
+        src=src,
+        dst=dst,
+        area=area,
+        distance_src=distance_src,
+        distance_dst=distance_dst,
+    )
 
 
 def _distances(
@@ -235,7 +272,7 @@ def _distances(
     normal = halves[0] + halves[1]
     step = (centre.take(dst, axis=0) - centre.take(src, axis=0)).T
     straight = np.sqrt(np.square(step).sum(axis=0))
-    # Cubes that share a face lie beside each other along one axis, over an edge two.
+    # Cubes that share a face are neighbours along one axis, over an edge along two.
     over_edge = (np.abs(step) == normal).sum(axis=0) > 1
-    whole = halves * (link_distance(normal, straight) / normal)
-    return np.where(over_edge, straight / 2, whole)
+    to_face = halves * (link_distance(normal, straight) / normal)
+    return np.where(over_edge, straight / 2, to_face)

@@ -54,12 +54,12 @@ def block_links(
     Centres are in voxels from the corner of the lattice, the pitch in metres. Faces of
     cut voxels count with their open areas.
     """
-    side, plane, share = _shared_faces(labels, len(centre), cut)
+    side, plane, share = _shared_faces(labels, count=len(centre), cut=cut)
     # Chunks end between pairs: the faces of a pair are summed in one of them.
     begin = np.searchsorted(side, side[::_CHUNK_FACES] // 6 * 6)
     begin = np.union1d(0, begin)
     end = np.append(begin[1:], len(side))
-    parts = [
+    chunks = [
         _links(
             side[i:j],
             plane=plane[i:j],
@@ -68,7 +68,7 @@ def block_links(
         )
         for i, j in zip(begin, end, strict=True)
     ]
-    links = Links(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+    links = joined_links(chunks)
     links = links._replace(area=links.area * pitch**2).lengthened(pitch)
     if cut is None:
         return links
@@ -84,54 +84,73 @@ def _with_links_over_edges(
     centre: Float[np.ndarray, "n 3"],
     pitch: float,
 ) -> Links:
-    """Add what voxels conduct over edges that they share; centres and pitch in m."""
-    over = cut.links.chosen(np.flatnonzero(cut.links.over_edge))
+    """Add conduction between voxels that share only an edge; lengths in m."""
+    over = cut.links.selected(np.flatnonzero(cut.links.over_edge))
     ends = [labels[tuple(cell.T)] for cell in (over.voxel, over.voxel + over.step)]
-    first, second = np.minimum(*ends), np.maximum(*ends)
+    first = np.minimum(*ends)
+    second = np.maximum(*ends)
     apart = np.flatnonzero((first >= 0) & (first < second))
     key = first[apart].astype(np.int64) * len(centre) + second[apart]
-    key, own = np.unique(key, return_inverse=True)
-    # As a face of their own, over the distance of the two voxels.
-    area = np.bincount(own.reshape(-1), over.extra[apart], len(key))
+    key, pair_of_link = np.unique(key, return_inverse=True)
+    # Like a face, over the distance of the two voxels.
+    area = np.bincount(pair_of_link.reshape(-1), over.extra[apart], len(key))
     area = np.sqrt(2) * pitch**2 * area
     src, dst = np.divmod(key, len(centre))
     half = np.linalg.norm(centre[dst] - centre[src], axis=1) / 2
     present = links.src.astype(np.int64) * len(centre) + links.dst
-    at = np.searchsorted(present, key)
-    known = np.append(present, -1)[at] == key
-    links.area[at[known]] += area[known]
-    new = (src.astype(np.int32), dst.astype(np.int32), area, half, half)
-    pairs = zip(links, new, strict=True)
-    every = [np.concatenate([old, more[~known]]) for old, more in pairs]
-    order = np.argsort(np.concatenate([present, key[~known]]), kind="stable")
-    return Links(*(column[order] for column in every))
+    link = np.searchsorted(present, key)
+    is_present = np.append(present, -1)[link] == key
+    links.area[link[is_present]] += area[is_present]
+    added = Links(
+        src=src.astype(np.int32),
+        dst=dst.astype(np.int32),
+        area=area,
+        distance_src=half,
+        distance_dst=half,
+    ).selected(~is_present)
+    order = np.argsort(np.concatenate([present, key[~is_present]]), kind="stable")
+    return joined_links([links, added]).selected(order)
+
+
+def joined_links(links: list[Links]) -> Links:
+    """All links of a list, one after the other."""
+    return Links(*(np.concatenate(column) for column in zip(*links, strict=True)))
+
+
+class _SharedFaces(NamedTuple):
+    """Voxel faces between different groups, sorted by `side`."""
+
+    side: Int[np.ndarray, " k"]
+    """Key 6 (src n + dst) + 2 axis + (1 if dst is the upper one)."""
+    plane: Int[np.ndarray, " k"]
+    """Plane of the face across its axis."""
+    share: Float[np.ndarray, " k"] | None
+    """Open area [voxel faces]; None without cut voxels, where every face is open."""
 
 
 def _shared_faces(
     labels: Int[np.ndarray, "x y z"], count: int, cut: CutVoxels | None
-) -> tuple[
-    Int[np.ndarray, " k"], Int[np.ndarray, " k"], Float[np.ndarray, " k"] | None
-]:
-    """Sorted keys of all faces between different groups, their planes and open areas.
-
-    The key is 6 (src n + dst) + 2 axis + (1 if dst is the upper one). Without cut
-    voxels every face is open as a whole.
-    """
+) -> _SharedFaces:
     # One more voxel at the upper ends, so that the next along an axis always exists.
     padded = np.pad(labels, (0, 1), constant_values=-1)
-    flat, shape = padded.reshape(-1), padded.shape
-    sides, planes, shares = [], [], []
+    flat = padded.reshape(-1)
+    shape = padded.shape
+    sides = []
+    planes = []
+    shares = []
     for axis in range(3):
         jump = int(np.prod(shape[axis + 1 :]))
-        below, above = flat[:-jump], flat[jump:]
+        below = flat[:-jump]
+        above = flat[jump:]
         shared = below != above
         shared &= below >= 0
         shared &= above >= 0
-        here = np.flatnonzero(shared)
-        below, above = below[here], above[here]
-        planes.append((here // jump % shape[axis] + 1).astype(np.int32))
+        face = np.flatnonzero(shared)
+        below = below[face]
+        above = above[face]
+        planes.append((face // jump % shape[axis] + 1).astype(np.int32))
         if cut is not None:
-            shares.append(cut.links.open_across(here, shape, axis))
+            shares.append(cut.links.open_across(face, shape, axis))
         # In place: these arrays are among the largest of the build.
         side = np.minimum(below, above).astype(np.int64)
         side *= count
@@ -139,13 +158,15 @@ def _shared_faces(
         side *= 6
         side += 2 * axis + (below < above)
         sides.append(side)
-        del here, below, above, shared
+        del face, below, above, shared
     side = np.concatenate(sides)
     del sides, padded, flat
     # Nearly sorted where groups are small: a stable sort merges the runs.
     order = np.argsort(side, kind="stable")
     share = None if cut is None else np.concatenate(shares)[order]
-    return side[order], np.concatenate(planes)[order], share
+    return _SharedFaces(
+        side=side[order], plane=np.concatenate(planes)[order], share=share
+    )
 
 
 def _links(
@@ -164,7 +185,8 @@ def _links(
     side = side[start]
     pair, face = np.divmod(side, 6)
     src, dst = np.divmod(pair, len(centre))
-    axis, sign = face // 2, face % 2 * 2 - 1
+    axis = face // 2
+    sign = face % 2 * 2 - 1
     to_src = np.maximum(sign * (mean_plane - centre[src, axis]), _MIN_DISTANCE)
     to_dst = np.maximum(sign * (centre[dst, axis] - mean_plane), _MIN_DISTANCE)
 
@@ -172,7 +194,8 @@ def _links(
     squares = np.add.reduceat(faces, on_axis) ** 2.0
     area = np.sqrt(np.add.reduceat(squares, _starts(pair[on_axis])))
     start = _starts(pair)
-    src, dst = src[start], dst[start]
+    src = src[start]
+    dst = dst[start]
     to_src = np.add.reduceat(faces * to_src, start) / area
     to_dst = np.add.reduceat(faces * to_dst, start) / area
     normal = to_src + to_dst
@@ -205,10 +228,10 @@ def voxel_links(
     flat = padded.reshape(-1)
     voxel = np.flatnonzero(flat >= 0)
     # Along z, y and x, so that neighbours come in rising order and links are sorted.
-    after = np.stack([flat[voxel + jump] for jump in (1, z, y * z)], axis=1)
-    linked = after >= 0
+    next_node = np.stack([flat[voxel + jump] for jump in (1, z, y * z)], axis=1)
+    linked = next_node >= 0
     node = np.arange(len(voxel), dtype=np.int32)
-    dst = after[linked]
+    dst = next_node[linked]
     half = np.full(len(dst), pitch / 2)
     src = np.repeat(node, np.count_nonzero(linked, axis=1))
     area = np.full(len(dst), pitch**2)
@@ -216,11 +239,11 @@ def voxel_links(
     if cut is None:
         return links
     for axis, column in enumerate((2, 1, 0)):
-        here = np.flatnonzero(linked[:, column])
-        opened = cut.links.open_across(voxel[here], padded.shape, axis)
+        row = np.flatnonzero(linked[:, column])
+        opened = cut.links.open_across(voxel[row], padded.shape, axis)
         # Links of a node come in the order of these columns.
-        place = np.cumsum(linked.reshape(-1)).reshape(linked.shape)[:, column] - 1
-        links.area[place[here]] *= opened
+        link_of_row = np.cumsum(linked.reshape(-1)).reshape(linked.shape)[:, column] - 1
+        links.area[link_of_row[row]] *= opened
     centre = np.argwhere(labels >= 0) * pitch
     return _with_links_over_edges(
         links, cut=cut, labels=labels, centre=centre, pitch=pitch
@@ -247,29 +270,31 @@ class NonOrthogonalLinks(NamedTuple):
 
 def non_orthogonal_links(structure: AbstractStructure) -> NonOrthogonalLinks:
     """Find the links of a structure that need the non-orthogonal correction."""
-    links, location = structure.links(), structure.nodes().location
+    links = structure.links()
+    location = structure.nodes().location
     normal = _face_normals(structure)
     step = location[links.dst] - location[links.src]
     straight = np.linalg.norm(step, axis=1)
     across = np.einsum("ei,ei->e", step, normal)
     across = np.maximum(across, _MIN_NORMAL_FRACTION * straight)
-    # What is missing to the minimum goes to s, so that d = (n . d) n + s still holds.
+    # s includes what n . d lacks to the minimum, so that d = (n . d) n + s still holds.
     offset = step - across[:, None] * normal
     displaced = np.linalg.norm(offset, axis=1) > _MIN_OFFSET * straight
     link = np.flatnonzero(displaced & normal.any(axis=1))
     ratio = np.ones(len(step))
     ratio[link] = (link_distance(across, straight) / across)[link]
-    return NonOrthogonalLinks(link, offset[link], ratio)
+    return NonOrthogonalLinks(link=link, offset=offset[link], length_ratio=ratio)
 
 
 def link_axes(structure: AbstractStructure) -> Float[np.ndarray, "e 3"]:
     """Squared direction cosines of each link, sum 1.
 
-    The direction is the normal of the shared voxel faces; of nodes that share none, as
-    voxels over an edge, the line from centre to centre.
+    The direction is the normal of the shared voxel faces, or the line from centre to
+    centre of nodes that share none, such as voxels over an edge.
     """
     upward, downward = _face_counts(structure)
-    across, links = upward + downward, structure.links()
+    across = upward + downward
+    links = structure.links()
     centre = structure.nodes().centre
     step = centre[links.dst] - centre[links.src]
     across = np.where(across.any(axis=1, keepdims=True), across, step)
@@ -290,19 +315,24 @@ def _face_normals(structure: AbstractStructure) -> Float[np.ndarray, "e 3"]:
 
 def _face_counts(structure):
     """Shared voxel faces of every link along x, y, z, with `dst` above and below."""
-    links, count = structure.links(), structure.node_count
-    pair = lambda a, b: np.minimum(a, b).astype(np.int64) * count + np.maximum(a, b)
-    key = pair(links.src, links.dst)
+    links = structure.links()
+    count = structure.node_count
+
+    def pair_key(first, second):
+        low = np.minimum(first, second).astype(np.int64)
+        return low * count + np.maximum(first, second)
+
+    key = pair_key(links.src, links.dst)
     order = np.argsort(key, kind="stable")
     # One more entry, so that a key beyond the last finds one.
     ranked = np.append(key[order], -1)
     upward, downward = np.zeros((2, len(key), 3))
     for axis, (below, above) in enumerate(_faces_between_nodes(structure)):
-        face = pair(below, above)
+        face = pair_key(below, above)
         index = np.searchsorted(ranked[:-1], face)
-        found = ranked[index] == face
-        link = order[index[found]]
-        rises = links.src[link] == below[found]
+        is_linked = ranked[index] == face
+        link = order[index[is_linked]]
+        rises = links.src[link] == below[is_linked]
         upward[:, axis] = np.bincount(link[rises], minlength=len(key))
         downward[:, axis] = np.bincount(link[~rises], minlength=len(key))
     return upward, downward
@@ -315,6 +345,7 @@ def _faces_between_nodes(structure):
     node[solid] = structure.voxel_node()
     for axis in range(3):
         line = np.moveaxis(node, axis, 0)
-        below, above = line[:-1], line[1:]
+        below = line[:-1]
+        above = line[1:]
         shared = (below != above) & (below >= 0) & (above >= 0)
         yield below[shared], above[shared]

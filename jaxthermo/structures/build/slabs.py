@@ -19,7 +19,7 @@ from ...voxels.grid import VoxelGrid
 from ...voxels.lattice import Lattice
 from ..structure import Built, Links, Nodes
 from .blocks import block_parts, build_blocks
-from .links import block_links
+from .links import block_links, joined_links
 
 
 # Cells of a slab: larger ones are no faster.
@@ -28,10 +28,12 @@ _SLAB_CELLS = 2**23
 # Peak of the build, measured with a ball and up to 1000-high voxels of a statue:
 # labels, parts and faces of a slab, for each cell and solid voxel, and its fragments;
 # the node of every voxel, while slabs are joined; nodes with their links.
-_SLAB_BYTES, _BYTES_PER_FRAGMENT = (22, 20), 130
-# The same with volumes and open areas of cut voxels.
+_SLAB_BYTES = (22, 20)
+_BYTES_PER_FRAGMENT = 130
+# Peak of the slabs of a grid with cut voxels, whose volumes and open areas count too.
 _CUT_SLAB_BYTES = 38, 72
-_BYTES_PER_VOXEL, _BYTES_PER_NODE = 6, 450
+_BYTES_PER_VOXEL = 6
+_BYTES_PER_NODE = 450
 
 
 def _block_slabs(shape: tuple[int, ...], factor: int) -> Iterator[slice]:
@@ -77,54 +79,75 @@ def build_slabs(
     nodes = grid.solid_count / factor**3 + surface_nodes
     task = f"building a structure of {grid.solid_count} voxels"
     require_memory(_bytes(grid, factor, nodes), task, "use a coarser pitch")
-    starts, parts, between = [], [], []
+    starts = []
+    slabs = []
+    between = []
     below = None
     for planes in _block_slabs(grid.solid.shape, factor):
         labels, level = slab_of(planes)
         starts.append(planes.start)
-        parts.append(build_blocks(_within(grid, planes), labels, level))
+        slabs.append(build_blocks(_within(grid, planes), labels, level))
         if below is not None:
-            ends = np.stack([below, labels[0]])
-            between.append(_links_between(grid, planes.start, ends, *parts[-2:]))
-        # A copy: the other planes are not needed any more.
+            links = _links_between(
+                grid,
+                start=planes.start,
+                ends=np.stack([below, labels[0]]),
+                low=slabs[-2],
+                high=slabs[-1],
+            )
+            between.append(links)
+        # A copy, so that the other planes are freed.
         below = labels[-1].copy()
-    return (
-        parts[0]
-        if len(parts) == 1
-        else _joined(grid, starts=starts, parts=parts, between=between)
-    )
+    if len(slabs) == 1:
+        return slabs[0]
+    return _joined(grid, starts=starts, slabs=slabs, between=between)
 
 
 def _bytes(grid: VoxelGrid, factor: int, nodes: float) -> int:
     """Estimate of the peak memory of a build, besides the grid's own [bytes]."""
-    largest, total = 0, 0
+    largest = 0
+    total = 0
     per_cell, per_voxel = _SLAB_BYTES if grid.cut is None else _CUT_SLAB_BYTES
     for planes in _block_slabs(grid.solid.shape, factor):
         solid = grid.solid[planes]
-        voxels, total = np.count_nonzero(solid), total + 1
+        voxels = np.count_nonzero(solid)
+        total += 1
         largest = max(largest, per_cell * solid.size + per_voxel * voxels)
     fragments = _BYTES_PER_FRAGMENT * len(grid.fragment_area) / total
-    own = _BYTES_PER_VOXEL * grid.solid_count + _BYTES_PER_NODE * nodes
-    return int(largest + fragments + own)
+    joined = _BYTES_PER_VOXEL * grid.solid_count + _BYTES_PER_NODE * nodes
+    return int(largest + fragments + joined)
 
 
 def _within(grid: VoxelGrid, planes: slice) -> VoxelGrid:
     """Planes of a grid, with their fragments."""
     if planes.stop - planes.start == grid.lattice.shape[0]:
         return grid
-    start, shape = planes.start, (planes.stop - planes.start, *grid.lattice.shape[1:])
+    start = planes.start
+    shape = (planes.stop - start, *grid.lattice.shape[1:])
     corner = grid.lattice.origin + np.array([start, 0, 0]) * grid.pitch
     x = grid.fragment_voxel[:, 0]
-    chosen = (x >= start) & (x < planes.stop)
+    is_within = (x >= start) & (x < planes.stop)
     arrays = ["position", "normal", "area", "voxel", "axis", "layer"]
     names = [f"fragment_{name}" for name in arrays]
     cut = None
     if grid.cut is not None:
-        names, cut = [*names, "fragment_depth"], grid.cut.within(planes)
-    own: dict[str, Any] = {name: getattr(grid, name)[chosen] for name in names}
-    own["fragment_voxel"] = own["fragment_voxel"] - [start, 0, 0]
-    lattice = Lattice(shape, corner, grid.pitch)
-    return replace(grid, lattice=lattice, solid=grid.solid[planes], cut=cut, **own)
+        names = [*names, "fragment_depth"]
+        cut = grid.cut.within(planes)
+    fragment_arrays: dict[str, Any] = {
+        name: getattr(grid, name)[is_within] for name in names
+    }
+    fragment_arrays["fragment_voxel"] = fragment_arrays["fragment_voxel"] - [
+        start,
+        0,
+        0,
+    ]
+    return replace(
+        grid,
+        lattice=Lattice(shape=shape, origin=corner, pitch=grid.pitch),
+        solid=grid.solid[planes],
+        cut=cut,
+        **fragment_arrays,
+    )
 
 
 def _links_between(
@@ -143,35 +166,38 @@ def _links_between(
     links = block_links(
         labels, centre=(centre - corner) / grid.pitch, pitch=grid.pitch, cut=cut
     )
-    # Faces within one of the two planes belong to links of its own slab.
-    across = (links.src < count) & (links.dst >= count)
-    kept = Links(*(array[across] for array in links))
-    return kept._replace(dst=kept.dst - np.int32(count))
+    # Faces within one of the two planes belong to the links of its slab.
+    crossing = links.selected((links.src < count) & (links.dst >= count))
+    return crossing._replace(dst=crossing.dst - np.int32(count))
 
 
 def _joined(
-    grid: VoxelGrid, starts: list[int], parts: list[Built], between: list[Links]
+    grid: VoxelGrid, starts: list[int], slabs: list[Built], between: list[Links]
 ) -> Built:
-    counts = [len(part.nodes.volume) for part in parts]
+    counts = [len(built.nodes.volume) for built in slabs]
     first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
-    own = zip(parts, first[:-1], strict=True)
-    links = [_numbered_from(part.links, start, start) for part, start in own]
-    ends = zip(between, first[:-2], first[1:-1], strict=True)
-    links += [_numbered_from(each, low, high) for each, low, high in ends]
-    every = [np.concatenate(each) for each in zip(*links, strict=True)]
-    order = np.lexsort([every[1], every[0]])
-    nodes = zip(*(part.nodes for part in parts), strict=True)
+    links = [
+        _numbered_from(built.links, src=start, dst=start)
+        for built, start in zip(slabs, first[:-1], strict=True)
+    ]
+    links += [
+        _numbered_from(crossing, src=low, dst=high)
+        for crossing, low, high in zip(between, first[:-2], first[1:-1], strict=True)
+    ]
+    links = joined_links(links)
+    order = np.lexsort([links.dst, links.src])
+    nodes = zip(*(built.nodes for built in slabs), strict=True)
     # Fragments keep their order within a slab.
     slab = np.searchsorted(starts, grid.fragment_voxel[:, 0], side="right") - 1
     fragment_node = np.zeros(len(slab), np.int32)
     fragment_node[np.argsort(slab, kind="stable")] = _numbers(
-        [part.fragment_node for part in parts], first
+        [built.fragment_node for built in slabs], first
     )
     return Built(
-        nodes=Nodes(*(np.concatenate(each) for each in nodes)),
-        links=Links(*(array[order] for array in every)),
+        nodes=Nodes(*(np.concatenate(column) for column in nodes)),
+        links=links.selected(order),
         fragment_node=fragment_node,
-        voxel_node=_numbers([part.voxel_node for part in parts], first),
+        voxel_node=_numbers([built.voxel_node for built in slabs], first),
     )
 
 
@@ -180,12 +206,12 @@ def _numbered_from(links: Links, src: np.int32, dst: np.int32) -> Links:
 
 
 def _numbers(
-    parts: list[Int[np.ndarray, " _"]], first: Int[np.ndarray, " _"]
+    nodes_by_slab: list[Int[np.ndarray, " _"]], first: Int[np.ndarray, " _"]
 ) -> Int[np.ndarray, " _"]:
-    """Nodes of all slabs in one array, from the nodes of each; -1 stays."""
-    numbers = np.concatenate(parts)
-    ends = np.cumsum([len(part) for part in parts])
-    # Views: with ten million voxels copies would be the largest arrays.
-    for own, number in zip(np.split(numbers, ends[:-1]), first[:-1], strict=True):
-        own[own >= 0] += number
+    """Nodes of all slabs in one array, from the nodes in each slab; -1 stays."""
+    numbers = np.concatenate(nodes_by_slab)
+    ends = np.cumsum([len(nodes) for nodes in nodes_by_slab])
+    # Views: copies would be the largest arrays of a large body.
+    for nodes, number in zip(np.split(numbers, ends[:-1]), first[:-1], strict=True):
+        nodes[nodes >= 0] += number
     return numbers

@@ -25,10 +25,11 @@ _DENSE = 0.5
 class FullVolume(AbstractStructure):
     """Every solid voxel, linked to its six neighbours; the reference for all others.
 
-    It runs as a masked stencil over the bounding box, where that is sparse in sections
-    in a smaller one (`PackedLattice`); with `sections=False` over the box; or, with
-    `stencil=False`, as sorted links: slower, but equal to rounding, and the references.
-    A run on several devices has a section on each (`ShardedLattice`).
+    It runs as a masked stencil over the bounding box or, where that is sparse, over a
+    smaller box with sections of the body (`PackedLattice`). With `sections=False` it
+    always runs over the bounding box, with `stencil=False` as sorted links: slower, but
+    equal to rounding, these are the references. A run on several devices has a section
+    on each (`ShardedLattice`).
 
     With `kernels="numba"` explicit steps of one material on a CPU are loops over the
     solid voxels alone, which numba compiles (extra `native`): equal to rounding.
@@ -73,8 +74,10 @@ class FullVolume(AbstractStructure):
         """Sections of the body on several devices, where it is on more than one."""
         if self.devices == 1:
             return None
-        lattice = lambda: sharded_lattice(self.grid.solid, self.devices)
-        return self.found("sharded_lattice", lattice)
+        return self.found(
+            "sharded_lattice",
+            find=lambda: sharded_lattice(self.grid.solid, self.devices),
+        )
 
     @property
     def _layout(self) -> PackedLattice | ShardedLattice | None:
@@ -100,8 +103,8 @@ class FullVolume(AbstractStructure):
         # A solve stores half a dozen arrays, as long as the box for a stencil.
         # Only lattices are sharded.
         is_list = self._is_sparse and self.devices == 1
-        own = self if self.kernels is None else replace(self, kernels=None)
-        return replace(own, stencil=False) if is_list else own
+        structure = self if self.kernels is None else replace(self, kernels=None)
+        return replace(structure, stencil=False) if is_list else structure
 
     @property
     @override
@@ -150,22 +153,24 @@ class FullVolume(AbstractStructure):
         return self.found("fragment_node", self._fragment_node)
 
     def _fragment_node(self) -> Int[np.ndarray, " s"]:
-        solid, voxel = self.grid.solid, self.grid.fragment_voxel
+        solid = self.grid.solid
+        voxel = self.grid.fragment_voxel
         number = np.zeros(len(voxel), np.int32)
-        for x, first, own in self._by_plane(voxel[:, 0]):
-            # Counted plane by plane: numbers of all voxels take four times the solid.
+        for x, first, in_plane in self._by_plane(voxel[:, 0]):
+            # Counted plane by plane: numbers of all voxels need four times as much
+            # memory as the solid.
             count = np.cumsum(solid[x], dtype=np.int32).reshape(solid[x].shape)
-            number[own] = first + count[tuple(voxel[own, 1:].T)] - 1
+            number[in_plane] = first + count[tuple(voxel[in_plane, 1:].T)] - 1
         return number
 
     def _by_plane(self, x: Int[np.ndarray, " m"]) -> Iterator[tuple[int, int, Any]]:
-        """Planes of voxels by their x, each with its first node and these voxels."""
+        """Planes with voxels: x, the first node, and the indices of these voxels."""
         first = self._first_nodes()
         order = np.argsort(x, kind="stable")
         ends = np.searchsorted(x[order], np.arange(len(first)))
         for plane in np.flatnonzero(np.diff(ends)):
-            own = order[ends[plane] : ends[plane + 1]]
-            yield int(plane), int(first[plane]), own
+            in_plane = order[ends[plane] : ends[plane + 1]]
+            yield int(plane), int(first[plane]), in_plane
 
     @override
     def voxel_node(self) -> Int[np.ndarray, " v"]:
@@ -204,18 +209,20 @@ class FullVolume(AbstractStructure):
             return (nodes.astype(np.int32),)
         plane = np.searchsorted(self._first_nodes(), nodes, side="right") - 1
         address = tuple(np.zeros(len(nodes), np.int32) for _ in range(3))
-        for x, before, own in self._by_plane(plane.astype(np.int32)):
-            within = np.flatnonzero(self.grid.solid[x])[nodes[own] - before]
+        for x, first, in_plane in self._by_plane(plane.astype(np.int32)):
+            within = np.flatnonzero(self.grid.solid[x])[nodes[in_plane] - first]
             y, z = np.divmod(within, self.grid.solid.shape[2])
-            found = self.address_of_voxels(np.stack([np.full_like(y, x), y, z], axis=1))
-            for index, at in zip(address, found, strict=True):
-                index[own] = at
+            indices = self.address_of_voxels(
+                np.stack([np.full_like(y, x), y, z], axis=1)
+            )
+            for index, at in zip(address, indices, strict=True):
+                index[in_plane] = at
         return address
 
     def address_of_voxels(
         self, voxel: Int[np.ndarray, "m 3"]
     ) -> tuple[Int[np.ndarray, " m"], ...]:
-        """Indices of some solid voxels in the state of a stencil."""
+        """Indices of solid voxels in the state of a stencil."""
         layout = self._layout
         cells = voxel if layout is None else layout.cells(voxel)
         # The rim of one cell.
@@ -227,14 +234,15 @@ class FullVolume(AbstractStructure):
     ) -> Shaped[np.ndarray, " n"]:
         if not self.runs_as_stencil:
             return state
-        found = [state[address] for address in self._planes(sections)]
-        return np.concatenate([np.zeros(0, state.dtype), *found])
+        planes = [state[address] for address in self._planes(sections)]
+        return np.concatenate([np.zeros(0, state.dtype), *planes])
 
     @override
     def state_of(self, values: Shaped[np.ndarray, " n"]) -> Shaped[np.ndarray, "..."]:
         if not self.runs_as_stencil:
             return values
-        state, first = np.zeros(self.state_shape, values.dtype), 0
+        state = np.zeros(self.state_shape, values.dtype)
+        first = 0
         for address in self._planes():
             last = first + len(address[0])
             state[address] = values[first:last]
@@ -244,29 +252,31 @@ class FullVolume(AbstractStructure):
     def _planes(
         self, sections: range | None = None
     ) -> Iterator[tuple[np.ndarray, ...]]:
-        """Place of the nodes of each plane across the longest axis in a state.
+        """Addresses in a state of the nodes of each plane across the longest axis.
 
-        In one of some sections alone, if these are given.
+        If `sections` is not None, the state has only these sections.
         """
-        # Addresses of all nodes at once would take three times the state.
-        solid, sharded, before = self.grid.solid, self.sharded, 0
+        # Addresses of all nodes at once would need three times the memory of the state.
+        solid = self.grid.solid
+        sharded = self.sharded
+        first_plane = 0
         axes = cut_axes(solid.shape)
         planes = range(solid.shape[axes[0]])
         if sections is not None and sharded is not None:
             planes = planes[
                 sections.start * sharded.thickness : sections.stop * sharded.thickness
             ]
-            before = sections.start * (sharded.thickness + 2)
+            first_plane = sections.start * (sharded.thickness + 2)
         for plane in planes:
-            found = np.nonzero(solid.transpose(axes)[plane])
-            voxel = np.empty((len(found[0]), 3), np.int32)
-            for axis, own in zip(axes, (plane, *found), strict=True):
-                voxel[:, axis] = own
+            cells = np.nonzero(solid.transpose(axes)[plane])
+            voxel = np.empty((len(cells[0]), 3), np.int32)
+            for axis, index in zip(axes, (plane, *cells), strict=True):
+                voxel[:, axis] = index
             x, y, z = self.address_of_voxels(voxel)
-            yield x - before, y, z
+            yield x - first_plane, y, z
 
     def _first_nodes(self) -> Int[np.ndarray, " p"]:
-        """Number of the first node of each plane across x, and that of all nodes."""
+        """Number of the first node of each plane across x; last, of all nodes."""
 
         def find() -> Int[np.ndarray, " p"]:
             count = np.count_nonzero(self.grid.solid, axis=(1, 2))

@@ -94,8 +94,12 @@ def _build_shell_over_core(grid: VoxelGrid, layers: int, factor: int) -> Built:
     fine = voxel_layers(grid, layers) >= 0
     factor = min(factor, max(grid.solid.shape))
     surface = len(grid.fragment_area) * layers
-    own = lambda x: _shell_and_core(grid.solid[x], fine[x], factor)
-    return build_slabs(grid, factor=factor, surface_nodes=surface, slab_of=own)
+    return build_slabs(
+        grid,
+        factor=factor,
+        surface_nodes=surface,
+        slab_of=lambda x: _shell_and_core(grid.solid[x], fine[x], factor),
+    )
 
 
 def _shell_and_core(
@@ -105,7 +109,7 @@ def _shell_and_core(
     # Single voxels are their own first voxel.
     voxel[fine] = np.flatnonzero(fine)
     labels, first = number_by_first_voxel(voxel)
-    return Slab(labels, ~fine.reshape(-1)[first] * 1)
+    return Slab(labels=labels, level=~fine.reshape(-1)[first] * 1)
 
 
 class Octree(AbstractBuiltStructure):
@@ -171,21 +175,22 @@ class Partition(AbstractBuiltStructure):
 def _checked_labels(grid: VoxelGrid, labels: Any) -> Int[np.ndarray, "x y z"]:
     """Validate the labels; -1 where the voxel is empty or left out."""
     try:
-        given = np.asarray(labels)
+        values = np.asarray(labels)
     except ValueError:
         raise InputError("Partition(labels=): give an array of integers") from None
-    if not np.issubdtype(given.dtype, np.integer):
+    if not np.issubdtype(values.dtype, np.integer):
         raise InputError(
-            f"Partition(labels=): {given.dtype} values cannot name nodes: give integers"
+            f"Partition(labels=): {values.dtype} values cannot name nodes: "
+            "give integers"
         )
-    if given.shape != grid.solid.shape:
+    if values.shape != grid.solid.shape:
         raise InputError(
-            f"Partition(labels=): shape {given.shape} is not that of the grid's "
+            f"Partition(labels=): shape {values.shape} is not that of the grid's "
             f"lattice: give one label a voxel, {grid.solid.shape}"
         )
-    if given.max() > np.iinfo(np.int64).max:
+    if values.max() > np.iinfo(np.int64).max:
         raise InputError("Partition(labels=): give labels below 2^63")
-    checked = np.where(grid.solid & (given >= 0), given.astype(np.int64), -1)
+    checked = np.where(grid.solid & (values >= 0), values.astype(np.int64), -1)
     if checked.max() < 0:
         raise InputError("Partition(labels=): no solid voxel has a label of at least 0")
     uncovered = grid.fragment_voxel[checked[tuple(grid.fragment_voxel.T)] < 0]
@@ -201,8 +206,8 @@ def _checked_labels(grid: VoxelGrid, labels: Any) -> Int[np.ndarray, "x y z"]:
 def _build_partition(grid: VoxelGrid, labels: Int[np.ndarray, "x y z"]) -> Built:
     flat = labels.reshape(-1)
     covered = np.flatnonzero(flat >= 0)
-    found, group = np.unique(flat[covered], return_inverse=True)
-    first = np.zeros(len(found), index_type(labels.shape))
+    distinct, group = np.unique(flat[covered], return_inverse=True)
+    first = np.zeros(len(distinct), index_type(labels.shape))
     # Written backwards, the first voxel of each label remains.
     first[group[::-1]] = covered[::-1]
     voxel = np.full(flat.shape, -1, first.dtype)

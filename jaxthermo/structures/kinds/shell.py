@@ -95,11 +95,11 @@ class _Coverage(NamedTuple):
     """Volumes relative to the body: cells have 1 + overlap - crack + outside."""
 
     overlap: float
-    """Covered more than once, each further time counted [-]."""
+    """Volume that cells cover more than once, with its multiplicity less one [-]."""
     crack: float
-    """Covered by no cell [-]."""
+    """Volume that no cell covers [-]."""
     outside: float
-    """Parts of cells outside the body [-]."""
+    """Volume of cells outside the body [-]."""
 
 
 def capacity_by_region(
@@ -162,7 +162,8 @@ class IrregularMultiLevel(AbstractBuiltStructure):
         """Number of nodes that cover each voxel of the lattice."""
         # Each cube adds +-1 at its eight corners, with alternating sign; running sums
         # along x, y and z then fill the cubes, whatever their size.
-        grid, nodes = self.grid, self.built.nodes
+        grid = self.grid
+        nodes = self.built.nodes
         change = np.zeros(np.array(grid.solid.shape) + 1, np.int16)
         size = 1 << nodes.level
         low = grid.lattice.to_cells(nodes.centre) - size[:, None] / 2
@@ -178,7 +179,8 @@ class IrregularMultiLevel(AbstractBuiltStructure):
         """Overlap, cracks and outside parts relative to the body."""
         count = self.cover_count()
         inside = count[self.grid.solid]
-        total, solid = int(count.sum(dtype=np.int64)), max(len(inside), 1)
+        total = int(count.sum(dtype=np.int64))
+        solid = max(len(inside), 1)
         covered = int(np.count_nonzero(inside))
         within = int(inside.sum(dtype=np.int64))
         return _Coverage(
@@ -243,11 +245,12 @@ def _nested_links(levels: LevelCells, assignment: Assignment, pitch: float) -> L
     """
     counts = [len(cells) for cells in levels]
     half = np.repeat(0.5 * (1 << np.arange(len(levels))), counts)
-    lattice, contact = _lattice_pairs(levels, half), _contacts(assignment, half)
+    lattice = _lattice_pairs(levels, half)
+    contact = _contacts(assignment, half)
     # Contacts over a lattice face are already links.
     new = ~np.isin(contact.key, lattice.key, assume_unique=True)
-    both = zip(lattice, contact, strict=True)
-    pairs = _Pairs(*(np.concatenate([first, second[new]]) for first, second in both))
+    columns = zip(lattice, contact, strict=True)
+    pairs = _Pairs(*(np.concatenate([first, second[new]]) for first, second in columns))
     order = np.argsort(pairs.key)
     src, dst = np.divmod(pairs.key[order], max(len(half), 1))
     return Links(
@@ -260,15 +263,16 @@ def _nested_links(levels: LevelCells, assignment: Assignment, pitch: float) -> L
 
 
 def _lattice_pairs(levels: LevelCells, half: Float[np.ndarray, " n"]) -> _Pairs:
-    pairs, first = [np.zeros((2, 0), np.int64)], 0
+    pairs = [np.zeros((2, 0), np.int64)]
+    first = 0
     for cells in levels:
         shape = cells.max(axis=0, initial=0) + 2
         key = np.asarray(np.ravel_multi_index(tuple(cells.T), tuple(shape)))
         for stride in (shape[1] * shape[2], shape[2], 1):
             # Keys are sorted and have a rim, so no stride wraps around.
             index = np.searchsorted(key, key + stride)
-            found = np.flatnonzero(np.append(key, -1)[index] == key + stride)
-            pairs.append(first + np.stack([found, index[found]]))
+            linked = np.flatnonzero(np.append(key, -1)[index] == key + stride)
+            pairs.append(first + np.stack([linked, index[linked]]))
         first += len(cells)
     src, dst = np.concatenate(pairs, axis=1)
     return _Pairs(
@@ -284,12 +288,14 @@ def _contacts(assignment: Assignment, half: Float[np.ndarray, " n"]) -> _Pairs:
     for axis in range(3):
         owner = np.moveaxis(assignment.owner, axis, 0)
         gap = np.moveaxis(assignment.gap, axis, 0)
-        below, above = owner[:-1], owner[1:]
+        below = owner[:-1]
+        above = owner[1:]
         between = (below != above) & (below >= 0) & (above >= 0)
-        parts = (below, above, gap[:-1], gap[1:])
-        faces.append(np.stack([part[between].astype(np.int32) for part in parts]))
+        arrays = (below, above, gap[:-1], gap[1:])
+        faces.append(np.stack([array[between].astype(np.int32) for array in arrays]))
     sides = np.concatenate(faces, axis=1)
-    owners, gaps = sides[:2].astype(np.int64), sides[2:]
+    owners = sides[:2].astype(np.int64)
+    gaps = sides[2:]
     key = owners.min(axis=0) * len(half) + owners.max(axis=0)
     key, which, area = np.unique(key, return_inverse=True, return_counts=True)
     ascending = owners[0] < owners[1]

@@ -22,13 +22,14 @@ needs_library = pytest.mark.skipif(
 
 @needs_library
 def test_union_and_difference_have_exact_volumes():
-    both, rest = shapes.union(ONE, OTHER), shapes.difference(ONE, OTHER)
-    assert both.volume == pytest.approx(1.0 + 0.25 - 0.125, rel=1e-9)
-    assert rest.volume == pytest.approx(1.0 - 0.125, rel=1e-9)
+    united = shapes.union(ONE, OTHER)
+    remaining = shapes.difference(ONE, OTHER)
+    assert united.volume == pytest.approx(1.0 + 0.25 - 0.125, rel=1e-9)
+    assert remaining.volume == pytest.approx(1.0 - 0.125, rel=1e-9)
     # All faces of the box, the sides of what sticks out, and its end for the hole.
-    assert both.area == pytest.approx(6.0 + 4 * 0.5 * 0.5, rel=1e-9)
-    assert rest.area == pytest.approx(6.0 + 4 * 0.5 * 0.5, rel=1e-9)
-    for mesh in (both, rest):
+    assert united.area == pytest.approx(6.0 + 4 * 0.5 * 0.5, rel=1e-9)
+    assert remaining.area == pytest.approx(6.0 + 4 * 0.5 * 0.5, rel=1e-9)
+    for mesh in (united, remaining):
         assert mesh.is_watertight and describe_mesh(mesh)["bodies"] == 1
         assert mesh.volume == pytest.approx(
             jt.voxelize(mesh, 0.125).solid_count * 0.125**3, rel=1e-9
@@ -39,9 +40,9 @@ def test_union_and_difference_have_exact_volumes():
 
 @needs_library
 def test_a_body_of_combined_shapes_from_a_config():
-    part = {"shape": {"kind": "box", "size": [1, 0.5, 0.5]}}
+    bar = {"shape": {"kind": "box", "size": [1, 0.5, 0.5]}}
     turned = {"rotation": {"axis": [0, 0, 1], "angle": "90 deg"}}
-    inner = {"kind": "union", "parts": [part, {**part, "pose": turned}]}
+    inner = {"kind": "union", "parts": [bar, {**bar, "pose": turned}]}
     box = {"shape": {"kind": "box", "size": [1, 1, 1]}}
     shape = {"kind": "difference", "parts": [box, {"shape": inner}]}
     config = BodyConfig.model_validate(

@@ -32,9 +32,9 @@ def written(folder, name, content):
     return path
 
 
-def exported(kind, mesh=None, **options):
+def exported(suffix, mesh=None, **options):
     mesh = mesh or trimesh.creation.icosphere(subdivisions=2)
-    data = mesh.export(file_type=kind, **options)
+    data = mesh.export(file_type=suffix, **options)
     return data if isinstance(data, bytes) else str(data).encode()
 
 
@@ -46,10 +46,10 @@ def test_folder(tmp_path, capfd):
     assert "folder" in refusal(tmp_path, capfd)
 
 
-@pytest.mark.parametrize("kind", SUFFIXES)
-def test_a_pipe_is_not_waited_for(tmp_path, capfd, kind):
-    os.mkfifo(tmp_path / f"pipe.{kind}")
-    assert "a pipe or a device" in refusal(tmp_path / f"pipe.{kind}", capfd)
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_pipe_is_not_waited_for(tmp_path, capfd, suffix):
+    os.mkfifo(tmp_path / f"pipe.{suffix}")
+    assert "a pipe or a device" in refusal(tmp_path / f"pipe.{suffix}", capfd)
 
 
 def test_unreadable(tmp_path, capfd, monkeypatch):
@@ -68,26 +68,28 @@ def test_unknown_ending(tmp_path, capfd, name):
     assert all(suffix in message for suffix in _FORMATS)
 
 
-@pytest.mark.parametrize("kind", SUFFIXES)
+@pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.mark.parametrize("content", [b"", b" \n\n", b"\0" * 200])
-def test_empty_file(tmp_path, capfd, kind, content):
-    assert "empty" in refusal(written(tmp_path, f"a.{kind}", content), capfd)
+def test_empty_file(tmp_path, capfd, suffix, content):
+    assert "empty" in refusal(written(tmp_path, f"a.{suffix}", content), capfd)
 
 
-@pytest.mark.parametrize("kind", SUFFIXES)
-def test_junk(tmp_path, capfd, kind):
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_junk(tmp_path, capfd, suffix):
     junk = np.random.default_rng(7).integers(0, 256, 5000, np.uint8).tobytes()
-    refusal(written(tmp_path, f"junk.{kind}", junk), capfd)
-    refusal(written(tmp_path, f"text.{kind}", "lorem ipsum dolor\n" * 40), capfd)
+    refusal(written(tmp_path, f"junk.{suffix}", junk), capfd)
+    refusal(written(tmp_path, f"text.{suffix}", "lorem ipsum dolor\n" * 40), capfd)
 
 
 @pytest.mark.parametrize("share", [0.02, 0.3, 0.7, 0.95])
-@pytest.mark.parametrize("kind", ["stl", "stl_ascii", "ply", "ply_ascii", "glb", "off"])
-def test_cut_short(tmp_path, capfd, kind, share):
-    encoding = {"encoding": "ascii"} if kind == "ply_ascii" else {}
-    data = exported("ply" if kind == "ply_ascii" else kind, **encoding)
+@pytest.mark.parametrize(
+    "suffix", ["stl", "stl_ascii", "ply", "ply_ascii", "glb", "off"]
+)
+def test_cut_short(tmp_path, capfd, suffix, share):
+    encoding = {"encoding": "ascii"} if suffix == "ply_ascii" else {}
+    data = exported("ply" if suffix == "ply_ascii" else suffix, **encoding)
     cut = data[: int(len(data) * share)]
-    refusal(written(tmp_path, f"cut.{kind.split('_')[0]}", cut), capfd)
+    refusal(written(tmp_path, f"cut.{suffix.split('_')[0]}", cut), capfd)
 
 
 def test_parser_noise_is_silenced(tmp_path, capfd, caplog):
@@ -110,12 +112,12 @@ def test_obj_cut_before_its_faces(tmp_path, capfd):
     assert "no faces" in refusal(written(tmp_path, "cut.obj", cut), capfd)
 
 
-@pytest.mark.parametrize("kind", ["ply", "glb", "obj"])
-def test_point_cloud(tmp_path, capfd, kind):
+@pytest.mark.parametrize("suffix", ["ply", "glb", "obj"])
+def test_point_cloud(tmp_path, capfd, suffix):
     cloud = trimesh.PointCloud(np.eye(3))
-    if kind == "glb":
+    if suffix == "glb":
         cloud = trimesh.Scene(cloud)
-    path = written(tmp_path, f"cloud.{kind}", exported(kind, cloud))
+    path = written(tmp_path, f"cloud.{suffix}", exported(suffix, cloud))
     assert "no faces" in refusal(path, capfd)
 
 
@@ -129,8 +131,8 @@ def test_no_faces_in_off_and_stl(tmp_path, capfd):
 
 
 @pytest.mark.parametrize("number", ["nan", "inf", "-inf"])
-@pytest.mark.parametrize("kind", ["obj", "off", "ply", "stl"])
-def test_not_finite(tmp_path, capfd, kind, number):
+@pytest.mark.parametrize("suffix", ["obj", "off", "ply", "stl"])
+def test_not_finite(tmp_path, capfd, suffix, number):
     rows = [f"0 0 {number}", "1 0 0", "0 1 0"]
     text = {
         "obj": "".join(f"v {row}\n" for row in rows) + "f 1 2 3\n",
@@ -139,8 +141,8 @@ def test_not_finite(tmp_path, capfd, kind, number):
         "stl": "solid a\nfacet normal 0 0 1\nouter loop\n"
         + "".join(f"vertex {row}\n" for row in rows)
         + "endloop\nendfacet\nendsolid a\n",
-    }[kind]
-    message = refusal(written(tmp_path, f"a.{kind}", text), capfd)
+    }[suffix]
+    message = refusal(written(tmp_path, f"a.{suffix}", text), capfd)
     assert "1 of 3 vertices are NaN or infinite" in message
 
 
@@ -153,8 +155,8 @@ def _ply(rows, faces):
 
 
 @pytest.mark.parametrize("index", [-1, 3, 99])
-@pytest.mark.parametrize("kind", ["obj", "off", "ply"])
-def test_index_out_of_range(tmp_path, capfd, kind, index):
+@pytest.mark.parametrize("suffix", ["obj", "off", "ply"])
+def test_index_out_of_range(tmp_path, capfd, suffix, index):
     rows = ["0 0 0", "1 0 0", "0 1 0"]
     # OBJ counts from 1, and there -1 rightly means the last vertex.
     obj_index = index + 1
@@ -162,22 +164,22 @@ def test_index_out_of_range(tmp_path, capfd, kind, index):
         "obj": "".join(f"v {row}\n" for row in rows) + f"f 1 2 {obj_index}\n",
         "off": "OFF\n3 1 0\n" + "\n".join(rows) + f"\n3 0 1 {index}\n",
         "ply": _ply(rows, [f"3 0 1 {index}"]),
-    }[kind]
-    message = refusal(written(tmp_path, f"a.{kind}", text), capfd)
+    }[suffix]
+    message = refusal(written(tmp_path, f"a.{suffix}", text), capfd)
     assert "range" in message or "out of bounds" in message
 
 
 @pytest.mark.parametrize(
     "corners", [["1 2 3"] * 3, ["0 0 0", "1 1 1", "2 2 2"]], ids=["point", "line"]
 )
-@pytest.mark.parametrize("kind", ["obj", "off", "ply"])
-def test_all_faces_degenerate(tmp_path, capfd, kind, corners):
+@pytest.mark.parametrize("suffix", ["obj", "off", "ply"])
+def test_all_faces_degenerate(tmp_path, capfd, suffix, corners):
     text = {
         "obj": "".join(f"v {row}\n" for row in corners) + "f 1 2 3\n",
         "off": "OFF\n3 1 0\n" + "\n".join(corners) + "\n3 0 1 2\n",
         "ply": _ply(corners, ["3 0 1 2"]),
-    }[kind]
-    message = refusal(written(tmp_path, f"a.{kind}", text), capfd)
+    }[suffix]
+    message = refusal(written(tmp_path, f"a.{suffix}", text), capfd)
     assert "zero area" in message
 
 

@@ -12,18 +12,20 @@ KINDS = ["obj", "ply", "ply_ascii", "stl", "stl_ascii", "glb", "off"]
 SIDES = (2.0, 3.0, 5.0)
 
 
-def save(folder, mesh, kind="obj"):
-    other = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    options = {"encoding": "ascii"} if kind == "ply_ascii" else {}
-    data = other.export(file_type=kind if kind != "ply_ascii" else "ply", **options)
-    path = folder / f"solid.{kind.split('_')[0]}"
+def save(folder, mesh, file_format="obj"):
+    exported = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    options = {"encoding": "ascii"} if file_format == "ply_ascii" else {}
+    data = exported.export(
+        file_type=file_format if file_format != "ply_ascii" else "ply", **options
+    )
+    path = folder / f"solid.{file_format.split('_')[0]}"
     path.write_bytes(data if isinstance(data, bytes) else str(data).encode())
     return path
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_round_trip_with_unit(tmp_path, kind):
-    mesh = load_mesh(save(tmp_path, shapes.box(SIDES), kind), unit="mm")
+@pytest.mark.parametrize("file_format", KINDS)
+def test_round_trip_with_unit(tmp_path, file_format):
+    mesh = load_mesh(save(tmp_path, shapes.box(SIDES), file_format), unit="mm")
     assert mesh.is_watertight
     assert (len(mesh.vertices), len(mesh.faces)) == (8, 12)
     assert mesh.volume == pytest.approx(30.0e-9, rel=1e-6)
@@ -32,29 +34,32 @@ def test_round_trip_with_unit(tmp_path, kind):
     assert mesh.axes == ("x", "y", "z")
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_round_trip_with_height(tmp_path, kind):
-    mesh = load_mesh(save(tmp_path, shapes.box(SIDES), kind), height=0.25, up="y")
+@pytest.mark.parametrize("file_format", KINDS)
+def test_round_trip_with_height(tmp_path, file_format):
+    mesh = load_mesh(
+        save(tmp_path, shapes.box(SIDES), file_format), height=0.25, up="y"
+    )
     assert np.ptp(mesh.bounds, axis=0) == pytest.approx([0.5 / 3, 1.25 / 3, 0.25])
     assert mesh.volume > 0.0
 
 
-@pytest.mark.parametrize("kind", ["ply", "ply_ascii", "stl_ascii", "off", "obj"])
+@pytest.mark.parametrize("file_format", ["ply", "ply_ascii", "stl_ascii", "off", "obj"])
 @pytest.mark.parametrize("encoding", ["latin-1", "utf-8"])
-def test_names_and_comments_beyond_ascii(tmp_path, kind, encoding):
+def test_names_and_comments_beyond_ascii(tmp_path, file_format, encoding):
     """As older programs of many countries write them."""
-    path, name = save(tmp_path, shapes.box(SIDES), kind), "Gehäuse Größe 5 µm"
-    sign, first, rest = {
+    path = save(tmp_path, shapes.box(SIDES), file_format)
+    name = "Gehäuse Größe 5 µm"
+    sign, first, end = {
         "ply": (b"comment ", b"ply\nformat binary_little_endian 1.0\n", b""),
         "ply_ascii": (b"comment ", b"ply\nformat ascii 1.0\n", b""),
         "stl_ascii": (b"", b"solid ", b"\n"),
         "off": (b"# ", b"OFF\n", b""),
         "obj": (b"o ", b"", b""),
-    }[kind]
+    }[file_format]
     content = path.read_bytes()
-    if kind == "stl_ascii":
+    if file_format == "stl_ascii":
         content = content.split(b"\n", 1)[1]
-    named = first + sign + name.encode(encoding) + (rest or b"\n")
+    named = first + sign + name.encode(encoding) + (end or b"\n")
     path.write_bytes(named + content.removeprefix(first))
     mesh = load_mesh(path, unit="mm")
     assert mesh.is_watertight

@@ -32,7 +32,8 @@ def test_open_body_has_no_volume_and_says_so():
 
 
 def test_line_names_cavity_and_repairs():
-    ball, hole = shapes.sphere(1.0, 2), shapes.sphere(0.5, 2)
+    ball = shapes.sphere(1.0, 2)
+    hole = shapes.sphere(0.5, 2)
     hollow = Mesh(
         np.concatenate([ball.vertices, hole.vertices]),
         np.concatenate([ball.faces, hole.faces[:, ::-1] + len(ball.vertices)]),

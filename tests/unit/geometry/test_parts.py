@@ -52,17 +52,17 @@ def knife(tmp_path):
 
 
 def test_parts_of_a_glb_are_where_the_whole_mesh_has_them(knife):
-    whole = jt.load_mesh(knife, unit="m", up="y", repair=False)
-    parts = jt.load_parts(knife, unit="m", up="y")
-    assert sorted(parts) == ["blade", "grip"]
-    for part in parts.values():
-        assert part.is_watertight
-        assert part.volume == pytest.approx(8e-6, rel=1e-6)
-    assert parts["blade"].bounds[0, 0] == pytest.approx(0.0, abs=1e-9)
-    assert parts["grip"].bounds[1, 0] == pytest.approx(0.0, abs=1e-9)
-    both = np.concatenate([p.bounds for p in parts.values()])
-    np.testing.assert_allclose(both.min(0), whole.bounds[0], atol=1e-9)
-    np.testing.assert_allclose(both.max(0), whole.bounds[1], atol=1e-9)
+    merged = jt.load_mesh(knife, unit="m", up="y", repair=False)
+    meshes = jt.load_parts(knife, unit="m", up="y")
+    assert sorted(meshes) == ["blade", "grip"]
+    for mesh in meshes.values():
+        assert mesh.is_watertight
+        assert mesh.volume == pytest.approx(8e-6, rel=1e-6)
+    assert meshes["blade"].bounds[0, 0] == pytest.approx(0.0, abs=1e-9)
+    assert meshes["grip"].bounds[1, 0] == pytest.approx(0.0, abs=1e-9)
+    bounds = np.concatenate([p.bounds for p in meshes.values()])
+    np.testing.assert_allclose(bounds.min(0), merged.bounds[0], atol=1e-9)
+    np.testing.assert_allclose(bounds.max(0), merged.bounds[1], atol=1e-9)
 
 
 def test_a_material_for_each_part_of_a_config(knife):
@@ -86,30 +86,32 @@ def test_a_material_for_each_part_of_a_config(knife):
 def test_groups_of_an_obj_that_are_patches_of_one_surface(tmp_path):
     path = tmp_path / "prism.obj"
     path.write_text(OBJ)
-    parts = jt.load_parts(path, height=0.2)
-    assert list(parts) == ["foot", "head left"]
-    assert [len(p.faces) for p in parts.values()] == [10, 10]
-    assert not any(p.is_watertight for p in parts.values())
-    whole = jt.load_mesh(path, height=0.2)
-    assert whole.is_watertight
-    areas = sum(p.area for p in parts.values())
-    assert areas == pytest.approx(whole.area, rel=1e-9)
-    grid = jt.voxelize(whole, 0.02)
-    given = jt.materials_by_part(grid, parts, {"foot": CLAY, "head left": STEEL})
-    assert given.labels.shape == grid.solid.shape
-    assert (given.labels[..., :5] == 0).all() and (given.labels[..., 5:] == 1).all()
+    meshes = jt.load_parts(path, height=0.2)
+    assert list(meshes) == ["foot", "head left"]
+    assert [len(p.faces) for p in meshes.values()] == [10, 10]
+    assert not any(p.is_watertight for p in meshes.values())
+    merged = jt.load_mesh(path, height=0.2)
+    assert merged.is_watertight
+    areas = sum(p.area for p in meshes.values())
+    assert areas == pytest.approx(merged.area, rel=1e-9)
+    grid = jt.voxelize(merged, 0.02)
+    material = jt.materials_by_part(grid, meshes, {"foot": CLAY, "head left": STEEL})
+    assert material.labels.shape == grid.solid.shape
+    assert (material.labels[..., :5] == 0).all() and (
+        material.labels[..., 5:] == 1
+    ).all()
 
 
 def test_parts_that_do_not_fit():
     box = shapes.box(0.04)
     grid = jt.voxelize(box, 0.01)
-    parts = {"a": box, "b": box.moved((1.0, 0.0, 0.0))}
+    meshes = {"a": box, "b": box.moved((1.0, 0.0, 0.0))}
     with pytest.raises(InputError, match="there is no part 'c'; there are a, b"):
-        jt.materials_by_part(grid, parts, {"c": CLAY})
+        jt.materials_by_part(grid, meshes, {"c": CLAY})
     with pytest.raises(InputError, match="the part 'b' has none"):
-        jt.materials_by_part(grid, parts, {"a": CLAY})
+        jt.materials_by_part(grid, meshes, {"a": CLAY})
     with pytest.raises(InputError, match="no part has any surface"):
-        jt.materials_by_part(grid, {"b": parts["b"]}, {"b": CLAY})
+        jt.materials_by_part(grid, {"b": meshes["b"]}, {"b": CLAY})
 
 
 def test_files_without_parts(tmp_path):

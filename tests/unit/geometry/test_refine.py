@@ -28,19 +28,17 @@ def test_every_edge_is_short_and_has_two_faces(longest):
     if longest == 0.5:
         np.testing.assert_array_equal(faces, mesh.faces)
     # Each piece lies in its face, with its direction, and together they cover it.
-    small, whole = (
-        area_vectors(vertices, faces),
-        area_vectors(mesh.vertices, mesh.faces),
-    )
+    small = area_vectors(vertices, faces)
+    large = area_vectors(mesh.vertices, mesh.faces)
     for axis in range(3):
-        summed = np.bincount(parent, small[:, axis], len(whole))
-        np.testing.assert_allclose(summed, whole[:, axis], atol=1e-15)
-    assert (np.einsum("fi,fi->f", small, whole[parent]) > 0).all()
+        summed = np.bincount(parent, small[:, axis], len(large))
+        np.testing.assert_allclose(summed, large[:, axis], atol=1e-15)
+    assert (np.einsum("fi,fi->f", small, large[parent]) > 0).all()
 
 
 def test_other_columns_are_interpolated():
     mesh = jt.shapes.box((0.1, 0.02, 0.05))
-    field = lambda points: points @ [[3.0], [-2.0], [1.0]]
-    columns = np.concatenate([mesh.vertices, field(mesh.vertices)], axis=1)
-    refined, _, _ = refine_edges(columns, mesh.faces, 0.01)
-    np.testing.assert_allclose(refined[:, 3:], field(refined[:, :3]), atol=1e-14)
+    slope = np.array([[3.0], [-2.0], [1.0]])
+    columns = np.concatenate([mesh.vertices, mesh.vertices @ slope], axis=1)
+    refined = refine_edges(columns, mesh.faces, 0.01).vertices
+    np.testing.assert_allclose(refined[:, 3:], refined[:, :3] @ slope, atol=1e-14)

@@ -67,8 +67,8 @@ def test_duplicate_faces_go(turn):
 
 def test_two_sided_export_becomes_one_surface():
     mesh = ball()
-    both = replace(mesh, faces=np.concatenate([mesh.faces[:, ::-1], mesh.faces]))
-    mended = repair_mesh(both)
+    two_sided = replace(mesh, faces=np.concatenate([mesh.faces[:, ::-1], mesh.faces]))
+    mended = repair_mesh(two_sided)
     assert mended.repairs["duplicate_faces"] == len(mesh.faces)
     assert mended.volume == pytest.approx(mesh.volume)
 
@@ -141,7 +141,7 @@ def test_two_holes_that_meet_in_a_vertex():
     mesh = ball()
     around = np.flatnonzero((mesh.faces == 0).any(1))
     first = mesh.faces[around[0]]
-    shared = [np.intersect1d(first, mesh.faces[other]).size for other in around]
+    shared = [np.intersect1d(first, mesh.faces[neighbour]).size for neighbour in around]
     second = around[shared.index(1)]
     keep = np.setdiff1d(np.arange(len(mesh.faces)), [around[0], second])
     mended = repair_mesh(replace(mesh, faces=mesh.faces[keep]))
@@ -180,9 +180,10 @@ def test_moebius_band_is_left():
         for s in (-0.3, 0.3)
     ]
     i = np.arange(n)
-    after = (i + 1) % n
+    next_vertex = (i + 1) % n
     # Past the seam the two rims change places.
-    low, high = np.where(after > i, after, n), np.where(after > i, after + n, 0)
+    low = np.where(next_vertex > i, next_vertex, n)
+    high = np.where(next_vertex > i, next_vertex + n, 0)
     faces = np.concatenate(
         [np.stack([i, low, high], axis=1), np.stack([i, high, i + n], axis=1)]
     )

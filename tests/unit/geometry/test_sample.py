@@ -33,9 +33,9 @@ def test_the_number_of_points_goes_by_area():
     area = np.array([0.2 * 0.4, 0.1 * 0.4, 0.1 * 0.2])
     expected = area / area.sum()
     for axis in range(3):
-        found = (np.abs(normal[:, axis]) > 0.5).mean()
+        share = (np.abs(normal[:, axis]) > 0.5).mean()
         spread = np.sqrt(expected[axis] * (1 - expected[axis]) / count)
-        assert abs(found - expected[axis]) < 4 * spread
+        assert abs(share - expected[axis]) < 4 * spread
 
 
 def test_a_mean_over_points_is_a_mean_over_the_area():
@@ -46,9 +46,9 @@ def test_a_mean_over_points_is_a_mean_over_the_area():
 
 
 def test_a_seed_gives_the_same_points():
-    first, same, other = (jt.mesh_sample(BOX, 50, seed) for seed in (3, 3, 4))
+    first, same, different = (jt.mesh_sample(BOX, 50, seed) for seed in (3, 3, 4))
     np.testing.assert_array_equal(first.position, same.position)
-    assert (first.position != other.position).any()
+    assert (first.position != different.position).any()
     by_trimesh = jt.mesh_sample(trimesh.Trimesh(BOX.vertices, BOX.faces), 50, 3)
     np.testing.assert_allclose(by_trimesh.position, first.position, atol=1e-15)
 
@@ -58,9 +58,9 @@ def test_a_sample_is_placed_as_its_body():
         (1.0, 0.0, 0.0), ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     )
     placed = jt.mesh_sample(BOX, 20).placed(turned)
-    there = jt.mesh_sample(BOX.placed(turned), 20)
-    np.testing.assert_allclose(placed.position, there.position, atol=1e-12)
-    np.testing.assert_allclose(placed.normal, there.normal, atol=1e-12)
+    sample_of_placed = jt.mesh_sample(BOX.placed(turned), 20)
+    np.testing.assert_allclose(placed.position, sample_of_placed.position, atol=1e-12)
+    np.testing.assert_allclose(placed.normal, sample_of_placed.normal, atol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -159,7 +159,8 @@ def test_figurine_is_a_hollow_closed_body():
 
 
 def test_figurine_is_the_same_each_time_and_scales():
-    small, large = shapes.figurine(0.1, 60), shapes.figurine(0.2, 60)
+    small = shapes.figurine(0.1, 60)
+    large = shapes.figurine(0.2, 60)
     assert np.array_equal(small.faces, large.faces)
     assert large.vertices == pytest.approx(2.0 * small.vertices)
     assert describe_mesh(small)["watertight"]

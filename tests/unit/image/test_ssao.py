@@ -41,7 +41,7 @@ class Seen(NamedTuple):
 def seen(camera, triangles) -> Seen:
     corners, parent = camera.to_raster(triangles)
     width, height = camera.size
-    layers = peel(corners, width, height, (2**14, 2**15))
+    layers = peel(corners, width, height)
     front = layers.layer == 0
     pixel = layers.pixel[front]
     point, depth = camera.points(pixel, layers.depth[front])

@@ -27,7 +27,7 @@ def test_piecewise_linear_and_constant_outside():
         ([300, 400], [1.0], "two lists of the same length"),
         ([], [], "two lists of the same length"),
         ([[300]], [[1.0]], "two lists of the same length"),
-        ([300, 400], ["much", 2.0], "are no numbers"),
+        ([300, 400], ["much", 2.0], "are not numbers"),
     ],
 )
 def test_mistakes_are_one_line(temperatures, values, says):
@@ -45,8 +45,8 @@ def test_traced_values_and_their_derivatives():
     def at(values):
         return Property([300.0, 400.0], values)(325.0)
 
-    found = jax.jit(jax.grad(at))(jnp.array([10.0, 20.0]))
-    np.testing.assert_allclose(found, [0.75, 0.25])
+    value = jax.jit(jax.grad(at))(jnp.array([10.0, 20.0]))
+    np.testing.assert_allclose(value, [0.75, 0.25])
     by_parts = jax.grad(lambda k: Property([300.0, 400.0], [k, 2 * k])(350.0))(3.0)
     assert float(by_parts) == 1.5
 

@@ -76,7 +76,8 @@ def test_traced_values_and_gradients():
     def diffusivity(k, rho):
         return Material(k, rho, 500.0).diffusivity
 
-    k, rho = jnp.asarray(16.0), jnp.asarray(8000.0)
+    k = jnp.asarray(16.0)
+    rho = jnp.asarray(8000.0)
     assert jax.jit(diffusivity)(k, rho) == 4.0e-6
     slope = jax.grad(diffusivity, argnums=(0, 1))(k, rho)
     np.testing.assert_allclose(slope[0], 1.0 / 4.0e6)

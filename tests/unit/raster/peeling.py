@@ -1,45 +1,60 @@
-"""Bodies and one padded size, such that all tests here share a compiled program."""
-
-from unittest import mock
+"""Bodies for the rasterizer's tests, and its slow twin, triangle by triangle."""
 
 import numpy as np
 
+from experiments.thesis.slicing import draw
 from jaxthermo.geometry import shapes
-from jaxthermo.raster import fragments as raster
-from jaxthermo.raster.fragments import peel
+from jaxthermo.raster.fragments import SNAP, DepthLayers, peel
 
 
-FACES = 1600
-SIZES = (16384, 16384)
 SPHERE = shapes.sphere(1.0, subdivisions=2)
 
 
-def peel_padded(triangles, width, height):
-    """Depth layers by the program; triangles without area fill up to a fixed number.
-
-    Those of the host must be the same.
-    """
-    assert len(triangles) <= FACES
-    filler = np.zeros((FACES - len(triangles), 3, 3))
-    given = np.concatenate([triangles, filler]), width, height, SIZES
-    with mock.patch.object(raster, "_on_host", lambda: False):
-        layers = peel(*given)
-    with mock.patch.object(raster, "_on_host", lambda: True):
-        _assert_alike(peel(*given), layers)
+def peel_checked(triangles, width, height):
+    """Depth layers, after a comparison with those of the slow twin."""
+    layers = peel(triangles, width, height)
+    expected = peel_one_by_one(triangles, width, height)
+    np.testing.assert_array_equal(layers.pixel, expected.pixel)
+    np.testing.assert_array_equal(layers.layer, expected.layer)
+    # The twin solves for weights of the corners; rounding exchanges equal depths.
+    tolerance = 1e-9 * max(np.abs(triangles[..., 2]).max(initial=0.0), 1.0)
+    np.testing.assert_allclose(layers.depth, expected.depth, rtol=0, atol=tolerance)
+    order = np.lexsort((layers.triangle, layers.pixel))
+    expected_order = np.lexsort((expected.triangle, expected.pixel))
+    for name in ("triangle", "entering"):
+        np.testing.assert_array_equal(
+            getattr(layers, name)[order], getattr(expected, name)[expected_order]
+        )
+    types = {name: getattr(layers, name).dtype for name in ("pixel", "layer", "depth")}
+    assert types == {"pixel": np.int64, "layer": np.int64, "depth": np.float64}
     return layers
 
 
-def _assert_alike(host, layers):
-    for name in ("pixel", "depth", "triangle", "entering", "layer"):
-        assert getattr(host, name).dtype == getattr(layers, name).dtype
-    np.testing.assert_array_equal(host.pixel, layers.pixel)
-    np.testing.assert_array_equal(host.layer, layers.layer)
-    # XLA may round a product and a sum at once, which exchanges equal depths.
-    np.testing.assert_allclose(host.depth, layers.depth, rtol=1e-13, atol=1e-13)
-    order = lambda found: np.lexsort((found.triangle, found.pixel))
-    ours, theirs = order(host), order(layers)
-    np.testing.assert_array_equal(host.triangle[ours], layers.triangle[theirs])
-    np.testing.assert_array_equal(host.entering[ours], layers.entering[theirs])
+def peel_one_by_one(triangles, width, height) -> DepthLayers:
+    """Depth layers: each triangle is drawn alone, and each pixel is sorted alone."""
+    in_pixel = {}
+    for number, triangle in enumerate(triangles):
+        x, y = np.round(triangle[:, :2] * SNAP).astype(np.int64).T
+        turn = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
+        drawn = draw(triangle, width, height)
+        pixels = (drawn.row * width + drawn.column).tolist()
+        for pixel, depth in zip(pixels, drawn.depth.tolist(), strict=True):
+            in_pixel.setdefault(pixel, []).append((depth, number, bool(turn < 0)))
+    rows = [
+        (pixel, *fragment, layer)
+        for pixel in sorted(in_pixel)
+        for layer, fragment in enumerate(sorted(in_pixel[pixel]))
+    ]
+    pixel, depth, triangle, entering, layer = np.array(rows, float).reshape(-1, 5).T
+    return DepthLayers(
+        pixel=pixel.astype(int),
+        depth=depth,
+        triangle=triangle.astype(int),
+        entering=entering.astype(bool),
+        layer=layer.astype(int),
+        width=width,
+        height=height,
+    )
 
 
 def ball(rng, roughness=0.0):
@@ -55,8 +70,8 @@ def cuboid(rng):
 
 def union(rng):
     """Overlapping closed parts, not joined."""
-    parts = [ball(rng, 0.3), *(cuboid(rng) for _ in range(3))]
-    return np.concatenate([p + rng.uniform(-1, 1, 3) for p in parts])
+    bodies = [ball(rng, 0.3), *(cuboid(rng) for _ in range(3))]
+    return np.concatenate([body + rng.uniform(-1, 1, 3) for body in bodies])
 
 
 BODIES = {
@@ -76,7 +91,8 @@ def rotation(rng):
 def in_view(triangles, rng, pixels=24.0, turn=None):
     """Turned at random and set into an image of `pixels` squared."""
     turned = triangles @ (rotation(rng) if turn is None else turn).T
-    low, high = turned.min((0, 1)), turned.max((0, 1))
+    low = turned.min((0, 1))
+    high = turned.max((0, 1))
     scale = 0.9 * pixels / (high - low).max()
     return (turned - (low + high) / 2) * scale + pixels / 2
 

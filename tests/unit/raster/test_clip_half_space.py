@@ -16,17 +16,19 @@ def area_vectors(triangles):
 def test_both_sides_make_up_the_whole(seed):
     random = np.random.default_rng(seed)
     triangles = random.normal(size=(40, 3, 3))
-    normal, least = random.normal(size=3), random.normal() * 0.5
-    ahead, _ = clip_half_space(triangles, normal, least)
-    behind, _ = clip_half_space(triangles, -normal, -least)
-    assert (ahead @ normal >= least - 1e-12).all()
-    assert (behind @ normal <= least + 1e-12).all()
-    whole = area_vectors(triangles)
-    parts = np.concatenate([area_vectors(ahead), area_vectors(behind)])
+    normal = random.normal(size=3)
+    offset = random.normal() * 0.5
+    ahead, _ = clip_half_space(triangles, normal, offset)
+    behind, _ = clip_half_space(triangles, -normal, -offset)
+    assert (ahead @ normal >= offset - 1e-12).all()
+    assert (behind @ normal <= offset + 1e-12).all()
+    expected = area_vectors(triangles)
+    clipped = np.concatenate([area_vectors(ahead), area_vectors(behind)])
     # The vectors tell the winding, their lengths the area.
-    np.testing.assert_allclose(parts.sum(0), whole.sum(0), atol=1e-12)
-    size = lambda vectors: np.linalg.norm(vectors, axis=1).sum()
-    np.testing.assert_allclose(size(parts), size(whole), rtol=1e-12)
+    np.testing.assert_allclose(clipped.sum(0), expected.sum(0), atol=1e-12)
+    area = np.linalg.norm(clipped, axis=1).sum()
+    expected_area = np.linalg.norm(expected, axis=1).sum()
+    np.testing.assert_allclose(area, expected_area, rtol=1e-12)
 
 
 def test_none_left_and_all_left():

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from peeling import BODIES, in_view, peel_padded
+from peeling import BODIES, in_view, peel_checked
 
 from jaxthermo.errors import InputError
-from jaxthermo.raster import host_fragments as module
+from jaxthermo.raster import fragments as module
 from jaxthermo.raster.depth_buffer import nearest_hits
 
 
@@ -13,7 +13,7 @@ SIDE = 24
 
 
 @pytest.fixture(params=["float64", "int64"], autouse=True)
-def kind(request, monkeypatch):
+def number_type(request, monkeypatch):
     """Both kinds of numbers, of which large coordinates need the second."""
     if request.param == "int64":
         monkeypatch.setattr(module, "_MAX_EXACT", -1)
@@ -21,17 +21,18 @@ def kind(request, monkeypatch):
 
 def hits(triangles, size=SIDE):
     corners = np.arange(3 * len(triangles)).reshape(-1, 3)
-    return nearest_hits(triangles.reshape(-1, 3), corners, size, size)
+    points = triangles.reshape(-1, 3)
+    return nearest_hits(points, faces=corners, width=size, height=size)
 
 
-def assert_front(found, layers):
+def assert_front(nearest, layers):
     front = layers.layer == 0
-    np.testing.assert_array_equal(found.pixel, layers.pixel[front])
-    np.testing.assert_allclose(found.depth, layers.depth[front], rtol=1e-12)
+    np.testing.assert_array_equal(nearest.pixel, layers.pixel[front])
+    np.testing.assert_allclose(nearest.depth, layers.depth[front], rtol=1e-12)
     # Layers are sorted by a depth of fewer digits.
-    other = found.triangle != layers.triangle[front]
-    assert other.sum() <= 2
-    return other
+    differs = nearest.triangle != layers.triangle[front]
+    assert differs.sum() <= 2
+    return differs
 
 
 @pytest.mark.parametrize("name", sorted(BODIES))
@@ -41,18 +42,18 @@ def test_the_first_layer_of_bodies_within_and_beyond_the_image(name, pixels):
     for _ in range(3):
         triangles = in_view(BODIES[name](rng), rng, pixels)
         triangles[..., :2] -= (pixels - SIDE) / 2
-        found = hits(triangles)
-        assert len(found.pixel) > 100
-        assert_front(found, peel_padded(triangles, SIDE, SIDE))
+        nearest = hits(triangles)
+        assert len(nearest.pixel) > 100
+        assert_front(nearest, peel_checked(triangles, SIDE, SIDE))
 
 
 def test_chunks_are_drawn_into_one_image(monkeypatch):
     rng = np.random.default_rng(2)
     triangles = in_view(BODIES["rough ball"](rng), rng)
-    whole = hits(triangles)
+    at_once = hits(triangles)
     monkeypatch.setattr(module, "_CHUNK", 7)
-    for one, other in zip(whole, hits(triangles), strict=True):
-        np.testing.assert_array_equal(one, other)
+    for expected, chunked in zip(at_once, hits(triangles), strict=True):
+        np.testing.assert_array_equal(expected, chunked)
 
 
 def test_corners_and_edges_on_centres_belong_to_one_triangle():
@@ -63,16 +64,16 @@ def test_corners_and_edges_on_centres_belong_to_one_triangle():
     four = corner[:, None] + square
     flat = np.concatenate([four[:, [0, 1, 2]], four[:, [0, 2, 3]]])
     triangles = np.concatenate([flat, np.ones((len(flat), 3, 1))], axis=2)
-    found = hits(triangles, 12)
-    np.testing.assert_array_equal(found.pixel, np.arange(144))
-    assert not assert_front(found, peel_padded(triangles, 12, 12)).any()
+    nearest = hits(triangles, 12)
+    np.testing.assert_array_equal(nearest.pixel, np.arange(144))
+    assert not assert_front(nearest, peel_checked(triangles, 12, 12)).any()
 
 
 def test_the_first_of_several_at_one_depth_is_seen():
     triangle = np.array([[1.0, 1.0, 5.0], [20.0, 2.0, 5.0], [3.0, 20.0, 5.0]])
     behind = triangle + [0.0, 0.0, 1.0]
-    found = hits(np.stack([behind, triangle, triangle]))
-    assert (found.triangle == 1).all() and (found.depth == 5.0).all()
+    nearest = hits(np.stack([behind, triangle, triangle]))
+    assert (nearest.triangle == 1).all() and (nearest.depth == 5.0).all()
 
 
 def test_nothing_to_see():
@@ -80,7 +81,7 @@ def test_nothing_to_see():
     between = np.array([[[3.6, 3.6, 5.0], [4.4, 3.6, 5.0], [4.0, 4.4, 5.0]]])
     level = np.array([[[1.0, 3.5, 5.0], [9.0, 3.5, 5.0], [5.0, 3.5, 5.0]]])
     for triangles in (outside, between, level, outside[:0]):
-        assert all(len(each) == 0 for each in hits(triangles))
+        assert all(len(column) == 0 for column in hits(triangles))
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, 2.0**21])

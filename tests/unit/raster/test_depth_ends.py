@@ -3,7 +3,7 @@
 import jax
 import numpy as np
 import pytest
-from peeling import BODIES, in_view, peel_padded
+from peeling import BODIES, in_view, peel_checked
 
 from jaxthermo.raster.depth_buffer import depth_range
 
@@ -11,11 +11,11 @@ from jaxthermo.raster.depth_buffer import depth_range
 SIDE = 24
 
 
-@pytest.mark.parametrize("kind", sorted(BODIES))
-def test_ends_of_the_layers(kind):
+@pytest.mark.parametrize("body", sorted(BODIES))
+def test_ends_of_the_layers(body):
     random = np.random.default_rng(3)
-    triangles = in_view(BODIES[kind](random), random)
-    layers = peel_padded(triangles, SIDE, SIDE)
+    triangles = in_view(BODIES[body](random), random)
+    layers = peel_checked(triangles, SIDE, SIDE)
     nearest, farthest = depth_range(triangles, SIDE, SIDE)
     first = layers.image(0, layers.depth, np.inf)
     np.testing.assert_array_equal(nearest, first)

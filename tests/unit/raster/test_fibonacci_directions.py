@@ -7,16 +7,16 @@ from jaxthermo.errors import InputError
 from jaxthermo.raster.views import cap_directions, half_sphere_directions
 
 
-@pytest.mark.parametrize("least", [-1.0, 0.0, 0.5, 0.999])
-def test_within_the_cap_around_any_axis(least):
+@pytest.mark.parametrize("min_cosine", [-1.0, 0.0, 0.5, 0.999])
+def test_within_the_cap_around_any_axis(min_cosine):
     axis = np.array([1.0, -2.0, 0.5])
-    found = cap_directions(axis, least, 400)
-    cosine = found @ axis / np.linalg.norm(axis)
-    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1.0, rtol=1e-12)
-    assert (cosine >= least - 1e-12).all()
+    directions = cap_directions(axis, min_cosine, 400)
+    cosine = directions @ axis / np.linalg.norm(axis)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0, rtol=1e-12)
+    assert (cosine >= min_cosine - 1e-12).all()
     # Uniform in solid angle: the cosine is uniform, and nothing leans to one side.
-    assert cosine.mean() == pytest.approx((1 + least) / 2, abs=1e-12)
-    across = found.mean(0) - cosine.mean() * axis / np.linalg.norm(axis)
+    assert cosine.mean() == pytest.approx((1 + min_cosine) / 2, abs=1e-12)
+    across = directions.mean(0) - cosine.mean() * axis / np.linalg.norm(axis)
     assert np.linalg.norm(across) < 0.01
 
 
@@ -24,8 +24,8 @@ def test_within_the_cap_around_any_axis(least):
 def test_with_their_opposites_they_integrate_smooth_functions(count):
     half = half_sphere_directions(count)
     assert (half[:, 2] > 0).all()
-    every = np.concatenate([half, -half])
-    second = every.T @ every / len(every)
+    directions = np.concatenate([half, -half])
+    second = directions.T @ directions / len(directions)
     np.testing.assert_allclose(second, np.eye(3) / 3, atol=1.5 / count)
 
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
-from peeling import BODIES, in_view, peel_padded
+from peeling import BODIES, in_view, peel_checked
 
+from experiments.thesis.slicing import slice_voxels
 from jaxthermo.geometry import shapes
 from jaxthermo.raster.fragments import peel
-from jaxthermo.raster.slices import slice_voxels
 
 
 SIZE = 24
@@ -24,12 +24,13 @@ def peeled_voxels(layers, depth):
 
 
 @settings(deadline=None, max_examples=8)
-@given(seed=st.integers(0, 2**32 - 1), kind=st.sampled_from(sorted(BODIES)))
-def test_bodies(seed, kind):
+@given(seed=st.integers(0, 2**32 - 1), body=st.sampled_from(sorted(BODIES)))
+def test_bodies(seed, body):
     rng = np.random.default_rng(seed)
-    triangles = in_view(BODIES[kind](rng), rng)
-    layers = peel_padded(triangles, SIZE, SIZE)
-    assert peeled_voxels(layers, SIZE) == slice_voxels(triangles, SIZE, SIZE, SIZE)
+    triangles = in_view(BODIES[body](rng), rng)
+    layers = peel_checked(triangles, SIZE, SIZE)
+    expected = slice_voxels(triangles, width=SIZE, height=SIZE, depth=SIZE)
+    assert peeled_voxels(layers, SIZE) == expected
 
 
 @settings(deadline=None, max_examples=7)
@@ -37,8 +38,9 @@ def test_bodies(seed, kind):
 def test_random_triangles_in_and_out_of_the_image(seed):
     rng = np.random.default_rng(seed)
     triangles = rng.uniform(-10, SIZE + 10, (50, 3, 3))
-    layers = peel_padded(triangles, SIZE, SIZE)
-    assert peeled_voxels(layers, SIZE) == slice_voxels(triangles, SIZE, SIZE, SIZE)
+    layers = peel_checked(triangles, SIZE, SIZE)
+    expected = slice_voxels(triangles, width=SIZE, height=SIZE, depth=SIZE)
+    assert peeled_voxels(layers, SIZE) == expected
 
 
 @pytest.mark.parametrize(
@@ -57,5 +59,5 @@ def test_the_figurine(axis):
     cells = (mesh.triangles - low) / (high - low).max() * (pixels - 0.37) + 0.21
     triangles = np.roll(cells, axis, axis=-1)
     layers = peel(triangles, pixels, pixels)
-    expected = slice_voxels(triangles, pixels, pixels, pixels)
+    expected = slice_voxels(triangles, width=pixels, height=pixels, depth=pixels)
     assert peeled_voxels(layers, pixels) == expected

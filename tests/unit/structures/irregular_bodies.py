@@ -16,11 +16,12 @@ def solid_of(seed: int) -> np.ndarray:
     random = np.random.default_rng(seed)
     shape = random.integers(3, 19, 3)
     solid = np.zeros(tuple(shape), bool)
-    place = np.moveaxis(np.indices(solid.shape), 0, -1)
+    position = np.moveaxis(np.indices(solid.shape), 0, -1)
     for _ in range(random.integers(1, 5)):
-        middle, radius = random.random(3) * shape, random.uniform(1, 10)
+        middle = random.random(3) * shape
+        radius = random.uniform(1, 10)
         order = random.choice([1.0, 2.0, np.inf])
-        solid |= np.linalg.norm(place - middle, order, axis=-1) <= radius
+        solid |= np.linalg.norm(position - middle, order, axis=-1) <= radius
     solid &= random.random(solid.shape) >= random.choice([0, 0, 0.002, 0.3])
     return solid
 
@@ -41,8 +42,10 @@ def cells_one_by_one(solid: np.ndarray) -> list[list[tuple[int, ...]]]:
         for cell in np.ndindex(*(n // size + 2 for n in solid.shape)):
             low = np.array(cell) * size - 1
             middle = [low + size // 2 - 1 + np.array(o) for o in np.ndindex(2, 2, 2)]
-            kept = [m for m in middle if (m >= 0).all() and (m < solid.shape).all()]
-            if sum(depth[tuple(m)] >= size for m in kept) >= 4:
+            in_lattice = [
+                m for m in middle if (m >= 0).all() and (m < solid.shape).all()
+            ]
+            if sum(depth[tuple(m)] >= size for m in in_lattice) >= 4:
                 inside.add(cell)
         levels.append(
             [
@@ -59,7 +62,8 @@ def cells_one_by_one(solid: np.ndarray) -> list[list[tuple[int, ...]]]:
 
 def parts(structure: AbstractStructure) -> np.ndarray:
     """Number of the connected part of each node."""
-    links, count = structure.links(), structure.node_count
+    links = structure.links()
+    count = structure.node_count
     graph = coo_array(
         (np.ones(len(links.src)), (links.src, links.dst)), shape=(count, count)
     )

@@ -19,8 +19,8 @@ def parts_by_definition(solid, factor):
     cells = np.argwhere(solid)
     for block in np.unique(cells // factor, axis=0):
         inside = cells[(cells // factor == block).all(1)]
-        for part in parts_of({tuple(cell) for cell in inside}, solid.shape):
-            index = tuple(np.transpose(list(part)))
+        for component in parts_of({tuple(cell) for cell in inside}, solid.shape):
+            index = tuple(np.transpose(list(component)))
             result[index] = np.ravel_multi_index(index, solid.shape).min()
     return result
 
@@ -37,7 +37,8 @@ def test_parts_are_those_of_a_flood_fill(solid, factor):
 def test_volume_is_kept_and_links_are_sound(solid, factor):
     grid = blocks(solid, 0.5)
     structure = Aggregate(grid, factor)
-    nodes, links = structure.nodes(), structure.links()
+    nodes = structure.nodes()
+    links = structure.links()
     assert structure.capacity_ratio == pytest.approx(1, rel=1e-14)
     moment = nodes.volume @ nodes.centre / nodes.volume.sum()
     expected = grid.lattice.centres(np.argwhere(solid)).mean(0)
@@ -66,9 +67,12 @@ def test_open_faces_between_blocks_all_count(solid, factor):
 def test_arms_that_meet_outside_their_block_are_two_nodes():
     """A U whose arms share a block: heat goes round, not across the gap."""
     solid = np.zeros((8, 3, 4), bool)
-    solid[:, 0], solid[:, 2], solid[7] = True, True, True
+    solid[:, 0] = True
+    solid[:, 2] = True
+    solid[7] = True
     structure = Aggregate(blocks(solid), 4)
-    nodes, links = structure.nodes(), structure.links()
+    nodes = structure.nodes()
+    links = structure.links()
     np.testing.assert_array_equal(nodes.volume, [16, 16, 16 + 16 + 4])
     np.testing.assert_array_equal(links.src, [0, 1])
     np.testing.assert_array_equal(links.dst, [2, 2])
@@ -78,8 +82,8 @@ def test_whole_blocks_conduct_as_one_coarse_voxel():
     """Blocks of f^3 voxels: area (f h)^2 over the distance f h, in lattice order."""
     structure = Aggregate(blocks(np.ones((12, 8, 16), bool), 0.5), 4)
     coarse = FullVolume(blocks(np.ones((3, 2, 4), bool), 2.0))
-    for one, other in zip(structure.links(), coarse.links(), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-13)
+    for actual, expected in zip(structure.links(), coarse.links(), strict=True):
+        np.testing.assert_allclose(actual, expected, rtol=1e-13)
     np.testing.assert_allclose(structure.nodes().centre, coarse.nodes().centre)
 
 
@@ -98,10 +102,11 @@ def test_blocks_at_the_upper_ends_are_cut():
 
 def test_factor_one_is_the_full_volume():
     grid = blocks(ball(4.6), 0.5)
-    structure, full = Aggregate(grid, 1), FullVolume(grid)
+    structure = Aggregate(grid, 1)
+    full = FullVolume(grid)
     np.testing.assert_allclose(structure.nodes().centre, full.nodes().centre)
-    for one, other in zip(structure.links(), full.links(), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-14)
+    for actual, expected in zip(structure.links(), full.links(), strict=True):
+        np.testing.assert_allclose(actual, expected, rtol=1e-14)
 
 
 def test_a_block_larger_than_the_body_is_the_lumped_body():
@@ -128,7 +133,7 @@ def test_the_factor_for_a_size_is_the_nearest(size, factor):
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("arguments", "message"),
     [
         ({}, "give nodes= or size="),
         ({"nodes": 3, "size": 1.0}, "give nodes= or size="),
@@ -137,9 +142,9 @@ def test_the_factor_for_a_size_is_the_nearest(size, factor):
         ({"size": np.inf}, r"factor_for\(size="),
     ],
 )
-def test_what_gives_no_factor_is_refused(given, message):
+def test_what_gives_no_factor_is_refused(arguments, message):
     with pytest.raises(InputError, match=message) as caught:
-        Aggregate.factor_for(blocks(ball(2.6), 0.5), **given)
+        Aggregate.factor_for(blocks(ball(2.6), 0.5), **arguments)
     assert "\n" not in str(caught.value)
 
 

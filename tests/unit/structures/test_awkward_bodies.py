@@ -25,7 +25,8 @@ KINDS = {
 
 def _apart():
     solid = np.zeros((7, 3, 3), bool)
-    solid[:3], solid[4:] = True, True
+    solid[:3] = True
+    solid[4:] = True
     return solid
 
 
@@ -59,13 +60,13 @@ def test_every_structure_of_it_warms_and_keeps_its_heat(body):
     """Finite, above the start, and with a closed ledger."""
     grid = blocks(BODIES[body], 0.01)
     terms = (jt.HeatFlux(500.0), jt.Convection(5.0, 300.0))
-    for kind, make in KINDS.items():
+    for name, make in KINDS.items():
         structure = make(grid)
         solid = jt.Body(structure, METAL, temperature=300.0)
         scene = jt.Scene((solid,), terms, dtype="float64")
         solution = jt.simulate(scene, 2.0, solver=jt.ForwardEuler(0.5))
         surface = np.asarray(solution.surface_temperature)
-        assert np.isfinite(surface).all(), kind
-        assert surface.min() > 300.0, kind
-        assert abs(float(solution.energy.residual_relative[0])) < 1e-12, kind
+        assert np.isfinite(surface).all(), name
+        assert surface.min() > 300.0, name
+        assert abs(float(solution.energy.residual_relative[0])) < 1e-12, name
         assert solution.result == jt.RESULTS.successful

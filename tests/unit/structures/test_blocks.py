@@ -78,12 +78,12 @@ def test_links_do_not_depend_on_how_many_are_taken_at_a_time(labels):
     numbers = numbered(labels)
     built, _ = built_of(labels)
     centre = built.nodes.centre / PITCH
-    whole = block_links(numbers, centre, PITCH)
+    at_once = block_links(numbers, centre, PITCH)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(links_module, "_CHUNK_FACES", 3)
         pieces = block_links(numbers, centre, PITCH)
-    for one, other in zip(whole, pieces, strict=True):
-        np.testing.assert_array_equal(one, other)
+    for expected, chunked in zip(at_once, pieces, strict=True):
+        np.testing.assert_array_equal(expected, chunked)
 
 
 @settings(deadline=None, max_examples=30)
@@ -93,9 +93,9 @@ def test_single_voxels_are_linked_alike_with_and_without_a_sort(solid):
     numbers = numbers.astype(np.int32)
     plain = voxel_links(numbers, PITCH)
     sorted_ = block_links(numbers, np.argwhere(solid) + 0.5, PITCH)
-    for one, other in zip(plain, sorted_, strict=True):
-        assert one.dtype == other.dtype
-        np.testing.assert_allclose(one, other, rtol=1e-14)
+    for plain_array, sorted_array in zip(plain, sorted_, strict=True):
+        assert plain_array.dtype == sorted_array.dtype
+        np.testing.assert_allclose(plain_array, sorted_array, rtol=1e-14)
 
 
 def test_boxes_of_equal_height_conduct_as_bars_in_series():
@@ -122,7 +122,8 @@ def test_a_staircase_has_the_area_and_distance_of_its_slope():
 def test_one_fine_voxel_on_a_coarse_one():
     """Along the normal 1.5; between the centres sqrt(1.5^2 + 0.5^2 + 0.5^2)."""
     labels = np.full((3, 2, 2), -1)
-    labels[:2], labels[2, 0, 0] = 0, 1
+    labels[:2] = 0
+    labels[2, 0, 0] = 1
     built, _ = built_of(labels, 1.0)
     links = built.links
     length = (1.5 + np.sqrt(2.75)) / 2
@@ -142,7 +143,9 @@ def test_a_shell_round_a_core_is_linked_on_all_six_sides():
 
 def test_groups_that_touch_over_an_edge_or_not_at_all_are_not_linked():
     labels = np.full((3, 3, 3), -1)
-    labels[0, 0, 0], labels[1, 1, 0], labels[2, 2, 2] = 0, 1, 2
+    labels[0, 0, 0] = 0
+    labels[1, 1, 0] = 1
+    labels[2, 2, 2] = 2
     built, _ = built_of(labels)
     assert [len(array) for array in built.links] == [0] * 5
     assert built.links.src.dtype == np.int32 and built.links.area.dtype == float

@@ -44,7 +44,8 @@ def test_coupling_of_a_fine_face_to_the_next_level_is_two_thirds_of_its_size():
     """G = k A / L with A = s^2 and L = s / 2 + 2 s / 2, s the size of the fine cell."""
     pitch = 0.1
     body = cube(30, pitch)
-    level, links = body.nodes().level, body.links()
+    level = body.nodes().level
+    links = body.links()
     steps = level[links.dst] - level[links.src]
     assert set(steps.tolist()) == {0, 1}
     size = pitch * 2.0 ** level[links.src]
@@ -97,14 +98,15 @@ def test_coverage_is_that_counted_one_by_one(seed):
         x, y, z = (slice(l, l + 2**level) for l in low)
         count[x, y, z] += 1
     np.testing.assert_array_equal(body.cover_count(), count)
-    shares, voxels = body.coverage(), solid.sum()
+    shares = body.coverage()
+    voxels = solid.sum()
     assert shares.crack == pytest.approx((count[solid] == 0).sum() / voxels)
     assert shares.outside == pytest.approx(count[~solid].sum() / voxels)
     total = 1 + shares.overlap - shares.crack + shares.outside
     assert body.capacity_ratio == pytest.approx(total, abs=1e-12)
-    cells, there = capacity_by_region(body.grid, body.cover_count(), 3)
+    cells, body_volume = capacity_by_region(body.grid, body.cover_count(), 3)
     assert cells.sum() == pytest.approx(body.nodes().volume.sum())
-    assert there.sum() == pytest.approx(voxels * 0.5**3)
+    assert body_volume.sum() == pytest.approx(voxels * 0.5**3)
     assert cells[0, 0, 0] == pytest.approx(count[:3, :3, :3].sum() * 0.5**3)
 
 
@@ -116,7 +118,9 @@ def test_nodes_hang_together_as_the_body_does(seed, levels):
     if not solid.any():
         return
     body = IrregularMultiLevel(blocks(solid), levels=levels)
-    mine, links, level = parts(body), body.links(), body.nodes().level
+    mine = parts(body)
+    links = body.links()
+    level = body.nodes().level
     shell = np.argwhere(steps_to_outside(solid) == 1)
     of_solid = solid_parts(solid)[tuple(shell.T)]
     pairs = np.unique(np.stack([mine[: len(shell)], of_solid]), axis=1)
@@ -133,9 +137,9 @@ def test_nodes_hang_together_as_the_body_does(seed, levels):
 
 def test_a_cell_that_sticks_out_joins_no_other_part():
     """The cell of 16 voxels from 15 to 30 reaches from an octahedron into a cube."""
-    place = np.moveaxis(np.indices((40, 40, 40)), 0, -1)
-    octahedron = np.abs(place - 22).sum(-1) <= 16
-    cube_beyond = ((place >= 28) & (place <= 30)).all(-1)
+    position = np.moveaxis(np.indices((40, 40, 40)), 0, -1)
+    octahedron = np.abs(position - 22).sum(-1) <= 16
+    cube_beyond = ((position >= 28) & (position <= 30)).all(-1)
     solid = octahedron | cube_beyond
     assert solid_parts(solid).max() == 2
     body = IrregularMultiLevel(blocks(solid))
@@ -152,7 +156,8 @@ def test_links_are_sound(seed):
     if not solid.any():
         return
     body = IrregularMultiLevel(blocks(solid, 2.0))
-    links, size = body.links(), 2.0 ** body.nodes().level * 2
+    links = body.links()
+    size = 2.0 ** body.nodes().level * 2
     key = links.src.astype(int) * body.node_count + links.dst
     assert (np.diff(key) > 0).all() and (links.src < links.dst).all()
     assert links.src.dtype == links.dst.dtype == body.fragment_node().dtype == np.int32
@@ -180,8 +185,9 @@ def test_a_body_is_divided_among_its_cells(seed):
     size = np.repeat(2 ** np.arange(len(left)), [len(c) for c in left])[:, None]
     at = np.argwhere(depth > 0)
     mine = owner[tuple(at.T)]
-    before, beyond = low[mine] - at, at - (low + size - 1)[mine]
-    steps = np.maximum(np.maximum(before, beyond), 0).sum(1)
+    below = low[mine] - at
+    beyond = at - (low + size - 1)[mine]
+    steps = np.maximum(np.maximum(below, beyond), 0).sum(1)
     inside = gap[tuple(at.T)] == 0
     assert (steps[inside] == 0).all()
     assert (steps <= gap[tuple(at.T)]).all()
@@ -207,10 +213,11 @@ def test_a_hidden_cell_is_left_out():
 @pytest.mark.parametrize("shape", [(1, 1, 1), (7, 1, 1), (9, 8, 1), (2, 5, 6)])
 def test_a_thin_body_is_the_full_volume(shape):
     grid = blocks(np.ones(shape, bool))
-    thin, full = IrregularMultiLevel(grid), FullVolume(grid, stencil=False)
+    thin = IrregularMultiLevel(grid)
+    full = FullVolume(grid, stencil=False)
     for ours, theirs in [(thin.nodes(), full.nodes()), (thin.links(), full.links())]:
-        for one, other in zip(ours, theirs, strict=True):
-            np.testing.assert_allclose(one, other)
+        for actual, expected in zip(ours, theirs, strict=True):
+            np.testing.assert_allclose(actual, expected)
     np.testing.assert_array_equal(thin.fragment_node(), full.fragment_node())
 
 
@@ -222,28 +229,30 @@ def test_levels_are_the_outer_ones(seed):
     if not solid.any():
         return
     grid = blocks(solid)
-    every = IrregularMultiLevel(grid)
-    for levels in range(1, every.level_count):
+    complete = IrregularMultiLevel(grid)
+    for levels in range(1, complete.level_count):
         some = IrregularMultiLevel(grid, levels=levels)
-        kept = every.nodes().level < levels
-        np.testing.assert_array_equal(some.nodes().centre, every.nodes().centre[kept])
-    for levels in (every.level_count, 99):
-        more = IrregularMultiLevel(grid, levels=levels)
-        for one, other in zip(more.links(), every.links(), strict=True):
-            np.testing.assert_array_equal(one, other)
+        outer = complete.nodes().level < levels
+        np.testing.assert_array_equal(
+            some.nodes().centre, complete.nodes().centre[outer]
+        )
+    for levels in (complete.level_count, 99):
+        unlimited = IrregularMultiLevel(grid, levels=levels)
+        for actual, expected in zip(unlimited.links(), complete.links(), strict=True):
+            np.testing.assert_array_equal(actual, expected)
 
 
 def test_the_total_capacity_can_be_kept():
-    place = np.indices((20, 20, 20)) - 9.6
-    grid = blocks((place**2).sum(0) < 90)
+    position = np.indices((20, 20, 20)) - 9.6
+    grid = blocks((position**2).sum(0) < 90)
     plain = IrregularMultiLevel(grid)
-    kept = IrregularMultiLevel(grid, keep_capacity=True)
+    scaled = IrregularMultiLevel(grid, keep_capacity=True)
     assert abs(plain.capacity_ratio - 1) > 1e-3
-    assert kept.capacity_ratio == pytest.approx(1, abs=1e-12)
-    ratio = kept.nodes().volume / plain.nodes().volume
+    assert scaled.capacity_ratio == pytest.approx(1, abs=1e-12)
+    ratio = scaled.nodes().volume / plain.nodes().volume
     np.testing.assert_allclose(ratio, 1 / plain.capacity_ratio)
-    for one, other in zip(kept.links(), plain.links(), strict=True):
-        np.testing.assert_array_equal(one, other)
+    for actual, expected in zip(scaled.links(), plain.links(), strict=True):
+        np.testing.assert_array_equal(actual, expected)
 
 
 @pytest.mark.parametrize("levels", [0, -1, True])

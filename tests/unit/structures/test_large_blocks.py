@@ -12,13 +12,15 @@ PITCH = 1e-3
 
 def _conductance(structure):
     """From end to end along z, with the half cells at both ends, over k A / L."""
-    links, count = structure.links(), structure.node_count
+    links = structure.links()
+    count = structure.node_count
     through = links.area / (links.distance_src + links.distance_dst)
     matrix = np.zeros((count, count))
-    for one, other in ((links.src, links.dst), (links.dst, links.src)):
-        np.add.at(matrix, (one, one), through)
-        np.add.at(matrix, (one, other), -through)
-    grid, node = structure.grid, structure.fragment_node()
+    for row, column in ((links.src, links.dst), (links.dst, links.src)):
+        np.add.at(matrix, (row, row), through)
+        np.add.at(matrix, (row, column), -through)
+    grid = structure.grid
+    node = structure.fragment_node()
     half = grid.fragment_area / structure.fragment_distance()
     ends = [np.where(grid.fragment_normal[:, 2] == sign, half, 0) for sign in (-1, 1)]
     low, high = (np.bincount(node, end, count) for end in ends)
@@ -54,16 +56,18 @@ def ball():
 @pytest.mark.parametrize("factor", [16, 32])
 def test_capacity_and_faces_are_kept_and_no_node_is_fast(ball, factor):
     structure = jt.Aggregate(ball, factor)
-    links, volume = structure.links(), structure.nodes().volume
-    count, plain = len(volume), jt.Aggregate(ball, factor, min_time_constant=0.0)
+    links = structure.links()
+    volume = structure.nodes().volume
+    count = len(volume)
+    plain = jt.Aggregate(ball, factor, min_time_constant=0.0)
     assert structure.capacity_ratio == pytest.approx(1, rel=1e-14)
     assert np.bincount(structure.voxel_node(), minlength=count).min() > 0
     np.testing.assert_array_equal(links.area, plain.links().area)
     through = links.area / (links.distance_src + links.distance_dst)
     total = np.bincount(links.src, through, count)
     total += np.bincount(links.dst, through, count)
-    whole = (factor * PITCH) ** 2 / 6
-    assert (volume / total).min() >= 0.45 * whole * (1 - 1e-12)
+    block_constant = (factor * PITCH) ** 2 / 6
+    assert (volume / total).min() >= 0.45 * block_constant * (1 - 1e-12)
     # Some are filled up from their neighbours, and these only.
     moved = volume != plain.nodes().volume
     assert 0 < np.count_nonzero(moved) < count
@@ -79,7 +83,8 @@ def test_thin_parts_up_to_a_factor_of_eight_are_as_they_were():
 def test_arms_that_meet_outside_a_large_block_stay_apart():
     """A comb with teeth of 3 voxels: each is a node of its own in every block."""
     solid = np.zeros((64, 31, 8), bool)
-    solid[:, ::10], solid[56:] = True, True
+    solid[:, ::10] = True
+    solid[56:] = True
     structure = jt.Aggregate(blocks(solid, PITCH), 32)
     assert structure.node_count == 4 + 1
     assert (structure.links().dst == 4).all()

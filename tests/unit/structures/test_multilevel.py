@@ -25,10 +25,10 @@ def steps_to_the_outside(solid):
 
 @settings(deadline=None, max_examples=30)
 @given(solids(7), st.integers(1, 5))
-def test_layers_count_the_steps_to_the_outside(solid, most):
+def test_layers_count_the_steps_to_the_outside(solid, levels):
     depth = steps_to_the_outside(solid)
-    expected = np.where(depth < most, depth, -1)
-    np.testing.assert_array_equal(voxel_layers(blocks(solid), most), expected)
+    expected = np.where(depth < levels, depth, -1)
+    np.testing.assert_array_equal(voxel_layers(blocks(solid), levels), expected)
 
 
 def test_a_voxel_with_a_fragment_is_at_the_surface():
@@ -48,9 +48,9 @@ def test_all_levels_are_the_full_volume(solid, hollow):
     grid = blocks(solid, 0.5)
     full = FullVolume(grid)
     structure = MultiLevel(grid, levels=50, hollow=hollow)
-    for one, other in zip(structure.links(), full.links(), strict=True):
-        assert one.dtype == other.dtype
-        np.testing.assert_array_equal(one, other)
+    for actual, expected in zip(structure.links(), full.links(), strict=True):
+        assert actual.dtype == expected.dtype
+        np.testing.assert_array_equal(actual, expected)
     np.testing.assert_allclose(structure.nodes().centre, full.nodes().centre)
     np.testing.assert_allclose(structure.nodes().volume, full.nodes().volume)
     np.testing.assert_array_equal(structure.fragment_node(), full.fragment_node())
@@ -71,16 +71,17 @@ def test_innermost_level_carries_the_hollow(solid, levels):
 def test_an_empty_hollow_is_left_out():
     """A cube of 9^3 voxels with two layers: 9^3 - 5^3 are kept."""
     structure = MultiLevel(blocks(np.ones((9, 9, 9), bool)), levels=2)
-    kept = 9**3 - 5**3
-    assert structure.node_count == kept
-    assert structure.capacity_ratio == pytest.approx(kept / 9**3)
+    node_count = 9**3 - 5**3
+    assert structure.node_count == node_count
+    assert structure.capacity_ratio == pytest.approx(node_count / 9**3)
     counts = np.bincount(structure.nodes().level)
     np.testing.assert_array_equal(counts, [9**3 - 7**3, 7**3 - 5**3])
 
 
 def test_links_join_a_level_to_itself_and_the_next():
     structure = MultiLevel(blocks(ball(8.4), 0.5), levels=4)
-    nodes, links = structure.nodes(), structure.links()
+    nodes = structure.nodes()
+    links = structure.links()
     step = np.abs(nodes.level[links.src] - nodes.level[links.dst])
     assert set(step) == {0, 1}
     apart = np.linalg.norm(nodes.centre[links.src] - nodes.centre[links.dst], axis=1)

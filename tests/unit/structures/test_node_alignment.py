@@ -19,7 +19,8 @@ def wedge():
 
 def _axis(structure):
     """Of every link, and whether both its ends have neighbours along all axes."""
-    nodes, links = structure.nodes(), structure.links()
+    nodes = structure.nodes()
+    links = structure.links()
     block = ((nodes.centre - structure.grid.lattice.origin) / EDGE).astype(int)
     axis = np.argmax(block[links.src] != block[links.dst], axis=1)
     linked = np.zeros(block.shape, bool)
@@ -30,13 +31,14 @@ def _axis(structure):
 
 def _flows(structure, gradient):
     """Through every link [W], of a straight field, for 1 W/(m K); and what they are."""
-    nodes, links = structure.nodes(), structure.links()
+    nodes = structure.nodes()
+    links = structure.links()
     theta = nodes.location @ gradient
     length = links.distance_src + links.distance_dst
-    found = links.area * (theta[links.dst] - theta[links.src]) / length
+    flow = links.area * (theta[links.dst] - theta[links.src]) / length
     axis, joined = _axis(structure)
     assert joined.sum() > 20
-    return found[joined], (links.area * gradient[axis])[joined]
+    return flow[joined], (links.area * gradient[axis])[joined]
 
 
 @pytest.mark.parametrize("gradient", [(3.0, 0.0, 0.0), (0.0, 2.0, -1.0)])
@@ -47,8 +49,8 @@ def test_a_straight_field_flows_as_it_is(wedge, gradient):
         structure = jt.Aggregate(
             wedge, EDGE, min_time_constant=0.0, alignment=alignment
         )
-        found, wanted = _flows(structure, gradient)
-        off.append(np.abs(found - wanted).max())
+        flow, expected = _flows(structure, gradient)
+        off.append(np.abs(flow - expected).max())
     assert off[2] < 1e-12 < off[1] < 0.5 * off[0]
 
 
@@ -64,9 +66,10 @@ def test_only_along_axes_with_neighbours(wedge):
 
 def test_distances_reach_from_node_to_node(wedge):
     structure = jt.Aggregate(wedge, EDGE, min_time_constant=0.0, alignment=1.0)
-    links, place = structure.links(), structure.nodes().location
+    links = structure.links()
+    location = structure.nodes().location
     length = links.distance_src + links.distance_dst
-    apart = np.linalg.norm(place[links.dst] - place[links.src], axis=1)
+    apart = np.linalg.norm(location[links.dst] - location[links.src], axis=1)
     _, joined = _axis(structure)
     np.testing.assert_allclose(length[joined], apart[joined], rtol=1e-12)
     assert min(links.distance_src.min(), links.distance_dst.min()) > 0

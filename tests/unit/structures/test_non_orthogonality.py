@@ -30,24 +30,26 @@ def _kinds(grid):
     }
 
 
-@pytest.mark.parametrize("kind", ["aggregate", "core", "octree"])
-def test_a_way_is_its_parts_across_and_along(slanted, kind):
-    structure = _kinds(slanted)[kind]
-    links, place = structure.links(), structure.nodes().location
-    normal, found = _face_normals(structure), non_orthogonal_links(structure)
+@pytest.mark.parametrize("name", ["aggregate", "core", "octree"])
+def test_a_way_is_its_parts_across_and_along(slanted, name):
+    structure = _kinds(slanted)[name]
+    links = structure.links()
+    location = structure.nodes().location
+    normal = _face_normals(structure)
+    corrected = non_orthogonal_links(structure)
     np.testing.assert_allclose(normal**2, link_axes(structure), atol=1e-14)
-    way = (place[links.dst] - place[links.src])[found.link]
+    way = (location[links.dst] - location[links.src])[corrected.link]
     straight = np.linalg.norm(way, axis=1)
-    across = way - found.offset
+    across = way - corrected.offset
     length = np.linalg.norm(across, axis=1)
-    assert len(found.link) > 20
+    assert len(corrected.link) > 20
     assert (length >= _MIN_NORMAL_FRACTION * straight * (1 - 1e-12)).all()
-    assert (across * normal[found.link] > -1e-12).all()
+    assert (across * normal[corrected.link] > -1e-12).all()
     free = length > _MIN_NORMAL_FRACTION * straight * (1 + 1e-9)
     assert free.mean() > 0.8
-    turned = np.einsum("ei,ei->e", found.offset, normal[found.link])
+    turned = np.einsum("ei,ei->e", corrected.offset, normal[corrected.link])
     np.testing.assert_allclose(turned[free], 0, atol=1e-12 * PITCH)
-    stretch = found.length_ratio[found.link]
+    stretch = corrected.length_ratio[corrected.link]
     np.testing.assert_allclose(stretch * length, link_distance(length, straight))
 
 
@@ -57,13 +59,14 @@ def test_links_in_line_have_no_way_along(slanted):
         jt.Aggregate(slanted, factor=1),
         jt.Aggregate(blocks(np.ones((6, 6, 6), bool), PITCH), factor=2),
     ):
-        found = non_orthogonal_links(structure)
-        assert len(found.link) == 0
-        np.testing.assert_array_equal(found.length_ratio, 1.0)
+        corrected = non_orthogonal_links(structure)
+        assert len(corrected.link) == 0
+        np.testing.assert_array_equal(corrected.length_ratio, 1.0)
 
 
 def test_normals_turn_with_their_links():
     structure = jt.FullVolume(blocks(np.ones((3, 2, 2), bool), PITCH))
-    links, centre = structure.links(), structure.nodes().centre
+    links = structure.links()
+    centre = structure.nodes().centre
     way = (centre[links.dst] - centre[links.src]) / PITCH
     np.testing.assert_allclose(_face_normals(structure), way, atol=1e-12)

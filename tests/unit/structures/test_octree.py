@@ -61,7 +61,8 @@ def test_cells_are_the_largest_that_lie_well_inside(name):
 @pytest.mark.parametrize("name", BODIES)
 def test_cells_are_whole_cubes_on_their_own_lattice(name):
     solid = BODIES[name]
-    first, level = octree_cells(solid, None), levels_of(solid)
+    first = octree_cells(solid, None)
+    level = levels_of(solid)
     np.testing.assert_array_equal(first < 0, ~solid)
     cells = np.argwhere(solid)
     corner = (cells >> level[solid][:, None]) << level[solid][:, None]
@@ -75,11 +76,11 @@ def test_neighbours_differ_by_one_level_even_over_corners(name):
     solid = BODIES[name]
     level = np.pad(levels_of(solid), 1, constant_values=-1)
     for step in product((-1, 0, 1), repeat=3):
-        other = np.roll(level, step, (0, 1, 2))
-        both = (level >= 0) & (other >= 0)
-        assert np.abs(level - other)[both].max() <= 1
+        neighbour = np.roll(level, step, (0, 1, 2))
+        are_solid = (level >= 0) & (neighbour >= 0)
+        assert np.abs(level - neighbour)[are_solid].max() <= 1
         # And a coarse cell never lies at the surface.
-        assert level[(level >= 0) & (other < 0)].max(initial=0) == 0
+        assert level[(level >= 0) & (neighbour < 0)].max(initial=0) == 0
 
 
 def gap_in_ball():
@@ -96,19 +97,21 @@ def gap_in_ball():
 def test_cubes_are_the_groups_of_their_voxels(name, levels):
     """Level by level, as by the faces of all voxels: integers equal, numbers nearly."""
     grid = blocks(BODIES[name], 0.5) if name in BODIES else gap_in_ball()
-    own = Octree(grid, levels=levels).built
-    every, level = build_octree(grid, levels)
-    np.testing.assert_array_equal(own.nodes.level, level)
+    built = Octree(grid, levels=levels).built
+    expected_built, level = build_octree(grid, levels)
+    np.testing.assert_array_equal(built.nodes.level, level)
     for field in ("centre", "volume", "location"):
-        one, other = getattr(own.nodes, field), getattr(every.nodes, field)
-        np.testing.assert_allclose(one, other, rtol=1e-13)
+        actual = getattr(built.nodes, field)
+        expected = getattr(expected_built.nodes, field)
+        np.testing.assert_allclose(actual, expected, rtol=1e-13)
     for field in ("src", "dst"):
-        one, other = getattr(own.links, field), getattr(every.links, field)
-        np.testing.assert_array_equal(one, other)
-    for one, other in zip(own.links[2:], every.links[2:], strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-12)
-    np.testing.assert_array_equal(own.fragment_node, every.fragment_node)
-    np.testing.assert_array_equal(own.voxel_node, every.voxel_node)
+        actual = getattr(built.links, field)
+        expected = getattr(expected_built.links, field)
+        np.testing.assert_array_equal(actual, expected)
+    for actual, expected in zip(built.links[2:], expected_built.links[2:], strict=True):
+        np.testing.assert_allclose(actual, expected, rtol=1e-12)
+    np.testing.assert_array_equal(built.fragment_node, expected_built.fragment_node)
+    np.testing.assert_array_equal(built.voxel_node, expected_built.voxel_node)
 
 
 @settings(deadline=None, max_examples=20)
@@ -134,7 +137,8 @@ def test_volume_level_and_place_of_nodes():
 def test_a_coarse_cell_shares_its_whole_surface():
     """Flat faces: the areas of a cell's links add up to 6 (2^l h)^2."""
     structure = Octree(blocks(BODIES["hollow ball"]))
-    nodes, links = structure.nodes(), structure.links()
+    nodes = structure.nodes()
+    links = structure.links()
     shared = np.bincount(links.src, links.area, len(nodes.level))
     shared += np.bincount(links.dst, links.area, len(nodes.level))
     coarse = nodes.level > 0
@@ -151,9 +155,10 @@ def test_every_fragment_lies_on_a_single_voxel():
 
 def test_one_level_is_the_full_volume():
     grid = blocks(BODIES["ball"], 0.5)
-    structure, full = Octree(grid, levels=1), FullVolume(grid)
-    for one, other in zip(structure.links(), full.links(), strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-14)
+    structure = Octree(grid, levels=1)
+    full = FullVolume(grid)
+    for actual, expected in zip(structure.links(), full.links(), strict=True):
+        np.testing.assert_allclose(actual, expected, rtol=1e-14)
 
 
 def test_levels_limit_the_cells():

@@ -37,8 +37,8 @@ def test_names_of_labels_do_not_matter():
     plain = Partition(GRID, labels)
     names = np.array([17, 5, 2**62, 0, 10**9, 3, 99, 1])
     renamed = Partition(GRID, names[labels])
-    for one, other in zip(plain.links(), renamed.links(), strict=True):
-        np.testing.assert_array_equal(one, other)
+    for actual, expected in zip(plain.links(), renamed.links(), strict=True):
+        np.testing.assert_array_equal(actual, expected)
     np.testing.assert_array_equal(plain.fragment_node(), renamed.fragment_node())
 
 
@@ -74,24 +74,25 @@ def test_labels_of_blocks_give_the_aggregate():
     block = np.indices(solid.shape) // 4
     labels = block[0] * 100 + block[1] * 10 + block[2]
     grid = blocks(solid, 0.5)
-    own, aggregate = Partition(grid, labels), Aggregate(grid, 4, alignment=0.0)
-    for one, other in zip(own.links(), aggregate.links(), strict=True):
-        np.testing.assert_array_equal(one, other)
+    partition = Partition(grid, labels)
+    aggregate = Aggregate(grid, 4, alignment=0.0)
+    for actual, expected in zip(partition.links(), aggregate.links(), strict=True):
+        np.testing.assert_array_equal(actual, expected)
 
 
 def test_a_label_a_voxel_is_the_full_volume():
     structure = Partition(GRID, np.arange(BALL.size).reshape(BALL.shape)[::-1])
     full = FullVolume(GRID)
-    for one, other in zip(structure.links(), full.links(), strict=True):
-        np.testing.assert_array_equal(one, other)
+    for actual, expected in zip(structure.links(), full.links(), strict=True):
+        np.testing.assert_array_equal(actual, expected)
 
 
 def test_voxels_without_a_label_are_hollow():
     labels = np.zeros(BALL.shape, int)
     labels[5:7, 5:7, 5:7] = -1
     structure = Partition(GRID, labels)
-    kept = np.count_nonzero(BALL & (labels >= 0))
-    assert structure.capacity_ratio == pytest.approx(kept / BALL.sum())
+    labelled_count = np.count_nonzero(BALL & (labels >= 0))
+    assert structure.capacity_ratio == pytest.approx(labelled_count / BALL.sum())
 
 
 @pytest.mark.parametrize(

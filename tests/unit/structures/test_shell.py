@@ -32,17 +32,19 @@ def exposed_one_by_one(solid: np.ndarray) -> list[tuple[int, ...]]:
 @settings(deadline=None, max_examples=20)
 @given(st.integers(0, 10**6))
 def test_shell_is_that_found_voxel_by_voxel(seed):
-    solid, pitch = solid_of(seed), 0.25
+    solid = solid_of(seed)
+    pitch = 0.25
     if not solid.any():
         return
     shell = SingleShell(blocks(solid, pitch))
     cells = exposed_one_by_one(solid)
     expected = {}
-    for (i, one), (j, other) in combinations(enumerate(cells), 2):
-        apart = np.abs(np.subtract(one, other))
+    for (i, cell), (j, neighbour) in combinations(enumerate(cells), 2):
+        apart = np.abs(np.subtract(cell, neighbour))
         if apart.max() == 1:
             expected[i, j] = pitch * np.sqrt(apart.sum())
-    nodes, links = shell.nodes(), shell.links()
+    nodes = shell.nodes()
+    links = shell.links()
     np.testing.assert_allclose(nodes.centre, (np.array(cells) + 0.5) * pitch)
     assert [*zip(links.src.tolist(), links.dst.tolist(), strict=True)] == [*expected]
     distance = links.distance_src + links.distance_dst
@@ -54,20 +56,22 @@ def test_shell_is_that_found_voxel_by_voxel(seed):
 
 
 def test_capacity_is_the_whole_body_or_a_hollow_one():
-    place = np.indices((20, 20, 20)) - 9.6
-    grid = replace(blocks((place**2).sum(0) < 90, 0.01), volume_ratio=0.9)
-    body, own = SingleShell(grid), SingleShell(grid, "own")
+    position = np.indices((20, 20, 20)) - 9.6
+    grid = replace(blocks((position**2).sum(0) < 90, 0.01), volume_ratio=0.9)
+    body = SingleShell(grid)
+    hollow = SingleShell(grid, "own")
     assert body.capacity_ratio == pytest.approx(1, abs=1e-12)
-    np.testing.assert_allclose(own.nodes().volume, grid.voxel_volume)
-    assert own.capacity_ratio == pytest.approx(own.node_count / grid.solid_count)
-    assert own.capacity_ratio < 0.7
+    np.testing.assert_allclose(hollow.nodes().volume, grid.voxel_volume)
+    assert hollow.capacity_ratio == pytest.approx(hollow.node_count / grid.solid_count)
+    assert hollow.capacity_ratio < 0.7
     assert len(np.unique(body.nodes().volume)) == 1
     assert not body.nodes().level.any()
 
 
 def test_a_flat_sheet_conducts_1_plus_sqrt_2_times_as_well():
     """Through a cut of n voxels: n straight links and 2 (n - 1) slanting ones."""
-    n, pitch = 200, 0.5
+    n = 200
+    pitch = 0.5
     links = SingleShell(blocks(np.ones((3, n, 1), bool), pitch)).links()
     through = (links.src < n) & (links.dst >= n)
     # Per kelvin a pitch: the conductances of the links across the cut.

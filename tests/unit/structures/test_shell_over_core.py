@@ -24,19 +24,20 @@ def test_fine_layers_and_parts_of_blocks_make_up_the_body(solid, layers, factor)
     fine = voxel_layers(grid, layers) >= 0
     assert np.count_nonzero(nodes.level == 0) == fine.sum()
     np.testing.assert_allclose(nodes.volume[nodes.level == 0], 0.5**3)
-    parts = 0
+    core_count = 0
     core = np.argwhere(solid & ~fine)
     for block in np.unique(core // factor, axis=0):
         inside = core[(core // factor == block).all(1)]
-        parts += len(parts_of({tuple(cell) for cell in inside}, solid.shape))
-    assert np.count_nonzero(nodes.level == 1) == parts
+        core_count += len(parts_of({tuple(cell) for cell in inside}, solid.shape))
+    assert np.count_nonzero(nodes.level == 1) == core_count
     assert (nodes.level[structure.fragment_node()] == 0).all()
 
 
 def test_the_coupling_is_between_the_two_levels():
     """Every face of the core towards the shell is in a link from level 0 to level 1."""
     structure = ShellOverCore(blocks(np.ones((10, 10, 10), bool)), 1, 4)
-    level, links = structure.nodes().level, structure.links()
+    level = structure.nodes().level
+    links = structure.links()
     across = level[links.src] != level[links.dst]
     # Flat faces only: a core of 8^3 voxels, each fine voxel over one block.
     assert links.area[across].sum() == pytest.approx(6 * 8**2)
@@ -56,10 +57,11 @@ def test_a_deep_fragment_makes_its_voxel_fine():
 
 def test_layers_through_the_whole_body_leave_no_core():
     grid = blocks(ball(4.3), 0.5)
-    structure, full = ShellOverCore(grid, layers=20), FullVolume(grid)
+    structure = ShellOverCore(grid, layers=20)
+    full = FullVolume(grid)
     assert structure.nodes().level.max() == 0
-    for one, other in zip(structure.links(), full.links(), strict=True):
-        np.testing.assert_array_equal(one, other)
+    for actual, expected in zip(structure.links(), full.links(), strict=True):
+        np.testing.assert_array_equal(actual, expected)
 
 
 @pytest.mark.parametrize("layers, factor", [(0, 4), (1, 0), (-1, 4)])

@@ -30,19 +30,24 @@ def _in_slabs_of(cells, build):
 LENGTHS = ("centre", "location", "distance_src", "distance_dst")
 
 
-def _assert_same(found, expected, rounded=LENGTHS):
+def _assert_same(actual, expected, rounded=LENGTHS):
     """Numbers, areas and links exactly; what is named to rounding."""
     for name in ("fragment_node", "voxel_node"):
-        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
-        assert getattr(found, name).dtype == getattr(expected, name).dtype
-    for one, other in ((found.nodes, expected.nodes), (found.links, expected.links)):
-        for name, value in one._asdict().items():
-            wanted = getattr(other, name)
-            assert value.dtype == wanted.dtype, name
+        np.testing.assert_array_equal(getattr(actual, name), getattr(expected, name))
+        assert getattr(actual, name).dtype == getattr(expected, name).dtype
+    for columns, expected_columns in (
+        (actual.nodes, expected.nodes),
+        (actual.links, expected.links),
+    ):
+        for name, value in columns._asdict().items():
+            expected_value = getattr(expected_columns, name)
+            assert value.dtype == expected_value.dtype, name
             if name in rounded:
-                np.testing.assert_allclose(value, wanted, rtol=1e-13, atol=1e-13)
+                np.testing.assert_allclose(
+                    value, expected_value, rtol=1e-13, atol=1e-13
+                )
             else:
-                np.testing.assert_array_equal(value, wanted, name)
+                np.testing.assert_array_equal(value, expected_value, name)
 
 
 @settings(deadline=None, max_examples=20)
@@ -55,12 +60,12 @@ def test_groups_of_every_slab_together_are_those_of_the_lattice(solid, factor, c
         return slabs.Slab(labels, np.arange(len(first), dtype=np.int32) % 3)
 
     def by_slabs():
-        found = slabs.build_slabs(grid, factor, 0, numbered)
-        return found, list(slabs._block_slabs(solid.shape, factor))
+        built = slabs.build_slabs(grid, factor, 0, numbered)
+        return built, list(slabs._block_slabs(solid.shape, factor))
 
-    found, ranges = _in_slabs_of(cells, by_slabs)
+    built, ranges = _in_slabs_of(cells, by_slabs)
     labels, _ = number_by_first_voxel(block_parts(solid, factor))
-    _assert_same(found, build_blocks(grid, labels, found.nodes.level))
+    _assert_same(built, build_blocks(grid, labels, built.nodes.level))
     assert ranges[0].start == 0 and ranges[-1].stop == len(solid)
     assert len(ranges) == -(-len(solid) // factor) or cells > 1
 
@@ -88,25 +93,29 @@ def test_cut_voxels_keep_their_volumes_and_open_areas_in_slabs(layered):
             return _build_shell_over_core(grid, 1, 3)
         return jt.Aggregate(grid, 3).built
 
-    found = _in_slabs_of(1, build)
-    _assert_same(found, build(), (*LENGTHS, "volume", "area"))
-    assert found.nodes.volume.sum() == pytest.approx(mesh.volume, rel=1e-12)
+    built = _in_slabs_of(1, build)
+    _assert_same(built, build(), (*LENGTHS, "volume", "area"))
+    assert built.nodes.volume.sum() == pytest.approx(mesh.volume, rel=1e-12)
 
 
 def test_a_body_of_one_slab_is_built_from_the_lattice():
     grid = blocks(ball(4.6), 0.3)
     labels, first = number_by_first_voxel(block_parts(grid.solid, 3))
     level = np.zeros(len(first), np.int32)
-    found = slabs.build_slabs(grid, 3, 0, lambda _: slabs.Slab(labels, level))
+    built = slabs.build_slabs(grid, 3, 0, lambda _: slabs.Slab(labels, level))
     expected = build_blocks(grid, labels, level)
-    for one, other in ((found.nodes, expected.nodes), (found.links, expected.links)):
-        for value, wanted in zip(one, other, strict=True):
-            np.testing.assert_array_equal(value, wanted)
+    for columns, expected_columns in (
+        (built.nodes, expected.nodes),
+        (built.links, expected.links),
+    ):
+        for value, expected_value in zip(columns, expected_columns, strict=True):
+            np.testing.assert_array_equal(value, expected_value)
 
 
 def test_planes_without_voxels_are_slabs_without_nodes():
     solid = np.zeros((9, 3, 3), bool)
-    solid[:2], solid[7:] = True, True
+    solid[:2] = True
+    solid[7:] = True
     structure = _in_slabs_of(1, lambda: jt.Aggregate(blocks(solid), 2))
     assert structure.capacity_ratio == 1
     assert structure.node_count == 12
@@ -115,23 +124,23 @@ def test_planes_without_voxels_are_slabs_without_nodes():
 
 
 @pytest.mark.parametrize("cells", [2**18, 2**23])
-@pytest.mark.parametrize("kind", [jt.Aggregate, jt.ShellOverCore])
-def test_the_memory_asked_for_is_that_of_the_build(monkeypatch, kind, cells):
-    asked = []
+@pytest.mark.parametrize("structure_class", [jt.Aggregate, jt.ShellOverCore])
+def test_the_memory_asked_for_is_that_of_the_build(monkeypatch, structure_class, cells):
+    forecasts = []
     monkeypatch.setattr(slabs, "_SLAB_CELLS", cells)
-    monkeypatch.setattr(slabs, "require_memory", lambda n, *_: asked.append(n))
+    monkeypatch.setattr(slabs, "require_memory", lambda n, *_: forecasts.append(n))
     monkeypatch.setenv("JAXTHERMO_CACHE", "off")
     grid = blocks(ball(40.0))
     tracemalloc.start()
     try:
-        kind(grid, factor=8)
+        structure_class(grid, factor=8)
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
     # The layers of a shell are found before: labels of all cells, with a rim.
-    before = 0 if kind is jt.Aggregate else 6 * grid.solid.size
-    assert peak < asked[0] + before
-    assert asked[0] < 2 * peak
+    layers_bytes = 0 if structure_class is jt.Aggregate else 6 * grid.solid.size
+    assert peak < forecasts[0] + layers_bytes
+    assert forecasts[0] < 2 * peak
 
 
 BUDDHA = """
@@ -150,7 +159,10 @@ def test_slabs_of_a_statue_are_its_whole_lattice(real_mesh, monkeypatch):
     monkeypatch.setenv("JAXTHERMO_CACHE", "off")
     mesh = jt.load_mesh(real_mesh("happy-buddha.obj"), height=0.5, up="y")
     grid = jt.voxelize(mesh, 0.5 / 400)
-    build = lambda: jt.Aggregate(grid, factor=16).built
+
+    def build():
+        return jt.Aggregate(grid, factor=16).built
+
     # Thin parts are filled up by their conductances, which depend on lengths.
     rounded = (*LENGTHS, "volume")
     _assert_same(_in_slabs_of(1, build), _in_slabs_of(2**40, build), rounded)

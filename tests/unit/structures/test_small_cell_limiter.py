@@ -14,7 +14,8 @@ PITCH = 0.01
 
 def _time_constants(structure):
     """V / sum A / L of every node that has links [m^2]."""
-    links, volume = structure.links(), structure.nodes().volume
+    links = structure.links()
+    volume = structure.nodes().volume
     conductance = links.area / (links.distance_src + links.distance_dst)
     total = np.bincount(links.src, conductance, len(volume))
     total += np.bincount(links.dst, conductance, len(volume))
@@ -28,13 +29,14 @@ def grid():
     return blocks((cell**2).sum(axis=0) < 118, PITCH)
 
 
-@pytest.mark.parametrize("least", [0.4, 0.45, 1.0])
-def test_no_node_is_below_the_least(grid, least):
-    kind = partial(jt.Aggregate, grid, factor=4, alignment=0.0)
-    free, held = kind(min_time_constant=0.0), kind(min_time_constant=least)
-    whole = (4 * PITCH) ** 2 / 6
-    assert _time_constants(free).min() < 0.39 * whole
-    assert _time_constants(held).min() >= least * whole * (1 - 1e-12)
+@pytest.mark.parametrize("minimum", [0.4, 0.45, 1.0])
+def test_no_node_is_below_the_least(grid, minimum):
+    aggregate = partial(jt.Aggregate, grid, factor=4, alignment=0.0)
+    free = aggregate(min_time_constant=0.0)
+    held = aggregate(min_time_constant=minimum)
+    block_constant = (4 * PITCH) ** 2 / 6
+    assert _time_constants(free).min() < 0.39 * block_constant
+    assert _time_constants(held).min() >= minimum * block_constant * (1 - 1e-12)
     np.testing.assert_array_equal(free.nodes().volume, held.nodes().volume)
     np.testing.assert_array_equal(free.links().area, held.links().area)
     assert (held.links().distance_src >= free.links().distance_src).all()
@@ -43,15 +45,16 @@ def test_no_node_is_below_the_least(grid, least):
 def test_nodes_that_are_slow_enough_keep_their_links(grid):
     free = jt.Aggregate(grid, factor=4, min_time_constant=0.0)
     held = jt.Aggregate(grid, factor=4, min_time_constant=0.5)
-    links, volume = free.links(), free.nodes().volume
+    links = free.links()
+    volume = free.nodes().volume
     conductance = links.area / (links.distance_src + links.distance_dst)
     total = np.bincount(links.src, conductance, len(volume))
     total += np.bincount(links.dst, conductance, len(volume))
     slow = volume > total * 0.5 * (4 * PITCH) ** 2 / 6
-    both = slow[links.src] & slow[links.dst]
-    assert 0 < both.sum() < len(both)
+    slow_ends = slow[links.src] & slow[links.dst]
+    assert 0 < slow_ends.sum() < len(slow_ends)
     np.testing.assert_array_equal(
-        links.distance_src[both], held.links().distance_src[both]
+        links.distance_src[slow_ends], held.links().distance_src[slow_ends]
     )
 
 
@@ -62,10 +65,10 @@ def test_whole_blocks_are_never_touched():
     np.testing.assert_array_equal(free.links().distance_src, held.links().distance_src)
 
 
-@pytest.mark.parametrize("least", [-0.1, 1.5, float("nan")])
-def test_what_is_no_share_is_told(grid, least):
+@pytest.mark.parametrize("minimum", [-0.1, 1.5, float("nan")])
+def test_what_is_no_share_is_told(grid, minimum):
     with pytest.raises(jt.InputError, match="from 0 to 1"):
-        jt.Aggregate(grid, min_time_constant=least)
+        jt.Aggregate(grid, min_time_constant=minimum)
 
 
 def test_a_factor_beyond_any_body_is_one_block():

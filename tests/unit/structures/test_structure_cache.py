@@ -33,10 +33,10 @@ class Builder:
         index = np.arange(6, dtype=np.int32)
         return Built(
             nodes=Nodes(
-                np.arange(18.0).reshape(6, 3),
-                index + 0.5,
-                index % 3,
-                np.arange(18.0, 36.0).reshape(6, 3),
+                centre=np.arange(18.0).reshape(6, 3),
+                volume=index + 0.5,
+                level=index % 3,
+                location=np.arange(18.0, 36.0).reshape(6, 3),
             ),
             links=Links(
                 index[:-1], index[1:], *(np.full((3, 5), 2.0) * [[1], [2], [3]])
@@ -51,9 +51,9 @@ def arrays(built: Built) -> list[np.ndarray]:
 
 
 def assert_same(first: Built, second: Built) -> None:
-    for one, other in zip(arrays(first), arrays(second), strict=True):
-        assert one.dtype == other.dtype
-        np.testing.assert_array_equal(one, other)
+    for actual, expected in zip(arrays(first), arrays(second), strict=True):
+        assert actual.dtype == expected.dtype
+        np.testing.assert_array_equal(actual, expected)
 
 
 @pytest.fixture
@@ -82,7 +82,7 @@ def test_whatever_a_structure_follows_from_is_a_miss(folder, grid):
     hole = grid.solid.copy()
     hole[0, 0, 0] = False
     moved = replace(grid.lattice, origin=np.array([0.0, 0.0, 1.0]))
-    others = [
+    misses = [
         ("other", grid, {}),
         ("kind", grid, {"levels": 2}),
         ("kind", grid, {"levels": "2"}),
@@ -97,10 +97,10 @@ def test_whatever_a_structure_follows_from_is_a_miss(folder, grid):
         ("kind", replace(grid, fragment_voxel=grid.fragment_voxel[::-1]), {}),
     ]
     cached("kind", grid, {}, build)
-    for number, (kind, body, options) in enumerate(others):
-        cached(kind, body, options, build)
+    for number, (name, body, options) in enumerate(misses):
+        cached(name, body, options, build)
         assert build.calls == number + 2
-    assert len(list(folder.iterdir())) == len(others) + 1
+    assert len(list(folder.iterdir())) == len(misses) + 1
 
 
 def test_options_of_no_known_meaning_are_a_defect(folder, grid):
@@ -121,9 +121,13 @@ def test_any_damaged_byte_is_noticed(folder, grid):
     build = Builder()
     right = cached("kind", grid, {}, build)
     (path,) = folder.iterdir()
-    kept = path.read_bytes()
-    for place in range(0, len(kept), 7):
-        path.write_bytes(kept[:place] + bytes([kept[place] ^ 255]) + kept[place + 1 :])
+    content = path.read_bytes()
+    for position in range(0, len(content), 7):
+        path.write_bytes(
+            content[:position]
+            + bytes([content[position] ^ 255])
+            + content[position + 1 :]
+        )
         assert_same(cached("kind", grid, {}, build), right)
     assert build.calls > 100
 
@@ -155,17 +159,19 @@ def test_an_archive_of_python_objects_is_not_opened(folder, grid):
 
 
 def test_threads_at_once_all_get_the_arrays(folder, grid):
-    got = []
+    results = []
     work = [
-        threading.Thread(target=lambda: got.append(cached("kind", grid, {}, Builder())))
+        threading.Thread(
+            target=lambda: results.append(cached("kind", grid, {}, Builder()))
+        )
         for _ in range(8)
     ]
     for thread in work:
         thread.start()
     for thread in work:
         thread.join()
-    assert len(got) == 8
-    for built in got:
+    assert len(results) == 8
+    for built in results:
         assert_same(built, Builder()())
     assert len(list(folder.iterdir())) == 1
 
@@ -188,14 +194,14 @@ def test_processes_at_once_take_files_away_from_under_each_other(folder):
         "print('ready', flush=True)\n"
         "test.build_read_and_remove()"
     )
-    other = subprocess.Popen(
+    process = subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, cwd=ROOT
     )
-    assert other.stdout is not None
-    with other.stdout as said:
+    assert process.stdout is not None
+    with process.stdout as said:
         assert said.readline() == b"ready\n"
         build_read_and_remove()
-    assert other.wait(60) == 0
+    assert process.wait(60) == 0
     assert len(list(folder.iterdir())) == 3
 
 

@@ -13,8 +13,8 @@ from tests.bodies import blocks
 
 @pytest.fixture(scope="module")
 def grid():
-    place = np.indices((14, 13, 16)) - 6.4
-    return blocks((place**2).sum(0) < 40, 0.5)
+    position = np.indices((14, 13, 16)) - 6.4
+    return blocks((position**2).sum(0) < 40, 0.5)
 
 
 @pytest.fixture(params=["full", "links", "shell", "irregular"])
@@ -36,8 +36,8 @@ def test_levels_add_up_and_all_is_json(structure):
     volume = sum(level["volume_m3"] for level in levels)
     body = report["solid_voxels"] * 0.5**3
     assert volume == pytest.approx(report["capacity_ratio"] * body)
-    parts = report["bytes_float32"]
-    assert parts["total"] == sum(v for k, v in parts.items() if k != "total") > 0
+    sizes = report["bytes_float32"]
+    assert sizes["total"] == sum(v for k, v in sizes.items() if k != "total") > 0
 
 
 def test_options_and_time_are_told(grid):
@@ -51,14 +51,15 @@ def test_options_and_time_are_told(grid):
 
 def test_bytes_are_those_of_the_arrays(grid):
     shell = SingleShell(grid)
-    nodes, links = shell.nodes(), shell.links()
+    nodes = shell.nodes()
+    links = shell.links()
     held = [nodes.volume, nodes.volume, links.src, links.dst, links.area]
     held += [shell.fragment_node(), grid.fragment_area]
     expected = sum(array.astype(np.float32).nbytes for array in held)
     assert structure_report(shell)["bytes_float32"]["total"] == expected
     # A stencil: a float and a byte for each of (14 + 2)(13 + 2)(16 + 2) cells.
-    parts = structure_report(FullVolume(grid))["bytes_float32"]
-    assert parts["state"] + parts["capacity"] + parts["links"] == 5 * 16 * 15 * 18
+    sizes = structure_report(FullVolume(grid))["bytes_float32"]
+    assert sizes["state"] + sizes["capacity"] + sizes["links"] == 5 * 16 * 15 * 18
 
 
 def test_an_irregular_structure_tells_how_it_covers_the_body(grid):

@@ -38,10 +38,10 @@ def _read(structure, surface_map, field=_start):
 def test_a_linear_field_is_exact_under_the_linear_map(grid, factor):
     structure = jt.Aggregate(grid, factor=factor)
     voxel = grid.lattice.centres(grid.fragment_voxel)
-    found = _read(structure, jt.LinearMap(at="voxel"))
-    np.testing.assert_allclose(found, _start(voxel), atol=1e-9)
-    found = _read(structure, jt.LinearMap())
-    np.testing.assert_allclose(found, _start(grid.fragment_position), atol=1e-9)
+    surface = _read(structure, jt.LinearMap(at="voxel"))
+    np.testing.assert_allclose(surface, _start(voxel), atol=1e-9)
+    surface = _read(structure, jt.LinearMap())
+    np.testing.assert_allclose(surface, _start(grid.fragment_position), atol=1e-9)
 
 
 def test_the_constant_map_is_the_node(grid):
@@ -63,8 +63,10 @@ def test_a_full_volume_reads_its_voxels(grid, surface_map):
 @pytest.mark.parametrize("at", ["surface", "voxel"])
 def test_a_steady_flux_through_a_bar_is_read_at_its_depth(factor, at):
     """T = T_far + q'' x / k exactly, at rest, whatever the size of the nodes."""
-    grid, flux = bar(8, PITCH), 1600.0
-    front, back = jt.Side((1.0, 0.0, 0.0)), jt.Side((-1.0, 0.0, 0.0))
+    grid = bar(8, PITCH)
+    flux = 1600.0
+    front = jt.Side((1.0, 0.0, 0.0))
+    back = jt.Side((-1.0, 0.0, 0.0))
     body = jt.Body(
         jt.Aggregate(grid, factor=factor),
         METAL,
@@ -83,7 +85,8 @@ def test_a_steady_flux_through_a_bar_is_read_at_its_depth(factor, at):
 
 
 def test_the_weight_of_the_distance_scales_what_the_flux_adds():
-    grid, front = bar(4, PITCH), jt.Side((1.0, 0.0, 0.0))
+    grid = bar(4, PITCH)
+    front = jt.Side((1.0, 0.0, 0.0))
     lit = grid.fragment_normal[:, 0] > 0.9
 
     def lift(weight):
@@ -107,5 +110,5 @@ def test_a_lone_node_has_no_gradient():
     structure = jt.Aggregate(blocks(np.ones((2, 2, 2), bool), PITCH), factor=2)
     gradient = gradient_at(structure, np.unique(structure.fragment_node()), jnp.float64)
     assert gradient.weight[0].shape == (0, 1)
-    found = _read(structure, jt.LinearMap(), field=lambda p: np.full(len(p), 311.0))
-    np.testing.assert_array_equal(found, 311.0)
+    surface = _read(structure, jt.LinearMap(), field=lambda p: np.full(len(p), 311.0))
+    np.testing.assert_array_equal(surface, 311.0)

@@ -38,25 +38,26 @@ def _structures(grid):
 KINDS = list(_structures(blocks(np.ones((6, 6, 6), bool), PITCH)))
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_every_voxel_goes_to_a_node(grid, kind):
-    structure = _structures(grid)[kind]
-    own, owner = structure.voxel_node(), voxel_owner(structure)
-    assert own.dtype == owner.dtype == np.int32
-    assert len(own) == grid.solid_count
+@pytest.mark.parametrize("name", KINDS)
+def test_every_voxel_goes_to_a_node(grid, name):
+    structure = _structures(grid)[name]
+    node = structure.voxel_node()
+    owner = voxel_owner(structure)
+    assert node.dtype == owner.dtype == np.int32
+    assert len(node) == grid.solid_count
     assert set(owner) == set(range(structure.node_count))
-    np.testing.assert_array_equal(owner[own >= 0], own[own >= 0])
-    assert (own < 0).any() == (kind in ("shell", "multi"))
-    every = volume_within(structure, np.ones(grid.solid_count, bool))
+    np.testing.assert_array_equal(owner[node >= 0], node[node >= 0])
+    assert (node < 0).any() == (name in ("shell", "multi"))
+    volume = volume_within(structure, np.ones(grid.solid_count, bool))
     body = grid.solid_count * grid.voxel_volume
-    assert every.sum() == pytest.approx(body, rel=1e-13)
-    if kind not in ("shell", "multi", "irregular"):
-        np.testing.assert_allclose(every, structure.nodes().volume, rtol=1e-12)
+    assert volume.sum() == pytest.approx(body, rel=1e-13)
+    if name not in ("shell", "multi", "irregular"):
+        np.testing.assert_allclose(volume, structure.nodes().volume, rtol=1e-12)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_fragments_lie_on_their_voxels_node(grid, kind):
-    structure = _structures(grid)[kind]
+@pytest.mark.parametrize("name", KINDS)
+def test_fragments_lie_on_their_voxels_node(grid, name):
+    structure = _structures(grid)[name]
     node = np.full(grid.solid.shape, -1)
     node[grid.solid] = structure.voxel_node()
     np.testing.assert_array_equal(
@@ -64,46 +65,47 @@ def test_fragments_lie_on_their_voxels_node(grid, kind):
     )
 
 
-@pytest.mark.parametrize("kind", ["shell", "multi"])
-def test_the_inside_goes_to_the_nearest_nodes(grid, kind):
-    structure = _structures(grid)[kind]
+@pytest.mark.parametrize("name", ["shell", "multi"])
+def test_the_inside_goes_to_the_nearest_nodes(grid, name):
+    structure = _structures(grid)[name]
     centre = grid.lattice.centres(np.argwhere(grid.solid))
     inside = structure.voxel_node() < 0
     nodes = structure.nodes().centre
     way = np.abs(nodes[voxel_owner(structure)[inside]] - centre[inside]).sum(axis=1)
-    least = np.abs(nodes[None] - centre[inside][:, None]).sum(axis=2).min(axis=1)
+    straight = np.abs(nodes[None] - centre[inside][:, None]).sum(axis=2).min(axis=1)
     # Steps through the body are at least the straight way along the axes.
-    assert (way >= least - 1e-12).all()
+    assert (way >= straight - 1e-12).all()
     assert way.max() < 6 * PITCH
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_link_axes_are_squared_directions(grid, kind):
-    structure = _structures(grid)[kind]
+@pytest.mark.parametrize("name", KINDS)
+def test_link_axes_are_squared_directions(grid, name):
+    structure = _structures(grid)[name]
     axes = link_axes(structure)
     assert axes.shape == (structure.link_count, 3)
     assert (axes >= 0).all()
     np.testing.assert_allclose(axes.sum(axis=1), 1.0, rtol=1e-14)
 
 
-@pytest.mark.parametrize("kind", ["links", "multi", "octree"])
-def test_faces_of_cubes_lie_across_one_axis(grid, kind):
+@pytest.mark.parametrize("name", ["links", "multi", "octree"])
+def test_faces_of_cubes_lie_across_one_axis(grid, name):
     """Even where coarse meets fine, and the centres are apart sideways."""
-    structure = _structures(grid)[kind]
-    links, centre = structure.links(), structure.nodes().centre
+    structure = _structures(grid)[name]
+    links = structure.links()
+    centre = structure.nodes().centre
     axes = link_axes(structure)
     assert set(np.unique(axes)) == {0.0, 1.0}
     apart = np.abs(centre[links.dst] - centre[links.src])
     np.testing.assert_array_equal(axes.argmax(axis=1), apart.argmax(axis=1))
-    if kind == "octree":
+    if name == "octree":
         assert (np.sort(apart, axis=1)[:, 1] > 0.1 * PITCH).any()
 
 
 def test_a_shell_has_diagonal_links(grid):
     axes = link_axes(_structures(grid)["shell"])
-    kinds = {tuple(np.round(np.sort(row), 6)) for row in axes}
+    directions = {tuple(np.round(np.sort(row), 6)) for row in axes}
     third = round(1 / 3, 6)
-    assert kinds == {(0, 0, 1), (0, 0.5, 0.5), (third, third, third)}
+    assert directions == {(0, 0, 1), (0, 0.5, 0.5), (third, third, third)}
 
 
 def test_a_staircase_has_the_direction_of_its_normal():
@@ -119,12 +121,12 @@ def test_an_island_of_no_node_keeps_none():
     solid[3] = False
     grid = blocks(solid, PITCH)
     structure = jt.FullVolume(grid)
-    own = structure.voxel_node().copy()
-    own[own >= 12] = -1
+    node = structure.voxel_node().copy()
+    node[node >= 12] = -1
 
     class Partly(jt.FullVolume):
         def voxel_node(self):
-            return own
+            return node
 
     owner = voxel_owner(Partly(grid))
     np.testing.assert_array_equal(owner, np.r_[np.arange(12), np.full(12, -1)])

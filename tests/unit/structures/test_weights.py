@@ -10,7 +10,9 @@ from jaxthermo.physics.conduction import _link_weights, assemble_uniform
 from tests.bodies import blocks
 
 
-K, HEAT, PITCH = 16.0, 4e6, 0.01
+K = 16.0
+HEAT = 4e6
+PITCH = 0.01
 METAL = jt.Material(K, density=8000.0, specific_heat=500.0)
 
 
@@ -20,7 +22,8 @@ def grid():
 
 
 def _classes(structure):
-    links, level = structure.links(), structure.nodes().level
+    links = structure.links()
+    level = structure.nodes().level
     outside = np.zeros(structure.node_count, bool)
     outside[structure.fragment_node()] = True
     low = np.minimum(level[links.src], level[links.dst])
@@ -28,16 +31,18 @@ def _classes(structure):
     return low, crosses, outside[links.src] | outside[links.dst]
 
 
-@pytest.mark.parametrize("kind", ["octree", "core", "levels"])
-def test_every_link_takes_the_weights_of_its_classes(grid, kind):
-    within = {"octree": [2.0, 3.0], "core": [2.0, 3.0], "levels": [2.0, 3.0, 5.0]}[kind]
+@pytest.mark.parametrize("structure_name", ["octree", "core", "levels"])
+def test_every_link_takes_the_weights_of_its_classes(grid, structure_name):
+    within = {"octree": [2.0, 3.0], "core": [2.0, 3.0], "levels": [2.0, 3.0, 5.0]}[
+        structure_name
+    ]
     between = np.arange(7.0, 7.0 + len(within) - 1)
     weights = jt.ConductionWeights(within=within, between=between, surface=0.5)
     structure = {
         "octree": lambda: jt.Octree(grid, levels=2, weights=weights),
         "core": lambda: jt.ShellOverCore(grid, weights=weights),
         "levels": lambda: jt.MultiLevel(grid, levels=3, weights=weights),
-    }[kind]()
+    }[structure_name]()
     low, crosses, touches = _classes(structure)
     assert crosses.any()
     assert (~crosses).any()
@@ -124,11 +129,19 @@ def test_gradients_reach_every_weight(grid, mode):
         )
         return _surface_mean(jt.ShellOverCore(grid, weights=weights))
 
-    at, step = np.array([1.0, 1.1, 0.9, 1.2, 1.3, 0.8, 1.0]), 1e-5
-    forward = lambda values: (loss(values), jax.jacfwd(loss)(values))
-    both = jax.jit(forward if mode == "forward" else jax.value_and_grad(loss))
-    found = np.asarray(both(at)[1])
+    at = np.array([1.0, 1.1, 0.9, 1.2, 1.3, 0.8, 1.0])
+    step = 1e-5
+
+    def forward(values):
+        return loss(values), jax.jacfwd(loss)(values)
+
+    value_and_gradient = jax.jit(
+        forward if mode == "forward" else jax.value_and_grad(loss)
+    )
+    gradient = np.asarray(value_and_gradient(at)[1])
     for i, by in enumerate(step * np.eye(len(at))):
-        exact = float(both(at + by)[0] - both(at - by)[0]) / (2 * step)
-        assert found[i] == pytest.approx(exact, rel=1e-5, abs=1e-5), i
-    assert (np.abs(found) > 1e-4).all()
+        exact = float(
+            value_and_gradient(at + by)[0] - value_and_gradient(at - by)[0]
+        ) / (2 * step)
+        assert gradient[i] == pytest.approx(exact, rel=1e-5, abs=1e-5), i
+    assert (np.abs(gradient) > 1e-4).all()

@@ -15,43 +15,46 @@ def solids(longest: int = 5):
     return any_solid.filter(lambda solid: solid.any())
 
 
-def labelled(longest: int = 4, kinds: int = 4):
+def labelled(longest: int = 4, label_count: int = 4):
     """Labels from -1 (none) upwards, with some left out."""
     shape = st.tuples(*[st.integers(1, longest)] * 3)
-    labels = shape.flatmap(lambda s: arrays(int, s, elements=st.integers(-1, kinds)))
-    return labels.filter(lambda each: (each >= 0).any())
+    labels = shape.flatmap(
+        lambda s: arrays(int, s, elements=st.integers(-1, label_count))
+    )
+    return labels.filter(lambda labels_array: (labels_array >= 0).any())
 
 
 def ball(radius: float, empty: float = 0.0) -> np.ndarray:
     """A ball of voxels, a little off the middle, hollow inside a radius of `empty`."""
     side = int(2 * radius) + 3
-    place = np.indices((side, side, side + 1)) - side / 2 + 0.3
-    square = (place**2).sum(0)
+    position = np.indices((side, side, side + 1)) - side / 2 + 0.3
+    square = (position**2).sum(0)
     return (square < radius**2) & (square >= empty**2)
 
 
 def neighbours(cell, shape):
     """Cells that share a face with one, and the axis and sign of the step there."""
     for axis, sign in product(range(3), (-1, 1)):
-        other = list(cell)
-        other[axis] += sign
-        if 0 <= other[axis] < shape[axis]:
-            yield tuple(other), axis, sign
+        neighbour = list(cell)
+        neighbour[axis] += sign
+        if 0 <= neighbour[axis] < shape[axis]:
+            yield tuple(neighbour), axis, sign
 
 
 def parts_of(cells: set, shape) -> list[set]:
     """Sets of cells that hang together over faces."""
-    left, found = set(cells), []
+    left = set(cells)
+    components = []
     while left:
         front = {min(left)}
-        part = set()
+        component = set()
         while front:
-            part |= front
+            component |= front
             around = {n for cell in front for n, _, _ in neighbours(cell, shape)}
-            front = (around & left) - part
-        left -= part
-        found.append(part)
-    return found
+            front = (around & left) - component
+        left -= component
+        components.append(component)
+    return components
 
 
 def members(labels) -> dict[int, list[tuple]]:
@@ -72,19 +75,22 @@ def links_of(labels, centre) -> dict[tuple[int, int], tuple[float, float, float]
     """
     places = defaultdict(lambda: defaultdict(list))
     for cell in np.ndindex(labels.shape):
-        for other, axis, sign in neighbours(cell, labels.shape):
-            src, dst = labels[cell], labels[other]
+        for neighbour, axis, sign in neighbours(cell, labels.shape):
+            src = labels[cell]
+            dst = labels[neighbour]
             if 0 <= src < dst:
-                place = cell[axis] + (sign + 1) / 2
-                places[int(src), int(dst)][axis, sign].append(place)
+                plane = cell[axis] + (sign + 1) / 2
+                places[int(src), int(dst)][axis, sign].append(plane)
     links = {}
     for (src, dst), sides in places.items():
-        on_axis, to_src, to_dst = np.zeros(3), 0.0, 0.0
-        for (axis, sign), found in sides.items():
-            mean = np.mean(found)
-            on_axis[axis] += len(found)
-            to_src += len(found) * max(sign * (mean - centre[src][axis]), 0.25)
-            to_dst += len(found) * max(sign * (centre[dst][axis] - mean), 0.25)
+        on_axis = np.zeros(3)
+        to_src = 0.0
+        to_dst = 0.0
+        for (axis, sign), planes in sides.items():
+            mean = np.mean(planes)
+            on_axis[axis] += len(planes)
+            to_src += len(planes) * max(sign * (mean - centre[src][axis]), 0.25)
+            to_dst += len(planes) * max(sign * (centre[dst][axis] - mean), 0.25)
         area = np.sqrt((on_axis**2).sum())
         links[src, dst] = (area, to_src / area, to_dst / area)
     return links

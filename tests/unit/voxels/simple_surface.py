@@ -22,9 +22,11 @@ def solid_by_vote(views, shape):
     """Solid voxels from all winding numbers along each axis, on rays that close."""
     votes, cast = np.zeros((2, *shape), int)
     for axis, layers in enumerate(views):
-        row_axis, column_axis = (axis + 2) % 3, (axis + 1) % 3
+        row_axis = (axis + 2) % 3
+        column_axis = (axis + 1) % 3
         size = layers.height, layers.width, shape[axis] + 1
-        change, sign = np.zeros(size, int), np.where(layers.entering, 1, -1)
+        change = np.zeros(size, int)
+        sign = np.where(layers.entering, 1, -1)
         behind = np.clip(np.ceil(layers.depth - 0.5).astype(int), 0, shape[axis])
         np.add.at(change, (*np.divmod(layers.pixel, layers.width), behind), sign)
         winding = np.cumsum(change, axis=2)
@@ -44,7 +46,10 @@ def nearest_solid(solid, position, start):
         if all(0 <= c < n for c, n in zip(cell, solid.shape, strict=True))
         and solid[cell]
     ]
-    distance = lambda cell: np.square(np.add(cell, 0.5) - position).sum()
+
+    def distance(cell):
+        return np.square(np.add(cell, 0.5) - position).sum()
+
     return min(within, key=distance, default=None)
 
 
@@ -58,35 +63,41 @@ def limited(volume, solid, links, step, least_of_all, rounds):
     for first, jump, extra in zip(links.voxel, links.step, links.extra, strict=True):
         conductance[tuple(first)] += extra
         conductance[tuple(first + jump)] += extra
-    least = np.maximum(step / 6 * conductance, least_of_all)
+    minimum = np.maximum(step / 6 * conductance, least_of_all)
     volume = np.where(solid, volume, 0.0)
     for _ in range(rounds):
-        taken, given = np.zeros_like(volume), np.zeros_like(volume)
-        spare = np.where(solid, np.maximum(volume - 1.2 * least, 0), 0)
-        for cell in np.argwhere(solid & (volume < least)).tolist():
+        loss = np.zeros_like(volume)
+        gained = np.zeros_like(volume)
+        spare = np.where(solid, np.maximum(volume - 1.2 * minimum, 0), 0)
+        for cell in np.argwhere(solid & (volume < minimum)).tolist():
             sides = np.array(cell) + np.concatenate([np.eye(3, dtype=int)] * 2)
             sides[3:] -= 2 * np.eye(3, dtype=int)
             sides = sides[((sides >= 0) & (sides < solid.shape)).all(1)]
-            own = spare[tuple(sides.T)]
-            gain = min(least[tuple(cell)] - volume[tuple(cell)], own.sum() / 4)
-            given[tuple(cell)] = gain
-            taken[tuple(sides.T)] += own * gain / max(own.sum(), 1e-300)
-        volume += given - taken
+            available = spare[tuple(sides.T)]
+            needed = min(
+                minimum[tuple(cell)] - volume[tuple(cell)], available.sum() / 4
+            )
+            gained[tuple(cell)] = needed
+            loss[tuple(sides.T)] += available * needed / max(available.sum(), 1e-300)
+        volume += gained - loss
     return volume
 
 
-def dense_sides(found, owner, count):
+def dense_sides(cells, owner, count):
     """Flags, theta - 1/2 and normals of cells, [voxel, axis, below or above]."""
-    there, excess = np.zeros((count, 3, 2), bool), np.zeros((count, 3, 2))
+    has_cell = np.zeros((count, 3, 2), bool)
+    excess = np.zeros((count, 3, 2))
     normal = np.zeros((count, 3, 2, 3))
-    face = np.flatnonzero(found.on_face)
-    at = owner[face], found.axis[face], found.ahead[face].astype(int)
-    there[at], excess[at], normal[at] = True, found.excess[face], found.normal[face]
-    return there, excess, normal
+    face = np.flatnonzero(cells.on_face)
+    at = owner[face], cells.axis[face], cells.ahead[face].astype(int)
+    has_cell[at] = True
+    excess[at] = cells.excess[face]
+    normal[at] = cells.normal[face]
+    return has_cell, excess, normal
 
 
-def _apart(one, other):
-    return 1 - np.square((one * other).sum(-1))
+def _apart(first, second):
+    return 1 - np.square((first * second).sum(-1))
 
 
 def volumes(weight, normal):
@@ -97,81 +108,88 @@ def volumes(weight, normal):
         triple = np.square(np.linalg.det(np.stack(n, axis=1)))
         total += w[0] * w[1] * w[2] * triple
     for (a, b), (i, j) in product(combinations(range(3), 2), np.ndindex(2, 2)):
-        both = weight[:, a, i] * weight[:, b, j]
-        total += both * _apart(normal[:, a, i], normal[:, b, j])
+        weights = weight[:, a, i] * weight[:, b, j]
+        total += weights * _apart(normal[:, a, i], normal[:, b, j])
     return total
 
 
 def sections(weight, normal, along):
     """Open areas of each voxel across x, y and z."""
-    found = []
+    totals = []
     for axis in range(3):
-        one, two = (a for a in range(3) if a != axis)
-        own = weight * (1 - np.square(normal[..., axis])) ** along
-        total = 1 + own[:, [one, two]].sum((1, 2))
+        b, c = (a for a in range(3) if a != axis)
+        weight_along = weight * (1 - np.square(normal[..., axis])) ** along
+        total = 1 + weight_along[:, [b, c]].sum((1, 2))
         for i, j in np.ndindex(2, 2):
-            both = own[:, one, i] * own[:, two, j]
-            total += both * _apart(normal[:, one, i], normal[:, two, j])
-        found.append(total)
-    return np.stack(found, axis=1)
+            product = weight_along[:, b, i] * weight_along[:, c, j]
+            total += product * _apart(normal[:, b, i], normal[:, c, j])
+        totals.append(total)
+    return np.stack(totals, axis=1)
 
 
-def cell_shapes(found, owner, weight, normal):
+def cell_shapes(cells, owner, weight, normal):
     """Factor and shift of each cell, before the limit of the factor."""
-    factor, shift = np.ones(len(owner)), np.zeros((len(owner), 3))
+    factor = np.ones(len(owner))
+    shift = np.zeros((len(owner), 3))
     for axis in range(3):
-        own = np.flatnonzero(found.on_face & (found.axis == axis))
-        here = weight[owner[own]] * _apart(
-            normal[owner[own]], found.normal[own][:, None, None]
+        on_axis = np.flatnonzero(cells.on_face & (cells.axis == axis))
+        loss = weight[owner[on_axis]] * _apart(
+            normal[owner[on_axis]], cells.normal[on_axis][:, None, None]
         )
-        for other in set(range(3)) - {axis}:
-            below, above = here[:, other].T
-            factor[own] *= 1 + below + above
-            shift[own, other] = (above - below) / 2
+        for across in set(range(3)) - {axis}:
+            below, above = loss[:, across].T
+            factor[on_axis] *= 1 + below + above
+            shift[on_axis, across] = (above - below) / 2
     return factor, shift
 
 
 def links(voxel, section, sides, solid, min_open, smooth):
     """Extra conductance of each link of cut voxels, by its two voxels."""
-    there, excess, normal = sides
-    own = {tuple(v): m for m, v in enumerate(voxel.tolist())}
+    has_cell, excess, normal = sides
+    index = {tuple(v): m for m, v in enumerate(voxel.tolist())}
     padded = np.pad(solid, 1)
     unit = np.eye(3, dtype=int)
-    is_solid = lambda v: bool(padded[tuple(np.add(v, 1))])
-    found = {}
-    add = lambda p, q, x: found.__setitem__(
-        (min(p, q), max(p, q)), found.get((min(p, q), max(p, q)), 0.0) + x
-    )
-    for v, m in own.items():
+    extras = {}
+
+    def is_solid(v):
+        return bool(padded[tuple(np.add(v, 1))])
+
+    def add(p, q, extra):
+        ends = (min(p, q), max(p, q))
+        extras[ends] = extras.get(ends, 0.0) + extra
+
+    for v, m in index.items():
         for axis, sign in product(range(3), (-1, 1)):
-            other = tuple(int(x) for x in np.add(v, sign * unit[axis]))
-            if not is_solid(other) or (sign < 0 and other in own):
+            neighbour = tuple(int(x) for x in np.add(v, sign * unit[axis]))
+            if not is_solid(neighbour) or (sign < 0 and neighbour in index):
                 continue
-            end = section[own[other], axis] if other in own else 1.0
-            add(v, other, (section[m, axis] + end) / 2 - 1)
+            end = section[index[neighbour], axis] if neighbour in index else 1.0
+            add(v, neighbour, (section[m, axis] + end) / 2 - 1)
     for (v, m), (a, b), (i, j) in product(
-        own.items(), combinations(range(3), 2), np.ndindex(2, 2)
+        index.items(), combinations(range(3), 2), np.ndindex(2, 2)
     ):
         third = tuple(int(x) for x in np.subtract(v, (2 * j - 1) * unit[b]))
         second = tuple(int(x) for x in np.add(third, (2 * i - 1) * unit[a]))
-        n = own.get(second)
-        if n is None or not (there[m, a, i] and there[n, b, j] and is_solid(third)):
+        n = index.get(second)
+        if n is None or not (
+            has_cell[m, a, i] and has_cell[n, b, j] and is_solid(third)
+        ):
             continue
-        normals = normal[m, a, i], normal[n, b, j]
-        if normals[0] @ normals[1] <= smooth:
+        if normal[m, a, i] @ normal[n, b, j] <= smooth:
             continue
-        total = np.add(*normals)
+        total = normal[m, a, i] + normal[n, b, j]
         mean = total / np.linalg.norm(total)
-        n_a, n_b = abs(mean[a]), abs(mean[b])
+        n_a = abs(mean[a])
+        n_b = abs(mean[b])
         width = (excess[m, a, i] * n_a + excess[n, b, j] * n_b) / 2 + (n_a + n_b) / 4
         scale = max(width, 0) * (n_a + n_b) / max(n_a**2 + n_b**2, 1e-12)
         add(v, second, scale * n_a * n_b)
         add(v, third, scale * n_a * (n_a - n_b))
         add(second, third, scale * n_b * (n_b - n_a))
-    for ends, extra in found.items():
-        if np.abs(np.subtract(*ends)).sum() == 1:
-            found[ends] = max(1 + extra, min_open) - 1
-    return {ends: extra for ends, extra in found.items() if abs(extra) > 1e-12}
+    for ends, extra in extras.items():
+        if np.abs(np.subtract(ends[0], ends[1])).sum() == 1:
+            extras[ends] = max(1 + extra, min_open) - 1
+    return {ends: extra for ends, extra in extras.items() if abs(extra) > 1e-12}
 
 
 def areas_of_mesh(area, position, normal, pieces, spacing):
@@ -181,25 +199,29 @@ def areas_of_mesh(area, position, normal, pieces, spacing):
     """
 
     def shares(points, normals):
-        place = points / spacing + 1
-        first = np.floor(place).astype(int)
+        position = points / spacing + 1
+        first = np.floor(position).astype(int)
         for corner in np.ndindex(2, 2, 2):
             node = first + corner
-            hat = np.prod(1 - np.abs(place - node), axis=1)
+            hat = np.prod(1 - np.abs(position - node), axis=1)
             for axis, along in enumerate(normals.T):
                 side = 2 * axis + (along > 0)
                 yield (*node.T, side), hat * np.square(along)
 
     nodes = np.ceil(position.max(0) / spacing).astype(int) + 4
-    true, found = np.zeros((2, *nodes, 6))
-    for points, normals, own in pieces:
-        for each in points:
-            for index, weight in shares(each, normals):
-                near = (np.array(index[:3]) < np.array(true.shape[:3])[:, None]).all(0)
-                kept = tuple(i[near] for i in index)
-                np.add.at(true, kept, (weight * own / len(points))[near])
+    mesh_area, cell_area = np.zeros((2, *nodes, 6))
+    for points, normals, area_of_piece in pieces:
+        for corner in points:
+            for index, weight in shares(corner, normals):
+                near = (
+                    np.array(index[:3]) < np.array(mesh_area.shape[:3])[:, None]
+                ).all(0)
+                nodes_near = tuple(i[near] for i in index)
+                np.add.at(
+                    true, nodes_near, (weight * area_of_piece / len(points))[near]
+                )
     for index, weight in shares(position, normal):
-        np.add.at(found, index, weight * area)
-    ratio = true / np.where(found > 0, found, 1)
+        np.add.at(cell_area, index, weight * area)
+    ratio = mesh_area / np.where(cell_area > 0, cell_area, 1)
     factor = sum(weight * ratio[index] for index, weight in shares(position, normal))
     return area * np.clip(factor, 0.5, 2.0)

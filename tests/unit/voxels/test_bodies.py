@@ -99,8 +99,8 @@ def test_a_hollow_ball_stays_hollow(radius):
 
 
 def test_overlapping_parts_unite_and_what_lies_inside_is_no_surface():
-    two = joined(BALL, BALL.moved((1.0, 0.0, 0.0)))
-    grid = voxelize(two, 1 / 32)
+    pair = joined(BALL, BALL.moved((1.0, 0.0, 0.0)))
+    grid = voxelize(pair, 1 / 32)
     union = 2 * BALL.volume - np.pi / 12 * (4 + 1) * (2 - 1) ** 2
     assert grid.solid_count * grid.voxel_volume == pytest.approx(union, rel=5e-3)
     assert (grid.area_ratio, grid.volume_ratio) == (1.0, 1.0)
@@ -113,8 +113,8 @@ def test_overlapping_parts_unite_and_what_lies_inside_is_no_surface():
 
 
 def test_boxes_that_touch_have_no_surface_between_them():
-    one = shapes.box((4.0, 4.0, 4.0))
-    grid = voxelize(joined(one, one.moved((4.0, 0.0, 0.0))), 1.0)
+    cube = shapes.box((4.0, 4.0, 4.0))
+    grid = voxelize(joined(cube, cube.moved((4.0, 0.0, 0.0))), 1.0)
     assert grid.solid.shape == (8, 4, 4) and grid.solid.all()
     assert len(grid.fragment_area) == 2 * 16 + 4 * 32
     assert grid.fragment_area.sum() == pytest.approx(160.0)
@@ -146,9 +146,9 @@ def test_a_ball_with_holes_fills(seed):
     towards = np.random.default_rng(seed).normal(size=(4, 3))
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
     holed = without(BALL, (normals(BALL) @ towards.T > np.cos(0.15)).any(1))
-    whole = voxelize(BALL, 1 / 20)
+    closed = voxelize(BALL, 1 / 20)
     grid = voxelize(holed, 1 / 20)
-    assert np.count_nonzero(grid.solid != whole.solid) < 0.02 * whole.solid_count
+    assert np.count_nonzero(grid.solid != closed.solid) < 0.02 * closed.solid_count
     # Steps of voxels close the holes.
     assert grid.fragment_area.sum() == pytest.approx(BALL.area, rel=2e-2)
     thesis = voxelize(holed, 1 / 20, "dominant_axis")

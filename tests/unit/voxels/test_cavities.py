@@ -26,31 +26,33 @@ def hollow():
 
 def test_each_cavity_has_a_number():
     solid = hollow()
-    found = find_cavities(solid, lattice(solid))
-    assert found is not None and found.count == 2
+    cavities = find_cavities(solid, lattice(solid))
+    assert cavities is not None and cavities.count == 2
     cells = np.indices(solid.shape).reshape(3, -1).T
-    number = found.at(found.lattice.centres(cells)).reshape(solid.shape)
+    number = cavities.at(cavities.lattice.centres(cells)).reshape(solid.shape)
     np.testing.assert_array_equal(number < 0, solid)
-    one, two = number[1, 1, 1], number[4, 2, 2]
-    assert {int(one), int(two)} == {1, 2}
-    assert (number[4:6, 2:5, 2] == two).all()
-    middle = found.lattice.centres(np.array([[1, 1, 1], [5, 3, 2], [0, 0, 0]]))
+    single = number[1, 1, 1]
+    room = number[4, 2, 2]
+    assert {int(single), int(room)} == {1, 2}
+    assert (number[4:6, 2:5, 2] == room).all()
+    middle = cavities.lattice.centres(np.array([[1, 1, 1], [5, 3, 2], [0, 0, 0]]))
     far = np.array([[99.0, 0.0, 0.0]])
-    at = found.at(np.concatenate([middle, far]))
-    np.testing.assert_array_equal(at, [one, two, -1, 0])
+    at = cavities.at(np.concatenate([middle, far]))
+    np.testing.assert_array_equal(at, [single, room, -1, 0])
 
 
 def test_runs_of_cavities_are_the_labels_of_all_voxels():
     solid = np.random.default_rng(2).random((9, 8, 7)) < 0.7
-    found = find_cavities(solid, lattice(solid))
+    cavities = find_cavities(solid, lattice(solid))
     label = np.zeros([n + 2 for n in solid.shape], np.int32)
     ndimage.label(np.pad(~solid, 1, constant_values=True), output=label)
-    outside, own = label[0, 0, 0], label[1:-1, 1:-1, 1:-1]
-    expected = np.where(own == outside, 0, own - (own > outside))
+    outside = label[0, 0, 0]
+    inner = label[1:-1, 1:-1, 1:-1]
+    expected = np.where(inner == outside, 0, inner - (inner > outside))
     cells = np.indices(solid.shape).reshape(3, -1).T
-    assert found is not None and found.count == label.max() - 1 > 1
+    assert cavities is not None and cavities.count == label.max() - 1 > 1
     np.testing.assert_array_equal(
-        found.at(found.lattice.centres(cells)),
+        cavities.at(cavities.lattice.centres(cells)),
         np.where(solid, -1, expected).ravel(),
     )
 
@@ -66,8 +68,8 @@ def test_runs_of_cavities_are_the_labels_of_all_voxels():
 def test_a_path_to_the_outside_goes_through_faces(opened, left):
     solid = hollow()
     solid[opened] = False
-    found = find_cavities(solid, lattice(solid))
-    assert found is not None and found.count == left
+    cavities = find_cavities(solid, lattice(solid))
+    assert cavities is not None and cavities.count == left
 
 
 def test_without_a_cavity_there_is_nothing():
@@ -85,7 +87,8 @@ def test_fragments_of_a_hollow_ball_face_it_inside_only(pitch):
 
 
 def test_walls_of_one_voxel():
-    inner, outer = box((0.6, 0.6, 0.6)), box((0.8, 0.8, 0.8))
+    inner = box((0.6, 0.6, 0.6))
+    outer = box((0.8, 0.8, 0.8))
     faces = np.concatenate([outer.faces, inner.faces[:, ::-1] + len(outer.vertices)])
     mesh = Mesh(np.concatenate([outer.vertices, inner.vertices]), faces, "case")
     grid = voxelize(mesh, 0.1)

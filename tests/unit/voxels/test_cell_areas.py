@@ -16,12 +16,13 @@ def test_pieces_keep_areas_and_middles():
     corners = np.random.default_rng(3).uniform(0, 9, (40, 3, 3))
     sliver = np.array([[[0.0, 0, 0], [50.0, 0, 0], [50.0, 0.01, 0]]])
     triangles = np.concatenate([corners, sliver, corners[:1, [0, 0, 1]]])
-    found = list(_pieces(triangles, at_once=100))
-    assert len(found) > 5 and max(len(p.area) for p in found) < 1500
+    pieces = list(_pieces(triangles, at_once=100))
+    assert len(pieces) > 5 and max(len(p.area) for p in pieces) < 1500
     area, normal = (
-        np.concatenate([getattr(p, name) for p in found]) for name in ("area", "normal")
+        np.concatenate([getattr(p, name) for p in pieces])
+        for name in ("area", "normal")
     )
-    position = np.concatenate([p.position.mean(axis=0) for p in found])
+    position = np.concatenate([p.position.mean(axis=0) for p in pieces])
     vector = np.cross(*np.moveaxis(triangles[:, 1:] - triangles[:, :1], 1, 0)) / 2
     size = np.linalg.norm(vector, axis=1)
     assert area.sum() == pytest.approx(size.sum(), rel=1e-12)
@@ -39,12 +40,13 @@ def test_cells_together_have_the_area_of_the_triangles_around_them():
     area = np.linalg.norm(vector, axis=1)
     uneven = area * np.random.default_rng(0).uniform(0.4, 1.2, len(area))
     cells = Patches(mesh.triangles.mean(axis=1)[None], vector / area[:, None], uneven)
-    found = areas_of_mesh(cells, mesh.triangles, (20, 20, 20))
-    assert found.sum() == pytest.approx(mesh.area, rel=1e-9)
+    areas = areas_of_mesh(cells, mesh.triangles, (20, 20, 20))
+    assert areas.sum() == pytest.approx(mesh.area, rel=1e-9)
 
 
 def turned(mesh, degrees):
-    cos, sin = np.cos(np.deg2rad(degrees)), np.sin(np.deg2rad(degrees))
+    cos = np.cos(np.deg2rad(degrees))
+    sin = np.sin(np.deg2rad(degrees))
     turn = np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]])
     return replace(mesh, vertices=mesh.vertices @ turn.T), turn[:, 0], turn[:, 2]
 
@@ -57,8 +59,8 @@ def test_cells_of_a_plane_keep_the_area_of_their_rays(degrees):
     top = grid.fragment_normal @ up > 0.9
     inside = np.abs(grid.fragment_position @ along) < 12
     inside &= (np.abs(grid.fragment_position[:, 1]) < 6) & top
-    own = np.arange(len(top)), grid.fragment_axis
-    factor = (grid.fragment_area / np.abs(grid.fragment_normal[own]))[inside]
+    dominant = np.arange(len(top)), grid.fragment_axis
+    factor = (grid.fragment_area / np.abs(grid.fragment_normal[dominant]))[inside]
     assert factor == pytest.approx(1.0, abs=0.015)
     assert factor.mean() == pytest.approx(1.0, abs=1e-3)
     # Along edges the sides have part in the same axes.
@@ -80,12 +82,16 @@ def test_what_is_lost_takes_its_part_of_the_area_away():
 
 def torus(radius=2.0, width=1.0, around=128, across=64):
     u, v = np.meshgrid(np.arange(around), np.arange(across), indexing="ij")
-    ring, turn = 2 * np.pi * u / around, 2 * np.pi * v / across
+    ring = 2 * np.pi * u / around
+    turn = 2 * np.pi * v / across
     r = radius + width * np.cos(turn)
     points = np.stack([r * np.cos(ring), r * np.sin(ring), width * np.sin(turn)], -1)
-    at = lambda i, j: ((u + i) % around * across + (v + j) % across).reshape(-1)
-    lower = np.stack([at(0, 0), at(1, 0), at(1, 1)], axis=1)
-    upper = np.stack([at(0, 0), at(1, 1), at(0, 1)], axis=1)
+
+    def vertex(i, j):
+        return ((u + i) % around * across + (v + j) % across).reshape(-1)
+
+    lower = np.stack([vertex(0, 0), vertex(1, 0), vertex(1, 1)], axis=1)
+    upper = np.stack([vertex(0, 0), vertex(1, 1), vertex(0, 1)], axis=1)
     return Mesh(points.reshape(-1, 3), np.concatenate([lower, upper]), "torus")
 
 

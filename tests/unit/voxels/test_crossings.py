@@ -16,8 +16,11 @@ def crossings(mesh, pitch):
     lattice = Lattice.around(mesh, pitch)
     views = peel_axes(mesh, lattice)
     solid = fill_by_vote(views, lattice.shape)
-    found, _ = find_crossings(views, solid, face_axes(mesh)[0], mesh.is_watertight)
-    return found, solid, lattice
+    normals, _ = face_axes(mesh)
+    cells, _ = find_crossings(
+        views, solid=solid, normals=normals, is_closed=mesh.is_watertight
+    )
+    return cells, solid
 
 
 def exposed_faces(solid):
@@ -32,9 +35,9 @@ def ball():
 
 
 def test_every_exposed_face_has_one_cell(ball):
-    found, solid, _ = crossings(BALL, 1 / 12.3)
-    assert found.on_face.all() and len(found.axis) == exposed_faces(solid)
-    side = np.column_stack([found.number, found.axis, found.ahead])
+    cells, solid = crossings(BALL, 1 / 12.3)
+    assert cells.on_face.all() and len(cells.axis) == exposed_faces(solid)
+    side = np.column_stack([cells.number, cells.axis, cells.ahead])
     assert len(np.unique(side, axis=0)) == len(side)
     assert len(ball.fragment_area) == len(side)
 
@@ -68,15 +71,15 @@ def test_a_box_is_exact_whatever_its_size():
     assert grid.volume_ratio == pytest.approx(1.0, abs=1e-12)
     assert grid.area_ratio == pytest.approx(1.0, abs=1e-12)
     for axis in range(3):
-        own = np.abs(grid.fragment_normal[:, axis]) > 0.9
+        on_axis = np.abs(grid.fragment_normal[:, axis]) > 0.9
         expected = 2 * np.prod(size) / size[axis]
-        assert grid.fragment_area[own].sum() == pytest.approx(expected, rel=1e-12)
+        assert grid.fragment_area[on_axis].sum() == pytest.approx(expected, rel=1e-12)
     # Each node has the part of the box that is nearest to it.
     assert grid.volume_at(np.argwhere(grid.solid)).sum() == pytest.approx(np.prod(size))
-    found = grid.represented
-    assert found is not None and not found.is_off
-    assert found.smallest_section.true == pytest.approx(0.140 * 0.114)
-    assert found.smallest_section.represented == pytest.approx(0.140 * 0.114)
+    represented = grid.represented
+    assert represented is not None and not represented.is_off
+    assert represented.smallest_section.true == pytest.approx(0.140 * 0.114)
+    assert represented.smallest_section.represented == pytest.approx(0.140 * 0.114)
 
 
 def test_vector_areas_close():
@@ -116,7 +119,7 @@ def test_a_cavity_has_cells_that_point_into_it():
     inner = np.linalg.norm(grid.fragment_position, axis=1) < 0.75
     outward = (grid.fragment_position * grid.fragment_normal).sum(axis=1)
     assert (outward[inner] < 0).all() and (outward[~inner] > 0).all()
-    areas = [grid.fragment_area[part].sum() for part in (inner, ~inner)]
+    areas = [grid.fragment_area[side].sum() for side in (inner, ~inner)]
     assert areas == pytest.approx([np.pi, 4 * np.pi], rel=0.02)
     assert set(grid.fragment_cavity[inner]) == {1}
     assert set(grid.fragment_cavity[~inner]) == {0}

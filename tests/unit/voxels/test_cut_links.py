@@ -16,8 +16,8 @@ def test_links_of_a_box_have_its_section():
     links = grid.cut.links
     assert not links.over_edge.any()
     # The 12 voxels across y are 11.4 wide: 0.7 of a face at either side.
-    whole = np.isclose(links.extra, -0.3)
-    assert whole.any() and not links.step[whole, 1].any()
+    is_open = np.isclose(links.extra, -0.3)
+    assert is_open.any() and not links.step[is_open, 1].any()
     edge = np.isclose(links.extra, 0.7 * 0.9 - 1)
     assert edge.any() and (links.step[edge, 0] == 1).all()
     assert set(np.round(1 + links.extra, 9)) == {0.7, 0.9, 0.63}
@@ -29,9 +29,9 @@ def one_step(normal, excess):
     voxel = np.array([[0, 1, 0], [1, 0, 0]])
     cell = np.full((3, 2, 2), -1, np.int32)
     cell[[0, 1], 1, [0, 1]] = 0, 1
-    sides = Sides(cell, np.full(2, excess), np.tile(normal, (2, 1)))
+    sides = Sides(cell=cell, excess=np.full(2, excess), normal=np.tile(normal, (2, 1)))
     number = VoxelBits.of(solid).number(tuple(voxel.T))
-    return cut_links(number, np.ones((2, 3)), sides, solid)
+    return cut_links(number, section=np.ones((2, 3)), sides=sides, solid=solid)
 
 
 def test_the_sliver_of_one_step_at_45_degrees():
@@ -62,7 +62,8 @@ def test_edges_between_sheets_have_no_sliver():
     cell[[0, 1], 1, [0, 1]] = 0, 1
     sides = Sides(cell, np.zeros(2), np.eye(3)[:2])
     number = VoxelBits.of(solid).number(tuple(voxel.T))
-    assert len(cut_links(number, np.ones((2, 3)), sides, solid).extra) == 0
+    links = cut_links(number, section=np.ones((2, 3)), sides=sides, solid=solid)
+    assert len(links.extra) == 0
 
 
 def test_a_structure_has_all_links_once_in_order():

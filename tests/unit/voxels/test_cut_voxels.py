@@ -17,30 +17,36 @@ def solid_block(*shape):
 def cut(voxel, volume):
     none = np.zeros((0, 3), int)
     links = CutLinks(none, none, np.zeros(0))
-    return CutVoxels(np.array(voxel), np.array(volume), np.ones((len(voxel), 3)), links)
+    return CutVoxels(
+        voxel=np.array(voxel),
+        volume=np.array(volume),
+        section=np.ones((len(voxel), 3)),
+        links=links,
+    )
 
 
 def test_a_sliver_takes_from_its_neighbours_until_it_keeps_the_step():
-    found = limited(cut([[0, 0, 0]], [0.1]), solid_block(3, 3, 3))
-    volume = found.volumes((3, 3, 3))
+    raised = limited(cut([[0, 0, 0]], [0.1]), solid_block(3, 3, 3))
+    volume = raised.volumes((3, 3, 3))
     assert volume.sum() == pytest.approx(26.1, rel=1e-14)
     # Three neighbours: its step is volume / 3, of a whole voxel inside 1 / 6.
     assert volume[0, 0, 0] == pytest.approx(0.72 / 6 * 3)
-    beside = volume[[1, 0, 0], [0, 1, 0], [0, 0, 1]]
-    assert beside == pytest.approx(1 - (0.36 - 0.1) / 3)
+    neighbours = volume[[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    assert neighbours == pytest.approx(1 - (0.36 - 0.1) / 3)
     assert np.count_nonzero(volume != 1) == 4
 
 
 def test_large_volumes_stay():
-    voxel, volume = [[0, 0, 0], [1, 1, 1]], [0.6, 1.4]
-    found = limited(cut(voxel, volume), solid_block(2, 2, 2))
-    np.testing.assert_array_equal(found.voxel, voxel)
-    np.testing.assert_array_equal(found.volume, volume)
+    voxel = [[0, 0, 0], [1, 1, 1]]
+    volume = [0.6, 1.4]
+    raised = limited(cut(voxel, volume), solid_block(2, 2, 2))
+    np.testing.assert_array_equal(raised.voxel, voxel)
+    np.testing.assert_array_equal(raised.volume, volume)
 
 
 def test_a_body_of_one_thin_voxel_keeps_its_volume():
-    found = limited(cut([[0, 0, 0]], [0.2]), solid_block(1, 1, 1))
-    assert found.volume.tolist() == [0.2]
+    raised = limited(cut([[0, 0, 0]], [0.2]), solid_block(1, 1, 1))
+    assert raised.volume.tolist() == [0.2]
     assert limited(cut([[0, 0, 0]], [-0.1]), solid_block(1, 1, 1)).volume >= MIN_OPEN
 
 
@@ -49,7 +55,8 @@ def test_no_voxel_of_a_body_has_a_step_shorter_than_that(offset):
     """0.7 of the step of a voxel inside, without what the surface exchanges."""
     mesh = shapes.sphere(1.0).moved((offset / 9, 0.0, 0.0))
     structure = FullVolume(voxelize(mesh, 1 / (9 + offset), "crossings"), stencil=False)
-    links, nodes = structure.links(), structure.nodes()
+    links = structure.links()
+    nodes = structure.nodes()
     conductance = links.area / (links.distance_src + links.distance_dst)
     ends = np.concatenate([links.src, links.dst])
     rate = np.bincount(ends, np.tile(conductance, 2)) / nodes.volume

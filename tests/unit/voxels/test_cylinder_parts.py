@@ -45,11 +45,11 @@ def off(cylinder, axis):
 @pytest.mark.parametrize("height", [0.05, 0.1, 0.28])
 def test_a_cylinder_is_itself_whatever_its_proportions(height):
     grid = body(rod(0.05, -height / 2, height / 2))
-    (found,) = cylinder_parts(grid).cylinders
-    assert off(found, UP) < 1e-6
-    assert found.diameter == pytest.approx(0.1, rel=0.01)
-    assert found.length == pytest.approx(height, abs=1e-9)
-    np.testing.assert_allclose(middle(found), 0.0, atol=1e-9)
+    (cylinder,) = cylinder_parts(grid).cylinders
+    assert off(cylinder, UP) < 1e-6
+    assert cylinder.diameter == pytest.approx(0.1, rel=0.01)
+    assert cylinder.length == pytest.approx(height, abs=1e-9)
+    np.testing.assert_allclose(middle(cylinder), 0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("degrees", [10.0, 35.0, 60.0, 90.0])
@@ -62,16 +62,16 @@ def test_a_tilted_one_keeps_its_axis_and_its_diameter(degrees):
         across = np.sqrt(np.maximum(x * x + y * y + z * z - along**2, 0))
         return (across < 0.02) & (np.abs(along) < 0.1)
 
-    (found,) = cylinder_parts(body(inside)).cylinders
-    assert off(found, axis) < 1.0
-    assert found.diameter == pytest.approx(0.04, rel=0.06)
-    assert found.length == pytest.approx(0.2, rel=0.06)
+    (cylinder,) = cylinder_parts(body(inside)).cylinders
+    assert off(cylinder, axis) < 1.0
+    assert cylinder.diameter == pytest.approx(0.04, rel=0.06)
+    assert cylinder.length == pytest.approx(0.2, rel=0.06)
 
 
 def test_two_legs_end_where_the_trunk_begins():
     legs = [rod(0.01, -0.13, -0.05, x) for x in (-0.03, 0.03)]
-    parts = cylinder_parts(body(together(rod(0.05, -0.05, 0.05), *legs))).cylinders
-    trunk, *small = parts
+    cylinders = cylinder_parts(body(together(rod(0.05, -0.05, 0.05), *legs))).cylinders
+    trunk, *small = cylinders
     assert trunk.diameter == pytest.approx(0.1, rel=0.02)
     assert sorted(round(middle(leg)[0], 3) for leg in small) == [-0.03, 0.03]
     for leg in small:
@@ -82,34 +82,36 @@ def test_two_legs_end_where_the_trunk_begins():
 
 def test_every_fragment_belongs_to_the_part_that_it_lies_on():
     grid = body(together(rod(0.05, 0.0, 0.1), rod(0.015, -0.1, 0.0)))
-    parts = cylinder_parts(grid)
+    decomposed = cylinder_parts(grid)
     height = grid.fragment_position[:, 2] - HALF
-    assert (parts.fragment[height > 0.01] == 0).all()
-    assert (parts.fragment[height < -0.01] == 1).all()
-    counts = [row["fragments"] for row in parts.rows()]
+    assert (decomposed.fragment[height > 0.01] == 0).all()
+    assert (decomposed.fragment[height < -0.01] == 1).all()
+    counts = [row["fragments"] for row in decomposed.rows()]
     assert sum(counts) == len(grid.fragment_area) and min(counts) > 0
 
 
 def test_a_lying_body_is_cut_across_its_own_axis():
     upright = together(rod(0.02, -0.1, 0.1), rod(0.05, -0.02, 0.02))
-    parts = cylinder_parts(body(lambda x, y, z: upright(y, z, x))).cylinders
-    assert len(parts) == 3
-    assert all(off(part, np.array([1.0, 0.0, 0.0])) < 1e-6 for part in parts)
+    cylinders = cylinder_parts(body(lambda x, y, z: upright(y, z, x))).cylinders
+    assert len(cylinders) == 3
+    assert all(
+        off(cylinder, np.array([1.0, 0.0, 0.0])) < 1e-6 for cylinder in cylinders
+    )
 
 
 def test_a_ball_is_one_upright_part_with_its_caps():
-    parts = cylinder_parts(body(lambda x, y, z: x * x + y * y + z * z < 0.05**2))
-    (found,) = parts.cylinders
-    assert off(found, UP) < 1e-6
-    assert 0.08 < found.diameter < 0.1
-    assert not parts.fragment.any()
+    decomposed = cylinder_parts(body(lambda x, y, z: x * x + y * y + z * z < 0.05**2))
+    (cylinder,) = decomposed.cylinders
+    assert off(cylinder, UP) < 1e-6
+    assert 0.08 < cylinder.diameter < 0.1
+    assert not decomposed.fragment.any()
 
 
 @pytest.mark.parametrize("shape", [(20, 20, 1), (1, 1, 1), (1, 30, 1), (9, 2, 9)])
 def test_sheets_sticks_and_single_voxels_have_a_part_too(shape):
-    parts = cylinder_parts(blocks(np.ones(shape, bool), 0.01))
-    assert not parts.fragment.any()
-    (only,) = parts.cylinders
+    decomposed = cylinder_parts(blocks(np.ones(shape, bool), 0.01))
+    assert not decomposed.fragment.any()
+    (only,) = decomposed.cylinders
     assert only.length is not None
     volume = np.pi / 4 * only.diameter**2 * only.length
     assert volume == pytest.approx(np.prod(shape) * 1e-6, rel=1e-9)
@@ -117,23 +119,27 @@ def test_sheets_sticks_and_single_voxels_have_a_part_too(shape):
 
 def test_what_does_not_hang_together_is_two_parts():
     rods = [rod(0.02, -0.1, 0.1, x) for x in (-0.05, 0.05)]
-    parts = cylinder_parts(body(together(*rods))).cylinders
-    assert sorted(round(middle(p)[0], 3) for p in parts) == [-0.05, 0.05]
-    assert all(p.diameter == pytest.approx(0.04, rel=0.05) for p in parts)
+    cylinders = cylinder_parts(body(together(*rods))).cylinders
+    assert sorted(round(middle(p)[0], 3) for p in cylinders) == [-0.05, 0.05]
+    assert all(p.diameter == pytest.approx(0.04, rel=0.05) for p in cylinders)
 
 
 def test_coarser_blocks_find_what_single_voxels_do():
     """120 voxels along an edge are taken in blocks of two."""
     shape = together(rod(0.02, -0.15, 0.15), rod(0.05, 0.0, 0.06))
-    found = [cylinder_parts(body(shape, pitch)).cylinders for pitch in (0.005, 0.0025)]
-    assert len(found[0]) == len(found[1]) == 3
-    for coarse, fine in zip(*found, strict=True):
+    cylinders = [
+        cylinder_parts(body(shape, pitch)).cylinders for pitch in (0.005, 0.0025)
+    ]
+    assert len(cylinders[0]) == len(cylinders[1]) == 3
+    for coarse, fine in zip(*cylinders, strict=True):
         assert coarse.diameter == pytest.approx(fine.diameter, rel=0.1)
         np.testing.assert_allclose(coarse.axis_point, fine.axis_point, atol=0.01)
 
 
 def test_cylinders_given_for_a_body_take_their_place():
     grid = blocks(np.ones((4, 4, 9), bool), 0.01)
-    own = Cylinder((0.0, 0.0, 0.0), (0, 0, 1), 0.3)
-    assert parts_of(grid, (own,), 0).cylinders == (own,)
-    assert parts_of(grid, (own,), 1).cylinders == cylinder_parts(grid).cylinders
+    user_cylinder = Cylinder((0.0, 0.0, 0.0), (0, 0, 1), 0.3)
+    assert parts_of(grid, (user_cylinder,), 0).cylinders == (user_cylinder,)
+    assert (
+        parts_of(grid, (user_cylinder,), 1).cylinders == cylinder_parts(grid).cylinders
+    )

@@ -22,38 +22,38 @@ def test_the_distance_is_that_of_the_nearest_point_of_the_surface(point):
     ends = [rim * share[..., None] + [0, 0, z] for z in (-1, 1)]
     sampled = np.concatenate([side, *ends]).reshape(-1, 3)
     nearest = np.linalg.norm(sampled - point, axis=1).min()
-    (found,) = cylinder.distance(point)
-    assert abs(found) == pytest.approx(nearest, abs=0.06)
+    (distance,) = cylinder.distance(point)
+    assert abs(distance) == pytest.approx(nearest, abs=0.06)
     inside = np.hypot(*point[0, :2]) < 0.5 and abs(point[0, 2]) < 1
-    assert (found < 0) == inside or abs(found) < 1e-9
+    assert (distance < 0) == inside or abs(distance) < 1e-9
 
 
 def test_one_without_a_length_has_no_ends():
     endless = Cylinder((0.0, 0.0, 0.0), (0, 0, 1), 1.0)
-    found = endless.distance(np.array([[1.0, 0.0, 1e6], [0.0, 0.0, -1e6]]))
-    np.testing.assert_allclose(found, [0.5, -0.5])
+    distance = endless.distance(np.array([[1.0, 0.0, 1e6], [0.0, 0.0, -1e6]]))
+    np.testing.assert_allclose(distance, [0.5, -0.5])
 
 
 def test_points_go_to_the_cylinder_they_are_nearest_to_or_deepest_in():
     thick = Cylinder((0.0, 0.0, 0.0), (0, 0, 1), 1.0, 1.0)
     thin = Cylinder((0.0, 0.0, 1.0), (0, 0, 1), 0.2, 1.0)
     at = np.array([[0.0, 0.0, 1.2], [0.5, 0.0, 0.0], [0.4, 0.0, 0.6], [0.2, 0, 0.9]])
-    found = _nearest_parts([thick, thin], at)
-    np.testing.assert_array_equal(found.fragment, [1, 0, 0, 1])
-    rows = found.rows()
+    nearest = _nearest_parts([thick, thin], at)
+    np.testing.assert_array_equal(nearest.fragment, [1, 0, 0, 1])
+    rows = nearest.rows()
     assert [row["fragments"] for row in rows] == [2, 2]
     assert rows[1]["diameter_m"] == 0.2 and rows[1]["axis"] == [0.0, 0.0, 1.0]
 
 
 def test_arrays_may_be_given_and_cylinders_compared():
-    one = Cylinder(np.zeros(3), np.array([0, 0, 1]), 1.0)
-    assert one == Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 1.0)
-    assert hash(one) == hash(Cylinder((0, 0, 0), (0, 0, 1), 1.0))
-    assert given_cylinders(None) == () and given_cylinders([one]) == (one,)
+    cylinder = Cylinder(np.zeros(3), np.array([0, 0, 1]), 1.0)
+    assert cylinder == Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 1.0)
+    assert hash(cylinder) == hash(Cylinder((0, 0, 0), (0, 0, 1), 1.0))
+    assert given_cylinders(None) == () and given_cylinders([cylinder]) == (cylinder,)
 
 
 @pytest.mark.parametrize(
-    ("given", "words"),
+    ("arguments", "words"),
     [
         (((0, 0, 0), (0, 0, 0), 1.0), "axis=.* not all zero"),
         (((0, 0), (0, 0, 1), 1.0), "axis_point"),
@@ -67,9 +67,9 @@ def test_arrays_may_be_given_and_cylinders_compared():
         (((0, 0, 0), (0, 0, 1), 1.0, -2.0), "length=-2.0"),
     ],
 )
-def test_a_mistake_is_one_line(given, words):
+def test_a_mistake_is_one_line(arguments, words):
     with pytest.raises(InputError, match=words) as raised:
-        Cylinder(*given)
+        Cylinder(*arguments)
     assert "\n" not in str(raised.value)
 
 

@@ -16,7 +16,8 @@ SOLID = np.random.default_rng(0).random((5, 4, 6)) > 0.4
 
 def test_every_open_face_is_a_fragment_and_the_mesh_encloses_the_cubes():
     grid = grid_from_voxels(SOLID, 0.01, origin=(1.0, 2.0, 3.0))
-    padded, faces = np.pad(SOLID, 1), 0
+    padded = np.pad(SOLID, 1)
+    faces = 0
     for axis in range(3):
         faces += np.count_nonzero(np.diff(padded.astype(int), axis=axis))
     assert len(grid.fragment_area) == faces
@@ -26,8 +27,8 @@ def test_every_open_face_is_a_fragment_and_the_mesh_encloses_the_cubes():
     # Every fragment lies between its solid voxel and an empty one.
     cell = grid.fragment_voxel
     assert SOLID[tuple(cell.T)].all()
-    beside = cell + np.round(grid.fragment_normal).astype(int) + 1
-    assert not padded[tuple(beside.T)].any()
+    neighbour = cell + np.round(grid.fragment_normal).astype(int) + 1
+    assert not padded[tuple(neighbour.T)].any()
     np.testing.assert_allclose(
         grid.fragment_position,
         np.array([1.0, 2.0, 3.0]) + (cell + 0.5 + grid.fragment_normal / 2) * 0.01,
@@ -40,13 +41,19 @@ def test_every_open_face_is_a_fragment_and_the_mesh_encloses_the_cubes():
 
 def test_a_box_is_the_same_from_an_array_as_from_its_mesh():
     mesh = shapes.box((0.03, 0.02, 0.04)).moved((0.015, 0.01, 0.02))
-    one, other = grid_from_voxels(np.ones((3, 2, 4), bool), 0.01), voxelize(mesh, 0.01)
-    assert one.layers == other.layers
-    rows = lambda g: np.column_stack([g.fragment_position, g.fragment_normal])
-    order = lambda values: values[np.lexsort(np.round(values, 6).T)]
-    np.testing.assert_allclose(order(rows(one)), order(rows(other)), atol=1e-12)
-    np.testing.assert_allclose(one.fragment_area, other.fragment_area[0])
-    assert one.voxel_volume == pytest.approx(other.voxel_volume)
+    from_array = grid_from_voxels(np.ones((3, 2, 4), bool), 0.01)
+    from_mesh = voxelize(mesh, 0.01)
+    assert from_array.layers == from_mesh.layers
+
+    def sorted_rows(grid):
+        rows = np.column_stack([grid.fragment_position, grid.fragment_normal])
+        return rows[np.lexsort(np.round(rows, 6).T)]
+
+    np.testing.assert_allclose(
+        sorted_rows(from_array), sorted_rows(from_mesh), atol=1e-12
+    )
+    np.testing.assert_allclose(from_array.fragment_area, from_mesh.fragment_area[0])
+    assert from_array.voxel_volume == pytest.approx(from_mesh.voxel_volume)
 
 
 def test_layers_count_along_each_ray():

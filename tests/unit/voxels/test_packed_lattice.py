@@ -30,9 +30,12 @@ def free_cuts(monkeypatch):
 
 def staircase(seed: int = 0) -> np.ndarray:
     """Boxes along a diagonal that overlap, with some voxels missing."""
-    random, solid = np.random.default_rng(seed), np.zeros((11, 9, 14), bool)
+    random = np.random.default_rng(seed)
+    solid = np.zeros((11, 9, 14), bool)
     for step in range(5):
-        x, y, z = 2 * step, step, 2 * step + step // 2
+        x = 2 * step
+        y = step
+        z = 2 * step + step // 2
         solid[x : x + 3, y : y + 4, z : z + 4] = True
     return solid & (random.random(solid.shape) < 0.9)
 
@@ -52,10 +55,10 @@ def test_every_voxel_is_there_once_and_loses_no_neighbour(seed, order):
     numbers = np.arange(solid.size).reshape(solid.shape)
     assert (packed.packed(numbers)[tuple(cells.T)] == numbers[solid]).all()
     # No neighbours that the body has not, and all others across cuts.
-    before, behind = packed.cut_pairs(solid)
-    assert (np.abs(behind - before).sum(axis=1) == 1).all()
+    front, behind = packed.cut_pairs(solid)
+    assert (np.abs(behind - front).sum(axis=1) == 1).all()
     degree = solid_degree(lattice).astype(int)
-    for end in (before, behind):
+    for end in (front, behind):
         np.add.at(degree, tuple(packed.cells(end).T), 1)
     assert (degree[tuple(cells.T)] == solid_degree(solid)[solid]).all()
 
@@ -71,26 +74,27 @@ def test_full_boxes_and_small_bodies_are_not_packed(monkeypatch):
     assert np.prod(np.add(packed.shape, 2)) < 0.7 * large.size
 
 
-def networks(kind: str) -> list[tuple[jt.FullVolume, object]]:
+def networks(properties: str) -> list[tuple[jt.FullVolume, object]]:
     """A network of the sections, and that of the whole box."""
-    made = []
+    pairs = []
     grid = blocks(staircase(), PITCH)
     for sections in (True, False):
         structure = jt.FullVolume(grid, sections=sections)
-        if kind == "mixed":
+        if properties == "mixed":
             number = np.arange(structure.node_count, dtype=np.int32) % 3
-            k, heat = jnp.array([16.0, 0.0, 400.0]), jnp.array([4e6, 1e6, 3e6])
+            k = jnp.array([16.0, 0.0, 400.0])
+            heat = jnp.array([4e6, 1e6, 3e6])
             network = _assemble_mixed(structure, number, k, heat)
-        elif kind == "mixed by axis":
+        elif properties == "mixed by axis":
             number = np.arange(structure.node_count, dtype=np.int32) % 2
             k = jnp.array([[16.0, 2.0, 9.0], [3.0, 50.0, 1.0]])
             network = _assemble_mixed(structure, number, k, jnp.array([4e6, 1e6]))
         else:
-            k = (16.0, 2.0, 9.0) if kind == "by axis" else 16.0
+            k = (16.0, 2.0, 9.0) if properties == "by axis" else 16.0
             network = assemble_uniform(structure, k, 4e6, jnp.float64)
-        made.append((structure, network))
-    assert isinstance(made[0][1], SectionedStencil)
-    return made
+        pairs.append((structure, network))
+    assert isinstance(pairs[0][1], SectionedStencil)
+    return pairs
 
 
 @eqx.filter_jit
@@ -110,15 +114,15 @@ def all_of(network, state, address):
     }
 
 
-@pytest.mark.parametrize("kind", ["uniform", "by axis", "mixed", "mixed by axis"])
-def test_sections_conduct_as_the_whole_box(kind):
-    found = []
-    for structure, network in networks(kind):
+@pytest.mark.parametrize("properties", ["uniform", "by axis", "mixed", "mixed by axis"])
+def test_sections_conduct_as_the_whole_box(properties):
+    results = []
+    for structure, network in networks(properties):
         address = tuple(map(jnp.asarray, structure.node_address()))
         values = np.random.default_rng(1).normal(size=structure.node_count)
         state = jnp.zeros(structure.state_shape).at[address].set(values)
-        found.append(all_of(network, state, address))
-    sections, box = found
+        results.append(all_of(network, state, address))
+    sections, box = results
     for name, values in box.items():
         np.testing.assert_allclose(
             sections[name], values, rtol=1e-12, atol=1e-10, err_msg=name
@@ -138,20 +142,26 @@ def scene(sections: bool, conductivity=16.0) -> jt.Scene:
     warm = lambda x: 300.0 + 200.0 * x[:, 0]
     structure = cone(sections)
     body = jt.Body(structure, material, temperature=warm)
-    sun, air = jt.Sun((-1.0, 0.0, -0.4), 900.0), jt.Convection(20.0, 290.0)
+    sun = jt.Sun((-1.0, 0.0, -0.4), 900.0)
+    air = jt.Convection(20.0, 290.0)
     return jt.Scene((body,), (sun, air, jt.HeatSource(2e5)), dtype="float64")
 
 
 def run(sections: bool, conductivity=16.0) -> jt.Solution:
-    made, solver = scene(sections, conductivity), jt.ForwardEuler(dt=0.5)
-    return jt.simulate(made, 20.0, [10.0, 20.0], solver=solver)
+    heated = scene(sections, conductivity)
+    solver = jt.ForwardEuler(dt=0.5)
+    return jt.simulate(heated, 20.0, [10.0, 20.0], solver=solver)
 
 
 def loss(conductivity, sections):
     """A number of a run, and the run's results."""
-    found = run(sections, conductivity)
-    results = found.surface_temperature, found.mean_temperature, found.energy.stored_J
-    return (found.surface_temperature[-1] ** 2).mean(), results
+    solution = run(sections, conductivity)
+    results = (
+        solution.surface_temperature,
+        solution.mean_temperature,
+        solution.energy.stored_J,
+    )
+    return (solution.surface_temperature[-1] ** 2).mean(), results
 
 
 traced = jax.jit(jax.value_and_grad(loss, has_aux=True), static_argnums=1)
@@ -160,8 +170,8 @@ traced = jax.jit(jax.value_and_grad(loss, has_aux=True), static_argnums=1)
 def test_a_run_in_sections_is_the_run_over_the_box():
     packed = run(True)
     (_, (surface, mean, stored)), _ = traced(16.0, False)
-    (made,) = scene(True).bodies
-    assert isinstance(made.structure, jt.FullVolume) and made.structure.packed
+    (body,) = scene(True).bodies
+    assert isinstance(body.structure, jt.FullVolume) and body.structure.packed
     np.testing.assert_allclose(packed.surface_temperature, surface, rtol=1e-12)
     np.testing.assert_allclose(packed.mean_temperature, mean, rtol=1e-12)
     np.testing.assert_allclose(packed.energy.stored_J, stored, rtol=1e-10)

@@ -39,10 +39,10 @@ def test_numbers_of_every_kind_are_a_pitch(pitch):
 def test_a_body_that_no_voxel_centre_meets():
     # Far apart thin parts: the lattice is large, but no centre is inside.
     plate = shapes.box((8.0, 8.0, 0.2))
-    both = np.concatenate([plate.vertices, plate.vertices + [0, 0, 1.8]])
+    vertices = np.concatenate([plate.vertices, plate.vertices + [0, 0, 1.8]])
     faces = np.concatenate([plate.faces, plate.faces + len(plate.vertices)])
     with pytest.raises(InputError, match="no voxel at a pitch of 1 m.*finer"):
-        voxelize(Mesh(both, faces, "plates"), 1.0)
+        voxelize(Mesh(vertices, faces, "plates"), 1.0)
 
 
 def test_no_triangles():
@@ -86,9 +86,9 @@ def test_the_memory_asked_for_is_what_voxelize_takes(
     monkeypatch, mesh, pitch, surface_cells
 ):
     """Never less, and at most twice as much."""
-    asked = []
+    forecasts = []
     voxelize(mesh, 0.3, surface_cells)
-    monkeypatch.setattr(lattice, "require_memory", lambda n, *_: asked.append(n))
+    monkeypatch.setattr(lattice, "require_memory", lambda n, *_: forecasts.append(n))
     tracemalloc.start()
     try:
         with without_cache():
@@ -96,7 +96,7 @@ def test_the_memory_asked_for_is_what_voxelize_takes(
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-    assert 0.45 * asked[0] < peak < asked[0]
+    assert 0.45 * forecasts[0] < peak < forecasts[0]
 
 
 def test_a_flat_mesh():

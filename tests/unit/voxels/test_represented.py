@@ -20,8 +20,8 @@ def test_sections_of_a_cone_shrink_with_the_square_of_its_height():
     z = lattice.centres(np.arange(lattice.shape[2])[:, None] * [0, 0, 1])[:, 2]
     low, high = mesh.bounds[:, 2]
     radius = 0.1 * (high - z) / (high - low)
-    found = _mesh_sections(mesh, lattice, 2)
-    assert found == pytest.approx(np.pi * radius**2, rel=1e-3)
+    sections = _mesh_sections(mesh, lattice, 2)
+    assert sections == pytest.approx(np.pi * radius**2, rel=1e-3)
 
 
 def test_sections_of_a_tube_leave_out_its_hole():
@@ -40,17 +40,21 @@ def hourglass(neck):
 
 
 def test_the_smallest_section_is_that_of_a_neck():
-    found = voxelize(hourglass(0.35), 0.05, "crossings").represented
-    assert found is not None and found.section_axis == 2 and not found.is_off
-    true = found.smallest_section
+    represented = voxelize(hourglass(0.35), 0.05, "crossings").represented
+    assert (
+        represented is not None
+        and represented.section_axis == 2
+        and not represented.is_off
+    )
+    true = represented.smallest_section
     assert true.true == pytest.approx(np.pi * 0.35**2, rel=0.02)
     assert true.error == pytest.approx(0.0, abs=0.01)
 
 
 def test_a_body_without_a_neck_has_its_widest_section():
-    found = voxelize(shapes.sphere(1.0), 0.1, "crossings").represented
-    assert found is not None
-    assert found.smallest_section.true == pytest.approx(np.pi, rel=5e-3)
+    represented = voxelize(shapes.sphere(1.0), 0.1, "crossings").represented
+    assert represented is not None
+    assert represented.smallest_section.true == pytest.approx(np.pi, rel=5e-3)
 
 
 def notes_and_warnings(mesh, pitch):
@@ -72,7 +76,7 @@ def test_a_rod_of_few_voxels_is_told_by_the_receipt():
 def test_ends_of_separate_parts_are_no_necks():
     """Two balls side by side: the widest section, not the last slice of one."""
     ball = shapes.sphere(1.0, subdivisions=4)
-    both = joined(ball, ball.moved((3.03, 0.0, 0.0)))
-    found = voxelize(both, 0.13).represented
-    assert found is not None and not found.is_off
-    assert found.smallest_section.true > 3.0
+    pair = joined(ball, ball.moved((3.03, 0.0, 0.0)))
+    represented = voxelize(pair, 0.13).represented
+    assert represented is not None and not represented.is_off
+    assert represented.smallest_section.true > 3.0

@@ -82,10 +82,10 @@ def test_selections_combine_like_sets():
 
 def test_combined_parts_of_space_are_one():
     inner = Region(lower=(-1.0, -1.0, -1.0), upper=(1.0, 1.0, 0.75))
-    both = UPPER & ~inner
-    assert isinstance(both, AbstractSpace)
+    between = UPPER & ~inner
+    assert isinstance(between, AbstractSpace)
     points = np.array([[0, 0, 0.6], [0, 0, 0.8], [0, 0, 0.4]])
-    np.testing.assert_array_equal(both.contains(points), [False, True, False])
+    np.testing.assert_array_equal(between.contains(points), [False, True, False])
     assert not isinstance(UPPER & TOP, AbstractSpace)
 
 
@@ -95,9 +95,9 @@ def test_a_combination_is_on_the_bodies_of_its_parts():
     assert either.on_body(1) is None
     assert flags(either.on_body(0)) == [True] * 6
     assert flags(either.on_body(2)) == flags(~TOP)
-    one = either & Side((1.0, 0.0, 0.0), body=2)
-    assert one.bodies == (2,)
-    assert flags(one.on_body(2)) == flags(Side((1.0, 0.0, 0.0)))
+    narrowed = either & Side((1.0, 0.0, 0.0), body=2)
+    assert narrowed.bodies == (2,)
+    assert flags(narrowed.on_body(2)) == flags(Side((1.0, 0.0, 0.0)))
     with pytest.raises(InputError, match="on different bodies and have nothing in co"):
         _ = TOP & Everything(1)
     with pytest.raises(InputError, match="combine selections only"):

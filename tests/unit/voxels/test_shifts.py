@@ -44,36 +44,39 @@ def test_whole_voxels(still, shift):
 )
 def test_any_shift(still, name, shift):
     """The lattice goes with the mesh, so that only rounding is left."""
-    grid, before = voxelize(BODIES[name].moved(shift), PITCH), still[name]
-    assert grid.solid.shape == before.solid.shape
-    assert np.count_nonzero(grid.solid != before.solid) <= 2
-    assert grid.fragment_area.sum() == pytest.approx(before.fragment_area.sum())
-    assert grid.layers == before.layers
+    grid = voxelize(BODIES[name].moved(shift), PITCH)
+    unmoved = still[name]
+    assert grid.solid.shape == unmoved.solid.shape
+    assert np.count_nonzero(grid.solid != unmoved.solid) <= 2
+    assert grid.fragment_area.sum() == pytest.approx(unmoved.fragment_area.sum())
+    assert grid.layers == unmoved.layers
 
 
 @pytest.mark.parametrize("order", [(1, 2, 0), (2, 0, 1)])
 def test_turning_the_axes_turns_the_voxels(still, order):
     turned = Mesh(FIGURINE.vertices[:, order], FIGURINE.faces, "turned")
-    grid, before = voxelize(turned, PITCH), still["figurine"]
-    assert np.count_nonzero(grid.solid != before.solid.transpose(order)) <= 2
-    assert grid.layers.peeled == tuple(before.layers.peeled[a] for a in order)
-    assert abs(len(grid.fragment_area) - len(before.fragment_area)) <= 4
+    grid = voxelize(turned, PITCH)
+    unturned = still["figurine"]
+    assert np.count_nonzero(grid.solid != unturned.solid.transpose(order)) <= 2
+    assert grid.layers.peeled == tuple(unturned.layers.peeled[a] for a in order)
+    assert abs(len(grid.fragment_area) - len(unturned.fragment_area)) <= 4
 
 
 def test_any_lattice_gives_about_the_same_body():
     rng = np.random.default_rng(5)
-    volumes, areas = [], []
+    volumes = []
+    areas = []
     for _ in range(4):
         # A lattice is centred on the mesh: a far small part moves it by part of a cell.
         extra = 3.0 + PITCH * rng.uniform(0, 1)
         chip = shapes.box(2 * PITCH).moved((extra, 0.0, 0.0))
-        both = Mesh(
+        pair = Mesh(
             np.concatenate([BALL.vertices, chip.vertices]),
             np.concatenate([BALL.faces, chip.faces + len(BALL.vertices)]),
         )
-        grid = voxelize(both, PITCH)
-        here = grid.fragment_position[:, 0] < 1.5
-        areas.append(grid.fragment_area[here].sum() / grid.area_ratio)
+        grid = voxelize(pair, PITCH)
+        on_ball = grid.fragment_position[:, 0] < 1.5
+        areas.append(grid.fragment_area[on_ball].sum() / grid.area_ratio)
         cells = np.argwhere(grid.solid)
         near = grid.lattice.centres(cells)[:, 0] < 1.5
         volumes.append(near.sum() * PITCH**3)

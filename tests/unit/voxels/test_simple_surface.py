@@ -48,11 +48,13 @@ def body(request):
     views = peel_axes(mesh, lattice)
     solid = fill_by_vote(views, lattice.shape)
     normals, _ = face_axes(mesh)
-    found, _ = find_crossings(views, solid, normals, mesh.is_watertight)
-    kept = np.flatnonzero(~found.lost)
-    kept = kept[np.argsort(found.number[kept], kind="stable")]
-    shared = {name: getattr(found, name)[kept] for name in Cells._fields[1:]}
-    return Cells(found.normals(normals, kept), **shared), solid
+    crossings, _ = find_crossings(
+        views, solid=solid, normals=normals, is_closed=mesh.is_watertight
+    )
+    attached = np.flatnonzero(~crossings.lost)
+    attached = attached[np.argsort(crossings.number[attached], kind="stable")]
+    shared = {name: getattr(crossings, name)[attached] for name in Cells._fields[1:]}
+    return Cells(crossings.normals(normals, attached), **shared), solid
 
 
 def overlapping():
@@ -71,9 +73,9 @@ def overlapping():
 def test_solid_voxels_are_those_of_all_winding_numbers(mesh, pitch):
     lattice = Lattice.around(mesh, pitch)
     views = peel_axes(mesh, lattice)
-    found = fill_by_vote(views, lattice.shape)
+    solid = fill_by_vote(views, lattice.shape)
     assert lattice.shape[2] > 64
-    np.testing.assert_array_equal(found, simple.solid_by_vote(views, lattice.shape))
+    np.testing.assert_array_equal(solid, simple.solid_by_vote(views, lattice.shape))
 
 
 def test_the_nearest_solid_voxel_is_that_of_all_around():
@@ -81,23 +83,27 @@ def test_the_nearest_solid_voxel_is_that_of_all_around():
     solid = random.random((9, 8, 7)) > 0.96
     position = random.uniform(0, 1, (300, 3)) * solid.shape
     cell = np.floor(position).astype(int)
-    found, lost = attach_to_solid(solid, position, cell)
-    own = zip(position, cell, strict=True)
-    every = [simple.nearest_solid(solid, *each) for each in own]
+    voxels, lost = attach_to_solid(solid, position, cell)
+    start_points = zip(position, cell, strict=True)
+    nearest = [
+        simple.nearest_solid(solid, *start_point) for start_point in start_points
+    ]
     inside = solid[tuple(cell.T)]
-    np.testing.assert_array_equal(lost, [v is None for v in every])
+    np.testing.assert_array_equal(lost, [v is None for v in nearest])
     assert 0 < lost.sum() < 200 and 0 < inside.sum() < 100
-    for own, near, is_inside, start in zip(found, every, inside, cell, strict=True):
+    for voxel, near, is_inside, start in zip(
+        voxels, nearest, inside, cell, strict=True
+    ):
         expected = start if is_inside or near is None else near
-        np.testing.assert_array_equal(own, expected)
+        np.testing.assert_array_equal(voxel, expected)
 
 
 def test_faces_are_those_of_all_rays(body):
     _, solid = body
     for axis in range(3):
-        own = _exposed_faces(VoxelBits.of(solid), axis)
-        every = simple.exposed_faces(solid, axis, *pixel_axes(axis))
-        for fast, slow in zip(own, every, strict=True):
+        faces = _exposed_faces(VoxelBits.of(solid), axis)
+        expected_faces = simple.exposed_faces(solid, axis, *pixel_axes(axis))
+        for fast, slow in zip(faces, expected_faces, strict=True):
             np.testing.assert_array_equal(fast, slow)
 
 
@@ -108,42 +114,55 @@ def test_volumes_sections_and_cells_are_those_of_all_sides(body):
     _, excess, normal = sides
     weight = excess * np.square(np.einsum("maia->mai", normal))
     volume = simple.volumes(weight, normal)
-    own = np.square(cells.normal[np.arange(len(owner)), cells.axis])
-    volume += np.bincount(owner, np.where(cells.on_face, 0, cells.excess * own))
+    squared = np.square(cells.normal[np.arange(len(owner)), cells.axis])
+    volume += np.bincount(owner, np.where(cells.on_face, 0, cells.excess * squared))
     section = simple.sections(weight, normal, _ALONG)
-    found, of_cells = surface_shapes(cells)
-    np.testing.assert_array_equal(found.number, key)
-    assert found.section == pytest.approx(section, abs=1e-14)
-    assert found.volume == pytest.approx(volume, abs=1e-14)
+    voxel_shapes, of_cells = surface_shapes(cells)
+    np.testing.assert_array_equal(voxel_shapes.number, key)
+    assert voxel_shapes.section == pytest.approx(section, abs=1e-14)
+    assert voxel_shapes.volume == pytest.approx(volume, abs=1e-14)
     factor, shift = simple.cell_shapes(cells, owner, weight, normal)
     assert of_cells.factor == pytest.approx(np.maximum(factor, MIN_OPEN), abs=1e-14)
     assert of_cells.shift == pytest.approx(shift, abs=1e-14)
     voxel = VoxelBits.of(solid).voxels(key)
-    every = simple.links(voxel, section, sides, solid, _MIN_OPEN, _SMOOTH)
-    links = cut_links(found.number, found.section, sides_of(cells), solid)
-    first, second = links.voxel.tolist(), (links.voxel + links.step).tolist()
+    expected_links = simple.links(voxel, section, sides, solid, _MIN_OPEN, _SMOOTH)
+    links = cut_links(
+        voxel_shapes.number,
+        section=voxel_shapes.section,
+        sides=sides_of(cells),
+        solid=solid,
+    )
+    first = links.voxel.tolist()
+    second = (links.voxel + links.step).tolist()
     ends = [(tuple(p), tuple(q)) for p, q in zip(first, second, strict=True)]
-    assert ends == sorted(every)
-    assert links.extra == pytest.approx([every[e] for e in ends], abs=1e-14)
-    cut = cut_voxels(found, links, solid.shape)
+    assert ends == sorted(expected_links)
+    assert links.extra == pytest.approx([expected_links[e] for e in ends], abs=1e-14)
+    cut = cut_voxels(voxel_shapes, links, solid.shape)
     changed = np.abs(np.column_stack([volume, section]) - 1).max(axis=1) > 1e-12
     np.testing.assert_array_equal(cut.voxel, voxel[changed])
     # Every fourth one so small that it has to take from its neighbours.
     cut.volume[::4] *= 0.3
-    own = limited(cut, solid).volumes(solid.shape)
-    given = cut.volumes(solid.shape), solid, links, _MIN_STEP, MIN_OPEN, _ROUNDS
-    expected = simple.limited(*given)
+    volumes = limited(cut, solid).volumes(solid.shape)
+    expected = simple.limited(
+        cut.volumes(solid.shape),
+        solid=solid,
+        links=links,
+        step=_MIN_STEP,
+        least_of_all=MIN_OPEN,
+        rounds=_ROUNDS,
+    )
     assert expected[solid].min() >= MIN_OPEN
-    assert own[solid] == pytest.approx(expected[solid], abs=1e-9)
+    assert volumes[solid] == pytest.approx(expected[solid], abs=1e-9)
 
 
 def test_areas_are_those_of_all_hat_functions():
     mesh = slanted(shapes.box((24.0, 15.0, 9.0))).moved((18.0, 18.0, 18.0))
     grid = voxelize(mesh, 1.0, "dominant_axis")
-    position, normal = grid.fragment_position, grid.fragment_normal
+    position = grid.fragment_position
+    normal = grid.fragment_normal
     area = np.abs(normal).max(axis=1)
     cells = Patches(position[None], normal, area)
-    found = areas_of_mesh(cells, mesh.triangles, (36, 36, 36))
+    areas = areas_of_mesh(cells, mesh.triangles, (36, 36, 36))
     pieces = list(_pieces(mesh.triangles, at_once=500))
     slow = simple.areas_of_mesh(area, position, normal, pieces, spacing=4)
-    assert found == pytest.approx(slow, rel=1e-12)
+    assert areas == pytest.approx(slow, rel=1e-12)

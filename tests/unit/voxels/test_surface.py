@@ -66,7 +66,8 @@ def test_fragments_come_in_lattice_order(figurine_grid):
 
 def test_packed_ranks_are_free_of_gaps(ball_grid, figurine_grid):
     for grid in (ball_grid, figurine_grid):
-        ray, packed = rays(grid), grid.fragment_layer[:, 1]
+        ray = rays(grid)
+        packed = grid.fragment_layer[:, 1]
         _, group, size = np.unique(ray, axis=0, return_inverse=True, return_counts=True)
         order = np.lexsort([packed, group])
         start = np.cumsum(size) - size
@@ -138,16 +139,16 @@ def test_strays_of_every_place_at_once_need_little_memory():
     assert solid[tuple(cell[~lost].T)].all()
     centres = np.argwhere(solid) + 0.5
     best = ((position[:, None] - centres) ** 2).sum(-1).min(1)
-    own = ((position - cell - 0.5) ** 2).sum(1)
+    distance = ((position - cell - 0.5) ** 2).sum(1)
     first = solid[tuple(np.clip(inward, 0, 8).T)]
     # Farther ones may lie outside the cube of cells that is searched.
-    asked = ~first & (best < 2.25)
-    assert not lost[asked].any()
-    assert own[asked] == pytest.approx(best[asked])
+    is_near = ~first & (best < 2.25)
+    assert not lost[is_near].any()
+    assert distance[is_near] == pytest.approx(best[is_near])
 
 
 def test_touching_an_edge_of_another_part_changes_nothing():
-    one = shapes.box((3.0, 3.0, 3.0))
-    grid = voxelize(joined(one, one.moved((3.0, 3.0, 0.0))), 1.0)
+    cube = shapes.box((3.0, 3.0, 3.0))
+    grid = voxelize(joined(cube, cube.moved((3.0, 3.0, 0.0))), 1.0)
     assert grid.fragment_area.sum() == pytest.approx(108.0)
     assert grid.solid_count == 54

@@ -50,10 +50,10 @@ def test_a_balls_layers(ball_images, axis):
 def test_each_piece_of_surface_is_packed_once(ball_images):
     for name in "xyz":
         mine = AXIS_COLOURS["xyz".index(name)]
-        kept = [(i == mine).all(-1) for i in ball_images[f"{name}_dominant"]]
+        dominant = [(i == mine).all(-1) for i in ball_images[f"{name}_dominant"]]
         packed = [shown(i) for i in ball_images[f"{name}_packed"]]
         # Each ray keeps as many, and they stand in front.
-        assert (np.sum(kept, axis=0) == np.sum(packed, axis=0)).all()
+        assert (np.sum(dominant, axis=0) == np.sum(packed, axis=0)).all()
         assert not (packed[1] & ~packed[0]).any()
 
 
@@ -80,7 +80,8 @@ def test_a_report_is_plain_json():
     assert report["pitch_m"] == 1 / 16
     assert report["surface_voxels"] == len(surface_voxels(grid.solid))
     assert report["layers"]["x"] == {"file_axis": "x", "peeled": 2, "packed": 2}
-    area, volume = report["area_m2"], report["volume_m3"]
+    area = report["area_m2"]
+    volume = report["volume_m3"]
     ratio = area["mesh"] / area["fragments_unscaled"]
     assert ratio == pytest.approx(report["area_ratio"])
     ratio = volume["mesh"] / volume["voxels_unscaled"]

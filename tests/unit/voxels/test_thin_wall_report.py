@@ -19,10 +19,10 @@ def test_a_plate_on_voxel_centres_is_thin():
     assert grid.thin.thin_area == pytest.approx(128.0, rel=0.05)
     assert grid.thin.lost_fragments == 0 and grid.thin.lost_area == 0.0
     assert grid.solid_count == 216 + 64
-    place = grid.thin.regions[0]
-    assert place["thickness_m"] == pytest.approx(0.4, abs=1e-6)
-    assert place["lost_share"] == 0.0
-    assert 8.0 < place["centre_m"][0] < 16.0
+    region = grid.thin.regions[0]
+    assert region["thickness_m"] == pytest.approx(0.4, abs=1e-6)
+    assert region["lost_share"] == 0.0
+    assert 8.0 < region["centre_m"][0] < 16.0
     assert sum(p["area_m2"] for p in grid.thin.regions) == pytest.approx(
         grid.thin.thin_area
     )
@@ -37,9 +37,9 @@ def test_a_plate_between_voxel_centres_is_lost():
     assert grid.fragment_position[:, 0].max() < 4.0
     # The rest does not stand for it.
     assert grid.area_ratio == 1.0
-    kept = grid.represented
-    assert kept is not None and kept.is_off
-    assert "area" in grid.unscaled_because or kept.area.error < -0.3
+    represented = grid.represented
+    assert represented is not None and represented.is_off
+    assert "area" in grid.unscaled_because or represented.area.error < -0.3
 
 
 def test_thick_bodies_have_no_thin_parts():
