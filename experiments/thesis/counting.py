@@ -7,8 +7,8 @@ import numpy as np
 import jaxthermo as jt
 from jaxthermo.geometry.shapes import box
 from jaxthermo.report.table import Table
-from jaxthermo.structures.build.assignment import nested_cells, voxel_depth
 from jaxthermo.structures.kinds.shell import capacity_by_region
+from jaxthermo.structures.partition.assignment import nested_cells, voxel_depth
 from jaxthermo.structures.report import structure_report
 
 from ..harness.meshes import thesis_meshes, voxels_high

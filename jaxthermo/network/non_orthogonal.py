@@ -1,4 +1,4 @@
-"""Conduction with a correction for non-orthogonal links (`structures.build.links`).
+"""Conduction with a correction for non-orthogonal links (`structures.partition.links`).
 
     heat rate into node i = sum_j G_ij (T_j - T_i - x g_ij . s_ij),
 
@@ -19,7 +19,7 @@ from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
 from ..arrays import added, device_array, taken
-from ..structures.build.links import NonOrthogonalLinks
+from ..structures.partition.links import NonOrthogonalLinks
 from ..structures.structure import AbstractStructure
 from ..structures.surface_map import Gradient, gradient_at
 from .network import AbstractNodeNetwork, inverse

@@ -36,9 +36,9 @@ from ..network.link_operator import RowLayout, row_layout, row_network, series
 from ..network.network import AbstractNetwork, precise_sum
 from ..network.non_orthogonal import non_orthogonal
 from ..network.nonlinear import NonlinearNetwork
-from ..structures.build.assignment import volume_within
-from ..structures.build.links import link_axes, non_orthogonal_links
 from ..structures.kinds.full import FullVolume
+from ..structures.partition.assignment import volume_within
+from ..structures.partition.links import link_axes, non_orthogonal_links
 from ..structures.structure import AbstractStructure
 from .run_conduction import WITH_NUMBA, run_stencil
 from .stencil_conduction import mixed_stencil, uniform_stencil

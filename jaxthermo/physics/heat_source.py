@@ -8,7 +8,7 @@ from typing_extensions import override
 
 from ..arrays import TimeVarying
 from ..errors import InputError
-from ..structures.build.assignment import volume_within
+from ..structures.partition.assignment import volume_within
 from ..structures.structure import AbstractStructure
 from ..voxels.selection import AbstractSpace
 from .flux_law import Forcing

@@ -13,7 +13,7 @@ from ..material.material import Material, Property
 from ..network.network import AbstractNetwork
 from ..network.nonlinear import KirchhoffTransform, kirchhoff_transform
 from ..network.varying_links import Integrals, LinkHalves, VaryingLinks
-from ..structures.build.links import link_axes
+from ..structures.partition.links import link_axes
 from ..structures.structure import AbstractStructure
 
 

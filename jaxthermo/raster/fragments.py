@@ -93,12 +93,8 @@ def peel_mesh(
     Raises:
         InputError: if a corner is not finite or more than 2^20 pixels away.
     """
-    chunks = [*fragment_chunks(points, faces=faces, width=width, height=height)]
-    none = FragmentChunk(
-        triangle=np.empty(0, np.int64), pixel=np.empty(0, np.int64), depth=np.empty(0)
-    )
-    triangle, pixel, depth = (
-        np.concatenate(column) for column in zip(none, *chunks, strict=True)
+    triangle, pixel, depth = _all_fragments(
+        points, faces=faces, width=width, height=height
     )
     order, layer = _sorted_layers(
         triangle, pixel=pixel, depth=depth, pixel_bits=(width * height).bit_length()
@@ -112,6 +108,19 @@ def peel_mesh(
         layer=layer,
         width=width,
         height=height,
+    )
+
+
+def _all_fragments(
+    points: np.ndarray, faces: np.ndarray, width: int, height: int
+) -> "FragmentChunk":
+    # A function of its own, so that the chunks are freed before the sort.
+    chunks = [*fragment_chunks(points, faces=faces, width=width, height=height)]
+    none = FragmentChunk(
+        triangle=np.empty(0, np.int64), pixel=np.empty(0, np.int64), depth=np.empty(0)
+    )
+    return FragmentChunk(
+        *(np.concatenate(column) for column in zip(none, *chunks, strict=True))
     )
 
 

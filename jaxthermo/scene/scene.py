@@ -17,7 +17,7 @@ from ..material.material import Material
 from ..module import Module
 from ..physics.term import AbstractExchangeTerm, AbstractTerm
 from ..physics.time_varying import check_temperature
-from ..structures.build.assignment import voxel_owner
+from ..structures.partition.assignment import voxel_owner
 from ..structures.structure import AbstractStructure
 from ..structures.surface_map import AbstractSurfaceMap, FluxCorrectedMap
 from ..voxels.grid import VoxelGrid

@@ -25,7 +25,7 @@ class ConductionWeights(Module):
     total: at x = 1 it is the body's, even where the nodes alone would hold less.
 
     `non_orthogonal` corrects the two-point flux where the line between two nodes is not
-    normal to their face (see `build.links`).
+    normal to their face (see `partition.links`).
 
     Raises:
         InputError: for values out of range or lists where one number is expected.

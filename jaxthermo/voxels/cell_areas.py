@@ -113,14 +113,10 @@ class _Nodes(NamedTuple):
         first, beyond = _places(patches.position, self.shape)
         steps = iter(_corners(self.shape))
         for i, j in np.ndindex(2, 2):
-            across = []
-            upper = []
-            for x, y, z in beyond:
-                hat_x = x if i else 1 - x
-                hat_y = y if j else 1 - y
-                across.append(hat_x * hat_y)
-                upper.append(hat_x * hat_y * z)
-            above = _mean(upper)
+            across = [(x if i else 1 - x) * (y if j else 1 - y) for x, y, _ in beyond]
+            above = _mean(
+                [hat * z for hat, (_, _, z) in zip(across, beyond, strict=True)]
+            )
             for hat in (_mean(across) - above, above):
                 yield self.slot[first + next(steps)], hat
 
@@ -230,7 +226,8 @@ def _cut(corners: _Corners, axis: int) -> list[_Corners]:
         done.append(corners.take(np.flatnonzero(~is_cut), axis=2))
         cut = np.flatnonzero(is_cut)
         plane = (first + last)[cut] // 2
-        a, b, c = along[:, cut] > plane
+        along = along[:, cut]
+        a, b, c = along > plane
         # Turned so that the first corner is alone on its side of the plane.
         majority = (a & b) | (a & c) | (b & c)
         alone = (b != majority) + 2 * (c != majority)

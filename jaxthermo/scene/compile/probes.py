@@ -25,7 +25,7 @@ from ...errors import InputError
 from ...findings import digest, found
 from ...module import Module
 from ...physics.conduction import conductivity_at_ends, conductivity_table
-from ...structures.build.assignment import voxel_owner
+from ...structures.partition.assignment import voxel_owner
 from ...structures.surface_map import gradient_rows
 from ...voxels.grid import VoxelGrid
 from ..scene import AbstractMaterials, Probe, Scene

@@ -9,10 +9,10 @@ from jaxtyping import Bool, Float, Int
 
 from ...errors import InputError, positive_length, whole_number
 from ...voxels.grid import VoxelGrid
-from ..build.blocks import block_parts, count_blocks, number_by_first_voxel
-from ..build.links import link_distance
-from ..build.slabs import Slab, build_slabs, count_parts
 from ..cache import built_once
+from ..partition.blocks import block_parts, count_blocks, number_by_first_voxel
+from ..partition.links import link_distance
+from ..partition.slabs import Slab, build_slabs, count_parts
 from ..structure import AbstractBuiltStructure, Built, check_grid
 from ..weights import ConductionWeights, as_weights
 

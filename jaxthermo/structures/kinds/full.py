@@ -13,7 +13,7 @@ from ...native.call import check_kernels
 from ...voxels.grid import VoxelGrid
 from ...voxels.packed_lattice import PackedLattice, packed_lattice
 from ...voxels.sharded_lattice import ShardedLattice, cut_axes, sharded_lattice
-from ..build.links import voxel_links
+from ..partition.links import voxel_links
 from ..structure import AbstractStructure, Links, Nodes
 from ..weights import ConductionWeights, as_weights
 

@@ -9,16 +9,16 @@ from jaxtyping import Bool, Int
 
 from ...errors import InputError, whole_number
 from ...voxels.grid import VoxelGrid
-from ..build.blocks import (
+from ..cache import built_once
+from ..partition.blocks import (
     block_parts,
     build_blocks,
     index_type,
     number_by_first_voxel,
     voxel_layers,
 )
-from ..build.cubes import build_cubes, octree_levels
-from ..build.slabs import Slab, build_slabs
-from ..cache import built_once
+from ..partition.cubes import build_cubes, octree_levels
+from ..partition.slabs import Slab, build_slabs
 from ..structure import AbstractBuiltStructure, Built
 from ..weights import ConductionWeights, as_weights
 

@@ -9,15 +9,15 @@ from jaxtyping import Float, Int
 from ...errors import InputError, whole_number
 from ...voxels.grid import VoxelGrid
 from ...voxels.surface import surface_links
-from ..build.assignment import (
+from ..cache import built_once
+from ..partition.assignment import (
     Assignment,
     LevelCells,
     assign_voxels,
     nested_cells,
     voxel_depth,
 )
-from ..build.blocks import shell_voxels
-from ..cache import built_once
+from ..partition.blocks import shell_voxels
 from ..structure import (
     AbstractBuiltStructure,
     Built,

@@ -13,7 +13,7 @@ from jaxthermo.integrate.surface_error import surface_error
 from jaxthermo.network.link_operator import RowNetwork
 from jaxthermo.network.non_orthogonal import _NonOrthogonalNetwork
 from jaxthermo.physics.conduction import assemble_uniform
-from jaxthermo.structures.build.links import _face_normals
+from jaxthermo.structures.partition.links import _face_normals
 from tests.bodies import slanted
 
 

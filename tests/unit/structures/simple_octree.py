@@ -1,8 +1,8 @@
-"""Octree cells as the label of every voxel: the simple version of `build.cubes`."""
+"""Octree cells as the label of every voxel: the simple version of `partition.cubes`."""
 
 import numpy as np
 
-from jaxthermo.structures.build.blocks import build_blocks, number_by_first_voxel
+from jaxthermo.structures.partition.blocks import build_blocks, number_by_first_voxel
 
 
 def build_octree(grid, levels):

@@ -6,10 +6,10 @@ from hypothesis import given, settings, strategies as st
 from voxel_volumes import ball, parts_of, solids
 
 from jaxthermo.errors import InputError
-from jaxthermo.structures.build.blocks import block_parts, count_blocks
-from jaxthermo.structures.build.slabs import count_parts
 from jaxthermo.structures.kinds.aggregate import Aggregate
 from jaxthermo.structures.kinds.full import FullVolume
+from jaxthermo.structures.partition.blocks import block_parts, count_blocks
+from jaxthermo.structures.partition.slabs import count_parts
 from tests.bodies import blocks
 
 

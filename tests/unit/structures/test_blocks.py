@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from voxel_volumes import labelled, links_of, members, solids
 
 from jaxthermo.errors import InputError, whole_number
-from jaxthermo.structures.build import links as links_module
-from jaxthermo.structures.build.blocks import build_blocks, number_by_first_voxel
-from jaxthermo.structures.build.links import block_links, link_distance, voxel_links
+from jaxthermo.structures.partition import links as links_module
+from jaxthermo.structures.partition.blocks import build_blocks, number_by_first_voxel
+from jaxthermo.structures.partition.links import block_links, link_distance, voxel_links
 from tests.bodies import blocks
 
 

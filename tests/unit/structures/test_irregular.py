@@ -7,9 +7,9 @@ import pytest
 from hypothesis import example, given, settings, strategies as st
 
 from jaxthermo.errors import InputError
-from jaxthermo.structures.build.assignment import assign_voxels, voxel_depth
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.structures.kinds.shell import IrregularMultiLevel, capacity_by_region
+from jaxthermo.structures.partition.assignment import assign_voxels, voxel_depth
 from tests.bodies import blocks
 from tests.unit.structures.irregular_bodies import (
     cells_one_by_one,

@@ -8,9 +8,9 @@ from hypothesis import given, settings, strategies as st
 from voxel_volumes import ball, solids
 
 from jaxthermo.errors import InputError
-from jaxthermo.structures.build.blocks import voxel_layers
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.structures.kinds.groups import MultiLevel
+from jaxthermo.structures.partition.blocks import voxel_layers
 from tests.bodies import blocks
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.structures.build.links import (
+from jaxthermo.structures.partition.links import (
     _MIN_NORMAL_FRACTION,
     _face_normals,
     link_axes,

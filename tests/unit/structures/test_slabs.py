@@ -11,13 +11,13 @@ from hypothesis import given, settings, strategies as st
 from voxel_volumes import ball, solids
 
 import jaxthermo as jt
-from jaxthermo.structures.build import slabs
-from jaxthermo.structures.build.blocks import (
+from jaxthermo.structures.kinds.groups import _build_shell_over_core
+from jaxthermo.structures.partition import slabs
+from jaxthermo.structures.partition.blocks import (
     block_parts,
     build_blocks,
     number_by_first_voxel,
 )
-from jaxthermo.structures.kinds.groups import _build_shell_over_core
 from tests.bodies import blocks
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.structures.build.assignment import volume_within, voxel_owner
-from jaxthermo.structures.build.links import link_axes
+from jaxthermo.structures.partition.assignment import volume_within, voxel_owner
+from jaxthermo.structures.partition.links import link_axes
 from tests.bodies import blocks
 
 

@@ -218,7 +218,7 @@ def areas_of_mesh(area, position, normal, pieces, spacing):
                 ).all(0)
                 nodes_near = tuple(i[near] for i in index)
                 np.add.at(
-                    true, nodes_near, (weight * area_of_piece / len(points))[near]
+                    mesh_area, nodes_near, (weight * area_of_piece / len(points))[near]
                 )
     for index, weight in shares(position, normal):
         np.add.at(cell_area, index, weight * area)
