@@ -1,10 +1,10 @@
 """Frames of a run, EXR and PNG on one temperature scale, at its end or later."""
 
+import functools
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -14,13 +14,12 @@ from ..config.loader import load_config
 from ..config.schema.scene import SceneConfig
 from ..config.types.model import build
 from ..errors import InputError
-from ..image.detector import Detector
-from ..image.draw import draw
 from ..image.effects.effect import in_order
 from ..image.image import Image
 from ..image.measurements import AbstractMeasurement, Isotherm, names_of
 from ..image.radiometry import apparent_temperature
-from ..image.view import View, at_time, kept_view
+from ..image.recorder import Moment, Recorder
+from ..image.view import View, at_time
 from ..integrate.run.solution_file import StoredSolution, load_solution
 from ..physics.radiation.irradiation import Irradiance
 from ..physics.term import AbstractTerm
@@ -55,17 +54,21 @@ class FrameCamera:
         triangles = np.concatenate([s.geometry.triangles for s in surfaces])
         self._camera = build_camera(config.camera, triangles)
         self._image = config.image
-        self._band = build(config.image.band)
         self._effects = in_order(build(config.image.effects), "image.effects")
-        self._surfaces, self._terms = surfaces, terms
-        self._view(*at_time(surfaces, terms, 0.0))
+        self._recorder = Recorder(
+            self._camera,
+            band=build(config.image.band),
+            effects=self._effects,
+            samples=config.image.samples,
+            smooth=config.image.smooth,
+            occlusion=config.image.occlusion,
+        )
+        self._surfaces = surfaces
+        self._terms = terms
+        self._view_at_start()
 
-    def _view(
-        self, surfaces: tuple[SolvedSurface, ...], terms: tuple[AbstractTerm, ...]
-    ) -> View:
-        finer = self._camera.finer(self._image.samples)
-        how = self._image.smooth, self._image.occlusion
-        return kept_view(surfaces, terms, finer, *how)
+    def _view_at_start(self) -> View:
+        return self._recorder.view(*at_time(self._surfaces, self._terms, 0.0))
 
     @property
     def samples(self) -> int:
@@ -80,22 +83,19 @@ class FrameCamera:
 
     def detector(self, stored: StoredSolution) -> Callable[[int], Image]:
         """Draws frames with all effects, with `samples` of each pixel."""
-        drawn, times = lambda k: self.draw(stored, k), np.asarray(stored.times)
         if not self._measures:
-            return drawn
-        return Detector(
-            reaching=drawn,
-            times=times,
-            effects=self._effects,
-            samples=self._image.samples,
-        ).frame
+            return functools.partial(self.draw, stored)
+        recording = self._recorder.recording(
+            functools.partial(self._moment, stored), np.asarray(stored.times)
+        )
+        return recording.frame
 
     def remarks(self) -> list[str]:
         """Measurements that are on no body at the start, a line for each."""
         how, found = self._image, list[str]()
         width, height = self._camera.size
         fine = np.zeros((how.samples * height) * (how.samples * width), bool)
-        fine[self._view(*at_time(self._surfaces, self._terms, 0.0)).pixel] = True
+        fine[self._view_at_start().pixel] = True
         blocks = fine.reshape(height, how.samples, width, how.samples)
         filled = np.asarray(blocks.all(axis=(1, 3)))
         given: tuple[AbstractMeasurement, ...] = build(how.measurements)
@@ -111,15 +111,20 @@ class FrameCamera:
 
     def draw(self, stored: StoredSolution, index: int) -> Image:
         """Frame of a saved time before the lens, with all samples of each pixel."""
+        return self._recorder.before_lens(self._moment(stored, index))
+
+    def _moment(self, stored: StoredSolution, index: int) -> Moment:
         assert stored.irradiance is not None
         # On the host, where nothing is compiled for it.
         time = np.asarray(stored.times)[index]
-        here = at_time(self._surfaces, self._terms, float(time))
-        kelvin = np.asarray(stored.surface_temperature)[index]
-        received = Irradiance(*(each[index] for each in stored.irradiance))
-        now, before = (jnp.asarray(t, time.dtype) for t in (time, just_before(time)))
-        saved = kelvin, received, now, before
-        return draw(self._view(*here), *here, *saved, self._band, self._effects)
+        return Moment(
+            surfaces=self._surfaces,
+            terms=self._terms,
+            temperature=np.asarray(stored.surface_temperature)[index],
+            received=Irradiance(*(rows[index] for rows in stored.irradiance)),
+            time=time,
+            load_time=just_before(time),
+        )
 
 
 def chosen_frames(

@@ -1,7 +1,7 @@
 """Thermal images of a solution, differentiable in its temperatures."""
 
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,11 +11,9 @@ from ..errors import require
 from ..integrate.run.solution import AbstractSolution
 from .band import LONG_WAVE, Band
 from .camera import AbstractCamera
-from .detector import Detector
-from .draw import draw
 from .effects.effect import in_order
 from .image import Image
-from .view import at_time, kept_view
+from .recorder import Moment, Recorder
 
 
 def render(
@@ -58,10 +56,15 @@ def render(
         >>> jt.render(warm, camera).temperature.shape  # rows, columns
         (24, 32)
     """
-    options = _Options(
-        smooth=smooth, samples=samples, occlusion=occlusion, band=band, effects=effects
+    recorder = _recorder(
+        camera,
+        band=band,
+        effects=effects,
+        samples=samples,
+        smooth=smooth,
+        occlusion=occlusion,
     )
-    frame = _recording(solution, camera, options)
+    frame = _frames_of(solution, recorder)
     return frame(range(len(solution.times))[index])
 
 
@@ -83,35 +86,28 @@ def frames(
     Raises:
         InputError: as `render`.
     """
-    options = _Options(
-        smooth=smooth, samples=samples, occlusion=occlusion, band=band, effects=effects
-    )
     # A mistake raises an error at once, not with the first frame.
-    frame = _recording(solution, camera, options)
-    return map(frame, range(len(solution.times)))
-
-
-class _Options(NamedTuple):
-    """Arguments of `render` and `frames` after solution and camera."""
-
-    smooth: bool
-    samples: int
-    occlusion: float | None
-    band: Band | None
-    effects: Any
-
-
-def _recording(
-    solution: AbstractSolution, camera: AbstractCamera, options: _Options
-) -> Callable[[int], Image]:
-    """Draws frames by the index of their time."""
-    solutions = "a solution of simulate or steady"
-    require(
-        solution, classes=AbstractSolution, argument="render(solution=)", give=solutions
+    recorder = _recorder(
+        camera,
+        band=band,
+        effects=effects,
+        samples=samples,
+        smooth=smooth,
+        occlusion=occlusion,
     )
+    return map(_frames_of(solution, recorder), range(len(solution.times)))
+
+
+def _recorder(
+    camera: AbstractCamera,
+    band: Band | None,
+    effects: Any,
+    samples: int,
+    smooth: bool,
+    occlusion: float | None,
+) -> Recorder:
     cameras = "a Camera or an OrthographicCamera"
     require(camera, classes=AbstractCamera, argument="render(camera=)", give=cameras)
-    band = options.band
     if band is not None:
         require(
             band,
@@ -119,39 +115,40 @@ def _recording(
             argument="render(band=)",
             give="a Band, such as Band((7.5e-6, 14e-6))",
         )
-    effects = in_order(options.effects, "render(effects=)")
+    return Recorder(
+        camera,
+        band=band,
+        effects=in_order(effects, "render(effects=)"),
+        samples=samples,
+        smooth=smooth,
+        occlusion=occlusion,
+    )
 
+
+def _frames_of(
+    solution: AbstractSolution, recorder: Recorder
+) -> Callable[[int], Image]:
+    """Draws frames of a solution by the index of their time."""
+    solutions = "a solution of simulate or steady"
+    require(
+        solution, classes=AbstractSolution, argument="render(solution=)", give=solutions
+    )
     times = np.asarray(solution.times)
 
-    def reaching(index: int) -> Image:
-        time = float(times[index])
-        surfaces, terms = at_time(solution.surfaces, solution.terms, time)
-        finer = camera.finer(options.samples)
-        view = kept_view(
-            surfaces,
-            terms=terms,
-            camera=finer,
-            smooth=options.smooth,
-            occlusion=options.occlusion,
-        )
-        return draw(
-            view,
-            surfaces=surfaces,
-            terms=terms,
+    def moment(index: int) -> Moment:
+        return Moment(
+            surfaces=solution.surfaces,
+            terms=solution.terms,
             temperature=jnp.asarray(solution.surface_temperature[index]),
             received=solution.irradiance(index),
-            time=jnp.asarray(times[index]),
+            time=times[index],
             load_time=solution.load_time(index),
-            band=band,
-            effects=effects,
         )
 
-    detector = Detector(
-        reaching=reaching, times=times, effects=effects, samples=options.samples
-    )
+    recording = recorder.recording(moment, times)
 
     def frame(index: int) -> Image:
         with precision(solution.receipt.dtype):
-            return detector.frame(index)
+            return recording.frame(index)
 
     return frame
