@@ -19,9 +19,9 @@ import numpy as np
 from PIL import Image, ImageChops, ImageDraw, ImageOps
 
 import jaxthermo as jt
-from jaxthermo.image.annotate import contact_sheet
-from jaxthermo.image.palette import BACKGROUND, apply_palette, palette_table
-from jaxthermo.image.ticks import label, nice_ticks
+from jaxthermo.image.colour.annotate import contact_sheet
+from jaxthermo.image.colour.palette import BACKGROUND, apply_palette, palette_table
+from jaxthermo.image.colour.ticks import label, nice_ticks
 from jaxthermo.report.chart import LogAxis, legend, write_chart
 from jaxthermo.report.layer_sheets import write_layer_sheets
 from jaxthermo.report.sheet import ColourBar, Tile, sheet

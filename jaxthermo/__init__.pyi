@@ -13,46 +13,46 @@ from .geometry.mesh import Mesh as Mesh, Pose as Pose
 from .geometry.parts import load_parts as load_parts
 from .geometry.sample import MeshSample as MeshSample, mesh_sample as mesh_sample
 from .image import measurements as measurements
-from .image.animation import write_animation as write_animation
-from .image.band import Band as Band
-from .image.camera import Camera as Camera, OrthographicCamera as OrthographicCamera
-from .image.draw_measurements import (
+from .image.colour.draw_measurements import (
     draw_measurements as draw_measurements,
     measure as measure,
 )
-from .image.effects.atmosphere import Atmosphere as Atmosphere
-from .image.effects.effect import BolometerLag as BolometerLag
-from .image.effects.noise import (
+from .image.colour.picture import picture as picture, write_png as write_png
+from .image.detector.noise import (
     Counts as Counts,
     DetectorNoise as DetectorNoise,
     FixedPatternNoise as FixedPatternNoise,
 )
-from .image.effects.optics import Blur as Blur, DiffractionBlur as DiffractionBlur
-from .image.effects.surface import (
-    AngularEmissivity as AngularEmissivity,
-    SpecularReflection as SpecularReflection,
-)
-from .image.export.surfaces import write_glb as write_glb, write_vtu as write_vtu
-from .image.files import (
-    picture as picture,
-    write_exr as write_exr,
-    write_png as write_png,
-)
-from .image.flir_file import (
+from .image.detector.optics import Blur as Blur, DiffractionBlur as DiffractionBlur
+from .image.files.animation import write_animation as write_animation
+from .image.files.exr import write_exr as write_exr
+from .image.files.flir_file import (
     FlirThermogram as FlirThermogram,
     read_flir as read_flir,
 )
-from .image.raster_files import (
+from .image.files.raster_files import (
     write_centikelvin as write_centikelvin,
     write_csv as write_csv,
     write_tiff as write_tiff,
 )
-from .image.render import frames as frames, render as render
-from .image.thermogram_files import read_thermogram as read_thermogram
-from .image.thermography import (
+from .image.files.surfaces import write_glb as write_glb, write_vtu as write_vtu
+from .image.files.thermogram_files import read_thermogram as read_thermogram
+from .image.radiance.atmosphere import Atmosphere as Atmosphere
+from .image.radiance.band import Band as Band
+from .image.radiance.directional import (
+    AngularEmissivity as AngularEmissivity,
+    SpecularReflection as SpecularReflection,
+)
+from .image.radiance.effect import BolometerLag as BolometerLag
+from .image.radiance.thermography import (
     FlirCalibration as FlirCalibration,
     measured_radiance as measured_radiance,
     object_temperature as object_temperature,
+)
+from .image.render import frames as frames, render as render
+from .image.surface.camera import (
+    Camera as Camera,
+    OrthographicCamera as OrthographicCamera,
 )
 from .integrate.discretization_error import (
     DiscretizationError as DiscretizationError,

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxthermo.constants import STEFAN_BOLTZMANN
-from jaxthermo.image.image import Image
+from jaxthermo.image.radiance.image import Image
 
 
 def frame(kelvin, surface=None, body=None, time=90.0):

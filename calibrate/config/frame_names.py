@@ -7,7 +7,8 @@
 | `cameras.0.rotation.2` | one of the three numbers |
 | `reflected_temperature` | of a black body all around, in what surfaces reflect [K] |
 
-The pose of a camera is relative to the given one, in its axes: `jaxthermo.image.pose`.
+Poses of a camera are relative to the given one, in its axes, see
+`jaxthermo.image.pose.pose`.
 """
 
 from collections.abc import Iterable

@@ -23,12 +23,12 @@ from scipy.ndimage import gaussian_filter
 from scipy.optimize import least_squares
 
 from jaxthermo.errors import InputError
-from jaxthermo.image.band import Band
-from jaxthermo.image.camera import AbstractCamera
-from jaxthermo.image.pose import moved_camera
-from jaxthermo.image.radiometry import black_radiance
-from jaxthermo.image.view import View, compute_view
-from jaxthermo.image.visible import world_meshes
+from jaxthermo.image.pose.pose import moved_camera
+from jaxthermo.image.radiance.band import Band
+from jaxthermo.image.radiance.radiometry import black_radiance
+from jaxthermo.image.surface.camera import AbstractCamera
+from jaxthermo.image.surface.view import View, compute_view
+from jaxthermo.image.surface.visible import world_meshes
 from jaxthermo.integrate.run.parametric_run import ParametricSolution
 from jaxthermo.physics.radiation.irradiation import Irradiance
 from jaxthermo.physics.term import AbstractTerm

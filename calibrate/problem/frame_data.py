@@ -8,11 +8,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxthermo.errors import InputError
-from jaxthermo.image.band import Band
-from jaxthermo.image.outline import outline_distance
-from jaxthermo.image.pose import moved_camera
-from jaxthermo.image.pose_derivative import linearize_view
-from jaxthermo.image.view import View, compute_view
+from jaxthermo.image.pose.derivative import linearize_view
+from jaxthermo.image.pose.outline import outline_distance
+from jaxthermo.image.pose.pose import moved_camera
+from jaxthermo.image.radiance.band import Band
+from jaxthermo.image.surface.view import View, compute_view
 from jaxthermo.physics.term import AbstractTerm
 from jaxthermo.scene.scene import SolvedSurface
 

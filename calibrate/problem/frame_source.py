@@ -14,15 +14,15 @@ from jaxthermo.config.schema.image import CameraConfig
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.config.types.model import build
 from jaxthermo.errors import InputError
-from jaxthermo.image.band import Band
-from jaxthermo.image.camera import AbstractCamera
-from jaxthermo.image.coverage import coverage
-from jaxthermo.image.files import read_channel, read_exr
-from jaxthermo.image.image import block_means
-from jaxthermo.image.radiometry import apparent_temperature
-from jaxthermo.image.thermogram_files import read_thermogram
-from jaxthermo.image.view import View
-from jaxthermo.image.visible import world_meshes
+from jaxthermo.image.files.exr import read_channel, read_exr
+from jaxthermo.image.files.thermogram_files import read_thermogram
+from jaxthermo.image.pose.coverage import coverage
+from jaxthermo.image.radiance.band import Band
+from jaxthermo.image.radiance.image import block_means
+from jaxthermo.image.radiance.radiometry import apparent_temperature
+from jaxthermo.image.surface.camera import AbstractCamera
+from jaxthermo.image.surface.view import View
+from jaxthermo.image.surface.visible import world_meshes
 from jaxthermo.integrate.run.parametric_run import ParametricRun, ParametricSolution
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.scene import Scene, SolvedSurface

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxthermo.image.pose import POSE_SIZE
-from jaxthermo.image.pose_derivative import LinearizedView
+from jaxthermo.image.pose.derivative import LinearizedView
+from jaxthermo.image.pose.pose import POSE_SIZE
 
 from ..config.frame_names import is_of_camera, pose_numbers
 

@@ -13,7 +13,7 @@ from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxthermo.errors import InputError
-from jaxthermo.image.pose_derivative import LinearizedView
+from jaxthermo.image.pose.derivative import LinearizedView
 from jaxthermo.integrate.run.parametric_run import ParametricRun, with_more_steps
 from jaxthermo.integrate.run.plan import StepTable
 from jaxthermo.integrate.solvers import ForwardEuler

@@ -19,16 +19,12 @@ from typing_extensions import override
 from jaxthermo.arrays import Scalar
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.errors import InputError
-from jaxthermo.image.band import Band
-from jaxthermo.image.camera import AbstractCamera
-from jaxthermo.image.draw import draw
-from jaxthermo.image.pose import moved_camera
-from jaxthermo.image.pose_derivative import (
-    LinearizedView,
-    blank_view,
-    linearize_view,
-)
-from jaxthermo.image.view import View, compute_view
+from jaxthermo.image.pose.derivative import LinearizedView, blank_view, linearize_view
+from jaxthermo.image.pose.pose import moved_camera
+from jaxthermo.image.radiance.band import Band
+from jaxthermo.image.radiance.draw import draw
+from jaxthermo.image.surface.camera import AbstractCamera
+from jaxthermo.image.surface.view import View, compute_view
 from jaxthermo.integrate.run.parametric_run import ParametricSolution
 from jaxthermo.integrate.run.solution import irradiance_at
 from jaxthermo.integrate.surface_error import AnySolution, error_span

@@ -11,9 +11,9 @@ from PIL import Image
 
 from jaxthermo.arrays import precision
 from jaxthermo.config.camera_framing import build_camera
-from jaxthermo.image.draw import draw
-from jaxthermo.image.palette import apply_palette
-from jaxthermo.image.ticks import decimals_of, label, nice_ticks, time_label
+from jaxthermo.image.colour.palette import apply_palette
+from jaxthermo.image.colour.ticks import decimals_of, label, nice_ticks, time_label
+from jaxthermo.image.radiance.draw import draw
 from jaxthermo.integrate.run.parametric_run import ParametricSolution
 from jaxthermo.report.difference_scale import (
     BACKGROUND,

@@ -11,11 +11,11 @@ from scipy.ndimage import binary_erosion
 
 import jaxthermo as jt
 from jaxthermo.geometry.shapes import figurine
-from jaxthermo.image.annotate import write_png
-from jaxthermo.image.band import LONG_WAVE
-from jaxthermo.image.camera import frame_all
-from jaxthermo.image.image import Image
-from jaxthermo.image.ticks import to_celsius
+from jaxthermo.image.colour.annotate import write_png
+from jaxthermo.image.colour.ticks import to_celsius
+from jaxthermo.image.radiance.band import LONG_WAVE
+from jaxthermo.image.radiance.image import Image
+from jaxthermo.image.surface.camera import frame_all
 from jaxthermo.report import page
 from jaxthermo.report.difference_scale import (
     DifferenceScale,

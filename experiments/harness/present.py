@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxthermo.cli.console import open_console
-from jaxthermo.image.palette import apply_palette, palette_table
-from jaxthermo.image.ticks import decimals_of, label, nice_ticks
+from jaxthermo.image.colour.palette import apply_palette, palette_table
+from jaxthermo.image.colour.ticks import decimals_of, label, nice_ticks
 from jaxthermo.report import page
 from jaxthermo.report.difference_scale import BACKGROUND
 from jaxthermo.report.sheet import ColourBar, Tile

@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 import jaxthermo as jt
 from jaxthermo.geometry.shapes import figurine
-from jaxthermo.image.annotate import contact_sheet, write_png
+from jaxthermo.image.colour.annotate import contact_sheet, write_png
 from jaxthermo.physics.convection.nusselt import AVERAGES
 from jaxthermo.raster.views import OrthographicView
 from jaxthermo.report import page

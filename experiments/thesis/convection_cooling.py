@@ -13,7 +13,7 @@ from PIL import Image
 
 import jaxthermo as jt
 from jaxthermo.geometry.shapes import cylinder
-from jaxthermo.image.camera import frame_all
+from jaxthermo.image.surface.camera import frame_all
 from jaxthermo.physics.convection.air import kinematic_viscosity, prandtl
 from jaxthermo.physics.convection.cross_flow import local_nusselt
 from jaxthermo.physics.convection.nusselt import AVERAGES, churchill_bernstein

@@ -13,8 +13,8 @@ from jaxtyping import Bool, Float, UInt8
 from PIL import Image
 
 import jaxthermo as jt
-from jaxthermo.image.camera import Camera, frame_all
-from jaxthermo.image.palette import apply_palette
+from jaxthermo.image.colour.palette import apply_palette
+from jaxthermo.image.surface.camera import Camera, frame_all
 from jaxthermo.report.difference_scale import (
     BACKGROUND,
     DifferenceScale,

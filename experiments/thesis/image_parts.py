@@ -8,11 +8,11 @@ from PIL import Image
 
 import jaxthermo as jt
 from jaxthermo.arrays import precision
-from jaxthermo.image.band import LONG_WAVE, Band
-from jaxthermo.image.camera import Camera, frame_all
-from jaxthermo.image.draw import draw
-from jaxthermo.image.response import BANDS
-from jaxthermo.image.view import kept_view
+from jaxthermo.image.radiance.band import LONG_WAVE, Band
+from jaxthermo.image.radiance.draw import draw
+from jaxthermo.image.radiance.response import BANDS
+from jaxthermo.image.surface.camera import Camera, frame_all
+from jaxthermo.image.surface.view import kept_view
 from jaxthermo.physics.radiation.irradiation import Irradiance
 from jaxthermo.report.sheet import sheet
 from jaxthermo.report.table import Table

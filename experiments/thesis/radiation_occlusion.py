@@ -8,12 +8,12 @@ import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.geometry.shapes import box, figurine, sphere
-from jaxthermo.image.annotate import write_png
-from jaxthermo.image.camera import frame_all
-from jaxthermo.image.draw import draw
-from jaxthermo.image.ssao import screen_space_occlusion
-from jaxthermo.image.ticks import to_celsius
-from jaxthermo.image.view import compute_view
+from jaxthermo.image.colour.annotate import write_png
+from jaxthermo.image.colour.ticks import to_celsius
+from jaxthermo.image.radiance.draw import draw
+from jaxthermo.image.surface.camera import frame_all
+from jaxthermo.image.surface.occlusion import screen_space_occlusion
+from jaxthermo.image.surface.view import compute_view
 from jaxthermo.physics.radiation.visibility import DEFAULT_DIRECTIONS, sky_view
 from jaxthermo.raster.fragments import peel
 from jaxthermo.report.sheet import sheet

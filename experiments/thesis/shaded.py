@@ -8,9 +8,9 @@ from jaxtyping import Bool, Float, UInt8
 from PIL import Image, ImageDraw
 
 import jaxthermo as jt
-from jaxthermo.image.camera import OrthographicCamera
-from jaxthermo.image.canvas import averaged
-from jaxthermo.image.visible import visible_points
+from jaxthermo.image.colour.canvas import averaged
+from jaxthermo.image.surface.camera import OrthographicCamera
+from jaxthermo.image.surface.visible import visible_points
 from jaxthermo.physics.contact.rays import PlacedGrid
 from jaxthermo.raster.views import unit_vector
 

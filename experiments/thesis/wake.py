@@ -24,8 +24,8 @@ from jaxthermo.flow.measures import centreline, recirculation_length, strouhal
 from jaxthermo.flow.run import FlowRun
 from jaxthermo.flow.wake_fit import FAMILIES, Family, fit_family, tail_length
 from jaxthermo.flow.wake_runs import disturbed_state
-from jaxthermo.image.annotate import write_png
-from jaxthermo.image.palette import apply_palette
+from jaxthermo.image.colour.annotate import write_png
+from jaxthermo.image.colour.palette import apply_palette
 from jaxthermo.native.call import native_kernels
 from jaxthermo.report import page
 from jaxthermo.report.chart import Chart, legend, write_chart

@@ -17,7 +17,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from ..image.ticks import time_label
+from ..image.colour.ticks import time_label
 
 
 # Tables grow up to this width in a pipe [characters].

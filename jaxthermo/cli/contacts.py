@@ -11,8 +11,8 @@ from ..config.schema.scene import SceneConfig
 from ..config.types.model import build
 from ..constants import ZERO_CELSIUS
 from ..errors import InputError
-from ..image.annotate import write_png
-from ..image.ticks import time_label
+from ..image.colour.annotate import write_png
+from ..image.colour.ticks import time_label
 from ..integrate.run.solution_file import StoredSolution, load_solution
 from ..physics.contact.links import Contact
 from ..physics.contact.rays import PlacedGrid

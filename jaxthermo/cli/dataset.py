@@ -19,11 +19,15 @@ from ..config.dataset_file import load_dataset
 from ..config.loader import to_yaml
 from ..config.schema.scene import SceneConfig
 from ..errors import InputError
-from ..image.export.grey import grey_levels, write_grey
-from ..image.export.labels import camera_matrices, coco, instances, run_lengths
-from ..image.files import write_exr
-from ..image.image import Image, coarsen
-from ..image.raster_files import centikelvin, saturated_pixels
+from ..image.files.exr import write_exr
+from ..image.files.labels import camera_matrices, coco, instances, run_lengths
+from ..image.files.raster_files import (
+    centikelvin,
+    grey_levels,
+    saturated_pixels,
+    write_grey,
+)
+from ..image.radiance.image import Image, coarsen
 from ..integrate.run.plan import plan_run
 from ..integrate.run.save_solution import save_solution
 from ..integrate.run.solution import RESULTS

@@ -16,7 +16,7 @@ from ..config.schema.dataset import DatasetConfig, OrbitConfig
 from ..config.schema.image import CameraConfig, PinholeConfig
 from ..config.schema.scene import SceneConfig
 from ..errors import InputError
-from ..image.visible import visible_points
+from ..image.surface.visible import visible_points
 
 
 # Beyond all that could be meant: a mistake in a list.

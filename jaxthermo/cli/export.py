@@ -10,14 +10,9 @@ from ..arrays import precision
 from ..atomic import write_json
 from ..config.schema.scene import SceneConfig
 from ..errors import InputError
-from ..image.export.surfaces import (
-    body_rows,
-    temperature_scale,
-    write_glb,
-    write_vtu,
-)
-from ..image.export.textures import BodyTextures, write_textures
-from ..image.export.vtu import write_pvd
+from ..image.files.surfaces import body_rows, temperature_scale, write_glb, write_vtu
+from ..image.files.textures import BodyTextures, write_textures
+from ..image.files.vtu import write_pvd
 from ..integrate.run.solution_file import StoredSolution, load_solution
 from ..report.numbers import count
 from .console import open_console, print_line, status

@@ -11,20 +11,21 @@ from PIL.Image import Image as Picture
 from ..config.loader import to_yaml
 from ..config.schema.scene import SceneConfig
 from ..config.types.model import build
-from ..image.annotate import write_png
-from ..image.draw_measurements import draw_marks, draw_measurements, measure
-from ..image.files import coloured, picture, write_exr
-from ..image.frame_values import covered_fraction, shown_temperature
-from ..image.gain import Gain, plateau_gain
-from ..image.image import Image, coarsen
-from ..image.measurements import AbstractMeasurement, Reading
-from ..image.raster_files import (
+from ..image.colour.annotate import write_png
+from ..image.colour.draw_measurements import draw_marks, draw_measurements, measure
+from ..image.colour.frame_values import covered_fraction, shown_temperature
+from ..image.colour.picture import coloured, picture
+from ..image.colour.ticks import end_decimals
+from ..image.detector.gain import Gain, plateau_gain
+from ..image.files.exr import write_exr
+from ..image.files.raster_files import (
     saturated_pixels,
     write_centikelvin,
     write_csv,
     write_tiff,
 )
-from ..image.ticks import end_decimals
+from ..image.measurements import AbstractMeasurement, Reading
+from ..image.radiance.image import Image, coarsen
 
 
 _ENDINGS = {"centikelvin": "_centikelvin.png"}

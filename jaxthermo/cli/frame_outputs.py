@@ -14,7 +14,9 @@ from PIL.Image import Image as Picture
 from ..config.schema.scene import SceneConfig
 from ..config.types.model import build
 from ..errors import InputError
-from ..image.animation import (
+from ..image.colour.annotate import write_png
+from ..image.colour.ticks import time_label
+from ..image.files.animation import (
     ANIMATIONS,
     MAX_BYTES,
     MAX_RATE,
@@ -22,7 +24,6 @@ from ..image.animation import (
     default_rate,
     write_animation,
 )
-from ..image.annotate import write_png
 from ..image.measurements import (
     AbstractMeasurement,
     Isotherm,
@@ -30,7 +31,6 @@ from ..image.measurements import (
     Spot,
     names_of,
 )
-from ..image.ticks import time_label
 from ..report.columns import write_columns
 from ..report.frame_sheet import shown_on_sheet, tile_sheet
 from ..report.numbers import count

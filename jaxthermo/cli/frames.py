@@ -14,12 +14,12 @@ from ..config.loader import load_config
 from ..config.schema.scene import SceneConfig
 from ..config.types.model import build
 from ..errors import InputError
-from ..image.effects.effect import in_order
-from ..image.image import Image
+from ..image.detector.recorder import Moment, Recorder
 from ..image.measurements import AbstractMeasurement, Isotherm, names_of
-from ..image.radiometry import apparent_temperature
-from ..image.recorder import Moment, Recorder
-from ..image.view import View, at_time
+from ..image.radiance.effect import in_order
+from ..image.radiance.image import Image
+from ..image.radiance.radiometry import apparent_temperature
+from ..image.surface.view import View, at_time
 from ..integrate.run.solution_file import StoredSolution, load_solution
 from ..physics.radiation.irradiation import Irradiance
 from ..physics.term import AbstractTerm

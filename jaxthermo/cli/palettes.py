@@ -1,6 +1,6 @@
 """`jaxthermo palettes`: the colour scales and the differences between their colours."""
 
-from ..image.palette_design import palette_report
+from ..image.colour.palette_design import palette_report
 from ..report.table import Table
 from .console import open_console, print_line
 

@@ -7,9 +7,9 @@ import numpy as np
 from ..config.camera_framing import build_camera
 from ..config.loader import load_config
 from ..geometry.mesh import mesh_summary
-from ..image.annotate import write_png
-from ..image.camera import AbstractCamera, Camera, OrthographicCamera
-from ..image.preview import draw_preview
+from ..image.colour.annotate import write_png
+from ..image.colour.preview import draw_preview
+from ..image.surface.camera import AbstractCamera, Camera, OrthographicCamera
 from .console import open_console, print_line, status
 from .files import results_folder
 

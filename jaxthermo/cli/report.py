@@ -10,7 +10,7 @@ from rich.console import Console
 from ..constants import ZERO_CELSIUS
 from ..geometry.mesh import mesh_summary
 from ..host_memory import readable_bytes
-from ..image.ticks import time_label
+from ..image.colour.ticks import time_label
 from ..integrate.implicit.adaptive import AdaptiveStepper
 from ..integrate.run.plan import Plan
 from ..integrate.run.solution import Solution

@@ -15,7 +15,7 @@ from ..config.schema.image import ImageConfig, PinholeConfig
 from ..config.schema.scene import SceneConfig
 from ..config.shipped_cards import card_name
 from ..errors import InputError
-from ..image.ticks import time_label
+from ..image.colour.ticks import time_label
 from ..integrate.run import segments
 from ..integrate.run.checkpoint import (
     checkpoint_files,

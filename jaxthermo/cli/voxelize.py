@@ -9,7 +9,7 @@ from ..config.types.quantities import LENGTH, to_si
 from ..errors import InputError
 from ..geometry.load import load_mesh
 from ..geometry.mesh import describe_mesh, mesh_summary
-from ..image.annotate import write_png
+from ..image.colour.annotate import write_png
 from ..report.layer_sheets import write_layer_sheets
 from ..report.table import Table
 from ..report.voxel_sheet import voxel_sheet

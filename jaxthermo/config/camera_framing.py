@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ..image.camera import AbstractCamera, Camera, OrthographicCamera, frame_all
+from ..image.surface.camera import AbstractCamera, Camera, OrthographicCamera, frame_all
 from .schema.image import CameraConfig, OrthographicConfig, PinholeConfig
 
 

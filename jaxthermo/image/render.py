@@ -9,11 +9,11 @@ import numpy as np
 from ..arrays import precision
 from ..errors import require
 from ..integrate.run.solution import AbstractSolution
-from .band import LONG_WAVE, Band
-from .camera import AbstractCamera
-from .effects.effect import in_order
-from .image import Image
-from .recorder import Moment, Recorder
+from .detector.recorder import Moment, Recorder
+from .radiance.band import LONG_WAVE, Band
+from .radiance.effect import in_order
+from .radiance.image import Image
+from .surface.camera import AbstractCamera
 
 
 def render(

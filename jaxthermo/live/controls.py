@@ -10,8 +10,8 @@ from jaxtyping import UInt8
 from viser import uplot
 
 from ..constants import ZERO_CELSIUS
-from ..image.palette import palette_names
-from ..image.ticks import to_celsius
+from ..image.colour.palette import palette_names
+from ..image.colour.ticks import to_celsius
 from .hand_values import HandValue
 from .live_run import AbstractLiveRun, Curves
 from .panels import RunStatus, status_lines, temperature_bar

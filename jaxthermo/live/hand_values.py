@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from ..config.schema.scene import SceneConfig, unit_of
-from ..image.ticks import to_celsius
+from ..image.colour.ticks import to_celsius
 
 
 class _Slider(NamedTuple):

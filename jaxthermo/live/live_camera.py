@@ -8,10 +8,10 @@ from ..arrays import precision
 from ..config.camera_framing import build_camera
 from ..config.schema.scene import SceneConfig
 from ..config.types.model import build
-from ..image.effects.effect import Effects, in_order
-from ..image.effects.optics import Blur
-from ..image.frame_values import QUANTITIES
-from ..image.recorder import Moment, Recorder
+from ..image.colour.frame_values import QUANTITIES
+from ..image.detector.optics import Blur
+from ..image.detector.recorder import Moment, Recorder
+from ..image.radiance.effect import Effects, in_order
 from ..physics.time_varying import just_before
 from ..scene.scene import SolvedSurface
 from .live_run import AbstractLiveRun

@@ -3,8 +3,8 @@
 import html
 from typing import NamedTuple
 
-from ..image.palette import palette_table
-from ..image.ticks import decimals_of, label, nice_ticks, time_label, to_celsius
+from ..image.colour.palette import palette_table
+from ..image.colour.ticks import decimals_of, label, nice_ticks, time_label, to_celsius
 
 
 # Colours of a bar: a browser interpolates between them.

@@ -19,7 +19,7 @@ import viser
 from ..config.schema.scene import SceneConfig
 from ..constants import ZERO_CELSIUS
 from ..errors import InputError
-from ..image.palette import BACKGROUND, apply_palette
+from ..image.colour.palette import BACKGROUND, apply_palette
 from .controls import Controls
 from .hand_values import hand_values
 from .live_camera import LiveCamera

@@ -13,10 +13,10 @@ from scipy.sparse import csr_array
 
 from ..geometry.mesh import Mesh
 from ..geometry.sample import mesh_sample
-from ..image.facets import smooth_normals
-from ..image.fragment_cells import block_matrix
-from ..image.palette import apply_palette
-from ..image.view import smooth_weights
+from ..image.colour.palette import apply_palette
+from ..image.surface.facets import smooth_normals
+from ..image.surface.view import smooth_weights
+from ..image.surface.weights import block_matrix
 from ..scene.scene import BodyGeometry, SolvedSurface
 
 

@@ -11,7 +11,7 @@ import altair as alt
 import vl_convert
 
 from ..atomic import replacing
-from ..image.ticks import nice_ticks
+from ..image.colour.ticks import nice_ticks
 from .templates import Html
 
 

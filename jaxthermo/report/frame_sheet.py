@@ -8,11 +8,11 @@ from PIL import Image as Pictures
 from PIL.Image import Image as Picture
 
 from ..errors import InputError
-from ..image.files import coloured
-from ..image.frame_values import QUANTITIES
-from ..image.image import Image
-from ..image.palette import palette_table
-from ..image.ticks import decimals_of, label, nice_ticks, time_label, to_celsius
+from ..image.colour.frame_values import QUANTITIES
+from ..image.colour.palette import palette_table
+from ..image.colour.picture import coloured
+from ..image.colour.ticks import decimals_of, label, nice_ticks, time_label, to_celsius
+from ..image.radiance.image import Image
 from .sheet import ColourBar, Tile, sheet
 
 

@@ -9,10 +9,10 @@ from jaxtyping import Float
 from PIL import Image
 
 from ..arrays import Scalar
-from ..image.annotate import write_png
-from ..image.contact_texture import contact_images
-from ..image.palette import palette_table
-from ..image.ticks import decimals_of, label, nice_ticks
+from ..image.colour.annotate import write_png
+from ..image.colour.contact_texture import contact_images
+from ..image.colour.palette import palette_table
+from ..image.colour.ticks import decimals_of, label, nice_ticks
 from ..voxels.grid import VoxelGrid
 from ..voxels.textures import (
     AXIS_COLOURS,

@@ -6,9 +6,9 @@ from typing import Any
 
 import altair as alt
 
-from ..image.draw_measurements import limits_in_words
+from ..image.colour.draw_measurements import limits_in_words
+from ..image.colour.ticks import to_celsius
 from ..image.measurements import AbstractMeasurement, Isotherm, Reading, Spot
-from ..image.ticks import to_celsius
 from .chart import POINT_AREA, Chart, legend, write_chart
 
 

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image, ImageDraw, ImageFont
 
-from ..image.annotate import contact_sheet
-from ..image.canvas import FAINT, FRAME, INK, PAPER, drawable
+from ..image.colour.annotate import contact_sheet
+from ..image.colour.canvas import FAINT, FRAME, INK, PAPER, drawable
 
 
 Pixels = UInt8[np.ndarray, "h w 3"]

@@ -4,9 +4,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 from PIL import Image
 
-from ..image.camera import Camera, frame_all
-from ..image.canvas import averaged
-from ..image.visible import VisiblePoints, visible_points
+from ..image.colour.canvas import averaged
+from ..image.surface.camera import Camera, frame_all
+from ..image.surface.visible import VisiblePoints, visible_points
 from ..voxels.grid import VoxelGrid
 from ..voxels.surface import surface_voxels
 from .sheet import Legend, Tile, sheet

@@ -22,7 +22,7 @@ from calibrate.__main__ import main as calibrate
 from calibrate.config.fit_record import write_fit
 from jaxthermo.archive import write_archive
 from jaxthermo.config.card_file import write_card
-from jaxthermo.image.files import read_exr, write_channels
+from jaxthermo.image.files.exr import read_exr, write_channels
 from jaxthermo.integrate.run.solution_file import FORMAT_VERSION as SOLUTION_VERSION
 from jaxthermo.report import voxel_sheet
 from tests.calibrating import RESULT

@@ -10,7 +10,7 @@ from PIL import Image
 
 import jaxthermo as jt
 import jaxthermo.cli.dataset as command
-from jaxthermo.image.files import read_exr
+from jaxthermo.image.files.exr import read_exr
 
 
 BALL = """

@@ -11,9 +11,9 @@ import trimesh
 from cli_runs import files, run
 from PIL import Image
 
-from jaxthermo.image.export.vertex_mesh import vertex_mesh
-from jaxthermo.image.files import read_exr
-from jaxthermo.image.palette import palette_table
+from jaxthermo.image.colour.palette import palette_table
+from jaxthermo.image.files.exr import read_exr
+from jaxthermo.image.files.surfaces import vertex_mesh
 from jaxthermo.integrate.run.solution_file import load_solution
 
 

@@ -9,7 +9,7 @@ import pytest
 from cli_runs import FRAMES, RESULTS, files, frame_files, run, scene_file
 from PIL import Image
 
-from jaxthermo.image.files import read_exr
+from jaxthermo.image.files.exr import read_exr
 
 
 MEASUREMENTS = (

@@ -3,7 +3,7 @@
 import pytest
 
 from jaxthermo.__main__ import main
-from jaxthermo.image.palette import palette_names
+from jaxthermo.image.colour.palette import palette_names
 from jaxthermo.material.table import emissivity_rows, find_materials, material_rows
 
 

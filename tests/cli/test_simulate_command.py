@@ -13,9 +13,9 @@ from PIL import Image
 import jaxthermo as jt
 from jaxthermo.cli.report import _structure_lines
 from jaxthermo.config.loader import config_hash, load_config, resolved
-from jaxthermo.image.camera import frame_all
-from jaxthermo.image.files import _exr_channels
-from jaxthermo.image.palette import palette_names
+from jaxthermo.image.colour.palette import palette_names
+from jaxthermo.image.files.exr import _exr_channels
+from jaxthermo.image.surface.camera import frame_all
 
 
 SECOND_BODY = """

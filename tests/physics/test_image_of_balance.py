@@ -9,7 +9,7 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN as SIGMA
-from jaxthermo.image.view import compute_view
+from jaxthermo.image.surface.view import compute_view
 from tests.imaging import apparent, at_start, block, metal, on_body, radiosity
 
 

@@ -6,8 +6,8 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN as SIGMA
-from jaxthermo.image.draw import draw
-from jaxthermo.image.view import compute_view
+from jaxthermo.image.radiance.draw import draw
+from jaxthermo.image.surface.view import compute_view
 from jaxthermo.physics.boundary import ImposedFlux
 from tests.imaging import at_start, block, metal, radiosity
 

@@ -5,8 +5,8 @@ import numpy as np
 import jaxthermo as jt
 from jaxthermo.geometry.mesh import Pose
 from jaxthermo.geometry.shapes import figurine
-from jaxthermo.image.camera import frame_all
-from jaxthermo.image.preview import draw_preview
+from jaxthermo.image.colour.preview import draw_preview
+from jaxthermo.image.surface.camera import frame_all
 from jaxthermo.report.sheet import Legend, Tile, sheet
 from jaxthermo.report.voxel_sheet import voxel_view
 from jaxthermo.voxels.lattice import peel_axes, pixel_axes

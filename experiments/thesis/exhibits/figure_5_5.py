@@ -8,7 +8,7 @@ from jaxtyping import Float
 import jaxthermo as jt
 from jaxthermo.config.camera_framing import build_camera
 from jaxthermo.constants import ZERO_CELSIUS
-from jaxthermo.image.palette import apply_palette
+from jaxthermo.image.colour.palette import apply_palette
 from jaxthermo.report.sheet import Tile, enlarged, sheet
 from jaxthermo.voxels.lattice import pixel_axes
 

@@ -1,7 +1,7 @@
 """Sections 1.3, 5.1 and 7: a thermal image of stored heat and reflected radiation."""
 
 import jaxthermo as jt
-from jaxthermo.image.band import LONG_WAVE
+from jaxthermo.image.radiance.band import LONG_WAVE
 
 from ..bodies import buddha
 from ..exhibit import Exhibit, Finding, Picture, Row, Verdict

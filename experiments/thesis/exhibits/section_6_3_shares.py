@@ -7,7 +7,7 @@ import altair as alt
 import numpy as np
 
 import jaxthermo as jt
-from jaxthermo.image.camera import frame_all
+from jaxthermo.image.surface.camera import frame_all
 from jaxthermo.provenance import processor
 from jaxthermo.report.chart import Chart, legend
 from jaxthermo.report.numbers import significant

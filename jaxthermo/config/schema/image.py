@@ -14,9 +14,9 @@ from pydantic_core import CoreSchema, core_schema
 from typing_extensions import override
 
 from ...errors import InputError
+from ...image.colour.palette import palette_names
 from ...image.measurements import names_of
-from ...image.palette import palette_names
-from ...image.response import BANDS, checked_response
+from ...image.radiance.response import BANDS, checked_response
 from ..messages import close_match
 from ..types import quantities as si
 from ..types.model import ByKind, Mistake, Model, Short, build

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 import jaxthermo as jt
 from calibrate.problem.outlines import fit_outlines
-from jaxthermo.image.coverage import coverage
+from jaxthermo.image.pose.coverage import coverage
 
 
 CAMERA = jt.Camera(

@@ -14,10 +14,10 @@ from calibrate.problem.frame_source import _detected, _measured
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
 from calibrate.problem.targets import body_mask, render_frames, view_of
-from jaxthermo.image.band import LONG_WAVE
-from jaxthermo.image.coverage import coverage
-from jaxthermo.image.files import write_channels
-from jaxthermo.image.visible import world_meshes
+from jaxthermo.image.files.exr import write_channels
+from jaxthermo.image.pose.coverage import coverage
+from jaxthermo.image.radiance.band import LONG_WAVE
+from jaxthermo.image.surface.visible import world_meshes
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.scene.compile.compile import compile_scene
 from tests.bodies import blocks

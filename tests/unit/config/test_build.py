@@ -13,7 +13,7 @@ from jaxthermo.config.schema.geometry import PoseConfig
 from jaxthermo.config.schema.image import OrthographicConfig, PinholeConfig
 from jaxthermo.config.schema.material import _MaterialConfig
 from jaxthermo.geometry import shapes
-from jaxthermo.image.camera import Camera, OrthographicCamera
+from jaxthermo.image.surface.camera import Camera, OrthographicCamera
 from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.material.table import materials
 from jaxthermo.physics.boundary import Convection, FixedTemperature, HeatFlux

@@ -10,13 +10,13 @@ from PIL import Image as Pictures
 
 import jaxthermo as jt
 from jaxthermo.geometry.mesh import winding_number
-from jaxthermo.image import files
-from jaxthermo.image.draw import draw
-from jaxthermo.image.files import read_exr
-from jaxthermo.image.image import coarsen
-from jaxthermo.image.palette import BACKGROUND, apply_palette
-from jaxthermo.image.radiometry import apparent_temperature, leaving_radiance
-from jaxthermo.image.view import _block_weights, compute_view, smooth_weights
+from jaxthermo.image.colour import picture as pictures
+from jaxthermo.image.colour.palette import BACKGROUND, apply_palette
+from jaxthermo.image.files.exr import read_exr
+from jaxthermo.image.radiance.draw import draw
+from jaxthermo.image.radiance.image import coarsen
+from jaxthermo.image.radiance.radiometry import apparent_temperature, leaving_radiance
+from jaxthermo.image.surface.view import _block_weights, compute_view, smooth_weights
 from jaxthermo.scene.body_geometry import body_geometry
 from jaxthermo.scene.scene import SolvedSurface
 
@@ -251,7 +251,7 @@ def test_a_picture_marks_what_is_beyond_its_scale(still, monkeypatch):
         marks.append(options["beyond"])
         return Pictures.fromarray(rgb)
 
-    monkeypatch.setattr(files, "annotate", annotate)
+    monkeypatch.setattr(pictures, "annotate", annotate)
     kelvin = float(np.median(image.apparent_temperature[25:35, 25:35]))
     for low, high in [
         (280.0, 310.0),
@@ -259,14 +259,14 @@ def test_a_picture_marks_what_is_beyond_its_scale(still, monkeypatch):
         (280.0, kelvin - 1),
         (kelvin, 310.0),
     ]:
-        files.picture(image, low, high)
+        pictures.picture(image, low, high)
     # The sky of 250 K is not on the scale, and neither is what mixes with it.
     assert marks == [(False, False), (True, False), (False, True), (False, False)]
 
 
 def test_the_background_of_a_picture_is_no_colour_of_the_palette(still):
     fine = jt.render(still, SIDE.finer(2))
-    drawn = files.picture(fine, 280.0, 310.0, quantity="surface", samples=2)
+    drawn = pictures.picture(fine, 280.0, 310.0, quantity="surface", samples=2)
     # The scale is to the right of the image, and the time below it.
     colours = np.asarray(drawn)[:60, :60]
     body = np.asarray(jt.render(still, SIDE).object_id) == 0

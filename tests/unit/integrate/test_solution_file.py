@@ -9,7 +9,7 @@ from bodies import bar
 
 import jaxthermo as jt
 from jaxthermo.archive import write_archive
-from jaxthermo.image.view import compute_view
+from jaxthermo.image.surface.view import compute_view
 from jaxthermo.integrate.run.save_solution import save_solution
 from jaxthermo.integrate.run.solution_file import FORMAT_VERSION, load_solution
 from jaxthermo.scene.scene import SURFACE_OUTPUTS

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.image.palette import palette_table
+from jaxthermo.image.colour.palette import palette_table
 from jaxthermo.live.scale import Scale, scale_of
 from jaxthermo.live.surface_points import colours, point_on_ray, surface_points
 from tests.bodies import blocks

@@ -6,7 +6,7 @@ from frames import frame
 
 import jaxthermo as jt
 from jaxthermo.errors import InputError
-from jaxthermo.image.palette import palette_table
+from jaxthermo.image.colour.palette import palette_table
 from jaxthermo.report.frame_sheet import _MAX_SHEET, MAX_TILES, shown_on_sheet
 
 

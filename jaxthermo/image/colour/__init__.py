@@ -1,0 +1,1 @@
+"""False colours, scales, and marks on pictures of frames."""

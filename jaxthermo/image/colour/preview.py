@@ -1,0 +1,159 @@
+"""Preview of a scene: its bodies as the camera frames them, shaded, without heat."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import UInt8
+from PIL import Image, ImageDraw
+
+from ...geometry.mesh import Mesh, Pose
+from ..surface.camera import AbstractCamera
+from ..surface.facets import smooth_normals
+from ..surface.visible import VisiblePoints, visible_points
+from .canvas import FAINT, INK, PAPER, Layout, averaged
+
+
+# Samples of a pixel along each axis.
+_SAMPLES = 2
+_BACKGROUND = (32, 34, 40)
+# sRGB of the bodies, used again after the last one.
+_BODIES = ((206, 200, 188), (150, 184, 208), (208, 168, 136), (164, 196, 152))
+# sRGB of the axes x, y, z, and the shortest arrow that still has a direction [-].
+_AXES = (("x", (236, 96, 84)), ("y", (112, 204, 112)), ("z", (112, 160, 255)))
+_MIN_ARROW = 0.08
+
+
+def draw_preview(
+    bodies: Sequence[tuple[Mesh, Pose]], camera: AbstractCamera, title: str = ""
+) -> tuple[Image.Image, list[int]]:
+    """Draw bodies with a light at the camera, their numbers, and the world's axes.
+
+    Args:
+        bodies: mesh and pose of each.
+        camera: of the frames.
+        title: text below the image.
+
+    Returns:
+        The picture, and the numbers of the bodies in it.
+
+    Raises:
+        InputError: if the camera is inside a body or sees none.
+    """
+    fine = camera.finer(_SAMPLES)
+    world = tuple((pose.to_world(mesh.vertices), mesh.faces) for mesh, pose in bodies)
+    visible = visible_points(world, fine)
+    colours = _shaded(bodies, visible, fine)
+    width, height = camera.size
+    pixels = averaged(colours, _SAMPLES)
+    layout = Layout.of(height, width)
+    strip = round(1.3 * layout.text) + layout.gap
+    canvas = Image.new("RGB", (width, height + strip), PAPER)
+    canvas.paste(Image.fromarray(pixels), (0, 0))
+    drawn_bodies = np.unique(visible.body).tolist()
+    if len(bodies) > 1:
+        _draw_numbers(
+            canvas, visible=visible, fine=fine, drawn_bodies=drawn_bodies, layout=layout
+        )
+    _draw_axes(canvas, camera, layout)
+    caption = layout.shorten(title, width - 2 * layout.gap)
+    at = (width - layout.gap, height + strip // 2)
+    ImageDraw.Draw(canvas).text(at, caption, FAINT, layout.font, anchor="rm")
+    return canvas, drawn_bodies
+
+
+def _shaded(
+    bodies: Sequence[tuple[Mesh, Pose]], visible: VisiblePoints, camera: AbstractCamera
+) -> UInt8[np.ndarray, "h w 3"]:
+    width, height = camera.size
+    colours = np.empty((height * width, 3), np.uint8)
+    colours[:] = _BACKGROUND
+    to_eye = np.asarray(camera.position) - visible.position
+    to_eye /= np.linalg.norm(to_eye, axis=1, keepdims=True)
+    for number, (mesh, pose) in enumerate(bodies):
+        on_body = np.flatnonzero(visible.body == number)
+        point = pose.to_body(visible.position[on_body])
+        normal = smooth_normals(
+            mesh.vertices, faces=mesh.faces, face=visible.face[on_body], points=point
+        )
+        facing = np.einsum("pi,pi->p", pose.rotate(normal), to_eye[on_body])
+        # A face that is wound the wrong way round is lit from both sides.
+        light = 0.2 + 0.8 * np.abs(facing)[:, None]
+        base = np.array(_BODIES[number % len(_BODIES)])
+        colours[visible.pixel[on_body]] = np.rint(light * base)
+    return colours.reshape(height, width, 3)
+
+
+def _draw_numbers(
+    canvas: Image.Image,
+    visible: VisiblePoints,
+    fine: AbstractCamera,
+    drawn_bodies: list[int],
+    layout: Layout,
+) -> None:
+    draw = ImageDraw.Draw(canvas)
+    for number in drawn_bodies:
+        pixel = visible.pixel[visible.body == number]
+        row, column = np.divmod(pixel, fine.width)
+        # On a pixel of the body: the middle of a ring is none.
+        middle = np.array([np.median(row), np.median(column)])
+        away = np.hypot(row - middle[0], column - middle[1])
+        nearest = int(away.argmin())
+        at = (column[nearest] / _SAMPLES, row[nearest] / _SAMPLES)
+        _draw_text(draw, at=at, text=f"body {number}", ink=INK, layout=layout)
+
+
+def _draw_axes(canvas: Image.Image, camera: AbstractCamera, layout: Layout) -> None:
+    # In the lower left corner, seen along the middle ray of the camera.
+    draw = ImageDraw.Draw(canvas)
+    length = 2.6 * layout.text
+    # World axes x, y, z as rows, in steps to the right, down and away.
+    axes = camera.frame.T
+    flat = np.hypot(axes[:, 0], axes[:, 1])
+    # One along the view is a spot: its name goes where no arrow is.
+    spare = -axes[flat >= _MIN_ARROW, :2].sum(axis=0)
+    way = np.where(flat[:, None] < _MIN_ARROW, spare, axes[:, :2])
+    way /= np.maximum(np.hypot(*way.T), 1e-9)[:, None]
+    tip = length * np.where(flat < _MIN_ARROW, 0.0, 1.0)[:, None] * axes[:, :2]
+    at = tip + 0.9 * layout.text * way
+    names = [f"{name} up" if name == "z" else name for name, _ in _AXES]
+    wide = np.array([layout.width(name) for name in names])
+    # Labels beside the heads of their arrows, not across them.
+    at[:, 0] += np.where(np.abs(way[:, 0]) > 0.5, np.sign(way[:, 0]) * wide / 2, 0.0)
+    half = np.stack([wide / 2, np.full(3, layout.text / 2)], axis=1)
+    corner = np.array([layout.gap, camera.height - layout.gap])
+    low = np.minimum((at - half).min(axis=0), 0.0)
+    high = np.maximum((at + half).max(axis=0), 0.0)
+    origin = corner - [low[0], high[1]]
+    # The farthest first, so that the nearer ones are in front.
+    for k in np.argsort(-axes[:, 2]).tolist():
+        _, colour = _AXES[k]
+        if flat[k] < _MIN_ARROW:
+            spot = layout.text / 5
+            draw.ellipse((*(origin - spot), *(origin + spot)), fill=colour)
+        else:
+            _draw_arrow(
+                draw, start=origin, tip=origin + tip[k], colour=colour, layout=layout
+            )
+        _draw_text(draw, at=origin + at[k], text=names[k], ink=colour, layout=layout)
+
+
+def _draw_text(draw, at, text: str, ink: tuple[int, int, int], layout: Layout) -> None:
+    # With a dark rim, or bodies behind it would hide it.
+    rim = {"stroke_width": layout.line + 1, "stroke_fill": PAPER}
+    draw.text(tuple(at), text, ink, layout.font, anchor="mm", **rim)
+
+
+def _draw_arrow(
+    draw: ImageDraw.ImageDraw,
+    start: np.ndarray,
+    tip: np.ndarray,
+    colour: tuple[int, int, int],
+    layout: Layout,
+) -> None:
+    along = (tip - start) / np.hypot(*(tip - start))
+    across = np.array([-along[1], along[0]])
+    head = min(0.45 * layout.text, float(np.hypot(*(tip - start))))
+    neck = tip - head * along
+    draw.line((*start, *neck), fill=colour, width=layout.line + 1)
+    corners = [tip, neck + 0.5 * head * across, neck - 0.5 * head * across]
+    draw.polygon([tuple(corner) for corner in corners], fill=colour)

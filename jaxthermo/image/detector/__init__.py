@@ -1,0 +1,1 @@
+"""Detectors: frames behind the lens, with lag, noise, counts and gain."""

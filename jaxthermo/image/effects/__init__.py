@@ -1,1 +1,0 @@
-"""Effects between a surface and the numbers of a thermal camera, each of its own."""

@@ -1,1 +1,0 @@
-"""Surfaces with temperatures as files for other programs."""

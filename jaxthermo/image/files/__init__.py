@@ -1,0 +1,1 @@
+"""Files of frames and surfaces, of this package and of real cameras."""

@@ -1,0 +1,117 @@
+"""Labels of a frame for detector networks: boxes and masks of COCO, camera matrices."""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ..surface.camera import AbstractCamera, Camera
+
+
+class _Instance(NamedTuple):
+    """Visible pixels of a body, or of a part of it, in a frame."""
+
+    number: int
+    box: tuple[int, int, int, int]
+    """Left, top, width and height [pixels]."""
+    area: int
+    """Number of pixels."""
+    mask: Bool[np.ndarray, "h w"]
+
+    @property
+    def is_cut(self) -> bool:
+        """True if it reaches an edge of the image."""
+        left, top, width, height = self.box
+        rows, columns = self.mask.shape
+        return left == 0 or top == 0 or left + width == columns or top + height == rows
+
+
+def instances(number: Int[np.ndarray, "h w"]) -> list[_Instance]:
+    """Visible instances of an image of numbers, -1 in the background."""
+    visible = []
+    for instance_number in np.unique(number[number >= 0]).tolist():
+        mask = number == instance_number
+        rows = np.flatnonzero(mask.any(axis=1))
+        columns = np.flatnonzero(mask.any(0))
+        left = int(columns[0])
+        top = int(rows[0])
+        size = int(columns[-1]) + 1 - left, int(rows[-1]) + 1 - top
+        visible.append(
+            _Instance(
+                number=instance_number,
+                box=(left, top, *size),
+                area=int(mask.sum()),
+                mask=mask,
+            )
+        )
+    return visible
+
+
+def run_lengths(mask: Bool[np.ndarray, "h w"]) -> dict[str, Any]:
+    """Mask in the uncompressed run-length encoding of COCO: columns first, from 0."""
+    flat = mask.ravel(order="F")
+    ends = np.flatnonzero(np.diff(flat)) + 1
+    counts = np.diff(np.concatenate([[0], ends, [flat.size]])).tolist()
+    first = [0] if flat[0] else []
+    return {"counts": [*first, *counts], "size": list(mask.shape)}
+
+
+def camera_matrices(camera: AbstractCamera) -> dict[str, Any]:
+    """Matrices of a camera as plain numbers, in the axes of OpenCV.
+
+    Axes of the camera are right, down and forward, and the centre of the first pixel is
+    at (0, 0). A pinhole has `K`, with which K X / X_z is the pixel of a point X; a
+    camera with parallel rays has `pixels_per_metre` instead.
+    """
+    rotation: Float[np.ndarray, "3 3"] = camera.frame
+    shift = -rotation @ np.asarray(camera.position)
+    extrinsic = np.concatenate([rotation, shift[:, None]], axis=1)
+    matrices: dict[str, Any] = {"world_to_camera": extrinsic.tolist()}
+    centre = (camera.width - 1) / 2, (camera.height - 1) / 2
+    if isinstance(camera, Camera):
+        focal = camera.height / 2 / math.tan(camera.field_of_view / 2)
+        columns = [focal, 0.0, centre[0]], [0.0, focal, centre[1]], [0.0, 0.0, 1.0]
+        return {**matrices, "K": [list(row) for row in columns]}
+    height = float(getattr(camera, "view_height", math.nan))
+    return {
+        **matrices,
+        "pixels_per_metre": camera.height / height,
+        "centre_pixel": list(centre),
+    }
+
+
+def coco(
+    frames: list[dict[str, Any]], categories: list[str], description: str
+) -> dict[str, Any]:
+    """Annotations of all frames in the format of COCO's object detection.
+
+    Args:
+        frames: metadata with `file`, `width`, `height` and `instances`.
+        categories: names of the classes, numbered from 1.
+        description: of the dataset.
+    """
+    images = []
+    annotations = []
+    for number, frame in enumerate(frames, start=1):
+        size = {"width": frame["width"], "height": frame["height"]}
+        images.append({"id": number, "file_name": frame["file"], **size})
+        for instance in frame["instances"]:
+            annotations.append(
+                {
+                    "id": len(annotations) + 1,
+                    "image_id": number,
+                    "category_id": categories.index(instance["category"]) + 1,
+                    "bbox": instance["box"],
+                    "area": instance["area"],
+                    "segmentation": instance["segmentation"],
+                    "iscrowd": 0,
+                }
+            )
+    named = [{"id": n, "name": name} for n, name in enumerate(categories, start=1)]
+    return {
+        "info": {"description": description},
+        "images": images,
+        "annotations": annotations,
+        "categories": named,
+    }

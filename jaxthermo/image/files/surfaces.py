@@ -1,0 +1,238 @@
+"""Surfaces of a solution as VTU and GLB files, with values at their vertices."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.sparse import csr_array
+
+from ...errors import InputError
+from ...findings import found
+from ...geometry.refine import refine_edges
+from ...integrate.run.solution import AbstractSolution
+from ...integrate.run.solution_file import StoredSolution
+from ...scene.scene import SURFACE_OUTPUTS, BodyGeometry, SolvedSurface
+from ..colour.palette import apply_palette
+from ..surface.facets import corner_normals
+from ..surface.view import smooth_weights
+from .gltf import GltfMesh, linear_colours, write_meshes
+from .vtu import write_triangles
+
+
+# Longest edge [voxels]: the weights of a point have this radius.
+_LONGEST_EDGE = 2.0
+
+
+class VertexMesh(NamedTuple):
+    """Triangles that are about as fine as the voxels, in the frame of their body.
+
+    A vertex on an edge of more than 40 degrees exists once for each side: the sides of
+    a box have their own temperatures and normals.
+    """
+
+    vertices: Float[np.ndarray, "v 3"]
+    """In the frame of the body [m]."""
+    normals: Float[np.ndarray, "v 3"]
+    """Outward, of the smooth surface that the mesh approximates."""
+    faces: Int[np.ndarray, "f 3"]
+    parent: Int[np.ndarray, " f"]
+    """Number of the body's triangle that each face belongs to."""
+    weights: csr_array
+    """Weights [v, s] of the body's fragments at each vertex, those of a pixel there."""
+
+    def values(self, fragments: Float[np.ndarray, " s"]) -> Float[np.ndarray, " v"]:
+        """Values at the vertices, interpolated as by an image."""
+        return (self.weights @ fragments).astype(np.float32)
+
+
+def vertex_mesh(
+    geometry: BodyGeometry, longest_edge: float | None = None
+) -> VertexMesh:
+    """Mesh of a body with the weights of its vertices.
+
+    Args:
+        geometry: of the body.
+        longest_edge: length to which edges are cut [m]; two voxels if None.
+    """
+    creased = corner_normals(geometry.vertices, geometry.faces)
+    columns = np.concatenate(
+        [geometry.vertices[creased.vertex], creased.normals], axis=1
+    )
+    longest = longest_edge or _LONGEST_EDGE * geometry.pitch
+    columns, faces, parent = refine_edges(columns, creased.faces, longest)
+    vertices = columns[:, :3]
+    normals = columns[:, 3:]
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = normals / np.where(length > 0, length, 1)
+    weights = smooth_weights(vertices, normals, geometry)
+    return VertexMesh(
+        vertices=vertices, normals=normals, faces=faces, parent=parent, weights=weights
+    )
+
+
+_Solved = AbstractSolution | StoredSolution
+_UNITS = {"heat_flux": "W_m2", "heat_transfer_coefficient": "W_m2K"}
+# Smallest range of a colour scale [K].
+_MIN_RANGE = 0.1
+
+
+def body_rows(solution: _Solved) -> list[slice]:
+    """Fragments of every body in arrays of all of them."""
+    sizes = [len(s.geometry.fragment_area) for s in solution.surfaces]
+    ends = np.cumsum([0, *sizes]).tolist()
+    return [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+
+
+def temperature_scale(
+    solution: _Solved,
+    indices: Sequence[int],
+    low: float | None = None,
+    high: float | None = None,
+) -> tuple[float, float]:
+    """Ends of a colour scale [K]: `low` and `high`, else the extremes at some times.
+
+    Raises:
+        InputError: for ends that are not in order, or temperatures that are not finite.
+    """
+    seen = [np.asarray(solution.surface_temperature[k], float) for k in indices]
+    coldest = min(float(kelvin.min()) for kelvin in seen) if low is None else float(low)
+    hottest = (
+        max(float(kelvin.max()) for kelvin in seen) if high is None else float(high)
+    )
+    if high is None:
+        hottest = max(hottest, coldest + _MIN_RANGE)
+    elif low is None:
+        coldest = min(coldest, hottest - _MIN_RANGE)
+    if not -np.inf < coldest < hottest < np.inf:
+        raise InputError(
+            f"the colour scale from {coldest:g} to {hottest:g} K: give finite "
+            "temperatures, the lower one first"
+        )
+    return coldest, hottest
+
+
+def write_vtu(path: str | Path, solution: _Solved, index: int = -1) -> None:
+    """Write the surfaces of all bodies at a saved time for ParaView.
+
+    Points, in the world [m], have `temperature_K`, `emissivity`, `Normals`, and the
+    `surface_outputs` of the scene; cells have the number of their `body`. Temperatures
+    are those of an image at the same points; edges are at most two voxels long.
+
+    Args:
+        path: of the file.
+        solution: from `simulate` or `steady`.
+        index: index of the saved time.
+
+    Raises:
+        InputError: if the file cannot be written.
+    """
+    time = float(solution.times[index])
+    meshes = [_mesh(s.geometry) for s in solution.surfaces]
+    poses = [s.geometry.pose.at(time) for s in solution.surfaces]
+    pairs = list(zip(meshes, poses, strict=True))
+    first_vertex = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    faces = [mesh.faces + n for mesh, n in zip(meshes, first_vertex[:-1], strict=True)]
+    body = [np.full(len(m.faces), n, np.int32) for n, m in enumerate(meshes)]
+    values = {
+        name: np.concatenate(
+            [
+                mesh.values(fragments)
+                for mesh, fragments in zip(meshes, by_body, strict=True)
+            ]
+        )
+        for name, by_body in _fields(solution, index)
+    }
+    normals = [pose.rotate(mesh.normals) for mesh, pose in pairs]
+    values["Normals"] = np.concatenate(normals).astype(np.float32)
+    points = np.concatenate([pose.to_world(mesh.vertices) for mesh, pose in pairs])
+    cells = {"body": np.concatenate(body)}
+    write_triangles(
+        path,
+        points=points,
+        faces=np.concatenate(faces),
+        point_data=values,
+        cell_data=cells,
+        time=time,
+    )
+
+
+def _mesh(geometry: BodyGeometry) -> VertexMesh:
+    """Mesh of a body, the same at all times and poses."""
+    arrays = geometry.vertices, geometry.faces, geometry.fragment_position
+    key = "vertex_mesh", float(geometry.pitch)
+    return found(arrays, key, lambda: vertex_mesh(geometry))
+
+
+def _fields(solution: _Solved, index: int) -> Iterator[tuple[str, list[Any]]]:
+    """Name with unit, and the fragments' values of every body."""
+    rows = body_rows(solution)
+
+    def split(values: Any) -> list[Any]:
+        return [np.asarray(values, float)[fragments] for fragments in rows]
+
+    yield "temperature_K", split(solution.surface_temperature[index])
+    yield "emissivity", [_emissivity(surface) for surface in solution.surfaces]
+    for name in SURFACE_OUTPUTS:
+        output = getattr(solution, name)
+        if output is not None:
+            yield f"{name}_{_UNITS[name]}", split(output[index])
+
+
+def _emissivity(surface: SolvedSurface) -> Float[np.ndarray, " s"]:
+    shape = surface.geometry.fragment_area.shape
+    return np.broadcast_to(np.asarray(surface.emissivity, float), shape)
+
+
+def write_glb(
+    path: str | Path,
+    solution: _Solved,
+    index: int = -1,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    palette: str = "iron",
+    names: Sequence[str] = (),
+) -> None:
+    """Write the bodies at a saved time as a GLB file, for Blender and viewers.
+
+    Vertices have `_TEMPERATURE` [K] and the palette's colours, whose scale is in the
+    scene's extras. Temperatures are those of an image at the same points.
+
+    Args:
+        path: of the file.
+        solution: from `simulate` or `steady`.
+        index: index of the saved time.
+        low: temperature of the first colour [K]; the least if None.
+        high: temperature of the last colour [K]; the largest if None.
+        palette: name of the palette.
+        names: of the bodies; their numbers if none are given.
+
+    Raises:
+        InputError: for an unknown palette or a scale that is not in order, or if the
+            file cannot be written.
+    """
+    low, high = temperature_scale(solution, indices=[index], low=low, high=high)
+    time = float(solution.times[index])
+    kelvin = np.asarray(solution.surface_temperature[index], float)
+    drawn = []
+    pairs = zip(solution.surfaces, body_rows(solution), strict=True)
+    for number, (surface, rows) in enumerate(pairs):
+        mesh = _mesh(surface.geometry)
+        values = mesh.values(kelvin[rows])
+        colours = apply_palette(values[None], low=low, high=high, name=palette)[0]
+        attributes = {
+            "POSITION": mesh.vertices,
+            "NORMAL": mesh.normals,
+            "COLOR_0": linear_colours(colours),
+            "_TEMPERATURE": values,
+        }
+        name = names[number] if names else f"body{number}"
+        pose = surface.geometry.pose.at(time)
+        drawn.append(
+            GltfMesh(name=name, pose=pose, faces=mesh.faces, attributes=attributes)
+        )
+    notes = {"time_s": time, "palette": palette, "low_K": low, "high_K": high}
+    notes["units"] = "POSITION: m; _TEMPERATURE: K; COLOR_0: linear RGB of the palette"
+    write_meshes(path, drawn, notes)

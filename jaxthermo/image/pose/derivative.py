@@ -1,0 +1,338 @@
+"""Frames as a function of the camera's pose, linear about one at which they are exact.
+
+A pixel shows the point x where its ray o + d z meets a triangle with the normal n. In
+another pose the ray is another one, and meets the plane of the triangle elsewhere:
+
+    dx = do + z dd - d n.(do + z dd) / n.d
+
+The temperature there follows from the weights of the fragments (`fragment_cells`),
+whose slopes along the surface are exact, with those of the interpolated normal. The
+weights (1 - r^2/R^2)^2 and the squared cosines go to 0 with their slopes, so that the
+derivative is continuous where a fragment comes within the radius, in each triangle;
+over an edge of the mesh the depth keeps its value and changes its slope. Points are
+where the rays meet the planes: points of the raster, whose corners are snapped to
+1/1024 pixel, would move in steps. Pixels at an outline, where the surface ends or
+another begins, have no derivative: `outline`.
+"""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+from scipy.linalg import expm, expm_frechet
+from scipy.sparse import csr_array
+
+from ...scene.scene import SolvedSurface
+from ..surface.background import Background
+from ..surface.camera import AbstractCamera
+from ..surface.facets import normal_slopes
+from ..surface.view import SMOOTHING_RADIUS, View, all_weights, in_bodies
+from ..surface.visible import VisiblePoints, visible_points, world_meshes
+from ..surface.weights import MovingWeights
+from .pose import POSE_SIZE, moved_camera
+
+
+class LinearizedView(eqx.Module):
+    """Chosen pixels of a camera near one pose; arrays of one shape for all poses."""
+
+    pose: Float[Array, "6"]
+    """Pose at which it is exact: rotation vector [rad], translation [m], see `pose`."""
+    row: Int[Array, " n"]
+    """Index of the pixel of each weight, ascending."""
+    fragment: Int[Array, " n"]
+    weight: Float[Array, " n"]
+    """Weights at `pose`."""
+    slope: Float[Array, "2 n"]
+    """Change of the weights along both directions of the surface [1/m]."""
+    motion: Float[Array, "p 2 6"]
+    """Distance that each point moves along both directions, by each number of the pose
+    [m/rad, 1]."""
+    seen: Float[Array, " p"]
+    """1 where the pixel shows a body, else 0."""
+
+    def at(self, pose: Float[Array, "6"], camera: AbstractCamera) -> View:
+        """View of the pixels side by side in one row, for `draw`.
+
+        Its depths, normals and numbers of bodies are not those of the surface.
+        """
+        change = pose - self.pose
+        weights = MovingWeights(
+            row=self.row,
+            fragment=self.fragment,
+            weight=self.weight,
+            slope=self.slope,
+            shift=self.motion @ change,
+        )
+        count = len(self.seen)
+        return View(
+            camera=replace(camera, width=count, height=1),
+            pixel=np.arange(count),
+            body=np.zeros(count, int),
+            depth=np.zeros(count),
+            normal=np.zeros((count, 3)),
+            weights=weights,
+            background=Background(None, ()),
+        )
+
+
+def linearize_view(
+    surfaces: tuple[SolvedSurface, ...],
+    camera: AbstractCamera,
+    pose: Float[np.ndarray, "6"],
+    pixels: Int[np.ndarray, " p"],
+    size: int | None = None,
+    dtype: np.typing.DTypeLike = float,
+) -> LinearizedView:
+    """Render the surface points of some pixels of a camera in a pose, with slopes.
+
+    Args:
+        surfaces: of the bodies.
+        camera: as given, to which the pose is relative.
+        pose: rotation vector [rad] and translation [m].
+        pixels: indices, rows first.
+        size: number of weights of the arrays; that of the view if None.
+        dtype: of the arrays.
+
+    Raises:
+        InputError: if the camera is inside a body or sees none.
+        OverflowError: if there are more weights than `size`.
+    """
+    moved = moved_camera(camera, pose)
+    visible, rows = _chosen(surfaces, moved, pixels)
+    flat, along = _tangents(surfaces, visible)
+    visible = _on_planes(surfaces, camera=moved, visible=visible, flat=flat)
+    local, normal = in_bodies(surfaces, visible)
+    weights = all_weights(surfaces, body=visible.body, local=local, normal=normal)
+    slopes = _weight_slopes(
+        surfaces,
+        visible=visible,
+        local=local,
+        normal=normal,
+        along=along,
+        weights=weights,
+    )
+    change = _point_motion(camera, pose=pose, visible=visible, flat=flat)
+    motion = np.zeros((len(pixels), 2, POSE_SIZE))
+    motion[rows] = np.einsum("kpj,pjm->pkm", along, change)
+    seen = np.zeros(len(pixels))
+    seen[rows] = 1
+    return _padded(
+        pose,
+        rows=rows,
+        weights=weights,
+        slopes=slopes,
+        motion=motion,
+        seen=seen,
+        size=size,
+        dtype=dtype,
+    )
+
+
+def blank_view(
+    count: int, size: int, pose: Float[np.ndarray, "6"], dtype: np.typing.DTypeLike
+) -> LinearizedView:
+    """View before the first linearization: its pixels are not finite."""
+    blank = _padded(
+        pose,
+        rows=np.arange(0),
+        weights=csr_array((0, 1)),
+        slopes=np.zeros((2, 0)),
+        motion=np.zeros((count, 2, POSE_SIZE)),
+        seen=np.zeros(count),
+        size=size,
+        dtype=dtype,
+    )
+    return eqx.tree_at(lambda v: v.seen, blank, blank.seen * jnp.nan)
+
+
+def _chosen(
+    surfaces: tuple[SolvedSurface, ...],
+    camera: AbstractCamera,
+    pixels: Int[np.ndarray, " p"],
+) -> tuple[VisiblePoints, Int[np.ndarray, " q"]]:
+    """Points in those of the pixels that show a body, and which of them do."""
+    visible = visible_points(world_meshes(surfaces), camera)
+    number = np.full(camera.width * camera.height, -1)
+    number[visible.pixel] = np.arange(len(visible.pixel))
+    rows = np.flatnonzero(number[pixels] >= 0)
+    picked = number[pixels[rows]]
+    return VisiblePoints(*(field[picked] for field in visible)), rows
+
+
+def _tangents(
+    surfaces: tuple[SolvedSurface, ...], visible: VisiblePoints
+) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "2 p 3"]]:
+    """Normals of the triangles in the world, and two unit vectors along each."""
+    flat = np.empty_like(visible.position)
+    for number, surface in enumerate(surfaces):
+        on_body = visible.body == number
+        geometry = surface.geometry
+        a, b, c = np.moveaxis(
+            geometry.vertices[geometry.faces[visible.face[on_body]]], 1, 0
+        )
+        flat[on_body] = geometry.placed.rotate(np.cross(b - a, c - a))
+    flat /= np.linalg.norm(flat, axis=1, keepdims=True)
+    # Any direction that is not along the normal gives a first tangent.
+    axis = np.eye(3)[np.abs(flat).argmin(axis=1)]
+    first = np.cross(flat, axis)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return flat, np.stack([first, np.cross(flat, first)])
+
+
+def _on_planes(
+    surfaces: tuple[SolvedSurface, ...],
+    camera: AbstractCamera,
+    visible: VisiblePoints,
+    flat: Float[np.ndarray, "p 3"],
+) -> VisiblePoints:
+    """Points where the rays meet the planes of the triangles.
+
+    The raster snaps corners to 1/1024 pixel: what it finds moves in steps.
+    """
+    corner = np.empty_like(visible.position)
+    for number, surface in enumerate(surfaces):
+        on_body = visible.body == number
+        geometry = surface.geometry
+        first = geometry.vertices[geometry.faces[visible.face[on_body], 0]]
+        corner[on_body] = geometry.placed.to_world(first)
+    origin, step = camera.rays(visible.pixel)
+    ahead = np.einsum("pj,pj->p", flat, step)
+    depth = np.einsum("pj,pj->p", flat, corner - origin) / ahead
+    # Seen edge-on a plane has its points anywhere.
+    sane = np.abs(depth - visible.depth) < 0.1 * np.abs(visible.depth)
+    depth = np.where(sane, depth, visible.depth)
+    position = origin + depth[:, None] * step
+    return visible._replace(position=position, depth=depth)
+
+
+def _point_motion(
+    camera: AbstractCamera,
+    pose: Float[np.ndarray, "6"],
+    visible: VisiblePoints,
+    flat: Float[np.ndarray, "p 3"],
+) -> Float[np.ndarray, "p 3 6"]:
+    """Derivative of the points in the planes of their triangles by the pose."""
+    axes = camera.frame
+    turn = _skew(pose[:3])
+    origin, step = camera.rays(visible.pixel)
+    # In the axes of the given camera.
+    start = (origin - np.asarray(camera.position)) @ axes.T
+    ahead = step @ axes.T
+    direction = ahead @ (axes.T @ expm(turn)).T
+    moved = np.zeros((len(flat), 3, POSE_SIZE))
+    # The ray's point at the same depth: all of its change but that of the depth.
+    ray_point = start + visible.depth[:, None] * ahead
+    for number, unit in enumerate(np.eye(3)):
+        change = expm_frechet(turn, _skew(unit), compute_expm=False)
+        moved[:, :, number] = ray_point @ (axes.T @ change).T
+        moved[:, :, 3 + number] = axes[number]
+    across = np.einsum("pj,pjm->pm", flat, moved)
+    across /= np.einsum("pj,pj->p", flat, direction)[:, None]
+    return moved - direction[:, :, None] * across[:, None]
+
+
+def _skew(vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """Matrix of the cross product with a vector."""
+    return np.cross(np.eye(3), vector)
+
+
+def _weight_slopes(
+    surfaces: tuple[SolvedSurface, ...],
+    visible: VisiblePoints,
+    local: Float[np.ndarray, "p 3"],
+    normal: Float[np.ndarray, "p 3"],
+    along: Float[np.ndarray, "2 p 3"],
+    weights: csr_array,
+) -> Float[np.ndarray, "2 n"]:
+    """Change of the normalized weights along two directions of the surface [1/m]."""
+    bodies = [surface.geometry for surface in surfaces]
+    body_normal = np.empty_like(local)
+    turned = np.empty_like(along)
+    direction = along.copy()
+    radius = np.empty(len(local))
+    for number, geometry in enumerate(bodies):
+        on_body = visible.body == number
+        placed = geometry.placed
+        body_normal[on_body] = placed.rotate_back(normal[on_body])
+        direction[:, on_body] = [
+            placed.rotate_back(vectors[on_body]) for vectors in along
+        ]
+        turned[:, on_body] = normal_slopes(
+            geometry.vertices,
+            faces=geometry.faces,
+            face=visible.face[on_body],
+            points=local[on_body],
+            along=direction[:, on_body],
+        )
+        radius[on_body] = SMOOTHING_RADIUS * geometry.pitch
+    row = np.repeat(np.arange(len(local)), np.diff(weights.indptr))
+    position, fragment_normal, area = (
+        np.concatenate([getattr(g, name) for g in bodies])[weights.indices]
+        for name in ("fragment_position", "fragment_normal", "fragment_area")
+    )
+    away = local[row] - position
+    square = radius[row] ** 2
+    fade = np.maximum(1 - np.einsum("nj,nj->n", away, away) / square, 0)
+    cosine = np.maximum(np.einsum("nj,nj->n", body_normal[row], fragment_normal), 0)
+    unnormalized = (fade * cosine) ** 2 * area
+    count = len(local)
+    total = np.bincount(row, unnormalized, count)
+    # A part too thin for fragments shows the nearest one, which does not change.
+    total = np.where(total > 0, total, np.inf)[row]
+    slopes = []
+    for tangent, bend in zip(direction, turned, strict=True):
+        closer = -2 * np.einsum("nj,nj->n", away, tangent[row]) / square
+        turn = np.einsum("nj,nj->n", bend[row], fragment_normal)
+        slope = 2 * fade * cosine * area * (closer * cosine + fade * turn)
+        all_slopes = np.bincount(row, slope, count)[row]
+        slopes.append((slope - unnormalized * all_slopes / total) / total)
+    return np.stack(slopes)
+
+
+def _padded(
+    pose: np.ndarray,
+    rows: np.ndarray,
+    weights: csr_array,
+    slopes: np.ndarray,
+    motion: np.ndarray,
+    seen: np.ndarray,
+    size: int | None,
+    dtype: np.typing.DTypeLike,
+) -> LinearizedView:
+    counts = np.zeros(len(seen), int)
+    counts[rows] = np.diff(weights.indptr)
+    # A pixel without a body shows any fragment, so that its temperature is one.
+    lost = np.flatnonzero(counts == 0)
+    counts[lost] = 1
+    needed = int(counts.sum())
+    size = needed if size is None else size
+    if needed > size:
+        raise OverflowError(f"{needed} weights and room for {size}")
+    row = np.full(size, len(seen) - 1)
+    row[:needed] = np.repeat(np.arange(len(seen)), counts)
+    entries = np.flatnonzero(seen[row[:needed]])
+    fragment = np.zeros(size, int)
+    weight = np.zeros(size)
+    slope = np.zeros((2, size))
+    weight[np.searchsorted(row[:needed], lost)] = 1
+    fragment[entries] = weights.indices
+    weight[entries] = weights.data
+    slope[:, entries] = slopes
+
+    def real(values: np.ndarray) -> Array:
+        return jnp.asarray(np.asarray(values, dtype))
+
+    def as_int32(values: np.ndarray) -> Array:
+        return jnp.asarray(np.asarray(values, np.int32))
+
+    return LinearizedView(
+        pose=real(pose),
+        row=as_int32(row),
+        fragment=as_int32(fragment),
+        weight=real(weight),
+        slope=real(slope),
+        motion=real(motion),
+        seen=real(seen),
+    )

@@ -1,0 +1,91 @@
+"""Outlines in an image: where a surface ends, or one behind it begins."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.ndimage import distance_transform_edt
+
+from ..surface.view import View
+
+
+# Depth between neighbours beyond the planes through both, over the distance between
+# their rays: a step of a surface, not its slope.
+_MAX_STEP = 3.0
+# Cosine between ray and normal below which a surface is seen edge-on.
+_MIN_COSINE = 0.15
+
+
+def outline_distance(view: View) -> Float[np.ndarray, "h w"]:
+    """Distance of each pixel to the nearest at an outline [pixels]; 0 without a body.
+
+    Near an outline another pose of the camera shows another surface, or none.
+    """
+    width, height = view.camera.size
+    shape = (height, width)
+    origin, step = view.camera.rays()
+    body = np.full(height * width, -1)
+    depth = np.full(height * width, np.inf)
+    normal = np.zeros((height * width, 3))
+    body[view.pixel] = view.body
+    depth[view.pixel] = view.depth
+    normal[view.pixel] = view.normal
+    facing = np.abs(np.einsum("pi,pi->p", normal, step))
+    facing /= np.linalg.norm(step, axis=1)
+    outline = ((body < 0) | (facing < _MIN_COSINE)).reshape(shape)
+    image = _Planes(
+        body=body.reshape(shape),
+        depth=depth.reshape(shape),
+        normal=normal.reshape(height, width, 3),
+        origin=origin.reshape(height, width, 3),
+        step=step.reshape(height, width, 3),
+    )
+    for axis in (0, 1):
+        low = [slice(None)] * 2
+        high = [slice(None)] * 2
+        low[axis] = slice(None, -1)
+        high[axis] = slice(1, None)
+        edge = _is_edge(image.at(tuple(low)), image.at(tuple(high)))
+        outline[tuple(low)] |= edge
+        outline[tuple(high)] |= edge
+    return np.asarray(distance_transform_edt(~outline))
+
+
+class _Planes(NamedTuple):
+    """Surface points of pixels, and the rays that see them."""
+
+    body: Int[np.ndarray, "_ _"]
+    depth: Float[np.ndarray, "_ _"]
+    normal: Float[np.ndarray, "_ _ 3"]
+    origin: Float[np.ndarray, "_ _ 3"]
+    """Points of the rays at depth 0 [m]."""
+    step: Float[np.ndarray, "_ _ 3"]
+    """Steps of the rays per metre of depth."""
+
+    def at(self, window: tuple[slice, ...]) -> "_Planes":
+        """The pixels of some rows and columns."""
+        return _Planes(*(values[window] for values in self))
+
+
+def _is_edge(first: _Planes, second: _Planes) -> Bool[np.ndarray, "_ _"]:
+    """Pairs of pixels with different bodies, or neither near the other's plane."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        # Without a body there is no plane, and nothing compares.
+        near_first = _off_plane(first, second) <= _MAX_STEP
+        near_second = _off_plane(second, first) <= _MAX_STEP
+    return (first.body != second.body) | ~(near_first | near_second)
+
+
+def _off_plane(pixels: _Planes, neighbours: _Planes) -> Float[np.ndarray, "_ _"]:
+    """Depth of neighbours beyond planes of pixels, over the distance of the rays."""
+    depth = pixels.depth[..., None]
+    point = pixels.origin + depth * pixels.step
+    along_normal = _dot(pixels.normal, point - neighbours.origin)
+    expected = along_normal / _dot(pixels.normal, neighbours.step)
+    same_depth = neighbours.origin + depth * neighbours.step
+    between = np.linalg.norm(same_depth - point, axis=-1)
+    return np.abs(neighbours.depth - expected) / between
+
+
+def _dot(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    return np.einsum("...i,...i->...", first, second)

@@ -1,0 +1,1 @@
+"""Radiance of what a camera sees: bands, effects, frames before the lens."""

@@ -1,0 +1,232 @@
+"""Kinds of effects between a surface and the signal of a camera, in their order.
+
+    surface -> path -> optics -> bolometer -> noise -> counts
+
+An image is made with a tuple of effects; what is not in it costs nothing.
+"""
+
+import abc
+import math
+from typing import Any, ClassVar, NamedTuple
+from weakref import WeakKeyDictionary
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from ...arrays import is_traced, plain_numbers
+from ...errors import InputError, require
+from ...module import Module
+from ...physics.term import AbstractTerm
+from ..surface.camera import OrthographicCamera
+from ..surface.view import View
+from .band import Band
+from .radiometry import PixelRadiation, Values
+
+
+class _AbstractEffect(Module):
+    """An effect on the radiance that a camera measures."""
+
+    rank: ClassVar[int]
+    """Effects of lower rank act first, whatever their order in the tuple."""
+
+
+class _AbstractViewEffect(_AbstractEffect):
+    """An effect at the surface points of a view."""
+
+    @abc.abstractmethod
+    def prepared(self, view: View, terms: tuple[AbstractTerm, ...], xp: Any) -> Any:
+        """Arrays of a view that hold for all its frames, of numpy or JAX (`xp`)."""
+
+
+class Horizon(NamedTuple):
+    """Black radiances of sky and ground [W/(m^2 sr)]."""
+
+    sky: Any
+    ground: Any
+
+
+class AbstractSurfaceEffect(_AbstractViewEffect):
+    """An effect on the radiation that leaves a surface towards the camera."""
+
+    @abc.abstractmethod
+    def apply(
+        self, radiation: PixelRadiation, prepared: Any, horizon: Horizon
+    ) -> PixelRadiation:
+        """The radiation with this effect."""
+
+
+class AbstractPathEffect(_AbstractViewEffect):
+    """An effect of what lies between the surface and the camera."""
+
+    @abc.abstractmethod
+    def apply(
+        self, radiance: Float[Values, " p"], prepared: Any, band: Band | None
+    ) -> Float[Values, " p"]:
+        """Radiance at the camera [W/(m^2 sr)]."""
+
+
+class AbstractBlur(_AbstractEffect):
+    """An effect of the optics: a point becomes a Gaussian spot."""
+
+    rank = 20
+
+    @property
+    @abc.abstractmethod
+    def spread(self) -> float:
+        """Standard deviation of the spot [pixels]."""
+
+
+class BolometerLag(_AbstractEffect):
+    """Lag of a bolometer, which follows the radiance L with a time constant.
+
+        tau dy/dt = L - y,
+
+    with L linear between saved times and y = L at the first of them: frames of motion
+    are smeared where they are saved as often as a camera reads out.
+    """
+
+    rank = 30
+
+    time_constant: float = eqx.field(static=True, converter=plain_numbers, default=0.01)
+    """tau [s], 7 to 15 ms of uncooled cameras."""
+
+    def __check_init__(self):
+        if not 0 < self.time_constant <= 1e6:
+            raise InputError(
+                f"BolometerLag(time_constant={self.time_constant!r}): give seconds, "
+                "more than 0"
+            )
+
+    def after(self, interval: float, start: Any, end: Any, lagged: Any) -> Any:
+        """Lagged radiance at the end of an interval [s] from `start` to `end`."""
+        slope = (end - start) * (self.time_constant / interval)
+        decay = math.exp(-interval / self.time_constant)
+        return end - slope + (lagged - start + slope) * decay
+
+
+class AbstractDetectorEffect(_AbstractEffect):
+    """An effect of the detector on a frame of pixels."""
+
+    @abc.abstractmethod
+    def apply(
+        self, radiance: Float[Values, "h w"], time: float, band: Band | None
+    ) -> Float[Values, "h w"]:
+        """Radiance as detected in the frame of a time [s], in W/(m^2 sr)."""
+
+
+class Effects(NamedTuple):
+    """Effects by their kind, each in order."""
+
+    surface: tuple[AbstractSurfaceEffect, ...] = ()
+    path: tuple[AbstractPathEffect, ...] = ()
+    blur: tuple[AbstractBlur, ...] = ()
+    lag: tuple[BolometerLag, ...] = ()
+    detector: tuple[AbstractDetectorEffect, ...] = ()
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation of the spot of all optics [pixels]."""
+        return float(np.sqrt(sum(blur.spread**2 for blur in self.blur)))
+
+
+def in_order(effects: Any, argument: str = "effects=") -> Effects:
+    """Sort effects into their order.
+
+    Raises:
+        InputError: for anything else than a tuple of effects, each kind once.
+    """
+    if isinstance(effects, Effects):
+        return effects
+    candidates = tuple(effects) if isinstance(effects, tuple | list) else (effects,)
+    for effect in candidates:
+        require(
+            effect,
+            classes=_AbstractEffect,
+            argument=argument,
+            give="a tuple of effects, such as (Blur(0.5),)",
+        )
+    types = [type(effect) for effect in candidates]
+    for effect_type in types:
+        if types.count(effect_type) > 1:
+            raise InputError(
+                f"{argument}: has {effect_type.__name__} twice: give it once"
+            )
+    ordered = sorted(candidates, key=lambda effect: effect.rank)
+    return Effects(
+        surface=tuple(e for e in ordered if isinstance(e, AbstractSurfaceEffect)),
+        path=tuple(e for e in ordered if isinstance(e, AbstractPathEffect)),
+        blur=tuple(e for e in ordered if isinstance(e, AbstractBlur)),
+        lag=tuple(e for e in ordered if isinstance(e, BolometerLag)),
+        detector=tuple(e for e in ordered if isinstance(e, AbstractDetectorEffect)),
+    )
+
+
+NO_EFFECTS = Effects()
+
+
+# By view, with which they are released: a frame in it needs them again.
+_prepared: WeakKeyDictionary[View, dict[Any, Any]] = WeakKeyDictionary()
+
+
+def prepared_for(
+    effect: _AbstractViewEffect, view: View, terms: tuple[AbstractTerm, ...], dtype: Any
+) -> Any:
+    """Arrays of an effect in a view, in the type of its pixels, computed once."""
+
+    def typed(arrays: Any) -> Any:
+        return jax.tree.map(lambda array: array.astype(dtype), arrays)
+
+    if is_traced(effect):
+        return typed(effect.prepared(view, terms, jnp))
+    leaves, structure = jax.tree.flatten(effect)
+    values = tuple(np.asarray(leaf, float).tobytes() for leaf in leaves)
+    by_content = _prepared.setdefault(view, {})
+    key = structure, values, np.dtype(dtype)
+    if key not in by_content:
+        by_content[key] = typed(effect.prepared(view, terms, np))
+    return by_content[key]
+
+
+class LinesOfSight(NamedTuple):
+    """Geometry of the p pixels of a view that show a body."""
+
+    point: Float[np.ndarray, "p 3"]
+    """Surface points in the world [m]."""
+    towards: Float[np.ndarray, "p 3"]
+    """Unit vectors to the camera."""
+    distance: Float[np.ndarray, " p"]
+    """Distance of the camera [m]; from the image plane of an orthographic one."""
+    cosine: Float[np.ndarray, " p"]
+    """Cosine of the angle from the normal, not negative."""
+    mirror: Float[np.ndarray, "p 3"]
+    """Unit vectors along which light comes that a mirror would send to the camera."""
+
+
+_known: WeakKeyDictionary[View, LinesOfSight] = WeakKeyDictionary()
+
+
+def lines_of_sight(view: View) -> LinesOfSight:
+    """Lines of sight of a view, kept as long as the view."""
+    if view not in _known:
+        _known[view] = _computed(view)
+    return _known[view]
+
+
+def _computed(view: View) -> LinesOfSight:
+    origin, step = view.camera.rays(view.pixel)
+    length = np.linalg.norm(step, axis=1)
+    point = origin + step * view.depth[:, None]
+    towards = -step / length[:, None]
+    along = np.einsum("ij,ij->i", towards, view.normal)
+    # A smooth normal may look away from the camera at an outline.
+    cosine = np.clip(along, 0, 1)
+    mirror = 2 * cosine[:, None] * view.normal - towards
+    mirror /= np.linalg.norm(mirror, axis=1)[:, None]
+    parallel = isinstance(view.camera, OrthographicCamera)
+    distance = view.depth if parallel else view.depth * length
+    return LinesOfSight(
+        point=point, towards=towards, distance=distance, cosine=cosine, mirror=mirror
+    )

@@ -1,0 +1,225 @@
+"""Temperatures of objects from what a thermal camera measures, and the reverse.
+
+A camera at the end of an air path of transmissivity tau measures, in a band or over all
+wavelengths,
+
+    L = tau [eps L_b(T) + (1 - eps) L_b(T_reflected)] + (1 - tau) L_b(T_air).
+
+Counts of FLIR's cameras take the place of L_b: S = R1 / (R2 (exp(B / T) - F)) - O. Both
+are smooth, for numbers and arrays of numpy or JAX.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...arrays import is_traced
+from ...errors import InputError
+from .atmosphere import transmissivity as air_transmissivity
+from .band import LONG_WAVE, Band
+from .radiometry import apparent_temperature, black_radiance
+
+
+def _array(value: Any) -> Any:
+    on_device = isinstance(value, jax.Array)
+    return value if on_device else np.asarray(value, float)
+
+
+def _black_radiance(temperature: Any, band: Band | None) -> Any:
+    # Exact, where images on the host look it up in a table.
+    kelvin = _array(temperature)
+    return black_radiance(kelvin, None) if band is None else band.radiance(kelvin)
+
+
+def _module(*values: Any) -> Any:
+    return jnp if any(isinstance(value, jax.Array) for value in values) else np
+
+
+def _check_fraction(name: str, value: Any, above: bool = False) -> None:
+    if is_traced(value):
+        return
+    fraction = np.asarray(value, float)
+    inside = (fraction > 0 if above else fraction >= 0) & (fraction <= 1)
+    if not inside.all():
+        lower_bound = "more than 0" if above else "0"
+        raise InputError(f"{name}={value!r}: give {lower_bound} to 1")
+
+
+def measured_radiance(
+    temperature: Any,
+    emissivity: Any = 1.0,
+    reflected_temperature: Any = 293.15,
+    transmissivity: Any = 1.0,
+    air_temperature: Any = 293.15,
+    band: Band | None = LONG_WAVE,
+) -> Any:
+    """Radiance that a camera measures of an object [W/(m^2 sr)].
+
+    Args:
+        temperature: of the object [K].
+        emissivity: of its surface [-].
+        reflected_temperature: of a black body that reflects as its surroundings do [K].
+        transmissivity: of the air between them [-].
+        air_temperature: of this air [K].
+        band: of the detector; None for all wavelengths.
+
+    Raises:
+        InputError: for fractions that are not 0 to 1.
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> round(float(jt.measured_radiance(350.0, 0.9, 293.15, 0.95, 290.0)), 4)
+        107.6726
+    """
+    _check_fraction("measured_radiance: emissivity", emissivity)
+    _check_fraction("measured_radiance: transmissivity", transmissivity)
+    emitted = _black_radiance(temperature, band)
+    around = _black_radiance(reflected_temperature, band)
+    air = _black_radiance(air_temperature, band)
+    leaving = emissivity * emitted + (1 - emissivity) * around
+    return transmissivity * leaving + (1 - transmissivity) * air
+
+
+def object_temperature(
+    radiance: Any,
+    emissivity: Any = 1.0,
+    reflected_temperature: Any = 293.15,
+    transmissivity: Any = 1.0,
+    air_temperature: Any = 293.15,
+    band: Band | None = LONG_WAVE,
+) -> Any:
+    """Temperature of an object of a measured radiance [K], the inverse of the above.
+
+    The arguments are those of `measured_radiance`.
+
+    Raises:
+        InputError: for an emissivity or transmissivity that is not above 0, or for
+            radiances that are less than what is reflected and added on the way.
+    """
+    _check_fraction("object_temperature: emissivity", emissivity, above=True)
+    _check_fraction("object_temperature: transmissivity", transmissivity, above=True)
+    around = _black_radiance(reflected_temperature, band)
+    air = _black_radiance(air_temperature, band)
+    leaving = (_array(radiance) - (1 - transmissivity) * air) / transmissivity
+    emitted = (leaving - (1 - emissivity) * around) / emissivity
+    if not isinstance(emitted, jax.Array) and not (emitted > 0).all():
+        raise InputError(
+            "object_temperature: some radiances are less than what the object reflects "
+            "and the air adds: check emissivity, reflected and air temperature"
+        )
+    if band is None or isinstance(emitted, jax.Array):
+        return apparent_temperature(emitted, band)
+    return band.temperature(emitted)
+
+
+@dataclass(frozen=True)
+class FlirCalibration:
+    """Constants between temperatures and raw counts of a FLIR camera.
+
+        S = R1 / (R2 (exp(B / T) - F)) - O,    T = B / ln(R1 / (R2 (S + O)) + F).
+
+    The defaults are those of an SC660 (gtatters/Thermimage); each file of a camera has
+    its own.
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> round(float(jt.FlirCalibration().temperature(18109)) - 273.15, 4)
+        23.6243
+    """
+
+    r1: float = 21106.77
+    """Gain."""
+    b: float = 1501.0
+    """Effective c2 over the wavelength [K]."""
+    f: float = 1.0
+    """Offset of the shape."""
+    o: float = -7340.0
+    """Offset of the counts."""
+    r2: float = 0.012545258
+    """Scale of R1."""
+
+    def __post_init__(self):
+        positive = {"r1": self.r1, "b": self.b, "r2": self.r2}
+        for name, value in positive.items():
+            if not (np.isfinite(value) and value > 0):
+                raise InputError(f"FlirCalibration({name}={value!r}): give more than 0")
+
+    def counts(self, temperature: Any) -> Any:
+        """Counts S of a black surface at temperatures [K]."""
+        kelvin = _array(temperature)
+        exp = _module(kelvin).exp
+        return self.r1 / (self.r2 * (exp(self.b / kelvin) - self.f)) - self.o
+
+    def temperature(self, counts: Any) -> Any:
+        """Temperature of a black surface with counts S [K].
+
+        Raises:
+            InputError: for counts of no temperature.
+        """
+        signal = _array(counts) + self.o
+        if not isinstance(signal, jax.Array) and not (signal > 0).all():
+            raise InputError(
+                f"FlirCalibration: counts of {-self.o:g} and less are no temperature: "
+                "check the offset O, or mask such pixels"
+            )
+        log = _module(signal).log
+        return self.b / log(self.r1 / (self.r2 * signal) + self.f)
+
+    def object_temperature(
+        self,
+        counts: Any,
+        emissivity: Any = 1.0,
+        reflected_temperature: Any = 293.15,
+        distance: Any = 0.0,
+        air_temperature: Any = 293.15,
+        relative_humidity: Any = 0.5,
+        window_transmissivity: Any = 1.0,
+        window_temperature: Any = 293.15,
+    ) -> Any:
+        """Temperature of an object behind air and a window [K].
+
+        The window, which does not reflect, stands half way: S = tau^2 w [eps S(T) +
+        (1 - eps) S(T_reflected)] and what both halves of the path and the window add,
+        with tau by FLIR's formula for half the distance.
+
+        Args:
+            counts: S.
+            emissivity: of the object [-].
+            reflected_temperature: of what it reflects [K].
+            distance: of the object [m].
+            air_temperature: of the air [K].
+            relative_humidity: of the air, 0 to 1.
+            window_transmissivity: w; 1 without a window [-].
+            window_temperature: of the window [K].
+
+        Raises:
+            InputError: for fractions that are not above 0, or counts of no temperature.
+        """
+        prefix = "FlirCalibration: "
+        _check_fraction(f"{prefix}emissivity", emissivity, above=True)
+        _check_fraction(f"{prefix}window_transmissivity", window_transmissivity, True)
+        _check_fraction(f"{prefix}relative_humidity", relative_humidity)
+        xp = _module(distance, air_temperature, relative_humidity)
+        half = _array(distance) / 2
+        passed = air_transmissivity(
+            half,
+            temperature=_array(air_temperature),
+            relative_humidity=relative_humidity,
+            xp=xp,
+        )
+        air, window, around = (
+            self.counts(temperature)
+            for temperature in (
+                air_temperature,
+                window_temperature,
+                reflected_temperature,
+            )
+        )
+        signal = (_array(counts) - (1 - passed) * air) / passed
+        behind = signal - (1 - window_transmissivity) * window
+        behind = behind / window_transmissivity
+        leaving = (behind - (1 - passed) * air) / passed
+        return self.temperature((leaving - (1 - emissivity) * around) / emissivity)

@@ -1,0 +1,1 @@
+"""Surfaces that a camera sees: views, weights of fragments, facets, surroundings."""

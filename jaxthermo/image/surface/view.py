@@ -1,0 +1,383 @@
+"""View of a solved scene: the geometry of an image, computed once for all frames.
+
+The temperature of a pixel is a weighted mean of the fragments within two voxels. The
+weights depend on the view only: a frame costs one sparse product.
+"""
+
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.sparse import csr_array
+
+from ...findings import found
+from ...physics.term import AbstractTerm
+from ...scene.scene import BodyGeometry, SolvedSurface
+from ...stored_findings import stored
+from .background import Background, compute_background
+from .camera import AbstractCamera
+from .facets import FacetShading, facet_shading, joined_shadings, smooth_normals
+from .occlusion import screen_space_occlusion
+from .visible import VisiblePoints, visible_points, world_meshes
+from .weights import CHUNK, MovingWeights, block_matrix, cells_of
+
+
+SMOOTHING_RADIUS = 2.0
+"""Radius of the weights [voxels]; from 1.4 it includes a fragment of any surface."""
+
+
+def _nearest_fragments(
+    points: Float[np.ndarray, "p 3"], geometry: BodyGeometry
+) -> Int[np.ndarray, " p"]:
+    # With any normal. Only points without a fragment in range search twice as far.
+    nearest = np.full(len(points), -1, np.int64)
+    radius = geometry.pitch
+    while (missing := np.flatnonzero(nearest < 0)).size:
+        radius *= 2
+        cells = cells_of(geometry, radius)
+        for chunk in np.array_split(missing, len(missing) // CHUNK + 1):
+            owner, fragment, _ = cells.pairs(points[chunk])
+            offset = points[chunk][owner] - geometry.fragment_position[fragment]
+            distance = np.einsum("ij,ij->i", offset, offset)
+            order = np.lexsort([distance, owner])
+            owners, first = np.unique(owner[order], return_index=True)
+            nearest[chunk[owners]] = fragment[order][first]
+    return nearest
+
+
+def smooth_weights(
+    points: Float[np.ndarray, "p 3"],
+    normals: Float[np.ndarray, "p 3"],
+    geometry: BodyGeometry,
+) -> csr_array:
+    """Weights [p, s] of a body's fragments at each point."""
+    cells = cells_of(geometry, SMOOTHING_RADIUS * geometry.pitch)
+    # Parts too thin to have fragments show the nearest ones.
+    return cells.means(
+        points,
+        normals,
+        otherwise=lambda alone: _nearest_fragments(points[alone], geometry),
+    )
+
+
+def _block_weights(
+    points: Float[np.ndarray, "p 3"], geometry: BodyGeometry
+) -> csr_array:
+    # The nearest fragment alone: the image shows the voxels.
+    nearest = _nearest_fragments(points, geometry)
+    starts = np.arange(len(points) + 1)
+    size = len(points), len(geometry.fragment_area)
+    return csr_array((np.ones(len(points)), nearest, starts), size)
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """Time-independent data of the p pixels that show a body."""
+
+    camera: AbstractCamera
+    pixel: Int[np.ndarray, " p"]
+    """Index of each pixel, rows first."""
+    body: Int[np.ndarray, " p"]
+    """Number of the body."""
+    depth: Float[np.ndarray, " p"]
+    """Depth along the optical axis [m]."""
+    normal: Float[np.ndarray, "p 3"]
+    """Outward normal in the world, of the smooth surface that the mesh approximates."""
+    weights: csr_array | MovingWeights
+    """Weights [p, s] of the concatenated fragments of all bodies."""
+    background: Background
+    open_fraction: Float[np.ndarray, " p"] | None = None
+    """Fraction of the surroundings that nothing in the image hides; None for all."""
+    facets: FacetShading | None = None
+    """Reflection on large facets of curved surfaces; None without any."""
+    part_id: Int[np.ndarray, " p"] | None = None
+    """Number of the part within its body, -1 where it has none; None without any."""
+    part_names: tuple[tuple[str, ...], ...] = ()
+    """Names of the parts of every body."""
+
+
+def at_time(
+    surfaces: tuple[SolvedSurface, ...], terms: tuple[AbstractTerm, ...], time: float
+) -> tuple[tuple[SolvedSurface, ...], tuple[AbstractTerm, ...]]:
+    """Bodies and sources at their positions at a time [s]."""
+    return tuple(s.at(time) for s in surfaces), tuple(t.at(time) for t in terms)
+
+
+def compute_view(
+    surfaces: tuple[SolvedSurface, ...],
+    terms: tuple[AbstractTerm, ...],
+    camera: AbstractCamera,
+    smooth: bool = True,
+    occlusion: float | None = None,
+    keep: bool = True,
+) -> View:
+    """Compute the surface point and the interpolation weights of each pixel.
+
+    With `occlusion` [m], surfaces in the image hide the surroundings from others that
+    are not farther away. A view that no other process will ask for is not worth to
+    `keep` in the user's cache; of each body only the first view is stored.
+
+    Raises:
+        InputError: if the camera is inside a body or sees none.
+    """
+    content = camera, smooth, occlusion, [_content(s.geometry) for s in surfaces]
+    # The first view of a body needs most work, which later views share: storing these
+    # would cost more than computing them.
+    views = [_views_of(s.geometry) for s in surfaces]
+    types = (_ViewGeometry, FacetShading)
+    keep = keep and not all(view_record["are found"] for view_record in views)
+
+    def find() -> _ViewGeometry:
+        for view_record in views:
+            view_record["are found"] = True
+        return _view_geometry(
+            surfaces, camera=camera, smooth=smooth, occlusion=occlusion
+        )
+
+    geometry = (
+        stored("view", inputs=content, find=find, types=types) if keep else find()
+    )
+    background = compute_background(
+        terms, camera=camera, pixel=geometry.pixel, depth=geometry.depth
+    )
+    return View(
+        camera=camera,
+        pixel=geometry.pixel,
+        body=geometry.body,
+        depth=geometry.depth,
+        normal=geometry.normal,
+        weights=geometry.weights,
+        background=background,
+        open_fraction=geometry.open_fraction,
+        facets=geometry.facets,
+        part_id=_part_ids(surfaces, geometry.weights),
+        part_names=tuple(surface.geometry.part_names for surface in surfaces),
+    )
+
+
+def _part_ids(
+    surfaces: tuple[SolvedSurface, ...], weights: csr_array
+) -> Int[np.ndarray, " p"] | None:
+    """Part of the fragment with the largest weight at each pixel."""
+    fragment_parts = [s.geometry.fragment_part for s in surfaces]
+    if all(numbers is None for numbers in fragment_parts):
+        return None
+    sizes = [len(s.geometry.fragment_area) for s in surfaces]
+    part_numbers = [
+        np.full(size, -1, np.int32) if numbers is None else numbers
+        for numbers, size in zip(fragment_parts, sizes, strict=True)
+    ]
+    # The means of pixels have at least one fragment each.
+    largest = np.maximum.reduceat(weights.data, weights.indptr[:-1])
+    row = np.repeat(np.arange(len(largest)), np.diff(weights.indptr))
+    (entry,) = np.nonzero(weights.data == largest[row])
+    _, first = np.unique(row[entry], return_index=True)
+    return np.concatenate(part_numbers)[weights.indices[entry[first]]]
+
+
+def _content(geometry: BodyGeometry) -> tuple[Any, ...]:
+    """Everything about a body at its pose on which a view depends."""
+    fragments = geometry.fragment_position, geometry.fragment_normal
+    mesh = geometry.vertices, geometry.faces
+    return *mesh, *fragments, geometry.fragment_area, geometry.pitch, geometry.placed
+
+
+def _views_of(geometry: BodyGeometry) -> dict[str, bool]:
+    """Record of a body: whether this process found any view of it."""
+    arrays = geometry.vertices, geometry.faces, geometry.fragment_position
+    return found(arrays, "views", lambda: {"are found": False})
+
+
+class _ViewGeometry(NamedTuple):
+    """Fields of a `View` that follow from geometry alone."""
+
+    pixel: Int[np.ndarray, " p"]
+    body: Int[np.ndarray, " p"]
+    depth: Float[np.ndarray, " p"]
+    normal: Float[np.ndarray, "p 3"]
+    weights: csr_array
+    open_fraction: Float[np.ndarray, " p"] | None
+    facets: FacetShading | None
+
+
+def _view_geometry(
+    surfaces: tuple[SolvedSurface, ...],
+    camera: AbstractCamera,
+    smooth: bool,
+    occlusion: float | None,
+) -> _ViewGeometry:
+    visible = visible_points(world_meshes(surfaces), camera)
+    local, normal = in_bodies(surfaces, visible)
+    pixel = visible.pixel
+    body = visible.body
+    depth = visible.depth
+    weights = all_weights(
+        surfaces, body=body, local=local, normal=normal, smooth=smooth
+    )
+    facets = _all_facets(surfaces, visible, local) if smooth else None
+    geometry = _ViewGeometry(
+        pixel=pixel,
+        body=body,
+        depth=depth,
+        normal=normal,
+        weights=weights,
+        open_fraction=None,
+        facets=facets,
+    )
+    if occlusion is None:
+        return geometry
+    return geometry._replace(open_fraction=_open_fraction(geometry, camera, occlusion))
+
+
+def _open_fraction(
+    geometry: _ViewGeometry, camera: AbstractCamera, radius: float
+) -> Float[np.ndarray, " p"]:
+    width, height = camera.size
+    depth = np.full(height * width, np.inf)
+    normal = np.zeros((height * width, 3))
+    depth[geometry.pixel] = geometry.depth
+    normal[geometry.pixel] = geometry.normal
+    shape = (height, width)
+    open_fraction = screen_space_occlusion(
+        depth.reshape(shape),
+        normal=normal.reshape(height, width, 3),
+        camera=camera,
+        radius=radius,
+    )
+    return open_fraction.reshape(-1)[geometry.pixel]
+
+
+def in_bodies(
+    surfaces: tuple[SolvedSurface, ...], visible: VisiblePoints
+) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
+    """Points in the frames of their bodies [m], and smooth normals in the world."""
+    local = np.empty_like(visible.position)
+    normal = np.empty_like(visible.position)
+    for on_body, surface in zip(
+        _of_bodies(surfaces, visible.body), surfaces, strict=True
+    ):
+        geometry = surface.geometry
+        placed = surface.geometry.placed
+        local[on_body] = placed.to_body(visible.position[on_body])
+        smooth = smooth_normals(
+            geometry.vertices,
+            faces=geometry.faces,
+            face=visible.face[on_body],
+            points=local[on_body],
+        )
+        normal[on_body] = placed.rotate(smooth)
+    return local, normal
+
+
+def _of_bodies(
+    surfaces: tuple[SolvedSurface, ...], body: Int[np.ndarray, " p"]
+) -> list[Any]:
+    """Index of the points of each body."""
+    # Without a copy where there is only one.
+    single = len(surfaces) == 1
+    return [slice(None)] if single else [body == n for n in range(len(surfaces))]
+
+
+def all_weights(
+    surfaces: tuple[SolvedSurface, ...],
+    body: Int[np.ndarray, " p"],
+    local: Float[np.ndarray, "p 3"],
+    normal: Float[np.ndarray, "p 3"],
+    smooth: bool = True,
+) -> csr_array:
+    """Weights [p, s] of all fragments at points in the frames of their bodies [m].
+
+    The normals are those in the world.
+    """
+    matrices = []
+    points_of_bodies = _of_bodies(surfaces, body)
+    for on_body, surface in zip(points_of_bodies, surfaces, strict=True):
+        geometry = surface.geometry
+        rotated = geometry.placed.rotate_back(normal[on_body])
+        matrices.append(
+            smooth_weights(local[on_body], rotated, geometry)
+            if smooth
+            else _block_weights(local[on_body], geometry)
+        )
+    if len(matrices) == 1:
+        return matrices[0]
+    rows = np.concatenate([np.flatnonzero(points) for points in points_of_bodies])
+    # Back into the order of the pixels.
+    return block_matrix(matrices)[np.argsort(rows)]
+
+
+def _all_facets(
+    surfaces: tuple[SolvedSurface, ...],
+    visible: VisiblePoints,
+    local: Float[np.ndarray, "p 3"],
+) -> FacetShading | None:
+    points_of_bodies = [
+        np.flatnonzero(visible.body == index) for index in range(len(surfaces))
+    ]
+    shadings = [
+        facet_shading(local[points], visible.face[points], surface.geometry)
+        for points, surface in zip(points_of_bodies, surfaces, strict=True)
+    ]
+    return joined_shadings(points_of_bodies, shadings)
+
+
+_MAX_VIEWS = 4
+"""Views of one scene that are kept: about 0.25 kB for a pixel that shows a body."""
+
+
+class _KeptView(NamedTuple):
+    """A view, and what it was computed from."""
+
+    key: tuple[Any, ...]
+    """Bodies but the first, terms, camera and options."""
+    view: View
+
+
+# By the geometry of the first body, with which they are released.
+_kept_views: WeakKeyDictionary[BodyGeometry, list[_KeptView]] = WeakKeyDictionary()
+
+
+def kept_view(
+    surfaces: tuple[SolvedSurface, ...],
+    terms: tuple[AbstractTerm, ...],
+    camera: AbstractCamera,
+    smooth: bool = True,
+    occlusion: float | None = None,
+) -> View:
+    """Compute a view as `compute_view`, or return the one that was kept.
+
+    The last four views of a scene live as long as a solution of it. A body or a source
+    that moves is a different object at every time.
+    """
+    first, *further_bodies = (surface.geometry for surface in surfaces)
+    radius = np.asarray(-1.0 if occlusion is None else occlusion, float).tobytes()
+    key = (*further_bodies, *terms, *_identity(camera), smooth, radius)
+    views = _kept_views.setdefault(first, [])
+    for number, entry in enumerate(views):
+        if _same(entry.key, key):
+            # The most recently used view is dropped last.
+            views.append(views.pop(number))
+            return entry.view
+    view = compute_view(
+        surfaces, terms=terms, camera=camera, smooth=smooth, occlusion=occlusion
+    )
+    views.append(_KeptView(key, view))
+    del views[:-_MAX_VIEWS]
+    return view
+
+
+def _identity(camera: AbstractCamera) -> tuple[Any, ...]:
+    # Users make equal cameras again; their fields are numbers.
+    numbers = (getattr(camera, field.name) for field in fields(camera))
+    return type(camera), *(np.asarray(value, float).tobytes() for value in numbers)
+
+
+def _same(first: tuple[Any, ...], second: tuple[Any, ...]) -> bool:
+    # Bodies and terms are compared by identity: terms may hold arrays.
+    plain = bytes | bool
+    return len(first) == len(second) and all(
+        a == b if isinstance(a, plain) else a is b
+        for a, b in zip(first, second, strict=True)
+    )

@@ -1,0 +1,104 @@
+"""Points of surfaces that a camera sees."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ...errors import InputError
+from ...geometry.mesh import winding_number
+from ...raster.depth_buffer import nearest_hits
+from ...raster.fragments import within_raster
+from ...scene.scene import SolvedSurface
+from .camera import AbstractCamera
+
+
+class VisiblePoints(NamedTuple):
+    """The nearest point of a surface on the ray of each pixel that shows a body."""
+
+    pixel: Int[np.ndarray, " p"]
+    """Index of each pixel, rows first."""
+    body: Int[np.ndarray, " p"]
+    """Number of the body."""
+    face: Int[np.ndarray, " p"]
+    """Number of the triangle in its body."""
+    position: Float[np.ndarray, "p 3"]
+    """World [m]."""
+    depth: Float[np.ndarray, " p"]
+    """Depth along the optical axis [m]."""
+
+
+WorldMesh = tuple[Float[np.ndarray, "_ 3"], Int[np.ndarray, "_ 3"]]
+"""Vertices in the world [m] and faces."""
+
+
+def world_meshes(surfaces: tuple[SolvedSurface, ...]) -> tuple[WorldMesh, ...]:
+    """Meshes of bodies at their poses."""
+    bodies = [surface.geometry for surface in surfaces]
+    return tuple((g.placed.to_world(g.vertices), g.faces) for g in bodies)
+
+
+def visible_points(
+    bodies: tuple[WorldMesh, ...], camera: AbstractCamera
+) -> VisiblePoints:
+    """Find what the camera sees of bodies.
+
+    Raises:
+        InputError: if the camera is inside a body or sees none.
+    """
+    for index, mesh in enumerate(bodies):
+        if _is_inside(np.asarray(camera.position, float), *mesh):
+            raise InputError(
+                f"camera: position {camera.position} is inside body {index}; "
+                "move it out, or omit the camera for an automatic view"
+            )
+    points, faces, parent = camera.mesh_to_raster(*_joined(bodies))
+    if not within_raster(points):
+        # Triangles outside of the image may be at any distance from it.
+        overlapping = np.flatnonzero(_overlaps(points[faces], camera))
+        points = points[faces[overlapping]].reshape(-1, 3)
+        parent = parent[overlapping]
+        faces = np.arange(len(points)).reshape(-1, 3)
+    pixel, key, triangle = nearest_hits(points, faces, *camera.size)
+    if not len(pixel):
+        raise InputError(
+            f"camera: at {camera.position} it sees no body; "
+            "turn it, or omit the camera for an automatic view"
+        )
+    hit = parent[triangle]
+    first = np.cumsum([0, *(len(faces) for _, faces in bodies)])
+    body = np.searchsorted(first, hit, side="right") - 1
+    position, depth = camera.points(pixel, key)
+    return VisiblePoints(
+        pixel=pixel, body=body, face=hit - first[body], position=position, depth=depth
+    )
+
+
+def _is_inside(point: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> bool:
+    # Outside of the box around a body no search is needed; one axis often decides.
+    for coordinate, column in zip(point, vertices.T, strict=True):
+        if not column.min() <= coordinate <= column.max():
+            return False
+    return abs(winding_number(vertices[faces], point)) > 0.5
+
+
+def _joined(bodies: tuple[WorldMesh, ...]) -> WorldMesh:
+    if len(bodies) == 1:
+        return bodies[0]
+    first_vertex = np.cumsum([0, *(len(vertices) for vertices, _ in bodies)])
+    numbered = [
+        faces + n for (_, faces), n in zip(bodies, first_vertex[:-1], strict=True)
+    ]
+    return np.concatenate([vertices for vertices, _ in bodies]), np.concatenate(
+        numbered
+    )
+
+
+def _overlaps(corners: np.ndarray, camera: AbstractCamera) -> Bool[np.ndarray, " k"]:
+    """Triangles whose bounding box overlaps the image."""
+    inside = np.ones(len(corners), bool)
+    for axis, size in enumerate(camera.size):
+        low = corners[..., axis].min(axis=1)
+        high = corners[..., axis].max(axis=1)
+        inside &= (high > 0) & (low < size)
+    return inside

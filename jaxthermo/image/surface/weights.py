@@ -1,0 +1,373 @@
+"""Fragments near points of a surface, and their weights in values at the points.
+
+The value at a point is a weighted mean of the fragments within a radius R, with
+weights (1 - r^2/R^2)^2 times the fragment's area and the squared cosine between the
+normals, so that nothing leaks through a thin sheet or around an edge.
+"""
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+from scipy.sparse import csr_array
+
+from ...findings import found
+from ...scene.scene import BodyGeometry
+
+
+# Points per chunk: temporaries stay in the cache, and the allocator keeps them instead
+# of returning them.
+CHUNK = 2048
+
+# Sizes of the arrays of the program for more points, the same for all views: points of
+# a call, and pairs of a call.
+_POINTS = 2**13
+_PAIRS = 2**18
+# Fragments are padded to a multiple of this, so that few programs occur.
+_FRAGMENTS = 2**17
+
+# Cells in a row for one radius: the flatter, the fewer fragments that are too far away.
+_FLAT = 4
+# Largest number of cells for a table.
+_MAX_CELLS = 2**22
+
+
+class Neighbours(NamedTuple):
+    """Pairs of a point and a fragment near it with a weight above 0."""
+
+    owner: Int[np.ndarray, " w"]
+    """Index of the point, ascending."""
+    fragment: Int[np.ndarray, " w"]
+    weight: Float[np.ndarray, " w"]
+    """Weight before normalization [m^2]."""
+
+
+class _CellPairs(NamedTuple):
+    """Pairs of a point and a fragment in the same or in adjacent cells."""
+
+    owner: Int[np.ndarray, " w"]
+    """Index of the point, ascending."""
+    fragment: Int[np.ndarray, " w"]
+    slot: Int[np.ndarray, " w"]
+    """Position of the fragment in the order of the cells."""
+
+
+class _PointRange(NamedTuple):
+    """Successive points with the fragments that have a weight there."""
+
+    start: int
+    stop: int
+    near: Neighbours
+
+
+class _RunningCall(NamedTuple):
+    """A call of the program for successive points, of which results are awaited."""
+
+    start: int
+    stop: int
+    run: Int[np.ndarray, " n"]
+    """Run of each pair."""
+    slot: Int[Array, " n"]
+    weight: Float[Array, " n"]
+
+
+class FragmentCells:
+    """Fragments sorted into flat cells, whose width is the radius of the weights."""
+
+    def __init__(self, geometry: BodyGeometry, radius: float):
+        position = geometry.fragment_position
+        self.radius = radius
+        self.edge = radius / np.array([1, 1, _FLAT])
+        # Empty cells on all sides, so that every point has cells around it.
+        border = np.array([3, 3, 2 * _FLAT + 1])
+        self.low = position.min(0) - (border + 0.5) * self.edge
+        cell = np.floor((position - self.low) / self.edge).astype(np.int64)
+        self.size = cell.max(0) + border + 1
+        key = self._key(*cell.T)
+        self.order = np.argsort(key, kind="stable").astype(np.int32)
+        self.keys = key[self.order]
+        # Columns in the order of the cells, so that neighbours are close in memory.
+        self.position = np.ascontiguousarray(position[self.order].T)
+        self.normal = np.ascontiguousarray(geometry.fragment_normal[self.order].T)
+        self.area = geometry.fragment_area[self.order]
+        # First fragment of each cell, unless most of the box around the body is empty.
+        self.first = None
+        if self.size.prod() <= _MAX_CELLS:
+            number = np.bincount(key, minlength=int(self.size.prod()))
+            self.first = np.append(0, np.cumsum(number)).astype(np.int32)
+
+    def _key(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
+        return (x * self.size[1] + y) * self.size[2] + z
+
+    def _start(self, key: np.ndarray) -> np.ndarray:
+        """First fragment in a cell or behind it."""
+        if self.first is None:
+            return np.searchsorted(self.keys, key)
+        return self.first[key]
+
+    def _ranges(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """First fragment and number of fragments [p, 9] in nine rows of cells."""
+        around = np.array([1, 1, _FLAT])
+        cell = (
+            np.clip(np.floor((x - low) / edge), n, size - 1 - n).astype(np.int64)
+            for x, low, edge, size, n in zip(
+                points.T, self.low, self.edge, self.size, around, strict=True
+            )
+        )
+        # Cells of a row along z have keys in succession.
+        x, y = np.indices((3, 3)).reshape(2, -1) - 1
+        row = self._key(*cell)[:, None] + self._key(x, y, np.full(9, -_FLAT))
+        first = self._start(row)
+        return first, self._start(row + 2 * _FLAT + 1) - first
+
+    def pairs(self, points: np.ndarray) -> _CellPairs:
+        """Pairs of points and fragments in the same or in adjacent cells."""
+        first, count = self._ranges(points)
+        number = count.sum(axis=1)
+        flat = count.ravel()
+        slot = np.repeat(first.ravel() - np.cumsum(flat) + flat, flat)
+        slot += np.arange(len(slot))
+        owner = np.repeat(np.arange(len(points)), number)
+        return _CellPairs(owner=owner, fragment=self.order[slot], slot=slot)
+
+    def weighted(
+        self, points: Float[np.ndarray, "p 3"], normals: Float[np.ndarray, "p 3"]
+    ) -> Neighbours:
+        """Fragments with a weight at each point: few points, or the reference."""
+        owner, _, slot = self.pairs(points)
+        squared = np.zeros(len(owner))
+        for along, fragment_column in zip(points.T, self.position, strict=True):
+            away = along[owner] - fragment_column[slot]
+            squared += away * away
+        # Most pairs are too far apart.
+        near = np.flatnonzero(squared < self.radius * self.radius)
+        owner = owner[near]
+        slot = slot[near]
+        cosine = np.zeros(len(owner))
+        for along, fragment_column in zip(normals.T, self.normal, strict=True):
+            cosine += along[owner] * fragment_column[slot]
+        fade = 1 - squared[near] / (self.radius * self.radius)
+        weight = (fade * np.maximum(cosine, 0)) ** 2 * self.area[slot]
+        positive = np.flatnonzero(weight > 0)
+        slot = slot[positive]
+        return Neighbours(owner[positive], self.order[slot], weight[positive])
+
+    def means(
+        self,
+        points: Float[np.ndarray, "p 3"],
+        normals: Float[np.ndarray, "p 3"],
+        select: Callable[[Neighbours], np.ndarray] | None = None,
+        otherwise: Callable[[np.ndarray], np.ndarray] | None = None,
+    ) -> csr_array:
+        """Weights [p, s] that add up to 1 at every point with a fragment near it.
+
+        Args:
+            points: in the frame of the body [m].
+            normals: unit vectors there.
+            select: numbers of the pairs that count; all of them if None.
+            otherwise: fragments for the points, by their numbers, that have none near
+                them; such points have no weights if None.
+        """
+        first, count = self._ranges(points)
+        ends = np.cumsum(count.sum(axis=1))
+        # Memory that is not written to is not taken: most pairs are too far apart.
+        # Every point has room for one more fragment, that of `otherwise`.
+        weights = np.empty(ends[-1] + len(ends) if len(ends) else 0)
+        columns = np.empty(len(weights), np.int32)
+        rows = np.zeros(len(points), np.int32)
+        filled = 0
+        ranges = self._ranges_of_points(
+            points, normals=normals, first=first, count=count, ends=ends
+        )
+        for start, stop, near in ranges:
+            owner, fragment, weight = near
+            if select is not None:
+                selected = select(Neighbours(owner + start, fragment, weight))
+                owner = owner[selected]
+                fragment = fragment[selected]
+                weight = weight[selected]
+            number = np.bincount(owner, minlength=stop - start)
+            alone = np.flatnonzero(number == 0)
+            if otherwise is not None and len(alone):
+                at = np.searchsorted(owner, alone)
+                fragment = np.insert(fragment, at, otherwise(alone + start))
+                owner = np.insert(owner, at, alone)
+                weight = np.insert(weight, at, 1.0)
+                number[alone] = 1
+            total = np.bincount(owner, weight, stop - start)
+            rows[start:stop] = number
+            entries = slice(filled, filled + len(weight))
+            np.divide(weight, total[owner], out=weights[entries])
+            columns[entries] = fragment
+            filled = entries.stop
+        # In place: scipy would copy parts of far larger arrays.
+        weights.resize(filled, refcheck=False)
+        columns.resize(filled, refcheck=False)
+        starts = np.append(0, np.cumsum(rows)).astype(np.int32)
+        size = len(points), len(self.area)
+        return csr_array((weights, columns, starts), size)
+
+    def _ranges_of_points(
+        self,
+        points: np.ndarray,
+        normals: np.ndarray,
+        first: np.ndarray,
+        count: np.ndarray,
+        ends: np.ndarray,
+    ) -> Iterator[_PointRange]:
+        """Ranges that cover all points, with the fragments near them."""
+        if len(points) <= CHUNK:
+            yield _PointRange(0, len(points), self.weighted(points, normals))
+            return
+        # One range is computed while the results of the previous one are read.
+        running: _RunningCall | None = None
+        start = 0
+        while start < len(points):
+            # Points for which there is room, with all their pairs.
+            previous_pairs = ends[start - 1] if start else 0
+            stop = int(np.searchsorted(ends, previous_pairs + _PAIRS, side="right"))
+            stop = max(min(stop, start + _POINTS), start + 1)
+            chunk = slice(start, stop)
+            call = self._call(
+                np.concatenate([points[chunk].T, normals[chunk].T]),
+                first=first[chunk].ravel(),
+                count=count[chunk].ravel(),
+                start=start,
+            )
+            if running is not None:
+                yield self._read(running)
+            running = call
+            start = stop
+        assert running is not None
+        yield self._read(running)
+
+    def _call(
+        self, columns: np.ndarray, first: np.ndarray, count: np.ndarray, start: int
+    ) -> _RunningCall:
+        """Start the program for the points of columns [6, p], from number `start`."""
+        run = np.repeat(np.arange(len(count), dtype=np.int32), count)
+        padded = np.zeros(max(_PAIRS, len(run)), np.int32)
+        padded[: len(run)] = run
+        base = np.zeros(9 * _POINTS, np.int32)
+        base[: len(count)] = first - np.cumsum(count) + count
+        points = np.zeros((6, _POINTS))
+        size = columns.shape[1]
+        points[:, :size] = columns
+        with jax.enable_x64(True):
+            slot, weight = _pair_weights(
+                padded,
+                base=base,
+                points=points,
+                fragments=self._on_device(),
+                radius=self.radius,
+            )
+        return _RunningCall(
+            start=start, stop=start + size, run=run, slot=slot, weight=weight
+        )
+
+    def _on_device(self) -> Float[Array, "7 s"]:
+        """Positions, normals and areas, padded so that few programs occur."""
+
+        def moved() -> Float[Array, "7 s"]:
+            spare = -len(self.area) % _FRAGMENTS
+            columns = np.stack([*self.position, *self.normal, self.area])
+            return jnp.asarray(np.pad(columns, ((0, 0), (0, spare))))
+
+        return found((self,), "columns", moved)
+
+    def _read(self, call: _RunningCall) -> _PointRange:
+        """Wait for a call; its pairs with a weight."""
+        weight = np.asarray(call.weight)[: len(call.run)]
+        positive = np.flatnonzero(weight > 0)
+        near = Neighbours(
+            owner=call.run[positive] // 9,
+            fragment=self.order[np.asarray(call.slot)[positive]],
+            weight=weight[positive],
+        )
+        return _PointRange(call.start, call.stop, near)
+
+
+@jax.jit
+def _pair_weights(
+    run: Int[Array, " n"],
+    base: Int[Array, " r"],
+    points: Float[Array, "6 p"],
+    fragments: Float[Array, "7 s"],
+    radius: Float[Array, ""] | float,
+) -> tuple[Int[Array, " n"], Float[Array, " n"]]:
+    """Slots of the fragments of pairs, and their weights: `FragmentCells.weighted`.
+
+    Columns are positions, normals and, of fragments, areas. A pair belongs to one of
+    the nine runs of successive slots of its point; `base` plus the number of the pair
+    is its slot.
+    """
+    slot = base[run] + jnp.arange(run.size, dtype=np.int32)
+    # Unsigned, since a division of signed integers dominates the program.
+    owner = (run.astype(np.uint32) // np.uint32(9)).astype(np.int32)
+    squared = jnp.zeros(())
+    cosine = jnp.zeros(())
+    for axis in range(3):
+        away = points[axis][owner] - fragments[axis][slot]
+        squared += away * away
+        cosine += points[3 + axis][owner] * fragments[3 + axis][slot]
+    fade = jnp.maximum(1 - squared / (radius * radius), 0)
+    return slot, (fade * jnp.maximum(cosine, 0)) ** 2 * fragments[6][slot]
+
+
+def cells_of(geometry: BodyGeometry, radius: float) -> FragmentCells:
+    """Cells of a body's fragments, the same for all views and poses of it."""
+    arrays = (
+        geometry.fragment_position,
+        geometry.fragment_normal,
+        geometry.fragment_area,
+    )
+    key = "fragment_cells", radius
+    return found(arrays, key, lambda: FragmentCells(geometry, radius))
+
+
+def block_matrix(blocks: list[csr_array]) -> csr_array:
+    """Block-diagonal matrix of weights."""
+    if len(blocks) == 1:
+        return blocks[0]
+    sizes: Any = [block.shape for block in blocks]
+    first_column = np.cumsum([0, *(width for _, width in sizes)])
+    columns = [
+        block.indices + n for block, n in zip(blocks, first_column[:-1], strict=True)
+    ]
+    # Entries of each row, counted up.
+    counts = np.concatenate([np.diff(block.indptr) for block in blocks])
+    starts = np.concatenate([[0], np.cumsum(counts)])
+    data = np.concatenate([block.data for block in blocks])
+    size = len(counts), int(first_column[-1])
+    return csr_array((data, np.concatenate(columns), starts), size)
+
+
+class MovingWeights(eqx.Module):
+    """Weights of the fragments at p points, linear in how far each point moves.
+
+        w(u) = w + u_1 dw/du_1 + u_2 dw/du_2,
+
+    with the distances u along two directions of the surface [m].
+    """
+
+    row: Int[Array, " n"]
+    """Index of the point of each weight, ascending."""
+    fragment: Int[Array, " n"]
+    weight: Float[Array, " n"]
+    slope: Float[Array, "2 n"]
+    """Change of the weight along both directions [1/m]."""
+    shift: Float[Array, "p 2"]
+    """Distances u that the points have moved [m]."""
+
+    def means(self, values: Float[Array, "s k"]) -> Float[Array, "p k"]:
+        """Weighted means of the fragments' values at each point."""
+        moved = (self.shift[self.row] * self.slope.T).sum(axis=1)
+        contributions = (self.weight + moved)[:, None] * values[self.fragment]
+        count = len(self.shift)
+        return jax.ops.segment_sum(
+            contributions, self.row, count, indices_are_sorted=True
+        )

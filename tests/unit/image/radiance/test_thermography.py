@@ -1,0 +1,107 @@
+"""Object temperatures from radiances and counts, against published numbers."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxthermo as jt
+from jaxthermo.image.radiance.band import LONG_WAVE, Band
+from jaxthermo.image.radiance.response import BANDS
+
+
+MID_WAVE = Band(BANDS["mid-wave"])
+FLIR = jt.FlirCalibration()
+
+
+def test_the_measured_signal_of_the_example():
+    """0.9 of 350 K before 293.15 K through 0.95 of air at 290 K, 7.5 to 14 um."""
+    radiance = float(jt.measured_radiance(350.0, 0.9, 293.15, 0.95, 290.0))
+    assert radiance == pytest.approx(107.672617, abs=1e-6)
+    assert float(LONG_WAVE.temperature(radiance)) == pytest.approx(343.048911, abs=1e-6)
+    back = float(jt.object_temperature(radiance, 0.9, 293.15, 0.95, 290.0))
+    assert back == pytest.approx(350.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("emissivity", "expected"),
+    [(0.95, 309.217275), (0.8, 306.835584), (0.5, 301.910518), (0.1, 294.963569)],
+)
+def test_apparent_temperatures_by_emissivity(emissivity, expected):
+    radiance = jt.measured_radiance(310.0, emissivity, 293.15)
+    assert float(LONG_WAVE.temperature(radiance)) == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("band", [None, LONG_WAVE, MID_WAVE])
+def test_object_temperature_is_the_inverse(band):
+    kelvin = np.array([250.0, 300.0, 450.0])
+    path = {
+        "emissivity": 0.7,
+        "reflected_temperature": 280.0,
+        "transmissivity": 0.9,
+        "air_temperature": 285.0,
+    }
+    radiance = jt.measured_radiance(kelvin, **path, band=band)
+    inverse = jt.object_temperature(radiance, **path, band=band)
+    np.testing.assert_allclose(inverse, kelvin, rtol=1e-10)
+    traced = jax.jit(lambda r: jt.object_temperature(r, **path, band=band))
+    on_device = traced(radiance)
+    np.testing.assert_allclose(np.asarray(on_device), kelvin, rtol=1e-10)
+
+
+def test_derivatives_of_the_measured_temperature():
+    def found(values):
+        emissivity, around, passed, air = values
+        return jt.object_temperature(jnp.asarray(90.0), emissivity, around, passed, air)
+
+    at = np.array([0.85, 290.0, 0.95, 285.0])
+    value_and_gradient = jax.jit(jax.value_and_grad(found))
+    gradient = value_and_gradient(at)[1]
+    for k, step in enumerate((1e-5, 1e-3, 1e-5, 1e-3)):
+        by = step * np.eye(4)[k]
+        ends = [float(value_and_gradient(at + sign * by)[0]) for sign in (1, -1)]
+        slope = (ends[0] - ends[1]) / (2 * step)
+        assert float(gradient[k]) == pytest.approx(slope, rel=1e-6)
+
+
+def test_counts_of_a_published_camera():
+    """Of gtatters/Thermimage's example, worked out from its formulas."""
+    assert float(FLIR.counts(300.0)) == pytest.approx(18714.925, rel=1e-6)
+    assert float(FLIR.temperature(18109)) - 273.15 == pytest.approx(23.624326, abs=1e-6)
+    plain = FLIR.object_temperature(18109)
+    assert float(plain) - 273.15 == pytest.approx(23.6243, abs=1e-4)
+    room = 293.15
+    behind_window = FLIR.object_temperature(
+        18109, 0.95, room, 1.0, room, 0.5, 0.96, room
+    )
+    assert float(behind_window) - 273.15 == pytest.approx(24.0002, abs=1e-4)
+
+
+def test_counts_and_temperatures_are_inverse_and_smooth():
+    kelvin = jnp.array([250.0, 300.0, 380.0])
+    np.testing.assert_allclose(
+        FLIR.temperature(FLIR.counts(kelvin)), kelvin, rtol=1e-12
+    )
+    slope = jax.grad(lambda s: FLIR.temperature(s))(jnp.asarray(18109.0))
+    ends = [float(FLIR.temperature(18109.0 + sign)) for sign in (1e-1, -1e-1)]
+    assert float(slope) == pytest.approx((ends[0] - ends[1]) / 2e-1, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: jt.measured_radiance(300.0, 1.2),
+        lambda: jt.measured_radiance(300.0, 0.9, transmissivity=-0.1),
+        lambda: jt.object_temperature(60.0, 0.0),
+        lambda: jt.object_temperature(60.0, 0.5, transmissivity=0.0),
+        # All that arrives would be reflected.
+        lambda: jt.object_temperature(20.0, 0.5, 300.0),
+        lambda: FLIR.temperature(np.array([18109.0, 7340.0])),
+        lambda: FLIR.object_temperature(18109.0, 1.5),
+        lambda: FLIR.object_temperature(18109.0, relative_humidity=50.0),
+        lambda: jt.FlirCalibration(b=-1501.0),
+    ],
+)
+def test_impossible_values_are_refused(call):
+    with pytest.raises(jt.InputError):
+        call()

@@ -1,0 +1,161 @@
+"""Weights by cells are those of all pairs of points and fragments."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_array
+
+import jaxthermo as jt
+from jaxthermo.arrays import linear_map
+from jaxthermo.image.surface import weights as module
+from jaxthermo.image.surface.weights import (
+    CHUNK,
+    FragmentCells,
+    Neighbours,
+    block_matrix,
+    cells_of,
+)
+from jaxthermo.scene.scene import BodyGeometry
+
+
+def geometry_of(grid: jt.VoxelGrid) -> BodyGeometry:
+    return BodyGeometry(
+        vertices=grid.mesh.vertices,
+        faces=grid.mesh.faces,
+        fragment_position=grid.fragment_position,
+        fragment_normal=grid.fragment_normal,
+        fragment_area=grid.fragment_area,
+        pitch=grid.pitch,
+        pose=jt.Pose(),
+    )
+
+
+def all_weights(geometry, points, normals, radius) -> np.ndarray:
+    """Weights [p, s] of every pair, by the formula."""
+    away = points[:, None] - geometry.fragment_position
+    fade = np.maximum(1 - (away**2).sum(-1) / radius**2, 0)
+    cosine = np.maximum(normals @ geometry.fragment_normal.T, 0)
+    return fade**2 * cosine**2 * geometry.fragment_area
+
+
+@pytest.mark.parametrize("reach", [1.0, 2.0, 3.7])
+def test_weights_of_points_on_and_far_from_a_body(reach):
+    grid = jt.voxelize(jt.shapes.sphere(0.05), 0.01)
+    geometry = geometry_of(grid)
+    radius = reach * grid.pitch
+    numbers = np.random.default_rng(3)
+    points = numbers.uniform(-0.12, 0.12, (CHUNK // 4, 3))
+    points[:200] = 0.05 * points[:200] / np.linalg.norm(points[:200], axis=1)[:, None]
+    normals = numbers.normal(size=points.shape)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    pairs = cells_of(geometry, radius).weighted(points, normals)
+    assert (np.diff(pairs.owner) >= 0).all() and (pairs.weight > 0).all()
+    dense = np.zeros((len(points), len(grid.fragment_area)))
+    np.add.at(dense, (pairs.owner, pairs.fragment), pairs.weight)
+    expected = all_weights(geometry, points=points, normals=normals, radius=radius)
+    assert expected.any()
+    np.testing.assert_allclose(dense, expected, rtol=1e-9, atol=1e-16)
+
+
+def test_pairs_are_at_least_those_within_the_radius():
+    grid = jt.voxelize(jt.shapes.box((0.04, 0.03, 0.02)), 0.005)
+    geometry = geometry_of(grid)
+    points = np.random.default_rng(5).uniform(-0.05, 0.05, (300, 3))
+    owner, fragment, _ = FragmentCells(geometry, 0.01).pairs(points)
+    actual = set(zip(owner.tolist(), fragment.tolist(), strict=True))
+    assert len(actual) == len(owner)
+    away = np.linalg.norm(points[:, None] - geometry.fragment_position, axis=-1)
+    near = np.argwhere(away < 0.01).tolist()
+    assert near and actual >= {(p, s) for p, s in near}
+
+
+class BallPoints(NamedTuple):
+    """A ball of voxels, with points on and around it and their normals."""
+
+    geometry: BodyGeometry
+    points: np.ndarray
+    normals: np.ndarray
+
+
+def ball_points(count: int) -> BallPoints:
+    geometry = geometry_of(jt.voxelize(jt.shapes.sphere(0.05), 0.01))
+    numbers = np.random.default_rng(8)
+    normals = numbers.normal(size=(count, 3))
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    points = numbers.uniform(0.02, 0.1, (count, 1)) * normals
+    return BallPoints(geometry=geometry, points=points, normals=normals)
+
+
+def reference(cells, points, normals, keep=lambda pairs: slice(None)) -> csr_array:
+    """Means from the pairs that numpy finds."""
+    pairs = cells.weighted(points, normals)
+    selected = keep(pairs)
+    row = pairs.owner[selected]
+    fragment = pairs.fragment[selected]
+    weight = pairs.weight[selected]
+    total = np.bincount(row, weight, len(points))
+    size = len(points), len(cells.area)
+    return csr_array((weight / total[row], (row, fragment)), size)
+
+
+@pytest.mark.parametrize("pairs", [2**9, 2**18])
+def test_the_program_computes_the_weights_of_numpy(pairs, monkeypatch):
+    monkeypatch.setattr(module, "_PAIRS", pairs)
+    monkeypatch.setattr(module, "_POINTS", 2**11)
+    count = CHUNK + 300 if pairs > 2**9 else 300
+    monkeypatch.setattr(module, "CHUNK", min(CHUNK, count - 1))
+    geometry, points, normals = ball_points(count)
+    cells = cells_of(geometry, 0.02)
+    weights = cells.means(points, normals)
+    expected = reference(cells, points, normals)
+    assert 0 < (np.diff(weights.indptr) == 0).sum() < count
+    assert weights.nnz == expected.nnz and abs(weights - expected).max() < 1e-12
+
+    def odd(neighbours: Neighbours) -> np.ndarray:
+        return np.flatnonzero(neighbours.fragment % 2)
+
+    some = cells.means(points, normals, odd)
+    expected_odd = reference(cells, points=points, normals=normals, keep=odd)
+    assert 0 < some.nnz < weights.nnz and abs(some - expected_odd).max() < 1e-12
+    # Another fragment where none is near.
+    alone = np.flatnonzero(np.diff(weights.indptr) == 0)
+    filled = cells.means(points, normals, otherwise=lambda which: which % 7)
+    fallback = csr_array((np.ones(len(alone)), (alone, alone % 7)), weights.shape)
+    assert abs(filled - weights - fallback).max() == 0
+    assert filled.nnz == weights.nnz + len(alone)
+
+
+def test_without_a_table_of_cells_they_are_the_same(monkeypatch):
+    geometry, points, normals = ball_points(500)
+    far = 1e3 * points[:100]
+    points = np.concatenate([points, far, -far])
+    normals = np.concatenate([normals, normals[:100], normals[:100]])
+    by_table = FragmentCells(geometry, 0.02).means(points, normals)
+    monkeypatch.setattr(module, "_MAX_CELLS", 0)
+    by_search = FragmentCells(geometry, 0.02).means(points, normals)
+    assert by_table.nnz > 0 and abs(by_table - by_search).max() == 0
+    assert (np.diff(by_table.indptr)[500:] == 0).all()
+
+
+def test_matrices_of_bodies_below_each_other():
+    blocks = [
+        csr_array(np.array(rows, float))
+        for rows in ([[1, 0, 2], [0, 0, 0]], [[3]], [[0, 4], [5, 6]])
+    ]
+    expected = np.zeros((5, 6))
+    expected[:2, :3] = [[1, 0, 2], [0, 0, 0]]
+    expected[2, 3] = 3
+    expected[3:, 4:] = [[0, 4], [5, 6]]
+    np.testing.assert_array_equal(block_matrix(blocks).toarray(), expected)
+
+
+@pytest.mark.parametrize("shape", [(3,), (7, 3), (5, 4, 3), (0, 3)])
+def test_a_linear_map_is_the_product(shape):
+    numbers = np.random.default_rng(1)
+    vectors = numbers.normal(size=shape)
+    matrix = numbers.normal(size=(3, 3))
+    np.testing.assert_allclose(
+        linear_map(vectors, matrix), vectors @ matrix, rtol=1e-12, atol=1e-14
+    )
+    np.testing.assert_array_equal(linear_map(vectors, np.eye(3)), vectors)
