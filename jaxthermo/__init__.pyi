@@ -18,12 +18,14 @@ from .image.colour.draw_measurements import (
     measure as measure,
 )
 from .image.colour.picture import picture as picture, write_png as write_png
-from .image.detector.noise import (
+from .image.detector.effects import (
+    Blur as Blur,
     Counts as Counts,
     DetectorNoise as DetectorNoise,
+    DiffractionBlur as DiffractionBlur,
     FixedPatternNoise as FixedPatternNoise,
 )
-from .image.detector.optics import Blur as Blur, DiffractionBlur as DiffractionBlur
+from .image.detector.recorder import frames as frames, render as render
 from .image.files.animation import write_animation as write_animation
 from .image.files.exr import write_exr as write_exr
 from .image.files.flir_file import (
@@ -49,7 +51,6 @@ from .image.radiance.thermography import (
     measured_radiance as measured_radiance,
     object_temperature as object_temperature,
 )
-from .image.render import frames as frames, render as render
 from .image.surface.camera import (
     Camera as Camera,
     OrthographicCamera as OrthographicCamera,

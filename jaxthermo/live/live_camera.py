@@ -9,7 +9,7 @@ from ..config.camera_framing import build_camera
 from ..config.schema.scene import SceneConfig
 from ..config.types.model import build
 from ..image.colour.frame_values import QUANTITIES
-from ..image.detector.optics import Blur
+from ..image.detector.effects import Blur
 from ..image.detector.recorder import Moment, Recorder
 from ..image.radiance.effect import Effects, in_order
 from ..physics.time_varying import just_before

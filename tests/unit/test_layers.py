@@ -80,6 +80,16 @@ def test_imports_point_one_way():
     assert not wrong
 
 
+def test_rooms_of_images_import_one_way():
+    rooms = ["surface", "radiance", "pose", "detector", "colour", "files"]
+    for number, room in enumerate(rooms):
+        for path in (ROOT / "jaxthermo" / "image" / room).glob("*.py"):
+            for node in nodes(path):
+                if isinstance(node, ast.ImportFrom) and node.level == 2:
+                    imported = (node.module or "").split(".")[0]
+                    assert imported not in rooms[number + 1 :], path
+
+
 def test_every_folder_is_in_the_order():
     folders = {p.name for p in (ROOT / "jaxthermo").iterdir() if p.is_dir()}
     assert folders - {"__pycache__", "data"} == set(ORDER)

@@ -1,7 +1,8 @@
 """Meshes as GLB files (glTF 2.0), coloured at their vertices or by a texture.
 
 Z is up here and y is up in glTF: a root node turns the scene. Materials are unlit,
-since false colours must not be shaded.
+since false colours must not be shaded. The exporter of trimesh rounds linear colours to
+8 bits, which would show bands, and writes neither samplers nor unlit materials.
 """
 
 import json

@@ -1,4 +1,7 @@
-"""VTU files, the unstructured grids of ParaView, and their PVD collection over time."""
+"""VTU files, the unstructured grids of ParaView, and their PVD collection over time.
+
+The writer of meshio leaves out the field data, where ParaView finds the time.
+"""
 
 import base64
 from collections.abc import Mapping, Sequence

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.image.detector.optics import integrate_pixels
+from jaxthermo.image.detector.effects import integrate_pixels
 from jaxthermo.image.detector.recorder import Recording
 from jaxthermo.image.radiance.band import LONG_WAVE
 from jaxthermo.image.radiance.effect import in_order

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.image.radiance.pixels import irradiation_at_pixels, means
+from jaxthermo.image.radiance.draw import irradiation_at_pixels, means
 from jaxthermo.image.surface.view import View, compute_view
 from jaxthermo.scene.body_geometry import body_geometry
 from jaxthermo.scene.scene import SolvedSurface
