@@ -33,7 +33,7 @@ _MEMORY = 36.0
 
 
 class Moment(NamedTuple):
-    """What a camera sees of a scene at one time."""
+    """State of a scene at one time, as far as a camera sees it."""
 
     surfaces: tuple[SolvedSurface, ...]
     """Surfaces of the bodies, with their motion."""
