@@ -2,7 +2,7 @@
 
     moment of a scene -> image before the lens -> optics -> lag -> noise -> counts
 
-A `Recorder` has a camera with its band and effects, and draws moments. A `Detector`
+A `Recorder` has a camera with its band and effects, and draws moments. A detector
 turns images into frames in the order of time, a `Recording` in any order.
 """
 
@@ -49,7 +49,7 @@ class Moment(NamedTuple):
     """Time of the values of sky, ground and sources [s]."""
 
 
-class Detector:
+class _Detector:
     """Detector behind a lens, which reads out frames in the order of their times."""
 
     def __init__(self, effects: Effects, samples: int = 1):
@@ -130,7 +130,7 @@ class Recording:
         self._effects = effects
         # By numpy: on the host, also while temperatures are traced.
         self._times: list[float] = np.asarray(times).tolist()
-        self._detector = Detector(effects, samples)
+        self._detector = _Detector(effects, samples)
         self._samples = samples
         self._last: int | None = None
 
@@ -157,7 +157,7 @@ class Recording:
         """Frames that the detector has to follow before the one of `index`."""
         if self._last is not None and self._last < index:
             return range(self._last + 1, index)
-        self._detector = Detector(self._effects, self._samples)
+        self._detector = _Detector(self._effects, self._samples)
         memory = _MEMORY * max(lag.time_constant for lag in self._effects.lag)
         first = index
         while first > 0 and self._times[index] - self._times[first] < memory:
@@ -184,7 +184,7 @@ class Recorder:
         self._samples = samples
         self._smooth = smooth
         self._occlusion = occlusion
-        self._detector = Detector(effects, samples)
+        self._detector = _Detector(effects, samples)
 
     def view(
         self,

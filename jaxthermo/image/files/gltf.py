@@ -8,7 +8,7 @@ since false colours must not be shaded. The exporter of trimesh rounds linear co
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NotRequired, TypedDict
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
@@ -50,19 +50,74 @@ def linear_colours(srgb: UInt8[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     return np.where(value <= 0.04045, value / 12.92, curved).astype(np.float32)
 
 
+class _BufferView(TypedDict):
+    """Bytes of the binary part."""
+
+    buffer: int
+    byteOffset: int
+    byteLength: int
+    target: NotRequired[int]
+
+
+class _Accessor(TypedDict):
+    """Array in the binary part."""
+
+    bufferView: int
+    componentType: int
+    count: int
+    type: str
+    min: list[float]
+    max: list[float]
+
+
+class _Node(TypedDict):
+    """Object of the scene, with a mesh or with objects below it."""
+
+    name: str
+    matrix: list[float]
+    mesh: NotRequired[int]
+    children: NotRequired[list[int]]
+
+
+class _Primitive(TypedDict):
+    """Triangles of one material."""
+
+    attributes: dict[str, int]
+    indices: int
+    material: int
+
+
+class _Mesh(TypedDict):
+    name: str
+    primitives: list[_Primitive]
+    extras: NotRequired[Mapping[str, Any]]
+
+
+class _Material(TypedDict):
+    name: str
+    pbrMetallicRoughness: dict[str, float | dict[str, int]]
+    extensions: dict[str, dict[str, str]]
+
+
 class _Buffer:
     """The binary part of a file, with the accessors to it."""
 
     def __init__(self):
         self.data = bytearray()
-        self.views: list[dict[str, Any]] = []
-        self.accessors: list[dict[str, Any]] = []
+        self.views: list[_BufferView] = []
+        self.accessors: list[_Accessor] = []
 
-    def add(self, content: bytes, **fields: Any) -> int:
+    def add(self, content: bytes, target: int | None = None) -> int:
         """Append bytes; returns the number of their view."""
         self.data += b"\0" * (-len(self.data) % 4)
         start = len(self.data)
-        view = {"buffer": 0, "byteOffset": start, "byteLength": len(content), **fields}
+        view: _BufferView = {
+            "buffer": 0,
+            "byteOffset": start,
+            "byteLength": len(content),
+        }
+        if target is not None:
+            view["target"] = target
         self.views.append(view)
         self.data += content
         return len(self.views) - 1
@@ -95,7 +150,7 @@ def write_meshes(
     """
     buffer = _Buffer()
     numbers = range(1, len(meshes) + 1)
-    root = {"name": "z_up", "matrix": list(_TURNED), "children": list(numbers)}
+    root: _Node = {"name": "z_up", "matrix": list(_TURNED), "children": list(numbers)}
     tree: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "jaxthermo"},
         "scene": 0,
@@ -113,15 +168,15 @@ def write_meshes(
         temporary.write_bytes(_packed(tree, bytes(buffer.data)))
 
 
-def _node(number: int, mesh: GltfMesh) -> dict[str, Any]:
+def _node(number: int, mesh: GltfMesh) -> _Node:
     matrix = np.eye(4)
     matrix[:3, :3] = mesh.pose.rotation
     matrix[:3, 3] = mesh.pose.translation
     return {"name": mesh.name, "mesh": number, "matrix": matrix.T.ravel().tolist()}
 
 
-def _mesh(number: int, mesh: GltfMesh, buffer: _Buffer) -> dict[str, Any]:
-    primitive = {
+def _mesh(number: int, mesh: GltfMesh, buffer: _Buffer) -> _Mesh:
+    primitive: _Primitive = {
         "attributes": {
             name: buffer.add_array(np.asarray(values), _VERTICES)
             for name, values in mesh.attributes.items()
@@ -129,13 +184,16 @@ def _mesh(number: int, mesh: GltfMesh, buffer: _Buffer) -> dict[str, Any]:
         "indices": buffer.add_array(np.asarray(mesh.faces).ravel(), _INDICES),
         "material": number,
     }
-    description = {"name": mesh.name, "primitives": [primitive]}
-    return description | ({"extras": dict(mesh.extras)} if mesh.extras else {})
+    description: _Mesh = {"name": mesh.name, "primitives": [primitive]}
+    if mesh.extras:
+        description["extras"] = dict(mesh.extras)
+    return description
 
 
-def _material(mesh: GltfMesh, tree: dict[str, Any], buffer: _Buffer) -> dict[str, Any]:
+def _material(mesh: GltfMesh, tree: dict[str, Any], buffer: _Buffer) -> _Material:
     # Rough, for viewers that light it nevertheless.
-    colours: dict[str, Any] = {"metallicFactor": 0, "roughnessFactor": 1}
+    colours: dict[str, float | dict[str, int]]
+    colours = {"metallicFactor": 0, "roughnessFactor": 1}
     if mesh.texture is not None:
         images = tree.setdefault("images", [])
         view = buffer.add(mesh.texture)

@@ -1,7 +1,7 @@
 """Labels of a frame for detector networks: boxes and masks of COCO, camera matrices."""
 
 import math
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NotRequired, TypedDict
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -48,7 +48,16 @@ def instances(number: Int[np.ndarray, "h w"]) -> list[_Instance]:
     return visible
 
 
-def run_lengths(mask: Bool[np.ndarray, "h w"]) -> dict[str, Any]:
+class _RunLengths(TypedDict):
+    """Mask in the uncompressed run-length encoding of COCO."""
+
+    counts: list[int]
+    """Lengths of runs of 0 and 1 in turn, columns first."""
+    size: list[int]
+    """Height and width [pixels]."""
+
+
+def run_lengths(mask: Bool[np.ndarray, "h w"]) -> _RunLengths:
     """Mask in the uncompressed run-length encoding of COCO: columns first, from 0."""
     flat = mask.ravel(order="F")
     ends = np.flatnonzero(np.diff(flat)) + 1
@@ -57,7 +66,19 @@ def run_lengths(mask: Bool[np.ndarray, "h w"]) -> dict[str, Any]:
     return {"counts": [*first, *counts], "size": list(mask.shape)}
 
 
-def camera_matrices(camera: AbstractCamera) -> dict[str, Any]:
+class _CameraMatrices(TypedDict):
+    """Matrices of a camera as plain numbers, in the axes of OpenCV."""
+
+    world_to_camera: list[list[float]]
+    K: NotRequired[list[list[float]]]
+    """Intrinsic matrix of a pinhole [pixels]."""
+    pixels_per_metre: NotRequired[float]
+    """Scale of a camera with parallel rays."""
+    centre_pixel: NotRequired[list[float]]
+    """Centre of the image of a camera with parallel rays [pixels]."""
+
+
+def camera_matrices(camera: AbstractCamera) -> _CameraMatrices:
     """Matrices of a camera as plain numbers, in the axes of OpenCV.
 
     Axes of the camera are right, down and forward, and the centre of the first pixel is
@@ -67,18 +88,20 @@ def camera_matrices(camera: AbstractCamera) -> dict[str, Any]:
     rotation: Float[np.ndarray, "3 3"] = camera.frame
     shift = -rotation @ np.asarray(camera.position)
     extrinsic = np.concatenate([rotation, shift[:, None]], axis=1)
-    matrices: dict[str, Any] = {"world_to_camera": extrinsic.tolist()}
+    matrices: _CameraMatrices = {"world_to_camera": extrinsic.tolist()}
     centre = (camera.width - 1) / 2, (camera.height - 1) / 2
     if isinstance(camera, Camera):
         focal = camera.height / 2 / math.tan(camera.field_of_view / 2)
-        columns = [focal, 0.0, centre[0]], [0.0, focal, centre[1]], [0.0, 0.0, 1.0]
-        return {**matrices, "K": [list(row) for row in columns]}
+        matrices["K"] = [
+            [focal, 0.0, centre[0]],
+            [0.0, focal, centre[1]],
+            [0.0, 0.0, 1.0],
+        ]
+        return matrices
     height = float(getattr(camera, "view_height", math.nan))
-    return {
-        **matrices,
-        "pixels_per_metre": camera.height / height,
-        "centre_pixel": list(centre),
-    }
+    matrices["pixels_per_metre"] = camera.height / height
+    matrices["centre_pixel"] = list(centre)
+    return matrices
 
 
 def coco(

@@ -25,7 +25,7 @@ from .vtu import write_triangles
 _LONGEST_EDGE = 2.0
 
 
-class VertexMesh(NamedTuple):
+class _VertexMesh(NamedTuple):
     """Triangles that are about as fine as the voxels, in the frame of their body.
 
     A vertex on an edge of more than 40 degrees exists once for each side: the sides of
@@ -49,7 +49,7 @@ class VertexMesh(NamedTuple):
 
 def vertex_mesh(
     geometry: BodyGeometry, longest_edge: float | None = None
-) -> VertexMesh:
+) -> _VertexMesh:
     """Mesh of a body with the weights of its vertices.
 
     Args:
@@ -67,7 +67,7 @@ def vertex_mesh(
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = normals / np.where(length > 0, length, 1)
     weights = smooth_weights(vertices, normals, geometry)
-    return VertexMesh(
+    return _VertexMesh(
         vertices=vertices, normals=normals, faces=faces, parent=parent, weights=weights
     )
 
@@ -158,7 +158,7 @@ def write_vtu(path: str | Path, solution: _Solved, index: int = -1) -> None:
     )
 
 
-def _mesh(geometry: BodyGeometry) -> VertexMesh:
+def _mesh(geometry: BodyGeometry) -> _VertexMesh:
     """Mesh of a body, the same at all times and poses."""
     arrays = geometry.vertices, geometry.faces, geometry.fragment_position
     key = "vertex_mesh", float(geometry.pitch)

@@ -9,7 +9,7 @@ import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NotRequired, TypedDict
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -25,14 +25,14 @@ from ..surface.facets import corner_normals
 from ..surface.view import smooth_weights
 from .exr import write_channels
 from .gltf import GltfMesh, write_meshes
-from .raster_files import centikelvin
+from .raster_files import centikelvin, grey_levels, write_grey
 
 
 # Longest side of a texture that all graphics cards take [texels].
 _LARGEST = 8192
 
 
-class Atlas(NamedTuple):
+class _Atlas(NamedTuple):
     """Texture coordinates of a body's triangles and the weights of the texels.
 
     Every triangle has its own texels: two triangles share a square of n + 3 texels,
@@ -77,8 +77,8 @@ class _Cells(NamedTuple):
     size: tuple[int, int]
 
 
-def build_atlas(geometry: BodyGeometry, texel: float | None = None) -> Atlas:
-    """Atlas of a body.
+def build_atlas(geometry: BodyGeometry, texel: float | None = None) -> _Atlas:
+    """Make the atlas of a body.
 
     Args:
         geometry: of the body.
@@ -110,7 +110,7 @@ def build_atlas(geometry: BodyGeometry, texel: float | None = None) -> Atlas:
     ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-12)
     weights = smooth_weights(mixed(triangles), ahead, geometry)
     uv = _coordinates(cells)
-    return Atlas(
+    return _Atlas(
         vertices=vertices,
         normals=creased.normals,
         faces=faces,
@@ -209,12 +209,30 @@ class BodyTextures(NamedTuple):
     high: float
 
 
+class _FrameFiles(TypedDict):
+    """Names of the files of one frame, and what the caller notes of it."""
+
+    files: list[str]
+    time_s: NotRequired[float]
+    pose: NotRequired[dict[str, list[Any]]]
+
+
+class _BodyFiles(TypedDict):
+    """Names of the files of a body, and the size of its images [texels]."""
+
+    name: str
+    files: list[str]
+    width: int
+    height: int
+    textures: list[_FrameFiles]
+
+
 def write_textures(
     folder: Path,
     body: BodyTextures,
     frames: Sequence[tuple[str, Float[np.ndarray, " s"]]],
     palette: str,
-) -> dict[str, Any]:
+) -> _BodyFiles:
     """Write the OBJ of a body, and the images of each of its frames.
 
     Args:
@@ -232,7 +250,7 @@ def write_textures(
     atlas = build_atlas(body.geometry)
     mesh = f"{body.name}.obj"
     _write_obj(folder / mesh, atlas)
-    pages = []
+    pages: list[_FrameFiles] = []
     for stem, kelvin in frames:
         name = f"{body.name}_{stem}"
         names = [f"{name}.png", f"{name}.exr", f"{name}_heat.png", f"{name}.glb"]
@@ -254,7 +272,7 @@ def write_textures(
     }
 
 
-def _write_obj(path: Path, atlas: Atlas) -> None:
+def _write_obj(path: Path, atlas: _Atlas) -> None:
     """Mesh in the frame of its body [m], with texture coordinates of every corner."""
     corner = np.arange(atlas.faces.size).reshape(-1, 3)
     lines = ["# jaxthermo: metres, z up"]
@@ -272,7 +290,7 @@ def _write_obj(path: Path, atlas: Atlas) -> None:
 
 def _write_glb(
     path: Path,
-    atlas: Atlas,
+    atlas: _Atlas,
     body: BodyTextures,
     image: Float[np.ndarray, "h w"],
     palette: str,
