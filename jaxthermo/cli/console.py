@@ -56,53 +56,58 @@ def status(console: Console, activity: str) -> Iterator[None]:
         yield
 
 
+def _duration(time: float) -> str:
+    """A time as it stands in a sentence: "90 s" or "12 min 30 s"."""
+    return time_label(time).removeprefix("t = ")
+
+
 @contextmanager
 def progress_bar(console: Console, end: float, steps: int) -> Iterator[Callable]:
     """A bar over all steps; yields a function of (steps done, simulated time, pass)."""
-    # "90 s" or "12 min 30 s", as within a sentence.
-    duration = lambda time: time_label(time).removeprefix("t = ")
-    columns = (
+    with Progress(
         TextColumn("{task.description}"),
         BarColumn(bar_width=None),
         TaskProgressColumn(),
-        TextColumn("{task.fields[reached]} of " + duration(end) + ","),
+        TextColumn("{task.fields[reached]} of " + _duration(end) + ","),
         TimeRemainingColumn(),
         TextColumn("left"),
-    )
-    with Progress(
-        *columns, console=console, transient=True, disable=not console.is_terminal
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
     ) as bar:
-        task = bar.add_task("simulating", total=max(steps, 1), reached=duration(0.0))
+        task = bar.add_task("simulating", total=max(steps, 1), reached=_duration(0.0))
 
         def update(done: int, time: float, number: int = 0) -> None:
             # The bar begins again with every pass of a run that controls its error.
             name = f"simulating, pass {number + 1}" if number else "simulating"
-            bar.update(task, completed=done, reached=duration(time), description=name)
+            bar.update(task, completed=done, reached=_duration(time), description=name)
 
         yield update
 
 
 @contextmanager
-def count_bar(console: Console, what: str, total: int) -> Iterator[Callable[[], None]]:
-    """A bar over a number of things; yields a function that counts one of them."""
-    columns = (
+def count_bar(
+    console: Console, activity: str, total: int
+) -> Iterator[Callable[[], None]]:
+    """A bar that counts to a total; yields a function that adds one."""
+    with Progress(
         TextColumn("{task.description}"),
         BarColumn(bar_width=None),
         TaskProgressColumn(),
         TimeRemainingColumn(),
         TextColumn("left"),
-    )
-    with Progress(
-        *columns, console=console, transient=True, disable=not console.is_terminal
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
     ) as bar:
-        task = bar.add_task(what, total=total)
+        task = bar.add_task(activity, total=total)
         yield lambda: bar.advance(task)
 
 
 @contextmanager
 def patient_interrupt() -> Iterator[Callable[[], bool]]:
     """Turn the first Ctrl-C into a flag that is polled; the second one interrupts."""
-    # The state of a run is saved between segments only.
+    # The state of a run can only be saved between segments.
     requested = False
 
     def request(number, frame):
@@ -111,8 +116,8 @@ def patient_interrupt() -> Iterator[Callable[[], bool]]:
             raise KeyboardInterrupt
         requested = True
 
-    before = signal.signal(signal.SIGINT, request)
+    previous_handler = signal.signal(signal.SIGINT, request)
     try:
         yield lambda: requested
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.signal(signal.SIGINT, previous_handler)

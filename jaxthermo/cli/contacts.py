@@ -31,13 +31,13 @@ from .files import (
 from .frames import chosen_frames, finished_config
 
 
-# Minimum range of the colour scale [K]: that of one temperature has no colours.
+# Minimum range of the colour scale [K]: a single temperature would have no colours.
 _MIN_RANGE = 0.1
 _QUANTITY = "surface temperature where bodies touch [\N{DEGREE SIGN}C]"
 
 
 class _Texture(NamedTuple):
-    """Contacts at one saved time, and their values."""
+    """Contacts at one saved time, and the temperatures there."""
 
     area: float
     """Contact area of all pairs of bodies [m^2]."""
@@ -57,16 +57,17 @@ def render_contacts(run: Path, out: Path | None, overrides: tuple[str, ...]) -> 
         raise InputError(
             f"{run}: the scene has no contact term, and so no contact textures"
         )
-    console, target = open_console(), out or run
+    console = open_console()
+    target = out or run
     with precision(config.dtype):
         stored = load_solution(run / "solution.npz")
-        chosen = chosen_frames(config, stored.times)
+        indices = chosen_frames(config, stored.times)
         with status(console, "voxelizing"):
             grids = [body.build_grid() for body in config.bodies]
             _check_unchanged(run, grids, stored)
         with status(console, "finding contacts"):
             textures = [
-                _texture(contacts, grids=grids, stored=stored, k=k) for k in chosen
+                _texture(contacts, grids=grids, stored=stored, k=k) for k in indices
             ]
         if not any(texture.area for texture in textures):
             raise InputError(f"{run}: no bodies touch at the times of the frames")
@@ -75,20 +76,20 @@ def render_contacts(run: Path, out: Path | None, overrides: tuple[str, ...]) -> 
                 config,
                 grids=grids,
                 stored=stored,
-                chosen=chosen,
+                indices=indices,
                 textures=textures,
                 folder=folder / CONTACTS,
             )
-    sheets = count(len(chosen), "sheet")
+    sheets = count(len(indices), "sheet")
     print_line(console, f"{sheets} of contact textures in {target / CONTACTS}")
 
 
 def _check_unchanged(run: Path, grids: list[VoxelGrid], stored: StoredSolution) -> None:
     # The same mesh at the same pitch has the same fragments in the same order.
     for body, (grid, surface) in enumerate(zip(grids, stored.surfaces, strict=True)):
-        before = surface.geometry.fragment_position
-        now = grid.fragment_foot
-        if before.shape != now.shape or not np.allclose(before, now):
+        recorded = surface.geometry.fragment_position
+        rebuilt = grid.fragment_foot
+        if recorded.shape != rebuilt.shape or not np.allclose(recorded, rebuilt):
             raise InputError(
                 f"{run}: the mesh of body {body} has changed since the run; "
                 "run the simulation again"
@@ -114,11 +115,11 @@ def _texture(
                 area += float(pairs.area.sum())
                 covered[a] |= pairs.coverage_a > 0
                 covered[b] |= pairs.coverage_b > 0
-    ends = np.cumsum([len(each) for each in covered])[:-1]
+    ends = np.cumsum([len(flags) for flags in covered])[:-1]
     kelvin = np.split(np.asarray(stored.surface_temperature[k], float), ends)
     values = [
-        np.where(touched, each - ZERO_CELSIUS, np.nan)
-        for touched, each in zip(covered, kelvin, strict=True)
+        np.where(touched, temperature - ZERO_CELSIUS, np.nan)
+        for touched, temperature in zip(covered, kelvin, strict=True)
     ]
     return _Texture(area, values)
 
@@ -127,17 +128,21 @@ def _write(
     config: SceneConfig,
     grids: list[VoxelGrid],
     stored: StoredSolution,
-    chosen: list[int],
+    indices: list[int],
     textures: list[_Texture],
     folder: Path,
 ) -> None:
     # One scale for all times, as for the frames.
-    shown = np.concatenate([each for texture in textures for each in texture.values])
-    low, high = float(np.nanmin(shown)), float(np.nanmax(shown))
+    all_values = np.concatenate(
+        [values for texture in textures for values in texture.values]
+    )
+    low = float(np.nanmin(all_values))
+    high = float(np.nanmax(all_values))
     spare = max(0.0, _MIN_RANGE - (high - low)) / 2
     names = frame_names(np.asarray(stored.times, float).tolist())
-    before, written = earlier_frames(prepare_folder(folder)), set()
-    for k, texture in zip(chosen, textures, strict=True):
+    earlier = earlier_frames(prepare_folder(folder))
+    written = set()
+    for k, texture in zip(indices, textures, strict=True):
         if not texture.area:
             continue
         title = (
@@ -148,10 +153,9 @@ def _write(
             (f"body {n}", grid, values)
             for n, (grid, values) in enumerate(zip(grids, texture.values, strict=True))
         ]
-        limits = low - spare, high + spare
         image = contact_texture_sheet(
             bodies,
-            limits=limits,
+            limits=(low - spare, high + spare),
             quantity=_QUANTITY,
             title=title,
             palette=config.image.palette,
@@ -159,5 +163,5 @@ def _write(
         path = folder / f"{names[k]}.png"
         write_png(path, image)
         written.add(path)
-    for path in before - written:
+    for path in earlier - written:
         path.unlink(missing_ok=True)

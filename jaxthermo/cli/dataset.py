@@ -1,12 +1,13 @@
 """`jaxthermo dataset`: variations of a scene as labelled frames for detector networks.
 
-Every frame's metadata is written after its images: a frame that has them is whole, and
-the same command goes on with the others.
+Every frame's labels are written after its images: a frame with labels is complete, and
+the same command goes on with the missing frames.
 """
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from jaxtyping import Float
@@ -40,18 +41,61 @@ from .frames import FrameCamera, chosen_frames
 from .simulate import CHECKPOINT, CONFIG, run_plan
 
 
-_PLAN, _LABELS, _COCO = "plan.json", "labels", "annotations.json"
+_PLAN = "plan.json"
+_LABELS = "labels"
+_COCO = "annotations.json"
 _IMAGES = ("images", "images_8bit", "masks", "parts", "depth", "radiometric")
-# Percentiles of a frame that are black and white where no scale is given.
-_DARK, _BRIGHT = 0.5, 99.5
-# Numbers in a mask: bodies from 1, of at most this many.
+# Percentiles of a frame that become black and white if the config has no scale.
+_DARK = 0.5
+_BRIGHT = 99.5
+# Largest number of bodies in an 8-bit mask.
 _BODIES = 255
+
+
+class _PartLabels(TypedDict):
+    """A visible part of a body in a frame."""
+
+    part: int
+    name: str
+    box: list[int]
+    """Left, top, width and height [pixels]."""
+    area: int
+    """Number of visible pixels."""
+
+
+class _InstanceLabels(TypedDict):
+    """A visible body in a frame."""
+
+    body: int
+    category: str
+    box: list[int]
+    """Left, top, width and height [pixels]."""
+    area: int
+    """Number of visible pixels."""
+    is_cut: bool
+    """True if the edge of the image cuts the body."""
+    segmentation: Any
+    """Mask in COCO's run lengths."""
+    parts: list[_PartLabels]
+
+
+class _FrameLabels(TypedDict):
+    """Labels of a frame that follow from its image."""
+
+    width: int
+    height: int
+    low_K: float
+    """Temperature of black in the 8-bit image [K]."""
+    high_K: float
+    """Temperature of white in the 8-bit image [K]."""
+    saturated_pixels: int
+    instances: list[_InstanceLabels]
 
 
 def dataset(
     path: Path, out: Path | None, overrides: tuple[str, ...], explain: bool
 ) -> None:
-    """Write the frames of a dataset that are not there yet, and their labels.
+    """Write the missing frames of a dataset, and their labels.
 
     Raises:
         InputError: for a mistake in the config, before anything is simulated; or a
@@ -76,7 +120,9 @@ def dataset(
                 "goes on from there"
             ) from None
         labels = sorted((folder / _LABELS).glob("*.json"))
-        frames = [json.loads(each.read_text(encoding="utf-8")) for each in labels]
+        frames = [
+            json.loads(label_path.read_text(encoding="utf-8")) for label_path in labels
+        ]
         names = list(dict.fromkeys(plan.categories))
         write_json(folder / _COCO, coco(frames, names, path.stem))
     print_line(console, f"{count(total, 'frame')} in {folder}, boxes in {_COCO}")
@@ -90,32 +136,32 @@ def _explain(console: Console, plan: DatasetPlan) -> None:
     classes = ", ".join(dict.fromkeys(plan.categories))
     print_line(console, f"{counted}; classes: {classes}")
     for variation in plan.variations:
-        print_line(console, f"{variation.name}: {_words(variation.changes)}")
+        print_line(console, f"{variation.name}: {_in_words(variation.changes)}")
     print_line(console, "every camera sees a body; nothing was simulated")
 
 
-def _words(changes: dict[str, Any]) -> str:
-    given = (f"{key}={json.dumps(value)}" for key, value in changes.items())
-    return ", ".join(given) or "the scene as it is"
+def _in_words(changes: Mapping[str, object]) -> str:
+    settings = [f"{key}={json.dumps(value)}" for key, value in changes.items()]
+    return ", ".join(settings) or "the scene as it is"
 
 
 def _claim(folder: Path, plan: DatasetPlan) -> None:
-    """Make the folder the dataset's, unless it is that of another one."""
+    """Mark the folder as the dataset's; refuse that of another dataset."""
     mark = folder / _PLAN
-    own = {"digest": plan.digest}
+    expected = {"digest": plan.digest}
     if mark.is_file():
         try:
-            known = json.loads(mark.read_text(encoding="utf-8"))
+            recorded = json.loads(mark.read_text(encoding="utf-8"))
         except ValueError:
-            known = None
-        if known != own:
+            recorded = None
+        if recorded != expected:
             raise InputError(
                 f"--out {folder}: has frames of another dataset, or of another state "
                 "of its files; name another folder, or remove it"
             )
     with replacing(folder / "dataset.yaml") as path:
         path.write_text(to_yaml(plan.config), encoding="utf-8")
-    write_json(mark, own)
+    write_json(mark, expected)
     for name in (_LABELS, *_IMAGES):
         if name != "parts":
             prepare_folder(folder / name)
@@ -129,34 +175,40 @@ def _write_variation(
     done = len(list((folder / _LABELS).glob(f"{variation.name}_*.json")))
     if done == total:
         return
-    print_line(console, f"{variation.name}: {_words(variation.changes)}")
+    print_line(console, f"{variation.name}: {_in_words(variation.changes)}")
     with precision(variation.config.dtype):
-        place = prepare_folder(folder / "runs" / variation.name)
-        stored = _stored(console, variation.config, place)
+        run_folder = prepare_folder(folder / "runs" / variation.name)
+        stored = _stored(console, variation.config, run_folder)
         with count_bar(console, "drawing frames", total) as advance:
             for view in range(len(plan.views)):
-                for _ in _write_view(
+                frames = _write_view(
                     plan, number=number, view=view, stored=stored, folder=folder
-                ):
+                )
+                for _ in frames:
                     advance()
 
 
-def _stored(console: Console, config: SceneConfig, place: Path) -> StoredSolution:
+def _stored(console: Console, config: SceneConfig, run_folder: Path) -> StoredSolution:
     """The run of a variation: read, continued or simulated."""
-    solution = place / "solution.npz"
+    solution = run_folder / "solution.npz"
     if solution.is_file():
         return load_solution(solution)
-    with replacing(place / CONFIG) as path:
+    with replacing(run_folder / CONFIG) as path:
         path.write_text(to_yaml(config), encoding="utf-8")
     with status(console, "building the scene"):
         scene = config.build()
-        times = config.time.end, config.time.save_times
-        todo = plan_run(scene, *times, config.solver.build(), control_error=True)
-    found, _ = run_plan(console, config=config, todo=todo, out=place)
-    if found.result != RESULTS.successful:
-        raise InputError(f"{place}: {RESULTS[found.result]}")
-    stored = save_solution(solution, found)
-    (place / CHECKPOINT).unlink(missing_ok=True)
+        plan = plan_run(
+            scene,
+            t1=config.time.end,
+            save_at=config.time.save_times,
+            solver=config.solver.build(),
+            control_error=True,
+        )
+    result, _ = run_plan(console, config=config, plan=plan, out=run_folder)
+    if result.result != RESULTS.successful:
+        raise InputError(f"{run_folder}: {RESULTS[result.result]}")
+    stored = save_solution(solution, result)
+    (run_folder / CHECKPOINT).unlink(missing_ok=True)
     return stored
 
 
@@ -201,67 +253,78 @@ def _write_view(
 
 def _write_images(
     plan: DatasetPlan, image: Image, folder: Path, name: str, config: SceneConfig
-) -> dict[str, Any]:
+) -> _FrameLabels:
     """Write the files of a frame; returns its labels."""
     kelvin = np.asarray(image.apparent_temperature, float)
-    body, depth = np.asarray(image.object_id), np.asarray(image.depth, float)
+    body = np.asarray(image.object_id)
+    depth = np.asarray(image.depth, float)
     low, high = _levels(plan, kelvin)
-    file = lambda kind: folder / kind / f"{name}.png"
+
+    def file(channel: str) -> Path:
+        return folder / channel / f"{name}.png"
+
     write_grey(file("images"), centikelvin(kelvin))
     write_grey(file("images_8bit"), grey_levels(kelvin, low, high))
     write_grey(file("masks"), _numbered(body))
-    # In millimetres, 0 where there is no body, as of depth cameras.
-    steps = np.where(body >= 0, np.rint(np.where(body >= 0, depth, 0) * 1000), 0)
-    write_grey(file("depth"), np.clip(steps, 0, 65535).astype(np.uint16))
+    # In millimetres, 0 where there is no body, as depth cameras do.
+    millimetres = np.rint(np.where(body >= 0, depth, 0) * 1000)
+    write_grey(file("depth"), np.clip(millimetres, 0, 65535).astype(np.uint16))
     if image.part_id is not None:
         prepare_folder(folder / "parts")
         write_grey(file("parts"), _numbered(np.asarray(image.part_id)))
     exact = folder / "radiometric" / f"{name}.exr"
     write_exr(exact, image, {"config": to_yaml(config)})
-    found = [
-        {
-            "body": each.number,
-            "category": plan.categories[each.number],
-            "box": list(each.box),
-            "area": each.area,
-            "is_cut": each.is_cut,
-            "segmentation": run_lengths(each.mask),
-            "parts": _parts(image, each.number),
-        }
-        for each in instances(body)
+    labelled = [
+        _InstanceLabels(
+            body=instance.number,
+            category=plan.categories[instance.number],
+            box=list(instance.box),
+            area=instance.area,
+            is_cut=instance.is_cut,
+            segmentation=run_lengths(instance.mask),
+            parts=_parts(image, instance.number),
+        )
+        for instance in instances(body)
     ]
     height, width = kelvin.shape
-    return {
-        "width": width,
-        "height": height,
-        "low_K": low,
-        "high_K": high,
-        "saturated_pixels": saturated_pixels(kelvin),
-        "instances": found,
-    }
+    return _FrameLabels(
+        width=width,
+        height=height,
+        low_K=low,
+        high_K=high,
+        saturated_pixels=saturated_pixels(kelvin),
+        instances=labelled,
+    )
 
 
 def _levels(plan: DatasetPlan, kelvin: Float[np.ndarray, "h w"]) -> tuple[float, float]:
     """Temperatures of black and white of a frame [K]."""
-    own = np.percentile(kelvin, [_DARK, _BRIGHT]).tolist()
-    low = own[0] if plan.config.low is None else plan.config.low
-    high = own[1] if plan.config.high is None else plan.config.high
+    percentiles = np.percentile(kelvin, [_DARK, _BRIGHT]).tolist()
+    low = percentiles[0] if plan.config.low is None else plan.config.low
+    high = percentiles[1] if plan.config.high is None else plan.config.high
     return low, max(high, low + 0.1)
 
 
 def _numbered(number: np.ndarray) -> np.ndarray:
     """Numbers from 1 as pixels, 0 in the background."""
-    kind = np.uint8 if number.max(initial=0) < _BODIES else np.uint16
-    return (number + 1).astype(kind)
+    dtype = np.uint8 if number.max(initial=0) < _BODIES else np.uint16
+    return (number + 1).astype(dtype)
 
 
-def _parts(image: Image, body: int) -> list[dict[str, Any]]:
+def _parts(image: Image, body: int) -> list[_PartLabels]:
     """Visible parts of a body, with their boxes."""
     if image.part_id is None or not image.part_names[body]:
         return []
-    own = np.where(np.asarray(image.object_id) == body, np.asarray(image.part_id), -1)
+    part_numbers = np.where(
+        np.asarray(image.object_id) == body, np.asarray(image.part_id), -1
+    )
     names = image.part_names[body]
     return [
-        {"part": p.number, "name": names[p.number], "box": list(p.box), "area": p.area}
-        for p in instances(own)
+        _PartLabels(
+            part=part.number,
+            name=names[part.number],
+            box=list(part.box),
+            area=part.area,
+        )
+        for part in instances(part_numbers)
     ]

@@ -4,6 +4,7 @@ import hashlib
 import itertools
 import json
 import math
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,32 +20,33 @@ from ..errors import InputError
 from ..image.surface.visible import visible_points
 
 
-# Beyond all that could be meant: a mistake in a list.
+# More frames than this are a mistake in a list.
 _MAX_FRAMES = 1_000_000
-# Distances of cameras without any, relative to that at which the bodies fill the view.
-_NEAR, _FAR = 1.0, 1.5
+# Default distances of cameras, relative to that at which the bodies fill the view.
+_NEAR = 1.0
+_FAR = 1.5
 _MARGIN = 1.06
 
 
-class Variation(NamedTuple):
+class _Variation(NamedTuple):
     """One run of the scene."""
 
     name: str
-    changes: dict[str, Any]
-    """Values by dotted key that this run has of its own."""
+    changes: Mapping[str, object]
+    """Values by dotted key that distinguish this run from the others."""
     config: SceneConfig
 
 
 class DatasetPlan(NamedTuple):
-    """All runs of a dataset, and the cameras that see each of them."""
+    """All runs of a dataset, and the cameras that see all of them."""
 
     config: DatasetConfig
-    variations: list[Variation]
+    variations: list[_Variation]
     views: list[CameraConfig]
     categories: list[str]
     """Class of every body."""
 
-    def frames_of(self, variation: Variation) -> int:
+    def frames_of(self, variation: _Variation) -> int:
         """Number of frames of a variation."""
         config = variation.config
         times = config.image.frames or config.time.save_times
@@ -55,13 +57,8 @@ class DatasetPlan(NamedTuple):
         config = self.variations[variation].config
         key = [self.config.seed, variation, view]
         (seed,) = np.random.SeedSequence(key).generate_state(1).tolist()
-        # With one seed all frames of a time would have the same noise.
-        effects = tuple(
-            each.model_copy(update={"seed": seed})
-            if each.kind == "detector_noise"
-            else each
-            for each in config.image.effects
-        )
+        # With a common seed all frames of a time would have the same noise.
+        effects = tuple(_with_seed(effect, seed) for effect in config.image.effects)
         image = config.image.model_copy(update={"effects": effects})
         return config.model_copy(update={"camera": self.views[view], "image": image})
 
@@ -69,10 +66,17 @@ class DatasetPlan(NamedTuple):
     def digest(self) -> str:
         """Hash of all that the files depend on [16 hex digits]."""
         texts = [config_hash(variation.config) for variation in self.variations]
-        given = resolved(self.config) | {"scene": ""}
+        settings = resolved(self.config) | {"scene": ""}
         views = [view.model_dump(mode="json") for view in self.views]
-        text = json.dumps([texts, given, views], sort_keys=True, default=str)
+        text = json.dumps([texts, settings, views], sort_keys=True, default=str)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _with_seed(effect: Any, seed: int) -> Any:
+    """A detector's noise with another seed; other effects as they are."""
+    if effect.kind != "detector_noise":
+        return effect
+    return effect.model_copy(update={"seed": seed})
 
 
 def plan_dataset(config: DatasetConfig) -> DatasetPlan:
@@ -105,53 +109,60 @@ def plan_dataset(config: DatasetConfig) -> DatasetPlan:
     return plan
 
 
-def _variations(config: DatasetConfig) -> list[Variation]:
-    names, lists = list(config.variations), config.variations.values()
+def _variations(config: DatasetConfig) -> list[_Variation]:
     generator = np.random.default_rng([config.seed, 0])
-    found = []
-    for values in itertools.product(*lists):
+    variations = []
+    for values in itertools.product(*config.variations.values()):
         for _ in range(config.samples):
-            changes = dict(zip(names, values, strict=True))
+            changes = dict(zip(config.variations, values, strict=True))
             for name in config.ranges:
                 low, high = config.range_of(name)
-                # Six digits, which a reader can repeat.
+                # Six digits: a reader can type them again.
                 changes[name] = float(f"{generator.uniform(low, high):.6g}")
-            given = config.set | changes
-            texts = [f"{key}={json.dumps(value)}" for key, value in given.items()]
+            changed_values = config.set | changes
+            texts = [
+                f"{key}={json.dumps(value)}" for key, value in changed_values.items()
+            ]
             if config.times is not None:
                 texts.append(f"image.frames={json.dumps(config.times)}")
             scene = load_config(config.scene, texts)
-            found.append(Variation(f"v{len(found):04d}", changes, scene))
-    return found
+            name = f"v{len(variations):04d}"
+            variations.append(_Variation(name=name, changes=changes, config=scene))
+    return variations
 
 
 def _orbit(
     orbit: OrbitConfig, corners: Float[np.ndarray, "n 3"], seed: int
 ) -> list[CameraConfig]:
-    """Cameras at places drawn evenly over the sphere between the elevations."""
+    """Cameras at random points, uniform on the sphere between the elevations."""
     middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
     centre = np.asarray(middle if orbit.look_at is None else orbit.look_at)
     radius = _MARGIN * float(np.linalg.norm(corners - centre, axis=1).max())
-    narrow = min(1.0, orbit.width / orbit.height)
-    half = math.atan(math.tan(orbit.field_of_view / 2) * narrow)
-    fitting = radius / math.sin(half)
+    aspect = min(1.0, orbit.width / orbit.height)
+    half_angle = math.atan(math.tan(orbit.field_of_view / 2) * aspect)
+    fitting = radius / math.sin(half_angle)
     near, far = orbit.distance or (_NEAR * fitting, _FAR * fitting)
     low, high = (math.sin(angle) for angle in orbit.elevation)
-    generator, found = np.random.default_rng([seed, 1]), []
+    generator = np.random.default_rng([seed, 1])
+    cameras = []
     for _ in range(orbit.count):
-        sine, distance = generator.uniform(low, high), generator.uniform(near, far)
-        angle, cosine = generator.uniform(*orbit.azimuth), math.sqrt(1 - sine**2)
-        away = np.array([cosine * math.cos(angle), cosine * math.sin(angle), sine])
-        found.append(
+        sine = generator.uniform(low, high)
+        distance = generator.uniform(near, far)
+        azimuth = generator.uniform(*orbit.azimuth)
+        cosine = math.sqrt(1 - sine**2)
+        direction = np.array(
+            [cosine * math.cos(azimuth), cosine * math.sin(azimuth), sine]
+        )
+        cameras.append(
             PinholeConfig(
-                position=_point(centre + distance * away),
+                position=_point(centre + distance * direction),
                 look_at=_point(centre),
                 field_of_view=orbit.field_of_view,
                 width=orbit.width,
                 height=orbit.height,
             )
         )
-    return found
+    return cameras
 
 
 def _point(values: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
@@ -173,8 +184,8 @@ def _check_views(plan: DatasetPlan) -> None:
         config = variation.config
         # Most variations have the same bodies at the same places.
         times = config.image.frames or config.time.save_times
-        given = [body.model_dump_json() for body in config.bodies], times
-        key = hashlib.sha256(repr(given).encode()).digest()
+        bodies = [body.model_dump_json() for body in config.bodies]
+        key = hashlib.sha256(repr((bodies, times)).encode()).digest()
         if key in seen:
             continue
         seen.add(key)
@@ -188,8 +199,8 @@ def _check_views(plan: DatasetPlan) -> None:
                 try:
                     visible_points(world, build_camera(view, triangles))
                 except InputError as error:
-                    at = f" at {time:g} s" if moves else ""
+                    moment = f" at {time:g} s" if moves else ""
                     name = "orbit" if plan.config.orbit is not None else "views"
                     raise InputError(
-                        f"{name}.{number}, {variation.name}{at}: {error}"
+                        f"{name}.{number}, {variation.name}{moment}: {error}"
                     ) from error

@@ -1,4 +1,4 @@
-"""Entry points of the command lines: a mistake is one line, never a traceback."""
+"""Entry of the command lines: a user's mistake is one line, never a traceback."""
 
 import atexit
 import functools
@@ -23,19 +23,19 @@ Animate = Annotated[
     tuple[Literal["apng", "gif", "mp4"], ...] | None,
     Parameter(negative="", consume_multiple=(0, 1), show_default=False),
 ]
-"""Kind of an animation; without a word after it the first."""
+"""Kind of an animation; the option alone means the first kind."""
 _P = ParamSpec("_P")
 
 
 def compiles(command: Callable[_P, None]) -> Callable[_P, None]:
-    """Decorator of commands that compile programs: they are kept for the next one."""
+    """Decorator of commands that compile programs; later commands use them again."""
 
     @functools.wraps(command)
     def run(*args: _P.args, **kwargs: _P.kwargs) -> None:
         # Before jaxlib reads it: where XLA rejects a stored program, it would print
         # lines about wrong machine types, and the program is compiled again.
         os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
-        # By name: it imports JAX, which help and tables do without.
+        # By name: it imports JAX, which help and tables do not need.
         cache = importlib.import_module("jaxthermo.compilation_cache")
         cache.cache_compilations()
         command(*args, **kwargs)
@@ -56,11 +56,11 @@ def run_app(app: App, name: str, arguments: Sequence[str] | None = None) -> None
 
     Args:
         app: the commands.
-        name: of the program, before every message.
-        arguments: those of the process if None.
+        name: name of the program, before every message.
+        arguments: of the command; those of the process if None.
     """
-    # Packages and traces make many objects that stay. To look for garbage among them
-    # after every 700, and among all at the end, is a tenth of a short command.
+    # Packages and traces make many objects that live as long as the process: searching
+    # them for garbage, often and once more at the end, would slow a short command down.
     gc.set_threshold(20_000, 20, 20)
     atexit.register(gc.freeze)
     try:
@@ -76,7 +76,7 @@ def run_app(app: App, name: str, arguments: Sequence[str] | None = None) -> None
         _discard_output()
         sys.exit(141)
     except OSError as error:
-        # Files raise an `InputError`, so that this is standard output, on a full disk.
+        # Errors of files are an `InputError`: this one is of standard output.
         if disk_error(error) is None:
             raise
         _discard_output()
@@ -86,7 +86,7 @@ def run_app(app: App, name: str, arguments: Sequence[str] | None = None) -> None
 
 
 def _discard_output() -> None:
-    # What is still buffered must not raise again at exit.
+    # The rest of the buffer must not raise again at exit.
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

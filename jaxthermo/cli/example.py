@@ -12,7 +12,7 @@ from ..errors import InputError
 
 
 _PACKAGE = Path(__file__).parents[1]
-# A wheel packs the scenes beside the code; a source tree has them in configs/ only.
+# A wheel has the scenes in the package, a source tree only in configs/.
 _FOLDERS = (_PACKAGE / "scenes", _PACKAGE.parent / "configs" / "scenes")
 
 
@@ -27,8 +27,8 @@ def example(name: str | None, out: Path | None) -> None:
         if out is not None:
             raise InputError(f"--out {out}: name the example that is to be written")
         width = max(map(len, texts))
-        for known, text in texts.items():
-            sys.stdout.write(f"{known:{width}}  {_title(text)}\n")
+        for example_name, text in texts.items():
+            sys.stdout.write(f"{example_name:{width}}  {_title(text)}\n")
         return
     if name not in texts:
         raise InputError(f"there is no example '{name}'{close_match(name, texts)}")
@@ -47,17 +47,17 @@ def _examples() -> dict[str, str]:
     folder = next((folder for folder in _FOLDERS if folder.is_dir()), None)
     if folder is None:
         raise InputError("no examples are installed: reinstall jaxthermo")
-    found = {}
+    texts = {}
     for path in sorted(folder.glob("*.yaml")):
         text = path.read_text(encoding="utf-8")
         bodies = parse_yaml(text, str(path))["bodies"]
         if not any("mesh" in body for body in bodies):
-            # Its first line names a schema by a path that holds in the repository only.
-            found[path.stem] = re.sub(r"\A# yaml-language-server.*\n", "", text)
-    return found
+            # The first line names a schema by a path that only the repository has.
+            texts[path.stem] = re.sub(r"\A# yaml-language-server.*\n", "", text)
+    return texts
 
 
-# The first clause of the comment at the top.
+# The first clause of the comment at the top of a scene.
 def _title(text: str) -> str:
     lines = takewhile(lambda line: line.startswith("#"), text.splitlines())
     words = " ".join(line.strip("# ") for line in lines)

@@ -21,17 +21,17 @@ from .frames import chosen_frames, finished_config
 
 
 class _Run(NamedTuple):
-    """A finished run, and which of its times are exported."""
+    """A finished run, and the times of it that are exported."""
 
     config: SceneConfig
     stored: StoredSolution
-    chosen: list[int]
+    indices: list[int]
     stems: list[str]
-    """Name of the files of every saved time."""
+    """Stems of the file names, one for every saved time."""
 
     @property
     def names(self) -> list[str]:
-        """Name of every body: its number and what it is."""
+        """Name of every body: its number and label."""
         return [f"body{n}_{body.label}" for n, body in enumerate(self.config.bodies)]
 
     @property
@@ -39,7 +39,7 @@ class _Run(NamedTuple):
         """Ends of the colour scale [K]: of the config, or of what is exported."""
         image = self.config.image
         return temperature_scale(
-            self.stored, indices=self.chosen, low=image.low, high=image.high
+            self.stored, indices=self.indices, low=image.low, high=image.high
         )
 
 
@@ -55,21 +55,21 @@ def export(
     if format not in _WRITERS:
         raise InputError(f"--format {format}: choose {', '.join(_WRITERS)}")
     config = finished_config(run, overrides, find_meshes=False)
-    console, target = open_console(), out or run / format
+    console = open_console()
+    target = out or run / format
     with precision(config.dtype), status(console, "exporting"):
         stored = load_solution(run / "solution.npz")
-        chosen = chosen_frames(config, stored.times)
+        indices = chosen_frames(config, stored.times)
         stems = frame_names(np.asarray(stored.times, float).tolist())
         with results_folder(target) as folder:
-            written = _WRITERS[format](
-                _Run(config=config, stored=stored, chosen=chosen, stems=stems), folder
-            )
+            data = _Run(config=config, stored=stored, indices=indices, stems=stems)
+            written = _WRITERS[format](data, folder)
     print_line(console, f"{count(written, 'file')} in {target}")
 
 
 def _write_vtu(run: _Run, folder: Path) -> int:
     files = []
-    for k in run.chosen:
+    for k in run.indices:
         name = f"surface_{run.stems[k]}.vtu"
         write_vtu(folder / name, run.stored, k)
         files.append((float(run.stored.times[k]), name))
@@ -79,26 +79,35 @@ def _write_vtu(run: _Run, folder: Path) -> int:
 
 def _write_glb(run: _Run, folder: Path) -> int:
     low, high = run.scale
-    options = {"low": low, "high": high, "palette": run.config.image.palette}
-    for k in run.chosen:
-        path = folder / f"{run.stems[k]}.glb"
-        write_glb(path, run.stored, k, names=run.names, **options)
-    return len(run.chosen)
+    for k in run.indices:
+        write_glb(
+            folder / f"{run.stems[k]}.glb",
+            run.stored,
+            k,
+            names=run.names,
+            low=low,
+            high=high,
+            palette=run.config.image.palette,
+        )
+    return len(run.indices)
 
 
 def _write_texture(run: _Run, folder: Path) -> int:
-    (low, high), stored = run.scale, run.stored
-    pages, written = [], 0
+    low, high = run.scale
+    stored = run.stored
+    pages = []
+    written = 0
     for n, rows in enumerate(body_rows(stored)):
         geometry = stored.surfaces[n].geometry
         kelvin = np.asarray(stored.surface_temperature, float)[:, rows]
-        frames = [(run.stems[k], kelvin[k]) for k in run.chosen]
+        frames = [(run.stems[k], kelvin[k]) for k in run.indices]
         body = BodyTextures(name=run.names[n], geometry=geometry, low=low, high=high)
         page = write_textures(
             folder, body=body, frames=frames, palette=run.config.image.palette
         )
-        written += len(page["files"]) + sum(len(f["files"]) for f in page["textures"])
-        for k, entry in zip(run.chosen, page["textures"], strict=True):
+        written += len(page["files"])
+        for k, entry in zip(run.indices, page["textures"], strict=True):
+            written += len(entry["files"])
             time = float(stored.times[k])
             pose = geometry.pose.at(time)
             entry["time_s"] = time

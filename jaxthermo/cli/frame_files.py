@@ -1,7 +1,7 @@
-"""Files of one frame, those that `image.files` names, and its picture."""
+"""The picture of a frame, and the files that `image.files` names."""
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -29,15 +29,15 @@ from ..image.radiance.image import Image, coarsen
 
 
 _ENDINGS = {"centikelvin": "_centikelvin.png"}
-"""Ends of the names of files that are not those of their kind."""
+"""Endings of file names that differ from the name of their kind."""
 
 
 class Frame(NamedTuple):
-    """A frame with all that its files, pictures and measurements need."""
+    """A frame with everything that its files, pictures and measurements need."""
 
     config: SceneConfig
     fine: Image
-    """With the samples of each pixel."""
+    """Image with all samples of each pixel."""
     samples: int
     """Samples of each pixel along each axis."""
     pixels: Image
@@ -56,19 +56,30 @@ class Frame(NamedTuple):
         scale: tuple[float, float],
         samples: int,
     ) -> "Frame":
-        """Measure an image of so many samples along each axis of a pixel.
+        """Measure an image with `samples` samples along each axis of a pixel.
 
         Raises:
             InputError: for temperatures that are not finite.
         """
-        how, measurements = config.image, build(config.image.measurements)
+        measurements = build(config.image.measurements)
         pixels = coarsen(image, samples)
         mask = covered_fraction(pixels)
         readings = measure(
-            pixels, measurements=measurements, quantity=how.quantity, mask=mask
+            pixels,
+            measurements=measurements,
+            quantity=config.image.quantity,
+            mask=mask,
         )
-        seen = config, image, samples, pixels, mask
-        return cls(*seen, scale, measurements, readings)
+        return cls(
+            config=config,
+            fine=image,
+            samples=samples,
+            pixels=pixels,
+            mask=mask,
+            scale=scale,
+            measurements=measurements,
+            readings=readings,
+        )
 
     @property
     def saturated(self) -> int:
@@ -80,65 +91,96 @@ class Frame(NamedTuple):
 
     def picture(self) -> Picture:
         """The frame in false colours with its scale, time and measurements."""
-        title = self.config.name or ""
-        drawn = picture(self.fine, **self._colours, title=title, gain=self._gain)
-        decimals = end_decimals(*self.scale)
-        return draw_measurements(drawn, *self._measured, decimals=decimals)
+        settings = self.config.image
+        low, high = self.scale
+        drawn = picture(
+            self.fine,
+            low=low,
+            high=high,
+            samples=self.samples,
+            palette=settings.palette,
+            quantity=settings.quantity,
+            title=self.config.name or "",
+            gain=self._gain,
+        )
+        return draw_measurements(
+            drawn,
+            self.pixels,
+            measurements=self.measurements,
+            quantity=settings.quantity,
+            mask=self.mask,
+            decimals=end_decimals(low, high),
+        )
 
     def tile(self) -> UInt8[np.ndarray, "h w 3"]:
         """The frame in false colours with marks alone, for a sheet of one scale."""
-        drawn = Pictures.fromarray(coloured(self.fine, **self._colours))
-        draw_marks(drawn, *self._measured)
+        settings = self.config.image
+        low, high = self.scale
+        colours = coloured(
+            self.fine,
+            low=low,
+            high=high,
+            samples=self.samples,
+            palette=settings.palette,
+            quantity=settings.quantity,
+        )
+        drawn = Pictures.fromarray(colours)
+        draw_marks(
+            drawn,
+            self.pixels,
+            measurements=self.measurements,
+            quantity=settings.quantity,
+            mask=self.mask,
+        )
         return np.asarray(drawn)
 
     @property
     def _gain(self) -> Gain | None:
         """Curve of the colours of this frame; None for a linear scale."""
-        how = self.config.image
-        if how.gain == "linear":
+        settings = self.config.image
+        if settings.gain == "linear":
             return None
-        kelvin = shown_temperature(self.pixels, how.quantity)
+        kelvin = shown_temperature(self.pixels, settings.quantity)
         return plateau_gain(kelvin, self.mask >= 1, *self.scale)
 
-    @property
-    def _measured(
-        self,
-    ) -> tuple[Image, tuple[AbstractMeasurement, ...], str, Float[np.ndarray, "h w"]]:
-        return self.pixels, self.measurements, self.config.image.quantity, self.mask
-
-    @property
-    def _colours(self) -> dict[str, Any]:
-        how, (low, high) = self.config.image, self.scale
-        style = {"palette": how.palette, "quantity": how.quantity}
-        return {"low": low, "high": high, "samples": self.samples, **style}
-
     def write(self, stem: Path, drawn: Picture | None = None) -> list[Path]:
-        """Write all kinds of files that the config asks for.
+        """Write the files that the config names.
 
         Args:
-            stem: path of the files, without the end of their names.
-            drawn: the picture if it is drawn already.
+            stem: path of the files, without the ending of their names.
+            drawn: the picture if it has been drawn already.
 
         Returns:
             The files.
         """
-        how, written = self.config.image, list[Path]()
-        for kind in how.files:
-            path = stem.with_name(stem.name + _ENDINGS.get(kind, f".{kind}"))
-            match kind:
+        settings = self.config.image
+        written: list[Path] = []
+        for file_kind in settings.files:
+            ending = _ENDINGS.get(file_kind, f".{file_kind}")
+            path = stem.with_name(stem.name + ending)
+            match file_kind:
                 case "exr":
                     header = {"config": to_yaml(self.config)}
                     write_exr(path, image=self.pixels, header=header, mask=self.mask)
                 case "png":
                     write_png(path, self.picture() if drawn is None else drawn)
                 case "centikelvin":
-                    write_centikelvin(path, self.pixels, how.quantity, saturate=True)
+                    write_centikelvin(
+                        path, self.pixels, settings.quantity, saturate=True
+                    )
                 case "tiff":
-                    write_tiff(path, self.pixels, how.quantity, *self.scale)
+                    low, high = self.scale
+                    write_tiff(
+                        path,
+                        self.pixels,
+                        quantity=settings.quantity,
+                        low=low,
+                        high=high,
+                    )
                 case "csv":
                     title = self.config.name or ""
                     write_csv(
-                        path, image=self.pixels, quantity=how.quantity, title=title
+                        path, image=self.pixels, quantity=settings.quantity, title=title
                     )
             written.append(path)
         return written

@@ -37,53 +37,55 @@ from ..report.numbers import count
 from .frame_files import Frame
 
 
-_MEASUREMENTS, _SHEET, _ANIMATION = "measurements", "contact_sheet", "animation"
-_MEASURED_FILES = tuple(f"{_MEASUREMENTS}.{kind}" for kind in ("csv", "svg", "png"))
+_MEASUREMENTS = "measurements"
+_SHEET = "contact_sheet"
+_ANIMATION = "animation"
+_MEASURED_FILES = tuple(f"{_MEASUREMENTS}.{ending}" for ending in ("csv", "svg", "png"))
 OUTPUTS_OF_FRAMES = (
     *_MEASURED_FILES,
     f"{_SHEET}.png",
     *(f"{_ANIMATION}{ending}" for ending in ANIMATIONS.values()),
 )
-"""Names of the files in the folder of a run that are of all frames together."""
+"""Names of the files for all frames together, in the folder of a run."""
 
-# Colours, compression and disk of some frames, while the next one is drawn.
+# Number of threads that colour, compress and write frames while others are drawn.
 _WRITERS = 3
 
 
 def earlier_outputs(folder: Path) -> set[Path]:
-    """The outputs of all frames of an earlier command."""
+    """The outputs for all frames of an earlier command."""
     return {folder / name for name in OUTPUTS_OF_FRAMES if (folder / name).is_file()}
 
 
 class Extras(NamedTuple):
-    """Outputs of all frames that options of a command ask for."""
+    """Outputs for all frames together, as the options of a command select them."""
 
     animate: str | None = None
     """Kind of animation; None for none."""
     rate: float | None = None
-    """Frames a second [1/s]; chosen by their number if None."""
+    """Frames per second [1/s]; by default the animation lasts a few seconds."""
     sheet: bool = False
 
     @classmethod
     def of(
         cls, animate: Sequence[str] | None, rate: float | None, sheet: bool
     ) -> "Extras":
-        """Read the options of a command, of which `--animate` alone means APNG.
+        """Read the options of a command; `--animate` alone means APNG.
 
         Raises:
-            InputError: for a rate that is none or without an animation, or MP4 without
+            InputError: for a rate out of range or without an animation, or MP4 without
                 the package av.
         """
-        kind = None if animate is None else next(iter(animate), "apng")
-        if rate is not None and kind is None:
+        animation = None if animate is None else next(iter(animate), "apng")
+        if rate is not None and animation is None:
             raise InputError(f"--frame-rate {rate:g}: give --animate too")
         if rate is not None and not 0.0 < rate <= MAX_RATE:
             raise InputError(
                 f"--frame-rate {rate:g}: give frames a second, up to {MAX_RATE:g}"
             )
-        if kind is not None:
-            check_animation(kind)
-        return cls(kind, rate, sheet)
+        if animation is not None:
+            check_animation(animation)
+        return cls(animate=animation, rate=rate, sheet=sheet)
 
     def check(self, config: SceneConfig) -> None:
         """Refuse an animation that does not fit into memory, before a long run.
@@ -114,24 +116,25 @@ def write_outputs(
     stems: Sequence[Path],
     extras: Extras,
 ) -> tuple[set[Path], list[str]]:
-    """Write the files of all frames, and those of all together.
+    """Write the files of each frame, and the outputs for all frames together.
 
     Args:
         config: of the scene.
-        frames: at the times.
+        frames: the frames at `times`.
         times: of the frames [s].
         folder: of the run.
-        stems: paths of the files of each frame, without the end of their names.
-        extras: what is asked for beside them.
+        stems: paths of the files of each frame, without the ending of their names.
+        extras: the outputs for all frames together.
 
     Returns:
         The files, and lines for the terminal.
     """
-    on_sheet = set(shown_on_sheet(len(times)) if extras.sheet else ())
-    seen, notes = _Seen(on_sheet, extras.animate is not None), list[str]()
-    pictures = seen.pictures(frames, stems)
+    sheet_indices = shown_on_sheet(len(times)) if extras.sheet else []
+    written = _WrittenFrames(set(sheet_indices), animated=extras.animate is not None)
+    notes: list[str] = []
+    pictures = written.pictures(frames, stems)
     if extras.animate is None:
-        # Without pictures this writes the files alone.
+        # The iterator writes the files; there are no pictures.
         collections.deque(pictures, maxlen=0)
     else:
         rate = extras.rate or default_rate(len(times))
@@ -139,34 +142,40 @@ def write_outputs(
         write_animation(
             path, pictures=pictures, rate=rate, palette=config.image.palette
         )
-        seen.files.add(path)
+        written.files.add(path)
         notes.append(f"{path.name}: {_playback(times, rate)}")
-    how = config.image
+    settings = config.image
     if extras.sheet:
-        shown, colours = (
-            [times[k] for k in sorted(on_sheet)],
-            (how.palette, how.quantity),
-        )
+        sheet_times = [times[k] for k in sheet_indices]
+        low, high = written.scale
         path = folder / f"{_SHEET}.png"
-        whole = tile_sheet(seen.tiles, shown, *seen.scale, *colours, config.name or "")
-        write_png(path, whole)
-        seen.files.add(path)
-        part = f"{len(shown)} of " if len(shown) < len(times) else ""
-        notes.append(f"{path.name}: {part}{count(len(times), 'frame')}")
-    if how.measurements:
-        measured = _write_measurements(
-            config, times=times, readings=seen.readings, folder=folder
+        contact_sheet = tile_sheet(
+            written.tiles,
+            times=sheet_times,
+            low=low,
+            high=high,
+            palette=settings.palette,
+            quantity=settings.quantity,
+            title=config.name or "",
         )
-        seen.files.update(measured)
-    return seen.files, notes + _remarks(config, seen)
+        write_png(path, contact_sheet)
+        written.files.add(path)
+        subset = f"{len(sheet_times)} of " if len(sheet_times) < len(times) else ""
+        notes.append(f"{path.name}: {subset}{count(len(times), 'frame')}")
+    if settings.measurements:
+        measured = _write_measurements(
+            config, times=times, readings=written.readings, folder=folder
+        )
+        written.files.update(measured)
+    return written.files, notes + _remarks(config, written)
 
 
 @dataclass
-class _Seen:
-    """Traces of the frames, which are drawn and written one by one."""
+class _WrittenFrames:
+    """What is recorded of the frames, which are drawn and written one by one."""
 
     on_sheet: set[int]
-    """Numbers of the frames of which tiles are kept."""
+    """Indices of the frames on the contact sheet."""
     animated: bool
     files: set[Path] = field(default_factory=set)
     tiles: list[np.ndarray] = field(default_factory=list)
@@ -179,10 +188,10 @@ class _Seen:
     ) -> Iterator[Picture]:
         """Write the files of each frame, and yield its picture for an animation."""
         with ThreadPoolExecutor(_WRITERS) as writers:
-            written = collections.deque[Future[list[Path]]]()
+            pending = collections.deque[Future[list[Path]]]()
             for k, (frame, stem) in enumerate(zip(frames, stems, strict=True)):
                 drawn = frame.picture() if self.animated else None
-                written.append(writers.submit(frame.write, stem, drawn))
+                pending.append(writers.submit(frame.write, stem, drawn))
                 self.readings.append(frame.readings)
                 self.scale = frame.scale
                 self.saturated += frame.saturated
@@ -190,25 +199,25 @@ class _Seen:
                     self.tiles.append(frame.tile())
                 if drawn is not None:
                     yield drawn
-                if len(written) == _WRITERS:
-                    # More that wait would fill the memory.
-                    self.files.update(written.popleft().result())
-            for each in written:
-                self.files.update(each.result())
+                if len(pending) == _WRITERS:
+                    # More pending frames would fill the memory.
+                    self.files.update(pending.popleft().result())
+            for task in pending:
+                self.files.update(task.result())
 
 
 def _playback(times: Sequence[float], rate: float) -> str:
     frames = f"{count(len(times), 'frame')} at {rate:g} a second"
     steps = np.diff(times)
     if len(steps) and np.allclose(steps, steps[0], rtol=0.01, atol=0):
-        shown = time_label(float(steps[0]) * rate).removeprefix("t = ")
-        return f"{frames}, one second shows {shown} of the run"
+        interval = time_label(float(steps[0]) * rate).removeprefix("t = ")
+        return f"{frames}, one second shows {interval} of the run"
     return f"{frames}, of times that are not evenly spaced" if len(steps) else frames
 
 
 def _measured(config: SceneConfig) -> dict[str, AbstractMeasurement]:
-    given: tuple[AbstractMeasurement, ...] = build(config.image.measurements)
-    return dict(zip(names_of(given), given, strict=True))
+    measurements: tuple[AbstractMeasurement, ...] = build(config.image.measurements)
+    return dict(zip(names_of(measurements), measurements, strict=True))
 
 
 def _write_measurements(
@@ -218,39 +227,45 @@ def _write_measurements(
     folder: Path,
 ) -> list[Path]:
     measurements = _measured(config)
-    of_each = {name: [frame[name] for frame in readings] for name in measurements}
-    columns = dict[str, np.ndarray]()
-    for name, each in measurements.items():
-        rows = np.array(of_each[name], float)
+    series = {name: [frame[name] for frame in readings] for name in measurements}
+    columns: dict[str, np.ndarray] = {}
+    for name, measurement in measurements.items():
+        rows = np.array(series[name], float)
         table = dict(zip(Reading._fields, rows.T, strict=True))
-        match each:
+        match measurement:
             case Isotherm():
-                shown = {"_fraction": "fraction", "_pixels": "pixels"}
+                suffixes = {"_fraction": "fraction", "_pixels": "pixels"}
             case Spot():
-                shown = {"_K": "mean"}
+                suffixes = {"_K": "mean"}
             case _:
-                shown = {f"_{key}_K": key for key in ("min", "mean", "max")}
-        columns |= {f"{name}{end}": table[key] for end, key in shown.items()}
+                suffixes = {f"_{key}_K": key for key in ("min", "mean", "max")}
+        columns |= {f"{name}{end}": table[key] for end, key in suffixes.items()}
     write_columns(folder / f"{_MEASUREMENTS}.csv", times, columns)
-    # By name: a run without measurements does not wait for the library of charts.
+    # By name: a run without measurements does not import the library of charts.
     charts: Any = importlib.import_module("jaxthermo.report.measurement_chart")
-    path, title = folder / _MEASUREMENTS, config.name or ""
-    charts.write_measurement_chart(path, times, measurements, of_each, title)
+    charts.write_measurement_chart(
+        folder / _MEASUREMENTS,
+        times=times,
+        measurements=measurements,
+        readings=series,
+        title=config.name or "",
+    )
     return [folder / name for name in _MEASURED_FILES]
 
 
-def _remarks(config: SceneConfig, seen: _Seen) -> list[str]:
-    notes, frames = list[str](), len(seen.readings)
-    for name, each in _measured(config).items():
-        without = sum(reading[name].pixels == 0 for reading in seen.readings)
-        if without and not isinstance(each, Isotherm):
+def _remarks(config: SceneConfig, written: _WrittenFrames) -> list[str]:
+    notes: list[str] = []
+    frames = len(written.readings)
+    for name, measurement in _measured(config).items():
+        without = sum(reading[name].pixels == 0 for reading in written.readings)
+        if without and not isinstance(measurement, Isotherm):
             notes.append(
                 f"note: measurement '{name}' is on the background or an outline in "
                 f"{without} of {count(frames, 'frame')}"
             )
-    if seen.saturated:
+    if written.saturated:
         notes.append(
-            f"note: {count(seen.saturated, 'pixel')} above 655.35 K in the centikelvin "
-            "files have the largest number, 65535"
+            f"note: {count(written.saturated, 'pixel')} above 655.35 K in the "
+            "centikelvin files have the largest number, 65535"
         )
     return notes

@@ -1,4 +1,4 @@
-"""Frames of a run, EXR and PNG on one temperature scale, at its end or later."""
+"""Frames of a run on one temperature scale, drawn at its end or later."""
 
 import functools
 from collections.abc import Callable, Iterator
@@ -32,16 +32,16 @@ from .frame_files import Frame
 from .frame_outputs import Extras, earlier_outputs, write_outputs
 
 
-# Margin of the colour scale over the range of temperatures that is seen [-]: the
-# palette's end colours stay free for what is off the scale.
+# Margin of the colour scale over the range of visible temperatures [-]: the palette's
+# end colours stay free for values off the scale.
 _RELATIVE_MARGIN = 0.02
-# Minimum margin, and minimum range, of the colour scale [K]: a body of one temperature
-# would show its rounding.
+# Minimum margin and minimum range of the colour scale [K]: on a smaller one a body of
+# uniform temperature would show its rounding.
 _MIN_MARGIN = 0.05
 
 
 class FrameCamera:
-    """The config's camera on a scene; a bad one is refused before a long run."""
+    """The config's camera on a scene; it is checked before a long run."""
 
     def __init__(
         self,
@@ -49,7 +49,7 @@ class FrameCamera:
         surfaces: tuple[SolvedSurface, ...],
         terms: tuple[AbstractTerm, ...],
     ):
-        # The view at the start is computed now, which refuses a camera that is inside a
+        # The view at the start is computed now: it refuses a camera that is inside a
         # body or sees none.
         triangles = np.concatenate([s.geometry.triangles for s in surfaces])
         self._camera = build_camera(config.camera, triangles)
@@ -72,17 +72,17 @@ class FrameCamera:
 
     @property
     def samples(self) -> int:
-        """Samples along each axis of a pixel of what `detector` draws."""
+        """Samples along each axis of a pixel in the images of `detector`."""
         return 1 if self._measures else self._image.samples
 
     @property
     def _measures(self) -> bool:
-        # A camera's pixels are mixtures at outlines, and noisy: they stay as they are.
+        # A camera mixes temperatures in pixels at outlines, and so do its effects.
         effects = self._effects
         return bool(effects.blur or effects.lag or effects.detector)
 
     def detector(self, stored: StoredSolution) -> Callable[[int], Image]:
-        """Draws frames with all effects, with `samples` of each pixel."""
+        """Function that draws a frame with all effects and `samples` of each pixel."""
         if not self._measures:
             return functools.partial(self.draw, stored)
         recording = self._recorder.recording(
@@ -91,31 +91,33 @@ class FrameCamera:
         return recording.frame
 
     def remarks(self) -> list[str]:
-        """Measurements that are on no body at the start, a line for each."""
-        how, found = self._image, list[str]()
+        """A line for each measurement that is on no body at the start."""
+        settings = self._image
+        remarks: list[str] = []
         width, height = self._camera.size
-        fine = np.zeros((how.samples * height) * (how.samples * width), bool)
+        samples = self._image.samples
+        fine = np.zeros((samples * height) * (samples * width), bool)
         fine[self._view_at_start().pixel] = True
-        blocks = fine.reshape(height, how.samples, width, how.samples)
+        blocks = fine.reshape(height, samples, width, samples)
         filled = np.asarray(blocks.all(axis=(1, 3)))
-        given: tuple[AbstractMeasurement, ...] = build(how.measurements)
-        for name, each in zip(names_of(given), given, strict=True):
-            if isinstance(each, Isotherm):
+        measurements: tuple[AbstractMeasurement, ...] = build(settings.measurements)
+        for name, measurement in zip(names_of(measurements), measurements, strict=True):
+            if isinstance(measurement, Isotherm):
                 continue
-            if not filled[each.pixels(np.zeros((height, width)))].any():
-                found.append(
+            if not filled[measurement.pixels(np.zeros((height, width)))].any():
+                remarks.append(
                     f"note: measurement '{name}' is on the background or an outline at "
                     "the start"
                 )
-        return found
+        return remarks
 
     def draw(self, stored: StoredSolution, index: int) -> Image:
-        """Frame of a saved time before the lens, with all samples of each pixel."""
+        """Radiation of a saved time in front of the lens, all samples of each pixel."""
         return self._recorder.before_lens(self._moment(stored, index))
 
     def _moment(self, stored: StoredSolution, index: int) -> Moment:
         assert stored.irradiance is not None
-        # On the host, where nothing is compiled for it.
+        # On the host: indexing there compiles no program.
         time = np.asarray(stored.times)[index]
         return Moment(
             surfaces=self._surfaces,
@@ -138,31 +140,33 @@ def chosen_frames(
     if config.image.frames is None:
         return list(range(len(times)))
     saved = np.asarray(times, float)
-    chosen = [int(np.abs(saved - wanted).argmin()) for wanted in config.image.frames]
-    for k, wanted in zip(chosen, config.image.frames, strict=True):
-        if not np.isclose(saved[k], wanted, rtol=1e-5):
-            raise InputError(f"image.frames: {wanted:g} s is not a saved time")
-    return chosen
+    indices = [int(np.abs(saved - time).argmin()) for time in config.image.frames]
+    for k, time in zip(indices, config.image.frames, strict=True):
+        if not np.isclose(saved[k], time, rtol=1e-5):
+            raise InputError(f"image.frames: {time:g} s is not a saved time")
+    return indices
 
 
 def _scale(config: SceneConfig, images: Iterator[Image]) -> tuple[float, float]:
-    # Of images that are not coarsened yet: a pixel that the silhouette crosses shows a
-    # mixture with the background, colder than anything of the body.
-    low, high = config.image.low, config.image.high
+    # The images must not be coarsened yet: a pixel that the silhouette crosses shows a
+    # mixture with the background, colder than any point of the body.
+    low = config.image.low
+    high = config.image.high
     if low is None or high is None:
-        coldest, warmest = np.inf, -np.inf
+        coldest = np.inf
+        warmest = -np.inf
         for image in images:
             apparent = config.image.quantity == "apparent"
-            shown = image.radiance if apparent else image.temperature
-            seen = np.asarray(shown)[np.asarray(image.object_id) >= 0]
+            values = image.radiance if apparent else image.temperature
+            seen = np.asarray(values)[np.asarray(image.object_id) >= 0]
             ends = np.array([seen.min(), seen.max()])
             if apparent:
-                # It grows with the radiance: those of the ends are its own ends.
+                # It increases with the radiance: the ends of both correspond.
                 ends = apparent_temperature(ends, image.band)
             coldest = min(coldest, float(ends[0]))
             warmest = max(warmest, float(ends[1]))
         margin = max(_RELATIVE_MARGIN * (warmest - coldest), _MIN_MARGIN)
-        # A given end may be beyond all that is seen: then all pixels have one colour.
+        # The config's end may be beyond all temperatures: then pixels have one colour.
         if low is None:
             low = min(coldest - margin, (high or np.inf) - _MIN_MARGIN)
         if high is None:
@@ -175,12 +179,12 @@ def _scale(config: SceneConfig, images: Iterator[Image]) -> tuple[float, float]:
     return low, high
 
 
-class Drawn(NamedTuple):
+class _Drawn(NamedTuple):
     """Frames that were written."""
 
     count: int
     lines: list[str]
-    """Lines for the terminal: outputs of all frames, and remarks."""
+    """Lines for the terminal: outputs for all frames together, and remarks."""
 
 
 def write_frames(
@@ -189,48 +193,50 @@ def write_frames(
     stored: StoredSolution,
     folder: Path,
     extras: Extras,
-) -> Drawn:
-    """Draw the chosen times into the frames of a run, and what is of all together.
+) -> _Drawn:
+    """Draw the frames of a run and the outputs for all of them together.
 
-    Earlier frames are removed: those of another camera or scale must not be mistaken
-    for these. Files with other names are kept.
+    Earlier frames are removed: frames of another camera or scale must not be mistaken
+    for the new ones. Files with other names stay.
 
     Args:
         config: of the scene.
         camera: of the frames.
         stored: the run.
         folder: of the run.
-        extras: animation and sheet.
+        extras: animation and contact sheet.
     """
-    chosen = chosen_frames(config, stored.times)
+    indices = chosen_frames(config, stored.times)
 
     # Drawn twice, for the scale and for the file: a long run would fill the memory.
-    scale = _scale(config, (camera.draw(stored, k) for k in chosen))
-    images = map(camera.detector(stored), chosen)
+    scale = _scale(config, (camera.draw(stored, k) for k in indices))
+    images = map(camera.detector(stored), indices)
     times = np.asarray(stored.times, float).tolist()
-    frames, names = prepare_folder(folder / FRAMES), frame_names(times)
-    before = earlier_frames(frames) | earlier_outputs(folder)
+    frames = prepare_folder(folder / FRAMES)
+    names = frame_names(times)
+    earlier = earlier_frames(frames) | earlier_outputs(folder)
     written, lines = write_outputs(
         config,
         frames=(Frame.of(config, image, scale, camera.samples) for image in images),
-        times=[times[k] for k in chosen],
+        times=[times[k] for k in indices],
         folder=folder,
-        stems=[frames / names[k] for k in chosen],
+        stems=[frames / names[k] for k in indices],
         extras=extras,
     )
-    for path in before - written:
+    for path in earlier - written:
         path.unlink(missing_ok=True)
-    return Drawn(len(chosen), lines)
+    return _Drawn(len(indices), lines)
 
 
 def render(
     run: Path, out: Path | None, overrides: tuple[str, ...], extras: Extras
 ) -> None:
     """`jaxthermo render`: draw a run again, with changes of camera or image."""
-    # The solution contains the surface: the mesh file may be gone since.
+    # The solution contains the surface: the mesh file may be missing.
     config = finished_config(run, overrides, find_meshes=False)
     extras.check(config)
-    console, target = open_console(), out or run
+    console = open_console()
+    target = out or run
     with precision(config.dtype), status(console, "drawing frames"):
         stored = load_solution(run / "solution.npz")
         terms = config.build_terms()
@@ -258,7 +264,8 @@ def finished_config(
                 f"{run}: has no {name}; name a folder written by `jaxthermo simulate`"
             )
     for text in overrides:
-        if text.split(".")[0].split("=")[0].strip() not in ("camera", "image"):
+        section = text.split("=")[0].split(".")[0].strip()
+        if section not in ("camera", "image"):
             raise InputError(
                 f"--set {text}: only camera and image can change after the run; "
                 "use `jaxthermo simulate` for the rest"

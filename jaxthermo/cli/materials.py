@@ -1,4 +1,4 @@
-"""`jaxthermo materials`: the tables of materials and of finishes, or parts of them."""
+"""`jaxthermo materials`: the tables of materials and finishes, or some rows of them."""
 
 import re
 
@@ -35,17 +35,19 @@ def materials(name: str | None, emissivity: bool) -> None:
     """Print the materials or finishes that match a name; a single material in full.
 
     Args:
-        name: of a material, or a part of it; None for all.
+        name: of a material, in full or in part; None for all.
         emissivity: True to print finishes.
 
     Raises:
-        InputError: if none matches.
+        InputError: if no name matches.
     """
     console = open_console()
     if emissivity:
-        found = [(r.surface, f"{r.emissivity:g}", r.source) for r in _matching(name)]
+        finishes = [
+            (row.surface, f"{row.emissivity:g}", row.source) for row in _matching(name)
+        ]
         columns = ("surface", "emissivity", "source")
-        console.print(Table(columns, found, left=(0, 2), framed=False).rich())
+        console.print(Table(columns, finishes, left=(0, 2), framed=False).rich())
         print_line(console, _BAND)
         return
     rows = find_materials(name) if name else material_rows()
@@ -53,33 +55,34 @@ def materials(name: str | None, emissivity: bool) -> None:
     if name and (name in by_name or not rows):
         rows = (material_row(name),)
     if len(rows) == 1:
-        _log_all(console, rows[0])
+        _print_row(console, rows[0])
     else:
         console.print(_table(rows).rich())
         print_line(console, _MARKS)
 
 
-# Finishes have no names to be typed in full: a part of one is enough.
-def _matching(part: str | None) -> tuple[EmissivityRow, ...]:
-    found = emissivity_rows()
-    if part:
-        found = tuple(row for row in found if part.lower() in row.surface.lower())
-    if not found:
+# Finishes have long names: a part of one is enough.
+def _matching(name: str | None) -> tuple[EmissivityRow, ...]:
+    rows = emissivity_rows()
+    if name:
+        rows = tuple(row for row in rows if name.lower() in row.surface.lower())
+    if not rows:
         raise InputError(
-            f"no surface has {part!r} in its name: `jaxthermo materials --emissivity` "
+            f"no surface has {name!r} in its name: `jaxthermo materials --emissivity` "
             "lists them"
         )
-    return found
+    return rows
 
 
-def _log_all(console: Console, row: MaterialRow) -> None:
+def _print_row(console: Console, row: MaterialRow) -> None:
     print_line(console, f"{row.name} ({row.label})")
     for label, number in zip(_COLUMNS, _numbers(row), strict=True):
         print_line(console, f"  {label:13} {number}")
     if row.in_thesis:
-        density, heat = row.thesis_density, row.thesis_specific_heat
         print_line(
-            console, f"  thesis        rho {density:g}, c_p {heat:g} (Table 5.1)"
+            console,
+            f"  thesis        rho {row.thesis_density:g}, "
+            f"c_p {row.thesis_specific_heat:g} (Table 5.1)",
         )
     if row.aliases:
         print_line(console, f"  also          {', '.join(row.aliases)}")
@@ -93,7 +96,7 @@ def _table(rows: tuple[MaterialRow, ...]) -> Table:
     for row in rows:
         *numbers, emissivity = _numbers(row)
         assumed = "" if row.surface else "~"
-        # The source without how the numbers were derived from it.
+        # The source alone, without the derivation of the numbers.
         source = re.split(r" / | via | \(|, not | @", row.bulk_source)[0]
         name = row.name + " *" * row.in_thesis
         lines.append((name, *numbers, assumed + emissivity, source))

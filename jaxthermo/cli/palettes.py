@@ -14,9 +14,9 @@ _COLUMNS = {
     "apart_tritanopia": "trit-\nanopia",
 }
 _NOTE = (
-    "Differences CIEDE2000, of neighbouring colours (step), and the smallest of two "
-    "colours at least 1/8 of the scale apart, in normal vision and without one kind of "
-    "cone: below about 1 two temperatures look the same."
+    "CIEDE2000 differences of neighbouring colours (step), and the smallest difference "
+    "of two colours at least 1/8 of the scale apart, in normal vision and without one "
+    "kind of cone. Below about 1 two temperatures look the same."
 )
 
 

@@ -1,4 +1,4 @@
-"""`jaxthermo simulate --preview`: what the camera frames, without a run."""
+"""`jaxthermo simulate --preview`: the view of the camera, without a run."""
 
 from pathlib import Path
 
@@ -30,16 +30,17 @@ def preview(config: Path, out: Path | None, overrides: tuple[str, ...]) -> None:
     for number, (mesh, triangles) in enumerate(zip(meshes, world, strict=True)):
         print_line(console, f"body {number}: {mesh_summary(mesh)}")
         corners = triangles.reshape(-1, 3)
-        low, high = _point(corners.min(0)), _point(corners.max(0))
-        print_line(console, f"  in the world from {low} to {high} m; z is up")
+        lowest = _point(corners.min(axis=0))
+        highest = _point(corners.max(axis=0))
+        print_line(console, f"  in the world from {lowest} to {highest} m; z is up")
     camera = build_camera(scene.camera, np.concatenate(world))
     print_line(console, _camera_line(camera))
     with results_folder(out or Path("results") / config.stem) as folder:
         with status(console, "drawing"):
             bodies = list(zip(meshes, poses, strict=True))
-            image, shown = draw_preview(bodies, camera, scene.name or "")
+            image, visible = draw_preview(bodies, camera, scene.name or "")
             write_png(folder / _FILE, image)
-        for number in sorted(set(range(len(meshes))) - set(shown)):
+        for number in sorted(set(range(len(meshes))) - set(visible)):
             print_line(console, f"note: body {number} is not in the picture")
         print_line(console, f"{folder / _FILE}: nothing was simulated")
 
@@ -49,14 +50,17 @@ def _point(values) -> str:
 
 
 def _camera_line(camera: AbstractCamera) -> str:
-    position, ahead = _point(camera.position), _point(camera.look_at)
-    kind, extent = "orthographic", ""
+    position = _point(camera.position)
+    target = _point(camera.look_at)
+    projection = "orthographic"
+    extent = ""
     if isinstance(camera, Camera):
-        kind = "pinhole"
+        projection = "pinhole"
         extent = f"{np.rad2deg(camera.field_of_view):.3g} deg"
     elif isinstance(camera, OrthographicCamera):
         extent = f"{camera.view_height:.4g} m"
     return (
-        f"camera: {kind} at {position} m, looks at {ahead} m, up {_point(camera.up)}, "
-        f"{extent} from top to bottom, {camera.width} x {camera.height} pixels"
+        f"camera: {projection} at {position} m, looks at {target} m, "
+        f"up {_point(camera.up)}, {extent} from top to bottom, "
+        f"{camera.width} x {camera.height} pixels"
     )

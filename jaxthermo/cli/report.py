@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -21,12 +22,12 @@ from .console import print_line
 from .summary import peak_memory
 
 
-# Capacity ratios that differ from 1 by less do so by rounding.
+# Smaller deviations of the capacity ratio from 1 are rounding [-].
 _CAPACITY_TOLERANCE = 1e-6
 
 
 def log_scene(
-    console: Console, scene: Scene, todo: Plan, structures: list[dict[str, Any]]
+    console: Console, scene: Scene, plan: Plan, structures: list[Mapping[str, Any]]
 ) -> None:
     """Print the bodies, with their `structure_report`, the receipt, and the steps."""
     for body, report in zip(scene.bodies, structures, strict=True):
@@ -40,60 +41,61 @@ def log_scene(
         )
         for line in _structure_lines(report):
             print_line(console, f"  {line}")
-    receipt = todo.compiled.receipt
+    receipt = plan.compiled.receipt
     print_line(console, f"included: {', '.join(receipt.included)}")
     for omission in receipt.left_out:
         print_line(console, f"left out: {omission.what} ({omission.why})")
     for note in receipt.notes:
         print_line(console, f"note: {note}")
-    limit = "none" if todo.stable_step is None else f"{todo.stable_step:.4g} s"
-    steps = f"{todo.steps:,} steps"
-    if isinstance(todo.stepper, AdaptiveStepper):
-        steps = f"steps that follow the error, to {todo.steps:,} event times"
-    elif todo.control is not None:
+    limit = "none" if plan.stable_step is None else f"{plan.stable_step:.4g} s"
+    steps = f"{plan.steps:,} steps"
+    if isinstance(plan.stepper, AdaptiveStepper):
+        steps = f"steps that follow the error, to {plan.steps:,} event times"
+    elif plan.control is not None:
         steps += " or more, until the error in time holds"
     memory = f"about {readable_bytes(receipt.memory_bytes)} for the solver"
-    mesh = todo.compiled.program.mesh
+    mesh = plan.compiled.program.mesh
     if mesh is not None:
-        each = readable_bytes(receipt.memory_bytes / mesh.size)
-        memory += f", {each} on each of {mesh.size} devices"
+        per_device = readable_bytes(receipt.memory_bytes / mesh.size)
+        memory += f", {per_device} on each of {mesh.size} devices"
     print_line(
         console,
-        f"{type(todo.solver).__name__} ({todo.solver_reason}): {steps}, stable step "
+        f"{type(plan.solver).__name__} ({plan.solver_reason}): {steps}, stable step "
         f"{limit}, {memory}",
     )
 
 
-def log_receipt(console: Console, todo: Plan) -> None:
-    """Print the whole receipt: mechanisms, the bodies and areas that they act on."""
-    receipt = todo.compiled.receipt
+def log_receipt(console: Console, plan: Plan) -> None:
+    """Print the receipt: mechanisms, with the bodies and areas on which they act."""
+    receipt = plan.compiled.receipt
     rows = [
         ("conduction", f"body {index} ({structure})", "", "")
         for index, structure in enumerate(receipt.structures)
     ]
-    for part in receipt.parts:
-        where = " and ".join(f"body {index}" for index in part.bodies)
-        fraction = f"{100 * part.surface_share:.3g} %" if part.area else ""
-        area = f"{part.area:.4g} m2" if part.area else "inside"
-        rows.append((part.mechanism, where, area, fraction))
+    for mechanism in receipt.parts:
+        where = " and ".join(f"body {index}" for index in mechanism.bodies)
+        fraction = f"{100 * mechanism.surface_share:.3g} %" if mechanism.area else ""
+        area = f"{mechanism.area:.4g} m2" if mechanism.area else "inside"
+        rows.append((mechanism.mechanism, where, area, fraction))
     columns = ("mechanism", "on", "area", "of the surface")
     console.print(Table(columns, rows, left=(0, 1), framed=False).rich())
     snapshots = count(receipt.snapshots, "snapshot")
     print_line(console, f"geometry: {snapshots}; state in {receipt.dtype}")
 
 
-def _structure_lines(report: dict[str, Any]) -> list[str]:
-    kind = re.sub(r"(?<!^)(?=[A-Z])", " ", report["kind"]).lower()
+def _structure_lines(report: Mapping[str, Any]) -> list[str]:
+    name = re.sub(r"(?<!^)(?=[A-Z])", " ", report["kind"]).lower()
     factor = report["options"].get("factor")
     if factor is not None:
         edge = factor * report["pitch_m"] * 1e3
-        kind += f" x{factor} (blocks of {edge:.4g} mm)"
-    nodes, links = count(report["nodes"], "node"), count(report["links"], "link")
+        name += f" x{factor} (blocks of {edge:.4g} mm)"
+    nodes = count(report["nodes"], "node")
+    links = count(report["links"], "link")
     size = readable_bytes(report["bytes_float32"]["total"])
-    lines = [f"{kind}: {nodes}, {links}, {size}"]
+    lines = [f"{name}: {nodes}, {links}, {size}"]
     ratio = report["capacity_ratio"]
     if abs(ratio - 1) > _CAPACITY_TOLERANCE:
-        # Two digits of what is missing: 62 %, but 99.95 % and not 100 %.
+        # Two digits of the deviation from 100 %: 62 %, but 99.95 % and not 100 %.
         decimals = max(0, 1 - math.floor(math.log10(100 * abs(ratio - 1))))
         percent = f"{100 * ratio:.{decimals}f}"
         lines.append(f"the structure holds {percent} % of the body's heat capacity")
@@ -101,7 +103,7 @@ def _structure_lines(report: dict[str, Any]) -> list[str]:
 
 
 def log_result(console: Console, solution: Solution, times: dict[str, float]) -> None:
-    """Print the times and memory taken, the final temperatures and the residual."""
+    """Print run times, peak memory, final temperatures and the energy residual."""
     residual = float(np.abs(np.asarray(solution.energy.residual_relative)).max())
     surface = np.asarray(solution.surface_temperature)[-1] - ZERO_CELSIUS
     print_line(
@@ -113,10 +115,10 @@ def log_result(console: Console, solution: Solution, times: dict[str, float]) ->
     print_line(
         console,
         f"at {time_label(float(solution.times[-1]))} the surface is at "
-        f"{float(surface.min()):.1f} to "
-        f"{float(surface.max()):.1f} degC; energy residual {residual:.1e}",
+        f"{float(surface.min()):.1f} to {float(surface.max()):.1f} degC; "
+        f"energy residual {residual:.1e}",
     )
     if solution.run.time_error is not None:
-        # The last remark of the receipt, which was not known before the run.
+        # The last remark of the receipt is known after the run only.
         steps = f"{solution.run.steps:,} steps"
         print_line(console, f"{steps}, {solution.receipt.notes[-1]}")

@@ -1,6 +1,7 @@
 """`jaxthermo simulate`: read a config, run its scene, write the results."""
 
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -67,9 +68,12 @@ CONFIG = "config.yaml"
 CHECKPOINT = "checkpoint.npz"
 # Wall time between checkpoints [s]: a run that is killed loses at most that much.
 CHECKPOINT_EVERY = 20.0
-PROBES = "probes.csv"
-RESULTS_OF_A_RUN = (
-    *("summary.json", "solution.npz", "energy.csv", PROBES),
+_PROBES = "probes.csv"
+_RESULT_FILES = (
+    "summary.json",
+    "solution.npz",
+    "energy.csv",
+    _PROBES,
     *OUTPUTS_OF_FRAMES,
 )
 
@@ -82,29 +86,30 @@ def simulate(
     devices: int = 1,
     group: Group | None = None,
 ) -> None:
-    """Run a scene and write its results, with the resolved config beside them.
+    """Run a scene and write its results and its resolved config.
 
-    With a `group` this process runs it together with others, of which the first writes.
+    In a `group` several processes run the scene, and the first one writes the results.
     """
     provide_devices(devices if group is None else devices // group.processes)
-    scene, folder = load_config(config, overrides), out or Path("results") / config.stem
+    scene = load_config(config, overrides)
+    folder = out or Path("results") / config.stem
     extras.check(scene)
     if group is not None:
         join(group, f"jaxthermo {__version__} with config {config_hash(scene)[:8]}")
         if not is_first():
-            run_along(scene, folder, devices)
+            _run_along(scene, folder, devices)
             return
     with results_folder(folder):
         _check_not_overwritten(config, folder)
         _run_simulation(scene, out=folder, extras=extras, devices=devices)
 
 
-def run_along(config: SceneConfig, out: Path, devices: int) -> None:
+def _run_along(config: SceneConfig, out: Path, devices: int) -> None:
     """Run a scene in a process that writes no results."""
     console = Console(quiet=True)
     with precision(config.dtype):
         planned = _planned(console, config, devices)
-        run_plan(console, config=config, todo=planned.todo, out=out)
+        run_plan(console, config=config, plan=planned.plan, out=out)
 
 
 def explain(config: Path, overrides: tuple[str, ...], devices: int = 1) -> None:
@@ -114,59 +119,69 @@ def explain(config: Path, overrides: tuple[str, ...], devices: int = 1) -> None:
     console = open_console()
     with precision(scene_config.dtype):
         planned = _planned(console, scene_config, devices)
-        log_receipt(console, planned.todo)
+        log_receipt(console, planned.plan)
         # A camera that sees nothing is refused.
         with status(console, "finding what the camera sees"):
-            surfaces = planned.todo.compiled.surfaces
+            surfaces = planned.plan.compiled.surfaces
             camera = FrameCamera(scene_config, surfaces, planned.scene.terms)
         for line in camera.remarks():
             print_line(console, line)
 
 
 class _Planned(NamedTuple):
+    """A scene that is ready to run."""
+
     scene: Scene
-    todo: Plan
-    structures: list[dict[str, Any]]
+    plan: Plan
+    structures: list[Mapping[str, Any]]
+    """`structure_report` of each body."""
     warnings: list[str]
 
 
 def _planned(console: Console, config: SceneConfig, devices: int) -> _Planned:
     with status(console, "building the scene"):
         scene = on_devices(config.build(), devices)
-        end, saves = config.time.end, config.time.save_times
-        todo = plan_run(
+        plan = plan_run(
             scene,
-            t1=end,
-            save_at=saves,
+            t1=config.time.end,
+            save_at=config.time.save_times,
             solver=config.solver.build(),
             control_error=True,
         )
-        structures = [structure_report(body.structure) for body in scene.bodies]
-        warnings = [*todo.compiled.receipt.warnings, *_card_warnings(config, scene)]
-    log_scene(console, scene=scene, todo=todo, structures=structures)
+        structures: list[Mapping[str, Any]] = [
+            structure_report(body.structure) for body in scene.bodies
+        ]
+        warnings = [*plan.compiled.receipt.warnings, *_card_warnings(config, scene)]
+    log_scene(console, scene=scene, plan=plan, structures=structures)
     for warning in warnings:
         print_line(console, f"warning: {warning}")
-    return _Planned(scene=scene, todo=todo, structures=structures, warnings=warnings)
+    return _Planned(scene=scene, plan=plan, structures=structures, warnings=warnings)
 
 
 def _card_warnings(config: SceneConfig, scene: Scene) -> list[str]:
-    # The weights of a card are fitted: outside of their range they may be far off.
-    found = []
-    for n, (given, body) in enumerate(zip(config.bodies, scene.bodies, strict=True)):
-        path = given.structure.weights.card
+    # The weights of a card are fitted: outside their range they may be far off.
+    warnings = []
+    pairs = zip(config.bodies, scene.bodies, strict=True)
+    for n, (body_config, body) in enumerate(pairs):
+        path = body_config.structure.weights.card
         if path is None:
             continue
-        numbers = body_numbers(scene, body, config.time.last)
-        card, mechanisms = load_card(path), mechanism_names(scene)
-        known = given.geometry, body.structure.grid.surface_cells
-        for words in extrapolations(card, numbers, mechanisms, *known):
-            where = f"bodies.{n}: beyond the range of {card_name(path)}"
-            found.append(f"{where}: {words}")
-    return found
+        remarks = extrapolations(
+            load_card(path),
+            numbers=body_numbers(scene, body, config.time.last),
+            mechanisms=mechanism_names(scene),
+            geometry=body_config.geometry,
+            surface_cells=body.structure.grid.surface_cells,
+        )
+        for remark in remarks:
+            warnings.append(
+                f"bodies.{n}: beyond the range of {card_name(path)}: {remark}"
+            )
+    return warnings
 
 
 def _check_not_overwritten(config: Path, out: Path) -> None:
-    # The resolved config would replace one that was written by hand, and its comments.
+    # The resolved config must not replace a handwritten one with its comments.
     if (out / CONFIG).exists() and (out / CONFIG).samefile(config):
         text = config.read_text(encoding="utf-8")
         if text != to_yaml(load_config(config)):
@@ -181,39 +196,42 @@ def _run_simulation(
     console = open_console()
     with precision(config.dtype):
         clock = time.perf_counter()
-        scene, todo, structures, warnings = _planned(console, config, devices)
+        planned = _planned(console, config, devices)
+        plan = planned.plan
         with status(console, "finding what the camera sees"):
-            camera = FrameCamera(config, todo.compiled.surfaces, scene.terms)
-            truth = Truth.read(config, out, todo.compiled.surfaces)
+            camera = FrameCamera(
+                config, surfaces=plan.compiled.surfaces, terms=planned.scene.terms
+            )
+            truth = Truth.read(config, out, plan.compiled.surfaces)
         for line in camera.remarks():
             print_line(console, line)
         setup = time.perf_counter() - clock
         # The camera and the scene are valid: from here on the folder is this run's, and
-        # results of an earlier run must not be mistaken for its own.
-        _remove_results(out, RESULTS_OF_A_RUN)
+        # results of an earlier run must not be mistaken for this one's.
+        _remove_results(out, _RESULT_FILES)
         prepare_folder(out / FRAMES)
         with replacing(out / CONFIG) as path:
             path.write_text(to_yaml(config), encoding="utf-8")
-        solution, times = run_plan(console, config=config, todo=todo, out=out)
+        solution, times = run_plan(console, config=config, plan=plan, out=out)
         if solution.result != RESULTS.successful:
             raise InputError(RESULTS[solution.result])
         stored = save_solution(out / "solution.npz", solution)
         write_energy(out / "energy.csv", solution)
         if solution.probes:
-            write_probes(out / PROBES, solution)
+            write_probes(out / _PROBES, solution)
         times |= {"setup_time_s": setup, "frames_time_s": 0.0}
         summary = summarize(
             config,
-            scene=scene,
+            scene=planned.scene,
             solution=solution,
             times=times,
-            structures=structures,
-            warnings=warnings,
+            structures=planned.structures,
+            warnings=planned.warnings,
         )
         error = None if truth is None else truth.summary(solution)
         summary["truth_error"] = error
-        # Also before the frames, which need most of the space: a full disk takes only
-        # these, and `jaxthermo render` draws them later.
+        # Written before the frames too, which need most of the space: if the disk is
+        # full, only frames are missing, and `jaxthermo render` can draw them later.
         write_json(out / "summary.json", summary)
         clock = time.perf_counter()
         with status(console, "drawing frames"):
@@ -228,8 +246,9 @@ def _run_simulation(
     log_result(console, solution, times)
     for line in [] if error is None else Truth.in_words(error):
         print_line(console, line)
-    shown = f"{count(frames.count, 'frame')} in {out / FRAMES}"
-    for line in (f"{shown}, summary.json beside them", *frames.lines):
+    frame_count = count(frames.count, "frame")
+    print_line(console, f"{frame_count} in {out / FRAMES}, summary.json in {out}")
+    for line in frames.lines:
         print_line(console, line)
 
 
@@ -242,64 +261,82 @@ def _remove_results(out: Path, names: tuple[str, ...]) -> None:
 
 
 def run_plan(
-    console: Console, config: SceneConfig, todo: Plan, out: Path
+    console: Console, config: SceneConfig, plan: Plan, out: Path
 ) -> tuple[Solution, dict[str, float]]:
-    """Run a scene from the last checkpoint in `out`, if there is one, with its times.
+    """Run a scene from the last checkpoint in `out`, if any; return wall times too.
 
     Raises:
-        KeyboardInterrupt: after Ctrl-C, when the checkpoint is written.
+        KeyboardInterrupt: after Ctrl-C, when the checkpoint has been written.
     """
     remedy = "the same commands go on from the last checkpoint"
     with watching_others(remedy):
-        return _run_segments(console, config=config, todo=todo, out=out)
+        return _run_segments(console, config=config, plan=plan, out=out)
 
 
 def _run_segments(
-    console: Console, config: SceneConfig, todo: Plan, out: Path
+    console: Console, config: SceneConfig, plan: Plan, out: Path
 ) -> tuple[Solution, dict[str, float]]:
     key = _checkpoint_key(config)
-    fresh = segments.begin_run(todo)
+    fresh = segments.begin_run(plan)
     wait_for_all("folder of the results is there")
-    kept = load_checkpoint(out / CHECKPOINT, plan=todo, fresh=fresh, key=key)
-    position = "none" if kept is None else f"{kept.interval}, {kept.steps_taken}"
+    checkpoint = load_checkpoint(out / CHECKPOINT, plan=plan, fresh=fresh, key=key)
+    position = (
+        "none"
+        if checkpoint is None
+        else f"{checkpoint.interval}, {checkpoint.steps_taken}"
+    )
     check_alike(f"checkpoints in {out}, which all must read", position)
-    if kept is not None:
-        print_line(console, f"going on from {time_label(kept.time_reached(todo))}")
+    if checkpoint is not None:
+        print_line(
+            console, f"going on from {time_label(checkpoint.time_reached(plan))}"
+        )
     elif (out / CHECKPOINT).exists():
         print_line(
             console, f"starting again: {CHECKPOINT} is of another run, or damaged"
         )
     clock = time.perf_counter()
     with status(console, "compiling"):
-        ready = segments.compile_segments(todo, kept or fresh)
-    compiled, clock = time.perf_counter() - clock, time.perf_counter()
+        ready = segments.compile_segments(plan, checkpoint or fresh)
+    run_start = time.perf_counter()
+    compile_time = run_start - clock
     with (
         patient_interrupt() as interrupted,
-        progress_bar(console, config.time.last, todo.steps) as update,
+        progress_bar(console, config.time.last, plan.steps) as update,
     ):
-        progress, last = ready, clock
-        for progress in segments.run_segments(todo, ready):
-            done, number = progress.steps_done(todo), progress.passes.number
-            update(done, progress.time_reached(todo), number)
+        progress = ready
+        last_saved = run_start
+        for progress in segments.run_segments(plan, ready):
+            update(
+                progress.steps_done(plan),
+                progress.time_reached(plan),
+                progress.passes.number,
+            )
             if any_process(interrupted()):
-                _stop(todo, progress=progress, out=out, key=key)
-            if agreed(time.perf_counter() - last > CHECKPOINT_EVERY):
-                save_checkpoint(out / CHECKPOINT, plan=todo, progress=progress, key=key)
-                last = time.perf_counter()
-    times = {"compile_time_s": compiled, "run_time_s": time.perf_counter() - clock}
-    return segments.finish_run(todo, progress), times
+                _stop(plan, progress=progress, out=out, key=key)
+            if agreed(time.perf_counter() - last_saved > CHECKPOINT_EVERY):
+                save_checkpoint(out / CHECKPOINT, plan=plan, progress=progress, key=key)
+                last_saved = time.perf_counter()
+    run_time = time.perf_counter() - run_start
+    times = {"compile_time_s": compile_time, "run_time_s": run_time}
+    return segments.finish_run(plan, progress), times
 
 
 def _checkpoint_key(config: SceneConfig) -> str:
-    # All that the simulation depends on: camera and truth may change meanwhile.
-    undrawn: dict[str, Any] = {"camera": PinholeConfig(), "image": ImageConfig()}
-    undrawn |= {"name": None, "truth": None}
-    return f"{config_hash(config.model_copy(update=undrawn))} {__version__}"
+    # Everything that the simulation depends on: camera and truth may change meanwhile.
+    simulated = config.model_copy(
+        update={
+            "camera": PinholeConfig(),
+            "image": ImageConfig(),
+            "name": None,
+            "truth": None,
+        }
+    )
+    return f"{config_hash(simulated)} {__version__}"
 
 
-def _stop(todo: Plan, progress: segments.RunProgress, out: Path, key: str) -> None:
-    save_checkpoint(out / CHECKPOINT, plan=todo, progress=progress, key=key)
+def _stop(plan: Plan, progress: segments.RunProgress, out: Path, key: str) -> None:
+    save_checkpoint(out / CHECKPOINT, plan=plan, progress=progress, key=key)
     raise KeyboardInterrupt(
-        f"stopped at {time_label(progress.time_reached(todo))}; "
+        f"stopped at {time_label(progress.time_reached(plan))}; "
         "the same command goes on from there"
     )

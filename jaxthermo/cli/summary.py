@@ -2,8 +2,9 @@
 
 import resource
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -29,22 +30,40 @@ def _as_lists(energy: Energy) -> dict[str, list[float]]:
     return {name: column.tolist() for name, column in _ledger(energy).items()}
 
 
-def _body(scene: Scene, solution: Solution, index: int) -> dict[str, Any]:
+class _BodyResults(TypedDict):
+    """Results of one body in `summary.json`; lists are over the saved times."""
+
+    mesh: Mapping[str, Any]
+    energy: dict[str, list[float]]
+    surface_temperature_K: dict[str, list[float]]
+    """Minimum, mean and maximum over the surface [K]."""
+    mean_temperature_K: list[float]
+    """Mean over the volume [K]."""
+
+
+class _ProbeResults(TypedDict):
+    """Results of one probe in `summary.json`."""
+
+    position_m: list[float]
+    temperature_K: list[float]
+    """Temperature at each saved time [K]."""
+
+
+def _body(scene: Scene, solution: Solution, index: int) -> _BodyResults:
     grid = scene.bodies[index].structure.grid
     temperature = np.asarray(solution.of_body(index), float)
     weight = grid.fragment_area / grid.fragment_area.sum()
-    return {
-        "mesh": describe_mesh(grid.mesh),
-        "energy": _as_lists(solution.energy.bodies[index]),
-        "surface_temperature_K": {
+    mean_temperature = np.asarray(solution.mean_temperature[:, index], float)
+    return _BodyResults(
+        mesh=describe_mesh(grid.mesh),
+        energy=_as_lists(solution.energy.bodies[index]),
+        surface_temperature_K={
             "min": temperature.min(axis=1).tolist(),
             "mean": (temperature @ weight).tolist(),
             "max": temperature.max(axis=1).tolist(),
         },
-        "mean_temperature_K": np.asarray(
-            solution.mean_temperature[:, index], float
-        ).tolist(),
-    }
+        mean_temperature_K=mean_temperature.tolist(),
+    )
 
 
 def _ledger(energy: Energy) -> dict[str, np.ndarray]:
@@ -62,10 +81,10 @@ def summarize(
     scene: Scene,
     solution: Solution,
     times: dict[str, float],
-    structures: list[dict[str, Any]],
+    structures: Sequence[Mapping[str, Any]],
     warnings: list[str],
 ) -> dict[str, Any]:
-    """All results of a finished run but its fields, in plain types.
+    """All results of a finished run except its fields, in plain types.
 
     Args:
         config: of the run.
@@ -73,7 +92,7 @@ def summarize(
         solution: of the scene.
         times: wall times by name.
         structures: `structure_report` of each body.
-        warnings: likely mistakes, and numbers outside the range of the fit cards.
+        warnings: likely mistakes, and numbers outside the range of fit cards.
     """
     receipt = solution.receipt.as_dict()
     return {
@@ -101,12 +120,11 @@ def summarize(
     }
 
 
-def _probes(solution: Solution) -> dict[str, Any]:
+def _probes(solution: Solution) -> dict[str, _ProbeResults]:
     return {
-        probe.name: {
-            "position_m": list(probe.position),
-            "temperature_K": column.tolist(),
-        }
+        probe.name: _ProbeResults(
+            position_m=list(probe.position), temperature_K=column.tolist()
+        )
         for probe, column in zip(solution.probes, _probe_columns(solution), strict=True)
     }
 
@@ -137,13 +155,13 @@ def _finite(value: float | None) -> float | None:
 def write_energy(path: Path, solution: Solution) -> None:
     """Write the ledger at each saved time as CSV, in one step.
 
-    Columns of all bodies together, then of each body if there are several.
+    The first columns are of all bodies together, the following ones of each body.
     """
     columns = _ledger(solution.energy)
     if len(solution.energy.bodies) > 1:
         for index, body in enumerate(solution.energy.bodies):
-            named = _ledger(body).items()
-            columns |= {f"body {index}: {name}": column for name, column in named}
+            for name, column in _ledger(body).items():
+                columns[f"body {index}: {name}"] = column
     write_columns(path, np.asarray(solution.times, float).tolist(), columns)
 
 

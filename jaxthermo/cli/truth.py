@@ -1,5 +1,6 @@
-"""`truth` of a config: the error of a run against a finer one, for `summary.json`."""
+"""Section `truth` of a config: the error of a run compared with a finer run."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,22 +15,22 @@ from ..report.numbers import significant
 from ..scene.scene import SolvedSurface
 
 
-# A run of much coarser voxels lacks thin parts; one of another mesh nearly everything.
 _MAX_LOST_FRACTION = 0.5
-"""Fraction of the reference's surface without which a run is of another mesh [-]."""
+"""Largest fraction of the reference's surface that a run may lack [-]: coarser voxels
+lose thin parts, but a run of another mesh lacks nearly everything."""
 
 
 class Truth(NamedTuple):
     """The finer run that a config names."""
 
-    given: TruthConfig
+    config: TruthConfig
     reference: StoredSolution
 
     @classmethod
     def read(
         cls, config: SceneConfig, out: Path, surfaces: tuple[SolvedSurface, ...]
     ) -> "Truth | None":
-        """Read the reference before the run; None if the config names none.
+        """Read the reference before the run; None if the config has no reference.
 
         Args:
             config: of the scene.
@@ -38,12 +39,12 @@ class Truth(NamedTuple):
 
         Raises:
             InputError: if it cannot be read, does not fit the scene, or would be
-                written over by the run.
+                overwritten by the run.
         """
-        given = config.truth
-        if given is None:
+        truth_config = config.truth
+        if truth_config is None:
             return None
-        path = given.reference
+        path = truth_config.reference
         if path.resolve().parent == out.resolve():
             raise InputError(
                 f"truth.reference: {path} would be written over by the run: name "
@@ -51,32 +52,33 @@ class Truth(NamedTuple):
             )
         times = config.time.save_times
         try:
-            found = load_solution(path).at_times(times, path)
+            reference = load_solution(path).at_times(times, path)
         except InputError as error:
             raise InputError(f"truth.reference: {error}") from error
-        if len(found.surfaces) != len(surfaces):
+        if len(reference.surfaces) != len(surfaces):
             raise InputError(
-                f"truth.reference: {path} has {len(found.surfaces)} bodies and the "
+                f"truth.reference: {path} has {len(reference.surfaces)} bodies and the "
                 f"scene {len(surfaces)}: name a run of the same bodies"
             )
-        truth = cls(given, found)
+        truth = cls(config=truth_config, reference=reference)
         truth._check_surfaces(surfaces)
         return truth
 
     def _check_surfaces(self, surfaces: tuple[SolvedSurface, ...]) -> None:
-        # What follows from the surfaces alone is known before the run.
+        # Mistakes that follow from the surfaces alone are found before the run.
         fragments = sum(len(surface.geometry.fragment_area) for surface in surfaces)
-        even = np.zeros((len(self.reference.times), fragments), np.float32)
+        uniform = np.zeros((len(self.reference.times), fragments), np.float32)
+        run = StoredSolution(self.reference.times, uniform, surfaces)
         try:
-            trial = self._error(StoredSolution(self.reference.times, even, surfaces))
+            trial = self._error(run)
         except InputError as error:
             raise InputError(
-                f"truth.reference: {self.given.reference}: {error}"
+                f"truth.reference: {self.config.reference}: {error}"
             ) from error
         lost = float(trial.worst_lost_fraction)
         if lost > _MAX_LOST_FRACTION:
             raise InputError(
-                f"truth.reference: {self.given.reference}: {100 * lost:.0f} % of its "
+                f"truth.reference: {self.config.reference}: {100 * lost:.0f} % of its "
                 "surface is not in the scene's bodies: name a run of the same meshes"
             )
 
@@ -84,25 +86,24 @@ class Truth(NamedTuple):
         return truth_error(
             solution,
             reference=self.reference,
-            count=self.given.points,
-            seed=self.given.seed,
+            count=self.config.points,
+            seed=self.config.seed,
         )
 
     def summary(self, solution: Solution) -> dict[str, Any]:
-        """The error of a run as plain types, and what it was compared with."""
-        pitches = lambda run: [surface.geometry.pitch for surface in run.surfaces]
+        """The error of a run and the reference, as plain types for `summary.json`."""
         return {
-            "reference": str(self.given.reference),
-            "points": self.given.points,
-            "seed": self.given.seed,
-            "pitch_m": pitches(solution),
-            "reference_pitch_m": pitches(self.reference),
+            "reference": str(self.config.reference),
+            "points": self.config.points,
+            "seed": self.config.seed,
+            "pitch_m": _pitches(solution),
+            "reference_pitch_m": _pitches(self.reference),
             **self._error(solution).as_dict(),
         }
 
     @staticmethod
-    def in_words(summary: dict[str, Any]) -> list[str]:
-        """The error of a summary in a line for the terminal, and the remarks."""
+    def in_words(summary: Mapping[str, Any]) -> list[str]:
+        """Lines for the terminal: the error of a summary, and the remarks."""
         percent = summary["worst_rms_percent"]
         relative = "" if percent is None else f" ({significant(percent)} %)"
         line = (
@@ -116,3 +117,7 @@ class Truth(NamedTuple):
             lost = 100 * summary["worst_lost_fraction"]
             line += f"; {significant(lost)} % of its surface is not in these voxels"
         return [line, *(f"note: {remark}" for remark in summary["remarks"])]
+
+
+def _pitches(run: Solution | StoredSolution) -> list[float]:
+    return [surface.geometry.pitch for surface in run.surfaces]

@@ -23,7 +23,7 @@ def view(
     load_config(config, overrides)
     with serving(host, port) as server, status(open_console(), "building the scene"):
         session = LiveSession(config, overrides, rate)
-        _show(server, shown=session, config=session.config, port=port, rate=rate)
+        _show(server, live_run=session, config=session.config, port=port, rate=rate)
 
 
 def play(run: Path, host: str, port: int, rate: float) -> None:
@@ -31,20 +31,20 @@ def play(run: Path, host: str, port: int, rate: float) -> None:
     config = finished_config(run, (), find_meshes=False)
     with precision(config.dtype):
         stored = load_solution(run / "solution.npz")
-        shown = Playback(stored, config.build_terms())
+        playback = Playback(stored, config.build_terms())
     with serving(host, port) as server:
-        _show(server, shown=shown, config=config, port=port, rate=rate)
+        _show(server, live_run=playback, config=config, port=port, rate=rate)
 
 
 def _show(
     server: viser.ViserServer,
-    shown: AbstractLiveRun,
+    live_run: AbstractLiveRun,
     config: SceneConfig,
     port: int,
     rate: float,
 ) -> None:
     console = open_console()
-    view = LiveView(server=server, run=shown, config=config, rate=rate)
+    view = LiveView(server=server, run=live_run, config=config, rate=rate)
     bound = server.get_port()
     if port not in (0, bound):
         print_line(console, f"port {port} is taken: using {bound}")

@@ -1,6 +1,7 @@
 """`jaxthermo voxelize`: the voxels of a mesh at a pitch, without a simulation."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast, get_args
 
@@ -30,11 +31,11 @@ def voxelize(
     out: Path,
 ) -> None:
     """Write `voxels.json`, `voxels.png` and sheets of the layers; print a summary."""
-    # Checked before the mesh is read, which takes a while.
+    # Options are checked before the mesh is read, which may take a while.
     edge = _length("--pitch", pitch)
     if surface_cells not in get_args(SurfaceCells):
-        kinds = " or ".join(get_args(SurfaceCells))
-        raise InputError(f"--surface-cells {surface_cells}: choose {kinds}")
+        choices = " or ".join(get_args(SurfaceCells))
+        raise InputError(f"--surface-cells {surface_cells}: choose {choices}")
     target = None if height is None else _length("--height", height)
     loaded = load_mesh(mesh, unit=unit, height=target, up=up)
     console = open_console()
@@ -62,7 +63,7 @@ def voxelize(
         )
 
 
-def _lines(facts: dict[str, Any], true: Represented | None) -> list[str]:
+def _lines(facts: Mapping[str, Any], represented: Represented | None) -> list[str]:
     shape = " x ".join(str(n) for n in facts["lattice_shape"])
     why_not = facts["ratios_not_applied_because"]
     scaling = (
@@ -78,18 +79,19 @@ def _lines(facts: dict[str, Any], true: Represented | None) -> list[str]:
         f"{shape} ({100 * facts['solid_share_of_lattice']:.0f} %)",
         f"{facts['surface_voxels']:,} surface voxels, "
         f"{facts['surface_links']:,} links, {facts['fragments']:,} surface fragments",
-        *([] if true is None else [true.described()]),
+        *([] if represented is None else [represented.described()]),
         scaling,
         f"under one voxel thick: {thin['area_m2'] * 1e4:.4g} cm^2 of surface; "
         f"lost: {lost['area_m2'] * 1e4:.4g} cm^2",
     ]
-    for place in facts["thin_parts"]["largest_places"][:3]:
-        x, y, z = place["centre_m"]
-        share = place["lost_share"]
-        lines.append(
-            f"  {place['area_m2'] * 1e4:.3g} cm^2 around ({x:.4g}, {y:.4g}, {z:.4g}) m"
-            + (f", {100 * share:.0f} % lost" if share else "")
-        )
+    for thin_part in facts["thin_parts"]["largest_places"][:3]:
+        x, y, z = thin_part["centre_m"]
+        area = thin_part["area_m2"] * 1e4
+        line = f"  {area:.3g} cm^2 around ({x:.4g}, {y:.4g}, {z:.4g}) m"
+        share = thin_part["lost_share"]
+        if share:
+            line += f", {100 * share:.0f} % lost"
+        lines.append(line)
     return lines
 
 

@@ -1,8 +1,8 @@
-"""Fit cards on disk: a YAML file, and long lists of weights in an `.npz` beside it.
+"""Fit cards on disk: a YAML file, and an `.npz` file for long lists of weights.
 
-The last line of the YAML file is a checksum of all values, those in the other file too:
-a card that is cut off, changed by hand, or beside another fit's lists is refused.
-Without JAX, which only the weights of a card need.
+The last line of the YAML file is a checksum of all values in both files: a card that is
+cut off, changed by hand, or stored with another fit's lists is refused.
+This module works without JAX, which only the weights of a card need.
 """
 
 from collections.abc import Mapping
@@ -31,7 +31,7 @@ FORMAT = 4
 along the dominant axis without saying so."""
 
 LISTS = "list of weights"
-"""Kind of the file beside a card, in messages."""
+"""Name of the `.npz` file's kind in messages."""
 
 REMEDY = "fit it again with `calibrate fit`, or copy the whole card again"
 """Advice about a card that cannot be read."""
@@ -40,7 +40,7 @@ _KIND = "fit card"
 
 
 class _Card(TypedDict):
-    """The schema of the YAML file, beside its format and checksum."""
+    """The schema of the YAML file without its format and checksum."""
 
     name: str
     structure: dict[str, Any]
@@ -59,23 +59,23 @@ class _Card(TypedDict):
 _SCHEMA = TypeAdapter(_Card)
 
 
-class CardContent(NamedTuple):
+class _CardContent(NamedTuple):
     """Checked content of the files of a card."""
 
-    weights: dict[str, Any]
+    weights: dict[str, float | list[float] | str | np.ndarray]
     """Numbers and lists of numbers by name."""
-    about: dict[str, Any]
-    """Fields of an `AbstractCard`."""
+    summary: CardSummary
+    """The card without its weights."""
 
 
 def card_checksum(plain: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> str:
-    """Checksum of a card and of the lists beside it."""
+    """Checksum of a card and of its lists of weights."""
     # The name of the other file does not count: a card may be renamed with it.
     lists = dict.fromkeys(arrays, arrays_checksum(arrays))
     return plain_checksum({**plain, "weights": {**plain["weights"], **lists}})
 
 
-def read_card(path: Path) -> CardContent:
+def read_card(path: Path) -> _CardContent:
     """Read the files of a card; see `load_card`."""
     check_regular(path, "`calibrate fit` makes fit cards")
     data = read_yaml(path, needs="`calibrate fit` makes fit cards")
@@ -91,10 +91,10 @@ def read_card(path: Path) -> CardContent:
             version=FORMAT,
             remedy=REMEDY,
         )
-    given = data.pop("checksum", None)
-    if given is None:
+    checksum = data.pop("checksum", None)
+    if checksum is None:
         raise InputError(f"{path}: is cut off: it has no `checksum`; {REMEDY}")
-    return _checked(path, data, given)
+    return _checked(path, data, checksum)
 
 
 def card_summary(path: Path) -> CardSummary:
@@ -103,10 +103,10 @@ def card_summary(path: Path) -> CardSummary:
     Raises:
         InputError: as `load_card`.
     """
-    return CardSummary(**read_card(path).about)
+    return read_card(path).summary
 
 
-def _checked(path: Path, data: dict[str, Any], checksum: Any) -> CardContent:
+def _checked(path: Path, data: Mapping[str, object], checksum: object) -> _CardContent:
     content = {key: value for key, value in data.items() if key != "card"}
     try:
         card = _SCHEMA.validate_python(content)
@@ -114,34 +114,35 @@ def _checked(path: Path, data: dict[str, Any], checksum: Any) -> CardContent:
         first = error.errors(include_url=False)[0]
         message = f"{path}: {dotted(first['loc'])}: {explain(first)}; {REMEDY}"
         raise InputError(message) from error
-    arrays = _arrays_beside(path, card["weights"])
+    arrays = _stored_lists(path, card["weights"])
     if checksum != card_checksum(data, arrays):
         raise InputError(
             f"{path}: damaged or changed, its checksum does not match; {REMEDY} "
             "(weights of your own are given in the scene, as `weights: {within: 1.2}`)"
         )
-    about = {key: value for key, value in card.items() if key != "weights"}
-    return CardContent({**card["weights"], **arrays}, about)
+    weights = {**card["weights"], **arrays}
+    fields: Any = {key: value for key, value in card.items() if key != "weights"}
+    return _CardContent(weights=weights, summary=CardSummary(**fields))
 
 
-def _arrays_beside(
+def _stored_lists(
     path: Path, weights: Mapping[str, float | list[float] | str]
 ) -> dict[str, np.ndarray]:
     names = [name for name, value in weights.items() if isinstance(value, str)]
     if not names:
         return {}
-    # One file for all lists; a card that was renamed names it by the old name.
+    # One file for all lists; a renamed card still names it by the old name.
     name = str(weights[names[0]])
     if name != Path(name).name:
         raise InputError(f"{path}: weights: {name!r} is no name of a file; {REMEDY}")
-    beside = path.parent / name
-    found = read_archive(
-        beside,
+    lists_path = path.parent / name
+    arrays = read_archive(
+        lists_path,
         format_name=LISTS,
         version=FORMAT,
         remedy="keep it beside the card, of the same fit",
     )
-    missing = [name for name in names if name not in found]
+    missing = [name for name in names if name not in arrays]
     if missing:
-        raise InputError(f"{beside}: has no weights {', '.join(missing)}; {REMEDY}")
-    return {name: found[name] for name in names}
+        raise InputError(f"{lists_path}: has no weights {', '.join(missing)}; {REMEDY}")
+    return {name: arrays[name] for name in names}

@@ -1,6 +1,7 @@
 """Fit cards with their weights, from and to the files of `card_content`."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,22 +19,23 @@ _MAX_LISTED = 64
 
 
 def write_card(path: Path, card: FitCard) -> None:
-    """Write a card as YAML, and its long lists beside it.
+    """Write a card as YAML, and its long lists to an `.npz` file of the same name.
 
     Raises:
         InputError: if a file cannot be written.
     """
-    beside, weights = path.with_suffix(".npz"), {}
+    lists_path = path.with_suffix(".npz")
+    weights = {}
     arrays: dict[str, np.ndarray] = {}
     for name, value in vars(card.weights).items():
         numbers = np.asarray(value, float)
         if numbers.ndim and len(numbers) > _MAX_LISTED:
             arrays[name] = numbers.astype(np.float32)
-            weights[name] = beside.name
+            weights[name] = lists_path.name
         else:
             weights[name] = numbers.tolist()
     if arrays:
-        write_archive(beside, format_name=LISTS, version=FORMAT, arrays=arrays)
+        write_archive(lists_path, format_name=LISTS, version=FORMAT, arrays=arrays)
     plain = {
         # Weights stand before the data of their fit.
         "card": FORMAT,
@@ -51,19 +53,20 @@ def write_card(path: Path, card: FitCard) -> None:
 
 
 def load_card(path: str | Path) -> FitCard:
-    """The fit card in a YAML file, with the arrays beside it.
+    """The fit card in a YAML file, with the arrays of its `.npz` file.
 
     Args:
-        path: of the YAML file, or the name of a shipped card, "card://buddha/octree".
+        path: the YAML file, or the name of a shipped card, "card://buddha/octree".
 
     Raises:
         InputError: if it is missing, no card, damaged, changed or of another format.
     """
     path = card_path(path)
-    found = read_card(path)
+    content = read_card(path)
     try:
-        weights = ConductionWeights(**found.weights)
+        values: Any = content.weights
+        weights = ConductionWeights(**values)
     # Names that this version does not know, and numbers out of range.
     except (TypeError, InputError) as error:
         raise InputError(f"{path}: weights: {error}; {REMEDY}") from error
-    return FitCard(weights=weights, **found.about)
+    return FitCard(weights=weights, **vars(content.summary))

@@ -11,13 +11,14 @@ from .messages import described, in_file
 from .schema.dataset import DatasetConfig
 from .strict_yaml import read_yaml
 from .types.files import FOLDERS
+from .types.model import Location
 
 
 _NEEDS = "a dataset needs `scene`, and `views` or `orbit`"
 
 
 def load_dataset(path: str | Path, overrides: Sequence[str] = ()) -> DatasetConfig:
-    """The config in a YAML file, with the scene's file found beside it.
+    """The config in a YAML file; the scene's file is searched for in its folder.
 
     Raises:
         InputError: one line for each mistake.
@@ -25,8 +26,11 @@ def load_dataset(path: str | Path, overrides: Sequence[str] = ()) -> DatasetConf
     path = Path(path)
     data, _ = with_overrides(read_yaml(path, _NEEDS), overrides)
     context = {FOLDERS: mesh_folders(path.parent)}
+
+    def source(location: Location) -> str:
+        return in_file(path, location)
+
     try:
         return DatasetConfig.model_validate(data, context=context)
     except ValidationError as error:
-        source = lambda where: in_file(path, where)
         raise InputError(described(error, source)) from error

@@ -11,7 +11,7 @@ import re
 import textwrap
 from typing import Any
 
-from pydantic.json_schema import GenerateJsonSchema
+from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 
 from .types.model import Model, field_parts
 from .types.quantities import Unit
@@ -27,30 +27,31 @@ def json_schema(model: type[Model]) -> str:
     """The JSON Schema of a config file, as indented text."""
 
     class Generator(GenerateJsonSchema):
-        def model_schema(self, schema: Any) -> dict[str, Any]:
+        def model_schema(self, schema: Any) -> JsonSchemaValue:
             return _described(schema["cls"], super().model_schema(schema))
 
         # Members of a union are private classes, and a schema has no such thing.
         def normalize_name(self, name: str) -> str:
             return super().normalize_name(name).lstrip("_")
 
-    found = model.model_json_schema(schema_generator=Generator)
-    found = {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}
-    text = json.dumps(found, indent=1, ensure_ascii=False) + "\n"
+    document = model.model_json_schema(schema_generator=Generator)
+    document = {"$schema": "https://json-schema.org/draft/2020-12/schema", **document}
+    text = json.dumps(document, indent=1, ensure_ascii=False) + "\n"
     # The keys of generic models spell out their types: their titles are readable.
-    for key, definition in found.get("$defs", {}).items():
+    for key, definition in document.get("$defs", {}).items():
         if "Annotated" in key:
             text = text.replace(f'/{key}"', f'/{definition["title"]}"')
             text = text.replace(f'"{key}":', f'"{definition["title"]}":')
     return text
 
 
-def _described(model: type[Model], schema: dict[str, Any]) -> dict[str, Any]:
-    # A model's own words go before those of the class that it builds.
+def _described(model: type[Model], schema: JsonSchemaValue) -> JsonSchemaValue:
+    # A model's docstrings take precedence over those of the class that it builds.
     texts = _descriptions(model.target()) if model.builds else {}
     texts |= _descriptions(model)
     for key, field in schema.get("properties", {}).items():
-        units = {p.symbol for p in field_parts(model, key) if isinstance(p, Unit)}
+        markers = field_parts(model, key)
+        units = {marker.symbol for marker in markers if isinstance(marker, Unit)}
         unit = f"[{units.pop()}]" if len(units) == 1 and units != {""} else ""
         text = texts.get(key, "")
         if unit not in text:
@@ -66,19 +67,21 @@ def _described(model: type[Model], schema: dict[str, Any]) -> dict[str, Any]:
 
 def _descriptions(thing: Any) -> dict[str, str]:
     """The docstrings of a class's attributes, or of a function's arguments, by name."""
-    found: dict[str, str] = {}
-    for owner in reversed(thing.__mro__) if inspect.isclass(thing) else (thing,):
+    docstrings: dict[str, str] = {}
+    owners = reversed(thing.__mro__) if inspect.isclass(thing) else (thing,)
+    for owner in owners:
         if owner.__module__.partition(".")[0] not in _PACKAGES:
             continue
         for documented in (owner, vars(owner).get("__init__")):
             text = inspect.getdoc(documented) if documented else None
-            section = re.split(r"^(?:Args|Attributes):\n", text or "", flags=re.M)[1:]
-            found |= dict(_ARGUMENT.findall(section[0])) if section else {}
+            sections = re.split(r"^(?:Args|Attributes):\n", text or "", flags=re.M)
+            if len(sections) > 1:
+                docstrings |= dict(_ARGUMENT.findall(sections[1]))
         # Pydantic makes `Table[...]` at run time: only its origin has a source.
         generic = getattr(owner, "__pydantic_generic_metadata__", {})
         if inspect.isclass(owner) and generic.get("origin") is None:
-            found |= _attribute_docstrings(owner)
-    return {key: " ".join(text.split()) for key, text in found.items()}
+            docstrings |= _attribute_docstrings(owner)
+    return {key: " ".join(text.split()) for key, text in docstrings.items()}
 
 
 # Python keeps no docstring of an attribute: only the source has it.
@@ -86,10 +89,10 @@ def _attribute_docstrings(owner: type) -> dict[str, str]:
     source = textwrap.dedent(inspect.getsource(owner))
     (definition,) = ast.parse(source).body
     assert isinstance(definition, ast.ClassDef)
-    found = {}
+    docstrings = {}
     for field, text in zip(definition.body, definition.body[1:], strict=False):
         if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
             match text:
                 case ast.Expr(value=ast.Constant(value=str() as words)):
-                    found[field.target.id] = words
-    return found
+                    docstrings[field.target.id] = words
+    return docstrings

@@ -18,7 +18,7 @@ from .types.model import Location, Model, Short, field_parts
 from .types.quantities import ALLOW_EXTREME
 
 
-# Keys whose mapping has paths as keys: the rest of a location is one of them.
+# Keys whose mapping has paths as keys: what follows in a location is one path.
 _PATH_KEYS = ("set", "variations", "ranges")
 
 # Location of a value that an override set, and the text of the override.
@@ -31,10 +31,10 @@ def load_config(
     """The config in a YAML file, with files found and all values in SI units.
 
     Args:
-        path: the file; its name is the scene's, if none is given. Meshes, labels and
-            masks are searched for beside it, then in the folders of JAXTHERMO_MESHES.
+        path: the file, whose name is the scene's default name. Meshes, labels and
+            masks are searched for in its folder, then in those of JAXTHERMO_MESHES.
         overrides: texts "a.b=c", applied in order; c is YAML.
-        find_meshes: False to accept files that are named and do not exist.
+        find_meshes: False to accept names of files that do not exist.
 
     Raises:
         InputError: one line for each mistake in the config.
@@ -47,19 +47,24 @@ def load_config(
         ALLOW_EXTREME: data.get(ALLOW_EXTREME) is True,
         FOLDERS: mesh_folders(path.parent) if find_meshes else (),
     }
+
+    def source(location: Location) -> str:
+        override = _override_at(location, read=read, changed=changed)
+        return in_file(override or path, location)
+
     try:
         return SceneConfig.model_validate(data, context=context)
     except ValidationError as error:
-        source = lambda where: in_file(
-            _override_at(where, read, changed) or path, where
-        )
         raise InputError(described(error, source)) from error
 
 
-def mesh_folders(beside: Path) -> tuple[Path, ...]:
-    """Folders that are searched for files: the given one, those of JAXTHERMO_MESHES."""
+def mesh_folders(config_folder: Path) -> tuple[Path, ...]:
+    """Folders that are searched for files: the config's, those of JAXTHERMO_MESHES."""
     named = os.environ.get("JAXTHERMO_MESHES", "").split(os.pathsep)
-    return (beside.resolve(), *(Path(folder).resolve() for folder in named if folder))
+    return (
+        config_folder.resolve(),
+        *(Path(folder).resolve() for folder in named if folder),
+    )
 
 
 def resolved(config: Model) -> dict[str, Any]:
@@ -108,49 +113,60 @@ def with_overrides(data: Any, texts: Sequence[str]) -> tuple[Any, list[Change]]:
         location = tuple(int(key) if key.isdigit() else key for key in keys)
         parsed = parse_yaml(value, f"--set {text}")
         try:
-            data = _replaced(data, rest=location, value=parsed, before=())
+            data = _replaced(data, remaining=location, value=parsed, prefix=())
         except InputError as error:
             raise InputError(f"--set {error}") from error
         changed.append((location, text))
     return data, changed
 
 
-def _replaced(data: Any, rest: Location, value: Any, before: Location) -> Any:
-    if not rest:
+def _replaced(data: Any, remaining: Location, value: Any, prefix: Location) -> Any:
+    if not remaining:
         return value
-    key, here = rest[0], (*before, rest[0])
+    key = remaining[0]
+    location = (*prefix, key)
     if isinstance(data, list):
         if not isinstance(key, int):
-            entries = "is a list: give an index, such as 0"
-            raise InputError(f"{dotted(here)}: `{dotted(before)}` {entries}")
+            raise InputError(
+                f"{dotted(location)}: `{dotted(prefix)}` is a list: give an index, "
+                "such as 0"
+            )
         if key >= len(data):
-            entries = f"has {len(data)} entries, counted from 0"
-            raise InputError(f"{dotted(here)}: `{dotted(before)}` {entries}")
-        item = _replaced(data[key], rest=rest[1:], value=value, before=here)
-        return [*data[:key], item, *data[key + 1 :]]
-    if before and before[-1] in _PATH_KEYS:
-        key = dotted(rest)
-        rest = (key,)
-    # A word may stand for a whole mapping, of which one value is replaced.
+            raise InputError(
+                f"{dotted(location)}: `{dotted(prefix)}` has {len(data)} entries, "
+                "counted from 0"
+            )
+        replaced = _replaced(
+            data[key], remaining=remaining[1:], value=value, prefix=location
+        )
+        return [*data[:key], replaced, *data[key + 1 :]]
+    if prefix and prefix[-1] in _PATH_KEYS:
+        key = dotted(remaining)
+        remaining = (key,)
+    # A word may stand for a whole mapping, in which one value is replaced.
     if data is None or data == "auto":
         data = {}
-    elif isinstance(data, str) and (word_key := _word_key(before)) is not None:
+    elif isinstance(data, str) and (word_key := _word_key(prefix)) is not None:
         data = {word_key: data}
     if not isinstance(data, dict):
         raise InputError(
-            f"{dotted(here)}: `{dotted(before)}` is {quoted(data)} in the config, "
-            f"which has no parts; set `{dotted(before)}` as a whole"
+            f"{dotted(location)}: `{dotted(prefix)}` is {quoted(data)} in the config, "
+            f"which has no parts; set `{dotted(prefix)}` as a whole"
         )
     if isinstance(key, int):
         hint = close_match(key, data)
-        raise InputError(f"{dotted(here)}: `{dotted(before)}` is not a list{hint}")
-    if len(rest) > 1 and key not in data and isinstance(rest[1], int):
-        raise InputError(f"{dotted(here)}: no such list{close_match(key, data)}")
-    item = _replaced(data.get(key), rest=rest[1:], value=value, before=here)
-    # Of `unit` and `height` one is given: to set one replaces the other.
-    groups = (group for model in _models() for group in model.exactly_one)
-    others = {other for group in groups if key in group for other in group} - {key}
-    return {**{k: v for k, v in data.items() if k not in others}, key: item}
+        raise InputError(f"{dotted(location)}: `{dotted(prefix)}` is not a list{hint}")
+    if len(remaining) > 1 and key not in data and isinstance(remaining[1], int):
+        raise InputError(f"{dotted(location)}: no such list{close_match(key, data)}")
+    replaced = _replaced(
+        data.get(key), remaining=remaining[1:], value=value, prefix=location
+    )
+    # A mesh has either a `unit` or a `height`: setting one removes the other.
+    groups = [group for model in _models() for group in model.exactly_one]
+    alternatives = {name for group in groups if key in group for name in group}
+    removed = alternatives - {key}
+    unchanged = {name: v for name, v in data.items() if name not in removed}
+    return {**unchanged, key: replaced}
 
 
 def _models(base: type[Model] = Model) -> Iterator[type[Model]]:
@@ -163,20 +179,24 @@ def _word_key(location: Location) -> str | None:
     """The key that a word alone stands for, as `kind` for "octree" in `structure`."""
     last = str(location[-1]) if location else ""
     models = (model for model in _models() if last in model.model_fields)
-    parts = (part for model in models for part in field_parts(model, last))
-    return next((part.key for part in parts if isinstance(part, Short)), None)
+    for model in models:
+        for marker in field_parts(model, last):
+            if isinstance(marker, Short):
+                return marker.key
+    return None
 
 
-def _override_at(where: Location, read: Any, changed: list[Change]) -> str:
-    # The last override that the value came with; one that is wrong may have replaced
-    # another. Above the target of an override: a mapping that only the override made.
-    made = not _contains(read, where)
-    found = [
-        text
-        for target, text in changed
-        if where[: len(target)] == target or (made and target[: len(where)] == where)
-    ]
-    return f"--set {found[-1]}" if found else ""
+def _override_at(location: Location, read: Any, changed: list[Change]) -> str:
+    # The last override of the value is the wrong one. A mapping above the target of an
+    # override may exist by the override alone.
+    in_file_too = _contains(read, location)
+    override = ""
+    for target, text in changed:
+        is_below = location[: len(target)] == target
+        is_above = target[: len(location)] == location
+        if is_below or (is_above and not in_file_too):
+            override = f"--set {text}"
+    return override
 
 
 def _contains(data: Any, path: Location) -> bool:

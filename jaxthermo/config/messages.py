@@ -52,30 +52,31 @@ def close_match(word: object, choices: Iterable[str]) -> str:
 
 def explain(error: Mapping[str, Any]) -> str:
     """One line for one entry of `ValidationError.errors()`."""
-    kind, value = error["type"], error.get("input")
+    error_type = error["type"]
+    value = error.get("input")
     context = error.get("ctx") or {}
-    if kind == "missing":
+    if error_type == "missing":
         return "missing, and it has no default"
-    if kind in _EXPECTED:
-        return f"expected {_EXPECTED[kind]}, got {quoted(value)}"
-    if kind in _LIMITS:
-        words, limit = _LIMITS[kind]
+    if error_type in _EXPECTED:
+        return f"expected {_EXPECTED[error_type]}, got {quoted(value)}"
+    if error_type in _LIMITS:
+        words, limit = _LIMITS[error_type]
         return f"must be {words} {context[limit]:g}, got {quoted(value)}"
-    if kind == "literal_error":
+    if error_type == "literal_error":
         choices = context["expected"].replace(" or ", ", ").replace("'", "")
         return f"{quoted(value)} is not known{close_match(value, choices.split(', '))}"
-    if kind == "union_tag_not_found":
+    if error_type == "union_tag_not_found":
         return f"expected a mapping with a `kind`, got {quoted(value)}"
-    if kind == "union_tag_invalid":
+    if error_type == "union_tag_invalid":
         choices = context["expected_tags"].translate(str.maketrans("", "", "<>'"))
-        given = context["tag"].strip("<>")
-        return f"unknown kind '{given[:60]}'{close_match(given, choices.split(', '))}"
+        tag = context["tag"].strip("<>")
+        return f"unknown kind '{tag[:60]}'{close_match(tag, choices.split(', '))}"
     return error["msg"]
 
 
 def _untagged(location: Iterable[str | int]) -> tuple[str | int, ...]:
     # Tags in brackets mark the member of a union; no config has a key like them.
-    return tuple(part for part in location if not str(part).startswith("<"))
+    return tuple(key for key in location if not str(key).startswith("<"))
 
 
 def described(
@@ -85,14 +86,16 @@ def described(
 
     Args:
         error: raised by a config model.
-        source: function of a mistake's location that gives the start of its line.
+        source: start of the line of a mistake at a location.
     """
-    entries = error.errors(include_url=False)
-    return "\n".join(f"{source(_untagged(e['loc']))}: {e['msg']}" for e in entries)
+    return "\n".join(
+        f"{source(_untagged(mistake['loc']))}: {mistake['msg']}"
+        for mistake in error.errors(include_url=False)
+    )
 
 
 def in_file(source: object, location: tuple[str | int, ...]) -> str:
-    """A location after the file that it is in: "scene.yaml: bodies.0.pitch"."""
+    """A file and a location in it: "scene.yaml: bodies.0.pitch"."""
     return ": ".join(filter(None, (str(source), dotted(location))))
 
 

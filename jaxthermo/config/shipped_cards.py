@@ -9,7 +9,7 @@ from .messages import close_match
 
 SCHEME = "card://"
 FOLDER = Path(__file__).parents[1] / "data" / "cards"
-# As a `Path` it loses a slash.
+# A `Path` of it has lost a slash.
 _PREFIX = re.compile(r"card:/+")
 
 
@@ -32,17 +32,18 @@ def card_path(source: str | Path) -> Path:
     """
     if not is_shipped(source):
         return Path(source)
-    name, known = _PREFIX.sub("", str(source)), shipped_cards()
-    if name not in known:
+    name = _PREFIX.sub("", str(source))
+    cards = shipped_cards()
+    if name not in cards:
         raise InputError(
-            f"there is no shipped card '{SCHEME}{name}'{close_match(name, known)}; "
+            f"there is no shipped card '{SCHEME}{name}'{close_match(name, cards)}; "
             "`calibrate show --shipped` lists them"
         )
-    return known[name]
+    return cards[name]
 
 
 def card_name(path: Path) -> str:
     """Name of a card's file as a user writes it: `card://NAME`, or the path."""
-    inside = FOLDER in path.parents
-    name = path.relative_to(FOLDER).with_suffix("").as_posix() if inside else ""
-    return f"{SCHEME}{name}" if inside else str(path)
+    if FOLDER not in path.parents:
+        return str(path)
+    return SCHEME + path.relative_to(FOLDER).with_suffix("").as_posix()

@@ -5,7 +5,7 @@ PyYAML reads YAML 1.1, where `on` is true, `1e-3` is a string, `010` is eight an
 """
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -44,17 +44,17 @@ def _scalar(convert: Callable[[str], Any]) -> Callable[[_Loader, Any], Any]:
     return lambda loader, node: convert(loader.construct_scalar(node))
 
 
-def _mapping(loader: _Loader, node: Any) -> dict[str, Any]:
-    seen: dict[str, Any] = {}
-    # PyYAML's own constructor lets a later key win without a word.
+def _mapping(loader: _Loader, node: Any) -> dict[str, object]:
+    mapping: dict[str, object] = {}
+    # PyYAML's own constructor lets a later key win without an error.
     for key_node, value_node in node.value:
         key = loader.construct_object(key_node, deep=True)
         if not isinstance(key, str):
             raise _problem(f"the key {key!r} must be a word", key_node)
-        if key in seen:
+        if key in mapping:
             raise _problem(f"the key '{key}' is given twice", key_node)
-        seen[key] = loader.construct_object(value_node, deep=True)
-    return seen
+        mapping[key] = loader.construct_object(value_node, deep=True)
+    return mapping
 
 
 def _unknown_tag(loader: _Loader, node: Any) -> None:
@@ -69,8 +69,8 @@ def _register() -> None:
     for name, (pattern, convert) in _SCALARS.items():
         # In both, so that a text such as "1e-3" is written in quotes.
         regexp = re.compile(rf"^{pattern}$")
-        for kind in (_Loader, _Dumper):
-            kind.add_implicit_resolver(_TAG + name, regexp, None)
+        for yaml_class in (_Loader, _Dumper):
+            yaml_class.add_implicit_resolver(_TAG + name, regexp, None)
         _Loader.yaml_constructors[_TAG + name] = _scalar(convert)
     _Loader.yaml_constructors |= {
         _TAG + "str": _scalar(str),
@@ -108,7 +108,7 @@ def parse_yaml(text: str, source: str) -> Any:
 def read_yaml(
     path: Path, needs: str = "a scene needs at least `bodies`"
 ) -> dict[str, Any]:
-    """The mapping in a YAML file; the message of an empty one says what it `needs`."""
+    """The mapping in a YAML file; the error for an empty one says what it `needs`."""
     try:
         # Some editors begin a file with a byte order mark.
         text = path.read_bytes().decode("utf-8-sig")
@@ -125,6 +125,6 @@ def read_yaml(
     return data
 
 
-def write_yaml(data: dict[str, Any]) -> str:
+def write_yaml(data: Mapping[str, object]) -> str:
     """The text that `parse_yaml` reads back to the same mapping."""
-    return yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True)
+    return yaml.dump(dict(data), Dumper=_Dumper, sort_keys=False, allow_unicode=True)

@@ -43,9 +43,11 @@ class LogAxis:
 
     def __init__(self, values: Sequence[float | int], title: str):
         """Span the axis over `values`, all above 0."""
-        low, high = math.log10(min(values)), math.log10(max(values))
+        low = math.log10(min(values))
+        high = math.log10(max(values))
         margin = _AXIS_MARGIN * max(high - low, 0.5)
-        self.low, self.high = low - margin, high + margin
+        self.low = low - margin
+        self.high = high + margin
         self.title = title
 
     @property
@@ -54,10 +56,10 @@ class LogAxis:
         decades = self.high - self.low
         factors = (1, 2, 5) if decades < _MAX_DECADES_WITH_STEPS else (1,)
         exponents = range(math.floor(self.low) - 1, math.ceil(self.high) + 1)
-        every = (float(f"{f}e{n}") for n in exponents for f in factors)
-        found = [v for v in every if self.low <= math.log10(v) <= self.high]
-        if len(found) >= _MIN_TICKS:
-            return found
+        candidates = (float(f"{f}e{n}") for n in exponents for f in factors)
+        ticks = [v for v in candidates if self.low <= math.log10(v) <= self.high]
+        if len(ticks) >= _MIN_TICKS:
+            return ticks
         # Within less than a factor of 5 there are too few powers and halves of ten.
         return [v for v in nice_ticks(10**self.low, 10**self.high, 6) if v > 0]
 
@@ -94,7 +96,7 @@ def write_chart(chart: Chart, path: Path) -> Html:
 
 
 def _styled(chart: Chart) -> Chart:
-    # White also in a viewer with a dark page, where black labels would vanish.
+    # White also on a dark page: black labels would be invisible there.
     return (
         chart.configure(font="sans-serif", background="white", padding=_PADDING)
         .configure_title(fontSize=15, offset=12)
@@ -102,7 +104,7 @@ def _styled(chart: Chart) -> Chart:
             labelFontSize=12,
             titleFontSize=13,
             titleFontWeight="normal",
-            # Or wider digits of another font would run into it.
+            # Without it, wider digits of another font would touch the title.
             titlePadding=12,
             gridColor="#e6e8ec",
         )
@@ -116,8 +118,8 @@ _MARK = re.compile(r'<path ([^>]*?aria-label="([^"]*)"[^>]*?)(?:/>|></path>)')
 
 def _with_tooltips(svg: str) -> Html:
     # Browsers show the title of a mark on hovering, and not its description.
-    def titled(found: re.Match[str]) -> str:
-        text = html.escape(html.unescape(found[2]))
-        return f"<path {found[1]}><title>{text}</title></path>"
+    def titled(match: re.Match[str]) -> str:
+        text = html.escape(html.unescape(match[2]))
+        return f"<path {match[1]}><title>{text}</title></path>"
 
     return Html(_MARK.sub(titled, svg))

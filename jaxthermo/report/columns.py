@@ -18,8 +18,11 @@ def write_columns(
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(["time_s", *columns])
     rows = zip(times, *columns.values(), strict=True)
-    # Nine digits tell all float32 numbers apart.
-    number = lambda value: "" if np.isnan(value) else f"{value:.9g}"
-    writer.writerows([number(value) for value in row] for row in rows)
+    writer.writerows([_number(value) for value in row] for row in rows)
     with replacing(path) as temporary:
         temporary.write_text(text.getvalue(), encoding="utf-8")
+
+
+def _number(value: float) -> str:
+    # Nine digits distinguish all float32 numbers.
+    return "" if np.isnan(value) else f"{value:.9g}"

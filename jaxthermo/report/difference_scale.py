@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, UInt8
 from .sheet import ColourBar
 
 
-# Ticks closer to zero, along a scale from -1 to 1, would write over its label.
+# Ticks closer to zero, on a scale from -1 to 1, would overlap its label.
 _MIN_TICK_DISTANCE = 0.1
 
 BACKGROUND = (58, 61, 68)
@@ -47,8 +47,8 @@ class DifferenceScale:
     def position(self, kelvin: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
         """Position along the scale, -1 to 1; beyond `limit` it stays at the end."""
         bounded = np.clip(kelvin, -self.limit, self.limit)
-        whole = np.arcsinh(self.limit / self.linear)
-        return np.arcsinh(bounded / self.linear) / whole
+        end = np.arcsinh(self.limit / self.linear)
+        return np.arcsinh(bounded / self.linear) / end
 
     def colour(self, position: Float[np.ndarray, "*n"]) -> UInt8[np.ndarray, "*n 3"]:
         """The sRGB colours at positions along the scale."""
@@ -74,7 +74,7 @@ class DifferenceScale:
 def nice_limit(largest: float) -> float:
     """The smallest of 1, 2, 5 x 10^n that is not below the largest difference [K]."""
     decade = 10.0 ** np.floor(np.log10(max(largest, 1e-6)))
-    # But for rounding: 0.3 / 0.1 is above 3.
+    # With a tolerance for rounding: 0.3 / 0.1 is above 3.
     reached = (f for f in (1.0, 2.0, 5.0) if largest <= f * decade * (1 + 1e-9))
     return float(next(reached, 10.0) * decade)
 

@@ -11,15 +11,17 @@ from ..errors import InputError
 from ..image.colour.frame_values import QUANTITIES
 from ..image.colour.palette import palette_table
 from ..image.colour.picture import coloured
-from ..image.colour.ticks import decimals_of, label, nice_ticks, time_label, to_celsius
+from ..image.colour.ticks import time_label, to_celsius
 from ..image.radiance.image import Image
-from .sheet import ColourBar, Tile, sheet
+from .sheet import ColourBar, Tile, scale_ticks, sheet
 
 
 MAX_TILES = 48
 """Largest number of frames on a sheet: more are too small to be read."""
-# Longer edge of a frame on a sheet, and edges of a sheet [pixels].
-_MAX_EDGE, _MAX_SHEET = 640, 4096
+# Longer edge of a frame on a sheet [pixels].
+_MAX_EDGE = 640
+# Longer edge of a sheet [pixels].
+_MAX_SHEET = 4096
 
 
 def shown_on_sheet(count: int) -> list[int]:
@@ -39,7 +41,7 @@ def frame_sheet(
 ) -> Picture:
     """Arrange frames on one sheet with their times and their common scale.
 
-    Of more than 48 frames those are shown that are evenly spaced in the list.
+    Of more than 48 frames, evenly spaced ones of the list are shown.
 
     Args:
         images: the frames, of one size.
@@ -53,17 +55,19 @@ def frame_sheet(
         InputError: without a frame, for frames of several sizes or of temperatures
             that are not finite, an unknown quantity or palette, or limits not in order.
     """
-    given = list(images)
-    sizes = {np.shape(image.object_id) for image in given}
+    frames = list(images)
+    sizes = {np.shape(image.object_id) for image in frames}
     if len(sizes) != 1:
-        found = ", ".join(f"{w} x {h}" for h, w in sorted(sizes)) or "none"
-        raise InputError(f"frame_sheet(images=): {found}: give frames of one size")
-    shown = [given[k] for k in shown_on_sheet(len(given))]
+        found_sizes = ", ".join(f"{w} x {h}" for h, w in sorted(sizes)) or "none"
+        raise InputError(
+            f"frame_sheet(images=): {found_sizes}: give frames of one size"
+        )
+    shown_frames = [frames[k] for k in shown_on_sheet(len(frames))]
     tiles = [
         coloured(image, low=low, high=high, palette=palette, quantity=quantity)
-        for image in shown
+        for image in shown_frames
     ]
-    times = [float(image.time) for image in shown]
+    times = [float(image.time) for image in shown_frames]
     return tile_sheet(
         tiles,
         times=times,
@@ -102,14 +106,10 @@ def tile_sheet(
         Tile(_smaller(tile, edge), time_label(time))
         for tile, time in zip(tiles, times, strict=True)
     ]
-    ends = to_celsius(low), to_celsius(high)
-    ticks = nice_ticks(*ends)
-    decimals = decimals_of(ticks[1] - ticks[0]) if len(ticks) > 1 else 1
-    span = ends[1] - ends[0] or 1.0
     bar = ColourBar(
-        palette_table(palette),
-        tuple(((t - ends[0]) / span, label(t, decimals)) for t in ticks),
-        f"{QUANTITIES[quantity]} [\N{DEGREE SIGN}C]",
+        colours=palette_table(palette),
+        ticks=scale_ticks(to_celsius(low), to_celsius(high)),
+        title=f"{QUANTITIES[quantity]} [\N{DEGREE SIGN}C]",
     )
     return sheet(labelled, bar=bar, title=title, columns=columns)
 

@@ -21,10 +21,10 @@ from ..voxels.textures import (
     normal_colours,
 )
 from .numbers import count
-from .sheet import ColourBar, Legend, Pixels, Tile, enlarged, sheet
+from .sheet import ColourBar, Legend, Tile, enlarged, scale_ticks, sheet
 
 
-# Longer edge that a small layer is enlarged to, about [px]: one voxel is one pixel.
+# Approximate longer edge of an enlarged small layer [px]: one voxel is one pixel.
 _LAYER_EDGE = 300
 # Width of a sheet of layers over its height, about that of a screen.
 _SHEET_RATIO = 1.6
@@ -48,17 +48,20 @@ def write_layer_sheets(grid: VoxelGrid, folder: Path) -> list[Path]:
     for name, images in layer_images(grid).items():
         if not images:
             continue
-        axis, kind = name.split("_")
-        word = "packed" if kind == "packed" else "layer"
+        axis, content = name.split("_")
+        word = "packed" if content == "packed" else "layer"
         tiles = [
             Tile(enlarged(image, _LAYER_EDGE), f"{axis} {word} {k}")
             for k, image in enumerate(images)
         ]
-        from_front = f"depth along +{axis} from the front of the lattice"
-        key = depth_bar(grid, axis, from_front) if kind == "depth" else _legend(kind)
+        if content == "depth":
+            quantity = f"depth along +{axis} from the front of the lattice"
+            bar = depth_bar(grid, axis=axis, quantity=quantity)
+        else:
+            bar = _legend(content)
         path = folder / f"layers_{name}.png"
-        title = f"{grid.mesh.name}: {_TITLES[kind].format(axis=axis)}"
-        write_png(path, sheet(tiles, bar=key, title=title, columns=_columns(tiles)))
+        title = f"{grid.mesh.name}: {_TITLES[content].format(axis=axis)}"
+        write_png(path, sheet(tiles, bar=bar, title=title, columns=_columns(tiles)))
         paths.append(path)
     return paths
 
@@ -68,26 +71,26 @@ def _columns(tiles: list[Tile]) -> int:
     wide = max(tile.pixels.shape[1] for tile in tiles)
     ratio = _SHEET_RATIO * len(tiles) * tall / wide
     columns = max(1, round(math.sqrt(ratio)))
-    # Few rows as that ratio asks for, spread evenly so that none is nearly empty.
+    # The tiles are spread evenly over the rows, so that no row is nearly empty.
     return math.ceil(len(tiles) / math.ceil(len(tiles) / columns))
 
 
 def depth_bar(grid: VoxelGrid, axis: str, quantity: str) -> ColourBar:
     """The scale of the depths of layers along an axis of the lattice [mm]."""
-    whole = 1e3 * grid.pitch * grid.lattice.shape["xyz".index(axis)]
-    ticks = nice_ticks(0.0, whole)
+    depth = 1e3 * grid.pitch * grid.lattice.shape["xyz".index(axis)]
+    ticks = nice_ticks(0.0, depth)
     decimals = decimals_of(ticks[1] - ticks[0])
     return ColourBar(
-        depth_colours(np.linspace(0.0, 1.0, 256)),
-        tuple((tick / whole, label(tick, decimals)) for tick in ticks),
-        f"{quantity} [mm]; dark: no surface",
+        colours=depth_colours(np.linspace(0.0, 1.0, 256)),
+        ticks=tuple((tick / depth, label(tick, decimals)) for tick in ticks),
+        title=f"{quantity} [mm]; dark: no surface",
     )
 
 
-def _legend(kind: str) -> Legend:
-    if kind == "dominant":
-        shown = zip(("x", "y", "z", "no area"), AXIS_COLOURS.tolist(), strict=True)
-        return _of(shown, "dominant axis of the normal; dark: no surface")
+def _legend(content: str) -> Legend:
+    if content == "dominant":
+        entries = zip(("x", "y", "z", "no area"), AXIS_COLOURS.tolist(), strict=True)
+        return _of(entries, "dominant axis of the normal; dark: no surface")
     title = "outward normal n: red, green, blue are (n + 1) / 2; dark: no surface"
     return normal_legend(title)
 
@@ -98,8 +101,8 @@ def normal_legend(title: str, names: Sequence[str] = _WAYS) -> Legend:
     return _of(zip(names, normal_colours(ways).tolist(), strict=True), title)
 
 
-def _of(shown, title: str) -> Legend:
-    entries = tuple((text, (red, green, blue)) for text, (red, green, blue) in shown)
+def _of(meanings, title: str) -> Legend:
+    entries = tuple((text, (red, green, blue)) for text, (red, green, blue) in meanings)
     return Legend(entries, title)
 
 
@@ -125,17 +128,22 @@ def contact_tiles(
         InputError: for an unknown palette, or limits that are not finite and in order.
     """
     tiles = []
-    layer, touched = grid.fragment_layer[:, 1], ~np.isnan(values)
-    for key, images in contact_images(
+    layer = grid.fragment_layer[:, 1]
+    in_contact = ~np.isnan(values)
+    images_by_axis = contact_images(
         grid, values=values, low=low, high=high, palette=palette
-    ).items():
-        mine = grid.is_packed("xyz".index(key[0])) & touched
-        for number in np.unique(layer[mine]).tolist():
-            heading = f"{name}, {key[0]} layer {number}"
-            touching = int(np.count_nonzero(layer[mine] == number))
-            note = count(touching, "fragment") + " in contact"
-            pixels: Pixels = enlarged(images[number], _LAYER_EDGE)
-            tiles.append(Tile(pixels, heading, note))
+    )
+    for key, images in images_by_axis.items():
+        axis = key[0]
+        touching_layer = layer[grid.is_packed("xyz".index(axis)) & in_contact]
+        for number in np.unique(touching_layer).tolist():
+            fragments = int(np.count_nonzero(touching_layer == number))
+            tile = Tile(
+                pixels=enlarged(images[number], _LAYER_EDGE),
+                label=f"{name}, {axis} layer {number}",
+                note=count(fragments, "fragment") + " in contact",
+            )
+            tiles.append(tile)
     return tiles
 
 
@@ -158,10 +166,15 @@ def contact_texture_sheet(
     Raises:
         InputError: for an unknown palette, or limits that are not finite and in order.
     """
-    tiles = [tile for body in bodies for tile in contact_tiles(*body, *limits, palette)]
     low, high = limits
-    ticks, span = nice_ticks(low, high), max(high - low, 1e-9)
-    decimals = decimals_of(ticks[1] - ticks[0]) if len(ticks) > 1 else 1
-    marks = tuple(((t - low) / span, label(t, decimals)) for t in ticks)
-    bar = ColourBar(palette_table(palette), marks, f"{quantity}; grey: no contact")
-    return sheet(tiles, bar, title)
+    tiles = []
+    for name, grid, values in bodies:
+        tiles += contact_tiles(
+            name, grid=grid, values=values, low=low, high=high, palette=palette
+        )
+    bar = ColourBar(
+        colours=palette_table(palette),
+        ticks=scale_ticks(low, high),
+        title=f"{quantity}; grey: no contact",
+    )
+    return sheet(tiles, bar=bar, title=title)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple, TypedDict
 
 import altair as alt
 
@@ -12,11 +12,26 @@ from ..image.measurements import AbstractMeasurement, Isotherm, Reading, Spot
 from .chart import POINT_AREA, Chart, legend, write_chart
 
 
-_WIDTH, _HEIGHT, _LOW_HEIGHT = 640, 300, 160
-# Colours that are told apart without any kind of cone: Okabe and Ito (2008).
+_WIDTH = 640
+_HEIGHT = 300
+_LOW_HEIGHT = 160
+# Colours that differ for colour-blind readers too: Okabe and Ito (2008).
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
 # More frames than this are a line without points.
 _MAX_POINTS = 40
+
+
+class _Row(TypedDict):
+    """A reading as the chart has it."""
+
+    name: str
+    time: float
+    percent: float
+    """Fraction of the bodies [%]."""
+    min: float | None
+    mean: float | None
+    max: float | None
+    """Temperatures [deg C]; None where there is no body."""
 
 
 def _time_unit(times: Sequence[float]) -> tuple[float, str]:
@@ -59,49 +74,69 @@ def measurement_chart(
         title: above the chart.
     """
     size, unit = _time_unit(times)
-    warm, spread, part, labels = [], [], [], []
-    for name, each in measurements.items():
-        labels.append(_labelled(name, each, readings[name]))
+    means: list[_Row] = []
+    spread: list[_Row] = []
+    fractions: list[_Row] = []
+    labels: list[str] = []
+    for name, measurement in measurements.items():
+        labels.append(_labelled(name, measurement, readings[name]))
         rows = [
             _row(labels[-1], time / size, reading)
             for time, reading in zip(times, readings[name], strict=True)
         ]
-        (part if isinstance(each, Isotherm) else warm).extend(rows)
-        spread += [] if isinstance(each, Isotherm | Spot) else rows
+        if isinstance(measurement, Isotherm):
+            fractions += rows
+            continue
+        means += rows
+        if not isinstance(measurement, Spot):
+            spread += rows
     channels = _channels(f"time [{unit}]", labels)
-    mark: dict[str, Any] = {"strokeWidth": 2}
-    if len(times) <= _MAX_POINTS:
-        mark["point"] = alt.OverlayMarkDef(size=POINT_AREA / 3)
-    parts = []
-    if warm:
-        name, scale = "temperature [\N{DEGREE SIGN}C]", alt.Scale(zero=False)
+    point = len(times) <= _MAX_POINTS and alt.OverlayMarkDef(size=POINT_AREA / 3)
+    panels = []
+    if means:
+        name = "temperature [\N{DEGREE SIGN}C]"
+        scale = alt.Scale(zero=False)
         mean = alt.Y("mean:Q", title=name, scale=scale)
-        lines = alt.Chart(alt.Data(values=warm)).mark_line(**mark)
-        lines = lines.encode(y=mean, **channels)
+        chart = alt.Chart(alt.Data(values=means))
+        lines = chart.mark_line(strokeWidth=2, point=point)
+        lines = lines.encode(y=mean, x=channels.time, color=channels.colour)
         if spread:
-            ends = {"y": alt.Y("min:Q", title=name, scale=scale), "y2": alt.Y2("max:Q")}
             band = alt.Chart(alt.Data(values=spread)).mark_area(opacity=0.18)
-            lines = alt.layer(band.encode(**ends, **channels), lines)
-        parts.append(lines.properties(width=_WIDTH, height=_HEIGHT))
-    if part:
+            band = band.encode(
+                x=channels.time,
+                color=channels.colour,
+                y=alt.Y("min:Q", title=name, scale=scale),
+                y2=alt.Y2("max:Q"),
+            )
+            lines = alt.layer(band, lines)
+        panels.append(lines.properties(width=_WIDTH, height=_HEIGHT))
+    if fractions:
         percent = alt.Y("percent:Q", title="fraction of the bodies [%]")
-        lines = alt.Chart(alt.Data(values=part)).mark_line(**mark)
-        edges = {"width": _WIDTH, "height": _LOW_HEIGHT if warm else _HEIGHT}
-        parts.append(lines.encode(y=percent, **channels).properties(**edges))
+        chart = alt.Chart(alt.Data(values=fractions))
+        lines = chart.mark_line(strokeWidth=2, point=point)
+        lines = lines.encode(y=percent, x=channels.time, color=channels.colour)
+        height = _LOW_HEIGHT if means else _HEIGHT
+        panels.append(lines.properties(width=_WIDTH, height=height))
     below = "lines: means; bands: from the lowest to the highest" if spread else ""
     head = alt.TitleParams(title or "measurements", subtitle=below, anchor="start")
-    return alt.vconcat(*parts, title=head)
+    return alt.vconcat(*panels, title=head)
 
 
-def _channels(time: str, labels: list[str]) -> dict[str, Any]:
-    """The axis of time and the colours that all parts have in common."""
+class _Channels(NamedTuple):
+    """The axis of time and the colours that all panels have in common."""
+
+    time: alt.X
+    colour: alt.Color
+
+
+def _channels(time: str, labels: list[str]) -> _Channels:
     colours = [_COLOURS[k % len(_COLOURS)] for k in range(len(labels))]
     scale = alt.Scale(domain=labels, range=colours)
     along = alt.Scale(nice=False, zero=False)
-    return {
-        "x": alt.X("time:Q", title=time, scale=along),
-        "color": alt.Color("name:N", legend=legend("measurement"), scale=scale),
-    }
+    return _Channels(
+        time=alt.X("time:Q", title=time, scale=along),
+        colour=alt.Color("name:N", legend=legend("measurement"), scale=scale),
+    )
 
 
 def _labelled(
@@ -109,12 +144,19 @@ def _labelled(
 ) -> str:
     if isinstance(measurement, Isotherm):
         return f"{name}, {limits_in_words(measurement)}"
-    return name if any(each.pixels for each in readings) else f"{name}, background"
+    return (
+        name if any(reading.pixels for reading in readings) else f"{name}, background"
+    )
 
 
-def _row(name: str, time: float, reading: Reading) -> dict[str, Any]:
+def _row(name: str, time: float, reading: Reading) -> _Row:
     # Without a body there is no temperature, and the line has a gap.
-    seen = bool(reading.pixels)
-    kelvin = {"min": reading.min, "mean": reading.mean, "max": reading.max}
-    shown = {key: to_celsius(value) if seen else None for key, value in kelvin.items()}
-    return {"name": name, "time": time, "percent": 100 * reading.fraction, **shown}
+    seen = reading.pixels > 0
+    return _Row(
+        name=name,
+        time=time,
+        percent=100 * reading.fraction,
+        min=to_celsius(reading.min) if seen else None,
+        mean=to_celsius(reading.mean) if seen else None,
+        max=to_celsius(reading.max) if seen else None,
+    )

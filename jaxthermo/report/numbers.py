@@ -1,4 +1,4 @@
-"""Numbers as a reader wants them: three digits, with unit and spread."""
+"""Numbers for readers: three digits, with unit and spread."""
 
 import math
 
@@ -10,7 +10,7 @@ def significant(value: float | int) -> str:
 
 
 def padded(value: float | int) -> str:
-    """The same with zeros at the end, for columns and pairs: "2.80" above "2.75"."""
+    """Three significant digits with final zeros, for columns: "2.80" above "2.75"."""
     if abs(value) >= 999.5:
         return significant(value)
     return f"{value:#.3g}".removesuffix(".")
@@ -26,11 +26,12 @@ def seconds(value: float) -> str:
 def seconds_with_range(median: float, fastest: float, slowest: float) -> str:
     """Durations [s] in one unit: "13 (12-15) ms"."""
     scale, unit = (1.0, "s") if median >= 1 else (1e3, "ms")
-    return f"{with_range(scale * median, scale * fastest, scale * slowest)} {unit}"
+    spread = with_range(scale * median, low=scale * fastest, high=scale * slowest)
+    return f"{spread} {unit}"
 
 
 def with_range(median: float, low: float, high: float) -> str:
-    """A median with the range it was seen in: "8.1 (7.5-9)"."""
+    """A median with the range of the values: "8.1 (7.5-9)"."""
     return f"{significant(median)} ({significant(low)}-{significant(high)})"
 
 

@@ -57,7 +57,7 @@ def terms(pairs: Sequence[tuple[str, str]]) -> Html:
 
 
 def picture(path: Path, alt: str) -> Html:
-    """A PNG file, embedded, with a text for those who cannot see it."""
+    """A PNG file, embedded, with a text for readers who cannot see it."""
     return embedded(path.read_bytes(), alt)
 
 
@@ -95,5 +95,5 @@ class Card(NamedTuple):
 
 
 def cards(items: Sequence[Card]) -> Html:
-    """Items side by side, as many as fit."""
+    """Items in rows that fill the page."""
     return render("cards", cards=items)

@@ -9,6 +9,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from ..image.colour.annotate import contact_sheet
 from ..image.colour.canvas import FAINT, FRAME, INK, PAPER, drawable
+from ..image.colour.ticks import decimals_of, label, nice_ticks
 
 
 Pixels = UInt8[np.ndarray, "h w 3"]
@@ -32,7 +33,7 @@ class ColourBar:
     colours: UInt8[np.ndarray, "n 3"]
     """Colours from the lower end of the scale to the upper end."""
     ticks: tuple[tuple[float, str], ...]
-    """Position along the bar, 0 to 1, and label of each tick."""
+    """Position along the bar (0 to 1) and label of each tick."""
     title: str
 
 
@@ -45,6 +46,14 @@ class Legend:
     title: str = ""
 
 
+def scale_ticks(low: Scalar, high: Scalar) -> tuple[tuple[float, str], ...]:
+    """Ticks at round values of a scale, as `ColourBar.ticks`."""
+    values = nice_ticks(low, high)
+    decimals = decimals_of(values[1] - values[0]) if len(values) > 1 else 1
+    span = max(high - low, 1e-9)
+    return tuple(((value - low) / span, label(value, decimals)) for value in values)
+
+
 def sheet(
     tiles: list[Tile], bar: ColourBar | Legend, title: str, columns: int | None = None
 ) -> Image.Image:
@@ -53,25 +62,26 @@ def sheet(
         rows = math.ceil(len(tiles) / _MAX_COLUMNS)
         columns = math.ceil(len(tiles) / rows)
     text = max(11, min(28, tiles[0].pixels.shape[0] // 22))
-    grid = contact_sheet([_framed(tile, text, INK) for tile in tiles], columns)
+    grid = contact_sheet([_framed(tile, text) for tile in tiles], columns)
     font = ImageFont.load_default(size=round(1.25 * text))
     title = drawable(title)
-    head, foot = 3 * text, 6 * text
+    head = 3 * text
+    foot = 6 * text
     small = ImageFont.load_default(size=text)
     below = small.getlength(bar.title)
     if isinstance(bar, Legend):
         below = max(below, sum(_entry_widths(bar, small, text)))
     needed = math.ceil(max(font.getlength(title), below)) + 2 * text
     width = max(grid.width, needed)
-    whole = Image.new("RGB", (width, grid.height + head + foot), PAPER)
-    whole.paste(grid, ((width - grid.width) // 2, head))
-    draw = ImageDraw.Draw(whole)
+    picture = Image.new("RGB", (width, grid.height + head + foot), PAPER)
+    picture.paste(grid, ((width - grid.width) // 2, head))
+    draw = ImageDraw.Draw(picture)
     draw.text((width / 2, head / 2), title, fill=INK, font=font, anchor="mm")
     if isinstance(bar, Legend):
-        _draw_legend(whole, legend=bar, top=grid.height + head, text=text)
+        _draw_legend(picture, legend=bar, top=grid.height + head, text=text)
     else:
-        _draw_bar(whole, bar=bar, top=grid.height + head, text=text)
-    return whole
+        _draw_bar(picture, bar=bar, top=grid.height + head, text=text)
+    return picture
 
 
 def enlarged(pixels: Pixels, edge: int) -> UInt8[np.ndarray, "H W 3"]:
@@ -80,45 +90,49 @@ def enlarged(pixels: Pixels, edge: int) -> UInt8[np.ndarray, "H W 3"]:
     return pixels.repeat(factor, axis=0).repeat(factor, axis=1)
 
 
-def _framed(tile: Tile, text: int, ink: tuple[int, int, int]) -> Image.Image:
+def _framed(tile: Tile, text: int) -> Image.Image:
     # `text` is the height of the label's letters [px].
     height, width = tile.pixels.shape[:2]
     font = ImageFont.load_default(size=text)
     small = ImageFont.load_default(size=max(10, round(0.85 * text)))
-    label, note = drawable(tile.label), drawable(tile.note)
-    widths = font.getlength(label), small.getlength(note)
-    # The canvas grows with its texts, or long labels would run into the next tile.
-    across = max(width + 2, math.ceil(max(widths)) + text)
+    heading = drawable(tile.label)
+    note = drawable(tile.note)
+    text_width = max(font.getlength(heading), small.getlength(note))
+    # The canvas grows with its texts: long labels must not overlap the next tile.
+    across = max(width + 2, math.ceil(text_width) + text)
     below = round(3.2 * text) if tile.note else 2 * text
     image = Image.new("RGB", (across, height + 2 + below), PAPER)
     left = (across - width - 2) // 2
     draw = ImageDraw.Draw(image)
     draw.rectangle((left, 0, left + width + 1, height + 1), outline=FRAME)
     image.paste(Image.fromarray(np.ascontiguousarray(tile.pixels)), (left + 1, 1))
-    middle, base = across / 2, height + 2
-    draw.text((middle, base + text), label, fill=ink, font=font, anchor="mm")
+    middle = across / 2
+    base = height + 2
+    draw.text((middle, base + text), heading, fill=INK, font=font, anchor="mm")
     note_at = (middle, base + round(2.3 * text))
     draw.text(note_at, note, fill=FAINT, font=small, anchor="mm")
     return image
 
 
-def _draw_bar(whole: Image.Image, bar: ColourBar, top: int, text: int) -> None:
+def _draw_bar(picture: Image.Image, bar: ColourBar, top: int, text: int) -> None:
     font = ImageFont.load_default(size=text)
-    width = min(round(0.7 * whole.width), 60 * text)
-    left, high = (whole.width - width) // 2, round(1.1 * text)
-    draw = ImageDraw.Draw(whole)
-    middle = whole.width / 2
+    width = min(round(0.7 * picture.width), 60 * text)
+    left = (picture.width - width) // 2
+    height = round(1.1 * text)
+    draw = ImageDraw.Draw(picture)
+    middle = picture.width / 2
     draw.text((middle, top + 0.9 * text), bar.title, fill=INK, font=font, anchor="mm")
     y = top + 2 * text
     index = np.rint(np.linspace(0, len(bar.colours) - 1, width)).astype(int)
-    strip = np.repeat(bar.colours[index][None], high, axis=0)
-    whole.paste(Image.fromarray(np.ascontiguousarray(strip)), (left, y))
-    draw.rectangle((left - 1, y - 1, left + width, y + high), outline=FRAME)
-    for position, label in bar.ticks:
+    strip = np.repeat(bar.colours[index][None], height, axis=0)
+    picture.paste(Image.fromarray(np.ascontiguousarray(strip)), (left, y))
+    bottom = y + height
+    draw.rectangle((left - 1, y - 1, left + width, bottom), outline=FRAME)
+    for position, tick_label in bar.ticks:
         x = left + position * (width - 1)
-        draw.line((x, y + high, x, y + high + text // 2), fill=FAINT)
-        label_at = (x, y + high + 1.2 * text)
-        draw.text(label_at, label, fill=INK, font=font, anchor="mm")
+        draw.line((x, bottom, x, bottom + text // 2), fill=FAINT)
+        label_at = (x, bottom + 1.2 * text)
+        draw.text(label_at, tick_label, fill=INK, font=font, anchor="mm")
 
 
 def _entry_widths(legend: Legend, font, text: int) -> list[float]:
@@ -126,13 +140,14 @@ def _entry_widths(legend: Legend, font, text: int) -> list[float]:
     return [3.2 * text + font.getlength(meaning) for meaning, _ in legend.entries]
 
 
-def _draw_legend(whole: Image.Image, legend: Legend, top: int, text: int) -> None:
+def _draw_legend(picture: Image.Image, legend: Legend, top: int, text: int) -> None:
     font = ImageFont.load_default(size=text)
-    draw = ImageDraw.Draw(whole)
-    at = (whole.width / 2, top + 0.9 * text)
+    draw = ImageDraw.Draw(picture)
+    at = (picture.width / 2, top + 0.9 * text)
     draw.text(at, legend.title, fill=INK, font=font, anchor="mm")
     widths = _entry_widths(legend, font, text)
-    x, y = (whole.width - sum(widths)) / 2 + text, top + 3 * text
+    x = (picture.width - sum(widths)) / 2 + text
+    y = top + 3 * text
     for (meaning, colour), width in zip(legend.entries, widths, strict=True):
         box = (x, y - 0.6 * text, x + 1.2 * text, y + 0.6 * text)
         draw.rectangle(box, fill=colour, outline=FRAME)

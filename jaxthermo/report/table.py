@@ -20,17 +20,17 @@ class Cell(NamedTuple):
 
     text: str
     met: bool | None = None
-    """Green if True, red if False, plain if None."""
+    """Result of a check: green if True, red if False, plain if None."""
     wraps: bool = False
-    """Break long lines, as in prose; otherwise the cell stays on one line."""
+    """True to break long lines, as in prose; otherwise the cell stays on one line."""
     columns: int = 1
-    """Columns that the cell spans."""
+    """Number of columns that the cell spans."""
     is_number: bool = False
-    """Align right on a page, below other numbers."""
+    """True to align right on a page, as numbers do."""
     is_heading: bool = False
-    """Set off, above the rows that it names."""
+    """True for the heading of the rows below."""
     links: bool = False
-    """Link each line to the heading of the page whose anchor it names."""
+    """True if each line is the anchor of a heading on the page, to be linked."""
 
     @property
     def html_class(self) -> str:
@@ -60,13 +60,13 @@ class Table:
     columns: Sequence[str]
     rows: Sequence[Sequence[str | Cell]]
     title: str = ""
-    """Shown on a terminal; a page has a heading above the table instead."""
+    """Title on a terminal; a page has a heading above the table instead."""
     caption: str = ""
-    """Shown below the table on a terminal."""
+    """Text below the table on a terminal."""
     left: Collection[int] = (0,)
     """Indices of the columns that are aligned left; numbers align right."""
     framed: bool = True
-    """Draw a frame on a terminal, not only a line under the headings."""
+    """True for a frame on a terminal, False for a line under the headings only."""
 
     def rich(self) -> RichTable:
         """The table for a rich console."""
@@ -79,20 +79,20 @@ class Table:
         )
         for index, name in enumerate(self.columns):
             justify = "left" if index in self.left else "right"
-            # Numbers, and names in the first column, stay whole: a folded number
+            # Numbers, and names in the first column, are not folded: a folded number
             # reads as two. Long texts are folded where they do not fit.
             cells = [row[index] for row in self.rows if index < len(row)]
             texts = [cell.text if isinstance(cell, Cell) else cell for cell in cells]
             name_width = max(map(len, texts), default=0)
-            whole = justify == "right" or (index == 0 and name_width <= _MAX_NAME_WIDTH)
+            is_name = index == 0 and name_width <= _MAX_NAME_WIDTH
+            unfolded = justify == "right" or is_name
             table.add_column(
-                Text(name), justify=justify, no_wrap=whole, overflow="fold"
+                Text(name), justify=justify, no_wrap=unfolded, overflow="fold"
             )
         for row in self.rows:
-            # Text from outside may contain square brackets: a string would be taken
-            # for markup, or not, by the console that prints it.
-            texts = (c if isinstance(c, Cell) else Cell(c) for c in row)
-            table.add_row(*(cell.rich_text for cell in texts))
+            # Text may contain square brackets, which a console may read as markup.
+            formatted = [cell if isinstance(cell, Cell) else Cell(cell) for cell in row]
+            table.add_row(*(cell.rich_text for cell in formatted))
         return table
 
     def html(self) -> Html:

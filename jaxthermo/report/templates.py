@@ -90,12 +90,12 @@ class Html(str):
     """Markup that a template inserts without escaping."""
 
     def __html__(self) -> "Html":
-        """Itself: by this name jinja2 recognizes markup."""
+        """The markup itself; by this method jinja2 recognizes it."""
         return self
 
 
 def _with_code(text: str) -> Html:
-    """Text, escaped, with what is between backticks in a fixed-width font."""
+    """Escaped text; words between backticks are in a fixed-width font."""
     return Html(re.sub(r"`([^`]+)`", r"<code>\1</code>", html.escape(text)))
 
 

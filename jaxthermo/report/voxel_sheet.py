@@ -1,4 +1,4 @@
-"""Picture of a voxelized body, with its parts under one voxel thick marked."""
+"""Picture of a voxelized body, with marks on parts thinner than a voxel."""
 
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
@@ -12,8 +12,10 @@ from ..voxels.surface import surface_voxels
 from .sheet import Legend, Tile, sheet
 
 
-# Edge of each view, and samples of a pixel along each axis.
-_EDGE, _SAMPLES = 560, 2
+# Edge of each view [pixels].
+_EDGE = 560
+# Samples of a pixel along each axis.
+_SAMPLES = 2
 _BACKGROUND = (32, 34, 40)
 # sRGB of solid voxels, of those under one voxel thick, and of lost parts of the mesh.
 _COLOURS = ((196, 198, 200), (244, 152, 32), (236, 40, 120))
@@ -39,20 +41,23 @@ class _Faces:
         centre = grid.lattice.centres(voxels)
         thin = np.zeros(grid.lattice.shape, bool)
         thin[tuple(grid.thin.thin_voxel.T)] = True
-        kind = thin[tuple(voxels.T)].astype(np.int64)
+        marking = thin[tuple(voxels.T)].astype(np.int64)
         lost = grid.thin.lost_position
         everywhere = np.ones((len(lost), 6), bool)
-        half = np.repeat(
-            [grid.pitch / 2, _LOST_EDGE * grid.pitch / 2], [len(centre), len(lost)]
+        half_edge = np.concatenate(
+            [
+                np.full(len(centre), grid.pitch / 2),
+                np.full(len(lost), _LOST_EDGE * grid.pitch / 2),
+            ]
         )
         is_open = np.concatenate([_open_faces(grid.solid, voxels), everywhere])
         cube, side = np.nonzero(is_open)
-        corner = np.concatenate([centre, lost])[cube, None, None]
-        self.triangles = (corner + half[cube, None, None, None] * _CUBE[side]).reshape(
-            -1, 3, 3
-        )
-        self.axis, self.sign = side // 2, 2 * (side % 2) - 1
-        self.kind = np.concatenate([kind, np.full(len(lost), 2)])[cube]
+        middle = np.concatenate([centre, lost])[cube, None, None]
+        triangles = middle + half_edge[cube, None, None, None] * _CUBE[side]
+        self.triangles = triangles.reshape(-1, 3, 3)
+        self.axis = side // 2
+        self.sign = 2 * (side % 2) - 1
+        self.kind = np.concatenate([marking, np.full(len(lost), 2)])[cube]
 
 
 def _cube() -> Float[np.ndarray, "6 2 3 3"]:
@@ -76,11 +81,10 @@ def _open_faces(
 ) -> Bool[np.ndarray, "m 6"]:
     """Flags of the sides -x, +x, -y ... of voxels that have no solid neighbour."""
     padded = np.pad(solid, 1)
-    steps = (
-        np.repeat(np.eye(3, dtype=np.int64), 2, axis=0) * np.tile([-1, 1], 3)[:, None]
-    )
-    beside = [padded[tuple((voxels + 1 + step).T)] for step in steps]
-    return ~np.stack(beside, axis=1)
+    signs = np.tile([-1, 1], 3)[:, None]
+    steps = np.repeat(np.eye(3, dtype=np.int64), 2, axis=0) * signs
+    neighbours = [padded[tuple((voxels + 1 + step).T)] for step in steps]
+    return ~np.stack(neighbours, axis=1)
 
 
 def voxel_sheet(grid: VoxelGrid) -> Image.Image:
@@ -121,18 +125,18 @@ def _view(grid: VoxelGrid, faces: _Faces, camera: Camera) -> UInt8[np.ndarray, "
         to_camera[np.arange(len(corner)), faces.axis] * faces.sign > 0
     )
     corners = faces.triangles.reshape(-1, 6, 3)[ahead].reshape(-1, 3)
-    facing = corners, np.arange(len(corners)).reshape(-1, 3)
-    found = visible_points((facing,), camera.finer(_SAMPLES))
-    face = ahead[found.face // 2]
-    # Size of a sample at the depth of what it shows.
-    sample = camera.field_of_view / (_SAMPLES * camera.height) * found.depth
+    triangles = np.arange(len(corners)).reshape(-1, 3)
+    visible = visible_points(((corners, triangles),), camera.finer(_SAMPLES))
+    face = ahead[visible.face // 2]
+    # Size of a sample at the depth of its point.
+    sample = camera.field_of_view / (_SAMPLES * camera.height) * visible.depth
     light = _SHADES[faces.axis[face]] * _outlines(
-        grid, faces=faces, face=face, found=found, sample=sample
+        grid, faces=faces, face=face, visible=visible, sample=sample
     )
     width, height = (_SAMPLES * edge for edge in camera.size)
     colours = np.empty((height * width, 3))
     colours[:] = _BACKGROUND
-    colours[found.pixel] = np.array(_COLOURS)[faces.kind[face]] * light[:, None]
+    colours[visible.pixel] = np.array(_COLOURS)[faces.kind[face]] * light[:, None]
     return averaged(colours.reshape(height, width, 3), _SAMPLES)
 
 
@@ -140,12 +144,12 @@ def _outlines(
     grid: VoxelGrid,
     faces: _Faces,
     face: Int[np.ndarray, " p"],
-    found: VisiblePoints,
+    visible: VisiblePoints,
     sample: Float[np.ndarray, " p"],
 ) -> Float[np.ndarray, " p"]:
     """Brightness of points: lower near an edge of a voxel that is seen large enough."""
     large = grid.pitch / sample >= _MIN_OUTLINED
-    cell = grid.lattice.to_cells(found.position)
+    cell = grid.lattice.to_cells(visible.position)
     away = np.abs(cell - np.rint(cell))
     # Across its own axis every point of a face is on an edge of the lattice.
     away[np.arange(len(face)), faces.axis[face]] = np.inf

@@ -34,9 +34,9 @@ class ClearSky:
     air: tuple[float, float]
     """Lowest and highest temperature of the day [K]."""
     relative_humidity: float = 0.5
-    """At the mean temperature of the air [-]; the dew point stays constant."""
+    """Humidity at the mean temperature of the air [-]; the dew point is constant."""
     wind_speed: float = 2.0
-    """[m/s]"""
+    """Speed of the wind [m/s]."""
     wind_direction: float = 270.0
     """Direction from which the wind blows, from north towards east [degrees]."""
     turbidity: float = 3.0
@@ -44,7 +44,7 @@ class ClearSky:
 
     def __post_init__(self):
         low, high = self.air
-        for name, value, least, most in (
+        for name, value, lowest, highest in (
             ("air", low, 150.0, 350.0),
             ("air", high, low, 350.0),
             ("relative_humidity", self.relative_humidity, 0.01, 1.0),
@@ -52,10 +52,10 @@ class ClearSky:
             ("wind_direction", self.wind_direction, 0.0, 360.0),
             ("turbidity", self.turbidity, 1.0, 10.0),
         ):
-            if not least <= value <= most:
+            if not lowest <= value <= highest:
                 raise InputError(
-                    f"ClearSky({name}=): {value:g} is not between {least:g} and "
-                    f"{most:g}; give one that is"
+                    f"ClearSky({name}=): {value:g} is not between {lowest:g} and "
+                    f"{highest:g}; give one that is"
                 )
 
     def weather(self, place: Place, start: datetime, duration: float) -> Weather:
@@ -86,22 +86,22 @@ class ClearSky:
             zone=start.tzinfo or Weather.zone,
         )
 
-    def _irradiance(self, place: Place, times: np.ndarray) -> tuple[Any, Any]:
+    def _irradiance(self, site: Place, times: np.ndarray) -> tuple[Any, Any]:
         """Direct normal and diffuse horizontal irradiance [W/m^2]."""
-        zenith = np.degrees(sun_position(place, times).zenith)
+        zenith = np.degrees(sun_position(site, times).zenith)
         relative = _pvlib.atmosphere.get_relative_airmass(zenith)
-        airmass = _pvlib.atmosphere.get_absolute_airmass(relative, place.pressure * 100)
+        airmass = _pvlib.atmosphere.get_absolute_airmass(relative, site.pressure * 100)
         day = datetime.fromtimestamp(float(times[0])).timetuple().tm_yday
         # At the horizon and below the model divides by 0; nothing shines there.
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = _pvlib.clearsky.ineichen(
+            irradiance = _pvlib.clearsky.ineichen(
                 zenith,
                 airmass,
                 self.turbidity,
-                altitude=place.altitude,
+                altitude=site.altitude,
                 dni_extra=_pvlib.irradiance.get_extra_radiation(day),
             )
-        return np.nan_to_num(found["dni"]), np.nan_to_num(found["dhi"])
+        return np.nan_to_num(irradiance["dni"]), np.nan_to_num(irradiance["dhi"])
 
 
 def _dew_point(air: float, humidity: float) -> float:

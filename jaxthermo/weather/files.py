@@ -21,7 +21,7 @@ _HOUR = 3600.0
 
 
 class _Quantity(NamedTuple):
-    """One column of both formats."""
+    """A quantity, with its column in both formats."""
 
     name: str
     csv: str
@@ -29,10 +29,10 @@ class _Quantity(NamedTuple):
     missing: float
     """Smallest number that stands for no value in an EPW file."""
     lowest: float
-    """In the unit of the file: what is below is no value."""
+    """Smallest valid number, in the unit of the file."""
     to_si: Callable[[np.ndarray], np.ndarray] = lambda values: values
     is_mean: bool = False
-    """True if an EPW file has its mean over the hour before the time of the row."""
+    """True if a row of an EPW file has the mean over the hour before."""
 
 
 def _kelvin(values: np.ndarray) -> np.ndarray:
@@ -100,10 +100,11 @@ _OPTIONAL = ("dew_point_degC", "infrared_W_m2")
 
 
 def read_weather(path: Path, start: datetime) -> Weather:
-    """The weather in a file, EPW by the ending of its name, else CSV.
+    """The weather in an EPW file, recognized by its ending, or in a CSV file.
 
     An EPW file joins months of several years: they all count as the year of `start`.
-    Its radiation is the mean over the hour before each time, in whose middle it is put.
+    Its radiation is the mean over the hour before each time; it is assigned to the
+    middle of that hour.
 
     Raises:
         InputError: without the extra, or for a file that cannot be read.
@@ -131,14 +132,14 @@ def _read_epw(path: Path, start: datetime) -> Weather:
     # The rows are named by the start of their hour.
     ends = np.array([stamp.timestamp() for stamp in table.index]) + _HOUR
     _check_increasing(path, ends)
-    columns = {
-        each.name: Column(
-            ends - _HOUR / 2 if each.is_mean else ends,
-            _values(table[each.epw], each, each.missing),
-            each.epw,
+    columns = {}
+    for quantity in _QUANTITIES:
+        numbers = table[quantity.epw]
+        columns[quantity.name] = Column(
+            times=ends - _HOUR / 2 if quantity.is_mean else ends,
+            values=_values(numbers, quantity=quantity, missing=quantity.missing),
+            name=quantity.epw,
         )
-        for each in _QUANTITIES
-    }
     return Weather(
         source=str(path), covers=(ends[0] - _HOUR, ends[-1]), columns=columns, zone=zone
     )
@@ -146,21 +147,22 @@ def _read_epw(path: Path, start: datetime) -> Weather:
 
 def _read_csv(path: Path, start: datetime) -> Weather:
     table = _pandas.read_csv(path, skipinitialspace=True)
-    known = {"time", *(each.csv for each in _QUANTITIES)}
-    lacking = sorted(known - set(table.columns) - set(_OPTIONAL))
+    column_names = {"time", *(quantity.csv for quantity in _QUANTITIES)}
+    lacking = sorted(column_names - set(table.columns) - set(_OPTIONAL))
     if lacking:
         raise InputError(
             f"{path}: column '{lacking[0]}' is missing; needed are "
-            f"{', '.join(sorted(known - set(_OPTIONAL)))}"
+            f"{', '.join(sorted(column_names - set(_OPTIONAL)))}"
         )
     stamps = [_moment(path, row, text) for row, text in enumerate(table["time"], 2)]
     times = np.array([stamp.timestamp() for stamp in stamps])
     _check_increasing(path, times)
-    columns = {
-        each.name: Column(times, _values(table[each.csv], each, np.inf), each.csv)
-        for each in _QUANTITIES
-        if each.csv in table.columns
-    }
+    columns = {}
+    for quantity in _QUANTITIES:
+        if quantity.csv in table.columns:
+            numbers = table[quantity.csv]
+            values = _values(numbers, quantity=quantity, missing=np.inf)
+            columns[quantity.name] = Column(times, values, name=quantity.csv)
     return Weather(
         source=str(path),
         covers=(times[0], times[-1]),
@@ -169,11 +171,11 @@ def _read_csv(path: Path, start: datetime) -> Weather:
     )
 
 
-def _values(given: Any, quantity: _Quantity, missing: float) -> np.ndarray:
-    numbers = _pandas.to_numeric(given, errors="coerce").to_numpy(float)
+def _values(column: Any, quantity: _Quantity, missing: float) -> np.ndarray:
+    numbers = _pandas.to_numeric(column, errors="coerce").to_numpy(float)
     with np.errstate(invalid="ignore"):
-        wrong = ~((numbers >= quantity.lowest) & (numbers < missing))
-    return np.where(wrong, np.nan, quantity.to_si(numbers))
+        is_valid = (numbers >= quantity.lowest) & (numbers < missing)
+    return np.where(is_valid, quantity.to_si(numbers), np.nan)
 
 
 def _moment(path: Path, row: int, text: Any) -> datetime:

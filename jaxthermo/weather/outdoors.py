@@ -1,12 +1,12 @@
 """Terms of a scene outdoors: sun, daylight, sky and ground, and wind, by the weather.
 
 Time 0 of the scene is the start. All values are piecewise linear between the times of
-the weather. Direct sunlight is 0 from sunset to sunrise, which are times of its table:
-a scene has no ground that would cast a shadow.
+the weather. The table of direct sunlight contains sunset and sunrise and is 0 between
+them: a scene has no ground that would cast a shadow.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -38,7 +38,7 @@ from .sun_position import Place, instant, rays, sun_position
 from .weather import Weather
 
 
-OutdoorTerm = Literal["sun", "diffuse", "sky", "wind", "convection"]
+_OutdoorTerm = Literal["sun", "diffuse", "sky", "wind", "convection"]
 ALL_TERMS = ("sun", "diffuse", "sky", "wind")
 
 # Interval at which sunrise and sunset are searched [s].
@@ -62,17 +62,17 @@ def outdoors(
     """Terms of a scene at a place, from a start with a zone and for a duration [s].
 
     Args:
-        place: where it is, and where north is in the scene.
+        place: location of the scene, and its direction of north.
         start: date and time with a zone, time 0 of the scene.
         duration: of the scene [s].
         weather: a file (EPW or CSV), or a cloudless sky.
         terms: which of `sun` (direct), `diffuse` (`DiffuseSky`), `sky` (`Surroundings`
-            with sky and ground), and `wind` (its mean direction, weighted by the speed)
-            or `convection` (h = 5.7 + 3.8 v, McAdams).
+            with sky and ground), and `wind` (of the mean direction, weighted by the
+            speed) or `convection` (h = 5.7 + 3.8 v, McAdams).
         sky: temperature by the file's `infrared` radiation, or by the dew point for a
             cloudless sky (`berdahl_martin`); None for the first that the weather has.
-        ground: its temperature [K], that of the `air` (as over grass), or `sol_air` in
-            balance with sun, sky and wind (dry ground that stores no heat).
+        ground: temperature of the ground [K], `air` for that of the air (as over
+            grass), or `sol_air` for dry ground that stores no heat.
         albedo: fraction of sunlight that the ground reflects [-].
         occlusion: number of directions in which obstacles hide sky and ground.
         every: interval at which the sun's shadows are recomputed [s].
@@ -81,34 +81,36 @@ def outdoors(
         InputError: without the extra `[weather]`, for a start without a zone, for
             weather that has holes or does not cover the time, or values out of range.
     """
-    _check(terms, duration=duration, albedo=albedo, every=every)
+    _check(terms, duration=duration, albedo=albedo, interval=every)
     first = instant(start)
     last = first + float(duration)
-    known = _weather(place, start=start, duration=float(duration), given=weather)
-    known.check_covers(first, last)
+    weather_data = _weather(
+        place, start=start, duration=float(duration), weather=weather
+    )
+    weather_data.check_covers(first, last)
     scene = _Outdoors(
         place=place,
         first=first,
         last=last,
-        weather=known,
+        weather=weather_data,
         sky=sky,
         ground=ground,
         albedo=albedo,
         occlusion=occlusion,
     )
-    made = {
+    builders: dict[str, Callable[[], AbstractTerm | None]] = {
         "sun": lambda: scene.sun(float(every)),
         "diffuse": scene.diffuse,
         "sky": scene.surroundings,
         "wind": scene.wind,
         "convection": scene.convection,
     }
-    found = (made[name]() for name in terms)
-    return tuple(term for term in found if term is not None)
+    built = [builders[name]() for name in terms]
+    return tuple(term for term in built if term is not None)
 
 
-def _check(terms: Any, duration: float, albedo: float, every: float) -> None:
-    names = get_args(OutdoorTerm)
+def _check(terms: Any, duration: float, albedo: float, interval: float) -> None:
+    names = get_args(_OutdoorTerm)
     for name in terms:
         if name not in names:
             raise InputError(
@@ -122,35 +124,35 @@ def _check(terms: Any, duration: float, albedo: float, every: float) -> None:
         raise InputError(f"outdoors(duration={duration}): give 0 s to 366 days")
     if not 0 <= albedo <= 1:
         raise InputError(f"outdoors(albedo={albedo}): give a fraction from 0 to 1")
-    if not 1 <= every < math.inf:
-        raise InputError(f"outdoors(every={every}): give 1 s or more")
+    if not 1 <= interval < math.inf:
+        raise InputError(f"outdoors(every={interval}): give 1 s or more")
 
 
-def _weather(place: Place, start: datetime, duration: float, given: Any) -> Weather:
-    if isinstance(given, ClearSky):
-        return given.weather(place, start, duration)
-    if isinstance(given, Weather):
-        return given
-    return read_weather(Path(given), start)
+def _weather(site: Place, start: datetime, duration: float, weather: Any) -> Weather:
+    if isinstance(weather, ClearSky):
+        return weather.weather(site, start, duration)
+    if isinstance(weather, Weather):
+        return weather
+    return read_weather(Path(weather), start)
 
 
 @final
 @dataclass(frozen=True)
 class _Outdoors:
-    """The weather of one run, from which each term takes its columns."""
+    """The weather during one run, and the terms that follow from it."""
 
     place: Place
     first: float
     """Start since 1970-01-01 UTC [s]."""
     last: float
-    """End, likewise [s]."""
+    """End since 1970-01-01 UTC [s]."""
     weather: Weather
     sky: SkyModel | None
     ground: GroundModel | float
     albedo: float
     occlusion: int | None
 
-    def sun(self, every: float) -> Sun | None:
+    def sun(self, interval: float) -> Sun | None:
         """Direct sunlight; None if the sun stays down."""
         searched = _grid(self.first, self.last, _SEARCH)
         up, crossings = _day_and_night(self.place, searched)
@@ -158,38 +160,45 @@ class _Outdoors:
             return None
         column = self.weather.within("direct_normal", self.first, self.last)
         shines = np.interp(column.times, searched, up) > 0.5
-        on = dict(zip(column.times, np.where(shines, column.values, 0.0), strict=True))
-        on |= dict.fromkeys(crossings, 0.0)
-        times = np.array(sorted(on))
-        steps = _grid(self.first, self.last, every)
+        irradiance = np.where(shines, column.values, 0.0)
+        by_time = dict(zip(column.times, irradiance, strict=True))
+        by_time |= dict.fromkeys(crossings, 0.0)
+        times = np.array(sorted(by_time))
+        steps = _grid(self.first, self.last, interval)
         recomputed = steps[np.interp(steps, searched, up) > 0.5]
-        directions = self._directions(searched[up], crossings)
+        path_times, directions = self._directions(searched[up], crossings)
         snapshots = np.union1d(recomputed, crossings) - self.first
-        return Sun(
-            DirectionTable(*directions, snapshots=tuple(snapshots.tolist())),
-            Table(times - self.first, np.array([on[time] for time in times])),
+        path = DirectionTable(
+            path_times, directions, snapshots=tuple(snapshots.tolist())
         )
+        values = np.array([by_time[time] for time in times])
+        return Sun(path, Table(times - self.first, values))
 
     def _directions(self, by_day: np.ndarray, crossings: np.ndarray) -> Any:
-        """Times [s] and directions of rays while the sun is up, and one a night."""
+        """Times [s] and directions of rays by day, and one direction for each night."""
         times = np.union1d(by_day, crossings)
-        found = rays(self.place, sun_position(self.place, times))
-        # At night nothing is lit. Straight down, the arcs from sunset and to sunrise
-        # are right angles, and never half a turn, which would have no shortest way.
+        by_sun = rays(self.place, sun_position(self.place, times))
+        # At night nothing is lit. The direction is straight down then: the arcs from
+        # sunset and to sunrise are right angles, where half a turn would be ambiguous.
         gaps = np.flatnonzero(np.diff(times) > 1.5 * _SEARCH)
         middle = (times[gaps] + times[gaps + 1]) / 2
         down = np.tile([0.0, 0.0, -1.0], (len(gaps), 1))
-        every = np.concatenate([times, middle])
-        order = np.argsort(every)
-        return every[order] - self.first, np.concatenate([found, down])[order]
+        all_times = np.concatenate([times, middle])
+        order = np.argsort(all_times)
+        directions = np.concatenate([by_sun, down])
+        return all_times[order] - self.first, directions[order]
 
     def diffuse(self) -> DiffuseSky:
         """Daylight from sky and ground."""
         times = self._times("direct_normal", "diffuse")
         diffuse = self._at("diffuse", times)
         reflected = self.albedo * self._global(times, diffuse)
-        table = lambda values: Table(times - self.first, values)
-        return DiffuseSky(table(diffuse), table(reflected), occlusion=self.occlusion)
+        scene_times = times - self.first
+        return DiffuseSky(
+            Table(scene_times, diffuse),
+            Table(scene_times, reflected),
+            occlusion=self.occlusion,
+        )
 
     def surroundings(self) -> Surroundings:
         """Sky and ground by their temperatures."""
@@ -207,10 +216,13 @@ class _Outdoors:
         else:
             hour = times / 3600 + self.place.longitude / 15
             sky = clear_sky_temperature(air, self._at("dew_point", times), hour)
-        table = lambda values: Table(times - self.first, values)
-        ground = self._ground(times, air, sky)
-        ground = table(ground) if isinstance(ground, np.ndarray) else ground
-        return Surroundings(table(sky), ground=ground, occlusion=self.occlusion)
+        scene_times = times - self.first
+        ground = self._ground(times, air=air, sky=sky)
+        if isinstance(ground, np.ndarray):
+            ground = Table(scene_times, ground)
+        return Surroundings(
+            Table(scene_times, sky), ground=ground, occlusion=self.occlusion
+        )
 
     def _ground(self, times: np.ndarray, air: np.ndarray, sky: np.ndarray) -> Any:
         if self.ground == "air":
@@ -225,30 +237,33 @@ class _Outdoors:
 
     def wind(self) -> Wind:
         """Wind of the mean direction; its speed and the air vary."""
-        times, speed, air = self._air()
-        from_ = self._at("wind_direction", times)
+        times = self._times("air", "wind_speed")
+        scene_times = times - self.first
+        speed = self._at("wind_speed", times)
+        # Angle from north towards east of the direction from which the wind blows.
+        angle = self._at("wind_direction", times)[:, None]
         north, east = self.place.axes
-        mean = -np.mean(
-            speed[:, None]
-            * (np.cos(from_)[:, None] * north + np.sin(from_)[:, None] * east),
-            axis=0,
-        )
-        # In a calm any direction serves.
-        blows = mean if np.linalg.norm(mean) > 1e-9 else -north
-        x, y, z = (blows / np.linalg.norm(blows)).tolist()
+        origin = np.cos(angle) * north + np.sin(angle) * east
+        velocity = -np.mean(speed[:, None] * origin, axis=0)
+        # In a calm any direction is as good.
+        if np.linalg.norm(velocity) <= 1e-9:
+            velocity = -north
+        x, y, z = (velocity / np.linalg.norm(velocity)).tolist()
         return Wind(
-            (x, y, z), Table(times - self.first, air), Table(times - self.first, speed)
+            velocity=(x, y, z),
+            temperature=Table(scene_times, self._at("air", times)),
+            speed=Table(scene_times, speed),
         )
 
     def convection(self) -> Convection:
         """Convection with the coefficient of the wind along a plate."""
-        times, speed, air = self._air()
-        since = times - self.first
-        return Convection(Table(since, wind_coefficient(speed)), Table(since, air))
-
-    def _air(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         times = self._times("air", "wind_speed")
-        return times, self._at("wind_speed", times), self._at("air", times)
+        scene_times = times - self.first
+        coefficient = wind_coefficient(self._at("wind_speed", times))
+        return Convection(
+            heat_transfer_coefficient=Table(scene_times, coefficient),
+            temperature=Table(scene_times, self._at("air", times)),
+        )
 
     def _global(self, times: np.ndarray, diffuse: np.ndarray) -> np.ndarray:
         """Irradiance of a horizontal surface [W/m^2]."""
@@ -270,10 +285,14 @@ def _grid(first: float, last: float, step: float) -> Float[np.ndarray, " t"]:
     return np.append(times, last) if last - times[-1] > 1e-6 * step else times
 
 
-def _day_and_night(place: Place, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _day_and_night(site: Place, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Flags of the times at which the sun is up; times of sunrise and sunset [s]."""
-    height = sun_position(place, times).height
+    height = sun_position(site, times).height
     up = height > 0
-    before = np.flatnonzero(up[1:] != up[:-1])
-    a, b = height[before], height[before + 1]
-    return up, times[before] + (times[before + 1] - times[before]) * a / (a - b)
+    changes = np.flatnonzero(up[1:] != up[:-1])
+    # Linear between the two times around a crossing of the horizon.
+    height_before = height[changes]
+    height_after = height[changes + 1]
+    fraction = height_before / (height_before - height_after)
+    step = times[changes + 1] - times[changes]
+    return up, times[changes] + step * fraction

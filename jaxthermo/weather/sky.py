@@ -10,17 +10,19 @@ from ..constants import STEFAN_BOLTZMANN, ZERO_CELSIUS
 
 SkyModel = Literal["infrared", "berdahl_martin"]
 GroundModel = Literal["air", "sol_air"]
-Series = Float[np.ndarray, " t"]
+_Series = Float[np.ndarray, " t"]
 
 _GROUND_EMISSIVITY = 0.95
 
 
-def sky_temperature(infrared: Series) -> Series:
+def sky_temperature(infrared: _Series) -> _Series:
     """Temperature of a black sky (E / sigma)^(1/4) [K] with an irradiance [W/m^2]."""
     return (infrared / STEFAN_BOLTZMANN) ** 0.25
 
 
-def clear_sky_temperature(air: Series, dew_point: Series, solar_hour: Series) -> Series:
+def clear_sky_temperature(
+    air: _Series, dew_point: _Series, solar_hour: _Series
+) -> _Series:
     """Temperature of a cloudless sky eps^(1/4) T_air [K].
 
     eps = 0.711 + 0.56 d + 0.73 d^2 + 0.013 cos(2 pi h / 24), with the dew point d in
@@ -29,16 +31,16 @@ def clear_sky_temperature(air: Series, dew_point: Series, solar_hour: Series) ->
     Source: Berdahl and Martin, Solar Energy 32 (1984) 663.
 
     Args:
-        air: [K]
-        dew_point: [K]
-        solar_hour: [h]
+        air: temperature of the air [K].
+        dew_point: dew point of the air [K].
+        solar_hour: hour of the sun's time [h].
     """
     dew = (dew_point - ZERO_CELSIUS) / 100
     daily = 0.013 * np.cos(2 * np.pi * solar_hour / 24)
     return (0.711 + 0.56 * dew + 0.73 * dew**2 + daily) ** 0.25 * air
 
 
-def wind_coefficient(speed: Series) -> Series:
+def wind_coefficient(speed: _Series) -> _Series:
     """Heat transfer coefficient 5.7 + 3.8 v of a wind [m/s] along a plate [W/(m^2 K)].
 
     Source: McAdams, Heat Transmission, 3rd ed. (1954), for up to 5 m/s.
@@ -47,20 +49,21 @@ def wind_coefficient(speed: Series) -> Series:
 
 
 def sol_air_temperature(
-    air: Series, sky: Series, speed: Series, absorbed: Series
-) -> Series:
+    air: _Series, sky: _Series, speed: _Series, absorbed: _Series
+) -> _Series:
     """Temperature of dry ground in balance with sun, sky and air [K].
 
-    Solves a E + eps sigma (T_sky^4 - T^4) + h (T_air - T) = 0: ground that stores no
-    heat, and has no water to evaporate. Real ground swings less.
+    Solves a E + eps sigma (T_sky^4 - T^4) + h (T_air - T) = 0, for ground that stores
+    no heat and has no water to evaporate. The temperature of real ground varies less.
 
     Args:
-        air: [K]
-        sky: [K]
+        air: temperature of the air [K].
+        sky: temperature of the sky [K].
         speed: of the wind [m/s].
         absorbed: short-wave radiation a E [W/m^2].
     """
-    h, ground = wind_coefficient(speed), air
+    h = wind_coefficient(speed)
+    ground = air
     # Newton's method: the balance falls with the temperature, and is concave.
     for _ in range(8):
         net = _GROUND_EMISSIVITY * STEFAN_BOLTZMANN * (sky**4 - ground**4)

@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..physics.radiation.source_motion import DirectionTable
 
 
-# An extra, which the rest of the package must not need.
+# An extra: the package must work without it.
 _pvlib: Any = lazy_loader.load("pvlib")
 
 _REFRACTION_AT_HORIZON = 0.5667  # [deg]
@@ -120,9 +120,9 @@ def sun_position(place: Place, seconds: Float[np.ndarray, " t"]) -> SunPosition:
     return SunPosition(np.radians(zenith), np.radians(azimuth))
 
 
-def rays(place: Place, sun: SunPosition) -> Float[np.ndarray, "t 3"]:
+def rays(site: Place, sun: SunPosition) -> Float[np.ndarray, "t 3"]:
     """Unit vectors in which sunlight travels; upward while the sun is down."""
-    north, east = place.axes
+    north, east = site.axes
     level = np.cos(sun.azimuth)[:, None] * north + np.sin(sun.azimuth)[:, None] * east
     up = np.array([0.0, 0.0, 1.0])
     return -(np.sin(sun.zenith)[:, None] * level + sun.height[:, None] * up)

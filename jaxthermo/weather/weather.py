@@ -11,7 +11,7 @@ from jaxtyping import Float
 from ..errors import InputError
 
 
-# Rows farther apart are a hole, not a coarse series [s].
+# A longer interval between rows is a hole, not a coarse series [s].
 _MAX_GAP = 3 * 3600.0
 
 
@@ -19,11 +19,11 @@ class Column(NamedTuple):
     """One quantity at increasing times."""
 
     times: Float[np.ndarray, " t"]
-    """Since 1970-01-01 UTC [s]; for a mean, the middle of its interval."""
+    """Times since 1970-01-01 UTC [s]; for a mean, the middle of its interval."""
     values: Float[np.ndarray, " t"]
-    """In SI units; NaN where there is no value."""
+    """Values in SI units; NaN where there is no value."""
     name: str
-    """As the file has it."""
+    """Name in the file."""
 
 
 @final
@@ -50,7 +50,7 @@ class Weather:
         return column is not None and bool(np.isfinite(column.values).any())
 
     def within(self, name: str, start: float, end: float) -> Column:
-        """The part of a column from `start` to `end` [s], which it then has both.
+        """The part of a column from `start` to `end` [s], both included.
 
         Raises:
             InputError: for a column that is missing or has holes there.
@@ -60,21 +60,21 @@ class Weather:
                 f"{self.source}: there is no {name.replace('_', ' ')}; the weather has "
                 f"{', '.join(self.columns)}"
             )
-        times, values, given = self.columns[name]
+        times, values, file_name = self.columns[name]
         first = max(int(np.searchsorted(times, start, side="right")) - 1, 0)
         last = min(int(np.searchsorted(times, end)), len(times) - 1)
         rows = slice(first, last + 1)
         times, values = times[rows], values[rows]
-        self._check_holes(given, times, values)
+        self._check_holes(file_name, times, values)
         inside = times[(times > start) & (times < end)]
         at = np.unique(np.concatenate([[start], inside, [end]]))
-        return Column(at, np.interp(at, times, values), given)
+        return Column(at, np.interp(at, times, values), file_name)
 
     def check_covers(self, start: float, end: float) -> None:
-        """Refuse a run that leaves the time of the weather.
+        """Refuse a run that is not within the time of the weather.
 
         Raises:
-            InputError: naming both.
+            InputError: with the times of both.
         """
         first, last = self.covers
         if first <= start and end <= last:
@@ -89,18 +89,19 @@ class Weather:
     def _check_holes(self, name: str, times: np.ndarray, values: np.ndarray) -> None:
         holes = np.flatnonzero(~np.isfinite(values))
         if len(holes):
-            more = f" (and {len(holes) - 1} more)" if len(holes) > 1 else ""
+            others_note = f" (and {len(holes) - 1} more)" if len(holes) > 1 else ""
             raise InputError(
                 f"{self.source}: column '{name}' has no value at "
-                f"{self._stamp(times[holes[0]])}{more}: fill it in, or give "
+                f"{self._stamp(times[holes[0]])}{others_note}: fill it in, or give "
                 "another start"
             )
         gaps = np.flatnonzero(np.diff(times) > _MAX_GAP)
         if len(gaps):
-            a, b = times[gaps[0]], times[gaps[0] + 1]
+            first = self._stamp(times[gaps[0]])
+            last = self._stamp(times[gaps[0] + 1])
             raise InputError(
-                f"{self.source}: column '{name}' has no rows between {self._stamp(a)} "
-                f"and {self._stamp(b)}: fill them in, or give another start"
+                f"{self.source}: column '{name}' has no rows between {first} "
+                f"and {last}: fill them in, or give another start"
             )
 
     def _stamp(self, seconds: Any) -> str:

@@ -54,7 +54,7 @@ class _CoatingConfig(Model, builds="Coating"):
 
 
 class _MotionConfig(Model, builds="Motion"):
-    """Poses at times, between which the body moves."""
+    """Poses at several times; the body moves between them."""
 
     times: Annotated[tuple[si.Time, ...], si.NotEmpty]
     poses: tuple[PoseConfig, ...]
@@ -66,20 +66,24 @@ class _MotionConfig(Model, builds="Motion"):
         return self.target()(jaxthermo.PoseTable(self.times, poses), every=self.every)
 
     def mistakes(self) -> list[Mistake]:
-        found = not_increasing(self.times, "times", "s")
         return [
-            *found,
-            *unequal(self.poses, key="poses", others=self.times, other_key="times"),
+            *not_increasing(self.times, key="times", unit="s"),
+            *unequal(
+                self.poses, key="poses", arguments=self.times, argument_key="times"
+            ),
         ]
 
 
 def _rests_or_moves(value: Any) -> str:
-    # Any of its keys, so that a motion without times is told what it lacks.
-    keys = {"times", "poses", "every"} & {*(value if isinstance(value, dict) else ())}
-    return "<moves>" if keys or isinstance(value, _MotionConfig) else "<rests>"
+    if isinstance(value, dict):
+        # One key is enough: the error for a motion then names the missing ones.
+        moves = not value.keys().isdisjoint(("times", "poses", "every"))
+    else:
+        moves = isinstance(value, _MotionConfig)
+    return "<moves>" if moves else "<rests>"
 
 
-AnyPose = Annotated[
+_AnyPose = Annotated[
     Annotated[PoseConfig, Tag("<rests>")] | Annotated[_MotionConfig, Tag("<moves>")],
     Discriminator(_rests_or_moves),
 ]
@@ -98,7 +102,7 @@ class BodyConfig(Model, builds="Body"):
     pitch: si.PositiveLength | None = None
     """Edge of a voxel [m]."""
     voxels_high: Annotated[si.Whole, Field(ge=1, le=4096)] | None = None
-    """Number of voxels along z, instead of their pitch."""
+    """Number of voxels along z, instead of the pitch."""
     surface_cells: Literal["crossings", "dominant_axis"] | None = None
     """Surface of a mesh by all crossings with true volumes of the voxels that it cuts,
     of second order in the pitch (as without this), or by fragments along the dominant
@@ -107,14 +111,14 @@ class BodyConfig(Model, builds="Body"):
     """Nodes and links that represent the body's heat."""
     surface_map: SurfaceMapConfig = FluxCorrectedMap()
     material: BodyMaterial
-    """Name, properties, both, or several materials by labels or parts of the mesh."""
+    """A material by name or properties, or several by labels or parts of the mesh."""
     regions: tuple[_PaintConfig, ...] = ()
     """Boxes of other materials, later ones on top."""
     coatings: tuple[_CoatingConfig, ...] = ()
     """Emissivity and absorptivity of parts of the surface, later ones on top."""
     temperature: si.Temperature
     """Temperature at the start [K]."""
-    pose: AnyPose = PoseConfig()
+    pose: _AnyPose = PoseConfig()
     """Position in the scene, or a table of positions by time."""
     inside: Literal["closed", "open"] = "closed"
     """If open, air, sun and surroundings act in its closed cavities as well."""
@@ -122,7 +126,7 @@ class BodyConfig(Model, builds="Body"):
     exactly_one: ClassVar = (("mesh", "shape", "solid"), ("pitch", "voxels_high"))
 
     def build(self, *args: Any) -> Any:
-        """The body, voxelized, or of its voxel grid if that is given.
+        """The body on its voxel grid; without a grid it is voxelized first.
 
         Raises:
             InputError: for a mesh, labels or a fit card that cannot be used.
@@ -150,7 +154,7 @@ class BodyConfig(Model, builds="Body"):
     def geometry(self) -> tuple[str, str]:
         """Name of the file or shape, and a hash of its content [16 hex digits].
 
-        The scale of a body does not count: that of a shape is taken out.
+        The hash of a shape does not depend on its scale.
         """
         path = self.mesh.path if self.mesh is not None else self.solid
         if path is not None:
@@ -170,20 +174,20 @@ class BodyConfig(Model, builds="Body"):
         if pitch is None:
             height = float(np.ptp(mesh.bounds[:, 2]))
             pitch = height / float(self.voxels_high or 1)
-        kind = self.surface_cells or "crossings"
-        return jaxthermo.voxelize(mesh, pitch, surface_cells=kind)
+        surface_cells = self.surface_cells or "crossings"
+        return jaxthermo.voxelize(mesh, pitch, surface_cells=surface_cells)
 
     def build_mesh(self) -> Any:
         """The mesh, from its file or as a shape, in metres and z up."""
-        given = self.mesh or self.shape
-        if given is None:
+        mesh_or_shape = self.mesh or self.shape
+        if mesh_or_shape is None:
             raise InputError("bodies: a body needs a `mesh` or a `shape`")
-        return given.build()
+        return mesh_or_shape.build()
 
     def build_materials(self, grid: Any = None) -> Any:
-        """One material, one with others painted over it, or one for each label or part.
+        """A material, one with others painted over it, or one for each label or part.
 
-        Parts need the voxel grid of the body.
+        Materials by parts of the mesh need the voxel grid of the body.
         """
         if isinstance(self.material, PartsConfig):
             assert self.mesh is not None
@@ -194,15 +198,16 @@ class BodyConfig(Model, builds="Body"):
 
     @override
     def mistakes(self) -> list[Mistake]:
-        found: list[Mistake] = []
+        mistakes: list[Mistake] = []
         if self.solid is not None and self.voxels_high is not None:
-            found.append((("voxels_high",), "the array has them: give the `pitch`"))
+            message = "the array has them: give the `pitch`"
+            mistakes.append((("voxels_high",), message))
         if self.solid is not None and self.surface_cells is not None:
-            why = "an array of voxels has no surface but theirs: leave it out"
-            found.append((("surface_cells",), why))
+            message = "an array of voxels has no surface but theirs: leave it out"
+            mistakes.append((("surface_cells",), message))
         if isinstance(self.material, PartsConfig) and self.mesh is None:
-            found.append((("material",), "only a `mesh` file has parts"))
-        return [*found, *self._regions_mistakes()]
+            mistakes.append((("material",), "only a `mesh` file has parts"))
+        return [*mistakes, *self._regions_mistakes()]
 
     def _regions_mistakes(self) -> list[Mistake]:
         if not self.regions:
@@ -216,5 +221,6 @@ class BodyConfig(Model, builds="Body"):
 
 def _without_scale(text: str) -> str:
     # Six digits: the same shape in another unit differs by rounding.
-    scale = max((abs(float(n)) for n in _NUMBER.findall(text)), default=0.0) or 1.0
+    sizes = [abs(float(number)) for number in _NUMBER.findall(text)]
+    scale = max(sizes, default=0.0) or 1.0
     return _NUMBER.sub(lambda number: f"{float(number[0]) / scale:.6g}", text)

@@ -13,8 +13,8 @@ from .image import CameraConfig, FieldOfView, Frames, Pixels
 from .scene import unit_of
 
 
-Key: TypeAlias = Annotated[str, Field(min_length=1, max_length=200)]
-Changes: TypeAlias = dict[Key, Any]
+_Key: TypeAlias = Annotated[str, Field(min_length=1, max_length=200)]
+_Changes: TypeAlias = dict[_Key, Any]
 _Count = Annotated[si.Whole, Field(ge=1, le=10_000)]
 _RightAngle = math.pi / 2
 
@@ -42,10 +42,10 @@ class OrbitConfig(Model):
     azimuth: _Azimuths = (0.0, 2 * math.pi)
     """Range of the angle from the x axis towards the y axis [rad]."""
     distance: Annotated[_Distances | None, si.Auto] = None
-    """Least and largest distance [m]; of a view that all bodies just fill, to 1.5 times
-    as far, if not given."""
+    """Smallest and largest distance [m]; by default once and 1.5 times the distance at
+    which the bodies fill the view."""
     look_at: Annotated[si.Position | None, si.Auto] = None
-    """Point that they look at [m]; the middle of the bodies if not given."""
+    """Point that the cameras look at [m]; the middle of the bodies if not given."""
     field_of_view: FieldOfView = 0.6
     """Angle from the top to the bottom of the image [rad]."""
     width: Pixels = 320
@@ -54,7 +54,8 @@ class OrbitConfig(Model):
     @override
     def mistakes(self) -> list[Mistake]:
         pairs = {"elevation": self.elevation, "azimuth": self.azimuth}
-        pairs |= {} if self.distance is None else {"distance": self.distance}
+        if self.distance is not None:
+            pairs["distance"] = self.distance
         return [
             ((name,), f"{high:g} is below {low:g}: give the lowest first")
             for name, (low, high) in pairs.items()
@@ -69,14 +70,14 @@ class DatasetConfig(Model):
 
     scene: FoundPath
     """Config file of the scene."""
-    set: Changes = {}
-    """Changes of all variations, by dotted key as after `--set`."""
-    variations: dict[Key, Annotated[tuple[Any, ...], si.NotEmpty]] = {}
-    """Values by dotted key, of which every combination is a run."""
-    ranges: dict[Key, Annotated[tuple[Any, Any], BeforeValidator(_pair)]] = {}
-    """Lowest and highest value by dotted key, between which each run draws one."""
+    set: _Changes = {}
+    """_Changes of all variations, by dotted key as after `--set`."""
+    variations: dict[_Key, Annotated[tuple[Any, ...], si.NotEmpty]] = {}
+    """Values by dotted key; every combination of them is a run."""
+    ranges: dict[_Key, Annotated[tuple[Any, Any], BeforeValidator(_pair)]] = {}
+    """Lowest and highest value by dotted key; each run draws a value between them."""
     samples: _Count = 1
-    """Number of runs with drawn values for each combination of the others."""
+    """Number of runs with drawn values for each combination of the variations."""
     seed: Annotated[si.Whole, Field(ge=0)] = 0
     """Seed of drawn values, places of cameras and noise."""
     views: Annotated[tuple[CameraConfig, ...], si.NotEmpty] | None = None
@@ -86,39 +87,40 @@ class DatasetConfig(Model):
     times: Frames = None
     """Saved times that become frames [s]."""
     low: Annotated[si.Temperature | None, si.Auto] = None
-    """Temperature of black in 8-bit images [K]; of each frame's own if not given."""
+    """Temperature of black in 8-bit images [K]; by default from each frame."""
     high: Annotated[si.Temperature | None, si.Auto] = None
-    """Temperature of white in 8-bit images [K]; of each frame's own if not given."""
-    categories: Annotated[tuple[Key, ...], si.NotEmpty] | None = None
-    """Name of each body's class; that of its mesh file or shape if not given."""
+    """Temperature of white in 8-bit images [K]; by default from each frame."""
+    categories: Annotated[tuple[_Key, ...], si.NotEmpty] | None = None
+    """Class name of each body; by default the name of its mesh file or shape."""
 
     @override
     def mistakes(self) -> list[Mistake]:
-        found: list[Mistake] = []
+        mistakes: list[Mistake] = []
         for name in self.ranges:
             for where, message in self._range_mistakes(name):
-                found.append((("ranges", name, *where), message))
+                mistakes.append((("ranges", name, *where), message))
         for name in {*self.ranges} & {*self.variations}:
-            found.append((("ranges", name), "is in `variations` too: give it once"))
+            mistakes.append((("ranges", name), "is in `variations` too: give it once"))
         if self.samples > 1 and not self.ranges:
             message = "all samples would be equal: give `ranges` to draw from"
-            found.append((("samples",), message))
-        low, high = self.low, self.high
+            mistakes.append((("samples",), message))
+        low = self.low
+        high = self.high
         if low is not None and high is not None and low >= high:
-            found.append((("high",), f"{high:g} K is not above `low`, {low:g} K"))
-        return found
+            mistakes.append((("high",), f"{high:g} K is not above `low`, {low:g} K"))
+        return mistakes
 
     def _range_mistakes(self, name: str) -> list[Mistake]:
-        found: list[Mistake] = []
+        mistakes: list[Mistake] = []
         ends = []
         for i, value in enumerate(self.ranges[name]):
             try:
                 ends.append(_number(name, value))
             except Exception as error:  # of any of the units' checks
-                found.append(((i,), " ".join(str(error).split())))
+                mistakes.append(((i,), " ".join(str(error).split())))
         if len(ends) == 2 and not ends[0] < ends[1]:
-            found.append(((1,), f"{ends[1]:g} is not above {ends[0]:g}"))
-        return found
+            mistakes.append(((1,), f"{ends[1]:g} is not above {ends[0]:g}"))
+        return mistakes
 
     def range_of(self, name: str) -> tuple[float, float]:
         """Both ends of a range in SI."""

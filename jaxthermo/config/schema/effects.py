@@ -10,10 +10,10 @@ from ..types.model import ByKind, Mistake, Model, Short
 
 
 _NETD = si.Unit("K", "a temperature difference", "50 mK", only=("K", "mK"))
-Netd = Annotated[float, _NETD, Field(ge=0, le=100)]
-Seed = Annotated[si.Whole, Field(ge=0, lt=2**63)]
+_Netd = Annotated[float, _NETD, Field(ge=0, le=100)]
+_Seed = Annotated[si.Whole, Field(ge=0, lt=2**63)]
 # Range of the brightness temperatures of bands [K].
-BlackTemperature = Annotated[si.Temperature, Field(ge=50, le=10_000)]
+_BlackTemperature = Annotated[si.Temperature, Field(ge=50, le=10_000)]
 
 
 class _AngularEmissivityConfig(
@@ -30,7 +30,7 @@ class _SpecularReflectionConfig(
     """Glossy reflection of sources, sky and ground."""
 
     fraction: si.Fraction = 0.5
-    """Part of the reflected radiation that is in the lobe [-]."""
+    """Fraction of the reflected radiation that is in the lobe [-]."""
     exponent: Annotated[si.Number, Field(ge=1, le=1e5)] = 20.0
     """Phong's exponent, 5 for satin to 1000 for a polished surface [-]."""
 
@@ -41,7 +41,7 @@ class _AtmosphereConfig(Model, builds="Atmosphere", kind="atmosphere"):
     temperature: Annotated[si.Temperature, Field(ge=150, le=400)]
     relative_humidity: si.Fraction = 0.5
     transmissivity: si.Fraction | None = None
-    """Transmissivity of the whole path [-]; FLIR's formula by the distance if none."""
+    """Transmissivity of the whole path [-]; by default by FLIR's formula."""
 
 
 class _BlurConfig(Model, builds="Blur", kind="blur"):
@@ -69,11 +69,11 @@ class _BolometerLagConfig(Model, builds="BolometerLag", kind="bolometer_lag"):
 class _DetectorNoiseConfig(Model, builds="DetectorNoise", kind="detector_noise"):
     """Noise that differs from frame to frame."""
 
-    netd: Netd = 0.05
+    netd: _Netd = 0.05
     """Noise equivalent temperature difference [K]."""
-    reference_temperature: BlackTemperature = 300.0
-    """Temperature of the black surface for which it holds [K]."""
-    seed: Seed = 0
+    reference_temperature: _BlackTemperature = 300.0
+    """Temperature of the black surface at which `netd` holds [K]."""
+    seed: _Seed = 0
 
 
 class _FixedPatternNoiseConfig(
@@ -81,21 +81,21 @@ class _FixedPatternNoiseConfig(
 ):
     """Offsets of pixels and columns that all frames share."""
 
-    netd: Netd = 0.02
+    netd: _Netd = 0.02
     """Standard deviation over the pixels [K]."""
-    columns: Netd = 0.0
+    columns: _Netd = 0.0
     """Standard deviation over the columns [K]."""
-    reference_temperature: BlackTemperature = 300.0
-    """Temperature of the black surface for which they hold [K]."""
-    seed: Seed = 0
+    reference_temperature: _BlackTemperature = 300.0
+    """Temperature of the black surface at which `netd` and `columns` hold [K]."""
+    seed: _Seed = 0
 
 
 class _CountsConfig(Model, builds="Counts", kind="counts"):
-    """Whole counts of radiance between those of two temperatures."""
+    """Integer counts, linear in the radiance between two temperatures."""
 
-    low: BlackTemperature
+    low: _BlackTemperature
     """Temperature of a black surface at count 0 [K]."""
-    high: BlackTemperature
+    high: _BlackTemperature
     """Temperature of a black surface at the last count [K]."""
     bits: Annotated[si.Whole, Field(ge=8, le=16)] = 14
 

@@ -27,7 +27,7 @@ def _metres_per_unit(value: Any) -> float:
         ) from None
 
 
-MetresPerUnit = Annotated[
+_MetresPerUnit = Annotated[
     float,
     BeforeValidator(_metres_per_unit, json_schema_input_type=float | str),
     Field(gt=0),
@@ -38,17 +38,17 @@ class MeshConfig(Model, builds="load_mesh"):
     """A mesh file and its scale: metres per file unit, or the height of the body."""
 
     path: FoundPath
-    """OBJ, PLY, STL, GLB or OFF file, beside the config or in JAXTHERMO_MESHES."""
-    unit: MetresPerUnit | None = None
+    """OBJ, PLY, STL, GLB or OFF file, in the config's folder or JAXTHERMO_MESHES."""
+    unit: _MetresPerUnit | None = None
     """Length of one file unit, such as mm."""
     height: si.PositiveLength | None = None
-    """Extent along `up` instead of the unit [m]."""
+    """Extent along `up` [m], instead of the unit."""
     up: Literal["x", "y", "z", "-x", "-y", "-z"] = "z"
 
     exactly_one: ClassVar = (("unit", "height"),)
 
-    def build_parts(self) -> dict[str, Any]:
-        """The named parts of the file, placed as the mesh."""
+    def build_parts(self) -> "dict[str, jaxthermo.Mesh]":
+        """The named parts of the file, placed like the mesh."""
         return jaxthermo.load_parts(**self.arguments())
 
 
@@ -95,9 +95,10 @@ class _RotationConfig(Model):
         # Rodrigues' formula, R = 1 + sin(a) K + (1 - cos(a)) K^2, with K v = axis x v.
         x, y, z = np.asarray(self.axis) / math.hypot(*self.axis)
         cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        sine, cosine = math.sin(self.angle), math.cos(self.angle)
+        sine = math.sin(self.angle)
+        cosine = math.cos(self.angle)
         matrix = np.eye(3) + sine * cross + (1.0 - cosine) * (cross @ cross)
-        return tuple((float(a), float(b), float(c)) for a, b, c in matrix)
+        return tuple(tuple(row) for row in matrix.tolist())
 
 
 class PoseConfig(Model, builds="Pose"):
@@ -160,9 +161,9 @@ class _PartConfig(Model):
     exactly_one: ClassVar = (("mesh", "shape"),)
 
     def build(self, *args: Any) -> Any:
-        given = self.mesh or self.shape
-        assert given is not None
-        return given.build().placed(self.pose.build())
+        mesh_or_shape = self.mesh or self.shape
+        assert mesh_or_shape is not None
+        return mesh_or_shape.build().placed(self.pose.build())
 
 
 _Parts = Annotated[tuple[_PartConfig, ...], Field(min_length=2)]

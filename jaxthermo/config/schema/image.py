@@ -10,6 +10,7 @@ from pydantic import (
     GetCoreSchemaHandler,
     GetJsonSchemaHandler,
 )
+from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 from typing_extensions import override
 
@@ -29,7 +30,7 @@ FieldOfView = Annotated[si.Angle, Field(gt=0, lt=math.pi)]
 
 
 class _View(Model):
-    """Position and direction of a camera; what is not given is chosen to fit."""
+    """Position and direction of a camera, by default chosen to show all bodies."""
 
     position: Annotated[si.Position | None, si.Auto] = None
     look_at: Annotated[si.Position | None, si.Auto] = None
@@ -88,60 +89,65 @@ def _known_palette(name: str) -> str:
     return name
 
 
-class BandConfig(Model, builds="Band"):
-    """Band of the detector: its name, or wavelengths and the response at each."""
+class _BandConfig(Model, builds="Band"):
+    """Band of the detector: a name, or wavelengths and the response at each."""
 
     exactly_one = (("name", "wavelengths"),)
 
     name: Literal["long-wave", "mid-wave"] | None = None
-    """7.5 to 14 um, as of most uncooled cameras, or 3 to 5 um."""
+    """Long-wave is 7.5 to 14 um, as in most uncooled cameras; mid-wave is 3 to 5 um."""
     wavelengths: tuple[si.PositiveLength, ...] | None = None
-    """Two or more, increasing [m]."""
+    """Two or more wavelengths, increasing [m]."""
     response: tuple[si.Fraction, ...] | None = None
     """Response at each wavelength [-]; 1 if not given."""
 
     @override
     def mistakes(self) -> list[Mistake]:
-        given = self.arguments()
-        if given["wavelengths"] is None:
+        if self._wavelengths is None:
             return []
         try:
-            checked_response(**given)
+            checked_response(self._wavelengths, self.response)
         except InputError as error:
             return [((), str(error).partition(": ")[2])]
         return []
 
+    @property
+    def _wavelengths(self) -> tuple[float, ...] | None:
+        return self.wavelengths if self.name is None else BANDS[self.name]
+
     @override
-    def arguments(self) -> dict[str, Any]:
-        ends = self.wavelengths if self.name is None else BANDS[self.name]
-        return {"wavelengths": ends, "response": self.response}
+    def build(self, *args: Any) -> Any:
+        return self.target()(wavelengths=self._wavelengths, response=self.response)
 
 
 class _OfWavelengths:
-    """Marks a band for which its wavelengths alone may stand: `[8 um, 14 um]`."""
+    """Marks a band that may be written as its wavelengths alone: `[8 um, 14 um]`."""
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        read = lambda v: {"wavelengths": v} if isinstance(v, list | tuple) else v
-        inner = handler(source)
-        return core_schema.no_info_before_validator_function(read, inner)
+        def read(value: object) -> object:
+            if isinstance(value, list | tuple):
+                return {"wavelengths": value}
+            return value
+
+        return core_schema.no_info_before_validator_function(read, handler(source))
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        lengths = {"type": "array", "items": {"type": ["number", "string"]}}
-        return {"anyOf": [handler(schema), lengths]}
+    ) -> JsonSchemaValue:
+        wavelengths = {"type": "array", "items": {"type": ["number", "string"]}}
+        return {"anyOf": [handler(schema), wavelengths]}
 
 
 def _once(names: tuple[str, ...]) -> tuple[str, ...]:
-    twice = [name for k, name in enumerate(names) if name in names[:k]]
-    if twice:
-        raise si.refuse(f"'{twice[0]}' is given twice")
+    for k, name in enumerate(names):
+        if name in names[:k]:
+            raise si.refuse(f"'{name}' is given twice")
     return names
 
 
-FrameFile = Literal["exr", "png", "centikelvin", "tiff", "csv"]
+_FrameFile = Literal["exr", "png", "centikelvin", "tiff", "csv"]
 
 
 class ImageConfig(Model):
@@ -153,55 +159,56 @@ class ImageConfig(Model):
         Field(json_schema_extra={"enum": [*palette_names()]}),
     ] = "iron"
     quantity: Literal["apparent", "surface"] = "apparent"
-    """Apparent temperature, as a camera measures it, or the surface's own."""
+    """Apparent temperature, as a camera measures it, or that of the surface."""
     low: Annotated[si.Temperature | None, si.Auto] = None
     """Temperature at the cold end of the colour scale [K]."""
     high: Annotated[si.Temperature | None, si.Auto] = None
     """Temperature at the hot end of the colour scale [K]."""
     gain: Literal["linear", "plateau"] = "linear"
-    """Colours over the temperature: linear, or by the histogram of each frame, as
-    cameras display; the contact sheet, which has one scale, is linear."""
+    """Colours linear in the temperature, or by the histogram of each frame, as cameras
+    display them. The contact sheet has one scale and is always linear."""
     smooth: si.Flag = True
-    """Interpolate temperatures over the surface instead of one for each voxel."""
+    """Interpolate temperatures over the surface; if false, a voxel has one colour."""
     samples: Annotated[si.Whole, Field(ge=1, le=8)] = 2
-    """Square root of the number of rays for each pixel, which smooth the edges."""
+    """Square root of the number of rays for each pixel; more rays smooth the edges."""
     occlusion: Annotated[si.PositiveLength | None, si.NoneWord("none")] = None
-    """Distance within which surfaces in the image hide the surroundings from what
-    others reflect [m]; for scenes whose terms do not detect it."""
+    """Distance within which surfaces in the image hide the surroundings that others
+    reflect [m]; for scenes whose terms do not detect occlusion."""
     band: Annotated[
-        Annotated[BandConfig, Short("name", words=(*BANDS,)), _OfWavelengths()] | None,
+        Annotated[_BandConfig, Short("name", words=(*BANDS,)), _OfWavelengths()] | None,
         si.NoneWord("all"),
-    ] = BandConfig(name="long-wave")
-    """Wavelengths that the detector sees; with all of them the sun that surfaces
-    reflect is as bright as it heats."""
+    ] = _BandConfig(name="long-wave")
+    """Wavelengths that the detector sees. With `all` of them, reflected sunlight is as
+    bright as it heats."""
     effects: tuple[EffectConfig, ...] = ()
     """Effects of surfaces, air, optics and detector, in any order, each once."""
     frames: Frames = None
     """Saved times that become frames [s]."""
-    files: Annotated[tuple[FrameFile, ...], si.NotEmpty, AfterValidator(_once)] = (
+    files: Annotated[tuple[_FrameFile, ...], si.NotEmpty, AfterValidator(_once)] = (
         "exr",
         "png",
     )
-    """Files of each frame: EXR of all channels, PNG in false colours; `quantity` alone
-    as grey PNG of 16 bits in 0.01 K (centikelvin), TIFF of float32 or CSV in kelvin."""
+    """Files of each frame: EXR with all channels, PNG in false colours, or `quantity`
+    alone: grey 16-bit PNG in 0.01 K (centikelvin), float32 TIFF or CSV in kelvin."""
 
     measurements: tuple[MeasurementConfig, ...] = ()
-    """Spots, lines, boxes and isotherms: drawn on the pictures, and over time in
-    `measurements.csv` and a chart."""
+    """Spots, lines, boxes and isotherms. They are drawn on the pictures, and written to
+    `measurements.csv` and a chart over time."""
 
     @override
     def mistakes(self) -> list[Mistake]:
-        kinds = [effect.kind for effect in self.effects]
-        found: list[Mistake] = [
-            (("effects", number), f"{kind} is there already: give it once")
-            for number, kind in enumerate(kinds)
-            if kind in kinds[:number]
+        effect_kinds = [effect.kind for effect in self.effects]
+        mistakes: list[Mistake] = [
+            (("effects", number), f"{effect_kind} is there already: give it once")
+            for number, effect_kind in enumerate(effect_kinds)
+            if effect_kind in effect_kinds[:number]
         ]
-        low, high = self.low, self.high
+        low = self.low
+        high = self.high
         if low is not None and high is not None and low >= high:
-            found.append((("high",), f"{high:g} K is not above `low`, {low:g} K"))
+            mistakes.append((("high",), f"{high:g} K is not above `low`, {low:g} K"))
         try:
             names_of(build(self.measurements))
         except InputError as error:
-            found.append((("measurements",), str(error)))
-        return found
+            mistakes.append((("measurements",), str(error)))
+        return mistakes

@@ -1,6 +1,7 @@
 """Materials: by name, by their properties, both, or several by labels or parts."""
 
 import csv
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
@@ -22,9 +23,11 @@ _TABLE = Path(__file__).parents[2] / "data" / "names.csv"
 
 @cache
 def _material_names() -> tuple[str, ...]:
-    # Of the data file: `jaxthermo.materials` has the same names, and imports JAX.
-    rows = [*csv.DictReader(_TABLE.read_text(encoding="utf-8").splitlines())]
-    return tuple(name for r in rows for name in (r["name"], *r["aliases"].split()))
+    # From the data file: `jaxthermo.materials` has the same names, but imports JAX.
+    names: list[str] = []
+    for row in csv.DictReader(_TABLE.read_text(encoding="utf-8").splitlines()):
+        names += [row["name"], *row["aliases"].split()]
+    return tuple(names)
 
 
 def _known_material(name: str) -> str:
@@ -52,18 +55,18 @@ class _MaterialConfig(Model, builds="Material"):
     absorptivity: Fraction | None = None
 
     def arguments(self) -> dict[str, Any]:
-        given = super().arguments()
-        name = given.pop("name", None)
+        arguments = super().arguments()
+        name = arguments.pop("name", None)
         if name is None:
-            return given
+            return arguments
         named = jaxthermo.materials[name]
         keys = ("conductivity", "density", "specific_heat", "emissivity")
-        # As given: an absorptivity that is left open follows a changed emissivity.
+        # An absorptivity that the table leaves open follows a changed emissivity.
         table = {"absorptivity": named.given_absorptivity}
-        return table | {key: getattr(named, key) for key in keys} | given
+        return table | {key: getattr(named, key) for key in keys} | arguments
 
     @classmethod
-    def raw_mistakes(cls, data: dict[str, Any]) -> list[Mistake]:
+    def raw_mistakes(cls, data: Mapping[str, object]) -> list[Mistake]:
         if data.get("name") is not None:
             return []
         needed = ("conductivity", "density", "specific_heat")
@@ -89,13 +92,13 @@ class PartsConfig(Model):
     """A material for each named part of a mesh file."""
 
     parts: Annotated[dict[str, Material], NotEmpty]
-    """By the node of a GLB or the group of an OBJ; `"*"` for all others."""
+    """Material by node of a GLB or group of an OBJ; `"*"` for all others."""
 
     def build(self, *args: Any) -> Any:
-        """The material of each voxel, for a voxel grid and the parts of its mesh."""
-        grid, parts = args
-        given = {name: material.build() for name, material in self.parts.items()}
-        return jaxthermo.materials_by_part(grid, parts, given)
+        """The material of each voxel, for a grid and the parts of its mesh."""
+        grid, mesh_parts = args
+        materials = {name: material.build() for name, material in self.parts.items()}
+        return jaxthermo.materials_by_part(grid, mesh_parts, materials)
 
 
 def _one_or_several(value: Any) -> str:

@@ -3,6 +3,7 @@
 from typing import Annotated, Any
 
 from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 from typing_extensions import override
 
@@ -28,7 +29,7 @@ class _Coordinate:
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    ) -> JsonSchemaValue:
         number = {"type": "number", "minimum": 0, "maximum": 1}
         pattern = r"^\s*\d*\.?\d*\s*(%|px)?\s*$"
         text = {"type": "string", "pattern": pattern, "examples": ["25 %", "320 px"]}
@@ -47,31 +48,31 @@ class _Placed(Model):
     """A measurement at points of the image."""
 
     name: _Name | None = None
-    """Name at the mark and in `measurements.csv`; a number of its kind if not given."""
+    """Name at the mark and in `measurements.csv`; by default its kind and a number."""
 
     @property
     def places(self) -> dict[tuple[str | int, ...], tuple[Any, Any]]:
-        """Its points, by their location in the config."""
+        """Points of the measurement by their location in the config."""
         return {}
 
     def outside(self, width: int, height: int) -> list[Mistake]:
-        """The coordinates that are outside of an image of a size [pixels]."""
-        found: list[Mistake] = []
+        """Mistakes for coordinates outside an image of this size [pixels]."""
+        mistakes: list[Mistake] = []
         sizes = (("columns", width), ("rows", height))
         for where, point in self.places.items():
-            for k, ((along, size), value) in enumerate(zip(sizes, point, strict=True)):
+            for k, (axis, size) in enumerate(sizes):
                 try:
-                    pixel_index(value, size, along)
+                    pixel_index(point[k], size, axis)
                 except InputError as error:
-                    found.append(((*where, k), str(error)))
-        return found
+                    mistakes.append(((*where, k), str(error)))
+        return mistakes
 
 
 class _SpotConfig(_Placed, builds="measurements.Spot", kind="spot"):
     """The temperature of one pixel."""
 
     at: _Point
-    """Across from the left and down from the top: fractions, or pixels as '320 px'."""
+    """Distances from the left and from the top: fractions, or pixels as '320 px'."""
 
     @property
     @override
@@ -94,7 +95,7 @@ class _BoxConfig(_Placed, builds="measurements.Box", kind="box"):
     """Temperatures within a rectangle."""
 
     corners: _Points
-    """Two opposite ones."""
+    """Two opposite corners."""
 
     @property
     @override
@@ -106,9 +107,9 @@ class _IsothermConfig(_Placed, builds="measurements.Isotherm", kind="isotherm"):
     """The fraction of the bodies in the image between two temperatures."""
 
     above: si.Temperature | None = None
-    """Lower end [K]."""
+    """Lower end of the range [K]."""
     below: si.Temperature | None = None
-    """Upper end [K]."""
+    """Upper end of the range [K]."""
 
     @override
     def mistakes(self) -> list[Mistake]:

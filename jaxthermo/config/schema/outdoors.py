@@ -15,8 +15,8 @@ from .terms import Directions
 
 ALL_TERMS = ("sun", "diffuse", "sky", "wind")
 
-# Latitudes are written in degrees everywhere: here a bare number is one of degrees.
-Degrees = Annotated[
+# Latitudes are usually written in degrees: here a bare number is in degrees.
+_Degrees = Annotated[
     float,
     si.Unit("deg", "an angle", "48.1 deg", only=("deg", "degrees", "degree", "°")),
 ]
@@ -38,10 +38,10 @@ def _moment(text: str) -> str:
 class _PlaceConfig(Model, builds="Place"):
     """A place on the earth, and how the scene lies there."""
 
-    latitude: Annotated[Degrees, Field(ge=-90, le=90)]
-    """Degrees north of the equator."""
-    longitude: Annotated[Degrees, Field(ge=-180, le=180)]
-    """Degrees east of Greenwich."""
+    latitude: Annotated[_Degrees, Field(ge=-90, le=90)]
+    """_Degrees north of the equator."""
+    longitude: Annotated[_Degrees, Field(ge=-180, le=180)]
+    """_Degrees east of Greenwich."""
     altitude: Annotated[si.Length, Field(ge=-500, le=9000)] = 0.0
     """Height above the sea [m]."""
 
@@ -53,8 +53,8 @@ class _ClearSkyConfig(Model, builds="ClearSky"):
     """Lowest and highest temperature of the day [K]."""
     relative_humidity: Annotated[si.Number, Field(ge=0.01, le=1)] = 0.5
     wind_speed: Annotated[si.Speed, Field(le=100)] = 2.0
-    """[m/s]"""
-    wind_direction: Annotated[Degrees, Field(ge=0, le=360)] = 270.0
+    """Speed of the wind [m/s]."""
+    wind_direction: Annotated[_Degrees, Field(ge=0, le=360)] = 270.0
     """Direction from which the wind blows, from north towards east [deg]."""
     turbidity: Annotated[si.Number, Field(ge=1, le=10)] = 3.0
     """Linke turbidity [-]."""
@@ -85,7 +85,7 @@ class OutdoorsConfig(Model, builds="outdoors"):
     sky: Literal["infrared", "berdahl_martin"] | None = None
     """Sky temperature by the file's radiation, or by the dew point."""
     ground: Literal["air", "sol_air"] = "air"
-    """Ground as warm as the air, or dry and in balance with the sun."""
+    """Ground as warm as the air, or dry ground in balance with the sun."""
     albedo: si.Fraction = 0.2
     """Fraction of sunlight that the ground reflects [-]."""
     occlusion: Directions | None = None
@@ -96,29 +96,31 @@ class OutdoorsConfig(Model, builds="outdoors"):
 
     @override
     def mistakes(self) -> list[Mistake]:
-        found: list[Mistake] = []
+        mistakes: list[Mistake] = []
         if self.north[2] != 0:
-            found.append((("north",), "must be horizontal: give 0 as the last number"))
+            mistakes.append(
+                (("north",), "must be horizontal: give 0 as the last number")
+            )
         if {"wind", "convection"} <= {*self.terms}:
-            found.append((("terms",), "give one of wind and convection"))
+            mistakes.append((("terms",), "give one of wind and convection"))
         if len({*self.terms}) < len(self.terms):
-            found.append((("terms",), "give each once"))
+            mistakes.append((("terms",), "give each once"))
         if self.sky == "infrared" and self.clear_sky is not None:
-            found.append((("sky",), "a clear_sky has no infrared: give berdahl_martin"))
-        return found
-
-    @override
-    def arguments(self) -> dict[str, Any]:
-        given = super().arguments()
-        x, y, _ = given.pop("north")
-        place = _PlaceConfig.target()(**self.place.arguments(), north=(x, y))
-        sky = given.pop("clear_sky", None)
-        weather = given.pop("weather", None) if sky is None else sky
-        start = datetime.fromisoformat(self.start)
-        return given | {"place": place, "start": start, "weather": weather}
+            mistakes.append(
+                (("sky",), "a clear_sky has no infrared: give berdahl_martin")
+            )
+        return mistakes
 
     @override
     def build(self, *args: Any) -> Any:
-        """The terms for a run of a duration [s], the one argument."""
+        """The terms for a run; the argument is its duration [s]."""
         (duration,) = args
-        return self.target()(duration=duration, **self.arguments())
+        arguments = self.arguments()
+        north_x, north_y, _ = arguments.pop("north")
+        site = _PlaceConfig.target()(**self.place.arguments(), north=(north_x, north_y))
+        clear_sky = arguments.pop("clear_sky", None)
+        weather_file = arguments.pop("weather", None)
+        arguments["place"] = site
+        arguments["start"] = datetime.fromisoformat(self.start)
+        arguments["weather"] = clear_sky or weather_file
+        return self.target()(duration=duration, **arguments)

@@ -1,7 +1,7 @@
 """The config of a scene, complete, with the checks between its parts."""
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
 
@@ -22,18 +22,18 @@ from .terms import TermConfig
 if TYPE_CHECKING:
     from ...scene.scene import Scene
 
-# With more saved times a run would fill the memory.
+# A run with more saved times would fill the memory.
 _MAX_SAVES = 100_000
 # Both compute the whole emission of a surface: with two it would count twice.
 _EMISSION = ("surroundings", "radiative_exchange")
-AnyModel = TypeVar("AnyModel", bound=Model)
+_AnyModel = TypeVar("_AnyModel", bound=Model)
 
 
 class TimeConfig(Model):
     """The end of the run, and the times at which its state is saved."""
 
     end: PositiveTime
-    """End of the run [s]; it stops earlier if the last saved time is before."""
+    """End of the run [s]; it stops at the last saved time if that is earlier."""
     save_at: Annotated[tuple[PositiveTime, ...], NotEmpty] | None = None
     """Times at which the state is saved [s]."""
     save_every: PositiveTime | None = None
@@ -43,18 +43,23 @@ class TimeConfig(Model):
 
     @override
     def mistakes(self) -> list[Mistake]:
-        every, listed = self.save_every, self.save_at or ()
-        times = [(("save_at", i), time) for i, time in enumerate(listed)]
-        times += [] if every is None else [(("save_every",), every)]
-        found = not_increasing(listed, "save_at", "s")
-        found += [
-            (where, f"{time:g} s is after the end, {self.end:g} s")
-            for where, time in times
-            if time > self.end
+        interval = self.save_every
+        listed = self.save_at or ()
+        times: list[tuple[Location, float]] = [
+            (("save_at", i), time) for i, time in enumerate(listed)
         ]
-        if every is not None and self.end / every > _MAX_SAVES:
-            found.append((("save_every",), f"would save more than {_MAX_SAVES} times"))
-        return found
+        if interval is not None:
+            times.append((("save_every",), interval))
+        mistakes = not_increasing(listed, key="save_at", unit="s")
+        for location, time in times:
+            if time > self.end:
+                message = f"{time:g} s is after the end, {self.end:g} s"
+                mistakes.append((location, message))
+        if interval is not None and self.end / interval > _MAX_SAVES:
+            mistakes.append(
+                (("save_every",), f"would save more than {_MAX_SAVES} times")
+            )
+        return mistakes
 
     @property
     def last(self) -> float:
@@ -67,16 +72,16 @@ class TimeConfig(Model):
         if self.save_every is None:
             return self.save_at or ()
         # An interval that rounding leaves before the end is not a step of its own.
-        whole = round(self.end / self.save_every * (1.0 - 1e-9) - 0.5)
-        return (*(self.save_every * (i + 1) for i in range(whole)), self.end)
+        full_intervals = round(self.end / self.save_every * (1.0 - 1e-9) - 0.5)
+        return (*(self.save_every * (i + 1) for i in range(full_intervals)), self.end)
 
 
 class TruthConfig(Model):
     """Comparison of the run with a finer one of the same bodies."""
 
     reference: FoundPath
-    """`solution.npz` of that run, with voxels at least twice as fine; it has to save
-    all times that this one saves."""
+    """`solution.npz` of a run with voxels at least twice as fine, which saved all times
+    that this run saves."""
     points: Annotated[Whole, Field(ge=100, le=10_000_000)] = 10_000
     """Number of points on the meshes at which the temperatures are compared."""
     seed: Annotated[Whole, Field(ge=0)] = 0
@@ -96,19 +101,19 @@ class SceneConfig(Model, builds="Scene"):
     """Thermocouples by name: points in the world at the start [m], on or in a body,
     with which they move."""
     surface_outputs: tuple[Literal["heat_flux", "heat_transfer_coefficient"], ...] = ()
-    """Saved for every fragment besides its temperature."""
+    """Quantities that are saved for every fragment, in addition to its temperature."""
     bodies: Annotated[tuple[BodyConfig, ...], NotEmpty]
     terms: tuple[TermConfig, ...] = ()
-    """All that heats and cools the bodies; mechanisms not listed are not computed."""
+    """Everything that heats and cools the bodies; other mechanisms are not computed."""
     outdoors: OutdoorsConfig | None = None
-    """Sun, sky, ground and wind of a place and date, besides `terms`."""
+    """Sun, sky, ground and wind of a place and date, in addition to `terms`."""
     time: TimeConfig
     solver: SolverConfig = AutoSolver()
-    """Time integration; chosen from the scene if not given."""
+    """Time integration, by default chosen from the scene."""
     truth: TruthConfig | None = None
-    """Finer run to compare with; the error is in `summary.json`."""
+    """Finer run to compare with; the error is written to `summary.json`."""
     camera: CameraConfig = PinholeConfig()
-    """Camera; what is not given is chosen to show all bodies."""
+    """Camera, by default chosen to show all bodies."""
     image: ImageConfig = ImageConfig()
 
     def build(self, *args: Any) -> "Scene":
@@ -117,18 +122,18 @@ class SceneConfig(Model, builds="Scene"):
         Raises:
             InputError: for a mesh, labels, mask or fit card that cannot be used.
         """
-        bodies = build(self.bodies)
-        return self.scene(bodies, self.build_terms())
+        return self.scene(bodies=build(self.bodies), terms=self.build_terms())
 
     def build_terms(self) -> tuple[Any, ...]:
-        """The terms, and after them those of `outdoors`.
+        """The terms, followed by those of `outdoors`.
 
         Raises:
             InputError: for weather that cannot be used, or without its extra.
         """
-        outside = self.outdoors
-        added = () if outside is None else outside.build(self.time.last)
-        return (*build(self.terms), *added)
+        terms = build(self.terms)
+        if self.outdoors is None:
+            return terms
+        return (*terms, *self.outdoors.build(self.time.last))
 
     def scene(self, bodies: tuple[Any, ...], terms: tuple[Any, ...]) -> "Scene":
         """A scene of these bodies and terms, with the options of this config."""
@@ -143,8 +148,8 @@ class SceneConfig(Model, builds="Scene"):
 
     @classmethod
     @override
-    def raw_mistakes(cls, data: dict[str, Any]) -> list[Mistake]:
-        # Parts that do not fit together are reported even while others are wrong.
+    def raw_mistakes(cls, data: Mapping[str, object]) -> list[Mistake]:
+        # Sections that contradict each other are reported even if others are invalid.
         return [
             *_missing_bodies(data),
             *_unsaved_frames(data),
@@ -154,19 +159,20 @@ class SceneConfig(Model, builds="Scene"):
         ]
 
 
-def _missing_bodies(data: dict[str, Any]) -> list[Mistake]:
+def _missing_bodies(data: Mapping[str, object]) -> list[Mistake]:
     bodies = data.get("bodies")
     count = len(bodies) if isinstance(bodies, list) else 0
-    return [
-        (("terms", i, *where), f"there is no body {body}; the last one is {count - 1}")
-        for i, term in enumerate(_terms(data))
-        for where, body in _named_bodies(term if isinstance(term, dict) else {})
-        if type(body) is int and body >= count > 0
-    ]
+    mistakes: list[Mistake] = []
+    for i, term in enumerate(_terms(data)):
+        for location, body in _named_bodies(term):
+            if type(body) is int and body >= count > 0:
+                message = f"there is no body {body}; the last one is {count - 1}"
+                mistakes.append((("terms", i, *location), message))
+    return mistakes
 
 
-# The locations and numbers of bodies in a term as it is written.
-def _named_bodies(term: dict[str, Any]) -> Iterator[tuple[Location, Any]]:
+# The locations and numbers of bodies in a term that is not validated yet.
+def _named_bodies(term: Mapping[str, object]) -> Iterator[tuple[Location, object]]:
     for key in ("on", "within", "cylinders"):
         yield from _bodies_within((key,), term.get(key))
     for i, body in _items(term.get("bodies")):
@@ -174,37 +180,39 @@ def _named_bodies(term: dict[str, Any]) -> Iterator[tuple[Location, Any]]:
 
 
 # Selections may be combinations of others, at any depth.
-def _bodies_within(where: Location, given: Any) -> Iterator[tuple[Location, Any]]:
-    for key, value in _items(given):
+def _bodies_within(
+    location: Location, selection: object
+) -> Iterator[tuple[Location, object]]:
+    for key, value in _items(selection):
         if key == "body":
-            yield (*where, key), value
+            yield (*location, key), value
         else:
-            yield from _bodies_within((*where, key), value)
+            yield from _bodies_within((*location, key), value)
 
 
-def _items(value: Any) -> Iterable[tuple[str | int, Any]]:
+def _items(value: object) -> Iterable[tuple[str | int, object]]:
     if isinstance(value, dict):
         return value.items()
     return enumerate(value) if isinstance(value, list) else ()
 
 
-def _second_emission(data: dict[str, Any]) -> list[Mistake]:
-    terms = [term if isinstance(term, dict) else {} for term in _terms(data)]
-    found = [i for i, term in enumerate(terms) if term.get("kind") in _EMISSION]
+def _second_emission(data: Mapping[str, object]) -> list[Mistake]:
+    terms = _terms(data)
+    emitting = [i for i, term in enumerate(terms) if term.get("kind") in _EMISSION]
     outside = data.get("outdoors")
     if isinstance(outside, dict) and "sky" in (outside.get("terms") or ALL_TERMS):
-        # That of `outdoors` is on all surfaces.
+        # The sky of `outdoors` is on all surfaces.
         return [
             (
                 ("terms", i),
                 f"{terms[i]['kind']} would count the emission twice, besides the sky "
                 "of outdoors: remove it, or list `outdoors.terms` without sky",
             )
-            for i in found
+            for i in emitting
         ]
-    # Parts of the surface may have surroundings of their own, but one exchange.
-    if all(terms[i].get("on") is not None for i in found):
-        exchange = [i for i in found if terms[i]["kind"] == "radiative_exchange"]
+    # Parts of the surface may have different surroundings, but only one exchange.
+    if all(terms[i].get("on") is not None for i in emitting):
+        exchange = [i for i in emitting if terms[i]["kind"] == "radiative_exchange"]
         return [
             (
                 ("terms", i),
@@ -213,26 +221,26 @@ def _second_emission(data: dict[str, Any]) -> list[Mistake]:
             )
             for i in exchange[1:]
         ]
+    first, *second = emitting
     return [
         (
             ("terms", i),
             f"{terms[i]['kind']} would count the emission twice, after "
-            f"{terms[found[0]]['kind']} in terms.{found[0]}: give one of them, or each "
+            f"{terms[first]['kind']} in terms.{first}: give one of them, or each "
             "its own `on`",
         )
-        for i in found[1:]
+        for i in second
     ]
 
 
-def _second_occlusion(data: dict[str, Any]) -> list[Mistake]:
+def _second_occlusion(data: Mapping[str, object]) -> list[Mistake]:
     image = data.get("image")
     if not isinstance(image, dict) or image.get("occlusion") in (None, "none"):
         return []
     detecting = [
         f"terms.{i}"
         for i, term in enumerate(_terms(data))
-        if isinstance(term, dict)
-        and (term.get("kind") == "radiative_exchange" or term.get("occlusion"))
+        if term.get("kind") == "radiative_exchange" or term.get("occlusion")
     ]
     outdoors = data.get("outdoors")
     if isinstance(outdoors, dict) and outdoors.get("occlusion"):
@@ -247,44 +255,52 @@ def _second_occlusion(data: dict[str, Any]) -> list[Mistake]:
     ]
 
 
-def _terms(data: dict[str, Any]) -> list[Any]:
+# Terms that are no mappings count as empty: their own mistakes are reported elsewhere.
+def _terms(data: Mapping[str, object]) -> list[Mapping[str, Any]]:
     terms = data.get("terms")
-    return terms if isinstance(terms, list) else []
+    if not isinstance(terms, list):
+        return []
+    return [term if isinstance(term, dict) else {} for term in terms]
 
 
-def _unsaved_frames(data: dict[str, Any]) -> list[Mistake]:
+def _unsaved_frames(data: Mapping[str, object]) -> list[Mistake]:
     time = _if_valid(TimeConfig, data.get("time"))
     image = data.get("image")
     frames = image.get("frames") if isinstance(image, dict) else None
-    # The frames alone: the rest of the image may have mistakes of its own.
+    # The frames alone: other values of the image may have mistakes of their own.
     image = _if_valid(ImageConfig, {"frames": frames})
     if time is None or image is None:
         return []
     return [
         (("image", "frames", i), f"{frame:g} s is not a saved time")
         for i, frame in enumerate(image.frames or ())
-        if not any(math.isclose(frame, t, rel_tol=1e-9) for t in time.save_times)
+        if not _is_among(frame, time.save_times)
     ]
 
 
-def _unseen_measurements(data: dict[str, Any]) -> list[Mistake]:
-    image, camera = data.get("image"), data.get("camera")
-    given = image.get("measurements") if isinstance(image, dict) else None
-    image = _if_valid(ImageConfig, {"measurements": given or []})
-    # The size alone, whatever kind of camera it is.
+def _is_among(time: float, save_times: tuple[float, ...]) -> bool:
+    return any(math.isclose(time, saved, rel_tol=1e-9) for saved in save_times)
+
+
+def _unseen_measurements(data: Mapping[str, object]) -> list[Mistake]:
+    image = data.get("image")
+    camera = data.get("camera")
+    measurements = image.get("measurements") if isinstance(image, dict) else None
+    image = _if_valid(ImageConfig, {"measurements": measurements or []})
+    # The size alone: it means the same for all kinds of cameras.
     sizes = camera if isinstance(camera, dict) else {}
     size = {key: sizes[key] for key in ("width", "height") if key in sizes}
     view = _if_valid(PinholeConfig, {"kind": "pinhole", **size})
     if image is None or view is None:
         return []
     return [
-        (("image", "measurements", k, *where), message)
-        for k, each in enumerate(image.measurements)
-        for where, message in each.outside(view.width, view.height)
+        (("image", "measurements", k, *location), message)
+        for k, measurement in enumerate(image.measurements)
+        for location, message in measurement.outside(view.width, view.height)
     ]
 
 
-def _if_valid(model: type[AnyModel], data: Any) -> AnyModel | None:
+def _if_valid(model: type[_AnyModel], data: Any) -> _AnyModel | None:
     try:
         return model.model_validate(data)
     except ValidationError:
@@ -293,21 +309,25 @@ def _if_valid(model: type[AnyModel], data: Any) -> AnyModel | None:
 
 @cache
 def _units() -> dict[str, Unit]:
-    # Keys that have several units, such as `length` of a wake, have none here.
-    found: dict[str, set[Unit]] = {}
+    # Keys with several units, such as `length`, are left out.
+    units_by_key: dict[str, set[Unit]] = {}
     for model in models_within(SceneConfig):
         for key in model.model_fields:
-            given = {p for p in field_parts(model, key) if isinstance(p, Unit)}
-            found.setdefault(key, set()).update(given)
-    return {key: units.pop() for key, units in found.items() if len(units) == 1}
+            markers = field_parts(model, key)
+            field_units = {marker for marker in markers if isinstance(marker, Unit)}
+            units_by_key.setdefault(key, set()).update(field_units)
+    return {key: units.pop() for key, units in units_by_key.items() if len(units) == 1}
 
 
 def unit_of(path: str) -> Unit | None:
-    """The unit of a number of a scene; None for a key that has no unit of its own.
+    """The unit of a number of a scene; None for a path without a unit.
 
     Args:
         path: dotted, such as "terms.0.irradiance" or "material.conductivity"; the last
             key with a unit counts.
     """
     units = _units()
-    return next((units[key] for key in reversed(path.split(".")) if key in units), None)
+    for key in reversed(path.split(".")):
+        if key in units:
+            return units[key]
+    return None

@@ -39,8 +39,8 @@ class _FragmentsConfig(Model, builds="FragmentMask"):
     mask: FoundPath
     body: Index = 0
 
-    def arguments(self) -> dict[str, Any]:
-        return {"mask": read_mask(self.mask), "body": self.body}
+    def build(self, *args: Any) -> Any:
+        return self.target()(mask=read_mask(self.mask), body=self.body)
 
 
 class _Selection(Model):
@@ -49,7 +49,7 @@ class _Selection(Model):
     region: _RegionConfig | None = None
     body: Index | None = None
 
-    # A key with the name of an operator of the language cannot be declared by a field.
+    # A key that is a keyword of Python cannot be declared as a field.
     def __init_subclass__(cls, **options: Any) -> None:
         several: Any = Annotated[tuple[cls, ...], NotEmpty]
         combined = {"all": several | None, "any": several | None, "not": cls | None}
@@ -59,39 +59,42 @@ class _Selection(Model):
         super().__init_subclass__(**options)
 
     @property
-    def _given(self) -> tuple[str, Any]:
-        # The first key with a value: mistakes are looked for even where there is none.
-        return next(((k, v) for k, v in self if v is not None), ("body", 0))
+    def _selected(self) -> tuple[str, Any]:
+        # The first key with a value; ("body", 0) for a selection that has none.
+        for key, value in self:
+            if value is not None:
+                return key, value
+        return "body", 0
 
     def build(self, *args: Any) -> Any:
-        key, given = self._given
+        key, value = self._selected
         match key:
             case "all":
-                return reduce(operator.and_, build(given))
+                return reduce(operator.and_, build(value))
             case "any":
-                return reduce(operator.or_, build(given))
+                return reduce(operator.or_, build(value))
             case "not":
-                return ~given.build()
+                return ~value.build()
             case "body":
-                return jaxthermo.Everything(body=given)
+                return jaxthermo.Everything(body=value)
             case _:
-                return given.build()
+                return value.build()
 
     @property
     def bodies(self) -> set[int]:
-        """Numbers of the bodies that it is on."""
-        key, given = self._given
+        """Numbers of the bodies that the selection is on."""
+        key, value = self._selected
         match key:
             case "all":
-                return set.intersection(*(part.bodies for part in given))
+                return set.intersection(*(selection.bodies for selection in value))
             case "any":
-                return set.union(*(part.bodies for part in given))
+                return set.union(*(selection.bodies for selection in value))
             case "not":
-                return given.bodies
+                return value.bodies
             case "body":
-                return {given}
+                return {value}
             case _:
-                return {given.body}
+                return {value.body}
 
     def mistakes(self) -> list[Mistake]:
         if self.bodies:

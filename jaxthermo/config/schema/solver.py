@@ -9,11 +9,11 @@ from ..types.model import ByKind, KindModel, Short
 from ..types.quantities import Auto, Number, PositiveTime, Whole
 
 
-Step = Annotated[PositiveTime | None, Auto]
+_Step = Annotated[PositiveTime | None, Auto]
 # A temperature difference [K]: unlike a temperature it has no offset.
-Kelvin = Annotated[Number, Field(gt=0)]
-Tolerance = Annotated[Kelvin | None, Auto]
-Stages = Annotated[Annotated[Whole, Field(ge=3, le=1000)] | None, Auto]
+_Kelvin = Annotated[Number, Field(gt=0)]
+_Tolerance = Annotated[_Kelvin | None, Auto]
+_Stages = Annotated[Annotated[Whole, Field(ge=3, le=1000)] | None, Auto]
 
 
 class AutoSolver(KindModel, kind="auto"):
@@ -21,14 +21,14 @@ class AutoSolver(KindModel, kind="auto"):
 
     @override
     def build(self, *args: Any) -> None:
-        # `simulate` chooses a solver where it is given none.
+        # `simulate` chooses a solver if it gets none.
         return None
 
 
 class _ForwardEuler(KindModel, builds="ForwardEuler", kind="forward_euler"):
     """Explicit, first order; without `dt`, at the largest stable step."""
 
-    dt: Step = None
+    dt: _Step = None
 
 
 class _SuperTimeStepping(
@@ -36,37 +36,37 @@ class _SuperTimeStepping(
 ):
     """Explicit, in many stages."""
 
-    dt: Step = None
-    stages: Stages = None
+    dt: _Step = None
+    stages: _Stages = None
 
 
 class _BackwardEuler(KindModel, builds="BackwardEuler", kind="backward_euler"):
     """Implicit, first order."""
 
-    dt: Step = None
-    tolerance: Tolerance = None
+    dt: _Step = None
+    tolerance: _Tolerance = None
 
 
 class _TRBDF2(KindModel, builds="TRBDF2", kind="trbdf2"):
     """Implicit, second order; without `dt`, in steps that follow the error [K]."""
 
-    dt: Step = None
-    error: Kelvin = 0.01
-    tolerance: Tolerance = None
+    dt: _Step = None
+    error: _Kelvin = 0.01
+    tolerance: _Tolerance = None
 
 
 class _CrankNicolson(KindModel, builds="CrankNicolson", kind="crank_nicolson"):
     """Implicit, second order; oscillates after a jump."""
 
-    dt: Step = None
-    tolerance: Tolerance = None
+    dt: _Step = None
+    tolerance: _Tolerance = None
 
 
 class _ErrorControl(KindModel, builds="ErrorControl", kind="error_control"):
-    """Second order, in steps as short as an error [K] of the whole run asks for."""
+    """Second order, in steps that keep the error of the whole run below a limit [K]."""
 
     relative_error: Annotated[Number, Field(gt=0)] = 1e-3
-    error: Kelvin = 1e-3
+    error: _Kelvin = 1e-3
 
 
 # A word alone stands for `{kind: word}`; `dt` without a kind is explicit Euler's.

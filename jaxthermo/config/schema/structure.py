@@ -24,33 +24,34 @@ _LIST = Tag("<list>")
 _EITHER = Discriminator(_number_or_list)
 # Above this, float32 overflows long before the weight has any physical meaning.
 _MAX_WEIGHT = 1e9
-Weight = Annotated[Number, Field(ge=0, le=_MAX_WEIGHT)]
+_Weight = Annotated[Number, Field(ge=0, le=_MAX_WEIGHT)]
 _Positive = Annotated[Number, Field(gt=0, le=_MAX_WEIGHT)]
-Weights = Annotated[
-    Annotated[Weight, _NUMBER] | Annotated[tuple[Weight, ...], NotEmpty, _LIST], _EITHER
+_Weights = Annotated[
+    Annotated[_Weight, _NUMBER] | Annotated[tuple[_Weight, ...], NotEmpty, _LIST],
+    _EITHER,
 ]
-PositiveWeights = Annotated[
+_PositiveWeights = Annotated[
     Annotated[_Positive, _NUMBER] | Annotated[tuple[_Positive, ...], NotEmpty, _LIST],
     _EITHER,
 ]
 # No body has more voxels, or layers of them, along an edge.
 Count = Annotated[Whole, Field(ge=1, le=4096)]
-# Number of levels; None for as many as the body has.
-Levels = Annotated[Count | None, Auto]
+# Number of levels; None for all that the body has.
+_Levels = Annotated[Count | None, Auto]
 
 
 class _WeightsConfig(Model, builds="ConductionWeights"):
     """Factors of conductances and capacities; a list has one number for each level."""
 
-    within: Weights = 1.0
-    between: Weights = 1.0
-    surface: Weight = 1.0
-    capacity: PositiveWeights = 1.0
-    surface_distance: Weight = 1.0
+    within: _Weights = 1.0
+    between: _Weights = 1.0
+    surface: _Weight = 1.0
+    capacity: _PositiveWeights = 1.0
+    surface_distance: _Weight = 1.0
     nearest_capacity: Annotated[Number, Field(ge=-10, le=10)] = 0.0
     non_orthogonal: Annotated[Number, Field(ge=-1, le=2)] = 0.0
     card: CardPath | None = None
-    """Fit card from which all weights are taken instead: a file, or card://NAME."""
+    """Fit card with all weights, instead of numbers: a file, or card://NAME."""
 
     def build(self, *args: Any) -> Any:
         if self.card is not None:
@@ -60,31 +61,34 @@ class _WeightsConfig(Model, builds="ConductionWeights"):
     def mistakes(self) -> list[Mistake]:
         if self.card is None:
             return []
-        # The weights of a card were fitted together: one of them changed fits nothing.
-        given = [
+        # The weights of a card were fitted together: none can be changed alone.
+        changed_weights = [
             name
             for name, field in type(self).model_fields.items()
             if name != "card" and getattr(self, name) != field.default
         ]
-        return [((name,), "is in the card: give one or the other") for name in given]
+        return [
+            ((name,), "is in the card: give one or the other")
+            for name in changed_weights
+        ]
 
 
 # Factors, or the path of a fit card.
-CardOrWeights = Annotated[_WeightsConfig, Short("card")]
+_CardOrWeights = Annotated[_WeightsConfig, Short("card")]
 
 
 class _Structure(KindModel):
     """A kind of structure; `build` takes the body's voxel grid."""
 
-    weights: CardOrWeights = _WeightsConfig()
+    weights: _CardOrWeights = _WeightsConfig()
 
     @property
-    def options(self) -> dict[str, Any]:
+    def options(self) -> Mapping[str, object]:
         """The kind and its options as plain values, without the weights."""
         return self.model_dump(mode="json", exclude={"weights"}, exclude_none=True)
 
-    def options_of(self, built: Any) -> dict[str, Any]:
-        """The options as they were chosen for the structure that was built."""
+    def options_of(self, built: Any) -> Mapping[str, object]:
+        """The options with the values that were chosen for the built structure."""
         del built
         return self.options
 
@@ -113,9 +117,10 @@ class FullVolume(_Structure, builds="FullVolume", kind="full_volume"):
 
     @property
     @override
-    def options(self) -> dict[str, Any]:
-        # The kernels of steps are no part of what weights were fitted to.
-        return {name: v for name, v in super().options.items() if name != "kernels"}
+    def options(self) -> Mapping[str, object]:
+        # Weights do not depend on the kernels of steps.
+        options = super().options
+        return {name: value for name, value in options.items() if name != "kernels"}
 
 
 class _SingleShell(_Structure, builds="SingleShell", kind="single_shell"):
@@ -136,18 +141,18 @@ class _IrregularMultiLevel(
 ):
     """Shells whose voxels grow inwards."""
 
-    levels: Levels = None
+    levels: _Levels = None
     keep_capacity: Flag = False
 
 
 class _Octree(_Structure, builds="Octree", kind="octree"):
     """Cells that grow inwards and fill the body."""
 
-    levels: Levels = None
+    levels: _Levels = None
 
 
 def _block_keys(data: Mapping[str, Any]) -> list[str]:
-    """Keys of an aggregate that are given of those that choose its factor."""
+    """The keys in the data that choose the factor of an aggregate."""
     return [k for k in ("factor", "nodes", "size") if data.get(k) is not None]
 
 
@@ -157,9 +162,9 @@ class _Aggregate(_Structure, builds="Aggregate", kind="aggregate"):
     factor: Count | None = None
     """Voxels along an edge of a block; 4 unless the nodes or the size are given."""
     nodes: Annotated[Whole, Field(ge=1)] | None = None
-    """Largest number of nodes, instead of the factor: the smallest that keeps to it."""
+    """Largest number of nodes: the smallest factor with no more of them is chosen."""
     size: PositiveLength | None = None
-    """Edge of a block [m], instead of the factor, rounded to whole voxels."""
+    """Edge of a block [m], rounded to whole voxels, instead of the factor."""
     min_time_constant: Annotated[float, Field(ge=0, le=1)] = 0.45
     alignment: Annotated[float, Field(ge=0, le=1)] = 0.7
 
@@ -173,26 +178,26 @@ class _Aggregate(_Structure, builds="Aggregate", kind="aggregate"):
 
     @classmethod
     @override
-    def raw_mistakes(cls, data: dict[str, Any]) -> list[Mistake]:
-        given = _block_keys(data)
-        if len(given) < 2:
+    def raw_mistakes(cls, data: Mapping[str, object]) -> list[Mistake]:
+        block_keys = _block_keys(data)
+        if len(block_keys) < 2:
             return []
-        return [((given[-1],), "give `factor`, `nodes` or `size`, one of them")]
+        return [((block_keys[-1],), "give `factor`, `nodes` or `size`, one of them")]
 
     @override
     def build(self, *args: Any) -> Any:
         if self.nodes is None and self.size is None:
             return super().build(*args)
-        # Weights of a card are compared with the factor.
-        chosen = self.target().factor_for(*args, nodes=self.nodes, size=self.size)
-        return self._with(chosen).build(*args)
+        # _Weights of a card are compared with the factor.
+        factor = self.target().factor_for(*args, nodes=self.nodes, size=self.size)
+        return self._with(factor).build(*args)
 
     @override
-    def options_of(self, built: Any) -> dict[str, Any]:
+    def options_of(self, built: Any) -> Mapping[str, object]:
         return self._with(built.factor).options
 
     def _with(self, factor: int) -> Any:
-        # Instead of what chooses it.
+        # The factor replaces the keys that choose it.
         return self.model_copy(update={"factor": factor, "nodes": None, "size": None})
 
 
@@ -226,7 +231,7 @@ StructureConfig = Annotated[
     Short("kind", "full_volume"),
 ]
 
-Depth = Literal["surface", "voxel"]
+_Depth = Literal["surface", "voxel"]
 
 
 class _ConstantMap(KindModel, builds="ConstantMap", kind="constant"):
@@ -236,13 +241,13 @@ class _ConstantMap(KindModel, builds="ConstantMap", kind="constant"):
 class _LinearMap(KindModel, builds="LinearMap", kind="linear"):
     """The node's temperature and its gradient."""
 
-    at: Depth = "surface"
+    at: _Depth = "surface"
 
 
 class FluxCorrectedMap(KindModel, builds="FluxCorrectedMap", kind="flux_corrected"):
     """The energy balance at the surface, and the gradient along it."""
 
-    at: Depth = "surface"
+    at: _Depth = "surface"
 
 
 SurfaceMapConfig = Annotated[

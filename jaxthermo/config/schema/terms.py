@@ -1,9 +1,10 @@
 """Terms: what heats and cools the bodies, at their surface and inside.
 
-A new term has its class, exported by `jaxthermo`, and one model here.
+A new term needs its class, exported by `jaxthermo`, and one model here.
 """
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
@@ -27,13 +28,15 @@ class _Switched(Model):
     """Keys of the values that become 0."""
 
     def arguments(self) -> dict[str, Any]:
-        given = super().arguments()
-        end = given.pop("until", None)
+        arguments = super().arguments()
+        end = arguments.pop("until", None)
         if end is None:
-            return given
-        # The program has a save interval end there, so no step averages over the jump.
-        cut = [key for key in self.switched if key in given]
-        return given | {key: jaxthermo.Until(given[key], end) for key in cut}
+            return arguments
+        # A save interval ends there, so that no step averages over the jump.
+        for key in self.switched:
+            if key in arguments:
+                arguments[key] = jaxthermo.Until(arguments[key], end)
+        return arguments
 
 
 class _SunConfig(_Switched, builds="Sun", kind="sun"):
@@ -48,7 +51,7 @@ class _SunConfig(_Switched, builds="Sun", kind="sun"):
 
 
 class _PointSourceConfig(_Switched, builds="PointSource", kind="point_source"):
-    """A small source near by."""
+    """A small source nearby."""
 
     position: TimePosition
     radiant_intensity: Varying[si.RadiantIntensity]
@@ -77,7 +80,7 @@ class _AreaSourceConfig(_Switched, builds="AreaSource", kind="area_source"):
     switched: ClassVar = ("radiance", "temperature")
 
     @classmethod
-    def raw_mistakes(cls, data: dict[str, Any]) -> list[Mistake]:
+    def raw_mistakes(cls, data: Mapping[str, object]) -> list[Mistake]:
         if data.get("radiance") is None or data.get("emissivity") is None:
             return []
         return [(("emissivity",), "goes with `temperature`; a radiance stands alone")]
@@ -146,7 +149,7 @@ class _WakeDeficitConfig(KindModel, builds="WakeDeficit", kind="deficit"):
     exponent: Annotated[si.Number, Field(ge=0.4, le=1.1)] = 0.497
 
 
-WakeConfig = Annotated[
+_WakeConfig = Annotated[
     _WakeDeficitConfig | _FittedWakeConfig, ByKind(), Short("kind", "deficit")
 ]
 
@@ -161,7 +164,7 @@ class _WindConfig(Model, builds="Wind", kind="wind"):
         "churchill_bernstein"
     )
     cylinders: tuple[_CylinderConfig, ...] = ()
-    wake: WakeConfig | None = None
+    wake: _WakeConfig | None = None
     on: WhereConfig | None = None
 
     def mistakes(self) -> list[Mistake]:
@@ -219,10 +222,11 @@ class _ContactConfig(Model, builds="Contact", kind="contact"):
     max_pairs: Annotated[si.Whole, Field(ge=1)] | None = None
 
     def arguments(self) -> dict[str, Any]:
-        # A bond has no resistance; the half cells on both sides limit the heat.
-        given = super().arguments()
-        bonded = self.conductance == "bonded"
-        return given | {"conductance": math.inf} if bonded else given
+        arguments = super().arguments()
+        if self.conductance == "bonded":
+            # A bond has no resistance; the half cells on both sides limit the heat.
+            arguments["conductance"] = math.inf
+        return arguments
 
     def mistakes(self) -> list[Mistake]:
         if self.bodies is None or self.bodies[0] != self.bodies[1]:

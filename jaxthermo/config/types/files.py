@@ -1,6 +1,6 @@
 """Files that a config names, and the arrays in those that `numpy.save` wrote.
 
-They are searched for beside the config, then in the folders of JAXTHERMO_MESHES.
+They are searched for in the config's folder, then in those of JAXTHERMO_MESHES.
 """
 
 import os
@@ -36,7 +36,7 @@ def _find(path: Path, info: Info) -> Path:
     return path
 
 
-# Path of an existing file; as it is written where no folders are given.
+# Path of an existing file; left as written where no folders are searched.
 FoundPath = Annotated[Path, Field(strict=False), AfterValidator(_find)]
 
 
@@ -52,7 +52,7 @@ def _find_card(path: Path, info: Info) -> Path:
         raise refuse(str(error)) from error
 
 
-# The same, or `card://NAME` of a card of the package, which is written out as that.
+# Path of a fit card; one that is shipped is written out as `card://NAME`.
 CardPath = Annotated[
     Path,
     Field(strict=False),
@@ -89,7 +89,7 @@ def read_mask(path: Path) -> Bool[np.ndarray, " s"]:
     """A truth value for each surface fragment.
 
     Raises:
-        InputError: if the file contains anything but a list of them.
+        InputError: if the file contains anything but a list of truth values.
     """
     mask = _read(path)
     if mask.ndim != 1 or mask.dtype != bool:
@@ -101,12 +101,13 @@ def read_fractions(path: Path) -> Float[np.ndarray, " s"]:
     """A number from 0 to 1 for each surface fragment.
 
     Raises:
-        InputError: if the file contains anything but a list of them.
+        InputError: if the file contains anything but a list of such numbers.
     """
     values = _read(path)
     if values.ndim != 1 or values.dtype.kind not in "fiu":
         raise _unlike(path, values, "one number for each fragment")
-    if not ((values >= 0) & (values <= 1)).all():
+    is_fraction = (values >= 0) & (values <= 1)
+    if not is_fraction.all():
         raise InputError(f"{path}: expected numbers from 0 to 1, there are others")
     return values.astype(float)
 
@@ -125,8 +126,8 @@ def _read(path: Path) -> np.ndarray:
         ) from error
 
 
-def _unlike(path: Path, found: np.ndarray, expected: str) -> InputError:
-    shape = list(found.shape)
+def _unlike(path: Path, array: np.ndarray, expected: str) -> InputError:
+    shape = list(array.shape)
     return InputError(
-        f"{path}: expected {expected}, got {found.dtype} of shape {shape}"
+        f"{path}: expected {expected}, got {array.dtype} of shape {shape}"
     )

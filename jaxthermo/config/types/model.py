@@ -17,6 +17,7 @@ from pydantic import (
     ValidationError,
     model_validator,
 )
+from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
 
 import jaxthermo
@@ -25,7 +26,7 @@ from ..messages import MISTAKE, close_match, explain, quoted
 
 
 Location: TypeAlias = tuple[str | int, ...]
-# Location within the model, and what is wrong there.
+# Location in the model, and what is wrong there.
 Mistake: TypeAlias = tuple[Location, str]
 
 
@@ -33,7 +34,7 @@ class Model(BaseModel):
     """A mapping in a config file.
 
     Class keywords, as in `class _SunConfig(Model, builds="Sun", kind="sun")`: `builds`
-    names what `jaxthermo` exports and the values are arguments of, and `kind` is the
+    names the export of `jaxthermo` whose arguments the values are, and `kind` is the
     word by which a union recognizes this member.
     """
 
@@ -46,7 +47,7 @@ class Model(BaseModel):
 
     builds: ClassVar[str] = ""
     exactly_one: ClassVar[tuple[tuple[str, ...], ...]] = ()
-    """Groups of keys of which one, and only one, must be given."""
+    """Groups of keys: exactly one key of each group must be given."""
 
     # Declared to a type checker only: most models are no members of a union.
     if TYPE_CHECKING:
@@ -75,13 +76,13 @@ class Model(BaseModel):
         return {name: value for name, value in built.items() if value is not None}
 
     def build(self, *args: Any) -> Any:
-        """The object that the values describe, all within them built first.
+        """The object that the values describe; nested models are built first.
 
         Args:
-            args: passed on before the values, such as the grid of a structure.
+            args: arguments before the values, such as the grid of a structure.
 
         Raises:
-            InputError: if a file that is named cannot be used.
+            InputError: if a file cannot be used.
         """
         return self.target()(*args, **self.arguments())
 
@@ -91,12 +92,12 @@ class Model(BaseModel):
         return f"unknown key{close_match(key, cls.model_fields)}"
 
     @classmethod
-    def raw_mistakes(cls, data: dict[str, Any]) -> Iterable[Mistake]:
+    def raw_mistakes(cls, data: Mapping[str, object]) -> Iterable[Mistake]:
         """Mistakes that can be seen before the values are validated."""
         return ()
 
     def mistakes(self) -> Iterable[Mistake]:
-        """Mistakes between values, each of which is valid by itself."""
+        """Mistakes between values that are valid by themselves."""
         return ()
 
     @model_validator(mode="wrap")
@@ -108,49 +109,49 @@ class Model(BaseModel):
         if not isinstance(data, dict):
             message = f"expected `key: value` lines, got {quoted(data)}"
             raise _error(cls, [((), message)])
-        found = [*_unknown(cls, data), *_groups(cls, data), *cls.raw_mistakes(data)]
+        mistakes = [*_unknown(cls, data), *_groups(cls, data), *cls.raw_mistakes(data)]
         model = None
         try:
             # Pydantic stops at unknown keys; without them it checks all the others.
-            known = {k: v for k, v in data.items() if k in cls.model_fields}
-            model = handler(known)
+            fields = {k: v for k, v in data.items() if k in cls.model_fields}
+            model = handler(fields)
         except ValidationError as error:
             entries = error.errors(include_url=False)
-            found += [(_location_of(entry), explain(entry)) for entry in entries]
+            mistakes += [(_location_of(entry), explain(entry)) for entry in entries]
         if model is not None:
-            found += model.mistakes()
-        if model is None or found:
-            # A model that contains itself is validated twice where others contain it.
-            raise _error(cls, [*dict.fromkeys(found)])
+            mistakes += model.mistakes()
+        if model is None or mistakes:
+            # A recursive model in another model is validated twice.
+            raise _error(cls, [*dict.fromkeys(mistakes)])
         return model
 
 
 def parts(annotation: Any) -> Iterator[Any]:
-    """The types and markers that an annotation is made of, at any depth."""
+    """The types and markers in an annotation, at any depth."""
     yield annotation
-    for part in get_args(annotation):
-        yield from parts(part)
+    for argument in get_args(annotation):
+        yield from parts(argument)
 
 
 def field_parts(model: type[Model], key: str) -> Iterator[Any]:
     """The types and markers of one field."""
     field = model.model_fields[key]
-    for part in (field.annotation, *field.metadata):
-        yield from parts(part)
+    for marker in (field.annotation, *field.metadata):
+        yield from parts(marker)
 
 
 def models_within(model: type[Model]) -> set[type[Model]]:
     """The model, and all that its fields can contain."""
-    found: set[type[Model]] = set()
+    models: set[type[Model]] = set()
     waiting = [model]
     while waiting:
         current = waiting.pop()
-        if current not in found:
-            found.add(current)
+        if current not in models:
+            models.add(current)
             for key in current.model_fields:
                 types = (p for p in field_parts(current, key) if isinstance(p, type))
                 waiting += [inner for inner in types if issubclass(inner, Model)]
-    return found
+    return models
 
 
 def build(value: Any, *args: Any) -> Any:
@@ -162,7 +163,7 @@ def build(value: Any, *args: Any) -> Any:
     return value
 
 
-def _unknown(cls: type[Model], data: dict[str, Any]) -> list[Mistake]:
+def _unknown(cls: type[Model], data: Mapping[str, object]) -> list[Mistake]:
     return [
         ((str(key),), cls.unknown_key(str(key)))
         for key in data
@@ -170,31 +171,25 @@ def _unknown(cls: type[Model], data: dict[str, Any]) -> list[Mistake]:
     ]
 
 
-def _groups(cls: type[Model], data: dict[str, Any]) -> list[Mistake]:
-    found: list[Mistake] = []
+def _groups(cls: type[Model], data: Mapping[str, object]) -> list[Mistake]:
+    mistakes: list[Mistake] = []
     for group in cls.exactly_one:
-        given = [key for key in group if data.get(key) is not None]
+        present = [key for key in group if data.get(key) is not None]
         names = " or ".join(f"`{key}`" for key in group)
-        if not given:
-            found.append(((), f"missing {names}: give one of them"))
-        elif len(given) > 1:
+        if not present:
+            mistakes.append(((), f"missing {names}: give one of them"))
+        elif len(present) > 1:
             several = "both" if len(group) == 2 else "several"
-            found.append((tuple(given[-1:]), f"give {names}, not {several}"))
-    return found
+            mistakes.append((tuple(present[-1:]), f"give {names}, not {several}"))
+    return mistakes
 
 
-def _error(cls: type[Model], found: list[Mistake]) -> ValidationError:
-    return ValidationError.from_exception_data(
-        cls.__name__.lstrip("_"),
-        [
-            InitErrorDetails(
-                type=PydanticCustomError(MISTAKE, "{message}", {"message": message}),
-                loc=where,
-                input=None,
-            )
-            for where, message in found
-        ],
-    )
+def _error(cls: type[Model], mistakes: list[Mistake]) -> ValidationError:
+    details = []
+    for location, message in mistakes:
+        error = PydanticCustomError(MISTAKE, "{message}", {"message": message})
+        details.append(InitErrorDetails(type=error, loc=location, input=None))
+    return ValidationError.from_exception_data(cls.__name__.lstrip("_"), details)
 
 
 class KindModel(Model):
@@ -205,7 +200,7 @@ class KindModel(Model):
 
     @classmethod
     def unknown_key(cls, key: str) -> str:
-        """The keys that this kind takes: the given one may be another kind's."""
+        """The message for an unknown key: it lists the keys of this kind."""
         takes = [name for name in cls.model_fields if name != "kind"]
         # The keys of the kind itself come before those that all kinds share.
         takes.sort(key=lambda name: name not in cls.__annotations__)
@@ -214,10 +209,10 @@ class KindModel(Model):
 
 
 def _tag(value: Any) -> str | None:
-    given = value if isinstance(value, dict) else {"kind": getattr(value, "kind", None)}
-    kind = given.get("kind")
-    # In brackets, so that `messages._untagged` can take it out of a location.
-    return None if kind is None else f"<{kind}>"
+    is_data = isinstance(value, dict)
+    tag = value.get("kind") if is_data else getattr(value, "kind", None)
+    # In brackets, so that `messages._untagged` can remove it from a location.
+    return None if tag is None else f"<{tag}>"
 
 
 @dataclass(frozen=True)
@@ -235,8 +230,8 @@ class ByKind:
 
     def __get_pydantic_json_schema__(
         self, schema: Any, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        # The tags of the union have defaults, without which an editor would accept all.
+    ) -> JsonSchemaValue:
+        # The tags have defaults: without `required` an editor would accept any member.
         members = handler(schema)["oneOf"]
         return {"oneOf": [member | {"required": ["kind"]} for member in members]}
 
@@ -249,7 +244,7 @@ class Short:
     default: str | None = None
     """Value of the key in a mapping that does not give it."""
     words: tuple[str, ...] = ()
-    """All words that are allowed, for an editor; the kinds if none are given."""
+    """Allowed words, for an editor; the kinds of the union if empty."""
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -259,15 +254,17 @@ class Short:
 
     def __get_pydantic_json_schema__(
         self, schema: Any, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        mapping, inner = handler(schema), schema
+    ) -> JsonSchemaValue:
+        mapping = handler(schema)
+        inner = schema
         while "choices" not in inner and "schema" in inner:
             inner = inner["schema"]
-        kinds = [tag.strip("<>") for tag in inner.get("choices", ())]
-        for kind, member in zip(kinds, mapping.get("oneOf", ()), strict=True):
-            if kind == self.default:
+        member_kinds = [tag.strip("<>") for tag in inner.get("choices", ())]
+        members = mapping.get("oneOf", ())
+        for member_kind, member in zip(member_kinds, members, strict=True):
+            if member_kind == self.default:
                 del member["required"]
-        words = self.words or kinds
+        words = self.words or member_kinds
         word = {"type": "string"} | ({"enum": list(words)} if words else {})
         return {"anyOf": [mapping, word]}
 
@@ -280,6 +277,7 @@ class Short:
 
 
 def _location_of(error: Mapping[str, Any]) -> tuple[str | int, ...]:
-    """Location of an entry's mistake; an unknown member of a union is at its `kind`."""
-    beyond = ("kind",) if error["type"] == "union_tag_invalid" else ()
-    return (*error["loc"], *beyond)
+    """Location of a mistake; an unknown member of a union is at its `kind`."""
+    if error["type"] == "union_tag_invalid":
+        return (*error["loc"], "kind")
+    return error["loc"]

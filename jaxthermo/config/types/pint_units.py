@@ -2,6 +2,7 @@
 
 import re
 from functools import cache
+from typing import Any
 
 import pint
 
@@ -18,35 +19,39 @@ class UnknownUnitError(InputError):
     """A text is no unit."""
 
 
-def converted(number: float, given: str, symbol: str, *, affine: bool) -> float:
+def converted(number: float, unit_text: str, symbol: str, *, affine: bool) -> float:
     """The number in the unit of `symbol`.
 
     Args:
-        number: in the unit given.
-        given: the unit, as a user writes it.
+        number: value in the unit of `unit_text`.
+        unit_text: unit as a user writes it.
         symbol: unit of the result.
-        affine: a degree Celsius is a point of its scale, not a difference of 1 K.
+        affine: True if a degree Celsius is a point of its scale, not 1 K.
 
     Raises:
-        UnknownUnitError: if `given` is no unit.
-        InputError: if it is one of another dimension.
+        UnknownUnitError: if `unit_text` is no unit.
+        InputError: if it is a unit of another dimension.
     """
     registry = _registry()
     try:
-        if len(given) > _MAX_UNIT_LENGTH or _TOWER.search(given):
+        if len(unit_text) > _MAX_UNIT_LENGTH or _TOWER.search(unit_text):
             raise ValueError
-        parsed = registry.parse_units(given, as_delta=not affine)
+        parsed = registry.parse_units(unit_text, as_delta=not affine)
     except Exception as error:  # pint's parser raises many unrelated types
-        raise UnknownUnitError(given) from error
+        raise UnknownUnitError(unit_text) from error
     try:
         quantity = registry.Quantity(number, parsed)
         # For pint W/sr and W are one: 4 pi apart, they must not be mixed up.
-        both = (quantity, registry.Quantity(1, symbol))
-        if len({dict(one.unit_items()).get("steradian", 0) for one in both}) > 1:
+        if _steradians(quantity) != _steradians(registry.Quantity(1, symbol)):
             raise ValueError
         return float(quantity.to(symbol).magnitude)
     except (pint.PintError, ArithmeticError, ValueError) as error:
-        raise InputError(given) from error
+        raise InputError(unit_text) from error
+
+
+def _steradians(quantity: Any) -> float | int:
+    """Power of the steradian in the unit of a quantity."""
+    return dict(quantity.unit_items()).get("steradian", 0)
 
 
 @cache

@@ -19,6 +19,7 @@ from pydantic import (
     GetJsonSchemaHandler,
     Strict,
 )
+from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from ...constants import MAX_TEMPERATURE, MIN_TEMPERATURE, ZERO_CELSIUS
@@ -34,8 +35,7 @@ _JSON_LIMITS = {
     "lt": "exclusiveMaximum",
     "le": "maximum",
 }
-# Units of most configs, by the unit that they are converted to. The factors are those
-# of pint, which reads all others.
+# Common units and their factors, by SI unit. All other units are read by pint.
 _FACTORS: dict[str, dict[str, float]] = {
     "m": {"m": 1.0, "cm": 0.01, "mm": 0.001},
     "s": {"s": 1.0, "min": 60.0, "h": 3600.0},
@@ -59,7 +59,7 @@ class Unit:
     noun: str
     example: str
     only: tuple[str, ...] = ()
-    """If given, the units allowed: pint cannot tell an angle from a plain ratio."""
+    """Allowed units (all if empty): pint cannot tell an angle from a plain ratio."""
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
@@ -69,7 +69,7 @@ class Unit:
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    ) -> JsonSchemaValue:
         # Pydantic leaves the limits of a validated number under their own names.
         number = {_JSON_LIMITS.get(k, k): v for k, v in handler(schema).items()}
         pattern = r"^\s*[-+]?\.?\d"
@@ -104,16 +104,15 @@ def to_si(value: Any, unit: Unit) -> float:
 
     Args:
         value: a number, a number in a string, or a string such as "2 mm".
-        unit: what the value is converted to.
+        unit: SI unit of the result.
 
     Raises:
-        InputError: if it is no finite number of that dimension.
+        InputError: if the value is no finite number of that dimension.
     """
     if isinstance(value, str):
-        number, given = _split(value, unit)
-        number = (
-            _converted(number, given=given, text=value, unit=unit) if given else number
-        )
+        number, unit_text = _split(value, unit)
+        if unit_text:
+            number = _converted(number, unit_text=unit_text, text=value, unit=unit)
     elif isinstance(value, int | float) and not isinstance(value, bool):
         # A whole number beyond the range of floats is not finite either.
         number = float(value) if abs(value) <= sys.float_info.max else math.inf
@@ -138,26 +137,28 @@ def _split(text: str, unit: Unit) -> tuple[float, str]:
         raise InputError(_expected(text, unit)) from None
 
 
-def _converted(number: float, given: str, text: str, unit: Unit) -> float:
-    if unit.only and given not in unit.only:
+def _converted(number: float, unit_text: str, text: str, unit: Unit) -> float:
+    if unit.only and unit_text not in unit.only:
         raise InputError(_expected(text, unit))
-    factor = _FACTORS.get(unit.symbol, {}).get(given)
+    factor = _FACTORS.get(unit.symbol, {}).get(unit_text)
     if factor is not None:
         return number * factor
-    if unit is TEMPERATURE and given in _CELSIUS:
+    if unit is TEMPERATURE and unit_text in _CELSIUS:
         return number + ZERO_CELSIUS
-    # By name: to import pint and to read its units takes longer than a small config.
-    others = importlib.import_module("jaxthermo.config.types.pint_units")
+    # By name: pint is slow to import, and few configs need it.
+    pint_units = importlib.import_module("jaxthermo.config.types.pint_units")
     try:
         # Only a temperature is affine; in W/(m^2 degC) the degree is a difference.
-        return others.converted(number, given, unit.symbol, affine=unit is TEMPERATURE)
-    except others.UnknownUnitError as error:
+        return pint_units.converted(
+            number, unit_text=unit_text, symbol=unit.symbol, affine=unit is TEMPERATURE
+        )
+    except pint_units.UnknownUnitError as error:
         raise InputError(
-            f"{_expected(text, unit)} (unknown unit {quoted(given)})"
+            f"{_expected(text, unit)} (unknown unit {quoted(unit_text)})"
         ) from error
     except InputError as error:
         hints = {"C": " (degrees Celsius are 'degC')", "F": " (write 'degF')"}
-        hint = hints.get(given, "") if unit is TEMPERATURE else ""
+        hint = hints.get(unit_text, "") if unit is TEMPERATURE else ""
         raise InputError(_expected(text, unit) + hint) from error
 
 
@@ -204,16 +205,18 @@ class NoneWord:
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        read = lambda value: None if value == self.word else value
+        def read(value: object) -> object:
+            return None if value == self.word else value
+
         return core_schema.no_info_before_validator_function(read, handler(source))
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
+    ) -> JsonSchemaValue:
         return {"anyOf": [handler(schema), {"const": self.word}]}
 
 
-# Marks a value that is chosen from the scene where "auto" or nothing is given.
+# Marks a value that is chosen from the scene if it is "auto" or missing.
 Auto = NoneWord("auto")
 
 
@@ -223,13 +226,12 @@ def _not_empty(value: Any) -> Any:
     return value
 
 
-# Field(min_length=1) would also count entries out that are wrong by themselves.
-# Marks a list that needs an entry.
+# Marks a list that needs an entry: Field(min_length=1) would not count invalid ones.
 NotEmpty = BeforeValidator(_not_empty)
 
 
 def of_length(length: int, expected: str) -> BeforeValidator:
-    """Mark a list that needs a number of entries, `expected` in words."""
+    """Marker of a list with `length` entries, which `expected` describes in words."""
 
     # Pydantic would report missing and surplus entries one by one.
     def check(value: Any) -> Any:

@@ -11,10 +11,10 @@ from .files import FoundPath, read_fractions
 from .model import Mistake, Model, parts
 
 
-Value = TypeVar("Value")
+_Value = TypeVar("_Value")
 
 
-class _Tabulated(Model, Generic[Value]):
+class _Tabulated(Model, Generic[_Value]):
     """Values at increasing arguments."""
 
     argument: ClassVar[tuple[str, str]]
@@ -22,23 +22,27 @@ class _Tabulated(Model, Generic[Value]):
 
     @classmethod
     def model_parametrized_name(cls, params: tuple[Any, ...]) -> str:
-        # In JSON Schemas; pydantic's own name spells out all of the type.
-        nouns = [part.noun for part in parts(params[0]) if isinstance(part, si.Unit)]
+        # For JSON Schemas: pydantic's own name spells out the whole type.
+        nouns = [
+            marker.noun for marker in parts(params[0]) if isinstance(marker, si.Unit)
+        ]
         words = nouns[0].partition(" (")[0].split()[1:] if nouns else []
         return f"{cls.__name__.lstrip('_')}Of{''.join(map(str.capitalize, words))}"
 
     def mistakes(self) -> list[Mistake]:
         key, unit = self.argument
-        at, values = (getattr(self, name) for name in (key, "values"))
-        found = not_increasing(at, key, unit)
-        return [*found, *unequal(values, key="values", others=at, other_key=key)]
+        arguments, values = (getattr(self, name) for name in (key, "values"))
+        return [
+            *not_increasing(arguments, key=key, unit=unit),
+            *unequal(values, key="values", arguments=arguments, argument_key=key),
+        ]
 
 
-class _Table(_Tabulated[Value], Generic[Value], builds="Table"):
+class _Table(_Tabulated[_Value], Generic[_Value], builds="Table"):
     """A piecewise linear function of time [s]."""
 
     times: Annotated[tuple[si.Time, ...], si.NotEmpty]
-    values: tuple[Value, ...]
+    values: tuple[_Value, ...]
 
     argument: ClassVar = ("times", "s")
 
@@ -56,26 +60,31 @@ class _DirectionTable(_Table[si.Direction], builds="DirectionTable"):
 
     def mistakes(self) -> list[Mistake]:
         # Between opposite directions there is no unique way to turn.
-        unit = [[x / math.hypot(*v) for x in v] for v in self.values]
-        opposite: list[Mistake] = [
-            (("values", i), "is opposite to the one before: give one between them")
-            for i, (a, b) in enumerate(pairwise(unit), 1)
-            if math.hypot(*(x + y for x, y in zip(a, b, strict=True))) < 1e-6
-        ]
-        return [*super().mistakes(), *opposite]
+        mistakes = super().mistakes()
+        unit_vectors = [_unit_vector(direction) for direction in self.values]
+        for i, (a, b) in enumerate(pairwise(unit_vectors), 1):
+            if math.dist(a, [-x for x in b]) < 1e-6:
+                message = "is opposite to the one before: give one between them"
+                mistakes.append((("values", i), message))
+        return mistakes
 
 
-class _PropertyTable(_Tabulated[Value], Generic[Value], builds="Property"):
+def _unit_vector(direction: tuple[float, float, float]) -> list[float]:
+    length = math.hypot(*direction)
+    return [x / length for x in direction]
+
+
+class _PropertyTable(_Tabulated[_Value], Generic[_Value], builds="Property"):
     """A piecewise linear function of temperature [K]."""
 
     temperatures: Annotated[tuple[si.Temperature, ...], si.NotEmpty]
-    values: tuple[Value, ...]
+    values: tuple[_Value, ...]
 
     argument: ClassVar = ("temperatures", "K")
 
 
 def not_increasing(values: tuple[float, ...], key: str, unit: str) -> list[Mistake]:
-    """One mistake for each value that is not above the one before it."""
+    """A mistake for each value that is not above its predecessor."""
     return [
         ((key, i), f"{b:g} {unit} is not after {a:g} {unit}: give them in order")
         for i, (a, b) in enumerate(pairwise(values), 1)
@@ -83,11 +92,15 @@ def not_increasing(values: tuple[float, ...], key: str, unit: str) -> list[Mista
     ]
 
 
-def unequal(values: tuple, key: str, others: tuple, other_key: str) -> list[Mistake]:
+def unequal(
+    values: tuple, key: str, arguments: tuple, argument_key: str
+) -> list[Mistake]:
     """A mistake if two lists that belong together differ in length."""
-    if len(values) == len(others):
+    if len(values) == len(arguments):
         return []
-    return [((key,), f"there are {len(values)} {key} for {len(others)} {other_key}")]
+    return [
+        ((key,), f"there are {len(values)} {key} for {len(arguments)} {argument_key}")
+    ]
 
 
 class _PerFragment(Model):
@@ -118,7 +131,7 @@ _TABLE = Tag("<table>")
 _EITHER = Discriminator(_form)
 
 if TYPE_CHECKING:
-    Varying = Value | _Table[Value]
+    Varying = _Value | _Table[_Value]
 else:
 
     class Varying:
