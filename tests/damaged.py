@@ -82,23 +82,23 @@ def _halves(data: bytes, random: Random) -> bytes:
 
 
 def _number(data: bytes, random: Random) -> bytes:
-    found = list(_NUMBER.finditer(data))
-    if not found:
+    numbers = list(_NUMBER.finditer(data))
+    if not numbers:
         return _cut(data, random)
-    start, end = found[random.integers(len(found))].span()
+    start, end = numbers[random.integers(len(numbers))].span()
     return data[:start] + _ODD_NUMBERS[random.integers(len(_ODD_NUMBERS))] + data[end:]
 
 
 def _line(data: bytes, random: Random) -> bytes:
     lines = data.split(b"\n")
-    k, other = random.integers(len(lines), size=2)
+    k, other_line = random.integers(len(lines), size=2)
     change = random.integers(4)
     if change == 0:
         del lines[k]
     elif change == 1:
-        lines.insert(k, lines[other])
+        lines.insert(k, lines[other_line])
     elif change == 2:
-        lines[k], lines[other] = lines[other], lines[k]
+        lines[k], lines[other_line] = lines[other_line], lines[k]
     else:
         lines[k] = b"  " + lines[k]
     return b"\n".join(lines)
@@ -108,8 +108,9 @@ def _word(data: bytes, random: Random) -> bytes:
     words = list(re.finditer(rb"[A-Za-z_]{2,}", data))
     if not words:
         return _cut(data, random)
-    (start, end), other = words[random.integers(len(words))].span(), random.integers(4)
-    new = (b"", data[start : end - 1], b"\xff\xfe", data[start:end][::-1])[other]
+    start, end = words[random.integers(len(words))].span()
+    choice = random.integers(4)
+    new = (b"", data[start : end - 1], b"\xff\xfe", data[start:end][::-1])[choice]
     return data[:start] + new + data[end:]
 
 
@@ -119,13 +120,14 @@ TEXT = (_number, _number, _number, _line, _word, _cut, _flip, _remove)
 
 def damage(data: bytes, random: Random, is_text: bool) -> bytes:
     """Content of a file with one kind of damage."""
-    kinds = TEXT if is_text else BYTES
-    return kinds[random.integers(len(kinds))](data, random)
+    damages = TEXT if is_text else BYTES
+    return damages[random.integers(len(damages))](data, random)
 
 
-def damage_archive(path: Path, random: Random, kind: str, version: int) -> None:
+def damage_archive(path: Path, random: Random, file_kind: str, version: int) -> None:
     """Damage the bytes or an array of an `.npz` file, or write another valid one."""
-    content, choice = path.read_bytes(), random.integers(4)
+    content = path.read_bytes()
+    choice = random.integers(4)
     if choice == 0:
         path.write_bytes(damage(content, random, is_text=False))
         return
@@ -141,8 +143,8 @@ def damage_archive(path: Path, random: Random, kind: str, version: int) -> None:
         return
     # By another program, whose checksum is right.
     head = ("format", "format_version", "checksum")
-    rest = {key: value for key, value in arrays.items() if key not in head}
-    write_archive(path, kind, version, rest)
+    content_arrays = {key: value for key, value in arrays.items() if key not in head}
+    write_archive(path, file_kind, version, content_arrays)
 
 
 def _changed(array: np.ndarray, random: Random) -> np.ndarray | None:
@@ -153,9 +155,10 @@ def _changed(array: np.ndarray, random: Random) -> np.ndarray | None:
         return np.zeros(3)
 
 
-def damage_record(path: Path, random: Random, kind: str, version: int) -> None:
+def damage_record(path: Path, random: Random, file_kind: str, version: int) -> None:
     """Damage the text or a value of a JSON file, or write another valid one."""
-    content, choice = path.read_bytes(), random.integers(3)
+    content = path.read_bytes()
+    choice = random.integers(3)
     if choice == 0:
         path.write_bytes(damage(content, random, is_text=True))
         return
@@ -169,7 +172,7 @@ def damage_record(path: Path, random: Random, kind: str, version: int) -> None:
     if choice == 1:
         for name in ("format", "format_version", "checksum"):
             values.pop(name, None)
-        values = signed(kind, version, values)
+        values = signed(file_kind, version, values)
     path.write_text(json.dumps(values))
 
 

@@ -46,7 +46,7 @@ class Legend:
     title: str = ""
 
 
-def scale_ticks(low: Scalar, high: Scalar) -> tuple[tuple[float, str], ...]:
+def scale_ticks(low: float, high: float) -> tuple[tuple[float, str], ...]:
     """Ticks at round values of a scale, as `ColourBar.ticks`."""
     values = nice_ticks(low, high)
     decimals = decimals_of(values[1] - values[0]) if len(values) > 1 else 1

@@ -4,6 +4,7 @@ import contextlib
 import io
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 from jaxthermo.__main__ import main
 
@@ -33,21 +34,49 @@ def scene_file(folder: Path, text: str = SCENE) -> Path:
     return path
 
 
-def run(
-    *arguments: object, main: Callable[[list[str]], None] = main
-) -> tuple[object, str, str]:
-    """Exit status, standard output and standard error of a command.
+class Finished(NamedTuple):
+    """What a command leaves behind on the terminal."""
 
-    What pytest's own capture would give, but for fixtures of any scope.
+    status: object
+    out: str
+    err: str
+
+
+def run(*arguments: object, main: Callable[[list[str]], None] = main) -> Finished:
+    """Run a command in this process.
+
+    The capture of pytest does the same, but not for fixtures of any scope.
     """
-    out, err = io.StringIO(), io.StringIO()
-    code: object = None
+    out = io.StringIO()
+    err = io.StringIO()
+    status: object = None
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         try:
             main([str(argument) for argument in arguments])
         except SystemExit as stopped:
-            code = stopped.code
-    return code, out.getvalue(), err.getvalue()
+            status = stopped.code
+    return Finished(status=status, out=out.getvalue(), err=err.getvalue())
+
+
+def succeed(*arguments: object, main: Callable[[list[str]], None] = main) -> str:
+    """Standard output of a command that ends well, without errors."""
+    finished = run(*arguments, main=main)
+    assert (finished.status, finished.err) == (0, "")
+    return finished.out
+
+
+def refused(*arguments: object, main: Callable[[list[str]], None] = main) -> str:
+    """The one line with which a command is refused; it has no other output."""
+    status, out, err = run(*arguments, main=main)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    program = main.__module__.removesuffix(".__main__")
+    assert err.startswith(f"{program}: ")
+    return err
+
+
+def sets(*changes: str) -> tuple[str, ...]:
+    """Words of a command that change values: `--set` before each."""
+    return tuple(word for change in changes for word in ("--set", change))
 
 
 def files(folder: Path) -> set[str]:
@@ -57,4 +86,4 @@ def files(folder: Path) -> set[str]:
 
 
 def frame_files(names: set[str] = FRAMES) -> set[str]:
-    return {f"frames/{name}.{kind}" for name in names for kind in ("exr", "png")}
+    return {f"frames/{name}.{ending}" for name in names for ending in ("exr", "png")}

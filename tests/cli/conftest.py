@@ -1,7 +1,12 @@
-"""Runs of the command line that several tests look at."""
+"""Runs of the command line that several tests read."""
 
 import pytest
-from cli_runs import run, scene_file
+
+
+# Asserts of the helpers explain themselves too.
+pytest.register_assert_rewrite("cli_runs", "tests.cli.cli_runs")
+
+from cli_runs import scene_file, succeed  # noqa: E402
 
 
 @pytest.fixture(scope="session")
@@ -9,6 +14,5 @@ def finished(tmp_path_factory):
     """The folder of a finished run of the small scene; to be read only."""
     folder = tmp_path_factory.mktemp("finished")
     out = folder / "out"
-    code, _, err = run("simulate", scene_file(folder), "--out", out)
-    assert (code, err) == (0, "")
+    succeed("simulate", scene_file(folder), "--out", out)
     return out

@@ -28,11 +28,11 @@ def start(
 
 
 def kill(
-    process: subprocess.Popen[bytes], delay: float, after: Callable[[], bool]
+    process: subprocess.Popen[bytes], delay: float, condition: Callable[[], bool]
 ) -> bool:
     """Kill a process `delay` seconds after a condition holds; False if it had ended."""
     limit = time.monotonic() + 300
-    while not after() and process.poll() is None:
+    while not condition() and process.poll() is None:
         assert time.monotonic() < limit, "nothing happened for 300 s"
         time.sleep(0.01)
     try:

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from cli_runs import run, scene_file
+from cli_runs import scene_file, succeed
 
 import jaxthermo as jt
 from jaxthermo.config.loader import load_config
@@ -58,9 +58,9 @@ def test_all_of_them_together(tmp_path):
     np.save(tmp_path / "parts.npy", np.arange(64).reshape(4, 4, 4) % 2)
     cube = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), 0.01)
     np.save(tmp_path / "hot.npy", cube.fragment_normal[:, 0] > 0.9)
-    scene, out = scene_file(tmp_path, SCENE), tmp_path / "out"
-    code, _, err = run("simulate", scene, "--out", out)
-    assert (code, err) == (0, "")
+    scene = scene_file(tmp_path, SCENE)
+    out = tmp_path / "out"
+    succeed("simulate", scene, "--out", out)
     assert load_config(out / "config.yaml") == load_config(scene)
     summary = json.loads((out / "summary.json").read_text())
     config = load_config(scene)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from cli_runs import SCENE, files, run, scene_file
+from cli_runs import SCENE, files, run, scene_file, sets, succeed
 
 from jaxthermo.geometry.load import _FORMATS
 
@@ -19,50 +19,54 @@ KINDS = [suffix.removeprefix(".") for suffix in _FORMATS]
 def refused(*arguments, lines=1):
     """The lines with which a command is refused, without their beginning."""
     code, _, err = run(*arguments)
-    found = err.splitlines()
+    messages = err.splitlines()
     assert code == 2
-    assert len(found) == lines, err
-    assert all(line.startswith("jaxthermo: ") for line in found)
+    assert len(messages) == lines, err
+    assert all(line.startswith("jaxthermo: ") for line in messages)
     return err.replace("jaxthermo: ", "")
 
 
-def exported(kind):
+def refused_voxelize(mesh, out, pitch="1cm"):
+    return refused("voxelize", mesh, "--pitch", pitch, "--unit", "m", "--out", out)
+
+
+def exported(file_type):
     data = trimesh.creation.icosphere(subdivisions=2, radius=0.05).export(
-        file_type=kind
+        file_type=file_type
     )
     return data if isinstance(data, bytes) else str(data).encode()
 
 
-def without_faces(kind):
+def without_faces(file_type):
     cloud = trimesh.Trimesh(np.eye(3), np.zeros((0, 3), int), process=False)
-    if kind == "glb":
+    if file_type == "glb":
         return exported("glb")[:12]
-    if kind == "stl":
+    if file_type == "stl":
         return b"solid nothing\nendsolid nothing\n"
-    data = cloud.export(file_type=kind)
+    data = cloud.export(file_type=file_type)
     return data if isinstance(data, bytes) else str(data).encode()
 
 
-def content(what, kind):
-    if what == "empty":
+def content(damage, file_type):
+    if damage == "empty":
         return b""
-    if what == "junk":
+    if damage == "junk":
         return np.random.default_rng(3).integers(0, 256, 4000, np.uint8).tobytes()
-    if what == "cut":
-        whole = exported(kind)
+    if damage == "cut":
+        data = exported(file_type)
         # OBJ has no length: a cut between faces is an open mesh, a cut before is none.
-        share = 0.2 if kind == "obj" else 0.6
-        return whole[: int(share * len(whole))]
-    return without_faces(kind)
+        share = 0.2 if file_type == "obj" else 0.6
+        return data[: int(share * len(data))]
+    return without_faces(file_type)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("what", ["empty", "junk", "cut", "no faces"])
-def test_a_file_that_is_no_mesh(tmp_path, what, kind):
-    mesh = tmp_path / f"bad.{kind}"
-    mesh.write_bytes(content(what, kind))
+@pytest.mark.parametrize("file_type", KINDS)
+@pytest.mark.parametrize("damage", ["empty", "junk", "cut", "no faces"])
+def test_a_file_that_is_no_mesh(tmp_path, damage, file_type):
+    mesh = tmp_path / f"bad.{file_type}"
+    mesh.write_bytes(content(damage, file_type))
     out = tmp_path / "out"
-    err = refused("voxelize", mesh, "--pitch", "1cm", "--unit", "m", "--out", out)
+    err = refused_voxelize(mesh, out)
     assert str(mesh) in err
     assert not out.exists()
     err = refused("simulate", mesh_scene(tmp_path, mesh), "--out", out)
@@ -81,7 +85,7 @@ def refused_mesh(tmp_path, mesh):
     """The line of `voxelize`, having made sure that `simulate` refuses too."""
     out = tmp_path / "out"
     again = refused("simulate", mesh_scene(tmp_path, mesh), "--out", out)
-    err = refused("voxelize", mesh, "--pitch", "1cm", "--unit", "m", "--out", out)
+    err = refused_voxelize(mesh, out)
     assert str(mesh) in again and str(mesh) in err
     assert not out.exists()
     return err
@@ -114,7 +118,7 @@ def sphere(tmp_path):
 )
 def test_a_pitch_beyond_reason(tmp_path, sphere, pitch, message):
     out = tmp_path / "out"
-    err = refused("voxelize", sphere, "--pitch", pitch, "--unit", "m", "--out", out)
+    err = refused_voxelize(sphere, out, pitch)
     assert message in err
     scene = mesh_scene(tmp_path, sphere)
     again = refused("simulate", scene, "--out", out, "--set", f"bodies.0.pitch={pitch}")
@@ -157,7 +161,8 @@ terms: [{kind: sun, direction: [0, 0, 0], irradiance: 1}]
 time: {end: 10, save_at: [20]}
 image: {palette: sunset}
 """
-    scene, out = scene_file(tmp_path, text), tmp_path / "out"
+    scene = scene_file(tmp_path, text)
+    out = tmp_path / "out"
     err = refused("simulate", scene, "--out", out, lines=7)
     for where in (
         "bodies.0.shape",
@@ -204,15 +209,16 @@ image: {palette: sunset}
     ],
 )
 def test_an_override_beyond_reason(tmp_path, change, message):
-    scene, out = scene_file(tmp_path), tmp_path / "out"
-    err = refused("simulate", scene, "--out", out, "--set", change)
+    out = tmp_path / "out"
+    err = refused("simulate", scene_file(tmp_path), "--out", out, "--set", change)
     assert message in err
     assert not out.exists()
 
 
 def test_the_stable_step_is_told(tmp_path):
-    scene, out = scene_file(tmp_path), tmp_path / "out"
-    err = refused("simulate", scene, "--out", out, "--set", "solver.dt=100")
+    out = tmp_path / "out"
+    step = "solver.dt=100"
+    err = refused("simulate", scene_file(tmp_path), "--out", out, "--set", step)
     assert "100" in err and "stable step of this scene is 2." in err
 
 
@@ -277,22 +283,21 @@ FAR = "{region: {lower: [1, 1, 1], upper: [2, 2, 2]}}"
     ],
 )  # fmt: skip
 def test_a_scene_beyond_physics(tmp_path, change, messages):
-    scene, out = scene_file(tmp_path, STACKED), tmp_path / "out"
+    scene = scene_file(tmp_path, STACKED)
+    out = tmp_path / "out"
     err = refused("simulate", scene, "--out", out, "--set", change)
     assert all(message in err for message in messages), err
     assert not out.exists()
 
 
 def test_bodies_that_overlap_are_told(tmp_path):
-    deeper = ("bodies.1.pose.translation=[0, 0, 2 cm]", "terms=[]")
     scene = scene_file(tmp_path, STACKED)
-    changes = [word for change in deeper for word in ("--set", change)]
-    code, out, err = run("simulate", scene, "--explain", *changes)
-    assert (code, err) == (0, "")
+    changes = sets("bodies.1.pose.translation=[0, 0, 2 cm]", "terms=[]")
+    out = succeed("simulate", scene, "--explain", *changes)
     (line,) = [line for line in out.splitlines() if line.startswith("warning: ")]
     # Half of a cube of 4 cm.
     words = ("bodies 0 and 1 overlap by 20 mm around (", "3.2e-05 m3, 50 % of body")
-    assert all(each in line for each in words), line
+    assert all(phrase in line for phrase in words), line
 
 
 # The note itself is tested in `test_wind`, other notes on the terminal in
@@ -301,8 +306,7 @@ def test_bodies_that_overlap_are_told(tmp_path):
 def test_a_wind_beyond_what_was_measured_is_a_note(tmp_path):
     wind = "terms.1={kind: wind, velocity: [300, 0, 0], temperature: 290}"
     scene = scene_file(tmp_path, STACKED)
-    code, out, err = run("simulate", scene, "--explain", "--set", wind)
-    assert (code, err) == (0, "")
+    out = succeed("simulate", scene, "--explain", "--set", wind)
     notes = [line for line in out.splitlines() if line.startswith("note: ")]
     assert any("wind on body 1: Re " in note and "is above" in note for note in notes)
 
@@ -310,15 +314,14 @@ def test_a_wind_beyond_what_was_measured_is_a_note(tmp_path):
 @pytest.mark.parametrize("below", ["", "below", "below/it"])
 @pytest.mark.parametrize("command", ["simulate", "voxelize"])
 def test_out_is_a_file_or_below_one(tmp_path, sphere, command, below):
-    taken = tmp_path / "taken"
-    taken.write_text("mine")
+    file = tmp_path / "taken"
+    file.write_text("mine")
     if command == "simulate":
-        err = refused("simulate", scene_file(tmp_path), "--out", taken / below)
+        err = refused("simulate", scene_file(tmp_path), "--out", file / below)
     else:
-        options = ("--pitch", "1cm", "--unit", "m", "--out", taken / below)
-        err = refused("voxelize", sphere, *options)
+        err = refused_voxelize(sphere, file / below)
     assert "--out" in err
-    assert taken.read_text() == "mine"
+    assert file.read_text() == "mine"
 
 
 def test_out_with_a_file_where_frames_go(tmp_path):

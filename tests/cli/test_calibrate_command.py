@@ -6,12 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_runs import run
+from cli_runs import run, sets
 from killing import kill, start
 
 from calibrate.__main__ import main
 from calibrate.report import pictures
-from jaxthermo.__main__ import main as simulate
 from tests.calibrating import SPHERE
 
 
@@ -77,38 +76,42 @@ def test_show_says_the_same_again(fitted):
 
 def test_identify_judges_the_start_and_fits_nothing(fitted):
     folder, _ = fitted
-    before = sorted(folder.rglob("*"))
+    files = sorted(folder.rglob("*"))
     code, out, err = _calibrate("identify", folder / "fit.yaml")
     assert code == 0
     assert "how well the data determine" in out + err
     assert "at the start" in out + err
-    assert sorted(folder.rglob("*")) == before
+    assert sorted(folder.rglob("*")) == files
 
 
 def test_check_holds_where_it_was_fitted_and_warns_outside(fitted):
     folder, _ = fitted
-    arguments = (
-        "check",
-        folder / "out" / "card.yaml",
-        "--scene",
-        folder / "scene.yaml",
-    )
-    code, out, err = _calibrate(*arguments)
+    card = folder / "out" / "card.yaml"
+
+    def check(*options: str):
+        return _calibrate("check", card, "--scene", folder / "scene.yaml", *options)
+
+    code, out, err = check()
     assert code == 0
     assert "the card is valid here" in out + err
     assert "warning" not in out + err
-    code, out, err = _calibrate(*arguments, "--set", "bodies.0.material.conductivity=1")
+    code, out, err = check("--set", "bodies.0.material.conductivity=1")
     assert code == 0
     assert "warning: " in out + err
 
 
 def test_a_simulation_warns_outside_the_range_of_its_card(fitted, tmp_path):
     folder, _ = fitted
-    chosen = "bodies.0.structure={kind: aggregate, factor: 2, weights: out/card.yaml}"
-    arguments = ("simulate", folder / "scene.yaml", "--set", chosen, "--out", tmp_path)
-    assert "beyond" not in "".join(map(str, run(*arguments, main=simulate)))
-    more = ("--set", "bodies.0.material.conductivity=1")
-    code, out, err = run(*arguments, *more, main=simulate)
+    structure = (
+        "bodies.0.structure={kind: aggregate, factor: 2, weights: out/card.yaml}"
+    )
+
+    def simulated(*changes: str):
+        options = sets(structure, *changes)
+        return run("simulate", folder / "scene.yaml", *options, "--out", tmp_path)
+
+    assert "beyond" not in "".join(map(str, simulated()))
+    code, out, err = simulated("bodies.0.material.conductivity=1")
     assert code == 0
     assert f"beyond the range of {folder / 'out' / 'card.yaml'}: heating" in out + err
     warnings = json.loads((tmp_path / "summary.json").read_text())["warnings"]
@@ -122,13 +125,14 @@ def test_a_shipped_card_on_another_body_is_told(fitted):
     """The folder's scene is of a sphere."""
     folder, _ = fitted
     card = "{kind: octree, weights: card://figurine/octree}"
-    chosen = ("--explain", "--set", f"bodies.0.structure={card}")
-    code, out, err = run("simulate", folder / "scene.yaml", *chosen, main=simulate)
+    change = f"bodies.0.structure={card}"
+    scene = folder / "scene.yaml"
+    code, out, err = run("simulate", scene, "--explain", "--set", change)
     assert code == 0, err
     words = " ".join((out + err).split())
     assert "beyond the range of card://figurine/octree: geometry sphere" in words
-    other = "surface_cells dominant_axis: the card was fitted with crossings"
-    assert f"beyond the range of card://figurine/octree: {other}" in words
+    difference = "surface_cells dominant_axis: the card was fitted with crossings"
+    assert f"beyond the range of card://figurine/octree: {difference}" in words
 
 
 def test_show_lists_the_shipped_cards_and_needs_a_folder_otherwise():
@@ -150,9 +154,9 @@ def test_values_too_many_to_judge_are_told_as_one(fitted, tmp_path):
         code, out, err = _calibrate("fit", folder / "fit.yaml", "--out", tmp_path)
     assert code == 0
     assert "not judged" in out + err
-    found = json.loads((tmp_path / "fit.json").read_text())
-    assert found["correlation"] == [] and found["advice"] == []
-    assert all(row["count"] >= 1 for row in found["parameters"].values())
+    result = json.loads((tmp_path / "fit.json").read_text())
+    assert result["correlation"] == [] and result["advice"] == []
+    assert all(row["count"] >= 1 for row in result["parameters"].values())
     assert "too many values" in (tmp_path / "report.html").read_text()
     first = (folder / "out" / "card.yaml").read_text()
     assert (tmp_path / "card.yaml").read_text() == first
@@ -162,18 +166,19 @@ def test_values_too_many_to_judge_are_told_as_one(fitted, tmp_path):
 def test_the_quick_one_of_the_readme(tmp_path):
     """In double precision, as all tests are."""
     config = ROOT / "configs" / "calibration" / "figurine-quick.yaml"
-    double = ("--set", "set.dtype=float64")
-    code, out, err = _calibrate("fit", config, *double, "--out", tmp_path)
+    double = "set.dtype=float64"
+    code, out, err = _calibrate("fit", config, "--set", double, "--out", tmp_path)
     assert code == 0, out + err
-    found = json.loads((tmp_path / "fit.json").read_text())
+    result = json.loads((tmp_path / "fit.json").read_text())
     # It pays: no error is larger, with a tenth of the nodes and fewer steps.
-    assert found["verdict"]["worse"] == 0 and found["verdict"]["times"] == 15
-    for both in found["error_percent"].values():
-        assert both["default"] > 1.05 * both["fitted"] > 1
-    nodes, steps = found["speedup"]["nodes"], found["speedup"]["steps"]
+    assert result["verdict"]["worse"] == 0 and result["verdict"]["times"] == 15
+    for errors in result["error_percent"].values():
+        assert errors["default"] > 1.05 * errors["fitted"] > 1
+    nodes = result["speedup"]["nodes"]
+    steps = result["speedup"]["steps"]
     assert nodes["full_volume"] > 10 * nodes["fitted"]
     assert steps["full_volume"] > 2 * steps["fitted"]
-    verdicts = {row["verdict"] for row in found["parameters"].values()}
+    verdicts = {row["verdict"] for row in result["parameters"].values()}
     assert verdicts == {"fine"}
 
 
@@ -209,18 +214,22 @@ def _write_empty_report(folder: Path, *_: object) -> None:
     (folder / "report.html").touch()
 
 
-def _goes_on_to_the_same(arguments, out: Path, uninterrupted: Path) -> None:
+def _fit_words(folder: Path, out: Path) -> tuple[object, ...]:
+    return ("fit", folder / "fit.yaml", "--out", out)
+
+
+def _goes_on_to_the_same(folder: Path, out: Path) -> None:
+    uninterrupted = folder / "out"
     speedup = json.loads((uninterrupted / "fit.json").read_text())["speedup"]
     with pytest.MonkeyPatch.context() as patch:
         # Neither times nor drawings are compared.
         patch.setattr("calibrate.run.measure_speed", lambda *_: speedup)
         patch.setattr("calibrate.run.write_report", _write_empty_report)
-        code, _, err = _calibrate(*arguments)
+        code, _, err = _calibrate(*_fit_words(folder, out))
     assert code == 0, err
     assert {path.name for path in out.iterdir()} == FILES
-    assert (out / "card.yaml").read_bytes() == (
-        uninterrupted / "card.yaml"
-    ).read_bytes()
+    card = (uninterrupted / "card.yaml").read_bytes()
+    assert (out / "card.yaml").read_bytes() == card
     assert _numbers(out) == _numbers(uninterrupted)
 
 
@@ -229,18 +238,19 @@ def _goes_on_to_the_same(arguments, out: Path, uninterrupted: Path) -> None:
 @pytest.mark.slow
 def test_a_fit_that_is_killed_goes_on_to_the_same_card(fitted, tmp_path):
     folder, _ = fitted
-    arguments = ("fit", folder / "fit.yaml", "--out", tmp_path)
+    process = start(KILLED, *_fit_words(folder, tmp_path))
     delay = np.random.default_rng(3).uniform(0, 0.2)
-    assert kill(start(KILLED, *arguments), delay, (tmp_path / "state.npz").exists)
+    assert kill(process, delay, (tmp_path / "state.npz").exists)
     assert not (tmp_path / "card.yaml").exists()
-    _goes_on_to_the_same(arguments, tmp_path, folder / "out")
+    _goes_on_to_the_same(folder, tmp_path)
 
 
 @pytest.fixture(scope="module")
 def seconds(fitted, tmp_path_factory):
     """Time that the fit takes in a process of its own."""
-    out, clock = tmp_path_factory.mktemp("timed"), time.monotonic()
-    assert start(KILLED, "fit", fitted[0] / "fit.yaml", "--out", out).wait() == 0
+    out = tmp_path_factory.mktemp("timed")
+    clock = time.monotonic()
+    assert start(KILLED, *_fit_words(fitted[0], out)).wait() == 0
     return time.monotonic() - clock
 
 
@@ -248,14 +258,14 @@ def seconds(fitted, tmp_path_factory):
 @pytest.mark.parametrize("moment", range(20))
 def test_a_fit_that_is_killed_at_any_moment(fitted, seconds, tmp_path, moment):
     folder, _ = fitted
-    arguments = ("fit", folder / "fit.yaml", "--out", tmp_path)
+    process = start(KILLED, *_fit_words(folder, tmp_path))
     delay = np.random.default_rng(moment).uniform(0, seconds)
-    kill(start(KILLED, *arguments), delay, lambda: True)
-    _goes_on_to_the_same(arguments, tmp_path, folder / "out")
+    kill(process, delay, lambda: True)
+    _goes_on_to_the_same(folder, tmp_path)
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("arguments", "message"),
     [
         (("fit", "nowhere.yaml"), "nowhere.yaml"),
         (("identify", "nowhere.yaml"), "nowhere.yaml"),
@@ -278,15 +288,15 @@ def test_a_fit_that_is_killed_at_any_moment(fitted, seconds, tmp_path, moment):
     ],
 )
 def test_a_mistake_is_one_line_and_leaves_nothing(
-    tmp_path, monkeypatch, given, message
+    tmp_path, monkeypatch, arguments, message
 ):
     _write(tmp_path)
     monkeypatch.chdir(tmp_path)
-    before = sorted(tmp_path.rglob("*"))
-    code, out, err = _calibrate(*given)
+    files = sorted(tmp_path.rglob("*"))
+    code, out, err = _calibrate(*arguments)
     assert code == 2
     assert out == ""
     assert err.startswith("calibrate: ")
     assert err.count("\n") == 1
     assert message in err
-    assert sorted(tmp_path.rglob("*")) == before
+    assert sorted(tmp_path.rglob("*")) == files

@@ -97,15 +97,20 @@ def test_voxelize_leaves_its_facts(command, tmp_path, monkeypatch):
     corners = "v 0 0 0\nv 9 0 0\nv 0 9 0\nv 0 0 9\n"
     mesh.write_text(corners + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
     out = tmp_path / "out"
-    given = "voxelize", mesh, "--pitch", "0.5mm", "--unit", "mm", "--out"
-    status, text, _ = command(*given, tmp_path / "cut", "--surface-cells", "crossings")
+
+    def voxelize(*options):
+        return command("voxelize", mesh, "--pitch", "0.5mm", "--unit", "mm", *options)
+
+    status, text, _ = voxelize(
+        "--out", tmp_path / "cut", "--surface-cells", "crossings"
+    )
     assert status == 0 and "of its volume" in text
     facts = json.loads((tmp_path / "cut/voxels.json").read_text())
     volume = facts["represented"]["volume_m3"]
     assert volume["true"] == pytest.approx(9e-3**3 / 6)
     assert volume["represented"] == pytest.approx(volume["true"], rel=0.02)
     assert facts["surface_cells"] == "crossings"
-    status, text, _ = command(*given, out)
+    status, text, _ = voxelize("--out", out)
     assert status == 0
     facts = json.loads((out / "voxels.json").read_text())
     assert facts["pitch_m"] == pytest.approx(5e-4)
@@ -114,8 +119,10 @@ def test_voxelize_leaves_its_facts(command, tmp_path, monkeypatch):
     assert f"{facts['solid_voxels']:,} solid voxels" in text
     assert facts["ratios_applied"] is True
     assert (out / "voxels.png").stat().st_size > 0
-    kinds = ("depth", "normal", "dominant", "packed")
-    for sheet in (f"layers_{axis}_{kind}.png" for axis in "xyz" for kind in kinds):
+    contents = ("depth", "normal", "dominant", "packed")
+    for sheet in (
+        f"layers_{axis}_{content}.png" for axis in "xyz" for content in contents
+    ):
         assert (out / sheet).stat().st_size > 0
 
 

@@ -25,7 +25,8 @@ class _Names(logging.Handler):
 @pytest.fixture
 def programs(monkeypatch):
     """Programs of a command in this process, as in a new one."""
-    handler, logger = _Names(), logging.getLogger("jax")
+    handler = _Names()
+    logger = logging.getLogger("jax")
     monkeypatch.setattr(logger, "propagate", False)
     logger.addHandler(handler)
 
@@ -53,11 +54,12 @@ def test_a_preview_compiles_nothing(programs, tmp_path):
 @pytest.mark.slow
 @pytest.mark.slice
 def test_only_a_run_compiles_its_time_loop(programs, tmp_path):
-    path, out = scene_file(tmp_path), tmp_path / "out"
+    path = scene_file(tmp_path)
+    out = tmp_path / "out"
     explained = programs("simulate", path, "--explain")
-    whole = programs("simulate", path, "--out", out)
+    simulated = programs("simulate", path, "--out", out)
     drawn = programs("render", out, "--set", "camera.width=50")
-    assert "jit(_advance_all)" in set(whole) - set(explained)
+    assert "jit(_advance_all)" in set(simulated) - set(explained)
     # Few single operations besides the scene's own programs.
     assert 0 < len(explained) <= 24
     assert len(drawn) <= 6

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import trimesh
 from bodies import bar
-from cli_runs import files, run
+from cli_runs import files, run, sets
 
 import jaxthermo as jt
 from calibrate.__main__ import main as calibrate
@@ -51,18 +51,19 @@ TEXTS = ("obj", "ply_ascii", "stl_ascii", "off")
 SECONDS = 60
 
 
-def _mesh(folder: Path, kind: str) -> Path:
+def _mesh(folder: Path, file_type: str) -> Path:
     sphere = trimesh.creation.icosphere(subdivisions=1, radius=0.05)
-    options = {"encoding": "ascii"} if kind == "ply_ascii" else {}
-    form = "ply" if kind == "ply_ascii" else kind
+    options = {"encoding": "ascii"} if file_type == "ply_ascii" else {}
+    form = "ply" if file_type == "ply_ascii" else file_type
     data = sphere.export(file_type=form, **options)
-    path = folder / f"sphere.{kind.split('_')[0]}"
+    path = folder / f"sphere.{file_type.split('_')[0]}"
     path.write_bytes(data if isinstance(data, bytes) else str(data).encode())
     return path
 
 
 def _solution(folder: Path) -> Path:
-    grid, saved = bar(3, 0.01), np.array([5.0, 20.0])
+    grid = bar(3, 0.01)
+    saved = np.array([5.0, 20.0])
     count = len(grid.fragment_area)
     body = {
         "vertices": grid.mesh.vertices, "faces": grid.mesh.faces,
@@ -95,8 +96,7 @@ def _card(folder: Path) -> Path:
 
 
 def _explain(scene: Path, *change: str):
-    sets = [part for each in change for part in ("--set", each)]
-    return run("simulate", scene, "--explain", *sets)
+    return run("simulate", scene, "--explain", *sets(*change))
 
 
 def _voxelize(folder: Path, path: Path):
@@ -139,30 +139,30 @@ def _damage_file(path: Path, random: np.random.Generator, is_text: bool) -> None
     path.write_bytes(damage(path.read_bytes(), random, is_text))
 
 
-def _one(kind: str, folder: Path, random: np.random.Generator):
+def _one(damaged: str, folder: Path, random: np.random.Generator):
     """Make a file, damage it, and run the command that reads it."""
-    if kind in MESHES:
-        path = _mesh(folder, kind)
-        _damage_file(path, random, kind in TEXTS)
+    if damaged in MESHES:
+        path = _mesh(folder, damaged)
+        _damage_file(path, random, damaged in TEXTS)
         return _voxelize(folder, path)
-    if kind == "scene":
+    if damaged == "scene":
         (folder / "scene.yaml").write_text(SCENE)
         _damage_file(folder / "scene.yaml", random, is_text=True)
         return _explain(folder / "scene.yaml")
-    if kind in ("solution", "config of a run"):
+    if damaged in ("solution", "config of a run"):
         path = _solution(folder)
-        if kind == "solution":
+        if damaged == "solution":
             damage_archive(path, random, "solution", SOLUTION_VERSION)
         else:
             _damage_file(folder / "config.yaml", random, is_text=True)
         return _render(folder)
-    if kind == "fit":
+    if damaged == "fit":
         write_fit(folder / "fit.json", RESULT)
         damage_record(folder / "fit.json", random, "calibration result", 1)
         return run("show", folder, main=calibrate)
-    if kind in ("card", "lists of a card"):
+    if damaged in ("card", "lists of a card"):
         path = _card(folder)
-        if kind == "card":
+        if damaged == "card":
             _damage_file(path, random, is_text=True)
         else:
             damage_archive(folder / "card.npz", random, "list of weights", 4)
@@ -189,21 +189,21 @@ def _within(seconds: float) -> Iterator[None]:
     def stop(number, frame):
         raise TimeoutError(f"took more than {seconds} s")
 
-    before = signal.signal(signal.SIGALRM, stop)
+    handler = signal.signal(signal.SIGALRM, stop)
     signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
         yield
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        signal.signal(signal.SIGALRM, handler)
 
 
-def _fault(kind: str, seed: int, folder: Path) -> str | None:
+def _fault(damaged: str, seed: int, folder: Path) -> str | None:
     """Description of what went wrong with one file; None if it was well received."""
     folder.mkdir()
     try:
         with _within(SECONDS):
-            code, text, err = _one(kind, folder, np.random.default_rng(seed))
+            code, text, err = _one(damaged, folder, np.random.default_rng(seed))
     except BaseException as error:
         if isinstance(error, KeyboardInterrupt):
             raise
@@ -221,14 +221,14 @@ def _is_message(line: str) -> bool:
     return line.startswith(("jaxthermo: ", "calibrate: ")) and len(line) > 20
 
 
-def _check_all(seeds: range, folder: Path, kind: Callable[[int], str]) -> None:
-    found = {}
+def _check_all(seeds: range, folder: Path, file_at: Callable[[int], str]) -> None:
+    faults = {}
     for seed in seeds:
         clock = time.perf_counter()
-        fault = _fault(kind(seed), seed, folder / str(seed))
+        fault = _fault(file_at(seed), seed, folder / str(seed))
         if fault is not None:
-            found[kind(seed), seed, math.ceil(time.perf_counter() - clock)] = fault
-    assert not found, "\n".join(f"{key}: {fault}" for key, fault in found.items())
+            faults[file_at(seed), seed, math.ceil(time.perf_counter() - clock)] = fault
+    assert not faults, "\n".join(f"{key}: {fault}" for key, fault in faults.items())
 
 
 def test_thirty_damaged_inputs(tmp_path):

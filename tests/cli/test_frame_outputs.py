@@ -6,7 +6,17 @@ import shutil
 
 import numpy as np
 import pytest
-from cli_runs import FRAMES, RESULTS, files, frame_files, run, scene_file
+from cli_runs import (
+    FRAMES,
+    RESULTS,
+    files,
+    frame_files,
+    refused,
+    run,
+    scene_file,
+    sets,
+    succeed,
+)
 from PIL import Image
 
 from jaxthermo.image.files.exr import read_exr
@@ -21,8 +31,7 @@ MEASURED = {"measurements.csv", "measurements.svg", "measurements.png"}
 
 
 def render(folder, *options):
-    code, out, err = run("render", folder, *options)
-    assert (code, err) == (0, "")
+    out = succeed("render", folder, *options)
     return out
 
 
@@ -32,17 +41,9 @@ def measured(folder):
     return list(csv.DictReader(text.splitlines()))
 
 
-def refused(*arguments):
-    """The one line with which a command is refused."""
-    code, out, err = run(*arguments)
-    assert (code, out, err.count("\n")) == (2, "", 1)
-    assert err.startswith("jaxthermo: ")
-    return err
-
-
 def test_all_kinds_of_files_have_the_same_temperatures(finished, tmp_path):
-    kinds = "image.files=[csv, centikelvin, tiff]"
-    out = render(finished, "--set", kinds, "--out", tmp_path)
+    file_types = "image.files=[csv, centikelvin, tiff]"
+    out = render(finished, "--set", file_types, "--out", tmp_path)
     assert out == f"3 frames in {tmp_path / 'frames'}\n"
     ends = (".csv", "_centikelvin.png", ".tiff")
     assert files(tmp_path) == {f"frames/{name}{end}" for name in FRAMES for end in ends}
@@ -56,17 +57,14 @@ def test_all_kinds_of_files_have_the_same_temperatures(finished, tmp_path):
 
 
 def test_what_is_above_16_bits_is_said(tmp_path):
-    scene, out = scene_file(tmp_path), tmp_path / "out"
-    hot = (
-        "--set",
+    scene = scene_file(tmp_path)
+    out = tmp_path / "out"
+    changes = sets(
         "bodies.0.temperature=900",
-        "--set",
         "image.files=[centikelvin]",
-        "--set",
         "image.quantity=surface",
     )
-    code, told, err = run("simulate", scene, "--out", out, *hot)
-    assert (code, err) == (0, "")
+    told = succeed("simulate", scene, "--out", out, *changes)
     assert "pixels above 655.35 K in the centikelvin files" in told
     counts = np.asarray(Image.open(out / "frames/t000005.00s_centikelvin.png"))
     assert counts.max() == 65535
@@ -93,8 +91,8 @@ def test_measurements_are_on_the_frames_in_a_table_and_in_a_chart(finished, tmp_
 
 
 def test_the_spot_is_the_pixel_of_the_table(finished, tmp_path):
-    options = ("--set", MEASUREMENTS, "--set", "image.files=[csv]", "--out", tmp_path)
-    render(finished, *options)
+    changes = sets(MEASUREMENTS, "image.files=[csv]")
+    render(finished, *changes, "--out", tmp_path)
     table = np.loadtxt(tmp_path / "frames/t000012.00s.csv", delimiter=",")
     rows = measured(tmp_path)
     assert float(rows[1]["Sp1_K"]) == pytest.approx(table[24, 32], abs=6e-4)
@@ -108,8 +106,8 @@ def test_the_spot_is_the_pixel_of_the_table(finished, tmp_path):
     [((), "png"), (("gif",), "gif"), (("mp4", "--frame-rate", "4"), "mp4")],
 )
 def test_an_animation_says_its_speed(finished, tmp_path, options, ending):
-    options = ("--animate", *options, "--set", "image.files=[csv]", "--out", tmp_path)
-    out = render(finished, *options)
+    changes = sets("image.files=[csv]")
+    out = render(finished, "--animate", *options, *changes, "--out", tmp_path)
     rate = 4 if "--frame-rate" in options else 2
     told = f"3 frames at {rate} a second, of times that are not evenly spaced"
     assert f"animation.{ending}: {told}\n" in out
@@ -125,9 +123,9 @@ def test_an_animation_says_its_speed(finished, tmp_path, options, ending):
 def test_later_frames_take_the_place_of_all_outputs(finished, tmp_path):
     folder = shutil.copytree(finished, tmp_path / "run")
     (folder / "notes.csv").write_text("mine")
-    kinds = "image.files=[png, exr, tiff, csv, centikelvin]"
-    options = ("--contact-sheet", "--set", MEASUREMENTS, "--set", kinds)
-    render(folder, "--animate", "gif", *options)
+    file_types = "image.files=[png, exr, tiff, csv, centikelvin]"
+    changes = sets(MEASUREMENTS, file_types)
+    render(folder, "--animate", "gif", "--contact-sheet", *changes)
     together = {"animation.gif", "contact_sheet.png", *MEASURED}
     ends = (".png", ".exr", ".tiff", ".csv", "_centikelvin.png")
     frames = {f"frames/{name}{end}" for name in FRAMES for end in ends}
@@ -139,15 +137,16 @@ def test_later_frames_take_the_place_of_all_outputs(finished, tmp_path):
 
 
 def test_a_run_writes_them_and_the_next_one_removes_them(tmp_path):
-    scene, out = scene_file(tmp_path), tmp_path / "out"
-    options = ("--set", MEASUREMENTS, "--contact-sheet", "--animate")
-    code, told, err = run("simulate", scene, "--out", out, *options)
-    assert (code, err) == (0, "")
+    scene = scene_file(tmp_path)
+    out = tmp_path / "out"
+    changes = sets(MEASUREMENTS)
+    told = succeed(
+        "simulate", scene, "--out", out, *changes, "--contact-sheet", "--animate"
+    )
     together = {"animation.png", "contact_sheet.png", *MEASURED}
     assert files(out) == RESULTS | frame_files() | together
     assert "note: measurement 'sky' is on the background" in told
-    code, _, err = run("simulate", scene, "--out", out)
-    assert (code, err) == (0, "")
+    succeed("simulate", scene, "--out", out)
     assert files(out) == RESULTS | frame_files()
 
 
@@ -185,8 +184,7 @@ def test_mistakes_are_refused_by_explain(tmp_path, change, message):
 
 def test_explain_names_measurements_on_the_background(tmp_path):
     scene = scene_file(tmp_path)
-    code, out, err = run("simulate", scene, "--explain", "--set", MEASUREMENTS)
-    assert (code, err) == (0, "")
+    out = succeed("simulate", scene, "--explain", "--set", MEASUREMENTS)
     notes = [line for line in out.splitlines() if "measurement" in line]
     assert notes == [
         "note: measurement 'sky' is on the background or an outline at the start"
@@ -194,8 +192,8 @@ def test_explain_names_measurements_on_the_background(tmp_path):
 
 
 def test_explain_refuses_a_camera_that_sees_nothing(tmp_path):
-    away = ("--explain", "--set", "camera.look_at=[9, 9, 9]")
-    code, _, err = run("simulate", scene_file(tmp_path), *away)
+    away = "camera.look_at=[9, 9, 9]"
+    code, _, err = run("simulate", scene_file(tmp_path), "--explain", "--set", away)
     assert code == 2 and "sees no body" in err and err.count("\n") == 1
 
 
@@ -213,9 +211,13 @@ def test_options_of_animations_are_checked_before_any_work(
     ]:
         assert message in refused("render", finished, *options, "--out", tmp_path / "n")
     find = importlib.util.find_spec
-    missing = lambda name: None if name == "av" else find(name)
+
+    def missing(name):
+        return None if name == "av" else find(name)
+
     monkeypatch.setattr(importlib.util, "find_spec", missing)
-    scene, out = scene_file(tmp_path), tmp_path / "out"
+    scene = scene_file(tmp_path)
+    out = tmp_path / "out"
     err = refused("simulate", scene, "--out", out, "--animate", "mp4")
     assert 'pip install "jaxthermo[video]"' in err
     assert not out.exists() and not (tmp_path / "n").exists()
@@ -224,17 +226,17 @@ def test_options_of_animations_are_checked_before_any_work(
 def test_the_gain_by_the_histogram_changes_the_pictures_alone(finished, tmp_path):
     render(finished, "--set", "image.gain=plateau", "--out", tmp_path)
     for name in FRAMES:
-        plain, shown = (
+        plain, drawn = (
             np.asarray(Image.open(folder / f"frames/{name}.png"))
             for folder in (finished, tmp_path)
         )
-        assert plain.shape == shown.shape and (plain != shown).any()
-    for kind in ("temperature_K", "apparent_temperature_K"):
-        linear, other = (
-            read_exr(folder / "frames/t000012.00s.exr")[0][kind]
+        assert plain.shape == drawn.shape and (plain != drawn).any()
+    for channel in ("temperature_K", "apparent_temperature_K"):
+        linear, plateau = (
+            read_exr(folder / "frames/t000012.00s.exr")[0][channel]
             for folder in (finished, tmp_path)
         )
-        np.testing.assert_array_equal(linear, other)
+        np.testing.assert_array_equal(linear, plateau)
 
 
 def test_effects_of_a_camera_are_in_the_frames(finished, tmp_path):

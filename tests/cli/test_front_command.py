@@ -22,22 +22,23 @@ def front(*arguments: object) -> tuple[object, str, str]:
 
 @pytest.mark.slow
 def test_a_front_has_rivals_that_are_not_measured_again(tmp_path):
-    config, out = sweep_file(tmp_path, FINE), tmp_path / "out"
+    config = sweep_file(tmp_path, FINE)
+    out = tmp_path / "out"
     code, said, err = front(config, "--out", out)
     assert code == 0, err
     result = json.loads((out / "result.json").read_text())["result"]
     assert len(result["front"]) >= 1 and result["front"][0]["sentence"] in said
     assert result["comparisons"] and result["processors"]
-    for each in result["comparisons"]:
+    for comparison in result["comparisons"]:
         for side in ("choice", "rival"):
-            error = each[side]["errors"]["rms_percent"]
-            assert error <= each["tolerance_percent"]
+            error = comparison[side]["errors"]["rms_percent"]
+            assert error <= comparison["tolerance_percent"]
         # The other load has arrays of the same shapes, and as many steps.
-        assert set(each["spans_s"]) == {"+x"}
-        assert all(len(own["rival"]) >= 2 for own in each["spans_s"].values())
+        assert set(comparison["spans_s"]) == {"+x"}
+        assert all(len(spans["rival"]) >= 2 for spans in comparison["spans_s"].values())
     rows = (out / "rivals.jsonl").read_text()
-    kinds = {json.loads(line)["name"] for line in rows.splitlines()}
-    assert kinds == {"numba RKL2", "numba explicit", "scipy TR-BDF2"}
+    names = {json.loads(line)["name"] for line in rows.splitlines()}
+    assert names == {"numba RKL2", "numba explicit", "scipy TR-BDF2"}
     # From the folder of the sweep: no case is run again, and no rival.
     code, _, err = front(out / "sweep", "--out", out)
     assert code == 0, err
@@ -49,7 +50,7 @@ def test_a_sweep_without_times_has_no_front_but_a_page(tmp_path):
     sweep_file(tmp_path).rename(tmp_path / "config.yaml")
     changes = {"bodies.0.structure.weights.within": 1.25}
     rows = [row("1.25", load, 2.0, set=changes) for load in ("+x", "+z")]
-    rows = [each | {"choice": {"within": "1.25"}} for each in rows]
+    rows = [base_row | {"choice": {"within": "1.25"}} for base_row in rows]
     append_rows(tmp_path / "rows.jsonl", rows)
     code, _, err = front(tmp_path, "--out", tmp_path / "out")
     assert code == 0, err
@@ -65,10 +66,13 @@ def test_choices_of_several_materials_have_a_front_each(tmp_path):
     axis = f"\n  made: [{{label: own}}, {dense}]\ntruth"
     (tmp_path / "config.yaml").write_text(config.replace("\ntruth", axis))
     rows = []
-    for made, changes in (("own", {}), ("dense", {"bodies.0.material.density": 9000})):
+    for material, changes in (
+        ("own", {}),
+        ("dense", {"bodies.0.material.density": 9000}),
+    ):
         for within in ("0.8", "1"):
-            head = {"choice": {"within": within, "made": made}}
-            named = made + within
+            head = {"choice": {"within": within, "made": material}}
+            named = material + within
             rows += [row(named, at, 2.0, set=changes) | head for at in ("+x", "+z")]
     append_rows(tmp_path / "rows.jsonl", rows)
     out = tmp_path / "out"
@@ -77,9 +81,9 @@ def test_choices_of_several_materials_have_a_front_each(tmp_path):
     assert said.index("own:") < said.index("dense:")
     page = (out / "report.html").read_text()
     assert '<a href="own/report.html">' in page and "several problems" in page
-    for name, other in (("own", "dense"), ("dense", "own")):
+    for name, other_name in (("own", "dense"), ("dense", "own")):
         page = (out / name / "report.html").read_text()
-        assert f"1, {name}" in page and f"1, {other}" not in page
+        assert f"1, {name}" in page and f"1, {other_name}" not in page
 
 
 def test_mistakes_are_one_line(tmp_path):
@@ -107,7 +111,8 @@ def test_without_numba_there_are_no_rivals(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_reduced_models_are_timed_beside_rivals(tmp_path):
-    config, sweep = sweep_file(tmp_path, FINE), tmp_path / "sweep"
+    config = sweep_file(tmp_path, FINE)
+    sweep = tmp_path / "sweep"
     # Blocks of so many voxels are within 3 %: the one choice that is reduced.
     ball = tmp_path / "ball.yaml"
     ball.write_text(ball.read_text().replace("voxels_high: 8", "voxels_high: 20"))
@@ -119,32 +124,34 @@ def test_reduced_models_are_timed_beside_rivals(tmp_path):
     assert code == 0, err
     result = json.loads((tmp_path / "reduction" / "result.json").read_text())["result"]
     rows = [json.loads(s) for s in (sweep / "rivals.jsonl").read_text().splitlines()]
-    assert rows == result["rows"] and {each["load"] for each in rows} == {"+x", "+z"}
-    assert all(each["offline_s"] > min(each["loop_s"]) > 0 for each in rows)
+    assert rows == result["rows"] and {model["load"] for model in rows} == {"+x", "+z"}
+    assert all(model["offline_s"] > min(model["loop_s"]) > 0 for model in rows)
     # No further from the reference than the structure and its reduction together.
     (base,) = result["choices"]
     finest = [r for r in rows if r["choice"]["of"].endswith("within 0.1 %")]
-    most = base["errors"]["rms_percent"]
-    for each in finest:
-        assert each["error"]["worst_rms_percent"] < most + 0.2
+    limit = base["errors"]["rms_percent"]
+    for model in finest:
+        assert model["error"]["worst_rms_percent"] < limit + 0.2
     # Models that are in the folder are not made again.
-    made = {path: path.stat().st_mtime_ns for path in (sweep / "models").iterdir()}
+    stamps = {path: path.stat().st_mtime_ns for path in (sweep / "models").iterdir()}
     code, again, err = run(
         "run", "reduction", sweep, "--out", tmp_path / "again", main=main
     )
     assert code == 0, err
-    assert {p: p.stat().st_mtime_ns for p in (sweep / "models").iterdir()} == made
-    found = json.loads((tmp_path / "again" / "result.json").read_text())["result"]
-    assert found["rows"] == rows
+    assert {p: p.stat().st_mtime_ns for p in (sweep / "models").iterdir()} == stamps
+    repeated = json.loads((tmp_path / "again" / "result.json").read_text())["result"]
+    assert repeated["rows"] == rows
     code, said, err = front(sweep, "--out", tmp_path / "front")
     assert code == 0, err
     assert "reduced model" in (tmp_path / "front" / "report.html").read_text()
     result = json.loads((tmp_path / "front" / "result.json").read_text())["result"]
     timed = [
-        each
-        for each in result["comparisons"]
-        if each["choice"]["name"].startswith("reduced model")
+        comparison
+        for comparison in result["comparisons"]
+        if comparison["choice"]["name"].startswith("reduced model")
     ]
-    assert timed and all(set(each["spans_s"]) == {"+x", "+z"} for each in timed)
+    assert timed and all(
+        set(comparison["spans_s"]) == {"+x", "+z"} for comparison in timed
+    )
     code, _, err = run("run", "reduction", config, "--out", tmp_path / "x", main=main)
     assert code == 2 and "name the folder of a sweep" in err

@@ -7,7 +7,7 @@ import sys
 
 import jax
 import pytest
-from cli_runs import RESULTS, files, frame_files, run, scene_file
+from cli_runs import RESULTS, files, frame_files, run, scene_file, sets
 
 from jaxthermo.__main__ import main
 
@@ -16,17 +16,17 @@ from jaxthermo.__main__ import main
 def largest_file(size):
     """The system refuses to let any file grow beyond a size [bytes]."""
     # As on a full disk, the write that goes beyond is cut short and the next one fails.
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     shortest = "jax_persistent_cache_min_compile_time_secs"
-    kept = getattr(jax.config, shortest)
+    compile_time = getattr(jax.config, shortest)
     # JAX would leave parts of compiled programs in its cache.
     jax.config.update(shortest, 1e9)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
     try:
         yield
     finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-        jax.config.update(shortest, kept)
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        jax.config.update(shortest, compile_time)
 
 
 def refused(size, *arguments):
@@ -39,7 +39,8 @@ def refused(size, *arguments):
 
 
 def test_no_space_for_the_solution(finished, tmp_path):
-    scene, out = scene_file(tmp_path), tmp_path / "out"
+    scene = scene_file(tmp_path)
+    out = tmp_path / "out"
     size = (finished / "solution.npz").stat().st_size
     for left in (size // 2, size - 1):
         assert "solution.npz" in refused(left, "simulate", scene, "--out", out)
@@ -48,10 +49,11 @@ def test_no_space_for_the_solution(finished, tmp_path):
 
 @pytest.mark.slow
 def test_no_space_for_the_frames_leaves_all_the_rest(finished, tmp_path):
-    scene, out = scene_file(tmp_path), tmp_path / "out"
-    large = ("--set", "camera={width: 128, height: 96}")
+    scene = scene_file(tmp_path)
+    out = tmp_path / "out"
+    changes = sets("camera={width: 128, height: 96}")
     size = 2 * (finished / "solution.npz").stat().st_size
-    assert ".exr" in refused(size, "simulate", scene, "--out", out, *large)
+    assert ".exr" in refused(size, "simulate", scene, "--out", out, *changes)
     assert files(out) == RESULTS
     assert run("render", out)[0] == 0
     assert files(out) == RESULTS | frame_files()

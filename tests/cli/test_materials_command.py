@@ -8,7 +8,7 @@ from jaxthermo.material.table import emissivity_rows, find_materials, material_r
 
 
 @pytest.fixture
-def shown(capsys, monkeypatch):
+def printed(capsys, monkeypatch):
     """A function from arguments to the lines that they print."""
     monkeypatch.setenv("COLUMNS", "80")
 
@@ -21,15 +21,15 @@ def shown(capsys, monkeypatch):
     return run
 
 
-def test_every_material_has_a_line_of_its_own(shown):
-    lines = shown()
+def test_every_material_has_a_line_of_its_own(printed):
+    lines = printed()
     rows = material_rows()
     for row in rows:
-        found = [line for line in lines if line.split()[:1] == [row.name]]
-        assert len(found) == 1
-        assert f"{row.conductivity:g}" in found[0].split()
-        assert ("*" in found[0].split()) == row.in_thesis
-        assert (f"~{row.emissivity:g}" in found[0]) == (row.surface is None)
+        matching = [line for line in lines if line.split()[:1] == [row.name]]
+        assert len(matching) == 1
+        assert f"{row.conductivity:g}" in matching[0].split()
+        assert ("*" in matching[0].split()) == row.in_thesis
+        assert (f"~{row.emissivity:g}" in matching[0]) == (row.surface is None)
     assert sum(" * " in line for line in lines[:-1]) == 12
     # In a pipe lines are whole: sources fit beside the numbers, nothing is cut off.
     assert len(lines) == 49 + 6
@@ -37,31 +37,31 @@ def test_every_material_has_a_line_of_its_own(shown):
     assert "Table 5.1 of the thesis" in lines[-1]
 
 
-def test_a_part_of_a_name_lists_what_has_it(shown):
-    text = "\n".join(shown("ste"))
+def test_a_part_of_a_name_lists_what_has_it(printed):
+    text = "\n".join(printed("ste"))
     assert "carbon_steel" in text and "stainless_steel" in text
     assert "copper" not in text
 
 
 @pytest.mark.parametrize("name", ["gold", "gol", "GOLD"])
-def test_one_in_full(shown, name):
-    text = "\n".join(shown(name))
+def test_one_in_full(printed, name):
+    text = "\n".join(printed(name))
     assert text.startswith("gold (gold)")
     assert "318" in text and "rho 19300, c_p 126 (Table 5.1)" in text
     assert "none tabulated, assumed 0.9" in text
 
 
-def test_an_alias_is_a_name(shown):
-    assert shown("steel")[0].startswith("carbon_steel")
+def test_an_alias_is_a_name(printed):
+    assert printed("steel")[0].startswith("carbon_steel")
 
 
-def test_finishes(shown):
-    text = "\n".join(shown("--emissivity"))
+def test_finishes(printed):
+    text = "\n".join(printed("--emissivity"))
     for row in emissivity_rows():
         assert row.surface in text
     assert len(emissivity_rows()) == 27
     assert "long-wave infrared" in text
-    some = "\n".join(shown("alu", "--emissivity"))
+    some = "\n".join(printed("alu", "--emissivity"))
     assert "aluminium foil" in some and "brick" not in some
 
 

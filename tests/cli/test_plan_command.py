@@ -14,7 +14,7 @@ SCENES = Path(__file__).resolve().parents[2] / "configs/scenes"
 
 
 @pytest.mark.parametrize(
-    "given, message",
+    "options, message",
     [
         ((), "give a --tolerance such as 1%"),
         (("--tolerance", "1"), "in percent"),
@@ -25,9 +25,9 @@ SCENES = Path(__file__).resolve().parents[2] / "configs/scenes"
         (("--tolerance", "1%", "--memory", "0 GB"), "above 0"),
     ],
 )
-def test_a_wrong_option_is_one_line(given, message, tmp_path):
+def test_a_wrong_option_is_one_line(options, message, tmp_path):
     scene = SCENES / "figurine.yaml"
-    code, _, err = run("plan", scene, "--out", tmp_path / "p", *given, main=main)
+    code, _, err = run("plan", scene, "--out", tmp_path / "p", *options, main=main)
     assert code == 2 and message in err and len(err.splitlines()) == 1
     assert not (tmp_path / "p").exists()
 
@@ -36,9 +36,13 @@ def test_a_wrong_option_is_one_line(given, message, tmp_path):
 @pytest.mark.slice
 def test_a_plan_is_a_scene_within_the_tolerance_and_is_kept(tmp_path, monkeypatch):
     monkeypatch.setenv("JAXTHERMO_CACHE", str(tmp_path / "cache"))
-    scene, out = scene_file(tmp_path), tmp_path / "plan"
-    given = ("plan", scene, "--tolerance", "4%", "--out", out)
-    code, words, err = run(*given, "--run", main=main)
+    scene = scene_file(tmp_path)
+    out = tmp_path / "plan"
+
+    def plan(*options):
+        return run("plan", scene, "--out", out, "--tolerance", *options, main=main)
+
+    code, words, err = plan("4%", "--run")
     assert code == 0, err
     record = json.loads((out / "plan.json").read_text())
     assert record["chosen"]["error_percent"] <= 4
@@ -49,17 +53,17 @@ def test_a_plan_is_a_scene_within_the_tolerance_and_is_kept(tmp_path, monkeypatc
     text = (out / "scene.yaml").read_text()
     assert text.startswith("# Made by `calibrate plan block.yaml`, tolerance 4 %.")
     config = load_config(out / "scene.yaml")
-    kind = config.bodies[0].structure.kind
-    assert kind == record["chosen"]["candidate"]["family"]
+    family = config.bodies[0].structure.kind
+    assert family == record["chosen"]["candidate"]["family"]
     summary = json.loads((out / "run/summary.json").read_text())
     assert summary["nodes"] == record["chosen"]["nodes"]
     # Again without a run: kept by the scene, the tolerance and the program.
-    code, words, err = run(*given, main=main)
+    code, words, err = plan("4%")
     assert code == 0 and "as planned before" in words
     assert json.loads((out / "plan.json").read_text()) == record
     # What nothing meets has its own exit status, and leaves no scene.
     monkeypatch.setattr("calibrate.plan.search._MOST_NODES", 3e4)
-    code, words, err = run(*given[:3], "0.01%", *given[4:], main=main)
+    code, words, err = plan("0.01%")
     assert code == 3 and "no model is within 0.01 %" in err
     assert not (out / "scene.yaml").exists()
 
@@ -67,6 +71,5 @@ def test_a_plan_is_a_scene_within_the_tolerance_and_is_kept(tmp_path, monkeypatc
 def test_a_plan_does_not_replace_its_scene(tmp_path):
     path = tmp_path / "scene.yaml"
     path.write_text(SCENE)
-    given = ("plan", path, "--tolerance", "1%", "--out", tmp_path)
-    code, _, err = run(*given, main=main)
+    code, _, err = run("plan", path, "--tolerance", "1%", "--out", tmp_path, main=main)
     assert code == 2 and "would replace" in err and path.read_text() == SCENE

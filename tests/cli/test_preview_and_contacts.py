@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from cli_runs import files, run, scene_file
+from cli_runs import files, run, scene_file, succeed
 from PIL import Image
 
 import jaxthermo as jt
@@ -40,8 +40,7 @@ def test_a_preview_neither_voxelizes_nor_runs(tmp_path, monkeypatch):
     monkeypatch.setattr(jt, "voxelize", refuse)
     monkeypatch.setattr("jaxthermo.voxels.voxelize.voxelize", refuse)
     out = tmp_path / "out"
-    code, text, err = run("simulate", scene_file(tmp_path), "--preview", "--out", out)
-    assert (code, err) == (0, "")
+    text = succeed("simulate", scene_file(tmp_path), "--preview", "--out", out)
     assert files(out) == {"preview.png"}
     with Image.open(out / "preview.png") as image:
         assert image.size[0] == 64
@@ -74,8 +73,8 @@ def test_contact_textures_hold_the_temperatures_where_bodies_touch():
     stored = StoredSolution(jnp.zeros(1), jnp.asarray(kelvin), surfaces)
     texture = _texture([jt.Contact(1e3)], [grid, grid], stored, 0)
     assert texture.area == pytest.approx(0.04 * 0.04)
-    top, bottom = grid.fragment_normal[:, 2] > 0.9, grid.fragment_normal[:, 2] < -0.9
-    for body, side in enumerate((top, bottom)):
+    up = grid.fragment_normal[:, 2]
+    for body, side in enumerate((up > 0.9, up < -0.9)):
         expected = np.where(side, kelvin[0, body * count :][:count] - 273.15, np.nan)
         np.testing.assert_allclose(texture.values[body], expected)
 
@@ -83,22 +82,17 @@ def test_contact_textures_hold_the_temperatures_where_bodies_touch():
 @pytest.mark.slow
 def test_contact_textures_and_occlusion_of_a_run(tmp_path):
     out = tmp_path / "out"
-    code, _, err = run("simulate", scene_file(tmp_path, PAIR), "--out", out)
-    assert (code, err) == (0, "")
-    before = files(out)
-    code, text, err = run("render", out, "--contacts", "--set", "image.frames=[2]")
-    assert (code, err) == (0, "")
+    succeed("simulate", scene_file(tmp_path, PAIR), "--out", out)
+    run_files = files(out)
+    text = succeed("render", out, "--contacts", "--set", "image.frames=[2]")
     assert text == f"1 sheet of contact textures in {out / 'contacts'}\n"
-    assert files(out) - before == {"contacts/t000002.00s.png"}
-    code, _, err = run(
-        "render", out, "--set", "image.occlusion=2 cm", "--out", tmp_path
-    )
-    assert (code, err) == (0, "")
-    before, after = (
+    assert files(out) - run_files == {"contacts/t000002.00s.png"}
+    succeed("render", out, "--set", "image.occlusion=2 cm", "--out", tmp_path)
+    plain, occluded = (
         np.asarray(Image.open(folder / "frames/t000002.00s.png"), int)
         for folder in (out, tmp_path)
     )
-    assert before.shape == after.shape and np.abs(after - before).max() > 3
+    assert plain.shape == occluded.shape and np.abs(occluded - plain).max() > 3
 
 
 def test_occlusion_is_not_counted_twice(tmp_path):

@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from cli_runs import SCENE, files, run, scene_file
+from cli_runs import SCENE, files, run, scene_file, succeed
 
 from jaxthermo.cli.summary import write_probes
 from jaxthermo.integrate.run.solution import Solution
@@ -19,12 +19,12 @@ WIRED = SCENE + "probes: {core: [0, 0, 0], skin: [2.5 cm, 1 mm, 0]}\n"
 def test_a_column_for_every_probe(tmp_path):
     # Nothing else of a solution is read.
     solution = object.__new__(Solution)
-    given = {
+    fields = {
         "times": np.array([1.0, 2.5]),
         "probes": (Probe("core", (0.0, 0.0, 0.0)), Probe("the, skin", (0.0, 0.0, 1.0))),
         "probe_temperature": np.array([[300.125, 301.0], [302.0, 303.0]]),
     }
-    for name, value in given.items():
+    for name, value in fields.items():
         object.__setattr__(solution, name, value)
     write_probes(tmp_path / "probes.csv", solution)
     with (tmp_path / "probes.csv").open(newline="") as lines:
@@ -40,8 +40,7 @@ def test_a_column_for_every_probe(tmp_path):
 def test_a_run_with_probes_leaves_their_file(tmp_path):
     scene = scene_file(tmp_path, WIRED + "surface_outputs: [heat_flux]\n")
     out = tmp_path / "out"
-    code, _, err = run("simulate", scene, "--out", out)
-    assert (code, err) == (0, "")
+    succeed("simulate", scene, "--out", out)
     assert "probes.csv" in files(out)
     summary = json.loads((out / "summary.json").read_text())
     core, skin = (summary["probes"][name] for name in ("core", "skin"))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_runs import run
+from cli_runs import run, succeed
 from killing import kill, start
 
 from jaxthermo.parallel.meeting import free_port
@@ -35,10 +35,16 @@ pytestmark = [pytest.mark.slow, pytest.mark.slice]
 
 
 def start_both(scene: Path, out: Path) -> list[subprocess.Popen[bytes]]:
-    words = ("simulate", scene, "--out", out, "--devices", "2", "--processes", "2")
-    at = ("--coordinator", f"localhost:{free_port()}", "--process")
-    pipe = subprocess.PIPE
-    return [start(COMMAND, *words, *at, number, stderr=pipe) for number in (0, 1)]
+    coordinator = f"localhost:{free_port()}"
+    return [
+        start(
+            COMMAND,
+            *("simulate", scene, "--out", out, "--coordinator", coordinator),
+            *("--devices", 2, "--processes", 2, "--process", number),
+            stderr=subprocess.PIPE,
+        )
+        for number in (0, 1)
+    ]
 
 
 def errors_of(process: subprocess.Popen[bytes], seconds: float) -> str:
@@ -59,38 +65,39 @@ def surface(out: Path) -> np.ndarray:
 
 def test_two_processes_write_the_results_of_one(tmp_path):
     scene = scene_file(tmp_path, 0.03)
-    together, alone = tmp_path / "together", tmp_path / "alone"
-    for each in start_both(scene, together):
-        err = errors_of(each, 300)
-        assert each.returncode == 0, err
+    together = tmp_path / "together"
+    alone = tmp_path / "alone"
+    for process in start_both(scene, together):
+        err = errors_of(process, 300)
+        assert process.returncode == 0, err
     assert run("simulate", scene, "--out", alone)[0] == 0
     names = {path.name for path in together.iterdir()}
     assert names == {path.name for path in alone.iterdir()}
-    found = surface(together)
-    assert found.min() < 349.0
+    temperature = surface(together)
+    assert temperature.min() < 349.0
     # Four roundings of a temperature in float32.
-    np.testing.assert_allclose(found, surface(alone), rtol=0, atol=1.3e-4)
+    np.testing.assert_allclose(temperature, surface(alone), rtol=0, atol=1.3e-4)
 
 
 @pytest.mark.parametrize("lost", [0, 1])
 def test_a_lost_process_ends_the_other_and_one_goes_on(tmp_path, lost):
     # Twenty thousand short steps: long enough to be killed.
-    scene, out = scene_file(tmp_path, 0.001), tmp_path / "out"
-    both = start_both(scene, out)
-    assert kill(both[lost], 0.0, (out / "checkpoint-1.npz").exists)
-    err = errors_of(both[1 - lost], 60)
-    errors_of(both[lost], 60)
-    if lost == 0 and both[1].returncode != 2:
+    scene = scene_file(tmp_path, 0.001)
+    out = tmp_path / "out"
+    processes = start_both(scene, out)
+    assert kill(processes[lost], 0.0, (out / "checkpoint-1.npz").exists)
+    err = errors_of(processes[1 - lost], 60)
+    errors_of(processes[lost], 60)
+    if lost == 0 and processes[1].returncode != 2:
         # JAX may notice the loss of the first process sooner, and aborts.
         assert "another task died" in err, err
     else:
-        assert both[1 - lost].returncode == 2, err
+        assert processes[1 - lost].returncode == 2, err
         assert (
             "jaxthermo: another process is lost, or cannot be reached; the same "
             "commands go on from the last checkpoint"
         ) in err.splitlines()
-    code, text, err = run("simulate", scene, "--out", out)
-    assert (code, err) == (0, "")
+    text = succeed("simulate", scene, "--out", out)
     assert "going on from" in text
     assert not list(out.glob("checkpoint*"))
     alone = tmp_path / "alone"

@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from cli_runs import SCENE, files, run, scene_file
+from cli_runs import SCENE, files, run, scene_file, succeed
 
 import jaxthermo as jt
 from experiments.__main__ import main as experiments
@@ -19,9 +19,9 @@ COARSE = ("--set", "bodies.0.voxels_high=6")
 def reduced(tmp_path_factory):
     """The folder of a model and what the command said."""
     folder = tmp_path_factory.mktemp("reduced")
-    scene, out = scene_file(folder, LINEAR), folder / "out"
-    code, said, err = run("reduce", scene, *COARSE, "--size", 4, "--out", out)
-    assert (code, err) == (0, "")
+    scene = scene_file(folder, LINEAR)
+    out = folder / "out"
+    said = succeed("reduce", scene, *COARSE, "--size", 4, "--out", out)
     return out, said
 
 
@@ -32,7 +32,7 @@ def test_a_model_is_written_with_its_summary(reduced):
     assert summary["kind"] == "reduced model" and summary["size"] == 4
     assert summary["offline_s"] > summary["online_s"] > 0
     assert summary["truth_error"] is None
-    assert [each["name"] for each in summary["inputs"]] == ["sun", "convection"]
+    assert [load["name"] for load in summary["inputs"]] == ["sun", "convection"]
     assert "4 vectors for " in said and "processor" in summary
     model = jt.load_reduced(out / "model.npz")
     assert model.times == (5.0, 12.0, 20.0)
@@ -55,18 +55,19 @@ def test_no_run_and_no_config_is_written_over(tmp_path, finished):
     scene = scene_file(tmp_path, LINEAR)
     (tmp_path / "config.yaml").write_text(LINEAR)
     for config, out in ((scene, finished), (tmp_path / "config.yaml", tmp_path)):
-        before = files(out)
+        files_before = files(out)
         code, _, err = run("reduce", config, *COARSE, "--out", out)
-        assert code == 2 and "name another folder" in err and files(out) == before
+        assert code == 2 and "name another folder" in err and files(out) == files_before
 
 
 @pytest.mark.slow
 @pytest.mark.slice
 def test_a_check_gives_the_error_and_the_times_of_both(tmp_path):
-    scene, out = scene_file(tmp_path, LINEAR), tmp_path / "out"
-    options = "--check", "--tolerance", "0.5%", "--out", out
-    code, said, err = run("reduce", scene, *COARSE, *options)
-    assert (code, err) == (0, "")
+    scene = scene_file(tmp_path, LINEAR)
+    out = tmp_path / "out"
+    said = succeed(
+        "reduce", scene, *COARSE, "--check", "--tolerance", "0.5%", "--out", out
+    )
     summary = json.loads((out / "summary.json").read_text())
     error = summary["truth_error"]
     assert 0 < error["worst_rms_percent"] < 1
@@ -87,7 +88,8 @@ def test_a_check_gives_the_error_and_the_times_of_both(tmp_path):
     ],
 )
 def test_mistakes_are_one_line_and_leave_nothing(tmp_path, text, options, words):
-    scene, out = scene_file(tmp_path, text), tmp_path / "new" / "out"
+    scene = scene_file(tmp_path, text)
+    out = tmp_path / "new" / "out"
     code, _, err = run("reduce", scene, *COARSE, *options, "--out", out)
     assert code == 2 and words in err and err.count("\n") == 1
     assert not out.parent.exists()

@@ -21,32 +21,33 @@ command = partial(run, main=main)
 @pytest.fixture
 def folder(tmp_path):
     """One result of each kind, one that is damaged and one not finished."""
-    here = tmp_path / "results"
-    stored(here / "a <b>" / "run", "summary.json", run_summary())
-    frames = here / "a <b>" / "run" / "frames"
+    results = tmp_path / "results"
+    stored(results / "a <b>" / "run", "summary.json", run_summary())
+    frames = results / "a <b>" / "run" / "frames"
     frames.mkdir()
     Image.fromarray(np.full((40, 60, 3), 200, np.uint8)).save(frames / "t1.png")
-    fit(here / "fit", 1.0)
-    (here / "fit" / "report.html").write_text("x")
-    sweep(here / "sweep", [row("full", 0.1)], {"full+x": [1.0, 1.1]})
-    experiment(here / "stencil", height=3.0)
-    plan(here / "plan", 0.01)
-    stored(here / "broken", "summary.json", {})
-    stored(here / "cut off", "config.yaml", {}, [row("full", 0.1)])
-    return here
+    fit(results / "fit", 1.0)
+    (results / "fit" / "report.html").write_text("x")
+    sweep(results / "sweep", [row("full", 0.1)], {"full+x": [1.0, 1.1]})
+    experiment(results / "stencil", height=3.0)
+    plan(results / "plan", 0.01)
+    stored(results / "broken", "summary.json", {})
+    stored(results / "cut off", "config.yaml", {}, [row("full", 0.1)])
+    return results
 
 
 class Links(HTMLParser):
     def __init__(self, text):
         super().__init__()
-        self.found, self.pictures = [], 0
+        self.addresses = []
+        self.pictures = 0
         self.feed(text)
 
     def handle_starttag(self, tag, attrs):
-        given = dict(attrs)
+        attributes = dict(attrs)
         if tag == "a":
-            self.found.append(given["href"])
-        self.pictures += tag == "img" and str(given["src"]).startswith("data:")
+            self.addresses.append(attributes["href"])
+        self.pictures += tag == "img" and str(attributes["src"]).startswith("data:")
 
 
 def test_the_page_lists_all_results_and_the_damaged_ones(folder):
@@ -55,7 +56,7 @@ def test_the_page_lists_all_results_and_the_damaged_ones(folder):
     assert "5 results in " in out and out.count("not readable") == 2
     text = (folder / "index.html").read_text()
     links = Links(text)
-    assert set(links.found) == {
+    assert set(links.addresses) == {
         "a%20%3Cb%3E/run/summary.json",
         "fit/report.html",
         "sweep/result.json",
@@ -73,23 +74,26 @@ def test_the_page_lists_all_results_and_the_damaged_ones(folder):
 def test_results_are_found_in_order_and_without_their_parts(folder):
     (folder / "sweep" / "pictures").mkdir()
     stored(folder / "sweep" / "pictures", "summary.json", run_summary())
-    found = list(find_results(folder))
-    kinds = [each.kind for each in found if not isinstance(each, Damaged)]
-    assert kinds == ["run", "fit", "plan", "experiment", "sweep"]
-    assert len(found) == 7
+    found_results = list(find_results(folder))
+    result_kinds = [
+        result.kind for result in found_results if not isinstance(result, Damaged)
+    ]
+    assert result_kinds == ["run", "fit", "plan", "experiment", "sweep"]
+    assert len(found_results) == 7
 
 
 def test_the_commands_at_the_terminal(folder, tmp_path):
-    one, other = folder / "stencil", experiment(tmp_path / "other", height=4.0)
-    code, out, err = command("compare", one, other)
+    old = folder / "stencil"
+    new = experiment(tmp_path / "other", height=4.0)
+    code, out, err = command("compare", old, new)
     assert (code, err) == (0, "")
     assert "height" in out and out.rstrip().endswith("nothing else changed")
-    code, out, err = command("compare", one, other, "--json")
-    found = json.loads(out)
-    assert found["numbers"] == [{"key": "height", "old": 3.0, "new": 4.0}]
-    code, out, err = command("compare", one, one / "result.json")
+    code, out, err = command("compare", old, new, "--json")
+    comparison = json.loads(out)
+    assert comparison["numbers"] == [{"key": "height", "old": 3.0, "new": 4.0}]
+    code, out, err = command("compare", old, old / "result.json")
     assert (code, out) == (0, "nothing changed\n")
-    code, out, err = command("compare", one, folder / "fit")
+    code, out, err = command("compare", old, folder / "fit")
     assert code == 2 and not out and err.count("\n") == 1
     shutil.rmtree(folder)
     code, out, err = command("report", folder)
@@ -110,9 +114,11 @@ def test_runs_are_compared_point_by_point(finished, tmp_path):
     assert (code, out) == (0, "nothing changed\n")
     warm = simulated(tmp_path, "terms.0.irradiance=6 kW/m^2")
     code, out, _ = command("compare", finished, warm, "--json")
-    found = json.loads(out)
-    assert [each["key"] for each in found["config"]] == ["terms.0.irradiance"]
-    (surface,) = (each for each in found["numbers"] if "surface" in each["key"])
+    comparison = json.loads(out)
+    assert [change["key"] for change in comparison["config"]] == ["terms.0.irradiance"]
+    (surface,) = (
+        number for number in comparison["numbers"] if "surface" in number["key"]
+    )
     assert surface["new"] > 0.01 and "at the same surface cells" in surface["note"]
 
 
@@ -127,4 +133,6 @@ def test_runs_of_other_voxels_are_compared_on_the_mesh(finished, tmp_path):
     (coarse / "solution.npz").write_bytes(b"cut")
     code, out, _ = command("compare", finished, coarse, "--json")
     assert "not compared point by point" in json.loads(out)["remarks"][0]
-    assert any("of the surface" in each["key"] for each in json.loads(out)["numbers"])
+    assert any(
+        "of the surface" in number["key"] for number in json.loads(out)["numbers"]
+    )

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from cli_runs import RESULTS, files, frame_files, run, scene_file
+from cli_runs import RESULTS, files, frame_files, run, scene_file, sets, succeed
 from killing import kill, start
 
 import jaxthermo.cli.simulate as command
@@ -18,11 +18,14 @@ STEPS = ("--set", "solver.dt=0.02")
 """1000 steps, in many segments: they start with two steps and grow from there."""
 
 
+def simulate(scene, out, *options):
+    return run("simulate", scene, "--out", out, *STEPS, *options)
+
+
 @pytest.fixture(scope="module")
 def uninterrupted(tmp_path_factory):
     folder = tmp_path_factory.mktemp("uninterrupted")
-    code, _, err = run("simulate", scene_file(folder), "--out", folder / "out", *STEPS)
-    assert (code, err) == (0, "")
+    succeed("simulate", scene_file(folder), "--out", folder / "out", *STEPS)
     return folder / "out"
 
 
@@ -51,8 +54,8 @@ def stop_at(monkeypatch):
     return arrange
 
 
-def same_arrays(one, other):
-    with np.load(one) as a, np.load(other) as b:
+def same_arrays(path, expected_path):
+    with np.load(path) as a, np.load(expected_path) as b:
         assert set(a.files) == set(b.files)
         for name in a.files:
             assert a[name].dtype == b[name].dtype
@@ -60,31 +63,31 @@ def same_arrays(one, other):
 
 
 def test_an_interrupted_run_goes_on_and_ends_the_same(tmp_path, stop_at, uninterrupted):
-    scene, out = scene_file(tmp_path), tmp_path / "out"
-    again = ("simulate", scene, "--out", out, *STEPS)
+    scene = scene_file(tmp_path)
+    out = tmp_path / "out"
 
-    before = stop_at(10)
-    code, _, err = run(*again)
+    first_segments = stop_at(10)
+    code, _, err = simulate(scene, out)
     assert code == 130
     assert err == (
-        f"jaxthermo: stopped at t = {0.02 * before[-1]:.4g} s; the same command "
-        "goes on from there\n"
+        f"jaxthermo: stopped at t = {0.02 * first_segments[-1]:.4g} s; the same "
+        "command goes on from there\n"
     )
     assert files(out) == {"config.yaml", "checkpoint.npz"}
 
     # In the second interval, so that an observation is kept too.
     middle = stop_at(251)
-    code, text, err = run(*again)
+    code, text, err = simulate(scene, out)
     assert (code, err.count("\n")) == (130, 1)
-    assert f"going on from t = {0.02 * before[-1]:.4g} s" in text
-    assert middle[0] > before[-1]
+    assert f"going on from t = {0.02 * first_segments[-1]:.4g} s" in text
+    assert middle[0] > first_segments[-1]
     assert 250 < middle[-1] < 1000
 
-    after = stop_at(None)
-    code, _, err = run(*again)
+    last_segments = stop_at(None)
+    code, _, err = simulate(scene, out)
     assert (code, err) == (0, "")
-    assert after[0] > middle[-1]
-    assert after[-1] == 1000
+    assert last_segments[0] > middle[-1]
+    assert last_segments[-1] == 1000
     assert files(out) == RESULTS | frame_files()
     same_arrays(out / "solution.npz", uninterrupted / "solution.npz")
     energies = (folder / "energy.csv" for folder in (out, uninterrupted))
@@ -92,12 +95,12 @@ def test_an_interrupted_run_goes_on_and_ends_the_same(tmp_path, stop_at, uninter
 
 
 def test_a_stop_at_the_last_step_loses_nothing(tmp_path, stop_at, uninterrupted):
-    again = ("simulate", scene_file(tmp_path), "--out", tmp_path / "out", *STEPS)
+    scene = scene_file(tmp_path)
     stop_at(1000)
-    assert run(*again)[0] == 130
-    taken = stop_at(None)
-    assert run(*again)[0] == 0
-    assert taken == []
+    assert simulate(scene, tmp_path / "out").status == 130
+    segments = stop_at(None)
+    assert simulate(scene, tmp_path / "out").status == 0
+    assert segments == []
     same_arrays(tmp_path / "out/solution.npz", uninterrupted / "solution.npz")
 
 
@@ -114,10 +117,11 @@ OTHERS = {
 def test_a_checkpoint_that_does_not_fit_is_ignored(
     tmp_path, stop_at, uninterrupted, damage
 ):
-    scene, out = scene_file(tmp_path), tmp_path / "out"
-    other = ("--set", OTHERS[damage]) if damage in OTHERS else ()
+    scene = scene_file(tmp_path)
+    out = tmp_path / "out"
     stop_at(1)
-    assert run("simulate", scene, "--out", out, *STEPS, *other)[0] == 130
+    changes = [OTHERS[damage]] if damage in OTHERS else []
+    assert simulate(scene, out, *sets(*changes)).status == 130
     checkpoint = out / "checkpoint.npz"
     content = checkpoint.read_bytes()
     damaged = {"cut": content[: len(content) // 2], "junk": b"junk" * 99, "empty": b""}
@@ -142,8 +146,8 @@ import sys, time
 import jaxthermo.cli.simulate as command
 from jaxthermo.__main__ import main
 
-def save(*arguments):
-    written(*arguments)
+def save(*arguments, **named):
+    written(*arguments, **named)
     time.sleep(float(sys.argv[2]))
 
 command.CHECKPOINT_EVERY = float(sys.argv[1])
@@ -152,10 +156,9 @@ main(sys.argv[3:])
 """
 
 
-def goes_on_to_the_same(arguments, out, uninterrupted):
+def goes_on_to_the_same(scene, out, uninterrupted, steps=STEPS):
     """The same command again ends with the results of the run that was not killed."""
-    code, _, err = run(*arguments)
-    assert (code, err) == (0, "")
+    succeed("simulate", scene, "--out", out, *steps)
     assert files(out) == RESULTS | frame_files()
     same_arrays(out / "solution.npz", uninterrupted / "solution.npz")
     for name in ("energy.csv", "config.yaml"):
@@ -164,44 +167,50 @@ def goes_on_to_the_same(arguments, out, uninterrupted):
 
 def test_a_run_that_is_killed_goes_on_and_ends_the_same(tmp_path, uninterrupted):
     out = tmp_path / "out"
-    arguments = ("simulate", scene_file(tmp_path), "--out", out, *STEPS)
+    scene = scene_file(tmp_path)
     delay = np.random.default_rng(7).uniform(0, 1)
-    begun = (out / "checkpoint.npz").exists
-    assert kill(start(KILLED, 0.0, 0.3, *arguments), delay, begun)
+    process = start(KILLED, 0.0, 0.3, "simulate", scene, "--out", out, *STEPS)
+    assert kill(process, delay, (out / "checkpoint.npz").exists)
     assert "checkpoint.npz" in files(out) and "summary.json" not in files(out)
-    goes_on_to_the_same(arguments, out, uninterrupted)
+    goes_on_to_the_same(scene, out, uninterrupted)
+
+
+MANY_STEPS = ("--set", "solver.dt=1e-4")
+
+
+def start_long(scene, out):
+    """A process that runs many steps, with a checkpoint every second."""
+    return start(KILLED, 1.0, 0.0, "simulate", scene, "--out", out, *MANY_STEPS)
 
 
 @pytest.fixture(scope="module")
 def long(tmp_path_factory):
-    """A run with a checkpoint every second, not killed, and how long it took [s]."""
+    """The folder of a long run that is not killed, and its duration [s]."""
     folder = tmp_path_factory.mktemp("long")
-    many = ("--set", "solver.dt=1e-4")
     clock = time.monotonic()
-    arguments = ("simulate", scene_file(folder), "--out", folder / "out", *many)
-    assert start(KILLED, 1.0, 0.0, *arguments).wait() == 0
-    return folder / "out", time.monotonic() - clock, many
+    assert start_long(scene_file(folder), folder / "out").wait() == 0
+    return folder / "out", time.monotonic() - clock
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("moment", range(20))
 def test_killed_at_any_moment_it_ends_the_same(tmp_path, long, moment):
-    uninterrupted, seconds, many = long
+    uninterrupted, seconds = long
     out = tmp_path / "out"
-    arguments = ("simulate", scene_file(tmp_path), "--out", out, *many)
+    scene = scene_file(tmp_path)
     delay = np.random.default_rng(moment).uniform(0, seconds)
-    kill(start(KILLED, 1.0, 0.0, *arguments), delay, lambda: True)
-    goes_on_to_the_same(arguments, out, uninterrupted)
+    kill(start_long(scene, out), delay, lambda: True)
+    goes_on_to_the_same(scene, out, uninterrupted, steps=MANY_STEPS)
 
 
 def test_what_a_killed_process_left_behind_is_removed(tmp_path):
     gone = tmp_path / ".solution.4194399-0123abcd.npz"
-    own = tmp_path / f".energy.{os.getpid()}-0123abcd.csv"
+    running = tmp_path / f".energy.{os.getpid()}-0123abcd.csv"
     users = tmp_path / ".notes.2026-08-01.txt"
-    for path in (gone, own, users):
+    for path in (gone, running, users):
         path.write_text("half")
     prepare_folder(tmp_path)
-    assert files(tmp_path) == {own.name, users.name}
+    assert files(tmp_path) == {running.name, users.name}
 
 
 def test_a_second_interrupt_does_not_wait(tmp_path, monkeypatch):
@@ -214,7 +223,8 @@ def test_a_second_interrupt_does_not_wait(tmp_path, monkeypatch):
         yield update
 
     monkeypatch.setattr(command, "progress_bar", bar)
-    scene, out = scene_file(tmp_path), tmp_path / "out"
+    scene = scene_file(tmp_path)
+    out = tmp_path / "out"
     code, _, err = run("simulate", scene, "--out", out, *STEPS)
     assert (code, err) == (130, "jaxthermo: interrupted\n")
     assert files(out) == {"config.yaml"}
@@ -222,16 +232,17 @@ def test_a_second_interrupt_does_not_wait(tmp_path, monkeypatch):
 
 def test_checkpoints_are_written_on_the_way(tmp_path, stop_at, monkeypatch):
     monkeypatch.setattr(command, "CHECKPOINT_EVERY", 0.0)
-    kept = []
+    saved = []
     save = command.save_checkpoint
 
     def noted(path, plan, progress, key):
-        save(path, plan, progress, key)
-        kept.append(progress.steps_taken)
+        save(path, plan=plan, progress=progress, key=key)
+        saved.append(progress.steps_taken)
 
     monkeypatch.setattr(command, "save_checkpoint", noted)
     segments = stop_at(None)
-    scene, out = scene_file(tmp_path), tmp_path / "out"
+    scene = scene_file(tmp_path)
+    out = tmp_path / "out"
     assert run("simulate", scene, "--out", out, *STEPS)[0] == 0
-    assert len(kept) == len(segments) > 3
+    assert len(saved) == len(segments) > 3
     assert files(out) == RESULTS | frame_files()

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_runs import run
+from cli_runs import sets, succeed
 
 
 SCENES = Path(__file__).parents[2] / "configs" / "scenes"
@@ -31,10 +31,10 @@ COARSE = ("camera={width: 32, height: 24}", "image.samples=1")
     ],
 )  # fmt: skip
 def test_it_runs(tmp_path, name, changes, mechanisms):
-    options = [part for change in (*changes, *COARSE) for part in ("--set", change)]
-    scene, out = SCENES / f"{name}.yaml", tmp_path / "out"
-    code, _, err = run("simulate", scene, "--out", out, *options)
-    assert (code, err) == (0, "")
+    options = sets(*changes, *COARSE)
+    scene = SCENES / f"{name}.yaml"
+    out = tmp_path / "out"
+    succeed("simulate", scene, "--out", out, *options)
     summary = json.loads((out / "summary.json").read_text())
     assert set(summary["receipt"]["included"]) == {"conduction", *mechanisms}
     assert np.abs(summary["energy"]["residual_relative"]).max() < 1e-5

@@ -7,7 +7,7 @@ import shutil
 import numpy as np
 import OpenEXR
 import pytest
-from cli_runs import RESULTS, SCENE, files, frame_files, run, scene_file
+from cli_runs import RESULTS, SCENE, files, frame_files, run, scene_file, sets, succeed
 from PIL import Image
 
 import jaxthermo as jt
@@ -44,10 +44,9 @@ def solved(finished):
 def simulate(tmp_path, *overrides, text=SCENE):
     """A run of a scene with overrides; returns its folder."""
     out = tmp_path / "out"
-    options = [option for value in overrides for option in ("--set", value)]
+    options = sets(*overrides)
     scene = scene_file(tmp_path, text)
-    code, _, err = run("simulate", scene, "--out", out, *options)
-    assert (code, err) == (0, "")
+    succeed("simulate", scene, "--out", out, *options)
     return out
 
 
@@ -57,8 +56,7 @@ def test_it_leaves_its_results_and_nothing_else(finished):
 
 def test_the_terminal_tells_what_ran(tmp_path):
     scene = scene_file(tmp_path)
-    code, out, err = run("simulate", scene, "--out", tmp_path / "[red] :smile:")
-    assert (code, err) == (0, "")
+    out = succeed("simulate", scene, "--out", tmp_path / "[red] :smile:")
     lines = out.splitlines()
     assert lines[0].startswith("box: 12 faces, watertight")
     assert "360 solid voxels of 8.333 mm in 6 x 5 x 12" in lines[1]
@@ -101,8 +99,8 @@ def test_the_summary_carries_the_config_and_its_hash(finished, summary):
 
 
 def test_the_resolved_config_is_the_config_that_was_given(finished, tmp_path):
-    given = load_config(scene_file(tmp_path))
-    assert load_config(finished / "config.yaml") == given
+    config = load_config(scene_file(tmp_path))
+    assert load_config(finished / "config.yaml") == config
 
 
 def test_the_energies_add_up(summary):
@@ -126,23 +124,23 @@ def test_the_energy_table_is_the_summary(finished, summary):
 
 def test_surface_temperatures_of_each_body(summary, solved):
     (body,) = summary["bodies"]
-    kept = body["surface_temperature_K"]
+    stored = body["surface_temperature_K"]
     of_body = np.asarray(solved.of_body(0), float)
     area = solved.surfaces[0].geometry.fragment_area
-    assert kept["min"] == of_body.min(1).tolist()
-    assert kept["max"] == of_body.max(1).tolist()
-    assert kept["mean"] == pytest.approx(np.average(of_body, 1, area))
+    assert stored["min"] == of_body.min(1).tolist()
+    assert stored["max"] == of_body.max(1).tolist()
+    assert stored["mean"] == pytest.approx(np.average(of_body, 1, area))
     assert (
         body["mean_temperature_K"] == np.asarray(solved.mean_temperature[:, 0]).tolist()
     )
 
 
 def test_the_run_is_that_of_the_library_bit_for_bit(finished, solved):
-    with np.load(finished / "solution.npz") as kept:
+    with np.load(finished / "solution.npz") as stored:
         for name in ("times", "surface_temperature", "mean_temperature"):
             expected = np.asarray(getattr(solved, name))
-            assert kept[name].dtype == expected.dtype
-            np.testing.assert_array_equal(kept[name], expected)
+            assert stored[name].dtype == expected.dtype
+            np.testing.assert_array_equal(stored[name], expected)
 
 
 def test_frames_are_those_of_the_library(finished, solved):
@@ -170,8 +168,8 @@ def test_the_frame_carries_its_time_and_config(finished, tmp_path):
         header = dict(file.header())
     assert header["time_s"] == "12"
     (tmp_path / "from_frame.yaml").write_text(header["config"])
-    kept = load_config(tmp_path / "from_frame.yaml")
-    assert kept == load_config(finished / "config.yaml")
+    config = load_config(tmp_path / "from_frame.yaml")
+    assert config == load_config(finished / "config.yaml")
 
 
 def test_the_pictures_share_one_scale_of_body_pixels(finished):
@@ -194,17 +192,17 @@ def test_the_pictures_share_one_scale_of_body_pixels(finished):
     ],
 )
 def test_the_terminal_and_the_summary_tell_the_structure(tmp_path, structure, told):
-    out, scene = tmp_path / "out", scene_file(tmp_path)
+    out = tmp_path / "out"
+    scene = scene_file(tmp_path)
     change = f"bodies.0.structure={structure}"
-    code, text, err = run("simulate", scene, "--out", out, "--set", change)
-    assert (code, err) == (0, "")
-    found = json.loads((out / "summary.json").read_text())
-    (report,) = found["structures"]
+    text = succeed("simulate", scene, "--out", out, "--set", change)
+    summary = json.loads((out / "summary.json").read_text())
+    (report,) = summary["structures"]
     (expected,) = load_config(out / "config.yaml").build().bodies
     assert report["kind"] == type(expected.structure).__name__
-    assert report["nodes"] == found["nodes"] == expected.structure.node_count
-    assert report["links"] == found["links"] == expected.structure.link_count
-    assert found["receipt"]["capacity_ratios"] == [report["capacity_ratio"]]
+    assert report["nodes"] == summary["nodes"] == expected.structure.node_count
+    assert report["links"] == summary["links"] == expected.structure.link_count
+    assert summary["receipt"]["capacity_ratios"] == [report["capacity_ratio"]]
     lines = text.splitlines()
     counts = f"{report['nodes']:,} nodes, {report['links']:,} links, "
     assert counts in lines[2]
@@ -227,10 +225,10 @@ def test_the_terminal_and_the_summary_tell_the_structure(tmp_path, structure, to
 def test_capacity_that_is_missing_or_too_much_is_told(ratio, share):
     report = {"kind": "ShellOverCore", "nodes": 2, "links": 1, "capacity_ratio": ratio}
     report |= {"options": {"layers": 1, "factor": 4}, "pitch_m": 0.005}
-    first, *rest = _structure_lines({**report, "bytes_float32": {"total": 2048}})
+    first, *remarks = _structure_lines({**report, "bytes_float32": {"total": 2048}})
     assert first == "shell over core x4 (blocks of 20 mm): 2 nodes, 1 link, 2.0 KiB"
     told = [f"the structure holds {share} of the body's heat capacity"]
-    assert rest == (told if share else [])
+    assert remarks == (told if share else [])
 
 
 @pytest.mark.slow
@@ -238,18 +236,18 @@ def test_capacity_that_is_missing_or_too_much_is_told(ratio, share):
 def test_two_bodies_one_of_two_materials_in_float64(tmp_path):
     text = SCENE.replace("terms:", SECOND_BODY.strip("\n") + "\nterms:", 1)
     out = simulate(tmp_path, "dtype=float64", "time.save_at=[20]", text=text)
-    found = json.loads((out / "summary.json").read_text())
-    assert len(found["bodies"]) == 2
-    hot = found["bodies"][1]["surface_temperature_K"]
+    summary = json.loads((out / "summary.json").read_text())
+    assert len(summary["bodies"]) == 2
+    hot = summary["bodies"][1]["surface_temperature_K"]
     assert 300 < hot["min"][0] < hot["mean"][0] < hot["max"][0] < 350
-    left_out = {o["what"]: o["why"] for o in found["receipt"]["left_out"]}
+    left_out = {o["what"]: o["why"] for o in summary["receipt"]["left_out"]}
     assert "per-node conductivity on body 0" in left_out
     assert "per-node conductivity on body 1" not in left_out
     assert "contact" in left_out
-    assert np.abs(found["energy"]["residual_relative"]).max() < 1e-13
-    with np.load(out / "solution.npz") as kept:
-        assert kept["surface_temperature"].dtype == np.float64
-        emissivity = kept["body1_emissivity"]
+    assert np.abs(summary["energy"]["residual_relative"]).max() < 1e-13
+    with np.load(out / "solution.npz") as stored:
+        assert stored["surface_temperature"].dtype == np.float64
+        emissivity = stored["body1_emissivity"]
     assert set(emissivity.tolist()) == {0.9, 0.93}
     with OpenEXR.File(str(out / "frames/t000020.00s.exr"), True) as file:
         assert set(np.unique(file.channels()["object_id"].pixels)) == {-1, 0, 1}
@@ -266,10 +264,10 @@ def test_overrides_an_orthographic_camera_and_few_frames(tmp_path):
         "name=shade",
     )
     assert files(out) == RESULTS | frame_files({"t000012.00s"})
-    found = json.loads((out / "summary.json").read_text())
-    assert found["config"]["name"] == "shade"
-    assert found["receipt"]["included"] == ["conduction", "emission"]
-    assert found["times_s"] == [5, 12, 20]
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["config"]["name"] == "shade"
+    assert summary["receipt"]["included"] == ["conduction", "emission"]
+    assert summary["times_s"] == [5, 12, 20]
     with OpenEXR.File(str(out / "frames/t000012.00s.exr"), True) as file:
         assert file.channels()["depth_m"].pixels.shape == (30, 40)
 
@@ -277,9 +275,8 @@ def test_overrides_an_orthographic_camera_and_few_frames(tmp_path):
 def test_every_palette_draws(finished, tmp_path):
     looks = set()
     for palette in palette_names():
-        options = ("--set", f"image.palette={palette}", "--set", "image.frames=[5]")
-        code, _, err = run("render", finished, "--out", tmp_path / palette, *options)
-        assert (code, err) == (0, "")
+        options = sets(f"image.palette={palette}", "image.frames=[5]")
+        succeed("render", finished, "--out", tmp_path / palette, *options)
         picture = np.asarray(Image.open(tmp_path / palette / "frames/t000005.00s.png"))
         looks.add(picture[:48, :64].tobytes())
     assert len(looks) == len(palette_names())
@@ -315,13 +312,13 @@ def test_a_config_by_hand_is_not_written_over(tmp_path):
 
 def test_the_resolved_config_can_be_run_again_in_its_own_folder(finished, tmp_path):
     out = shutil.copytree(finished, tmp_path / "out")
-    code, _, err = run("simulate", out / "config.yaml", "--out", out)
-    assert (code, err) == (0, "")
+    succeed("simulate", out / "config.yaml", "--out", out)
     assert files(out) == RESULTS | frame_files()
 
 
 def test_a_run_that_blows_up_is_told_and_leaves_no_results(tmp_path):
-    scene, out = scene_file(tmp_path), tmp_path / "out"
+    scene = scene_file(tmp_path)
+    out = tmp_path / "out"
     term = "terms.0={kind: heat_flux, heat_flux: -1e38}"
     code, _, err = run("simulate", scene, "--out", out, "--set", term)
     assert (code, err.count("\n")) == (2, 1)

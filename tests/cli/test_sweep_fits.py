@@ -32,6 +32,7 @@ axes:
     - {label: "fitted, 2 steps", fit: {calibration: fit.yaml, set: {fit.max_steps: 2}}}
 truth: {voxels_high: 16, points: 300, surface_cells: dominant_axis, dtype: float64}
 """
+SERIAL = ("--no-times", "--workers", 1)
 KEY = "bodies.0.structure.weights.within"
 
 
@@ -43,8 +44,7 @@ def config(tmp_path) -> Path:
 
 def sweep(config: Path, *options: object) -> dict[str, dict]:
     out = config.parent / "out"
-    given = (config, "--out", out, "--workers", 1, "--no-times", *options)
-    code, _, err = run("sweep", *given, main=main)
+    code, _, err = run("sweep", config, "--out", out, *SERIAL, *options, main=main)
     assert code == 0, err
     rows = [json.loads(line) for line in (out / "rows.jsonl").read_text().splitlines()]
     return {f"{row['choice']['weights']} {row['load']}": row for row in rows}
@@ -66,16 +66,16 @@ def test_weights_of_a_fit_are_those_of_its_choice(config, monkeypatch):
         write_card(out / "card.yaml", jt.FitCard("ball", structure, weights))
 
     monkeypatch.setattr(fits, "fit_config", fit)
-    found = sweep(config)
-    assert len(found) == 6
+    rows = sweep(config)
+    assert len(rows) == 6
     # The scene of the fit has the changes of its choice, the calibration its own.
     structure = 'set.bodies.0.structure={"kind": "aggregate", "factor": 2}'
     assert calls == [(structure,), (structure, "fit.max_steps=2")]
-    error = {name: row["error"]["worst_rms_kelvin"] for name, row in found.items()}
+    error = {name: row["error"]["worst_rms_kelvin"] for name, row in rows.items()}
     # Weights of 0.5 and 1: the second is the plain structure.
     assert error["fitted, 2 steps +x"] == pytest.approx(error["of 1 +x"], rel=1e-6)
     assert error["fitted +x"] != pytest.approx(error["of 1 +x"], rel=1e-3)
-    assert sweep(config) == found and len(calls) == 2
+    assert sweep(config) == rows and len(calls) == 2
 
 
 def test_a_mistake_in_a_calibration_is_told_before_anything_is_run(config):
@@ -88,8 +88,8 @@ def test_a_mistake_in_a_calibration_is_told_before_anything_is_run(config):
 
 @pytest.mark.slow
 def test_the_cases_of_a_real_fit_run_with_its_weights(config):
-    found = sweep(config)
-    row = found["fitted +x"]
+    rows = sweep(config)
+    row = rows["fitted +x"]
     card = Path(row["set"]["bodies.0.structure"]["weights"]["card"])
     result = json.loads((card.parent / "fit.json").read_text())
     assert result["loss"]["final"] < result["loss"]["initial"]
@@ -100,6 +100,9 @@ def test_the_cases_of_a_real_fit_run_with_its_weights(config):
     text = SWEEP[: SWEEP.index("axes:")] + axes + AXES[AXES.index("truth:") :]
     (config.parent / "by_hand").mkdir()
     by_hand = sweep(sweep_file(config.parent / "by_hand", text))
-    error = lambda rows: [r["error"]["worst_rms_kelvin"] for r in rows]
-    expected = [found["fitted +x"], found["fitted +z"]]
-    assert error(by_hand.values()) == pytest.approx(error(expected), rel=1e-6)
+
+    def errors(rows):
+        return [row["error"]["worst_rms_kelvin"] for row in rows]
+
+    expected = [rows["fitted +x"], rows["fitted +z"]]
+    assert errors(by_hand.values()) == pytest.approx(errors(expected), rel=1e-6)

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from tests.cli.killing import ROOT, kill, start
-from tests.cli.test_sweep_command import COMMAND, errors, rows, sweep
+from tests.cli.test_sweep_command import COMMAND, SERIAL, errors, rows, sweep
 from tests.sweeping import SWEEP, sweep_file
 
 
@@ -25,19 +25,20 @@ FORTY = SWEEP.replace(
   within: {key: bodies.0.structure.weights.within, values: [0.8, 0.9, 1, 1.1, 1.25]}""",
 )
 """Twenty choices under two loads."""
-SERIAL = "--no-times", "--workers", 1
+LOCAL = ("--host", "127.0.0.1", "--no-dashboard")
+LIMITS = ("--nthreads", 1, "--memory-limit", "2GiB")
 
 
-def same_errors(one: dict[str, dict], other: dict[str, dict]) -> None:
+def same_errors(actual: dict[str, dict], expected_rows: dict[str, dict]) -> None:
     """Rows of the same cases and the same errors, to rounding."""
-    assert set(one) == set(other)
-    for key, row in one.items():
+    assert set(actual) == set(expected_rows)
+    for key, row in actual.items():
         for name in ("rms_kelvin", "p99_kelvin", "bias_kelvin"):
-            expected = other[key]["error"][name]
+            expected = expected_rows[key]["error"][name]
             np.testing.assert_allclose(
                 row["error"][name], expected, rtol=1e-9, atol=1e-12
             )
-        assert row["picture"] and row["steps"] == other[key]["steps"]
+        assert row["picture"] and row["steps"] == expected_rows[key]["steps"]
 
 
 @pytest.fixture(scope="module")
@@ -49,44 +50,50 @@ def alone(tmp_path_factory) -> Path:
     return out
 
 
+def start_sweep(path: Path, out: Path, *options: object):
+    """A process with a sweep, by default without times and with one worker."""
+    return start(COMMAND, "sweep", path, "--out", out, *(options or SERIAL))
+
+
 def without_failures(out: Path) -> bool:
     return all("failed" not in row for row in rows(out).values())
 
 
 @pytest.mark.slow
 def test_forty_cases_killed_at_ten_random_moments(alone, tmp_path):
-    path, out = sweep_file(tmp_path, FORTY), tmp_path / "out"
-    words = "sweep", path, "--out", out, *SERIAL
-    # As long as a whole sweep takes here, on a busy machine or on an idle one.
+    path = sweep_file(tmp_path, FORTY)
+    out = tmp_path / "out"
+    # The duration of a whole sweep here, on a busy machine or on an idle one.
     clock = time.monotonic()
-    whole = "sweep", path, "--out", tmp_path / "timed", *SERIAL
-    assert start(COMMAND, *whole).wait(300) == 0
+    assert start_sweep(path, tmp_path / "timed").wait(300) == 0
     seconds = time.monotonic() - clock
-    generator, killed = np.random.default_rng(7), 0
+    generator = np.random.default_rng(7)
+    killed = 0
     for _ in range(10):
         delay = float(generator.uniform(0.2, 0.9)) * seconds
-        killed += kill(start(COMMAND, *words), delay, lambda: True)
+        killed += kill(start_sweep(path, out), delay, lambda: True)
     assert killed >= 3
-    before = rows(out) if (out / "rows.jsonl").exists() else {}
+    rows_before = rows(out) if (out / "rows.jsonl").exists() else {}
     code, _, err = sweep(path, "--out", out, "--no-times")
     assert (code, err) == (0, "")
-    after = rows(out)
-    assert {key: after[key] for key in before} == before
+    rows_after = rows(out)
+    assert {key: rows_after[key] for key in rows_before} == rows_before
     same_errors(errors(out), errors(alone))
 
 
 @pytest.mark.slow
 def test_two_local_processes_give_the_rows_of_one(alone, tmp_path):
-    path, out = sweep_file(tmp_path, FORTY), tmp_path / "out"
-    words = "sweep", path, "--out", out, "--no-times", "--workers", 2
-    process = start(COMMAND, *words)
+    path = sweep_file(tmp_path, FORTY)
+    out = tmp_path / "out"
+    process = start_sweep(path, out, "--no-times", "--workers", 2)
     assert process.wait(300) == 0
     same_errors(errors(out), errors(alone))
 
 
 @pytest.mark.slow
 def test_an_interrupt_keeps_rows_and_says_how_to_go_on(tmp_path):
-    path, out = sweep_file(tmp_path, FORTY), tmp_path / "out"
+    path = sweep_file(tmp_path, FORTY)
+    out = tmp_path / "out"
     words = ["sweep", str(path), "--out", str(out), "--no-times", "--workers", "2"]
     process = subprocess.Popen(
         [sys.executable, "-c", COMMAND, *words],
@@ -142,19 +149,23 @@ def cluster(folder: Path):
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     address = f"tcp://127.0.0.1:{port}"
-    place = "--host", "127.0.0.1", "--no-dashboard"
-    limits = "--nthreads", 1, "--memory-limit", "2GiB", "--local-directory", folder
     with contextlib.ExitStack() as stack:
-        begin = lambda *words: stack.enter_context(dask_process(*words))
-        scheduler = begin("scheduler", "--port", port, *place)
+
+        def begin(*words: object):
+            return stack.enter_context(dask_process(*words))
+
+        scheduler = begin("scheduler", "--port", port, *LOCAL)
         wait_for(lambda: is_open(port))
-        workers = [begin("worker", address, *limits) for _ in range(2)]
+        workers = [
+            begin("worker", address, *LIMITS, "--local-directory", folder)
+            for _ in range(2)
+        ]
         yield address, scheduler, workers
 
 
 def is_open(port: int) -> bool:
-    with socket.socket() as there:
-        return there.connect_ex(("127.0.0.1", port)) == 0
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
 def sweep_on(address: str, path: Path, out: Path) -> subprocess.Popen:
@@ -172,7 +183,8 @@ def sweep_on(address: str, path: Path, out: Path) -> subprocess.Popen:
 @pytest.mark.slow
 @pytest.mark.parametrize("is_killed", [False, True])
 def test_a_scheduler_with_two_workers_even_if_one_dies(alone, tmp_path, is_killed):
-    path, out = sweep_file(tmp_path, FORTY), tmp_path / "out"
+    path = sweep_file(tmp_path, FORTY)
+    out = tmp_path / "out"
     with cluster(tmp_path) as (address, _, workers):
         process = sweep_on(address, path, out)
         if is_killed:
@@ -185,7 +197,8 @@ def test_a_scheduler_with_two_workers_even_if_one_dies(alone, tmp_path, is_kille
 
 @pytest.mark.slow
 def test_a_scheduler_that_dies_is_one_line_and_rows_are_kept(alone, tmp_path):
-    path, out = sweep_file(tmp_path, FORTY), tmp_path / "out"
+    path = sweep_file(tmp_path, FORTY)
+    out = tmp_path / "out"
     with cluster(tmp_path) as (address, scheduler, _):
         process = sweep_on(address, path, out)
         wait_for(lambda: (out / "rows.jsonl").exists() and len(rows(out)) > 0)
@@ -201,7 +214,7 @@ def test_a_scheduler_that_dies_is_one_line_and_rows_are_kept(alone, tmp_path):
 
 @pytest.mark.slow
 def test_two_folders_with_cold_caches_have_the_same_errors(tmp_path, monkeypatch):
-    found = []
+    tables = []
     for name in ("one", "other"):
         (tmp_path / name).mkdir()
         monkeypatch.setenv("JAXTHERMO_CACHE", str(tmp_path / name / "cache"))
@@ -210,11 +223,11 @@ def test_two_folders_with_cold_caches_have_the_same_errors(tmp_path, monkeypatch
         scene = path.parent / "ball.yaml"
         scene.write_text(scene.read_text().replace("dtype: float64\n", ""))
         out = tmp_path / name / "out"
-        words = "sweep", path, "--out", out, *SERIAL
-        assert start(COMMAND, *words).wait(300) == 0
-        found.append(errors(out))
-    assert set(found[0]) == set(found[1])
-    for key, row in found[0].items():
-        a, b = row["error"]["rms_kelvin"], found[1][key]["error"]["rms_kelvin"]
+        assert start_sweep(path, out).wait(300) == 0
+        tables.append(errors(out))
+    assert set(tables[0]) == set(tables[1])
+    for key, row in tables[0].items():
+        error = row["error"]["rms_kelvin"]
+        expected = tables[1][key]["error"]["rms_kelvin"]
         # A rounding of a temperature of 300 K, 3e-5 K.
-        np.testing.assert_allclose(a, b, rtol=0, atol=3e-5)
+        np.testing.assert_allclose(error, expected, rtol=0, atol=3e-5)

@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from cli_runs import SCENE, run, scene_file
+from cli_runs import SCENE, run, scene_file, sets, succeed
 
 from jaxthermo.archive import write_archive
 from jaxthermo.cli.truth import Truth
@@ -47,26 +47,24 @@ def test_a_reference_that_is_not_there_is_named_with_its_key(tmp_path):
 @pytest.mark.slow
 @pytest.mark.slice
 def test_a_run_is_compared_with_a_finer_one(tmp_path):
-    scene, fine, out = scene_file(tmp_path), tmp_path / "fine", tmp_path / "out"
-    code, _, err = run(
-        "simulate", scene, "--out", fine, "--set", "bodies.0.voxels_high=24"
-    )
-    assert (code, err) == (0, "")
+    scene = scene_file(tmp_path)
+    fine = tmp_path / "fine"
+    out = tmp_path / "out"
+    succeed("simulate", scene, "--out", fine, "--set", "bodies.0.voxels_high=24")
     truth = f"truth={{reference: {fine / 'solution.npz'}, points: 2000}}"
-    code, said, err = run("simulate", scene, "--out", out, "--set", truth)
-    assert (code, err) == (0, "")
-    found = json.loads((out / "summary.json").read_text())["truth_error"]
-    assert found["times_s"] == [5, 12, 20]
-    assert found["pitch_m"] == pytest.approx([0.1 / 12])
-    assert found["reference_pitch_m"] == pytest.approx([0.1 / 24])
-    assert 0 < found["worst_rms_kelvin"] == max(found["rms_kelvin"]) < 0.5
-    assert 0 < found["worst_rms_percent"] < 20
-    assert found["worst_lost_fraction"] == found["reference_lost_fraction"] == 0
-    assert found["remarks"] == []
-    assert f"{found['worst_rms_kelvin']:.3g} K" in " ".join(said.split())
+    said = succeed("simulate", scene, "--out", out, "--set", truth)
+    error = json.loads((out / "summary.json").read_text())["truth_error"]
+    assert error["times_s"] == [5, 12, 20]
+    assert error["pitch_m"] == pytest.approx([0.1 / 12])
+    assert error["reference_pitch_m"] == pytest.approx([0.1 / 24])
+    assert 0 < error["worst_rms_kelvin"] == max(error["rms_kelvin"]) < 0.5
+    assert 0 < error["worst_rms_percent"] < 20
+    assert error["worst_lost_fraction"] == error["reference_lost_fraction"] == 0
+    assert error["remarks"] == []
+    assert f"{error['worst_rms_kelvin']:.3g} K" in " ".join(said.split())
     # The run itself does not depend on what it is compared with.
-    before = json.loads((fine / "summary.json").read_text())
-    assert before["truth_error"] is None
+    fine_summary = json.loads((fine / "summary.json").read_text())
+    assert fine_summary["truth_error"] is None
 
     # A run that is no finer says so; one that is written over is refused.
     same = f"truth={{reference: {out / 'solution.npz'}}}"
@@ -85,7 +83,7 @@ def test_a_run_is_compared_with_a_finer_one(tmp_path):
         f"format version {FORMAT_VERSION - 1}": (f"truth={{reference: {old}}}",),
     }
     for words, changes in refused.items():
-        sets = [part for each in changes for part in ("--set", each)]
-        code, _, err = run("simulate", scene, "--out", tmp_path / "b", *sets)
+        options = sets(*changes)
+        code, _, err = run("simulate", scene, "--out", tmp_path / "b", *options)
         assert code == 2 and err.count("\n") == 1 and words in err, err
         assert "truth.reference: " in err and not (tmp_path / "b").exists()

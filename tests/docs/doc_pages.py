@@ -21,7 +21,7 @@ def name(page: Path) -> str:
 
 
 def blocks(page: Path, language: str) -> list[str]:
-    return [text for kind, text in _BLOCK.findall(page.read_text()) if kind == language]
+    return [text for name, text in _BLOCK.findall(page.read_text()) if name == language]
 
 
 def without_blocks(page: Path) -> str:
@@ -32,8 +32,10 @@ def without_blocks(page: Path) -> str:
 def command_lines(page: Path) -> list[list[str]]:
     """Words of each command in the shell blocks of a page."""
     lines = [line for text in blocks(page, "sh") for line in text.splitlines()]
-    parts = [part for line in lines for part in line.split(" && ")]
-    return [words for part in parts if (words := shlex.split(part, comments=True))]
+    commands = [command for line in lines for command in line.split(" && ")]
+    return [
+        words for command in commands if (words := shlex.split(command, comments=True))
+    ]
 
 
 def spans(page: Path) -> list[str]:

@@ -107,5 +107,5 @@ def test_commands_of_a_page_run(page, tmp_path):
     lines = [line.split() for line in BEFORE.get(name(page), [])]
     for words in [*lines, *commands_to_run(page)]:
         line = " ".join(words)
-        less = [more for start, more in LESS.items() if line.startswith(start)]
+        less = [options for start, options in LESS.items() if line.startswith(start)]
         run(["-m", *words, *itertools.chain(*less)], tmp_path)

@@ -64,17 +64,19 @@ def _check_arguments(program: str, arguments: list[str], is_complete: bool) -> N
     except MissingArgumentError:
         assert not is_complete, (program, arguments)
         return
-    given = bound.arguments
-    for path in (v for v in given.values() if isinstance(v, Path)):
+    arguments_by_name = bound.arguments
+    for path in (v for v in arguments_by_name.values() if isinstance(v, Path)):
         assert path.parts[0] not in ("configs", "docs") or (ROOT / path).exists(), path
-    if command.__name__ == "_run" and given["name"] not in GROUPS:
-        assert find(given["name"])
+    if command.__name__ == "_run" and arguments_by_name["name"] not in GROUPS:
+        assert find(arguments_by_name["name"])
     if command.__name__ == "_plan" and is_complete:
         limits = ("tolerance", "kelvin", "time_budget", "memory")
-        assert tolerance_of(*(given.get(limit) for limit in limits))
-    scene = given.get("config")
+        assert tolerance_of(*(arguments_by_name.get(limit) for limit in limits))
+    scene = arguments_by_name.get("config")
     if scene is not None and scene.is_relative_to("configs/scenes"):
-        assert load_config(ROOT / scene, given.get("overrides", ()), find_meshes=False)
+        assert load_config(
+            ROOT / scene, arguments_by_name.get("overrides", ()), find_meshes=False
+        )
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
@@ -93,9 +95,9 @@ def test_commands_of_the_contributing_page_are_accepted():
 @pytest.mark.parametrize("path", DATA, ids=lambda p: p.stem)
 def test_commands_that_made_the_numbers_are_accepted(path):
     text = path.read_text()
-    given = re.findall(r'"command": "((?:[^"\\]|\\.)*)"', text)
-    given += re.findall(rf"`((?:make|python|{'|'.join(PROGRAMS)}) [^`]*)`", text)
-    for command in (part for each in given for part in each.split("; ")):
+    commands = re.findall(r'"command": "((?:[^"\\]|\\.)*)"', text)
+    commands += re.findall(rf"`((?:make|python|{'|'.join(PROGRAMS)}) [^`]*)`", text)
+    for command in (command for line in commands for command in line.split("; ")):
         check(shlex.split(json.loads(f'"{command}"')), is_complete=False)
 
 

@@ -37,11 +37,11 @@ OF_FITS = {"align", "bijection", "per", "time_norm", "reference", "prior", "goal
 @pytest.fixture
 def folder(tmp_path):
     """A folder like `configs/examples`, with a mesh, beside the shipped scenes."""
-    beside = tmp_path / "configs" / "examples"
-    beside.mkdir(parents=True)
-    (beside.parent / "scenes").symlink_to(ROOT / "configs" / "scenes")
-    trimesh.creation.box((30, 20, 40)).export(beside / "statue.ply")
-    return beside
+    example_folder = tmp_path / "configs" / "examples"
+    example_folder.mkdir(parents=True)
+    (example_folder.parent / "scenes").symlink_to(ROOT / "configs" / "scenes")
+    trimesh.creation.box((30, 20, 40)).export(example_folder / "statue.ply")
+    return example_folder
 
 
 def write(path: Path, data: dict[str, Any]) -> Path:
@@ -54,7 +54,7 @@ def load_scene(folder: Path, text: str, *overrides: str) -> None:
     path = folder / "scene.yaml"
     path.write_text(text)
     assert load_config(path).bodies[0].mesh is not None
-    changes = [part for each in overrides for part in ("--set", each)]
+    changes = [word for change in overrides for word in ("--set", change)]
     with pytest.raises(SystemExit) as stopped:
         main(["simulate", str(path), "--explain", *changes])
     assert stopped.value.code == 0
@@ -71,14 +71,16 @@ def load_calibration_block(folder: Path, data: dict[str, Any]) -> None:
 
 def load_sweep_block(folder: Path, data: dict[str, Any]) -> None:
     config = load_sweep(write(folder / "sweep.yaml", data))
-    found = choices(config)
-    assert len(found) == 20
+    sweep_choices = choices(config)
+    assert len(sweep_choices) == 20
     # The first and the last have every value of a list of two.
-    assert all(cases_of(config, choice) for choice in (found[0], found[-1]))
+    assert all(
+        cases_of(config, choice) for choice in (sweep_choices[0], sweep_choices[-1])
+    )
 
 
-def load_body_part(folder: Path, part: dict[str, Any]) -> None:
-    scene = {**SCENE, "bodies": [{**BODY, **part}]}
+def load_body_part(folder: Path, body_section: dict[str, Any]) -> None:
+    scene = {**SCENE, "bodies": [{**BODY, **body_section}]}
     assert load_config(write(folder / "part.yaml", scene), find_meshes=False)
 
 
@@ -105,9 +107,9 @@ def scene_with(setting: dict[str, Any]) -> dict[str, Any] | None:
     """A scene with the setting where it belongs, None for a setting of other files."""
     scene = copy.deepcopy(SCENE)
     ((key, value),) = setting.items()
-    first, _, rest = key.partition(".")
-    if rest:
-        scene[first] = {rest: value}
+    first, _, subkey = key.partition(".")
+    if subkey:
+        scene[first] = {subkey: value}
     elif key in BodyConfig.model_fields:
         scene["bodies"][0][key] = value
         if key == "solid":
@@ -122,9 +124,9 @@ def scene_with(setting: dict[str, Any]) -> dict[str, Any] | None:
         scene["bodies"] *= 2
         scene["terms"] = [{"kind": "heat_flux", "heat_flux": 10, "on": setting}]
     elif key in ("place", "start", "clear_sky"):
-        place = {"latitude": 48, "longitude": 11}
-        there = {"place": place, "start": "2026-06-21T12:00Z"}
-        scene["outdoors"] = {**there, "clear_sky": {"air": [285, 300]}, **setting}
+        site = {"latitude": 48, "longitude": 11}
+        outdoors = {"place": site, "start": "2026-06-21T12:00Z"}
+        scene["outdoors"] = {**outdoors, "clear_sky": {"air": [285, 300]}, **setting}
     else:
         return None
     return scene
@@ -146,16 +148,16 @@ def test_a_setting_in_a_sentence_is_accepted(text, tmp_path):
 def test_the_card_that_is_shown_is_the_shipped_one():
     """Each number to the digits that the page has."""
     (text,) = blocks(ROOT / "docs" / "guide" / "calibrate.md", "text")
-    shown = parse_yaml(text, "page")
-    card = read_yaml(shipped_cards()[shown["name"]])
-    assert agrees(shown, card)
+    excerpt = parse_yaml(text, "page")
+    card = read_yaml(shipped_cards()[excerpt["name"]])
+    assert agrees(excerpt, card)
 
 
-def agrees(shown: Any, there: Any) -> bool:
-    if isinstance(shown, dict):
-        return all(agrees(value, there[key]) for key, value in shown.items())
-    if isinstance(shown, list):
-        return all(agrees(*pair) for pair in zip(shown, there, strict=True))
-    if isinstance(shown, float):
-        return abs(shown - there) <= 5e-3 * abs(there)
-    return shown == there
+def agrees(excerpt: Any, source: Any) -> bool:
+    if isinstance(excerpt, dict):
+        return all(agrees(value, source[key]) for key, value in excerpt.items())
+    if isinstance(excerpt, list):
+        return all(agrees(*pair) for pair in zip(excerpt, source, strict=True))
+    if isinstance(excerpt, float):
+        return abs(excerpt - source) <= 5e-3 * abs(source)
+    return excerpt == source

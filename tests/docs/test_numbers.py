@@ -48,7 +48,7 @@ GIVEN = {
 def numerals(text: str) -> list[str]:
     """The numerals with a unit in the sentences and tables of a page."""
     prose = _NOT_PROSE.sub(" . ", text)
-    return [" ".join(found[0].split()) for found in _NUMERAL.finditer(prose)]
+    return [" ".join(match[0].split()) for match in _NUMERAL.finditer(prose)]
 
 
 def texts(value: Any) -> list[str]:
@@ -56,19 +56,23 @@ def texts(value: Any) -> list[str]:
     if isinstance(value, dict):
         value = list(value.values())
     if isinstance(value, list):
-        return [text for each in value for text in texts(each)]
+        return [text for entry in value for text in texts(entry)]
     return [str(value)]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_a_number_in_prose_is_from_data_or_given(page):
-    found = set(numerals(without_blocks(page)))
-    given = set(GIVEN[name(page)].split("; ")) if name(page) in GIVEN else set()
+    numerals_of_page = set(numerals(without_blocks(page)))
+    allowed = set(GIVEN[name(page)].split("; ")) if name(page) in GIVEN else set()
     if page.name == "README.md":
         # No roles there: what it says is compared with the data.
         data = [text for path in DATA for text in texts(json.loads(path.read_text()))]
-        found -= {each for each in found if any(each in text for text in data)}
-    assert found == given
+        numerals_of_page -= {
+            numeral
+            for numeral in numerals_of_page
+            if any(numeral in text for text in data)
+        }
+    assert numerals_of_page == allowed
 
 
 def test_numerals_are_found():
@@ -84,20 +88,25 @@ def test_the_front_of_the_readme_is_that_of_the_data():
     text = (ROOT / "README.md").read_text()
     table = re.search(r"^\| error \|.*?\n\n", text, re.M | re.S)
     assert table
-    shown = [line.strip("|").split("|") for line in table[0].strip().splitlines()[2:]]
-    assert shown and all([cell.strip() for cell in row] in rows for row in shown)
+    shown_rows = [
+        line.strip("|").split("|") for line in table[0].strip().splitlines()[2:]
+    ]
+    assert shown_rows and all(
+        [cell.strip() for cell in row] in rows for row in shown_rows
+    )
 
 
 def test_errors_of_cards_are_those_of_the_shipped_cards():
     """The largest error of all cases, to the digits of the page."""
     data = json.loads((ROOT / "docs" / "data" / "cards.json").read_text())
-    kinds, voxels = ("octree", "shell-over-core"), []
+    structures = ("octree", "shell-over-core")
+    voxels = []
     for body, *errors, _ in data["tables"]["largest_error"]["rows"]:
-        for kind, shown in zip(kinds, errors, strict=True):
-            card = read_yaml(shipped_cards()[f"{body}/{kind}"])
+        for structure, shown_errors in zip(structures, errors, strict=True):
+            card = read_yaml(shipped_cards()[f"{body}/{structure}"])
             cases = card["error_kelvin"].values()
             for which, text in zip(
-                ("default", "fitted"), shown.split(" to "), strict=True
+                ("default", "fitted"), shown_errors.split(" to "), strict=True
             ):
                 assert f"{max(case[which] for case in cases):.3g}" == text
             voxels.append(int(card["origin"]["nodes"].split()[-1]))
@@ -107,17 +116,17 @@ def test_errors_of_cards_are_those_of_the_shipped_cards():
 
 
 def test_every_number_that_is_shown_is_there_and_every_one_there_is_shown():
-    shown = set()
+    used = set()
     for page in PAGES:
         for a, b, c, d in _SHOWN.findall(page.read_text()):
-            shown.add((a or c, "values" if a else "tables", b or d))
-    there = {
-        (path.stem, kind, name)
+            used.add((a or c, "values" if a else "tables", b or d))
+    defined = {
+        (path.stem, section, name)
         for path in DATA
-        for kind in ("values", "tables")
-        for name in json.loads(path.read_text())[kind]
+        for section in ("values", "tables")
+        for name in json.loads(path.read_text())[section]
     }
-    assert shown == there
+    assert used == defined
 
 
 @pytest.mark.parametrize("path", DATA, ids=lambda p: p.stem)

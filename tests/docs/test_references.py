@@ -24,10 +24,10 @@ def test_every_exported_name_is_on_one_page():
     pages = sorted((DOCS / "reference").glob("api-*.md"))
     folders = [re.findall(r"^%generate api (\S+)$", p.read_text(), re.M) for p in pages]
     text = "\n".join(api_reference(folder) for (folder,) in folders)
-    found = re.findall(r"^\.\. auto\w+:: jaxthermo\.(\S+)$", text, re.M)
+    documented = re.findall(r"^\.\. auto\w+:: jaxthermo\.(\S+)$", text, re.M)
     # The two that are modules are shown with their members.
     modules = {"shapes": "geometry.shapes", "measurements": "image.measurements"}
-    assert sorted(found) == sorted(modules.get(name, name) for name in exported())
+    assert sorted(documented) == sorted(modules.get(name, name) for name in exported())
 
 
 @pytest.mark.parametrize("name", ["scene", "dataset", "calibration", "sweep"])

@@ -20,7 +20,7 @@ bodies:
     pitch: 1 cm
     material: {material}
     temperature: 20 degC
-    {more}
+    {lines}
 time: {{end: 60, save_at: [60]}}
 """
 
@@ -33,9 +33,9 @@ def scene(tmp_path):
     """A function from a material and lines of a body, and overrides, to the config."""
     np.save(tmp_path / "parts.npy", np.arange(64).reshape(4, 4, 4) % 2)
 
-    def load(material: str = "copper", more: str = "", *overrides: str):
+    def load(material: str = "copper", lines: str = "", *overrides: str):
         path = tmp_path / "scene.yaml"
-        path.write_text(SCENE.format(material=material, more=more))
+        path.write_text(SCENE.format(material=material, lines=lines))
         config = load_config(path, overrides)
         path.write_text(to_yaml(config))
         assert load_config(path) == config
@@ -48,9 +48,9 @@ def scene(tmp_path):
 def refused(scene):
     """A function from the same to the lines of refusal, without the file's name."""
 
-    def load(*given: str) -> list[str]:
+    def load(*arguments: str) -> list[str]:
         with pytest.raises(InputError) as caught:
-            scene(*given)
+            scene(*arguments)
         return [line.split(": ", 1)[1] for line in str(caught.value).splitlines()]
 
     return load
@@ -67,8 +67,8 @@ def test_a_property_by_temperature(scene):
 
 def test_tables_of_temperature_beside_other_materials_and_by_axis(scene):
     painted = scene(VARYING, PAINT.replace("gold", VARYING)).bodies[0]
-    given = painted.build_materials().materials
-    assert [type(m.conductivity) for m in given] == [Property, Property]
+    materials = painted.build_materials().materials
+    assert [type(m.conductivity) for m in materials] == [Property, Property]
     by_axis = f"{{name: copper, conductivity: [1, {WARM}, 3]}}"
     along = scene(by_axis).bodies[0].build_materials().conductivity
     assert along[0] == 1.0 and isinstance(along[1], Property)
@@ -121,7 +121,7 @@ LABELS = "{labels: parts.npy, materials: [copper, gold]}"
 
 
 @pytest.mark.parametrize(
-    ("material", "more", "message"),
+    ("material", "lines", "message"),
     [
         ("{name: copper, conductivity: [1, 2]}", "",
          "material.conductivity: expected three numbers [x, y, z], got [1, 2]"),
@@ -155,8 +155,8 @@ LABELS = "{labels: parts.npy, materials: [copper, gold]}"
          "pose.translation: unknown key"),
     ],
 )  # fmt: skip
-def test_each_mistake_is_one_line_with_its_path(refused, material, more, message):
-    (line,) = refused(material, more)
+def test_each_mistake_is_one_line_with_its_path(refused, material, lines, message):
+    (line,) = refused(material, lines)
     assert f"bodies.0.{message}" in line
 
 
@@ -169,11 +169,11 @@ def test_coatings(scene, refused, tmp_path):
         "{absorptivity: {fragments: eps.npy}, on: {not: {region: {lower: [0, 0, 0], "
         "upper: [1, 1, 1]}}}}]",
     ).bodies[0]
-    top, other = body.build().coatings
+    top, bottom = body.build().coatings
     assert top == jt.Coating(0.5, on=jt.Side((0.0, 0.0, 1.0)))
-    assert other.on == ~jt.Region((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
-    assert other.emissivity is None
-    np.testing.assert_array_equal(other.absorptivity, values)
+    assert bottom.on == ~jt.Region((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    assert bottom.emissivity is None
+    np.testing.assert_array_equal(bottom.absorptivity, values)
     assert refused("copper", "coatings: [{emissivity: 2}, {on: {body: 0}}]") == [
         "bodies.0.coatings.0.emissivity: must be at most 1, got 2",
         "bodies.0.coatings.1: missing `emissivity` or `absorptivity`: give one of them",

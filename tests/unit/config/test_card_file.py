@@ -59,16 +59,16 @@ def test_long_lists_lie_beside_it(tmp_path):
 
 def test_structures_take_a_card():
     card = _card(within=[1.5, 0.7])
-    made = jt.ShellOverCore(blocks(np.ones((6, 6, 6), bool)), weights=card)
-    assert made.weights is card.weights
+    structure = jt.ShellOverCore(blocks(np.ones((6, 6, 6), bool)), weights=card)
+    assert structure.weights is card.weights
 
 
 def _scene(tmp_path, *changes):
     write_card(tmp_path / "card.yaml", _card(within=[1.5, 0.7]))
-    kind = "{kind: shell_over_core, layers: 1, factor: 4, weights: " + str(
+    structure = "{kind: shell_over_core, layers: 1, factor: 4, weights: " + str(
         tmp_path / "card.yaml"
     )
-    start = f"bodies.0.structure={kind}}}"
+    start = f"bodies.0.structure={structure}}}"
     return load_config(SCENE, ("bodies.0.voxels_high=12", start, *changes))
 
 
@@ -76,9 +76,9 @@ def test_a_scene_names_a_card(tmp_path):
     config = _scene(tmp_path)
     weights = config.build().bodies[0].structure.weights
     np.testing.assert_array_equal(weights.within, [1.5, 0.7])
-    kept = tmp_path / "kept.yaml"
-    kept.write_text(to_yaml(config))
-    assert load_config(kept) == config
+    written = tmp_path / "kept.yaml"
+    written.write_text(to_yaml(config))
+    assert load_config(written) == config
 
 
 @pytest.mark.parametrize(
@@ -177,8 +177,8 @@ def test_a_scene_outside_the_fitted_range_is_told():
     card = _card()
     inside = {"biot": 0.021, "voxels_across": 5.5}
     assert extrapolations(card, inside, ("sun",)) == []
-    found = extrapolations(card, {"biot": 0.5, "voxels_across": 2.0}, ("sun", "wind"))
-    assert [line.split()[0] for line in found] == ["biot", "voxels", "wind:"]
+    remarks = extrapolations(card, {"biot": 0.5, "voxels_across": 2.0}, ("sun", "wind"))
+    assert [line.split()[0] for line in remarks] == ["biot", "voxels", "wind:"]
 
 
 def test_a_range_without_width_says_its_tolerance():
@@ -224,10 +224,10 @@ def test_the_geometry_of_a_body_is_its_content_without_the_scale(tmp_path):
         np.save(path, np.full((2, 2, 2), filled))
     data = read_yaml(SCENE)
     del data["bodies"][0]["shape"], data["bodies"][0]["voxels_high"]
-    found = []
+    messages = []
     for path in files:
         data["bodies"][0] |= {"solid": str(path), "pitch": 1.0}
         (tmp_path / "scene.yaml").write_text(write_yaml(data))
-        found.append(load_config(tmp_path / "scene.yaml").bodies[0].geometry)
-    assert [name for name, _ in found] == ["a.npy", "b.npy", "c.npy"]
-    assert found[0][1] == found[1][1] != found[2][1]
+        messages.append(load_config(tmp_path / "scene.yaml").bodies[0].geometry)
+    assert [name for name, _ in messages] == ["a.npy", "b.npy", "c.npy"]
+    assert messages[0][1] == messages[1][1] != messages[2][1]

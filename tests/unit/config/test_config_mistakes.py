@@ -162,9 +162,9 @@ def test_seven_mistakes_are_seven_lines(lines):
     data["terms"][1]["on"]["side"]["body"] = 4
     data["time"]["save_at"] = [60, 200]
     data["image"] = {"frames": "none"}
-    found = lines(data)
-    assert len(found) == 7, found
-    assert all(line.startswith("F: ") for line in found)
+    mistakes = lines(data)
+    assert len(mistakes) == 7, mistakes
+    assert all(line.startswith("F: ") for line in mistakes)
 
 
 def test_frames_are_checked_while_other_parts_are_wrong(lines):

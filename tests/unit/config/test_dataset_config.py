@@ -64,9 +64,9 @@ def test_every_combination_and_every_sample_is_a_run(load):
     assert sum(map(plan.frames_of, plan.variations)) == 6
     # The seed decides alone.
     assert plan_dataset(config).digest == plan.digest
-    other = plan_dataset(config.model_copy(update={"seed": 1}))
-    assert other.digest != plan.digest
-    assert other.variations[0].changes != plan.variations[0].changes
+    reseeded = plan_dataset(config.model_copy(update={"seed": 1}))
+    assert reseeded.digest != plan.digest
+    assert reseeded.variations[0].changes != plan.variations[0].changes
 
 
 def test_cameras_of_an_orbit_keep_to_its_ranges(load):
@@ -76,7 +76,7 @@ def test_cameras_of_an_orbit_keep_to_its_ranges(load):
     )
     views = plan_dataset(load(f"orbit: {orbit}")).views
     places = [view.position for view in views if view.position is not None]
-    lengths = [sum(x * x for x in place) ** 0.5 for place in places]
+    lengths = [sum(x * x for x in position) ** 0.5 for position in places]
     assert len(lengths) == 40
     assert min(lengths) >= 0.5 - 1e-5 and max(lengths) <= 0.6 + 1e-5
     sines = [p[2] / d for p, d in zip(places, lengths, strict=True)]
@@ -90,7 +90,7 @@ def test_frames_have_noise_of_their_own(load):
     )
     plan = plan_dataset(config)
     noise = [plan.scene(0, view).image.effects[0] for view in (0, 1)]
-    seeds = [each.model_dump()["seed"] for each in noise]
+    seeds = [effect.model_dump()["seed"] for effect in noise]
     assert seeds[0] != seeds[1]
     assert plan.scene(0, 1).image.effects[1] == plan.scene(0, 0).image.effects[1]
 

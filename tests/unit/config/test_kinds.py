@@ -50,7 +50,8 @@ def test_keys_and_defaults_are_those_of_the_class(model):
     of_class = parameters(model)
     converted = CONVERTED.get(name_of(model), set())
     for key in set(model.model_fields) - {"kind", "until"} - converted:
-        field, default = model.model_fields[key], of_class[key].default
+        field = model.model_fields[key]
+        default = of_class[key].default
         # None leaves the value to the class.
         if not field.is_required() and field.default not in (None, ()):
             assert build(field.default) == default, key
@@ -104,17 +105,17 @@ UPPER = (64, 4096, 100_000, 1e9)
 
 def limits() -> list[tuple[str, str, float, float]]:
     """Model, key, the limit and the nearest number beyond it."""
-    found = []
+    limits = []
     for model in (m for m in MODELS if name_of(m) in GIVEN):
         for key in model.model_fields:
-            whole = int in field_parts(model, key)
-            for part in field_parts(model, key):
+            is_integer = int in field_parts(model, key)
+            for marker in field_parts(model, key):
                 for name, way in (("gt", 0), ("ge", -1), ("lt", 0), ("le", 1)):
-                    if (limit := getattr(part, name, None)) is not None:
-                        limit = limit if whole else float(limit)
-                        step = 1 if whole else 1e-3 * max(abs(limit), 1.0)
-                        found.append((name_of(model), key, limit, limit + way * step))
-    return sorted(set(found))
+                    if (limit := getattr(marker, name, None)) is not None:
+                        limit = limit if is_integer else float(limit)
+                        step = 1 if is_integer else 1e-3 * max(abs(limit), 1.0)
+                        limits.append((name_of(model), key, limit, limit + way * step))
+    return sorted(set(limits))
 
 
 BY_NAME = {name_of(model): model for model in MODELS}

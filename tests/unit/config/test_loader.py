@@ -70,9 +70,9 @@ def test_values_are_si(full):
     assert config.time.save_times == (50.0, 100.0, 150.0, 180.0)
 
 
-@pytest.mark.parametrize(("end", "every", "count"), [(180, 30, 6), (1, 0.1, 10)])
-def test_saving_at_every_step_ends_with_the_end(end, every, count):
-    times = TimeConfig.model_validate({"end": end, "save_every": every}).save_times
+@pytest.mark.parametrize(("end", "interval", "count"), [(180, 30, 6), (1, 0.1, 10)])
+def test_saving_at_every_step_ends_with_the_end(end, interval, count):
+    times = TimeConfig.model_validate({"end": end, "save_every": interval}).save_times
     assert len(times) == count
     assert times[-1] == end
 

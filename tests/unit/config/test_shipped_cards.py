@@ -37,15 +37,20 @@ def test_a_card_is_a_fit_with_ranges_errors_and_its_origin(name):
     # Against finer voxels, whose own error is told.
     errors = card.error_kelvin
     assert card.origin["reference"] == "truth"
-    assert all(each["reference"] > 0 for each in errors.values())
-    train, held_out = errors["train"], errors["held_out"]
+    assert all(error["reference"] > 0 for error in errors.values())
+    train = errors["train"]
+    held_out = errors["held_out"]
     assert train["fitted"] < train["default"]
     # Over all cases, those held out too: weights that only fit are not shipped.
-    largest = lambda kind: max(train[kind], held_out[kind])
+
+    def largest(which):
+        return max(train[which], held_out[which])
+
     assert 0 < largest("fitted") < largest("default")
     assert {"train", "held_out", "fitted", "nodes", "steps"} <= set(card.origin)
     # The weights that were not fitted are those of the formula.
-    fitted, formula = card.origin["fitted"].split("; "), vars(jt.ConductionWeights())
+    fitted = card.origin["fitted"].split("; ")
+    formula = vars(jt.ConductionWeights())
     changed = {k for k, v in vars(card.weights).items() if np.any(v != formula[k])}
     assert changed and changed <= {name.removeprefix("weights.") for name in fitted}
 
@@ -55,7 +60,8 @@ def test_a_card_is_what_its_recipe_makes(name, monkeypatch):
     """Or it would have to be made again: `make cards`."""
     monkeypatch.setenv("JAXTHERMO_MESHES", "")
     (recipe,) = read_recipes(RECIPES, [name])
-    config, card = recipe.load(), load_card(f"card://{name}")
+    config = recipe.load()
+    card = load_card(f"card://{name}")
     assert card.origin["config"] == calibration_hash(config)
     assert card.surface_cells == config.set["bodies.0.surface_cells"]
 
@@ -70,18 +76,25 @@ def test_every_recipe_has_a_card():
 def test_a_run_of_the_case_held_out_has_the_error_that_the_card_says(name):
     """The other bodies need files."""
     (recipe,) = read_recipes(RECIPES, [name])
-    config, card = recipe.load(), load_card(f"card://{name}")
+    config = recipe.load()
+    card = load_card(f"card://{name}")
     changes = config.held_out[0].set
     weights = {"bodies.0.structure.weights": f"card://{name}"}
     assert config.truth is not None
-    given = scene_config(config, changes)
-    reference = refined_reference(given, config.truth, lambda stage: None)
-    for kind, more in (("default", {}), ("fitted", weights)):
-        made = scene_config(config, changes, more)
-        end, saves = made.time.end, made.time.save_times
-        found = jt.simulate(made.build(), end, saves, solver=made.solver.build())
-        error = jt.truth_error(found, reference.solution).worst_rms_kelvin
-        assert error == pytest.approx(card.error_kelvin["held_out"][kind], rel=0.05)
+    reference_config = scene_config(config, changes)
+    reference = refined_reference(reference_config, config.truth, lambda stage: None)
+    for card_kind, weight_changes in (("default", {}), ("fitted", weights)):
+        run_config = scene_config(config, changes, weight_changes)
+        solution = jt.simulate(
+            run_config.build(),
+            run_config.time.end,
+            run_config.time.save_times,
+            solver=run_config.solver.build(),
+        )
+        error = jt.truth_error(solution, reference.solution).worst_rms_kelvin
+        assert error == pytest.approx(
+            card.error_kelvin["held_out"][card_kind], rel=0.05
+        )
 
 
 def test_the_list_has_every_card():

@@ -24,7 +24,7 @@ def scene(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("given", "made"),
+    ("text", "solver"),
     [
         ("auto", None),
         ("forward_euler", jt.ForwardEuler()),
@@ -40,9 +40,9 @@ def scene(tmp_path):
         ("{kind: error_control, error: 0.01}", jt.ErrorControl(error=0.01)),
     ],
 )
-def test_each_kind_makes_its_solver(scene, given, made):
-    config = load_config(scene, (f"solver={given}",))
-    assert config.solver.build() == made
+def test_each_kind_makes_its_solver(scene, text, solver):
+    config = load_config(scene, (f"solver={text}",))
+    assert config.solver.build() == solver
 
 
 def test_without_a_solver_one_is_chosen(scene):
@@ -50,7 +50,7 @@ def test_without_a_solver_one_is_chosen(scene):
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("text", "message"),
     [
         ("{kind: trbdf2, error: 0}", "solver.error: must be more than 0"),
         ("{kind: super_time_stepping, stages: 2}", "stages"),
@@ -58,6 +58,6 @@ def test_without_a_solver_one_is_chosen(scene):
         ("rk4", "solver"),
     ],
 )
-def test_mistakes_are_named(scene, given, message):
+def test_mistakes_are_named(scene, text, message):
     with pytest.raises(jt.InputError, match=message):
-        load_config(scene, (f"solver={given}",))
+        load_config(scene, (f"solver={text}",))

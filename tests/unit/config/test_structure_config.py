@@ -25,7 +25,7 @@ bodies:
     pitch: 1 cm
     material: copper
     temperature: 20 degC
-    {more}
+    {lines}
 time: {{end: 60, save_at: [60]}}
 """
 
@@ -46,9 +46,9 @@ KEYS = sorted(set.union(*TAKES.values()))
 def body(tmp_path):
     """A function from lines of a body, and overrides, to the body's config."""
 
-    def load(more: str = "", *overrides: str):
+    def load(lines: str = "", *overrides: str):
         path = tmp_path / "scene.yaml"
-        path.write_text(SCENE.format(more=more))
+        path.write_text(SCENE.format(lines=lines))
         return load_config(path, overrides).bodies[0]
 
     return load
@@ -58,9 +58,9 @@ def body(tmp_path):
 def refused(body):
     """A function from lines of a body, and overrides, to the one line of refusal."""
 
-    def load(more: str = "", *overrides: str) -> str:
+    def load(lines: str = "", *overrides: str) -> str:
         with pytest.raises(InputError) as caught:
-            body(more, *overrides)
+            body(lines, *overrides)
         assert "\n" not in str(caught.value)
         return str(caught.value)
 
@@ -73,47 +73,47 @@ def test_without_either_it_is_the_full_volume_read_at_the_surface(body):
     assert config.surface_map == FluxCorrectedMap(at="surface")
 
 
-@pytest.mark.parametrize("kind", sorted(set(TAKES) - {"partition"}))
-def test_a_kind_may_be_written_short(body, kind):
-    long = body(f"structure: {{kind: {kind}}}").structure
-    assert long.kind == kind
-    assert body(f"structure: {kind}").structure == long
+@pytest.mark.parametrize("name", sorted(set(TAKES) - {"partition"}))
+def test_a_kind_may_be_written_short(body, name):
+    long = body(f"structure: {{kind: {name}}}").structure
+    assert long.kind == name
+    assert body(f"structure: {name}").structure == long
 
 
 @pytest.mark.parametrize(
-    "more", ["", "structure: aggregate", "structure: {kind: octree}"]
+    "lines", ["", "structure: aggregate", "structure: {kind: octree}"]
 )
 @pytest.mark.parametrize(
     "override", ["bodies.0.structure.kind=octree", "bodies.0.structure=octree"]
 )
-def test_a_kind_may_be_set(body, more, override):
-    assert body(more, override).structure == _Octree()
+def test_a_kind_may_be_set(body, lines, override):
+    assert body(lines, override).structure == _Octree()
 
 
 @pytest.mark.parametrize(
-    "more", ["structure: octree", "structure: {kind: octree, weights: {between: 0.5}}"]
+    "lines", ["structure: octree", "structure: {kind: octree, weights: {between: 0.5}}"]
 )
-def test_a_weight_may_be_set(body, more):
-    found = body(more, "bodies.0.structure.weights.between=0.9").structure
-    assert found == _Octree(weights=_WeightsConfig(between=0.9))
-    within = body(more, "bodies.0.structure.weights.within=[1, 90 %]").structure
+def test_a_weight_may_be_set(body, lines):
+    structure = body(lines, "bodies.0.structure.weights.between=0.9").structure
+    assert structure == _Octree(weights=_WeightsConfig(between=0.9))
+    within = body(lines, "bodies.0.structure.weights.within=[1, 90 %]").structure
     assert within.weights.within == (1.0, 0.9)
 
 
 def test_a_weight_of_no_structure_is_of_the_full_volume(body):
-    found = body("", "bodies.0.structure.weights.within=0.9").structure
-    assert found == FullVolume(weights=_WeightsConfig(within=0.9))
+    structure = body("", "bodies.0.structure.weights.within=0.9").structure
+    assert structure == FullVolume(weights=_WeightsConfig(within=0.9))
 
 
 def test_kernels_of_the_full_volume_are_no_part_of_what_a_card_is_fitted_to(body):
     grid = jt.voxelize(jt.shapes.box((0.02, 0.02, 0.02)), 0.01)
-    found = body("structure: {kind: full_volume, kernels: numba}").structure
-    assert found.build(grid).kernels == "numba"
-    assert found.options == body("structure: full_volume").structure.options
+    structure = body("structure: {kind: full_volume, kernels: numba}").structure
+    assert structure.build(grid).kernels == "numba"
+    assert structure.options == body("structure: full_volume").structure.options
 
 
 @pytest.mark.parametrize(
-    ("more", "expected"),
+    ("lines", "expected"),
     [
         ("surface_map: constant", _ConstantMap()),
         ("surface_map: linear", _LinearMap()),
@@ -121,32 +121,32 @@ def test_kernels_of_the_full_volume_are_no_part_of_what_a_card_is_fitted_to(body
         ("surface_map: {at: voxel}", FluxCorrectedMap(at="voxel")),
     ],
 )
-def test_surface_maps(body, more, expected):
-    found = body(more).surface_map
-    assert found == expected
-    built = found.build()
+def test_surface_maps(body, lines, expected):
+    config = body(lines).surface_map
+    assert config == expected
+    built = config.build()
     assert type(built).__name__ == type(expected).__name__.lstrip("_")
     assert getattr(built, "at", None) == getattr(expected, "at", None)
 
 
 @pytest.mark.parametrize(
-    ("kind", "key"),
-    [(kind, key) for kind, own in TAKES.items() for key in KEYS if key not in own],
+    ("name", "key"),
+    [(name, key) for name, keys in TAKES.items() for key in KEYS if key not in keys],
 )
 def test_the_key_of_another_kind_is_one_line_with_what_this_kind_takes(
-    tmp_path, refused, kind, key
+    tmp_path, refused, name, key
 ):
     np.save(tmp_path / "a.npy", np.zeros((1, 1, 1), int))
-    labels = ", labels: a.npy" if kind == "partition" else ""
-    line = refused(f"structure: {{kind: {kind}{labels}, {key}: 3}}")
-    place, what = line.split("unknown key: ")
-    assert place.endswith(f"scene.yaml: bodies.0.structure.{key}: ")
-    takes = what.removeprefix(f"{kind} takes ").split(", ")
-    assert set(takes) == TAKES[kind] | {"weights"}
+    labels = ", labels: a.npy" if name == "partition" else ""
+    line = refused(f"structure: {{kind: {name}{labels}, {key}: 3}}")
+    location, explanation = line.split("unknown key: ")
+    assert location.endswith(f"scene.yaml: bodies.0.structure.{key}: ")
+    takes = explanation.removeprefix(f"{name} takes ").split(", ")
+    assert set(takes) == TAKES[name] | {"weights"}
 
 
 @pytest.mark.parametrize(
-    ("more", "message"),
+    ("lines", "message"),
     [
         ("structure: octre", "structure.kind: unknown kind 'octre'; did .* 'octree'"),
         ("structure: 3", "structure: expected a mapping with a `kind`, got 3"),
@@ -197,16 +197,16 @@ def test_the_key_of_another_kind_is_one_line_with_what_this_kind_takes(
         ("surface_map: {at: node}", "surface_map.at: 'node' is not known"),
     ],
 )
-def test_each_mistake_is_one_line_with_its_path(refused, more, message):
+def test_each_mistake_is_one_line_with_its_path(refused, lines, message):
     with pytest.raises(InputError, match=message):
-        raise InputError(refused(more))
+        raise InputError(refused(lines))
 
 
 def test_written_out_it_loads_to_the_same(tmp_path):
     path = tmp_path / "scene.yaml"
     weights = "weights: {within: [1, 0.5], capacity: 2}"
     structure = f"structure: {{kind: shell_over_core, layers: 2, {weights}}}"
-    path.write_text(SCENE.format(more=structure + "\n    surface_map: linear"))
+    path.write_text(SCENE.format(lines=structure + "\n    surface_map: linear"))
     config = load_config(path)
     path.write_text(to_yaml(config))
     assert load_config(path) == config
@@ -218,15 +218,15 @@ def test_labels_are_found_like_meshes_and_count_with_their_content(
     monkeypatch.setenv("JAXTHERMO_MESHES", str(tmp_path / "shelf"))
     (tmp_path / "shelf").mkdir()
     path = tmp_path / "scene.yaml"
-    more = "structure: {kind: partition, labels: a.npy}"
-    path.write_text(SCENE.format(more=more))
+    lines = "structure: {kind: partition, labels: a.npy}"
+    path.write_text(SCENE.format(lines=lines))
     hashes = []
     for folder, label in (("shelf", 1), (".", 1), (".", 2)):
         file = tmp_path / folder / "a.npy"
         np.save(file, np.full((2, 2, 2), label))
         config = load_config(path)
-        found = Path(resolved(config)["bodies"][0]["structure"]["labels"])
-        assert found == file.resolve()
+        labels = Path(resolved(config)["bodies"][0]["structure"]["labels"])
+        assert labels == file.resolve()
         hashes.append(config_hash(config))
     assert hashes[0] == hashes[1] != hashes[2]
 
@@ -264,7 +264,7 @@ def test_the_labels_of_another_body(tmp_path, body):
 
 
 @pytest.mark.parametrize(
-    ("more", "make", "default"),
+    ("options", "make", "default"),
     [
         ("full_volume", jt.FullVolume, None),
         ("single_shell, capacity: own", lambda g: jt.SingleShell(g, "own"), None),
@@ -288,10 +288,10 @@ def test_the_labels_of_another_body(tmp_path, body):
     ],
     ids=lambda value: value.split(",")[0] if isinstance(value, str) else "",
 )
-def test_each_kind_is_built_as_the_config_says(body, more, make, default):
+def test_each_kind_is_built_as_the_config_says(body, options, make, default):
     weights = "weights: {surface: 0.5, surface_distance: 2, non_orthogonal: 0.5}"
     config = body(
-        f"structure: {{kind: {more}, {weights}}}", "bodies.0.surface_map=constant"
+        f"structure: {{kind: {options}, {weights}}}", "bodies.0.surface_map=constant"
     )
     built = config.build()
     structure = built.structure
@@ -311,11 +311,11 @@ def test_each_kind_is_built_as_the_config_says(body, more, make, default):
 
 
 @pytest.mark.parametrize(
-    ("given", "factor"),
+    ("option", "factor"),
     [("nodes: 64", 3), ("nodes: 63", 4), ("size: 3 cm", 3), ("size: 2.4 cm", 2)],
 )
-def test_nodes_or_a_size_choose_the_factor(body, given, factor):
-    config = body(f"structure: {{kind: aggregate, {given}}}")
+def test_nodes_or_a_size_choose_the_factor(body, option, factor):
+    config = body(f"structure: {{kind: aggregate, {option}}}")
     assert config.structure.factor is None
     structure = config.build().structure
     assert structure.factor == factor

@@ -175,8 +175,8 @@ def test_each_is_built_as_the_config_says(scene, text):
 
 def test_every_kind_is_built():
     members = get_args(get_args(TermConfig)[0])
-    kinds = {member.model_fields["kind"].default for member in members}
-    assert kinds == {text.split(",")[0].removeprefix("{kind: ") for text in TERMS}
+    names = {member.model_fields["kind"].default for member in members}
+    assert names == {text.split(",")[0].removeprefix("{kind: ") for text in TERMS}
 
 
 def test_all_together_load_again_from_what_is_written(scene, tmp_path):

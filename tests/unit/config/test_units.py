@@ -13,7 +13,7 @@ from jaxthermo.errors import InputError
 
 def unit_of(field: Any) -> Unit:
     """The unit that a type of fields declares."""
-    return next(part for part in parts(field) if isinstance(part, Unit))
+    return next(marker for marker in parts(field) if isinstance(marker, Unit))
 
 
 @pytest.mark.parametrize(
@@ -55,16 +55,16 @@ def test_reads_quantity(text, dimension, value):
 
 def test_common_units_are_those_of_pint_bit_by_bit():
     common = [
-        (given, Unit(symbol, "a value", ""))
+        (text, Unit(symbol, "a value", ""))
         for symbol, factors in units._FACTORS.items()
-        for given in factors
+        for text in factors
     ]
-    common += [(given, units.TEMPERATURE) for given in (*units._CELSIUS, "K")]
-    for given, unit in common:
+    common += [(text, units.TEMPERATURE) for text in (*units._CELSIUS, "K")]
+    for text, unit in common:
         for number in (0.0, -17.3, 0.1, 3.0, 37.7, 1234.5, 1e-7, 6e23):
             affine = unit is units.TEMPERATURE
-            expected = pint_units.converted(number, given, unit.symbol, affine=affine)
-            assert to_si(f"{number} {given}", unit) == expected, (number, given)
+            expected = pint_units.converted(number, text, unit.symbol, affine=affine)
+            assert to_si(f"{number} {text}", unit) == expected, (number, text)
 
 
 @pytest.mark.parametrize(

@@ -36,17 +36,17 @@ def test_the_faces_of_a_block_of_voxels():
 
 
 @pytest.mark.parametrize(
-    ("height", "kind"), [(0.5, 1), pytest.param(0.0, 2, marks=pytest.mark.slow)]
+    ("height", "marking"), [(0.5, 1), pytest.param(0.0, 2, marks=pytest.mark.slow)]
 )
-def test_thin_and_lost_parts_have_their_colours(height, kind, monkeypatch):
+def test_thin_and_lost_parts_have_their_colours(height, marking, monkeypatch):
     monkeypatch.setattr(voxel_sheet_module, "_EDGE", 240)
     grid = voxelize(block_and_plate(height), 1.0)
     faces = _Faces(grid)
-    place = faces.triangles.reshape(-1, 6, 3).mean(1)
+    centre = faces.triangles.reshape(-1, 6, 3).mean(1)
     # The plate alone is marked, as what it is.
-    assert (faces.kind[place[:, 0] > 7.0] == kind).all()
-    assert (faces.kind[place[:, 0] < 4.0] == 0).all()
-    marked = (np.asarray(voxel_sheet(grid)) == _COLOURS[kind]).all(-1)
+    assert (faces.kind[centre[:, 0] > 7.0] == marking).all()
+    assert (faces.kind[centre[:, 0] < 4.0] == 0).all()
+    marked = (np.asarray(voxel_sheet(grid)) == _COLOURS[marking]).all(-1)
     # Seen from above in more pixels than the square of the legend has.
     assert marked.sum() > 400
 
@@ -95,7 +95,7 @@ def test_contact_of_crossings_is_shown_in_the_view_of_the_dominant_axis():
 
 def test_every_kind_of_layer_has_a_sheet(tmp_path):
     paths = layer_sheets.write_layer_sheets(GRID, tmp_path)
-    kinds = ("depth", "normal", "dominant", "packed")
+    contents = ("depth", "normal", "dominant", "packed")
     assert {p.name for p in paths} == {
-        f"layers_{a}_{k}.png" for a in "xyz" for k in kinds
+        f"layers_{a}_{k}.png" for a in "xyz" for k in contents
     }

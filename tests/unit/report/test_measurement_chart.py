@@ -29,9 +29,11 @@ READINGS = {
 
 def described(names):
     chart = measurement_chart(TIMES, {name: EACH[name] for name in names}, READINGS)
-    found = chart.to_dict()
+    chart_data = chart.to_dict()
     # Data of the only part are above it.
-    return [{"data": found.get("data"), **part} for part in found["vconcat"]]
+    return [
+        {"data": chart_data.get("data"), **panel} for panel in chart_data["vconcat"]
+    ]
 
 
 def test_temperatures_are_in_celsius_and_times_in_minutes():
@@ -57,14 +59,14 @@ def test_a_measurement_without_a_body_has_no_line_and_says_so():
 
 @pytest.mark.parametrize("names", [["Is1"], ["sky"], ["robe"], [*EACH]])
 def test_it_is_drawn_for_any_kinds(tmp_path, names):
-    chosen = {name: EACH[name] for name in names}
-    write_measurement_chart(tmp_path / "m", TIMES, chosen, READINGS, "a title")
+    measurements = {name: EACH[name] for name in names}
+    write_measurement_chart(tmp_path / "m", TIMES, measurements, READINGS, "a title")
     with Image.open(tmp_path / "m.png") as picture:
         assert picture.width > 640
     assert "a title" in (tmp_path / "m.svg").read_text()
 
 
 def test_one_frame_is_a_chart_too(tmp_path):
-    one = {name: rows[:1] for name, rows in READINGS.items()}
-    write_measurement_chart(tmp_path / "m", TIMES[:1], EACH, one)
+    readings = {name: rows[:1] for name, rows in READINGS.items()}
+    write_measurement_chart(tmp_path / "m", TIMES[:1], EACH, readings)
     assert (tmp_path / "m.png").is_file()

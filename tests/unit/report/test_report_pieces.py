@@ -26,18 +26,19 @@ from jaxthermo.report.table import Cell, Table
 def test_the_scale_is_symmetric_monotone_and_ends_at_its_limit():
     scale = DifferenceScale(20.0)
     kelvin = np.linspace(-30, 30, 601)
-    place = scale.position(kelvin)
-    np.testing.assert_allclose(place, -place[::-1], atol=1e-12)
+    position = scale.position(kelvin)
+    np.testing.assert_allclose(position, -position[::-1], atol=1e-12)
     inside = np.abs(kelvin) < 20
-    assert (np.diff(place[inside]) > 0).all()
-    assert place[0] == -1 and place[-1] == 1 and place[300] == 0
+    assert (np.diff(position[inside]) > 0).all()
+    assert position[0] == -1 and position[-1] == 1 and position[300] == 0
     assert scale.ticks() == pytest.approx([-20, -2, -0.2, 0, 0.2, 2, 20])
     # A hundredth of the limit is still told from none.
     assert scale.position(np.array([0.2]))[0] > 0.1
 
 
 def test_no_difference_is_light_and_the_background_dark():
-    scale, kelvin = DifferenceScale(1.0), np.array([[0.0, -1.0, 1.0, 0.0]])
+    scale = DifferenceScale(1.0)
+    kelvin = np.array([[0.0, -1.0, 1.0, 0.0]])
     body = np.array([[True, True, True, False]])
     none, cold, hot, outside = scale.picture(kelvin, body)[0].astype(int)
     assert none.min() > 230 and outside.max() < 80
@@ -56,7 +57,7 @@ def test_a_scale_of_one_decade_has_no_ticks_that_meet_zero():
     assert scale.ticks() == pytest.approx([-2, -0.2, 0, 0.2, 2])
     bar = difference_bar(scale, "K")
     assert [text for _, text in bar.ticks] == ["-2", "-0.2", "0", "+0.2", "+2"]
-    places = [place for place, _ in bar.ticks]
+    places = [position for position, _ in bar.ticks]
     np.testing.assert_allclose(places, 1 - np.array(places[::-1]), atol=1e-12)
     assert places[0] == 0 and places[-1] == 1
 
@@ -95,9 +96,10 @@ def test_a_table_says_the_same_on_a_terminal_and_on_a_page():
     table = Table(["name [-]", "value"], rows, title="T")
     console = Console(width=80, record=True, file=io.StringIO())
     console.print(table.rich())
-    text, html = console.export_text(), table.html()
-    for part in ("name [-]", "[red]a", "1.5", "missed [by 2]"):
-        assert part in text and part in html
+    text = console.export_text()
+    html = table.html()
+    for words in ("name [-]", "[red]a", "1.5", "missed [by 2]"):
+        assert words in text and words in html
     assert '<td class="left missed">missed [by 2]</td>' in html
 
 
@@ -119,7 +121,9 @@ def test_numbers_have_three_digits_and_a_unit():
 
 
 def test_text_between_backticks_is_code_and_all_text_is_escaped():
-    shown = page.paragraph("run `calibrate plan <scene>` & look")
-    assert shown == "<p>run <code>calibrate plan &lt;scene&gt;</code> &amp; look</p>"
+    paragraph = page.paragraph("run `calibrate plan <scene>` & look")
+    assert (
+        paragraph == "<p>run <code>calibrate plan &lt;scene&gt;</code> &amp; look</p>"
+    )
     table = Table(["what"], [["`a` < b"], ["one `"]], "", "")
     assert "<code>a</code> &lt; b" in table.html() and "one `" in table.html()

@@ -44,8 +44,8 @@ def write_epw(path, days=(20, 21, 22), **changes):
 
 
 def made(weather, start=START, duration=DAY, **options) -> dict[str, Any]:
-    found = jt.outdoors(MUNICH, start, duration, weather, **options)
-    return {term.name: term for term in found}
+    terms = jt.outdoors(MUNICH, start, duration, weather, **options)
+    return {term.name: term for term in terms}
 
 
 def at(table, hour):
@@ -54,7 +54,8 @@ def at(table, hour):
 
 def test_a_clear_day():
     terms = made(CLEAR)
-    sun, wind = terms["sun"], terms["wind"]
+    sun = terms["sun"]
+    wind = terms["wind"]
     assert list(terms) == ["sun", "diffuse_sky", "emission", "wind"]
     assert at(sun.irradiance, 3) == at(sun.irradiance, 22) == 0
     assert 800 < at(sun.irradiance, 13) < 1000
@@ -82,9 +83,9 @@ def test_the_sun_never_shines_from_below_and_shadows_follow_it():
 
 
 def test_north_turns_everything():
-    place = jt.Place(48.14, 11.58, 520.0, north=(1.0, 0.0))
-    found: Any = jt.outdoors(place, START, DAY, CLEAR)
-    sun, _, _, wind = found
+    turned_place = jt.Place(48.14, 11.58, 520.0, north=(1.0, 0.0))
+    terms: Any = jt.outdoors(turned_place, START, DAY, CLEAR)
+    sun, _, _, wind = terms
     plain = made(CLEAR)["sun"].direction(9e4 / 2)
     x, y, z = sun.direction(9e4 / 2)
     np.testing.assert_allclose((x, y, z), (plain[1], -plain[0], plain[2]), atol=1e-12)
@@ -93,7 +94,8 @@ def test_north_turns_everything():
 
 
 def test_polar_night_has_no_sun_and_polar_day_no_sunset():
-    pole, winter = jt.Place(80.0, 20.0), datetime.fromisoformat("2026-12-21T00:00Z")
+    pole = jt.Place(80.0, 20.0)
+    winter = datetime.fromisoformat("2026-12-21T00:00Z")
     names = [term.name for term in jt.outdoors(pole, winter, DAY, CLEAR)]
     assert names == ["diffuse_sky", "emission", "wind"]
     summer = datetime.fromisoformat("2026-06-21T00:00Z")
@@ -112,8 +114,8 @@ def test_epw_hours_are_means_over_the_hour_before(tmp_path):
     sky = at(terms["emission"].temperature, 13)
     np.testing.assert_allclose(STEFAN_BOLTZMANN * sky**4, 350.0, rtol=1e-9)
     # The same instants in another zone.
-    other = made(tmp_path / "a.epw", START)
-    np.testing.assert_allclose(at(other["sun"].irradiance, 13.5), 130.0)
+    in_other_zone = made(tmp_path / "a.epw", START)
+    np.testing.assert_allclose(at(in_other_zone["sun"].irradiance, 13.5), 130.0)
 
 
 @pytest.mark.parametrize(
@@ -185,7 +187,8 @@ def test_mistakes_in_csv(tmp_path, text, message):
 
 def test_sky_and_ground():
     """Berdahl and Martin at a dew point of 10 degC at noon: eps = 0.7613."""
-    air, dew = np.array([300.0]), np.array([283.15])
+    air = np.array([300.0])
+    dew = np.array([283.15])
     eps = 0.711 + 0.056 + 0.0073 - 0.013
     sky = clear_sky_temperature(air, dew, np.array([12.0]))
     np.testing.assert_allclose(sky, 300 * eps**0.25, rtol=1e-12)

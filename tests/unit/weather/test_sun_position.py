@@ -38,8 +38,8 @@ def test_rays_travel_west_in_the_morning_and_north_at_noon():
 
 def test_north_turns_the_scene():
     plain = directions_of_rays(GOLDEN, [SPA_TIME])[0]
-    place = Place(39.742476, -105.1786, 1830.14, north=(2.0, 0.0))
-    turned = directions_of_rays(place, [SPA_TIME])[0]
+    turned_place = Place(39.742476, -105.1786, 1830.14, north=(2.0, 0.0))
+    turned = directions_of_rays(turned_place, [SPA_TIME])[0]
     np.testing.assert_allclose(turned, [plain[1], -plain[0], plain[2]], atol=1e-14)
 
 
