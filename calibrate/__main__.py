@@ -4,7 +4,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from jaxthermo.cli.entry import Overrides, compiles, make_app, run_app
+from jaxthermo.cli.entry import Flag, Overrides, compiles, make_app, run_app
 
 
 app = make_app(
@@ -23,16 +23,17 @@ def _fit(
     overrides: Overrides = (),
     devices: int = 1,
 ) -> None:
-    """Fit the parameters of a config; writes fit.json, card.yaml and report.html.
+    """Fit the parameters of a config, and write a card and a report.
 
-    A fit that was interrupted or killed continues from its last step.
+    The same command continues an interrupted fit from its last step.
 
     Args:
-        config: The calibration, a YAML file.
-        out: The folder for the results; results/calibration/NAME by default.
-        overrides: A value to change, such as fit.seed=3; may be repeated.
-        devices: Number of devices that share the derivatives of a step, and the starts
-            of a search from several; refused where there is less to share.
+        config: Calibration, a YAML file.
+        out: Folder for fit.json, card.yaml and report.html;
+            results/calibration/NAME by default.
+        overrides: Value to change, such as fit.seed=3; may be repeated.
+        devices: Number of devices that share the derivatives of a step, or the starts
+            of a search from several. More than can be shared are refused.
     """
     from .cli import fit as run
 
@@ -47,11 +48,11 @@ def _fit(
 @app.command
 @compiles
 def _identify(config: Path, /, *, overrides: Overrides = ()) -> None:
-    """Report how well the data determine each parameter, before anything is fitted.
+    """Report how well the data determine each parameter, without a fit.
 
     Args:
-        config: The calibration, a YAML file.
-        overrides: A value to change; may be repeated.
+        config: Calibration, a YAML file.
+        overrides: Value to change, such as fit.seed=3; may be repeated.
     """
     from .cli import identify as run
 
@@ -64,9 +65,9 @@ def _check(card: str, /, *, scene: Path, overrides: Overrides = ()) -> None:
     """Check if a fit card is valid for a scene: its ranges, and the error there.
 
     Args:
-        card: The card.yaml of a fit, or card://NAME of a shipped card.
-        scene: The config of a scene; its body gets the card's structure.
-        overrides: A value of the scene to change; may be repeated.
+        card: File card.yaml of a fit, or card://NAME of a shipped card.
+        scene: Scene, a YAML file; its body gets the structure of the card.
+        overrides: Value of the scene to change; may be repeated.
     """
     from .cli import check as run
 
@@ -74,12 +75,12 @@ def _check(card: str, /, *, scene: Path, overrides: Overrides = ()) -> None:
 
 
 @app.command
-def _show(folder: Path | None = None, /, *, shipped: bool = False) -> None:
-    """Print the results of a fit, or the fit cards that are part of the package.
+def _show(folder: Path | None = None, /, *, shipped: Flag = False) -> None:
+    """Print the results of a fit, or list the fit cards of the package.
 
     Args:
-        folder: The results folder of `calibrate fit`.
-        shipped: List the shipped cards, used as `weights: card://NAME`.
+        folder: Folder written by `calibrate fit`.
+        shipped: List the fit cards of the package, for `weights: card://NAME`.
     """
     from .show import show as run
 
@@ -93,18 +94,20 @@ def _cards(
     /,
     *names: str,
     out: Path = Path("cards"),
-    again: bool = False,
+    again: Flag = False,
     results: Path = Path("results/cards"),
 ) -> None:
-    """Fit a card of every structure on every body; continues where it was interrupted.
+    """Fit a card of every structure on every body.
+
+    The same command continues with the cards that are missing or out of date.
 
     Args:
         folder: A folder with `bodies`, calibrations without parameters, and
             `structures`, the parameters, both as YAML files.
-        names: The cards to make, such as buddha/octree; all by default.
-        out: The folder for the cards, as BODY/STRUCTURE.yaml.
-        again: Fit cards that are up to date as well.
-        results: The folder for the results of the fits, one folder each.
+        names: Cards to make, such as buddha/octree; all by default.
+        out: Folder for the cards, as BODY/STRUCTURE.yaml.
+        again: Fit the cards that are up to date too.
+        results: Folder for the results of the fits.
     """
     from .cli import cards as run
 
@@ -122,8 +125,8 @@ def _plan(
     time_budget: str | None = None,
     memory: str | None = None,
     out: Path | None = None,
-    again: bool = False,
-    run: bool = False,
+    again: Flag = False,
+    run: Flag = False,
     overrides: Overrides = (),
 ) -> None:
     """Search for the fastest model of a scene whose error is within a tolerance.
@@ -132,15 +135,15 @@ def _plan(
     status 3 if no model is within the tolerance.
 
     Args:
-        scene: The config of a scene; pitches, structures and solver are chosen.
-        tolerance: The largest error in percent of the surface's range, such as 1%.
-        kelvin: The largest error as a temperature difference, such as 0.2.
-        time_budget: The longest time of the compiled run, such as 10ms.
-        memory: The largest peak memory, such as 2GB.
-        out: The folder for the results; results/plan/NAME by default.
-        again: Search again where a plan of the same scene and tolerance is kept.
-        run: Simulate the planned scene at once, into the folder `run` beside it.
-        overrides: A value of the scene to change; may be repeated.
+        scene: Scene, a YAML file; its pitches, structures and solver are replaced.
+        tolerance: Largest error in percent of the range of the surface, such as 1%.
+        kelvin: Largest error as a temperature difference, such as 0.2.
+        time_budget: Longest run time of the compiled run, such as 10ms.
+        memory: Largest peak memory, such as 2GB.
+        out: Folder for the results; results/plan/NAME by default.
+        again: Search even if a plan of the same scene and tolerance is stored.
+        run: Simulate the planned scene at once, into the folder OUT/run.
+        overrides: Value of the scene to change; may be repeated.
     """
     from .plan.command import plan, tolerance_of
 

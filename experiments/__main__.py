@@ -3,25 +3,24 @@
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
-from cyclopts import Parameter
-
-from jaxthermo.cli.entry import Overrides, make_app, run_app
+from jaxthermo.cli.entry import Flag, Overrides, make_app, run_app
 from jaxthermo.errors import InputError
 
 from . import benchmark_group, catalogue
 
 
 # Without stored programs (`entry.compiles`): compilations are measured too.
-app = make_app("experiments", "Measurements that can be run again by name.")
+app = make_app("experiments", "Run measurements by name, and compare their results.")
 
 
 @app.command(name="list")
 def _list_all() -> None:
     """List the experiments."""
+    width = max(len(experiment.name) for experiment in catalogue.EXPERIMENTS)
     for experiment in catalogue.EXPERIMENTS:
-        sys.stdout.write(f"{experiment.name:12} {experiment.about}\n")
+        sys.stdout.write(f"{experiment.name:{width}}  {experiment.about}\n")
 
 
 @app.command
@@ -33,27 +32,26 @@ def _run(
     height: int | None = None,
     cases: str | None = None,
     out: Path | None = None,
-    quick: Annotated[bool, Parameter(negative="")] = False,
-    resume: Annotated[bool, Parameter(negative="")] = False,
+    quick: Flag = False,
+    resume: Flag = False,
     device: Literal["cpu", "gpu", "tpu"] | None = None,
 ) -> None:
     """Run an experiment, or several that share a group name.
 
     Args:
-        name: As `list` shows it, or "benchmarks" for all of them, on one page; "thesis"
-            for every table and figure of the thesis.
-        config: A YAML file, for an experiment that takes one; the standard one if not
-            given. For `front` the config of a sweep, or the folder of one; for `budget`
-            the config of a sweep.
-        height: Voxels along up, instead of the config's.
-        cases: Which ones, such as S01,S06, of an experiment that has cases; of `thesis`
+        name: Name of an experiment in `list`, "benchmarks" for all benchmarks on one
+            page, or "thesis" for every table and figure of the thesis.
+        config: Config of an experiment that takes one, a YAML file; the shipped config
+            by default. For `front` and `budget` that of a sweep; `front` also takes the
+            folder of a finished sweep.
+        height: Number of voxels along z, instead of that of the config.
+        cases: Cases of an experiment that has several, such as S01,S06; for `thesis`
             exhibits or claims, such as figure-4.3,C09.
-        out: The folder for result.json; results/experiments/NAME if not given.
-        quick: Small bodies and few repeats, for a benchmark or all of them, and for
-            `thesis`.
-        resume: For "benchmarks": keep results of this commit, host and size.
-        device: Where to compute; refused where JAX sees none. "benchmarks" on a GPU or
-            TPU are those of `accelerator`.
+        out: Folder for result.json; results/experiments/NAME by default.
+        quick: Take small bodies and few repeats, in benchmarks and in `thesis`.
+        resume: Reuse the results of "benchmarks" with the same commit, host and size.
+        device: Device on which to compute. On a GPU or TPU, "benchmarks" are those of
+            `accelerator`.
     """
     if device is not None:
         catalogue.use_device(device)
@@ -83,14 +81,14 @@ def _compare(
     new: Path,
     /,
     *,
-    json: Annotated[bool, Parameter(negative="")] = False,
+    json: Flag = False,
 ) -> None:
-    """Show what changed between two results: configs first, then numbers beyond noise.
+    """Show what changed between two results beyond noise.
 
     Args:
         old: Folder of a run, a fit, a sweep, an experiment or a reduced model, or the
             file of its results.
-        new: Another one of the same kind.
+        new: Another result of the same kind.
         json: Print plain values instead of tables.
     """
     from .results.commands import compare_results
@@ -100,10 +98,10 @@ def _compare(
 
 @app.command
 def _report(folder: Path, /) -> None:
-    """Write one page of all results in a folder, index.html.
+    """Write index.html, one page of all results in a folder.
 
     Args:
-        folder: Searched with all folders below it.
+        folder: Folder with results, at any depth.
     """
     from .results.commands import report_results
 
@@ -118,26 +116,28 @@ def _sweep(
     out: Path | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
-    retry: bool = False,
+    retry: Flag = False,
     times: bool = True,
     devices: int = 1,
     overrides: Overrides = (),
 ) -> None:
     """Measure error and run time over axes of a scene.
 
-    A sweep that was interrupted or killed goes on from its last row.
+    The same command continues an interrupted sweep from its last row.
 
     Args:
-        config: The sweep, a YAML file.
-        out: The folder for rows.jsonl and the rest; results/sweeps/NAME by default.
-        workers: Number of processes that errors are computed in; 0 or 1 for this one,
-            2 by default, and 1 with devices.
-        scheduler: Address of a dask scheduler, such as tcp://10.0.0.1:8786, instead.
-        retry: Run cases that failed again.
+        config: Sweep, a YAML file.
+        out: Folder for rows.jsonl and the other results; results/sweeps/NAME by
+            default.
+        workers: Number of processes that compute errors, 0 or 1 for this process alone;
+            by default 2, and 1 with devices.
+        scheduler: Address of a dask scheduler, such as tcp://10.0.0.1:8786, instead of
+            workers.
+        retry: Run failed cases again.
         times: Time every case after its error, one after the other.
         devices: Number of devices of this process that share cases which differ in
             numbers only; refused where no cases do.
-        overrides: A value of the config to change, such as repeats=3; may be repeated.
+        overrides: Value of the config to change, such as repeats=3; may be repeated.
     """
     from .sweep.command import default_workers, sweep
     from .sweep.run import Options

@@ -47,42 +47,42 @@ class Experiment:
 
 _ABOUT = {
     "benchmarks.stencil": (
-        "a step of conduction in the full volume beside numba, its simple form, a copy"
+        "one conduction step in the full volume, compared with numba, JAX and a copy"
     ),
     "benchmarks.full_volume": (
-        "explicit steps and RKL2 with a surface in sun and air beside numba and a copy"
+        "explicit steps and RKL2 with a surface in sun and air, compared with numba"
     ),
     "benchmarks.calls": (
-        "a call again with other numbers beside its loop and numba's full volume"
+        "a call with other numbers, compared with its loop and a full volume in numba"
     ),
-    "benchmarks.octree": "the octree beside the full volume at the octree's own error",
-    "benchmarks.steps": "a step of each structure, beside its conduction and scipy",
+    "benchmarks.octree": "the octree, compared with the full volume at the same error",
+    "benchmarks.steps": "a step of each structure, compared with its conduction",
     "benchmarks.growth": "time of a step over the number of nodes, to thirty million",
     "benchmarks.memory": "memory of a run: forecast against measured, by structure",
-    "benchmarks.voxelize": "voxelizing beside trimesh at the same pitch",
-    "benchmarks.mixed": "what each mechanism costs in a scene of everything",
+    "benchmarks.voxelize": "voxelization, compared with trimesh at the same pitch",
+    "benchmarks.mixed": "the cost of each mechanism in a scene with all of them",
     "benchmarks.accelerator": (
         "copy, conduction, structures, implicit steps, Jacobians and a frame on a GPU"
     ),
     "benchmarks.devices": (
-        "a step of the full volume over devices and processes beside one"
+        "a step of the full volume on several devices, compared with one"
     ),
     "benchmarks.fit_devices": (
-        "the Jacobian of a step of a fit over two devices beside one"
+        "the Jacobian of a step of a fit on two devices, compared with one"
     ),
     "benchmarks.multigrid": (
-        "an implicit step and a steady state beside scipy and pyamg"
+        "an implicit step and a steady state, compared with scipy and pyamg"
     ),
     "benchmarks.lattice_boltzmann": (
-        "a step of the lattice Boltzmann flow beside numba and a copy"
+        "a step of the lattice Boltzmann flow, compared with numba and a copy"
     ),
-    "benchmarks.gradients": "a reverse-mode gradient beside its forward run",
+    "benchmarks.gradients": "a reverse-mode gradient, compared with its forward run",
     "thesis.exhibition": (
         "every table and figure of the thesis, claim by claim, on one page"
     ),
-    "thesis.counting": "how many voxels each structure has, against the thesis' counts",
+    "thesis.counting": "numbers of voxels of each structure, compared with the thesis",
     "thesis.radiation": (
-        "what bodies, sources and surroundings radiate: C02, C03, C04, occlusion"
+        "radiation of bodies, sources and surroundings: C02, C03, C04, occlusion"
     ),
     "thesis.convection": (
         "the local Nusselt number, averages, a cylinder in wind: C20, C21"
@@ -93,17 +93,13 @@ _ABOUT = {
     "thesis.wake_data": "mean wakes by Reynolds number and their fits, as data",
     "thesis.levels": "structures at equilibrium, their levels and holes: C11 to C14",
     "camera.camera_ladder": (
-        "one scene with more and more of a thermal camera: what each rung changes"
+        "effects of a thermal camera, added one by one to a scene"
     ),
-    "front.run": (
-        "error against run time: the best choices of a sweep, beside numba and scipy"
-    ),
+    "front.run": ("error against run time: the best choices of a sweep, and rivals"),
     "front.reduction": (
-        "reduced models of a sweep's best choice, as rivals on its front"
+        "reduced models of the best choice of a sweep, as rivals on its front"
     ),
-    "front.budget": (
-        "how much of an error is due to voxels, structure, time and reading"
-    ),
+    "front.budget": ("parts of an error: voxels, structure, time and reading"),
     "verification.verify": (
         "published cases and closed forms: expected, computed, tolerance, order"
     ),

@@ -9,7 +9,7 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from . import __version__
-from .cli.entry import Animate, Overrides, compiles, make_app, run_app
+from .cli.entry import Animate, Flag, Overrides, compiles, make_app, run_app
 from .errors import InputError
 
 
@@ -26,11 +26,11 @@ def _simulate(
     *,
     out: Path | None = None,
     overrides: Overrides = (),
-    explain: Annotated[bool, Parameter(negative="")] = False,
-    preview: Annotated[bool, Parameter(negative="")] = False,
+    explain: Flag = False,
+    preview: Flag = False,
     animate: Animate = None,
     frame_rate: float | None = None,
-    contact_sheet: Annotated[bool, Parameter(negative="")] = False,
+    contact_sheet: Flag = False,
     devices: int = 1,
     coordinator: str | None = None,
     processes: int = 1,
@@ -40,21 +40,22 @@ def _simulate(
 
     Args:
         config: Scene, a YAML file.
-        out: Folder for the results; results/NAME if not given.
+        out: Folder for the results; results/NAME by default.
         overrides: Value to change, such as bodies.0.pitch=3mm; may be repeated.
-        explain: Print the included and pruned terms and exit.
+        explain: Print the included and omitted terms, and exit.
         preview: Draw the bodies as the camera sees them, with the axes, and exit.
-        animate: Write an animation of the frames too: apng, the default, gif or mp4.
-        frame_rate: Frames a second of the animation; by their number if not given.
+        animate: Write an animation of the frames too; apng by default.
+        frame_rate: Frames per second of the animation, by default chosen so that it
+            lasts a few seconds.
         contact_sheet: Write all frames on one sheet too.
-        devices: Number of devices to spread full volumes over. Of processors as many
-            as are asked for; one uses all cores by itself.
-        coordinator: Address HOST:PORT of process 0, for a run in several processes,
-            which are started with the same command but for --process.
-        processes: Number of these processes; together they have --devices.
-        process: Number of this one, from 0.
+        devices: Number of devices that share a full volume. On CPUs any number may be
+            requested; one device already uses all cores.
+        coordinator: Address HOST:PORT of process 0, for a run in several processes.
+            Start all of them with the same command except for --process.
+        processes: Number of processes of the run, which share the --devices.
+        process: Number of this process, from 0.
     """
-    # Without the time loop, which takes longer to import than a preview to draw.
+    # A preview does not need the time loop, which is slow to import.
     if preview:
         from .cli.preview import preview as run_preview
 
@@ -92,13 +93,13 @@ def _view(
     port: int = 8080,
     rate: float = 20.0,
 ) -> None:
-    """Simulate a scene in a browser, where its values are moved by hand.
+    """Simulate a scene in a browser, and change its values by hand.
 
     Args:
         config: Scene, a YAML file.
         overrides: Value to change, such as bodies.0.pitch=3mm; may be repeated.
-        host: Address to listen on; 0.0.0.0 for other computers too.
-        port: Port to listen on; the next free one if it is taken.
+        host: Address to listen on; 0.0.0.0 to admit other computers.
+        port: Port to listen on, or the next free one.
         rate: Simulated seconds per second at the start.
     """
     _with_extra("view", "viser")
@@ -117,12 +118,12 @@ def _play(
     port: int = 8080,
     rate: float = 20.0,
 ) -> None:
-    """Show a finished run in a browser, with its times to move through.
+    """Show a finished run in a browser, with a slider of time.
 
     Args:
         run: Folder written by `jaxthermo simulate`.
-        host: Address to listen on; 0.0.0.0 for other computers too.
-        port: Port to listen on; the next free one if it is taken.
+        host: Address to listen on; 0.0.0.0 to admit other computers.
+        port: Port to listen on, or the next free one.
         rate: Seconds of the run per second at the start.
     """
     _with_extra("play", "viser")
@@ -139,22 +140,23 @@ def _render(
     *,
     out: Path | None = None,
     overrides: Overrides = (),
-    contacts: Annotated[bool, Parameter(negative="")] = False,
+    contacts: Flag = False,
     animate: Animate = None,
     frame_rate: float | None = None,
-    contact_sheet: Annotated[bool, Parameter(negative="")] = False,
+    contact_sheet: Flag = False,
 ) -> None:
     """Draw new frames of a finished run, without simulating it again.
 
     Args:
         run: Folder written by `jaxthermo simulate`.
-        out: Folder for the frames; that of the run if not given.
+        out: Folder for the frames; that of the run by default.
         overrides: Value of camera or image to change, such as camera.width=320; may
             be repeated.
-        contacts: Draw the surface temperatures where bodies touch instead, as contact
-            textures, for which the bodies are voxelized again.
-        animate: Write an animation of the frames too: apng, the default, gif or mp4.
-        frame_rate: Frames a second of the animation; by their number if not given.
+        contacts: Draw contact textures instead: the surface temperatures where bodies
+            touch. The bodies are voxelized again.
+        animate: Write an animation of the frames too; apng by default.
+        frame_rate: Frames per second of the animation, by default chosen so that it
+            lasts a few seconds.
         contact_sheet: Write all frames on one sheet too.
     """
     if contacts:
@@ -187,12 +189,12 @@ def _export(
 
     Args:
         run: Folder written by `jaxthermo simulate`.
-        format: vtu, for ParaView, with a collection over time; glb, for Blender and
-            viewers, with temperatures and colours of the vertices; or texture, for
-            simulators, images of temperatures with the mesh that they are laid on.
-        out: Folder for the files; RUN/FORMAT if not given.
-        overrides: Value of image to change, such as image.frames=[60] for one time,
-            image.palette, image.low and image.high for colours; may be repeated.
+        format: Kind of the files: vtu for ParaView, with a collection over time; glb
+            for Blender and viewers, with temperatures and colours of the vertices; or
+            texture for simulators, with images of the temperatures and their meshes.
+        out: Folder for the files; RUN/FORMAT by default.
+        overrides: Value of image to change, such as image.frames=[60] for one time, or
+            image.palette, image.low and image.high for the colours; may be repeated.
     """
     from .cli.export import export as write
 
@@ -207,15 +209,15 @@ def _dataset(
     *,
     out: Path | None = None,
     overrides: Overrides = (),
-    explain: Annotated[bool, Parameter(negative="")] = False,
+    explain: Flag = False,
 ) -> None:
     """Write labelled frames of a scene's variations, for detector networks.
 
-    What is there already is kept: the same command goes on after Ctrl-C.
+    The same command continues after Ctrl-C with the frames that are missing.
 
     Args:
-        config: Dataset, a YAML file with a scene, its variations and the cameras.
-        out: Folder for the frames; results/NAME if not given.
+        config: Dataset, a YAML file with a scene, its variations and cameras.
+        out: Folder for the frames; results/NAME by default.
         overrides: Value of the dataset to change, such as samples=3; may be repeated.
         explain: Print the variations, check what the cameras see, and exit.
     """
@@ -235,18 +237,19 @@ def _reduce(
     size: int | None = None,
     tolerance: str | None = None,
     method: str = "krylov",
-    check: Annotated[bool, Parameter(negative="")] = False,
+    check: Flag = False,
 ) -> None:
     """Reduce a linear scene to a few modes and write its matrices.
 
     Args:
-        config: Scene without emission and other terms that are not linear.
-        out: Folder for the results; results/NAME-reduced if not given.
+        config: Scene, a YAML file without emission and other nonlinear terms.
+        out: Folder for the results; results/NAME-reduced by default.
         overrides: Value to change, such as bodies.0.pitch=3mm; may be repeated.
-        size: Number of vectors; as many as the tolerance takes if not given.
-        tolerance: Error of the surface over its range, such as 0.1%, the default.
-        method: krylov, good for any course of the loads, or pod, for the scene's own.
-        check: Run the full scene as well and compare temperatures and times.
+        size: Number of vectors; by default as the tolerance requires.
+        tolerance: Error of the surface relative to its range; 0.1% by default.
+        method: Method of the reduction: krylov for loads of any course in time, or pod
+            for the loads of the scene.
+        check: Run the full scene too, and compare temperatures and run times.
     """
     from .cli.reduce import reduce as run
 
@@ -277,14 +280,14 @@ def _voxelize(
     """Voxelize a mesh and report thin parts and depth layers.
 
     Args:
-        mesh: OBJ, PLY, STL, GLB or OFF file.
+        mesh: Mesh, an OBJ, PLY, STL, GLB or OFF file.
         pitch: Edge of a voxel, such as 2mm.
         unit: Length of one file unit, such as mm.
-        height: Extent along up instead of the unit, such as 0.5m.
+        height: Extent along --up, such as 0.5m, instead of the unit.
         up: Axis of the file that points up: x, y, z, -x, -y or -z.
-        surface_cells: Surface of the voxels: crossings, of second order, or
-            dominant_axis, of first.
-        out: Folder for the results; results/NAME if not given.
+        surface_cells: Surface of the voxels: crossings (of second order in the pitch)
+            or dominant_axis (of first order).
+        out: Folder for the results; results/NAME by default.
     """
     from .cli.voxelize import voxelize as run
 
@@ -304,12 +307,12 @@ def _materials(
     name: str | None = None,
     /,
     *,
-    emissivity: Annotated[bool, Parameter(negative="")] = False,
+    emissivity: Flag = False,
 ) -> None:
     """List the named materials, or show one with its source.
 
     Args:
-        name: Material, such as stainless_steel, or a part of its name.
+        name: Name of a material, such as stainless_steel, or a part of it.
         emissivity: List surfaces by their finish instead.
     """
     from .cli.materials import materials as show
@@ -327,11 +330,11 @@ def _palettes() -> None:
 
 @app.command
 def _example(name: str | None = None, /, *, out: Path | None = None) -> None:
-    """List the example scenes, which need no mesh file, or write one.
+    """List the example scenes, or print or write one of them.
 
     Args:
-        name: Example, such as figurine.
-        out: File to write; the scene is printed if none is given.
+        name: Name of an example, such as figurine.
+        out: File to write; without it the scene is printed.
     """
     from .cli.example import example as run
 
@@ -343,7 +346,7 @@ def _schema(name: str = "scene", /) -> None:
     """Print the JSON Schema of a scene or a dataset, with units, for editors.
 
     Args:
-        name: scene or dataset.
+        name: Kind of config: scene or dataset.
     """
     from .config.json_schema import json_schema
     from .config.schema.dataset import DatasetConfig

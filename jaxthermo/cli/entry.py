@@ -15,6 +15,8 @@ from ..atomic import disk_error
 from ..errors import InputError
 
 
+Flag = Annotated[bool, Parameter(negative="")]
+"""An option without a value; help hides its negative."""
 Overrides = Annotated[
     tuple[str, ...],
     Parameter(name="--set", negative="", metavar="KEY=VALUE", show_default=False),

@@ -172,7 +172,7 @@ def write_outputs(
 
 @dataclass
 class _WrittenFrames:
-    """What is recorded of the frames, which are drawn and written one by one."""
+    """Records of the frames, which are drawn and written one by one."""
 
     on_sheet: set[int]
     """Indices of the frames on the contact sheet."""
