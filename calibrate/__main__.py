@@ -4,7 +4,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from jaxthermo.cli.entry import Flag, Overrides, compiles, make_app, run_app
+from jaxthermo.console.entry import Flag, Overrides, compiles, make_app, run_app
 
 
 app = make_app(

@@ -7,7 +7,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from jaxthermo.cli.console import open_console, patient_interrupt, print_line
+from jaxthermo.console.terminal import open_console, patient_interrupt, print_line
 from jaxthermo.parallel.devices import provide_devices
 from jaxthermo.report.numbers import count
 

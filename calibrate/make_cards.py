@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from jaxthermo.cli.files import results_folder
 from jaxthermo.config.card_file import load_card, write_card
 from jaxthermo.config.messages import close_match
 from jaxthermo.config.strict_yaml import read_yaml
+from jaxthermo.console.results_folder import results_folder
 from jaxthermo.errors import InputError
 from jaxthermo.structures.weights import FitCard
 

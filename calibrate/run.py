@@ -11,9 +11,9 @@ from jaxtyping import Float
 
 from jaxthermo.arrays import precision
 from jaxthermo.atomic import replacing
-from jaxthermo.cli.files import results_folder
 from jaxthermo.config.card_file import write_card
 from jaxthermo.config.strict_yaml import write_yaml
+from jaxthermo.console.results_folder import results_folder
 from jaxthermo.parallel.devices import check_devices
 from jaxthermo.provenance import provenance
 

@@ -5,9 +5,9 @@ from typing import Any
 
 from rich.console import Console
 
-from jaxthermo.cli.console import open_console, print_line
 from jaxthermo.config.card_content import card_summary
 from jaxthermo.config.shipped_cards import shipped_cards
+from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
 
 from .config.fit_record import read_fit

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-from jaxthermo.cli.entry import Flag, Overrides, make_app, run_app
+from jaxthermo.console.entry import Flag, Overrides, make_app, run_app
 from jaxthermo.errors import InputError
 
 from . import benchmark_group, catalogue

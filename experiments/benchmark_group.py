@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxthermo.atomic import replacing
-from jaxthermo.cli.console import open_console
+from jaxthermo.console.terminal import open_console
 from jaxthermo.errors import InputError
 from jaxthermo.provenance import processor, provenance
 

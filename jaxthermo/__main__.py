@@ -9,7 +9,7 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from . import __version__
-from .cli.entry import Animate, Flag, Overrides, compiles, make_app, run_app
+from .console.entry import Animate, Flag, Overrides, compiles, make_app, run_app
 from .errors import InputError
 
 

@@ -13,12 +13,12 @@ from rich.console import Console
 
 from jaxthermo.archive import read_record, signed
 from jaxthermo.atomic import replacing, write_json
-from jaxthermo.cli.console import open_console, print_line
-from jaxthermo.cli.files import results_folder
 from jaxthermo.cli.simulate import simulate
 from jaxthermo.config.loader import config_hash, load_config, resolved, to_yaml
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.config.types.quantities import NUMBER, Unit, to_si
+from jaxthermo.console.results_folder import results_folder
+from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
 from jaxthermo.provenance import processor, provenance
 from jaxthermo.report.table import Cell, Table

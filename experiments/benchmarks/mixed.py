@@ -16,8 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxthermo as jt
-from jaxthermo.cli.console import open_console
 from jaxthermo.config.loader import load_config
+from jaxthermo.console.terminal import open_console
 from jaxthermo.integrate.explicit import EulerStepper
 from jaxthermo.integrate.ledger import empty_ledger
 from jaxthermo.integrate.stepper import RunState, advance

@@ -21,7 +21,7 @@ import scipy.sparse as sparse
 from typing_extensions import override
 
 import jaxthermo as jt
-from jaxthermo.cli.console import open_console
+from jaxthermo.console.terminal import open_console
 from jaxthermo.geometry.shapes import figurine
 from jaxthermo.integrate.implicit.conjugate_gradient import (
     AbstractStoppingNorm,

@@ -17,7 +17,7 @@ from calibrate.runs.case import Case
 from calibrate.runs.scenes import build_case, plan_case
 from calibrate.runs.truth import Truth, find_truth
 from jaxthermo.arrays import precision
-from jaxthermo.cli.console import open_console, print_line
+from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.plan import Plan, initial_state
 from jaxthermo.integrate.run.simulate import integrate, make_solution, run_plan

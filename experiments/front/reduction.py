@@ -12,7 +12,7 @@ from typing import Any
 from calibrate.runs.case import Case
 from calibrate.runs.scenes import build_case
 from calibrate.runs.truth import find_truth
-from jaxthermo.cli.console import open_console, print_line
+from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
 from jaxthermo.provenance import processor
 from jaxthermo.reduction.reduce import reduce

@@ -10,8 +10,8 @@ import numpy as np
 from rich.console import Console
 
 from calibrate.runs.case import Case
-from jaxthermo.cli.console import open_console, print_line
 from jaxthermo.config.loader import resolved as plain_scene
+from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
 from jaxthermo.report.numbers import significant
 

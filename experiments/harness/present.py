@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jaxthermo.cli.console import open_console
+from jaxthermo.console.terminal import open_console
 from jaxthermo.image.colour.palette import apply_palette, palette_table
 from jaxthermo.image.colour.ticks import decimals_of, label, nice_ticks
 from jaxthermo.report import page

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from jaxthermo.cli.console import open_console
+from jaxthermo.console.terminal import open_console
 from jaxthermo.errors import InputError
 
 from .case import FAIL, PASS, REFUSED, REPORTED, Bound, Case, Group, Outcome, Row, check

@@ -7,7 +7,7 @@ from typing import Any
 
 from rich.console import Console
 
-from jaxthermo.cli.console import open_console, print_line, status
+from jaxthermo.console.terminal import open_console, print_line, status
 from jaxthermo.report.numbers import count
 from jaxthermo.report.table import Cell, Table
 

@@ -14,7 +14,7 @@ from rich.progress import (
 )
 from typing_extensions import override
 
-from jaxthermo.cli.console import open_console, print_line
+from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
 from jaxthermo.parallel.devices import provide_devices
 

@@ -15,7 +15,7 @@ from typing import Any
 import jax
 
 import calibrate
-from jaxthermo.cli.console import open_console
+from jaxthermo.console.terminal import open_console
 from jaxthermo.errors import InputError
 
 from ..harness.case import described

@@ -19,7 +19,7 @@ from jaxtyping import Float
 from PIL import Image
 
 import jaxthermo as jt
-from jaxthermo.cli.console import open_console
+from jaxthermo.console.terminal import open_console
 from jaxthermo.flow.measures import centreline, recirculation_length, strouhal
 from jaxthermo.flow.run import FlowRun
 from jaxthermo.flow.wake_fit import FAMILIES, Family, fit_family, tail_length

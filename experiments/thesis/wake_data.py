@@ -6,7 +6,7 @@
 from pathlib import Path
 from typing import Any
 
-from jaxthermo.cli.console import open_console
+from jaxthermo.console.terminal import open_console
 from jaxthermo.flow.measures import (
     force_coefficient,
     recirculation_length,

@@ -9,6 +9,8 @@ from jaxtyping import Float
 from ..arrays import precision
 from ..config.schema.scene import SceneConfig
 from ..config.types.model import build
+from ..console.results_folder import prepare_folder, results_folder
+from ..console.terminal import open_console, print_line, status
 from ..constants import ZERO_CELSIUS
 from ..errors import InputError
 from ..image.colour.annotate import write_png
@@ -20,14 +22,7 @@ from ..physics.contact.search import contacts_between
 from ..report.layer_sheets import contact_texture_sheet
 from ..report.numbers import count
 from ..voxels.grid import VoxelGrid
-from .console import open_console, print_line, status
-from .files import (
-    CONTACTS,
-    earlier_frames,
-    frame_names,
-    prepare_folder,
-    results_folder,
-)
+from .frame_names import CONTACTS, earlier_frames, frame_names
 from .frames import chosen_frames, finished_config
 
 

@@ -19,6 +19,8 @@ from ..config.camera_framing import build_camera
 from ..config.dataset_file import load_dataset
 from ..config.loader import to_yaml
 from ..config.schema.scene import SceneConfig
+from ..console.results_folder import prepare_folder, results_folder
+from ..console.terminal import count_bar, open_console, print_line, status
 from ..errors import InputError
 from ..image.files.exr import write_exr
 from ..image.files.labels import camera_matrices, coco, instances, run_lengths
@@ -34,9 +36,8 @@ from ..integrate.run.save_solution import save_solution
 from ..integrate.run.solution import RESULTS
 from ..integrate.run.solution_file import StoredSolution, load_solution
 from ..report.numbers import count
-from .console import count_bar, open_console, print_line, status
 from .dataset_plan import DatasetPlan, plan_dataset
-from .files import frame_names, prepare_folder, results_folder
+from .frame_names import frame_names
 from .frames import FrameCamera, chosen_frames
 from .simulate import CHECKPOINT, CONFIG, run_plan
 

@@ -9,14 +9,15 @@ import numpy as np
 from ..arrays import precision
 from ..atomic import write_json
 from ..config.schema.scene import SceneConfig
+from ..console.results_folder import results_folder
+from ..console.terminal import open_console, print_line, status
 from ..errors import InputError
 from ..image.files.surfaces import body_rows, temperature_scale, write_glb, write_vtu
 from ..image.files.textures import BodyTextures, write_textures
 from ..image.files.vtu import write_pvd
 from ..integrate.run.solution_file import StoredSolution, load_solution
 from ..report.numbers import count
-from .console import open_console, print_line, status
-from .files import frame_names, results_folder
+from .frame_names import frame_names
 from .frames import chosen_frames, finished_config
 
 

@@ -13,6 +13,8 @@ from ..config.camera_framing import build_camera
 from ..config.loader import load_config
 from ..config.schema.scene import SceneConfig
 from ..config.types.model import build
+from ..console.results_folder import prepare_folder, results_folder
+from ..console.terminal import open_console, print_line, status
 from ..errors import InputError
 from ..image.detector.recorder import Moment, Recorder
 from ..image.measurements import AbstractMeasurement, Isotherm, names_of
@@ -26,9 +28,8 @@ from ..physics.term import AbstractTerm
 from ..physics.time_varying import just_before
 from ..report.numbers import count
 from ..scene.scene import SolvedSurface
-from .console import open_console, print_line, status
-from .files import FRAMES, earlier_frames, frame_names, prepare_folder, results_folder
 from .frame_files import Frame
+from .frame_names import FRAMES, earlier_frames, frame_names
 from .frame_outputs import Extras, earlier_outputs, write_outputs
 
 

@@ -4,6 +4,7 @@ import re
 
 from rich.console import Console
 
+from ..console.terminal import open_console, print_line
 from ..errors import InputError
 from ..material.table import (
     EmissivityRow,
@@ -15,7 +16,6 @@ from ..material.table import (
     materials as by_name,
 )
 from ..report.table import Table
-from .console import open_console, print_line
 
 
 _COLUMNS = ("k W/(m K)", "rho kg/m^3", "c_p J/(kg K)", "emissivity")

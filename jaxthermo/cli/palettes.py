@@ -2,7 +2,6 @@
 
 from ..image.colour.palette_design import palette_report
 from ..report.table import Table
-from .console import open_console, print_line
 
 
 _COLUMNS = {

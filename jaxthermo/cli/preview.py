@@ -6,12 +6,12 @@ import numpy as np
 
 from ..config.camera_framing import build_camera
 from ..config.loader import load_config
+from ..console.results_folder import results_folder
+from ..console.terminal import open_console, print_line, status
 from ..geometry.mesh import mesh_summary
 from ..image.colour.annotate import write_png
 from ..image.colour.preview import draw_preview
 from ..image.surface.camera import AbstractCamera, Camera, OrthographicCamera
-from .console import open_console, print_line, status
-from .files import results_folder
 
 
 _FILE = "preview.png"

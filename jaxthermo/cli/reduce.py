@@ -16,6 +16,8 @@ from ..atomic import replacing, write_json
 from ..config.loader import config_hash, load_config, resolved, to_yaml
 from ..config.schema.scene import SceneConfig
 from ..config.types.quantities import NUMBER, to_si
+from ..console.results_folder import results_folder
+from ..console.terminal import open_console, print_line, status
 from ..errors import InputError
 from ..integrate.run.plan import Plan, initial_state, plan_run
 from ..integrate.run.simulate import integrate, run_plan
@@ -27,8 +29,6 @@ from ..reduction.reduce import reduce as reduce_scene
 from ..reduction.reduced_model import ReducedModel
 from ..report.numbers import seconds, seconds_with_range, significant
 from ..scene.scene import Scene
-from .console import open_console, print_line, status
-from .files import results_folder
 from .summary import peak_memory
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
+from ..console.terminal import print_line
 from ..constants import ZERO_CELSIUS
 from ..geometry.mesh import mesh_summary
 from ..host_memory import readable_bytes
@@ -18,7 +19,6 @@ from ..integrate.run.solution import Solution
 from ..report.numbers import count
 from ..report.table import Table
 from ..scene.scene import Scene
-from .console import print_line
 from .summary import peak_memory
 
 

@@ -15,6 +15,14 @@ from ..config.loader import config_hash, load_config, to_yaml
 from ..config.schema.image import ImageConfig, PinholeConfig
 from ..config.schema.scene import SceneConfig
 from ..config.shipped_cards import card_name
+from ..console.results_folder import prepare_folder, results_folder
+from ..console.terminal import (
+    open_console,
+    patient_interrupt,
+    print_line,
+    progress_bar,
+    status,
+)
 from ..errors import InputError
 from ..image.colour.ticks import time_label
 from ..integrate.run import segments
@@ -44,14 +52,7 @@ from ..scene.dimensionless_groups import body_numbers
 from ..scene.scene import Scene
 from ..structures.extrapolation import extrapolations
 from ..structures.report import structure_report
-from .console import (
-    open_console,
-    patient_interrupt,
-    print_line,
-    progress_bar,
-    status,
-)
-from .files import FRAMES, earlier_frames, prepare_folder, results_folder
+from .frame_names import FRAMES, earlier_frames
 from .frame_outputs import NO_EXTRAS, OUTPUTS_OF_FRAMES, Extras
 from .frames import FrameCamera, write_frames
 from .report import log_receipt, log_result, log_scene

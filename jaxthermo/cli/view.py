@@ -7,12 +7,12 @@ import viser
 from ..arrays import precision
 from ..config.loader import load_config
 from ..config.schema.scene import SceneConfig
+from ..console.terminal import open_console, patient_interrupt, print_line, status
 from ..integrate.run.solution_file import load_solution
 from ..live.live_run import AbstractLiveRun
 from ..live.playback import Playback
 from ..live.server import LiveView, serving
 from ..live.session import LiveSession
-from .console import open_console, patient_interrupt, print_line, status
 from .frames import finished_config
 
 

@@ -7,6 +7,8 @@ from typing import Any, cast, get_args
 
 from ..atomic import replacing
 from ..config.types.quantities import LENGTH, to_si
+from ..console.results_folder import results_folder
+from ..console.terminal import open_console, print_line, status
 from ..errors import InputError
 from ..geometry.load import load_mesh
 from ..geometry.mesh import describe_mesh, mesh_summary
@@ -17,8 +19,6 @@ from ..report.voxel_sheet import voxel_sheet
 from ..voxels.grid import voxel_report
 from ..voxels.represented import Represented
 from ..voxels.voxelize import SurfaceCells, voxelize as make_voxels
-from .console import open_console, print_line, status
-from .files import results_folder
 
 
 def voxelize(

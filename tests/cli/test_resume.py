@@ -11,7 +11,7 @@ from cli_runs import RESULTS, files, frame_files, run, scene_file, sets, succeed
 from killing import kill, start
 
 import jaxthermo.cli.simulate as command
-from jaxthermo.cli.files import prepare_folder
+from jaxthermo.console.results_folder import prepare_folder
 
 
 STEPS = ("--set", "solver.dt=0.02")

@@ -13,8 +13,8 @@ import pytest
 
 import jaxthermo.__main__ as commands
 from jaxthermo import compilation_cache
-from jaxthermo.cli.entry import compiles
 from jaxthermo.compilation_cache import ProgramFiles
+from jaxthermo.console.entry import compiles
 
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -299,7 +299,7 @@ def test_another_build_processor_or_setting_has_its_own_folder(monkeypatch):
 def test_commands_keep_their_programs(tmp_path):
     """By their decorator: here of one that compiles an operation."""
     code = """
-from jaxthermo.cli.entry import compiles
+from jaxthermo.console.entry import compiles
 @compiles
 def command():
     import jax

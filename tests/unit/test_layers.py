@@ -32,6 +32,7 @@ ORDER = [
     "flow",
     "report",
     "config",
+    "console",
     "live",
     "cli",
 ]
