@@ -19,8 +19,9 @@ from ..config.camera_framing import build_camera
 from ..config.dataset_file import load_dataset
 from ..config.loader import to_yaml
 from ..config.schema.scene import SceneConfig
+from ..console.progress import terminal_progress
 from ..console.results_folder import prepare_folder, results_folder
-from ..console.terminal import count_bar, open_console, print_line, status
+from ..console.terminal import open_console, print_line, status
 from ..errors import InputError
 from ..image.files.exr import write_exr
 from ..image.files.labels import camera_matrices, coco, instances, run_lengths
@@ -180,13 +181,14 @@ def _write_variation(
     with precision(variation.config.dtype):
         run_folder = prepare_folder(folder / "runs" / variation.name)
         stored = _stored(console, variation.config, run_folder)
-        with count_bar(console, "drawing frames", total) as advance:
+        with terminal_progress(console) as progress:
+            progress.stage("drawing frames", total)
             for view in range(len(plan.views)):
                 frames = _write_view(
                     plan, number=number, view=view, stored=stored, folder=folder
                 )
                 for _ in frames:
-                    advance()
+                    progress.advance()
 
 
 def _stored(console: Console, config: SceneConfig, run_folder: Path) -> StoredSolution:

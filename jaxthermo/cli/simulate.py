@@ -15,12 +15,12 @@ from ..config.loader import config_hash, load_config, to_yaml
 from ..config.schema.image import ImageConfig, PinholeConfig
 from ..config.schema.scene import SceneConfig
 from ..config.shipped_cards import card_name
+from ..console.progress import terminal_progress
 from ..console.results_folder import prepare_folder, results_folder
 from ..console.terminal import (
     open_console,
     patient_interrupt,
     print_line,
-    progress_bar,
     status,
 )
 from ..errors import InputError
@@ -302,16 +302,20 @@ def _run_segments(
     compile_time = run_start - clock
     with (
         patient_interrupt() as interrupted,
-        progress_bar(console, config.time.last, plan.steps) as update,
+        terminal_progress(console) as shown,
     ):
         progress = ready
+        passes = 0
+        shown.stage("simulating", plan.steps)
         last_saved = run_start
         for progress in segments.run_segments(plan, ready):
-            update(
-                progress.steps_done(plan),
-                progress.time_reached(plan),
-                progress.passes.number,
-            )
+            # The bar begins again with every pass of a run that controls its error.
+            if progress.passes.number > passes:
+                passes = progress.passes.number
+                shown.stage(f"simulating, pass {passes + 1}", plan.steps)
+            reached = _duration(progress.time_reached(plan))
+            note = f"{reached} of {_duration(config.time.last)}"
+            shown.reach(progress.steps_done(plan), note)
             if any_process(interrupted()):
                 _stop(plan, progress=progress, out=out, key=key)
             if agreed(time.perf_counter() - last_saved > CHECKPOINT_EVERY):
@@ -320,6 +324,11 @@ def _run_segments(
     run_time = time.perf_counter() - run_start
     times = {"compile_time_s": compile_time, "run_time_s": run_time}
     return segments.finish_run(plan, progress), times
+
+
+def _duration(time: float) -> str:
+    """A time as it stands in a sentence: "90 s" or "12 min 30 s"."""
+    return time_label(time).removeprefix("t = ")
 
 
 def _checkpoint_key(config: SceneConfig) -> str:

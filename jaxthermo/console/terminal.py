@@ -1,6 +1,6 @@
-"""Output of commands, progress of a long one, and a Ctrl-C that waits for its end.
+"""Output of commands, and a Ctrl-C that waits for the end of a step.
 
-On a terminal lines wrap at words; in a pipe they are whole, and there is no progress.
+On a terminal lines wrap at words; in a pipe they are whole.
 """
 
 import signal
@@ -9,15 +9,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    Progress,
-    TaskProgressColumn,
-    TextColumn,
-    TimeRemainingColumn,
-)
-
-from ..image.colour.ticks import time_label
 
 
 # Tables grow up to this width in a pipe [characters].
@@ -54,54 +45,6 @@ def status(console: Console, activity: str) -> Iterator[None]:
         return
     with console.status(activity):
         yield
-
-
-def _duration(time: float) -> str:
-    """A time as it stands in a sentence: "90 s" or "12 min 30 s"."""
-    return time_label(time).removeprefix("t = ")
-
-
-@contextmanager
-def progress_bar(console: Console, end: float, steps: int) -> Iterator[Callable]:
-    """A bar over all steps; yields a function of (steps done, simulated time, pass)."""
-    with Progress(
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=None),
-        TaskProgressColumn(),
-        TextColumn("{task.fields[reached]} of " + _duration(end) + ","),
-        TimeRemainingColumn(),
-        TextColumn("left"),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    ) as bar:
-        task = bar.add_task("simulating", total=max(steps, 1), reached=_duration(0.0))
-
-        def update(done: int, time: float, number: int = 0) -> None:
-            # The bar begins again with every pass of a run that controls its error.
-            name = f"simulating, pass {number + 1}" if number else "simulating"
-            bar.update(task, completed=done, reached=_duration(time), description=name)
-
-        yield update
-
-
-@contextmanager
-def count_bar(
-    console: Console, activity: str, total: int
-) -> Iterator[Callable[[], None]]:
-    """A bar that counts to a total; yields a function that adds one."""
-    with Progress(
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=None),
-        TaskProgressColumn(),
-        TimeRemainingColumn(),
-        TextColumn("left"),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    ) as bar:
-        task = bar.add_task(activity, total=total)
-        yield lambda: bar.advance(task)
 
 
 @contextmanager

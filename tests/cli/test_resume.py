@@ -3,7 +3,7 @@
 import os
 import signal
 import time
-from contextlib import contextmanager
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -11,6 +11,7 @@ from cli_runs import RESULTS, files, frame_files, run, scene_file, sets, succeed
 from killing import kill, start
 
 import jaxthermo.cli.simulate as command
+from jaxthermo.console.progress import SilentProgress
 from jaxthermo.console.results_folder import prepare_folder
 
 
@@ -29,6 +30,16 @@ def uninterrupted(tmp_path_factory):
     return folder / "out"
 
 
+def call_at_each_segment(monkeypatch, reach):
+    """Have a function called with the steps done at the end of each segment."""
+
+    class Called(SilentProgress):
+        def reach(self, done, note=""):
+            reach(done)
+
+    monkeypatch.setattr(command, "terminal_progress", lambda _: nullcontext(Called()))
+
+
 @pytest.fixture
 def stop_at(monkeypatch):
     """A function that has Ctrl-C pressed once, after the given number of steps.
@@ -39,16 +50,12 @@ def stop_at(monkeypatch):
     def arrange(step: int | None) -> list[int]:
         reached: list[int] = []
 
-        @contextmanager
-        def bar(console, end, steps):
-            def update(done, time, number):
-                if step is not None and done >= step > max(reached, default=0):
-                    signal.raise_signal(signal.SIGINT)
-                reached.append(done)
+        def reach(done: int) -> None:
+            if step is not None and done >= step > max(reached, default=0):
+                signal.raise_signal(signal.SIGINT)
+            reached.append(done)
 
-            yield update
-
-        monkeypatch.setattr(command, "progress_bar", bar)
+        call_at_each_segment(monkeypatch, reach)
         return reached
 
     return arrange
@@ -214,15 +221,11 @@ def test_what_a_killed_process_left_behind_is_removed(tmp_path):
 
 
 def test_a_second_interrupt_does_not_wait(tmp_path, monkeypatch):
-    @contextmanager
-    def bar(console, end, steps):
-        def update(done, time, number):
-            signal.raise_signal(signal.SIGINT)
-            signal.raise_signal(signal.SIGINT)
+    def interrupt_twice(done: int) -> None:
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
 
-        yield update
-
-    monkeypatch.setattr(command, "progress_bar", bar)
+    call_at_each_segment(monkeypatch, interrupt_twice)
     scene = scene_file(tmp_path)
     out = tmp_path / "out"
     code, _, err = run("simulate", scene, "--out", out, *STEPS)
