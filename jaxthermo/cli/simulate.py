@@ -68,7 +68,7 @@ from .truth import Truth
 CONFIG = "config.yaml"
 CHECKPOINT = "checkpoint.npz"
 # Wall time between checkpoints [s]: a run that is killed loses at most that much.
-CHECKPOINT_EVERY = 20.0
+_CHECKPOINT_EVERY = 20.0
 _PROBES = "probes.csv"
 _RESULT_FILES = (
     "summary.json",
@@ -318,7 +318,7 @@ def _run_segments(
             shown.reach(progress.steps_done(plan), note)
             if any_process(interrupted()):
                 _stop(plan, progress=progress, out=out, key=key)
-            if agreed(time.perf_counter() - last_saved > CHECKPOINT_EVERY):
+            if agreed(time.perf_counter() - last_saved > _CHECKPOINT_EVERY):
                 save_checkpoint(out / CHECKPOINT, plan=plan, progress=progress, key=key)
                 last_saved = time.perf_counter()
     run_time = time.perf_counter() - run_start

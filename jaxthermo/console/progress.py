@@ -41,7 +41,7 @@ class SilentProgress(Progress):
 
 
 @final
-class TerminalProgress(Progress):
+class _TerminalProgress(Progress):
     """A bar on a terminal; in a pipe a line at an interval."""
 
     def __init__(self, console: Console, bar: Bar, interval: float):
@@ -96,4 +96,4 @@ def terminal_progress(
         transient=True,
         disable=not console.is_terminal,
     ) as bar:
-        yield TerminalProgress(console, bar=bar, interval=interval)
+        yield _TerminalProgress(console, bar=bar, interval=interval)

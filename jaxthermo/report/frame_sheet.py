@@ -16,7 +16,7 @@ from ..image.radiance.image import Image
 from .sheet import ColourBar, Tile, scale_ticks, sheet
 
 
-MAX_TILES = 48
+_MAX_TILES = 48
 """Largest number of frames on a sheet: more are too small to be read."""
 # Longer edge of a frame on a sheet [pixels].
 _MAX_EDGE = 640
@@ -26,9 +26,9 @@ _MAX_SHEET = 4096
 
 def shown_on_sheet(count: int) -> list[int]:
     """Indices of the frames on a sheet, all or evenly spaced ones, first and last."""
-    if count <= MAX_TILES:
+    if count <= _MAX_TILES:
         return list(range(count))
-    return np.rint(np.linspace(0, count - 1, MAX_TILES)).astype(int).tolist()
+    return np.rint(np.linspace(0, count - 1, _MAX_TILES)).astype(int).tolist()
 
 
 def frame_sheet(

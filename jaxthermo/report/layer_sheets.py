@@ -106,7 +106,7 @@ def _of(meanings, title: str) -> Legend:
     return Legend(entries, title)
 
 
-def contact_tiles(
+def _contact_tiles(
     name: str,
     grid: VoxelGrid,
     values: Float[np.ndarray, " s"],
@@ -169,7 +169,7 @@ def contact_texture_sheet(
     low, high = limits
     tiles = []
     for name, grid, values in bodies:
-        tiles += contact_tiles(
+        tiles += _contact_tiles(
             name, grid=grid, values=values, low=low, high=high, palette=palette
         )
     bar = ColourBar(

@@ -83,7 +83,7 @@ def require_pvlib(purpose: str) -> None:
         )
 
 
-class SunPosition(NamedTuple):
+class _SunPosition(NamedTuple):
     """Position of the sun at several times, refraction by the air included."""
 
     zenith: Float[np.ndarray, " t"]
@@ -97,7 +97,7 @@ class SunPosition(NamedTuple):
         return np.cos(self.zenith)
 
 
-def sun_position(place: Place, seconds: Float[np.ndarray, " t"]) -> SunPosition:
+def sun_position(place: Place, seconds: Float[np.ndarray, " t"]) -> _SunPosition:
     """Position of the sun at times since 1970-01-01 UTC [s].
 
     Source: Reda and Andreas, Solar Energy 76 (2004) 577, as in pvlib.
@@ -117,10 +117,10 @@ def sun_position(place: Place, seconds: Float[np.ndarray, " t"]) -> SunPosition:
         _pvlib.spa.calculate_deltat(date.year, date.month),
         _REFRACTION_AT_HORIZON,
     )
-    return SunPosition(np.radians(zenith), np.radians(azimuth))
+    return _SunPosition(np.radians(zenith), np.radians(azimuth))
 
 
-def rays(site: Place, sun: SunPosition) -> Float[np.ndarray, "t 3"]:
+def rays(site: Place, sun: _SunPosition) -> Float[np.ndarray, "t 3"]:
     """Unit vectors in which sunlight travels; upward while the sun is down."""
     north, east = site.axes
     level = np.cos(sun.azimuth)[:, None] * north + np.sin(sun.azimuth)[:, None] * east
@@ -128,7 +128,9 @@ def rays(site: Place, sun: SunPosition) -> Float[np.ndarray, "t 3"]:
     return -(np.sin(sun.zenith)[:, None] * level + sun.height[:, None] * up)
 
 
-def directions_of_rays(place: Place, times: list[datetime]) -> Float[np.ndarray, "t 3"]:
+def _directions_of_rays(
+    place: Place, times: list[datetime]
+) -> Float[np.ndarray, "t 3"]:
     """Unit vectors [x, y, z] in which sunlight travels, one for each time.
 
     Raises:
@@ -176,4 +178,4 @@ def sun_path(
         )
     times = np.linspace(0.0, duration, math.ceil(duration / every) + 1)
     instants = [start + timedelta(seconds=float(time)) for time in times]
-    return DirectionTable(times, directions_of_rays(place, instants))
+    return DirectionTable(times, _directions_of_rays(place, instants))

@@ -64,7 +64,8 @@ class Weather:
         first = max(int(np.searchsorted(times, start, side="right")) - 1, 0)
         last = min(int(np.searchsorted(times, end)), len(times) - 1)
         rows = slice(first, last + 1)
-        times, values = times[rows], values[rows]
+        times = times[rows]
+        values = values[rows]
         self._check_holes(file_name, times, values)
         inside = times[(times > start) & (times < end)]
         at = np.unique(np.concatenate([[start], inside, [end]]))

@@ -28,7 +28,7 @@ import sys
 import jaxthermo.cli.simulate as command
 from jaxthermo.__main__ import main
 
-command.CHECKPOINT_EVERY = 0.5
+command._CHECKPOINT_EVERY = 0.5
 main(sys.argv[1:])
 """
 pytestmark = [pytest.mark.slow, pytest.mark.slice]

@@ -157,7 +157,7 @@ def save(*arguments, **named):
     written(*arguments, **named)
     time.sleep(float(sys.argv[2]))
 
-command.CHECKPOINT_EVERY = float(sys.argv[1])
+command._CHECKPOINT_EVERY = float(sys.argv[1])
 written, command.save_checkpoint = command.save_checkpoint, save
 main(sys.argv[3:])
 """
@@ -234,7 +234,7 @@ def test_a_second_interrupt_does_not_wait(tmp_path, monkeypatch):
 
 
 def test_checkpoints_are_written_on_the_way(tmp_path, stop_at, monkeypatch):
-    monkeypatch.setattr(command, "CHECKPOINT_EVERY", 0.0)
+    monkeypatch.setattr(command, "_CHECKPOINT_EVERY", 0.0)
     saved = []
     save = command.save_checkpoint
 

@@ -7,7 +7,7 @@ from frames import frame
 import jaxthermo as jt
 from jaxthermo.errors import InputError
 from jaxthermo.image.colour.palette import palette_table
-from jaxthermo.report.frame_sheet import _MAX_SHEET, MAX_TILES, shown_on_sheet
+from jaxthermo.report.frame_sheet import _MAX_SHEET, _MAX_TILES, shown_on_sheet
 
 
 def frames(count, height=60, width=80):
@@ -39,7 +39,7 @@ def test_the_scale_is_of_the_quantity(quantity):
 def test_many_frames_are_thinned_out_and_large_ones_shrunk():
     assert shown_on_sheet(5) == [0, 1, 2, 3, 4]
     indices = shown_on_sheet(1000)
-    assert (len(indices), indices[0], indices[-1]) == (MAX_TILES, 0, 999)
+    assert (len(indices), indices[0], indices[-1]) == (_MAX_TILES, 0, 999)
     assert set(np.diff(indices)) == {21, 22}
     for sheet in (
         jt.frame_sheet(frames(60), 290.0, 330.0),

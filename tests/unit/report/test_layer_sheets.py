@@ -6,7 +6,7 @@ import pytest
 from jaxthermo.geometry import shapes
 from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.report import layer_sheets, voxel_sheet as voxel_sheet_module
-from jaxthermo.report.layer_sheets import _legend, contact_tiles, depth_bar
+from jaxthermo.report.layer_sheets import _contact_tiles, _legend, depth_bar
 from jaxthermo.report.sheet import Legend, Tile, sheet
 from jaxthermo.report.voxel_sheet import _COLOURS, _Faces, voxel_sheet
 from jaxthermo.voxels.voxelize import voxelize
@@ -75,7 +75,7 @@ def test_a_legend_shows_all_its_colours():
 
 def test_contact_tiles_are_the_layers_that_touch():
     values = np.where(GRID.fragment_normal[:, 2] > 0.9, 0.5, np.nan)
-    tiles = contact_tiles("block", GRID, values, 0.0, 1.0)
+    tiles = _contact_tiles("block", GRID, values, 0.0, 1.0)
     assert [(t.label, t.note) for t in tiles] == [
         ("block, z layer 1", "24 fragments in contact")
     ]
@@ -86,7 +86,7 @@ def test_contact_of_crossings_is_shown_in_the_view_of_the_dominant_axis():
     ball = voxelize(shapes.sphere(1.0), 0.2)
     up = ball.fragment_normal[:, 2]
     values = np.where(up > 0.9, 0.5, np.nan)
-    (tile,) = contact_tiles("ball", ball, values, 0.0, 1.0)
+    (tile,) = _contact_tiles("ball", ball, values, 0.0, 1.0)
     assert tile.label == "ball, z layer 1"
     touching = np.count_nonzero((up > 0.9) & (ball.fragment_axis == 2))
     assert tile.note == f"{touching} fragments in contact"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jaxthermo.errors import InputError
-from jaxthermo.weather.sun_position import Place, directions_of_rays, sun_path
+from jaxthermo.weather.sun_position import Place, _directions_of_rays, sun_path
 
 
 GOLDEN = Place(39.742476, -105.1786, 1830.14)
@@ -17,29 +17,29 @@ SPA_TIME = datetime(2003, 10, 17, 12, 30, 30, tzinfo=MOUNTAIN)
 
 def test_published_position():
     """Reda and Andreas (2004), table A5.1, there with 820 hPa and 11 degC."""
-    x, y, z = -directions_of_rays(GOLDEN, [SPA_TIME])[0]
+    x, y, z = -_directions_of_rays(GOLDEN, [SPA_TIME])[0]
     np.testing.assert_allclose(np.degrees(np.arccos(z)), 50.11162, atol=3e-4)
     np.testing.assert_allclose(np.degrees(np.arctan2(x, y)) % 360, 194.34024, atol=1e-4)
 
 
 def test_zones_of_one_instant_agree():
-    rows = directions_of_rays(GOLDEN, [SPA_TIME, SPA_TIME.astimezone(UTC)])
+    rows = _directions_of_rays(GOLDEN, [SPA_TIME, SPA_TIME.astimezone(UTC)])
     np.testing.assert_array_equal(rows[0], rows[1])
 
 
 def test_rays_travel_west_in_the_morning_and_north_at_noon():
     equinox = datetime(2024, 3, 20, tzinfo=UTC)
     hours = [equinox + timedelta(hours=h) for h in (7, 12, 17, 0)]
-    morning, noon, evening, night = directions_of_rays(Place(45.0, 0.0), hours)
+    morning, noon, evening, night = _directions_of_rays(Place(45.0, 0.0), hours)
     assert morning[0] < -0.5 and evening[0] > 0.5
     assert noon[1] > 0.6 and noon[2] < -0.6
     assert night[2] > 0.6
 
 
 def test_north_turns_the_scene():
-    plain = directions_of_rays(GOLDEN, [SPA_TIME])[0]
+    plain = _directions_of_rays(GOLDEN, [SPA_TIME])[0]
     turned_place = Place(39.742476, -105.1786, 1830.14, north=(2.0, 0.0))
-    turned = directions_of_rays(turned_place, [SPA_TIME])[0]
+    turned = _directions_of_rays(turned_place, [SPA_TIME])[0]
     np.testing.assert_allclose(turned, [plain[1], -plain[0], plain[2]], atol=1e-14)
 
 
@@ -53,7 +53,7 @@ def test_path_over_a_leap_day():
     start = datetime(2024, 2, 28, 12, tzinfo=UTC)
     path = sun_path(GOLDEN, start, 2 * 86400.0)
     leap_noon = datetime(2024, 2, 29, 12, tzinfo=UTC)
-    exact = directions_of_rays(GOLDEN, [leap_noon])[0]
+    exact = _directions_of_rays(GOLDEN, [leap_noon])[0]
     np.testing.assert_allclose(path(86400.0), exact, atol=1e-9)
 
 
@@ -63,9 +63,9 @@ def test_mistakes(monkeypatch):
     with pytest.raises(InputError, match="has no direction"):
         Place(0.0, 0.0, north=(0.0, 0.0))
     with pytest.raises(InputError, match="has no zone"):
-        directions_of_rays(GOLDEN, [datetime(2024, 1, 1)])
+        _directions_of_rays(GOLDEN, [datetime(2024, 1, 1)])
     with pytest.raises(InputError, match="give positive"):
         sun_path(GOLDEN, SPA_TIME, 0.0)
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"pip install 'jaxthermo\[weather\]'"):
-        directions_of_rays(GOLDEN, [SPA_TIME])
+        _directions_of_rays(GOLDEN, [SPA_TIME])
