@@ -86,8 +86,8 @@ def test_new_views_compile_nothing(surfaces):
 def test_the_first_view_of_a_body_is_kept_for_other_processes(surfaces, monkeypatch):
     asked = []
 
-    def stored(search, given, find, types):
-        asked.append(given[0])
+    def stored(search, inputs, find, types):
+        asked.append(inputs[0])
         return find()
 
     monkeypatch.setattr(view_module, "stored", stored)
