@@ -36,6 +36,8 @@ def voxelize(
     if surface_cells not in get_args(SurfaceCells):
         choices = " or ".join(get_args(SurfaceCells))
         raise InputError(f"--surface-cells {surface_cells}: choose {choices}")
+    if (unit is None) == (height is None):
+        raise InputError(f"{mesh}: give either --unit, such as mm, or --height")
     target = None if height is None else _length("--height", height)
     loaded = load_mesh(mesh, unit=unit, height=target, up=up)
     console = open_console()

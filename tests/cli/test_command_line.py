@@ -38,6 +38,7 @@ def command(capsys):
         (("voxelize", "a.obj", "--pitch", "2 s"), "--pitch: expected a length"),
         (("voxelize", "a.obj", "--pitch=-2 mm"), "--pitch: must be more than 0"),
         (("voxelize", "a.obj", "--pitch", "2mm", "--unit", "mm"), "a.obj"),
+        (("voxelize", "a.obj", "--pitch", "2mm"), "give either --unit, such as mm, or"),
         (
             ("voxelize", "a.obj", "--pitch", "2mm", "--surface-cells", "all"),
             "--surface-cells all: choose crossings or dominant_axis",
