@@ -1,5 +1,6 @@
 """`jaxthermo palettes`: the colour scales and the differences between their colours."""
 
+from ..console.terminal import open_console, print_line
 from ..image.colour.palette_design import palette_report
 from ..report.table import Table
 
