@@ -19,6 +19,7 @@ from jaxthermo.image.radiance.radiometry import apparent_temperature, leaving_ra
 from jaxthermo.image.surface.view import _block_weights, compute_view, smooth_weights
 from jaxthermo.scene.body_geometry import body_geometry
 from jaxthermo.scene.scene import SolvedSurface
+from tests.imaging import apparent
 
 
 SIGMA = 5.670374419e-8
@@ -69,10 +70,10 @@ def test_channels_of_a_frame(still):
     np.testing.assert_allclose(np.asarray(image.depth)[body], 0.95)
     np.testing.assert_allclose(np.asarray(image.normal)[body], [[1.0, 0.0, 0.0]] * 2500)
     grey = (0.8 * 300.0**4 + 0.2 * 250.0**4) ** 0.25
-    np.testing.assert_allclose(np.asarray(image.apparent_temperature)[body], grey)
+    np.testing.assert_allclose(apparent(image)[body], grey)
     assert np.isinf(np.asarray(image.depth)[~body]).all()
     assert (np.asarray(image.emissivity)[~body] == 1).all()
-    np.testing.assert_allclose(np.asarray(image.apparent_temperature)[~body], 250.0)
+    np.testing.assert_allclose(apparent(image)[~body], 250.0)
 
 
 def test_the_nearer_body_hides_the_farther_one():
@@ -95,7 +96,7 @@ def test_reflected_sun_follows_the_cosine_and_the_shadow():
     # Only the edge of the second cube reaches the line of sight and the rays.
     image = jt.render(solution, SIDE, band=None)
     grey = 0.8 * 300.0**4 + 0.2 * 250.0**4 + 0.2 * 1000.0 / 5.670374419e-8
-    seen = np.asarray(image.apparent_temperature)[30, 10]
+    seen = apparent(image)[30, 10]
     assert seen == pytest.approx(grey**0.25, rel=1e-9)
 
 
@@ -108,7 +109,7 @@ def test_a_body_in_the_shadow_reflects_no_sun():
     )
     image = jt.render(solution, above, band=None)
     seen = np.asarray(image.object_id) == 0
-    kelvin = np.asarray(image.apparent_temperature)[seen]
+    kelvin = apparent(image)[seen]
     np.testing.assert_allclose(kelvin, 300.0, atol=1e-3)
 
 

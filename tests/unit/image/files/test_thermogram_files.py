@@ -5,6 +5,7 @@ import pytest
 from PIL import Image
 
 import jaxthermo as jt
+from tests.imaging import apparent
 
 
 KELVIN = np.linspace(280.0, 330.0, 12).reshape(3, 4)
@@ -52,7 +53,7 @@ def test_files_of_frames_are_read_back(tmp_path):
     scene = jt.Scene((body,), (jt.Surroundings(290.0),))
     camera = jt.Camera((0.2, -0.2, 0.1), (0.0, 0.0, 0.0), width=16, height=12)
     image = jt.render(jt.simulate(scene, 0.0), camera)
-    expected = np.asarray(image.apparent_temperature)
+    expected = apparent(image)
     jt.write_exr(tmp_path / "a.exr", image)
     jt.write_tiff(tmp_path / "a.tiff", image)
     jt.write_csv(tmp_path / "a.csv", image)

@@ -15,6 +15,7 @@ from jaxthermo.arrays import precision
 from jaxthermo.constants import SOLAR_TEMPERATURE
 from jaxthermo.image.radiance.band import Band
 from jaxthermo.image.radiance.response import BANDS
+from tests.imaging import apparent, at_start, block, metal, on_body
 
 
 SIGMA = 5.670374419e-8
@@ -179,13 +180,8 @@ def test_radiance_beyond_the_range_is_refused():
         LONG_WAVE.temperature(np.array([60.0, -1.0]))
 
 
-def block(emissivity=1.0, absorptivity=1.0, kelvin: Any = 300.0) -> jt.Body:
-    grid = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), 0.01)
-    material = jt.Material(
-        50.0, density=8000.0, specific_heat=500.0, emissivity=emissivity,
-        absorptivity=absorptivity,
-    )  # fmt: skip
-    return jt.Body(jt.FullVolume(grid), material, temperature=kelvin)
+def cube(emissivity=1.0, absorptivity=1.0, kelvin=300.0) -> jt.Body:
+    return block((0.04, 0.04, 0.04), kelvin, metal(emissivity, absorptivity))
 
 
 CAMERA = jt.OrthographicCamera(
@@ -197,28 +193,23 @@ ANY_BAND = pytest.mark.parametrize("band", [None, LONG_WAVE, MID_WAVE])
 @ANY_BAND
 @pytest.mark.parametrize("emissivity", [1.0, 0.6])
 def test_bodies_in_isothermal_surroundings_show_their_temperature(band, emissivity):
-    scene = jt.Scene((block(emissivity),), (jt.Surroundings(300.0),), dtype="float64")
-    image = jt.render(jt.simulate(scene, 0.0), CAMERA, band=band)
-    seen = np.asarray(image.apparent_temperature)
-    np.testing.assert_allclose(seen, 300.0, atol=1e-3)
+    solution = at_start([cube(emissivity)], jt.Surroundings(300.0))
+    image = jt.render(solution, CAMERA, band=band)
+    np.testing.assert_allclose(apparent(image), 300.0, atol=1e-3)
     assert image.band is band
 
 
 def test_a_grey_body_in_surroundings_of_another_temperature():
     """Listed: 310 K at emissivity 0.8 before 293.15 K, from 7.5 to 14 um."""
-    scene = jt.Scene(
-        (block(0.8, kelvin=310.0),), (jt.Surroundings(293.15),), dtype="float64"
-    )
-    image = jt.render(jt.simulate(scene, 0.0), CAMERA, band=LONG_WAVE)
-    seen = np.asarray(image.apparent_temperature)[np.asarray(image.object_id) >= 0]
-    np.testing.assert_allclose(seen, 306.835584, atol=1e-3)
+    solution = at_start([cube(0.8, kelvin=310.0)], jt.Surroundings(293.15))
+    image = jt.render(solution, CAMERA, band=LONG_WAVE)
+    np.testing.assert_allclose(apparent(image)[on_body(image)], 306.835584, atol=1e-3)
 
 
 def test_only_the_share_of_the_sun_within_the_band_is_reflected():
     sun = jt.Sun((-1.0, 0.0, 0.0), 1000.0)
     cold = jt.Surroundings(280.0)
-    scene = jt.Scene((block(0.9, 0.5),), (cold, sun), dtype="float64")
-    solution = jt.simulate(scene, 0.0)
+    solution = at_start([cube(0.9, 0.5)], cold, sun)
     share = float(LONG_WAVE.share(SOLAR_TEMPERATURE))
     assert share == pytest.approx(0.00137006, rel=1e-5)
     emitted = 0.9 * float(LONG_WAVE.radiance(300.0))
@@ -243,7 +234,7 @@ def test_a_warm_panel_is_reflected_with_its_own_spectrum():
             (0.1, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.1, 0.1), **strength_of_panel
         )
         scene = jt.Scene(
-            (block(0.5, 0.5),),
+            (cube(0.5, 0.5),),
             (jt.Surroundings(0.0), panel),
             dtype="float64",
             allow_extreme_temperatures=True,
@@ -253,16 +244,14 @@ def test_a_warm_panel_is_reflected_with_its_own_spectrum():
             (0.3, 0.0, 0.2), (0.0, 0.0, 0.0), 0.1, width=40, height=40
         )
         image = jt.render(solution, behind, band=LONG_WAVE)
-        on_body = np.asarray(image.object_id) >= 0
         emitted = 0.5 * float(LONG_WAVE.radiance(300.0))
-        shares.append(np.asarray(image.radiance)[on_body].max() - emitted)
+        shares.append(np.asarray(image.radiance)[on_body(image)].max() - emitted)
     warm, as_sun = (float(LONG_WAVE.share(t)) for t in (kelvin, SOLAR_TEMPERATURE))
     assert shares[0] / shares[1] == pytest.approx(warm / as_sun, rel=1e-6)
 
 
 def test_traced_images_are_those_of_the_host():
-    scene = jt.Scene((block(0.7, 0.5),), (jt.Surroundings(280.0),), dtype="float64")
-    solution = jt.simulate(scene, 0.0)
+    solution = at_start([cube(0.7, 0.5)], jt.Surroundings(280.0))
     plain = jt.render(solution, CAMERA, band=LONG_WAVE).radiance
 
     @jax.jit

@@ -16,6 +16,7 @@ from jaxthermo.image.radiance.draw import draw
 from jaxthermo.image.radiance.effect import _AbstractEffect, in_order
 from jaxthermo.image.radiance.response import BANDS
 from jaxthermo.image.surface.view import compute_view
+from tests.imaging import apparent, metal
 
 
 MID_WAVE = Band(BANDS["mid-wave"])
@@ -35,14 +36,9 @@ SMOOTH: tuple[_AbstractEffect, ...] = (
 
 def ball(emissivity=0.8, absorptivity=0.5, kelvin: Any = 300.0) -> jt.Body:
     grid = jt.voxelize(jt.shapes.sphere(0.02), 0.004)
-    material = jt.Material(
-        50.0,
-        density=8000.0,
-        specific_heat=500.0,
-        emissivity=emissivity,
-        absorptivity=absorptivity,
+    return jt.Body(
+        jt.FullVolume(grid), metal(emissivity, absorptivity), temperature=kelvin
     )
-    return jt.Body(jt.FullVolume(grid), material, temperature=kelvin)
 
 
 def at_start(*terms: Any, **body: Any) -> jt.Solution:
@@ -68,7 +64,7 @@ def sunlit() -> jt.Solution:
 def test_isothermal_bodies_show_their_temperature(isothermal, band, emissivity, count):
     solution = isothermal[emissivity]
     image = jt.render(solution, CAMERA, band=band, samples=2, effects=SMOOTH[:count])
-    seen = np.asarray(image.apparent_temperature)
+    seen = apparent(image)
     np.testing.assert_allclose(seen, 300.0, atol=1e-3)
 
 
@@ -93,7 +89,7 @@ def test_apparent_temperature_at_the_normal_and_by_the_angle():
     normal = np.asarray(image.normal)[seen]
     sight = np.subtract(CAMERA.position, CAMERA.look_at)
     cosine = (normal @ sight / np.linalg.norm(sight)).clip(0)
-    kelvin = np.asarray(image.apparent_temperature)[seen]
+    kelvin = apparent(image)[seen]
     facing = cosine.argmax()
     assert cosine[facing] > 0.998
     assert kelvin[facing] == pytest.approx(296.4424, abs=2e-3)
@@ -167,7 +163,7 @@ def test_a_polished_ball_mirrors_the_sky_above_and_the_ground_below():
     )
     polished = (jt.SpecularReflection(1.0, 3000.0),)
     image = jt.render(solution, level, band=None, effects=polished)
-    seen = np.asarray(image.apparent_temperature)[:, 10]
+    seen = apparent(image)[:, 10]
     assert seen[5] == pytest.approx(250.0, abs=1.0)
     assert seen[15] == pytest.approx(300.0, abs=1.0)
 
@@ -184,7 +180,7 @@ def test_air_at_a_distance_hides_a_surface():
     opaque = (jt.Atmosphere(280.0, transmissivity=0.0),)
     image = jt.render(solution, CAMERA, effects=opaque)
     on_body = np.asarray(image.object_id) == 0
-    seen = np.asarray(image.apparent_temperature)
+    seen = apparent(image)
     np.testing.assert_allclose(seen[on_body], 280.0, atol=1e-3)
     np.testing.assert_allclose(seen[~on_body], 300.0, atol=1e-3)
     half = (jt.Atmosphere(280.0, transmissivity=0.5),)
