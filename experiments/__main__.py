@@ -55,21 +55,25 @@ def _run(
     """
     if device is not None:
         catalogue.use_device(device)
-    given = {"config": config, "height": height, "cases": cases}
-    options = {k: v for k, v in given.items() if v is not None}
-    found, default = catalogue.find(name), Path("results/experiments")
+    arguments = {"config": config, "height": height, "cases": cases}
+    options = {key: value for key, value in arguments.items() if value is not None}
+    experiments = catalogue.find(name)
+    default = Path("results/experiments")
     if name == benchmark_group.NAME:
-        own = catalogue.find(catalogue.ON_ACCELERATORS)
-        found = tuple(each for each in found if each not in own)
-        found = found if device in (None, "cpu") else own
+        on_accelerators = catalogue.find(catalogue.ON_ACCELERATORS)
+        if device in (None, "cpu"):
+            experiments = tuple(e for e in experiments if e not in on_accelerators)
+        else:
+            experiments = on_accelerators
         folder = out or default / name
-        sizes = {"quick": quick, "resume": resume}
-        benchmark_group.run_group(found, folder, **sizes, **options)
+        benchmark_group.run_group(
+            experiments, folder, quick=quick, resume=resume, **options
+        )
         sys.stdout.write(f"{folder / 'report.html'}\n")
         return
     if resume:
         raise InputError("--resume: only `run benchmarks` takes it; leave it out")
-    for experiment in found:
+    for experiment in experiments:
         folder = out or default / experiment.name
         catalogue.run(experiment, folder, quick, **options)
         sys.stdout.write(f"{folder / 'result.json'}\n")

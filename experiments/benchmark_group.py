@@ -18,9 +18,8 @@ from jaxthermo.errors import InputError
 from jaxthermo.provenance import processor, provenance
 
 from . import catalogue
-from .harness.measurement_page import (
+from .harness.measurement import (
     Finished,
-    finished,
     plain_table,
     summary,
     table,
@@ -56,15 +55,23 @@ def run_group(
     """
     for experiment in experiments:
         catalogue.check_options(experiment, options)
-    console, done = open_console(), []
+    console = open_console()
+    done: list[Finished] = []
     result: dict[str, Any] = {}
     for number, experiment in enumerate(experiments, 1):
         name = experiment.name
         console.print(f"[{number}/{len(experiments)}] {name}: {experiment.about}")
-        own = folder / name
-        kept = _kept(own, quick) if resume and not options else None
+        earlier = None
+        if resume and not options:
+            earlier = _earlier(folder / name, quick)
         done.append(
-            _ended(experiment, folder=own, kept=kept, quick=quick, options=options)
+            _ended(
+                experiment,
+                folder=folder / name,
+                earlier=earlier,
+                quick=quick,
+                options=options,
+            )
         )
         words = done[-1].error or f"{len(done[-1].rows)} rows"
         console.print(f"{name}: {words}, {done[-1].took_s:.0f} s")
@@ -77,22 +84,29 @@ def run_group(
 def _ended(
     experiment: catalogue.Experiment,
     folder: Path,
-    kept: dict[str, Any] | None,
+    earlier: dict[str, Any] | None,
     quick: bool,
     options: dict[str, Any],
 ) -> Finished:
-    about = experiment.name, experiment.about, folder, experiment.command
     try:
-        result = kept or _in_own_process(
+        result = earlier or _in_own_process(
             experiment, folder=folder, quick=quick, options=options
         )
     except BrokenProcessPool:
-        return Finished(*about, error="its process was killed: too little memory?")
-    except InputError as error:
-        return Finished(*about, error=str(error))
-    except Exception as error:  # anything that a benchmark may raise
-        return Finished(*about, error=f"{type(error).__name__}: {error}")
-    return finished(*about, result)
+        error = "its process was killed: too little memory?"
+    except InputError as refusal:
+        error = str(refusal)
+    except Exception as failure:  # anything that a benchmark may raise
+        error = f"{type(failure).__name__}: {failure}"
+    else:
+        return catalogue.finished_benchmark(experiment, folder, result)
+    return Finished(
+        name=experiment.name,
+        about=experiment.about,
+        folder=folder,
+        command=experiment.command,
+        error=error,
+    )
 
 
 def _in_own_process(
@@ -107,7 +121,7 @@ def _in_own_process(
         return coming.result()
 
 
-def _kept(folder: Path, quick: bool) -> dict[str, Any] | None:
+def _earlier(folder: Path, quick: bool) -> dict[str, Any] | None:
     """An earlier result of this commit, host and size."""
     origin = provenance()
     # Changes that are not committed have no name.
@@ -132,7 +146,7 @@ def _write(folder: Path, done: Sequence[Finished], quick: bool) -> dict[str, Any
     body = {
         "sentences": [summary(done)],
         "rows": plain_table(done),
-        "took_s": sum(each.took_s for each in done),
+        "took_s": sum(benchmark.took_s for benchmark in done),
         "files": files,
     }
     head = {"experiment": NAME, "result": body, "quick": quick}

@@ -18,7 +18,7 @@ from jaxthermo.atomic import replacing
 from jaxthermo.errors import InputError
 from jaxthermo.provenance import processor, provenance
 
-from .harness.measurement_page import finished, table, write
+from .harness.measurement import Finished, finished, table, write
 from .harness.present import show
 
 
@@ -33,6 +33,8 @@ class Experiment:
     about: str
     name: str
     options: tuple[str, ...]
+    cases: str = ""
+    """Exhibits of the thesis that it selects, if it is a part of that experiment."""
 
     @property
     def group(self) -> str:
@@ -80,18 +82,7 @@ _ABOUT = {
     "thesis.exhibition": (
         "every table and figure of the thesis, claim by claim, on one page"
     ),
-    "thesis.counting": "numbers of voxels of each structure, compared with the thesis",
-    "thesis.radiation": (
-        "radiation of bodies, sources and surroundings: C02, C03, C04, occlusion"
-    ),
-    "thesis.convection": (
-        "the local Nusselt number, averages, a cylinder in wind: C20, C21"
-    ),
-    "thesis.wake": (
-        "the flow behind a cylinder in two channels at four speeds: C22, C23, C24"
-    ),
     "thesis.wake_data": "mean wakes by Reynolds number and their fits, as data",
-    "thesis.levels": "structures at equilibrium, their levels and holes: C11 to C14",
     "camera.camera_ladder": (
         "effects of a thermal camera, added one by one to a scene"
     ),
@@ -112,11 +103,33 @@ _NAMES = {
     "front.run": "front",
     "thesis.exhibition": "thesis",
 }
+# Commands that measure exhibits of the thesis by their subject, and those exhibits.
+_OF_THESIS = {
+    "counting": (
+        "numbers of voxels of each structure, compared with the thesis",
+        "section-6.1-cubes,figure-6.2,figure-6.9,figure-6.11,table-6.1",
+    ),
+    "radiation": (
+        "radiation of bodies, sources and surroundings: C02, C03, C04, occlusion",
+        "section-5.1-flux,section-5.1-neighbours,equation-3,section-5.1-occlusion",
+    ),
+    "convection": (
+        "the local Nusselt number, averages, a cylinder in wind: C20, C21",
+        "figure-5.6,figure-5.8,section-5.4-averages,section-3-cylinders",
+    ),
+    "wake": (
+        "the flow behind a cylinder in two channels at four speeds: C22, C23, C24",
+        "figure-5.7,figure-6.4,figure-6.5,figure-6.6,figure-6.7",
+    ),
+    "levels": (
+        "structures at equilibrium, their levels and holes: C11 to C14",
+        "C11,C12,C13,C14",
+    ),
+}
 # The others take the height of their bodies, in voxels.
 _OPTIONS = {
-    **dict.fromkeys(("stencil", "voxelize", "counting", "lattice-boltzmann"), ()),
+    **dict.fromkeys(("stencil", "voxelize", "lattice-boltzmann"), ()),
     "mixed": ("config", "height"),
-    "levels": ("height", "cases"),
     **dict.fromkeys(("verification", "stiff", "thesis"), ("cases",)),
     **dict.fromkeys(("budget", "front", "reduction"), ("config",)),
 }
@@ -141,7 +154,19 @@ _PEERS = ("numba", "pyamg", "torch", "cupy")
 ON_ACCELERATORS = "accelerator"
 """Name of the benchmark of GPUs and the like."""
 
-EXPERIMENTS = tuple(_experiment(*item) for item in _ABOUT.items())
+EXPERIMENTS = (
+    *(_experiment(module, about) for module, about in _ABOUT.items()),
+    *(
+        Experiment(
+            module="thesis.exhibition",
+            about=about,
+            name=name,
+            options=("cases",) if name == "levels" else (),
+            cases=cases,
+        )
+        for name, (about, cases) in _OF_THESIS.items()
+    ),
+)
 
 
 def find(name: str) -> tuple[Experiment, ...]:
@@ -150,17 +175,17 @@ def find(name: str) -> tuple[Experiment, ...]:
     Raises:
         InputError: if there is none.
     """
-    found = tuple(e for e in EXPERIMENTS if name == e.name)
-    found = found or tuple(e for e in EXPERIMENTS if name == e.group)
+    experiments = tuple(e for e in EXPERIMENTS if name == e.name)
+    experiments = experiments or tuple(e for e in EXPERIMENTS if name == e.group)
     if name in _PARTS:
         command = f"experiments run {_PARTS[name]}"
         raise InputError(f"{name} is a part of another experiment now: use `{command}`")
-    if not found:
+    if not experiments:
         names = sorted({n for e in EXPERIMENTS for n in (e.name, e.group)})
         close = difflib.get_close_matches(name, names, 1)
         hint = f"did you mean {close[0]}? " if close else ""
         raise InputError(f"no experiment {name!r}: {hint}there are {', '.join(names)}")
-    return found
+    return experiments
 
 
 def use_device(device: str) -> None:
@@ -172,11 +197,11 @@ def use_device(device: str) -> None:
     if device == "cpu":
         os.environ["JAX_PLATFORMS"] = device
         jax.config.update("jax_platforms", device)
-    found = jax.default_backend()
-    if found != device:
+    backend = jax.default_backend()
+    if backend != device:
         raise InputError(
-            f"--device {device}: JAX computes on {found} here; install the JAX of that "
-            "device, such as jax[cuda13], or leave it out"
+            f"--device {device}: JAX computes on {backend} here; install the JAX of "
+            "that device, such as jax[cuda13], or leave it out"
         )
 
 
@@ -216,21 +241,25 @@ def run(
     sizes = getattr(module, "QUICK", None) if quick else {}
     if sizes is None:
         raise InputError(f"--quick: {experiment.name} has no quick size; leave it out")
-    given = {"folder": folder} if experiment.options else {}
+    arguments: dict[str, Any] = {**sizes, **options}
+    if experiment.options or experiment.cases:
+        arguments["folder"] = folder
+    if experiment.cases:
+        arguments.setdefault("cases", experiment.cases)
     clock = time.perf_counter()
-    found = module.run(**{**given, **sizes, **options})
+    body = module.run(**arguments)
     result = {
         "experiment": experiment.name,
-        "result": found,
-        **provenance(found.get("config_hash"), found.get("seed")),
+        "result": body,
+        **provenance(body.get("config_hash"), body.get("seed")),
         "host": processor(),
         "quick": quick,
         "took_s": round(time.perf_counter() - clock, 1),
     }
-    if "measurements" in found:
+    if "measurements" in body:
         if quick:
             # They are asked of the bodies that the full size measures.
-            for row in found["measurements"]:
+            for row in body["measurements"]:
                 row["bound"] = None
         result["versions"] |= peer_versions()
         _write_page(experiment, folder, result)
@@ -241,16 +270,28 @@ def run(
 
 def peer_versions() -> dict[str, str]:
     """Versions of the libraries that only benchmarks use, of those installed."""
-    found = {}
+    versions = {}
     for name in _PEERS:
         with suppress(PackageNotFoundError):
-            found[name] = version(name)
-    return found
+            versions[name] = version(name)
+    return versions
+
+
+def finished_benchmark(
+    experiment: Experiment, folder: Path, result: Mapping[str, Any]
+) -> Finished:
+    """A benchmark that has ended with a result, the whole of its `result.json`."""
+    return finished(
+        name=experiment.name,
+        about=experiment.about,
+        folder=folder,
+        command=experiment.command,
+        result=result,
+    )
 
 
 def _write_page(experiment: Experiment, folder: Path, result: dict[str, Any]) -> None:
-    about = experiment.name, experiment.about, folder, experiment.command
-    done = [finished(*about, result)]
+    done = [finished_benchmark(experiment, folder, result)]
     show(table(done))
     files = write(
         folder, title=f"Benchmark: {experiment.name}", benchmarks=done, origin=result

@@ -28,8 +28,19 @@ class Source(NamedTuple):
 
 
 def load(name: str) -> dict[str, Any]:
-    """One file of `docs/data`."""
-    return json.loads((DATA / f"{name}.json").read_text())
+    """One file of `docs/data` or of a folder in it."""
+    return json.loads(path_of(name).read_text())
+
+
+def path_of(name: str) -> Path:
+    """Path of a file of `docs/data` or of a folder in it, by its name without ending.
+
+    Raises:
+        KeyError: if there is none.
+    """
+    for path in DATA.rglob(f"{name}.json"):
+        return path
+    raise KeyError(name)
 
 
 def lookup(reference: str, section: str) -> tuple[Any, Source]:
@@ -38,7 +49,7 @@ def lookup(reference: str, section: str) -> tuple[Any, Source]:
     Raises:
         KeyError: for an entry that is not there.
     """
-    name, entry = reference.split(":")
+    name, entry = reference.split(":", maxsplit=1)
     record = load(name)
     entry_value = record[section][entry]
     origin = {**record, **(entry_value if isinstance(entry_value, dict) else {})}
@@ -60,7 +71,7 @@ class _Number(SphinxRole):
 
     def run(self):
         value, source = lookup(self.text, "values")
-        self.env.note_dependency(str(DATA / f"{self.text.split(':')[0]}.json"))
+        self.env.note_dependency(str(path_of(self.text.split(":")[0])))
         node = nodes.abbreviation(self.rawtext, _unbroken(text_of(value)))
         node["classes"] = ["measured"]
         node["explanation"] = f"{source.command}; {source.machine}"
@@ -71,15 +82,18 @@ class _Measured(SphinxDirective):
     """A table, and below it its command and machine."""
 
     required_arguments = 1
+    final_argument_whitespace = True
 
     def run(self):
         table, source = lookup(self.arguments[0], "tables")
         name = self.arguments[0].split(":")[0]
-        self.env.note_dependency(str(DATA / f"{name}.json"))
+        path = path_of(name)
+        self.env.note_dependency(str(path))
         rows = [table["columns"], *table["rows"]]
         lines = ["| " + " | ".join(map(_unbroken, row)) + " |" for row in rows]
         lines.insert(1, "|" + "---|" * len(table["columns"]))
-        about = f"`{source.command}`; {source.machine}. Data: `docs/data/{name}.json`."
+        file = f"docs/data/{path.relative_to(DATA)}"
+        about = f"`{source.command}`; {source.machine}. Data: `{file}`."
         lines += ["", "{.measured-source}", about]
         return self.parse_text_to_nodes("\n".join(lines))
 

@@ -24,7 +24,7 @@ from jaxthermo.integrate.solvers import AbstractSolver
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import END, START, STEEL, standard_scene
 from ..harness.timing import interleaved
-from ..thesis.counting import TIMES
+from ..thesis.resolution import FULL, TABLE_TIMES
 from .loops import loop_of
 from .scaling_model import STEP_BYTES
 from .steps import STRUCTURES, conduction_call
@@ -108,7 +108,7 @@ def _conduction(
     share = f"{100 * ideal / min(each['ours']):.0f} % of the copy's bandwidth"
     peers = {name: found for name, found in each.items() if name != "ours"}
     if tuple(shape) == _THESIS_SHAPE:
-        peers["thesis, 9800GT"] = [TIMES["full_volume"]]
+        peers["thesis, 9800GT"] = [TABLE_TIMES[FULL]]
     return [
         Measurement(
             name=what,

@@ -10,7 +10,8 @@ from typing import NamedTuple
 from jaxthermo.errors import InputError
 
 
-PASS, FAIL = "pass", "FAIL"
+PASS = "pass"
+FAIL = "FAIL"
 REFUSED = "refused as it must"
 # Nothing is judged, or all checks are met and the rest is shown for comparison.
 REPORTED = "reported"
@@ -19,62 +20,49 @@ Number = float | int
 
 
 @dataclass(frozen=True)
-class Value:
-    """A computed number beside the one that is expected."""
+class Check:
+    """A computed number with the range or the value that it must have.
 
-    name: str
-    unit: str
-    expected: Number
-    computed: Number
-    tolerance: Number | None
-    """Largest error, in the same unit; None where the source states none."""
-
-    @property
-    def error(self) -> float:
-        """The computed number less the expected one."""
-        return float(self.computed) - float(self.expected)
-
-    @property
-    def passes(self) -> bool | None:
-        """True if the error is within the tolerance; None if there is none."""
-        if self.tolerance is None:
-            return None
-        # The comparison is false for NaN, which must not pass.
-        return abs(self.error) <= self.tolerance
-
-    @property
-    def text(self) -> str:
-        """The number with its expectation and tolerance."""
-        stated = "" if self.tolerance is None else f" +- {self.tolerance:.3g}"
-        return f"{self.name} {self.computed:.6g}, expected {self.expected:.6g}{stated}"
-
-
-@dataclass(frozen=True)
-class Bound:
-    """A number and the range that it must lie in; NaN lies in no range."""
+    NaN lies in no range and is near no value.
+    """
 
     name: str
     computed: Number
     highest: Number = math.inf
     lowest: Number = -math.inf
     unit: str = ""
+    expected: Number | None = None
+    """Expected value; None for a number that only has a range."""
+    tolerance: Number | None = None
+    """Largest error, in the unit; None where the source of the value states none."""
 
     @property
-    def passes(self) -> bool:
-        """True if the number lies in the range."""
-        return bool(self.lowest <= self.computed <= self.highest)
+    def error(self) -> float:
+        """The computed number less the expected one; NaN if none is expected."""
+        expected = math.nan if self.expected is None else self.expected
+        return float(self.computed) - float(expected)
+
+    @property
+    def passes(self) -> bool | None:
+        """True if the number is right; None for a value without a tolerance."""
+        if self.expected is None:
+            return bool(self.lowest <= self.computed <= self.highest)
+        if self.tolerance is None:
+            return None
+        return abs(self.error) <= self.tolerance
 
     @property
     def text(self) -> str:
-        """The number between its limits, as in "energy 2e-16 <= 1e-12"."""
+        """The number with its expectation or limits: "energy 2e-16 <= 1e-12"."""
+        if self.expected is not None:
+            stated = "" if self.tolerance is None else f" +- {self.tolerance:.3g}"
+            expected = f"expected {self.expected:.6g}{stated}"
+            return f"{self.name} {self.computed:.6g}, {expected}"
         if self.lowest == self.highest:
             return f"{self.name} {self.computed:.6g} = {self.highest:.6g}"
         below = "" if self.lowest == -math.inf else f"{self.lowest:.6g} <= "
         above = "" if self.highest == math.inf else f" <= {self.highest:.6g}"
         return f"{below}{self.name} {self.computed:.3g}{above}"
-
-
-Check = Value | Bound
 
 
 @dataclass(frozen=True)
@@ -216,7 +204,7 @@ class Outcome:
 
 def _severity(check: Check) -> float:
     # Error over tolerance, so that checks of any unit compare: above 1 one fails.
-    if isinstance(check, Bound):
+    if check.expected is None:
         if not check.passes:
             return math.inf
         one_sided = check.lowest == -math.inf and 0 < check.highest < math.inf
@@ -253,20 +241,20 @@ def values(
     expected: Iterable[Number],
     computed: Iterable[float],
     tolerance: Number | None,
-) -> tuple[Value, ...]:
+) -> tuple[Check, ...]:
     """Several numbers of one kind, with one unit and one tolerance."""
     rows = zip(names, expected, computed, strict=True)
     return tuple(
-        Value(name=n, unit=unit, expected=e, computed=float(c), tolerance=tolerance)
+        Check(name=n, unit=unit, expected=e, computed=float(c), tolerance=tolerance)
         for n, e, c in rows
     )
 
 
 def relative(
     name: str, unit: str, expected: Number, computed: Number, fraction: Number
-) -> Value:
+) -> Check:
     """A number whose tolerance is a fraction of what is expected."""
-    return Value(
+    return Check(
         name=name,
         unit=unit,
         expected=expected,
@@ -275,19 +263,19 @@ def relative(
     )
 
 
-def largest_error(checks: Iterable[Value]) -> float:
+def largest_error(checks: Iterable[Check]) -> float:
     """The largest error of several numbers, in their unit."""
     return max(abs(value.error) for value in checks)
 
 
 def converge(
-    measure: Callable[..., Iterable[Value]],
+    measure: Callable[..., Iterable[Check]],
     at: Sequence[Number],
     length: Number | None = None,
     *,
     expected: Number | None = None,
     shown: int = -1,
-    error: Callable[[Sequence[Value]], float] = largest_error,
+    error: Callable[[Sequence[Check]], float] = largest_error,
 ) -> Row:
     """The checks at one resolution, the finest or `shown`, and the order over all.
 
@@ -299,11 +287,10 @@ def converge(
         shown: index of the resolution whose checks are judged.
         error: of one resolution, from its checks.
     """
-    found = [tuple(measure(resolution)) for resolution in at]
-    sizes = tuple(each if length is None else length / each for each in at)
-    return Row(
-        checks=found[shown], order=Order(sizes, tuple(map(error, found)), expected)
-    )
+    checks = [tuple(measure(resolution)) for resolution in at]
+    sizes = tuple(at) if length is None else tuple(length / count for count in at)
+    order = Order(sizes, errors=tuple(map(error, checks)), expected=expected)
+    return Row(checks=checks[shown], order=order)
 
 
 def described(error: Exception) -> str:
@@ -330,7 +317,8 @@ def refusal(
     what: str, call: Callable[[], object], reason: str, solver: str = "", dtype=""
 ) -> Row:
     """A row for a call that an InputError must refuse, with the reason in one line."""
-    stated, seen = False, "not refused"
+    stated = False
+    seen = "not refused"
     try:
         call()
     except InputError as error:
@@ -339,5 +327,5 @@ def refusal(
     except Exception as error:
         # Any other exception is a stack trace to the user, not a refusal.
         return _broken(what, error=error, solver=solver, dtype=dtype)
-    check = Bound(name=f"says {reason!r}", computed=float(stated), highest=1, lowest=1)
+    check = Check(name=f"says {reason!r}", computed=float(stated), highest=1, lowest=1)
     return Row(what, solver, dtype, seen=seen, checks=(check,), if_met=REFUSED)

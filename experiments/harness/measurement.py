@@ -4,13 +4,19 @@ Values of the same index were measured in turn, so that a ratio is one of two va
 that saw the same state of the machine.
 """
 
-from collections.abc import Iterable, Sequence
+import csv
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxthermo.report.numbers import with_range
+from jaxthermo.atomic import replacing
+from jaxthermo.report import page
+from jaxthermo.report.numbers import count, with_range
+from jaxthermo.report.table import Cell, Table
+from jaxthermo.report.templates import Html
 
 from .timing import ratio_of
 
@@ -23,7 +29,7 @@ _FACTORS = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 def time_unit(seconds: float) -> tuple[str, float]:
     """The unit that fits a time [s], and how many of it a second has."""
     # A difference of times may be negative.
-    units = (name for name, least in _SCALES if abs(seconds) >= least)
+    units = (name for name, shortest in _SCALES if abs(seconds) >= shortest)
     unit = next(units, "ns")
     return unit, _FACTORS[unit]
 
@@ -32,9 +38,19 @@ Spread = tuple[float, float, float]
 """Median, lowest and highest value."""
 
 
+class Shown(NamedTuple):
+    """A measurement as a table has it."""
+
+    unit: str
+    ours: str
+    """Median and range."""
+    peer: str
+    """Median and range of the peer; empty without one."""
+
+
 @dataclass(frozen=True)
 class Measurement:
-    """A quantity of which less is better, each value of it, and what is asked of it."""
+    """A measured cost (lower is better): its samples, a peer, a required bound."""
 
     name: str
     unit: str
@@ -84,17 +100,23 @@ class Measurement:
         """The ratio with its range and meaning; empty without a peer."""
         if self.ratio is None:
             return ""
-        what = "x the time" if self.unit == "s" else "x as much"
-        return f"{with_range(*self.ratio)} {what if self.overhead else 'x as fast'}"
+        cost = "x the time" if self.unit == "s" else "x as much"
+        return f"{with_range(*self.ratio)} {cost if self.overhead else 'x as fast'}"
 
     @property
-    def shown(self) -> tuple[str, str, str]:
-        """Unit, ours and the peer's with their ranges, for a table."""
-        own, unit, factor = _spread(self.ours), self.unit, 1.0
+    def shown(self) -> "Shown":
+        """Unit, and the values of both with their ranges, for a table."""
+        unit = self.unit
+        factor = 1.0
         if unit == "s":
-            unit, factor = time_unit(own[0])
-        text = lambda values: with_range(*(factor * v for v in _spread(values)))
-        return unit, text(self.ours), text(self.peer) if len(self.peer) else ""
+            unit, factor = time_unit(_spread(self.ours)[0])
+        ours, peer = (
+            with_range(*(factor * value for value in _spread(values)))
+            if len(values)
+            else ""
+            for values in (self.ours, self.peer)
+        )
+        return Shown(unit=unit, ours=ours, peer=peer)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values, for `result.json`; `measurement_of` reads them."""
@@ -104,19 +126,18 @@ class Measurement:
         return plain
 
     def as_row(self) -> dict[str, Any]:
-        """The same summed up, for a line of a CSV file."""
-        names = ("median", "low", "high")
-        parts = {"ours": _spread(self.ours), "peer": None, "ratio": self.ratio}
-        if len(self.peer):
-            parts["peer"] = _spread(self.peer)
+        """A summary, for a line of a CSV file."""
+        spreads = {
+            "ours": _spread(self.ours),
+            "peer": _spread(self.peer) if len(self.peer) else None,
+            "ratio": self.ratio,
+        }
         row: dict[str, Any] = {"name": self.name, "unit": self.unit}
-        for part, values in parts.items():
-            if part == "peer":
+        for side, spread in spreads.items():
+            if side == "peer":
                 row["peer"] = self.peer_name
-            row |= {
-                f"{part}_{name}": None if values is None else float(values[n])
-                for n, name in enumerate(names)
-            }
+            for index, name in enumerate(("median", "low", "high")):
+                row[f"{side}_{name}"] = None if spread is None else float(spread[index])
         direction = "ours / peer" if self.overhead else "peer / ours"
         return {
             **row,
@@ -139,3 +160,174 @@ def plain_rows(rows: Iterable[Measurement]) -> list[dict[str, Any]]:
 
 def _spread(values: Sequence[float]) -> Spread:
     return float(np.median(values)), float(np.min(values)), float(np.max(values))
+
+
+_PAGE = "report.html"
+_CSV = "measurements.csv"
+
+_COLUMNS = (
+    *("quantity", "unit", "jaxthermo", "peer", "peer's", "ratio"),
+    *("asked", "verdict"),
+)
+_LEFT = (0, 1, 3, 6, 7)
+_NONE = "\N{EN DASH}"
+
+_INTRODUCTION = (
+    "Medians, with the lowest and the highest value in brackets; less is better. A "
+    "peer is measured in the same run, in turn with ours, and a ratio is that of such "
+    'pairs: with "x as fast" its time over ours, with "x the time" ours over its. A '
+    "bound is kept by the median of the ratios."
+)
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A benchmark that has ended, with its rows or with the reason for none."""
+
+    name: str
+    about: str
+    folder: Path
+    """Folder of its charts."""
+    command: str
+    """Measures it alone."""
+    rows: tuple[Measurement, ...] = ()
+    error: str = ""
+    charts: tuple[tuple[str, str], ...] = ()
+    """Name and title of each SVG file in the folder."""
+    took_s: float = 0.0
+
+
+def finished(
+    name: str, about: str, folder: Path, command: str, result: Mapping[str, Any]
+) -> Finished:
+    """A benchmark that has ended with a result, the whole of its `result.json`."""
+    body = result["result"]
+    rows = tuple(measurement_of(row) for row in body.get("measurements", ()))
+    error = "" if rows else "no measurement in the form of this table: see result.json"
+    charts = tuple(body.get("charts", {}).items())
+    took = float(result.get("took_s", 0.0))
+    return Finished(
+        name=name,
+        about=about,
+        folder=folder,
+        command=command,
+        rows=rows,
+        error=error,
+        charts=charts,
+        took_s=took,
+    )
+
+
+def summary(benchmarks: Sequence[Finished]) -> str:
+    """Number of bounds met, names of the others, and of benchmarks without rows."""
+    asked = [
+        (f"{benchmark.name}: {row.name}", row.met)
+        for benchmark in benchmarks
+        for row in benchmark.rows
+        if row.met is not None
+    ]
+    missed = [name for name, met in asked if not met]
+    failed = [benchmark.name for benchmark in benchmarks if benchmark.error]
+    text = "no bound is asked"
+    if asked:
+        text = f"{len(asked) - len(missed)} of {count(len(asked), 'bound')} met"
+    if missed:
+        text += f"; missed: {', '.join(missed)}"
+    return f"{text}; without a result: {', '.join(failed)}" if failed else text
+
+
+def table(benchmarks: Sequence[Finished]) -> Table:
+    """A line for each measurement, below a line for each benchmark."""
+    lines: list[list[str | Cell]] = []
+    width = len(_COLUMNS)
+    for benchmark in benchmarks:
+        heading = _heading(benchmark)
+        lines.append([Cell(heading, wraps=True, columns=width, is_heading=True)])
+        if benchmark.error:
+            error = Cell(benchmark.error, met=False, wraps=True, columns=width)
+            lines.append([error])
+        lines += [_line(row) for row in benchmark.rows]
+    return Table(_COLUMNS, lines, left=_LEFT)
+
+
+def _heading(benchmark: Finished) -> str:
+    took = f"; took {benchmark.took_s:.0f} s" if benchmark.took_s else ""
+    return f"{benchmark.name}: {benchmark.about}\n{benchmark.command}{took}"
+
+
+def _line(row: Measurement) -> list[str | Cell]:
+    unit, ours, theirs = row.shown
+    name = f"{row.name}\n{row.note}" if row.note else row.name
+    verdict = {True: "met", False: "missed", None: ""}[row.met]
+    peer = Cell(row.peer_name or _NONE, wraps=True)
+    return [
+        Cell(name, wraps=True),
+        unit,
+        ours,
+        peer,
+        theirs,
+        row.ratio_text,
+        row.asked,
+        Cell(verdict, row.met),
+    ]
+
+
+def write(
+    folder: Path,
+    title: str,
+    benchmarks: Sequence[Finished],
+    origin: Mapping[str, Any],
+) -> list[str]:
+    """Write the page and the CSV file; return their names.
+
+    Args:
+        folder: of both files.
+        title: of the page.
+        benchmarks: in the order of the page.
+        origin: processor, versions, commit and date, as of `provenance`.
+    """
+    sections: list[page.Section] = [
+        page.terms(_origin(origin)),
+        f"{summary(benchmarks)}.",
+        _INTRODUCTION,
+        table(benchmarks),
+    ]
+    for benchmark in benchmarks:
+        for name, caption in benchmark.charts:
+            chart = benchmark.folder / f"{name}.svg"
+            if chart.is_file():
+                sections += [page.heading(caption), Html(chart.read_text("utf-8"))]
+    page.write_page(folder / _PAGE, title, sections)
+    _write_csv(folder / _CSV, benchmarks)
+    return [_PAGE, _CSV]
+
+
+def _origin(origin: Mapping[str, Any]) -> list[tuple[str, str]]:
+    versions = ", ".join(f"{k} {v}" for k, v in origin["versions"].items())
+    return [
+        ("processor", origin["processor"]),
+        ("device", origin["device"]),
+        ("versions", versions),
+        ("commit", origin.get("commit", "none: not a git checkout")),
+        ("date", origin["date"]),
+    ]
+
+
+def _write_csv(path: Path, benchmarks: Sequence[Finished]) -> None:
+    rows = plain_table(benchmarks)
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    with replacing(path) as temporary, temporary.open("w", newline="") as file:
+        writer = csv.DictWriter(file, names)
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def plain_table(benchmarks: Sequence[Finished]) -> list[dict[str, Any]]:
+    """A mapping for each measurement, and one for each benchmark without any."""
+    rows = []
+    for benchmark in benchmarks:
+        names = {"benchmark": benchmark.name, "command": benchmark.command}
+        rows += [{**names, **row.as_row()} for row in benchmark.rows]
+        if benchmark.error:
+            rows.append({**names, "error": benchmark.error})
+    return rows

@@ -21,7 +21,8 @@ STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0, absorptivity=1.0)
 
 # Of body and air [K]; times of the standard scene [s].
 START = 293.15
-SAVE_AT, END = (30.0, 60.0, 90.0, 135.0, 180.0), 180.0
+SAVE_AT = (30.0, 60.0, 90.0, 135.0, 180.0)
+END = 180.0
 
 _FILES = {"Happy Buddha": "happy-buddha.obj", "Max Planck": "max-planck.obj"}
 
@@ -31,19 +32,21 @@ def mesh_files() -> dict[str, Path]:
     named = os.environ.get("JAXTHERMO_MESHES", "../shared/meshes")
     folders = [Path(folder) for folder in named.split(os.pathsep) if folder]
     # The first folder that has a file wins, as in a search path.
-    found = {}
+    files: dict[str, Path] = {}
     for name, file in _FILES.items():
         for folder in folders:
-            if name not in found and (folder / file).is_file():
-                found[name] = folder / file
-    return found
+            if name not in files and (folder / file).is_file():
+                files[name] = folder / file
+    return files
 
 
 def thesis_meshes() -> dict[str, Mesh]:
     """The thesis' meshes that are found, by name; the figurine if none is."""
-    files = mesh_files().items()
-    found = {name: load_mesh(path, height=HEIGHT, up="y") for name, path in files}
-    return found or {"figurine": figurine(HEIGHT)}
+    meshes = {
+        name: load_mesh(path, height=HEIGHT, up="y")
+        for name, path in mesh_files().items()
+    }
+    return meshes or {"figurine": figurine(HEIGHT)}
 
 
 def voxels_high(

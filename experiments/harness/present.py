@@ -39,13 +39,14 @@ def table_of(
     headings, formats = zip(*columns, strict=True)
     lines = []
     for row in rows:
-        shown = formats[:names] if "refused" in row else formats
+        used = formats[:names] if "refused" in row else formats
         line = [
-            how.format_map(row) if isinstance(how, str) else how(row) for how in shown
+            form.format_map(row) if isinstance(form, str) else form(row)
+            for form in used
         ]
         if "refused" in row:
-            rest = len(formats) - names
-            line.append(Cell(row["refused"], wraps=True, columns=rest))
+            width = len(formats) - names
+            line.append(Cell(row["refused"], wraps=True, columns=width))
         lines.append(line)
     return Table(columns=headings, rows=lines, title=title, caption=caption, **style)
 
@@ -57,8 +58,8 @@ def named(rows: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 def from_to(values: Iterable[float], form: str) -> str:
     """Smallest and largest value in a format, or the one where they read alike."""
-    found = list(values)
-    ends = dict.fromkeys(format(end, form) for end in (min(found), max(found)))
+    numbers = list(values)
+    ends = dict.fromkeys(format(end, form) for end in (min(numbers), max(numbers)))
     return " to ".join(ends)
 
 
@@ -92,7 +93,8 @@ def thermal_tile(
 
 def colour_bar(low: float, high: float, title: str, palette: str = "iron") -> ColourBar:
     """The scale of a palette with round numbers between its ends."""
-    ticks, span = nice_ticks(low, high), max(high - low, 1e-9)
+    ticks = nice_ticks(low, high)
+    span = max(high - low, 1e-9)
     decimals = decimals_of(ticks[1] - ticks[0]) if len(ticks) > 1 else 1
     marks = tuple(((t - low) / span, label(t, decimals)) for t in ticks)
     return ColourBar(palette_table(palette), marks, title)

@@ -61,7 +61,8 @@ class Record:
             row, arrays = make()
         except InputError as error:
             # Measured again next time, when there may be more memory.
-            row, arrays = {"refused": str(error)}, {}
+            row = {"refused": str(error)}
+            arrays = {}
         took = time.perf_counter() - clock
         row = {"id": key, **head, **row, "took_s": took, "arrays": sorted(arrays)}
         if arrays:
@@ -74,15 +75,15 @@ class Record:
     def known(self, identity: Any) -> bool:
         """True if the row exists, with its arrays, and was not refused."""
         row = self.rows.get(self._key(identity), {"refused": "", "arrays": []})
-        whole = not row["arrays"] or self._array_file(row["id"]).is_file()
-        return "refused" not in row and whole
+        is_complete = not row["arrays"] or self._array_file(row["id"]).is_file()
+        return "refused" not in row and is_complete
 
     def arrays_of(self, row: Row) -> Arrays:
         """The arrays of a row; an InputError if their file is damaged."""
         path = self._array_file(row["id"])
         try:
-            with path.open("rb") as stream, np.load(stream) as kept:
-                return dict(kept)
+            with path.open("rb") as stream, np.load(stream) as arrays:
+                return dict(arrays)
         except Exception as error:  # damaged bytes make the readers raise anything
             raise InputError(
                 f"{path}: cannot be read ({type(error).__name__}): delete it, and the "

@@ -1,14 +1,31 @@
-"""Outcomes of cases as tables on a terminal and as a page."""
+"""Running cases that are selected by name, and their outcomes as tables and a page."""
 
+import math
+import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from jaxthermo.console.terminal import open_console
+from jaxthermo.errors import InputError
 from jaxthermo.report import page
 from jaxthermo.report.numbers import seconds
 from jaxthermo.report.table import Cell, Table, prose
 
-from .case import FAIL, PASS, REPORTED, Bound, Check, Group, Order, Outcome, Row
+from .case import (
+    FAIL,
+    PASS,
+    REFUSED,
+    REPORTED,
+    Case,
+    Check,
+    Group,
+    Order,
+    Outcome,
+    Row,
+    check,
+)
 
 
 _QUANTITY = ("quantity", "expected", "computed", "error", "tolerance", "verdict")
@@ -51,14 +68,14 @@ def terminal_tables(title: str, outcomes: Sequence[Outcome]) -> list[Table]:
 
 
 def write_report(
-    found: Sequence[tuple[Group, Sequence[Outcome]]],
+    results: Sequence[tuple[Group, Sequence[Outcome]]],
     path: Path,
     texts: PageTexts,
     took: float | None = None,
 ) -> None:
     """Write the page of all outcomes by group, which took so long [s]."""
     # Failures first, then all cases in a line each, then every detail.
-    outcomes = [outcome for _, each in found for outcome in each]
+    outcomes = [outcome for _, of_group in results for outcome in of_group]
     took_words = "" if took is None else f" Everything took {took:.0f} s."
     sections: list[page.Section] = [
         f"{summary(outcomes)}.{took_words}",
@@ -71,9 +88,9 @@ def write_report(
         ]
         sections.append(Table(["failed", "reason"], rows))
     sections += [page.heading("All cases"), _case_table(outcomes, True)]
-    for group, each in found:
+    for group, of_group in results:
         sections.append(page.heading(group.title))
-        for outcome in each:
+        for outcome in of_group:
             sections += _details(outcome)
     if texts.not_covered:
         rows = [[name, prose(reason)] for name, reason in texts.not_covered]
@@ -100,12 +117,12 @@ def _check_cells(check: Check | None, otherwise: str) -> list[str | Cell]:
     if check is None:
         return [Cell(otherwise, wraps=True), *_NONE * 4]
     computed = f"{_number(check.computed)} {check.unit}".strip()
-    if isinstance(check, Bound):
+    if check.expected is None:
         limits = f"{_number(check.lowest, 4)} to {_number(check.highest, 4)}"
         return [check.name, limits, computed, _NONE, _NONE]
     expected = f"{_number(check.expected)} {check.unit}".strip()
-    error, tolerance = f"{check.error:+.1e}", _number(check.tolerance, 3)
-    return [check.name, expected, computed, error, tolerance]
+    tolerance = _number(check.tolerance, 3)
+    return [check.name, expected, computed, f"{check.error:+.1e}", tolerance]
 
 
 def _orders(outcome: Outcome) -> str:
@@ -146,11 +163,11 @@ def _run_table(outcome: Outcome, on_page: bool) -> Table:
     """A line for each solver, below the scene that it solves."""
     columns = (*_RUN, "observed; checks and their limits") if on_page else _RUN
     rows: list[list[str | Cell]] = []
-    what = None
+    scene = None
     for row in outcome.rows:
-        if row.what != what:
+        if row.what != scene:
             rows.append([Cell(row.what, wraps=True, columns=len(columns))])
-            what = row.what
+            scene = row.what
         solver, *cells = _run_cells(row)
         if on_page:
             texts = (row.failure, row.seen, "; ".join(c.text for c in row.checks))
@@ -166,16 +183,13 @@ def _run_table(outcome: Outcome, on_page: bool) -> Table:
 
 
 def _run_cells(row: Row) -> list[str | Cell]:
-    # An exact 0 is not a small number: it says that nothing was rounded.
-    small = lambda v: "" if v is None else f"{v:.1e}" if v else "0"
-    whole = lambda v: "" if v is None else f"{v:,}"
     return [
         row.solver,
         row.dtype,
-        small(row.overshoot_K),
-        small(row.energy_residual),
-        whole(row.newton),
-        whole(row.linear),
+        _small(row.overshoot_K),
+        _small(row.energy_residual),
+        _with_thousands(row.newton),
+        _with_thousands(row.linear),
         "" if row.run_s is None else seconds(row.run_s),
         row.result,
         _marked(row.verdict),
@@ -234,10 +248,144 @@ def _row_reason(row: Row) -> str:
     if row.failure:
         return row.failure
     texts = []
-    for check in row.checks:
-        if check.passes is False:
-            name, expected, computed, *_ = _check_cells(check, "")
+    for missed in row.checks:
+        if missed.passes is False:
+            name, expected, computed, *_ = _check_cells(missed, "")
             texts.append(f"{name}: {computed}, not {expected}")
     if row.order is not None and row.order.passes is False:
         texts.append(f"order {_order_text(row.order)}")
     return "; ".join([*texts, *([row.seen] if row.seen else [])])
+
+
+def _small(value: float | None) -> str:
+    if value is None:
+        return ""
+    # An exact 0 is not a small number: it says that nothing was rounded.
+    return f"{value:.1e}" if value else "0"
+
+
+def _with_thousands(count: int | None) -> str:
+    return "" if count is None else f"{count:,}"
+
+
+def run_cases(
+    groups: Sequence[Group],
+    names: str | None,
+    folder: Path,
+    texts: PageTexts,
+    at_once: int = 1,
+) -> dict[str, Any]:
+    """Run cases, all or those whose ids begin with one of the names ("V21,A1").
+
+    Prints a table of each group and writes `report.html`. `at_once` cases run at the
+    same time: 1 where run times are compared. An unknown name is an InputError.
+    """
+    groups = _select(groups, names)
+    begin = time.perf_counter()
+    console = open_console()
+    results: list[tuple[Group, list[Outcome]]] = []
+    pool = ThreadPoolExecutor(at_once)
+    try:
+        # All groups are handed in at once: no thread waits at the end of a group.
+        submitted = [pool.map(check, group.cases) for group in groups]
+        for group, of_group in zip(groups, submitted, strict=True):
+            outcomes = list(of_group)
+            for table in terminal_tables(group.title, outcomes):
+                # Long texts fold on a terminal, where this console lets lines run on.
+                console.print(table.rich(), soft_wrap=False)
+            results.append((group, outcomes))
+    finally:
+        # After an interrupt the cases that have not begun would run to their end.
+        pool.shutdown(cancel_futures=True)
+    outcomes = [outcome for _, of_group in results for outcome in of_group]
+    console.print(summary(outcomes), soft_wrap=False)
+    took = time.perf_counter() - begin
+    write_report(results, path=folder / "report.html", texts=texts, took=took)
+    rows = [row.verdict for outcome in outcomes for row in outcome.rows]
+    return {
+        "passed": ids_of(outcomes, PASS),
+        "failed": ids_of(outcomes, FAIL),
+        "reported": ids_of(outcomes, REPORTED),
+        "verdicts": {v: rows.count(v) for v in (PASS, REFUSED, REPORTED, FAIL)},
+        "cases": [
+            _plain(outcome, group.title)
+            for group, of_group in results
+            for outcome in of_group
+        ],
+        "not_covered": [{"id": n, "reason": why} for n, why in texts.not_covered],
+        "took_s": round(took, 1),
+        "files": ["report.html"],
+    }
+
+
+def _select(groups: Sequence[Group], names: str | None) -> tuple[Group, ...]:
+    if names is None:
+        return tuple(groups)
+    requested = [name.strip().upper() for name in names.split(",") if name.strip()]
+    cases = [case for group in groups for case in group.cases]
+    listed = "there are " + "; ".join(case.id for case in cases)
+    if not requested:
+        raise InputError(f"--cases {names!r} names none: {listed}")
+    for name in requested:
+        if not any(_is_named(case, [name]) for case in cases):
+            raise InputError(f"--cases {name}: {listed}")
+    picked = (
+        Group(group.title, tuple(c for c in group.cases if _is_named(c, requested)))
+        for group in groups
+    )
+    return tuple(group for group in picked if group.cases)
+
+
+def _is_named(case: Case, names: list[str]) -> bool:
+    # An id such as "V22a, A1" has two, each of which names the case.
+    ids = case.id.upper().replace(",", " ").split()
+    return any(id_.startswith(name) for id_ in ids for name in names)
+
+
+def _plain(outcome: Outcome, group: str) -> dict[str, Any]:
+    case = outcome.case
+    return {
+        "id": case.id,
+        "group": group,
+        "title": case.title,
+        "source": case.source,
+        "requirement": case.requirement,
+        "method": case.method,
+        "verdict": outcome.verdict,
+        "took_s": round(outcome.seconds, 2),
+        "rows": [_plain_row(row) for row in outcome.rows],
+    }
+
+
+def _plain_row(row: Row) -> dict[str, Any]:
+    fields = {name: _plain_number(value) for name, value in row._asdict().items()}
+    del fields["if_met"], fields["order"]
+    fields["checks"] = [
+        _plain_fields(
+            check,
+            *("name", "unit", "computed"),
+            *(("lowest", "highest") if check.expected is None else _OF_A_VALUE),
+            "passes",
+        )
+        for check in row.checks
+    ]
+    plain = {key: value for key, value in fields.items() if value not in (None, "")}
+    if row.order is not None:
+        plain["order"] = _plain_fields(row.order, *_OF_AN_ORDER)
+    return {**plain, "verdict": row.verdict}
+
+
+_OF_A_VALUE = ("expected", "error", "tolerance")
+_OF_AN_ORDER = ("sizes", "errors", "observed", "expected", "passes")
+
+
+def _plain_fields(item: Any, *names: str) -> dict[str, Any]:
+    return {name: _plain_number(getattr(item, name)) for name in names}
+
+
+def _plain_number(value: Any) -> Any:
+    # JSON has no NaN and no infinity: they are kept as text.
+    if isinstance(value, tuple):
+        return list(map(_plain_number, value))
+    finite = not isinstance(value, float | int) or math.isfinite(value)
+    return value if finite else str(value)

@@ -8,7 +8,7 @@ import jaxthermo as jt
 from jaxthermo.integrate.explicit import stage_count
 from jaxthermo.reference.slab import decay_crank_nicolson, decay_implicit_euler
 
-from ..harness.case import PASS, Bound, Row, case, refusal
+from ..harness.case import PASS, Check, Row, case, refusal
 from .bodies import (
     AEROGEL,
     AIR,
@@ -122,7 +122,7 @@ def _small_and_large() -> Iterator[Row]:
         stable = stable_step(scene)
         # The limit is that of the smallest voxel alone, to what convection adds.
         limit = 1e-10 / (6 * float(DIAMOND.diffusivity))
-        ratio = Bound(
+        ratio = Check(
             "limit over h^2 / 6 alpha",
             computed=stable / limit,
             highest=1 + 1e-5,
@@ -209,7 +209,7 @@ def _factors(z: float) -> Iterator[Row]:
 
         def difference_from_formula(ran: Ran, exact: float = formula(z)) -> Observation:
             factor = float((ran.nodes[0] - 350.0) @ mode / (50.0 * mode @ mode))
-            check = Bound("off the formula", abs(factor - exact), 1e-9)
+            check = Check("off the formula", abs(factor - exact), 1e-9)
             return Observation(seen=f"factor {factor:.9f}", checks=(check,))
 
         row = judged(
@@ -278,7 +278,7 @@ def _slab(
             seen = f"{excess:.7f}, the limit {exact:.7f}"
             if method.name.startswith("BackwardEuler"):
                 return Observation(f"{seen}; of first order, not judged by that")
-            check = Bound("off the limit", abs(excess - exact), 1e-5)
+            check = Check("off the limit", abs(excess - exact), 1e-5)
             return Observation(seen, checks=(check,))
 
         return judged(
@@ -348,12 +348,12 @@ def _landed(scene: jt.Scene, method: Method) -> Row:
     def saved_times(ran: Ran) -> Observation:
         run = ran.solution.run
         lateness = float(np.abs(np.asarray(ran.solution.times) / saves - 1).max())
-        checks = [Bound("off the save times", lateness, float(np.finfo(float).eps))]
+        checks = [Check("off the save times", lateness, float(np.finfo(float).eps))]
         # Equal steps between save times are at most as long as the solver's step.
         longest_step = method.solver.dt
         if longest_step is not None:
             step_ratio = (run.dt or 0.0) / longest_step
-            checks.append(Bound("step over its own", step_ratio, 1 + 1e-9))
+            checks.append(Check("step over its own", step_ratio, 1 + 1e-9))
         return Observation(f"{run.steps} steps to 3 save times", tuple(checks))
 
     return judged(
@@ -376,7 +376,7 @@ def _no_time(scene: jt.Scene, method: Method) -> Row:
         "t1 = 0",
         solver=method.name,
         dtype=scene.dtype,
-        checks=(Bound("moved", change, 0.0),),
+        checks=(Check("moved", change, 0.0),),
     )
 
 

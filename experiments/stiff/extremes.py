@@ -12,7 +12,7 @@ from jaxthermo.arrays import precision
 from jaxthermo.network.network import precise_sum
 from jaxthermo.physics.conduction import series
 
-from ..harness.case import REPORTED, Bound, Row, attempt, case, refusal
+from ..harness.case import REPORTED, Check, Row, attempt, case, refusal
 from .bodies import (
     COLD,
     COPPER,
@@ -90,9 +90,9 @@ def _rise(name: str, dtype: str, solver: str) -> Row:
         return Observation(
             seen=f"+{rise:.6f} K, exact {exact:.6f} K",
             checks=(
-                Bound("relative error", abs(rise / exact - 1), 1e-3),
+                Check("relative error", abs(rise / exact - 1), 1e-3),
                 # Half a unit of the table's third digit.
-                Bound("off the table", abs(rise / _STEPS / stated_rate - 1), 5e-3),
+                Check("off the table", abs(rise / _STEPS / stated_rate - 1), 5e-3),
             ),
         )
 
@@ -147,7 +147,7 @@ def _many_voxels() -> Iterator[Row]:
         "1e7 values, blocks of 64",
         dtype="float32",
         seen=f"off by {blockwise_error:.2g}",
-        checks=(Bound("relative error", blockwise_error, 1e-6),),
+        checks=(Check("relative error", blockwise_error, 1e-6),),
     )
     # `cumsum` adds the values one after the other, which `sum` does not.
     sequential_error = relative_error(np.cumsum(values, dtype=np.float32)[-1])
@@ -162,7 +162,7 @@ def _many_voxels() -> Iterator[Row]:
     method = Method("ForwardEuler, at its limit", jt.ForwardEuler(), 0.5)
 
     def energy_drift(ran: Ran) -> Observation:
-        return Observation(checks=(Bound("energy drift", ran.residual, 1e-6),))
+        return Observation(checks=(Check("energy drift", ran.residual, 1e-6),))
 
     label = f"{_SIDE**3:.3g} voxels"
     yield judged(
@@ -204,7 +204,7 @@ def _contacts() -> Iterator[Row]:
                 # A bonded pair against one body of the same voxels, by one solver.
                 one_body = run_nodes(bonded_body, method=method)
                 difference = ran.moved(np.concatenate(one_body.nodes))
-                check = Bound("off one body", difference / (HOT - COLD), 1e-10)
+                check = Check("off one body", difference / (HOT - COLD), 1e-10)
                 # Their solves differ, and so do the steps that follow an error.
                 is_adaptive = method.name == "TRBDF2, adaptive"
                 return Observation(
@@ -224,7 +224,7 @@ def _contacts() -> Iterator[Row]:
 
     def change_from_start(ran: Ran) -> Observation:
         change = ran.moved(np.repeat([HOT, COLD], 36))
-        return Observation(checks=(Bound("moved", change, 0),))
+        return Observation(checks=(Check("moved", change, 0),))
 
     for method in damping(apart, ratio=50.0)[:3]:
         yield judged(
@@ -243,7 +243,7 @@ def _contacts() -> Iterator[Row]:
         "h_c = 1e15",
         solver="ForwardEuler",
         dtype="float64",
-        checks=(Bound("off bonded", difference, 1e-10),),
+        checks=(Check("off bonded", difference, 1e-10),),
     )
 
 
@@ -283,7 +283,7 @@ def _islands() -> Iterator[Row]:
         change = np.abs(ran.nodes[0] - start_temperature)
         return Observation(
             seen=f"its neighbour by {float(change[~far].max()):.2g} K",
-            checks=(Bound("island moved", float(change[far].max()), 0.0),),
+            checks=(Check("island moved", float(change[far].max()), 0.0),),
         )
 
     for method in damping(scene):
@@ -308,12 +308,12 @@ def _at_rest(scene: jt.Scene) -> Row:
     surface = np.asarray(steady_state.surface_temperature)[0]
     far = scene.bodies[0].structure.grid.fragment_position[:, 0] > 0.02
     error = max(abs(surface[far] - 330.0).max(), abs(surface[~far] - 300.0).max())
-    island_count = Bound("islands", steady_state.isolated_components, 1, 1)
+    island_count = Check("islands", steady_state.isolated_components, 1, 1)
     return Row(
         "steady state",
         solver="steady",
         dtype=scene.dtype,
-        checks=(island_count, Bound("off [K]", float(error), 1e-6)),
+        checks=(island_count, Check("off [K]", float(error), 1e-6)),
     )
 
 
@@ -342,8 +342,8 @@ def _no_conductivity() -> Iterator[Row]:
             f"{label} of k = 0, traced",
             dtype="float64",
             checks=(
-                Bound("conductance", value, highest=0, lowest=0),
-                Bound("slope", slope, highest=expected_slope, lowest=expected_slope),
+                Check("conductance", value, highest=0, lowest=0),
+                Check("slope", slope, highest=expected_slope, lowest=expected_slope),
             ),
         )
     nearly = jt.Material(1e-30, density=1000.0, specific_heat=1000.0)
@@ -404,7 +404,7 @@ def _all_there(label: str, scene: jt.Scene, method: Method, bounds: Bounds) -> R
 
     def fragment_count(ran: Ran) -> Observation:
         count = ran.solution.surface_temperature.shape[1]
-        check = Bound("fragments", count, highest=fragments, lowest=fragments)
+        check = Check("fragments", count, highest=fragments, lowest=fragments)
         return Observation(checks=(check,))
 
     return judged(

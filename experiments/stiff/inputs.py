@@ -15,7 +15,7 @@ from jaxthermo.geometry.mesh import Mesh, mesh_summary
 from jaxthermo.geometry.repair import repair_mesh
 from jaxthermo.integrate.run.solution import result_name
 
-from ..harness.case import Bound, Row, attempt, case, refusal
+from ..harness.case import Check, Row, attempt, case, refusal
 from .bodies import COLD, HOT, STEEL, block, single, two_halves
 
 
@@ -87,7 +87,7 @@ def _sheet() -> Row:
     grid = jt.voxelize(sheet, _PITCH)
     volume_ratio = grid.body_volume / 1e-5
     checks = [
-        Bound(
+        Check(
             "reported as thin",
             computed=grid.thin.thin_fragments,
             highest=np.inf,
@@ -98,7 +98,7 @@ def _sheet() -> Row:
         represented = grid.represented
         is_off = represented is not None and represented.is_off
         is_reported = bool(grid.unscaled_because) or is_off
-        checks.append(Bound("said", float(is_reported), highest=1, lowest=1))
+        checks.append(Check("said", float(is_reported), highest=1, lowest=1))
     scaling = grid.unscaled_because or "scaled to the mesh's own"
     return Row(
         "a sheet of a tenth of a voxel",
@@ -123,9 +123,9 @@ def _damaged(label: str) -> Row:
     is_reported = bool(mended.repairs) or not mended.is_watertight
     missing = _CAP if damage is _open else 0
     checks = (
-        Bound("volume", volume, highest=1.02, lowest=0.98 - missing),
-        Bound("out of bounds", excess, highest=1e-3),
-        Bound("reported", float(is_reported), highest=1, lowest=1),
+        Check("volume", volume, highest=1.02, lowest=0.98 - missing),
+        Check("out of bounds", excess, highest=1e-3),
+        Check("reported", float(is_reported), highest=1, lowest=1),
     )
     seen = mesh_summary(mended).split(", area")[0] + f"; repaired: {mended.repairs}"
     return Row(label, seen=seen, checks=checks)
@@ -206,8 +206,8 @@ def _by_logarithm(name: str, solver) -> Row:
         solver=name,
         dtype="float64",
         checks=(
-            Bound("k", lowest_k, highest=np.inf, lowest=1e-3),
-            Bound("loss, slope", largest, highest=1e3, lowest=0.0),
+            Check("k", lowest_k, highest=np.inf, lowest=1e-3),
+            Check("loss, slope", largest, highest=1e3, lowest=0.0),
         ),
     )
 

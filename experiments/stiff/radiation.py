@@ -12,7 +12,7 @@ from jaxthermo.arrays import precision
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.physics.convection.nusselt import churchill_bernstein
 
-from ..harness.case import Bound, Row, attempt, case
+from ..harness.case import Check, Row, attempt, case
 from .bodies import COLD, HOT, STEEL, block, single
 from .solved import (
     LONG,
@@ -145,9 +145,9 @@ def _derivatives(name: str, solver) -> Row:
         dtype="float64",
         seen=f"ends at {value:.4g} K, slope {forward:.6g}",
         checks=(
-            Bound("end", value, highest=300.0, lowest=0.0),
-            Bound("reverse", reverse, highest=1 + 1e-6, lowest=1 - 1e-2),
-            Bound("forward - reverse", abs(forward - reverse), highest=1e-9),
+            Check("end", value, highest=300.0, lowest=0.0),
+            Check("reverse", reverse, highest=1 + 1e-6, lowest=1 - 1e-2),
+            Check("forward - reverse", abs(forward - reverse), highest=1e-9),
         ),
     )
 
@@ -190,7 +190,7 @@ def _close(dtype: str, name: str) -> Row:
         solver=name,
         dtype=dtype,
         seen=f"{flux:.7f} W/m^2; exact {exact:.7f}, T1^4 - T2^4 {naive:.7f}",
-        checks=(Bound("relative error", relative_error, max(1.5 * rounding, 1e-8)),),
+        checks=(Check("relative error", relative_error, max(1.5 * rounding, 1e-8)),),
     )
 
 
@@ -228,7 +228,7 @@ def _winds() -> Iterator[Row]:
             solver="ForwardEuler",
             dtype="float64",
             seen=str(reasons),
-            checks=(Bound("moved", ran.moved(HOT), 0.0),),
+            checks=(Check("moved", ran.moved(HOT), 0.0),),
         )
     for speed in (1e-6, 1e3):
         scene = _in_wind(speed)
@@ -240,7 +240,7 @@ def _winds() -> Iterator[Row]:
     yield Row(
         "V = 1000 m/s: the receipt",
         seen="; ".join(notes),
-        checks=(Bound("notes", len(notes), highest=np.inf, lowest=1),),
+        checks=(Check("notes", len(notes), highest=np.inf, lowest=1),),
     )
     for name, solver in _SLOPE_SOLVERS.items():
         yield _slope(
@@ -260,9 +260,9 @@ def _at_rest() -> Row:
             jnp.zeros((), jnp.float64), prandtl
         )
     checks = (
-        Bound("Nu(0) - 0.3", abs(float(value) - 0.3), 1e-12),
+        Check("Nu(0) - 0.3", abs(float(value) - 0.3), 1e-12),
         # The slope of sqrt(Re) is infinite at Re = 0.
-        Bound("dNu/dRe", float(slope), highest=1e3, lowest=0.0),
+        Check("dNu/dRe", float(slope), highest=1e3, lowest=0.0),
     )
     return Row("Nu at Re = 0", dtype="float64", checks=checks)
 
@@ -285,8 +285,8 @@ def _slope(label: str, scene_of, value: float, name: str, solver) -> Row:
             dtype="float64",
             seen=f"{float(slope):.4g}",
             checks=(
-                Bound("mean", float(mean), highest=HOT + 1e-9, lowest=COLD),
-                Bound("slope", float(slope), highest=1e3, lowest=-1e3),
+                Check("mean", float(mean), highest=HOT + 1e-9, lowest=COLD),
+                Check("slope", float(slope), highest=1e3, lowest=-1e3),
             ),
         )
 
@@ -313,7 +313,7 @@ def _nothing_to_exchange() -> Iterator[Row]:
     scene = _at_equilibrium(COLD)
 
     def change_from_start(ran: Ran) -> Observation:
-        return Observation(checks=(Bound("moved", ran.moved(COLD), 0.0),))
+        return Observation(checks=(Check("moved", ran.moved(COLD), 0.0),))
 
     for method in damping(scene, ratio=100.0):
         yield judged(
@@ -374,8 +374,8 @@ def _exposed(label: str, grid: jt.VoxelGrid) -> Row:
     brightest = float(exposure[normal[:, 2] > 0.9].max())
     dark = 0.0 if "above" not in label else 1 / _LEAST**2
     checks = (
-        Bound("exposure of the top", brightest, highest=dark, lowest=0.0),
-        Bound("anywhere", float(exposure.max()), highest=1 / _LEAST**2, lowest=0.0),
+        Check("exposure of the top", brightest, highest=dark, lowest=0.0),
+        Check("anywhere", float(exposure.max()), highest=1 / _LEAST**2, lowest=0.0),
     )
     return Row(label, seen=f"top at most {brightest:.4g} 1/m^2", checks=checks)
 
@@ -384,9 +384,9 @@ def _grazed(scene: jt.Scene, method: Method) -> Row:
     """A lamp in the plane of the top: energy closes, and nothing cools."""
     ran = run_nodes(scene, method=method)
     checks = (
-        Bound("energy", ran.residual, 1e-12),
-        Bound("cooled", COLD - float(ran.nodes[0].min()), 1e-8),
-        Bound("not finite", float(not np.isfinite(ran.nodes[0]).all()), 0),
+        Check("energy", ran.residual, 1e-12),
+        Check("cooled", COLD - float(ran.nodes[0].min()), 1e-8),
+        Check("not finite", float(not np.isfinite(ran.nodes[0]).all()), 0),
     )
     return Row(
         "a lamp that grazes",

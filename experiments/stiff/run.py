@@ -4,8 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from ..harness.case import Group
-from ..harness.report import PageTexts
-from ..harness.run import run_cases
+from ..harness.report import PageTexts, run_cases
 from . import contrasts, extremes, inputs, radiation
 
 

@@ -20,7 +20,7 @@ from jaxthermo.integrate.run.simulate import make_solution, take_steps_in_place
 from jaxthermo.integrate.run.solution import result_name
 from jaxthermo.integrate.solvers import AbstractSolver
 
-from ..harness.case import PASS, REPORTED, Bound, Row, attempt, refusal
+from ..harness.case import PASS, REPORTED, Check, Row, attempt, refusal
 
 
 Bounds = tuple[float, float]
@@ -180,7 +180,7 @@ class Observation(NamedTuple):
 
     seen: str = ""
     """Text for the report."""
-    checks: tuple[Bound, ...] = ()
+    checks: tuple[Check, ...] = ()
 
 
 def run_nodes(
@@ -275,18 +275,18 @@ def _row_of(
     effort = ran.solution.run.statistics
     range_of_data = bounds[1] - bounds[0]
     overshoot = {
-        "kept": Bound("overshoot", over, limits.overshoot[dtype]),
-        "bounded": Bound("overshoot", over, range_of_data),
-        "reported": Bound("not finite", float(not np.isfinite(over)), 0.0),
+        "kept": Check("overshoot", over, limits.overshoot[dtype]),
+        "bounded": Check("overshoot", over, range_of_data),
+        "reported": Check("not finite", float(not np.isfinite(over)), 0.0),
     }[method.bounds]
-    checks = [overshoot, Bound("energy", ran.residual, limits.energy[dtype])]
+    checks = [overshoot, Check("energy", ran.residual, limits.energy[dtype])]
     if effort is not None:
         missed = _misses_tolerance(ran, dtype=dtype, solver=method.solver)
-        checks.append(Bound("missed tolerance", float(missed), 0.0))
+        checks.append(Check("missed tolerance", float(missed), 0.0))
     if effort is not None and max_newton is not None:
         newton_per_step = int(effort.newton_iterations) / max(ran.solution.run.steps, 1)
-        checks.append(Bound("Newton steps", newton_per_step, max_newton))
-        checks.append(Bound("not settled", float(effort.newton_failed), 0.0))
+        checks.append(Check("Newton steps", newton_per_step, max_newton))
+        checks.append(Check("not settled", float(effort.newton_failed), 0.0))
     return Row(
         label,
         solver=method.name,

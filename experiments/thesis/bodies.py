@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import jaxthermo as jt
+from jaxthermo.errors import InputError
 from jaxthermo.voxels.voxelize import SurfaceCells
 
 from ..harness.meshes import thesis_meshes, voxels_high
@@ -26,13 +27,9 @@ class Statue(NamedTuple):
     is_thesis: bool
     """True for a mesh of the thesis; False for the figurine in place of one."""
 
-    @property
-    def stands_in(self) -> tuple[tuple[str, str], ...]:
-        """A line for an exhibit's choices, if the mesh is not the thesis'."""
-        text = "the built-in figurine, since JAXTHERMO_MESHES has no happy-buddha.obj"
-        return () if self.is_thesis else (("mesh", text),)
-
-    def grid(self, height: int, surface_cells: SurfaceCells = "crossings"):
+    def grid(
+        self, height: int, surface_cells: SurfaceCells = "crossings"
+    ) -> jt.VoxelGrid:
         """Its voxels, `height` along up."""
         return _grid(self.name, height, surface_cells)
 
@@ -45,8 +42,8 @@ def _statues() -> dict[str, Statue]:
     }
 
 
-_BUDDHA, _PLANCK = "Happy Buddha", "Max Planck"
-_OF_THESIS = (_BUDDHA, _PLANCK)
+_BUDDHA = "Happy Buddha"
+_OF_THESIS = (_BUDDHA, "Max Planck")
 
 
 def buddha() -> Statue:
@@ -55,19 +52,35 @@ def buddha() -> Statue:
     return statues.get(_BUDDHA) or next(iter(statues.values()))
 
 
-def statue(name: str) -> Statue | None:
-    """A body by its name; None without its mesh."""
-    return _statues().get(name)
+def required_statue(name: str) -> Statue:
+    """A body by its name.
+
+    Raises:
+        InputError: without its mesh.
+    """
+    body = _statues().get(name)
+    if body is None:
+        file = f"{name.lower().replace(' ', '-')}.obj"
+        raise InputError(
+            f"JAXTHERMO_MESHES has no {file}, the mesh of {name}: add its folder"
+        )
+    return body
 
 
-def planck() -> Statue | None:
-    """The Max Planck head; None without its mesh."""
-    return statue(_PLANCK)
-
-
-NO_PLANCK = "JAXTHERMO_MESHES has no max-planck.obj, the head of this exhibit."
+def planck() -> Statue:
+    """The Max Planck head; an InputError without its mesh."""
+    return required_statue("Max Planck")
 
 
 @cache
 def _grid(name: str, height: int, surface_cells: SurfaceCells) -> jt.VoxelGrid:
     return voxels_high(_statues()[name].mesh, height, surface_cells)
+
+
+HEIGHT = 250
+"""Voxels along up: the thesis' 100x250x100."""
+
+
+def levels_at(height: int, levels: int) -> int:
+    """Levels of another resolution that reach as deep as `levels` at 250 voxels."""
+    return max(1, round(levels * height / HEIGHT))

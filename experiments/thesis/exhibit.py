@@ -1,14 +1,19 @@
-"""A table or figure of the thesis, and what is found when it is measured again."""
+"""Exhibits: tables, figures and sections of the thesis that are measured again.
 
+An exhibit is a function with the decorator `exhibit`. It returns numbers and pictures;
+its text is the section of its name in `docs/thesis`, which quotes the numbers.
+"""
+
+import csv
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from PIL import Image
 
 from jaxthermo.report.chart import Chart
-from jaxthermo.report.table import Table
 
 
 class Verdict(StrEnum):
@@ -25,98 +30,94 @@ class Verdict(StrEnum):
     """A mesh is missing."""
 
 
-Number = float | int | str | None
-
-
-@dataclass(frozen=True)
-class Row:
-    """One quantity as the thesis has it, and as it is found here."""
-
-    quantity: str
-    """Name and unit."""
-    thesis: Number
-    """Number or words of the thesis; None where it gives nothing."""
-    ours: Number
-    note: str = ""
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A picture with the text below it; `name` is that of its file in the folder."""
-
-    name: str
-    image: Image.Image
-    caption: str
-
-
-@dataclass(frozen=True)
-class Plot:
-    """A chart with the text below it; `name` is that of its file in the folder."""
-
-    name: str
-    chart: Chart
-    caption: str
-
-
-@dataclass(frozen=True)
-class Note:
-    """A paragraph in grey, beside plain texts in black."""
-
-    text: str
-
-
-Part = Picture | Plot | Table | Note | str
-"""Anything that a page shows of an exhibit, a plain text being a paragraph."""
-
-
-@dataclass(frozen=True)
-class Finding:
+class Finding(NamedTuple):
     """Everything that one measurement of an exhibit gives."""
 
     verdict: Verdict
     """Verdict of the exhibit, and of each of its claims that has none in `claims`."""
-    reason: str
-    """Full sentences: why the verdict is what it is, with the decisive numbers."""
-    rows: tuple[Row, ...] = ()
-    """Quantities beside those of the thesis."""
-    claims: Mapping[str, tuple[Verdict, str]] = field(default_factory=dict)
-    """Verdict and reason of single claims, by their id."""
-    chosen: tuple[tuple[str, str], ...] = ()
-    """Choices that the thesis leaves open: word, and what was taken here."""
-    parts: tuple[Part, ...] = ()
-    """Shown below the rows, in this order."""
-    numbers: Mapping[str, Any] = field(default_factory=dict)
-    """Plain values for `result.json`, beside the rows."""
+    numbers: Mapping[str, Any]
+    """Nested values that the text of the exhibit quotes and shows as tables."""
+    pictures: Mapping[str, Image.Image | Chart] = {}
+    """Pictures and charts by the names of their files, without the ending."""
+    claims: Mapping[str, Verdict] = {}
+    """Verdicts of single claims, by their id."""
 
 
-def skipped(reason: str) -> Finding:
-    """The finding of an exhibit that cannot be measured here."""
-    return Finding(Verdict.SKIPPED, reason)
+Measure = Callable[[bool], Finding]
+"""Measures an exhibit, in the reduced size if the argument is True."""
+
+
+class Claim(NamedTuple):
+    """A statement of the thesis, in our own words, that can be measured."""
+
+    id: str
+    text: str
+    place: str
+    """Section, table or figure of the thesis."""
+    exhibits: tuple[str, ...]
+    """Names of the exhibits that answer it."""
+
+
+def _read_claims() -> tuple[Claim, ...]:
+    path = Path(__file__).with_name("data") / "claims.csv"
+    with path.open(encoding="utf-8", newline="") as lines:
+        rows = [*csv.DictReader(lines)]
+    return tuple(
+        Claim(
+            id=row["id"],
+            text=row["text"],
+            place=row["place"],
+            exhibits=tuple(row["exhibits"].split()),
+        )
+        for row in rows
+    )
+
+
+CLAIMS = _read_claims()
 
 
 @dataclass(frozen=True)
 class Exhibit:
-    """A table, a figure or a section of the thesis that is measured again.
-
-    A module in `exhibits/` names its own `EXHIBIT`, or several of one kind `EXHIBITS`.
-    """
+    """A table, a figure or a section of the thesis, with its measurement."""
 
     name: str
     """Such as "figure-4.3", by which a command finds it."""
-    title: str
     place: str
     """Chapter and figure in the thesis, such as "4.1, figure 4.3"."""
-    claims: tuple[str, ...]
-    """Ids of the claims that it answers."""
-    measure: Callable[[bool], Finding]
-    """Measures it, in the reduced size if True."""
+    measure: Measure
+
+    @property
+    def claims(self) -> tuple[str, ...]:
+        """Ids of the claims that it answers."""
+        return tuple(claim.id for claim in CLAIMS if self.name in claim.exhibits)
 
     @property
     def chapter(self) -> int:
         """Number of the chapter, from its place."""
-        return int(self.place.split(".")[0].split(",")[0])
+        return int(self.place[0])
 
     @property
     def command(self) -> str:
         """The command that measures it alone."""
         return f"experiments run thesis --cases {self.name}"
+
+    @property
+    def order(self) -> tuple[int, str, list[int], str]:
+        """Sorts exhibits by chapter, then tables and figures by number."""
+        category, _, number = self.name.partition("-")
+        digits = [int(digit) for digit in number.split(".") if digit.isdigit()]
+        return self.chapter, category, digits, self.name
+
+
+REGISTERED: list[Exhibit] = []
+"""Exhibits of the modules that are imported, in no order."""
+
+
+def exhibit(name: str, place: str) -> Callable[[Measure], Measure]:
+    """Register the decorated function as the measurement of an exhibit."""
+
+    def register(measure: Measure) -> Measure:
+        REGISTERED.append(Exhibit(name=name, place=place, measure=measure))
+        return measure
+
+    return register

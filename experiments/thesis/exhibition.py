@@ -6,73 +6,61 @@ A measurement is stored when it ends; one that was interrupted goes on with the 
 import difflib
 import hashlib
 import importlib
+import io
 import pkgutil
+import sys
 import time
-from functools import cache
+from collections.abc import Mapping
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import jax
+import numpy as np
+from PIL import Image
 
 import calibrate
 from jaxthermo.console.terminal import open_console
 from jaxthermo.errors import InputError
+from jaxthermo.report.chart import chart_svg
 
 from ..harness.case import described
 from ..harness.meshes import thesis_meshes
-from ..harness.record import Record
+from ..harness.record import Arrays, Record
 from . import exhibits
 from .bodies import CONFIGS
-from .claims import CLAIMS
-from .exhibit import Exhibit, Finding, Verdict, skipped
-from .report import (
-    Measured,
-    claim_results,
-    claim_table,
-    write_files,
-    write_report,
-)
-from .stored import Plain, store
+from .exhibit import CLAIMS, REGISTERED, Exhibit, Finding, Verdict
+from .report import Measured, claim_results, claim_table, write_files, write_report
+from .statements import title_of
 
 
 QUICK = {"quick": True}
 
 _FOLDER = Path(__file__).parent
-# Of a row in the record: what it follows from, beside the library and the sources.
-_SHARED = (
-    *(
-        path
-        for folder in ("thesis", "harness", "verification", "sweep")
-        for path in (_FOLDER.parent / folder).glob("*.py")
-    ),
-    *Path(str(calibrate.__file__)).parent.rglob("*.py"),
-    *CONFIGS.rglob("*.yaml"),
-)
 # Files that only arrange what was measured.
-_ARRANGING = ("claims.py", "exhibition.py", "report.py")
-
-
-def all_exhibits() -> tuple[Exhibit, ...]:
-    """The exhibits of all modules in `exhibits/`, in the order of the thesis."""
-    return tuple(exhibit for _, exhibit in _with_sources())
-
-
-def _order(exhibit: Exhibit) -> tuple[int, str, list[int], str]:
-    # Tables and figures by number, "figure-4.10" after "figure-4.9".
-    kind, _, number = exhibit.name.partition("-")
-    digits = [int(part) for part in number.split(".") if part.isdigit()]
-    return exhibit.chapter, kind, digits, exhibit.name
+_ARRANGING = ("exhibition.py", "report.py", "statements.py")
+# What a row in the record follows from, in addition to the library and its module.
+_SHARED = tuple(
+    path
+    for path in (
+        *sorted(
+            path
+            for folder in ("thesis", "harness", "verification", "sweep")
+            for path in (_FOLDER.parent / folder).glob("*.py")
+        ),
+        *sorted(Path(str(calibrate.__file__)).parent.rglob("*.py")),
+        *sorted(CONFIGS.rglob("*.yaml")),
+    )
+    if path.name not in _ARRANGING
+)
 
 
 @cache
-def _with_sources() -> list[tuple[Path, Exhibit]]:
-    """Every exhibit with the file of its module."""
-    found = []
-    for item in pkgutil.iter_modules(exhibits.__path__):
-        module = importlib.import_module(f"{exhibits.__name__}.{item.name}")
-        own = getattr(module, "EXHIBITS", None) or (module.EXHIBIT,)
-        found += [(Path(str(module.__file__)), exhibit) for exhibit in own]
-    return sorted(found, key=lambda pair: _order(pair[1]))
+def all_exhibits() -> tuple[Exhibit, ...]:
+    """The exhibits of all modules in `exhibits/`, in the order of the thesis."""
+    for module in pkgutil.iter_modules(exhibits.__path__):
+        importlib.import_module(f"{exhibits.__name__}.{module.name}")
+    return tuple(sorted(REGISTERED, key=lambda exhibit: exhibit.order))
 
 
 def select(names: str | None) -> tuple[Exhibit, ...]:
@@ -81,23 +69,25 @@ def select(names: str | None) -> tuple[Exhibit, ...]:
     Raises:
         InputError: for an unknown name.
     """
-    every = all_exhibits()
     if names is None:
-        return every
-    wanted = [name.strip().lower() for name in names.split(",") if name.strip()]
-    known = [e.name for e in every] + [claim.id for claim in CLAIMS]
-    listed = ", ".join(e.name for e in every)
-    if not wanted:
+        return all_exhibits()
+    requested = {name.strip().lower() for name in names.split(",") if name.strip()}
+    exhibit_names = [exhibit.name for exhibit in all_exhibits()]
+    all_names = exhibit_names + [claim.id for claim in CLAIMS]
+    listed = ", ".join(exhibit_names)
+    if not requested:
         raise InputError(f"--cases {names!r} names none: there are {listed}")
-    for name in wanted:
-        if name not in [k.lower() for k in known]:
-            close = difflib.get_close_matches(name, known, 1)
-            hint = f"did you mean {close[0]}? " if close else ""
-            raise InputError(
-                f"--cases {name}: {hint}there are C01 to {CLAIMS[-1].id}, {listed}"
-            )
-    is_wanted = lambda e: {e.name, *(c.lower() for c in e.claims)} & set(wanted)
-    return tuple(exhibit for exhibit in every if is_wanted(exhibit))
+    for name in sorted(requested - {name.lower() for name in all_names}):
+        close = difflib.get_close_matches(name, all_names, 1)
+        hint = f"did you mean {close[0]}? " if close else ""
+        raise InputError(
+            f"--cases {name}: {hint}there are C01 to {CLAIMS[-1].id}, {listed}"
+        )
+    return tuple(
+        exhibit
+        for exhibit in all_exhibits()
+        if requested & {exhibit.name, *(claim.lower() for claim in exhibit.claims)}
+    )
 
 
 def run(folder: Path, cases: str | None = None, quick: bool = False) -> dict[str, Any]:
@@ -105,20 +95,23 @@ def run(folder: Path, cases: str | None = None, quick: bool = False) -> dict[str
 
     The page has what the folder already holds of the others, in the same size.
     """
-    wanted, begin, console = select(cases), time.perf_counter(), open_console()
-    of_all = {"quick": quick, "meshes": _mesh_hashes()}
+    requested = select(cases)
+    begin = time.perf_counter()
+    console = open_console()
+    conditions = {"quick": quick, "meshes": _mesh_hashes()}
     measured: list[Measured] = []
-    for source, exhibit in _with_sources():
-        record = Record(folder, _sources(source))
-        identity = {"exhibit": exhibit.name, **of_all}
-        known = record.known(identity)
-        if known or exhibit in wanted:
-            measured.append(_measured(record, identity, exhibit))
-            write_files(measured[-1], folder)
-        if exhibit in wanted and not known:
-            plain = measured[-1].plain
-            took = f"{plain['verdict']}, {plain['took_s']:.0f} s"
-            console.print(f"{exhibit.name}: {exhibit.title}: {took}")
+    for exhibit in all_exhibits():
+        record = Record(folder, sources(exhibit))
+        identity = {"exhibit": exhibit.name, **conditions}
+        is_stored = record.known(identity)
+        if not is_stored and exhibit not in requested:
+            continue
+        result = _measured(record, identity, exhibit)
+        measured.append(result)
+        write_files(result, folder)
+        if not is_stored:
+            outcome = f"{result.verdict}, {result.seconds:.0f} s"
+            console.print(f"{exhibit.name}: {title_of(exhibit.name)}: {outcome}")
             # Each program takes mappings of memory, of which a process has so many:
             # without this the last exhibits of the full size cannot be compiled.
             jax.clear_caches()
@@ -126,42 +119,89 @@ def run(folder: Path, cases: str | None = None, quick: bool = False) -> dict[str
             write_report(measured, folder, quick)
     write_report(measured, folder, quick)
     console.print(claim_table(measured, on_page=False).rich(), soft_wrap=False)
-    files = [name for each in measured for name in sorted(each.files)]
+    files = [name for result in measured for name in sorted(result.files)]
     return {
         "claims": claim_results(measured),
-        "exhibits": [each.result() for each in measured],
+        "exhibits": [result.plain() for result in measured],
         "took_s": round(time.perf_counter() - begin, 1),
         "files": ["report.html", *files],
     }
 
 
-def _measured(record: Record, identity: Plain, exhibit: Exhibit) -> Measured:
-    clock = time.perf_counter()
-    make = lambda: store(exhibit.measure(identity["quick"]))
+def _measured(
+    record: Record, identity: Mapping[str, Any], exhibit: Exhibit
+) -> Measured:
+    begin = time.perf_counter()
+    measure = partial(exhibit.measure, identity["quick"])
+    verdict = Verdict.FAILED
     try:
-        row = record.once(identity, {"exhibit": exhibit.name}, make)
+        row = record.once(identity, {"exhibit": exhibit.name}, lambda: store(measure()))
     except Exception as error:  # one broken exhibit must not stop the others
-        finding = Finding(Verdict.FAILED, described(error))
+        failure = described(error)
     else:
         if "refused" not in row:
             files = record.arrays_of(row) if row["arrays"] else {}
-            return Measured(exhibit, row, files)
-        finding = skipped(row["refused"])
-    plain, files = store(finding)
-    took = time.perf_counter() - clock
-    return Measured(exhibit, {**plain, "took_s": took}, files)
+            return Measured(
+                exhibit=exhibit,
+                verdict=Verdict(row["verdict"]),
+                seconds=row["took_s"],
+                numbers=row["numbers"],
+                claims={key: Verdict(value) for key, value in row["claims"].items()},
+                files=files,
+            )
+        verdict = Verdict.SKIPPED
+        failure = row["refused"]
+    seconds = time.perf_counter() - begin
+    return Measured(exhibit, verdict=verdict, seconds=seconds, failure=failure)
 
 
-def _sources(own: Path) -> tuple[Path, ...]:
-    shared = [path for path in _SHARED if path.name not in _ARRANGING]
-    return (*sorted(shared), own)
+def store(finding: Finding) -> tuple[dict[str, Any], Arrays]:
+    """A finding in types that JSON has, and its pictures as the bytes of files."""
+    files: Arrays = {}
+    for name, picture in finding.pictures.items():
+        if isinstance(picture, Image.Image):
+            stream = io.BytesIO()
+            picture.save(stream, "PNG", optimize=True)
+            files[f"{name}.png"] = np.frombuffer(stream.getvalue(), np.uint8)
+        else:
+            svg = chart_svg(picture).encode("utf-8")
+            files[f"{name}.svg"] = np.frombuffer(svg, np.uint8)
+    row = {
+        "verdict": str(finding.verdict),
+        "claims": {claim: str(verdict) for claim, verdict in finding.claims.items()},
+        "numbers": plain(finding.numbers),
+    }
+    return row, files
+
+
+def plain(value: Any) -> Any:
+    """Nested values in types that JSON has; what is not finite becomes None."""
+    if hasattr(value, "_asdict"):
+        value = value._asdict()
+    if isinstance(value, np.ndarray | np.generic | jax.Array):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {_key(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple | range):
+        return [plain(item) for item in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def _key(key: Any) -> str:
+    return f"{key:g}" if isinstance(key, float) else str(key)
+
+
+def sources(exhibit: Exhibit) -> tuple[Path, ...]:
+    """Files that the measurement of an exhibit follows from, besides the library."""
+    module = sys.modules[exhibit.measure.__module__]
+    return (*_SHARED, Path(str(module.__file__)))
 
 
 @cache
 def _mesh_hashes() -> dict[str, str]:
     """Fingerprints of the meshes that exhibits find, by name."""
-    found = {}
+    hashes = {}
     for name, mesh in thesis_meshes().items():
         digest = hashlib.sha256(mesh.vertices.tobytes() + mesh.faces.tobytes())
-        found[name] = digest.hexdigest()[:16]
-    return found
+        hashes[name] = digest.hexdigest()[:16]
+    return hashes

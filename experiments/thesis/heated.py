@@ -4,7 +4,7 @@ The thesis gives neither material nor step. Here 3600 of the largest stable step
 voxels are 180 s, its last time: so its iterations and its seconds fit one scene.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import NamedTuple
 
@@ -25,40 +25,29 @@ from jaxthermo.report.sheet import Tile, sheet
 from jaxthermo.structures.structure import AbstractStructure
 
 from ..harness.present import colour_bar
-from .bodies import buddha
+from .bodies import buddha, levels_at
 
 
-HEIGHT, QUICK_HEIGHT = 250, 125
-"""Voxels along up: the thesis' 100x250x100, and the reduced size."""
+QUICK_HEIGHT = 125
+"""Voxels along up in the reduced size."""
 END = 180.0
 """Time of 3600 iterations at 250 voxels [s]."""
+START = 293.15
+"""Temperature at the start [K]."""
 
 # Carbon steel, with a heat capacity at which the largest stable step is 0.05 s.
 _STEEL = jt.Material(50.0, density=7800.0, specific_heat=480.8, absorptivity=1.0)
-START, _IRRADIANCE = 293.15, 5000.0
-"""Temperature at the start [K], and irradiance [W/m^2]."""
-# From the statue's left, which is on the right of a picture from the front.
-_SUN = jt.Sun((-1.0, 0.0, 0.0), _IRRADIANCE)
+# From the statue's left, which is on the right of a picture from the front [W/m^2].
+_SUN = jt.Sun((-1.0, 0.0, 0.0), 5000.0)
 _VIEWS = {
     "front": (-0.35, 1.0, -0.2),
     "left side": (-1.0, 0.35, -0.2),
     "back": (0.35, -1.0, -0.2),
 }
 # Of one statue in a picture [px].
-_WIDTH, _TALL, _GAP = 120, 280, 4
-
-Build = Callable[[jt.VoxelGrid], AbstractStructure]
-
-CHOSEN = (
-    ("material", "carbon steel of 1.33e-5 m²/s, 0.5 m high; the thesis names none"),
-    ("heat", "5000 W/m² from the statue's left, no losses; the thesis names none"),
-    (
-        "steps",
-        "the largest stable one of each structure; for 250 voxels 0.05 s, so that 3600 "
-        "are 180 s and the thesis' iterations and seconds agree (inferred, not given)",
-    ),
-    ("weights", "all 1: nothing is tuned"),
-)
+_WIDTH = 120
+_TALL = 280
+_GAP = 4
 
 
 class Heated(NamedTuple):
@@ -67,27 +56,33 @@ class Heated(NamedTuple):
     structure: AbstractStructure
     solution: jt.Solution
 
-    def rise(self, time: int) -> float:
-        """Mean rise of the temperature at a saved time [K]."""
-        return float(self.solution.mean_temperature[time, 0]) - START
+    @property
+    def surface(self) -> Float[np.ndarray, "t s"]:
+        """Surface temperature at each saved time [K]."""
+        return np.asarray(self.solution.surface_temperature)
 
+    @property
+    def capacity_ratio(self) -> float:
+        """Heat capacity of the structure over that of the body [-]."""
+        return float(self.solution.receipt.capacity_ratios[0])
 
-def levels_at(height: int, levels: int) -> int:
-    """Levels of another resolution that reach as deep as `levels` at 250 voxels."""
-    return max(1, round(levels * height / HEIGHT))
+    @property
+    def final_rise(self) -> float:
+        """Mean rise of the temperature at the end [K]."""
+        return float(self.solution.mean_temperature[-1, 0]) - START
 
 
 @cache
 def _built(name: str, height: int) -> AbstractStructure:
     grid = buddha().grid(height, "dominant_axis")
     match name.split():
-        case ["full", *_]:
+        case ["full", "volume"]:
             return jt.FullVolume(grid)
-        case ["single", *_]:
+        case ["single", "shell"]:
             return jt.SingleShell(grid)
-        case ["irregular", *_]:
+        case ["irregular", "levels"]:
             return jt.IrregularMultiLevel(grid, levels=7)
-        case [count, *_]:
+        case [count, "levels"]:
             return jt.MultiLevel(grid, levels=levels_at(height, int(count)))
     raise KeyError(name)
 
@@ -102,13 +97,14 @@ def heated(name: str, height: int, times: tuple[float, ...]) -> Heated:
         times: saved [s].
     """
     structure = _built(name, height)
-    # Read where the full volume's nodes are.
-    whole = isinstance(structure, jt.FullVolume)
-    reads = jt.ConstantMap() if whole else jt.FluxCorrectedMap(at="voxel")
-    body = jt.Body(structure, _STEEL, temperature=START, surface_map=reads)
+    # All surfaces are read where the full volume's nodes are.
+    is_full = isinstance(structure, jt.FullVolume)
+    surface_map = jt.ConstantMap() if is_full else jt.FluxCorrectedMap(at="voxel")
+    body = jt.Body(structure, _STEEL, temperature=START, surface_map=surface_map)
     scene = jt.Scene((body,), (_SUN,))
-    run = jt.simulate(scene, times[-1], times, solver=jt.ForwardEuler())
-    return Heated(structure, run)
+    return Heated(
+        structure, jt.simulate(scene, times[-1], times, solver=jt.ForwardEuler())
+    )
 
 
 class Difference(NamedTuple):
@@ -117,20 +113,26 @@ class Difference(NamedTuple):
     kelvin: list[float]
     """Root mean square over the area [K]."""
     percent: list[float]
-    """The same over the root mean square of the full volume's rise [%]."""
+    """Root mean square over that of the full volume's rise [%]."""
 
 
 def difference(run: Heated, full: Heated) -> Difference:
     """Compare the surfaces of two runs."""
     # Not over the span: single voxels that touch nothing are a hundred kelvin warm.
     area = full.structure.grid.fragment_area
-    found, right = (np.asarray(r.solution.surface_temperature) for r in (run, full))
-    rms = lambda kelvin: np.sqrt(np.average(kelvin**2, axis=1, weights=area))
-    kelvin = rms(found - right)
-    return Difference(kelvin.tolist(), (100 * kelvin / rms(right - START)).tolist())
+    kelvin = rms(run.surface - full.surface, area)
+    rise = rms(full.surface - START, area)
+    return Difference(kelvin.tolist(), (100 * kelvin / rise).tolist())
 
 
-class View(NamedTuple):
+def rms(
+    values: Float[np.ndarray, "*t s"], area: Float[np.ndarray, " s"]
+) -> Float[np.ndarray, "*t"]:
+    """Root mean square over an area."""
+    return np.sqrt(np.average(values**2, axis=-1, weights=area))
+
+
+class _View(NamedTuple):
     """Temperatures that a camera sees [K], and where it sees the statue."""
 
     kelvin: Float[np.ndarray, "h w"]
@@ -145,78 +147,74 @@ def _cameras() -> dict[str, Camera]:
     }
 
 
-def _view(run: Heated, camera: Camera, time: int) -> View:
+def _view(run: Heated, camera: Camera, time: int) -> _View:
     image = jt.render(run.solution, camera, time)
-    return View(np.asarray(image.temperature), np.asarray(image.object_id) >= 0)
-
-
-def _beside(pictures: Sequence[UInt8[np.ndarray, "h w 3"]]) -> np.ndarray:
-    gap = np.full((_TALL, _GAP, 3), 16, np.uint8)
-    parts = [part for picture in pictures for part in (gap, picture)]
-    return np.concatenate(parts[1:], axis=1)
+    return _View(np.asarray(image.temperature), np.asarray(image.object_id) >= 0)
 
 
 def thermal_sheet(
-    runs: dict[str, Heated],
-    times: Sequence[int],
+    runs: Mapping[str, Heated],
     label: Callable[[float], str],
-    title: str,
     views: Sequence[str] = tuple(_VIEWS),
     columns: int | None = None,
 ) -> Image.Image:
-    """Statues side by side in one picture, for each time and view, on one scale.
+    """Statues side by side in one picture, for each saved time and view.
 
     Args:
         runs: from left to right.
-        times: indices of saved times, a row or a picture each.
         label: words for a time [s].
-        title: of the sheet.
         views: names of the directions, from left to right.
         columns: pictures in a row; the number of views if None.
     """
     cameras = _cameras()
+    times = next(iter(runs.values())).solution.times
     shots = {
-        (time, view): [_view(run, cameras[view], time) for run in runs.values()]
-        for time in times
+        f"{label(float(time))}, {view}": [
+            _view(run, cameras[view], index) for run in runs.values()
+        ]
+        for index, time in enumerate(times)
         for view in views
     }
-    shown = [shot for each in shots.values() for shot in each]
     # The hottest of a hundred texels may be a spike of the shell.
-    high = max(float(np.percentile(s.kelvin[s.body], 99.5)) for s in shown) - START
-    saved = next(iter(runs.values())).solution.times
+    high = max(
+        float(np.percentile(shot.kelvin[shot.body], 99.5)) - START
+        for statues in shots.values()
+        for shot in statues
+    )
+    gap = np.full((_TALL, _GAP, 3), 16, np.uint8)
     tiles = []
-    for (time, view), each in shots.items():
-        colours = [_coloured(shot, high) for shot in each]
-        name = f"{label(float(saved[time]))}, {view}"
-        tiles.append(Tile(_beside(colours), name, " | ".join(runs)))
+    for name, statues in shots.items():
+        strips = [strip for shot in statues for strip in (gap, _coloured(shot, high))]
+        tiles.append(Tile(np.concatenate(strips[1:], axis=1), name, " | ".join(runs)))
     bar = colour_bar(0.0, high, "rise of the surface temperature [K]")
-    return sheet(tiles, bar, title, columns or len(views))
+    return sheet(tiles, bar, " | ".join(runs), columns or len(views))
 
 
-def _coloured(shot: View, high: float) -> UInt8[np.ndarray, "h w 3"]:
+def _coloured(shot: _View, high: float) -> UInt8[np.ndarray, "h w 3"]:
     colours = apply_palette(shot.kelvin - START, 0.0, high, "iron")
     colours[~shot.body] = BACKGROUND
     return colours
 
 
 def difference_sheet(
-    runs: dict[str, Heated], full: Heated, time: int, title: str
+    runs: Mapping[str, Heated], full: Heated, title: str
 ) -> Image.Image:
-    """Structures less the full volume at one time, from three sides, on one scale."""
-    found = {}
-    for name, camera in _cameras().items():
-        right = _view(full, camera, time)
-        for run, each in runs.items():
-            wrong = _view(each, camera, time)
-            found[run, name] = wrong.kelvin - right.kelvin, right.body
-    each = (np.abs(d[body]) for d, body in found.values())
-    largest = max(float(np.percentile(kelvin, 99.5)) for kelvin in each)
+    """Structures less the full volume at the end, from three sides, on one scale."""
+    cameras = _cameras()
+    expected = {view: _view(full, camera, -1) for view, camera in cameras.items()}
+    differences = {
+        (name, view): _view(run, cameras[view], -1).kelvin - expected[view].kelvin
+        for name, run in runs.items()
+        for view in cameras
+    }
+    largest = max(
+        float(np.percentile(np.abs(values[expected[view].body]), 99.5))
+        for (_, view), values in differences.items()
+    )
     scale = DifferenceScale(nice_limit(largest))
     tiles = [
-        Tile(scale.picture(difference, body), f"{run}, {name}")
-        for (run, name), (difference, body) in sorted(
-            found.items(), key=lambda item: list(runs).index(item[0][0])
-        )
+        Tile(scale.picture(values, expected[view].body), f"{name}, {view}")
+        for (name, view), values in differences.items()
     ]
     bar = difference_bar(scale, "structure less full volume [K]")
     return sheet(tiles, bar, title, columns=min(len(tiles), 9))

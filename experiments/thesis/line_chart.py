@@ -1,6 +1,5 @@
-"""Charts of lines over logarithmic axes, as several exhibits show them."""
+"""Charts of lines, and axes and colours that several exhibits share."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import altair as alt
@@ -10,7 +9,11 @@ from jaxthermo.report.chart import Chart, LogAxis, legend
 
 # Told apart without any kind of cone: Okabe and Ito (2008).
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
-WIDTH, HEIGHT = 560, 360
+WIDTH = 560
+HEIGHT = 360
+
+SHADES = ("#440154", "#3b528b", "#21918c", "#5ec962", "#b8860b", "#e8743b", "#c23b22")
+"""Colours of curves in an order, such as of their Reynolds number."""
 
 Points = list[dict[str, Any]]
 """Rows with "curve", "x", "y" and "text"; with "mark" true for a point on no line."""
@@ -31,20 +34,28 @@ def point(
 
 
 def _lines(points: Points, x: alt.X, y: alt.Y, title: str) -> Chart:
-    names = list(dict.fromkeys(each["curve"] for each in points))
+    names = list(dict.fromkeys(row["curve"] for row in points))
     scale = alt.Scale(domain=names, range=[*COLOURS][: len(names)])
     colour = alt.Color("curve:N", scale=scale, sort=names, legend=legend())
-    of = lambda mark: alt.Chart(
-        alt.Data(values=[each for each in points if each["mark"] == mark])
-    ).encode(x=x, y=y, color=colour)
-    lines, alone = of(False), of(True)
+    lines, alone = (
+        alt.Chart(
+            alt.Data(values=[row for row in points if row["mark"] == is_mark])
+        ).encode(x=x, y=y, color=colour)
+        for is_mark in (False, True)
+    )
     dots = lines.mark_point(filled=True, size=50, opacity=1)
-    layers: Sequence[alt.Chart] = (
+    diamonds = alone.mark_point(shape="diamond", size=130, strokeWidth=2.5)
+    chart = alt.layer(
         lines.mark_line(strokeWidth=2),
         dots.encode(description="text:N"),
-        alone.mark_point(shape="diamond", size=130, strokeWidth=2.5).encode(
-            description="text:N"
-        ),
+        diamonds.encode(description="text:N"),
     )
-    chart = alt.layer(*layers)
     return chart.properties(width=WIDTH, height=HEIGHT, title=title)
+
+
+def angle_axis() -> alt.X:
+    """The half turn from the stagnation point, with a tick every 30 degrees."""
+    axis = alt.Axis(values=list(range(0, 181, 30)))
+    scale = alt.Scale(domain=[0, 180], nice=False)
+    title = "angle from the front [degrees]"
+    return alt.X("angle:Q", title=title, axis=axis, scale=scale)

@@ -1,31 +1,29 @@
-"""One page of all claims and exhibits, with its pictures beside it as files."""
+"""One page of all claims and exhibits; its pictures are also files of its folder."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from jaxthermo.atomic import replacing
 from jaxthermo.report import page
 from jaxthermo.report.numbers import seconds
 from jaxthermo.report.table import Cell, Table
+from jaxthermo.report.templates import Html
 
-from .claims import CLAIMS
-from .exhibit import Exhibit, Verdict
-from .stored import Files, Plain, sections
+from ..harness.record import Arrays
+from .exhibit import CLAIMS, Exhibit, Verdict
+from .statements import Statement, statement, title_of
 
-
-PAGE = "report.html"
 
 _TITLE = "The thesis, claim by claim"
 _INTRODUCTION = (
-    "Every table and figure of \N{LEFT DOUBLE QUOTATION MARK}GPU-based Real-Time "
-    "Simulation of Thermography\N{RIGHT DOUBLE QUOTATION MARK} (National Chiao Tung "
-    "University, 2010) that can be measured again, and the 27 claims that they stand "
-    "for. Nothing is tuned to agree. A claim has the worst verdict of its exhibits; "
-    "where the thesis leaves something open, the exhibit says what was taken."
+    "Every table and figure of “GPU-based Real-Time Simulation of Thermography” "
+    "(National Chiao Tung University, 2010) that can be measured again, and its 27 "
+    "claims. Nothing is tuned to agree. A claim has the worst verdict of its exhibits; "
+    "where the thesis leaves something open, the exhibit says what was chosen."
 )
 _QUICK = (
-    "This is the reduced size: coarser voxels and shorter runs than the thesis has. "
+    "This is the reduced size: coarser voxels and shorter runs than in the thesis. "
     "Leave out --quick for its own resolutions."
 )
 _CHAPTERS = {
@@ -41,78 +39,110 @@ _GOOD = {Verdict.REPRODUCED: True, Verdict.CONTRADICTED: False, Verdict.FAILED: 
 
 
 class Measured(NamedTuple):
-    """An exhibit with its stored finding."""
+    """An exhibit with what was measured of it."""
 
     exhibit: Exhibit
-    plain: Plain
-    files: Files
+    verdict: Verdict
+    seconds: float
+    """Time that the measurement took [s]."""
+    numbers: Mapping[str, Any] = {}
+    claims: Mapping[str, Verdict] = {}
+    """Verdicts of single claims."""
+    files: Arrays = {}
+    """Bytes of each picture and chart by the name of its file."""
+    failure: str = ""
+    """Reason why there are no numbers."""
 
-    def of_claim(self, claim: str) -> tuple[Verdict, str]:
-        """Verdict and reason of one of its claims."""
-        own = self.plain["findings"].get(claim, self.plain)
-        return Verdict(own["verdict"]), own["reason"]
+    @property
+    def statement(self) -> Statement:
+        """The text of the exhibit with these numbers."""
+        name = self.exhibit.name
+        if self.failure:
+            return Statement(title_of(name), self.failure, claims={}, blocks=())
+        return statement(name, self.numbers, pictures=_pictures(self.files))
 
-    def result(self) -> Plain:
+    def verdict_of(self, claim: str) -> Verdict:
+        """Verdict of one of its claims."""
+        return self.claims.get(claim, self.verdict)
+
+    def plain(self) -> dict[str, Any]:
         """Plain values for `result.json`."""
-        about = {
+        text = self.statement
+        return {
             "name": self.exhibit.name,
-            "title": self.exhibit.title,
+            "title": text.title,
             "place": self.exhibit.place,
             "claims": list(self.exhibit.claims),
             "command": self.exhibit.command,
+            "verdict": str(self.verdict),
+            "reason": text.reason,
+            "numbers": dict(self.numbers),
+            "took_s": self.seconds,
+            "files": sorted(self.files),
         }
-        kept = ("verdict", "reason", "rows", "chosen", "numbers", "took_s")
-        own = {key: self.plain[key] for key in kept}
-        return {**about, **own, "files": sorted(self.files)}
 
 
-def claim_results(measured: Sequence[Measured]) -> list[Plain]:
+def _pictures(files: Arrays) -> dict[str, page.Section]:
+    """Each picture and chart as a part of a page, by its name without ending."""
+    sections: dict[str, page.Section] = {}
+    for file, content in files.items():
+        name, _, ending = file.rpartition(".")
+        data = content.tobytes()
+        sections[name] = (
+            page.embedded(data, name) if ending == "png" else Html(data.decode("utf-8"))
+        )
+    return sections
+
+
+def claim_results(measured: Sequence[Measured]) -> list[dict[str, Any]]:
     """Every claim with its verdict, reasons and exhibits, in plain values."""
-    found = []
+    results = []
     for claim in CLAIMS:
-        answers = [each for each in measured if claim.id in each.exhibit.claims]
-        verdicts = [each.of_claim(claim.id)[0] for each in answers]
-        found.append(
+        answers = [m for m in measured if m.exhibit.name in claim.exhibits]
+        verdicts = [answer.verdict_of(claim.id) for answer in answers]
+        reasons = {}
+        for answer in answers:
+            text = answer.statement
+            reasons[answer.exhibit.name] = text.claims.get(claim.id, text.reason)
+        results.append(
             {
-                **claim._asdict(),
+                "id": claim.id,
+                "text": claim.text,
+                "place": claim.place,
                 "verdict": str(min(verdicts, key=_ORDER.index)) if verdicts else "",
-                "reasons": {
-                    each.exhibit.name: each.of_claim(claim.id)[1] for each in answers
-                },
+                "reasons": reasons,
             }
         )
-    return found
+    return results
 
 
 def claim_table(measured: Sequence[Measured], on_page: bool) -> Table:
     """A line for each claim, with its reasons; on a terminal only of those measured."""
     lines = []
     for claim in claim_results(measured):
-        verdict = claim["verdict"] or "not measured yet"
         if not (claim["verdict"] or on_page):
             continue
-        line = [
+        names = "\n".join(claim["reasons"])
+        reasons = claim["reasons"].items()
+        texts = [f"{n}: {text}" if len(reasons) > 1 else text for n, text in reasons]
+        line: list[str | Cell] = [
             claim["id"],
             Cell(f"{claim['text']}\n({claim['place']})", wraps=True),
-            _marked(verdict),
-            Cell("\n".join(claim["reasons"]), wraps=True),
+            _marked(claim["verdict"] or "not measured yet"),
+            Cell(names, links=True) if on_page else Cell(names, wraps=True),
         ]
         if on_page:
-            reasons = claim["reasons"].items()
-            several = len(reasons) > 1
-            texts = [f"{n}: {text}" if several else text for n, text in reasons]
-            links = "\n".join(claim["reasons"])
-            line[2:] = [_marked(verdict), Cell("\n".join(texts), wraps=True)]
-            line.append(Cell(links, links=True))
+            line.insert(3, Cell("\n".join(texts), wraps=True))
         lines.append(line)
-    columns = ["claim", "in our words", "verdict"]
-    columns += ["why", "exhibits"] if on_page else ["exhibits"]
+    columns = ["claim", "in our words", "verdict", "exhibits"]
+    if on_page:
+        columns.insert(3, "why")
     return Table(columns, lines, left=range(len(columns)))
 
 
 def _marked(verdict: str) -> Cell:
-    known = verdict in set(Verdict)
-    return Cell(verdict, _GOOD.get(Verdict(verdict)) if known else None, wraps=True)
+    is_good = _GOOD.get(Verdict(verdict)) if verdict in set(Verdict) else None
+    return Cell(verdict, is_good, wraps=True)
 
 
 def _summary(measured: Sequence[Measured]) -> str:
@@ -123,47 +153,52 @@ def _summary(measured: Sequence[Measured]) -> str:
     return f"{len(CLAIMS)} claims: {words}."
 
 
-def write_files(each: Measured, folder: Path) -> None:
+def write_files(result: Measured, folder: Path) -> None:
     """Write the pictures and charts of an exhibit into a folder."""
-    for name, content in each.files.items():
+    for name, content in result.files.items():
         with replacing(folder / name) as path:
             path.write_bytes(content.tobytes())
 
 
 def write_report(measured: Sequence[Measured], folder: Path, quick: bool) -> None:
     """Write `report.html` of all exhibits into a folder."""
-    found: list[page.Section] = [
+    sections: list[page.Section] = [
         _summary(measured),
         _INTRODUCTION,
         *([_QUICK] if quick else []),
         page.heading("The claims"),
         claim_table(measured, on_page=True),
     ]
-    for chapter in sorted({each.exhibit.chapter for each in measured}):
-        title = f"Chapter {chapter}: {_CHAPTERS.get(chapter, '')}".rstrip(": ")
-        found.append(page.heading(title))
-        for each in measured:
-            if each.exhibit.chapter == chapter:
-                found += _exhibit(each)
-    page.write_page(folder / PAGE, _TITLE, found)
+    for chapter in sorted({result.exhibit.chapter for result in measured}):
+        sections.append(page.heading(f"Chapter {chapter}: {_CHAPTERS[chapter]}"))
+        for result in measured:
+            if result.exhibit.chapter == chapter:
+                sections += _exhibit_sections(result)
+    page.write_page(folder / "report.html", _TITLE, sections)
 
 
-def _exhibit(each: Measured) -> list[page.Section]:
-    exhibit, plain = each.exhibit, each.plain
-    own = (_marked(plain["verdict"]), plain["reason"])
-    rest = [(c, *each.of_claim(c)) for c in plain["findings"]]
-    lines = [["verdict", own[0], Cell(own[1], wraps=True)]]
-    lines += [[c, _marked(v), Cell(text, wraps=True)] for c, v, text in rest]
+def _exhibit_sections(result: Measured) -> list[page.Section]:
+    exhibit = result.exhibit
+    text = result.statement
+    verdicts = [("verdict", result.verdict, text.reason)]
+    verdicts += [
+        (claim, verdict, text.claims.get(claim, text.reason))
+        for claim, verdict in result.claims.items()
+    ]
+    lines = [
+        [word, _marked(verdict), Cell(reason, wraps=True)]
+        for word, verdict, reason in verdicts
+    ]
     claims = f", claims {', '.join(exhibit.claims)}" if exhibit.claims else ""
     return [
-        page.heading(f"{exhibit.name}: {exhibit.title}", 3, exhibit.name),
+        page.heading(f"{exhibit.name}: {text.title}", 3, exhibit.name),
         Table(["", "", ""], lines, left=(0, 1, 2)),
-        *sections(plain, each.files),
+        *text.blocks,
         page.terms(
             [
                 ("in the thesis", f"{exhibit.place}{claims}"),
                 ("alone", exhibit.command),
-                ("took", seconds(plain["took_s"])),
+                ("took", seconds(result.seconds)),
             ]
         ),
     ]

@@ -5,7 +5,7 @@ the body. Allocated: all that arrays hold, which the thesis' textures compute as
 the whole box of the full volume, and every texel of the packed layers along x, y and z.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -16,86 +16,124 @@ from jaxthermo.structures.structure import AbstractStructure
 
 from ..benchmarks.mixed import Runner, scene_runner
 from ..benchmarks.steps import conduction_call
-from ..harness.present import Rows
 from ..harness.timing import interleaved, ratio_of
-from .bodies import statue
-from .counting import count_structures
-from .levels import Sunlit
+from .bodies import required_statue
+from .sunlit import Sunlit
 
 
 FULL = "full volume"
-KINDS: Mapping[str, Callable[[jt.VoxelGrid], AbstractStructure]] = {
-    "single shell": jt.SingleShell,
-    "irregular levels": jt.IrregularMultiLevel,
-    "ten levels": lambda grid: jt.MultiLevel(grid, levels=10),
+SHELL = "single shell"
+IRREGULAR = "irregular levels"
+TEN = "ten levels"
+
+
+def _ten_levels(grid: jt.VoxelGrid) -> AbstractStructure:
+    return jt.MultiLevel(grid, levels=10)
+
+
+BUILDS: Mapping[str, Callable[[jt.VoxelGrid], AbstractStructure]] = {
+    SHELL: jt.SingleShell,
+    IRREGULAR: jt.IrregularMultiLevel,
+    TEN: _ten_levels,
     FULL: jt.FullVolume,
 }
 """The thesis' four structures; it does not say how many levels its multi-level has."""
+TABLE_VOXELS = {SHELL: 2.5e6, IRREGULAR: 3.2e6, TEN: 2.8e7, FULL: 2.8e7}
+"""Table 6.1: voxels of the Happy Buddha at 225 x 550 x 225. The full volume is the
+whole box, the empty cells too."""
+TABLE_TIMES = {SHELL: 13e-3, IRREGULAR: 21e-3, TEN: 50e-3, FULL: 55e-3}
+"""Table 6.1: time of one step of each structure [s]."""
+TABLE_HEIGHT = 550
+"""Voxels along up of table 6.1."""
 
 # Nodes times steps of a timed call, and its largest number of steps.
-_WORK, _MOST_STEPS = 4e7, 400
+_WORK = 4e7
+_MAX_STEPS = 400
 _REPEATS = 3
 # A step of a whole scene takes as long whatever its length [s]. Its calls are short, so
 # that some of many are not disturbed by what else the machine does.
-_DT, _SCENE_WORK, _MOST_SCENE_STEPS = 1e-3, 5e5, 60
+_DT = 1e-3
+_SCENE_WORK = 5e5
+_MAX_SCENE_STEPS = 60
 
 
 @cache
-def counts(name: str, height: int) -> dict[str, Any]:
+def counts(mesh_name: str, height: int) -> dict[str, Any]:
     """Occupied and allocated counts of a mesh so many voxels high, by its name."""
-    grid = _body(name, height).grid
-    found = count_structures(grid, height)
-    axes = range(3)
-    view = [grid.lattice.cells // grid.lattice.shape[axis] for axis in axes]
-    texels = lambda layers: int(np.dot(layers, view))
-    packed = texels(grid.layers.packed)
-    # Each level is said to be stored as the one before at half the resolution.
-    levels = sum(0.25**level for level in range(found["irregular_levels"]))
+    grid = _body(mesh_name, height).grid
+    box = grid.lattice.cells
+    body = grid.solid_count
+    shell = jt.SingleShell(grid).node_count
+    irregular = jt.IrregularMultiLevel(grid)
+    view_cells = [box // size for size in grid.lattice.shape]
+    texels_peeled = int(np.dot(grid.layers.peeled, view_cells))
+    texels_packed = int(np.dot(grid.layers.packed, view_cells))
+    occupied = sum(int(grid.is_packed(axis).sum()) for axis in range(3))
+    # Each level is said to be stored as the one above at half the resolution.
+    levels = sum(0.25**level for level in range(irregular.level_count))
+    texels_irregular = round(texels_packed * levels)
     return {
-        **found,
-        "mesh": name,
+        "mesh": mesh_name,
+        "height_voxels": height,
+        "lattice_shape": list(grid.lattice.shape),
+        "box": box,
+        "body": body,
+        "shell": shell,
+        "shell_of_body": shell / body,
+        "shell_of_box": shell / box,
+        "irregular": irregular.node_count,
+        "irregular_levels": irregular.level_count,
+        "irregular_of_body": irregular.node_count / body,
+        "irregular_of_box": irregular.node_count / box,
         "layers_peeled": list(grid.layers.peeled),
         "layers_packed": list(grid.layers.packed),
         "fragments": len(grid.fragment_area),
-        "texels_occupied": sum(int(grid.is_packed(a).sum()) for a in axes),
-        "texels_peeled": texels(grid.layers.peeled),
-        "texels_shell": packed,
-        "texels_irregular": round(packed * levels),
+        "texels_occupied": occupied,
+        "texels_peeled": texels_peeled,
+        "texels_shell": texels_packed,
+        "texels_irregular": texels_irregular,
+        "texels_shell_of_box": texels_packed / box,
+        "texels_irregular_of_box": texels_irregular / box,
+        "fill": occupied / texels_packed,
     }
 
 
 @cache
-def _body(name: str, height: int) -> Sunlit:
-    found = statue(name)
-    assert found is not None, name
-    return Sunlit(found.mesh, height)
+def _body(mesh_name: str, height: int) -> Sunlit:
+    return Sunlit(required_statue(mesh_name).mesh, height)
 
 
 @cache
-def step_times(name: str, height: int) -> dict[str, Any]:
+def step_times(mesh_name: str, height: int) -> dict[str, Any]:
     """Times of a step of conduction of the four structures, measured in turn [s]."""
-    grid = _body(name, height).grid
-    built = {kind: make(grid) for kind, make in KINDS.items()}
+    grid = _body(mesh_name, height).grid
+    structures = {name: build(grid) for name, build in BUILDS.items()}
+    nodes = {name: structure.node_count for name, structure in structures.items()}
     steps = {
-        kind: int(np.clip(_WORK / each.node_count, 4, _MOST_STEPS)) // 2 * 2
-        for kind, each in built.items()
+        name: int(np.clip(_WORK / count, 4, _MAX_STEPS)) // 2 * 2
+        for name, count in nodes.items()
     }
-    calls = {k: conduction_call(each, steps[k]) for k, each in built.items()}
+    calls = {
+        name: conduction_call(structure, steps[name])
+        for name, structure in structures.items()
+    }
     spans = interleaved(calls, _REPEATS, there_and_back=True)
-    step = {kind: np.array(spans[kind]) / steps[kind] for kind in built}
+    step = {name: np.array(spans[name]) / steps[name] for name in BUILDS}
     return {
-        "mesh": name,
+        "mesh": mesh_name,
         "height": height,
-        "nodes": {kind: each.node_count for kind, each in built.items()},
-        "step_s": {kind: each.tolist() for kind, each in step.items()},
-        "times_faster": {k: ratio_of(step[FULL], each) for k, each in step.items()},
+        "nodes": nodes,
+        "step_s": {name: times.tolist() for name, times in step.items()},
+        "times_faster": {
+            name: ratio_of(step[FULL], times) for name, times in step.items()
+        },
     }
 
 
 def timed_runner(scene: jt.Scene) -> Runner:
     """Steps of a whole scene, as many as its nodes leave time for."""
     nodes = sum(body.structure.node_count for body in scene.bodies)
-    steps = int(np.clip(_SCENE_WORK / nodes, 4, _MOST_SCENE_STEPS)) // 2 * 2
+    steps = int(np.clip(_SCENE_WORK / nodes, 4, _MAX_SCENE_STEPS)) // 2 * 2
     return scene_runner(scene, _DT, steps)
 
 
@@ -104,22 +142,29 @@ HIGHEST_WITH_ERROR = 250
 
 
 @cache
-def errors(name: str, height: int) -> dict[str, float]:
-    """Errors of the structures against the full volume in `levels`' scene [%]."""
-    body = _body(name, height)
-    return {k: body.error(make(body.grid)) for k, make in KINDS.items() if k != FULL}
-
-
-def count_rows(names: list[str], heights: tuple[int, ...]) -> Rows:
-    """Counts of each mesh at each height, with their ratios."""
-    return [_with_ratios(counts(name, h)) for name in names for h in heights]
-
-
-def _with_ratios(row: dict[str, Any]) -> dict[str, Any]:
-    of_box = lambda key: row[key] / row["box"]
+def errors(mesh_name: str, height: int) -> dict[str, float]:
+    """Errors of the structures against the full volume of a sunlit body [%]."""
+    body = _body(mesh_name, height)
     return {
-        **row,
-        "texels_shell_of_box": of_box("texels_shell"),
-        "texels_irregular_of_box": of_box("texels_irregular"),
-        "fill": row["texels_occupied"] / row["texels_shell"],
+        name: body.error(build(body.grid))
+        for name, build in BUILDS.items()
+        if name != FULL
     }
+
+
+def time_table(
+    times: Sequence[Mapping[str, Any]], error_percent: Mapping[int, Mapping[str, float]]
+) -> list[dict[str, Any]]:
+    """Nodes, time of a step, speed and error of each structure at each height."""
+    return [
+        {
+            "height": row["height"],
+            "structure": name,
+            "nodes": row["nodes"][name],
+            "step_ms": 1e3 * float(np.median(row["step_s"][name])),
+            "times faster": row["times_faster"][name][0],
+            "error_percent": error_percent.get(row["height"], {}).get(name),
+        }
+        for row in times
+        for name in BUILDS
+    ]

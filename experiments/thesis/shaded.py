@@ -17,7 +17,7 @@ from jaxthermo.raster.views import unit_vector
 
 Colour = tuple[int, int, int]
 PAPER = (246, 247, 249)
-BODIES: tuple[Colour, Colour] = (206, 200, 188), (150, 184, 208)
+BODIES: tuple[Colour, Colour] = ((206, 200, 188), (150, 184, 208))
 """Colours of two bodies side by side."""
 BOX = (90, 96, 108)
 # Samples of a pixel along each axis.
@@ -35,14 +35,13 @@ def camera_on(
     """A square picture of points [m] seen along a direction, with z upwards."""
     ahead = unit_vector(direction)
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    away = float(np.linalg.norm(points - middle, axis=1).max())
+    radius = float(np.linalg.norm(points - middle, axis=1).max())
     right = unit_vector(np.cross(ahead, (0.0, 0.0, 1.0)))
     across = np.stack([right, np.cross(right, ahead)])
     reach = float(np.abs((points - middle) @ across.T).max())
-    numbers = lambda v: (float(v[0]), float(v[1]), float(v[2]))
     return OrthographicCamera(
-        position=numbers(middle - 2 * away * ahead),
-        look_at=numbers(middle),
+        position=tuple((middle - 2 * radius * ahead).tolist()),
+        look_at=tuple(middle.tolist()),
         view_height=2 * _MARGIN * reach,
         width=size,
         height=size,
@@ -50,20 +49,20 @@ def camera_on(
 
 
 def shaded(
-    parts: Sequence[tuple[jt.Mesh, Colour]], camera: OrthographicCamera
+    coloured: Sequence[tuple[jt.Mesh, Colour]], camera: OrthographicCamera
 ) -> tuple[UInt8[np.ndarray, "h w 3"], Bool[np.ndarray, "h w"]]:
     """Meshes in their colours with a light at the camera, and where there are any."""
     fine = camera.finer(_SAMPLES)
-    meshes = [mesh for mesh, _ in parts]
+    meshes = [mesh for mesh, _ in coloured]
     seen = visible_points(tuple((m.vertices, m.faces) for m in meshes), fine)
     colours = np.empty((fine.width * fine.height, 3), np.uint8)
     colours[:] = PAPER
-    for number, (mesh, colour) in enumerate(parts):
-        here = np.flatnonzero(seen.body == number)
-        vectors = mesh.area_vectors[seen.face[here]]
+    for number, (mesh, colour) in enumerate(coloured):
+        samples = np.flatnonzero(seen.body == number)
+        vectors = mesh.area_vectors[seen.face[samples]]
         facing = np.abs(vectors @ fine.frame[2]) / np.linalg.norm(vectors, axis=1)
         light = _DARKEST + (1 - _DARKEST) * facing
-        colours[seen.pixel[here]] = np.rint(light[:, None] * np.array(colour))
+        colours[seen.pixel[samples]] = np.rint(light[:, None] * np.array(colour))
     shape = (fine.height, fine.width)
     is_body = np.zeros(fine.height * fine.width, bool)
     is_body[seen.pixel] = True
@@ -75,10 +74,13 @@ def shaded(
 
 
 def blended(
-    over: UInt8[np.ndarray, "h w 3"], under: UInt8[np.ndarray, "h w 3"], part: float
+    over: UInt8[np.ndarray, "h w 3"],
+    under: UInt8[np.ndarray, "h w 3"],
+    opacity: float,
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """A picture seen through another one that hides this part of it."""
-    return np.rint(part * over.astype(float) + (1 - part) * under).astype(np.uint8)
+    """A picture seen through another one of this opacity [-]."""
+    mixed = opacity * over.astype(float) + (1 - opacity) * under
+    return np.rint(mixed).astype(np.uint8)
 
 
 _CORNERS = np.indices((2, 2, 2)).reshape(3, -1).T
@@ -101,11 +103,11 @@ def with_box(
     box: Float[np.ndarray, "2 3"],
 ) -> UInt8[np.ndarray, "h w 3"]:
     """A picture with the twelve edges of a box in the world [m]."""
-    at, _, _ = camera.mesh_to_raster(box_corners(box), np.zeros((0, 3), int))
+    corners, _, _ = camera.mesh_to_raster(box_corners(box), np.zeros((0, 3), int))
     image = Image.fromarray(pixels)
     draw = ImageDraw.Draw(image)
     for a, b in combinations(range(8), 2):
         if np.abs(_CORNERS[a] - _CORNERS[b]).sum() == 1:
-            line = (*at[a, :2].tolist(), *at[b, :2].tolist())
+            line = (*corners[a, :2].tolist(), *corners[b, :2].tolist())
             draw.line(line, fill=BOX, width=1)
     return np.asarray(image)

@@ -1,7 +1,5 @@
 """Slices through structures: each node as a square, and paths over them."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from jaxtyping import Int, UInt8
 from PIL import Image, ImageDraw
@@ -11,7 +9,9 @@ from jaxthermo.report.sheet import Legend
 from jaxthermo.structures.structure import AbstractStructure
 
 
-_EMPTY, _LINE, _PATH = (246, 247, 249), (90, 96, 108), (214, 32, 44)
+_EMPTY = (246, 247, 249)
+_LINE = (90, 96, 108)
+_PATH = (214, 32, 44)
 # sRGB of levels from the surface inwards, told apart without any kind of cone.
 _LEVELS = (
     (86, 180, 233),
@@ -28,7 +28,9 @@ _LEVELS = (
 class Slice:
     """A picture of the nodes that a plane across an axis of the lattice cuts."""
 
-    def __init__(self, structure: AbstractStructure, axis: int, plane: float, edge=8):
+    def __init__(
+        self, structure: AbstractStructure, *, axis: int, plane: float, edge: int = 8
+    ):
         """Draw the nodes.
 
         Args:
@@ -38,18 +40,18 @@ class Slice:
             edge: of a voxel [px].
         """
         grid = structure.grid
-        self.axis, self.edge = axis, edge
+        self.axis = axis
+        self.edge = edge
         self.across, self.up = (a for a in range(3) if a != axis)
-        shape = grid.lattice.shape
-        self.shape = shape
-        size = edge * shape[self.across] + 1, edge * shape[self.up] + 1
-        self.image = Image.new("RGB", size, _EMPTY)
+        self.shape = grid.lattice.shape
+        width, height = self.shape[self.across], self.shape[self.up]
+        self.image = Image.new("RGB", (edge * width + 1, edge * height + 1), _EMPTY)
         self.lattice = grid.lattice
         self.levels = 0
         nodes = structure.nodes()
-        nested = isinstance(structure, jt.IrregularMultiLevel)
-        width = 1 << nodes.level if nested else np.ones(len(nodes.level), int)
-        self._draw(nodes.centre, width, nodes.level, plane)
+        is_nested = isinstance(structure, jt.IrregularMultiLevel)
+        cell_width = 1 << nodes.level if is_nested else np.ones_like(nodes.level)
+        self._draw(nodes.centre, width=cell_width, level=nodes.level, plane=plane)
 
     def _draw(
         self, centre: np.ndarray, width: np.ndarray, level: np.ndarray, plane: float
@@ -61,9 +63,12 @@ class Slice:
         cut = cut[np.argsort(-level[cut], kind="stable")]
         draw = ImageDraw.Draw(self.image)
         for node in cut:
-            left, bottom = low[node, self.across], low[node, self.up]
             colour = _LEVELS[level[node] % len(_LEVELS)]
-            corners = self._box(left, bottom, float(width[node]))
+            corners = self._box(
+                left=low[node, self.across],
+                bottom=low[node, self.up],
+                width=float(width[node]),
+            )
             draw.rectangle(corners, fill=colour, outline=_LINE)
         self.levels = int(level[cut].max(initial=-1)) + 1
 
@@ -72,7 +77,7 @@ class Slice:
         corner = np.array([left, top, left + width, top + width]) * self.edge
         return tuple(np.rint(corner).astype(int).tolist())
 
-    def path(self, points: np.ndarray) -> None:
+    def draw_path(self, points: np.ndarray) -> None:
         """Draw a path over positions in the body's frame [m], in red."""
         cells = self.lattice.to_cells(points)
         across = cells[:, self.across] * self.edge
@@ -86,11 +91,11 @@ class Slice:
         return np.asarray(self.image)
 
 
-def level_legend(count: int, path: bool = False) -> Legend:
+def level_legend(count: int, *, has_path: bool = False) -> Legend:
     """Colours of the levels, and of the path."""
     words = ["level 0, the surface", *(f"level {k}" for k in range(1, count))]
     entries = list(zip(words, _LEVELS[:count], strict=True))
-    if path:
+    if has_path:
         entries.append(("shortest path", _PATH))
     return Legend(tuple(entries))
 
@@ -137,11 +142,10 @@ def cover_legend() -> Legend:
     return Legend(tuple(_COVER.items()))
 
 
-def with_frames(
-    image: UInt8[np.ndarray, "h w 3"], boxes: Sequence[tuple[int, int, int, int]]
+def with_frame(
+    image: UInt8[np.ndarray, "h w 3"], box: tuple[int, int, int, int]
 ) -> UInt8[np.ndarray, "h w 3"]:
-    """A picture with red frames: left, top, right and bottom of each [px]."""
-    shown = Image.fromarray(image)
-    for box in boxes:
-        ImageDraw.Draw(shown).rectangle(box, outline=_PATH, width=3)
-    return np.asarray(shown)
+    """A picture with a red frame from left and top to right and bottom [px]."""
+    framed = Image.fromarray(image)
+    ImageDraw.Draw(framed).rectangle(box, outline=_PATH, width=3)
+    return np.asarray(framed)

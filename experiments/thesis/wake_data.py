@@ -6,6 +6,8 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from jaxthermo.console.terminal import open_console
 from jaxthermo.flow.measures import (
     force_coefficient,
@@ -30,28 +32,35 @@ from ..harness.present import Rows, show, table_of
 
 def fitted(profiles: tuple[WakeProfile, ...]) -> tuple[WakeFit, ...]:
     """Fits of the steady and the shedding wakes among profiles."""
-    of = lambda numbers: tuple(p for p in profiles if p.reynolds in numbers)
+    steady, shedding = (
+        tuple(profile for profile in profiles if profile.reynolds in numbers)
+        for numbers in (STEADY_REYNOLDS, SHEDDING_REYNOLDS)
+    )
     return (
-        fit_wakes("steady", of(STEADY_REYNOLDS), remains=False),
-        fit_wakes("shedding", of(SHEDDING_REYNOLDS), remains=True),
+        fit_wakes("steady", steady, remains=False),
+        fit_wakes("shedding", shedding, remains=True),
     )
 
 
 def run(folder: Path, height: int | None = None) -> dict[str, Any]:
-    """Compute all wakes, some 25 minutes: `wake_profiles.csv` and `wake_fit.csv`.
+    """Compute all wakes: `wake_profiles.csv` and `wake_fit.csv`.
 
     `height` is the number of cells across the cylinder, of a coarser lattice.
     """
-    console, rows, profiles = open_console(), [], []
+    console = open_console()
+    rows = []
+    profiles = []
     for reynolds in (*STEADY_REYNOLDS, *SHEDDING_REYNOLDS):
         with console.status(f"Re {reynolds:g}") as status:
-            found = wake_run(
+            flow = wake_run(
                 reynolds,
                 wake_setup(reynolds, height),
-                progress=lambda at, re=reynolds: status.update(f"Re {re:g}: {at.text}"),
+                progress=lambda step, re=reynolds: status.update(
+                    f"Re {re:g}: {step.text}"
+                ),
             )
-        rows.append(_numbers(found, reynolds))
-        profiles.append(wake_profile(found, reynolds))
+        rows.append(_numbers(flow, reynolds))
+        profiles.append(wake_profile(flow, reynolds))
     fits = fitted(tuple(profiles))
     write_profiles(folder / "wake_profiles.csv", profiles)
     write_fits(folder / "wake_fit.csv", fits)
@@ -65,16 +74,16 @@ def run(folder: Path, height: int | None = None) -> dict[str, Any]:
     }
 
 
-def _numbers(found: FlowRun, reynolds: float) -> dict[str, Any]:
-    drag = force_coefficient(found.channel, found.drag[found.averaged].astype(float))
-    frequency = strouhal(found)
+def _numbers(flow: FlowRun, reynolds: float) -> dict[str, Any]:
+    drag = force_coefficient(flow.channel, flow.drag[flow.averaged].astype(float))
+    frequency = strouhal(flow)
     return {
         "Re": reynolds,
-        "cells": list(found.channel.shape),
-        "steps": int(found.step[-1]),
+        "cells": list(flow.channel.shape),
+        "steps": int(flow.step[-1]),
         "drag": float(drag.mean()),
-        "strouhal": None if frequency != frequency else frequency,
-        "bubble": recirculation_length(found),
+        "strouhal": None if np.isnan(frequency) else frequency,
+        "bubble": recirculation_length(flow),
     }
 
 

@@ -9,7 +9,7 @@ import jaxthermo as jt
 from jaxthermo.constants import ZERO_CELSIUS
 from jaxthermo.reference import semi_infinite, slab
 
-from ..harness.case import Order, Row, Value, case, converge, largest_error, values
+from ..harness.case import Check, Order, Row, case, converge, largest_error, values
 from .bodies import LEFT, RIGHT, Bar, bar, between, mirrored, run, single
 
 
@@ -113,7 +113,7 @@ def _flux() -> Row:
     )
     (inside,) = between(row.depth, surface[row.along] - ZERO_CELSIUS, (0.025,))
     exact = _heated(0.025, time=30.0, start=35.0, material=_HOLMAN)
-    holman = Value(
+    holman = Check(
         name="Holman 4.2: T(25 mm, 30 s)",
         unit="degC",
         expected=exact,
@@ -145,7 +145,7 @@ _CONVECTED = semi_infinite.surface_convection(
     method="bar of 375 voxels of 6.7 mm; explicit",
 )
 def _convected() -> Row:
-    def at(pitch: float) -> Iterator[Value]:
+    def at(pitch: float) -> Iterator[Check]:
         row = bar(round(2.5 / pitch), pitch)
         air = jt.Convection(200.0, 500.0, on=LEFT)
         surfaces = _surfaces(
@@ -154,7 +154,7 @@ def _convected() -> Row:
         exact_at = zip(_CONVECTED_TIMES, _CONVECTED, surfaces, strict=True)
         for time, exact, now in exact_at:
             (temperature,) = between(row.depth, now[row.along], (0.05,))
-            yield Value(
+            yield Check(
                 name=f"T(5 cm, {time:g} s)",
                 unit="K",
                 expected=exact,
@@ -228,7 +228,7 @@ _FDS_TABLES = {
 }
 
 
-def _fds_checks(cells: int) -> Iterator[Value]:
+def _fds_checks(cells: int) -> Iterator[Check]:
     for h, tables in _FDS_TABLES.items():
         gas = jt.Convection(h, ZERO_CELSIUS + 120.0, on=RIGHT)
         profiles, _ = _slab(
@@ -253,7 +253,7 @@ def _fds_checks(cells: int) -> Iterator[Value]:
 def _fds() -> Row:
     # The table with three decimals; the others would only show their own rounding.
 
-    def error_of_exact_table(checks: Sequence[Value]) -> float:
+    def error_of_exact_table(checks: Sequence[Check]) -> float:
         return largest_error(checks[: len(_PLACES)])
 
     return converge(
@@ -331,7 +331,7 @@ def _mode() -> Row:
     for name, cells, solver, form in forms:
         rate = slab.sine_rate_of_cells(_MODE.diffusivity, _MODE_LENGTH, cells)
         checks.append(
-            Value(
+            Check(
                 name=f"{name}, N={cells}",
                 unit="",
                 expected=form(rate, _MODE_STEP, _MODE_STEPS),
@@ -363,7 +363,7 @@ def _t3() -> Row:
     def end_temperature(time):
         return ZERO_CELSIUS + 100.0 * jnp.sin(jnp.pi * time / 40.0)
 
-    def at(cells: int) -> Iterator[Value]:
+    def at(cells: int) -> Iterator[Check]:
         row, (now,) = _profiles(
             cells,
             length=0.1,
@@ -373,7 +373,7 @@ def _t3() -> Row:
             times=(32.0,),
         )
         (temperature,) = between(row.depth, now - ZERO_CELSIUS, (0.08,))
-        yield Value(
+        yield Check(
             name="T(80 mm, 32 s)",
             unit="degC",
             expected=36.603116,
@@ -403,7 +403,7 @@ _SHORT_TABLE = {
     method="bar of 160 voxels of 25 mm; explicit; expected to 3 decimals",
 )
 def _short() -> Row:
-    def at(cells: int) -> Iterator[Value]:
+    def at(cells: int) -> Iterator[Check]:
         row, profiles = _profiles(
             cells,
             length=4.0,

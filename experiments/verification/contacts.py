@@ -11,7 +11,7 @@ from jaxthermo.constants import ZERO_CELSIUS
 from jaxthermo.integrate.ledger import Energy
 from jaxthermo.reference.semi_infinite import contact_surfaces, perfect_contact
 
-from ..harness.case import Bound, Row, Value, case, converge, largest_error, values
+from ..harness.case import Check, Row, case, converge, largest_error, values
 from .bodies import LEFT, RIGHT, bar, explicit, full, run, single
 
 
@@ -132,7 +132,7 @@ def _one_bar(per_length: int, end: float) -> float:
     requirement="0.05 K from 5 cells per diffusion length",
     method="bars of 157 and 35 voxels, bonded, and one bar of both; explicit",
 )
-def _perfect() -> tuple[Value, ...]:
+def _perfect() -> tuple[Check, ...]:
     names = ("two bodies, copper's side", "two bodies, steel's side", "one body")
     temperatures = [*two_bars(jt.bonded, 5, 1.0).surfaces, _one_bar(5, 1.0)]
     return values(
@@ -152,7 +152,7 @@ def _perfect() -> tuple[Value, ...]:
     method="20 cells per diffusion length of steel at each time; explicit",
 )
 def _resisting() -> Row:
-    def at(per_length: int) -> Iterator[Value]:
+    def at(per_length: int) -> Iterator[Check]:
         for end in (0.1, 1.0, 10.0):
             hot, cold, flux = resisted(end)
             contact_temperatures = two_bars(
@@ -167,7 +167,7 @@ def _resisting() -> Row:
                 tolerance=0.002 * 100.0,
             )
             through = CONDUCTANCE * (contact_temperatures[0] - contact_temperatures[1])
-            yield Value(
+            yield Check(
                 name=f"flux, {end:g} s",
                 unit="W/m^2",
                 expected=flux,
@@ -177,7 +177,7 @@ def _resisting() -> Row:
 
     # The flux follows from the surfaces, in another unit: the order is theirs.
 
-    def error_of_surfaces(checks: Sequence[Value]) -> float:
+    def error_of_surfaces(checks: Sequence[Check]) -> float:
         return largest_error(check for check in checks if check.unit == "degC")
 
     return converge(at, (5, 10, 20), length=1, expected=2.0, error=error_of_surfaces)
@@ -204,16 +204,16 @@ def _two_boxes(distance: float) -> tuple[float, float]:
     requirement="by more than 1 K; within 0.05 K",
     method="boxes of 6 x 6 x 6 voxels, 1000 W/(m^2 K), 0.05 s",
 )
-def _boxes() -> Iterator[Bound | Value]:
+def _boxes() -> Iterator[Check]:
     hot, cold = _two_boxes(0.06)
-    yield Bound(
+    yield Check(
         name="touching: the hot box cools by",
         computed=80.0 - hot,
         highest=80.0,
         lowest=1.0,
         unit="K",
     )
-    yield Bound(
+    yield Check(
         name="touching: the cold box warms by",
         computed=cold + 80.0,
         highest=80.0,

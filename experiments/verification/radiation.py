@@ -26,7 +26,7 @@ from jaxthermo.reference.view_factor import (
     view_factor_to_polygon,
 )
 
-from ..harness.case import Bound, Value, case, relative, values
+from ..harness.case import Check, case, relative, values
 from .bodies import bar, conductor, full, single
 
 
@@ -53,7 +53,7 @@ def _seen(corners: np.ndarray) -> float:
     requirement="1e-6",
     method="Lambert's formula for polygons under quadrature; discs: both quadratures",
 )
-def _view_factors() -> Iterator[Value]:
+def _view_factors() -> Iterator[Check]:
     # 24 points along each edge leave 2e-11 at the shared one, the hardest.
     floor = rectangle_rule(_ORIGIN, first=_X, second=_Y, count=24)
     ceiling = np.array([_Z, _Z + _Y, _Z + _X + _Y, _Z + _X])
@@ -73,7 +73,7 @@ def _view_factors() -> Iterator[Value]:
     )
     factors = (to_ceiling, to_wall, sides, discs, _seen(_disc(1.0)))
     for (name, form), computed in zip(exact, factors, strict=True):
-        yield Value(
+        yield Check(
             name=name, unit="", expected=form, computed=computed, tolerance=1e-6
         )
 
@@ -89,17 +89,17 @@ _SPHERES = 20.78300772
     requirement="1e-6",
     method="reference/radiation",
 )
-def _enclosures() -> Iterator[Value]:
+def _enclosures() -> Iterator[Check]:
     plates = forms.between_plates(400.0, 300.0, 0.8, 0.5)
     spheres = forms.between_spheres(0.05, 0.1, 400.0, 300.0, 0.8, 0.5)
-    yield Value(
+    yield Check(
         name="endless plates",
         unit="W/m^2",
         expected=441.0291215,
         computed=plates,
         tolerance=1e-6,
     )
-    yield Value(
+    yield Check(
         name="concentric spheres",
         unit="W",
         expected=_SPHERES,
@@ -115,7 +115,7 @@ def _enclosures() -> Iterator[Value]:
     requirement="1e-6",
     method="reference/radiation; expected to 7 digits",
 )
-def _sun() -> Iterator[Value]:
+def _sun() -> Iterator[Check]:
     angle = np.pi * (forms.SUN_RADIUS / forms.ASTRONOMICAL_UNIT) ** 2
     for kelvin, flux in ((5772.0, 1361.1632), (5800.0, 1387.768)):
         irradiance = forms.solar_irradiance(kelvin)
@@ -138,7 +138,7 @@ def _sun() -> Iterator[Value]:
     requirement="none stated; 1e-3, its digits",
     method="Lambert's formula for polygons",
 )
-def _plates() -> tuple[Value, ...]:
+def _plates() -> tuple[Check, ...]:
     # Black plates of 1000 degC, 1 m above an element.
     black = STEFAN_BOLTZMANN * 1273.15**4 / 1e3
     square = np.array([[-1, 1, 1], [1, 1, 1], [1, -1, 1], [-1, -1, 1]], float)
@@ -176,17 +176,17 @@ def _net_emission(emissivity: float, kelvin: float, around: float) -> float:
     method="one voxel, its first millisecond; 1451.614 and 816.7822 are listed, with "
     "the constant of 2014",
 )
-def _emission() -> Iterator[Value]:
+def _emission() -> Iterator[Check]:
     # Stefan and Boltzmann's, as the peer has it: CODATA 2014 [W/(m^2 K^4)].
     newer = STEFAN_BOLTZMANN / 5.670367e-8
-    yield Value(
+    yield Check(
         name="black, 400 K",
         unit="W/m^2",
         expected=1451.614 * newer,
         computed=_net_emission(1.0, kelvin=400.0, around=0.0),
         tolerance=5e-4,
     )
-    yield Value(
+    yield Check(
         name="0.85, 400 K among 305 K",
         unit="W/m^2",
         expected=816.7822 * newer,
@@ -205,7 +205,7 @@ _NUSSELT = {"churchill_bernstein": 40.63709, "sanitjai_goldstein": 40.38327}
     requirement="none stated; half the last digit; ours within 40 to 50",
     method="physics/convection",
 )
-def _nusselt() -> tuple[Value | Bound, ...]:
+def _nusselt() -> tuple[Check, ...]:
     averages = {average.name: average.nusselt for average in AVERAGES}
     checks = []
     # Not a generator: the precision would stay switched while it waits.
@@ -215,7 +215,7 @@ def _nusselt() -> tuple[Value | Bound, ...]:
         for name, listed in _NUSSELT.items():
             nusselt = float(averages[name](reynolds, prandtl)[0])
             checks.append(
-                Value(
+                Check(
                     name=name,
                     unit="",
                     expected=listed,
@@ -230,7 +230,7 @@ def _nusselt() -> tuple[Value | Bound, ...]:
                 ).mean()
             )
             checks.append(
-                Bound(
+                Check(
                     name=f"local numbers on {name}",
                     computed=mean,
                     highest=50.0,
@@ -247,7 +247,7 @@ def _nusselt() -> tuple[Value | Bound, ...]:
     requirement="1e-6 is of the closed form; none is stated for voxels: not judged",
     method="ball of 10 voxels' radius in a hollow one, 64 patches each; steady",
 )
-def _spheres() -> Iterator[Value]:
+def _spheres() -> Iterator[Check]:
     # Radii of the ball, the hollow and the body around it [m].
     inner, outer, outside = (jt.shapes.sphere(r) for r in (0.05, 0.1, 0.12))
     hollow = jt.Mesh(
@@ -273,12 +273,12 @@ def _spheres() -> Iterator[Value]:
     solution = jt.steady(jt.Scene(bodies, terms, dtype="float64"))
     hot, cold = np.asarray(solution.mean_temperature)[0]
     name = "ball at the heat of the closed form"
-    yield Value(
+    yield Check(
         name=name, unit="K", expected=400.0, computed=float(hot), tolerance=None
     )
     # The heat that would flow at exactly 400 and 300 K through the same exchange.
     heat = _SPHERES * float((400.0**4 - 300.0**4) / (hot**4 - cold**4))
-    yield Value(
+    yield Check(
         name="heat at 400 and 300 K",
         unit="W",
         expected=_SPHERES,
@@ -294,7 +294,7 @@ def _spheres() -> Iterator[Value]:
     requirement="none stated; half its last digit",
     method="frame of a box of emissivity 0.91 at 300 K, 250 K around",
 )
-def _apparent() -> tuple[Value, ...]:
+def _apparent() -> tuple[Check, ...]:
     listed = 296.4424
     grid = bar(2, 0.1).grid
     grey = conductor(1.0, emissivity=0.91)
@@ -308,7 +308,7 @@ def _apparent() -> tuple[Value, ...]:
     seen = seen[np.asarray(image.object_id) == 0]
     worst = float(seen[np.argmax(np.abs(seen - listed))])
     return (
-        Value(
+        Check(
             name="apparent temperature",
             unit="K",
             expected=listed,

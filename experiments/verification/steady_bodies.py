@@ -1,5 +1,6 @@
 """Steady bodies: thermal bridges of ISO 10211 (V21a, b, d), V15 a shell, V16 a fin."""
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 import jaxthermo as jt
 from jaxthermo.constants import ZERO_CELSIUS
 
-from ..harness.case import Row, Value, case, converge, relative, values
+from ..harness.case import Check, Row, case, converge, relative, values
 from .bodies import (
     DOWN,
     LEFT,
@@ -59,7 +60,7 @@ def _column() -> Row:
     names = tuple(f"row {i + 1}, column {j + 1}" for i in range(7) for j in range(4))
     expected = tuple(celsius for row in _COLUMN for celsius in row)
 
-    def at(cells: int) -> tuple[Value, ...]:
+    def at(cells: int) -> tuple[Check, ...]:
         return values(
             names,
             unit="degC",
@@ -103,7 +104,7 @@ def _roof_labels(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     requirement="0.1 K and 0.1 W/m",
     method="1000 x 95 voxels of 0.5 mm; steady",
 )
-def _roof() -> Iterator[Value]:
+def _roof() -> Iterator[Check]:
     size = (0.5, _ROOF_PITCH, 1e-3 * _ROOF_HEIGHT)
     grid = jt.voxelize(jt.shapes.box(size), _ROOF_PITCH)
     wide, _, high = grid.lattice.shape
@@ -123,7 +124,7 @@ def _roof() -> Iterator[Value]:
     faces = {0.0: surface[along[up < -0.9]], _ROOF_HEIGHT: surface[along[up > 0.9]]}
     # Through one voxel of depth.
     heat = float(solution.heat_rates.mechanisms["convection"])
-    yield Value(
+    yield Check(
         name="heat flow",
         unit="W/m",
         expected=9.5,
@@ -139,7 +140,7 @@ def _roof() -> Iterator[Value]:
             # A corner of several materials has about the mean by conductivities.
             near = np.ix_(i, j)
             temperature = np.average(nodes[near], weights=conductivity[near])
-        yield Value(
+        yield Check(
             name=f"T at {name}",
             unit="degC",
             expected=celsius,
@@ -148,12 +149,12 @@ def _roof() -> Iterator[Value]:
         )
 
 
-def _largest_fraction(checks: Sequence[Value]) -> float:
+def _largest_fraction(checks: Sequence[Check]) -> float:
     # Relative to the expected value: a heat and a temperature in one order.
-    return max(abs(value.error) / value.expected for value in checks)
+    return max(abs(check.error) / (check.expected or math.nan) for check in checks)
 
 
-def _iron_bar(pitch: float) -> Iterator[Value]:
+def _iron_bar(pitch: float) -> Iterator[Check]:
     """Heat flow of case 4 and its hottest place outside, by a quarter of it."""
     # The bar ends flush with the wall outside, z = 0, and stands out 0.4 m inside.
     blocks = np.ones((2, 2, 2), bool)
@@ -183,7 +184,7 @@ def _iron_bar(pitch: float) -> Iterator[Value]:
     cold = np.asarray(solution.surface_temperature)[0, normal[:, 2] < -0.9]
     hottest = float(cold.max()) - ZERO_CELSIUS
     yield relative("heat flow", unit="W", expected=0.54, computed=heat, fraction=0.01)
-    yield Value(
+    yield Check(
         name="hottest place outside",
         unit="degC",
         expected=0.805,
@@ -212,7 +213,7 @@ _HOT = ZERO_CELSIUS + 100.0
 _COLD = ZERO_CELSIUS + 20.0
 
 
-def _shell(cells: int) -> Iterator[Value]:
+def _shell(cells: int) -> Iterator[Check]:
     """Heat through the whole shell, and the temperature half-way."""
     grid = jt.voxelize(hollow_hemisphere(_INNER, _OUTER), _OUTER / cells)
     round_ = np.abs(grid.fragment_normal[:, 2] + 1.0) > 1e-6
@@ -270,7 +271,7 @@ _EXCESS = 75.0
     requirement="1 %",
     method="cylinder of 16 voxels per radius, 320 long; steady",
 )
-def _fin() -> Iterator[Value]:
+def _fin() -> Iterator[Check]:
     # Its voxels' section comes and goes with the pitch, so one pitch is shown.
     mesh = jt.shapes.cylinder(_RADIUS, _LENGTH, sections=256)
     grid = jt.voxelize(mesh, _RADIUS / 16)

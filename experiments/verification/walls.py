@@ -8,7 +8,7 @@ import jaxthermo as jt
 from jaxthermo.constants import ZERO_CELSIUS
 from jaxthermo.reference.radiation import sol_air_temperature
 
-from ..harness.case import Row, Value, case, converge, relative, values
+from ..harness.case import Check, Row, case, converge, relative, values
 from .bodies import (
     LEFT,
     RIGHT,
@@ -55,7 +55,7 @@ def _composite() -> dict[str, float]:
     requirement="1e-9 relative",
     method="two bodies of 2 and 4 voxels; steady",
 )
-def _wall() -> Iterator[Value]:
+def _wall() -> Iterator[Check]:
     # 100 degC, 10 mm of copper, a contact, 20 mm of insulation, air at 0.
     pitch = 0.005
     cold = ZERO_CELSIUS
@@ -102,7 +102,7 @@ def _wall() -> Iterator[Value]:
     requirement="1e-6",
     method="half of it, 10 voxels; steady",
 )
-def _source() -> tuple[Value, ...]:
+def _source() -> tuple[Check, ...]:
     row = bar(10, 0.01)
     air = jt.Convection(20.0, 300.0, on=RIGHT)
     surface = _on_bar(row, conductor(1.0), jt.HeatSource(1e4), air)
@@ -124,7 +124,7 @@ def _source() -> tuple[Value, ...]:
     requirement="0.1 K",
     method="4 voxels in an insulating sleeve; steady",
 )
-def _radiating_end() -> Iterator[Value]:
+def _radiating_end() -> Iterator[Check]:
     row = bar(4, 0.025)
     # Surroundings act on every bare surface: a sleeve without contact covers the
     # sides. 1e-9 W/(m^2 K) leak into the sleeve, so that it has a steady state.
@@ -140,7 +140,7 @@ def _radiating_end() -> Iterator[Value]:
     terms = (hot, jt.Surroundings(300.0), jt.Contact(1e-9))
     solution = jt.steady(jt.Scene(bodies, terms, dtype="float64"))
     end = row.end(np.asarray(solution.of_body(0))[0], RIGHT)
-    yield Value(
+    yield Check(
         name="radiating end", unit="K", expected=927.00395, computed=end, tolerance=0.1
     )
 
@@ -153,7 +153,7 @@ def _radiating_end() -> Iterator[Value]:
     method="40 voxels of 40 mm; steady",
 )
 def _slab_with_source() -> Row:
-    def at(cells: int) -> Iterator[Value]:
+    def at(cells: int) -> Iterator[Check]:
         row = bar(cells, 1.6 / cells)
         cold = jt.FixedTemperature(300.0, on=RIGHT)
         surface = _on_bar(row, conductor(10.0), jt.HeatSource(1e4), cold)
@@ -176,7 +176,7 @@ def _slab_with_source() -> Row:
     requirement="none stated; 1e-9 relative as for V13",
     method="one body of 4 and 4 voxels; steady",
 )
-def _two_metals() -> Iterator[Value]:
+def _two_metals() -> Iterator[Check]:
     # 40 cm of each.
     row = bar(8, 0.1)
     beyond = jt.Region(lower=(0.0, -1.0, -1.0), upper=(1.0, 1.0, 1.0))
@@ -198,7 +198,7 @@ def _two_metals() -> Iterator[Value]:
     requirement="1e-6",
     method="3 voxels; steady",
 )
-def _sol_air() -> tuple[Value, ...]:
+def _sol_air() -> tuple[Check, ...]:
     # Walls that let nothing through stand at the sol-air temperature.
     row = bar(3, 0.01)
     painted = jt.Material(1.0, 1000.0, 1000.0, 0.9, absorptivity=0.9)
@@ -286,7 +286,7 @@ def _gaussian(grid: jt.VoxelGrid, amplitude: float) -> Iterator[jt.HeatSource]:
     requirement="none stated; 1e-6 relative, its digits",
     method="16 x 8 x 1 voxels; steady",
 )
-def _forward() -> Iterator[Value]:
+def _forward() -> Iterator[Check]:
     grid = _slab()
     for density, listed in _FORWARD.items():
         compliance = _compliance(grid, density)
@@ -303,7 +303,7 @@ def _forward() -> Iterator[Value]:
     requirement="none stated; 1e-6 relative, its digits",
     method="16 x 8 x 1 voxels, a source for each of 16 slices; steady",
 )
-def _forward_with_source() -> Iterator[Value]:
+def _forward_with_source() -> Iterator[Check]:
     grid = _slab()
     for amplitude, listed in _WITH_SOURCE.items():
         compliance = _compliance(grid, 0.5, *_gaussian(grid, amplitude))

@@ -12,7 +12,7 @@ from tests.cli.cli_runs import run
         (("stencil", "--height", "40"), "height: stencil takes no options"),
         (("voxelize", "no.yaml"), "config: voxelize takes no options"),
         (("levels", "--height", "tall"), "--height"),
-        (("levels", "--cases", "C99"), "there are C11; C12; C13; C14"),
+        (("levels", "--cases", "C99"), "there are C01 to C27, "),
         (
             ("thesis", "--cases", "figure-9"),
             "there are C01 to C27, section-1.3-image, ",
@@ -21,7 +21,7 @@ from tests.cli.cli_runs import run
         (("budget", "no.yaml"), "no.yaml"),
         (("benchmarks", "--height", "40"), "height: stencil takes no options"),
         (("steps", "--resume"), "only `run benchmarks` takes it"),
-        (("levels", "--quick"), "levels has no quick size"),
+        (("wake-data", "--quick"), "wake-data has no quick size"),
         (("level",), "did you mean levels?"),
         (("structures",), "use `experiments run front configs/sweeps/structures.yaml`"),
         (("contact",), "use `experiments run thesis --cases C17,C18,C19`"),

@@ -8,7 +8,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
-DATA = sorted((DOCS / "data").glob("*.json"))
+DATA = sorted((DOCS / "data").rglob("*.json"))
 PROGRAMS = ("jaxthermo", "calibrate", "experiments")
 
 _BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.M | re.S)

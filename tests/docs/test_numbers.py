@@ -11,7 +11,7 @@ from jaxthermo.config.shipped_cards import shipped_cards
 from jaxthermo.config.strict_yaml import read_yaml
 
 
-_SHOWN = re.compile(r"\{number\}`(\w+):(\w+)`|```\{measured\} (\w+):(\w+)")
+_SHOWN = re.compile(r"\{number\}`([\w.-]+):([^`]+)`|```\{measured\} ([\w.-]+):([^\n]+)")
 _NOT_PROSE = re.compile(
     r"\$\$.*?\$\$|\{number\}`[^`]*`|`[^`]*`|\$[^$\n]*\$|\]\([^)]*\)", re.S
 )
@@ -42,6 +42,18 @@ GIVEN = {
     "docs/stages/image.md": "5800 K",
     "docs/stages/time.md": "0 K; 0.1 %; 1 mK; 1 mm; 30 s; 300 K; 400 K; 5 million",
     "docs/stages/voxels.md": "2 %",
+    "docs/thesis/chapter-3.md": "180 s; 2 %",
+    "docs/thesis/chapter-4.md": "2 %",
+    "docs/thesis/chapter-5-1.md": "1 m; 10 m; 100 K; 268.15 K; 298.15 K; "
+    "30 minutes; 300 K; 303.15 K; 330 K; 400 K",
+    "docs/thesis/chapter-5-3.md": "0 s; 0.05 s; 0.1 to 1 m; 0.1 to 10 s; 1 K; "
+    "100 K; 2 s",
+    "docs/thesis/chapter-5-4.md": "1.3 times; 10 %; 15 %; 2 %; 22 %; 300 K; 340 K; "
+    "4 %; 5 m; 600 s",
+    "docs/thesis/chapter-6-1.md": "0.05 s; 0.5 m; 180 s; 84 %",
+    "docs/thesis/chapter-6-3.md": "1.5 times; 1.6 times; 10 %; 11.4 %; "
+    "13 to 55 ms; 2.3 to 2.7 million; 2.5 million; 25 %; 3 m; 6.7 times",
+    "docs/thesis/text.md": "0.1 m; 0.2 to 1 m; 1 m; 1 mm; 180 s; 300 K; 5800 K",
 }
 
 

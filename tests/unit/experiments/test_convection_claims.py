@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
-from experiments.thesis import convection, convection_cooling, convection_numbers
+from experiments.thesis.exhibits import convection, cooling, cylinders
+from experiments.thesis.nusselt import measure_knots
 from jaxthermo.geometry.shapes import cylinder
 from jaxthermo.voxels.cylinders import cylinder_parts
 from jaxthermo.voxels.voxelize import voxelize
 
 
 def test_every_knot_keeps_its_average_and_stays_near_its_points():
-    rows = convection_numbers.measure_local()
+    rows = measure_knots()
     assert len(rows) == 18
     assert max(abs(row["average_mismatch"]) for row in rows) < 1e-12
     counts = {row["Re"]: len(row["minima_deg"]) for row in rows}
@@ -22,26 +23,27 @@ def test_every_knot_keeps_its_average_and_stays_near_its_points():
     assert [row["Re"] for row in rows if row["recalled"]][0] == 7.08e4
 
 
-def test_averages_out_of_their_range_stand_in_brackets():
-    rows = convection_numbers.measure_averages()
-    cells = {row[0]: row for row in convection_numbers.average_table(rows).rows}
-    assert cells["1000"][2] == "(15.64)" and cells["4000"][2] == "31.53"
-    assert cells["219000"][4] == "1.286"
+def test_averages_out_of_their_range_are_named():
+    rows = {row["Re"]: row for row in convection.measure_averages()}
+    name = list(rows[1e3])[2]
+    assert f"{rows[1e3][name]:.4g}" == "15.64" and name in rows[1e3]["outside"]
+    assert f"{rows[4e3][name]:.4g}" == "31.53" and name not in rows[4e3]["outside"]
+    assert f"{rows[2.19e5]['largest_over_smallest']:.3f}" == "1.286"
 
 
 def test_a_picture_shows_the_body_and_the_outline_of_its_cylinder():
     grid = voxelize(cylinder(0.02, 0.1), 0.005)
     parts = cylinder_parts(grid)
-    image = np.asarray(convection._parts_picture(grid, parts, "looking along +y"))
+    image = np.asarray(cylinders.picture_of_parts(grid, parts, "looking along +y"))
     high, wide = image.shape[:2]
     # Upright: 100 mm by 40 mm and a margin.
     assert 1.7 < high / wide < 2.5
-    own = (image[..., 2].astype(int) - image[..., 0] > 60).mean()
-    assert 0.3 < own < 0.8
+    blue = (image[..., 2].astype(int) - image[..., 0] > 60).mean()
+    assert 0.3 < blue < 0.8
 
 
 def test_sides_are_compared_with_the_local_number_by_their_angle_to_the_wind():
-    case = convection_cooling.cylinder_in_wind(across=16)
+    case = cooling.cylinder_in_wind(across=16)
     assert case.reynolds == pytest.approx(3.2e4, rel=0.05)
     degrees = np.degrees(np.arctan2(*case.grid.fragment_normal[:, 1::-1].T))
     # From the upstream line on either side, where the normal is -x.

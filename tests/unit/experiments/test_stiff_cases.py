@@ -12,14 +12,14 @@ from experiments.harness.case import (
     PASS,
     REFUSED,
     REPORTED,
-    Bound,
     Case,
+    Check,
     Group,
     Row,
     check,
     refusal,
 )
-from experiments.harness.run import _select
+from experiments.harness.report import _select
 from experiments.stiff import extremes, run as stiff
 from experiments.stiff.radiation import _cube
 from experiments.stiff.solved import (
@@ -41,8 +41,8 @@ def test_it_is_listed_with_all_its_cases():
 
 @pytest.mark.parametrize("computed", [2.0, -1.0, float("nan"), float("inf")])
 def test_a_check_out_of_its_limits_fails_the_row(computed):
-    good = Bound("x", computed=0.5, highest=1.0, lowest=0.0)
-    bad = Bound("x", computed=computed, highest=1.0, lowest=0.0)
+    good = Check("x", computed=0.5, highest=1.0, lowest=0.0)
+    bad = Check("x", computed=computed, highest=1.0, lowest=0.0)
     assert Row("", checks=(good,)).verdict == PASS
     assert Row("", checks=(good, bad)).verdict == FAIL
     assert Row("", checks=(good, bad), if_met=REPORTED).verdict == FAIL
@@ -69,7 +69,7 @@ def test_only_a_refusal_that_says_why_is_met():
 
 def test_a_case_that_breaks_is_a_row_that_fails():
     def measure():
-        yield Row("first", checks=(Bound("x", 0.0, 1.0),))
+        yield Row("first", checks=(Check("x", 0.0, 1.0),))
         raise ZeroDivisionError("by none")
 
     rows = check(Case("S00", "", "", "", "", measure)).rows
@@ -106,7 +106,7 @@ def test_a_run_out_of_bounds_or_energy_fails():
 
 def _some():
     yield refusal("k = 0", lambda: jt.Material(0.0, 1.0, 1.0), "positive, finite")
-    yield Row("not a number", checks=(Bound("x", float("nan"), 1.0),))
+    yield Row("not a number", checks=(Check("x", float("nan"), 1.0),))
 
 
 def test_what_fails_is_written_as_what_passes_is(tmp_path, monkeypatch):

@@ -9,13 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from experiments.thesis import exhibition
-from experiments.thesis.claims import CLAIMS
-from experiments.thesis.exhibit import Exhibit, Finding, Picture, Row, Verdict
+from experiments.thesis import exhibition, statements
+from experiments.thesis.exhibit import CLAIMS, Exhibit, Finding, Verdict
 from experiments.thesis.report import Measured, claim_results
-from experiments.thesis.stored import store
 from jaxthermo.errors import InputError
-from jaxthermo.report.table import Cell, Table
 
 
 IDS = [claim.id for claim in CLAIMS]
@@ -74,32 +71,30 @@ def one_exhibit(monkeypatch, no_meshes, tmp_path):
     def measure(quick):
         counted.append(quick)
         red = Image.new("RGB", (4, 4), (255, 0, 0))
-        parts = (
-            Picture("dot", red, "A dot."),
-            Table(["a"], [[Cell("b", True)]]),
-            "Text & more.",
-        )
-        rows = (Row("width [m]", 1.0, 1.5),)
-        return Finding(Verdict.DIFFERENT, "It is wider.", rows, parts=parts)
+        return Finding(Verdict.DIFFERENT, {"width_m": 1.5}, {"dot": red})
 
-    own = Exhibit("figure-4.3", "dots", "4.1, figure 4.3", ("C09",), measure)
-    monkeypatch.setattr(exhibition, "_with_sources", lambda: [(tmp_path / "x", own)])
-    monkeypatch.setattr(exhibition, "_sources", lambda _: ())
+    text = (
+        "It is wider: {number}`figure-4.5:width_m` m.\n\n% dot: A dot.\n\nText & more."
+    )
+    monkeypatch.setattr(statements, "_sections", lambda: {"figure-4.5": ("dots", text)})
+    dots = Exhibit("figure-4.5", "4.1, figure 4.5", measure)
+    monkeypatch.setattr(exhibition, "all_exhibits", lambda: (dots,))
+    monkeypatch.setattr(exhibition, "sources", lambda _: ())
     return counted
 
 
 def test_a_page_with_pictures_verdicts_and_the_command(one_exhibit, tmp_path):
     found = exhibition.run(tmp_path, quick=True)
     text = (tmp_path / "report.html").read_text()
-    assert "reproduced with a difference" in text and "It is wider." in text
-    assert 'href="#figure-4.3"' in text and 'id="figure-4.3"' in text
-    assert "experiments run thesis --cases figure-4.3" in text
+    assert "reproduced with a difference" in text and "It is wider: 1.5 m." in text
+    assert 'href="#figure-4.5"' in text and 'id="figure-4.5"' in text
+    assert "experiments run thesis --cases figure-4.5" in text
     assert "Text &amp; more." in text and "data:image/png;base64" in text
     with Image.open(tmp_path / "dot.png") as dot:
         assert dot.getpixel((0, 0)) == (255, 0, 0)
     verdicts = {claim["id"]: claim["verdict"] for claim in found["claims"]}
     assert verdicts["C09"] == "reproduced with a difference" and verdicts["C01"] == ""
-    assert json.loads(json.dumps(found))["exhibits"][0]["rows"][0]["ours"] == 1.5
+    assert json.loads(json.dumps(found))["exhibits"][0]["numbers"]["width_m"] == 1.5
 
 
 def test_an_exhibit_is_measured_once_for_each_size(one_exhibit, tmp_path):
@@ -123,29 +118,27 @@ def test_a_broken_exhibit_is_reported_and_measured_again(
     def missing(_):
         raise InputError("no mesh: put it there")
 
-    own = Exhibit("figure-4.4", "broken", "4.2, figure 4.4", ("C09",), broken)
-    other = replace(own, name="figure-4.5", measure=missing)
-    both = [(tmp_path / "x", own), (tmp_path / "x", other)]
-    monkeypatch.setattr(exhibition, "_with_sources", lambda: both)
-    monkeypatch.setattr(exhibition, "_sources", lambda _: ())
+    fails = Exhibit("figure-4.5", "4.2, figure 4.5", broken)
+    without_mesh = replace(fails, name="figure-4.6", measure=missing)
+    monkeypatch.setattr(exhibition, "all_exhibits", lambda: (fails, without_mesh))
+    monkeypatch.setattr(exhibition, "sources", lambda _: ())
     found = exhibition.run(tmp_path)
     assert [e["verdict"] for e in found["exhibits"]] == ["failed", "skipped"]
     assert found["exhibits"][0]["reason"] == "ZeroDivisionError: no length"
     claim = next(c for c in found["claims"] if c["id"] == "C09")
     assert claim["verdict"] == "failed"
-    assert claim["reasons"]["figure-4.5"] == "no mesh: put it there"
+    assert claim["reasons"]["figure-4.6"] == "no mesh: put it there"
 
 
 def test_a_claim_has_the_worst_verdict_of_its_exhibits():
-    def measured(name, finding):
-        exhibit = Exhibit(name, "", "4.2", ("C09", "C10"), lambda _: finding)
-        return Measured(exhibit, *store(finding))
+    def measured(name, verdict, claims):
+        exhibit = Exhibit(name, "4.2", lambda _: Finding(verdict, {}))
+        # A reason in words, since there are no numbers for the text.
+        return Measured(exhibit, verdict, seconds=1.0, claims=claims, failure="why")
 
-    good = Finding(Verdict.REPRODUCED, "same")
-    own = {"C10": (Verdict.CONTRADICTED, "no")}
-    mixed = Finding(Verdict.DIFFERENT, "nearly", claims=own)
-    found = claim_results([measured("a", good), measured("b", mixed)])
-    verdicts = {claim["id"]: claim["verdict"] for claim in found}
+    ball = measured("figure-4.5", Verdict.REPRODUCED, {})
+    packed = measured("figure-4.6", Verdict.DIFFERENT, {"C10": Verdict.CONTRADICTED})
+    verdicts = {row["id"]: row["verdict"] for row in claim_results([ball, packed])}
     assert verdicts["C09"] == "reproduced with a difference"
     assert verdicts["C10"] == "contradicted"
 
@@ -153,9 +146,12 @@ def test_a_claim_has_the_worst_verdict_of_its_exhibits():
 def test_table_5_1_is_reproduced_to_its_digits(no_meshes, tmp_path):
     found = exhibition.run(tmp_path, "table-5.1", quick=True)
     (shown,) = found["exhibits"]
-    assert shown["verdict"] == "reproduced" and len(shown["rows"]) == 12
-    assert all(row["thesis"] == row["ours"] for row in shown["rows"])
-    gold = shown["numbers"]["gold"]
+    rates = shown["numbers"]["rates"]
+    assert shown["verdict"] == "reproduced" and len(rates) == 12
+    assert all(
+        f"{row['thesis_K_s']:.2e}" == f"{row['ours_K_s']:.2e}" for row in rates.values()
+    )
+    gold = rates["gold"]
     # Gold has 129 J/(kg K), not the 126 of the thesis.
     assert gold["reference_K_s"] / gold["ours_K_s"] == pytest.approx(126 / 129)
     assert np.isfinite(shown["took_s"])

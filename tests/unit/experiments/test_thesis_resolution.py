@@ -5,30 +5,25 @@ import json
 import numpy as np
 import pytest
 
-from experiments.thesis import resolution
-from experiments.thesis.exhibit import Verdict
-from experiments.thesis.exhibits import (
-    figure_6_4,
-    figure_6_6,
-    figure_6_8,
-    figure_6_9,
-    section_6_1_cubes,
-)
+from experiments.thesis import bodies, resolution
+from experiments.thesis.exhibits import counting, wake
 from experiments.thesis.line_chart import log_chart, point
+from jaxthermo.errors import InputError
 
 
 @pytest.fixture
 def figurine(monkeypatch, tmp_path):
     monkeypatch.setenv("JAXTHERMO_MESHES", str(tmp_path))
-    for kept in (resolution.counts, resolution._body):
-        kept.cache_clear()
+    remembered = (resolution.counts, resolution._body, bodies._statues)
+    for function in remembered:
+        function.cache_clear()
     yield "figurine"
-    for kept in (resolution.counts, resolution._body):
-        kept.cache_clear()
+    for function in remembered:
+        function.cache_clear()
 
 
 def test_allocated_texels_are_more_than_occupied_ones(figurine):
-    (row,) = resolution.count_rows([figurine], (24,))
+    row = resolution.counts(figurine, 24)
     json.dumps(row)
     nx, ny, nz = row["lattice_shape"]
     assert row["box"] == nx * ny * nz
@@ -40,37 +35,51 @@ def test_allocated_texels_are_more_than_occupied_ones(figurine):
     assert row["texels_occupied"] < row["fragments"]
 
 
-def test_without_its_mesh_an_exhibit_of_one_body_is_skipped(figurine):
-    exhibits = *figure_6_8.EXHIBITS, *figure_6_9.EXHIBITS
-    assert {e.measure(True).verdict for e in exhibits} == {Verdict.SKIPPED}
+@pytest.mark.parametrize(
+    "measure",
+    [
+        counting.step_times_of_the_buddha,
+        counting.step_times_of_the_head,
+        counting.voxels_of_the_buddha,
+        counting.voxels_of_the_head,
+    ],
+)
+def test_without_its_mesh_an_exhibit_of_one_body_is_refused(figurine, measure):
+    with pytest.raises(InputError, match="JAXTHERMO_MESHES has no"):
+        measure(True)
 
 
-def test_cells_of_a_cube_grow_without_a_logarithm(monkeypatch):
-    monkeypatch.setattr(section_6_1_cubes, "_QUICK_POWERS", range(3, 7))
-    found = section_6_1_cubes.EXHIBIT.measure(True)
-    assert found.verdict is Verdict.CONTRADICTED
-    power = found.numbers
-    assert 2 < power["slope_of_the_largest"] < power["slope_claimed_there"]
+def test_cells_of_a_cube_grow_without_a_logarithm():
+    found = counting.count_cubes(range(3, 7))
+    assert 2 < found["slope_of_the_largest"] < found["slope_claimed_there"]
+    assert abs(found["slope_of_the_largest"] - 2) < abs(
+        found["slope_of_the_largest"] - found["slope_claimed_there"]
+    )
 
 
 def test_the_power_is_that_of_the_last_two_times():
     rows = [{"height": n, "step_s": {"a": [2e-9 * n**3]}} for n in (10, 50, 100)]
-    assert figure_6_8._slope(rows, "a") == pytest.approx(3)
+    assert counting.power_of_time(rows, "a") == pytest.approx(3)
 
 
 def test_a_tail_that_does_not_end_is_the_longer_one():
-    longer = figure_6_4._is_longer
-    assert longer(5.0, None) and longer(5.0, 6.0)
-    assert not longer(None, 6.0) and not longer(6.0, 5.0)
+    never = float("inf")
+    assert wake.is_longer(wide=never, narrow=5.0)
+    assert wake.is_longer(wide=6.0, narrow=5.0)
+    assert not wake.is_longer(wide=6.0, narrow=never)
+    assert not wake.is_longer(wide=5.0, narrow=6.0)
 
 
 def test_stretched_curves_of_one_shape_are_one():
     x = np.linspace(0, 8, 40)
-    curve = lambda end, low: low + (end - low) * (1 - np.exp(-x)) / (1 - np.exp(-8))
-    (same,) = figure_6_6._stretched([curve(0.9, -0.2), curve(0.7, -0.1)])
-    assert same["rms"] == pytest.approx(0, abs=1e-12)
-    (apart,) = figure_6_6._stretched([curve(0.9, -0.2), x])
-    assert apart["rms"] > 0.1
+
+    def curve(end, low):
+        return low + (end - low) * (1 - np.exp(-x)) / (1 - np.exp(-8))
+
+    (same,) = wake.stretched_distances([curve(0.9, -0.2), curve(0.7, -0.1)])
+    assert same == pytest.approx(0, abs=1e-12)
+    (apart,) = wake.stretched_distances([curve(0.9, -0.2), x])
+    assert apart > 0.1
 
 
 def test_a_chart_has_lines_and_points_that_stand_alone():
@@ -79,4 +88,4 @@ def test_a_chart_has_lines_and_points_that_stand_alone():
     kinds = [layer["mark"]["type"] for layer in found["layer"]]
     assert kinds == ["line", "point", "point"]
     _, _, alone = (layer["data"]["values"] for layer in found["layer"])
-    assert [each["curve"] for each in alone] == ["b"]
+    assert [mark["curve"] for mark in alone] == ["b"]

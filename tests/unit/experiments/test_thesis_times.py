@@ -9,20 +9,16 @@ import numpy as np
 import pytest
 
 from experiments.harness import meshes
-from experiments.thesis import flow_closure, slips
+from experiments.thesis import statements
 from experiments.thesis.exhibit import Verdict
-from experiments.thesis.exhibits import (
-    section_3_growth as growth,
-    section_5_4_closure as closure,
-    section_6_3_real_time as real_time,
-    section_6_3_shares as shares,
-    text_slips,
-)
+from experiments.thesis.exhibits import closure, growth, real_time, shares, slips
+from experiments.thesis.nusselt import local_number
 from jaxthermo.flow.body import body_links
 from jaxthermo.flow.lattice import VELOCITIES
 from jaxthermo.flow.run import FlowRun
 from jaxthermo.flow.wake_runs import wake_channel, wake_setup
 from jaxthermo.physics.convection.nusselt import cylinder_table
+from jaxthermo.report.table import Cell, Table
 
 
 def test_the_first_folder_with_a_mesh_wins(monkeypatch, tmp_path):
@@ -47,6 +43,7 @@ def real_time_row(name: str, seconds: float) -> dict[str, Any]:
     return {
         "structure": name,
         "height": 60,
+        "pixels": "4 x 3",
         "nodes": 1000,
         "stable_step_s": 0.1,
         "table_6_1_step_s": (0.055, 0.0055),
@@ -56,29 +53,30 @@ def real_time_row(name: str, seconds: float) -> dict[str, Any]:
 
 
 def test_steps_of_the_thesis_are_at_most_as_many_frames():
-    rows = [real_time_row(name, 0.04) for name in real_time._STRUCTURES]
-    shown = {row.quantity: row for row in real_time._rows(rows)}
-    full = shown["frames a second, one step, full volume"]
-    assert full.thesis == "at most 18.2" and full.ours == pytest.approx(25)
+    rows = [real_time_row(name, 0.04) for name in real_time.STRUCTURES]
+    found = real_time.summary(rows)
+    full = found["beside_table_6_1"][-1]
+    assert full["structure"] == "full volume"
+    assert full["frames a second, thesis at most"] == pytest.approx(18.2, abs=0.05)
+    assert full["here, one step"] == pytest.approx(25)
     # A step of 55 ms in 55 ms is real time, of copper a tenth of it.
-    simulated = shown["simulated seconds a second, one step, full volume"]
-    assert simulated.thesis == "1, in copper 0.1"
-    text = real_time._reason(rows)
-    assert (
-        "20 are reached by 4 of 4 at 60 voxels" in text
-        and "simulate 1 s a second of this body" in text
-    )
-    slow = [{**real_time_row(r["structure"], 0.2), "height": 120} for r in rows]
-    text = real_time._reason([*rows, *slow])
-    assert "4 of 4 at 60, 0 of 4 at 120 voxels" in text and "120 voxels high" in text
+    assert found["thesis_simulated"] == pytest.approx([1.0, 0.1])
+    assert found["fluent"] == {"60 voxels": 4} and found["structures"] == 4
+    slow = [{**real_time_row(row["structure"], 0.2), "height": 120} for row in rows]
+    both = real_time.summary([*rows, *slow])
+    assert both["fluent"] == {"60 voxels": 4, "120 voxels": 0}
+    assert both["highest"] == 120
 
 
 def test_shares_of_a_step_are_the_whole_of_it():
     spans = {"step": 10.0, "conduction": 4.0, "picture": 100.0}
-    assert shares._shares(spans, False) == {"conduction": 0.4, "surface": 0.6}
+    assert shares.shares_of(spans, by_mechanism=False) == {
+        "conduction": 0.4,
+        "surface": 0.6,
+    }
     # Without contact it happened to take longer.
     spans |= {"radiation": 8.0, "convection": 9.0, "contact": 11.0}
-    found = shares._shares(spans, True)
+    found = shares.shares_of(spans, by_mechanism=True)
     assert found == pytest.approx(
         {"conduction": 0.4, "radiation": 0.4, "convection": 0.2, "contact": 0.0}
     )
@@ -106,34 +104,35 @@ def test_conduction_is_said_to_take_most_of_a_step(conduction, radiation, verdic
         },
     }
     nested = {**row, "structure": "irregular levels"}
-    found, text = shares._judged([row, nested])
-    assert found is verdict and f"{conduction:.0%}" in text and "10 steps" in text
+    found, numbers = shares.judge([row, nested])
+    assert found is verdict and numbers["conduction"][1] == conduction
+    assert numbers["picture_steps"] == pytest.approx(10)
 
 
 def test_a_power_is_found_with_its_standard_error():
     sizes = np.array([10, 20, 40, 80])
-    exact = growth._fitted(sizes, 3.0 * sizes**2.5)
+    exact = growth.fitted_power(sizes, 3.0 * sizes**2.5)
     assert exact.power == pytest.approx(2.5) and exact.error < 1e-8
-    noisy = growth._fitted(sizes, sizes**2.0 * [1.1, 0.9, 1.1, 0.9])
+    noisy = growth.fitted_power(sizes, sizes**2.0 * [1.1, 0.9, 1.1, 0.9])
     assert 0.05 < noisy.error < 0.5 and abs(noisy.power - 2) < 2 * noisy.error
 
 
-def test_growth_is_judged_by_what_is_counted():
-    power = growth._Power
+@pytest.mark.parametrize(
+    ("power", "verdict"), [(2.1, Verdict.DIFFERENT), (2.9, Verdict.CONTRADICTED)]
+)
+def test_growth_is_judged_by_what_is_counted(power, verdict):
+    powers = {
+        "nodes": growth.Power(power, 0.01),
+        "memory": growth.Power(power, 0.01),
+        "step": growth.Power(2.9, 0.01),
+    }
+    assert growth.verdict_of_growth(powers) is verdict
 
-    def of(nodes, step):
-        values = {"nodes": nodes, "memory": nodes, "step": step}
-        values |= {"stable step": -2.0, "simulated second": step + 2}
-        return {name: power(value, 0.01) for name, value in values.items()}
 
-    both = lambda nodes: {"irregular levels": of(nodes, 2.9), "full volume": of(3, 3)}
-    surface = power(2.0, 0.0)
-    beyond = power(0.05, 0.01), power(0.25, 0.01)
-    verdict, text = growth._judged(both(2.1), surface, beyond)
-    assert verdict is Verdict.DIFFERENT and "nearer to none" in text
-    with_log = power(0.2, 0.01), beyond[1]
-    assert "nearer to one" in growth._judged(both(2.1), surface, with_log)[1]
-    assert growth._judged(both(2.9), surface, beyond)[0] is Verdict.CONTRADICTED
+def test_growth_beyond_the_shell_is_nearer_to_none_or_to_a_logarithm():
+    logarithm = growth.Power(0.25, 0.01)
+    assert growth.is_without_logarithm(growth.Power(0.05, 0.01), logarithm)
+    assert not growth.is_without_logarithm(growth.Power(0.2, 0.01), logarithm)
 
 
 @pytest.fixture(scope="module")
@@ -151,32 +150,32 @@ def square():
 
 def with_heat(channel, heat: np.ndarray) -> FlowRun:
     nothing: Any = None
-    rest = dict.fromkeys(FlowRun._fields, nothing)
-    return FlowRun(**{**rest, "channel": channel, "link_heat": heat})
+    fields = dict.fromkeys(FlowRun._fields, nothing)
+    return FlowRun(**{**fields, "channel": channel, "link_heat": heat})
 
 
 def test_faces_of_a_square_share_all_of_its_heat(square):
     channel, is_link = square
     heat = np.random.default_rng(0).random(is_link.shape) * is_link
-    found = flow_closure._faces(with_heat(channel, heat))
+    found = closure.face_numbers(with_heat(channel, heat))
     total = found["front"] + 2 * found["each side"] + found["rear"]
     assert total == pytest.approx(heat.sum() / float(channel.diffusivity))
-    even = flow_closure._faces(with_heat(channel, is_link.astype(float)))
+    even = closure.face_numbers(with_heat(channel, is_link.astype(float)))
     assert even["front"] == pytest.approx(even["each side"])
     assert even["front"] == pytest.approx(even["rear"])
     # All that leaves against the wind is the front's.
     ahead = np.zeros_like(heat)
     ahead[VELOCITIES.index((-1, 0)) - 1] = heat[VELOCITIES.index((-1, 0)) - 1]
-    found = flow_closure._faces(with_heat(channel, ahead))
+    found = closure.face_numbers(with_heat(channel, ahead))
     assert found["front"] > 0 and found["rear"] == found["each side"] == 0
 
 
 def test_the_number_has_the_average_and_the_shape_of_the_table():
     table = cylinder_table()
     row = int(np.flatnonzero(table.reynolds == 20.0)[0])
-    around = flow_closure.local_number(np.arange(64) * 360.0 / 64, 20.0)
+    around = local_number(np.arange(64) * 360.0 / 64, 20.0)
     assert around.mean() == pytest.approx(table.average[row])
-    (front,) = flow_closure.local_number(np.zeros(1), 20.0)
+    (front,) = local_number(np.zeros(1), 20.0)
     assert front == pytest.approx(table.average[row] * (1 + table.shape[row].sum()))
 
 
@@ -184,16 +183,20 @@ def rod(flow: float, number: float) -> Any:
     run: Any = SimpleNamespace(
         channel=SimpleNamespace(shape=(10, 20)), step=np.array([100])
     )
-    shape = np.ones(len(flow_closure.DEGREES))
-    return flow_closure.RoundRod(
+    shape = np.ones(len(closure.DEGREES))
+    return closure.RoundRod(
         20.0, run, flow * shape, number * shape, flow, number, number
     )
 
 
 def box(flow: float, number: float) -> Any:
-    names, run = list(flow_closure.FACES), SimpleNamespace()
-    given: Any = run, dict.fromkeys(names, flow), dict.fromkeys(names, number)
-    return flow_closure.SquareRod(20.0, *given)
+    run: Any = SimpleNamespace()
+    return closure.SquareRod(
+        20.0,
+        run=run,
+        flow=dict.fromkeys(closure.FACES, flow),
+        closure=dict.fromkeys(closure.FACES, number),
+    )
 
 
 @pytest.mark.parametrize(
@@ -205,9 +208,14 @@ def box(flow: float, number: float) -> Any:
     ],
 )
 def test_the_number_stands_for_the_flow_within_a_tenth(round_off, square_off, verdict):
-    found, text = closure._judged([rod(2.0, 2 * round_off)], [box(2.0, 2 * square_off)])
-    assert found is verdict and f"{round_off - 1:.1%} RMS" in text
-    assert f"{square_off - 1:+.0%} off" in text and "2.0e+04 updates" in text
+    found, numbers = closure.judge(
+        [rod(2.0, 2 * round_off)], [box(2.0, 2 * square_off)]
+    )
+    assert found is verdict
+    assert numbers["round_rms"] == pytest.approx(round_off - 1)
+    assert numbers["square_worst"] == pytest.approx(square_off - 1)
+    assert numbers["square_total"] == pytest.approx(square_off - 1)
+    assert numbers["updates"] == 2e4
 
 
 def test_numbers_behind_the_slips():
@@ -232,11 +240,13 @@ def test_numbers_behind_the_slips():
 
 
 def test_slips_are_decided_by_numbers_where_there_are_any():
-    found = text_slips.EXHIBIT.measure(True)
+    found = slips.slips_of_the_text(True)
     assert found.verdict is Verdict.CONTRADICTED
-    stated = found.numbers["slips"]
-    json.dumps(stated)
-    with_number = sum(bool(each["number"]) for each in stated)
-    assert f"{len(stated)} statements" in found.reason
-    assert f"{with_number} of them by a number" in found.reason
-    assert 0 < with_number < len(stated)
+    stated = statements.statement("text-slips", found.numbers, {})
+    table, _ = stated.blocks
+    assert isinstance(table, Table)
+    json.dumps(found.numbers)
+    with_number = sum(row[-1] != Cell("", wraps=True) for row in table.rows)
+    assert f"{len(table.rows)} statements" in stated.reason
+    assert f"{with_number} of them by a number" in stated.reason
+    assert 0 < with_number < len(table.rows)

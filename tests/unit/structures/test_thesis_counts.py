@@ -3,14 +3,8 @@
 import pytest
 
 from experiments.harness.meshes import thesis_meshes
-from experiments.thesis.counting import (
-    _count_heights,
-    _count_table_6_1,
-    _measure_capacity,
-    count_cubes,
-    cube_table,
-)
-from jaxthermo.geometry.shapes import figurine
+from experiments.thesis import bodies, resolution
+from experiments.thesis.exhibits.counting import count_cubes
 
 
 def test_cubes_grow_with_their_surface():
@@ -22,24 +16,19 @@ def test_cubes_grow_with_their_surface():
         assert row["shell"] == 6 * n * n - 12 * n + 8
         assert row["shell"] < row["cells"] < 4 / 3 * row["shell"]
     assert result["growth_beyond_n2_claimed"] == pytest.approx(4 / 3)
-    assert len(cube_table(result).rows) == 2
 
 
-def test_shares_are_of_the_body_and_of_the_box():
-    (row,) = _count_heights(figurine(0.5), (24,))
+def test_shares_are_of_the_body_and_of_the_box(monkeypatch, tmp_path):
+    monkeypatch.setenv("JAXTHERMO_MESHES", str(tmp_path))
+    bodies._statues.cache_clear()
+    row = resolution.counts("figurine", 24)
+    bodies._statues.cache_clear()
     assert row["lattice_shape"][2] == 24
     assert 0 < row["shell"] <= row["irregular"] < row["body"] < row["box"]
     assert row["shell_of_box"] == row["shell"] / row["box"]
-    table = _count_table_6_1(figurine(0.5), 24)
-    assert table["ours"] == row
-    assert f"{table['thesis_box_cells']:.1e}" == f"{table['thesis']['full_volume']:.1e}"
-
-
-def test_regions_add_up_to_the_body():
-    result = _measure_capacity(figurine(0.5), 24)
-    cells, body = (sum(result["map"][key]) for key in ("cells_m3", "body_m3"))
-    assert cells / body == pytest.approx(result["capacity_ratio"])
-    assert result["capacity_ratio_kept"] == pytest.approx(1, abs=1e-12)
+    # The full volume of table 6.1 is its box.
+    thesis_box = 225 * 550 * 225
+    assert f"{thesis_box:.1e}" == f"{resolution.TABLE_VOXELS['full volume']:.1e}"
 
 
 def test_without_the_meshes_the_figurine_stands_in(monkeypatch, tmp_path):

@@ -1,0 +1,185 @@
+"""Chapter 3: how nodes, memory and time of the whole method grow on a body."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+import jaxthermo as jt
+from jaxthermo.provenance import processor
+from jaxthermo.report.chart import Chart
+from jaxthermo.report.numbers import significant
+
+from ...benchmarks.mixed import Runner, step_spans
+from ...harness.meshes import START, STEEL
+from ..bodies import buddha
+from ..exhibit import Finding, Verdict, exhibit
+from ..line_chart import log_chart, point
+from ..resolution import BUILDS, FULL, IRREGULAR, SHELL, timed_runner
+
+
+# Voxels along up, at even ratios.
+_HEIGHTS = (56, 80, 112, 160, 224, 320)
+_QUICK_HEIGHTS = (48, 72, 108)
+_REPEATS = 30
+_TERMS = (jt.Sun((-1.0, 0.0, 0.0), 5000.0), jt.Wind((3.0, 0.0, 0.0), START))
+_QUANTITIES = {
+    "nodes": "nodes",
+    "memory": "memory_bytes",
+    "step": "step_s",
+    "stable step": "stable_step_s",
+    "simulated second": "second_s",
+}
+
+
+class Power(NamedTuple):
+    """Power of the resolution that a quantity grows with."""
+
+    power: float
+    error: float
+    """Standard error of the power."""
+
+    @property
+    def text(self) -> str:
+        """The power with its standard error."""
+        return f"{self.power:.2f} ± {self.error:.2f}"
+
+
+@exhibit("section-3-growth", "3")
+def order_of_growth(quick: bool) -> Finding:
+    """Fit powers of the resolution to sizes and times of the statue's structures."""
+    heights = np.array(_QUICK_HEIGHTS if quick else _HEIGHTS)
+    # Each structure takes long to compile.
+    names = (SHELL, IRREGULAR, FULL) if quick else tuple(BUILDS)
+    rows = [row for height in heights.tolist() for row in _rows_at(height, names)]
+    columns = {
+        name: {
+            key: np.array([row[key] for row in rows if row["structure"] == name], float)
+            for key in (*_QUANTITIES.values(), "surface_cells", "box")
+        }
+        for name in names
+    }
+    powers = {
+        name: {
+            quantity: fitted_power(heights, columns[name][key])
+            for quantity, key in _QUANTITIES.items()
+        }
+        for name in names
+    }
+    nodes_over_shell = columns[IRREGULAR]["nodes"] / columns[SHELL]["nodes"]
+    over_shell = fitted_power(heights, nodes_over_shell)
+    logarithm = fitted_power(heights, np.log(heights))
+    surface = fitted_power(heights, columns[FULL]["surface_cells"])
+    box = fitted_power(heights, columns[FULL]["box"])
+    claimed = fitted_power(heights, heights**2 * np.log(heights))
+    return Finding(
+        verdict_of_growth(powers[IRREGULAR]),
+        {
+            "mesh": buddha().name,
+            "heights": heights,
+            "rows": rows,
+            "powers": {
+                name: {
+                    key: [power.power, power.error]
+                    for key, power in by_quantity.items()
+                }
+                for name, by_quantity in powers.items()
+            },
+            "texts": {
+                name: {key: power.text for key, power in by_quantity.items()}
+                for name, by_quantity in powers.items()
+            },
+            "surface_cells": list(surface),
+            "claimed": list(claimed),
+            "irregular_over_shell": list(over_shell),
+            "logarithm": list(logarithm),
+            "surface_text": surface.text,
+            "box_text": box.text,
+            "over_shell_text": over_shell.text,
+            "nearer_to_none": is_without_logarithm(over_shell, logarithm),
+            "processor": processor(),
+        },
+        {
+            "growth_nodes": _chart(rows, "nodes", "nodes", scale=1.0),
+            "growth_time": _chart(rows, "step_s", "time of a step [ms]", scale=1e3),
+        },
+    )
+
+
+def verdict_of_growth(powers: Mapping[str, Power]) -> Verdict:
+    """Verdict from the powers of irregular levels: nearer to n² than to n³ or not."""
+    # Whatever the logarithm, and of what is counted: times vary.
+    holds = all(powers[quantity].power < 2.5 for quantity in ("nodes", "memory"))
+    return Verdict.DIFFERENT if holds else Verdict.CONTRADICTED
+
+
+def is_without_logarithm(over_shell: Power, logarithm: Power) -> bool:
+    """True if growth beyond the shell is nearer to none than to a logarithm."""
+    return abs(over_shell.power) < abs(over_shell.power - logarithm.power)
+
+
+def fitted_power(sizes: np.ndarray, values: np.ndarray) -> Power:
+    """Least squares through the logarithms."""
+    line, covariance = np.polyfit(np.log(sizes), np.log(values), 1, cov=True)
+    return Power(float(line[0]), float(np.sqrt(covariance[0, 0])))
+
+
+def _rows_at(height: int, names: Sequence[str]) -> list[dict[str, Any]]:
+    """Size and time of each structure at one resolution; the times in turn."""
+    grid = buddha().grid(height)
+    runners = {}
+    for name in names:
+        body = jt.Body(BUILDS[name](grid), STEEL, temperature=START)
+        runners[name] = timed_runner(jt.Scene((body,), _TERMS))
+    spans = step_spans(runners, _REPEATS)
+    rows = []
+    for name, runner in runners.items():
+        # The fastest: what else the machine does only makes a step slower.
+        step = min(spans[name])
+        receipt = runner.compiled.receipt
+        stable = float(runner.compiled.stable_step)
+        rows.append(
+            {
+                "structure": name,
+                "height": height,
+                "box": grid.lattice.cells,
+                "surface_cells": receipt.fragments,
+                "nodes": receipt.nodes,
+                "memory_bytes": _held_bytes(runner),
+                "step_s": step,
+                "stable_step_s": stable,
+                "second_s": step / stable,
+            }
+        )
+    return rows
+
+
+def _held_bytes(runner: Runner) -> int:
+    """Size of the arrays that steps read and write [bytes]."""
+    arrays = jax.tree.leaves((runner.compiled.programs, runner.compiled.state))
+    return sum(np.asarray(array).nbytes for array in arrays)
+
+
+def _chart(rows: Sequence[dict[str, Any]], key: str, title: str, scale: float) -> Chart:
+    points = []
+    for name in dict.fromkeys(row["structure"] for row in rows):
+        for row in (row for row in rows if row["structure"] == name):
+            value = scale * row[key]
+            text = f"{name}, {row['height']} high: {significant(value)}"
+            points.append(point(name, row["height"], value, text))
+    if key == "nodes":
+        points += _claimed_points(rows)
+    return log_chart(points, "voxels along up", title, f"Chapter 3: {title}")
+
+
+def _claimed_points(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Irregular nodes, were they the shell's times a logarithm, from the first on."""
+    shell = [row for row in rows if row["structure"] == SHELL]
+    irregular = [row for row in rows if row["structure"] == IRREGULAR]
+    law = [row["nodes"] * np.log(row["height"]) for row in shell]
+    scale = irregular[0]["nodes"] / law[0]
+    return [
+        point("shell's times log n, as claimed", row["height"], scale * value)
+        for row, value in zip(shell, law, strict=True)
+    ]
