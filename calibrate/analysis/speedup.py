@@ -8,8 +8,8 @@ import numpy as np
 
 from jaxthermo.arrays import precision
 from jaxthermo.config.schema.scene import SceneConfig
-from jaxthermo.integrate.run.plan import Plan, initial_state, plan_run
-from jaxthermo.integrate.run.simulate import integrate
+from jaxthermo.integrate.run.plan import Plan, plan_run
+from jaxthermo.integrate.run.simulate import run_plan
 from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.scene.scene import Scene
 
@@ -62,5 +62,5 @@ def _ratios(spans: dict[str, list[float]], name: str) -> dict[str, float]:
 
 def _seconds(planned: Plan) -> float:
     clock = time.perf_counter()
-    jax.block_until_ready(integrate(planned, initial_state(planned)))
+    jax.block_until_ready(run_plan(planned).surface_temperature)
     return time.perf_counter() - clock

@@ -20,7 +20,8 @@ from jaxthermo.config.loader import load_config
 from jaxthermo.console.terminal import open_console
 from jaxthermo.integrate.explicit import EulerStepper
 from jaxthermo.integrate.ledger import empty_ledger
-from jaxthermo.integrate.stepper import RunState, advance
+from jaxthermo.integrate.run.simulate import Span, advance
+from jaxthermo.integrate.stepper import RunState
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.compile.program import Compiled
 
@@ -49,9 +50,8 @@ class Runner(NamedTuple):
 @eqx.filter_jit
 def _steps(program, state: RunState, dt, steps) -> RunState:
     start = jnp.zeros_like(dt)
-    return advance(
-        EulerStepper(), program=program, state=state, start=start, dt=dt, steps=steps
-    )
+    span = Span(start=start, dt=dt, steps=steps)
+    return advance(EulerStepper(), program, state, span)
 
 
 def scene_runner(scene: jt.Scene, dt: float, steps: int = _STEPS) -> Runner:

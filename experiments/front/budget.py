@@ -19,8 +19,8 @@ from calibrate.runs.truth import Truth, find_truth
 from jaxthermo.arrays import precision
 from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.run.plan import Plan, initial_state
-from jaxthermo.integrate.run.simulate import integrate, make_solution, run_plan
+from jaxthermo.integrate.run.plan import Plan
+from jaxthermo.integrate.run.simulate import run_plan
 from jaxthermo.integrate.run.time_error import of_pass
 from jaxthermo.integrate.truth_error import AtPoints, TruthError, error_at_points
 
@@ -125,7 +125,7 @@ def _one_pass(plan: Plan, number: int) -> jt.Solution:
     """A run with the steps of one pass alone."""
     now = of_pass(plan, number)
     with precision(plan.scene.dtype):
-        return make_solution(now, integrate(now, initial_state(now)))
+        return run_plan(now)
 
 
 def budget_lines(

@@ -19,8 +19,8 @@ from ..config.types.quantities import NUMBER, to_si
 from ..console.results_folder import results_folder
 from ..console.terminal import open_console, print_line, status
 from ..errors import InputError
-from ..integrate.run.plan import Plan, initial_state, plan_run
-from ..integrate.run.simulate import integrate, run_plan
+from ..integrate.run.plan import Plan, plan_run
+from ..integrate.run.simulate import run_plan
 from ..integrate.run.solution import Solution
 from ..integrate.run.time_error import of_pass
 from ..integrate.truth_error import TruthError, truth_error
@@ -189,7 +189,7 @@ def _full_loop(plan: Plan, full: Solution) -> Callable[[], Any]:
     # The loop of the pass that met the limit of the error in time.
     passes = (full.run.steps // max(plan.steps, 1)).bit_length() - 1
     last_pass = of_pass(plan, max(passes, 0))
-    return lambda: integrate(last_pass, initial_state(last_pass))
+    return lambda: run_plan(last_pass)
 
 
 def _run_times(calls: list[Callable[[], Any]]) -> list[list[float]]:

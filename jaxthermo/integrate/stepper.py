@@ -6,10 +6,8 @@ from functools import cache
 from typing import Any, ClassVar
 
 import equinox as eqx
-import equinox.internal as eqxi
 import jax
-import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from ..arrays import is_traced
 from ..module import Module
@@ -86,57 +84,8 @@ def jit_in_place(function: Callable[..., Any], as_graph: bool = False) -> Any:
     return eqx.filter_jit(function, donate="all-except-first", **options)
 
 
-def run_in_place(function: Callable[..., Any], constants: Any, theta: State) -> Any:
-    """Run a compiled loop over steps, which overwrites the temperatures `theta`."""
+def in_place(function: Callable[..., Any], theta: State) -> Callable[..., Any]:
+    """Return a compiled loop over steps, which overwrites its temperatures `theta`."""
     # A program within another one has no options of its own.
     as_graph = jax.default_backend() == "gpu" and not is_traced(theta)
-    return jit_in_place(function, as_graph)(constants, theta)
-
-
-def advance(
-    stepper: AbstractStepper,
-    program: Program,
-    state: RunState,
-    start: Float[Array, ""],
-    dt: Float[Array, ""],
-    steps: int | Int[Array, ""],
-    steps_before: int | Int[Array, ""] = 0,
-    checkpoints: int | None = None,
-) -> RunState:
-    """Take `steps` steps of equal length.
-
-    The state is that `steps_before` steps of `dt` [s] after `start` [s]. With `steps` a
-    Python number the loop has a fixed length and can be differentiated in reverse mode,
-    which stores `checkpoints` states and recomputes the others; None stores all. With
-    an array one compiled program serves every length.
-    """
-
-    def one_step(i, state):
-        # From the start, not summed step by step, which would accumulate rounding.
-        begin = start + dt * jnp.asarray(i + steps_before, dt.dtype)
-        return stepper.step(program, state, begin, dt)
-
-    if isinstance(steps, int):
-        if checkpoints is None or checkpoints >= steps:
-            # For a cheap step, reverse mode stores only the state before it: its
-            # intermediate values take longer to write and read than to recompute.
-            if stepper.two_buffers:
-                one_step = jax.checkpoint(one_step, prevent_cse=False)
-            return jax.lax.fori_loop(0, steps, one_step, state)
-        return eqxi.scan(
-            lambda carry, i: (one_step(i, carry), None),
-            state,
-            jnp.arange(steps),
-            kind="checkpointed",
-            checkpoints=checkpoints,
-        )[0]
-    if not stepper.two_buffers or is_copied_fast(state.theta):
-        return jax.lax.fori_loop(0, steps, one_step, state)
-
-    def two_steps(i, state):
-        # Two steps per iteration write to a second buffer and back; with one, XLA
-        # copies the state to where the loop expects it.
-        return one_step(2 * i + 1, one_step(2 * i, state))
-
-    state = jax.lax.fori_loop(0, steps // 2, two_steps, state)
-    return jax.lax.fori_loop(steps - steps % 2, steps, one_step, state)
+    return jit_in_place(function, as_graph)

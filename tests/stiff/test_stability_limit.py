@@ -10,7 +10,8 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.integrate.explicit import EulerStepper
 from jaxthermo.integrate.ledger import empty_ledger
-from jaxthermo.integrate.stepper import RunState, advance
+from jaxthermo.integrate.run.simulate import Span, advance
+from jaxthermo.integrate.stepper import RunState
 from jaxthermo.scene.compile.compile import compile_scene
 from tests.bodies import blocks
 
@@ -51,14 +52,8 @@ def _range_after(mechanism, share, painted, dtype, steps):
     float_type = jnp.dtype(dtype)
     dt = (compiled.stable_step * share).astype(float_type)
     state = RunState(compiled.state, empty_ledger(len(program.entries), float_type))
-    state = _advance(
-        EulerStepper(),
-        program,
-        state,
-        jnp.zeros((), float_type),
-        dt,
-        jnp.asarray(steps),
-    )
+    span = Span(start=jnp.zeros((), float_type), dt=dt, steps=jnp.asarray(steps))
+    state = _advance(EulerStepper(), program, state, span)
     nodes = np.asarray(state.theta[0], float)[structure.node_address()]
     reference = float(program.bodies[0].reference)
     return nodes.min() + reference, nodes.max() + reference

@@ -29,7 +29,7 @@ from .plan import (
     save_intervals,
     step_table,
 )
-from .simulate import integrate, take_steps
+from .simulate import take_fixed_steps, take_steps
 
 
 class ParametricSolution(NamedTuple):
@@ -125,7 +125,7 @@ class ParametricRun:
             compiled = plan.compiled
             state = initial_state(plan)
             if memory is not None:
-                rows = integrate(plan, state, traced=True)
+                rows = take_fixed_steps(plan, state)
             else:
                 _, rows = take_steps(
                     plan.stepper, program=compiled.program, state=state, table=table
@@ -147,7 +147,9 @@ def with_more_steps(table: StepTable, factor: float) -> StepTable:
     shorter = dt * ratio.astype(dt.dtype)
     # Explicit steps take their loads at the middle; so does the last observation.
     middle = (start + dt * steps - shorter / 2).astype(dt.dtype)
-    observed = np.where(steps > 0, middle, observed)
+    used = (steps > 0).sum(axis=1)
+    last_middle = middle[np.arange(len(used)), np.maximum(used - 1, 0)]
+    observed = np.where(used > 0, last_middle, observed)
     return StepTable(
         start=table.start,
         dt=jnp.asarray(shorter),

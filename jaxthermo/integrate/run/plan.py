@@ -406,8 +406,9 @@ class StepTable(NamedTuple):
     dt: Float[Any, "rows columns"]
     """Length of its steps [s]."""
     steps: Int[Any, "rows columns"]
-    observation_time: Float[Any, "rows columns"]
-    """Time of the loads with which the surface is observed at its end [s]."""
+    """Number of steps of each interval."""
+    observation_time: Float[Any, " rows"]
+    """Time of the loads with which the surface is observed after each row [s]."""
 
 
 def step_table(
@@ -419,12 +420,63 @@ def step_table(
     """Tabulate the steps of save intervals, of at least the given shape."""
     rows = max(len(groups), min_rows)
     columns = max(min_columns, *(len(group) for group in groups))
-    table = np.zeros((4, rows, columns))
+    table = np.zeros((3, rows, columns))
+    observed = np.zeros(rows)
     for row, group in enumerate(groups):
-        steps = [(i.start, i.dt, observation_time(plan, i), i.steps) for i in group]
+        steps = [(i.start, i.dt, i.steps) for i in group]
         table[:, row, : len(group)] = np.transpose(steps)
+        observed[row] = observation_time(plan, group[-1])
     # Computed in float64 on the host, rounded once.
-    start, dt, observed = table[:3].astype(plan.dtype)
+    start, dt = table[:2].astype(plan.dtype)
     return StepTable(
-        start=start, dt=dt, steps=table[3].astype(np.int32), observation_time=observed
+        start=start,
+        dt=dt,
+        steps=table[2].astype(np.int32),
+        observation_time=observed.astype(plan.dtype),
     )
+
+
+def program_groups(
+    plan: Plan,
+) -> list[tuple[Program, tuple[tuple[Interval, ...], ...]]]:
+    """Return the programs of a run in order, with the save intervals of each.
+
+    There are several where bodies or sources move: one for each of their snapshots.
+    """
+    intervals_by_number: dict[int, list[Interval]] = {}
+    for interval in plan.intervals:
+        number = plan.compiled.number_at(interval.start)
+        intervals_by_number.setdefault(number, []).append(interval)
+    return [
+        (plan.compiled.programs[number], save_intervals(tuple(intervals)))
+        for number, intervals in sorted(intervals_by_number.items())
+    ]
+
+
+def saved_numbers(groups: tuple[tuple[Interval, ...], ...]) -> Int[np.ndarray, " _"]:
+    """Return the numbers of the save intervals that end at a save time."""
+    return np.flatnonzero([group[-1].saved for group in groups])
+
+
+class StepBlock(NamedTuple):
+    """Steps of one program of a run."""
+
+    program: Program
+    table: StepTable
+    saved_rows: Int[np.ndarray, " _"]
+    """Rows of the table that end at a save time."""
+
+
+def step_blocks(plan: Plan, takes_steps: bool = True) -> list[StepBlock]:
+    """Tabulate the steps of each program of a run, or none of them."""
+    pairs = program_groups(plan)
+    # One shape for all programs, which differ in numbers only: compiled once.
+    rows = max(len(groups) for _, groups in pairs)
+    columns = max(len(group) for _, groups in pairs for group in groups)
+    blocks = []
+    for program, groups in pairs:
+        table = step_table(plan, groups, min_rows=rows, min_columns=columns)
+        if not takes_steps:
+            table = table._replace(steps=np.zeros_like(table.steps))
+        blocks.append(StepBlock(program, table, saved_numbers(groups)))
+    return blocks

@@ -10,14 +10,13 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
 
 from ...parallel.processes import agreed
 from ...scene.compile.program import Program, State
 from ..ledger import Ledger
-from ..stepper import AbstractStepper, RunState, advance, run_in_place
+from ..stepper import AbstractStepper, RunState, in_place
 from .plan import Interval, Plan, initial_state, observation_time
-from .simulate import make_solution
+from .simulate import Span, advance, make_solution
 from .solution import Observation, Solution, observe
 from .time_error import Passes, of_pass
 
@@ -92,12 +91,15 @@ def take_segment(
         program=_program_of(plan, interval),
         ledger=state.ledger,
         solver_state=state.solver_state,
-        start=jnp.asarray(interval.start, plan.dtype),
-        dt=jnp.asarray(interval.dt, plan.dtype),
-        steps=jnp.asarray(steps, jnp.int32),
-        steps_taken=jnp.asarray(steps_taken, jnp.int32),
+        span=Span(
+            start=jnp.asarray(interval.start, plan.dtype),
+            dt=jnp.asarray(interval.dt, plan.dtype),
+            steps=jnp.asarray(steps, jnp.int32),
+            steps_before=jnp.asarray(steps_taken, jnp.int32),
+        ),
     )
-    return jax.block_until_ready(run_in_place(_advance_all, constants, state.theta))
+    run = in_place(_advance_all, state.theta)
+    return jax.block_until_ready(run(constants, state.theta))
 
 
 class _SegmentConstants(NamedTuple):
@@ -107,10 +109,7 @@ class _SegmentConstants(NamedTuple):
     program: Program
     ledger: Ledger
     solver_state: Any
-    start: Float[Array, ""]
-    dt: Float[Array, ""]
-    steps: Int[Array, ""]
-    steps_taken: Int[Array, ""]
+    span: Span
 
 
 def _advance_all(constants: _SegmentConstants, theta: State) -> RunState:
@@ -120,10 +119,7 @@ def _advance_all(constants: _SegmentConstants, theta: State) -> RunState:
         constants.stepper,
         program=constants.program,
         state=RunState(theta, constants.ledger, constants.solver_state),
-        start=constants.start,
-        dt=constants.dt,
-        steps=constants.steps,
-        steps_before=constants.steps_taken,
+        span=constants.span,
     )
 
 

@@ -1,11 +1,12 @@
 """`simulate`: from a scene to its solution, as one compiled program."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -21,15 +22,16 @@ from ...scene.scene import Scene
 from ..implicit.newton_stage import SolverStatistics
 from ..ledger import Energy, Ledger, energies, in_order
 from ..solvers import AbstractSolver
-from ..stepper import AbstractStepper, RunState, advance, run_in_place
+from ..stepper import AbstractStepper, RunState, in_place, is_copied_fast
 from .plan import (
     Plan,
     StepTable,
     initial_state,
     observation_time,
     plan_once,
-    save_intervals,
-    step_table,
+    program_groups,
+    saved_numbers,
+    step_blocks,
 )
 from .solution import (
     RESULTS,
@@ -111,65 +113,40 @@ def simulate(
     return finished(solution, throw)
 
 
-def run_plan(plan: Plan) -> Solution:
-    """Run a plan from its start to its solution."""
+def run_plan(plan: Plan, takes_steps: bool = True) -> Solution:
+    """Run a plan from its start to its solution.
+
+    Without `takes_steps` the programs of the first pass are compiled, and nothing is
+    integrated.
+    """
     if not plan.intervals:
         return make_solution(plan, None)
-    if plan.control is not None:
-        passes = Passes()
-        while not passes.finished:
-            now = of_pass(plan, passes.number)
-            rows = integrate(now, initial_state(now))
-            passes = passes.after(rows, plan.control)
-        now = of_pass(plan, passes.number)
-        return make_solution(now, passes.rows, passes.error)
-    rows = integrate(plan, initial_state(plan), is_traced(plan.scene))
-    return make_solution(plan, rows)
-
-
-def take_steps(
-    stepper: AbstractStepper, program: Program, state: RunState, table: StepTable
-) -> tuple[RunState, Observation]:
-    """Take all steps of a table; observe the end of each save interval.
-
-    Returns:
-        The state at the end, and the observations, one per row.
-    """
-
-    def interval(carry, row: StepTable):
-        state, time = carry
-        # Unused columns of the table leave the time of the last step as it is.
-        time = jnp.where(row.steps > 0, row.observation_time, time)
-        state = advance(
-            stepper,
-            program=program,
-            state=state,
-            start=row.start,
-            dt=row.dt,
-            steps=row.steps,
-        )
-        return (state, time), None
-
-    def save_interval(state, row: StepTable):
-        begin = jnp.zeros((), row.start.dtype)
-        (state, time), _ = jax.lax.scan(interval, (state, begin), row)
-        return state, observe(program, state, time)
-
-    return jax.lax.scan(save_interval, state, table)
-
-
-def take_steps_in_place(
-    stepper: AbstractStepper, program: Program, state: RunState, table: StepTable
-) -> tuple[RunState, Observation]:
-    """`take_steps` in one program, which overwrites the temperatures of the state."""
-    constants = RunConstants(
-        stepper=stepper,
-        program=program,
-        ledger=state.ledger,
-        solver_state=state.solver_state,
-        table=table,
-    )
-    return run_in_place(take_all_steps, constants, state.theta)
+    if is_traced(plan.scene):
+        return make_solution(plan, take_fixed_steps(plan, initial_state(plan)))
+    passes = Passes()
+    # One pass, or under error control passes of shorter and shorter steps.
+    while not passes.finished:
+        running = of_pass(plan, passes.number)
+        state = initial_state(running)
+        blocks = step_blocks(running, takes_steps)
+        observations = []
+        # One block, or one for each snapshot of bodies and sources that move.
+        for block in blocks:
+            constants = RunConstants(
+                stepper=running.stepper,
+                program=block.program,
+                ledger=state.ledger,
+                solver_state=state.solver_state,
+                table=block.table,
+            )
+            run = in_place(take_all_steps, state.theta)
+            state, rows = run(constants, state.theta)
+            observations.append(rows)
+        rows = saved_rows(observations, [block.saved_rows for block in blocks])
+        if plan.control is None or not takes_steps:
+            return make_solution(running, rows)
+        passes = passes.after(rows, plan.control)
+    return make_solution(of_pass(plan, passes.number), passes.rows, passes.error)
 
 
 class RunConstants(NamedTuple):
@@ -185,102 +162,182 @@ class RunConstants(NamedTuple):
 def take_all_steps(
     constants: RunConstants, theta: State
 ) -> tuple[RunState, Observation]:
-    """Take all steps of a table, as `take_steps`; compiled by `take_steps_in_place`."""
-    # Only the temperatures are donated: they are large, and the other arrays shared.
-    return take_steps(
-        constants.stepper,
-        program=constants.program,
-        state=RunState(theta, constants.ledger, constants.solver_state),
-        table=constants.table,
+    """Take all steps of a table; observe the end of each save interval.
+
+    It is compiled as one program that overwrites the temperatures `theta`, which are
+    large; the other arrays are shared by several runs.
+    """
+    take_interval = steps_of(constants.stepper, constants.program)
+
+    def save_interval(state: RunState, row: StepTable):
+        spans = Span(start=row.start, dt=row.dt, steps=row.steps)
+        state, _ = jax.lax.scan(take_interval, state, spans)
+        return state, observe(constants.program, state, row.observation_time)
+
+    start = RunState(theta, constants.ledger, constants.solver_state)
+    return jax.lax.scan(save_interval, start, constants.table)
+
+
+class Span(NamedTuple):
+    """Steps of equal length, as arrays."""
+
+    start: Float[Array, ""]
+    """Start of the first step, or of the steps before it [s]."""
+    dt: Float[Array, ""]
+    """Length of a step [s]."""
+    steps: int | Int[Array, ""]
+    """Number of steps; a Python number for a loop of fixed length."""
+    steps_before: Int[Array, ""] | None = None
+    """Number of steps from `start` that have been taken before; None for 0."""
+
+
+def steps_of(
+    stepper: AbstractStepper, program: Program, checkpoints: int | None = None
+) -> Callable[[RunState, Span], tuple[RunState, None]]:
+    """Return the function that takes the steps of a span, as a body of `lax.scan`.
+
+    With `steps` a Python number the loop has a fixed length and can be differentiated
+    in reverse mode, which stores `checkpoints` states and recomputes the others; None
+    stores all. With an array one compiled program serves every length.
+    """
+
+    def take_span(state: RunState, span: Span) -> tuple[RunState, None]:
+        def one_step(i, state: RunState) -> RunState:
+            # From the start, not summed step by step, which would accumulate rounding.
+            number = i if span.steps_before is None else i + span.steps_before
+            begin = span.start + span.dt * jnp.asarray(number, span.dt.dtype)
+            return stepper.step(program, state, begin, span.dt)
+
+        def two_steps(i, state: RunState) -> RunState:
+            # Two steps per iteration write to a second buffer and back; with one, XLA
+            # copies the state to where the loop expects it.
+            return one_step(2 * i + 1, one_step(2 * i, state))
+
+        steps = span.steps
+        if isinstance(steps, int):
+            return _take_fixed(one_step, state, steps), None
+        if not stepper.two_buffers or is_copied_fast(state.theta):
+            return jax.lax.fori_loop(0, steps, one_step, state), None
+        state = jax.lax.fori_loop(0, steps // 2, two_steps, state)
+        return jax.lax.fori_loop(steps - steps % 2, steps, one_step, state), None
+
+    def _take_fixed(one_step, state: RunState, steps: int) -> RunState:
+        if checkpoints is not None and checkpoints < steps:
+            return eqxi.scan(
+                lambda carry, i: (one_step(i, carry), None),
+                state,
+                jnp.arange(steps),
+                kind="checkpointed",
+                checkpoints=checkpoints,
+            )[0]
+        # For a cheap step, reverse mode stores only the state before it: its
+        # intermediate values take longer to write and read than to recompute.
+        if stepper.two_buffers:
+            one_step = jax.checkpoint(one_step, prevent_cse=False)
+        return jax.lax.fori_loop(0, steps, one_step, state)
+
+    return take_span
+
+
+def advance(
+    stepper: AbstractStepper,
+    program: Program,
+    state: RunState,
+    span: Span,
+    checkpoints: int | None = None,
+) -> RunState:
+    """Take the steps of one span, see `steps_of`."""
+    return steps_of(stepper, program, checkpoints)(state, span)[0]
+
+
+def take_steps(
+    stepper: AbstractStepper, program: Program, state: RunState, table: StepTable
+) -> tuple[RunState, Observation]:
+    """Take all steps of a table within another program; see `take_all_steps`.
+
+    Returns:
+        The state at the end, and the observations, one per row.
+    """
+    constants = RunConstants(
+        stepper=stepper,
+        program=program,
+        ledger=state.ledger,
+        solver_state=state.solver_state,
+        table=table,
     )
+    return take_all_steps(constants, state.theta)
+
+
+def take_steps_in_place(
+    stepper: AbstractStepper, program: Program, state: RunState, table: StepTable
+) -> tuple[RunState, Observation]:
+    """`take_steps` in one program, which overwrites the temperatures of the state."""
+    constants = RunConstants(
+        stepper=stepper,
+        program=program,
+        ledger=state.ledger,
+        solver_state=state.solver_state,
+        table=table,
+    )
+    return in_place(take_all_steps, state.theta)(constants, state.theta)
 
 
 def compile_plan(plan: Plan) -> None:
     """Compile all programs of a run, by a run without steps."""
-    if not plan.intervals or is_traced(plan.scene):
-        return
-    first = of_pass(plan, 0)
-    rows = integrate(first, initial_state(first), takes_steps=False)
-    make_solution(first, rows)
+    if plan.intervals and not is_traced(plan.scene):
+        run_plan(plan, takes_steps=False)
 
 
-def integrate(
-    plan: Plan, state: RunState, traced: bool = False, takes_steps: bool = True
-) -> Observation:
-    """Take every step of a plan and return the observations at the save times.
+def take_fixed_steps(plan: Plan, state: RunState) -> Observation:
+    """Take every step of a plan in loops of fixed length, for reverse mode.
 
-    The temperatures of the state are overwritten, except where values are traced.
-    Without `takes_steps` the programs are compiled and nothing is integrated.
+    Returns:
+        The observations at the save times.
     """
-    index = [plan.compiled.number_at(i.start) for i in plan.intervals]
-    numbers = sorted(set(index))
-    pairs = list(zip(plan.intervals, index, strict=True))
-    groups = [save_intervals(tuple(i for i, m in pairs if m == n)) for n in numbers]
-    # One shape for all programs, which differ in numbers only: compiled once.
-    rows = max((len(program_groups) for program_groups in groups), default=0)
-    columns = max(
-        (len(group) for program_groups in groups for group in program_groups), default=0
-    )
-    observations_by_program = []
+    observations = []
     saved = []
-    for number, program_groups in zip(numbers, groups, strict=True):
-        program = plan.compiled.programs[number]
-        if traced:
-            state, observations = _take_fixed_steps(
-                plan, program=program, state=state, groups=program_groups
-            )
-        else:
-            table = step_table(
-                plan, groups=program_groups, min_rows=rows, min_columns=columns
-            )
-            if not takes_steps:
-                table = table._replace(steps=jnp.zeros_like(table.steps))
-            state, observations = take_steps_in_place(
-                plan.stepper, program=program, state=state, table=table
-            )
-        observations_by_program.append(observations)
-        # The last interval before a motion snapshot may not be saved.
-        saved.append(np.flatnonzero([g[-1].saved for g in program_groups]))
-    if len(observations_by_program) == 1 and len(saved[0]) == len(
-        observations_by_program[0].is_finite
-    ):
-        return observations_by_program[0]
-    return _saved_rows(tuple(observations_by_program), tuple(map(device_array, saved)))
+    for program, groups in program_groups(plan):
+        rows = []
+        for group in groups:
+            for interval in group:
+                span = Span(
+                    start=jnp.asarray(interval.start, plan.dtype),
+                    dt=jnp.asarray(interval.dt, plan.dtype),
+                    steps=interval.steps,
+                )
+                state = advance(
+                    plan.stepper,
+                    program=program,
+                    state=state,
+                    span=span,
+                    checkpoints=plan.checkpoints,
+                )
+            time = jnp.asarray(observation_time(plan, group[-1]), plan.dtype)
+            rows.append(observe(program, state, time))
+        observations.append(jax.tree.map(lambda *column: jnp.stack(column), *rows))
+        saved.append(saved_numbers(groups))
+    return saved_rows(observations, saved)
 
 
-def _take_fixed_steps(
-    plan: Plan, program: Program, state: RunState, groups
-) -> tuple[RunState, Observation]:
-    # `take_steps` with lengths that are Python numbers, for reverse mode.
-    rows = []
-    dtype = plan.dtype
-    for group in groups:
-        for i in group:
-            state = advance(
-                plan.stepper,
-                program=program,
-                state=state,
-                start=jnp.asarray(i.start, dtype),
-                dt=jnp.asarray(i.dt, dtype),
-                steps=i.steps,
-                steps_before=0,
-                checkpoints=plan.checkpoints,
-            )
-        time = jnp.asarray(observation_time(plan, group[-1]), dtype)
-        rows.append(observe(program, state, time))
-    return state, jax.tree.map(lambda *rows: jnp.stack(rows), *rows)
+def saved_rows(
+    observations: list[Observation], saved: list[Int[np.ndarray, " _"]]
+) -> Observation:
+    """Return the rows of all programs at save times, by their numbers in each."""
+    # The last interval before a motion snapshot may not be saved.
+    if len(observations) == 1 and len(saved[0]) == len(observations[0].is_finite):
+        return observations[0]
+    return _picked(tuple(observations), tuple(map(device_array, saved)))
 
 
 @eqx.filter_jit
-def _saved_rows(
-    observations_by_program: tuple[Observation, ...],
-    saved: tuple[Int[Array, " _"], ...],
+def _picked(
+    observations: tuple[Observation, ...], saved: tuple[Int[Array, " _"], ...]
 ) -> Observation:
-    picked = [
-        jax.tree.map(lambda a, rows=rows: a[rows], observations)
-        for observations, rows in zip(observations_by_program, saved, strict=True)
+    rows = [
+        jax.tree.map(lambda a, numbers=numbers: a[numbers], observed)
+        for observed, numbers in zip(observations, saved, strict=True)
     ]
-    return _joined(*picked)
+    return _joined(*rows)
 
 
 def _joined(*rows: Observation) -> Observation:

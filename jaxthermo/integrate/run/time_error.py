@@ -129,7 +129,7 @@ def _succeeded(rows: Observation) -> bool:
 
 
 def of_pass(plan: Plan, number: int) -> Plan:
-    """Return the plan of a pass; the plan itself where the error is not controlled."""
+    """Return the plan of one pass alone; the plan itself without error control."""
     if plan.control is None:
         return plan
     factor = 2**number
@@ -141,4 +141,4 @@ def of_pass(plan: Plan, number: int) -> Plan:
     # Also under error control, where these are the longest steps: two passes that both
     # take steps as long as they may would not differ.
     intervals = tuple(replace(i, steps=i.steps * factor) for i in plan.intervals)
-    return plan._replace(intervals=intervals, stepper=stepper)
+    return plan._replace(intervals=intervals, stepper=stepper, control=None)

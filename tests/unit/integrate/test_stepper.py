@@ -8,7 +8,7 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.integrate import stepper as module
 from jaxthermo.integrate.run.plan import initial_state, plan_run
-from jaxthermo.integrate.stepper import advance
+from jaxthermo.integrate.run.simulate import Span, advance
 from tests.bodies import blocks
 
 
@@ -50,16 +50,9 @@ def _plain(stepper, program, state, dt):
 
 def _kept(checkpoints):
     def loop(stepper, program, state, dt):
-        begin = jnp.zeros_like(dt)
+        span = Span(start=jnp.zeros_like(dt), dt=dt, steps=STEPS)
         return advance(
-            stepper,
-            program=program,
-            state=state,
-            start=begin,
-            dt=dt,
-            steps=STEPS,
-            steps_before=0,
-            checkpoints=checkpoints,
+            stepper, program=program, state=state, span=span, checkpoints=checkpoints
         )
 
     return loop
@@ -125,12 +118,7 @@ def test_two_steps_a_turn_are_one_after_the_other(monkeypatch, solver):
         # A function of its own: one program for both would be found again.
         end = jax.jit(
             lambda state, n: advance(
-                plan.stepper,
-                program=plan.compiled.program,
-                state=state,
-                start=begin,
-                dt=dt,
-                steps=n,
+                plan.stepper, plan.compiled.program, state, Span(begin, dt, steps=n)
             )
         )(start, jnp.array(STEPS))
         end_states.append(end)

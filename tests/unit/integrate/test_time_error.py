@@ -1,6 +1,7 @@
 """The steps of a selected solver follow the error in time of the run."""
 
 from itertools import islice
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -10,14 +11,14 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.arrays import precision
 from jaxthermo.integrate.run.checkpoint import load_checkpoint, save_checkpoint
-from jaxthermo.integrate.run.plan import initial_state, plan_run
+from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.run.segments import (
     begin_run,
     compile_segments,
     finish_run,
     run_segments,
 )
-from jaxthermo.integrate.run.simulate import integrate, take_all_steps
+from jaxthermo.integrate.run.simulate import run_plan, take_all_steps
 from jaxthermo.integrate.run.time_error import Passes, of_pass
 from jaxthermo.integrate.stepper import jit_in_place
 from tests.bodies import bar
@@ -108,7 +109,7 @@ def test_the_error_is_below_its_estimate(controlled):
         )
         # Steps so short that they are exact by comparison, in the program at hand.
         short = of_pass(todo, 9)
-        exact = np.asarray(integrate(short, initial_state(short)).surface_temperature)
+        exact = np.asarray(run_plan(short).surface_temperature)
     surface = np.asarray(controlled.surface_temperature)
     assert short.steps > 50 * controlled.run.steps
     off = np.abs(surface - exact).max()
@@ -197,7 +198,7 @@ def test_passes_end_at_the_limit_or_at_rounding(controlled):
 
     control = jt.ErrorControl()
 
-    def next_passes(passes, *given, **how):
+    def next_passes(passes, *given, **how) -> Any:
         return passes.after(seen(*given, **how), control)
 
     # Second order: a quarter each, of which the last three quarters are the error.

@@ -206,13 +206,13 @@ def test_the_receipt_counts(structure):
 def test_new_numbers_need_no_new_program(structure, monkeypatch):
     """Neither material, nor coefficients, nor temperatures, nor lengths of the run."""
     calls = []
-    advance = simulate_module.advance
+    steps_of = simulate_module.steps_of
 
     def counted(*args):
         calls.append(args)
-        return advance(*args)
+        return steps_of(*args)
 
-    monkeypatch.setattr(simulate_module, "advance", counted)
+    monkeypatch.setattr(simulate_module, "steps_of", counted)
 
     def run(k, h, temperature, t1):
         material = jt.Material(k, density=8000.0, specific_heat=500.0)
