@@ -1,5 +1,14 @@
 """Types of all that `jaxthermo` exports; `__init__.py` resolves the same names."""
 
+from .accuracy.discretization_error import (
+    DiscretizationError as DiscretizationError,
+    discretization_error as discretization_error,
+)
+from .accuracy.surface_error import (
+    SurfaceError as SurfaceError,
+    surface_error as surface_error,
+)
+from .accuracy.truth_error import TruthError as TruthError, truth_error as truth_error
 from .compilation_cache import cache_compilations as cache_compilations
 from .config.card_file import load_card as load_card
 from .errors import InputError as InputError
@@ -55,10 +64,6 @@ from .image.surface.camera import (
     Camera as Camera,
     OrthographicCamera as OrthographicCamera,
 )
-from .integrate.discretization_error import (
-    DiscretizationError as DiscretizationError,
-    discretization_error as discretization_error,
-)
 from .integrate.run.compiled_simulation import (
     CompiledSimulation as CompiledSimulation,
     compile_simulation as compile_simulation,
@@ -79,11 +84,6 @@ from .integrate.solvers import (
     SuperTimeStepping as SuperTimeStepping,
 )
 from .integrate.steady import steady as steady
-from .integrate.surface_error import (
-    SurfaceError as SurfaceError,
-    surface_error as surface_error,
-)
-from .integrate.truth_error import TruthError as TruthError, truth_error as truth_error
 from .material.material import Material as Material, Property as Property
 from .material.table import materials as materials
 from .physics.boundary import (

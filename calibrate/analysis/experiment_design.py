@@ -11,9 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxthermo.accuracy.surface_error import error_span
 from jaxthermo.arrays import precision
 from jaxthermo.integrate.run.parametric_run import ParametricRun, ParametricSolution
-from jaxthermo.integrate.surface_error import error_span
 from jaxthermo.scene.scene import Scene
 
 from ..config.schema import CalibrationConfig, CandidateConfig

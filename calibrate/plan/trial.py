@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from jaxthermo.accuracy.truth_error import TruthError, TruthPoints, truth_points
 from jaxthermo.arrays import precision
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
@@ -15,7 +16,6 @@ from jaxthermo.integrate.run.plan import Plan, plan_run
 from jaxthermo.integrate.run.simulate import make_solution
 from jaxthermo.integrate.run.solution import RESULTS, Observation, run_result
 from jaxthermo.integrate.run.solution_file import StoredSolution
-from jaxthermo.integrate.truth_error import TruthError, TruthPoints, truth_points
 from jaxthermo.timing import Timing
 
 from ..config.schema import RefinedReference

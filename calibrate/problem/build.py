@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import jax.numpy as jnp
 import numpy as np
 
+from jaxthermo.accuracy.surface_error import check_surfaces
 from jaxthermo.arrays import precision
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.integrate.run.solution_file import StoredSolution, load_solution
-from jaxthermo.integrate.surface_error import check_surfaces
 from jaxthermo.scene.scene import Scene
 
 from ..config import schema

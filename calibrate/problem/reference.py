@@ -18,6 +18,11 @@ import numpy as np
 from jaxtyping import Bool
 
 import jaxthermo
+from jaxthermo.accuracy.discretization_error import (
+    DiscretizationError,
+    discretization_error,
+)
+from jaxthermo.accuracy.truth_error import TruthError, truth_error
 from jaxthermo.archive import read_record, signed
 from jaxthermo.arrays import precision
 from jaxthermo.atomic import remove_leftovers, write_json
@@ -26,17 +31,12 @@ from jaxthermo.config.schema.body import BodyConfig
 from jaxthermo.config.schema.material import LabelledConfig
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.discretization_error import (
-    DiscretizationError,
-    discretization_error,
-)
 from jaxthermo.integrate.run.save_solution import save_solution
 from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.run.solution import RESULTS, Solution
 from jaxthermo.integrate.run.solution_file import StoredSolution, load_solution
 from jaxthermo.integrate.run.surface_reading import surface_reading
 from jaxthermo.integrate.solvers import ForwardEuler
-from jaxthermo.integrate.truth_error import TruthError, truth_error
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.scene import Scene, SolvedSurface
 from jaxthermo.structures.cache import cache_folder

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
+from jaxthermo.accuracy.surface_error import AnySolution, error_span
 from jaxthermo.arrays import Scalar
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.errors import InputError
@@ -27,7 +28,6 @@ from jaxthermo.image.surface.camera import AbstractCamera
 from jaxthermo.image.surface.view import View, compute_view
 from jaxthermo.integrate.run.parametric_run import ParametricSolution
 from jaxthermo.integrate.run.solution import irradiance_at
-from jaxthermo.integrate.surface_error import AnySolution, error_span
 from jaxthermo.physics.radiation.irradiation import Irradiance
 from jaxthermo.physics.term import AbstractTerm
 from jaxthermo.physics.time_varying import just_before

@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Float
 from PIL import Image
 
+from jaxthermo.accuracy.surface_error import AnySolution
+from jaxthermo.accuracy.truth_error import AtPoints, TruthPoints
 from jaxthermo.integrate.run.surface_reading import SurfaceReading
-from jaxthermo.integrate.surface_error import AnySolution
-from jaxthermo.integrate.truth_error import AtPoints, TruthPoints
 from jaxthermo.report.difference_scale import (
     BACKGROUND,
     DifferenceScale,

@@ -3,7 +3,7 @@
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from jaxthermo.integrate.truth_error import TruthPoints, truth_points
+from jaxthermo.accuracy.truth_error import TruthPoints, truth_points
 
 from ..problem.reference import Log, absolute_reference
 from .case import Case

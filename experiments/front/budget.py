@@ -16,13 +16,13 @@ import jaxthermo as jt
 from calibrate.runs.case import Case
 from calibrate.runs.scenes import build_case, plan_case
 from calibrate.runs.truth import Truth, find_truth
+from jaxthermo.accuracy.truth_error import AtPoints, TruthError, error_at_points
 from jaxthermo.arrays import precision
 from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.plan import Plan
 from jaxthermo.integrate.run.simulate import run_plan
 from jaxthermo.integrate.run.time_error import of_pass
-from jaxthermo.integrate.truth_error import AtPoints, TruthError, error_at_points
 
 from ..harness.record import Arrays, Record, Row
 from ..harness.timing import timed_call

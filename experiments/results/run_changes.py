@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from jaxthermo.accuracy.surface_error import surface_error
+from jaxthermo.accuracy.truth_error import truth_error
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.solution_file import StoredSolution, load_solution
-from jaxthermo.integrate.surface_error import surface_error
-from jaxthermo.integrate.truth_error import truth_error
 
 from .changes import ABSENT, ROUNDING, Change, Number, differ, is_number, time_change
 from .read import Result

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 from rich.console import Console
 
+from ..accuracy.truth_error import truth_error
 from ..arrays import precision
 from ..atomic import replacing, write_json
 from ..config.loader import config_hash, load_config, resolved, to_yaml
@@ -23,7 +24,6 @@ from ..integrate.run.plan import Plan, plan_run
 from ..integrate.run.simulate import run_plan
 from ..integrate.run.solution import Solution
 from ..integrate.run.time_error import of_pass
-from ..integrate.truth_error import TruthError, truth_error
 from ..provenance import processor, provenance
 from ..reduction.reduce import reduce as reduce_scene
 from ..reduction.reduced_model import ReducedModel

@@ -62,7 +62,7 @@ from .summary import (
     write_energy,
     write_probes,
 )
-from .truth import Truth
+from .truth import error_in_words, read_reference
 
 
 CONFIG = "config.yaml"
@@ -203,7 +203,7 @@ def _run_simulation(
             camera = FrameCamera(
                 config, surfaces=plan.compiled.surfaces, terms=planned.scene.terms
             )
-            truth = Truth.read(config, out, plan.compiled.surfaces)
+            truth = read_reference(config, out, plan.compiled.surfaces)
         for line in camera.remarks():
             print_line(console, line)
         setup = time.perf_counter() - clock
@@ -245,7 +245,7 @@ def _run_simulation(
     for path in checkpoint_files(out / CHECKPOINT):
         path.unlink(missing_ok=True)
     log_result(console, solution, times)
-    for line in [] if error is None else Truth.in_words(error):
+    for line in [] if error is None else error_in_words(error):
         print_line(console, line)
     frame_count = count(frames.count, "frame")
     print_line(console, f"{frame_count} in {out / FRAMES}, summary.json in {out}")

@@ -6,7 +6,7 @@ import pytest
 from cli_runs import SCENE, run, scene_file, sets, succeed
 
 from jaxthermo.archive import write_archive
-from jaxthermo.cli.truth import Truth
+from jaxthermo.cli.truth import error_in_words
 from jaxthermo.config.loader import load_config
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.solution_file import FORMAT_VERSION
@@ -24,7 +24,7 @@ FOUND = {
 
 
 def test_kelvin_come_first_in_words():
-    line, remark = Truth.in_words(FOUND)
+    line, remark = error_in_words(FOUND)
     assert line == (
         "error against fine/solution.npz: 0.32 K (2.54 %) RMS at the worst time, 99 % "
         "of the surface within 1.25 K, mean -0.0512 K; 1.23 % of its surface is not in "
@@ -32,7 +32,7 @@ def test_kelvin_come_first_in_words():
     )
     assert remark == "note: voxels"
     # A reference of one temperature has no percentage; nothing lost is not said.
-    (line,) = Truth.in_words(
+    (line,) = error_in_words(
         {**FOUND, "worst_rms_percent": None, "worst_lost_fraction": 0.0, "remarks": []}
     )
     assert "0.32 K RMS at the worst" in line and "surface is not" not in line

@@ -26,6 +26,7 @@ ORDER = [
     "weather",
     "scene",
     "integrate",
+    "accuracy",
     "reduction",
     "image",
     "reference",

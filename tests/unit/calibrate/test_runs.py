@@ -14,10 +14,10 @@ from calibrate.runs.truth import find_truth
 from experiments.sweep.config import load_sweep
 from experiments.sweep.points import cases_of, choices
 from experiments.sweep.run import groups
+from jaxthermo.accuracy.truth_error import truth_error, truth_points
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.run.solution import Solution
-from jaxthermo.integrate.truth_error import truth_error, truth_points
 from tests.sweeping import SWEEP, sweep_file
 
 

@@ -15,7 +15,7 @@ from experiments.front.budget_page import write_budget
 from experiments.harness.record import Record
 from experiments.sweep.config import load_sweep
 from experiments.sweep.points import cases_of, choices
-from jaxthermo.integrate.truth_error import AtPoints, TruthPoints
+from jaxthermo.accuracy.truth_error import AtPoints, TruthPoints
 from tests.sweeping import SWEEP, sweep_file
 
 

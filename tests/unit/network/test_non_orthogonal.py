@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.integrate.surface_error import surface_error
+from jaxthermo.accuracy.surface_error import surface_error
 from jaxthermo.network.link_operator import RowNetwork
 from jaxthermo.network.non_orthogonal import _NonOrthogonalNetwork
 from jaxthermo.physics.conduction import assemble_uniform

@@ -11,10 +11,10 @@ from jaxtyping import Array, Bool, Float
 
 from ..arrays import is_traced, precision
 from ..errors import InputError
+from ..integrate.run.solution import Solution, SteadySolution
+from ..integrate.run.solution_file import StoredSolution
 from ..module import Module
 from ..scene.scene import SolvedSurface
-from .run.solution import Solution, SteadySolution
-from .run.solution_file import StoredSolution
 
 
 # Where the surface has become uniform again, differences are not divided by 0.

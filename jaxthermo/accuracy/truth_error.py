@@ -11,11 +11,11 @@ from ..arrays import is_traced
 from ..errors import InputError
 from ..geometry.mesh import Mesh
 from ..geometry.sample import MeshSample, mesh_sample
+from ..integrate.run.solution import Solution
+from ..integrate.run.solution_file import StoredSolution
+from ..integrate.run.surface_reading import SurfaceReading, surface_reading
 from ..module import Module
 from ..scene.scene import SolvedSurface
-from .run.solution import Solution
-from .run.solution_file import StoredSolution
-from .run.surface_reading import SurfaceReading, surface_reading
 from .surface_error import (
     AnySolution,
     PerTime,

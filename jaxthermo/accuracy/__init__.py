@@ -1,0 +1,1 @@
+"""Errors of a run: against a reference on its voxels or a finer run, and by itself."""
