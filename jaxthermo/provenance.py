@@ -45,7 +45,7 @@ def provenance(config_hash: str | None = None, seed: int | None = None) -> dict:
     return {
         "config_hash": config_hash,
         "seed": seed,
-        "versions": versions(),
+        "versions": _versions(),
         "device": f"{device.platform}: {device.device_kind}",
         "processor": processor(),
         **({} if code is None else {"commit": code}),
@@ -53,7 +53,7 @@ def provenance(config_hash: str | None = None, seed: int | None = None) -> dict:
     }
 
 
-def versions() -> dict[str, str]:
+def _versions() -> dict[str, str]:
     """Versions of Python, of jaxthermo and of the libraries that compute."""
     return {"python": platform.python_version()} | {p: version(p) for p in _PACKAGES}
 

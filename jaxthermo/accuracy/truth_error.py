@@ -3,11 +3,10 @@
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..arrays import is_traced
+from ..arrays import namespace
 from ..errors import InputError
 from ..geometry.mesh import Mesh
 from ..geometry.sample import MeshSample, mesh_sample
@@ -52,7 +51,7 @@ class AtPoints(NamedTuple):
     """True where the run's voxels have no surface: the temperature has no meaning."""
 
 
-class BodyOutline(NamedTuple):
+class _BodyOutline(NamedTuple):
     """Properties of a body that show whether two runs have the same mesh, or voxels."""
 
     pitch: float
@@ -77,7 +76,7 @@ class TruthPoints(NamedTuple):
     """Points of each body in its own frame."""
     expected: AtPoints
     """The reference at the points of all bodies."""
-    outlines: tuple[BodyOutline, ...]
+    outlines: tuple[_BodyOutline, ...]
 
     def reading(self, surfaces: tuple[SolvedSurface, ...]) -> SurfaceReading:
         """Find the fragments from which temperatures at the points are read."""
@@ -210,7 +209,7 @@ def truth_error(
         solution: from `simulate` or `steady`, or read from a file. For the error of its
             surface, with a surface map `at="surface"`, as is the default.
         reference: of the same bodies, at least twice as fine: its own error is part of
-            every difference. The same save times.
+            every difference. It has the save times of the run.
         count: number of points, on all bodies together.
         seed: of the points.
 
@@ -239,7 +238,7 @@ def truth_error(
     with later_temperatures(solution, reference, "truth_error") as later:
         times, temperature, expected = later
         # Without derivatives by numpy: nothing to compile for each number of points.
-        xp = jnp if is_traced((temperature, expected)) else np
+        xp = namespace((temperature, expected))
         temperature = xp.asarray(temperature)
         expected = xp.asarray(expected)
         return error_at_points(
@@ -254,7 +253,7 @@ def truth_error(
         )
 
 
-def _outlines(surfaces: tuple[SolvedSurface, ...]) -> tuple[BodyOutline, ...]:
+def _outlines(surfaces: tuple[SolvedSurface, ...]) -> tuple[_BodyOutline, ...]:
     outlines = []
     for geometry in (surface.geometry for surface in surfaces):
         extent = np.stack(
@@ -263,7 +262,7 @@ def _outlines(surfaces: tuple[SolvedSurface, ...]) -> tuple[BodyOutline, ...]:
         position = np.asarray(geometry.fragment_position)
         stride = max(1, len(position) // _STORED_POSITIONS)
         outlines.append(
-            BodyOutline(
+            _BodyOutline(
                 pitch=geometry.pitch,
                 extent=extent,
                 fragments=len(position),
@@ -274,7 +273,7 @@ def _outlines(surfaces: tuple[SolvedSurface, ...]) -> tuple[BodyOutline, ...]:
 
 
 def _check_meshes(
-    judged: tuple[BodyOutline, ...], reference: tuple[BodyOutline, ...]
+    judged: tuple[_BodyOutline, ...], reference: tuple[_BodyOutline, ...]
 ) -> None:
     """Raise for bodies of other sizes: part of their surfaces could agree by chance."""
     if len(judged) != len(reference):
@@ -294,7 +293,7 @@ def _check_meshes(
 
 
 def _remarks(
-    judged: tuple[BodyOutline, ...], reference: tuple[BodyOutline, ...]
+    judged: tuple[_BodyOutline, ...], reference: tuple[_BodyOutline, ...]
 ) -> tuple[str, ...]:
     """Name the bodies whose reference is not independent of the run, or too coarse."""
     remarks = []
@@ -364,7 +363,7 @@ def error_at_points(
             "truth_error: the solution and the reference have no surface in common: "
             "compare runs of the same meshes, each in the frame of its body"
         )
-    xp = jnp if is_traced((judged.temperature, expected.temperature)) else np
+    xp = namespace((judged.temperature, expected.temperature))
     span = error_span(expected.temperature[:, readable], _RANGE_QUANTILES)
     difference = judged.temperature[:, common] - expected.temperature[:, common]
     rms = root((difference**2).mean(axis=1))

@@ -268,7 +268,7 @@ def _without_frame(f: Populations) -> Populations:
     return tuple(population[1:-1, 1:-1] for population in f)
 
 
-class Sample(NamedTuple):
+class _Sample(NamedTuple):
     """Numbers that are read from a flow at one time."""
 
     force: Float[Array, "*t 2"]
@@ -277,7 +277,7 @@ class Sample(NamedTuple):
     """Heat that leaves the body per step, for a temperature of 1 above the inlet's."""
 
 
-class Totals(NamedTuple):
+class _Totals(NamedTuple):
     """Sums over samples, for means."""
 
     count: Float[Array, ""]
@@ -286,41 +286,41 @@ class Totals(NamedTuple):
     """Heat over each link of the body."""
 
 
-def _sampled(program: FlowProgram, state: FlowState) -> Sample:
+def _sampled(program: FlowProgram, state: FlowState) -> _Sample:
     zero = jnp.zeros((), program.viscosity.dtype)
     links = program.links
     if links is None:
-        return Sample(jnp.stack([zero, zero]), zero)
+        return _Sample(jnp.stack([zero, zero]), zero)
     force = force_on(state.flow, links, reflected(state.flow, links))
     if state.heat is None:
-        return Sample(force, zero)
-    return Sample(force, heat_of(state.heat, links).sum())
+        return _Sample(force, zero)
+    return _Sample(force, heat_of(state.heat, links).sum())
 
 
-def totals(program: FlowProgram, state: FlowState) -> Totals:
+def totals(program: FlowProgram, state: FlowState) -> _Totals:
     """The sums over this state alone."""
     heat = None
     if state.heat is not None and program.links is not None:
         heat = heat_of(state.heat, program.links)
-    return Totals(jnp.ones((), state.flow[0].dtype), fields(program, state), heat)
+    return _Totals(jnp.ones((), state.flow[0].dtype), fields(program, state), heat)
 
 
-class Advanced(NamedTuple):
+class _Advanced(NamedTuple):
     """A flow after several samples."""
 
     state: FlowState
-    total: Totals | None
-    samples: Sample
+    total: _Totals | None
+    samples: _Sample
 
 
 def _advance(
     program: FlowProgram,
     state: FlowState,
-    total: Totals | None,
+    total: _Totals | None,
     weight: Scalar,
     samples: int,
     stride: int,
-) -> Advanced:
+) -> _Advanced:
     def two_steps(pair, _):
         state, spare = pair
         state, spare = _step(program, state, spare)
@@ -344,7 +344,7 @@ def _advance(
     (state, _, total), read = lax.scan(
         sample, (state, spare, total), None, length=samples
     )
-    return Advanced(state=state, total=total, samples=read)
+    return _Advanced(state=state, total=total, samples=read)
 
 
 advance = jax.jit(_advance, static_argnames=("samples", "stride"))

@@ -89,7 +89,7 @@ def moments(f: Populations) -> Moments:
     return Moments(density, (f[1] - f[3]) + (right - left), (f[2] - f[4]) + (up - down))
 
 
-def along(velocity: tuple[int, int], m: Moments) -> Float[Array, "..."]:
+def _along(velocity: tuple[int, int], m: Moments) -> Float[Array, "..."]:
     """Product c.u for a lattice velocity."""
     # Sums only: XLA would multiply by 1 and -1.
     terms = [
@@ -102,7 +102,7 @@ def along(velocity: tuple[int, int], m: Moments) -> Float[Array, "..."]:
 
 def equilibrium(i: int, m: Moments) -> Float[Array, "..."]:
     """Equilibrium of one population, as the deviation from its weight."""
-    c = along(VELOCITIES[i], m)
+    c = _along(VELOCITIES[i], m)
     return WEIGHTS[i] * (
         m.density + 3 * c + 4.5 * c * c - 1.5 * (m.x * m.x + m.y * m.y)
     )
@@ -141,9 +141,9 @@ def collided_tracer(g: Populations, velocity: Moments, rates: Rates) -> Populati
     out: list = [None] * 9
     out[0] = g[0] + rates.symmetric * (WEIGHTS[0] * base - g[0])
     for i in (1, 2, 5, 6):
-        c = along(VELOCITIES[i], flux)
+        c = _along(VELOCITIES[i], flux)
         w = WEIGHTS[i]
-        even = w * (base + 4.5 * c * along(VELOCITIES[i], velocity))
+        even = w * (base + 4.5 * c * _along(VELOCITIES[i], velocity))
         out[i], out[OPPOSITE[i]] = _pair(
             g[i], backward=g[OPPOSITE[i]], even=even, odd=3 * w * c, rates=rates
         )
@@ -154,7 +154,7 @@ def _relaxed(f, base, m: Moments, rates: Rates, force) -> Populations:
     out: list = [None] * 9
     out[0] = f[0] + rates.symmetric * (WEIGHTS[0] * base - f[0])
     for i in (1, 2, 5, 6):
-        c = along(VELOCITIES[i], m)
+        c = _along(VELOCITIES[i], m)
         w = WEIGHTS[i]
         even = w * (base + 4.5 * c * c)
         odd = 3 * w * c

@@ -14,7 +14,7 @@ _STEADY = 0.01
 """Range of the lift over the drag below which a flow is steady [-]."""
 
 
-class Line(NamedTuple):
+class _Line(NamedTuple):
     """Velocity along x on a line, over the inlet's mean speed."""
 
     at: Float[np.ndarray, " n"]
@@ -61,7 +61,7 @@ def strouhal(run: FlowRun) -> float:
     return float(_cylinder(channel).diameter / (period * channel.speed))
 
 
-def centreline(run: FlowRun) -> Line:
+def centreline(run: FlowRun) -> _Line:
     """Mean velocity behind the cylinder, by the distance from its rear."""
     channel = run.channel
     body = _cylinder(channel)
@@ -69,17 +69,17 @@ def centreline(run: FlowRun) -> Line:
     x = np.arange(channel.shape[1]) + 0.5 - body.centre[0] - body.diameter / 2
     behind = x > 0
     ratio = np.asarray(u, float)[behind] / float(channel.speed)
-    return Line(x[behind] / body.diameter, ratio)
+    return _Line(x[behind] / body.diameter, ratio)
 
 
-def across(run: FlowRun, distance: float) -> Line:
+def across(run: FlowRun, distance: float) -> _Line:
     """Mean velocity across the wake at a distance behind the rear [diameters]."""
     channel = run.channel
     body = _cylinder(channel)
     column = body.centre[0] + (distance + 0.5) * body.diameter - 0.5
     u = _at_row(run.mean.x.T, column)
     y = np.arange(channel.shape[0]) + 0.5 - body.centre[1]
-    return Line(y / body.diameter, np.asarray(u, float) / float(channel.speed))
+    return _Line(y / body.diameter, np.asarray(u, float) / float(channel.speed))
 
 
 def recirculation_length(run: FlowRun) -> float:

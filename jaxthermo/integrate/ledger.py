@@ -45,7 +45,7 @@ class Ledger(Module):
 @cache
 def empty_ledger(entries: int, dtype) -> Ledger:
     """Return the ledger at the start of a run."""
-    # The same zeros for all runs, known even while something else is traced.
+    # One array of zeros for all runs, known even while other values are traced.
     with jax.ensure_compile_time_eval():
         zeros = device_array(np.zeros(entries, dtype))
     return Ledger(heat=zeros, carry=zeros, moved=zeros)

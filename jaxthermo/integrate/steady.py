@@ -244,8 +244,8 @@ def _solve(
     )
     solver = replace(derivative_solver(states), norm=CorrectionNorm())
     heat = jax.tree.map(jnp.multiply, zero, at.capacity)
-    change, _ = solve_linear(at, heat, solver)
-    return jax.tree.map(jnp.add, states, change), statistics
+    solve = solve_linear(at, heat, solver)
+    return jax.tree.map(jnp.add, states, solve.change), statistics
 
 
 def _linearize(program, context, states: State, time, isolated) -> Linearization:
@@ -296,15 +296,15 @@ def _newton(
         # There is no time step to measure a residual by. The preconditioner is close
         # to the inverse, so that its corrections are close to the error.
         solver = ConjugateGradient(CorrectionNorm(), tolerance)
-        change, (converged, solve) = solve_linear(at, heat, solver)
-        next_states = jax.tree.map(jnp.add, now.states, change)
+        solve = solve_linear(at, heat, solver)
+        next_states = jax.tree.map(jnp.add, now.states, solve.change)
         # By the maximum principle; it prevents a first iterate from going far beyond.
         if not context.linear:
             next_states = jax.tree.map(jnp.minimum, next_states, context.ceilings)
         if isolated is not None:
             next_states = isolated.with_initial_means(next_states)
         size = max_abs(jax.tree.map(jnp.subtract, next_states, now.states))
-        statistics = now.statistics.after_solve(converged, solve)
+        statistics = now.statistics.after_solve(solve)
         return _Iterate(
             states=next_states,
             change=size,

@@ -254,8 +254,8 @@ def _solved(
         time=jnp.zeros_like(rate),
     )
     solver = ConjugateGradient(ResidualNorm(1.0), _TOLERANCE, relative=True)
-    found, (converged, _) = solve_linear(at, heat, solver)
-    return found, converged
+    solve = solve_linear(at, heat, solver)
+    return solve.change, solve.converged
 
 
 @eqx.filter_jit

@@ -26,7 +26,7 @@ from ...module import Module
 from ...scene.compile.memory import Method
 from ...scene.compile.program import Program, State
 from ..stepper import AbstractStepper, RunState
-from .conjugate_gradient import ConjugateGradient
+from .conjugate_gradient import ConjugateGradient, max_abs
 from .jacobian import ImplicitContext, linearize
 from .newton_stage import (
     SolverStatistics,
@@ -224,5 +224,5 @@ class AdaptiveStepper(AbstractStepper):
             context.tolerance, _ERROR_SOLVE_TOLERANCE * self.tolerance
         )
         solver = ConjugateGradient(kelvin_norm(at, g), tolerance)
-        smooth, _ = solve_linear(at, missing_heat(difference, at, 1 / g), solver)
-        return jnp.stack([jnp.abs(x).max() for x in smooth]).max()
+        smooth = solve_linear(at, missing_heat(difference, at, 1 / g), solver).change
+        return max_abs(smooth)

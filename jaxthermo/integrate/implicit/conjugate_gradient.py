@@ -22,7 +22,7 @@ scale: a steady solve measures how far an iteration still moves the solution.
 """
 
 import abc
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -160,11 +160,11 @@ class _AbstractKrylov(lx.AbstractLinearSolver):
         """Make one iteration; `apply` is the operator."""
 
     @override
-    def init(self, operator: lx.AbstractLinearOperator, options: dict[str, Any]):
+    def init(self, operator: lx.AbstractLinearOperator, options: Mapping[str, Any]):
         return operator
 
     @override
-    def compute(self, state, vector: Any, options: dict[str, Any]):
+    def compute(self, state, vector: Any, options: Mapping[str, Any]):
         operator = state
         precondition = options.get("preconditioner", lambda r: r)
         start = options.get("start")
@@ -298,12 +298,12 @@ class ConjugateGradient(_AbstractKrylov):
         )
 
     @override
-    def transpose(self, state, options: dict[str, Any]):
+    def transpose(self, state, options: Mapping[str, Any]):
         # The operator is symmetric and real: its own transpose and conjugate.
         return state, options
 
     @override
-    def conj(self, state, options: dict[str, Any]):
+    def conj(self, state, options: Mapping[str, Any]):
         return state, options
 
 
@@ -375,12 +375,12 @@ class BiCGStab(_AbstractKrylov):
         )
 
     @override
-    def transpose(self, state, options: dict[str, Any]):
+    def transpose(self, state, options: Mapping[str, Any]):
         # The preconditioner is its own transpose.
         return state.transpose(), options
 
     @override
-    def conj(self, state, options: dict[str, Any]):
+    def conj(self, state, options: Mapping[str, Any]):
         return state, options
 
 

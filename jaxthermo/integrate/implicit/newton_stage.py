@@ -60,15 +60,15 @@ class SolverStatistics(Module):
 
         return jax.tree.map(combine, self, later)
 
-    def after_solve(self, converged, solve: dict[str, Any]) -> "SolverStatistics":
+    def after_solve(self, solve: "LinearSolve") -> "SolverStatistics":
         """Count a Newton iteration by the outcome of its linear solve."""
         # Only the last solve of a stage counts: earlier ones need not be exact.
         return replace(
             self,
             newton_iterations=self.newton_iterations + 1,
-            linear_iterations=self.linear_iterations + solve["iterations"],
-            largest_linear_residual=solve["residual"],
-            linear_failed=~converged,
+            linear_iterations=self.linear_iterations + solve.iterations,
+            largest_linear_residual=solve.residual,
+            linear_failed=~solve.converged,
         )
 
 
@@ -122,8 +122,8 @@ def solve_stage(
         fixed_program, context=context, states=states, rate=rate, time=fixed_time
     )
     heat = missing_heat(zero, at, rate)
-    change, _ = solve_linear(at, heat, derivative_solver(states))
-    states = jax.tree.map(jnp.add, solution.states, change)
+    solve = solve_linear(at, heat, derivative_solver(states))
+    states = jax.tree.map(jnp.add, solution.states, solve.change)
     _, entries = evaluate_rates(program, states, time)
     return solution._replace(states=states, entries=entries)
 
@@ -147,10 +147,21 @@ def kelvin_norm(at: Linearization, g: Float[Array, ""]) -> ResidualNorm:
     return ResidualNorm(tuple(g * inverse(c) for c in at.capacity))
 
 
+class LinearSolve(NamedTuple):
+    """Outcome of a linear solve."""
+
+    change: State
+    """Change of the states [K]."""
+    converged: Bool[Array, ""]
+    iterations: Int[Array, ""]
+    residual: Float[Array, ""]
+    """Final norm, in the unit of the solver's tolerance."""
+
+
 def solve_linear(
     at: Linearization, heat: State, solver: ConjugateGradient
-) -> tuple[State, Any]:
-    """Return the change of the states for a heat rate, and the solve's statistics."""
+) -> LinearSolve:
+    """Find the change of the states for a heat rate."""
     # The transposed solve of reverse mode may have values where there is no node.
     heat = masked_to_nodes(heat, at.nodes)
     shapes = jax.eval_shape(lambda: heat)
@@ -171,7 +182,12 @@ def solve_linear(
         u if d is None else u * inverse(d)
         for u, d in zip(potential, at.potential_slopes, strict=True)
     )
-    return change, (solution.result == lx.RESULTS.successful, solution.stats)
+    return LinearSolve(
+        change=change,
+        converged=solution.result == lx.RESULTS.successful,
+        iterations=solution.stats["iterations"],
+        residual=solution.stats["residual"],
+    )
 
 
 def missing_heat(residual: State, at: Linearization, rate: Float[Array, ""]) -> State:
@@ -194,8 +210,8 @@ def _newton(program, context: ImplicitContext, base, g, time, guess) -> _Iterate
             kelvin_norm(at, g), context.tolerance, rounding=context.above_rounding
         )
         heat = missing_heat(now.residual, at, 1 / g)
-        change, (converged, solve) = solve_linear(at, heat, solver)
-        states = jax.tree.map(jnp.add, now.states, change)
+        solve = solve_linear(at, heat, solver)
+        states = jax.tree.map(jnp.add, now.states, solve.change)
         if not context.linear:
             states = jax.tree.map(jnp.minimum, states, ceilings)
         size = max_abs(jax.tree.map(jnp.subtract, states, now.states))
@@ -205,7 +221,7 @@ def _newton(program, context: ImplicitContext, base, g, time, guess) -> _Iterate
             residual=residual,
             entries=entries,
             change=size,
-            statistics=now.statistics.after_solve(converged, solve),
+            statistics=now.statistics.after_solve(solve),
         )
 
     residual, entries = _residual(program, base=base, g=g, time=time, states=guess)

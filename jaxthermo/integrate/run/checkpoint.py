@@ -7,7 +7,6 @@ of its own, with the nodes that it holds.
 
 import re
 from pathlib import Path
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -40,7 +39,7 @@ def save_checkpoint(path: Path, plan: Plan, progress: RunProgress, key: str) -> 
             passes.rows,
         )
     )
-    arrays: dict[str, Any] = {f"leaf{i}": np.asarray(x) for i, x in enumerate(leaves)}
+    arrays = {f"leaf{i}": np.asarray(leaf) for i, leaf in enumerate(leaves)}
     for n, values in enumerate(_own_nodes(plan, state)):
         arrays[f"body{n}"] = values
     arrays["key"] = np.array(key)

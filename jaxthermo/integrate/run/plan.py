@@ -458,7 +458,7 @@ def saved_numbers(groups: tuple[tuple[Interval, ...], ...]) -> Int[np.ndarray, "
     return np.flatnonzero([group[-1].saved for group in groups])
 
 
-class StepBlock(NamedTuple):
+class _StepBlock(NamedTuple):
     """Steps of one program of a run."""
 
     program: Program
@@ -467,7 +467,7 @@ class StepBlock(NamedTuple):
     """Rows of the table that end at a save time."""
 
 
-def step_blocks(plan: Plan, takes_steps: bool = True) -> list[StepBlock]:
+def step_blocks(plan: Plan, takes_steps: bool = True) -> list[_StepBlock]:
     """Tabulate the steps of each program of a run, or none of them."""
     pairs = program_groups(plan)
     # One shape for all programs, which differ in numbers only: compiled once.
@@ -478,5 +478,5 @@ def step_blocks(plan: Plan, takes_steps: bool = True) -> list[StepBlock]:
         table = step_table(plan, groups, min_rows=rows, min_columns=columns)
         if not takes_steps:
             table = table._replace(steps=np.zeros_like(table.steps))
-        blocks.append(StepBlock(program, table, saved_numbers(groups)))
+        blocks.append(_StepBlock(program, table, saved_numbers(groups)))
     return blocks

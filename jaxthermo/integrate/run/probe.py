@@ -110,7 +110,7 @@ def _scene_probe(
     probe_positions = np.array(
         [scene_probe.position for scene_probe in solution.probes]
     )
-    # The same numbers, but for the rounding of whoever computed them twice.
+    # Equal numbers, apart from the rounding of a caller who computes them again.
     size = 1e-9 * (1 + np.abs(points).max(axis=1))
     apart = np.abs(probe_positions[None] - points[:, None]).max(axis=2)
     nearest = apart.argmin(axis=1)

@@ -132,17 +132,13 @@ def run_plan(plan: Plan, takes_steps: bool = True) -> Solution:
         observations = []
         # One block, or one for each snapshot of bodies and sources that move.
         for block in blocks:
-            constants = RunConstants(
-                stepper=running.stepper,
-                program=block.program,
-                ledger=state.ledger,
-                solver_state=state.solver_state,
-                table=block.table,
+            constants = RunConstants.of(
+                running.stepper, block.program, state, block.table
             )
             run = in_place(take_all_steps, state.theta)
             state, rows = run(constants, state.theta)
             observations.append(rows)
-        rows = saved_rows(observations, [block.saved_rows for block in blocks])
+        rows = _saved_rows(observations, [block.saved_rows for block in blocks])
         if plan.control is None or not takes_steps:
             return make_solution(running, rows)
         passes = passes.after(rows, plan.control)
@@ -157,6 +153,17 @@ class RunConstants(NamedTuple):
     ledger: Ledger
     solver_state: Any
     table: StepTable
+
+    @classmethod
+    def of(
+        cls,
+        stepper: AbstractStepper,
+        program: Program,
+        state: RunState,
+        table: StepTable,
+    ) -> "RunConstants":
+        """Return the constants of a run that starts from a state."""
+        return cls(stepper, program, state.ledger, state.solver_state, table)
 
 
 def take_all_steps(
@@ -258,13 +265,7 @@ def take_steps(
     Returns:
         The state at the end, and the observations, one per row.
     """
-    constants = RunConstants(
-        stepper=stepper,
-        program=program,
-        ledger=state.ledger,
-        solver_state=state.solver_state,
-        table=table,
-    )
+    constants = RunConstants.of(stepper, program, state, table)
     return take_all_steps(constants, state.theta)
 
 
@@ -272,13 +273,7 @@ def take_steps_in_place(
     stepper: AbstractStepper, program: Program, state: RunState, table: StepTable
 ) -> tuple[RunState, Observation]:
     """`take_steps` in one program, which overwrites the temperatures of the state."""
-    constants = RunConstants(
-        stepper=stepper,
-        program=program,
-        ledger=state.ledger,
-        solver_state=state.solver_state,
-        table=table,
-    )
+    constants = RunConstants.of(stepper, program, state, table)
     return in_place(take_all_steps, state.theta)(constants, state.theta)
 
 
@@ -316,10 +311,10 @@ def take_fixed_steps(plan: Plan, state: RunState) -> Observation:
             rows.append(observe(program, state, time))
         observations.append(jax.tree.map(lambda *column: jnp.stack(column), *rows))
         saved.append(saved_numbers(groups))
-    return saved_rows(observations, saved)
+    return _saved_rows(observations, saved)
 
 
-def saved_rows(
+def _saved_rows(
     observations: list[Observation], saved: list[Int[np.ndarray, " _"]]
 ) -> Observation:
     """Return the rows of all programs at save times, by their numbers in each."""

@@ -80,13 +80,7 @@ def test_the_forecast_is_that_of_the_arrays(kind, method):
     assert plan.stepper.method == method
     kept = sum(_kept().values())
     state, table = initial_state(plan), step_table(plan, save_intervals(plan.intervals))
-    constants = RunConstants(
-        stepper=plan.stepper,
-        program=plan.compiled.program,
-        ledger=state.ledger,
-        solver_state=state.solver_state,
-        table=table,
-    )
+    constants = RunConstants.of(plan.stepper, plan.compiled.program, state, table)
     lowered = jit_in_place(take_all_steps).lower(constants, state.theta)
     report = lowered.compile().compiled.memory_analysis()
     size = sum(theta.nbytes for theta in state.theta)
