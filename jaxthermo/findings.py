@@ -177,11 +177,7 @@ def _ending_key(of: tuple[object, ...], by: Hashable) -> Hashable:
     keys: list[Hashable] = []
     # A method of the store: names of the module are gone where an interpreter ends.
     end = _store.end
-
-    def on_end(_: Any) -> None:
-        end(keys[0])
-
-    key = (by, _mode(), *(_Same(member, on_end) for member in of))
+    key = (by, _mode(), *(_Same(member, lambda _: end(keys[0])) for member in of))
     keys.append(key)
     return key
 

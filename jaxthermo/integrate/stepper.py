@@ -80,9 +80,8 @@ _GRAPHS = {
 @cache
 def jit_in_place(function: Callable[..., Any], as_graph: bool = False) -> Any:
     """Compile a loop over steps, which overwrites all arguments but the first."""
-    if not as_graph:
-        return eqx.filter_jit(function, donate="all-except-first")
-    return eqx.filter_jit(function, donate="all-except-first", compiler_options=_GRAPHS)
+    options: dict[str, Any] = {"compiler_options": _GRAPHS} if as_graph else {}
+    return eqx.filter_jit(function, donate="all-except-first", **options)
 
 
 def in_place(function: Callable[..., Any], theta: State) -> Callable[..., Any]:
