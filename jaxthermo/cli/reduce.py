@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from rich.console import Console
 
-from ..accuracy.truth_error import truth_error
+from ..accuracy.truth_error import TruthError, truth_error
 from ..arrays import precision
 from ..atomic import replacing, write_json
 from ..config.loader import config_hash, load_config, resolved, to_yaml
