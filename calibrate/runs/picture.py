@@ -8,6 +8,7 @@ from PIL import Image
 
 from jaxthermo.accuracy.surface_error import AnySolution
 from jaxthermo.accuracy.truth_error import AtPoints, TruthPoints
+from jaxthermo.geometry.vectors import unit_vector
 from jaxthermo.integrate.run.surface_reading import SurfaceReading
 from jaxthermo.report.difference_scale import (
     BACKGROUND,
@@ -58,9 +59,8 @@ def _view(
     direction: Float[np.ndarray, "3"],
 ) -> np.ndarray:
     """Points as discs, seen from far away along a direction, the nearest on top."""
-    along = direction / np.linalg.norm(direction)
-    right = np.cross(along, (0.0, 0.0, 1.0))
-    right /= np.linalg.norm(right)
+    along = unit_vector(direction)
+    right = unit_vector(np.cross(along, (0.0, 0.0, 1.0)))
     up = np.cross(right, along)
     faces = normal @ along < 0
     plane = position @ np.stack([right, -up], axis=1)

@@ -8,11 +8,11 @@ from jaxtyping import Bool, Float, UInt8
 from PIL import Image, ImageDraw
 
 import jaxthermo as jt
+from jaxthermo.geometry.vectors import unit_vector
 from jaxthermo.image.colour.canvas import averaged
 from jaxthermo.image.surface.camera import OrthographicCamera
 from jaxthermo.image.surface.visible import visible_points
 from jaxthermo.physics.contact.rays import PlacedGrid
-from jaxthermo.raster.views import unit_vector
 
 
 Colour = tuple[int, int, int]

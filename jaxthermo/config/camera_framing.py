@@ -5,6 +5,7 @@ import math
 import numpy as np
 from jaxtyping import Float
 
+from ..geometry.vectors import unit_vector
 from ..image.surface.camera import AbstractCamera, Camera, OrthographicCamera, frame_all
 from .schema.image import CameraConfig, OrthographicConfig, PinholeConfig
 
@@ -59,7 +60,6 @@ def _radius(triangles: Float[np.ndarray, "f 3 3"], centre: _Point) -> float:
 
 def _in_front(fitted: Camera, look_at: _Point, distance: float) -> _Point:
     # On the line through `look_at` along the fitted camera's view.
-    ahead = np.subtract(fitted.look_at, fitted.position)
-    ahead = ahead / np.linalg.norm(ahead)
+    ahead = unit_vector(np.subtract(fitted.look_at, fitted.position))
     x, y, z = np.asarray(look_at) - distance * ahead
     return float(x), float(y), float(z)

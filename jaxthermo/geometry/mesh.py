@@ -273,17 +273,6 @@ def is_closed(
     return touched == 0
 
 
-def tangents(
-    normal: Float[np.ndarray, "n 3"],
-) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
-    """Two unit vectors that are at right angles to each normal and to each other."""
-    # From the axis that is farthest from the normal: never parallel to it.
-    axis = np.eye(3)[np.abs(normal).argmin(axis=1)]
-    first = np.cross(normal, axis)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return first, np.cross(normal, first)
-
-
 if TYPE_CHECKING:
     from trimesh import Trimesh
 

@@ -11,6 +11,7 @@ from ..errors import InputError, positive_length
 from .booleans import difference, union
 from .figurine import figurine
 from .mesh import Mesh
+from .vectors import unit_vectors
 
 
 __all__ = [
@@ -236,8 +237,7 @@ def _cut_in_four(
 ) -> tuple[Float[np.ndarray, "w 3"], Int[np.ndarray, "g 3"]]:
     sides = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1), axis=-1)
     ends, number = np.unique(sides.reshape(-1, 2), axis=0, return_inverse=True)
-    middles = points[ends].mean(1)
-    middles /= np.linalg.norm(middles, axis=1, keepdims=True)
+    middles = unit_vectors(points[ends].mean(1))
     ab, bc, ca = (number.reshape(-1, 3) + len(points)).T
     a, b, c = faces.T
     quarters = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]

@@ -13,6 +13,7 @@ from scipy.sparse import csr_array
 
 from ..geometry.mesh import Mesh
 from ..geometry.sample import mesh_sample
+from ..geometry.vectors import unit_vector
 from ..image.colour.palette import apply_palette
 from ..image.surface.facets import smooth_normals
 from ..image.surface.view import smooth_weights
@@ -103,7 +104,7 @@ def point_on_ray(
     radius: float,
 ) -> int | None:
     """Index of the first point that a ray passes within a radius [m]; None for none."""
-    ahead = direction / np.linalg.norm(direction)
+    ahead = unit_vector(direction)
     offset = world - origin
     depth = offset @ ahead
     away = np.einsum("ij,ij->i", offset, offset) - depth**2

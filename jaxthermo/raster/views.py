@@ -7,29 +7,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..arrays import linear_map
-from ..errors import InputError
+from ..geometry.vectors import unit_vector
 from .depth_buffer import depth_range
 from .fragments import DepthLayers, peel
-
-
-def unit_vector(
-    direction: object, argument: str = "direction"
-) -> Float[np.ndarray, "3"]:
-    """Scale `direction` to length one.
-
-    Raises:
-        InputError: if it is not three finite numbers or has no length.
-    """
-    try:
-        vector = np.asarray(direction, float)
-    except (TypeError, ValueError):
-        vector = np.zeros(0)
-    length = np.linalg.norm(vector) if vector.shape == (3,) else 0.0
-    if not np.isfinite(length) or length == 0.0:
-        raise InputError(
-            f"{argument} {direction!r}: give three finite numbers, not all zero"
-        )
-    return vector / length
 
 
 def view_frame(direction: object) -> Float[np.ndarray, "3 3"]:

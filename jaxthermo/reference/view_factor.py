@@ -10,8 +10,9 @@ import numpy as np
 from jaxtyping import Float
 
 from ..arrays import Scalar
+from ..geometry.vectors import unit_vector
 from ..physics.radiation.area_source import polygon_view_factor
-from ..raster.views import unit_vector, view_frame
+from ..raster.views import view_frame
 
 
 def parallel_rectangles(width: Scalar, length: Scalar, gap: Scalar) -> float:

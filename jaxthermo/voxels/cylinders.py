@@ -20,7 +20,7 @@ from skimage import measure
 
 from ..arrays import Number, Vector
 from ..errors import InputError
-from ..raster.views import unit_vector
+from ..geometry.vectors import unit_vector
 from ..stored_findings import stored_search
 from .grid import VoxelGrid
 

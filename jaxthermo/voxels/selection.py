@@ -12,7 +12,7 @@ from typing_extensions import override
 
 from ..arrays import plain_numbers
 from ..errors import InputError
-from ..raster.views import unit_vector
+from ..geometry.vectors import unit_vector
 
 
 class AbstractSelection(eqx.Module):

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..errors import InputError
+from ..geometry.vectors import unit_vector
 from ..physics.boundary import Convection
 from ..physics.convection.wind import Wind
 from ..physics.radiation.diffuse_sky import DiffuseSky
@@ -248,7 +249,7 @@ class _Outdoors:
         # In a calm any direction is as good.
         if np.linalg.norm(velocity) <= 1e-9:
             velocity = -north
-        x, y, z = (velocity / np.linalg.norm(velocity)).tolist()
+        x, y, z = unit_vector(velocity).tolist()
         return Wind(
             velocity=(x, y, z),
             temperature=Table(scene_times, self._at("air", times)),

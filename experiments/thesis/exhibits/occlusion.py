@@ -7,6 +7,7 @@ from PIL import Image
 
 import jaxthermo as jt
 from jaxthermo.geometry.shapes import box, figurine, sphere
+from jaxthermo.geometry.vectors import unit_vectors
 from jaxthermo.image.colour.ticks import to_celsius
 from jaxthermo.image.radiance.draw import draw
 from jaxthermo.image.surface.camera import frame_all
@@ -161,8 +162,7 @@ def _ball_on_plane() -> dict[str, float]:
     pixel = layers.pixel[front]
     point, depth = camera.points(pixel, layers.depth[front])
     a, b, c = np.moveaxis(triangles[parent[layers.triangle[front]]], 1, 0)
-    normal = np.cross(b - a, c - a)
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    normal = unit_vectors(np.cross(b - a, c - a))
     depths = np.full((size, size), np.inf)
     depths.reshape(-1)[pixel] = depth
     normals = np.zeros((size, size, 3))

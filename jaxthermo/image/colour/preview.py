@@ -7,6 +7,7 @@ from jaxtyping import UInt8
 from PIL import Image, ImageDraw
 
 from ...geometry.mesh import Mesh, Pose
+from ...geometry.vectors import unit_vectors
 from ..surface.camera import AbstractCamera
 from ..surface.facets import smooth_normals
 from ..surface.visible import VisiblePoints, visible_points
@@ -67,8 +68,7 @@ def _shaded(
     width, height = camera.size
     colours = np.empty((height * width, 3), np.uint8)
     colours[:] = _BACKGROUND
-    to_eye = np.asarray(camera.position) - visible.position
-    to_eye /= np.linalg.norm(to_eye, axis=1, keepdims=True)
+    to_eye = unit_vectors(np.asarray(camera.position) - visible.position)
     for number, (mesh, pose) in enumerate(bodies):
         on_body = np.flatnonzero(visible.body == number)
         point = pose.to_body(visible.position[on_body])

@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 from ...errors import InputError
 from ...findings import found
 from ...geometry.refine import refine_edges
+from ...geometry.vectors import unit_vectors
 from ...integrate.run.solution import AbstractSolution
 from ...integrate.run.solution_file import StoredSolution
 from ...scene.scene import SURFACE_OUTPUTS, BodyGeometry, SolvedSurface
@@ -64,8 +65,7 @@ def vertex_mesh(
     columns, faces, parent = refine_edges(columns, creased.faces, longest)
     vertices = columns[:, :3]
     normals = columns[:, 3:]
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals = normals / np.where(length > 0, length, 1)
+    normals = unit_vectors(normals)
     weights = smooth_weights(vertices, normals, geometry)
     return _VertexMesh(
         vertices=vertices, normals=normals, faces=faces, parent=parent, weights=weights

@@ -24,6 +24,7 @@ from jaxtyping import Array, Float, Int
 from scipy.linalg import expm, expm_frechet
 from scipy.sparse import csr_array
 
+from ...geometry.vectors import tangents, unit_vectors
 from ...scene.scene import SolvedSurface
 from ..surface.background import Background
 from ..surface.camera import AbstractCamera
@@ -173,12 +174,8 @@ def _tangents(
             geometry.vertices[geometry.faces[visible.face[on_body]]], 1, 0
         )
         flat[on_body] = geometry.placed.rotate(np.cross(b - a, c - a))
-    flat /= np.linalg.norm(flat, axis=1, keepdims=True)
-    # Any direction that is not along the normal gives a first tangent.
-    axis = np.eye(3)[np.abs(flat).argmin(axis=1)]
-    first = np.cross(flat, axis)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return flat, np.stack([first, np.cross(flat, first)])
+    flat = unit_vectors(flat)
+    return flat, np.stack(tangents(flat))
 
 
 def _on_planes(

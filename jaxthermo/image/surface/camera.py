@@ -12,7 +12,8 @@ from typing_extensions import override
 
 from ...arrays import linear_map, plain_numbers
 from ...errors import InputError
-from ...raster.views import clip_half_space, unit_vector
+from ...geometry.vectors import unit_vector
+from ...raster.views import clip_half_space
 
 
 # Depth of the near plane relative to the distance of `look_at`: at depth 0 the

@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...errors import InputError
+from ...geometry.vectors import unit_vectors
 from .camera import AbstractCamera
 
 
@@ -119,7 +120,7 @@ def _sight(
     height, width = depth.shape
     origin, direction = camera.rays()
     ahead = np.where(np.isfinite(depth), depth, np.nan).reshape(-1, 1)
-    back = -direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    back = -unit_vectors(direction)
     axes, size = _axes(camera)
     return _Sight(
         point=(origin + direction * ahead).reshape(height, width, 3)[box],
@@ -141,8 +142,7 @@ def _axes(camera: AbstractCamera):
         depths.append(depth[0])
     near, far = (float(np.linalg.norm(span[0])) for span in spans)
     grows = (far - near) / (depths[1] - depths[0])
-    axes = spans[0] / np.linalg.norm(spans[0], axis=1, keepdims=True)
-    return axes, lambda depth: near + grows * (depth - depths[0])
+    return unit_vectors(spans[0]), lambda depth: near + grows * (depth - depths[0])
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -150,8 +150,7 @@ def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _across(along: np.ndarray, back: np.ndarray) -> np.ndarray:
-    side = along - (back @ along)[..., None] * back
-    return side / np.linalg.norm(side, axis=-1, keepdims=True)
+    return unit_vectors(along - (back @ along)[..., None] * back)
 
 
 def _tilt(normal: np.ndarray, back: np.ndarray, side: np.ndarray):

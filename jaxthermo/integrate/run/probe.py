@@ -6,6 +6,7 @@ from jaxtyping import Array, Float, Int
 
 from ...arrays import Points
 from ...errors import InputError, shortened
+from ...geometry.vectors import unit_vectors
 from .solution import AbstractSolution
 from .surface_reading import SurfaceReading, surface_reading
 
@@ -61,7 +62,7 @@ def probe(
                 f"probe: {len(positions)} points and {len(facing)} normals: give one "
                 "normal for each point"
             )
-        facing = facing / np.linalg.norm(facing, axis=1, keepdims=True)
+        facing = unit_vectors(facing)
     number = _scene_probe(solution, positions)
     xp = np if isinstance(solution.surface_temperature, np.ndarray) else jnp
     columns = []

@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float, Int
 from scipy.spatial import KDTree
 
 from ...findings import found
-from ...geometry.mesh import tangents
+from ...geometry.vectors import tangents
 from ...scene.scene import BodyGeometry
 
 

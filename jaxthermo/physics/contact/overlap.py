@@ -16,6 +16,7 @@ from jaxtyping import Bool, Float
 from scipy.spatial import KDTree
 
 from ...errors import InputError
+from ...geometry.vectors import row_dot
 from ...stored_findings import stored_search
 from .rays import PlacedGrid
 
@@ -166,4 +167,4 @@ def _depth_below(
     """Distance of points to the tangent plane of a body's nearest fragment [m]."""
     nearest = KDTree(body.world_fragments).query(points)[1]
     normal = body.pose.rotate(body.grid.fragment_normal[nearest])
-    return np.einsum("ij,ij->i", body.world_fragments[nearest] - points, normal)
+    return row_dot(body.world_fragments[nearest] - points, normal)

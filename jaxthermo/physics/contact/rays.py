@@ -20,6 +20,7 @@ from jaxtyping import Float, Int
 
 from ...errors import InputError
 from ...geometry.mesh import Pose
+from ...geometry.vectors import unit_vectors
 from ...host_memory import require_memory
 from ...raster.fragments import DepthLayers, expected_fragments, peel
 from ...voxels.grid import VoxelGrid
@@ -207,9 +208,7 @@ def _points(layers: DepthLayers, which, axis: int, lattice: Lattice, box):
 
 def _unit_normals(triangles):
     a, b, c = np.moveaxis(triangles, 1, 0)
-    vector = np.cross(b - a, c - a)
-    length = np.linalg.norm(vector, axis=1, keepdims=True)
-    return vector / np.where(length > 0, length, 1)
+    return unit_vectors(np.cross(b - a, c - a))
 
 
 MAX_FRAGMENT_DISTANCE = 2.0

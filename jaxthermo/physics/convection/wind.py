@@ -26,7 +26,7 @@ from typing_extensions import override
 from ...arrays import TimeVarying, is_traced, namespace
 from ...errors import InputError
 from ...findings import found
-from ...raster.views import unit_vector
+from ...geometry.vectors import unit_vector
 from ...voxels.cylinders import Cylinder, given_cylinders, parts_of
 from ...voxels.selection import AbstractSelection
 from ..boundary import toward

@@ -9,6 +9,8 @@ import math
 import numpy as np
 from jaxtyping import Float
 
+from ...geometry.vectors import row_dot, unit_vectors
+
 
 _Rays = Float[np.ndarray, "p 3"]
 Appearance = tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]
@@ -18,10 +20,6 @@ SUN_HALF_ANGLE = 0.0046505
 """Apparent radius of the sun, 695 700 km at 149 597 871 km [rad] (IAU 2015 B3)."""
 
 
-def _dot(a: _Rays, b: _Rays) -> Float[np.ndarray, " p"]:
-    return np.einsum("ij,ij->i", a, b)
-
-
 def _seen(hit: np.ndarray, radiance: float, depth: np.ndarray) -> Appearance:
     return np.where(hit, radiance, 0.0), np.where(hit, depth, np.inf)
 
@@ -29,7 +27,7 @@ def _seen(hit: np.ndarray, radiance: float, depth: np.ndarray) -> Appearance:
 def distant_disc(step: _Rays, towards: Float[np.ndarray, "3"]) -> Appearance:
     """Sun in a direction, radiance E / (pi sin^2 a) of an irradiance E normal to it."""
     # By the chord: the cosine of so small an angle has lost its digits.
-    gap = step / np.linalg.norm(step, axis=1, keepdims=True) - towards
+    gap = unit_vectors(step) - towards
     hit = np.linalg.norm(gap, axis=1) <= 2 * math.sin(SUN_HALF_ANGLE / 2)
     radiance = 1 / (math.pi * math.sin(SUN_HALF_ANGLE) ** 2)
     return _seen(hit, radiance, np.full(len(step), np.inf))
@@ -39,10 +37,10 @@ def sphere(
     origin: _Rays, step: _Rays, centre: Float[np.ndarray, "3"], radius: float
 ) -> Appearance:
     """Diffuse sphere, radiance I / (pi R^2) of a radiant intensity I."""
-    square = _dot(step, step)
+    square = row_dot(step, step)
     offset = origin - centre
-    half = _dot(offset, step) / square
-    under = half * half - (_dot(offset, offset) - radius * radius) / square
+    half = row_dot(offset, step) / square
+    under = half * half - (row_dot(offset, offset) - radius * radius) / square
     depth = -half - np.sqrt(np.maximum(under, 0.0))
     hit = (under >= 0) & (depth > 0)
     return _seen(hit, 1 / (math.pi * radius * radius), depth)

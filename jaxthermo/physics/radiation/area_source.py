@@ -20,8 +20,9 @@ from typing_extensions import override
 from ...arrays import Scalar, TimeVarying, is_traced
 from ...constants import SOLAR_TEMPERATURE, STEFAN_BOLTZMANN
 from ...errors import InputError
+from ...geometry.vectors import row_dot, unit_vector
 from ...module import Module
-from ...raster.views import unit_vector, view_frame
+from ...raster.views import view_frame
 from ...voxels.selection import AbstractSelection
 from ..flux_law import Forcing
 from ..time_varying import check_value, largest, value_at
@@ -34,17 +35,13 @@ from .visibility import lit_fraction_from_point
 _Vectors = Float[np.ndarray, "s 3"]
 
 
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.einsum("ij,ij->i", a, b)
-
-
 def _edge(a: _Vectors, b: _Vectors, normal: _Vectors) -> Float[np.ndarray, " s"]:
     """Angle that an edge spans, times the cosine of its plane to the normal."""
     across = np.cross(a, b)
     size = np.linalg.norm(across, axis=1)
     # Corners that coincide with each other or with the element span no angle.
-    angle = np.arctan2(size, _dot(a, b))
-    return angle * _dot(across, normal) / np.where(size > 0, size, 1.0)
+    angle = np.arctan2(size, row_dot(a, b))
+    return angle * row_dot(across, normal) / np.where(size > 0, size, 1.0)
 
 
 def polygon_view_factor(
@@ -68,8 +65,8 @@ def polygon_view_factor(
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         a = start - position
         b = end - position
-        height_a = _dot(a, normal)
-        height_b = _dot(b, normal)
+        height_a = row_dot(a, normal)
+        height_b = row_dot(b, normal)
         level = height_a == height_b
         t = np.where(level, 0.0, height_a / np.where(level, 1.0, height_a - height_b))
         crossing = a + t[:, None] * (b - a)

@@ -24,7 +24,7 @@ from ...arrays import TimeVarying
 from ...constants import SOLAR_TEMPERATURE
 from ...errors import InputError
 from ...findings import found
-from ...raster.views import unit_vector
+from ...geometry.vectors import row_dot, unit_vector
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux
 from ..flux_law import Forcing
@@ -325,7 +325,7 @@ class PointSource(AbstractSource):
         distance = np.linalg.norm(away, axis=1)
         floored = np.maximum(distance, self.min_distance)
         safe_distance = np.where(distance > 0, distance, 1)
-        along = np.einsum("ij,ij->i", normal, away) / safe_distance
+        along = row_dot(normal, away) / safe_distance
         exposed = np.maximum(0.0, along) / (floored * floored)
         facing = np.flatnonzero(exposed > 0)
         exposed[facing] *= lit_fraction_from_point(

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from ...arrays import Numbers, Points
 from ...errors import InputError
-from ...raster.views import unit_vector
+from ...geometry.vectors import unit_vector
 
 
 Triple = tuple[float, float, float]

@@ -21,7 +21,7 @@ from jaxtyping import Float
 from ...arrays import linear_map
 from ...errors import InputError
 from ...findings import found
-from ...geometry.mesh import tangents
+from ...geometry.vectors import row_dot, tangents
 from ...host_memory import require_memory
 from ...raster.depth_buffer import depth_range
 from ...raster.views import (
@@ -109,7 +109,7 @@ def lit_fraction_from_point(
     Arguments as for `lit_fraction`; a pixel is half of the pitch or less at each point.
     """
     lit = np.zeros(len(position))
-    facing = np.flatnonzero(np.einsum("ij,ij->i", normal, eye - position) > 0)
+    facing = np.flatnonzero(row_dot(normal, eye - position) > 0)
     if not len(facing):
         return lit
     for view, in_view in perspective_views(eye, position[facing], pitch / 2):
@@ -231,7 +231,7 @@ def _sees_out(
     nearest, farthest = (end[row, column] for end in ends)
     to_middle = np.stack([column, row], axis=1) + 0.5 - at[:, :2]
     steep = np.where(np.abs(tilt[:, 2]) > 1e-9, tilt[:, 2], 1e-9)
-    deeper = -np.einsum("ij,ij->i", to_middle, tilt[:, :2]) / steep
+    deeper = -row_dot(to_middle, tilt[:, :2]) / steep
     depth = at[:, 2] + deeper
     visible = np.where(
         tilt[:, 2] > 0,

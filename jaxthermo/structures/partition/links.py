@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from ...geometry.vectors import unit_vectors
 from ...voxels.cut_voxels import CutVoxels
 from ..structure import AbstractStructure, Links
 
@@ -308,9 +309,7 @@ def _face_normals(structure: AbstractStructure) -> Float[np.ndarray, "e 3"]:
     Zero without a shared face, or where the faces cancel.
     """
     upward, downward = _face_counts(structure)
-    normal = upward - downward
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
-    return np.divide(normal, length, out=np.zeros_like(normal), where=length > 0)
+    return unit_vectors(upward - downward)
 
 
 def _face_counts(structure):

@@ -6,7 +6,8 @@ from hypothesis import given, settings, strategies as st
 from peeling import SPHERE, ray_balance
 
 from jaxthermo.errors import InputError
-from jaxthermo.raster.views import orthographic_view, unit_vector, view_frame
+from jaxthermo.geometry.vectors import unit_vector
+from jaxthermo.raster.views import orthographic_view, view_frame
 
 
 directions = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda d: np.dot(d, d) > 1e-6)

@@ -1,0 +1,49 @@
+"""Vectors of length one, and products of rows of vectors."""
+
+import numpy as np
+from jaxtyping import Float
+
+from ..errors import InputError
+
+
+def unit_vector(
+    direction: object, argument: str = "direction"
+) -> Float[np.ndarray, "3"]:
+    """Scale `direction` to length one.
+
+    Raises:
+        InputError: if it is not three finite numbers or has no length.
+    """
+    try:
+        vector = np.asarray(direction, float)
+    except (TypeError, ValueError):
+        vector = np.zeros(0)
+    length = np.linalg.norm(vector) if vector.shape == (3,) else 0.0
+    if not np.isfinite(length) or length == 0.0:
+        raise InputError(
+            f"{argument} {direction!r}: give three finite numbers, not all zero"
+        )
+    return vector / length
+
+
+def unit_vectors(vectors: Float[np.ndarray, "*n k"]) -> Float[np.ndarray, "*n k"]:
+    """Scale the vectors on the last axis to length one; those of length zero stay."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.where(length > 0, length, 1)
+
+
+def row_dot(
+    a: Float[np.ndarray, "n k"], b: Float[np.ndarray, "n k"]
+) -> Float[np.ndarray, " n"]:
+    """Scalar product of each row with the same row of the other array."""
+    return np.einsum("ij,ij->i", a, b)
+
+
+def tangents(
+    normal: Float[np.ndarray, "n 3"],
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]:
+    """Two unit vectors that are at right angles to each normal and to each other."""
+    # From the axis that is farthest from the normal: never parallel to it.
+    axis = np.eye(3)[np.abs(normal).argmin(axis=1)]
+    first = unit_vectors(np.cross(normal, axis))
+    return first, np.cross(normal, first)
