@@ -96,7 +96,7 @@ def _conduction(
 ) -> list[Measurement]:
     x, y, z = (1e-3 * n for n in shape)
     grid = jt.voxelize(jt.shapes.box((x, y, z)), 1e-3, "dominant_axis")
-    structure = jt.FullVolume(grid, sections=False)
+    structure = jt.FullVolume(grid)
     calls = {"ours": conduction_call(structure, _STEPS)}
     for name, make in _PEERS.items():
         if find_spec(name) is not None and _has_device(name):

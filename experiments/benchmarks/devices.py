@@ -249,7 +249,7 @@ def _work(
         join(Group(f"localhost:{port}", processes, process), name)
     x, y, z = (_PITCH * n for n in shape)
     grid = jt.voxelize(jt.shapes.box((x, y, z)), _PITCH, "dominant_axis")
-    body = jt.Body(jt.FullVolume(grid, sections=False), STEEL, temperature=300.0)
+    body = jt.Body(jt.FullVolume(grid), STEEL, temperature=300.0)
     scene = on_devices(jt.Scene((body,), _TERMS[surface]), devices)
     plan, count = _plan(scene, surface == _RKL2, steps)
     state = initial_state(plan).theta[0]

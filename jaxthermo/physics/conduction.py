@@ -1,11 +1,18 @@
 """Conduction between linked nodes (thesis eq. 4): q = G (T_j - T_i).
 
-| material | network |
-|---|---|
-| one, constant | stencil or rows, as its structure requires |
-| one, with a `Property` | the same at the reference, with Kirchhoff's transform |
-| several, constant | a conductance for every link |
-| several, or one by axis, with a `Property` | links with k(T), see `varying_links` |
+The operator follows from the structure and from the materials:
+
+| structure | one material | several materials |
+|---|---|---|
+| full volume with `kernels="numba"` | `RunStencil` | refused |
+| full volume | `UniformStencil`, `OrthotropicStencil` | `HeterogeneousStencil` |
+| the same on several devices | `ShardedStencil` of these | `ShardedStencil` of these |
+| all others, and with weights | `RowNetwork` | `RowNetwork` |
+
+Voxels that the surface cuts add a `CutStencil`, links that are not normal to their
+faces `NonOrthogonal`. With a `Property` this is the operator at the reference temperature,
+below `NonlinearNetwork` (Kirchhoff's transform) for one isotropic material and below
+`VaryingLinks` for several or by axis.
 
 Conductances are a pure function of a structure's geometry, its materials and weights.
 The two halves of a link are in series, each with its length and conductivity,
@@ -20,7 +27,7 @@ across a face of normal n with k = n . K n: the part of the flux -K grad T throu
 face that depends on the temperatures of the two nodes at its sides alone.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -169,12 +176,7 @@ def assemble_uniform(
     """
     k = typed_array(conductivity, dtype)
     heat = typed_array(volumetric_heat_capacity, dtype)
-    if isinstance(structure, FullVolume) and structure.kernels == "numba":
-        return run_stencil(structure, device_array(k), device_array(heat))
-    if not (isinstance(structure, FullVolume) and structure.runs_as_stencil):
-        # A single row of conductivities by axis stands for all nodes.
-        return _assemble_links(structure, k[None] if k.ndim else k, heat)
-    return uniform_stencil(structure, device_array(k), device_array(heat))
+    return _ONE_MATERIAL[_form(structure)](structure, k, heat)
 
 
 def _assemble_mixed(
@@ -188,18 +190,50 @@ def _assemble_mixed(
     Conductivities [W/(m K)], one number or three by axis, and heat capacities rho c_p
     [J/(m^3 K)] have one row per material.
     """
-    if isinstance(structure, FullVolume) and structure.kernels == "numba":
-        raise InputError(f"{WITH_NUMBA} has one material: leave it out")
-    if isinstance(structure, FullVolume) and structure.runs_as_stencil:
-        return mixed_stencil(
-            structure,
-            material=material,
-            conductivity=device_array(conductivity),
-            heat=device_array(volumetric_heat_capacity),
-        )
-    return _assemble_links(
-        structure, conductivity[material], volumetric_heat_capacity[material]
+    return _SEVERAL_MATERIALS[_form(structure)](
+        structure, material, conductivity, volumetric_heat_capacity
     )
+
+
+def _form(structure: AbstractStructure) -> str:
+    """Form in which a structure conducts: "runs", "lattice" or "links"."""
+    if not isinstance(structure, FullVolume):
+        return "links"
+    if structure.kernels == "numba":
+        return "runs"
+    return "lattice" if structure.runs_as_stencil else "links"
+
+
+def _uniform_links(
+    structure: AbstractStructure, k: Float[_Values, "*k"], heat: Float[_Values, ""]
+) -> AbstractNetwork:
+    # A single row of conductivities by axis stands for all nodes.
+    return _assemble_links(structure, k[None] if k.ndim else k, heat)
+
+
+def _mixed_links(
+    structure: AbstractStructure,
+    material: Int[np.ndarray, " n"],
+    k: Float[_Values, "c *a"],
+    heat: Float[_Values, " c"],
+) -> AbstractNetwork:
+    return _assemble_links(structure, k[material], heat[material])
+
+
+def _refuse_mixed_runs(*_: Any) -> AbstractNetwork:
+    raise InputError(f"{WITH_NUMBA} has one material: leave it out")
+
+
+_ONE_MATERIAL: dict[str, Callable[..., AbstractNetwork]] = {
+    "runs": run_stencil,
+    "lattice": uniform_stencil,
+    "links": _uniform_links,
+}
+_SEVERAL_MATERIALS: dict[str, Callable[..., AbstractNetwork]] = {
+    "runs": _refuse_mixed_runs,
+    "lattice": mixed_stencil,
+    "links": _mixed_links,
+}
 
 
 def surface_conductivity(

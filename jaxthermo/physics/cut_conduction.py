@@ -91,7 +91,7 @@ def _cut_nodes(structure: FullVolume, cut: CutVoxels) -> Int[np.ndarray, "n 3"]:
         _flat(cut.voxel, shape),
     )
     voxel = np.stack(np.unravel_index(union, shape), axis=1)
-    if structure.packed is None and structure.sharded is None:
+    if structure.sharded is None:
         return voxel
     return voxel[np.lexsort(structure.address_of_voxels(voxel)[::-1])]
 

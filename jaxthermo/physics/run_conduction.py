@@ -1,13 +1,14 @@
 """Full volume of one material in runs of voxels, from its grid."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array, csr_array
 
+from ..arrays import device_array
 from ..errors import InputError
 from ..native.call import require_native
 from ..native.runs import Runs
@@ -20,13 +21,14 @@ from ..voxels.cut_voxels import CutVoxels
 WITH_NUMBA = 'FullVolume(kernels="numba")'
 
 
-def run_stencil(structure: FullVolume, conductivity: Array, heat: Array) -> RunStencil:
+def run_stencil(structure: FullVolume, conductivity: Any, heat: Any) -> RunStencil:
     """Network of one material, by its conductivity [W/(m K)] and rho c_p [J/(m^3 K)].
 
     Raises:
         InputError: without numba, on another device than a CPU, for a conductivity by
             axis, or for weights.
     """
+    conductivity = device_array(conductivity)
     if conductivity.ndim:
         raise InputError(
             f"{WITH_NUMBA} has one conductivity for all axes: leave it out"
@@ -42,7 +44,7 @@ def run_stencil(structure: FullVolume, conductivity: Array, heat: Array) -> RunS
     )
     return RunStencil(
         conductance=conductivity * grid.pitch,
-        whole_capacity=heat * grid.voxel_volume,
+        whole_capacity=device_array(heat) * grid.voxel_volume,
         runs=runs,
         row_weight=row_weight,
         node_count=structure.node_count,

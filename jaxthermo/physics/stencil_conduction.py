@@ -1,16 +1,15 @@
 """Stencils of full volumes, from their grid and the properties of their materials."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, Shaped
+from jaxtyping import Float, Int
 
 from ..arrays import device_array
 from ..network.link_operator import series
-from ..network.network import AbstractNetwork, Address
-from ..network.sectioned_stencil import SectionedStencil
+from ..network.network import AbstractNetwork
 from ..network.sharded_stencil import ShardedStencil
 from ..network.stencil import (
     HeterogeneousStencil,
@@ -21,25 +20,40 @@ from ..network.stencil import (
 from ..parallel.devices import mesh_of
 from ..parallel.lattice import from_sections
 from ..structures.kinds.full import FullVolume
-from ..voxels.grid import VoxelGrid
-from ..voxels.packed_lattice import PackedLattice
-from ..voxels.sharded_lattice import ShardedLattice
 from .cut_conduction import with_cut_voxels
 
 
 def uniform_stencil(
-    structure: FullVolume, conductivity: Array, heat: Array
+    structure: FullVolume, conductivity: Any, heat: Any
 ) -> AbstractNetwork:
     """Stencil of one material, with one conductivity [W/(m K)] or three along the axes.
 
     The heat capacity rho c_p is in J/(m^3 K).
     """
-    if structure.sharded is not None:
-        base = _sharded_uniform(
-            structure, lattice=structure.sharded, conductivity=conductivity, heat=heat
+    conductivity = device_array(conductivity)
+    heat = device_array(heat)
+    grid = structure.grid
+    lattice = structure.sharded
+    conductance = conductivity * grid.pitch
+    capacity = heat * grid.voxel_volume
+    orthotropic = bool(conductivity.ndim)
+    stencil = OrthotropicStencil if orthotropic else UniformStencil
+    bits = 2 if orthotropic else 0
+    if lattice is None:
+        degree = structure.found(
+            ("solid_degree", bits), lambda: device_array(solid_degree(grid.solid, bits))
         )
+        base = stencil(capacity, structure.node_count, degree, conductance)
     else:
-        base = _local_uniform(structure, conductivity, heat)
+        degree, beyond = structure.found(
+            ("sharded_degree", bits), lambda: _section_degrees(structure, bits)
+        )
+        if orthotropic:
+            conductance = conductance[np.array(lattice.axes)]
+        sections = stencil(
+            capacity, structure.node_count, degree, conductance, beyond=beyond
+        )
+        base = ShardedStencil(sections, mesh_of(lattice.count))
     return with_cut_voxels(
         base,
         structure=structure,
@@ -49,166 +63,66 @@ def uniform_stencil(
     )
 
 
-def _local_uniform(
-    structure: FullVolume, conductivity: Array, heat: Array
-) -> AbstractNetwork:
-    """Stencil of one material on one device."""
-    grid = structure.grid
-    packed = structure.packed
-    orthotropic = bool(conductivity.ndim)
-    bits = 2 if orthotropic else 0
-    degree = structure.found(
-        ("solid_degree", bits, packed is None),
-        lambda: device_array(solid_degree(_of_lattice(grid.solid, packed), bits)),
-    )
-    conductance = conductivity * grid.pitch
-    across = conductance
-    if orthotropic and packed is not None:
-        across = conductance[packed.axes[0]]
-        conductance = conductance[np.array(packed.axes)]
-    stencil = OrthotropicStencil if orthotropic else UniformStencil
-    base = stencil(heat * grid.voxel_volume, structure.node_count, degree, conductance)
-    if packed is None:
-        return base
-    before, behind = _cut_pairs(structure, packed)
-    return SectionedStencil(base, before=before, behind=behind, conductance=across)
+def _section_degrees(structure: FullVolume, bits: int):
+    """Degrees of the voxels in each device's section, and the planes beyond it."""
+    lattice = structure.sharded
+    assert lattice is not None
+
+    def section(n: int) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
+        solid = lattice.section(structure.grid.solid, n)
+        return solid_degree(solid, bits)[1:-1], (solid[:1], solid[-1:])
+
+    return from_sections(mesh_of(lattice.count), section)
 
 
 def mixed_stencil(
     structure: FullVolume,
     material: Int[np.ndarray, " n"],
-    conductivity: Float[Array, " c"] | Float[Array, "c 3"],
-    heat: Float[Array, " c"],
+    conductivity: Float[Any, " c"] | Float[Any, "c 3"],
+    heat: Float[Any, " c"],
 ) -> AbstractNetwork:
     """Stencil of several materials, numbered by node.
 
     Conductivities [W/(m K)] and heat capacities rho c_p [J/(m^3 K)] have one row per
     material.
     """
+    conductivity = device_array(conductivity)
+    heat = device_array(heat)
     grid = structure.grid
+    lattice = structure.sharded
+    sizes = _VoxelSizes(
+        half_edge=grid.pitch / 2, face_area=grid.pitch**2, volume=grid.voxel_volume
+    )
     number = np.zeros(grid.solid.shape, np.int32)
     number[grid.solid] = material
-    if structure.sharded is not None:
-        base = _sharded_mixed(
-            structure, number=number, conductivity=conductivity, heat=heat
-        )
-    else:
-        base = _local_mixed(
-            structure, number=number, conductivity=conductivity, heat=heat
-        )
-    return with_cut_voxels(
-        base, structure=structure, number=number, conductivity=conductivity, heat=heat
-    )
-
-
-def _local_mixed(
-    structure: FullVolume,
-    number: Int[np.ndarray, "x y z"],
-    conductivity: Array,
-    heat: Array,
-) -> AbstractNetwork:
-    """Stencil of several materials on one device."""
-    packed = structure.packed
-    sizes = _sizes(structure.grid)
-    solid = _of_lattice(structure.grid.solid, packed)
-    number = _of_lattice(number, packed)
-    if packed is not None and conductivity.ndim == 2:
-        conductivity = conductivity[:, np.array(packed.axes)]
-    base = _stencil_arrays(
-        solid, number=number, conductivity=conductivity, heat=heat, sizes=sizes
-    )
-    if packed is None:
-        return base
-    before, behind = _cut_pairs(structure, packed)
-    across = conductivity[:, 0] if conductivity.ndim == 2 else conductivity
-    conductance = _face_conductance(
-        across[number[tuple(np.asarray(index) - 1 for index in before)]],
-        across[number[tuple(np.asarray(index) - 1 for index in behind)]],
-        sizes,
-    )
-    return SectionedStencil(base, before=before, behind=behind, conductance=conductance)
-
-
-def _sharded_uniform(
-    structure: FullVolume, lattice: ShardedLattice, conductivity: Array, heat: Array
-) -> ShardedStencil:
-    """Stencil of one material with a section on each of several devices."""
-    grid = structure.grid
-    mesh = mesh_of(lattice.count)
-    orthotropic = bool(conductivity.ndim)
-    bits = 2 if orthotropic else 0
-
-    def section(n: int) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
-        solid = lattice.section(grid.solid, n)
-        return solid_degree(solid, bits)[1:-1], (solid[:1], solid[-1:])
-
-    degree, beyond = structure.found(
-        ("sharded_degree", bits), lambda: from_sections(mesh, section)
-    )
-    conductance = conductivity * grid.pitch
-    if orthotropic:
-        conductance = conductance[np.array(lattice.axes)]
-    stencil = OrthotropicStencil if orthotropic else UniformStencil
-    base = stencil(
-        heat * grid.voxel_volume,
-        structure.node_count,
-        degree,
-        conductance,
-        beyond=beyond,
-    )
-    return ShardedStencil(base, mesh)
-
-
-def _sharded_mixed(
-    structure: FullVolume,
-    number: Shaped[np.ndarray, "x y z"],
-    conductivity: Array,
-    heat: Array,
-) -> ShardedStencil:
-    """Stencil of several materials with a section on each of several devices."""
-    lattice = structure.sharded
-    assert lattice is not None
-    grid = structure.grid
-    sizes = _sizes(grid)
-    mesh = mesh_of(lattice.count)
-    if conductivity.ndim == 2:
-        conductivity = conductivity[:, np.array(lattice.axes)]
-
-    def section(n: int) -> HeterogeneousStencil:
-        padded = _stencil_arrays(
-            lattice.section(grid.solid, n),
-            number=lattice.section(number, n),
+    if lattice is None:
+        base = _stencil_arrays(
+            grid.solid,
+            number=number,
             conductivity=conductivity,
             heat=heat,
             sizes=sizes,
         )
-        # Without the planes of the neighbours, which give the section's outer faces.
-        return jax.tree.map(lambda values: values[1:-1], padded)
+    else:
+        by_axis = conductivity.ndim == 2
+        along = conductivity[:, np.array(lattice.axes)] if by_axis else conductivity
 
-    return ShardedStencil(from_sections(mesh, section), mesh)
+        def section(n: int) -> HeterogeneousStencil:
+            padded = _stencil_arrays(
+                lattice.section(grid.solid, n),
+                number=lattice.section(number, n),
+                conductivity=along,
+                heat=heat,
+                sizes=sizes,
+            )
+            # Without the planes of the neighbours, which give its outer faces.
+            return jax.tree.map(lambda values: values[1:-1], padded)
 
-
-def _of_lattice(
-    values: Shaped[np.ndarray, "x y z"], packed: PackedLattice | None
-) -> Shaped[np.ndarray, "a b c"]:
-    return values if packed is None else packed.packed(values)
-
-
-def _cut_pairs(structure: FullVolume, packed: PackedLattice) -> tuple[Address, Address]:
-    """Position of the voxels before and behind the cuts between sections."""
-
-    def find() -> tuple[Address, Address]:
-        first, second = packed.cut_pairs(structure.grid.solid)
-        before = structure.address_of_voxels(first)
-        behind = structure.address_of_voxels(second)
-        # In the order of the state, in which they are read.
-        order = np.lexsort(before[::-1])
-        return (
-            tuple(device_array(index[order]) for index in before),
-            tuple(device_array(index[order]) for index in behind),
-        )
-
-    return structure.found("cut_pairs", find)
+        mesh = mesh_of(lattice.count)
+        base = ShardedStencil(from_sections(mesh, section), mesh)
+    return with_cut_voxels(
+        base, structure=structure, number=number, conductivity=conductivity, heat=heat
+    )
 
 
 class _VoxelSizes(NamedTuple):
@@ -222,22 +136,6 @@ class _VoxelSizes(NamedTuple):
     """[m^3]"""
 
 
-def _sizes(grid: VoxelGrid) -> _VoxelSizes:
-    return _VoxelSizes(
-        half_edge=grid.pitch / 2, face_area=grid.pitch**2, volume=grid.voxel_volume
-    )
-
-
-@jax.jit
-def _face_conductance(
-    first: Float[Array, "*f"], second: Float[Array, "*f"], sizes: _VoxelSizes
-) -> Float[Array, "*f"]:
-    """Conductance of faces between voxels, by the conductivities of both [W/K]."""
-    half = jnp.full(first.shape, sizes.half_edge, first.dtype)
-    area = jnp.full(first.shape, sizes.face_area, first.dtype)
-    return series(area, length1=half, k1=first, length2=half, k2=second)
-
-
 @jax.jit
 def _stencil_arrays(
     solid, number, conductivity, heat, sizes: _VoxelSizes
@@ -249,9 +147,17 @@ def _stencil_arrays(
         k = jnp.where(solid, k, 0)
         first = jax.lax.slice_in_dim(k, 0, k.shape[axis] - 1, axis=axis)
         second = jax.lax.slice_in_dim(k, 1, k.shape[axis], axis=axis)
+        half = jnp.full(first.shape, sizes.half_edge, k.dtype)
+        conductance = series(
+            jnp.full(first.shape, sizes.face_area, k.dtype),
+            length1=half,
+            k1=first,
+            length2=half,
+            k2=second,
+        )
         outer = [(0, 0)] * 3
         outer[axis] = (1, 1)
-        faces.append(jnp.pad(_face_conductance(first, second, sizes), outer))
+        faces.append(jnp.pad(conductance, outer))
     return HeterogeneousStencil(
         face_conductance=(faces[0], faces[1], faces[2]),
         cell_capacity=jnp.where(solid, heat[number] * sizes.volume, 0),

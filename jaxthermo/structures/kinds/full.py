@@ -11,7 +11,6 @@ from typing_extensions import override
 
 from ...native.call import check_kernels
 from ...voxels.grid import VoxelGrid
-from ...voxels.packed_lattice import PackedLattice, packed_lattice
 from ...voxels.sharded_lattice import ShardedLattice, cut_axes, sharded_lattice
 from ..partition.links import voxel_links
 from ..structure import AbstractStructure, Links, Nodes
@@ -25,11 +24,9 @@ _DENSE = 0.5
 class FullVolume(AbstractStructure):
     """Every solid voxel, linked to its six neighbours; the reference for all others.
 
-    It runs as a masked stencil over the bounding box or, where that is sparse, over a
-    smaller box with sections of the body (`PackedLattice`). With `sections=False` it
-    always runs over the bounding box, with `stencil=False` as sorted links: slower, but
-    equal to rounding, these are the references. A run on several devices has a section
-    on each (`ShardedLattice`).
+    It runs as a masked stencil over the bounding box or, with `stencil=False`, as sorted
+    links: slower, but equal to rounding, they are the reference. A run on several
+    devices has a section on each (`ShardedLattice`).
 
     With `kernels="numba"` explicit steps of one material on a CPU are loops over the
     solid voxels alone, which numba compiles (extra `native`): equal to rounding.
@@ -43,7 +40,6 @@ class FullVolume(AbstractStructure):
 
     grid: VoxelGrid = eqx.field(static=True)
     stencil: bool = eqx.field(static=True, default=True)
-    sections: bool = eqx.field(static=True, default=True)
     kernels: str | None = eqx.field(static=True, default=None)
     """"numba" for explicit steps in loops that it compiles; None for those of XLA."""
     devices: int = eqx.field(static=True, default=1)
@@ -61,15 +57,6 @@ class FullVolume(AbstractStructure):
         return self.stencil and self.kernels is None and self.weights.are_one
 
     @property
-    def packed(self) -> PackedLattice | None:
-        """Sections of the body, where a state is a lattice of them."""
-        if self.devices > 1 or not (
-            self.sections and self.runs_as_stencil and self._is_sparse
-        ):
-            return None
-        return self.found("packed_lattice", lambda: packed_lattice(self.grid.solid))
-
-    @property
     def sharded(self) -> ShardedLattice | None:
         """Sections of the body on several devices, where it is on more than one."""
         if self.devices == 1:
@@ -80,18 +67,10 @@ class FullVolume(AbstractStructure):
         )
 
     @property
-    def _layout(self) -> PackedLattice | ShardedLattice | None:
-        return self.packed if self.devices == 1 else self.sharded
-
-    @property
-    def _is_sparse(self) -> bool:
-        return self.grid.solid_count <= _DENSE * self.grid.solid.size
-
-    @property
     @override
     def options(self) -> Hashable:
         # Weights run as links: their findings have positions of nodes, not of cells.
-        return super().options, self.runs_as_stencil, self.sections, self.devices
+        return super().options, self.runs_as_stencil, self.devices
 
     @property
     @override
@@ -102,9 +81,11 @@ class FullVolume(AbstractStructure):
     def for_solves(self) -> "FullVolume":
         # A solve stores half a dozen arrays, as long as the box for a stencil.
         # Only lattices are sharded.
-        is_list = self._is_sparse and self.devices == 1
+        sparse = self.grid.solid_count <= _DENSE * self.grid.solid.size
         structure = self if self.kernels is None else replace(self, kernels=None)
-        return replace(structure, stencil=False) if is_list else structure
+        if sparse and self.devices == 1:
+            return replace(structure, stencil=False)
+        return structure
 
     @property
     @override
@@ -192,7 +173,7 @@ class FullVolume(AbstractStructure):
         if not self.runs_as_stencil:
             return (self.node_count,)
         # A rim of one cell, so that the stencil needs no special case at the ends.
-        layout = self._layout
+        layout = self.sharded
         x, y, z = self.grid.solid.shape if layout is None else layout.shape
         return (x + 2, y + 2, z + 2)
 
@@ -223,7 +204,7 @@ class FullVolume(AbstractStructure):
         self, voxel: Int[np.ndarray, "m 3"]
     ) -> tuple[Int[np.ndarray, " m"], ...]:
         """Indices of solid voxels in the state of a stencil."""
-        layout = self._layout
+        layout = self.sharded
         cells = voxel if layout is None else layout.cells(voxel)
         # The rim of one cell.
         return tuple(np.asarray(index + 1, np.int32) for index in cells.T)
