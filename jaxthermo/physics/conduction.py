@@ -10,9 +10,9 @@ The operator follows from the structure and from the materials:
 | all others, and with weights | `RowNetwork` | `RowNetwork` |
 
 Voxels that the surface cuts add a `CutStencil`, links that are not normal to their
-faces `NonOrthogonal`. With a `Property` this is the operator at the reference temperature,
-below `NonlinearNetwork` (Kirchhoff's transform) for one isotropic material and below
-`VaryingLinks` for several or by axis.
+faces `NonOrthogonal`. With a `Property` this is the operator at the reference
+temperature, below `NonlinearNetwork` (Kirchhoff's transform) for one isotropic material
+and below `VaryingLinks` for several or by axis.
 
 Conductances are a pure function of a structure's geometry, its materials and weights.
 The two halves of a link are in series, each with its length and conductivity,
