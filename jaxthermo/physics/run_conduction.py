@@ -40,7 +40,7 @@ def run_stencil(structure: FullVolume, conductivity: Any, heat: Any) -> RunStenc
     dtype = conductivity.dtype
     runs, row_weight = structure.found(
         ("voxel_runs", dtype.name),
-        lambda: jax.tree.map(jnp.asarray, voxel_runs(grid.solid, grid.cut, dtype)),
+        lambda: jax.tree.map(jnp.asarray, _voxel_runs(grid.solid, grid.cut, dtype)),
     )
     return RunStencil(
         conductance=conductivity * grid.pitch,
@@ -118,7 +118,7 @@ class NodeCells(NamedTuple):
         return volume
 
 
-def voxel_runs(
+def _voxel_runs(
     solid: Bool[np.ndarray, "x y z"], cut: CutVoxels | None, dtype: np.dtype
 ) -> tuple[Runs, Float[np.ndarray, " m"]]:
     """Runs of the nodes with six uncut links, and rows of all others.

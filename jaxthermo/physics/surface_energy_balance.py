@@ -53,10 +53,10 @@ MAX_ITERATIONS = 6
 """Newton iterations, which reduce the error in a near-insulator to 1e-6 of q, also from
 ten times the node's temperature."""
 
-TOLERANCE = {"float32": 1e-5, "float64": 1e-12}
+_TOLERANCE = {"float32": 1e-5, "float64": 1e-12}
 """About one rounding of a difference of 100 K, by the type of the state [K]."""
 
-NumberedTerms = tuple[tuple[int, BoundTerm], ...]
+_NumberedTerms = tuple[tuple[int, BoundTerm], ...]
 """Bound terms, each with the index of its mechanism's name."""
 
 
@@ -80,11 +80,11 @@ class SurfaceTerms(Module):
     """Mechanisms, by number."""
     half_cell: Float[Values, " m"]
     """Conductance G from the natural part of each cell to its node [W/K]."""
-    natural: NumberedTerms
+    natural: _NumberedTerms
     """Terms that give a flux at the surface's temperature."""
-    prescribed: NumberedTerms
+    prescribed: _NumberedTerms
     """Terms that prescribe the surface's temperature: heat straight to the node."""
-    radiating: NumberedTerms = ()
+    radiating: _NumberedTerms = ()
     """Exchange with other surfaces where the temperature is prescribed."""
     iterations: int = eqx.field(static=True, default=MAX_ITERATIONS)
     """Newton iterations; with fewer than the maximum they start at the node's
@@ -126,7 +126,7 @@ class SurfaceTerms(Module):
         # The start is off by at most the flux over the conductance.
         error = flux[bounded] / conducts[bounded]
         rate = curvature[bounded] / 2 / conducts[bounded]
-        tolerance = TOLERANCE[np.asarray(self.half_cell).dtype.name]
+        tolerance = _TOLERANCE[np.asarray(self.half_cell).dtype.name]
         # Where the bound overflows it is of no use, and all iterations are taken.
         with np.errstate(over="ignore"):
             for iterations in range(1, MAX_ITERATIONS):
@@ -381,7 +381,7 @@ class SurfaceTerms(Module):
             law = term.law.coarsened(lambda values: values[..., cells])
             return bound(term.effective_area[cells], law.above(reference))
 
-        def selection(terms: NumberedTerms) -> NumberedTerms:
+        def selection(terms: _NumberedTerms) -> _NumberedTerms:
             return _mapped(select, tuple(pair for pair in terms if pair[0] in acting))
 
         return replaced(
@@ -394,8 +394,8 @@ class SurfaceTerms(Module):
 
 
 def _mapped(
-    function: Callable[[BoundTerm], BoundTerm], terms: NumberedTerms
-) -> NumberedTerms:
+    function: Callable[[BoundTerm], BoundTerm], terms: _NumberedTerms
+) -> _NumberedTerms:
     return tuple((n, function(term)) for n, term in terms)
 
 

@@ -32,7 +32,7 @@ _Pair = tuple[Float[Array, "..."], Float[Array, "..."]]
 # Values of the first and of the second body.
 
 
-def contact_conductance_of(
+def _contact_conductance(
     area: _Rows, half_a: _Rows, half_b: _Rows, coefficient: Scalar | _Rows
 ) -> _Rows:
     """Conductance G from node to node through each pair [W/K].
@@ -91,7 +91,7 @@ class ContactLinks(Module):
     def _links(self, conductance) -> Float[Array, " p"]:
         half_a, half_b = self.half_cell
         return jnp.asarray(
-            contact_conductance_of(
+            _contact_conductance(
                 self.area, half_a=half_a, half_b=half_b, coefficient=conductance
             )
         )

@@ -264,13 +264,13 @@ def _nearest_fragments(
     return fragment
 
 
-FragmentShares = tuple[Int[np.ndarray, " k"], Float[np.ndarray, " k"]]
+_FragmentShares = tuple[Int[np.ndarray, " k"], Float[np.ndarray, " k"]]
 """Fragment of each point, -1 for none, and the share of the point's area [-]."""
 
 
 def fragment_shares(
     grid: VoxelGrid, point: Float[np.ndarray, "k 3"], triangle: Int[np.ndarray, " k"]
-) -> list[FragmentShares]:
+) -> list[_FragmentShares]:
     """Fragments to which the area around each point on a body's surface belongs.
 
     Arguments as for `_nearest_fragments`. Where there are fragments on rays of all axes

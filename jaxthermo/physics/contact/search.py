@@ -325,19 +325,6 @@ def _near_fragments(
     return candidates[occupied[tuple(block(points_a[candidates]).T)]]
 
 
-def contact_flux(
-    fragment: Int[np.ndarray, " p"],
-    heat_rate: Float[np.ndarray, " p"],
-    fragment_area: Float[np.ndarray, " s"],
-) -> Float[np.ndarray, " s"]:
-    """Heat flux through every fragment of one side, q'' = sum_pairs q / A [W/m^2].
-
-    The heat rate of each pair is positive into that side [W].
-    """
-    total = np.bincount(fragment, heat_rate, minlength=len(fragment_area))
-    return total / fragment_area
-
-
 def _merge_touches(
     fragment_a: Int[np.ndarray, " k"],
     fragment_b: Int[np.ndarray, " k"],

@@ -38,7 +38,7 @@ from .air import (
 from .nusselt import Average, NamedAverage, Pchip, cylinder_table, pchip
 
 
-MAX_REYNOLDS = 2.5e5
+_MAX_REYNOLDS = 2.5e5
 """Reynolds number above which the average is constant: the drag crisis is near."""
 
 # Relative difference of x / D + 1/2 within which fragments share a group.
@@ -107,7 +107,7 @@ def local_nusselt(
     average: Average,
 ) -> Float[Array, "*n"]:
     """Nu(theta, Re, Pr) on the side of a cylinder, from cos(theta)."""
-    limited = jnp.minimum(reynolds, MAX_REYNOLDS)
+    limited = jnp.minimum(reynolds, _MAX_REYNOLDS)
     factor = _shape_factor(_shape_coefficients(limited), _harmonics(cosine))
     return average(limited, prandtl_number) * factor
 
@@ -170,7 +170,7 @@ def _group_coefficients(
     ratio = ratio if ratio.ndim == 2 else ratio[None]
     local = speeds[:, None] * ratio
     # The average is constant above the largest Reynolds number.
-    local = jnp.minimum(local, MAX_REYNOLDS * viscosity / diameter[None])
+    local = jnp.minimum(local, _MAX_REYNOLDS * viscosity / diameter[None])
     film = jnp.asarray(FILM_TEMPERATURES.astype(speeds.dtype))
     speed, width, film = jnp.broadcast_arrays(
         local[..., None], diameter[None, :, None], film[None, None]
@@ -239,9 +239,9 @@ def validity_notes(reynolds: float, average: NamedAverage) -> tuple[str, ...]:
     """Limits of validity that a result at this Reynolds number exceeds."""
     table = cylinder_table()
     notes = []
-    if reynolds > MAX_REYNOLDS:
+    if reynolds > _MAX_REYNOLDS:
         notes.append(
-            f"Re {reynolds:.3g} is above {MAX_REYNOLDS:.3g}, beyond which the Nusselt "
+            f"Re {reynolds:.3g} is above {_MAX_REYNOLDS:.3g}, beyond which the Nusselt "
             "number is constant: give a lower speed or a smaller cylinder"
         )
     if reynolds > table.reynolds[~table.recalled].max():

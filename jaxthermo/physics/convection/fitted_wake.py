@@ -53,7 +53,7 @@ _REMAINS = 30.0
 _SPREADS_FROM = 0.5
 
 
-class WakeRange(NamedTuple):
+class _WakeRange(NamedTuple):
     """Parameters of one regime of wakes in its range of Reynolds numbers."""
 
     regime: str
@@ -75,7 +75,7 @@ class WakeRange(NamedTuple):
 
 
 @functools.cache
-def wake_ranges() -> tuple[WakeRange, ...]:
+def _wake_ranges() -> tuple[_WakeRange, ...]:
     """Regimes of wakes by rising Reynolds number."""
     with _FILE.open(encoding="utf-8", newline="") as lines:
         rows = list(csv.DictReader(lines))
@@ -84,7 +84,7 @@ def wake_ranges() -> tuple[WakeRange, ...]:
         by_name = {row["parameter"]: row for row in rows if row["kind"] == regime}
         parameters = [by_name[name] for name in PARAMETERS]
         ranges.append(
-            WakeRange(
+            _WakeRange(
                 regime=regime,
                 low=float(parameters[0]["Re_low"]),
                 high=float(parameters[0]["Re_high"]),
@@ -101,7 +101,7 @@ def _by_reynolds() -> Pchip:
     """Logarithms of the parameters by that of Re, level beyond the ends."""
     reynolds = []
     logs = []
-    for wake_range in wake_ranges():
+    for wake_range in _wake_ranges():
         middle = np.sqrt(wake_range.low * wake_range.high)
         for re in (wake_range.low, middle, wake_range.high):
             reynolds.append(re)
@@ -154,10 +154,10 @@ class FittedWake(Module):
 
 def fitted_notes(reynolds: Float[np.ndarray, " n"]) -> tuple[str, ...]:
     """Notes on objects at Reynolds numbers V D / nu that no wake was computed for."""
-    computed = [fit for fit in wake_ranges() if fit.regime != "turbulent"]
+    computed = [fit for fit in _wake_ranges() if fit.regime != "turbulent"]
     low = computed[0].low
     high = computed[-1].high
-    turbulent = wake_ranges()[-1].low
+    turbulent = _wake_ranges()[-1].low
     notes = []
     if (reynolds < low).any():
         notes.append(

@@ -59,10 +59,10 @@ class _Shape(NamedTuple):
 # Standard gravity [m/s^2].
 _GRAVITY = 9.80665
 
-PLATE = _Shape(0.825, 0.492)
+_PLATE = _Shape(0.825, 0.492)
 """Vertical plate; L is its height."""
 
-CYLINDER = _Shape(0.6, 0.559)
+_CYLINDER = _Shape(0.6, 0.559)
 """Horizontal cylinder; L is its diameter."""
 
 
@@ -71,13 +71,13 @@ def _b(prandtl, c: float):
 
 
 # Ratio of b of a cylinder to b of a plate, within 1e-4 for Pr 0.69 to 0.75.
-_CYLINDER_OVER_PLATE = _b(0.71, CYLINDER.c) / _b(0.71, PLATE.c)
+_CYLINDER_OVER_PLATE = _b(0.71, _CYLINDER.c) / _b(0.71, _PLATE.c)
 
 
 def _churchill_chu(
     rayleigh: Float[Array, "*n"], prandtl: Float[Array, "*n"], shape: _Shape
 ) -> Float[Array, "*n"]:
-    """Average Nusselt number of a `PLATE` or a `CYLINDER`."""
+    """Average Nusselt number of a `_PLATE` or a `_CYLINDER`."""
     return (shape.a + _b(prandtl, shape.c) * rayleigh ** (1 / 6)) ** 2
 
 
@@ -111,7 +111,7 @@ def _film_factors(
     pr = air.prandtl(film)
     root = jnp.sqrt(air.conductivity(film))
     rise = (_GRAVITY * pr / (film * nu * nu)) ** (1 / 6)
-    return root, root * rise * _b(pr, PLATE.c)
+    return root, root * rise * _b(pr, _PLATE.c)
 
 
 # Differences |T_s - T_inf| are regularized to sqrt(d^2 + this^2) under the sixth root
@@ -339,5 +339,5 @@ class FreeConvection(AbstractSurfaceTerm):
                 f"FreeConvection(cylinders=): the upright one at {cylinder.axis_point} "
                 "has no length: give it one, or FreeConvection a length"
             )
-        shape, rising = (PLATE, 1.0) if upright else (CYLINDER, _CYLINDER_OVER_PLATE)
+        shape, rising = (_PLATE, 1.0) if upright else (_CYLINDER, _CYLINDER_OVER_PLATE)
         return shape.a / float(length) ** 0.5, rising

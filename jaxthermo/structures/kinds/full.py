@@ -24,9 +24,9 @@ _DENSE = 0.5
 class FullVolume(AbstractStructure):
     """Every solid voxel, linked to its six neighbours; the reference for all others.
 
-    It runs as a masked stencil over the bounding box or, with `stencil=False`, as sorted
-    links: slower, but equal to rounding, they are the reference. A run on several
-    devices has a section on each (`ShardedLattice`).
+    It runs as a masked stencil over the bounding box or, with `stencil=False`, as
+    sorted links: slower, but equal to rounding, they are the reference. A run on
+    several devices has a section on each (`ShardedLattice`).
 
     With `kernels="numba"` explicit steps of one material on a CPU are loops over the
     solid voxels alone, which numba compiles (extra `native`): equal to rounding.

@@ -64,7 +64,7 @@ def block(request, monkeypatch):
     ],
 )
 def test_every_operator_is_that_of_the_links(grid, block):
-    runs, _ = run_conduction.voxel_runs(grid.solid, grid.cut, np.dtype(float))
+    runs, _ = run_conduction._voxel_runs(grid.solid, grid.cut, np.dtype(float))
     assert (len(runs.block) > 2) == (block == 400)
     fast, plain = both(grid)
     # Not the findings of the other number of blocks.

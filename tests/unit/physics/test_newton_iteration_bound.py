@@ -11,8 +11,8 @@ from jaxthermo.physics.boundary import Exchange, ImposedFlux
 from jaxthermo.physics.flux_law import Forcing, bound
 from jaxthermo.physics.radiation.emission import _Emission
 from jaxthermo.physics.surface_energy_balance import (
+    _TOLERANCE,
     MAX_ITERATIONS,
-    TOLERANCE,
     SurfaceTerms,
 )
 
@@ -60,7 +60,7 @@ def test_fewer_steps_leave_what_they_promise(conductivity, pitch, dtype):
     exact, all_heat = _solved(terms, theta)
     print(conductivity, pitch, dtype, "steps", steps, "off", excess - exact)
     rounding = 40 * np.finfo(dtype).eps * 400.0
-    np.testing.assert_allclose(excess, exact, atol=TOLERANCE[dtype] + rounding)
+    np.testing.assert_allclose(excess, exact, atol=_TOLERANCE[dtype] + rounding)
     np.testing.assert_allclose(
         heat, all_heat, rtol=1e-3 if dtype == "float32" else 1e-9
     )

@@ -7,7 +7,6 @@ from jaxthermo.errors import InputError
 from jaxthermo.geometry.shapes import box
 from jaxthermo.image.colour.contact_texture import _UNTOUCHED, contact_images
 from jaxthermo.image.colour.palette import palette_table
-from jaxthermo.physics.contact.search import contact_flux
 from jaxthermo.voxels.textures import _BACKGROUND
 from jaxthermo.voxels.voxelize import voxelize
 
@@ -51,9 +50,3 @@ def test_the_layer_that_has_less_is_dark_where_it_ends():
     images = contact_images(GRID, values)["x_contact"]
     assert len(images) == 2 and all(i.shape == (2, 4, 3) for i in images)
     assert not (images[1] == _BACKGROUND).all(-1).any()
-
-
-def test_flux_of_fragments():
-    area = np.array([2.0, 1.0, 4.0])
-    flux = contact_flux(np.array([0, 2, 2]), np.array([6.0, 1.0, 3.0]), area)
-    assert flux.tolist() == [3.0, 0.0, 1.0]

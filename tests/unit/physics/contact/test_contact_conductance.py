@@ -12,9 +12,9 @@ import jaxthermo as jt
 from jaxthermo.errors import InputError
 from jaxthermo.physics.contact.links import (
     Contact,
+    _contact_conductance,
     _gap_factor,
     _series,
-    contact_conductance_of,
 )
 from jaxthermo.physics.contact.search import ContactPairs
 from jaxthermo.scene.compile.bodies import prepare
@@ -27,7 +27,7 @@ HALF_A = jnp.array([4.0, 1e-3, 0.0])
 HALF_B = jnp.array([0.5, 2e-2, 0.0])
 BONDED = np.array([4.0 * 0.5 / 4.5, 1e-3 * 2e-2 / 2.1e-2, 0.0])
 
-conductance = jax.jit(contact_conductance_of)
+conductance = jax.jit(_contact_conductance)
 
 
 @jax.jit
@@ -56,7 +56,7 @@ def test_float32_holds_over_its_whole_range():
     half_b = HALF_B.astype(jnp.float32)
 
     def total(h_c):
-        return contact_conductance_of(
+        return _contact_conductance(
             area, half_a=half_a, half_b=half_b, coefficient=h_c
         ).sum()
 
@@ -69,7 +69,7 @@ def test_float32_holds_over_its_whole_range():
 
 def test_all_derivatives_are_finite_and_right():
     def total(area, h_c):
-        return contact_conductance_of(
+        return _contact_conductance(
             area, half_a=HALF_A, half_b=HALF_B, coefficient=h_c
         ).sum()
 
@@ -137,7 +137,7 @@ def test_the_coefficient_across_a_gap(h_c):
     half = jnp.full(3, 0.1)
 
     def across(length, h):
-        return contact_conductance_of(
+        return _contact_conductance(
             areas * _gap_factor(gap, length), half_a=half, half_b=half, coefficient=h
         )
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from jaxthermo.physics.convection.cross_flow import (
-    MAX_REYNOLDS,
+    _MAX_REYNOLDS,
     _harmonics,
     _shape_coefficients,
     _shape_factor,
@@ -42,7 +42,7 @@ def around(reynolds):
         )
         for average in AVERAGES
     ]
-    limited = jnp.full(64, jnp.minimum(reynolds, MAX_REYNOLDS))
+    limited = jnp.full(64, jnp.minimum(reynolds, _MAX_REYNOLDS))
     means = [average.nusselt(limited, prandtl)[0] for average in AVERAGES]
     return jnp.stack(local), jnp.stack(means)
 

@@ -16,7 +16,7 @@ from wind_bodies import (
 import jaxthermo as jt
 from jaxthermo.geometry import shapes
 from jaxthermo.physics.convection.air import kinematic_viscosity
-from jaxthermo.physics.convection.fitted_wake import FittedWake, wake_ranges
+from jaxthermo.physics.convection.fitted_wake import FittedWake, _wake_ranges
 from jaxthermo.physics.convection.wake_geometry import wake_geometry
 from jaxthermo.physics.convection.wind import Wind
 from jaxthermo.physics.surface import Binding
@@ -212,7 +212,7 @@ def test_the_receipt_names_what_no_wake_was_computed_for():
     assert "below 10, where none was computed" in notes(2.0)[0]
     assert "computed up to 150, from 300 on" in notes(5e3)[0]
     assert notes(5e3, surface(upright_cylinder())) == []
-    assert [wake_range.regime for wake_range in wake_ranges()] == [
+    assert [wake_range.regime for wake_range in _wake_ranges()] == [
         "steady",
         "shedding",
         "turbulent",

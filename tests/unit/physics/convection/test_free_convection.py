@@ -16,8 +16,8 @@ from wind_bodies import (
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.mesh import Pose
 from jaxthermo.physics.convection.free_convection import (
-    CYLINDER,
-    PLATE,
+    _CYLINDER,
+    _PLATE,
     FreeConvection,
     _churchill_chu,
     _free_coefficient,
@@ -40,13 +40,14 @@ def formula(surface, ambient, length):
     surface, ambient, length = jnp.broadcast_arrays(surface, ambient, length)
     by_shape = [
         _free_coefficient(surface, ambient=ambient, length=length, shape=shape)
-        for shape in (PLATE, CYLINDER)
+        for shape in (_PLATE, _CYLINDER)
     ]
     return jnp.stack(by_shape)
 
 
 @pytest.mark.parametrize(
-    ("shape", "expected"), [(PLATE, 147.16185223770603), (CYLINDER, 139.13493970073597)]
+    ("shape", "expected"),
+    [(_PLATE, 147.16185223770603), (_CYLINDER, 139.13493970073597)],
 )
 def test_values_of_the_library_ht(shape, expected):
     """Values of its documentation, at Pr 0.69 and Gr 2.63e9."""

@@ -13,8 +13,8 @@ from jaxthermo.physics.convection.free_convection import FreeConvection
 from jaxthermo.physics.convection.wind import Wind
 from jaxthermo.physics.flux_law import Forcing, bound
 from jaxthermo.physics.surface_energy_balance import (
+    _TOLERANCE,
     MAX_ITERATIONS,
-    TOLERANCE,
     SurfaceTerms,
 )
 from jaxthermo.physics.time_varying import Table
@@ -100,4 +100,4 @@ def test_few_steps_are_as_good_as_all(side, name, conductivity):
     off = np.abs(_excess(few, theta) - _excess(full, theta)).max()
     print(name, conductivity, "steps", steps, "off", off)
     assert steps < MAX_ITERATIONS
-    assert off < TOLERANCE["float64"] + 1e-11
+    assert off < _TOLERANCE["float64"] + 1e-11
