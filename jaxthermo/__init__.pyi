@@ -92,9 +92,11 @@ from .physics.boundary import (
     HeatFlux as HeatFlux,
 )
 from .physics.contact.links import Contact as Contact, bonded as bonded
-from .physics.convection.fitted_wake import FittedWake as FittedWake
 from .physics.convection.free_convection import FreeConvection as FreeConvection
-from .physics.convection.wake import WakeDeficit as WakeDeficit
+from .physics.convection.wake import (
+    FittedWake as FittedWake,
+    WakeDeficit as WakeDeficit,
+)
 from .physics.convection.wind import Wind as Wind
 from .physics.flux_law import AbstractFluxLaw as AbstractFluxLaw, Forcing as Forcing
 from .physics.heat_source import HeatSource as HeatSource

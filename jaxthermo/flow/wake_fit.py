@@ -8,7 +8,7 @@
 | remainder | 1 - (A - r) (1 + (x / l)^2)^(-4) - r, behind shed vortices |
 
 By Reynolds number the wake is a family with a remainder times a Gaussian across, each
-parameter a power of Re within one kind of flow (`fitted_wake.mean_wake`). Least
+parameter a power of Re within one kind of flow (`wake.mean_wake`). Least
 squares by optimistix; standard errors from the Jacobian at the solution, as if the
 deviations were independent, which those of neighbouring points are not.
 """
@@ -27,7 +27,7 @@ from jaxtyping import Array, Float
 
 from ..arrays import precision
 from ..atomic import replacing
-from ..physics.convection.fitted_wake import NO_REMAINDER, PARAMETERS, mean_wake
+from ..physics.convection.wake import NO_REMAINDER, PARAMETERS, mean_wake
 from .wake_runs import WakeProfile
 
 

@@ -10,12 +10,12 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.physics.radiation.radiative_exchange import _enclosure
-from jaxthermo.physics.radiation.refinement import (
+from jaxthermo.physics.radiation.view_factors import (
     Sampling,
+    ViewFactors,
     _refine,
     refined_view_factors,
 )
-from jaxthermo.physics.radiation.view_factors import ViewFactors
 from jaxthermo.reference.view_factor import (
     parallel_rectangles,
     perpendicular_rectangles,

@@ -9,7 +9,7 @@ of their fragments only.
 
 The shape of the flow depends on the temperature of the air, at 0 s if that changes with
 time. In a wake the speed is V f(x, y, Re) with x and y in diameters of the objects
-upstream (`fitted_wake`), the mean over the front of each cylinder; or V f(x) by a
+upstream (`FittedWake`), the mean over the front of each cylinder; or V f(x) by a
 function of the user, where fragments at nearly the same x share one Reynolds number.
 """
 
@@ -52,9 +52,14 @@ from .cross_flow import (
     validity_notes,
 )
 from .film import FilmExchange, speed_nodes, speed_table
-from .fitted_wake import FittedWake, arriving_ratio, fitted_notes
 from .nusselt import named_average
-from .wake import wake_notes, wake_speed_ratio
+from .wake import (
+    FittedWake,
+    arriving_ratio,
+    fitted_notes,
+    wake_notes,
+    wake_speed_ratio,
+)
 from .wake_geometry import WakeGeometry, Wakes, upstream_wakes, wake_geometry
 
 

@@ -26,8 +26,7 @@ from ...raster.views import view_frame
 from ...voxels.selection import AbstractSelection
 from ..flux_law import Forcing
 from ..time_varying import check_value, largest, value_at
-from .appearance import Appearance, rectangle
-from .source import AbstractSource, fixed_or_moving
+from .source import AbstractSource, Appearance, fixed_or_moving, seen
 from .source_motion import Triple
 from .visibility import lit_fraction_from_point
 
@@ -230,7 +229,7 @@ class AreaSource(AbstractSource):
 
     @override
     def appearance(self, origin, step) -> Appearance:
-        return rectangle(
+        return _rectangle(
             origin, step=step, centre=np.asarray(self.centre, float), edges=self._edges
         )
 
@@ -241,3 +240,19 @@ class AreaSource(AbstractSource):
             return Forcing(heat_flux=np.pi * largest(self.radiance, end))
         highest = _GreyRadiance(largest(self.temperature, end), self.emissivity)
         return Forcing(heat_flux=np.pi * highest(jnp.zeros((), float)))
+
+
+def _rectangle(
+    origin: _Vectors,
+    step: _Vectors,
+    centre: Float[np.ndarray, "3"],
+    edges: tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]],
+) -> Appearance:
+    """Diffuse rectangle of a given radiance, from the front: width x height."""
+    front = np.cross(*edges)
+    towards = step @ front
+    facing = towards < 0
+    depth = (centre - origin) @ front / np.where(facing, towards, -1.0)
+    offset = origin + depth[:, None] * step - centre
+    within = [np.abs(offset @ edge) <= edge @ edge / 2 for edge in edges]
+    return seen(facing & (depth > 0) & within[0] & within[1], 1.0, depth)

@@ -44,13 +44,14 @@ from ..time_varying import check_value, for_jit, value_at
 from .emission import AbstractEmission, equilibrium_temperature, net_emission
 from .irradiation import AbstractRadiativeTerm, Irradiation
 from .patches import PatchedBody, group_patches
-from .refinement import (
+from .view_factors import (
     DEFAULT_MAX_DIRECTIONS,
     MIN_DIRECTIONS,
     Sampling,
+    ViewFactors,
     refined_view_factors,
+    view_factors,
 )
-from .view_factors import ViewFactors, view_factors
 
 
 # Smallest emissivity of a patch: radiosity is undetermined between perfect mirrors.

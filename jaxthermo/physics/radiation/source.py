@@ -11,6 +11,7 @@ time, such as a table of `source_motion`.
 """
 
 import abc
+import math
 from collections.abc import Callable, Hashable
 from dataclasses import replace
 from typing import Any, ClassVar, TypeVar
@@ -24,20 +25,53 @@ from ...arrays import TimeVarying
 from ...constants import SOLAR_TEMPERATURE
 from ...errors import InputError
 from ...findings import found
-from ...geometry.vectors import row_dot, unit_vector
+from ...geometry.vectors import row_dot, unit_vector, unit_vectors
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux
 from ..flux_law import Forcing
 from ..surface import Binding, BodySurface, Omitted, Surface
 from ..term import Scale
 from ..time_varying import check_value, for_jit, is_zero, largest
-from .appearance import SUN_HALF_ANGLE, Appearance, distant_disc, sphere
 from .irradiation import AbstractRadiativeTerm, Irradiation
 from .source_motion import Triple, triple
 from .visibility import lit_fraction, lit_fraction_from_point
 
 
+_Rays = Float[np.ndarray, "p 3"]
+Appearance = tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]
+"""Radiance for a unit of strength, and depth along the optical axis [m]."""
+
+_SUN_HALF_ANGLE = 0.0046505
+"""Apparent radius of the sun, 695 700 km at 149 597 871 km [rad] (IAU 2015 B3)."""
+
 _Source = TypeVar("_Source", bound="AbstractSource")
+
+
+def seen(hit: np.ndarray, radiance: float, depth: np.ndarray) -> Appearance:
+    """Appearance of a source along rays, by the mask of those that hit it."""
+    return np.where(hit, radiance, 0.0), np.where(hit, depth, np.inf)
+
+
+def _distant_disc(step: _Rays, towards: Float[np.ndarray, "3"]) -> Appearance:
+    """Sun in a direction, radiance E / (pi sin^2 a) of an irradiance E normal to it."""
+    # By the chord: the cosine of so small an angle has lost its digits.
+    gap = unit_vectors(step) - towards
+    hit = np.linalg.norm(gap, axis=1) <= 2 * math.sin(_SUN_HALF_ANGLE / 2)
+    radiance = 1 / (math.pi * math.sin(_SUN_HALF_ANGLE) ** 2)
+    return seen(hit, radiance, np.full(len(step), np.inf))
+
+
+def _sphere(
+    origin: _Rays, step: _Rays, centre: Float[np.ndarray, "3"], radius: float
+) -> Appearance:
+    """Diffuse sphere, radiance I / (pi R^2) of a radiant intensity I."""
+    square = row_dot(step, step)
+    offset = origin - centre
+    half = row_dot(offset, step) / square
+    under = half * half - (row_dot(offset, offset) - radius * radius) / square
+    depth = -half - np.sqrt(np.maximum(under, 0.0))
+    hit = (under >= 0) & (depth > 0)
+    return seen(hit, 1 / (math.pi * radius * radius), depth)
 
 
 def fixed_or_moving(value: Any) -> Any:
@@ -248,11 +282,11 @@ class Sun(AbstractSource):
     @override
     def cone(self) -> tuple[Float[np.ndarray, "3"], float]:
         # A little more than the disc, whose edge is rounded.
-        return -unit_vector(self.direction), 1.001 * SUN_HALF_ANGLE
+        return -unit_vector(self.direction), 1.001 * _SUN_HALF_ANGLE
 
     @override
     def appearance(self, origin, step) -> Appearance:
-        return distant_disc(step, -unit_vector(self.direction))
+        return _distant_disc(step, -unit_vector(self.direction))
 
     @override
     def forcing(self, end: float | int) -> Forcing:
@@ -341,7 +375,7 @@ class PointSource(AbstractSource):
     def appearance(self, origin, step) -> Appearance:
         # But for shadows, a diffuse sphere of this radius irradiates as the law says.
         centre = np.asarray(self.position, float)
-        return sphere(origin, step=step, centre=centre, radius=self.min_distance)
+        return _sphere(origin, step=step, centre=centre, radius=self.min_distance)
 
     @override
     def forcing(self, end: float | int) -> Forcing:

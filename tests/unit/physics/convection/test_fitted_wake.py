@@ -16,7 +16,7 @@ from wind_bodies import (
 import jaxthermo as jt
 from jaxthermo.geometry import shapes
 from jaxthermo.physics.convection.air import kinematic_viscosity
-from jaxthermo.physics.convection.fitted_wake import FittedWake, _wake_ranges
+from jaxthermo.physics.convection.wake import FittedWake, _wake_ranges
 from jaxthermo.physics.convection.wake_geometry import wake_geometry
 from jaxthermo.physics.convection.wind import Wind
 from jaxthermo.physics.surface import Binding
