@@ -18,7 +18,7 @@ from ...arrays import TimeVarying
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux
 from ..flux_law import Forcing
-from ..surface import Binding, BodySurface, Omitted, Surface
+from ..surface import BodySurface, Surface
 from ..term import Scale
 from ..time_varying import check_value, for_jit, is_zero, largest
 from .irradiation import AbstractRadiativeTerm, Irradiation
@@ -39,6 +39,7 @@ class DiffuseSky(AbstractRadiativeTerm):
     name = "diffuse_sky"
     absorbed_by = "absorptivity"
     unseen = "none of the surface sees the sky or the ground"
+    dark = "it is dark at all times"
     from_outside = True
 
     irradiance: TimeVarying
@@ -69,14 +70,6 @@ class DiffuseSky(AbstractRadiativeTerm):
             for n, strength in enumerate((self.irradiance, self.reflected))
             if not (surface.prune and is_zero(strength))
         )
-
-    @override
-    def absorbed(
-        self, surface: Surface, irradiation: tuple[Irradiation, ...]
-    ) -> tuple[Binding | Omitted, ...]:
-        if not irradiation:
-            return (Omitted("it is dark at all times"),)
-        return super().absorbed(surface, irradiation)
 
     def _view_factors(self, body: BodySurface) -> tuple[Float[np.ndarray, " s"], ...]:
         """View factors to sky and ground."""

@@ -133,7 +133,30 @@ def _linear_error(temperature: Any, within: Forcing, end: float) -> float:
     return max(abs(4 / ((1 + r) * (1 + r * r)) - 1) for r in ratios)
 
 
-class Surroundings(AbstractRadiativeTerm):
+class AbstractSurroundings(AbstractRadiativeTerm):
+    """Black surroundings of one temperature, or a sky and a ground."""
+
+    temperature: eqx.AbstractVar[TimeVarying]
+    ground: eqx.AbstractVar[TimeVarying | None]
+
+    def __check_init__(self):
+        name = type(self).__name__
+        check_value(self.temperature, f"{name}(temperature [K])", 0.0)
+        if self.ground is not None:
+            check_value(self.ground, f"{name}(ground [K])", 0.0)
+
+    @property
+    @override
+    def horizon(self) -> tuple[Any, Any]:
+        ground = self.temperature if self.ground is None else self.ground
+        return self.temperature, ground
+
+    @override
+    def forcing(self, end: float | int) -> Forcing:
+        return either([toward(value, end) for value in self.values])
+
+
+class Surroundings(AbstractSurroundings):
     """Net emission to the surroundings.
 
     q = F eps sigma (T_s^4 - T^4) [W/m^2]
@@ -169,17 +192,8 @@ class Surroundings(AbstractRadiativeTerm):
                 f"Surroundings(linear_within={within!r}): give a fraction above 0 and "
                 "below 1, such as 0.02"
             )
-        check_value(self.temperature, "Surroundings(temperature [K])", 0.0)
-        if self.ground is not None:
-            check_value(self.ground, "Surroundings(ground [K])", 0.0)
         if self.occlusion is not None:
             check_directions(self.occlusion)
-
-    @property
-    @override
-    def horizon(self) -> tuple[Any, Any]:
-        ground = self.temperature if self.ground is None else self.ground
-        return self.temperature, ground
 
     @override
     def irradiation(self, surface: Surface) -> tuple[Irradiation, ...]:
@@ -219,10 +233,6 @@ class Surroundings(AbstractRadiativeTerm):
         else:
             view = sky_view_of(body, self.occlusion)
         return [view.sky + view.ground] if self.ground is None else list(view)
-
-    @override
-    def forcing(self, end: float | int) -> Forcing:
-        return either([toward(value, end) for value in self.values])
 
     @override
     def scale(self, material: Any, kelvin: float, end: float) -> Scale:

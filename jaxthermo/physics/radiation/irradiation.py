@@ -59,6 +59,8 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
     """Property of a surface that absorbs it: "emissivity" or "absorptivity"."""
     unseen: ClassVar[str] = "no surface of this body sees it"
     """Reason for leaving it out where its factor is 0."""
+    dark: ClassVar[str] = "it is switched off at all times"
+    """Reason for leaving it out where it has no irradiation."""
 
     @property
     def on(self) -> AbstractSelection | None:
@@ -82,6 +84,8 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
         self, surface: Surface, irradiation: tuple[Irradiation, ...]
     ) -> tuple[Binding | Omitted, ...]:
         """Heat that the surface absorbs of its irradiation."""
+        if not irradiation:
+            return (Omitted(self.dark),)
         factors = [surface.apart(incident.factor) for incident in irradiation]
         covers = [
             self._covers(body, [by_body[n] for by_body in factors])

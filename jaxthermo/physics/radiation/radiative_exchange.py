@@ -36,13 +36,18 @@ from ...errors import InputError
 from ...findings import digest, found
 from ...module import Module
 from ...voxels.selection import AbstractSelection
-from ..boundary import ImposedFlux, either, toward
+from ..boundary import ImposedFlux
 from ..flux_law import AbstractFluxLaw, Forcing, Values
 from ..surface import BodySurface, Surface, spread
 from ..term import AbstractExchangeTerm
-from ..time_varying import check_value, for_jit, value_at
-from .emission import AbstractEmission, equilibrium_temperature, net_emission
-from .irradiation import AbstractRadiativeTerm, Irradiation
+from ..time_varying import for_jit, value_at
+from .emission import (
+    AbstractEmission,
+    AbstractSurroundings,
+    equilibrium_temperature,
+    net_emission,
+)
+from .irradiation import Irradiation
 from .patches import PatchedBody, group_patches
 from .view_factors import (
     DEFAULT_MAX_DIRECTIONS,
@@ -89,7 +94,7 @@ class _Irradiated(AbstractEmission):
         return replace(self, received=received) if emits else ImposedFlux(received)
 
 
-class RadiativeExchange(AbstractExchangeTerm, AbstractRadiativeTerm):
+class RadiativeExchange(AbstractExchangeTerm, AbstractSurroundings):
     """Radiation between grey diffuse bodies and with black surroundings.
 
     q = eps (H - sigma T^4) [W/m^2],    H = F J + F_s sigma T_s^4,
@@ -124,9 +129,6 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractRadiativeTerm):
     """Part of the surface; the rest reflects, without absorbing or emitting heat."""
 
     def __check_init__(self):
-        check_value(self.temperature, "RadiativeExchange(temperature [K])", 0.0)
-        if self.ground is not None:
-            check_value(self.ground, "RadiativeExchange(ground [K])", 0.0)
         if not 0 < self.error < 1:
             raise InputError(
                 f"RadiativeExchange(error={self.error!r}): give a fraction above 0 and "
@@ -137,16 +139,6 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractRadiativeTerm):
                 f"RadiativeExchange(max_directions={self.max_directions!r}): give "
                 f"{MIN_DIRECTIONS} or more, such as {DEFAULT_MAX_DIRECTIONS}"
             )
-
-    @override
-    def forcing(self, end: float | int) -> Forcing:
-        return either([toward(value, end) for value in self.values])
-
-    @property
-    @override
-    def horizon(self) -> tuple[Any, Any]:
-        ground = self.temperature if self.ground is None else self.ground
-        return self.temperature, ground
 
     @override
     def irradiation(self, surface: Surface) -> tuple[Irradiation, ...]:

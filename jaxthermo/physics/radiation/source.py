@@ -29,7 +29,7 @@ from ...geometry.vectors import row_dot, unit_vector, unit_vectors
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux
 from ..flux_law import Forcing
-from ..surface import Binding, BodySurface, Omitted, Surface
+from ..surface import BodySurface, Surface
 from ..term import Scale
 from ..time_varying import check_value, for_jit, is_zero, largest
 from .irradiation import AbstractRadiativeTerm, Irradiation
@@ -191,14 +191,6 @@ class AbstractSource(AbstractRadiativeTerm):
         exposures = [self._exposure_of(body) for body in surface.bodies]
         irradiation = self._on_all(surface, exposures, law=law, spectrum=self.spectrum)
         return (irradiation,)
-
-    @override
-    def absorbed(
-        self, surface: Surface, irradiation: tuple[Irradiation, ...]
-    ) -> tuple[Binding | Omitted, ...]:
-        if not irradiation:
-            return (Omitted("it is switched off at all times"),)
-        return super().absorbed(surface, irradiation)
 
     def _exposure_of(self, body: BodySurface) -> Float[np.ndarray, " s"]:
         points = self.points()
