@@ -1,5 +1,7 @@
 """Properties common to all structures: heat absorbed, final mean, laws."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
@@ -105,6 +107,15 @@ def _cooled(make, cells, biot_length, on):
     return grid, jt.simulate(scene, end, solver=jt.ForwardEuler(dt=step))
 
 
+class SlabErrors(NamedTuple):
+    surface: float
+    """Error of the mean temperature of the surface."""
+    mean: float
+    """Error of the mean temperature of the body."""
+    uneven: float
+    """Largest error of a fragment."""
+
+
 def _slab_errors(make, cells):
     """V04: error of the mean surface temperature and of the body's mean."""
     front = jt.Side(normal=(1.0, 0.0, 0.0))
@@ -113,7 +124,11 @@ def _slab_errors(make, cells):
     surface = np.asarray(solution.surface_temperature)[0, lit]
     exact = slab_convection(np.array([1.0]), 0.2, 1.0)[0]
     mean = float(solution.mean_temperature[0, 0])
-    return abs(surface.mean() - exact), abs(mean - 0.851595), surface - exact
+    return SlabErrors(
+        surface=abs(surface.mean() - exact),
+        mean=abs(mean - 0.851595),
+        uneven=float(np.abs(surface - exact).max()),
+    )
 
 
 @pytest.mark.parametrize("structure_name", _in_slice(COARSE, "octree"))
@@ -123,13 +138,10 @@ def test_slab_at_the_order_of_the_structure(structure_name):
     Where fine cells run beside coarse ones, two-point fluxes are not consistent: the
     octree's surface is uneven by a fifth of what it changes over a voxel.
     """
-    errors_by_cells = [
-        _slab_errors(COARSE[structure_name], cells) for cells in (8, 16, 32)
-    ]
-    surface, mean = (
-        np.array([errors[i] for errors in errors_by_cells]) for i in (0, 1)
+    make = COARSE[structure_name]
+    surface, mean, uneven = np.transpose(
+        [_slab_errors(make, cells) for cells in (8, 16, 32)]
     )
-    uneven = [float(np.abs(errors[2]).max()) for errors in errors_by_cells]
     orders = [np.log2(e[:-1] / e[1:]).round(2).tolist() for e in (surface, mean)]
     print(
         "V04",

@@ -91,31 +91,33 @@ def test_a_lumped_body_with_c_linear_in_temperature():
     assert capacity == pytest.approx(DENSITY * c0 * PITCH**3)
 
 
-def _freezing(width, reference=290.0):
+REFERENCE = 290.0
+LATENT = 2e5
+C = 1000.0
+
+
+def _freezing(width):
     """A latent heat of 200 kJ/kg as a peak of c_p, `width` wide about 300 K."""
-    latent = 2e5
-    c = 1000.0
     middle = [300 - width / 2, 300.0, 300 + width / 2]
-    peak = Property(middle, [c, c + 2 * latent / width, c])
-    return jt.Material(2.0, DENSITY, peak), latent, c, reference
+    peak = Property(middle, [C, C + 2 * LATENT / width, C])
+    return jt.Material(2.0, DENSITY, peak)
 
 
 @pytest.mark.parametrize("width", [4.0, 0.5])
 def test_a_peak_of_c_takes_up_its_latent_heat(width):
     """Heated at a constant rate it stays in the peak for rho L / q."""
-    wax, latent, c, reference = _freezing(width)
     network = material_network(
-        _bar(1), material=wax, reference=reference, dtype=jnp.float64
+        _bar(1), material=_freezing(width), reference=REFERENCE, dtype=jnp.float64
     )
-    rate = 1e5 / (DENSITY * c)
+    rate = 1e5 / (DENSITY * C)
 
     def time_to(kelvin):
-        return float(network.state_of(jnp.asarray(kelvin - reference))) / rate
+        return float(network.state_of(jnp.asarray(kelvin - REFERENCE))) / rate
 
     solid = 300.0 - width / 2
     liquid = 300.0 + width / 2
-    assert time_to(solid) == pytest.approx((solid - reference) / rate, rel=1e-12)
-    heat = DENSITY * (latent + c * width)
+    assert time_to(solid) == pytest.approx((solid - REFERENCE) / rate, rel=1e-12)
+    heat = DENSITY * (LATENT + C * width)
     assert time_to(liquid) - time_to(solid) == pytest.approx(heat / 1e5, rel=1e-12)
 
 
@@ -125,10 +127,9 @@ def test_a_peak_of_c_takes_up_its_latent_heat(width):
 )
 def test_a_mushy_front_moves_without_losing_heat(dtype):
     """A warm half melts a cold half: heat is kept, nothing leaves the start's range."""
-    wax, _, _, reference = _freezing(1.0)
     structure = _bar(40)
     network = material_network(
-        structure, material=wax, reference=reference, dtype=dtype
+        structure, material=_freezing(1.0), reference=REFERENCE, dtype=dtype
     )
     theta = jnp.where(jnp.arange(40) < 20, 60.0, -2.0).astype(dtype)
     state = network.state_of(theta)
@@ -147,7 +148,7 @@ def test_a_mushy_front_moves_without_losing_heat(dtype):
     drift = abs(heat) / moved
     print("drift", dtype, drift)
     assert drift < (1e-12 if exact else 1e-4)
-    mushy = np.abs(temperature + reference - 300.0) < 0.5
+    mushy = np.abs(temperature + REFERENCE - 300.0) < 0.5
     # The front is in the cold half, with part of its latent heat taken up.
     assert mushy[20:].any() and not mushy[:10].any()
 
@@ -161,21 +162,20 @@ def test_stefan_problem():
 
     Source: Carslaw and Jaeger, Conduction of Heat in Solids, 11.2 (Neumann).
     """
-    wax, latent, c, reference = _freezing(0.1)
     cells = 100
     wall = 340.0
     structure = _bar(cells)
     network = material_network(
-        structure, material=wax, reference=reference, dtype=jnp.float64
+        structure, material=_freezing(0.1), reference=REFERENCE, dtype=jnp.float64
     )
-    stefan = c * (wall - 300.05) / (latent + c * 0.05)
+    stefan = C * (wall - 300.05) / (LATENT + C * 0.05)
     root = 0.1
     for _ in range(60):
         # The left side grows about as l^2, so a square root corrects it.
         value = root * math.exp(root**2) * math.erf(root) * math.sqrt(math.pi)
         root *= math.sqrt(stefan / value)
-    start = network.state_of(jnp.full(cells, 299.95 - reference))
-    held = network.state_of(jnp.asarray(wall - reference))
+    start = network.state_of(jnp.full(cells, 299.95 - REFERENCE))
+    held = network.state_of(jnp.asarray(wall - REFERENCE))
     dt = 1 / network.max_rate()
 
     @eqx.filter_jit
@@ -187,13 +187,13 @@ def test_stefan_problem():
 
     end_state = run(start)
     # What has molten, in cells, by the heat taken up beyond the warming.
-    theta = np.asarray(network.temperature(end_state)) + reference
-    enthalpy = np.asarray(end_state) - (theta - reference)
-    solid = float(start[1]) - (299.95 - reference)
-    molten = (enthalpy[1:] - solid).sum() / (latent / c)
+    theta = np.asarray(network.temperature(end_state)) + REFERENCE
+    enthalpy = np.asarray(end_state) - (theta - REFERENCE)
+    solid = float(start[1]) - (299.95 - REFERENCE)
+    molten = (enthalpy[1:] - solid).sum() / (LATENT / C)
     front = (molten + 0.5) * PITCH
     time = 12_000 * float(dt)
-    exact = 2 * root * math.sqrt(2.0 / (DENSITY * c) * time)
+    exact = 2 * root * math.sqrt(2.0 / (DENSITY * C) * time)
     print("front", front, "exact", exact, "root", root)
     assert 20 < front / PITCH < 90
     assert front == pytest.approx(exact, rel=0.01)

@@ -1,5 +1,7 @@
 """View factors between voxelized bodies: closed forms, reciprocity, closure."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from jaxthermo.physics.radiation.view_factors import (
     view_factors,
 )
 from jaxthermo.reference.view_factor import coaxial_discs, parallel_rectangles
+from jaxthermo.voxels.grid import VoxelGrid
 from jaxthermo.voxels.voxelize import voxelize
 from tests.radiating import in_patches, moved, shell
 
@@ -128,14 +131,25 @@ def test_too_coarse_is_refused(cube, how):
         view_factors((in_patches(cube, 60),), **how)
 
 
+class Pair(NamedTuple):
+    """Two bodies, the place of the second, and A_1 F_12 in closed form."""
+
+    first: VoxelGrid
+    second: VoxelGrid
+    offset: tuple[float, float, float]
+    exact: float
+
+
 def squares(pitch, surface_cells):
     cube = voxelize(box((1.0, 1.0, 1.0)), pitch, surface_cells)
-    return cube, cube, (1.5, 0, 0), parallel_rectangles(1.0, 1.0, 0.5)
+    exact = parallel_rectangles(1.0, 1.0, 0.5)
+    return Pair(cube, cube, offset=(1.5, 0, 0), exact=exact)
 
 
 def discs(pitch, surface_cells):
     disc = voxelize(cylinder(1.0, 0.5, sections=128), pitch, surface_cells)
-    return disc, disc, (0, 0, 1.5), np.pi * coaxial_discs(1.0, 1.0, 1.0)
+    exact = np.pi * coaxial_discs(1.0, 1.0, 1.0)
+    return Pair(disc, disc, offset=(0, 0, 1.5), exact=exact)
 
 
 def ball_over_a_disc(pitch, surface_cells):
@@ -143,7 +157,7 @@ def ball_over_a_disc(pitch, surface_cells):
     ball = voxelize(sphere(1.0, 5), pitch, surface_cells)
     disc = voxelize(cylinder(2.0, 0.5, sections=128), 1.9 * pitch, surface_cells)
     factor = (1 - 1 / np.hypot(1, 2.0 / 1.8)) / 2
-    return ball, disc, (0, 0, -2.05), 4 * np.pi * factor
+    return Pair(ball, disc, offset=(0, 0, -2.05), exact=4 * np.pi * factor)
 
 
 @pytest.mark.slow
@@ -152,10 +166,10 @@ def ball_over_a_disc(pitch, surface_cells):
 @pytest.mark.parametrize("bodies", [squares, discs, ball_over_a_disc])
 def test_closed_forms_do_not_depend_on_the_surface_cells(bodies, cells, surface_cells):
     """Lines meet the mesh, whatever its cells: A_1 F_12 within 0.2 % at odd pitches."""
-    first_grid, second_grid, offset, exact = bodies(1 / cells, surface_cells)
-    first = in_patches(first_grid, 100)
-    second = in_patches(second_grid, 100, moved(*offset))
+    pair = bodies(1 / cells, surface_cells)
+    first = in_patches(pair.first, 100)
+    second = in_patches(pair.second, 100, moved(*pair.offset))
     views = view_factors((first, second), directions=48, lines=48)
     check(views)
     n = first.patches.count
-    assert views.between[:n, n:].sum() == pytest.approx(exact, rel=2e-3)
+    assert views.between[:n, n:].sum() == pytest.approx(pair.exact, rel=2e-3)
