@@ -98,8 +98,7 @@ def resumed(case: Case) -> None:
 
 def networks_equal(cells: Cells) -> None:
     """Stencils of every kind have the values of one device, and nothing elsewhere."""
-    structure = cast(jt.FullVolume, ball(cells).structure)
-    one = replace(structure, sections=False)
+    one = cast(jt.FullVolume, ball(cells).structure)
     both, random = (one, replace(one, devices=4)), np.random.default_rng(0)
     values = random.normal(size=one.node_count).astype(np.float32)
     number = random.integers(0, 2, one.node_count).astype(np.int32)

@@ -40,7 +40,7 @@ def only_ends_wait(voxels: int) -> None:
     Where sections have no more than two planes, all of them are ends.
     """
     grid = jt.voxelize(jt.shapes.sphere(0.05), 0.1 / voxels, "dominant_axis")
-    one = jt.FullVolume(grid, sections=False)
+    one = jt.FullVolume(grid)
     four = replace(one, devices=4)
     random = np.random.default_rng(0)
     values = random.normal(size=(2, one.node_count)).astype(np.float32)
