@@ -71,9 +71,9 @@ def run(
     scene, mesh = standard_scene(STEEL, _STRUCTURES["blocks x4"], height)
     rows += _jacobians(f"{mesh}, {height} high, blocks x4", scene, repeats)
     rows += _frame(f"{mesh}, {height} high", scene, repeats)
-    kind = f"{device.platform}: {device.device_kind}"
+    device_name = f"{device.platform}: {device.device_kind}"
     return {
-        "device": kind,
+        "device": device_name,
         "copy_bytes_per_s": bandwidth,
         "measurements": plain_rows(rows),
     }
@@ -83,12 +83,14 @@ def _copy(count: int, repeats: int) -> tuple[float, list[Measurement]]:
     """Bandwidth of a copy, read and written [B/s]."""
     values = jnp.ones(count, jnp.float32)
     # Several in one call: the call itself takes some microseconds.
-    more = jax.jit(lambda a: jax.lax.fori_loop(0, _TURNS, lambda _, a: a + 1.0, a))
-    spans = interleaved({"copy": lambda: more(values)}, repeats)["copy"]
-    each = [span / _TURNS for span in spans]
-    bandwidth = 2 * 4 * count / min(each)
+    copy_repeatedly = jax.jit(
+        lambda a: jax.lax.fori_loop(0, _TURNS, lambda _, a: a + 1.0, a)
+    )
+    spans = interleaved({"copy": lambda: copy_repeatedly(values)}, repeats)["copy"]
+    copy_spans = [span / _TURNS for span in spans]
+    bandwidth = 2 * 4 * count / min(copy_spans)
     note = f"{bandwidth / 1e9:.4g} GB/s read and written"
-    return bandwidth, [Measurement("copy of an array", "s", each, note=note)]
+    return bandwidth, [Measurement("copy of an array", "s", copy_spans, note=note)]
 
 
 def _conduction(
@@ -102,24 +104,26 @@ def _conduction(
         if find_spec(name) is not None and _has_device(name):
             calls[name] = make(shape)
     spans = interleaved(calls, repeats)
-    each = {name: [s / _STEPS for s in found] for name, found in spans.items()}
+    step_spans = {
+        name: [s / _STEPS for s in call_spans] for name, call_spans in spans.items()
+    }
     ideal = STEP_BYTES * int(np.prod(shape)) / bandwidth
-    what = " x ".join(map(str, shape)) + ": step of conduction"
-    share = f"{100 * ideal / min(each['ours']):.0f} % of the copy's bandwidth"
-    peers = {name: found for name, found in each.items() if name != "ours"}
+    label = " x ".join(map(str, shape)) + ": step of conduction"
+    share = f"{100 * ideal / min(step_spans['ours']):.0f} % of the copy's bandwidth"
+    peers = {name: times for name, times in step_spans.items() if name != "ours"}
     if tuple(shape) == _THESIS_SHAPE:
         peers["thesis, 9800GT"] = [TABLE_TIMES[FULL]]
     return [
         Measurement(
-            name=what,
+            name=label,
             unit="s",
-            ours=each["ours"],
+            ours=step_spans["ours"],
             peer_name="a copy",
             peer=[ideal],
             bound=_SHARE,
             note=share,
         ),
-        *(Measurement(what, "s", each["ours"], *peer) for peer in peers.items()),
+        *(Measurement(label, "s", step_spans["ours"], *peer) for peer in peers.items()),
     ]
 
 
@@ -129,17 +133,22 @@ def _steps(label: str, scene: jt.Scene, repeats: int) -> list[Measurement]:
     calls: dict[str, Callable[[], Any]] = {"call": lambda: run().surface_temperature}
     for name, (solver, count) in _SOLVERS.items():
         plan = plan_run(scene, t1=END, save_at=None, solver=solver)
-        calls[name], calls[f"no {name}"] = loop_of(plan, count), loop_of(plan, 0)
+        calls[name] = loop_of(plan, count)
+        calls[f"no {name}"] = loop_of(plan, 0)
     spans = interleaved(calls, repeats)
     # Starting a loop takes as long as many of its steps.
-    each = {
+    step_spans = {
         name: [(span - min(spans[f"no {name}"])) / count for span in spans[name]]
         for name, (_, count) in _SOLVERS.items()
     }
-    nodes, taken = f"{run.plan.compiled.receipt.nodes:,} nodes", run().run
-    call = f"{nodes}, {taken.steps} steps of {taken.solver}"
+    nodes = f"{run.plan.compiled.receipt.nodes:,} nodes"
+    run_info = run().run
+    call = f"{nodes}, {run_info.steps} steps of {run_info.solver}"
     return [
-        *(Measurement(f"{label}: {n}", "s", s, note=nodes) for n, s in each.items()),
+        *(
+            Measurement(f"{label}: {n}", "s", s, note=nodes)
+            for n, s in step_spans.items()
+        ),
         Measurement(f"{label}: call of {END:g} s", "s", spans["call"], note=call),
     ]
 
@@ -148,7 +157,8 @@ def _jacobians(label: str, scene: jt.Scene, repeats: int) -> list[Measurement]:
     """Exact derivatives of the surface by as many parameters, over a forward run."""
     stable = plan_run(scene, t1=END, save_at=None, solver=jt.ForwardEuler()).stable_step
     assert stable is not None
-    solver, body = jt.ForwardEuler(dt=0.8 * stable), scene.bodies[0]
+    solver = jt.ForwardEuler(dt=0.8 * stable)
+    body = scene.bodies[0]
     conductivity = STEEL.conductivity
     assert isinstance(conductivity, float)
 
@@ -184,8 +194,8 @@ def _jacobians(label: str, scene: jt.Scene, repeats: int) -> list[Measurement]:
 
 def _frame(label: str, scene: jt.Scene, repeats: int) -> list[Measurement]:
     solution = jt.simulate(scene, END / 10)
-    draw = lambda: jt.render(solution, _CAMERA).radiance
-    spans = interleaved({"frame": draw}, repeats)["frame"]
+    calls = {"frame": lambda: jt.render(solution, _CAMERA).radiance}
+    spans = interleaved(calls, repeats)["frame"]
     return [Measurement(f"{label}: frame of 640 x 480", "s", spans)]
 
 
@@ -194,7 +204,8 @@ def _torch_steps(shape: tuple[int, int, int]) -> Callable[[], Any]:
     on_gpu = jax.default_backend() == "gpu"
     device = "cuda" if on_gpu else "cpu"
     a = torch.rand(*(n + 2 for n in shape), device=device)
-    b, wait = torch.zeros_like(a), torch.cuda.synchronize if on_gpu else lambda: None
+    b = torch.zeros_like(a)
+    wait = torch.cuda.synchronize if on_gpu else lambda: None
     return partial(_slices, a, b, wait)
 
 
@@ -206,7 +217,9 @@ def _cupy_steps(shape: tuple[int, int, int]) -> Callable[[], Any]:
 
 def _slices(a: Any, b: Any, wait: Callable[[], None]) -> None:
     """Steps of the same stencil in slices of an array library."""
-    i, low, high = slice(1, -1), slice(None, -2), slice(2, None)
+    i = slice(1, -1)
+    low = slice(None, -2)
+    high = slice(2, None)
     for _ in range(_STEPS // 2):
         for old, new in ((a, b), (b, a)):
             total = old[low, i, i] + old[high, i, i] + old[i, low, i]

@@ -27,8 +27,11 @@ _SOLVER = jt.SuperTimeStepping(dt=END / 12)
 _BOUNDS = {"aggregate x4": 30.0, "aggregate x8": 150.0}
 """Speed of a call with other numbers, relative to numba's explicit full volume."""
 
-_LOOP, _AGAIN, _OTHER = "the loop", "run()", "run(other)"
-_SIMULATE, _PEER = "simulate(other)", f"{NUMBA}, explicit full volume"
+_LOOP = "the loop"
+_AGAIN = "run()"
+_OTHER = "run(other)"
+_SIMULATE = "simulate(other)"
+_PEER = f"{NUMBA}, explicit full volume"
 _OURS = _LOOP, _AGAIN, _OTHER, _SIMULATE
 
 
@@ -56,8 +59,10 @@ def run(
     structures["full volume"] = full
     calls: dict[str, Callable[[], Any]] = {_PEER: peer.call}
     for label, structure in structures.items():
-        own = _calls(structure, repeats)
-        calls |= {f"{label}: {what}": call for what, call in own.items()}
+        structure_calls = _calls(structure, repeats)
+        calls |= {
+            f"{label}: {call_name}": call for call_name, call in structure_calls.items()
+        }
     # The peer once a round, beside all structures: it takes seconds.
     spans = interleaved(calls, repeats)
     rows = [
@@ -65,33 +70,36 @@ def run(
             "structure": label,
             "nodes": structure.node_count,
             "spans_s": {_PEER: spans[_PEER]}
-            | {what: spans[f"{label}: {what}"] for what in _OURS},
+            | {call_name: spans[f"{label}: {call_name}"] for call_name in _OURS},
         }
         for label, structure in structures.items()
     ]
-    time = lambda what: lambda row: timing_of(row["spans_s"][what]).text()
+
+    def time_of(call_name: str) -> Callable[[dict], str]:
+        return lambda row: timing_of(row["spans_s"][call_name]).text()
+
     columns = [
         ("", "{structure}"),
         ("nodes", "{nodes:,}"),
-        *((what, time(what)) for what in _OURS),
+        *((call_name, time_of(call_name)) for call_name in _OURS),
         ("numba over the last", lambda row: ratio_text(_over(row, _PEER, _SIMULATE))),
     ]
     show(table_of(rows, columns, f"{name}, {height} high, {END:g} s, this host"))
-    measured = [each for row in rows for each in _measurements(row)]
-    found = {"mesh": name, "height": height, "peer_steps": peer.steps, "rows": rows}
-    return {**found, "measurements": plain_rows(measured)}
+    measured = [measurement for row in rows for measurement in _measurements(row)]
+    result = {"mesh": name, "height": height, "peer_steps": peer.steps, "rows": rows}
+    return {**result, "measurements": plain_rows(measured)}
 
 
 def _scene(structure: Any, number: int) -> jt.Scene:
     """The standard scene with numbers of its own."""
     # So little more that the runs have as many stages.
-    more = 1 + 1e-4 * number
+    factor = 1 + 1e-4 * number
     material = jt.Material(
-        16.0 * more, density=8000.0, specific_heat=500.0, absorptivity=1.0
+        16.0 * factor, density=8000.0, specific_heat=500.0, absorptivity=1.0
     )
     terms = (
-        jt.Sun((-1.0, 0.0, 0.0), jt.Until(5000.0 * more, END / 2)),
-        jt.Convection(10.0 * more, START),
+        jt.Sun((-1.0, 0.0, 0.0), jt.Until(5000.0 * factor, END / 2)),
+        jt.Convection(10.0 * factor, START),
     )
     return jt.Scene((jt.Body(structure, material, temperature=START),), terms)
 
@@ -100,14 +108,17 @@ def _calls(structure: Any, repeats: int) -> dict[str, Callable[[], Any]]:
     """Calls of one structure, each of them to be made once more than `repeats`."""
     run = jt.compile_simulation(_scene(structure, 0), END, SAVE_AT, solver=_SOLVER)
     # Made before they are timed, and each used once.
-    others = iter([_scene(structure, n) for n in range(1, 2 * repeats + 3)])
-    simulate = lambda scene: jt.simulate(scene, END, SAVE_AT, solver=_SOLVER)
-    reading = lambda solution: np.asarray(solution.surface_temperature)
+    other_scenes = iter([_scene(structure, n) for n in range(1, 2 * repeats + 3)])
+
+    def simulate_other() -> np.ndarray:
+        solution = jt.simulate(next(other_scenes), END, SAVE_AT, solver=_SOLVER)
+        return np.asarray(solution.surface_temperature)
+
     return {
         _LOOP: loop_of(run.plan),
-        _AGAIN: lambda: reading(run()),
-        _OTHER: lambda: reading(run(next(others))),
-        _SIMULATE: lambda: reading(simulate(next(others))),
+        _AGAIN: lambda: np.asarray(run().surface_temperature),
+        _OTHER: lambda: np.asarray(run(next(other_scenes)).surface_temperature),
+        _SIMULATE: simulate_other,
     }
 
 
@@ -116,21 +127,24 @@ def _over(row: dict[str, Any], above: str, below: str) -> list[float]:
 
 
 def _measurements(row: dict[str, Any]) -> list[Measurement]:
-    label, spans = row["structure"], row["spans_s"]
-    peer, call, loop = spans[_PEER], spans[_SIMULATE], spans[_LOOP]
+    label = row["structure"]
+    spans = row["spans_s"]
+    peer = spans[_PEER]
+    call = spans[_SIMULATE]
+    loop = spans[_LOOP]
     bound = _BOUNDS.get(label)
     rows = [
         Measurement(
-            name=f"{label}: {what}",
+            name=f"{label}: {call_name}",
             unit="s",
-            ours=spans[what],
+            ours=spans[call_name],
             peer_name=_PEER,
             peer=peer,
         )
-        for what in (_LOOP, _AGAIN, _OTHER)
+        for call_name in (_LOOP, _AGAIN, _OTHER)
     ]
     name = f"{label}: {_SIMULATE}"
-    more = np.subtract(call, loop).tolist()
+    excess = np.subtract(call, loop).tolist()
     return [
         *rows,
         Measurement(
@@ -144,5 +158,5 @@ def _measurements(row: dict[str, Any]) -> list[Measurement]:
             peer=loop,
             overhead=True,
         ),
-        Measurement(f"{name} less its loop", "s", more),
+        Measurement(f"{name} less its loop", "s", excess),
     ]

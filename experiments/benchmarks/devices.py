@@ -26,7 +26,7 @@ from jaxthermo.integrate.explicit import RKL2Stepper
 from jaxthermo.integrate.run.plan import Plan, initial_state, plan_run
 from jaxthermo.integrate.run.segments import begin_run, run_segments
 from jaxthermo.parallel.devices import provide_devices
-from jaxthermo.parallel.meeting import Group, free_port
+from jaxthermo.parallel.meeting import Group
 from jaxthermo.parallel.processes import join, watching_others
 from jaxthermo.scene.compile.on_devices import on_devices
 
@@ -120,30 +120,33 @@ def _time(seconds: float) -> str:
 
 
 def _measurements(results: list[dict[str, Any]]) -> list[Measurement]:
-    found, alone = [], {}
+    measurements = []
+    alone = {}
     for row in results:
         if row["arrangement"] == _ALONE.name:
             alone = row
             continue
         share = row["lattice_bytes"] / alone["lattice_bytes"]
-        two = row["processes"] == 2
+        is_pair = row["processes"] == 2
         name = f"{row['scene']}: {row['arrangement']}"
-        found.append(
+        measurements.append(
             Measurement(
                 name,
                 "s",
                 row["step_s"],
                 peer_name=_ALONE.name,
                 peer=alone["step_s"],
-                bound=_ASKED if two else None,
+                bound=_ASKED if is_pair else None,
                 note=f"{100 * share:.0f} % of the lattice in each process",
             )
         )
-        if two:
+        if is_pair:
             percent = [100 * share]
             bound = 100 * _LARGEST_SHARE
-            found.append(Measurement(f"{name}: lattice", "%", percent, bound=bound))
-    return found
+            measurements.append(
+                Measurement(f"{name}: lattice", "%", percent, bound=bound)
+            )
+    return measurements
 
 
 class _Worker(NamedTuple):
@@ -168,43 +171,48 @@ def _measured(
     surface: str, shape: Sequence[int], repeats: int, steps: int
 ) -> list[dict[str, Any]]:
     with ExitStack() as stack:
-        workers = {
-            each: [
+        workers = {}
+        for arrangement in _ARRANGEMENTS:
+            port = free_port()
+            workers[arrangement] = [
                 _start(
                     stack,
-                    arrangement=each,
+                    arrangement=arrangement,
                     port=port,
                     process=process,
                     surface=surface,
                     shape=shape,
                     steps=steps,
                 )
-                for process in range(each.processes)
+                for process in range(arrangement.processes)
             ]
-            for each, port in ((each, free_port()) for each in _ARRANGEMENTS)
-        }
         ready = {
-            each: [worker.result() for worker in own] for each, own in workers.items()
+            arrangement: [worker.result() for worker in processes]
+            for arrangement, processes in workers.items()
         }
-        spans: dict[_Arrangement, list[float]] = {each: [] for each in workers}
+        spans: dict[_Arrangement, list[float]] = {
+            arrangement: [] for arrangement in workers
+        }
         for _ in range(repeats):
-            for each, own in workers.items():
-                for worker in own:
+            for arrangement, processes in workers.items():
+                for worker in processes:
                     worker.begin("go")
-                spans[each].append(max(worker.result()["step_s"] for worker in own))
-        for own in workers.values():
-            for worker in own:
+                spans[arrangement].append(
+                    max(worker.result()["step_s"] for worker in processes)
+                )
+        for processes in workers.values():
+            for worker in processes:
                 worker.begin("end")
     return [
         {
             "scene": surface,
-            "arrangement": each.name,
-            "devices": each.devices,
-            "processes": each.processes,
-            "step_s": spans[each],
-            "lattice_bytes": max(row["lattice_bytes"] for row in ready[each]),
+            "arrangement": arrangement.name,
+            "devices": arrangement.devices,
+            "processes": arrangement.processes,
+            "step_s": spans[arrangement],
+            "lattice_bytes": max(row["lattice_bytes"] for row in ready[arrangement]),
         }
-        for each in workers
+        for arrangement in workers
     ]
 
 
@@ -217,12 +225,12 @@ def _start(
     shape: Sequence[int],
     steps: int,
 ) -> _Worker:
-    given = [*arrangement, port, process, surface, list(shape), steps]
+    options = [*arrangement, port, process, surface, list(shape), steps]
     # Of the processes of a group each makes its own devices.
     flags = re.sub(r"--xla_force\S*", "", os.environ.get("XLA_FLAGS", ""))
     worker = stack.enter_context(
         subprocess.Popen(
-            [sys.executable, "-m", __name__, json.dumps(given)],
+            [sys.executable, "-m", __name__, json.dumps(options)],
             env={"TF_CPP_MIN_LOG_LEVEL": "3", **os.environ, "XLA_FLAGS": flags},
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
@@ -253,9 +261,9 @@ def _work(
     scene = on_devices(jt.Scene((body,), _TERMS[surface]), devices)
     plan, count = _plan(scene, surface == _RKL2, steps)
     state = initial_state(plan).theta[0]
-    own = sum(shard.data.nbytes for shard in state.addressable_shards)
+    local_bytes = sum(shard.data.nbytes for shard in state.addressable_shards)
     _take(plan)
-    sys.stdout.write(json.dumps({"lattice_bytes": own}) + "\n")
+    sys.stdout.write(json.dumps({"lattice_bytes": local_bytes}) + "\n")
     sys.stdout.flush()
     # They end together: JAX reports one that is gone before the others as a failure.
     with watching_others("run the benchmark again"):

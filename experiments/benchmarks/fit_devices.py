@@ -67,21 +67,23 @@ def run(
         repeats: of every call.
         counts: numbers of fitted values.
     """
-    given = json.dumps([height, repeats, list(counts)])
+    options = json.dumps([height, repeats, list(counts)])
     # Devices are made before the first computation of a process.
     done = subprocess.run(
-        [sys.executable, "-m", __name__, given],
+        [sys.executable, "-m", __name__, options],
         stdout=subprocess.PIPE,
         text=True,
         check=True,
     )
     rows = json.loads(done.stdout.splitlines()[-1])
-    measured = [each for row in rows for each in _measurements(row)]
+    measured = [measurement for row in rows for measurement in _measurements(row)]
     return {"devices": _DEVICES, "rows": rows, "measurements": plain_rows(measured)}
 
 
 def _measurements(row: dict[str, Any]) -> list[Measurement]:
-    name, wall, processor = row["name"], row["wall_s"], row["processor_s"]
+    name = row["name"]
+    wall = row["wall_s"]
+    processor = row["processor_s"]
     peer = "one device"
     return [
         Measurement(
@@ -124,9 +126,9 @@ def _measure(height: int, repeats: int, counts: list[int]) -> list[dict[str, Any
 def _problem(scene: jt.Scene, count: int) -> Problem:
     """Fit of some values to the run of their start values."""
     case_run = ParametricRun((END / 4, END / 2))
-    found = case_run(scene, case_run.step_table(scene))
+    case_result = case_run(scene, case_run.step_table(scene))
     times = jnp.asarray(case_run.save_times)
-    data = StoredSolution(times, found.surface_temperature, found.surfaces)
+    data = StoredSolution(times, case_result.surface_temperature, case_result.surfaces)
     target = surface_target(data, jnp.dtype(scene.dtype))
     fitted = [
         Parameter(name=name, start=(start,), lower=0.01 * start, upper=100 * start)
@@ -140,17 +142,21 @@ _Calls = dict[str, Callable[[], Any]]
 
 
 def _calls(problem: Problem) -> dict[str, _Calls]:
-    made, batch = (make_objective(problem, None), problem.start()), problem.batch()
-    evaluate = eqx.filter_jit(
-        lambda mesh, *given: on_first_device(mesh, lambda g: residuals(*g), given)
-    )
-    found: dict[str, _Calls] = {"Jacobian": {}, "run": {}}
+    objective_and_start = (make_objective(problem, None), problem.start())
+    batch = problem.batch()
+
+    @eqx.filter_jit
+    def evaluate(mesh, *arguments):
+        return on_first_device(mesh, lambda values: residuals(*values), arguments)
+
+    calls_by_task: dict[str, _Calls] = {"Jacobian": {}, "run": {}}
     for name, mesh in {"one": None, "two": mesh_of(_DEVICES)}.items():
-        objective, z = on_every_device(mesh, made)
-        given = residuals, objective, z, batch, mesh
-        found["Jacobian"][name] = partial(jacobian_rows, *given)
-        found["run"][name] = partial(evaluate, mesh, z, objective)
-    return found
+        objective, z = on_every_device(mesh, objective_and_start)
+        calls_by_task["Jacobian"][name] = partial(
+            jacobian_rows, residuals, objective, z, batch, mesh
+        )
+        calls_by_task["run"][name] = partial(evaluate, mesh, z, objective)
+    return calls_by_task
 
 
 def _timed(calls: _Calls, repeats: int) -> dict[str, Any]:
@@ -162,10 +168,13 @@ def _timed(calls: _Calls, repeats: int) -> dict[str, Any]:
         jax.block_until_ready(calls[name]())
         processor[name].append(time.process_time() - clock)
 
-    each = {name: partial(counted, name) for name in calls}
-    wall = interleaved(each, repeats, there_and_back=True)
+    counted_calls = {name: partial(counted, name) for name in calls}
+    wall = interleaved(counted_calls, repeats, there_and_back=True)
     # The first call compiles.
-    return {"wall_s": wall, "processor_s": {n: own[1:] for n, own in processor.items()}}
+    return {
+        "wall_s": wall,
+        "processor_s": {n: spans[1:] for n, spans in processor.items()},
+    }
 
 
 if __name__ == "__main__":

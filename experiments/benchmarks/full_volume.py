@@ -25,11 +25,14 @@ from .loops import NUMBA, largest_difference, loop_of, numba_explicit, numba_rkl
 
 QUICK = {"height": 60, "repeats": 2, "work": 2e7}
 
-_CUBE, _CUBE_PITCH = 64, 0.002
+_CUBE = 64
+_CUBE_PITCH = 0.002
 """Voxels along each edge, and their size [m]."""
-_STAGES, _STABLE_STEPS = 11, 32.4
+_STAGES = 11
+_STABLE_STEPS = 32.4
 """Stages of a step of RKL2, and its length in stable steps: they would cover 32.5."""
-_FEWEST, _MOST = 22, 1100
+_FEWEST = 22
+_MOST = 1100
 """Numbers of evaluations of a call."""
 _MOST_LINKED = 4_000_000
 """Nodes up to which there are links, which take a hundred bytes each to set up."""
@@ -64,11 +67,12 @@ def run(
     statue = jt.voxelize(mesh, HEIGHT / height)
     shape = " x ".join(map(str, statue.lattice.shape))
     bodies = {f"cube, {_CUBE}^3, in cache": cube, f"{name}, {shape}": statue}
-    measurements, results = [], []
+    measurements = []
+    results = []
     for label, grid in bodies.items():
-        rows, found = _measured(label, grid=grid, repeats=repeats, work=work)
+        rows, body_results = _measured(label, grid=grid, repeats=repeats, work=work)
         measurements += rows
-        results += found
+        results += body_results
     return {"rows": results, "measurements": plain_rows(measurements)}
 
 
@@ -80,7 +84,8 @@ def _scene(structure: Any) -> jt.Scene:
 
 def _methods(stable: float, count: int) -> dict[str, _Method]:
     """Explicit steps and RKL2 of about so many evaluations."""
-    dt, steps = _STABLE_STEPS * stable, max(1, count // _STAGES)
+    dt = _STABLE_STEPS * stable
+    steps = max(1, count // _STAGES)
     end = count * stable
     long = steps * dt
     return {
@@ -102,12 +107,14 @@ def _methods(stable: float, count: int) -> dict[str, _Method]:
 def _measured(
     label: str, grid: VoxelGrid, repeats: int, work: float
 ) -> tuple[list[Measurement], list[dict[str, Any]]]:
-    scene, nodes = _scene(jt.FullVolume(grid)), grid.solid_count
+    scene = _scene(jt.FullVolume(grid))
+    nodes = grid.solid_count
     count = int(np.clip(work / nodes, _FEWEST, _MOST))
     stable = plan_run(scene, t1=1.0, save_at=None, solver=jt.ForwardEuler()).stable_step
     assert stable is not None
-    rows, results = [], []
-    for what, method in _methods(stable, count).items():
+    rows = []
+    results = []
+    for task, method in _methods(stable, count).items():
         plan = plan_run(scene, t1=method.end, save_at=None, solver=method.solver)
         peer = method.peer(scene)
         state = np.asarray(initial_state(plan).theta[0])
@@ -124,26 +131,28 @@ def _measured(
             calls["links"] = loop_of(
                 plan_run(linked, t1=method.end, save_at=None, solver=method.solver)
             )
-        difference = max(largest_difference(own, peer) for own in (plan, inside))
+        difference = max(
+            largest_difference(own_plan, peer) for own_plan in (plan, inside)
+        )
         spans = _per_step(interleaved(calls, repeats), method.steps)
-        found = {"body": label, "what": what, "nodes": nodes}
+        row = {"body": label, "what": task, "nodes": nodes}
         cells = len(grid.fragment_area)
         note = (
             f"{nodes:,} nodes, {cells:,} surface cells; all surfaces agree to "
             f"{difference:.1g} K"
         )
-        rows += _rows(f"{label}: {what}", spans, note)
-        found |= {"evaluations": method.steps, "step_s": spans}
-        results.append({**found, "largest_difference_K": difference})
+        rows += _rows(f"{label}: {task}", spans, note)
+        row |= {"evaluations": method.steps, "step_s": spans}
+        results.append({**row, "largest_difference_K": difference})
     return rows, results
 
 
 def _copies(state: np.ndarray) -> Callable[[], None]:
-    other = np.empty_like(state)
+    copy = np.empty_like(state)
 
     def copies() -> None:
         for _ in range(_COPIES):
-            np.copyto(other, state)
+            np.copyto(copy, state)
 
     return copies
 
@@ -151,14 +160,16 @@ def _copies(state: np.ndarray) -> Callable[[], None]:
 def _per_step(spans: Spans, steps: int) -> Spans:
     counts = {"copy": _COPIES}
     return {
-        name: [span / counts.get(name, steps) for span in each]
-        for name, each in spans.items()
+        name: [span / counts.get(name, steps) for span in call_spans]
+        for name, call_spans in spans.items()
     }
 
 
 def _rows(name: str, spans: Spans, note: str) -> list[Measurement]:
-    ours, copy = spans["ours"], "copy of the state, one thread"
-    within, peer = f"{name}, kernels of numba", spans["numba"]
+    ours = spans["ours"]
+    copy = "copy of the state, one thread"
+    within = f"{name}, kernels of numba"
+    peer = spans["numba"]
     rows = [
         Measurement(
             name=name,

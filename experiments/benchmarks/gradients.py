@@ -60,11 +60,13 @@ def _measure(make, grid, repeats: int) -> dict[str, Any]:
     values = jnp.array(_VALUES, jnp.float32)
 
     def loss(values):
-        scene, solver = _scene(make, grid, values), jt.ForwardEuler(dt=dt)
-        found = jt.simulate(scene, END, solver=solver, reverse_memory=_MEMORY)
-        return found.surface_temperature[-1].mean()
+        scene = _scene(make, grid, values)
+        solver = jt.ForwardEuler(dt=dt)
+        solution = jt.simulate(scene, END, solver=solver, reverse_memory=_MEMORY)
+        return solution.surface_temperature[-1].mean()
 
-    calls, compiled = {}, {}
+    calls = {}
+    compiled = {}
     for name, function in (("forward", loss), ("reverse", jax.grad(loss))):
         compiling = partial(lambda f: jax.jit(f).lower(values).compile(), function)
         calls[name], compiled[name] = timed_call(compiling)
@@ -85,11 +87,17 @@ def run(folder: Path, height: int = 128, repeats: int = 3) -> dict[str, Any]:
     """Times of both, their ratio, memory and the gradient, for each structure."""
     name, mesh = next(iter(thesis_meshes().items()))
     grid = jt.voxelize(mesh, HEIGHT / height)
-    rows = {kind: _measure(make, grid, repeats) for kind, make in _STRUCTURES.items()}
+    rows = {
+        structure_name: _measure(make, grid, repeats)
+        for structure_name, make in _STRUCTURES.items()
+    }
     label = f"{name}, {height} high"
-    measured = [_measurement(f"{label}, {kind}", row) for kind, row in rows.items()]
-    found = {"mesh": name, "height": height, "budget_bytes": _MEMORY, "runs": rows}
-    return {**found, "measurements": plain_rows(measured)}
+    measured = [
+        _measurement(f"{label}, {structure_name}", row)
+        for structure_name, row in rows.items()
+    ]
+    result = {"mesh": name, "height": height, "budget_bytes": _MEMORY, "runs": rows}
+    return {**result, "measurements": plain_rows(measured)}
 
 
 def _measurement(name: str, row: dict[str, Any]) -> Measurement:

@@ -29,7 +29,8 @@ _ACROSS = (28, 40, 58, 84, 122, 180, 264, 386)
 _MOST_LINKED = 4_000_000
 """Nodes up to which there are links: each node's take a hundred bytes to set up."""
 _BEYOND_CACHE = 900_000
-_WORK, _MOST_STEPS = 6e8, 2000
+_WORK = 6e8
+_MOST_STEPS = 2000
 """Nodes times steps of a call, and its largest number of steps."""
 _FIRST = 2
 """Steps of a call to compare with: memory is new to the first, which takes its time."""
@@ -73,8 +74,8 @@ def _measured(across: int, repeats: int) -> Rows:
         forms["links"] = jt.FullVolume(grid, stencil=False)
     count = int(np.clip(_WORK / grid.solid_count, 4, _MOST_STEPS)) // 2 * 2
     calls = {}
-    for form, each in forms.items():
-        conduct = conduction_of(each)
+    for form, structure in forms.items():
+        conduct = conduction_of(structure)
         calls[form] = partial(conduct, count + _FIRST)
         calls[f"{form}, first steps"] = partial(conduct, _FIRST)
     spans = interleaved(calls, repeats)

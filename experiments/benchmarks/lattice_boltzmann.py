@@ -34,24 +34,52 @@ from .loops import NUMBA
 QUICK = {"shape": (60, 160), "repeats": 2}
 
 _SHAPE = (300, 800)
-_SPEED, _VISCOSITY = 0.05, 0.02
-_STRIDE, _SAMPLES = 20, 4
+_SPEED = 0.05
+_VISCOSITY = 0.02
+_STRIDE = 20
+_SAMPLES = 4
 # Speed relative to numba, and lattice updates per second, that a run must have.
-_BOUND, _UPDATES = 0.35, 2e7
+_BOUND = 0.35
+_UPDATES = 2e7
 
 
 def _rows(f, out, symmetric, antisymmetric):
-    half, three = np.float32(0.5), np.float32(3.0)
-    third, nine = np.float32(1.5), np.float32(4.5)
-    w0, w1, w5 = np.float32(4 / 9), np.float32(1 / 9), np.float32(1 / 36)
+    half = np.float32(0.5)
+    three = np.float32(3.0)
+    third = np.float32(1.5)
+    nine = np.float32(4.5)
+    w0 = np.float32(4 / 9)
+    w1 = np.float32(1 / 9)
+    w5 = np.float32(1 / 36)
     for y in numba.prange(1, f.shape[1] - 1):
-        r0, r1, r2, r3, r4 = f[0, y], f[1, y], f[2, y - 1], f[3, y], f[4, y + 1]
-        r5, r6, r7, r8 = f[5, y - 1], f[6, y - 1], f[7, y + 1], f[8, y + 1]
-        t0, t1, t2, t3, t4 = out[0, y], out[1, y], out[2, y], out[3, y], out[4, y]
-        t5, t6, t7, t8 = out[5, y], out[6, y], out[7, y], out[8, y]
+        r0 = f[0, y]
+        r1 = f[1, y]
+        r2 = f[2, y - 1]
+        r3 = f[3, y]
+        r4 = f[4, y + 1]
+        r5 = f[5, y - 1]
+        r6 = f[6, y - 1]
+        r7 = f[7, y + 1]
+        r8 = f[8, y + 1]
+        t0 = out[0, y]
+        t1 = out[1, y]
+        t2 = out[2, y]
+        t3 = out[3, y]
+        t4 = out[4, y]
+        t5 = out[5, y]
+        t6 = out[6, y]
+        t7 = out[7, y]
+        t8 = out[8, y]
         for x in range(1, f.shape[2] - 1):
-            f0, f1, f2, f3, f4 = r0[x], r1[x - 1], r2[x], r3[x + 1], r4[x]
-            f5, f6, f7, f8 = r5[x - 1], r6[x + 1], r7[x + 1], r8[x - 1]
+            f0 = r0[x]
+            f1 = r1[x - 1]
+            f2 = r2[x]
+            f3 = r3[x + 1]
+            f4 = r4[x]
+            f5 = r5[x - 1]
+            f6 = r6[x + 1]
+            f7 = r7[x + 1]
+            f8 = r8[x - 1]
             u = (f1 - f3) + ((f5 + f8) - (f6 + f7))
             v = (f2 - f4) + ((f5 + f6) - (f7 + f8))
             base = f0 + (f1 + f2) + (f3 + f4) + ((f5 + f8) + (f6 + f7))
@@ -59,18 +87,22 @@ def _rows(f, out, symmetric, antisymmetric):
             t0[x] = f0 + symmetric * (w0 * base - f0)
             even = symmetric * (w1 * (base + nine * u * u) - half * (f1 + f3))
             odd = antisymmetric * (w1 * three * u - half * (f1 - f3))
-            t1[x], t3[x] = f1 + (even + odd), f3 + (even - odd)
+            t1[x] = f1 + (even + odd)
+            t3[x] = f3 + (even - odd)
             even = symmetric * (w1 * (base + nine * v * v) - half * (f2 + f4))
             odd = antisymmetric * (w1 * three * v - half * (f2 - f4))
-            t2[x], t4[x] = f2 + (even + odd), f4 + (even - odd)
+            t2[x] = f2 + (even + odd)
+            t4[x] = f4 + (even - odd)
             c = u + v
             even = symmetric * (w5 * (base + nine * c * c) - half * (f5 + f7))
             odd = antisymmetric * (w5 * three * c - half * (f5 - f7))
-            t5[x], t7[x] = f5 + (even + odd), f7 + (even - odd)
+            t5[x] = f5 + (even + odd)
+            t7[x] = f7 + (even - odd)
             c = v - u
             even = symmetric * (w5 * (base + nine * c * c) - half * (f6 + f8))
             odd = antisymmetric * (w5 * three * c - half * (f6 - f8))
-            t6[x], t8[x] = f6 + (even + odd), f8 + (even - odd)
+            t6[x] = f6 + (even + odd)
+            t8[x] = f8 + (even - odd)
 
 
 # Unwrapped: the type check of a test is not for numba.
@@ -79,17 +111,17 @@ _numba_step = numba.njit(parallel=True, fastmath=True)(inspect.unwrap(_rows))
 
 def _numba_steps(f: np.ndarray, out: np.ndarray, steps: int) -> None:
     rates = flow_rates(_VISCOSITY, MAGIC)
-    both = np.float32(rates.symmetric), np.float32(rates.antisymmetric)
+    even_rate = np.float32(rates.symmetric)
+    odd_rate = np.float32(rates.antisymmetric)
     for _ in range(steps // 2):
-        _numba_step(f, out, *both)
-        _numba_step(out, f, *both)
+        _numba_step(f, out, even_rate, odd_rate)
+        _numba_step(out, f, even_rate, odd_rate)
 
 
 @jax.jit
 def _textbook_steps(f: jax.Array) -> jax.Array:
     rates = flow_rates(_VISCOSITY, MAGIC)
-    step = lambda _, f: textbook_step(f, rates)
-    return jax.lax.fori_loop(0, _STRIDE, step, f)
+    return jax.lax.fori_loop(0, _STRIDE, lambda _, f: textbook_step(f, rates), f)
 
 
 def _channel(shape: tuple[int, int]) -> Channel:
@@ -111,8 +143,9 @@ def _difference(shape: tuple[int, int]) -> float:
     f = np.pad(random.astype(np.float32), ((0, 0), (1, 1), (1, 1)), mode="wrap")
     out = f.copy()
     rates = flow_rates(_VISCOSITY, MAGIC)
-    both = np.float32(rates.symmetric), np.float32(rates.antisymmetric)
-    _numba_step(f, out, *both)
+    even_rate = np.float32(rates.symmetric)
+    odd_rate = np.float32(rates.antisymmetric)
+    _numba_step(f, out, even_rate, odd_rate)
     plain = np.asarray(textbook_step(jnp.asarray(f[:, 1:-1, 1:-1]), rates))
     return float(np.abs(plain - out[:, 1:-1, 1:-1]).max())
 
@@ -121,16 +154,16 @@ def _run_of(shape: tuple[int, int], kernels: str | None) -> Callable[[], Any]:
     """Some steps of a run with its forces and means, from where the last ones ended."""
     program = flow_program(_channel(shape), "float32", kernels)
     state = initial_state(program)
-    now = state, jax.tree.map(jnp.zeros_like, totals(program, state))
+    sums = jax.tree.map(jnp.zeros_like, totals(program, state))
 
     def steps() -> Any:
-        nonlocal now
-        # The arrays go round: they are used up.
+        # The arrays are donated: each call starts from those of the call before.
+        nonlocal state, sums
         weight = jnp.ones((), jnp.float32)
-        size = {"samples": _SAMPLES, "stride": _STRIDE}
-        *ended, _ = advance_in_place(program, *now, weight, **size)
-        now = ended[0], ended[1]
-        return ended[0]
+        state, sums, _ = advance_in_place(
+            program, state, sums, weight, samples=_SAMPLES, stride=_STRIDE
+        )
+        return state
 
     return steps
 
@@ -138,7 +171,8 @@ def _run_of(shape: tuple[int, int], kernels: str | None) -> Callable[[], Any]:
 def run(shape: tuple[int, int] = _SHAPE, repeats: int = 7) -> dict[str, Any]:
     """Time per step of each, and the lattice updates per second."""
     f = np.zeros((9, shape[0] + 2, shape[1] + 2), np.float32)
-    out, plain = f.copy(), jnp.zeros((9, *shape), jnp.float32)
+    out = f.copy()
+    plain = jnp.zeros((9, *shape), jnp.float32)
     steps = _STRIDE * _SAMPLES
     calls = {
         "ours": _run_of(shape, None),
@@ -149,7 +183,10 @@ def run(shape: tuple[int, int] = _SHAPE, repeats: int = 7) -> dict[str, Any]:
     }
     spans = interleaved(calls, repeats)
     counts = {"textbook": _STRIDE, "copy": 1}
-    spans = {n: [s / counts.get(n, steps) for s in each] for n, each in spans.items()}
+    spans = {
+        n: [s / counts.get(n, steps) for s in call_spans]
+        for n, call_spans in spans.items()
+    }
     cells = shape[0] * shape[1]
     return {
         "shape": list(shape),
@@ -162,14 +199,17 @@ def run(shape: tuple[int, int] = _SHAPE, repeats: int = 7) -> dict[str, Any]:
 
 def _measurements(shape: tuple[int, int], spans: Spans) -> list[Measurement]:
     name = f"flow, {shape[1]} x {shape[0]} cells: step"
-    ours, cells = spans["ours"], shape[0] * shape[1]
-    kernels, peer = spans["kernels"], spans["numba"]
-    note, within = (
-        f"{cells / float(np.median(each)) / 1e6:.3g} million lattice updates a second"
-        for each in (ours, kernels)
+    ours = spans["ours"]
+    cells = shape[0] * shape[1]
+    kernels = spans["kernels"]
+    peer = spans["numba"]
+    note, kernels_note = (
+        f"{1e-6 * cells / float(np.median(form_spans)):.3g} million lattice updates a "
+        "second"
+        for form_spans in (ours, kernels)
     )
     copy = "copy of the populations, one thread"
-    own = f"{name}, kernels of numba"
+    kernels_name = f"{name}, kernels of numba"
     return [
         Measurement(
             name=name,
@@ -181,13 +221,13 @@ def _measurements(shape: tuple[int, int], spans: Spans) -> list[Measurement]:
             note=note,
         ),
         Measurement(
-            name=own,
+            name=kernels_name,
             unit="s",
             ours=kernels,
             peer_name=NUMBA,
             peer=peer,
             bound=_BOUND,
-            note=within,
+            note=kernels_note,
         ),
         Measurement(name, "s", ours, bound=cells / _UPDATES, note=note),
         Measurement(

@@ -67,6 +67,6 @@ def _faster(body: LinearBody, make: Callable[[LinearBody], Run]) -> Run:
 
 def largest_difference(plan: Plan, peer: Run) -> float:
     """Largest difference of a plan's surface temperatures from its peer's [K]."""
-    found = np.asarray(run_plan(plan).surface_temperature, float)
+    surface = np.asarray(run_plan(plan).surface_temperature, float)
     # A run without times to save has saved its end.
-    return float(np.abs(found[-1] - peer.call()[-1]).max())
+    return float(np.abs(surface[-1] - peer.call()[-1]).max())

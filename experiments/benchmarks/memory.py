@@ -35,7 +35,8 @@ from ..harness.present import show, table_of
 
 QUICK = {"height": 48, "solvers": ("explicit",)}
 _RADIUS = 0.1
-_END, _SAVES = 6.0, 3
+_END = 6.0
+_SAVES = 3
 _MOST_OFF = 10.0
 """Largest difference of a forecast from what is measured that is asked for [%]."""
 _STRUCTURES: dict[str, Callable[[Any], Any]] = {
@@ -71,7 +72,10 @@ def run(
         for structure in _STRUCTURES
         for solver in solvers
     ]
-    size = lambda name: lambda row: readable_bytes(row[name])
+
+    def size(name: str) -> Callable[[dict], str]:
+        return lambda row: readable_bytes(row[name])
+
     columns = [
         ("structure", "{structure}"),
         ("steps", "{solver}"),
@@ -126,15 +130,15 @@ def _scene(structure: str, height: int) -> jt.Scene:
 
 
 def _ran(scene: jt.Scene, solver: str) -> dict[str, Any]:
-    before = _memory("VmRSS")
+    resident_before = _memory("VmRSS")
     _reset_peak()
     saves = np.linspace(0, _END, _SAVES + 1)[1:].tolist()
     plan = plan_run(scene, t1=_END, save_at=saves, solver=_SOLVERS[solver]())
     gc.collect()
-    searches = _memory("VmHWM") - before
+    searches = _memory("VmHWM") - resident_before
     _reset_peak()
     jax.block_until_ready(run_plan(plan).surface_temperature)
-    took = _memory("VmHWM") - before
+    took = _memory("VmHWM") - resident_before
     receipt = plan.compiled.receipt
     values = sum(state.size for state in plan.compiled.start)
     return {
@@ -160,9 +164,9 @@ def _clear() -> None:
 def _memory(name: str) -> int:
     """Resident memory now, VmRSS, or its peak, VmHWM [bytes]."""
     text = Path("/proc/self/status").read_text(encoding="ascii")
-    found = re.search(rf"{name}:\s+(\d+)", text)
-    assert found is not None
-    return int(found[1]) * 1024
+    match = re.search(rf"{name}:\s+(\d+)", text)
+    assert match is not None
+    return int(match[1]) * 1024
 
 
 def _reset_peak() -> None:

@@ -36,7 +36,8 @@ _CONFIG = Path("configs/scenes/mixed.yaml")
 _STEPS = 100
 # Steps of one body with idle terms and of its bare loop, about a third of a second, and
 # repeats of these two over those of the others.
-_MORE_STEPS, _MORE_REPEATS = 500, 4
+_MORE_STEPS = 500
+_MORE_REPEATS = 4
 
 
 class Runner(NamedTuple):
@@ -57,24 +58,29 @@ def _steps(program, state: RunState, dt, steps) -> RunState:
 def scene_runner(scene: jt.Scene, dt: float, steps: int = _STEPS) -> Runner:
     """Steps of `dt` [s] of a scene, with all that acts in it and the ledger."""
     compiled = compile_scene(scene, 1, dt * steps)
-    program, dtype = compiled.program, compiled.start[0].dtype
+    program = compiled.program
+    dtype = compiled.start[0].dtype
     state = RunState(compiled.state, empty_ledger(len(program.entries), dtype))
     # Arrays: a Python number would be compiled into the loop.
-    step, count = jnp.asarray(dt, dtype), jnp.asarray(steps)
+    step = jnp.asarray(dt, dtype)
+    count = jnp.asarray(steps)
     return Runner(lambda: _steps(program, state, step, count), steps, compiled)
 
 
 def _bare(body: jt.Body, dt: float, steps: int) -> Runner:
     # Steps of a network alone, without scene, terms or ledger.
     compiled = compile_scene(jt.Scene((body,)))
-    network, state = compiled.program.bodies[0].network, compiled.state[0]
+    network = compiled.program.bodies[0].network
+    state = compiled.state[0]
     step = jnp.asarray(dt, state.dtype)
 
     @eqx.filter_jit
     def loop(network, state):
         # Two steps a turn, as the scene's own loop, which alternates two buffers.
-        twice = lambda _, s: network.euler_step(network.euler_step(s, step), step)
-        return jax.lax.fori_loop(0, steps // 2, twice, state)
+        def two_steps(_, state):
+            return network.euler_step(network.euler_step(state, step), step)
+
+        return jax.lax.fori_loop(0, steps // 2, two_steps, state)
 
     return Runner(lambda: loop(network, state), steps, compiled)
 
@@ -83,7 +89,9 @@ def step_spans(runners: Mapping[str, Runner], repeats: int) -> Spans:
     """Wall times of a step of each [s], measured in turn."""
     calls = {name: runner.call for name, runner in runners.items()}
     spans = interleaved(calls, repeats, there_and_back=True)
-    return {n: [t / runners[n].steps for t in each] for n, each in spans.items()}
+    return {
+        n: [t / runners[n].steps for t in call_spans] for n, call_spans in spans.items()
+    }
 
 
 def _runners(scene: jt.Scene, dt: float) -> dict[str, Runner]:
@@ -91,9 +99,15 @@ def _runners(scene: jt.Scene, dt: float) -> dict[str, Runner]:
     for n, body in enumerate(scene.bodies):
         scenes[f"conduction of body {n}"] = jt.Scene((body,), dtype=scene.dtype)
     for term in scene.terms:
-        others = tuple(other for other in scene.terms if other is not term)
-        scenes[f"without {term.name}"] = jt.Scene(scene.bodies, others, scene.dtype)
-    return {name: scene_runner(each, dt) for name, each in scenes.items()}
+        remaining_terms = tuple(
+            kept_term for kept_term in scene.terms if kept_term is not term
+        )
+        scenes[f"without {term.name}"] = jt.Scene(
+            scene.bodies, remaining_terms, scene.dtype
+        )
+    return {
+        name: scene_runner(runner_scene, dt) for name, runner_scene in scenes.items()
+    }
 
 
 def _idle_runners(scene: jt.Scene, dt: float) -> dict[str, Runner]:
@@ -124,10 +138,10 @@ def run(
     dt = float(compiled.stable_step)
     times = step_spans(_runners(scene, dt), repeats)
     times |= step_spans(_idle_runners(scene, dt), _MORE_REPEATS * repeats)
-    found = _results(scene, times)
-    _show(scene, found=found, built=built, set_up=set_up)
+    results = _results(scene, times)
+    _show(scene, results=results, built=built, set_up=set_up)
     return {
-        **found,
+        **results,
         "steps": _STEPS,
         "dt_s": dt,
         "build_s": built,
@@ -146,52 +160,73 @@ def _conduction(scene: jt.Scene, times: Spans) -> np.ndarray:
 
 
 def _measurements(scene: jt.Scene, times: Spans) -> list[Measurement]:
-    whole, idle = "step of a scene of everything", "step of a body with idle terms"
-    conduction = "conduction of its bodies", _conduction(scene, times).tolist()
-    bare = "bare loop of its network", times["bare loop"]
+    scene_step = "step of a scene of everything"
+    idle = "step of a body with idle terms"
     terms = ", ".join(term.name for term in scene.terms)
     note = f"{len(scene.bodies)} bodies; {terms}"
     return [
-        Measurement(whole, "s", times["scene"], *conduction, overhead=True, note=note),
-        Measurement(idle, "s", times["one body, idle terms"], *bare, overhead=True),
+        Measurement(
+            name=scene_step,
+            unit="s",
+            ours=times["scene"],
+            peer_name="conduction of its bodies",
+            peer=_conduction(scene, times).tolist(),
+            overhead=True,
+            note=note,
+        ),
+        Measurement(
+            name=idle,
+            unit="s",
+            ours=times["one body, idle terms"],
+            peer_name="bare loop of its network",
+            peer=times["bare loop"],
+            overhead=True,
+        ),
     ]
 
 
 def _results(scene: jt.Scene, times: Spans) -> dict[str, Any]:
-    names = ("median", "low", "high")
-    ratio = lambda above, below: dict(zip(names, ratio_of(above, below), strict=True))
-    arrays = {name: np.array(each) for name, each in times.items()}
+    def ratio(above: np.ndarray, below: np.ndarray) -> dict[str, float]:
+        values = ratio_of(above, below)
+        return dict(zip(("median", "low", "high"), values, strict=True))
+
+    arrays = {name: np.array(term_spans) for name, term_spans in times.items()}
     conduction = _conduction(scene, times)
-    whole = arrays["scene"]
+    scene_spans = arrays["scene"]
     shares = {
-        term.name: float(np.median(1 - arrays[f"without {term.name}"] / whole))
+        term.name: float(np.median(1 - arrays[f"without {term.name}"] / scene_spans))
         for term in scene.terms
     }
     return {
-        "over_conduction": ratio(whole, conduction),
-        "shares": {"conduction": float(np.median(conduction / whole)), **shares},
+        "over_conduction": ratio(scene_spans, conduction),
+        "shares": {"conduction": float(np.median(conduction / scene_spans)), **shares},
         "idle_over_bare": ratio(arrays["one body, idle terms"], arrays["bare loop"]),
         "step_ms": {
-            name: 1e3 * float(np.median(each)) for name, each in arrays.items()
+            name: 1e3 * float(np.median(term_spans))
+            for name, term_spans in arrays.items()
         },
     }
 
 
-def _show(scene: jt.Scene, found: dict[str, Any], built: float, set_up: float) -> None:
-    percent = {name: f"{100 * x:.0f} %" for name, x in found["shares"].items()}
-    share = lambda row: percent.get(row["name"].removeprefix("without "), "")
+def _show(
+    scene: jt.Scene, results: dict[str, Any], built: float, set_up: float
+) -> None:
+    percent = {name: f"{100 * x:.0f} %" for name, x in results["shares"].items()}
     columns = [
         ("", "{name}"),
         ("ms a step", "{ms:.3f}"),
-        ("share of the scene's time", share),
+        (
+            "share of the scene's time",
+            lambda row: percent.get(row["name"].removeprefix("without "), ""),
+        ),
     ]
-    rows = [{"name": name, "ms": step} for name, step in found["step_ms"].items()]
+    rows = [{"name": name, "ms": step} for name, step in results["step_ms"].items()]
     title = f"{len(scene.bodies)} bodies, {_STEPS} steps, this host"
     show(table_of(rows, columns, title))
     console = open_console()
-    for what, key in (
+    for comparison, key in (
         ("the scene over the sum of conduction", "over_conduction"),
         ("one body with idle terms over the bare loop", "idle_over_bare"),
     ):
-        console.print(f"{what}: {ratio_text([*found[key].values()])}")
+        console.print(f"{comparison}: {ratio_text([*results[key].values()])}")
     console.print(f"built in {built:.1f} s, compiled and set up in {set_up:.1f} s")

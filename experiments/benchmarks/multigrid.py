@@ -42,11 +42,14 @@ QUICK = {"height": 48, "repeats": 2}
 
 # Height of the figurine [m]; stainless steel [W/(m K)], [J/(m^3 K)]; air [W/(m^2 K)].
 _HEIGHT = 0.5
-_CONDUCTIVITY, _HEAT_CAPACITY, _AIR = 16.0, 4e6, 10.0
+_CONDUCTIVITY = 16.0
+_HEAT_CAPACITY = 4e6
+_AIR = 10.0
 
 _STEPS = {"step of 5 s": 5.0, "step of 60 s": 60.0, "steady": None}
 
-_DIAGONAL, _MULTIGRID = "jaxthermo, diagonal", "jaxthermo, multigrid"
+_DIAGONAL = "jaxthermo, diagonal"
+_MULTIGRID = "jaxthermo, multigrid"
 
 # Residual over right-hand side, in the norm of vectors, which scipy stops by.
 _TOLERANCE = 1e-8
@@ -80,14 +83,19 @@ def _system(height: int, dt: float | None) -> _System:
         volumetric_heat_capacity=_HEAT_CAPACITY,
         dtype=np.float64,
     )
-    node, n = structure.fragment_node(), structure.node_count
+    node = structure.fragment_node()
+    n = structure.node_count
     surface = np.bincount(node, grid.fragment_area, n)
     shone_on = np.maximum(grid.fragment_normal[:, 0], 0) * grid.fragment_area
     m = _AIR * surface
     if dt is not None:
         m = m + _HEAT_CAPACITY * structure.nodes().volume / dt
-    address, state = structure.node_address(), np.zeros(structure.state_shape)
-    put = lambda values: jnp.asarray(state).at[address].set(values)
+    address = structure.node_address()
+    state = np.zeros(structure.state_shape)
+
+    def as_state(values: np.ndarray) -> jax.Array:
+        return jnp.asarray(state).at[address].set(values)
+
     links = structure.links()
     g = np.full(len(links.src), _CONDUCTIVITY * grid.pitch)
     half = sparse.coo_array((g, (links.src, links.dst)), (n, n)).tocsr()
@@ -98,8 +106,8 @@ def _system(height: int, dt: float | None) -> _System:
     return _System(
         network=network,
         levels=levels,
-        m=put(m),
-        b=put(b),
+        m=as_state(m),
+        b=as_state(b),
         address=address,
         matrix=matrix,
     )
@@ -131,56 +139,73 @@ def _conjugate_gradients(
     )
     cycle = jacobi(network, m) if levels is None else levels.cycle(m)
     options = {"preconditioner": cycle}
-    found = lx.linear_solve(operator, b, solver, options=options, throw=False)
-    return found.value, found.stats["iterations"]
+    solution = lx.linear_solve(operator, b, solver, options=options, throw=False)
+    return solution.value, solution.stats["iterations"]
 
 
-def _ours(given: _System, levels: Hierarchy | None) -> _Solved:
-    arguments = given.network, levels, given.m, given.b
-    (x, count), took = timed_call(lambda: _conjugate_gradients(*arguments))
-    return _Solved(np.asarray(x[given.address]), int(count), took)
-
-
-def _scipy(given: _System, preconditioner: Any) -> _Solved:
-    # scipy reports no iterations: its callback counts them.
-    each, b = [], np.asarray(given.b[given.address])
-    limits = {"rtol": _TOLERANCE, "maxiter": _MAX_ITERATIONS}
-    solve = lambda: sparse.linalg.cg(
-        given.matrix, b, M=preconditioner, callback=lambda _: each.append(1), **limits
+def _ours(system: _System, levels: Hierarchy | None) -> _Solved:
+    (x, count), took = timed_call(
+        lambda: _conjugate_gradients(system.network, levels, system.m, system.b)
     )
+    return _Solved(np.asarray(x[system.address]), int(count), took)
+
+
+def _scipy(system: _System, preconditioner: Any) -> _Solved:
+    # scipy reports no iterations: its callback counts them.
+    iterations = []
+    b = np.asarray(system.b[system.address])
+
+    def solve():
+        return sparse.linalg.cg(
+            system.matrix,
+            b,
+            M=preconditioner,
+            callback=lambda _: iterations.append(1),
+            rtol=_TOLERANCE,
+            maxiter=_MAX_ITERATIONS,
+        )
+
     (x, _), took = timed_call(solve)
-    return _Solved(x, len(each), took)
+    return _Solved(x, len(iterations), took)
 
 
-def _compare(given: _System, dt: float | None, repeats: int) -> dict[str, Any]:
+def _compare(system: _System, dt: float | None, repeats: int) -> dict[str, Any]:
     """Times, iterations and true residuals of one system."""
-    stable = float(1 / given.network.max_rate())
+    stable = float(1 / system.network.max_rate())
     # As the solvers select it: for a short step the diagonal is good enough.
     is_long = dt is None or dt > MULTIGRID_STEP_RATIO * stable
-    chosen = _MULTIGRID if is_long else _DIAGONAL
-    arguments = given.network, given.levels, given.m, given.b
-    compiling = lambda: _conjugate_gradients.lower(*arguments).compile()
-    _, compiled = timed_call(compiling)
-    aggregate = pyamg.smoothed_aggregation_solver
-    setting_up = lambda: aggregate(given.matrix, symmetry="symmetric")
-    aggregation, set_up = timed_call(setting_up)
-    diagonal = sparse.diags_array(1 / given.matrix.diagonal())
+    selected = _MULTIGRID if is_long else _DIAGONAL
+
+    def compile_solve():
+        lowered = _conjugate_gradients.lower(
+            system.network, system.levels, system.m, system.b
+        )
+        return lowered.compile()
+
+    _, compiled = timed_call(compile_solve)
+    aggregation, set_up = timed_call(
+        lambda: pyamg.smoothed_aggregation_solver(system.matrix, symmetry="symmetric")
+    )
+    diagonal = sparse.diags_array(1 / system.matrix.diagonal())
     solvers: dict[str, Callable[[], _Solved]] = {
-        _DIAGONAL: partial(_ours, given, None),
-        _MULTIGRID: partial(_ours, given, given.levels),
-        "scipy, diagonal": partial(_scipy, given, diagonal),
-        "scipy, pyamg": partial(_scipy, given, aggregation.aspreconditioner()),
+        _DIAGONAL: partial(_ours, system, None),
+        _MULTIGRID: partial(_ours, system, system.levels),
+        "scipy, diagonal": partial(_scipy, system, diagonal),
+        "scipy, pyamg": partial(_scipy, system, aggregation.aspreconditioner()),
     }
     # Each reports the time of its solve alone, without copying the result.
     last = {name: solve() for name, solve in solvers.items()}
     rounds = [[s().seconds for s in solvers.values()] for _ in range(repeats)]
     spans = dict(zip(solvers, zip(*rounds, strict=True), strict=True))
-    b = np.asarray(given.b[given.address])
-    residual = lambda x: np.linalg.norm(b - given.matrix @ x) / np.linalg.norm(b)
+    b = np.asarray(system.b[system.address])
+
+    def residual(x: np.ndarray) -> float:
+        return float(np.linalg.norm(b - system.matrix @ x) / np.linalg.norm(b))
+
     rows = {
         name: {
             "iterations": solved.iterations,
-            "residual": float(residual(solved.values)),
+            "residual": residual(solved.values),
             "solve_s": timing_of(spans[name])._asdict(),
             "spans_s": list(spans[name]),
         }
@@ -192,8 +217,8 @@ def _compare(given: _System, dt: float | None, repeats: int) -> dict[str, Any]:
         "compile_s": compiled,
         "pyamg_set_up_s": set_up,
         "stable_steps": None if dt is None else dt / stable,
-        "chosen": chosen,
-        "faster_than_the_faster_peer": fastest / median(spans[chosen]),
+        "chosen": selected,
+        "faster_than_the_faster_peer": fastest / median(spans[selected]),
     }
 
 
@@ -203,40 +228,41 @@ def run(folder: Path, height: int = 128, repeats: int = 3) -> dict[str, Any]:
     measured = []
     with jax.enable_x64(True):
         for name, dt in _STEPS.items():
-            given, coarser = _system(height, dt), _system(height // 2, dt)
-            found = _compare(given, dt, repeats)
+            system = _system(height, dt)
+            coarser = _system(height // 2, dt)
+            comparison = _compare(system, dt, repeats)
             half = _ours(coarser, coarser.levels)
-            found["iterations_at_half"] = half.iterations
-            result["steps"][name] = found
-            result["solid_voxels"] = given.matrix.shape[0]
-            result["lattice"] = list(given.m.shape)
-            measured.append(_measurement(name, found))
-            _show(name, found, result)
+            comparison["iterations_at_half"] = half.iterations
+            result["steps"][name] = comparison
+            result["solid_voxels"] = system.matrix.shape[0]
+            result["lattice"] = list(system.m.shape)
+            measured.append(_measurement(name, comparison))
+            _show(name, comparison, result)
     return {**result, "measurements": plain_rows(measured)}
 
 
-def _measurement(name: str, found: dict[str, Any]) -> Measurement:
+def _measurement(name: str, comparison: dict[str, Any]) -> Measurement:
     """The solver that is selected beside the faster one of scipy."""
-    chosen, solvers = found["chosen"], found["solvers"]
+    selected = comparison["chosen"]
+    solvers = comparison["solvers"]
     spans = {solver: row["spans_s"] for solver, row in solvers.items()}
     peer = min(
         (solver for solver in spans if solver.startswith("scipy")),
         key=lambda solver: median(spans[solver]),
     )
-    counts = (solvers[solver]["iterations"] for solver in (chosen, peer))
-    note = "{}; {} iterations, the peer {}".format(chosen.split(", ")[1], *counts)
-    what = f"figurine: {name}"
+    counts = (solvers[solver]["iterations"] for solver in (selected, peer))
+    note = "{}; {} iterations, the peer {}".format(selected.split(", ")[1], *counts)
     return Measurement(
-        name=what,
+        name=f"figurine: {name}",
         unit="s",
-        ours=spans[chosen],
+        ours=spans[selected],
         peer_name=peer,
         peer=spans[peer],
         note=note,
     )
 
 
-def _show(name: str, found: dict[str, Any], result: dict[str, Any]) -> None:
+def _show(name: str, comparison: dict[str, Any], result: dict[str, Any]) -> None:
     size = f"{result['height']} high, {result['solid_voxels']} voxels"
     columns = [
         ("", "{name}"),
@@ -245,13 +271,15 @@ def _show(name: str, found: dict[str, Any], result: dict[str, Any]) -> None:
         ("residual", "{residual:.1e}"),
     ]
     title = f"{name}, {size}, float64 to {_TOLERANCE:g}"
-    show(table_of(named(found["solvers"]), columns, title))
+    show(table_of(named(comparison["solvers"]), columns, title))
     console = open_console()
     console.print(
-        f"chosen: {found['chosen']}, {found['faster_than_the_faster_peer']:.2f} times "
-        "as fast as the faster peer"
+        "chosen: {chosen}, {faster_than_the_faster_peer:.2f} times as fast as the "
+        "faster peer".format_map(comparison)
     )
     console.print(
-        f"{found['iterations_at_half']} cycles at half the height; compiled in "
-        f"{found['compile_s']:.1f} s, pyamg set up in {found['pyamg_set_up_s']:.1f} s"
+        "{iterations_at_half} cycles at half the height; compiled in "
+        "{compile_s:.1f} s, pyamg set up in {pyamg_set_up_s:.1f} s".format_map(
+            comparison
+        )
     )

@@ -7,6 +7,7 @@ loops are timed in turn.
 """
 
 import bisect
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -52,12 +53,15 @@ def run(folder: Path, height: int = 250, repeats: int = 7) -> dict[str, Any]:
         grid = jt.voxelize(mesh, HEIGHT / height)
         rows.append({"mesh": name, **_compared(grid, repeats)})
     text = "{nodes:,} nodes, {steps} x {stages} stages, {error:.2g} %"
-    part = lambda key: lambda row: text.format_map(row[key])
+
+    def described_in(key: str) -> Callable[[dict], str]:
+        return lambda row: text.format_map(row[key])
+
     columns = [
         ("", "{mesh}"),
         ("its own error", "{own_error:.2g} %"),
-        ("octree", part("octree")),
-        ("full volume", part("full")),
+        ("octree", described_in("octree")),
+        ("full volume", described_in("full")),
         ("times as fast", lambda row: ratio_text(row["ratio"])),
     ]
     show(table_of(rows, columns, f"{height} high, {END:g} s, this host"))
@@ -79,22 +83,26 @@ def _plan(scene: jt.Scene, steps: int) -> Plan:
 def _compared(grid: VoxelGrid, repeats: int) -> dict[str, Any]:
     scenes = {"octree": _scene(jt.Octree(grid)), "full": _scene(jt.FullVolume(grid))}
     truth = run_plan(_plan(scenes["full"], _CONVERGED))
-    error = lambda plan: float(
-        jt.surface_error(run_plan(plan), truth).worst_rms_percent
-    )
-    own = error(_plan(scenes["octree"], _CONVERGED))
-    chosen = {}
+
+    def error(plan: Plan) -> float:
+        return float(jt.surface_error(run_plan(plan), truth).worst_rms_percent)
+
+    converged_error = error(_plan(scenes["octree"], _CONVERGED))
+    choices = {}
     for name, scene in scenes.items():
+
+        def is_accurate(steps: int, scene: jt.Scene = scene) -> bool:
+            return error(_plan(scene, steps)) <= _MARGIN * converged_error
+
         # The error falls with the number of steps: the first that is enough.
-        enough = lambda n, scene=scene: error(_plan(scene, n)) <= _MARGIN * own
-        place = bisect.bisect_left(_COUNTS, True, key=enough)
-        plan = _plan(scene, (*_COUNTS, _CONVERGED)[place])
-        chosen[name] = _Choice(plan, error(plan))
-    calls = {name: loop_of(choice.plan) for name, choice in chosen.items()}
+        index = bisect.bisect_left(_COUNTS, True, key=is_accurate)
+        plan = _plan(scene, (*_COUNTS, _CONVERGED)[index])
+        choices[name] = _Choice(plan, error(plan))
+    calls = {name: loop_of(choice.plan) for name, choice in choices.items()}
     spans = interleaved(calls, repeats)
     return {
-        "own_error": own,
-        **{name: _described(choice) for name, choice in chosen.items()},
+        "own_error": converged_error,
+        **{name: _described(choice) for name, choice in choices.items()},
         "times_s": spans,
         "ratio": ratio_of(spans["full"], spans["octree"]),
     }
@@ -112,7 +120,9 @@ def _described(choice: _Choice) -> dict[str, Any]:
 
 
 def _measurement(row: dict[str, Any]) -> Measurement:
-    octree, full, spans = row["octree"], row["full"], row["times_s"]
+    octree = row["octree"]
+    full = row["full"]
+    spans = row["times_s"]
     slow = float(np.median(row["ratio"])) < _BOUND
     verdict = "; no reason to use it in place of the full volume" if slow else ""
     return Measurement(

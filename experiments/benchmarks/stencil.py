@@ -41,16 +41,20 @@ def _body(shape: tuple[int, int, int]) -> np.ndarray:
 def _numba_step(state, out, degree, ratio):
     for i in numba.prange(1, state.shape[0] - 1):
         for j in range(1, state.shape[1] - 1):
-            here, above, below = state[i, j], state[i, j + 1], state[i, j - 1]
-            ahead, behind = state[i + 1, j], state[i - 1, j]
-            row, target = degree[i - 1, j - 1], out[i, j]
+            centre = state[i, j]
+            above = state[i, j + 1]
+            below = state[i, j - 1]
+            ahead = state[i + 1, j]
+            behind = state[i - 1, j]
+            row = degree[i - 1, j - 1]
+            target = out[i, j]
             for k in range(1, state.shape[2] - 1):
-                total = here[k - 1] + here[k + 1] + above[k] + below[k]
+                total = centre[k - 1] + centre[k + 1] + above[k] + below[k]
                 total += ahead[k] + behind[k]
                 # A product, not a branch, keeps the loop vectorized.
                 mask = np.float32(row[k - 1] > 0)
-                spread = total - np.float32(row[k - 1]) * here[k]
-                target[k] = here[k] + ratio * mask * spread
+                spread = total - np.float32(row[k - 1]) * centre[k]
+                target[k] = centre[k] + ratio * mask * spread
 
 
 def _network(solid: np.ndarray) -> UniformStencil:
@@ -67,16 +71,20 @@ def _jax_steps(
     network: UniformStencil, state: jax.Array, steps: jax.Array, simple: bool = False
 ):
     dt = jnp.float32(1.0)
-    # The step that networks have which write none of their own.
-    plain = lambda state: AbstractNetwork.euler_step(network, state, dt)
-    one = plain if simple else lambda state: network.euler_step(state, dt)
-    return jax.lax.fori_loop(0, steps // 2, lambda _, s: one(one(s)), state)
+
+    def step(state: jax.Array) -> jax.Array:
+        if simple:
+            # The step of networks that write none of their own.
+            return AbstractNetwork.euler_step(network, state, dt)
+        return network.euler_step(state, dt)
+
+    return jax.lax.fori_loop(0, steps // 2, lambda _, s: step(step(s)), state)
 
 
-def _numba_steps(state: np.ndarray, other: np.ndarray, degree: np.ndarray) -> None:
+def _numba_steps(state: np.ndarray, next_state: np.ndarray, degree: np.ndarray) -> None:
     for _ in range(_STEPS // 2):
-        _numba_step(state, other, degree, np.float32(0.1))
-        _numba_step(other, state, degree, np.float32(0.1))
+        _numba_step(state, next_state, degree, np.float32(0.1))
+        _numba_step(next_state, state, degree, np.float32(0.1))
 
 
 def run(shape: tuple[int, int, int] = _SHAPE, repeats: int = 5) -> dict[str, Any]:
@@ -85,8 +93,10 @@ def run(shape: tuple[int, int, int] = _SHAPE, repeats: int = 5) -> dict[str, Any
     network = _network(solid)
     start = np.pad(solid * np.float32(1), 1)
     start[1:-1, 1:-1, 1:-1] *= np.random.default_rng(0).random(shape, np.float32)
-    degree, steps = np.asarray(network.degree), jnp.int32(_STEPS)
-    a, b = start.copy(), start.copy()
+    degree = np.asarray(network.degree)
+    steps = jnp.int32(_STEPS)
+    a = start.copy()
+    b = start.copy()
     _numba_steps(a, b, degree)
     state = _jax_steps(network, jnp.asarray(start), steps)
     difference = np.abs(np.asarray(state) - a).max()
@@ -108,12 +118,14 @@ def run(shape: tuple[int, int, int] = _SHAPE, repeats: int = 5) -> dict[str, Any
     for name in ("ours", "numba", "simple"):
         spans[name] = [span / _STEPS for span in spans[name]]
     cells = int(np.prod(shape))
-    median = lambda name: float(np.median(spans[name]))
     return {
         "shape": list(shape),
         "solid_share": float(solid.mean()),
         "step_s": spans,
-        "lattice_voxels_per_s": {name: cells / median(name) for name in spans},
+        "lattice_voxels_per_s": {
+            name: cells / float(np.median(step_spans))
+            for name, step_spans in spans.items()
+        },
         "largest_difference": float(difference),
         "measurements": plain_rows(_measurements(shape, spans)),
     }
@@ -122,7 +134,8 @@ def run(shape: tuple[int, int, int] = _SHAPE, repeats: int = 5) -> dict[str, Any
 def _measurements(shape: tuple[int, int, int], spans: Spans) -> list[Measurement]:
     size = " x ".join(map(str, shape))
     name = f"ellipsoid, {size}: explicit step of conduction"
-    ours, copy = spans["ours"], "copy of the state, one thread"
+    ours = spans["ours"]
+    copy = "copy of the state, one thread"
     speed = np.prod(shape) / np.median(ours) / 1e9
     note = f"{speed:.2g} billion lattice voxels a second"
     simple = "the same from rates"

@@ -21,6 +21,7 @@ from scipy.sparse import csr_array, identity
 
 import jaxthermo as jt
 from jaxthermo.integrate.run.plan import (
+    StepTable,
     initial_state,
     plan_run,
     save_intervals,
@@ -54,17 +55,22 @@ STRUCTURES: dict[str, Callable[..., Any]] = {
 }
 """Structures of a grid, by name."""
 # Evaluations that are timed together: about a hundredth of a second at 1 ns a node.
-_WORK, _MOST = 1e7, 4000
+_WORK = 1e7
+_MOST = 4000
 _PRODUCTS = 10
 
 
 def run(folder: Path, height: int = 250, repeats: int = 7) -> dict[str, Any]:
     """Times of a step, and of what is in it, for each structure."""
-    rows, name = [], ""
+    rows = []
+    name = ""
     for label, structure in STRUCTURES.items():
         scene, name = standard_scene(STEEL, structure, height)
         rows.append({"structure": label, **_measured(scene, repeats)})
-    microseconds = lambda key: lambda row: timing_of(row["spans_s"][key]).text()
+
+    def microseconds(key: str) -> Callable[[dict], str]:
+        return lambda row: timing_of(row["spans_s"][key]).text()
+
     columns = [
         ("", "{structure}"),
         ("nodes", "{nodes:,}"),
@@ -77,21 +83,25 @@ def run(folder: Path, height: int = 250, repeats: int = 7) -> dict[str, Any]:
         ("reading a cell", lambda row: f"{1e9 * np.median(row['reading_s']):.1f} ns"),
     ]
     show(table_of(rows, columns, f"{name}, {height} high, this host"))
-    measured = [each for row in rows for each in _measurements(row)]
-    found = {"mesh": name, "height": height, "rows": rows}
-    return {**found, "measurements": plain_rows(measured)}
+    measured = [measurement for row in rows for measurement in _measurements(row)]
+    result = {"mesh": name, "height": height, "rows": rows}
+    return {**result, "measurements": plain_rows(measured)}
 
 
 def _measurements(row: dict[str, Any]) -> list[Measurement]:
-    label, spans = row["structure"], row["spans_s"]
-    step, conduction = spans["step"], spans["conduction"]
+    label = row["structure"]
+    spans = row["spans_s"]
+    step = spans["step"]
+    conduction = spans["conduction"]
     nodes = f"{row['nodes']:,} nodes, {row['surface_cells']:,} surface cells"
-    what, matrix = f"{label}: explicit step", "scipy CSR, one thread"
-    alone, pairs = "conduction alone", "gathered links"
-    own = f"{label}: {alone}"
+    step_name = f"{label}: explicit step"
+    matrix = "scipy CSR, one thread"
+    alone = "conduction alone"
+    pairs = "gathered links"
+    conduction_name = f"{label}: {alone}"
     return [
         Measurement(
-            name=what,
+            name=step_name,
             unit="s",
             ours=step,
             peer_name=alone,
@@ -100,10 +110,18 @@ def _measurements(row: dict[str, Any]) -> list[Measurement]:
             note=nodes,
         ),
         Measurement(
-            name=own, unit="s", ours=conduction, peer_name=pairs, peer=spans["links"]
+            name=conduction_name,
+            unit="s",
+            ours=conduction,
+            peer_name=pairs,
+            peer=spans["links"],
         ),
         Measurement(
-            name=own, unit="s", ours=conduction, peer_name=matrix, peer=spans["scipy"]
+            name=conduction_name,
+            unit="s",
+            ours=conduction,
+            peer_name=matrix,
+            peer=spans["scipy"],
         ),
         Measurement(f"{label}: reading a surface cell", "s", row["reading_s"]),
     ]
@@ -111,22 +129,32 @@ def _measurements(row: dict[str, Any]) -> list[Measurement]:
 
 def _measured(scene: jt.Scene, repeats: int) -> dict[str, Any]:
     plan = plan_run(scene, t1=END, save_at=SAVE_AT, solver=jt.ForwardEuler())
-    program, receipt = plan.compiled.program, plan.compiled.receipt
-    network, start = program.bodies[0].network, initial_state(plan)
+    program = plan.compiled.program
+    receipt = plan.compiled.receipt
+    network = program.bodies[0].network
+    start = initial_state(plan)
     count = int(np.clip(_WORK / receipt.nodes, 20, _MOST)) // 2 * 2
     table = step_table(plan, save_intervals(plan.intervals))
-    none, many = only_first(table, 0), only_first(table, count)
+    none = only_first(table, 0)
+    many = only_first(table, count)
     loop = eqx.filter_jit(
         lambda program, state, table: take_steps(
             plan.stepper, program=program, state=state, table=table
         )
     )
-    run_of = lambda table: lambda: loop(program, start, table)
+
+    def run_of(table: StepTable) -> Callable[[], Any]:
+        return lambda: loop(program, start, table)
+
     # Other states each time, or a compiler would read the surface once for all.
     saved = jnp.asarray(SAVE_AT, plan.dtype)
     states = jax.tree.map(lambda a: jnp.stack([a + time for time in saved]), start)
-    dt, state = jnp.asarray(plan.stable_step, plan.dtype), start.theta[0]
-    conduct = lambda: euler_steps(network, state, dt, jnp.int32(count))
+    dt = jnp.asarray(plan.stable_step, plan.dtype)
+    state = start.theta[0]
+
+    def conduct() -> jax.Array:
+        return euler_steps(network, state, dt, jnp.int32(count))
+
     product = _scipy_product(scene, state)
     spans = interleaved(
         {
@@ -165,8 +193,11 @@ def _observe_all(
     program: Program, states: RunState, times: jax.Array
 ) -> tuple[Any, Observation]:
     """Observations of states, one after the other."""
-    one = lambda carry, row: (carry, observe(program, *row))
-    return jax.lax.scan(one, None, (states, times))
+
+    def observe_row(_, row):
+        return None, observe(program, *row)
+
+    return jax.lax.scan(observe_row, None, (states, times))
 
 
 @eqx.filter_jit
@@ -174,9 +205,12 @@ def euler_steps(
     network: AbstractNetwork, state: jax.Array, dt: jax.Array, steps: jax.Array
 ) -> jax.Array:
     """A state after so many steps of `dt` [s] of conduction."""
+
     # Two steps a turn exchange their buffers, as in the time loop.
-    one = lambda state: network.euler_step(state, dt)
-    return jax.lax.fori_loop(0, steps // 2, lambda _, s: one(one(s)), state)
+    def two_steps(_, state):
+        return network.euler_step(network.euler_step(state, dt), dt)
+
+    return jax.lax.fori_loop(0, steps // 2, two_steps, state)
 
 
 def conduction_call(structure: AbstractStructure, steps: int) -> Callable[[], Any]:
@@ -196,8 +230,9 @@ def conduction_of(structure: AbstractStructure) -> Callable[[int], jax.Array]:
     state = np.zeros(structure.state_shape, np.float32)
     values = np.random.default_rng(0).random(structure.node_count)
     state[structure.node_address()] = values
-    given = network, jnp.asarray(state), 0.5 / network.max_rate()
-    return lambda steps: euler_steps(*given, jnp.int32(steps))
+    start = jnp.asarray(state)
+    dt = 0.5 / network.max_rate()
+    return lambda steps: euler_steps(network, start, dt, jnp.int32(steps))
 
 
 def _link_steps(scene: jt.Scene, state: jax.Array) -> Callable[[], jax.Array]:
@@ -211,14 +246,16 @@ def _link_steps(scene: jt.Scene, state: jax.Array) -> Callable[[], jax.Array]:
         conductance=jnp.full(len(links.src), 0.1, state.dtype),
         node_capacity=jnp.ones(structure.node_count, state.dtype),
     )
-    start, dt = state[structure.node_address()], jnp.asarray(1, state.dtype)
+    start = state[structure.node_address()]
+    dt = jnp.asarray(1, state.dtype)
     return lambda: euler_steps(network, start, dt, jnp.int32(_PRODUCTS))
 
 
 def _scipy_product(scene: jt.Scene, state: jax.Array) -> Callable[[], np.ndarray]:
     """One product T + A T of a matrix with an entry for each link at each node."""
     structure = scene.bodies[0].structure
-    links, nodes = structure.links(), structure.node_count
+    links = structure.links()
+    nodes = structure.node_count
     # Only the pattern of the matrix counts for its time.
     ratio = np.full(len(links.src), 0.1, np.float32)
     pairs = (

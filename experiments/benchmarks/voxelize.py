@@ -41,11 +41,13 @@ def _cold(mesh: jt.Mesh, pitch: float, repeats: int) -> tuple[list[float], ...]:
 
 def _peer(mesh: jt.Mesh, pitch: float) -> tuple[int, float]:
     """Voxels that trimesh cuts and fills, and how long it takes [s]."""
-    other = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    cut = lambda: other.voxelized(pitch)
-    fill = lambda: 0 if (voxels := cut()) is None else voxels.fill().filled_count
-    filled, span = timed_call(fill)
-    return int(filled), span
+    peer_mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+
+    def fill() -> int:
+        voxels = peer_mesh.voxelized(pitch)
+        return 0 if voxels is None else int(voxels.fill().filled_count)
+
+    return timed_call(fill)
 
 
 def run(height: int = _CELLS, repeats: int = 5) -> dict[str, Any]:
@@ -63,7 +65,8 @@ def run(height: int = _CELLS, repeats: int = 5) -> dict[str, Any]:
     size = " x ".join(map(str, grid.lattice.shape))
     counts = f"{grid.solid_count:,} solid voxels, of the peer {filled:,}"
     note = f"{len(mesh.faces):,} triangles; {counts}"
-    name, theirs = f"{mesh.name} to {size} voxels", "trimesh, filled, once"
+    name = f"{mesh.name} to {size} voxels"
+    theirs = "trimesh, filled, once"
     measured = [
         Measurement(
             name=f"{name}: first call",
