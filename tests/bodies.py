@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from jaxthermo.geometry.shapes import box
-from jaxthermo.voxels.grid import Lattice, LayerCounts, ThinParts, VoxelGrid
+from jaxthermo.voxels.grid import LayerCounts, VoxelGrid
+from jaxthermo.voxels.lattice import Lattice
+from jaxthermo.voxels.thin_parts import ThinParts
 from jaxthermo.voxels.voxelize import voxelize
 
 

@@ -16,7 +16,7 @@ _PIECES = {
 }
 
 
-class RefinedMesh(NamedTuple):
+class _RefinedMesh(NamedTuple):
     """Mesh with additional vertices, after the original ones."""
 
     vertices: Float[np.ndarray, "w k"]
@@ -27,7 +27,7 @@ class RefinedMesh(NamedTuple):
 
 def refine_edges(
     vertices: Float[np.ndarray, "v k"], faces: Int[np.ndarray, "f 3"], longest: float
-) -> RefinedMesh:
+) -> _RefinedMesh:
     """Cut edges in the middle until none is longer than a length.
 
     Neighbours are cut at the same points: a field over the vertices stays continuous.
@@ -44,7 +44,7 @@ def refine_edges(
         along = vertices[ends[..., 1], :3] - vertices[ends[..., 0], :3]
         cut = np.einsum("fei,fei->fe", along, along) > longest**2
         if not cut.any():
-            return RefinedMesh(vertices=vertices, faces=faces, parent=parent)
+            return _RefinedMesh(vertices=vertices, faces=faces, parent=parent)
         # Sorted, so that both faces at an edge have the same pair.
         pairs = np.sort(ends[cut], axis=-1)
         edges, number = np.unique(pairs, axis=0, return_inverse=True)

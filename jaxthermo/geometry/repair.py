@@ -1,4 +1,8 @@
-"""Mesh repair: weld, clean, orient and close, with a count of each kind of defect."""
+"""Mesh repair: weld, clean, orient and close, with a count of each kind of defect.
+
+The repairs of trimesh would turn cavities outward, flip bands with one side, drop walls
+between two bodies, and close cups as well as holes.
+"""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -54,17 +58,11 @@ def repair_mesh(mesh: Mesh, *, max_hole_edges: int = MAX_HOLE_EDGES) -> Mesh:
 
 
 def _merge_vertices(mesh: Mesh) -> tuple[Mesh, int]:
-    # Adding zero turns -0.0 into 0.0; float64 rows sort fastest column by column.
+    # Adding zero turns -0.0 into 0.0.
     points = mesh.vertices + 0.0
-    order = np.lexsort(points.T)
-    ordered = points[order]
-    is_new = np.ones(len(points), bool)
-    is_new[1:] = (ordered[1:] != ordered[:-1]).any(1)
-    group = np.empty(len(points), np.int64)
-    group[order] = np.cumsum(is_new) - 1
     # The first vertex of each group in file order represents it: order is kept.
-    first = np.full(int(is_new.sum()), len(points))
-    np.minimum.at(first, group, np.arange(len(points)))
+    _, first, group = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    group = group.reshape(-1)
     used = np.unique(mesh.faces)
     merged = len(used) - len(np.unique(group[used]))
     return replace(mesh, vertices=points, faces=first[group][mesh.faces]), merged

@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from .fragments import fragment_chunks
 
 
-class NearestHits(NamedTuple):
+class _NearestHits(NamedTuple):
     """The first triangle that the ray of each pixel meets, in pixels that show any."""
 
     pixel: Int[np.ndarray, " p"]
@@ -26,7 +26,7 @@ def nearest_hits(
     faces: Int[np.ndarray, "f 3"],
     width: int,
     height: int,
-) -> NearestHits:
+) -> _NearestHits:
     """Find the visible triangles with corners `points` (column, row, depth).
 
     Raises:
@@ -45,7 +45,7 @@ def nearest_hits(
         owner[pixel[first]] = np.iinfo(owner.dtype).max
         np.minimum.at(owner, pixel[first], triangle[first])
     seen = np.flatnonzero(owner < len(faces))
-    return NearestHits(pixel=seen, depth=nearest[seen], triangle=owner[seen])
+    return _NearestHits(pixel=seen, depth=nearest[seen], triangle=owner[seen])
 
 
 def depth_range(

@@ -113,13 +113,13 @@ def peel_mesh(
 
 def _all_fragments(
     points: np.ndarray, faces: np.ndarray, width: int, height: int
-) -> "FragmentChunk":
+) -> "_FragmentChunk":
     # A function of its own, so that the chunks are freed before the sort.
     chunks = [*fragment_chunks(points, faces=faces, width=width, height=height)]
-    none = FragmentChunk(
+    none = _FragmentChunk(
         triangle=np.empty(0, np.int64), pixel=np.empty(0, np.int64), depth=np.empty(0)
     )
-    return FragmentChunk(
+    return _FragmentChunk(
         *(np.concatenate(column) for column in zip(none, *chunks, strict=True))
     )
 
@@ -191,7 +191,7 @@ def within_raster(corners: Float[np.ndarray, "*n 3"]) -> bool:
     return bool(np.isfinite(ends).all() and farthest <= _MAX_COORDINATE)
 
 
-class FragmentChunk(NamedTuple):
+class _FragmentChunk(NamedTuple):
     """Fragments of some triangles, in any order."""
 
     triangle: Int[np.ndarray, " k"]
@@ -205,7 +205,7 @@ def fragment_chunks(
     faces: Int[np.ndarray, "f 3"],
     width: int,
     height: int,
-) -> Iterator[FragmentChunk]:
+) -> Iterator[_FragmentChunk]:
     """Fragments of triangles with corners `points` (column, row, depth), in chunks.
 
     Raises:
@@ -233,7 +233,7 @@ def fragment_chunks(
         plane_depth = _plane_at(
             x, y=y, depth=depth, corners=corners, face=face, column=column, row=row
         )
-        yield FragmentChunk(
+        yield _FragmentChunk(
             triangle=chunk[face], pixel=row * width + column, depth=plane_depth
         )
 

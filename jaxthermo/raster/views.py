@@ -84,7 +84,7 @@ def half_sphere_directions(count: int) -> Float[np.ndarray, "d 3"]:
     return cap_directions((0.0, 0.0, 1.0), 0.0, count)
 
 
-class ClippedTriangles(NamedTuple):
+class _ClippedTriangles(NamedTuple):
     """Pieces of triangles, and the number of the triangle that each is a piece of."""
 
     pieces: Float[np.ndarray, "k 3 3"]
@@ -95,7 +95,7 @@ def clip_half_space(
     triangles: Float[np.ndarray, "f 3 3"],
     normal: Float[np.ndarray, "3"],
     offset: float,
-) -> ClippedTriangles:
+) -> _ClippedTriangles:
     """Clip triangles to normal . x >= offset."""
     depth = triangles @ normal - offset
     ahead = depth >= 0
@@ -125,7 +125,7 @@ def clip_half_space(
     at_e = _intersect(e, outside=behind, depth_in=de, depth_out=db)
     lower = np.stack([d, e, at_e], axis=1)
     upper = np.stack([d, at_e, at_d], axis=1)
-    return ClippedTriangles(
+    return _ClippedTriangles(
         pieces=np.concatenate([triangles[inside], tips, lower, upper]),
         parent=np.concatenate([inside, single, double, double]),
     )

@@ -20,7 +20,7 @@ from ..errors import require
 from ..findings import found
 from ..module import Module
 from ..voxels.grid import VoxelGrid
-from .weights import ConductionWeights
+from .weights import ConductionWeights, as_weights
 
 
 _T = TypeVar("_T")
@@ -209,7 +209,11 @@ class AbstractStructure(Module):
 class AbstractBuiltStructure(AbstractStructure):
     """Structure whose arrays are all computed at construction."""
 
-    built: eqx.AbstractVar[Built]
+    grid: VoxelGrid = eqx.field(static=True)
+    weights: ConductionWeights = eqx.field(
+        kw_only=True, default=ConductionWeights(), converter=as_weights
+    )
+    built: Built = eqx.field(static=True, init=False)
 
     @property
     @override

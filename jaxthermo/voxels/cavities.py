@@ -15,8 +15,8 @@ from ..host_memory import require_memory
 from .lattice import Lattice
 
 
-# Labels of 4 bytes, and truth values of the empty cells with and without a rim.
-_BYTES_PER_CELL = 6
+# Labels, and truth values of the empty cells with and without a rim.
+_BYTES_PER_CELL = np.dtype(np.int32).itemsize + 2 * np.dtype(bool).itemsize
 
 _SOLID = -1
 _OUTSIDE = 0

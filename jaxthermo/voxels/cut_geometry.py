@@ -38,7 +38,7 @@ class CellShapes(NamedTuple):
     """From the crossing to the middle of the cell [voxels]."""
 
 
-class VoxelShapes(NamedTuple):
+class _VoxelShapes(NamedTuple):
     """Voxels with surface cells, before any limit of their volumes."""
 
     number: Int[np.ndarray, " m"]
@@ -49,7 +49,7 @@ class VoxelShapes(NamedTuple):
     """Section of the body across x, y, z [voxel faces]."""
 
 
-def surface_shapes(cells: Cells) -> tuple[VoxelShapes, CellShapes]:
+def surface_shapes(cells: Cells) -> tuple[_VoxelShapes, CellShapes]:
     """Shapes of the voxels of surface cells, and of the cells.
 
     The numbers of the cells' voxels ascend.
@@ -73,7 +73,7 @@ def surface_shapes(cells: Cells) -> tuple[VoxelShapes, CellShapes]:
         third = 3 - cells.axis[pairs.first] - cells.axis[pairs.second]
         pair = np.flatnonzero(third == axis)
         _add_products(section[:, axis], along, pairs.selected(pair))
-    shapes = VoxelShapes(number=number, volume=volume, section=section)
+    shapes = _VoxelShapes(number=number, volume=volume, section=section)
     return shapes, _cell_shapes(cells, weight, pairs)
 
 
@@ -95,7 +95,7 @@ def sides_of(cells: Cells) -> Sides:
 
 
 def cut_voxels(
-    shapes: VoxelShapes, links: CutLinks, shape: tuple[int, ...]
+    shapes: _VoxelShapes, links: CutLinks, shape: tuple[int, ...]
 ) -> CutVoxels:
     """Voxels of a lattice that are not whole, before any limit of their volumes."""
     # A body whose faces lie between voxels has none: its stencil is the uniform one.

@@ -76,12 +76,6 @@ class CutVoxels:
         slot = np.minimum(np.searchsorted(cut_index, index), len(cut_index) - 1)
         return np.where(cut_index[slot] == index, self.volume[slot], 1.0)
 
-    def volumes(self, shape: tuple[int, ...]) -> Float[np.ndarray, "x y z"]:
-        """Volume of every voxel of the lattice [voxels]; 1 where not cut."""
-        volume = np.ones(shape)
-        volume[tuple(self.voxel.T)] = self.volume
-        return volume
-
 
 def limited(cut: CutVoxels, solid: Bool[np.ndarray, "x y z"]) -> CutVoxels:
     """Raise small volumes at the cost of neighbours; the total stays."""

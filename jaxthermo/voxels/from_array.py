@@ -8,8 +8,9 @@ from jaxtyping import Bool, Int
 from ..arrays import Scalar, Vector
 from ..errors import InputError, positive_length
 from ..geometry.mesh import Mesh
-from .grid import LayerCounts, ThinParts, VoxelGrid
+from .grid import LayerCounts, VoxelGrid
 from .lattice import Lattice
+from .thin_parts import ThinParts
 
 
 def grid_from_voxels(

@@ -1,6 +1,6 @@
 """Voxel grid: the solid voxels of a body and its surface fragments, and a report."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -14,6 +14,7 @@ from .cut_voxels import CutVoxels
 from .lattice import Lattice
 from .represented import Represented, represented
 from .surface import surface_links, surface_voxels
+from .thin_parts import ThinParts
 
 
 # Smaller fractions of a body's surface are not told to face a cavity that is open.
@@ -26,28 +27,6 @@ class LayerCounts:
 
     peeled: tuple[int, ...]
     packed: tuple[int, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class ThinParts:
-    """Parts thinner than a voxel along a ray, and those lost without any voxel."""
-
-    thin_fragments: int
-    thin_area: float
-    """Area of the fragments on parts less than one voxel thick [m^2]."""
-    lost_fragments: int
-    lost_area: float
-    """Area of the fragments without a solid voxel nearby [m^2]."""
-    regions: tuple[dict, ...]
-    """Largest thin regions: centre [m], thickness [m], area [m^2], lost fraction."""
-    thin_voxel: Int[np.ndarray, "t 3"] = field(
-        default_factory=lambda: np.zeros((0, 3), np.int64)
-    )
-    """Cells of the solid voxels that the thin fragments belong to."""
-    lost_position: Float[np.ndarray, "l 3"] = field(
-        default_factory=lambda: np.zeros((0, 3))
-    )
-    """Positions of the lost fragments in the body's frame [m]."""
 
 
 # Without the representation of dataclasses, which prints the first voxels.

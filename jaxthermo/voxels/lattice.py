@@ -23,7 +23,7 @@ BYTES_PER_FRAGMENT = 150
 """Peak memory of the sort of fragments, with the padding of its arrays."""
 
 
-class SurfaceMemory(NamedTuple):
+class _SurfaceMemory(NamedTuple):
     """Peak memory of the surface cells of a body [bytes]."""
 
     per_crossing: int
@@ -35,8 +35,8 @@ class SurfaceMemory(NamedTuple):
 # Measured maximum for ten bodies of 50 000 to 600 000 crossings: that of a box with few
 # and large triangles. Statues need about half as much.
 SURFACE_MEMORY = {
-    "crossings": SurfaceMemory(per_crossing=260, at_once=10_000_000),
-    "dominant_axis": SurfaceMemory(per_crossing=240, at_once=0),
+    "crossings": _SurfaceMemory(per_crossing=260, at_once=10_000_000),
+    "dominant_axis": _SurfaceMemory(per_crossing=240, at_once=0),
 }
 
 # While triangles are peeled, each has corners in the views, spans of rows and normals,
@@ -87,7 +87,7 @@ def _cell_counts(size: Float[np.ndarray, "3"], pitch: float) -> np.ndarray:
     return np.maximum(np.ceil(length - 1e-6 * (1 + length)), 1)
 
 
-def check_pitch(mesh: Mesh, pitch: float, surface: SurfaceMemory) -> None:
+def check_pitch(mesh: Mesh, pitch: float, surface: _SurfaceMemory) -> None:
     """Refuse a pitch [m] that gives no voxels or too many, before any allocation.
 
     Raises:

@@ -17,7 +17,7 @@ from .cut_geometry import CellShapes, cut_voxels, sides_of, surface_shapes
 from .cut_links import CutLinks, cut_links
 from .cut_voxels import CutVoxels, limited
 from .fill import fill_by_vote
-from .grid import LayerCounts, ThinParts, VoxelGrid
+from .grid import LayerCounts, VoxelGrid
 from .lattice import (
     SURFACE_MEMORY,
     Lattice,
@@ -34,7 +34,7 @@ from .surface import (
     face_axes,
     joined_columns,
 )
-from .thin_wall_report import thin_parts
+from .thin_parts import ThinParts
 from .voxel_bits import VoxelBits
 
 
@@ -143,7 +143,7 @@ def _with_surface(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     cell, lost = attach_to_solid(solid, fragments.position, fragments.inward_cell)
     position = lattice.origin + fragments.position * lattice.pitch
     thickness = fragments.thickness * lattice.pitch * slope[fragments.triangle]
-    thin = thin_parts(
+    thin = ThinParts.of(
         position,
         thickness=thickness,
         area=area,
@@ -355,7 +355,7 @@ def _thin_crossings(
     # Few crossings are on thin parts: only those are summed up.
     near = np.flatnonzero(crossings.lost[main] | (thickness < pitch))
     thin_crossing = main[near]
-    return thin_parts(
+    return ThinParts.of(
         lattice.origin + crossings.position[thin_crossing] * pitch,
         thickness=thickness[near],
         area=pitch**2 / slope[near],

@@ -14,7 +14,6 @@ from ..partition.blocks import block_parts, count_blocks, number_by_first_voxel
 from ..partition.links import link_distance
 from ..partition.slabs import Slab, build_slabs, count_parts
 from ..structure import AbstractBuiltStructure, Built, check_grid
-from ..weights import ConductionWeights, as_weights
 
 
 # A compromise: at factor 4 it more than halves the number of steps and adds 0.05 % of
@@ -40,7 +39,6 @@ class Aggregate(AbstractBuiltStructure):
         InputError: for a factor below 1, or other options outside 0 to 1.
     """
 
-    grid: VoxelGrid = eqx.field(static=True)
     factor: int = eqx.field(static=True, default=4)
     """Voxels along an edge of a block; 1 is the full volume."""
     min_time_constant: float = eqx.field(
@@ -49,10 +47,6 @@ class Aggregate(AbstractBuiltStructure):
     """Smallest time constant of a node relative to a whole block's [-]; 0: no limit."""
     alignment: float = eqx.field(static=True, kw_only=True, default=_ALIGNMENT)
     """Location of nodes between their centre (0) and the middle of their block (1)."""
-    weights: ConductionWeights = eqx.field(
-        kw_only=True, default=ConductionWeights(), converter=as_weights
-    )
-    built: Built = eqx.field(static=True, init=False)
 
     @staticmethod
     def factor_for(

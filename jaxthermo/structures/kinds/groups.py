@@ -20,7 +20,6 @@ from ..partition.blocks import (
 from ..partition.cubes import build_cubes, octree_levels
 from ..partition.slabs import Slab, build_slabs
 from ..structure import AbstractBuiltStructure, Built
-from ..weights import ConductionWeights, as_weights
 
 
 class MultiLevel(AbstractBuiltStructure):
@@ -29,15 +28,10 @@ class MultiLevel(AbstractBuiltStructure):
     With at least as many levels as the body has layers it is the full volume.
     """
 
-    grid: VoxelGrid = eqx.field(static=True)
     levels: int = eqx.field(static=True, default=10)
     hollow: str = eqx.field(static=True, default="empty")
     """Capacity of deeper voxels: "empty" drops it, "innermost" distributes it evenly
     over the nodes of the innermost level."""
-    weights: ConductionWeights = eqx.field(
-        kw_only=True, default=ConductionWeights(), converter=as_weights
-    )
-    built: Built = eqx.field(static=True, init=False)
 
     def __post_init__(self):
         self.levels = whole_number(self.levels, "MultiLevel(levels=)")
@@ -69,14 +63,9 @@ def _build_layers(grid: VoxelGrid, levels: int, hollow: str) -> Built:
 class ShellOverCore(AbstractBuiltStructure):
     """Layers of single voxels (level 0) over blocks of factor^3 voxels (level 1)."""
 
-    grid: VoxelGrid = eqx.field(static=True)
     layers: int = eqx.field(static=True, default=1)
     factor: int = eqx.field(static=True, default=4)
     """Voxels along an edge of a block of the core."""
-    weights: ConductionWeights = eqx.field(
-        kw_only=True, default=ConductionWeights(), converter=as_weights
-    )
-    built: Built = eqx.field(static=True, init=False)
 
     def __post_init__(self):
         self.layers = whole_number(self.layers, "ShellOverCore(layers=)")
@@ -121,13 +110,8 @@ class Octree(AbstractBuiltStructure):
     # Hence neighbours, over corners too, differ by at most one level: the neighbours of
     # a cell's children all lie in the cell's neighbours, so they could exist there.
 
-    grid: VoxelGrid = eqx.field(static=True)
     levels: int | None = eqx.field(static=True, default=None)
     """Number of cell sizes; 1 for single voxels only, None for no limit."""
-    weights: ConductionWeights = eqx.field(
-        kw_only=True, default=ConductionWeights(), converter=as_weights
-    )
-    built: Built = eqx.field(static=True, init=False)
 
     def __post_init__(self):
         if self.levels is not None:
@@ -155,12 +139,7 @@ class Partition(AbstractBuiltStructure):
         InputError: if the labels do not fit the grid or leave fragments without a node.
     """
 
-    grid: VoxelGrid = eqx.field(static=True)
     labels: InitVar[Any]
-    weights: ConductionWeights = eqx.field(
-        kw_only=True, default=ConductionWeights(), converter=as_weights
-    )
-    built: Built = eqx.field(static=True, init=False)
 
     def __post_init__(self, labels: Any):
         checked = _checked_labels(self.grid, labels)

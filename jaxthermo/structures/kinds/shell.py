@@ -24,7 +24,6 @@ from ..structure import (
     Links,
     Nodes,
 )
-from ..weights import ConductionWeights, as_weights
 
 
 class SingleShell(AbstractBuiltStructure):
@@ -37,14 +36,9 @@ class SingleShell(AbstractBuiltStructure):
         InputError: if the capacity is neither "body" nor "own".
     """
 
-    grid: VoxelGrid = eqx.field(static=True)
     capacity: str = eqx.field(static=True, default="body")
     """Volume of the nodes: "body" distributes that of the whole body evenly; "own" is
     one voxel each: a hollow body."""
-    weights: ConductionWeights = eqx.field(
-        kw_only=True, default=ConductionWeights(), converter=as_weights
-    )
-    built: Built = eqx.field(static=True, init=False)
 
     def __post_init__(self):
         if self.capacity not in ("body", "own"):
@@ -131,15 +125,10 @@ class IrregularMultiLevel(AbstractBuiltStructure):
         InputError: unless `levels` is a whole number of at least 1.
     """
 
-    grid: VoxelGrid = eqx.field(static=True)
     levels: int | None = eqx.field(static=True, default=None)
     """Maximal number of levels, None for as many as fit; empty deeper inside."""
     keep_capacity: bool = eqx.field(static=True, default=False)
     """Scale all capacities by one factor, so that the total is the body's."""
-    weights: ConductionWeights = eqx.field(
-        kw_only=True, default=ConductionWeights(), converter=as_weights
-    )
-    built: Built = eqx.field(static=True, init=False)
 
     def __post_init__(self):
         if self.levels is not None:

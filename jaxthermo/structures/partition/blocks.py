@@ -15,8 +15,8 @@ from ..structure import Built, Nodes
 from .links import block_links, voxel_links
 
 
-# Peak of `voxel_layers`: numbers, and the voxels that are not reached yet.
-_BYTES_PER_LAYER_CELL = 7
+# Peak of `voxel_layers`: numbers, the padded body, the shell and exposed voxels.
+_BYTES_PER_LAYER_CELL = np.dtype(np.int32).itemsize + 3 * np.dtype(bool).itemsize
 
 
 def index_type(shape: tuple[int, ...]) -> np.dtype:

@@ -25,15 +25,33 @@ from .links import block_links, joined_links
 # Cells of a slab: larger ones are no faster.
 _SLAB_CELLS = 2**23
 
-# Peak of the build, measured with a ball and up to 1000-high voxels of a statue:
-# labels, parts and faces of a slab, for each cell and solid voxel, and its fragments;
-# the node of every voxel, while slabs are joined; nodes with their links.
-_SLAB_BYTES = (22, 20)
-_BYTES_PER_FRAGMENT = 130
-# Peak of the slabs of a grid with cut voxels, whose volumes and open areas count too.
-_CUT_SLAB_BYTES = 38, 72
-_BYTES_PER_VOXEL = 6
-_BYTES_PER_NODE = 450
+# Arrays at the peak of a build [bytes], by the sizes of their numbers.
+_FLAG = np.dtype(bool).itemsize
+_INDEX = np.dtype(np.int32).itemsize
+_KEY = np.dtype(np.int64).itemsize
+_NUMBER = np.dtype(np.float64).itemsize
+
+# Cells of a slab: first voxels, numbers, labels, padded labels and pairs of them; flags
+# of the solid and of shared faces. With cut voxels also open areas and their indices.
+_BYTES_PER_CELL = 5 * _INDEX + 2 * _FLAG
+_BYTES_PER_CUT_CELL = _BYTES_PER_CELL + _KEY + _NUMBER
+
+# Solid voxels of a slab: keys, order and planes of faces. With cut voxels also volumes,
+# and open areas across three axes, joined and sorted.
+_BYTES_PER_FACE = 2 * _KEY + _INDEX
+_BYTES_PER_CUT_FACE = _BYTES_PER_FACE + 7 * _NUMBER
+
+# Position, normal, area and depth of fragments in a slab, their voxels (as stored and
+# counted from the slab's first), axis, layers and selection.
+_BYTES_PER_FRAGMENT = 8 * _NUMBER + 3 * _INDEX + 5 * _KEY + 2 * _FLAG
+
+# Nodes of voxels in all slabs together, with a flag for each that is in a node.
+_BYTES_PER_VOXEL = _INDEX + 2 * _FLAG
+
+# Centre, location, volume and level of a node and about three links, in slabs, joined
+# and sorted.
+_BYTES_PER_LINK = 2 * _INDEX + 3 * _NUMBER
+_BYTES_PER_NODE = 3 * (7 * _NUMBER + _INDEX + 3 * _BYTES_PER_LINK)
 
 
 def _block_slabs(shape: tuple[int, ...], factor: int) -> Iterator[slice]:
@@ -107,7 +125,9 @@ def _bytes(grid: VoxelGrid, factor: int, nodes: float) -> int:
     """Estimate of the peak memory of a build, besides the grid's own [bytes]."""
     largest = 0
     total = 0
-    per_cell, per_voxel = _SLAB_BYTES if grid.cut is None else _CUT_SLAB_BYTES
+    is_cut = grid.cut is not None
+    per_cell = _BYTES_PER_CUT_CELL if is_cut else _BYTES_PER_CELL
+    per_voxel = _BYTES_PER_CUT_FACE if is_cut else _BYTES_PER_FACE
     for planes in _block_slabs(grid.solid.shape, factor):
         solid = grid.solid[planes]
         voxels = np.count_nonzero(solid)

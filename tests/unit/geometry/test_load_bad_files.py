@@ -130,41 +130,37 @@ def test_no_faces_in_off_and_stl(tmp_path, capfd):
     assert "no faces" in refusal(written(tmp_path, "b.stl", binary), capfd)
 
 
+def triangle_text(suffix, rows, face=(0, 1, 2)):
+    """A file in a text format with one triangle; indices count from 0."""
+    indices = " ".join(map(str, face))
+    if suffix == "obj":
+        vertices = "".join(f"v {row}\n" for row in rows)
+        return vertices + "f " + " ".join(str(index + 1) for index in face) + "\n"
+    if suffix == "off":
+        return "\n".join(["OFF", "3 1 0", *rows, f"3 {indices}"]) + "\n"
+    if suffix == "stl":
+        vertices = "".join(f"vertex {row}\n" for row in rows)
+        facet = f"facet normal 0 0 1\nouter loop\n{vertices}endloop\nendfacet\n"
+        return f"solid a\n{facet}endsolid a\n"
+    head = ["ply", "format ascii 1.0", f"element vertex {len(rows)}"]
+    head += [f"property float {axis}" for axis in "xyz"]
+    head += ["element face 1", "property list uchar int vertex_indices", "end_header"]
+    return "\n".join([*head, *rows, f"3 {indices}"]) + "\n"
+
+
 @pytest.mark.parametrize("number", ["nan", "inf", "-inf"])
 @pytest.mark.parametrize("suffix", ["obj", "off", "ply", "stl"])
 def test_not_finite(tmp_path, capfd, suffix, number):
-    rows = [f"0 0 {number}", "1 0 0", "0 1 0"]
-    text = {
-        "obj": "".join(f"v {row}\n" for row in rows) + "f 1 2 3\n",
-        "off": "OFF\n3 1 0\n" + "\n".join(rows) + "\n3 0 1 2\n",
-        "ply": _ply(rows, ["3 0 1 2"]),
-        "stl": "solid a\nfacet normal 0 0 1\nouter loop\n"
-        + "".join(f"vertex {row}\n" for row in rows)
-        + "endloop\nendfacet\nendsolid a\n",
-    }[suffix]
+    text = triangle_text(suffix, [f"0 0 {number}", "1 0 0", "0 1 0"])
     message = refusal(written(tmp_path, f"a.{suffix}", text), capfd)
     assert "1 of 3 vertices are NaN or infinite" in message
-
-
-def _ply(rows, faces):
-    head = ["ply", "format ascii 1.0", f"element vertex {len(rows)}"]
-    head += [f"property float {axis}" for axis in "xyz"]
-    head += [f"element face {len(faces)}"]
-    head += ["property list uchar int vertex_indices", "end_header"]
-    return "\n".join(head + rows + faces) + "\n"
 
 
 @pytest.mark.parametrize("index", [-1, 3, 99])
 @pytest.mark.parametrize("suffix", ["obj", "off", "ply"])
 def test_index_out_of_range(tmp_path, capfd, suffix, index):
-    rows = ["0 0 0", "1 0 0", "0 1 0"]
     # OBJ counts from 1, and there -1 rightly means the last vertex.
-    obj_index = index + 1
-    text = {
-        "obj": "".join(f"v {row}\n" for row in rows) + f"f 1 2 {obj_index}\n",
-        "off": "OFF\n3 1 0\n" + "\n".join(rows) + f"\n3 0 1 {index}\n",
-        "ply": _ply(rows, [f"3 0 1 {index}"]),
-    }[suffix]
+    text = triangle_text(suffix, ["0 0 0", "1 0 0", "0 1 0"], face=(0, 1, index))
     message = refusal(written(tmp_path, f"a.{suffix}", text), capfd)
     assert "range" in message or "out of bounds" in message
 
@@ -174,13 +170,8 @@ def test_index_out_of_range(tmp_path, capfd, suffix, index):
 )
 @pytest.mark.parametrize("suffix", ["obj", "off", "ply"])
 def test_all_faces_degenerate(tmp_path, capfd, suffix, corners):
-    text = {
-        "obj": "".join(f"v {row}\n" for row in corners) + "f 1 2 3\n",
-        "off": "OFF\n3 1 0\n" + "\n".join(corners) + "\n3 0 1 2\n",
-        "ply": _ply(corners, ["3 0 1 2"]),
-    }[suffix]
-    message = refusal(written(tmp_path, f"a.{suffix}", text), capfd)
-    assert "zero area" in message
+    path = written(tmp_path, f"a.{suffix}", triangle_text(suffix, corners))
+    assert "zero area" in refusal(path, capfd)
 
 
 @pytest.mark.parametrize("name", ["unit", "height"])

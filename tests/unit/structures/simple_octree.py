@@ -3,6 +3,7 @@
 import numpy as np
 
 from jaxthermo.structures.partition.blocks import build_blocks, number_by_first_voxel
+from jaxthermo.structures.partition.cubes import _halve, _with_neighbours
 
 
 def build_octree(grid, levels):
@@ -31,25 +32,6 @@ def octree_cells(solid, levels):
         corner = tuple(index << level for index in new)
         first[new] = np.ravel_multi_index(corner, solid.shape)
     return first
-
-
-def _halve(filled):
-    """Flag the entirely solid cells of twice the size; an odd last plane is dropped."""
-    for axis in range(3):
-        along = np.moveaxis(filled, axis, 0)
-        pairs = along[: len(along) // 2 * 2]
-        filled = np.moveaxis(pairs[::2] & pairs[1::2], 0, axis)
-    return filled
-
-
-def _with_neighbours(filled):
-    """Flag the cells that are solid together with all 26 neighbours."""
-    for axis in range(3):
-        along = np.moveaxis(filled, axis, 0)
-        inner = np.zeros_like(along)
-        inner[1:-1] = along[:-2] & along[1:-1] & along[2:]
-        filled = np.moveaxis(inner, 0, axis)
-    return filled
 
 
 def _refine(coarse, like):

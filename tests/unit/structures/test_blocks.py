@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from voxel_volumes import labelled, links_of, members, solids
 
+import jaxthermo as jt
 from jaxthermo.errors import InputError, whole_number
 from jaxthermo.structures.partition import links as links_module
 from jaxthermo.structures.partition.blocks import build_blocks, number_by_first_voxel
@@ -155,6 +156,23 @@ def test_groups_that_touch_over_an_edge_or_not_at_all_are_not_linked():
 def test_whole_numbers_only(value):
     with pytest.raises(InputError, match=r"Aggregate\(factor=.*whole number .* 1$"):
         whole_number(value, "Aggregate(factor=)")
+
+
+@pytest.mark.parametrize(
+    ("structure", "option", "value"),
+    [
+        *((jt.MultiLevel, "levels", value) for value in (0, -1)),
+        *((jt.Octree, "levels", value) for value in (0, -1)),
+        *((jt.IrregularMultiLevel, "levels", value) for value in (0, -1, True)),
+        *((jt.Aggregate, "factor", value) for value in (0, -2)),
+        *((jt.ShellOverCore, "layers", value) for value in (0, -1)),
+        (jt.ShellOverCore, "factor", 0),
+    ],
+)
+def test_structures_refuse_counts_below_one(structure, option, value):
+    name = rf"{structure.__name__}\({option}={value}\)"
+    with pytest.raises(InputError, match=f"{name}.*whole number of at least 1"):
+        structure(blocks(np.ones((2, 2, 2), bool)), **{option: value})
 
 
 def test_whole_numbers_of_any_type():

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings, strategies as st
 
-from jaxthermo.errors import InputError
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.structures.kinds.shell import IrregularMultiLevel, capacity_by_region
 from jaxthermo.structures.partition.assignment import assign_voxels, voxel_depth
@@ -18,6 +17,7 @@ from tests.unit.structures.irregular_bodies import (
     solid_parts,
     steps_to_outside,
 )
+from tests.unit.structures.voxel_volumes import assert_links
 
 
 seeds = st.integers(0, 10**6)
@@ -238,8 +238,7 @@ def test_levels_are_the_outer_ones(seed):
         )
     for levels in (complete.level_count, 99):
         unlimited = IrregularMultiLevel(grid, levels=levels)
-        for actual, expected in zip(unlimited.links(), complete.links(), strict=True):
-            np.testing.assert_array_equal(actual, expected)
+        assert_links(unlimited, complete)
 
 
 def test_the_total_capacity_can_be_kept():
@@ -251,14 +250,7 @@ def test_the_total_capacity_can_be_kept():
     assert scaled.capacity_ratio == pytest.approx(1, abs=1e-12)
     ratio = scaled.nodes().volume / plain.nodes().volume
     np.testing.assert_allclose(ratio, 1 / plain.capacity_ratio)
-    for actual, expected in zip(scaled.links(), plain.links(), strict=True):
-        np.testing.assert_array_equal(actual, expected)
-
-
-@pytest.mark.parametrize("levels", [0, -1, True])
-def test_mistaken_levels_are_told(levels):
-    with pytest.raises(InputError, match="whole number of at least 1"):
-        cube(3, levels=levels)
+    assert_links(scaled, plain)
 
 
 def test_an_empty_grid_has_no_nodes():

@@ -97,12 +97,6 @@ def test_bodies_without_an_inside_have_one_level(shape):
     assert structure.capacity_ratio == 1
 
 
-@pytest.mark.parametrize("levels", [0, -1])
-def test_levels_below_one_are_refused(levels):
-    with pytest.raises(InputError, match=rf"MultiLevel\(levels={levels}\)"):
-        MultiLevel(blocks(np.ones((2, 2, 2), bool)), levels=levels)
-
-
 def test_an_unknown_hollow_is_refused():
     with pytest.raises(InputError, match='hollow=\'full\'.*"empty" or "innermost"'):
         MultiLevel(blocks(np.ones((2, 2, 2), bool)), hollow="full")

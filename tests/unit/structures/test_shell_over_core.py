@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
-from voxel_volumes import ball, parts_of, solids
+from voxel_volumes import assert_links, ball, parts_of, solids
 
-from jaxthermo.errors import InputError
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.structures.kinds.groups import ShellOverCore
 from jaxthermo.structures.partition.blocks import voxel_layers
@@ -60,12 +59,4 @@ def test_layers_through_the_whole_body_leave_no_core():
     structure = ShellOverCore(grid, layers=20)
     full = FullVolume(grid)
     assert structure.nodes().level.max() == 0
-    for actual, expected in zip(structure.links(), full.links(), strict=True):
-        np.testing.assert_array_equal(actual, expected)
-
-
-@pytest.mark.parametrize("layers, factor", [(0, 4), (1, 0), (-1, 4)])
-def test_numbers_below_one_are_refused(layers, factor):
-    wrong = f"layers={layers}" if layers < 1 else f"factor={factor}"
-    with pytest.raises(InputError, match=rf"ShellOverCore\({wrong}\)"):
-        ShellOverCore(blocks(np.ones((2, 2, 2), bool)), layers, factor)
+    assert_links(structure, full)

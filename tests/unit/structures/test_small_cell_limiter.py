@@ -4,6 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from voxel_volumes import conductance_sums
 
 import jaxthermo as jt
 from tests.bodies import blocks
@@ -14,11 +15,8 @@ PITCH = 0.01
 
 def _time_constants(structure):
     """V / sum A / L of every node that has links [m^2]."""
-    links = structure.links()
     volume = structure.nodes().volume
-    conductance = links.area / (links.distance_src + links.distance_dst)
-    total = np.bincount(links.src, conductance, len(volume))
-    total += np.bincount(links.dst, conductance, len(volume))
+    total = conductance_sums(structure)
     return volume[total > 0] / total[total > 0]
 
 
@@ -47,9 +45,7 @@ def test_nodes_that_are_slow_enough_keep_their_links(grid):
     held = jt.Aggregate(grid, factor=4, min_time_constant=0.5)
     links = free.links()
     volume = free.nodes().volume
-    conductance = links.area / (links.distance_src + links.distance_dst)
-    total = np.bincount(links.src, conductance, len(volume))
-    total += np.bincount(links.dst, conductance, len(volume))
+    total = conductance_sums(free)
     slow = volume > total * 0.5 * (4 * PITCH) ** 2 / 6
     slow_ends = slow[links.src] & slow[links.dst]
     assert 0 < slow_ends.sum() < len(slow_ends)

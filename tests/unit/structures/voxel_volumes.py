@@ -94,3 +94,17 @@ def links_of(labels, centre) -> dict[tuple[int, int], tuple[float, float, float]
         area = np.sqrt((on_axis**2).sum())
         links[src, dst] = (area, to_src / area, to_dst / area)
     return links
+
+
+def assert_links(structure, expected, rtol: float = 0.0) -> None:
+    """Links of two structures agree, exactly unless a tolerance is given."""
+    for actual, reference in zip(structure.links(), expected.links(), strict=True):
+        np.testing.assert_allclose(actual, reference, rtol=rtol, atol=0)
+
+
+def conductance_sums(structure) -> np.ndarray:
+    """Sum of A / L over the links of each node [m]."""
+    links = structure.links()
+    conductance = links.area / (links.distance_src + links.distance_dst)
+    ends = np.concatenate([links.src, links.dst])
+    return np.bincount(ends, np.tile(conductance, 2), structure.node_count)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from voxel_bodies import dense_volumes
 
 from jaxthermo.geometry import shapes
 from jaxthermo.structures.kinds.full import FullVolume
@@ -27,7 +28,7 @@ def cut(voxel, volume):
 
 def test_a_sliver_takes_from_its_neighbours_until_it_keeps_the_step():
     raised = limited(cut([[0, 0, 0]], [0.1]), solid_block(3, 3, 3))
-    volume = raised.volumes((3, 3, 3))
+    volume = dense_volumes(raised, (3, 3, 3))
     assert volume.sum() == pytest.approx(26.1, rel=1e-14)
     # Three neighbours: its step is volume / 3, of a whole voxel inside 1 / 6.
     assert volume[0, 0, 0] == pytest.approx(0.72 / 6 * 3)

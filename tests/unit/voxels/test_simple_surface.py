@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import simple_surface as simple
-from voxel_bodies import joined, without
+from voxel_bodies import dense_volumes, joined, without
 
 from jaxthermo.geometry import shapes
 from jaxthermo.voxels.cell_areas import Patches, _pieces, areas_of_mesh
@@ -142,9 +142,9 @@ def test_volumes_sections_and_cells_are_those_of_all_sides(body):
     np.testing.assert_array_equal(cut.voxel, voxel[changed])
     # Every fourth one so small that it has to take from its neighbours.
     cut.volume[::4] *= 0.3
-    volumes = limited(cut, solid).volumes(solid.shape)
+    volumes = dense_volumes(limited(cut, solid), solid.shape)
     expected = simple.limited(
-        cut.volumes(solid.shape),
+        dense_volumes(cut, solid.shape),
         solid=solid,
         links=links,
         step=_MIN_STEP,

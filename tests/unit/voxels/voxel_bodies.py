@@ -32,3 +32,9 @@ def without(mesh, drop):
 def normals(mesh):
     vectors = mesh.area_vectors
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def dense_volumes(cut, shape):
+    """Volume of every voxel of a lattice [voxels]; 1 where not cut."""
+    voxels = np.argwhere(np.ones(shape, bool))
+    return cut.volumes_at(voxels, shape).reshape(shape)
