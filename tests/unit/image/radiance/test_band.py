@@ -229,10 +229,12 @@ def test_a_warm_panel_is_reflected_with_its_own_spectrum():
     kelvin = 500.0
     strength = SIGMA * kelvin**4 / math.pi
     shares = []
-    for strength_of_panel in ({"temperature": kelvin}, {"radiance": strength}):
-        panel = jt.AreaSource(
-            (0.1, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.1, 0.1), **strength_of_panel
-        )
+    at = (0.1, 0.0, 0.0)
+    towards = (-1.0, 0.0, 0.0)
+    for panel in (
+        jt.AreaSource(at, towards, (0.1, 0.1), temperature=kelvin),
+        jt.AreaSource(at, towards, (0.1, 0.1), radiance=strength),
+    ):
         scene = jt.Scene(
             (cube(0.5, 0.5),),
             (jt.Surroundings(0.0), panel),
