@@ -38,7 +38,7 @@ Spread = tuple[float, float, float]
 """Median, lowest and highest value."""
 
 
-class Shown(NamedTuple):
+class _Shown(NamedTuple):
     """A measurement as a table has it."""
 
     unit: str
@@ -104,7 +104,7 @@ class Measurement:
         return f"{with_range(*self.ratio)} {cost if self.overhead else 'x as fast'}"
 
     @property
-    def shown(self) -> "Shown":
+    def shown(self) -> _Shown:
         """Unit, and the values of both with their ranges, for a table."""
         unit = self.unit
         factor = 1.0
@@ -116,7 +116,7 @@ class Measurement:
             else ""
             for values in (self.ours, self.peer)
         )
-        return Shown(unit=unit, ours=ours, peer=peer)
+        return _Shown(unit=unit, ours=ours, peer=peer)
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values, for `result.json`; `measurement_of` reads them."""

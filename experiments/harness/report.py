@@ -46,7 +46,7 @@ class PageTexts(NamedTuple):
     """Name and reason of each published case that is not computed."""
 
 
-def ids_of(outcomes: Sequence[Outcome], verdict: str) -> list[str]:
+def _ids_of(outcomes: Sequence[Outcome], verdict: str) -> list[str]:
     """Ids of the cases with a verdict."""
     return [o.case.id for o in outcomes if o.verdict == verdict]
 
@@ -55,7 +55,7 @@ def summary(outcomes: Sequence[Outcome]) -> str:
     """The number of cases that pass, and the ids of the others."""
     text = f"{len(ids_of(outcomes, PASS))} of {len(outcomes)} cases pass"
     for words, verdict in (("failed", FAIL), ("only reported", REPORTED)):
-        ids = "; ".join(ids_of(outcomes, verdict)) or "none"
+        ids = "; ".join(_ids_of(outcomes, verdict)) or "none"
         text += f"; {words}: {ids}"
     return text
 
@@ -303,9 +303,9 @@ def run_cases(
     write_report(results, path=folder / "report.html", texts=texts, took=took)
     rows = [row.verdict for outcome in outcomes for row in outcome.rows]
     return {
-        "passed": ids_of(outcomes, PASS),
-        "failed": ids_of(outcomes, FAIL),
-        "reported": ids_of(outcomes, REPORTED),
+        "passed": _ids_of(outcomes, PASS),
+        "failed": _ids_of(outcomes, FAIL),
+        "reported": _ids_of(outcomes, REPORTED),
         "verdicts": {v: rows.count(v) for v in (PASS, REFUSED, REPORTED, FAIL)},
         "cases": [
             _plain(outcome, group.title)

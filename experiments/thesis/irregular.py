@@ -33,12 +33,12 @@ class _Copies(NamedTuple):
     level: Int[np.ndarray, " n"]
 
 
-def copy_count(grid: jt.VoxelGrid) -> int:
+def _copy_count(grid: jt.VoxelGrid) -> int:
     """Levels until the wide side of the lattice is a single texel."""
     return int(np.log2(min(grid.lattice.shape))) + 1
 
 
-def halved_copies(grid: jt.VoxelGrid, levels: int) -> _Copies:
+def _halved_copies(grid: jt.VoxelGrid, levels: int) -> _Copies:
     """Cubes of the halved textures of each axis, moved inward by the levels above.
 
     Args:
@@ -80,7 +80,7 @@ def _level_centres(
     return middle
 
 
-def inside_only(copies: _Copies, grid: jt.VoxelGrid) -> _Copies:
+def _inside_only(copies: _Copies, grid: jt.VoxelGrid) -> _Copies:
     """The cubes whose centre lies in a solid voxel, and all of the surface."""
     points = grid.origin + copies.centre * grid.pitch
     is_inside = grid.contains(points) | (copies.level == 0)
@@ -130,7 +130,7 @@ def readings() -> dict[str, Reading]:
     """Cells by depth, by halved copies, and by copies whose centres are inside."""
     grid = buddha().grid(HEIGHT, "dominant_axis")
     by_depth = jt.IrregularMultiLevel(grid)
-    copies = halved_copies(grid, min(LEVELS, copy_count(grid)))
+    copies = _halved_copies(grid, min(LEVELS, _copy_count(grid)))
     return {
         "by depth": Reading(
             levels=by_depth.level_count,
@@ -138,7 +138,7 @@ def readings() -> dict[str, Reading]:
             count=by_depth.cover_count(),
         ),
         "halved copies": _reading(copies, grid),
-        "halved copies, centres inside": _reading(inside_only(copies, grid), grid),
+        "halved copies, centres inside": _reading(_inside_only(copies, grid), grid),
     }
 
 

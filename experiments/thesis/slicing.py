@@ -13,7 +13,7 @@ from jaxtyping import Float, Int
 from jaxthermo.raster.fragments import SNAP
 
 
-class DrawnTriangle(NamedTuple):
+class _DrawnTriangle(NamedTuple):
     """Pixels whose centres lie in a triangle, and its depths there."""
 
     column: Int[np.ndarray, " k"]
@@ -21,18 +21,18 @@ class DrawnTriangle(NamedTuple):
     depth: Float[np.ndarray, " k"]
 
 
-def draw(triangle: Float[np.ndarray, "3 3"], width: int, height: int) -> DrawnTriangle:
+def draw(triangle: Float[np.ndarray, "3 3"], width: int, height: int) -> _DrawnTriangle:
     """Draw one triangle (column, row, depth) of an image."""
     corners = np.round(triangle[:, :2] * SNAP).astype(np.int64)
     pixels = _covered(corners, width, height)
     if not len(pixels):
-        return DrawnTriangle(column=pixels[:, 0], row=pixels[:, 1], depth=np.zeros(0))
+        return _DrawnTriangle(column=pixels[:, 0], row=pixels[:, 1], depth=np.zeros(0))
     # Barycentric weights by a linear solve, not by edge functions.
     matrix = np.column_stack([corners, np.full(3, SNAP)]) / SNAP
     centres = np.column_stack([pixels + 0.5, np.ones(len(pixels))])
     weights = np.linalg.solve(matrix.T, centres.T)
     plane = weights.T @ triangle[:, 2]
-    return DrawnTriangle(
+    return _DrawnTriangle(
         column=pixels[:, 0],
         row=pixels[:, 1],
         depth=np.clip(plane, triangle[:, 2].min(), triangle[:, 2].max()),

@@ -43,7 +43,7 @@ _UNTOUCHED = (164, 168, 176)
 _NOTHING = (232, 234, 238)
 
 
-class BallOnHead(NamedTuple):
+class _BallOnHead(NamedTuple):
     """A run of the scene, with the texels that touch."""
 
     config: SceneConfig
@@ -122,11 +122,11 @@ def ball_on_cool_head(quick: bool) -> Finding:
     )
 
 
-def ball_on_head(height: int) -> BallOnHead:
+def ball_on_head(height: int) -> _BallOnHead:
     """Simulate 2 s with a head of `height` voxels; the mesh must be there."""
     config = _config(height)
     scene = config.build()
-    return BallOnHead(
+    return _BallOnHead(
         config=config,
         head=scene.bodies[HEAD].structure.grid,
         pairs=_contact_pairs(scene),
@@ -160,7 +160,7 @@ def _contact_area(height: int) -> float:
     return float(_contact_pairs(_config(height).build()).area.sum())
 
 
-def _textures(run: BallOnHead) -> Image.Image:
+def _textures(run: _BallOnHead) -> Image.Image:
     first, last = (f"{time:g} s" for time in TIMES[1:])
     voxelized = "voxelized texture of the head"
     conduction = "conduction texture T_Head"
@@ -198,7 +198,7 @@ def _texture(
     return enlarged(image[::-1, ::-1], _EDGE)
 
 
-def _frames(run: BallOnHead) -> Image.Image:
+def _frames(run: _BallOnHead) -> Image.Image:
     triangles = np.concatenate([s.geometry.triangles for s in run.solution.surfaces])
     camera = build_camera(run.config.camera, triangles)
     tiles = []

@@ -39,7 +39,7 @@ _RATE = CONDUCTANCE * (1 / COPPER.effusivity + 1 / STEEL.effusivity)
 
 
 @exhibit("section-5.3-blocks", "5.3")
-def blocks_in_contact(_: bool) -> Finding:
+def _blocks_in_contact(_: bool) -> Finding:
     """Let heat flow from a block of copper to one of steel."""
     rows = [
         _contact_row(name, time) for name in (_RESISTING, _BONDED) for time in _TIMES

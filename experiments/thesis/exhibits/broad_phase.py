@@ -47,7 +47,7 @@ _STAGES = {
 _PairSet = Set[tuple[int, int]]
 
 
-class Pairs(NamedTuple):
+class _Pairs(NamedTuple):
     """Pairs of boxes of a scene."""
 
     searched: _PairSet
@@ -57,7 +57,7 @@ class Pairs(NamedTuple):
 
 
 @exhibit("section-5.3-broad-phase", "5.3")
-def pairs_left_out(quick: bool) -> Finding:
+def _pairs_left_out(quick: bool) -> Finding:
     """Count pairs after boxes, after views and after the search, in several scenes."""
     counts = _QUICK_COUNTS if quick else _COUNTS
     measured = {count: measure_pruning(count) for count in counts}
@@ -115,7 +115,7 @@ def _is_shallow(a: PlacedGrid, b: PlacedGrid) -> bool:
     return True
 
 
-def measure_pruning(count: int) -> tuple[dict[str, Any], Pairs]:
+def measure_pruning(count: int) -> tuple[dict[str, Any], _Pairs]:
     """Numbers of pairs after boxes, after views and after the search, with times."""
     bodies = _box_scene(count)
     # Once before the clock, for what is compiled.
@@ -141,10 +141,10 @@ def measure_pruning(count: int) -> tuple[dict[str, Any], Pairs]:
         "search_s": search_time,
         "search_of_all_pairs_s": slow_time,
     }
-    return row, Pairs(searched=searched, touching=expected)
+    return row, _Pairs(searched=searched, touching=expected)
 
 
-def _picture(pairs: Pairs) -> Image.Image:
+def _picture(pairs: _Pairs) -> Image.Image:
     touching = {number for pair in pairs.touching for number in pair}
     searched = {number for pair in pairs.searched for number in pair}
     colours = {

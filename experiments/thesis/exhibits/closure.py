@@ -96,7 +96,7 @@ class SquareRod(NamedTuple):
 
 
 @exhibit("section-5.4-closure", "5.4")
-def number_and_flow(quick: bool) -> Finding:
+def _number_and_flow(quick: bool) -> Finding:
     """Compare the number with steady flows around a round and a square rod."""
     lattices = (8,) if quick else (10, 16)
     passes = 2.0 if quick else 3.0

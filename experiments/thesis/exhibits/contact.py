@@ -53,7 +53,7 @@ Rows = list[dict[str, Any]]
 
 
 @exhibit("figure-5.4", "5.3, figure 5.4")
-def areas_of_contact(quick: bool) -> Finding:
+def _areas_of_contact(quick: bool) -> Finding:
     """Find the contact of two cylinders and of a ball on a plate."""
     resolutions = _QUICK if quick else _FULL
     rows = by_resolution(resolutions)

@@ -35,7 +35,7 @@ _COLOURS = ("#17358c", "#b8500a", "#4c7a12")
 
 
 @exhibit("figure-5.6", "5.4, figure 5.6")
-def local_nusselt_number(_: bool) -> Finding:
+def _local_nusselt_number(_: bool) -> Finding:
     """Measure the local number at the knots of its table."""
     rows = measure_knots()
     first = {
@@ -113,7 +113,7 @@ def _name(reynolds: float) -> str:
 
 
 @exhibit("section-5.4-averages", "5.4")
-def averages_of_the_number(_: bool) -> Finding:
+def _averages_of_the_number(_: bool) -> Finding:
     """Compare the three averages that a wind may have."""
     return Finding(
         Verdict.NOT_REPRODUCIBLE,

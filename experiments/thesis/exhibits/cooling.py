@@ -46,12 +46,12 @@ _ORDERED = -0.9
 
 
 @exhibit("figure-5.8", "5.4, figure 5.8")
-def cooling_by_normal(quick: bool) -> Finding:
+def _cooling_by_normal(quick: bool) -> Finding:
     """Cool a cylinder and the statue in wind."""
     height = 60 if quick else 160
     across = 24 if quick else 48
     drum = cylinder_in_wind(across)
-    statue = InWind(buddha().name, buddha().grid(height))
+    statue = _InWind(buddha().name, buddha().grid(height))
     runs = {case.name: case.run(_wind()) for case in (drum, statue)}
     orders = {
         case.name: _cooled_order(case, runs[case.name]) for case in (drum, statue)
@@ -92,7 +92,7 @@ def cooling_by_normal(quick: bool) -> Finding:
 
 
 @dataclass(frozen=True, eq=False)
-class InWind:
+class _InWind:
     """A body, upright and hot, in a wind along x."""
 
     name: str
@@ -143,17 +143,17 @@ class InWind:
         )
 
 
-def cylinder_in_wind(across: int) -> InWind:
+def cylinder_in_wind(across: int) -> _InWind:
     """A cylinder of so many voxels across."""
     mesh = cylinder(_DIAMETER / 2, _LENGTH, 128)
-    return InWind("cylinder", jt.voxelize(mesh, _DIAMETER / across))
+    return _InWind("cylinder", jt.voxelize(mesh, _DIAMETER / across))
 
 
 def _wind(average: str = AVERAGES[0].name) -> jt.Wind:
     return jt.Wind((_SPEED, 0.0, 0.0), _AIR, average=average)
 
 
-def _cooled_order(case: InWind, solution: jt.Solution) -> dict[str, Any]:
+def _cooled_order(case: _InWind, solution: jt.Solution) -> dict[str, Any]:
     """Temperatures of the side by angle, and how they follow the local number."""
     sectors = case.by_sector(solution.surface_temperature)
     local = case.local_numbers()
@@ -191,7 +191,7 @@ def _correlation(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.corrcoef(a, b)[0, 1])
 
 
-def _compare_choices(case: InWind, first: jt.Solution) -> list[dict[str, Any]]:
+def _compare_choices(case: _InWind, first: jt.Solution) -> list[dict[str, Any]]:
     """Temperatures by the average of the wind, and by a fixed h."""
     # Of as much heat as the wind takes at first, spread evenly.
     h = _mean_coefficient(case)
@@ -214,14 +214,14 @@ def _compare_choices(case: InWind, first: jt.Solution) -> list[dict[str, Any]]:
     return rows
 
 
-def _mean_coefficient(case: InWind) -> float:
+def _mean_coefficient(case: _InWind) -> float:
     # float64, since in a millisecond the body loses next to nothing.
     short = jt.simulate(case.scene(_wind(), "float64"), 1e-3)
     power = -float(short.energy.mechanisms["wind"][0]) / 1e-3
     return power / (case.grid.fragment_area.sum() * (_HOT - _AIR))
 
 
-def _cooling_sheet(case: InWind, solution: jt.Solution) -> Image.Image:
+def _cooling_sheet(case: _InWind, solution: jt.Solution) -> Image.Image:
     """A body at the saved times on one scale, the wind from the left.
 
     Each picture is of the surface less its mean at that time: the whole cools by more

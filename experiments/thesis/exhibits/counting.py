@@ -53,7 +53,7 @@ _SAME = 1.5
 
 
 @exhibit("section-6.1-cubes", "6.1")
-def cells_of_cubes(quick: bool) -> Finding:
+def _cells_of_cubes(quick: bool) -> Finding:
     """Count the irregular cells of cubes, n² log n or n²."""
     # Powers of 2: cubes of 8 to 256 voxels a side, over which a logarithm grows by 8/3.
     numbers = count_cubes(range(3, 8) if quick else range(3, 9))
@@ -271,7 +271,7 @@ def _compared_bodies(height: int) -> dict[str, dict[str, Any]]:
 
 
 @exhibit("table-6.1", "6.3, table 6.1")
-def voxels_and_times(quick: bool) -> Finding:
+def _voxels_and_times(quick: bool) -> Finding:
     """Count voxels and time steps of the four structures of the Happy Buddha."""
     name = buddha().name
     height = _QUICK_TABLE_HEIGHT if quick else TABLE_HEIGHT

@@ -33,7 +33,7 @@ _PIXEL = 0.8
 
 
 @exhibit("section-3-cylinders", "3")
-def bodies_as_cylinders(quick: bool) -> Finding:
+def _bodies_as_cylinders(quick: bool) -> Finding:
     """Divide bodies into the cylinders that stand for them in wind."""
     height = 60 if quick else 160
     pictures = {}

@@ -56,7 +56,7 @@ def _slices(
 
 
 @exhibit("figure-4.8", "4.3, figure 4.8")
-def slices_of_a_sphere(_: bool) -> Finding:
+def _slices_of_a_sphere(_: bool) -> Finding:
     """Build the three structures of a sphere."""
     across = 40
     grid = _sphere_grid(across)
@@ -95,7 +95,7 @@ def slices_of_a_sphere(_: bool) -> Finding:
 
 
 @exhibit("figure-5.1", "5.2, figure 5.1")
-def shortest_paths(_: bool) -> Finding:
+def _shortest_paths(_: bool) -> Finding:
     """Measure the shortest way of heat from one side of a sphere to the other."""
     across = 41
     grid = _sphere_grid(across)

@@ -47,7 +47,7 @@ class Power(NamedTuple):
 
 
 @exhibit("section-3-growth", "3")
-def order_of_growth(quick: bool) -> Finding:
+def _order_of_growth(quick: bool) -> Finding:
     """Fit powers of the resolution to sizes and times of the statue's structures."""
     heights = np.array(_QUICK_HEIGHTS if quick else _HEIGHTS)
     # Each structure takes long to compile.

@@ -51,7 +51,7 @@ def _iterations(time: float) -> str:
 
 
 @exhibit("figure-5.2", "5.2, figure 5.2")
-def heat_by_structure(quick: bool) -> Finding:
+def _heat_by_structure(quick: bool) -> Finding:
     """Compare shell, levels and full volume at 30, 60, 90 and 180 s."""
     height = QUICK_HEIGHT if quick else HEIGHT
     times = (30.0, 60.0, 90.0, END)
@@ -99,7 +99,7 @@ def heat_by_structure(quick: bool) -> Finding:
 
 
 @exhibit("figure-6.1", "6.1, figure 6.1")
-def heat_by_levels(quick: bool) -> Finding:
+def _heat_by_levels(quick: bool) -> Finding:
     """Compare 1, 10, 100 and all levels through 3600 iterations."""
     height = QUICK_HEIGHT if quick else HEIGHT
     names = (_SHELL, _TEN, _HUNDRED, _FULL)
@@ -133,7 +133,7 @@ def heat_by_levels(quick: bool) -> Finding:
 
 
 @exhibit("figure-6.2", "6.1, figure 6.2")
-def cracks_and_overlaps(_: bool) -> Finding:
+def _cracks_and_overlaps(_: bool) -> Finding:
     """Count overlaps and cracks of irregular levels in two readings of the text."""
     grid = buddha().grid(HEIGHT, "dominant_axis")
     # The slice across the thesis' z with the most of the left hand.
@@ -181,7 +181,7 @@ def _frame_of(region: np.ndarray) -> tuple[int, int, int, int]:
 
 
 @exhibit("figure-6.3", "6.1, figure 6.3")
-def irregular_and_full(quick: bool) -> Finding:
+def _irregular_and_full(quick: bool) -> Finding:
     """Compare irregular levels with the full volume through 4000 iterations."""
     height = QUICK_HEIGHT if quick else HEIGHT
     times = _quarters(END * _ITERATIONS_6_3 / _ITERATIONS)

@@ -85,7 +85,7 @@ class Frame(NamedTuple):
     paint: Flags
 
 
-class Readings(NamedTuple):
+class _Readings(NamedTuple):
     """Temperatures that a camera shows, by its settings [K]."""
 
     frames: dict[str, Pixels]
@@ -98,7 +98,7 @@ class Readings(NamedTuple):
 
 
 @exhibit("section-1.3-image", "1.3; 5.1; 7")
-def image_of_heat_and_reflections(quick: bool) -> Finding:
+def _image_of_heat_and_reflections(quick: bool) -> Finding:
     """Draw the statue in the sun in parts, and read it as a camera does."""
     height = 60 if quick else 160
     frame = separate(*_statue_scene(height))
@@ -243,7 +243,7 @@ def _radiance_sheet(frame: Frame) -> Image.Image:
     return sheet(tiles, bar, "What a thermal image is made of", columns=len(tiles))
 
 
-def readings(frame: Frame) -> Readings:
+def readings(frame: Frame) -> _Readings:
     """Readings of a camera that knows what the patch reflects."""
     radiances = frame.bands[LONG].by_origin
     seen = radiances[_TOTAL]
@@ -257,10 +257,10 @@ def readings(frame: Frame) -> Readings:
         AT_ONE: LONG_WAVE.temperature(seen),
         _AT_PAINT: jt.object_temperature(seen, PAINT, around),
     }
-    return Readings(frames, around, spot, spot_of_warmer - spot)
+    return _Readings(frames, around, spot, spot_of_warmer - spot)
 
 
-def _reading_sheet(frame: Frame, read: Readings) -> Image.Image:
+def _reading_sheet(frame: Frame, read: _Readings) -> Image.Image:
     """The surface and readings of it on one scale."""
     low = min(float(values[frame.shiny].mean()) for values in read.frames.values())
     high = float(np.percentile(read.frames[ITSELF][frame.body], 99.5))

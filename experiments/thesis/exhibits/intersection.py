@@ -55,7 +55,7 @@ _THICK = 48
 
 
 @exhibit("figure-5.3", "5.3, figure 5.3")
-def intersection_of_balls(_: bool) -> Finding:
+def _intersection_of_balls(_: bool) -> Finding:
     """Find volume and areas of an intersection on few and on many rays."""
     balls = two_balls(_RADII, _OFFSET)
     bounds = {
@@ -120,7 +120,7 @@ class Bounds(NamedTuple):
         return self.cell_area * float((1.0 / along).sum())
 
 
-class Balls(NamedTuple):
+class _Balls(NamedTuple):
     """Two balls that overlap."""
 
     meshes: tuple[jt.Mesh, jt.Mesh]
@@ -163,15 +163,15 @@ def two_balls(
     radii: tuple[float, float],
     offset: tuple[float, float, float],
     subdivisions: int = 6,
-) -> Balls:
+) -> _Balls:
     """Balls of two radii [m], the second one with its centre at `offset` [m]."""
     # So fine by default that facets are no part of the error at any resolution here.
     a, b = (sphere(radius, subdivisions) for radius in radii)
     moved = jt.Mesh(b.vertices + np.array(offset), b.faces, "B")
-    return Balls((a, moved), radii, float(np.linalg.norm(offset)))
+    return _Balls((a, moved), radii, float(np.linalg.norm(offset)))
 
 
-def bounds_along(balls: Balls, axis: int, rays: int) -> Bounds:
+def bounds_along(balls: _Balls, axis: int, rays: int) -> Bounds:
     """Cast `rays` x `rays` rays along an axis of the overlap box."""
     low, high = balls.box
     row_axis, column_axis = pixel_axes(axis)
@@ -208,7 +208,7 @@ def _normals(triangles: Float[np.ndarray, "k 3 3"]) -> Float[np.ndarray, "k 3"]:
     return vector / np.linalg.norm(vector, axis=1, keepdims=True)
 
 
-def _inside(balls: Balls, body: int) -> jt.Mesh:
+def _inside(balls: _Balls, body: int) -> jt.Mesh:
     """The part of a ball's surface that lies in the other one."""
     mesh = balls.meshes[body]
     other_ball = balls.meshes[1 - body]
@@ -217,7 +217,7 @@ def _inside(balls: Balls, body: int) -> jt.Mesh:
     return jt.Mesh(mesh.vertices, mesh.faces[is_inside], mesh.name)
 
 
-def _collision_surfaces(balls: Balls) -> np.ndarray:
+def _collision_surfaces(balls: _Balls) -> np.ndarray:
     points = np.concatenate([mesh.vertices for mesh in balls.meshes])
     camera = camera_on(points, _DIRECTION, _EDGE)
     bodies, _ = shaded([*zip(balls.meshes, BODIES, strict=True)], camera)
@@ -243,13 +243,13 @@ def _blocks(bounds: Bounds) -> jt.Mesh:
     return jt.Mesh(np.concatenate(sides), faces, "bounds")
 
 
-def _volume_picture(balls: Balls, bounds: Sequence[Bounds]) -> np.ndarray:
+def _volume_picture(balls: _Balls, bounds: Sequence[Bounds]) -> np.ndarray:
     camera = camera_on(box_corners(balls.box), _DIRECTION, _EDGE)
     blocks = [(_blocks(on_axis), _AXES[on_axis.axis]) for on_axis in bounds]
     return with_box(shaded(blocks, camera)[0], camera, balls.box)
 
 
-def _rays_picture(balls: Balls, bounds: Bounds, rays: int) -> np.ndarray:
+def _rays_picture(balls: _Balls, bounds: Bounds, rays: int) -> np.ndarray:
     """Section through the middle of the box along an axis, with the rays in it."""
     along, up, across = ((bounds.axis + k) % 3 for k in range(3))
     low, high = balls.box
@@ -287,7 +287,7 @@ def _rays_picture(balls: Balls, bounds: Bounds, rays: int) -> np.ndarray:
 
 
 def pictures(
-    balls: Balls, bounds: Mapping[int, Sequence[Bounds]]
+    balls: _Balls, bounds: Mapping[int, Sequence[Bounds]]
 ) -> dict[str, Image.Image]:
     """The figure's three pictures, and sections with the rays.
 
@@ -321,7 +321,7 @@ def pictures(
     }
 
 
-def _errors(balls: Balls, bounds: Sequence[Bounds]) -> dict[str, float]:
+def _errors(balls: _Balls, bounds: Sequence[Bounds]) -> dict[str, float]:
     """Relative errors of volume, worst of three axes, and of both areas [%]."""
     volume_errors = [on_axis.volume / balls.volume - 1 for on_axis in bounds]
     areas = [sum(on_axis.area_of(body) for on_axis in bounds) for body in (0, 1)]

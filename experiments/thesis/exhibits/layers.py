@@ -45,7 +45,7 @@ _Layers = tuple[int, int, int]
 
 
 @exhibit("figure-4.1", "4.1, figure 4.1")
-def slices_and_peeling(_: bool) -> Finding:
+def _slices_and_peeling(_: bool) -> Finding:
     """Slice a mesh at two voxel sizes, and compare with depth peeling."""
     mesh = figurine(_TALL)
     camera = frame_all(mesh.triangles, 460, 460, (-0.35, 1.0, -0.25))
@@ -112,12 +112,12 @@ def _may_cover(triangles: np.ndarray) -> np.ndarray:
 
 
 @exhibit("figure-4.3", "4.1, figure 4.3")
-def voxelized_textures(quick: bool) -> Finding:
+def _voxelized_textures(quick: bool) -> Finding:
     """Peel the Happy Buddha along three axes."""
     statue = buddha()
     grid = statue.grid(_HEIGHT, "dominant_axis")
     images = layer_images(grid)
-    peeled, _ = layer_counts(grid)
+    peeled, _ = _layer_counts(grid)
     depth_tiles = [
         Tile(enlarged(pixels, 2 * len(pixels)), f"z layer {number + 1}")
         for number, pixels in enumerate(images["y_depth"][:3])
@@ -156,7 +156,7 @@ def _normal_textures(images: Mapping[str, Sequence[np.ndarray]], name: str):
     return sheet(tiles, legend, title, columns=-(-len(tiles) // rows))
 
 
-def layer_counts(grid: jt.VoxelGrid) -> tuple[_Layers, _Layers]:
+def _layer_counts(grid: jt.VoxelGrid) -> tuple[_Layers, _Layers]:
     """Layers along the thesis' x, y, z: as peeled, and stored once and packed."""
     peeled = grid.layers.peeled
     packed = grid.layers.packed
@@ -174,7 +174,7 @@ def _layers_by_height(statue: Statue, heights: Sequence[int]) -> list[dict[str, 
     rows = []
     for height in heights:
         grid = statue.grid(height, "dominant_axis")
-        peeled, packed = layer_counts(grid)
+        peeled, packed = _layer_counts(grid)
         x, y, z = (grid.lattice.shape[axis] for axis in AXES.values())
         rows.append(
             {
@@ -189,7 +189,7 @@ def _layers_by_height(statue: Statue, heights: Sequence[int]) -> list[dict[str, 
 
 
 @exhibit("figure-4.4", "4.2, figure 4.4")
-def two_views_of_a_sphere(_: bool) -> Finding:
+def _two_views_of_a_sphere(_: bool) -> Finding:
     """Find the part of a sphere that its first layers along x and z both show."""
     grid = _sphere_grid(subdivisions=5)
     normals, _axes = face_axes(grid.mesh)
@@ -223,7 +223,7 @@ def _sphere_grid(subdivisions: int) -> jt.VoxelGrid:
 
 
 @exhibit("figure-4.5", "4.2, figure 4.5")
-def largest_component(_: bool) -> Finding:
+def _largest_component(_: bool) -> Finding:
     """Store each texel of a sphere along the axis of its largest normal component."""
     grid = _sphere_grid(subdivisions=6)
     images = layer_images(grid)
@@ -246,7 +246,7 @@ def largest_component(_: bool) -> Finding:
         "axis with the largest component of the normal",
     )
     title = "First texture of a sphere along x"
-    stored = storage(grid)
+    stored = _storage(grid)
     return Finding(
         _storage_verdict(stored),
         {**stored, "exact_stored_over_peeled": _stored_of_a_sphere()},
@@ -267,12 +267,12 @@ def _stored_of_a_sphere() -> float:
 
 
 @exhibit("figure-4.6", "4.2, figure 4.6")
-def packed_textures(_: bool) -> Finding:
+def _packed_textures(_: bool) -> Finding:
     """Pack the textures of the Happy Buddha."""
     statue = buddha()
     grid = statue.grid(_HEIGHT, "dominant_axis")
-    peeled, packed = layer_counts(grid)
-    stored = storage(grid)
+    peeled, packed = _layer_counts(grid)
+    stored = _storage(grid)
     ratio = sum(packed) / sum(peeled)
     is_half = abs(ratio - 0.5) <= 0.1
     is_reproduced = is_half and packed == _PACKED
@@ -334,7 +334,7 @@ def _packing_steps(grid: jt.VoxelGrid) -> Image.Image:
     return sheet(tiles, legend, title, columns=len(original))
 
 
-def storage(grid: jt.VoxelGrid) -> dict[str, float]:
+def _storage(grid: jt.VoxelGrid) -> dict[str, float]:
     """Texels for each voxel of the surface before and after duplicates are removed.
 
     Args:
@@ -386,14 +386,14 @@ def _storage_verdict(stored: Mapping[str, float]) -> Verdict:
 
 
 @exhibit("section-6.3-layers", "6.3")
-def layers_of_two_bodies(quick: bool) -> Finding:
+def _layers_of_two_bodies(quick: bool) -> Finding:
     """Compare the layers of Happy Buddha and Max Planck with those of 6.3."""
     head = planck()
     statue = buddha()
     heights = _QUICK_HEIGHTS if quick else _HEIGHTS
     table = [*_layers_by_height(head, heights), *_layers_by_height(statue, heights)]
-    head_peeled, head_packed = layer_counts(head.grid(_HEIGHT, "dominant_axis"))
-    peeled, packed = layer_counts(statue.grid(_HEIGHT, "dominant_axis"))
+    head_peeled, head_packed = _layer_counts(head.grid(_HEIGHT, "dominant_axis"))
+    peeled, packed = _layer_counts(statue.grid(_HEIGHT, "dominant_axis"))
     has_fewer = all(a <= b for a, b in zip(head_packed, packed, strict=True))
     return Finding(
         Verdict.DIFFERENT,

@@ -39,7 +39,7 @@ Flags = Bool[np.ndarray, "h w"]
 
 
 @exhibit("section-5.1-occlusion", "5.1")
-def ambient_occlusion(quick: bool) -> Finding:
+def _ambient_occlusion(quick: bool) -> Finding:
     """Cool the figurine with and without occlusion."""
     height = 60 if quick else 110
     mesh = figurine(_TALL)

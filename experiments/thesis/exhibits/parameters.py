@@ -58,7 +58,7 @@ class Swept(NamedTuple):
 
 
 @exhibit("section-3-parameters", "3")
-def parameters_for_a_tolerance(quick: bool) -> Finding:
+def _parameters_for_a_tolerance(quick: bool) -> Finding:
     """Sweep structures, voxels and solvers, and pick the cheapest for a tolerance."""
     swept = _sweep(quick)
     rows = []

@@ -77,7 +77,7 @@ def _bisected(is_below: Callable[[float], bool], low: float, high: float) -> flo
 
 
 @exhibit("section-5.1-neighbours", "5.1")
-def radiation_of_neighbours(_: bool) -> Finding:
+def _radiation_of_neighbours(_: bool) -> Finding:
     """Let two black cubes, 100 K apart, exchange heat over several gaps."""
     rows = measure_neighbours()
     gap = ten_percent_gap()
@@ -311,7 +311,7 @@ _RATES = {
 
 
 @exhibit("table-5.1", "5.1, table 5.1")
-def heating_rates(quick: bool) -> Finding:
+def _heating_rates(quick: bool) -> Finding:
     """Heat a cube of twelve materials by the thesis' flux, in steps of one second."""
     seconds = 10 if quick else 1000
     cube = jt.FullVolume(jt.voxelize(box((1.0, 1.0, 1.0)), 1.0))

@@ -39,7 +39,7 @@ _PARTS = (_CONDUCTION, *_MECHANISMS, _SURFACE)
 
 
 @exhibit("section-6.3-shares", "6.3")
-def shares_of_a_step(quick: bool) -> Finding:
+def _shares_of_a_step(quick: bool) -> Finding:
     """Time a step with and without each mechanism."""
     heights = _QUICK_HEIGHTS if quick else _HEIGHTS
     cases = [(name, height) for name in (FULL, IRREGULAR) for height in heights]

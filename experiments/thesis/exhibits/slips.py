@@ -43,7 +43,7 @@ def slips_of_the_text(_: bool) -> Finding:
             "transition": transition(),
             "thin_sheet": thin_sheet(),
             "element": element_weights(),
-            "atoms": atoms_in_a_voxel(_VOXEL),
+            "atoms": _atoms_in_a_voxel(_VOXEL),
             # The error by compression is the square of the largest Mach number.
             "compressibility": MAX_MACH**2,
             "sun": sun_at_the_earth(),
@@ -107,7 +107,7 @@ def transition() -> dict[str, float]:
     }
 
 
-def atoms_in_a_voxel(width: float) -> float:
+def _atoms_in_a_voxel(width: float) -> float:
     """Atoms of copper in a voxel of some width [m]."""
     density = float(thesis_material("copper").density)
     return density * width**3 / _COPPER_MOLE * constants.N_A

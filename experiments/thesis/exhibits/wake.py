@@ -103,7 +103,7 @@ class Tail(NamedTuple):
     ratio: Float[np.ndarray, " n"]
 
 
-class WakeFlow(NamedTuple):
+class _WakeFlow(NamedTuple):
     """One flow with what is measured of it."""
 
     setup: Setup
@@ -113,18 +113,18 @@ class WakeFlow(NamedTuple):
 
 
 @cache
-def _wake_flow(setup: Setup, quick: bool) -> WakeFlow:
+def _wake_flow(setup: Setup, quick: bool) -> _WakeFlow:
     run = compute_flow(setup, _QUICK_CELLS if quick else _CELLS)
     tail = tail_of(setup, run)
-    return WakeFlow(setup=setup, run=run, tail=tail, row=measure_flow(tail, run))
+    return _WakeFlow(setup=setup, run=run, tail=tail, row=measure_flow(tail, run))
 
 
-def _narrow_and_wide(quick: bool) -> tuple[WakeFlow, WakeFlow]:
+def _narrow_and_wide(quick: bool) -> tuple[_WakeFlow, _WakeFlow]:
     """The fastest flow in both channels."""
     return _wake_flow(SETUPS[0], quick), _wake_flow(SETUPS[1], quick)
 
 
-def _four_speeds(quick: bool) -> tuple[WakeFlow, ...]:
+def _four_speeds(quick: bool) -> tuple[_WakeFlow, ...]:
     """The flows in the wide channel, the fastest first."""
     return tuple(_wake_flow(setup, quick) for setup in SETUPS[1:])
 
@@ -189,13 +189,13 @@ def _with_error(value: float, error: float) -> str:
     return f"{value:.3g} ± {error:.1g}"
 
 
-def _flow_rows(flows: Sequence[WakeFlow]) -> list[dict[str, Any]]:
+def _flow_rows(flows: Sequence[_WakeFlow]) -> list[dict[str, Any]]:
     """Frequency, bubble, speeds and lengths of the tail, of each flow."""
     return [{k: v for k, v in flow.row.items() if k != "fits"} for flow in flows]
 
 
 @exhibit("figure-5.7", "5.4, figure 5.7")
-def flow_around_a_cylinder(quick: bool) -> Finding:
+def _flow_around_a_cylinder(quick: bool) -> Finding:
     """Compute a flow that sheds vortices, and cool a second cylinder behind it."""
     _, wide = _narrow_and_wide(quick)
     pairs = measure_pair()
@@ -274,7 +274,7 @@ def is_longer(wide: float, narrow: float) -> bool:
     return math.isfinite(narrow) and wide > narrow
 
 
-def _length(flow: WakeFlow, level: str) -> str:
+def _length(flow: _WakeFlow, level: str) -> str:
     length = flow.row[level]
     if np.isfinite(length):
         return f"{length:.2f}"
@@ -318,7 +318,7 @@ def convergent_functions(quick: bool) -> Finding:
 
 
 @exhibit("figure-6.6", "6.2, figure 6.6")
-def four_winds(quick: bool) -> Finding:
+def _four_winds(quick: bool) -> Finding:
     """Compute the flow in the wide pipe at four speeds."""
     flows = _four_speeds(quick)
     tiles = []
@@ -339,7 +339,7 @@ def four_winds(quick: bool) -> Finding:
 
 
 @exhibit("figure-6.7", "6.2, figure 6.7")
-def normalized_wakes(quick: bool) -> Finding:
+def _normalized_wakes(quick: bool) -> Finding:
     """Compare the normalized curves of four speeds."""
     flows = _four_speeds(quick)
     tails = [flow.tail for flow in flows]
@@ -384,7 +384,7 @@ def stretched_distances(ratios: Sequence[np.ndarray]) -> list[float]:
     return [float(np.sqrt(np.mean((a - b) ** 2))) for a, b in combinations(curves, 2)]
 
 
-def _speed_tiles(flow: WakeFlow, name: str, edge: int) -> list[Tile]:
+def _speed_tiles(flow: _WakeFlow, name: str, edge: int) -> list[Tile]:
     """Pictures of the speed at one moment, and of its mean, of about an edge [px]."""
     return [
         Tile(enlarged(tile.pixels, edge), f"{name}{tile.label}")

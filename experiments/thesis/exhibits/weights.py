@@ -107,7 +107,7 @@ class _Tuned(NamedTuple):
 
 
 @exhibit("section-5.2-weights", "5.2")
-def tuned_weights(quick: bool) -> Finding:
+def _tuned_weights(quick: bool) -> Finding:
     """Tune one weight by hand and fit all, and compare on a load held out."""
     height = 60 if quick else 125
     names = (_SHELL,) if quick else tuple(_FILES)
