@@ -53,7 +53,7 @@ def _ids_of(outcomes: Sequence[Outcome], verdict: str) -> list[str]:
 
 def summary(outcomes: Sequence[Outcome]) -> str:
     """The number of cases that pass, and the ids of the others."""
-    text = f"{len(ids_of(outcomes, PASS))} of {len(outcomes)} cases pass"
+    text = f"{len(_ids_of(outcomes, PASS))} of {len(outcomes)} cases pass"
     for words, verdict in (("failed", FAIL), ("only reported", REPORTED)):
         ids = "; ".join(_ids_of(outcomes, verdict)) or "none"
         text += f"; {words}: {ids}"
