@@ -15,9 +15,10 @@ def body_geometry(
     material: Material | AbstractMaterials | None = None,
 ) -> BodyGeometry:
     """The part of a voxel grid that a camera needs after the run."""
-    part, names = None, ()
+    fragment_part = None
+    names = ()
     if isinstance(material, MaterialLabels):
-        part = np.asarray(material.of_fragments(grid), np.int32)
+        fragment_part = np.asarray(material.of_fragments(grid), np.int32)
         names = material.names or tuple(map(str, range(len(material.given))))
     return BodyGeometry(
         vertices=grid.mesh.vertices,
@@ -27,6 +28,6 @@ def body_geometry(
         fragment_area=grid.fragment_area,
         pitch=grid.pitch,
         pose=pose,
-        fragment_part=part,
+        fragment_part=fragment_part,
         part_names=names,
     )

@@ -15,7 +15,7 @@ from ..voxels.selection import AbstractSelection
 
 
 class Coating(Module):
-    """Emissivity and absorptivity of a part of a body, instead of its material's.
+    """Emissivity and absorptivity of a part of a body that replace its material's.
 
     A coating changes the radiative properties alone: it has no thickness. Later ones of
     a body are on top.
@@ -66,20 +66,20 @@ class Coating(Module):
     def over(
         self, below: Float[Values, "*_"], field: str, grid: VoxelGrid
     ) -> Float[Values, "*s"]:
-        """One of its properties where it is, and that of the surface below elsewhere.
+        """A property of the coating where it is, and of the surface below elsewhere.
 
         Raises:
             InputError: if it selects no surface, or has values for another number of
                 fragments.
         """
-        own: Any = getattr(self, field)
-        if own is None:
+        values: Any = getattr(self, field)
+        if values is None:
             return below
         count = len(grid.fragment_area)
-        if np.ndim(own) and np.shape(own) != (count,):
+        if np.ndim(values) and np.shape(values) != (count,):
             raise InputError(
-                f"Coating({field}=): {np.shape(own)[0]} values for a body of {count} "
-                "fragments: give one number, or one for each fragment"
+                f"Coating({field}=): {np.shape(values)[0]} values for a body of "
+                f"{count} fragments: give one number, or one for each fragment"
             )
         where = np.ones(count, bool)
         if self.on is not None:
@@ -89,15 +89,15 @@ class Coating(Module):
                 f"Coating(on={self.on!r}) selects no surface of its body: check its "
                 "corners or its normal, which are in the body's own frame, in metres"
             )
-        xp: Any = jnp if is_traced((own, below)) else np
-        return xp.where(where, xp.asarray(own, below.dtype), below)
+        xp: Any = jnp if is_traced((values, below)) else np
+        return xp.where(where, xp.asarray(values, below.dtype), below)
 
 
-def _fractions(name: str, given: Any) -> Any:
-    if given is None or is_traced(given):
-        return given
+def _fractions(name: str, number: Any) -> Any:
+    if number is None or is_traced(given):
+        return number
     try:
-        values = np.asarray(given, float)
+        values = np.asarray(number, float)
     except (TypeError, ValueError):
         values = np.full(1, np.nan)
     if values.ndim > 1 or not ((values >= 0) & (values <= 1)).all():

@@ -7,7 +7,7 @@
 | voxels_across | L over the pitch |
 | heating | flux of the sources times L / k [K]: the load |
 
-Of several bodies the largest of each but `voxels_across`, the smallest.
+With several bodies, the largest number counts, and the smallest `voxels_across`.
 """
 
 from typing import Any
@@ -19,16 +19,16 @@ from .scene import Body, Scene
 
 def scene_numbers(scene: Scene, end: float) -> dict[str, float]:
     """Biot, Fourier, voxels across and heating of a scene in a run to `end` [s]."""
-    each = [body_numbers(scene, body, end) for body in scene.bodies]
-    rules = {name: min if name == "voxels_across" else max for name in each[0]}
+    by_body = [body_numbers(scene, body, end) for body in scene.bodies]
+    rules = {name: min if name == "voxels_across" else max for name in by_body[0]}
     return {
-        name: float(rule(numbers[name] for numbers in each))
+        name: float(rule(numbers[name] for numbers in by_body))
         for name, rule in rules.items()
     }
 
 
 def body_numbers(scene: Scene, body: Body, end: float) -> dict[str, float]:
-    """The same numbers of one body of the scene."""
+    """Biot, Fourier, voxels across and heating of one body of the scene."""
     grid = body.structure.grid
     volume = grid.body_volume
     length = float(volume / grid.fragment_area.sum())
@@ -37,9 +37,9 @@ def body_numbers(scene: Scene, body: Body, end: float) -> dict[str, float]:
     start = body.temperature
     # A start that varies is near room temperature as far as these numbers go.
     kelvin = 300.0 if callable(start) else float(start)
-    known = material.at(kelvin)
-    k = float(np.mean(np.asarray(known.conductivity, float)))
-    diffusivity = k / float(known.volumetric_heat_capacity)
+    properties = material.at(kelvin)
+    k = float(np.mean(np.asarray(properties.conductivity, float)))
+    diffusivity = k / float(properties.volumetric_heat_capacity)
     scales = [term.scale(material, kelvin, end) for term in scene.terms]
     flux = sum((scale.heat_flux for scale in scales), 0.0)
     coefficient = sum((scale.heat_transfer_coefficient for scale in scales), 0.0)

@@ -23,7 +23,7 @@ else:
     # Checked by the class, which says what to give instead.
     _PoseFunction = Any
 
-# Of a run: each snapshot finds shadows and contacts, and makes a program.
+# Each snapshot of a run searches for shadows and contacts, and makes a program.
 _MAX_SNAPSHOTS = 10_000
 
 
@@ -49,12 +49,12 @@ class PoseTable(Module):
 
     def __call__(self, time: float) -> Pose:
         """The pose at `time` [s]."""
-        after = int(np.searchsorted(self.times, time, side="right"))
-        if after in (0, len(self.times)):
-            return self.poses[min(after, len(self.times) - 1)]
-        start, end = self.times[after - 1], self.times[after]
-        fraction = (time - start) / (end - start)
-        return _between(self.poses[after - 1], self.poses[after], fraction)
+        next_pose = int(np.searchsorted(self.times, time, side="right"))
+        if next_pose in (0, len(self.times)):
+            return self.poses[min(next_pose, len(self.times) - 1)]
+        start = self.times[next_pose - 1]
+        fraction = (time - start) / (self.times[next_pose] - start)
+        return _between(self.poses[next_pose - 1], self.poses[next_pose], fraction)
 
 
 class Motion(Module):
@@ -123,10 +123,11 @@ class Motion(Module):
 
 def _between(first: Pose, second: Pose, fraction: float) -> Pose:
     """The pose at a fraction of the way between two, turned the short way."""
-    a, b = (np.asarray(pose.translation, float) for pose in (first, second))
     if fraction == 0 or first == second:
         return first
-    translation = (1 - fraction) * a + fraction * b
+    start = np.asarray(first.translation, float)
+    end = np.asarray(second.translation, float)
+    translation = (1 - fraction) * start + fraction * end
     turned = _slerp(_quaternion(first), _quaternion(second), fraction)
     x, y, z = translation.tolist()
     return Pose((x, y, z), tuple(tuple(row) for row in _matrix(turned).tolist()))

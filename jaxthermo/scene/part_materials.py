@@ -44,6 +44,6 @@ def materials_by_part(
             f"{names}, or '*' for all others"
         )
     # One entry for each part: two parts may be of one material.
-    given = tuple(materials[name if name in materials else "*"] for name in parts)
+    by_part = [materials[name if name in materials else "*"] for name in parts]
     labels = part_labels(grid, list(parts.values()))
-    return MaterialLabels(labels, given, names=tuple(parts))
+    return MaterialLabels(labels, given=tuple(by_part), names=tuple(parts))

@@ -88,7 +88,7 @@ class MaterialLabels(AbstractMaterials):
     """Material number of every voxel of the lattice; ignored outside the body."""
     given: tuple[Material, ...]
     names: tuple[str, ...] = eqx.field(static=True, default=(), kw_only=True)
-    """Names of the parts that the materials are of, for frames; "0", "1" if none."""
+    """Name of the part that has each material, for frames; "0", "1" if none."""
 
     @property
     def materials(self) -> tuple[Material, ...]:
@@ -101,21 +101,23 @@ class MaterialLabels(AbstractMaterials):
         Raises:
             InputError: unless every voxel has the number of an existing material.
         """
-        given, solid = np.asarray(self.labels), structure.grid.solid
-        if not np.issubdtype(given.dtype, np.integer) or given.shape != solid.shape:
+        labels = np.asarray(self.labels)
+        solid = structure.grid.solid
+        if not np.issubdtype(labels.dtype, np.integer) or labels.shape != solid.shape:
             raise InputError(
-                f"material labels: got {given.dtype} values of shape {given.shape}: "
+                f"material labels: got {labels.dtype} values of shape {labels.shape}: "
                 f"give one integer for each voxel of the grid, {solid.shape}"
             )
         # Labels outside the body are ignored.
-        labels, count = given[solid].astype(np.int32), len(self.given)
-        if labels.min() < 0 or labels.max() >= count:
+        solid_labels = labels[solid].astype(np.int32)
+        count = len(self.given)
+        if solid_labels.min() < 0 or solid_labels.max() >= count:
             raise InputError(
-                f"material labels: {labels.min()} to {labels.max()}, and there are "
-                f"{count} materials: number them from 0"
+                f"material labels: {solid_labels.min()} to {solid_labels.max()}, and "
+                f"there are {count} materials: number them from 0"
             )
         owner = voxel_owner(structure)
-        pair = owner[owner >= 0].astype(np.int64) * count + labels[owner >= 0]
+        pair = owner[owner >= 0].astype(np.int64) * count + solid_labels[owner >= 0]
         votes = np.bincount(pair, minlength=structure.node_count * count)
         return votes.reshape(-1, count).argmax(axis=1).astype(np.int32)
 
@@ -149,17 +151,17 @@ class Body(Module):
     """With "open", air, sun and surroundings act in its closed cavities as well."""
 
     def __check_init__(self):
-        structures = "a structure, such as FullVolume(grid)"
         require(
             self.structure,
             classes=AbstractStructure,
             argument="Body(structure=)",
-            give=structures,
+            give="a structure, such as FullVolume(grid)",
         )
-        materials = 'a material: Material(...), or materials["copper"]'
-        kinds = (Material, AbstractMaterials)
         require(
-            self.material, classes=kinds, argument="Body(material=)", give=materials
+            self.material,
+            classes=(Material, AbstractMaterials),
+            argument="Body(material=)",
+            give='a material: Material(...), or materials["copper"]',
         )
         require(
             self.pose,
@@ -167,12 +169,11 @@ class Body(Module):
             argument="Body(pose=)",
             give="a Pose or a Motion",
         )
-        maps = "a surface map, such as FluxCorrectedMap()"
         require(
             self.surface_map,
             classes=AbstractSurfaceMap,
             argument="Body(surface_map=)",
-            give=maps,
+            give="a surface map, such as FluxCorrectedMap()",
         )
         if self.inside not in ("closed", "open"):
             raise InputError(f"Body(inside={self.inside!r}): give 'closed' or 'open'")
@@ -203,22 +204,23 @@ class Probe(NamedTuple):
     """In the world, at the start of the run [m]."""
 
 
-def _as_probes(given: Any) -> tuple[Probe, ...]:
-    # By name, or numbered in the order of the points.
-    named = isinstance(given, Mapping)
-    pairs = given.items() if named else zip(range(len(given)), given, strict=True)
+def _as_probes(probes: Any) -> tuple[Probe, ...]:
+    named = probes
+    if not isinstance(probes, Mapping):
+        # Points without names are numbered in their order.
+        named = {str(number): point for number, point in enumerate(probes)}
     return tuple(
-        each if isinstance(each, Probe) else Probe(str(name), _point(name, each))
-        for name, each in pairs
+        point if isinstance(point, Probe) else Probe(str(name), _point(name, point))
+        for name, point in named.items()
     )
 
 
-def _point(name: object, given: Any) -> tuple[float, float, float]:
+def _point(name: object, point: Any) -> tuple[float, float, float]:
     try:
-        x, y, z = (float(value) for value in given)
+        x, y, z = (float(value) for value in point)
     except (TypeError, ValueError):
         raise InputError(
-            f"Scene(probes=): probe {name} is {given!r}: give three numbers [m]"
+            f"Scene(probes=): probe {name} is {point!r}: give three numbers [m]"
         ) from None
     if not np.isfinite([x, y, z]).all():
         raise InputError(f"Scene(probes=): probe {name} is at no finite position")
@@ -254,8 +256,8 @@ class Scene(Module):
     probes: tuple[Probe, ...] = eqx.field(
         static=True, default=(), converter=_as_probes, kw_only=True
     )
-    """Points in the world at the start [m], a list or by name: thermocouples on or in
-    the bodies, which move with them; read by `probe`."""
+    """Thermocouples on or in the bodies, which move with them: points in the world at
+    the start [m], as a list or by name; `probe` reads them."""
     surface_outputs: tuple[str, ...] = eqx.field(
         static=True, default=(), converter=tuple, kw_only=True
     )
@@ -263,19 +265,17 @@ class Scene(Module):
 
     def __check_init__(self):
         _require_all(
-            self.bodies, kind=Body, field="bodies", give="a Body, as in (body,)"
+            self.bodies, cls=Body, field="bodies", give="a Body, as in (body,)"
         )
         terms = "a term, as in (Convection(10.0, 290.0),)"
-        _require_all(self.terms, kind=AbstractTerm, field="terms", give=terms)
+        _require_all(self.terms, cls=AbstractTerm, field="terms", give=terms)
         for i, term in enumerate(self.terms):
             for name in ("on", "within"):
-                given, kinds = (
-                    getattr(term, name, None),
-                    (AbstractSelection, type(None)),
-                )
-                give = "a selection, such as Side((0.0, 0.0, 1.0)) or Everything()"
                 require(
-                    given, classes=kinds, argument=f"terms[{i}]({name}=)", give=give
+                    getattr(term, name, None),
+                    classes=(AbstractSelection, type(None)),
+                    argument=f"terms[{i}]({name}=)",
+                    give="a selection, such as Side((0.0, 0.0, 1.0)) or Everything()",
                 )
         for name in self.surface_outputs:
             if name not in SURFACE_OUTPUTS:
@@ -289,8 +289,8 @@ class Scene(Module):
             raise InputError(
                 f"Scene(dtype={self.dtype!r}): choose 'float32' or 'float64'"
             )
-        # Both kinds of surroundings have this name: they emit the same heat. Those on
-        # parts of the surface must not overlap, which binding checks.
+        # Both kinds of surroundings share this name: they emit the same heat. Where
+        # they are on parts of the surface, binding checks that these do not overlap.
         emits = [term for term in self.terms if term.name == "emission"]
         if len(emits) > 1 and any(getattr(t, "on", None) is None for t in emits):
             raise InputError(
@@ -317,19 +317,19 @@ class Scene(Module):
             check_temperature(body.temperature, f"bodies[{i}]: Body(temperature=)")
         for i, term in enumerate(self.terms):
             for name, value in term.temperatures.items():
-                what = f"terms[{i}]: {type(term).__name__}({name}=)"
-                check_temperature(value, what)
+                argument = f"terms[{i}]: {type(term).__name__}({name}=)"
+                check_temperature(value, argument)
 
 
-def _require_all(given: Any, kind: type, field: str, give: str) -> None:
+def _require_all(values: Any, cls: type, field: str, give: str) -> None:
     require(
-        given,
+        values,
         classes=(tuple, list),
         argument=f"Scene({field}=)",
         give=f"a tuple, each {give}",
     )
-    for i, each in enumerate(given):
-        require(each, classes=kind, argument=f"Scene({field}[{i}]=)", give=give)
+    for i, value in enumerate(values):
+        require(value, classes=cls, argument=f"Scene({field}[{i}]=)", give=give)
 
 
 @dataclass(frozen=True, eq=False)
@@ -366,6 +366,7 @@ class SolvedSurface(Module):
     emissivity: Float[Any, "*#s"]
     """One number for one material [-]."""
     absorptivity: Float[Any, "*#s"]
+    """One number for one material [-]."""
 
     @property
     def moves(self) -> bool:
@@ -377,8 +378,8 @@ class SolvedSurface(Module):
         """The surface at the pose of a moment [s]; itself if it does not move."""
         if not self.moves:
             return self
-        here = replace(self.geometry, pose=self.geometry.pose.at(time))
-        return SolvedSurface(here, self.emissivity, self.absorptivity)
+        geometry = replace(self.geometry, pose=self.geometry.pose.at(time))
+        return SolvedSurface(geometry, self.emissivity, self.absorptivity)
 
 
 def per_fragment(
@@ -388,7 +389,9 @@ def per_fragment(
 
     An array of JAX, or of numpy with `xp` numpy.
     """
-    # A body of one material has one number for all fragments.
-    shaped = [(getattr(s, field), s.geometry.fragment_area.shape) for s in surfaces]
-    parts = [xp.broadcast_to(xp.asarray(given), shape) for given, shape in shaped]
-    return xp.concatenate(parts)
+    values = []
+    for surface in surfaces:
+        # A body of one material has one number for all fragments.
+        value = xp.asarray(getattr(surface, field))
+        values.append(xp.broadcast_to(value, surface.geometry.fragment_area.shape))
+    return xp.concatenate(values)

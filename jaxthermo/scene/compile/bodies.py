@@ -37,23 +37,33 @@ def capacity_at(network: AbstractNetwork, address: Address) -> Float[Array, "*m"
     return network.capacity_at(address)
 
 
+class SectionPlaces(NamedTuple):
+    """Positions of nodes in a list with an equally long part for each section."""
+
+    address: Address
+    """Positions in the state, padded with empty cells where sections have fewer."""
+    places: Int[np.ndarray, " m"]
+    """Place of each node in the list."""
+    per_section: int
+    """Number of places of each section."""
+
+
 class PreparedBody(NamedTuple):
     """One body with its network and initial state."""
 
     number: int
-    """In the scene."""
+    """Number of the body in the scene."""
     body: Body
     network: AbstractNetwork
     reference: Scalar
     """Temperature from which the state counts [K]."""
     state: Float[Values, "..."]
-    """At time 0: an array of numpy without memory of its own where all start equally
-    warm."""
+    """State at time 0. A uniform one is an array of numpy without memory of its own."""
     half_cell: Float[Values, " s"]
     """Conductance from each fragment to its node, k A / distance [W/K]."""
     fragment_node: Int[np.ndarray, " s"]
     surface_map: Any
-    """As bound to the body."""
+    """Surface map as bound to the body."""
     conductivity_parts: Float[Array, "q s"] | None
     """Fractions of each fragment, see `conductivity_parts`; None for one material."""
 
@@ -64,12 +74,13 @@ class PreparedBody(NamedTuple):
     def ordered_address(
         self, nodes: Int[np.ndarray, " m"]
     ) -> tuple[Address, Int[np.ndarray, " m"]]:
-        """Positions of different nodes in the order of the state, and each one's rank.
+        """Positions of distinct nodes in the order of the state, and the rank of each.
 
-        Memory is read and written in that order, several times faster than in another.
+        In that order memory is read and written fastest.
         """
         structure = self.body.structure
-        address, rank = structure.address_of(nodes), np.arange(len(nodes))
+        address = structure.address_of(nodes)
+        rank = np.arange(len(nodes))
         position = np.ravel_multi_index(address, structure.state_shape)
         if (np.diff(position) < 0).any():
             order = np.argsort(position)
@@ -77,43 +88,39 @@ class PreparedBody(NamedTuple):
             address = tuple(index[order] for index in address)
         return tuple(map(device_array, address)), rank
 
-    def section_places(
-        self, nodes: Int[np.ndarray, " m"]
-    ) -> tuple[Address, Int[np.ndarray, " m"], int]:
-        """Positions of different nodes in a list of sections, and each one's place.
+    def section_places(self, nodes: Int[np.ndarray, " m"]) -> SectionPlaces:
+        """Positions of distinct nodes, by the sections of a body; see `gathered`.
 
-        On several devices the nodes of each are followed by an empty cell, as often as
-        it takes to give all as many, which is the last result; see `gathered`. On one
-        the positions are those of `ordered_address`.
+        A body on one device has one section, with the positions of `ordered_address`.
         """
         address, rank = self.ordered_address(nodes)
         structure = self.body.structure
         lattice = structure.sharded if isinstance(structure, FullVolume) else None
         if lattice is None:
-            return address, rank, len(nodes)
-        host, length = tuple(map(np.asarray, address)), lattice.thickness + 2
+            return SectionPlaces(address, places=rank, per_section=len(nodes))
+        host = tuple(map(np.asarray, address))
+        length = lattice.thickness + 2
         section = host[0] // length
-        place, count = padded_places(section, lattice.count)
-        # In the rim of each section, where no temperature ever changes.
+        places, count = padded_places(section, lattice.count)
+        # Empty cells in the rim of each section, where no temperature ever changes.
         empty = length * np.repeat(np.arange(1, lattice.count + 1), count) - 1
         padded = [empty, np.zeros_like(empty), np.zeros_like(empty)]
-        for index, own in zip(padded, host, strict=True):
-            index[place] = own
-        made = tuple(device_array(index, jnp.int32) for index in padded)
-        return made, place[rank], count
+        for index, positions in zip(padded, host, strict=True):
+            index[places] = positions
+        padded_address = tuple(device_array(index, jnp.int32) for index in padded)
+        return SectionPlaces(padded_address, places=places[rank], per_section=count)
 
 
 def prepare(number: int, body: Body, dtype: Any) -> PreparedBody:
     """Network, initial state and addresses of a body."""
-    structure, material = body.structure, body.material
+    structure = body.structure
+    material = body.material
     reference, theta = _initial(number, body, dtype)
     if isinstance(material, AbstractMaterials):
-        of_nodes = material.of_nodes(structure)
-        given = material.materials
         network = materials_network(
             structure,
-            number=of_nodes,
-            materials=given,
+            number=material.of_nodes(structure),
+            materials=material.materials,
             reference=reference,
             dtype=dtype,
         )
@@ -143,14 +150,19 @@ def _state(
 
 
 def _parts(body: Body, reference: Scalar, dtype: Any) -> Float[Array, "q s"] | None:
-    grid, material = body.structure.grid, body.material
+    grid = body.structure.grid
+    material = body.material
     number = np.zeros(len(grid.fragment_area), np.int32)
     materials: tuple = (material,)
     if isinstance(material, AbstractMaterials):
-        number, materials = material.of_fragments(grid), material.materials
-    normal = grid.fragment_normal
+        number = material.of_fragments(grid)
+        materials = material.materials
     return conductivity_parts(
-        materials, number=number, normal=normal, reference=reference, dtype=dtype
+        materials,
+        number=number,
+        normal=grid.fragment_normal,
+        reference=reference,
+        dtype=dtype,
     )
 
 
@@ -158,8 +170,8 @@ def _initial(
     number: int, body: Body, dtype: Any
 ) -> tuple[Scalar, Float[Values, "..."]]:
     # Reference temperature of a body, and its nodes' temperatures above it [K].
-    # The reference is the initial mean. It is no variable: of a traced initial state
-    # only the difference, 0 where it is uniform, carries a derivative.
+    # The reference is the initial mean and no variable: only the difference of a
+    # traced initial state from it carries a derivative.
     shape = body.structure.state_shape
     values: Any = body.temperature
     if callable(values):
@@ -167,20 +179,20 @@ def _initial(
     elif not is_traced(values):
         # One number for all nodes, which takes no memory until a run starts.
         return float(values), np.broadcast_to(np.zeros((), dtype), shape)
-    theta, address = np.zeros(shape, dtype), body.structure.node_address()
+    theta = np.zeros(shape, dtype)
+    address = body.structure.node_address()
     if is_traced(values):
         values = values.astype(dtype)
         reference = jax.lax.stop_gradient(values.mean())
         return reference, jnp.asarray(theta).at[address].set(values - reference)
-    else:
-        values = np.asarray(values, float)
-        wrong = values[~(np.isfinite(values) & (values >= 0))]
-        if wrong.size:
-            raise InputError(
-                f"bodies[{number}]: Body(temperature=) gives {wrong.flat[0]:g} K: the "
-                "function must give kelvin, 0 or more, at every position"
-            )
-        reference = float(values.mean())
+    values = np.asarray(values, float)
+    wrong = values[~(np.isfinite(values) & (values >= 0))]
+    if wrong.size:
+        raise InputError(
+            f"bodies[{number}]: Body(temperature=) gives {wrong.flat[0]:g} K: the "
+            "function must give kelvin, 0 or more, at every position"
+        )
+    reference = float(values.mean())
     # The difference is taken in double precision: a float32 resolves 3e-5 K at 300 K.
     theta[address] = values - reference
     return reference, device_array(theta)
@@ -188,29 +200,30 @@ def _initial(
 
 def surface_property(body: Body, field: str, dtype: Any) -> Float[Values, "*s"]:
     """A property of a body at its surface, by its name in `Material`."""
-    material, grid = body.material, body.structure.grid
+    material = body.material
+    grid = body.structure.grid
     # One material needs no array of its property.
     if isinstance(material, AbstractMaterials):
-        found = material.table(field, dtype)[material.of_fragments(grid)]
+        values = material.table(field, dtype)[material.of_fragments(grid)]
     else:
         value = getattr(material, field)
         xp: Any = jnp if is_traced(value) else np
-        found = xp.asarray(value, dtype)
+        values = xp.asarray(value, dtype)
     for number, coating in enumerate(body.coatings):
         with located(f"coatings[{number}]"):
-            found = coating.over(found, field, grid)
-    return found
+            values = coating.over(values, field, grid)
+    return values
 
 
 def _half_cells(body: Body, reference: Scalar, dtype: Any) -> Float[Values, " s"]:
     # A conductivity that varies is evaluated at the reference temperature.
-    structure, material = body.structure, body.material
+    structure = body.structure
+    material = body.material
     grid = structure.grid
     if isinstance(material, AbstractMaterials):
         table = conductivity_table(material.materials, reference, dtype)
-        k = normal_conductivity(
-            table[material.of_fragments(grid)], grid.fragment_normal
-        )
+        by_fragment = table[material.of_fragments(grid)]
+        k = normal_conductivity(by_fragment, grid.fragment_normal)
     else:
         k = surface_conductivity(material.at(reference), grid.fragment_normal, dtype)
     # Area over distance to the node [m].
@@ -225,11 +238,12 @@ def temperature_bounds(
 ) -> tuple[Float[Any, ""], Forcing | None]:
     """Upper bound of temperatures up to `end` [s] where surfaces emit [K].
 
-    With it come both bounds as numbers; None if values are traced.
+    The second result has the upper and lower bound as numbers; None if values are
+    traced.
     """
     # Without imposed fluxes nothing gets hotter than the start or what terms heat
-    # towards (the maximum principle). With them a surface that emits the flux does;
-    # where nothing emits there is no bound, and none is needed.
+    # towards (the maximum principle). With them, the hottest surface is one that emits
+    # the flux. Where nothing emits there is no bound, and none is needed.
     start = []
     for body in prepared:
         theta = body.state
@@ -240,31 +254,37 @@ def temperature_bounds(
         start.append((body.reference, theta))
     forcings = [term.forcing(end) for term in scene.terms]
     emissivities = [jax.tree.leaves(_emissivities(body)) for body in scene.bodies]
-    # On the host: a dozen single operations on a device take longer.
-    own: Any = jnp if is_traced((start, forcings, emissivities)) else np
+    # Single operations on few numbers are fastest on the host.
+    xp: Any = jnp if is_traced((start, forcings, emissivities)) else np
     highest = [reference + theta.max() for reference, theta in start]
     highest += [forcing.highest for forcing in forcings]
     lowest = [reference + theta.min() for reference, theta in start]
     lowest += [forcing.lowest for forcing in forcings]
-    imposed = sum(own.maximum(forcing.heat_flux, 0.0) for forcing in forcings)
-    bound = own.stack([own.asarray(v, float) for v in highest]).max()
-    least = [own.min(own.asarray(e, float)) for each in emissivities for e in each]
+    imposed = sum(xp.maximum(forcing.heat_flux, 0.0) for forcing in forcings)
+    bound = xp.stack([xp.asarray(v, float) for v in highest]).max()
+    smallest = [
+        xp.min(xp.asarray(emissivity, float))
+        for leaves in emissivities
+        for emissivity in leaves
+    ]
     # Emissivities below 1e-3 would give no useful bound.
-    emissivity = own.maximum(own.stack(least).min(), 1e-3)
+    emissivity = xp.maximum(xp.stack(smallest).min(), 1e-3)
     hottest = (bound**4 + imposed / (STEFAN_BOLTZMANN * emissivity)) ** 0.25
-    found = typed_array(hottest, jnp.result_type(float))
+    upper_bound = typed_array(hottest, jnp.result_type(float))
     # Both bounds decide how many iterations are compiled: they must be known.
     if is_traced((lowest, hottest)):
-        return found, None
+        return upper_bound, None
     coldest = min(float(value) for value in lowest)
-    return found, Forcing(highest=float(hottest), lowest=coldest)
+    return upper_bound, Forcing(highest=float(hottest), lowest=coldest)
 
 
 def _emissivities(body: Body) -> list[Any]:
     material = body.material
-    several = isinstance(material, AbstractMaterials)
-    given = material.table("emissivity", float) if several else material.emissivity
-    return [given, *(coating.emissivity for coating in body.coatings)]
+    if isinstance(material, AbstractMaterials):
+        emissivity = material.table("emissivity", float)
+    else:
+        emissivity = material.emissivity
+    return [emissivity, *(coating.emissivity for coating in body.coatings)]
 
 
 def check_functions(
@@ -273,19 +293,19 @@ def check_functions(
     """Check the temperatures that functions give, as a scene checks numbers.
 
     Raises:
-        InputError: for one outside of the bounds up to `end` [s].
+        InputError: for a temperature outside the bounds up to `end` [s].
     """
     if scene.allow_extreme_temperatures:
         return
     for n, body in enumerate(prepared):
         if callable(body.body.temperature):
             theta = body.network.temperature(jnp.asarray(body.state))
-            own: Any = jnp if is_traced(theta) else np
-            theta = own.asarray(theta)
-            ends = own.stack([theta.min(), theta.max()]) + body.reference
+            xp: Any = jnp if is_traced(theta) else np
+            theta = xp.asarray(theta)
+            ends = xp.stack([theta.min(), theta.max()]) + body.reference
             check_temperature(ends, f"bodies[{n}]: Body(temperature=) gives")
     for n, term in enumerate(scene.terms):
         for name, value in term.temperatures.items():
             if is_unknown_function(value):
-                what = f"terms[{n}]: {type(term).__name__}({name}=) gives"
-                check_temperature(value, what, end)
+                argument = f"terms[{n}]: {type(term).__name__}({name}=) gives"
+                check_temperature(value, argument, end)

@@ -11,6 +11,7 @@ from functools import reduce
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Bool, Float
 
 from ...findings import digest, found, on_device, searches_recorded
 from ...module import replaced
@@ -91,7 +92,8 @@ def _compile(
     scene: Scene, saves: int, end: float | int, prune: bool, method: Method
 ) -> Compiled:
     # Memory is checked before anything large is made.
-    starts, names = _snapshot_times(scene, end), mechanism_names(scene)
+    starts = _snapshot_times(scene, end)
+    names = mechanism_names(scene)
     memory = check_memory(scene, saves=saves, snapshots=len(starts), method=method)
     prepared = tuple(
         prepare(n, body, jnp.dtype(scene.dtype)) for n, body in enumerate(scene.bodies)
@@ -117,12 +119,13 @@ def _compile(
         temperatures=temperatures,
         end=float(end),
     )
-    first, structures = snapshots[0], [body.structure for body in scene.bodies]
+    first = snapshots[0]
+    structures = [body.structure for body in scene.bodies]
     surfaces = first.surface.bodies
     radiation = SceneRadiation(starts, _radiation(scene, snapshots, programs))
     solved = _solved_surfaces(scene, surfaces)
-    # All that is known on the host goes to the device at once; the radiation stays: few
-    # ask a solution for it.
+    # All arrays of the host go to the device at once. The radiation stays on the host,
+    # since few solutions are asked for it.
     programs, hottest, solved = on_device((programs, hottest, solved))
     mechanisms = dict.fromkeys(ledger.values())
     return Compiled(
@@ -182,9 +185,10 @@ def _solved_surfaces(
 
 def _described(structure: AbstractStructure) -> str:
     # Blocks have a factor, which the number of nodes or a size may have chosen.
-    factor, count = getattr(structure, "factor", None), structure.node_count
-    kind = type(structure).__name__ + ("" if factor is None else f" x{factor}")
-    return f"{kind}, {count:,} node{'s' * (count != 1)}"
+    factor = getattr(structure, "factor", None)
+    count = structure.node_count
+    name = type(structure).__name__ + ("" if factor is None else f" x{factor}")
+    return f"{name}, {count:,} node{'s' * (count != 1)}"
 
 
 def _snapshot_times(scene: Scene, end: float) -> tuple[float, ...]:
@@ -209,30 +213,31 @@ def _radiation(
         # Surfaces that only reflect, or are held at a temperature, take no heat.
         if enclosure is None and exchange:
             enclosure = exchange[0].enclosure(snapshot.surface)[0]
-        radiation = snapshot.surface, snapshot.irradiation, enclosure
-        reaching.append(surface_radiation(*radiation))
+        reaching.append(
+            surface_radiation(snapshot.surface, snapshot.irradiation, enclosure)
+        )
     return tuple(reaching)
 
 
 def _parts(ledger: Ledger, snapshot: Snapshot) -> tuple[Part, ...]:
     """The surface that each entry of the ledger acts on."""
-    parts = []
+    acting_parts = []
     surface = snapshot.surface
-    whole = [float(body.grid.fragment_area.sum()) for body in surface.bodies]
+    total_area = [float(body.grid.fragment_area.sum()) for body in surface.bodies]
     acting = [(n, surface.apart(binding.acting)) for n, binding in snapshot.bindings]
-    area_of = lambda area, acts: found(
-        (area,), ("area", digest(acts)), lambda: float(area[acts].sum())
-    )
     for (number, *bodies), name in ledger.items():
         area = surface.bodies[bodies[0]].grid.fragment_area
+        reached = 0.0
         if len(bodies) == 2:
             pairs = snapshot.pairs.get((number, bodies[0], bodies[1]))
-            reached = 0.0 if pairs is None else float(pairs.area.sum())
+            if pairs is not None:
+                reached = float(pairs.area.sum())
         else:
-            acts = [each[bodies[0]] for n, each in acting if n == number]
-            reached = area_of(area, reduce(np.logical_or, acts)) if acts else 0.0
-        fraction = reached / whole[bodies[0]]
-        parts.append(
+            masks = [by_body[bodies[0]] for n, by_body in acting if n == number]
+            if masks:
+                reached = _acting_area(area, reduce(np.logical_or, masks))
+        fraction = reached / total_area[bodies[0]]
+        acting_parts.append(
             Part(
                 mechanism=name,
                 bodies=tuple(bodies),
@@ -240,7 +245,15 @@ def _parts(ledger: Ledger, snapshot: Snapshot) -> tuple[Part, ...]:
                 surface_share=fraction,
             )
         )
-    return tuple(parts)
+    return tuple(acting_parts)
+
+
+def _acting_area(
+    area: Float[np.ndarray, " s"], is_acting: Bool[np.ndarray, " s"]
+) -> float:
+    return found(
+        (area,), ("area", digest(is_acting)), lambda: float(area[is_acting].sum())
+    )
 
 
 def _omissions(
@@ -252,50 +265,54 @@ def _omissions(
 ) -> tuple[Omission, ...]:
     """All that was left out: of surfaces, of volumes, of pairs, and of the scene."""
     several = len(scene.bodies) > 1
-    on = lambda name, body: f"{name} on body {body}" if several else name
-    omitted_here = []
+
+    def on(name: str, body: int | None) -> str:
+        return f"{name} on body {body}" if several else name
+
+    omissions = []
     for index, body in enumerate(scene.bodies):
-        own = {
+        reasons = {
             n: omitted.reason
             for n, omitted in snapshot.omitted
             if omitted.body in (None, index)
         }
-        omitted_here += [Omission(on(names[n], index), own[n]) for n in sorted(own)]
+        for n in sorted(reasons):
+            omissions.append(Omission(on(names[n], index), reasons[n]))
         if not isinstance(body.material, AbstractMaterials):
             name = on("per-node conductivity", index)
-            omitted_here.append(Omission(name, "the material is uniform"))
-    omitted_here += [Omission(on(names[n], body), why) for n, (why, body) in unheated]
-    omitted_here += [Omission(names[n], why) for n, why in snapshot.unpaired]
-    # Usual mechanisms that nothing in the scene asks for.
+            omissions.append(Omission(name, "the material is uniform"))
+    omissions += [Omission(on(names[n], body), why) for n, (why, body) in unheated]
+    omissions += [Omission(names[n], why) for n, why in snapshot.unpaired]
+    # Usual mechanisms that no term of the scene stands for.
     present = {term.name for term in scene.terms}
-    omitted_here += [
+    omissions += [
         Omission(name, why)
-        for name, (why, kinds) in _ABSENT.items()
-        if not present & kinds
+        for name, (why, stand_ins) in _ABSENT.items()
+        if not present & stand_ins
     ]
     if "contact" not in present:
         why = "no term joins the bodies" if several else "there is one body"
-        omitted_here.append(Omission("contact", why))
+        omissions.append(Omission("contact", why))
     if not moves:
-        omitted_here.append(Omission("motion", "nothing moves: one snapshot"))
-    return tuple(omitted_here)
+        omissions.append(Omission("motion", "nothing moves: one snapshot"))
+    return tuple(omissions)
 
 
 def _represented(snapshot: Snapshot, off: bool) -> tuple[str, ...]:
-    """True and represented volume, area and section, where `off` or where not."""
+    """True and represented volume, area and section of the bodies that are `off`."""
     lines = []
     for surface in snapshot.surface.bodies:
-        own = surface.grid.represented
-        if own is not None and own.is_off == off:
+        represented = surface.grid.represented
+        if represented is not None and represented.is_off == off:
             advice = "; use a finer pitch" if off else ""
-            lines.append(f"body {surface.body} {own.described()}{advice}")
+            lines.append(f"body {surface.body} {represented.described()}{advice}")
     return tuple(lines)
 
 
 def _cavity_notes(scene: Scene, snapshot: Snapshot) -> tuple[str, ...]:
     """Closed cavities of each body, if a term does not act in them."""
-    acts = [t for t in scene.terms if isinstance(t, AbstractSurfaceTerm)]
-    if not any(term.from_outside for term in acts):
+    surface_terms = [t for t in scene.terms if isinstance(t, AbstractSurfaceTerm)]
+    if not any(term.from_outside for term in surface_terms):
         return ()
     lines = []
     for body, surface in zip(scene.bodies, snapshot.surface.bodies, strict=True):
@@ -312,16 +329,16 @@ def _cavity_notes(scene: Scene, snapshot: Snapshot) -> tuple[str, ...]:
 
 def _cavity_warnings(scene: Scene, snapshot: Snapshot) -> tuple[str, ...]:
     """A line about each body whose voxels leave open what its mesh encloses."""
-    acts = [t for t in scene.terms if isinstance(t, AbstractSurfaceTerm)]
-    exchange = any(isinstance(term, AbstractExchangeTerm) for term in acts)
-    if not exchange and not any(term.from_outside for term in acts):
+    surface_terms = [t for t in scene.terms if isinstance(t, AbstractSurfaceTerm)]
+    exchange = any(isinstance(term, AbstractExchangeTerm) for term in surface_terms)
+    if not exchange and not any(term.from_outside for term in surface_terms):
         return ()
     lines = []
     for body, surface in zip(scene.bodies, snapshot.surface.bodies, strict=True):
         opened = surface.grid.opened_area
         if body.inside == "open" or not opened:
             continue
-        # Of the mesh: the voxels of thin walls have less area than these.
+        # Relative to the mesh: the voxels of thin walls have less area than it.
         fraction = 100 * opened / surface.grid.mesh.area
         lines.append(
             f"{fraction:.2g} % of the surface of body {surface.body} faces cavities "

@@ -1,8 +1,8 @@
 """A scene whose full volumes are spread over several devices.
 
-Every lattice has a section on each device, see `ShardedLattice`; and so have the lists
-of surface cells and of the nodes that loads act on. Everything else of a scene, what
-reads temperatures of fragments too, is on every device.
+Lattices, surface cells and the nodes that loads act on have a section on each device,
+see `ShardedLattice`. The rest of a scene, including what reads the temperatures of
+fragments, is on every device.
 """
 
 from dataclasses import replace
@@ -22,7 +22,7 @@ def on_devices(scene: Scene, devices: int) -> Scene:
     """Return the scene with its bodies on a number of devices; itself for 1.
 
     Raises:
-        InputError: if there are not so many, or a body cannot be spread over them.
+        InputError: if there are fewer devices, or a body cannot be spread over them.
     """
     check_devices(devices)
     if devices == 1:
@@ -46,9 +46,9 @@ def on_devices(scene: Scene, devices: int) -> Scene:
 def _on_devices(body: Body, where: str, devices: int) -> Body:
     structure = body.structure
     if not isinstance(structure, FullVolume):
-        kind = type(structure).__name__
+        name = type(structure).__name__
         raise InputError(
-            f"{where}: {kind} cannot be spread over devices={devices}; a FullVolume "
+            f"{where}: {name} cannot be spread over devices={devices}; a FullVolume "
             "can, or leave devices out: it is small enough for one"
         )
     if not structure.runs_as_stencil:
@@ -56,16 +56,16 @@ def _on_devices(body: Body, where: str, devices: int) -> Body:
             f"{where}: a FullVolume with weights, stencil=False or kernels of numba "
             f"cannot be spread over devices={devices}; leave these out, or devices"
         )
-    own = body.material
-    several = isinstance(own, AbstractMaterials)
-    materials = own.materials if isinstance(own, AbstractMaterials) else (own,)
-    by_axis = any(isinstance(each.conductivity, tuple) for each in materials)
-    if any(each.varies for each in materials) and (several or by_axis):
+    material = body.material
+    several = isinstance(material, AbstractMaterials)
+    materials = material.materials if several else (material,)
+    by_axis = any(isinstance(material.conductivity, tuple) for material in materials)
+    if any(material.varies for material in materials) and (several or by_axis):
         raise InputError(
             f"{where}: several materials, or one by axis, that vary with temperature "
             f"run as links and cannot be spread over devices={devices}; leave it out"
         )
-    # Refuses one that is too short.
+    # Refuses a body that is too short.
     sharded_lattice(structure.grid.solid, devices)
     return replace(body, structure=replace(structure, devices=devices))
 

@@ -1,7 +1,7 @@
-"""Bodies at their poses: what of it is found once for all runs, whatever their numbers.
+"""Bodies at their poses: results that depend on voxels and poses alone.
 
-Positions and triangles in the world, closed cavities, contacts and overlaps follow from
-voxels and poses alone. A body that moved is searched again.
+Positions and triangles in the world, closed cavities, contacts and overlaps are
+computed once for all runs, and again for a body that moved.
 """
 
 from typing import Any, NamedTuple
@@ -20,7 +20,7 @@ from ..scene import Scene
 
 
 def overlaps_of(
-    placed: tuple[PlacedGrid, ...], known: dict
+    placed: tuple[PlacedGrid, ...], clear_pairs: dict
 ) -> dict[tuple[int, int], Overlap]:
     """Overlaps of bodies, as by `find_overlaps`."""
     if len(placed) == 1:
@@ -28,7 +28,7 @@ def overlaps_of(
     return found(
         tuple(body.grid for body in placed),
         by=("overlaps", tuple(_pose_key(body.pose) for body in placed)),
-        find=lambda: find_overlaps(placed, known),
+        find=lambda: find_overlaps(placed, clear_pairs),
         search="overlaps of bodies",
     )
 
@@ -60,8 +60,8 @@ def placed_surface(grid: VoxelGrid, pose: Pose) -> PlacedSurface:
 
 
 def scene_triangles(placed: list[PlacedSurface]) -> Float[np.ndarray, "f 3 3"]:
-    """Triangles of all bodies [m], the same array in every run: shadows go by it."""
-    triangles = tuple(each.triangles for each in placed)
+    """Triangles of all bodies [m]; the same array in every run, for shadows."""
+    triangles = tuple(surface.triangles for surface in placed)
     if len(triangles) == 1:
         return triangles[0]
     return found(triangles, "triangles", lambda: np.concatenate(triangles))
@@ -87,15 +87,21 @@ def _enclosed(
     for number, (around, body) in enumerate(zip(grids, scene.bodies, strict=True)):
         if body.inside == "open" or around.cavities is None:
             continue
-        for other, grid in enumerate(grids):
+        for other_number, grid in enumerate(grids):
             faced = grid.fragment_cavity
-            if other != number:
+            if other_number != number:
                 faced = _surrounding(
-                    around.cavities, around=poses[number], grid=grid, pose=poses[other]
+                    around.cavities,
+                    around=poses[number],
+                    grid=grid,
+                    pose=poses[other_number],
                 )
-            inside, before = faced > 0, enclosed[other]
+            inside = faced > 0
+            previous = enclosed[other_number]
+            if previous is not None:
+                inside = previous | inside
             if inside.any():
-                enclosed[other] = inside if before is None else before | inside
+                enclosed[other_number] = inside
     return enclosed
 
 
@@ -103,14 +109,14 @@ def _surrounding(
     cavities: Cavities, around: Pose, grid: VoxelGrid, pose: Pose
 ) -> Int[np.ndarray, " s"]:
     """Cavity of another body in which each fragment is, 0 or -1 for none."""
-    # The voxels of a wall may reach over a fragment that lies closer to it than a
-    # voxel: half a voxel further from the wall, in its own body, it is out of them.
+    # The voxels of a wall may cover a fragment that is closer to it than a voxel. Half
+    # a voxel further inside its own body, the fragment is outside of them.
     faced = np.full(len(grid.fragment_area), -1)
     for depth in (0.5, 0.0, -0.5):
         solid = np.flatnonzero(faced < 0)
         inward = depth * grid.pitch * grid.fragment_normal[solid]
-        place = pose.to_world(grid.fragment_position[solid] - inward)
-        faced[solid] = cavities.at(around.to_body(place))
+        position = pose.to_world(grid.fragment_position[solid] - inward)
+        faced[solid] = cavities.at(around.to_body(position))
     return faced
 
 

@@ -6,9 +6,9 @@ A point x in the volume of node i, with the nearest fragment s, has
 
 g the gradient at the node by least squares over its links, and w from 0 at the depth of
 the fragment's node to 1 at the surface, where the temperature of the surface counts and
-not that of its node. Exact where the temperature is linear, of second order in the
-pitch where it is smooth. Beside another material a difference of two nodes is scaled to
-the node's own gradient, by the conductivities at both ends of the link.
+not that of its node. T(x) is exact where the temperature is linear, and of second order
+in the pitch where it is smooth. Next to another material a difference of two nodes is
+scaled to the gradient at the node, by the conductivities at both ends of the link.
 """
 
 from typing import Any, NamedTuple
@@ -45,7 +45,7 @@ class BodyProbes(Module):
     row: Int[Array, " r"]
     """Probe of each neighbour."""
     weight: Float[Array, " r"]
-    """Weight of its temperature above that of the node [-]."""
+    """Weight of each neighbour's temperature above that of the node [-]."""
     fragment: Int[Array, " q"]
     """Nearest fragment of the body."""
     at_surface: Float[Array, " q"]
@@ -59,8 +59,8 @@ class BodyProbes(Module):
         All are above the reference of the body.
         """
         node = taken(theta, self.address)
-        other = taken(theta, self.neighbour)
-        steps = self.weight * (other - node[self.row])
+        neighbour = taken(theta, self.neighbour)
+        steps = self.weight * (neighbour - node[self.row])
         along = jnp.zeros_like(node).at[self.row].add(steps)
         return node + self.at_surface * (surface[self.fragment] - node) + along
 
@@ -71,9 +71,9 @@ class _Located(NamedTuple):
     inside: Bool[np.ndarray, " p"]
     """True where the point is in a solid voxel."""
     voxel: Int[np.ndarray, "p 3"]
-    """That voxel, or the nearest of the surface."""
+    """Voxel that contains the point, or the nearest voxel of the surface."""
     gap: Float[np.ndarray, " p"]
-    """Distance to that voxel [m]."""
+    """Distance from the point to that voxel [m]."""
 
 
 def bind_probes(
@@ -81,7 +81,7 @@ def bind_probes(
 ) -> tuple[BodyProbes, ...]:
     """Bind the probes of a scene to the bodies that they are in or on.
 
-    Of several bodies that contain a point the first counts.
+    If several bodies contain a point, the first counts.
 
     Raises:
         InputError: for a point farther than a voxel from every body, or inside a body
@@ -89,11 +89,13 @@ def bind_probes(
     """
     if not scene.probes:
         return ()
-    given = np.array([probe.position for probe in scene.probes])
-    points = [body.body.pose.at(0.0).to_body(given) for body in prepared]
-    pairs = zip(prepared, points, strict=True)
-    located = [_located(body.body.structure.grid, own) for body, own in pairs]
-    gap = np.stack([each.gap for each in located])
+    positions = np.array([probe.position for probe in scene.probes])
+    points = [body.body.pose.at(0.0).to_body(positions) for body in prepared]
+    located = [
+        _located(body.body.structure.grid, body_points)
+        for body, body_points in zip(prepared, points, strict=True)
+    ]
+    gap = np.stack([body_located.gap for body_located in located])
     nearest = gap.argmin(axis=0)
     bound = []
     for n, probe in enumerate(scene.probes):
@@ -104,18 +106,18 @@ def bind_probes(
                 f"is {gap[nearest[n], n]:.3g} m away; give points in the world, where "
                 "the bodies are at the start"
             )
-    for body, own, place in zip(prepared, points, located, strict=True):
+    for body, body_points, body_located in zip(prepared, points, located, strict=True):
         number = np.flatnonzero(nearest == body.number)
         if len(number):
-            place = _Located(*(column[number] for column in place))
+            body_located = _Located._make(column[number] for column in body_located)
             probes = [scene.probes[n] for n in number]
             bound.append(
                 _bind(
                     body,
                     probes=probes,
                     number=number,
-                    points=own[number],
-                    located=place,
+                    points=body_points[number],
+                    located=body_located,
                     dtype=dtype,
                 )
             )
@@ -128,12 +130,14 @@ def _at(probe: Probe) -> str:
 
 
 def _located(grid: VoxelGrid, points: Float[np.ndarray, "p 3"]) -> _Located:
-    by = "points_in_voxels", digest(points)
-    return found((grid,), by, lambda: _locate(grid, points))
+    return found(
+        (grid,), ("points_in_voxels", digest(points)), lambda: _locate(grid, points)
+    )
 
 
 def _locate(grid: VoxelGrid, points: Float[np.ndarray, "p 3"]) -> _Located:
-    cell, inside = np.floor(grid.lattice.to_cells(points)), grid.contains(points)
+    cell = np.floor(grid.lattice.to_cells(points))
+    inside = grid.contains(points)
     centres = grid.lattice.centres(grid.fragment_voxel)
     _, fragment = KDTree(centres).query(points)
     beyond = np.abs(points - centres[fragment]) - grid.pitch / 2
@@ -151,9 +155,13 @@ def _bind(
     dtype: Any,
 ) -> BodyProbes:
     structure = body.body.structure
-    grid, location = structure.grid, structure.nodes().location
-    by = "points_on_surface", digest(points)
-    fragment = found((grid,), by, lambda: _nearest_fragment(grid, points))
+    grid = structure.grid
+    location = structure.nodes().location
+    fragment = found(
+        (grid,),
+        ("points_on_surface", digest(points)),
+        lambda: _nearest_fragment(grid, points),
+    )
     surface = grid.fragment_foot[fragment]
     depth = ((surface - points) * grid.fragment_normal[fragment]).sum(axis=1)
     at_surface = np.clip(1 - depth / structure.fragment_distance()[fragment], 0, 1)
@@ -162,17 +170,17 @@ def _bind(
     at_surface[far] = 0.0
     node = _nodes(body, probes=probes, located=located, at_surface=at_surface)
     # The point at which node and fragment together give the temperature.
-    part = at_surface[:, None]
-    offset = points - (1 - part) * location[node] - part * surface
-    chosen, index = np.unique(node, return_inverse=True)
-    rows = gradient_rows(structure, chosen)
+    surface_weight = at_surface[:, None]
+    offset = points - (1 - surface_weight) * location[node] - surface_weight * surface
+    gradient_nodes, index = np.unique(node, return_inverse=True)
+    rows = gradient_rows(structure, gradient_nodes)
     start = np.searchsorted(rows.node, index)
     count = np.searchsorted(rows.node, index, side="right") - start
     row = np.repeat(np.arange(len(node)), count)
     within = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
     entry = start[row] + within
     weight = (rows.weight[entry] * offset[row]).sum(axis=1)
-    ratio = _own_part(
+    ratio = _slope_ratio(
         body, link=rows.link[entry], is_src=rows.is_src[entry], dtype=dtype
     )
     return BodyProbes(
@@ -206,18 +214,19 @@ def _nodes(
     order = np.full(solid.shape, -1)
     order[solid] = np.arange(structure.grid.solid_count)
     voxel = order[tuple(located.voxel.T)]
-    own, nearest = structure.voxel_node()[voxel], voxel_owner(structure)[voxel]
-    # Beside the surface the nearest node stands for a voxel that has none.
-    for n in np.flatnonzero((own < 0) & ((at_surface <= 0) | (nearest < 0))):
+    voxel_node = structure.voxel_node()[voxel]
+    nearest = voxel_owner(structure)[voxel]
+    # Next to the surface the nearest node stands for a voxel that has none.
+    for n in np.flatnonzero((voxel_node < 0) & ((at_surface <= 0) | (nearest < 0))):
         raise InputError(
             f"probe {_at(probes[n])} is inside body {body.number}, where a "
             f"{type(structure).__name__} has no nodes: give the body a structure that "
             "fills it, or a point on its surface"
         )
-    return np.where(own < 0, nearest, own)
+    return np.where(voxel_node < 0, nearest, voxel_node)
 
 
-def _own_part(
+def _slope_ratio(
     body: PreparedBody,
     link: Int[np.ndarray, " r"],
     is_src: Bool[np.ndarray, " r"],
@@ -225,16 +234,19 @@ def _own_part(
 ) -> Float[Array, "*r"]:
     """Slope at the node itself over the mean slope of each of these links [-]."""
     # The flux is the same in both halves: k_1 s_1 = k_2 s_2, and the mean slope is that
-    # of both lengths. One for a single material.
-    structure, material = body.body.structure, body.body.material
+    # over both lengths. The ratio is 1 for a single material.
+    structure = body.body.structure
+    material = body.body.material
     if not isinstance(material, AbstractMaterials):
         return jnp.ones((), dtype)
     table = conductivity_table(material.materials, body.reference, dtype)
     k = table[material.of_nodes(structure)]
     links = structure.links()
-    first, second = (each[link] for each in conductivity_at_ends(structure, k))
-    lengths = links.distance_src[link], links.distance_dst[link]
-    own = jnp if isinstance(k, jax.Array) else np
-    d1, d2 = (own.asarray(length, dtype) for length in lengths)
-    other = own.where(is_src, second, first)
-    return device_array((d1 + d2) * other / (d1 * second + d2 * first))
+    src_k, dst_k = conductivity_at_ends(structure, k)
+    k1 = src_k[link]
+    k2 = dst_k[link]
+    xp = jnp if isinstance(k, jax.Array) else np
+    d1 = xp.asarray(links.distance_src[link], dtype)
+    d2 = xp.asarray(links.distance_dst[link], dtype)
+    far_k = xp.where(is_src, k2, k1)
+    return device_array((d1 + d2) * far_k / (d1 * k2 + d2 * k1))

@@ -46,13 +46,13 @@ class VolumeLoad(Module):
     address: Address
     """Position of the heated nodes, in the order of the state."""
     rise: Float[Array, " m"]
-    """Heated volume over capacity of each of them [m^3 K/J]."""
+    """Heated volume over capacity of each heated node [m^3 K/J]."""
     volume: Float[Any, ""]
-    """Heated volume of all of them [m^3]."""
+    """Heated volume of all nodes [m^3]."""
     heat_rate_density: Any
     """[W/m^3]"""
     mesh: Mesh | None = eqx.field(static=True)
-    """Devices of the body, each with the nodes of its own section; None for one."""
+    """Devices of the body, each with the nodes of one section; None for one device."""
 
     def apply_heat(
         self, new: Float[Array, "..."], time: Time, dt: Time
@@ -73,9 +73,9 @@ class BodyProgram(Module):
     """Temperature from which the state counts [K]."""
     sources: tuple[VolumeLoad, ...]
     address: Address
-    """Position of the nodes that have surface, each once, in the order of the state."""
+    """Position of the surface nodes, each once, in the order of the state."""
     node: Int[Array, " s"]
-    """Index of each fragment's node among them."""
+    """Index of each fragment's node among the surface nodes."""
     exposed_fraction: Float[Any, "*s"]
     """Fraction of each fragment that nothing touches."""
     surface_map: BoundMap
@@ -140,28 +140,37 @@ class Program(Module):
     ) -> list[Float[Array, " _"]]:
         """Temperatures of every body's fragments above its reference [K].
 
-        At a time at which loads act, or None; with the excess of each body's fragments
-        over their nodes that contacts cause [K].
+        Args:
+            states: states of the bodies.
+            time: time at which loads act [s]; None if none has acted yet.
+            contact_excess: excess of each body's fragments over their nodes that
+                contacts cause [K].
         """
         pairs = zip(self.bodies, states, strict=True)
         theta = [body.network.temperature(state) for body, state in pairs]
-        found = [body.below(own) for body, own in zip(self.bodies, theta, strict=True)]
+        below = [
+            body.below(body_theta)
+            for body, body_theta in zip(self.bodies, theta, strict=True)
+        ]
         # The balance at the surface is solved again only for maps that read it.
         excess: Sequence = [None] * len(self.bodies)
         needed = any(body.surface_map.needs_excess for body in self.bodies)
         if needed and time is not None:
-            excess = self._excess(time, [below for _, below in found])
+            excess = self._excess(time, [fragments for _, fragments in below])
         surface = []
         for n, body in enumerate(self.bodies):
-            own, contact = excess[n], contact_excess[n]
+            body_excess = excess[n]
+            contact = contact_excess[n]
             if not body.surface_map.needs_excess:
-                own = None
-            elif own is not None and contact is not None:
+                body_excess = None
+            elif body_excess is not None and contact is not None:
                 # A fragment in contact in part has the area mean of both.
-                own = own * body.exposed_fraction + contact
-            nodes, below = found[n]
+                body_excess = body_excess * body.exposed_fraction + contact
+            nodes, fragments = below[n]
             surface.append(
-                body.surface_map.read(theta[n], nodes, below, body.node, own)
+                body.surface_map.read(
+                    theta[n], nodes, fragments, body.node, body_excess
+                )
             )
         return surface
 
@@ -170,18 +179,18 @@ class Program(Module):
     ) -> Float[Array, " p"] | None:
         """Temperatures at the probes of the scene [K]; None without any.
 
-        From the states, and the temperatures of every body's fragments above its
-        reference [K].
+        `surface` has the temperatures of every body's fragments above its reference.
         """
         if not self.probes:
             return None
-        found = []
-        for each in self.probes:
-            body, state = self.bodies[each.body], states[each.body]
-            above = each.read(body.network.temperature(state), surface[each.body])
-            found.append(body.reference + above)
-        order = np.argsort(np.concatenate([each.number for each in self.probes]))
-        return jnp.concatenate(found)[order]
+        temperatures = []
+        for probes in self.probes:
+            body = self.bodies[probes.body]
+            theta = body.network.temperature(states[probes.body])
+            above = probes.read(theta, surface[probes.body])
+            temperatures.append(body.reference + above)
+        order = np.argsort(np.concatenate([probes.number for probes in self.probes]))
+        return jnp.concatenate(temperatures)[order]
 
     def fragment_outputs(
         self,
@@ -199,22 +208,24 @@ class Program(Module):
         pairs = zip(self.bodies, states, strict=True)
         theta = [body.network.temperature(state) for body, state in pairs]
         pairs = zip(self.bodies, theta, strict=True)
-        below = [body.below(own)[1] for body, own in pairs]
+        below = [body.below(body_theta)[1] for body, body_theta in pairs]
         if time is None:
-            none = jnp.concatenate([jnp.zeros_like(own) for own in below])
+            none = jnp.concatenate([jnp.zeros_like(body_below) for body_below in below])
             return dict.fromkeys(self.surface_heat.outputs, none)
-        given = [
-            jnp.zeros_like(own) if heat is None else heat
-            for own, heat in zip(below, contact_heat, strict=True)
+        by_contacts = [
+            jnp.zeros_like(body_below) if heat is None else heat
+            for body_below, heat in zip(below, contact_heat, strict=True)
         ]
         terms, joined = self._terms_above(time, below)
-        return self.surface_heat.evaluate(terms, time, joined, jnp.concatenate(given))
+        return self.surface_heat.evaluate(
+            terms, time, joined, jnp.concatenate(by_contacts)
+        )
 
     def _terms_above(self, time, below: list) -> tuple[SurfaceTerms, Array]:
         """The terms on fragments as they act above nodes of these temperatures [K]."""
         relative = [
-            body.network.relative_conductivity(own, body.conductivity_parts)
-            for body, own in zip(self.bodies, below, strict=True)
+            body.network.relative_conductivity(body_below, body.conductivity_parts)
+            for body, body_below in zip(self.bodies, below, strict=True)
         ]
         terms = self.fragment_terms.conducting(together(relative, below))
         joined = jnp.concatenate(below) if below[1:] else below[0]
@@ -227,7 +238,7 @@ class Program(Module):
     def _excess(self, time, below: list) -> list[Float[Array, " _"]]:
         """Temperature of the fragments over their nodes, from the balance [K]."""
         terms, joined = self._terms_above(time, below)
-        ends = np.cumsum([len(each) for each in below])[:-1].tolist()
+        ends = np.cumsum([len(body_below) for body_below in below])[:-1].tolist()
         excess = terms.surface_excess(time, joined)
         return jnp.split(excess, ends) if ends else [excess]
 
@@ -242,7 +253,7 @@ class Omission:
 
 @dataclass(frozen=True)
 class Part:
-    """The surface of one body, or of two in contact, that a mechanism acts on."""
+    """Surface of a body, or of two bodies in contact, that a mechanism acts on."""
 
     mechanism: str
     bodies: tuple[int, ...]
@@ -260,7 +271,7 @@ class Receipt:
     parts: tuple[Part, ...]
     left_out: tuple[Omission, ...]
     notes: tuple[str, ...]
-    """Remarks on the validity of laws: ranges that were left, data that is not sure."""
+    """Remarks on the validity of laws: ranges exceeded, uncertain data."""
     warnings: tuple[str, ...]
     """Likely mistakes: bodies that overlap."""
     structures: tuple[str, ...]
@@ -269,15 +280,15 @@ class Receipt:
     links: int
     fragments: int
     snapshots: int
-    """Number of geometries, as bodies and sources move; 1 if nothing does."""
+    """Number of geometries of moving bodies and sources; 1 if nothing moves."""
     capacity_ratios: tuple[float, ...]
     """Heat capacity of each body's nodes over that of the body [-]."""
     dtype: str
     memory_bytes: int
-    """Forecast of the peak of the run, see `forecast_memory`; the bodies' voxels and
-    structures are there before."""
+    """Forecast of the peak of the run, see `forecast_memory`, without the voxels and
+    structures of the bodies, which exist already."""
     searches: tuple[str, ...] = ()
-    """Searches in the geometry that were made; others are known from runs before."""
+    """Searches in the geometry that this run made; others were remembered."""
 
     def as_dict(self) -> dict:
         """Plain types, for `summary.json`."""
@@ -291,19 +302,19 @@ class Compiled(Module):
     """One per snapshot; they differ in numbers only."""
     starts: tuple[float, ...] = eqx.field(static=True)
     """Start of each program [s]; the first at 0."""
-    # Not of the programs, which would be compiled again for other times of a table.
+    # Not in the programs, which would be compiled again for other times of a table.
     breakpoints: tuple[float, ...] = eqx.field(static=True)
     """Times that steps end at, besides the save times [s]."""
     start: tuple[Float[Array | np.ndarray, "..."], ...]
-    """State at time 0; of numpy, and without memory of its own, where a body starts at
-    one temperature."""
+    """State at time 0. That of a body with a uniform start is an array of numpy without
+    memory of its own."""
     surfaces: tuple[SolvedSurface, ...]
     radiation: SceneRadiation
     """Radiation that reaches the surfaces, absorbed or not."""
     hottest: Float[Any, ""]
     """Upper bound of temperatures up to the end [K]."""
     end: float = eqx.field(static=True)
-    """Time up to which that holds [s]."""
+    """Time up to which `hottest` is a bound [s]."""
     receipt: Receipt = eqx.field(static=True)
 
     @property
@@ -321,7 +332,7 @@ class Compiled(Module):
     def stable_step(self) -> Float[Array, ""]:
         """Largest explicit step that is stable [s]; infinite without a limit.
 
-        Found at each call, by a program of its own: few that compile a scene ask.
+        It is computed at each call, since few runs need it.
         """
         with precision(self.receipt.dtype):
             # One step for all snapshots: the smallest.
@@ -345,7 +356,7 @@ def _new_array(
     return jnp.array(values)
 
 
-# A sixth of the time of `jnp.full`, which is a few operations without a program.
+# One program; `jnp.full` dispatches several operations.
 @partial(jax.jit, static_argnums=1)
 def _filled(value: Float[Any, ""], shape: tuple[int, ...]) -> Float[Array, "..."]:
     return jnp.broadcast_to(value, shape)

@@ -37,9 +37,9 @@ from .surface_load import AbstractSurfaceLoad, surface_load
 # Nodes that heat sources reach, by the numbers of the term and of the body.
 _Volumes = dict[tuple[int, int], VolumeBinding]
 
-# Mechanisms in the energy ledger, the same at all snapshots, by the numbers of the term
-# and of its body, or both bodies; they are counted in this order.
 Ledger = dict[tuple[int, ...], str]
+"""Mechanisms in the energy ledger, in its order, by the numbers of the term and of its
+body, or of both its bodies; the same at all snapshots."""
 
 # Entry of each term on each body in the ledger; -1 where it has none.
 _Rows = tuple[tuple[int, ...], ...]
@@ -47,7 +47,8 @@ _Rows = tuple[tuple[int, ...], ...]
 
 def bind_volumes(scene: Scene) -> tuple[_Volumes, list[tuple[int, Omitted]]]:
     """Nodes that volume terms heat, and the numbers of terms that heat none."""
-    found, omitted = {}, []
+    bindings = {}
+    omitted = []
     for number, term in enumerate(scene.terms):
         if not isinstance(term, AbstractVolumeTerm):
             continue
@@ -56,8 +57,8 @@ def bind_volumes(scene: Scene) -> tuple[_Volumes, list[tuple[int, Omitted]]]:
             if isinstance(result, Omitted):
                 omitted.append((number, Omitted(result.reason, index)))
             else:
-                found[number, index] = result
-    return found, omitted
+                bindings[number, index] = result
+    return bindings, omitted
 
 
 def ledger_entries(
@@ -68,12 +69,12 @@ def ledger_entries(
     omitted = {(number, body) for number, (_, body) in first.omitted}
     keys: set[tuple[int, ...]] = {*volumes, *_pair_counts(snapshots)}
     for (number, _), where in zip(first.bindings, acting(snapshots), strict=True):
-        for body, acts in enumerate(first.surface.apart(where)):
+        for body, is_acting in enumerate(first.surface.apart(where)):
             # Without pruning an idle term has entries too: they stay 0.
             idle = not omitted & {(number, None), (number, body)}
-            if acts.any() or (idle and not prune):
+            if is_acting.any() or (idle and not prune):
                 keys.add((number, body))
-    # Sorted by term, then by body, then by the other body of a pair.
+    # Sorted by term, then by body, then by the second body of a pair.
     return {key: names[key[0]] for key in sorted(keys)}
 
 
@@ -96,33 +97,34 @@ def make_programs(
     temperatures: Forcing | None,
     end: float,
 ) -> tuple[tuple[Program, ...], tuple[str, ...]]:
-    """The program of each snapshot, all in arrays of the same shapes, and notes.
+    """The program of each snapshot, all with arrays of the same shapes, and notes.
 
-    The notes, for the receipt, are on the accuracy of an exchange.
+    The notes for the receipt state the accuracy of an exchange.
     """
     entry = {key: n for n, key in enumerate(ledger)}
-    every = {key[0]: name for key, name in ledger.items()}
-    names = {n: every[n] for n, _ in snapshots[0].bindings}
+    mechanism = {key[0]: name for key, name in ledger.items()}
+    names = {n: mechanism[n] for n, _ in snapshots[0].bindings}
     rows = tuple(
         tuple(entry.get((n, body.number), -1) for body in prepared) for n in names
     )
-    terms = [_fragment_terms(each, names) for each in snapshots]
+    terms = [_fragment_terms(snapshot, names) for snapshot in snapshots]
     iterations = max(
         _iterations(
-            own,
-            surface=each.surface,
+            fragment_terms,
+            surface=snapshot.surface,
             prepared=prepared,
             rows=rows,
             temperatures=temperatures,
             end=end,
         )
-        for own, each in zip(terms, snapshots, strict=True)
+        for fragment_terms, snapshot in zip(terms, snapshots, strict=True)
     )
     used = _used_terms(scene, ledger)
     values = [value for term in used for value in term.values]
     exchange = next((t for t in used if isinstance(t, AbstractExchangeTerm)), None)
     # Cells must be the same at all snapshots: they go by where a term ever acts.
-    acts, counts = acting(snapshots), _pair_counts(snapshots)
+    acting_fragments = acting(snapshots)
+    counts = _pair_counts(snapshots)
     touched = {number for key in counts for number in key[1:]}
     dtype = snapshots[0].surface.dtype
     bodies = [
@@ -132,19 +134,20 @@ def make_programs(
     probes = bind_probes(scene, prepared, dtype)
     areas = [body.grid.fragment_area for body in snapshots[0].surface.bodies]
     outputs = surface_heat(scene, areas, tuple(names))
-    made, accuracies = [], []
-    for snapshot, own in zip(snapshots, terms, strict=True):
+    programs = []
+    accuracies = []
+    for snapshot, snapshot_terms in zip(snapshots, terms, strict=True):
         surface = snapshot.surface
         fine = None
         if exchange is not None:
             fine, accuracy = exchange.enclosure(surface)
             accuracies.append(accuracy)
-        fragment_terms = replaced(own, iterations=iterations)
+        fragment_terms = replaced(snapshot_terms, iterations=iterations)
         load, enclosure = _surface_load(
             fragment_terms,
             surface=surface,
             prepared=prepared,
-            acts=acts,
+            acting_fragments=acting_fragments,
             fine=fine,
             rows=rows,
             entry_count=len(ledger),
@@ -175,29 +178,35 @@ def make_programs(
             entries=tuple((name, key[1:]) for key, name in ledger.items()),
             sampled=any(is_unknown_function(value) for value in values),
         )
-        made.append(program)
+        programs.append(program)
     # Linear sums are made on the host, in double precision.
-    if all(program.fragment_terms.is_linear for program in made):
-        made = linear_programs(made) or made
-    return tuple(made), _accuracy_notes(exchange, accuracies)
+    if all(program.fragment_terms.is_linear for program in programs):
+        programs = linear_programs(programs) or programs
+    return tuple(programs), _accuracy_notes(exchange, accuracies)
 
 
 def _accuracy_notes(
     exchange: AbstractExchangeTerm | None, accuracies: list[Any]
 ) -> tuple[str, ...]:
     """The note on the least accurate snapshot."""
-    known = [each for each in accuracies if each is not None]
-    if exchange is None or not known:
+    stated = [accuracy for accuracy in accuracies if accuracy is not None]
+    if exchange is None or not stated:
         return ()
-    return (f"{exchange.name}: {max(known, key=lambda each: each.error).note}",)
+    return (
+        f"{exchange.name}: {max(stated, key=lambda accuracy: accuracy.error).note}",
+    )
 
 
 def _fragment_terms(snapshot: Snapshot, names: dict[int, str]) -> SurfaceTerms:
     """The terms on the fragments of all bodies, named by their number in the scene."""
     order = {number: k for k, number in enumerate(names)}
-    each = lambda bindings: tuple(
-        (order[n], bound(b.effective_area, b.law)) for n, b in bindings
-    )
+
+    def numbered(bindings):
+        return tuple(
+            (order[number], bound(binding.effective_area, binding.law))
+            for number, binding in bindings
+        )
+
     # Where a temperature is prescribed, that term holds the half cell.
     half_cells = [
         body.half_cell
@@ -208,9 +217,9 @@ def _fragment_terms(snapshot: Snapshot, names: dict[int, str]) -> SurfaceTerms:
     return SurfaceTerms(
         names=tuple(names.values()),
         half_cell=concatenated(half_cells),
-        natural=each(snapshot.natural),
-        prescribed=each(snapshot.prescribed),
-        radiating=each(snapshot.radiating),
+        natural=numbered(snapshot.natural),
+        prescribed=numbered(snapshot.prescribed),
+        radiating=numbered(snapshot.radiating),
     )
 
 
@@ -218,25 +227,28 @@ def _surface_load(
     terms: SurfaceTerms,
     surface: Surface,
     prepared: tuple[PreparedBody, ...],
-    acts: list[Bool[np.ndarray, " s"]],
+    acting_fragments: list[Bool[np.ndarray, " s"]],
     fine: Enclosure | None,
     rows: _Rows,
     entry_count: int,
 ) -> tuple[AbstractSurfaceLoad | None, Enclosure | None]:
     """The load on surface cells, and the radiation between them."""
-    own_acts = list(zip(*map(surface.apart, acts), strict=True))
+    # By term, and by body.
+    masks = [surface.apart(is_acting) for is_acting in acting_fragments]
     # Fragments of one cell must be in one patch of the radiative exchange.
     groups: list = [None] * len(prepared)
     if fine is not None:
         groups = surface.apart(np.asarray(fine.patch))
-    found = [
-        body_cells(body, list(own_acts[n]) if own_acts else [], groups[n])
-        for n, body in enumerate(prepared)
-    ]
-    cells, cell = zip(*found, strict=True)
+    cells = []
+    cell = []
+    for n, body in enumerate(prepared):
+        body_masks = [mask[n] for mask in masks]
+        cells_of_body, cell_of_fragment = body_cells(body, body_masks, groups[n])
+        cells.append(cells_of_body)
+        cell.append(cell_of_fragment)
     load, joined = surface_load(
         terms,
-        cells=cells,
+        cells=tuple(cells),
         cell=cell,
         references=surface.references,
         entries=rows,
@@ -255,21 +267,23 @@ def _iterations(
     temperatures: Forcing | None,
     end: float,
 ) -> int:
-    """Newton iterations: the most that any body needs; linear laws need none."""
-    found, start = [], 0
+    """Newton iterations that every body needs at most; linear laws need none."""
+    iterations = []
+    start = 0
     for n, count in enumerate(surface.counts):
         cells = slice(start, start + count)
         start = cells.stop
-        acts = {k for k, row in enumerate(rows) if row[n] >= 0}
-        # One body on which all terms act has them all as they are.
-        alone = len(surface.counts) == 1 and len(acts) == len(rows)
-        own = terms if alone else terms.selected(cells, acts, surface.references[n])
-        if own.is_linear:
+        acting_terms = {k for k, row in enumerate(rows) if row[n] >= 0}
+        body_terms = terms
+        if len(surface.counts) > 1 or len(acting_terms) < len(rows):
+            reference = surface.references[n]
+            body_terms = terms.selected(cells, acting_terms, reference)
+        if body_terms.is_linear:
             continue
         if not prepared[n].network.is_linear:
             return MAX_ITERATIONS
-        found.append(own.newton_iterations(temperatures, end))
-    return max(found, default=MAX_ITERATIONS)
+        iterations.append(body_terms.newton_iterations(temperatures, end))
+    return max(iterations, default=MAX_ITERATIONS)
 
 
 def _contact(
@@ -280,7 +294,9 @@ def _contact(
     entry: dict[tuple[int, ...], int],
     size: int,
 ) -> ContactLinks:
-    term, first, second = scene.terms[key[0]], prepared[key[1]], prepared[key[2]]
+    term = scene.terms[key[0]]
+    first = prepared[key[1]]
+    second = prepared[key[2]]
     assert isinstance(term, AbstractPairTerm)
     if pairs is None:
         pairs = ContactPairs.none(len(first.fragment_node), len(second.fragment_node))
@@ -299,8 +315,8 @@ def _body(
         network=body.network,
         reference=typed_array(body.reference, dtype),
         sources=tuple(
-            _volume_load(entry[key], found=found, body=body, dtype=dtype)
-            for key, found in volumes.items()
+            _volume_load(entry[key], binding=binding, body=body, dtype=dtype)
+            for key, binding in volumes.items()
             if key[1] == body.number
         ),
         address=address,
@@ -313,31 +329,31 @@ def _body(
 
 
 def _surface_nodes(body: PreparedBody) -> tuple[Address, Int[Array, " s"]]:
-    """Position of the nodes that have surface, and each fragment's among them."""
+    """Position of the surface nodes, and the index of each fragment's node."""
     nodes, node = np.unique(body.fragment_node, return_inverse=True)
     address, rank = body.ordered_address(nodes)
     return address, device_array(rank[node.reshape(-1)].astype(np.int32))
 
 
 def _volume_load(
-    entry: int, found: VolumeBinding, body: PreparedBody, dtype: Any
+    entry: int, binding: VolumeBinding, body: PreparedBody, dtype: Any
 ) -> VolumeLoad:
-    nodes = np.flatnonzero(found.volume)
-    address, place, _ = body.section_places(nodes)
-    reached = np.zeros(len(address[0]), dtype)
-    reached[place] = found.volume[nodes]
+    nodes = np.flatnonzero(binding.volume)
+    sections = body.section_places(nodes)
+    reached = np.zeros(len(sections.address[0]), dtype)
+    reached[sections.places] = binding.volume[nodes]
     return VolumeLoad(
         entry=entry,
-        address=address,
-        rise=jnp.asarray(reached) / body.network.capacity_at(address),
+        address=sections.address,
+        rise=jnp.asarray(reached) / body.network.capacity_at(sections.address),
         mesh=body.network.mesh,
         volume=np.asarray(reached.sum(dtype=float), dtype),
-        heat_rate_density=for_jit(found.heat_rate_density, dtype),
+        heat_rate_density=for_jit(binding.heat_rate_density, dtype),
     )
 
 
 def _pair_counts(snapshots: list[Snapshot]) -> dict[PairKey, int]:
-    """The most touching pairs at any snapshot, of all bodies that ever touch."""
+    """Largest number of touching pairs at any snapshot, by bodies that ever touch."""
     counts: dict[PairKey, int] = {}
     for snapshot in snapshots:
         for key, pairs in snapshot.pairs.items():

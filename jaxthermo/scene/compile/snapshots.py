@@ -4,7 +4,9 @@ Terms that prescribe a temperature are bound first: no other term acts there. Wh
 surface of prescribed temperature radiates to others is bound separately.
 """
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -87,7 +89,8 @@ def take_snapshots(
     # only where there is one snapshot.
     once = prune and len(starts) == 1
     stops = (*starts[1:], max(end, starts[-1]))
-    snapshots, known = [], {}
+    snapshots = []
+    clear_pairs = {}
     for start, stop in zip(starts, stops, strict=True):
         # The geometry halfway between two snapshots is exact to second order in their
         # distance for whatever moves smoothly.
@@ -97,29 +100,52 @@ def take_snapshots(
             PlacedGrid(body.structure.grid, pose, f"body {index}")
             for index, (body, pose) in enumerate(zip(scene.bodies, poses, strict=True))
         )
-        overlaps = overlaps_of(placed, known)
-        pairs, covered, unpaired = _find_contacts(scene, placed)
+        overlaps = overlaps_of(placed, clear_pairs)
+        contacts = _find_contacts(scene, placed)
         surface = Surface(
             bodies=_body_surfaces(
-                scene, prepared=prepared, poses=poses, covered=covered, prune=once
+                scene,
+                prepared=prepared,
+                poses=poses,
+                covered=contacts.covered,
+                prune=once,
             ),
             references=tuple(body.reference for body in prepared),
             temperatures=temperatures,
             end=end,
         )
-        bound = _bind_terms([term.at(time) for term in scene.terms], surface)
-        snapshots.append(Snapshot(*bound, pairs, unpaired, overlaps))
-    if not prune:
-        return snapshots
-    keep = [bool(where.any()) for where in acting(snapshots)]
-    pick = lambda row, flags: tuple(x for x, k in zip(row, flags, strict=True) if k)
-    one = len(snapshots[0].natural)
-    two = one + len(snapshots[0].prescribed)
+        terms = [term.at(time) for term in scene.terms]
+        bound = _bind_terms(terms, surface)
+        snapshots.append(
+            Snapshot(
+                surface=bound.surface,
+                natural=bound.natural,
+                prescribed=bound.prescribed,
+                radiating=bound.radiating,
+                omitted=bound.omitted,
+                irradiation=bound.irradiation,
+                pairs=contacts.pairs,
+                unpaired=contacts.unpaired,
+                overlaps=overlaps,
+            )
+        )
+    return _without_idle(snapshots) if prune else snapshots
+
+
+def _without_idle(snapshots: list[Snapshot]) -> list[Snapshot]:
+    """The snapshots without bindings that act at none of them."""
+    acts = iter([bool(is_acting.any()) for is_acting in acting(snapshots)])
+    first = snapshots[0]
+    is_used = {
+        field: [next(acts) for _ in getattr(first, field)]
+        for field in ("natural", "prescribed", "radiating")
+    }
     return [
         snapshot._replace(
-            natural=pick(snapshot.natural, keep[:one]),
-            prescribed=pick(snapshot.prescribed, keep[one:two]),
-            radiating=pick(snapshot.radiating, keep[two:]),
+            **{
+                field: tuple(itertools.compress(getattr(snapshot, field), flags))
+                for field, flags in is_used.items()
+            }
         )
         for snapshot in snapshots
     ]
@@ -128,7 +154,7 @@ def take_snapshots(
 def acting(snapshots: list[Snapshot]) -> list[Bool[np.ndarray, " s"]]:
     """Fragments on which each binding acts at any snapshot."""
     # A light that moves reaches a fragment at some snapshots only.
-    rows = zip(*(each.bindings for each in snapshots), strict=True)
+    rows = zip(*(snapshot.bindings for snapshot in snapshots), strict=True)
     return [np.any([binding.acting for _, binding in row], axis=0) for row in rows]
 
 
@@ -149,8 +175,11 @@ def _body_surfaces(
     enclosed = enclosed_fragments(scene, poses)
     surfaces = []
     for index, (body, pose) in enumerate(zip(scene.bodies, poses, strict=True)):
-        grid, own = body.structure.grid, covered[index]
-        exposed, half_cell = _exposed(grid, own, dtype), prepared[index].half_cell
+        grid = body.structure.grid
+        exposed = _exposed(grid, covered[index], dtype)
+        half_cell = prepared[index].half_cell
+        if covered[index] is not None:
+            half_cell = half_cell * exposed.fraction
         with located(f"bodies[{index}]"):
             emissivity = surface_property(body, "emissivity", dtype)
             absorptivity = surface_property(body, "absorptivity", dtype)
@@ -164,7 +193,7 @@ def _body_surfaces(
                 area=exposed.area,
                 exposed_fraction=exposed.fraction,
                 natural=exposed.natural,
-                half_cell=half_cell if own is None else half_cell * exposed.fraction,
+                half_cell=half_cell,
                 emissivity=emissivity,
                 absorptivity=absorptivity,
                 scene_triangles=shadow,
@@ -189,7 +218,7 @@ class _Exposed(NamedTuple):
 def _exposed(
     grid: VoxelGrid, covered: Float[np.ndarray, " s"] | None, dtype: Any
 ) -> _Exposed:
-    """The exposed part of a surface of which these fractions are covered, or none."""
+    """The exposed part of a surface with these covered fractions; None for none."""
 
     def of(fraction: Float[np.ndarray, " s"]) -> _Exposed:
         area = (grid.fragment_area * fraction).astype(dtype)
@@ -197,14 +226,17 @@ def _exposed(
 
     if covered is not None:
         return of(1 - covered)
-    # The same arrays in all runs: what follows from them alone is found once, too.
-    whole = lambda: of(np.ones(len(grid.fragment_area)))
-    return found((grid,), ("exposed", np.dtype(dtype).name), whole)
+    # The same arrays in all runs, so that results that depend on them are remembered.
+    return found(
+        (grid,),
+        ("exposed", np.dtype(dtype).name),
+        lambda: of(np.ones(len(grid.fragment_area))),
+    )
 
 
 def _reached(term: AbstractSurfaceTerm, surface: Surface) -> Surface:
-    """The surface that a term reaches: from outside none in closed cavities."""
-    # A mask names every single fragment, so it is taken as given.
+    """The surface that a term reaches; terms from outside reach no closed cavity."""
+    # A mask names every single fragment, so it is applied as it is.
     named = isinstance(getattr(term, "on", None), FragmentMask)
     return surface.outside if term.from_outside and not named else surface
 
@@ -214,8 +246,7 @@ def _irradiation(
 ) -> tuple[Irradiation, ...]:
     """Irradiation by a term, without the closed cavities that it does not reach."""
     everywhere = term.irradiation(surface)
-    where = _reached(term, surface)
-    if where is surface:
+    if _reached(term, surface) is surface:
         return everywhere
     enclosed = np.concatenate(
         [
@@ -223,19 +254,25 @@ def _irradiation(
             for n, body in zip(surface.counts, surface.bodies, strict=True)
         ]
     )
-    return tuple(e._replace(factor=e.factor * ~enclosed) for e in everywhere)
+    return tuple(
+        irradiation._replace(factor=irradiation.factor * ~enclosed)
+        for irradiation in everywhere
+    )
 
 
-def _find_contacts(
-    scene: Scene, placed: tuple[PlacedGrid, ...]
-) -> tuple[
-    dict[PairKey, ContactPairs],
-    list[Float[np.ndarray, " _"] | None],
-    tuple[tuple[int, str], ...],
-]:
-    """Touching fragments of each pair of bodies, covered fractions, and omissions.
+class _Contacts(NamedTuple):
+    """Contacts of the bodies at one moment."""
 
-    A body that nothing touches has no array of fractions.
+    pairs: dict[PairKey, ContactPairs]
+    """Touching fragments of each pair of bodies."""
+    covered: list[Float[np.ndarray, " _"] | None]
+    """Covered fraction of each body's fragments; None for a body nothing touches."""
+    unpaired: tuple[tuple[int, str], ...]
+    """Pair terms that do not act, by their number, and why."""
+
+
+def _find_contacts(scene: Scene, placed: tuple[PlacedGrid, ...]) -> _Contacts:
+    """Contacts of each pair of bodies that a term joins.
 
     Raises:
         InputError: if bodies overlap deeply, or two terms join the same ones.
@@ -245,126 +282,182 @@ def _find_contacts(
         for n, term in enumerate(scene.terms)
         if isinstance(term, AbstractPairTerm)
     ]
-    # Fractions of fragments that another body covers: no other term acts there.
+    # Where another body covers a fragment, no other term acts.
     covered: list[Any] = [None for _ in scene.bodies]
     if not terms or len(scene.bodies) == 1:
-        return {}, covered, tuple((n, "there is one body") for n, _ in terms)
+        omitted = tuple((n, "there is one body") for n, _ in terms)
+        return _Contacts(pairs={}, covered=covered, unpaired=omitted)
     pairs: dict[PairKey, ContactPairs] = {}
-    taken: dict[tuple[int, int], int] = {}
+    joined_by: dict[tuple[int, int], int] = {}
     omitted = []
     for number, term in terms:
         touches = touching(placed, term.max_gap)
-        joined = {key: each for key, each in touches.items() if term.connects(*key)}
+        joined = {key: pair for key, pair in touches.items() if term.connects(*key)}
         if not joined:
             omitted.append((number, "no bodies touch"))
         # An idle pair still covers the surface: it insulates it.
         elif term.is_idle:
             omitted.append((number, "its conductance is 0"))
-        for (one, other), each in joined.items():
-            if (one, other) in taken:
+        for (first, second), contact in joined.items():
+            if (first, second) in joined_by:
                 raise InputError(
-                    f"terms[{taken[one, other]}] and terms[{number}] both join bodies "
-                    f"{one} and {other}: say which bodies each joins"
+                    f"terms[{joined_by[first, second]}] and terms[{number}] both join "
+                    f"bodies {first} and {second}: say which bodies each joins"
                 )
             if not term.is_idle:
-                pairs[number, one, other] = each
-                taken[one, other] = number
-            for body, part in ((one, each.coverage_a), (other, each.coverage_b)):
-                before = 0 if covered[body] is None else covered[body]
-                covered[body] = np.minimum(before + part, 1)
-    return pairs, covered, tuple(omitted)
+                pairs[number, first, second] = contact
+                joined_by[first, second] = number
+            for body, coverage in (
+                (first, contact.coverage_a),
+                (second, contact.coverage_b),
+            ):
+                covered_so_far = 0 if covered[body] is None else covered[body]
+                covered[body] = np.minimum(covered_so_far + coverage, 1)
+    return _Contacts(pairs=pairs, covered=covered, unpaired=tuple(omitted))
 
 
-def _bind_terms(
-    terms: Sequence[AbstractTerm], surface: Surface
-) -> tuple[
-    Surface,
-    _NumberedBindings,
-    _NumberedBindings,
-    _NumberedBindings,
-    tuple[tuple[int, Omitted], ...],
-    tuple[tuple[str, Irradiation], ...],
-]:
-    """The first fields of a snapshot, up to the irradiation.
+class _BoundTerms(NamedTuple):
+    """Surface terms bound to a surface; see the fields of `Snapshot`."""
+
+    surface: Surface
+    natural: _NumberedBindings
+    prescribed: _NumberedBindings
+    radiating: _NumberedBindings
+    omitted: tuple[tuple[int, Omitted], ...]
+    irradiation: tuple[tuple[str, Irradiation], ...]
+
+
+def _bind_terms(terms: Sequence[AbstractTerm], surface: Surface) -> _BoundTerms:
+    """Bind all surface terms, those that prescribe a temperature first.
 
     Raises:
         InputError: if two terms prescribe the temperature of one piece of surface, or
             both compute its emission.
     """
-    acts = [(n, t) for n, t in enumerate(terms) if isinstance(t, AbstractSurfaceTerm)]
-    omitted: list[tuple[int, Omitted]] = []
-    # A camera sees what reaches the surface even where none of it is absorbed.
-    radiative = [(n, t) for n, t in acts if isinstance(t, AbstractRadiativeTerm)]
-    named = lambda n: located(f"terms[{n}], {terms[n].name}")
-    brought: dict[int, tuple[Irradiation, ...]] = {}
-    for n, term in radiative:
-        with named(n):
-            brought[n] = _irradiation(term, surface)
-    irradiation = [(t.absorbed_by, each) for n, t in radiative for each in brought[n]]
-
-    def bound(number: int, term: AbstractSurfaceTerm, where: Surface):
-        with named(number):
-            if isinstance(term, AbstractRadiativeTerm):
-                return term.absorbed(_reached(term, where), brought[number])
-            return term.bind(_reached(term, where))
-
-    def bind(chosen, where: Surface) -> _NumberedBindings:
-        pairs = [(n, each) for n, term in chosen for each in bound(n, term, where)]
-        omitted.extend((n, each) for n, each in pairs if isinstance(each, Omitted))
-        return tuple((n, each) for n, each in pairs if not isinstance(each, Omitted))
-
-    prescribed = bind([(n, t) for n, t in acts if t.is_dirichlet], surface)
-    rest = held = surface
+    surface_terms = {
+        n: term for n, term in enumerate(terms) if isinstance(term, AbstractSurfaceTerm)
+    }
+    irradiation = _bind_irradiation(surface_terms, surface)
+    dirichlet = {n: term for n, term in surface_terms.items() if term.is_dirichlet}
+    prescribed, omitted = _bind_laws(dirichlet, surface, irradiation)
+    free = surface
+    radiating: _NumberedBindings = ()
     if prescribed:
-        # What other terms bring there has no effect: they are not bound.
-        taken = _claimed(
-            prescribed, surface=surface, verb="hold", what="at a temperature"
+        # Other terms have no effect where a temperature is prescribed.
+        claimed = _claimed(
+            prescribed, surface=surface, verb="hold", how="at a temperature"
         )
-        rest, held = _within(surface, taken < 0), _within(surface, taken >= 0)
-    natural = bind([(n, t) for n, t in acts if not t.is_dirichlet], rest)
-    # But what others receive from there has one, and is part of the balance.
-    exchanging = [(n, t) for n, t in acts if isinstance(t, AbstractExchangeTerm)]
-    unseen = len(omitted)
-    radiating = bind(exchanging, held) if prescribed else ()
-    del omitted[unseen:]
+        free = _within(surface, claimed < 0)
+        # But other surfaces receive radiation from there, which the balance needs.
+        exchange = {
+            n: term
+            for n, term in surface_terms.items()
+            if isinstance(term, AbstractExchangeTerm)
+        }
+        held = _within(surface, claimed >= 0)
+        radiating, _ = _bind_laws(exchange, held, irradiation)
+    natural, omitted_natural = _bind_laws(
+        {n: term for n, term in surface_terms.items() if not term.is_dirichlet},
+        free,
+        irradiation,
+    )
     reached = {
         (n, body)
         for n, binding in radiating
-        for body, own in enumerate(surface.apart(binding.acting))
-        if own.any()
+        for body, is_acting in enumerate(surface.apart(binding.acting))
+        if is_acting.any()
     }
-    omitted = [(n, each) for n, each in omitted if (n, each.body) not in reached]
-    emits = {n for n, term in acts if term.name == "emission"}
-    emission = [(n, each) for n, each in (*natural, *radiating) if n in emits]
+    emission = [
+        (n, binding)
+        for n, binding in (*natural, *radiating)
+        if terms[n].name == "emission"
+    ]
     if len(emission) > 1:
-        _claimed(emission, surface=surface, verb="count the emission of", what="")
-    bindings = natural, prescribed, radiating
-    return rest, *bindings, tuple(omitted), tuple(irradiation)
+        _claimed(emission, surface=surface, verb="count the emission of", how="")
+    return _BoundTerms(
+        surface=free,
+        natural=natural,
+        prescribed=prescribed,
+        radiating=radiating,
+        omitted=tuple(
+            (n, omission)
+            for n, omission in (*omitted, *omitted_natural)
+            if (n, omission.body) not in reached
+        ),
+        irradiation=tuple(
+            (term.absorbed_by, reaching)
+            for n, term in surface_terms.items()
+            if isinstance(term, AbstractRadiativeTerm)
+            for reaching in irradiation[n]
+        ),
+    )
+
+
+def _located(number: int, term: AbstractTerm) -> AbstractContextManager:
+    return located(f"terms[{number}], {term.name}")
+
+
+def _bind_irradiation(
+    terms: dict[int, AbstractSurfaceTerm], surface: Surface
+) -> dict[int, tuple[Irradiation, ...]]:
+    """Irradiation by each radiative term, by its number."""
+    # A camera sees what reaches the surface even where none of it is absorbed.
+    irradiation = {}
+    for n, term in terms.items():
+        if isinstance(term, AbstractRadiativeTerm):
+            with _located(n, term):
+                irradiation[n] = _irradiation(term, surface)
+    return irradiation
+
+
+def _bind_laws(
+    terms: Mapping[int, AbstractSurfaceTerm],
+    surface: Surface,
+    irradiation: dict[int, tuple[Irradiation, ...]],
+) -> tuple[_NumberedBindings, list[tuple[int, Omitted]]]:
+    """Bindings of terms to a surface, and omissions, with the numbers of the terms."""
+    bindings = []
+    omitted = []
+    for n, term in terms.items():
+        with _located(n, term):
+            reached = _reached(term, surface)
+            if isinstance(term, AbstractRadiativeTerm):
+                results = term.absorbed(reached, irradiation[n])
+            else:
+                results = term.bind(reached)
+            for result in results:
+                if isinstance(result, Omitted):
+                    omitted.append((n, result))
+                else:
+                    bindings.append((n, result))
+    return tuple(bindings), omitted
 
 
 def _claimed(
-    bindings: Sequence[tuple[int, Binding]], surface: Surface, verb: str, what: str
+    bindings: Sequence[tuple[int, Binding]], surface: Surface, verb: str, how: str
 ) -> Int[np.ndarray, " s"]:
     """Number of the term that each fragment belongs to, or -1.
 
     Raises:
         InputError: with these words, if two terms claim one fragment.
     """
-    taken = np.full(len(surface.body), -1)
+    claimed = np.full(len(surface.body), -1)
     for number, binding in bindings:
-        other = binding.acting & (taken >= 0) & (taken != number)
-        if other.any():
+        conflict = binding.acting & (claimed >= 0) & (claimed != number)
+        if conflict.any():
             raise InputError(
-                f"terms[{taken[other].max()}] and terms[{number}] both {verb} a piece "
-                f"of body {surface.body[other][0]}'s surface {what}".rstrip()
+                f"terms[{claimed[conflict].max()}] and terms[{number}] both {verb} a "
+                f"piece of body {surface.body[conflict][0]}'s surface {how}".rstrip()
                 + ": keep their `on` apart"
             )
-        taken[binding.acting] = number
-    return taken
+        claimed[binding.acting] = number
+    return claimed
 
 
-def _within(surface: Surface, part: Bool[np.ndarray, " s"]) -> Surface:
+def _within(surface: Surface, is_within: Bool[np.ndarray, " s"]) -> Surface:
     """The surface with natural boundaries on a part of it alone."""
-    pairs = zip(surface.bodies, surface.apart(part), strict=True)
-    bodies = tuple(replace(body, natural=body.natural & own) for body, own in pairs)
+    pairs = zip(surface.bodies, surface.apart(is_within), strict=True)
+    bodies = tuple(
+        replace(body, natural=body.natural & body_within) for body, body_within in pairs
+    )
     return replace(surface, bodies=bodies)

@@ -1,6 +1,6 @@
-"""Surface cells: fragments of one node on which the same terms act, as one.
+"""Surface cells: the fragments of one node on which the same terms act, as one cell.
 
-The layout follows from geometry and from where terms act, and is found once for all
+The layout depends on geometry and on where terms act, and is computed once for all
 runs.
 """
 
@@ -42,23 +42,24 @@ class BodyCells(Module):
 
     # Some cells at the end have no area: they make the number even (`_even_size`).
     # Cells are summed by gathering, and every node is then written once, which is
-    # several times faster than adding to it in turn.
+    # faster than adding one cell after the other.
 
     body: int = eqx.field(static=True)
     address: Address
     """Position of the nodes that have cells, each once, in the order of the state."""
     capacity: Float[Array, "*m"]
-    """Heat capacity of those nodes [J/K]; one number if all have the same."""
+    """Heat capacity of the nodes with cells [J/K]; one number if all have the same."""
     node: Int[Array, " p"]
-    """Index of each cell's node among them."""
+    """Index of each cell's node among the nodes with cells."""
     slots: tuple[Int[Array, " m"], ...]
-    """Index of each node's k-th cell; where it has fewer, one without area or none."""
+    """Index of each node's k-th cell. Where a node has fewer, the index of a cell
+    without area, or one past the last cell."""
     conductivity_parts: Float[Array, "q p"] | None = None
     """Fractions of each cell's conductivity by material and axis, where one of several
     varies with temperature."""
     mesh: Mesh | None = eqx.field(static=True, default=None)
-    """Devices of the body; each has the nodes and cells of its own section, one after
-    the other in all lists. None for one device."""
+    """Devices of the body, each with the nodes and cells of one section; in all lists
+    sections follow one another. None for one device."""
 
     def nodes_of(self, state: OneBody) -> Float[Array, " m"]:
         """Values of a state at the nodes."""
@@ -73,13 +74,17 @@ class BodyCells(Module):
         if self.mesh is None:
             return slot_sums(values, self.slots)
 
-        def own(number, given):
-            values, slots = given.values
-            within = lambda slot: within_section(number, (slot,), len(values))[0]
-            return slot_sums(values, tuple(map(within, slots)))
+        def section_sums(number, lists):
+            values, slots = lists.values
+            slots = [within_section(number, (slot,), len(values))[0] for slot in slots]
+            return slot_sums(values, tuple(slots))
 
-        number, lists = section_numbers(self.mesh), Sectioned((values, self.slots))
-        return on_each_device(self.mesh, own, number, lists)
+        return on_each_device(
+            self.mesh,
+            section_sums,
+            section_numbers(self.mesh),
+            Sectioned((values, self.slots)),
+        )
 
     def add(self, new: OneBody, dt: Time, heat: Float[Array, " m"]) -> OneBody:
         """A state with the heat rates of the nodes [W] over `dt` [s]."""
@@ -93,26 +98,28 @@ class BodyCells(Module):
 def _even_size(count: int) -> int:
     """The next size that threads share evenly, at most 1/16 or 16 larger."""
     # XLA checks the bounds of every element of a loop that its threads do not divide
-    # evenly, and such a loop is not vectorized: several times slower.
-    most = max(count // 16, 1)
-    step = min(max(1 << (most.bit_length() - 1), 16), 1024)
+    # evenly, and does not vectorize such a loop.
+    max_excess = max(count // 16, 1)
+    step = min(max(1 << (max_excess.bit_length() - 1), 16), 1024)
     return -(-count // step) * step
 
 
 def body_cells(
     body: PreparedBody,
-    acts: list[Bool[np.ndarray, " s"]],
+    acting_fragments: list[Bool[np.ndarray, " s"]],
     group: Int[np.ndarray, " s"] | None = None,
 ) -> tuple[BodyCells | None, Int[np.ndarray, " s"]]:
     """The surface cells of a body, and the cell of each of its fragments or -1.
 
     Each term `acts` on fragments at any time; those of two groups share no cell.
     """
-    if not any(each.any() for each in acts):
+    if not any(mask.any() for mask in acting_fragments):
         return None, np.full(len(body.fragment_node), -1, np.int32)
-    patterns = tuple(digest(each) for each in acts)
-    by = "surface_cells", patterns, None if group is None else digest(group)
-    layout = body.body.structure.found(by, lambda: _layout(body, acts, group))
+    patterns = tuple(digest(mask) for mask in acting_fragments)
+    layout = body.body.structure.found(
+        ("surface_cells", patterns, None if group is None else digest(group)),
+        lambda: _layout(body, acting_fragments, group),
+    )
     cells = BodyCells(
         body=body.number,
         address=layout.address,
@@ -126,7 +133,7 @@ def body_cells(
 
 
 class _Layout(NamedTuple):
-    """Surface cells of one body as far as geometry goes, see `BodyCells`."""
+    """Geometry of the surface cells of one body, see `BodyCells`."""
 
     address: Address
     node: Int[Array, " p"]
@@ -135,48 +142,56 @@ class _Layout(NamedTuple):
     """Cell of each fragment, or -1."""
 
 
-# Room for more cells than a body has, where runs before had them, by its fraction.
 _MAX_ROOM = 0.25
+"""Largest fraction of empty cells that a body has because a previous run had more."""
 
 
 def _shared_size(body: PreparedBody, terms: int, count: int) -> int:
-    """A number of cells that runs before had, if it is little more than `count`."""
-    # For another number, as where a source moved, all would be compiled again.
+    """The number of cells of a previous run, if it is little more than `count`."""
+    # Another number, as after a source moved, would need another compilation.
     sizes: dict[str, int] = body.body.structure.found(("cell_sizes", terms), dict)
-    sizes["largest"] = largest = max(sizes.get("largest", 0), count)
+    largest = max(sizes.get("largest", 0), count)
+    sizes["largest"] = largest
     return largest if largest <= (1 + _MAX_ROOM) * count else count
 
 
 def _layout(
     body: PreparedBody,
-    acts: list[Bool[np.ndarray, " s"]],
+    acting_fragments: list[Bool[np.ndarray, " s"]],
     group: Int[np.ndarray, " s"] | None,
 ) -> _Layout:
     cell = np.full(len(body.fragment_node), -1, np.int32)
     signature = np.zeros(len(cell), np.int64) if group is None else group.astype(int)
-    for each in acts:
+    for mask in acting_fragments:
         # Numbered again for each term, so that any number of terms fits.
-        signature = np.unique(2 * signature + each, return_inverse=True)[1].reshape(-1)
+        _, signature = np.unique(2 * signature + mask, return_inverse=True)
+        signature = signature.reshape(-1)
     # A key per node and combination of terms; equal keys are one cell.
-    touched = np.flatnonzero(np.any(acts, axis=0))
+    touched = np.flatnonzero(np.any(acting_fragments, axis=0))
     nodes, node = np.unique(body.fragment_node[touched], return_inverse=True)
-    address, place, per_section = body.section_places(nodes)
+    sections = body.section_places(nodes)
+    per_section = sections.per_section
     signatures = signature.max() + 1
-    key = place[node.reshape(-1)] * signatures + signature[touched]
+    key = sections.places[node.reshape(-1)] * signatures + signature[touched]
     cells, inverse = np.unique(key, return_inverse=True)
     node = (cells // signatures).astype(np.int32)
-    # One section, with all, where the body is on one device.
-    sections = len(address[0]) // per_section
-    size = lambda count: _shared_size(body, len(acts), _even_size(count))
-    of_cell, count = padded_places(node // per_section, sections, size)
+    # A body on one device has one section.
+    node_count = len(sections.address[0])
+    section_count = node_count // per_section
+
+    def size(count: int) -> int:
+        return _shared_size(body, len(acting_fragments), _even_size(count))
+
+    of_cell, count = padded_places(node // per_section, section_count, size)
     cell[touched] = of_cell[inverse.reshape(-1)]
-    every = np.repeat(per_section * np.arange(sections, dtype=np.int32), count)
-    every[of_cell] = node
-    past = np.append(of_cell, len(every)).astype(np.int32)
+    cell_node = np.repeat(per_section * np.arange(section_count, dtype=np.int32), count)
+    cell_node[of_cell] = node
+    # Nodes with fewer cells than others refer to one past the last cell.
+    place = np.append(of_cell, len(cell_node)).astype(np.int32)
     return _Layout(
-        address=address,
-        node=device_array(every),
-        slots=tuple(device_array(past[s]) for s in members(node, len(address[0]))),
+        address=sections.address,
+        node=device_array(cell_node),
+        slots=tuple(device_array(place[slot]) for slot in members(node, node_count)),
         cell=cell,
     )
 
@@ -187,9 +202,12 @@ def _parts_of_cells(
     """Means over the fragments of each cell, weighted by their half cells."""
     if body.conductivity_parts is None:
         return None
-    kept = np.flatnonzero(cell >= 0)
-    half = jnp.asarray(body.half_cell)[kept]
-    sums = lambda values: jax.ops.segment_sum(values, cell[kept], count)
-    whole = inverse(sums(half))
-    rows = body.conductivity_parts[:, kept] * half[None]
-    return jnp.stack([sums(row) * whole for row in rows])
+    fragments = np.flatnonzero(cell >= 0)
+    half_cell = jnp.asarray(body.half_cell)[fragments]
+
+    def sums(values):
+        return jax.ops.segment_sum(values, cell[fragments], count)
+
+    inverse_sum = inverse(sums(half_cell))
+    rows = body.conductivity_parts[:, fragments] * half_cell[None]
+    return jnp.stack([sums(row) * inverse_sum for row in rows])

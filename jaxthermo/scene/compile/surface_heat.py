@@ -1,4 +1,4 @@
-"""Heat flux and heat transfer coefficient of every fragment, where a scene asks."""
+"""Heat flux and heat transfer coefficient of every fragment, for output."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -15,7 +15,7 @@ class SurfaceHeat(Module):
     """Outputs of a scene for the fragments of all bodies."""
 
     outputs: tuple[str, ...] = eqx.field(static=True)
-    """Those that the scene asks for, see `SURFACE_OUTPUTS`."""
+    """Names of the outputs in the scene, see `SURFACE_OUTPUTS`."""
     area: Float[Array, " s"]
     """[m^2]"""
     convective: tuple[int, ...] = eqx.field(static=True)
@@ -36,27 +36,30 @@ class SurfaceHeat(Module):
             theta: temperatures of the nodes above the reference [K].
             by_contacts: heat rates into the fragments from other bodies [W].
         """
-        found, whole = {}, jnp.zeros_like(theta)
+        values = {}
         if "heat_flux" in self.outputs:
             heat, _ = terms.rates(time, theta)
-            found["heat_flux"] = (heat + by_contacts) / self.area
+            values["heat_flux"] = (heat + by_contacts) / self.area
         if "heat_transfer_coefficient" in self.outputs:
+            conductance = jnp.zeros_like(theta)
             above = theta + terms.surface_excess(time, theta)
             for number, term in terms.natural:
                 if number in self.convective:
                     h = term.law.heat_transfer_coefficient(time, above)
-                    whole = whole + jnp.asarray(term.effective_area) * h
-            found["heat_transfer_coefficient"] = whole / self.area
-        return found
+                    conductance = conductance + jnp.asarray(term.effective_area) * h
+            values["heat_transfer_coefficient"] = conductance / self.area
+        return values
 
 
 def surface_heat(
     scene: Scene, areas: list[Float[np.ndarray, " _"]], numbers: tuple[int, ...]
 ) -> SurfaceHeat | None:
-    """The outputs of a scene; None if it asks for none.
+    """The outputs of a scene; None if it has none.
 
-    With the areas of each body's fragments [m^2], and the number in the scene of each
-    of the terms that act on surfaces.
+    Args:
+        scene: with the names of its outputs.
+        areas: of each body's fragments [m^2].
+        numbers: in the scene, of each term that acts on surfaces.
     """
     if not scene.surface_outputs:
         return None

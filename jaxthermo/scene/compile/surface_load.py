@@ -20,11 +20,12 @@ from ...physics.surface_energy_balance import SurfaceTerms
 from .surface_cells import BodyCells, OneBody
 
 
-# One array or one network for each body with cells; and the heat rates of its cells or
-# nodes, with those of the ledger [W].
 PerBody = Sequence[Float[Array, " _"]]
+"""An array for each body with cells."""
 Networks = Sequence[AbstractNetwork]
+"""The network of each body with cells."""
 HeatRates = tuple[list[Float[Array, " _"]], Float[Array, " c"]]
+"""Heat rates of each body's cells or nodes, and of the entries of the ledger [W]."""
 
 
 class AbstractSurfaceLoad(Module):
@@ -50,8 +51,12 @@ class AbstractSurfaceLoad(Module):
     ) -> HeatRates:
         """Heat rates of each body's cells or nodes, and of each ledger entry [W].
 
-        At temperatures of the nodes above the references [K]. Without `emits` the
-        emission of a cell is in what it has received from other surfaces [W/m^2].
+        Args:
+            time: of the loads [s].
+            nodes: temperatures of the nodes above the references [K].
+            networks: of the bodies.
+            received: radiation that cells receive from other surfaces [W/m^2].
+            emits: True if `received` does not contain the emission of the cells.
         """
 
     @abc.abstractmethod
@@ -73,12 +78,13 @@ class AbstractSurfaceLoad(Module):
         Below a temperature `highest` [K] up to `end` [s]; `relative` is the largest
         k(T) / k(reference) [-].
         """
-        found, load = [], self.by_cell
+        stiffnesses = []
+        load = self.by_cell
         for index, cells in enumerate(load.cells):
             if cells.body == body:
                 stiffness = load.terms_on(index).stiffness(highest, end, relative)
-                found.append((cells.address, cells.sums(stiffness)))
-        return found
+                stiffnesses.append((cells.address, cells.sums(stiffness)))
+        return stiffnesses
 
     def is_dissipative(self, body: int) -> bool:
         """True if a term bounds the temperature of a body."""
@@ -99,9 +105,8 @@ class SurfaceLoad(AbstractSurfaceLoad):
     Bodies on which nothing acts have no cells, and no index here.
     """
 
-    # The balance of every cell stands for itself, so the cells of all bodies are one
-    # set of arrays: one balance to compile and to run instead of one per body. Apart
-    # they would run at once and in many small pieces, three times slower.
+    # The balance of a cell does not depend on other cells, so those of all bodies are
+    # one set of arrays: one balance to compile and to run instead of one per body.
 
     terms: SurfaceTerms
     """On the cells of all bodies, one body after the other."""
@@ -121,34 +126,39 @@ class SurfaceLoad(AbstractSurfaceLoad):
     def conducting(
         self, nodes: PerBody, networks: Networks
     ) -> tuple[SurfaceTerms, Float[Array, " p"]]:
-        """The terms above nodes of these temperatures, and those at the cells [K]."""
+        """The terms at these temperatures of the nodes, and those of the cells [K]."""
         pairs = zip(self.cells, nodes, strict=True)
-        here = [cells.cells_of(each) for cells, each in pairs]
+        at_cells = [cells.cells_of(body_nodes) for cells, body_nodes in pairs]
         relative = [
-            network.relative_conductivity(each, cells.conductivity_parts)
-            for network, each, cells in zip(networks, here, self.cells, strict=True)
+            network.relative_conductivity(body_cells, cells.conductivity_parts)
+            for network, body_cells, cells in zip(
+                networks, at_cells, self.cells, strict=True
+            )
         ]
-        return self.terms.conducting(together(relative, here)), _join(here)
+        return self.terms.conducting(together(relative, at_cells)), _join(at_cells)
 
     @override
     def heat(
         self, time: Time, nodes: PerBody, networks: Networks, received=None, emits=False
     ) -> HeatRates:
         # Where conductivity varies with temperature, so do the half cells.
-        terms, here = self.conducting(nodes, networks)
+        terms, at_cells = self.conducting(nodes, networks)
         if received is not None:
             terms = terms.irradiated(received, emits)
-        heat, rates = terms.rates(time, here)
-        # Terms of one flux need no sum over cells; the closing term is the rest.
-        sums = lambda values: jnp.stack([precise_sum(v) for v in self.apart(values)])
+        heat, rates = terms.rates(time, at_cells)
+
+        def sums(values):
+            return jnp.stack([precise_sum(cells) for cells in self.apart(values)])
+
+        # Terms of one flux need no sum over cells; the closing term is the remainder.
         imposed = terms.imposed(time)
         closing = self._closing_term({n for n, _ in imposed})
-        each = [(n, flux) for n, flux in imposed if n != closing]
-        each += [(n, sums(rate)) for n, rate in rates.items() if n != closing]
+        numbered_rates = [(n, flux) for n, flux in imposed if n != closing]
+        numbered_rates += [(n, sums(rate)) for n, rate in rates.items() if n != closing]
         if closing is not None:
-            others = sum(own for _, own in each)
-            each.append((closing, sums(heat) - others))
-        return self.apart(heat), self._by_entry(each, heat.dtype)
+            known_rates = sum(rate for _, rate in numbered_rates)
+            numbered_rates.append((closing, sums(heat) - known_rates))
+        return self.apart(heat), self._by_entry(numbered_rates, heat.dtype)
 
     @override
     def add(
@@ -165,7 +175,7 @@ class SurfaceLoad(AbstractSurfaceLoad):
     def terms_on(self, index: int) -> SurfaceTerms:
         """The terms on the cells of one body."""
         ends = np.cumsum([0, *self.counts])
-        acting = {n for n, own in enumerate(self.entries) if own[index] >= 0}
+        acting = {n for n, row in enumerate(self.entries) if row[index] >= 0}
         cells = slice(int(ends[index]), int(ends[index + 1]))
         return self.terms.selected(cells, acting, self.references[index])
 
@@ -179,27 +189,29 @@ class SurfaceLoad(AbstractSurfaceLoad):
 
         None where all fluxes are `imposed`, or where no term gives a flux.
         """
-        # All terms together bring what goes through the surface. So one need not be
-        # summed, nor kept in an array, nor computed twice; it is as exact as the total.
-        # The ledger then closes at any Biot number: a flux h (T_air - T_s) by itself
-        # has a rounding that exceeds that of the half cell's by h A / G.
+        # The heat of all terms together passes through the surface. So one term need
+        # not be summed, nor stored, nor computed twice: it is as exact as the total.
+        # The ledger then closes at any Biot number; the rounding of h (T_air - T_s)
+        # exceeds that of the half cell's flux by a factor of h A / G.
         sizes: dict[int, tuple[bool, int]] = {}
         for n, term in self.terms.natural:
             if n not in imposed:
                 size = sum(np.size(leaf) for leaf in jax.tree.leaves(term.law))
-                nonlinear, before = sizes.get(n, (False, 0))
-                sizes[n] = (nonlinear or not term.law.is_linear, before + size)
+                nonlinear, size_so_far = sizes.get(n, (False, 0))
+                sizes[n] = (nonlinear or not term.law.is_linear, size_so_far + size)
         return max(sizes, key=lambda n: sizes[n], default=None)
 
-    def _by_entry(self, each, dtype) -> Float[Array, " c"]:
+    def _by_entry(self, numbered_rates, dtype) -> Float[Array, " c"]:
         """Heat rates of terms on each body, by the entries of the ledger."""
-        found = jnp.zeros(self.entry_count, dtype)
-        if not each:
-            return found
-        where = np.array([entry for n, _ in each for entry in self.entries[n]])
-        acts = np.flatnonzero(where >= 0)
-        brought = _join([own for _, own in each])
-        return found.at[where[acts]].add(brought[acts])
+        by_entry = jnp.zeros(self.entry_count, dtype)
+        if not numbered_rates:
+            return by_entry
+        where = np.array(
+            [entry for n, _ in numbered_rates for entry in self.entries[n]]
+        )
+        counted = np.flatnonzero(where >= 0)
+        rates = _join([rate for _, rate in numbered_rates])
+        return by_entry.at[where[counted]].add(rates[counted])
 
     def apart(self, values: Float[Array, " p"]) -> list[Float[Array, " _"]]:
         """Values of each body's cells."""
@@ -210,14 +222,26 @@ class SurfaceLoad(AbstractSurfaceLoad):
 
 def together(values: Sequence[Float[Array, "..."]], like: PerBody) -> Array:
     """Values of several bodies' cells; one number where all bodies have the same."""
-    if not any(each.ndim for each in values):
+    if not any(value.ndim for value in values):
         return values[0]
     pairs = zip(values, like, strict=True)
-    return _join([jnp.broadcast_to(each, here.shape) for each, here in pairs])
+    return _join([jnp.broadcast_to(value, cells.shape) for value, cells in pairs])
 
 
 def _join(arrays: PerBody) -> Float[Array, " p"]:
     return arrays[0] if len(arrays) == 1 else jnp.concatenate(arrays)
+
+
+def _joined_cells(
+    cell: Sequence[Int[np.ndarray, " _"]], starts: Int[np.ndarray, " b"]
+) -> Int[np.ndarray, " s"]:
+    """Cells of the fragments of all bodies, numbered from the start of each body."""
+    return np.concatenate(
+        [
+            np.where(body_cell >= 0, body_cell + start, -1)
+            for body_cell, start in zip(cell, starts, strict=True)
+        ]
+    )
 
 
 def surface_load(
@@ -236,22 +260,19 @@ def surface_load(
     """
     counts = tuple(0 if c is None else c.node.shape[0] for c in cells)
     starts = np.cumsum([0, *counts])[:-1]
-    moved = lambda own, at: np.where(own >= 0, own + at, -1)
-    joined = found(
-        tuple(cell),
-        ("joined", counts),
-        lambda: np.concatenate([*map(moved, cell, starts)]),
-    )
+    joined = found(tuple(cell), ("joined", counts), lambda: _joined_cells(cell, starts))
     loaded = [n for n, count in enumerate(counts) if count]
     if not loaded:
         return None, joined
-    own = [references[n] for n in loaded]
+    loaded_references = [references[n] for n in loaded]
     dtype = terms.half_cell.dtype
-    reference = spread(own, [counts[n] for n in loaded], dtype)
+    cell_reference = spread(loaded_references, [counts[n] for n in loaded], dtype)
     load = SurfaceLoad(
-        terms=terms.coarsened(joined, tuple(counts[n] for n in loaded), reference),
-        cells=tuple(each for each in cells if each is not None),
-        references=tuple(typed_array(each, dtype) for each in own),
+        terms=terms.coarsened(joined, tuple(counts[n] for n in loaded), cell_reference),
+        cells=tuple(body_cells for body_cells in cells if body_cells is not None),
+        references=tuple(
+            typed_array(reference, dtype) for reference in loaded_references
+        ),
         entries=tuple(tuple(row[n] for n in loaded) for row in entries),
         entry_count=entry_count,
     )
