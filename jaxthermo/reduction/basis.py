@@ -18,7 +18,7 @@ from .modal_run import Schedule, host_run, step_weights
 
 
 _DEPENDENT = 1e-7
-"""Part of a vector beyond the others below which it is rounding [-]."""
+"""Length of a vector's remainder, relative to the vector, that is rounding [-]."""
 _SAMPLES = 40
 """Times of the responses from which a small basis is chosen."""
 
@@ -26,7 +26,7 @@ Columns = Float[np.ndarray, "n m"]
 
 
 class Basis(NamedTuple):
-    """Orthonormal vectors and what the scene makes of them."""
+    """Orthonormal vectors, with the operators of the scene applied to them."""
 
     vectors: Columns
     """V [K per unit]."""
@@ -46,42 +46,45 @@ class Basis(NamedTuple):
         nodes = np.zeros((len(system.capacity), 0))
         return cls(nodes, nodes, np.zeros((len(system.area), 0)))
 
-    def with_vectors(self, system: LinearSystem, found: Sequence[Nodes]) -> "Basis":
-        """The basis with further vectors, less what depends on the others."""
-        new = _orthonormal(self.vectors, system.capacity, found)
+    def with_vectors(
+        self, system: LinearSystem, candidates: Sequence[Nodes]
+    ) -> "Basis":
+        """The basis with further vectors, made orthonormal; dependent ones are left."""
+        new = _orthonormal(self.vectors, system.capacity, candidates)
         if not new:
             return self
-        columns = lambda apply: np.stack([apply(v) for v in new], axis=1)
+        conducted = [system.conduct(vector) for vector in new]
+        surface = [system.read(vector) for vector in new]
         return Basis(
-            np.concatenate([self.vectors, np.stack(new, axis=1)], axis=1),
-            np.concatenate([self.conducted, columns(system.conduct)], axis=1),
-            np.concatenate([self.surface, columns(system.read)], axis=1),
+            vectors=np.column_stack([self.vectors, *new]),
+            conducted=np.column_stack([self.conducted, *conducted]),
+            surface=np.column_stack([self.surface, *surface]),
         )
 
     def rotated(self, weights: Float[np.ndarray, "m r"]) -> "Basis":
         """Combinations of the vectors, which are orthonormal if the weights are."""
-        return Basis(*(each @ weights for each in self))
+        return Basis._make(columns @ weights for columns in self)
 
 
 def _orthonormal(
-    before: Columns, capacity: Nodes, found: Sequence[Nodes]
+    basis: Columns, capacity: Nodes, candidates: Sequence[Nodes]
 ) -> list[Nodes]:
     new: list[Nodes] = []
-    for vector in found:
+    for vector in candidates:
         size = np.sqrt(vector @ (capacity * vector))
         if size == 0:
             continue
-        own = vector / size
+        remainder = vector / size
         # Twice is enough (Kahan, in Parlett, The Symmetric Eigenvalue Problem, 1980).
         for _ in range(2):
-            own = own - before @ (before.T @ (capacity * own))
-            for other in new:
-                own = own - other * (other @ (capacity * own))
-        left = np.sqrt(own @ (capacity * own))
+            remainder = remainder - basis @ (basis.T @ (capacity * remainder))
+            for accepted in new:
+                remainder = remainder - accepted * (accepted @ (capacity * remainder))
+        left = np.sqrt(remainder @ (capacity * remainder))
         if left > _DEPENDENT:
-            own = own / left
-            own = own - before @ (before.T @ (capacity * own))
-            new.append(own / np.sqrt(own @ (capacity * own)))
+            remainder = remainder / left
+            remainder = remainder - basis @ (basis.T @ (capacity * remainder))
+            new.append(remainder / np.sqrt(remainder @ (capacity * remainder)))
     return new
 
 
@@ -89,12 +92,13 @@ class Projection(NamedTuple):
     """The modes of a scene in the space of a basis."""
 
     basis: Basis
-    """Rotated to the modes."""
+    """Basis rotated to the modes."""
     rates: Float[np.ndarray, " m"]
     """Decay of each mode [1/s]."""
     drive: Float[np.ndarray, "m k"]
     """Growth of each mode by one unit of each input."""
     start: Float[np.ndarray, " m"]
+    """Modes at time 0."""
 
 
 def project(system: LinearSystem, basis: Basis) -> Projection:
@@ -121,10 +125,11 @@ def krylov_blocks(
     Args:
         system: of the scene.
         shortest: time [s] at which the model must be right after a load has changed.
-        longest: the same at the end [s].
+        longest: time [s] up to which the model must be right.
         count: number of blocks.
     """
-    low, high = np.log(0.1 / longest), np.log(30.0 / shortest)
+    low = np.log(0.1 / longest)
+    high = np.log(30.0 / shortest)
     sides = [system.heat[:, j] for j in range(system.heat.shape[1])]
     if np.any(system.start):
         sides.append(system.capacity * system.start)
@@ -135,12 +140,12 @@ def krylov_blocks(
 
 def _bisections(count: int) -> list[float]:
     """The ends of [0, 1], its middle, quarters, and so on."""
-    found = [1.0, 0.0, 0.5]
-    parts = 4
-    while len(found) < count:
-        found += [k / parts for k in range(1, parts, 2)]
-        parts *= 2
-    return found[:count]
+    fractions = [1.0, 0.0, 0.5]
+    divisions = 4
+    while len(fractions) < count:
+        fractions += [k / divisions for k in range(1, divisions, 2)]
+        divisions *= 2
+    return fractions[:count]
 
 
 def snapshots(
@@ -151,16 +156,17 @@ def snapshots(
     Backward Euler, with steps that begin short after every knot and double.
     """
     u0, u1 = plan.loads(np, amplitudes)
-    x, found = system.start, []
+    x = system.start
+    states = []
+    fractions = 2.0 ** np.arange(_DOUBLINGS)
+    fractions = fractions / fractions.sum()
     for i, step in enumerate(plan.step):
-        parts = 2.0 ** np.arange(_DOUBLINGS)
-        parts = parts / parts.sum()
-        for part, reached in zip(parts, np.cumsum(parts), strict=True):
-            rate = 1 / (part * step)
+        for fraction, reached in zip(fractions, np.cumsum(fractions), strict=True):
+            rate = 1 / (fraction * step)
             heat = system.heat @ (u0[i] + reached * (u1[i] - u0[i]))
             x = system.solve(rate, rate * system.capacity * x + heat)
-            found.append(x)
-    return found
+            states.append(x)
+    return states
 
 
 _DOUBLINGS = 7
@@ -175,34 +181,34 @@ def surface_gram(system: LinearSystem, basis: Basis) -> Float[np.ndarray, "m m"]
 
 def principal_weights(
     system: LinearSystem,
-    whole: Projection,
+    projection: Projection,
     plan: Schedule,
     amplitudes: Float[np.ndarray, "q k"],
 ) -> Float[np.ndarray, "m m"]:
-    """Weights of the modes in vectors of falling importance, orthonormal.
+    """Orthonormal combinations of the modes, in falling importance.
 
-    By a singular value decomposition of the responses to a step and to a ramp of every
-    input, of the decay of the start and of the run itself, as deviations of surface and
-    volume.
+    They are singular vectors of the responses to a step and to a ramp of every input,
+    of the decay of the start, and of the run itself, as deviations of the surface and
+    the volume.
     """
     spans = np.cumsum(plan.step)
     times = np.geomspace(plan.step.min() / 30, spans[-1], _SAMPLES)[:, None]
-    decay, of_step, of_ramp = step_weights(np, whole.rates[None], times)
+    weights = step_weights(np, projection.rates[None], times)
     largest = np.abs(amplitudes).max(axis=0, initial=0.0)
-    rows = [decay * whole.start]
-    for scale, drive in zip(largest, whole.drive.T, strict=True):
-        rows += [of_step * drive * scale, of_ramp * drive * scale]
+    rows = [weights.decay * projection.start]
+    for scale, drive in zip(largest, projection.drive.T, strict=True):
+        rows += [weights.constant * drive * scale, weights.ramp * drive * scale]
     rows.append(
         host_run(
-            whole.rates,
-            drive=whole.drive,
-            start=whole.start,
+            projection.rates,
+            drive=projection.drive,
+            start=projection.start,
             plan=plan,
             amplitudes=amplitudes,
         )
     )
-    gram = surface_gram(system, whole.basis)
-    metric = gram + np.eye(len(whole.rates)) / system.capacity.sum()
+    gram = surface_gram(system, projection.basis)
+    metric = gram + np.eye(len(projection.rates)) / system.capacity.sum()
     factor = np.linalg.cholesky(metric)
     left, _, _ = np.linalg.svd(factor.T @ np.concatenate(rows).T)
     return np.linalg.qr(np.linalg.solve(factor.T, left))[0]

@@ -21,8 +21,14 @@ from ..scene.compile.program import Compiled, Program
 from .reduced_model import sampled
 
 
-FLUX, ABOVE, DENSITY, ONE = "W/m^2", "K above the start's mean", "W/m^3", "1"
-"""Units of an input: a heat flux or irradiance, a temperature, a heat source, none."""
+FLUX = "W/m^2"
+"""Unit of an input that is a heat flux or irradiance."""
+ABOVE = "K above the start's mean"
+"""Unit of an input that is a temperature."""
+DENSITY = "W/m^3"
+"""Unit of an input that is a heat source."""
+ONE = "1"
+"""Unit of an input with a constant amplitude of 1."""
 
 _REMEDY = "reduce() is for linear scenes; leave it out, or simulate() the scene"
 _SAMPLES = 17
@@ -54,8 +60,12 @@ def find_inputs(compiled: Compiled, t1: float) -> tuple[Input, ...]:
     """
     program = compiled.program
     _check_bodies(compiled)
-    found = [*_surface_inputs(program), *_sources(program), *_contact_inputs(program)]
-    return tuple(_merged(found, len(program.bodies), t1))
+    term_inputs = [
+        *_surface_inputs(program),
+        *_sources(program),
+        *_contact_inputs(program),
+    ]
+    return tuple(_merged(term_inputs, len(program.bodies), t1))
 
 
 def _check_bodies(compiled: Compiled) -> None:
@@ -102,9 +112,10 @@ class _Law(NamedTuple):
 
 
 def _laws(terms: SurfaceTerms) -> list[_Law]:
-    found, seen = [], {}
-    kinds = ((False, terms.natural), (True, terms.prescribed))
-    for prescribed, numbered in kinds:
+    laws = []
+    seen = {}
+    by_boundary = ((False, terms.natural), (True, terms.prescribed))
+    for prescribed, numbered in by_boundary:
         for number, term in numbered:
             law = term.law.linear()
             if law is None:
@@ -113,8 +124,9 @@ def _laws(terms: SurfaceTerms) -> list[_Law]:
                     f"or its coefficient varies with time: {_REMEDY}"
                 )
             key = number, prescribed
-            ordinal = seen[key] = seen.get(key, -1) + 1
-            found.append(
+            ordinal = seen.get(key, -1) + 1
+            seen[key] = ordinal
+            laws.append(
                 _normalized(
                     law,
                     term=term,
@@ -123,7 +135,7 @@ def _laws(terms: SurfaceTerms) -> list[_Law]:
                     prescribed=prescribed,
                 )
             )
-    return found
+    return laws
 
 
 def _normalized(
@@ -132,42 +144,53 @@ def _normalized(
     area = np.asarray(term.effective_area, float)
     weight = np.asarray(law.weight, float)
     slope = None if law.slope is None else np.asarray(law.slope, float)
-    unit, amplitude = FLUX if slope is None else ABOVE, law.forcing
+    unit = FLUX if slope is None else ABOVE
+    amplitude: Any = law.forcing
     if not callable(amplitude):
         # The value belongs to the amplitude, and not to the pattern.
-        whole = np.asarray(weight * float(amplitude))
-        per = np.ones(()) if slope is None else slope
-        weight, amplitude = per, _ratio(whole, per)
+        forced = np.asarray(weight * float(amplitude))
+        weight = np.ones(()) if slope is None else slope
+        amplitude = _ratio(forced, weight)
         if amplitude is None:
-            weight, amplitude, unit = whole, 1.0, ONE
-    each = lambda values: np.broadcast_to(values, area.shape) * area
-    lost = 0.0 if slope is None else each(slope)
-    parts = unit, amplitude, each(weight), lost, area
-    return _Law(number, ordinal, prescribed, *parts)
+            weight = forced
+            amplitude = 1.0
+            unit = ONE
+    return _Law(
+        number=number,
+        ordinal=ordinal,
+        prescribed=prescribed,
+        unit=unit,
+        amplitude=amplitude,
+        weight=np.broadcast_to(weight, area.shape) * area,
+        slope=0.0 if slope is None else np.broadcast_to(slope, area.shape) * area,
+        area=area,
+    )
 
 
-def _ratio(whole: np.ndarray, per: np.ndarray) -> float | None:
-    """The number that all values are times others; None if there is none."""
-    acts = np.broadcast_to(per > 0, np.broadcast_shapes(whole.shape, per.shape))
-    values = np.divide(whole, per, out=np.zeros(acts.shape), where=acts)[acts]
-    if not values.size:
+def _ratio(forced: np.ndarray, weight: np.ndarray) -> float | None:
+    """The common ratio of two arrays where the weight is not 0; None without one."""
+    forced, weight = np.broadcast_arrays(forced, weight)
+    is_acting = weight > 0
+    ratios = forced[is_acting] / weight[is_acting]
+    if not ratios.size:
         return 0.0
-    size = np.abs(values).max()
-    return float(values.flat[0]) if np.ptp(values) <= 1e-9 * size else None
+    size = np.abs(ratios).max()
+    return float(ratios.flat[0]) if np.ptp(ratios) <= 1e-9 * size else None
 
 
 def _surface_inputs(program: Program) -> Iterator[tuple[tuple, int, Input]]:
-    """Inputs of each body by themselves, with the law's key and the body."""
+    """Inputs of each body, with the key of the law and the number of the body."""
     if program.surface is None:
         return
-    load, ends = program.surface.by_cell, _fragment_ends(program)
+    load = program.surface.by_cell
+    ends = _fragment_ends(program)
     for index, cells in enumerate(load.cells):
         body = cells.body
         terms = load.terms_on(index)
-        acting = {n for n, own in enumerate(load.entries) if own[index] >= 0}
-        here = slice(int(ends[body]), int(ends[body + 1]))
+        acting = {n for n, row in enumerate(load.entries) if row[index] >= 0}
+        fragments = slice(int(ends[body]), int(ends[body + 1]))
         reference = program.bodies[body].reference
-        fine = program.fragment_terms.selected(here, acting, reference)
+        fine = program.fragment_terms.selected(fragments, acting, reference)
         on_cells = _laws(terms)
         on_fragments = {law.key: law for law in _laws(fine)}
         half = np.asarray(terms.half_cell, float)
@@ -200,25 +223,29 @@ def _fragment_ends(program: Program) -> np.ndarray:
 
 
 def _through(half: np.ndarray, laws: list[_Law]) -> np.ndarray:
-    both = half + sum(law.slope for law in laws if not law.prescribed)
-    return np.divide(half, both, out=np.zeros_like(half), where=both > 0)
+    total = half + sum(law.slope for law in laws if not law.prescribed)
+    return np.divide(half, total, out=np.zeros_like(half), where=total > 0)
 
 
 def _excess(terms: SurfaceTerms, laws: list[_Law]) -> dict[tuple, np.ndarray]:
     """Excess of every fragment by one unit of each law [K per unit]."""
     half = np.asarray(terms.half_cell, float)
-    both = half + sum(law.slope for law in laws if not law.prescribed)
+    total = half + sum(law.slope for law in laws if not law.prescribed)
     fixed = np.zeros(len(half), bool)
     for law in laws:
         fixed |= law.prescribed & (law.area > 0)
-    found = {}
+    excess = {}
     for law in laws:
         if law.prescribed:
-            per, acts = law.area, law.area > 0
+            per = law.area
+            is_acting = law.area > 0
         else:
-            per, acts = both, (both > 0) & ~fixed
-        found[law.key] = np.divide(law.weight, per, out=np.zeros_like(half), where=acts)
-    return found
+            per = total
+            is_acting = (total > 0) & ~fixed
+        excess[law.key] = np.divide(
+            law.weight, per, out=np.zeros_like(half), where=is_acting
+        )
+    return excess
 
 
 def _sources(program: Program) -> Iterator[tuple[tuple, int, Input]]:
@@ -255,8 +282,8 @@ def _contact_inputs(program: Program) -> Iterator[tuple[tuple, int, Input]]:
         for side, body in enumerate(contact.bodies):
             sign = -1 if side == 0 else 1
             heat.append((body, contact.address[side], sign * np.asarray(rate, float)))
-            own = contact.excess(rate, side, len(excess[body]))
-            excess[body] = excess[body] + np.asarray(own, float)
+            side_excess = contact.excess(rate, side, len(excess[body]))
+            excess[body] = excess[body] + np.asarray(side_excess, float)
     if any(np.any(values) for _, _, values in heat):
         name = "contact of different start temperatures"
         yield (
@@ -273,39 +300,29 @@ def _contact_inputs(program: Program) -> Iterator[tuple[tuple, int, Input]]:
 
 
 def _merged(
-    found: list[tuple[tuple, int, Input]], bodies: int, t1: float
+    term_inputs: list[tuple[tuple, int, Input]], bodies: int, t1: float
 ) -> Iterator[Input]:
-    """One input for a term with one amplitude on all bodies, without those of 0."""
+    """Inputs with one amplitude on several bodies joined, without those that are 0."""
     times = tuple(np.linspace(0.0, t1, _SAMPLES).tolist())
     groups: dict[tuple, list[tuple[int, Input]]] = {}
-    for key, body, each in found:
-        if not callable(each.amplitude) and each.amplitude == 0:
+    for key, body, term_input in term_inputs:
+        if not callable(term_input.amplitude) and term_input.amplitude == 0:
             continue
-        same = next(
-            (
-                other
-                for other in groups
-                if other[0] == key
-                and np.array_equal(
-                    sampled(groups[other][0][1].amplitude, times),
-                    sampled(each.amplitude, times),
-                )
-            ),
-            None,
-        )
-        groups.setdefault(same or (key, len(groups)), []).append((body, each))
+        amplitude = sampled(term_input.amplitude, times)
+        group = (key, amplitude.tobytes())
+        groups.setdefault(group, []).append((body, term_input))
     names: dict[str, int] = {}
-    for parts in groups.values():
-        first = parts[0][1]
-        alone = len(parts) == 1 and bodies > 1
-        name = f"{first.name} on body {parts[0][0]}" if alone else first.name
-        names[name] = count = names.get(name, 0) + 1
+    for members in groups.values():
+        body, first = members[0]
+        name = first.name
+        if len(members) == 1 and bodies > 1:
+            name = f"{name} on body {body}"
+        count = names.get(name, 0) + 1
+        names[name] = count
+        by_body = zip(*(member.excess for _, member in members), strict=True)
         yield replace(
             first,
             name=name if count == 1 else f"{name}, part {count}",
-            heat=tuple(row for _, each in parts for row in each.heat),
-            excess=tuple(
-                sum(columns[1:], columns[0])
-                for columns in zip(*(each.excess for _, each in parts), strict=True)
-            ),
+            heat=tuple(row for _, member in members for row in member.heat),
+            excess=tuple(np.sum(columns, axis=0) for columns in by_body),
         )

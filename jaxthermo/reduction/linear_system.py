@@ -60,21 +60,21 @@ class _Layout:
 
     def unpack(self, values: Nodes) -> State:
         """One state per body; 0 where a lattice has no node."""
-        found = []
+        states = []
         for body, (shape, where) in enumerate(
             zip(self.shapes, self.address, strict=True)
         ):
             state = np.zeros(shape)
             state[where] = values[self.first[body] : self.first[body + 1]]
-            found.append(jnp.asarray(state))
-        return tuple(found)
+            states.append(jnp.asarray(state))
+        return tuple(states)
 
     def number(self, body: int, address: tuple[Any, ...]) -> Int[np.ndarray, " m"]:
         """Numbers in the vector of nodes at positions in a body's state."""
         numbers = np.full(self.shapes[body], -1)
         count = self.first[body + 1] - self.first[body]
         numbers[self.address[body]] = self.first[body] + np.arange(count)
-        return numbers[tuple(np.asarray(each) for each in address)]
+        return numbers[tuple(np.asarray(index) for index in address)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ class LinearSystem:
     layout: _Layout
     inputs: tuple[Input, ...]
     dtype: str
-    """Type of the scene as it was given; the system's own is float64."""
+    """Type of the original scene; the system computes in float64."""
 
     @property
     def program(self) -> Program:
@@ -103,8 +103,10 @@ class LinearSystem:
         """Heat capacity of every node [J/K]."""
         pairs = zip(self.program.bodies, self.compiled.start, strict=True)
         with precision("float64"):
-            whole = [jnp.broadcast_to(b.network.capacity(), s.shape) for b, s in pairs]
-            return self.layout.pack(tuple(whole))
+            capacities = [
+                jnp.broadcast_to(b.network.capacity(), s.shape) for b, s in pairs
+            ]
+            return self.layout.pack(tuple(capacities))
 
     @cached_property
     def start(self) -> Nodes:
@@ -116,8 +118,8 @@ class LinearSystem:
     def heat(self) -> Float[np.ndarray, "n k"]:
         """Heat rate of every node by one unit of each input [W per unit]."""
         columns = np.zeros((len(self.capacity), len(self.inputs)))
-        for column, each in enumerate(self.inputs):
-            for body, address, values in each.heat:
+        for column, column_input in enumerate(self.inputs):
+            for body, address, values in column_input.heat:
                 np.add.at(columns[:, column], self.layout.number(body, address), values)
         return columns
 
@@ -131,10 +133,10 @@ class LinearSystem:
                 np.concatenate(
                     [
                         _mapped(self.program, body, jnp.asarray(values))
-                        for body, values in enumerate(each.excess)
+                        for body, values in enumerate(column_input.excess)
                     ]
                 )
-                for each in self.inputs
+                for column_input in self.inputs
             ]
         return np.stack(columns, axis=1)
 
@@ -155,16 +157,18 @@ class LinearSystem:
         return np.concatenate([s.geometry.fragment_area for s in self.surfaces])
 
     def with_inputs(self, further: Sequence[Input]) -> "LinearSystem":
-        """The system with further inputs, whose names become their own."""
-        found, names = list(self.inputs), {each.name for each in self.inputs}
-        for each in further:
-            name, count = each.name, 1
+        """The system with further inputs, which get names that are not used yet."""
+        inputs = list(self.inputs)
+        names = {scene_input.name for scene_input in inputs}
+        for new_input in further:
+            name = new_input.name
+            count = 1
             while name in names:
                 count += 1
-                name = f"{each.name} {count}"
+                name = f"{new_input.name} {count}"
             names.add(name)
-            found.append(replace(each, name=name))
-        return replace(self, inputs=tuple(found))
+            inputs.append(replace(new_input, name=name))
+        return replace(self, inputs=tuple(inputs))
 
     def conduct(self, values: Nodes) -> Nodes:
         """K x [W]."""
@@ -180,15 +184,18 @@ class LinearSystem:
         """
         with precision("float64"):
             states = self.layout.unpack(heat)
-            found, converged = _solved(
-                self.program, self.context, jnp.asarray(float(rate)), states
+            solution, converged = _solved(
+                self.program,
+                context=self.context,
+                rate=jnp.asarray(float(rate)),
+                heat=states,
             )
             if not bool(converged):
                 raise InputError(
                     f"reduce: a linear solve for the rate {rate:.3g} 1/s stopped short "
                     "of its tolerance: check the materials for values far out of range"
                 )
-            return self.layout.pack(found)
+            return self.layout.pack(solution)
 
     def read(self, values: Nodes) -> Float[np.ndarray, " s"]:
         """R x [K]."""
@@ -260,28 +267,32 @@ def _solved(
 
 @eqx.filter_jit
 def _read(program: Program, states: State) -> Float[Array, " s"]:
-    # The surface is affine in the states: less what it is without any.
+    # The surface is affine in the states: subtract its temperature at states of 0.
     time = jnp.zeros((), states[0].dtype)
     above, zero = (
         jnp.concatenate(
-            program.surface_temperatures(each, time, _by_contacts(program, each))
+            program.surface_temperatures(
+                read_states, time, _by_contacts(program, read_states)
+            )
         )
-        for each in (states, _zero(states))
+        for read_states in (states, _zero(states))
     )
     return above - zero
 
 
 def _by_contacts(program: Program, states: State) -> list[Any]:
     """Excess of each body's fragments over their nodes by contacts [K]."""
-    found: list[Any] = [None] * len(program.bodies)
+    excess: list[Any] = [None] * len(program.bodies)
     zero = jnp.zeros((), states[0].dtype)
     for contact in program.contacts:
         first, second = pair_values(contact, states)
         rate = contact.heat_rate(zero, (first, second), (zero, zero))
         for side, body in enumerate(contact.bodies):
-            own = contact.excess(rate, side, program.bodies[body].node.shape[0])
-            found[body] = own if found[body] is None else found[body] + own
-    return found
+            side_excess = contact.excess(rate, side, program.bodies[body].node.shape[0])
+            excess[body] = (
+                side_excess if excess[body] is None else excess[body] + side_excess
+            )
+    return excess
 
 
 @eqx.filter_jit

@@ -5,9 +5,10 @@ For dz/dt = -rate z + d(t) with d linear from d_0 to d_1 over a step, and h = ra
     z_1 = exp(-h) z_0 + step [phi_1(h) d_0 + phi_2(h) (d_1 - d_0)],
     phi_1 = (1 - exp(-h)) / h,    phi_2 = (1 - phi_1) / h.
 
-A knot that is given twice is a jump of the load.
+A knot that occurs twice is a jump of the load.
 """
 
+import itertools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -20,29 +21,43 @@ from ..arrays import product
 from ..errors import InputError
 
 
-# Below it the quotients lose digits, and the series has reached double precision.
-_SERIES_LIMIT, _SERIES_TERMS = 0.3, 11
+_SERIES_LIMIT = 0.3
+"""h below which the quotients lose digits, and the series has double precision."""
+_SERIES_TERMS = 11
 
 _Modes = Float[Array | np.ndarray, "*m"]
 
 
-def step_weights(own: Any, rates: _Modes, step: Any) -> tuple[Any, Any, Any]:
-    """exp(-h), step phi_1 and step phi_2, by numpy or jax.numpy as `own`."""
+class StepWeights(NamedTuple):
+    """Weights of a step of decoupled modes."""
+
+    decay: Any
+    """exp(-h), of the modes at the start of the step."""
+    constant: Any
+    """step phi_1, of the load at the start of the step."""
+    ramp: Any
+    """step phi_2, of the change of the load over the step."""
+
+
+def step_weights(xp: Any, rates: _Modes, step: Any) -> StepWeights:
+    """Weights of steps of these lengths [s], by `xp`, numpy or jax.numpy."""
     h = rates * step
-    is_small = own.abs(h) < _SERIES_LIMIT
+    is_small = xp.abs(h) < _SERIES_LIMIT
     # Both branches are differentiated: neither may divide by 0.
-    large, small = own.where(is_small, 1.0, h), own.where(is_small, h, 0.0)
-    first, second = own.zeros_like(h), own.zeros_like(h)
-    term = own.ones_like(h)
+    large = xp.where(is_small, 1.0, h)
+    small = xp.where(is_small, h, 0.0)
+    first = xp.zeros_like(h)
+    second = xp.zeros_like(h)
+    term = xp.ones_like(h)
     for k in range(1, _SERIES_TERMS):
         term = term / k
         first = first + term
         second = second + term / (k + 1)
         term = term * -small
-    by_quotient = -own.expm1(-large) / large
-    phi_1 = own.where(is_small, first, by_quotient)
-    phi_2 = own.where(is_small, second, (1 - by_quotient) / large)
-    return own.exp(-h), step * phi_1, step * phi_2
+    by_quotient = -xp.expm1(-large) / large
+    phi_1 = xp.where(is_small, first, by_quotient)
+    phi_2 = xp.where(is_small, second, (1 - by_quotient) / large)
+    return StepWeights(decay=xp.exp(-h), constant=step * phi_1, ramp=step * phi_2)
 
 
 class Schedule(NamedTuple):
@@ -51,21 +66,21 @@ class Schedule(NamedTuple):
     step: Float[Array | np.ndarray, " i"]
     """Length of each step [s]."""
     knot: Int[Array | np.ndarray, " i"]
-    """Knot at or before its start; the next one is at or after its end."""
+    """Last knot at or before the start of each step; the next ends it or is later."""
     begin: Float[Array | np.ndarray, " i"]
-    """Fraction of the way between the two knots at its start [-]."""
+    """Fraction of the way between the two knots at the start of each step [-]."""
     end: Float[Array | np.ndarray, " i"]
-    """The same at its end [-]."""
+    """Fraction of the way between the two knots at the end of each step [-]."""
     saved: Int[Array | np.ndarray, " t"]
     """Step that ends at each saved time; -1 for the start."""
 
-    def loads(self, own: Any, amplitudes: Any) -> tuple[Any, Any]:
+    def loads(self, xp: Any, amplitudes: Any) -> tuple[Any, Any]:
         """Amplitudes at the start and at the end of every step."""
-        before, after = amplitudes[self.knot], amplitudes[self.knot + 1]
-        between = lambda f: (
-            before + own.asarray(f, before.dtype)[:, None] * (after - before)
-        )
-        return between(self.begin), between(self.end)
+        previous = amplitudes[self.knot]
+        change = amplitudes[self.knot + 1] - previous
+        begin = xp.asarray(self.begin, previous.dtype)[:, None]
+        end = xp.asarray(self.end, previous.dtype)[:, None]
+        return previous + begin * change, previous + end * change
 
 
 def schedule(knots: Sequence[float], times: Sequence[float]) -> Schedule:
@@ -78,15 +93,18 @@ def schedule(knots: Sequence[float], times: Sequence[float]) -> Schedule:
     Raises:
         InputError: if a time is outside of the knots, or these decrease.
     """
-    at, saves = np.asarray(knots, float), np.asarray(times, float)
-    if len(at) < 1 or at[0] != 0 or (np.diff(at) < 0).any():
+    knot_times = np.asarray(knots, float)
+    saves = np.asarray(times, float)
+    if len(knots) < 1 or knot_times[0] != 0 or (np.diff(knot_times) < 0).any():
         raise InputError("reduced model: the knots start at 0 s and do not decrease")
-    if len(saves) and not (saves[0] >= 0 and saves[-1] <= at[-1]):
+    if len(saves) and not (saves[0] >= 0 and saves[-1] <= knot_times[-1]):
         raise InputError(
-            f"reduced model: save times lie between 0 and {at[-1]:g} s, the last knot"
+            f"reduced model: save times lie between 0 and {knot_times[-1]:g} s, the "
+            "last knot"
         )
-    rows, ends = [], []
-    for knot, (a, b) in enumerate(zip(at[:-1], at[1:], strict=True)):
+    rows = []
+    ends = []
+    for knot, (a, b) in enumerate(itertools.pairwise(knot_times)):
         if b <= a:
             continue
         inner = [t for t in saves if a < t < b]
@@ -94,14 +112,14 @@ def schedule(knots: Sequence[float], times: Sequence[float]) -> Schedule:
             rows.append((t1 - t0, knot, (t0 - a) / (b - a), (t1 - a) / (b - a)))
             ends.append(t1)
     step, knot, begin, end = np.array(rows).reshape(-1, 4).T
-    # The load of a saved time is the one that has acted before it.
-    found = [-1 if t == 0 else int(np.searchsorted(ends, t)) for t in saves]
+    # The load at a saved time is the one that has acted until then.
+    saved = [-1 if t == 0 else int(np.searchsorted(ends, t)) for t in saves]
     return Schedule(
         step=step,
         knot=knot.astype(int),
         begin=begin,
         end=end,
-        saved=np.array(found, int),
+        saved=np.array(saved, int),
     )
 
 
@@ -114,13 +132,16 @@ def host_run(
 ) -> Float[np.ndarray, "i m"]:
     """State after every step, in double precision on the host."""
     u0, u1 = plan.loads(np, amplitudes)
-    d0, d1 = u0 @ drive.T, u1 @ drive.T
-    decay, of_start, of_change = step_weights(np, rates[None], plan.step[:, None])
-    found, z = np.zeros((len(plan.step), len(rates))), start
+    d0 = u0 @ drive.T
+    d1 = u1 @ drive.T
+    weights = step_weights(np, rates[None], plan.step[:, None])
+    growth = weights.constant * d0 + weights.ramp * (d1 - d0)
+    states = np.zeros((len(plan.step), len(rates)))
+    z = start
     for i in range(len(plan.step)):
-        z = decay[i] * z + of_start[i] * d0[i] + of_change[i] * (d1[i] - d0[i])
-        found[i] = z
-    return found
+        z = weights.decay[i] * z + growth[i]
+        states[i] = z
+    return states
 
 
 def traced_run(
@@ -133,20 +154,22 @@ def traced_run(
     """State and loads at the saved times, as a function that JAX can transform."""
     u0, u1 = plan.loads(jnp, amplitudes)
     # One step costs less than the dispatch of its products: all are made at once.
-    d0, d1 = product(u0, drive.T), product(u1, drive.T)
+    d0 = product(u0, drive.T)
+    d1 = product(u1, drive.T)
     step = jnp.asarray(plan.step, rates.dtype)[:, None]
-    decay, of_start, of_change = step_weights(jnp, rates[None], step)
-    added = of_start * d0 + of_change * (d1 - d0)
+    weights = step_weights(jnp, rates[None], step)
+    growth = weights.constant * d0 + weights.ramp * (d1 - d0)
 
     def advance(z, row):
-        decay, added = row
-        z = decay * z + added
+        decay, growth = row
+        z = decay * z + growth
         return z, z
 
-    _, after = jax.lax.scan(advance, start, (decay, added))
+    _, states = jax.lax.scan(advance, start, (weights.decay, growth))
     saved = jnp.asarray(plan.saved)
-    from_start, index = (saved < 0)[:, None], jnp.maximum(saved, 0)
-    state = jnp.where(from_start, start[None], after[index])
+    from_start = (saved < 0)[:, None]
+    index = jnp.maximum(saved, 0)
+    state = jnp.where(from_start, start[None], states[index])
     # Nothing has acted on the surface at the start.
     return state, jnp.where(from_start, 0, u1[index])
 
@@ -158,6 +181,6 @@ def doubled(times: Sequence[float]) -> tuple[float, ...]:
 
 
 def is_left(knots: Float[np.ndarray, " q"]) -> Bool[np.ndarray, " q"]:
-    """True for the knots whose load is the one before them: of pairs, and the last."""
+    """True for knots with the load before them: the first of a pair, and the last."""
     following = np.append(knots[1:], knots[-1])
     return following == knots

@@ -43,8 +43,11 @@ class Target(NamedTuple):
 
     system: LinearSystem
     times: tuple[float, ...]
+    """Save times [s]."""
     knots: tuple[float, ...]
+    """Times between which loads are linear [s]."""
     amplitudes: Float[np.ndarray, "q k"]
+    """Amplitude of each input at each knot."""
     plan: Schedule
     ranges: tuple[tuple[float, float], ...]
     """Smallest and largest amplitude of every input."""
@@ -65,9 +68,9 @@ def target_of(scene: Scene, t1: float | int, save_at: Sequence[float] | None) ->
             "reduce: no load changes the start of the scene, which is even: there is "
             "nothing to reduce"
         )
-    varies = any(is_unknown_function(each.amplitude) for each in system.inputs)
+    varies = any(is_unknown_function(load.amplitude) for load in system.inputs)
     knots = knots_of(times[-1], system.compiled.breakpoints, varies)
-    columns = [sampled(each.amplitude, knots) for each in system.inputs]
+    columns = [sampled(load.amplitude, knots) for load in system.inputs]
     rows = np.stack(columns, axis=1) if columns else np.zeros((len(knots), 0))
     ranges = tuple((float(c.min()), float(c.max())) for c in columns)
     return Target(
@@ -82,8 +85,13 @@ def target_of(scene: Scene, t1: float | int, save_at: Sequence[float] | None) ->
 
 def _at_saves(target: Target, modes: Projection) -> Float[np.ndarray, "t m"]:
     """Modes at the saved times."""
-    run = modes.rates, modes.drive, modes.start
-    states = host_run(*run, target.plan, target.amplitudes)
+    states = host_run(
+        modes.rates,
+        drive=modes.drive,
+        start=modes.start,
+        plan=target.plan,
+        amplitudes=target.amplitudes,
+    )
     rows = [modes.start if n < 0 else states[n] for n in target.plan.saved]
     return np.stack(rows)
 
@@ -92,10 +100,10 @@ def _span(target: Target, modes: Projection) -> Float[np.ndarray, " t"]:
     """Range of the surface at the saved times [K]."""
     _, loads = target.plan.loads(np, target.amplitudes)
     above = _at_saves(target, modes) @ modes.basis.surface.T
-    brought = [
+    acting_loads = [
         np.zeros(loads.shape[1]) if n < 0 else loads[n] for n in target.plan.saved
     ]
-    above = above + np.stack(brought) @ target.system.direct.T
+    above = above + np.stack(acting_loads) @ target.system.direct.T
     return np.asarray(error_span(target.system.reference + above, _RANGE))
 
 
@@ -104,7 +112,7 @@ def krylov_modes(
 ) -> Projection:
     """The modes of a basis that no further block would change."""
     system = target.system
-    # What has just changed must be right at the next saved time.
+    # The response to a change must be right at the next saved time.
     waits = [t - max(k for k in target.knots if k < t) for t in target.times if t > 0]
     blocks = krylov_blocks(
         system, shortest=min(waits), longest=target.times[-1], count=MAX_BLOCKS
@@ -112,18 +120,20 @@ def krylov_modes(
     basis = Basis.empty(system)
     if np.any(system.start):
         basis = basis.with_vectors(system, [system.start])
-    modes, before, calm = project(system, basis), None, 0
+    modes = project(system, basis)
+    previous = None
+    calm = 0
     for number, block in enumerate(blocks):
         basis = basis.with_vectors(system, block)
         modes = project(system, basis)
         now = _at_saves(target, modes) @ modes.basis.surface.T
-        if before is not None:
-            change = _rms(system, now - before) / _span(target, modes)
+        if previous is not None:
+            change = _rms(system, now - previous) / _span(target, modes)
             worst = float(change.max())
             log(f"block {number + 1}: {basis.size} vectors, change {100 * worst:.2g} %")
             calm = calm + 1 if worst < _KRYLOV_MARGIN * tolerance else 0
-        before = now
-        # Twice, since one rate may bring nothing that these loads ask for.
+        previous = now
+        # Twice, since a single rate may add nothing that these loads excite.
         enough = size is None or basis.size >= 2 * size
         if (calm >= 2 and enough) or basis.size >= len(system.capacity):
             break
@@ -136,36 +146,43 @@ def _rms(system: LinearSystem, gap: np.ndarray) -> Float[np.ndarray, " t"]:
 
 
 def chosen_basis(
-    target: Target, whole: Projection, size: int | None, tolerance: float
+    target: Target, modes: Projection, size: int | None, tolerance: float
 ) -> tuple[Basis, Float[np.ndarray, " t"]]:
     """The smallest basis within the tolerance, and its estimated error [K]."""
-    count = whole.basis.size
-    exact, gram = _at_saves(target, whole), surface_gram(target.system, whole.basis)
+    count = modes.basis.size
+    exact = _at_saves(target, modes)
+    gram = surface_gram(target.system, modes.basis)
     zero = np.zeros(len(target.times))
     if not count or (size is not None and size >= count):
-        return whole.basis, zero
+        return modes.basis, zero
     weights = principal_weights(
-        target.system, whole=whole, plan=target.plan, amplitudes=target.amplitudes
+        target.system, projection=modes, plan=target.plan, amplitudes=target.amplitudes
     )
-    span = _span(target, whole)
+    span = _span(target, modes)
 
     def error(number: int) -> Float[np.ndarray, " t"]:
-        chosen = weights[:, :number]
-        rates, turn = np.linalg.eigh(chosen.T @ (whole.rates[:, None] * chosen))
-        chosen = chosen @ turn
-        small = (np.maximum(rates, 0), chosen.T @ whole.drive, chosen.T @ whole.start)
-        states = host_run(*small, target.plan, target.amplitudes)
-        rows = np.stack([small[2] if n < 0 else states[n] for n in target.plan.saved])
-        gap = exact - rows @ chosen.T
+        selected = weights[:, :number]
+        rates, turn = np.linalg.eigh(selected.T @ (modes.rates[:, None] * selected))
+        selected = selected @ turn
+        start = selected.T @ modes.start
+        states = host_run(
+            np.maximum(rates, 0),
+            drive=selected.T @ modes.drive,
+            start=start,
+            plan=target.plan,
+            amplitudes=target.amplitudes,
+        )
+        rows = np.stack([start if n < 0 else states[n] for n in target.plan.saved])
+        gap = exact - rows @ selected.T
         return np.sqrt(np.maximum(np.einsum("ti,ij,tj->t", gap, gram, gap), 0))
 
     if size is not None:
-        return whole.basis.rotated(weights[:, :size]), error(size)
+        return modes.basis.rotated(weights[:, :size]), error(size)
     for number in range(1, count):
-        found = error(number)
-        if (found / span).max() <= tolerance:
-            return whole.basis.rotated(weights[:, :number]), found
-    return whole.basis, zero
+        errors = error(number)
+        if (errors / span).max() <= tolerance:
+            return modes.basis.rotated(weights[:, :number]), errors
+    return modes.basis, zero
 
 
 def make_model(
@@ -199,8 +216,10 @@ def make_model(
         residual_bound_kelvin=tuple(map(float, bounds)),
         scene_hash=_hash(system),
     )
-    pairs = zip(system.inputs, target.ranges, strict=True)
-    ranges = (LoadRange(each.name, each.unit, *ends) for each, ends in pairs)
+    ranges = [
+        LoadRange(load.name, unit=load.unit, low=low, high=high)
+        for load, (low, high) in zip(system.inputs, target.ranges, strict=True)
+    ]
     model = ReducedModel(
         rates=modes.rates,
         drive=modes.drive,

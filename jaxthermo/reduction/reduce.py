@@ -50,9 +50,9 @@ def reduce(
     Args:
         scene: linear: constant properties and coefficients, no emission.
         t1: end of the run [s].
-        save_at: increasing times to save [s]; None for the end. Between a change of
-            the loads and the first of them after it nothing is asked of the model.
-        size: number of vectors; None for as many as the tolerance takes.
+        save_at: increasing times to save [s]; None for the end. The model need not be
+            right between a change of the loads and the next save time.
+        size: number of vectors; None for as many as the tolerance requires.
         tolerance: estimated root mean square error of the surface over its range [-];
             None for 0.001.
         method: "krylov", also good for other amplitudes of its loads; or "pod",
@@ -81,16 +81,24 @@ def reduce(
     allowed = _TOLERANCE if tolerance is None else tolerance
     _check_memory(target.system)
     if method == "krylov":
-        whole = krylov_modes(target, size=size, tolerance=allowed, log=log)
+        modes = krylov_modes(target, size=size, tolerance=allowed, log=log)
     else:
         log("running the scene for its snapshots")
         states = snapshots(target.system, target.plan, target.amplitudes)
         empty = Basis.empty(target.system)
-        whole = project(target.system, empty.with_vectors(target.system, states))
+        modes = project(target.system, empty.with_vectors(target.system, states))
     log("choosing the vectors")
-    basis, errors = chosen_basis(target, whole=whole, size=size, tolerance=allowed)
-    parts = errors, method, whole.basis.size, clock
-    return _with_offline(make_model(target, basis, *parts, log), target, allowed)
+    basis, errors = chosen_basis(target, modes=modes, size=size, tolerance=allowed)
+    model, model_basis = make_model(
+        target,
+        basis=basis,
+        errors=errors,
+        method=method,
+        solves=modes.basis.size,
+        clock=clock,
+        log=log,
+    )
+    return replace(model, offline=_Offline(target, model_basis, allowed))
 
 
 def _check_options(size: int | None, tolerance: float | None, method: str) -> None:
@@ -114,16 +122,9 @@ def _check_memory(system: LinearSystem) -> None:
     require_memory(8 * columns * count, "reducing this scene", remedy)
 
 
-def _with_offline(
-    made: tuple[ReducedModel, Basis], target: Target, tolerance: float
-) -> ReducedModel:
-    model, basis = made
-    return replace(model, offline=_Offline(target, basis, tolerance))
-
-
 @dataclass(frozen=True, eq=False)
 class _Offline(AbstractOffline):
-    """The run and the basis from which a model was made, and how."""
+    """The run, the basis and the tolerance from which a model was made."""
 
     target: Target
     basis: Basis
@@ -131,43 +132,61 @@ class _Offline(AbstractOffline):
 
     @override
     def run_of(self, model: ReducedModel, scene: Scene) -> StoredSolution:
-        other = target_of(scene, self.target.times[-1], self.target.times)
+        scene_target = target_of(scene, self.target.times[-1], self.target.times)
         system = self.target.system
-        check_same_bodies(system, other.system)
-        shares, outside = input_shares(system, other.system)
+        check_same_bodies(system, scene_target.system)
+        shares, outside = input_shares(system, scene_target.system)
         if outside:
-            name = other.system.inputs[outside[0]].name
+            name = scene_target.system.inputs[outside[0]].name
             raise InputError(
                 f"reduced model: the pattern of {name} is not one of its loads: "
                 "model.extend(scene) adds it"
             )
         start = start_in_span(
-            system, other=other.system, basis=self.basis, start=model.start
+            system,
+            other_system=scene_target.system,
+            basis=self.basis,
+            start=model.start,
         )
         moved = replace(model, start=start)
-        return moved.run(other.knots, other.amplitudes @ shares.T, other.times)
+        return moved.run(
+            scene_target.knots, scene_target.amplitudes @ shares.T, scene_target.times
+        )
 
     @override
     def extended(self, model: ReducedModel, scene: Scene) -> ReducedModel:
         clock = time.perf_counter()
-        own, silent = self.target, lambda text: None
-        other = target_of(scene, own.times[-1], own.times)
-        check_same_bodies(own.system, other.system)
-        _, outside = input_shares(own.system, other.system)
-        system = own.system.with_inputs([other.system.inputs[n] for n in outside])
-        added = krylov_modes(other, size=None, tolerance=self.tolerance, log=silent)
-        chosen, _ = chosen_basis(
-            other, whole=added, size=None, tolerance=self.tolerance
+        target = self.target
+        scene_target = target_of(scene, target.times[-1], target.times)
+        check_same_bodies(target.system, scene_target.system)
+        _, outside = input_shares(target.system, scene_target.system)
+        new_inputs = [scene_target.system.inputs[n] for n in outside]
+        target = target._replace(
+            system=target.system.with_inputs(new_inputs),
+            # The new inputs are 0 in the model's own scene.
+            amplitudes=np.pad(target.amplitudes, ((0, 0), (0, len(outside)))),
+            ranges=(*target.ranges, *(scene_target.ranges[n] for n in outside)),
         )
-        vectors = [other.system.start, *chosen.vectors.T]
-        basis = self.basis.with_vectors(system, vectors)
-        # The new inputs are 0 in the model's own scene.
-        rows = np.pad(own.amplitudes, ((0, 0), (0, len(outside))))
-        ranges = (*own.ranges, *(other.ranges[n] for n in outside))
-        target = own._replace(system=system, amplitudes=rows, ranges=ranges)
-        # The time of both is that of the model.
+        modes = krylov_modes(
+            scene_target, size=None, tolerance=self.tolerance, log=_silent
+        )
+        added_basis, _ = chosen_basis(
+            scene_target, modes=modes, size=None, tolerance=self.tolerance
+        )
+        vectors = [scene_target.system.start, *added_basis.vectors.T]
         about = model.about
-        clock, solves = clock - about.offline_s, about.solves + added.basis.size
-        parts = np.array(about.estimate_kelvin), about.method, solves, clock
-        made = make_model(target, basis, *parts, silent)
-        return _with_offline(made, target, self.tolerance)
+        extended, basis = make_model(
+            target,
+            basis=self.basis.with_vectors(target.system, vectors),
+            errors=np.array(about.estimate_kelvin),
+            method=about.method,
+            solves=about.solves + modes.basis.size,
+            # The model and its extension took the sum of both times.
+            clock=clock - about.offline_s,
+            log=_silent,
+        )
+        return replace(extended, offline=_Offline(target, basis, self.tolerance))
+
+
+def _silent(text: str) -> None:
+    del text

@@ -6,7 +6,6 @@ with the times and loads in which they hold, and the surface that y belongs to.
 """
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,11 +15,13 @@ from jaxtyping import Float
 from ..archive import read_archive, select_arrays, write_archive
 from ..errors import InputError
 from ..integrate.run.solution_file import BodyArrays, body_arrays, solved_surface
+from ..scene.scene import SolvedSurface
 
 
 FORMAT_VERSION = 1
 """Version of the file's layout."""
-_KIND, _REMEDY = "reduced model", "reduce the scene again"
+_KIND = "reduced model"
+_REMEDY = "reduce the scene again"
 
 
 class LoadRange(NamedTuple):
@@ -45,12 +46,30 @@ class About(NamedTuple):
     estimate_kelvin: tuple[float, ...]
     """Estimate of the surface's root mean square error at each saved time [K]."""
     estimate_percent: float
-    """The largest of them over the surface's range at that time [%]."""
+    """Largest estimated error over the range of the surface at its time [%]."""
     residual_bound_kelvin: tuple[float, ...]
     """Bound of the root mean square error over the volume at each saved time, from the
     residual [K]."""
     scene_hash: str
     """16 digits of capacities, loads and readings."""
+
+
+class ModelFields(NamedTuple):
+    """Fields of a `ReducedModel` that its file holds."""
+
+    rates: Float[np.ndarray, " m"]
+    drive: Float[np.ndarray, "m k"]
+    start: Float[np.ndarray, " m"]
+    output: Float[np.ndarray, "s m"]
+    direct: Float[np.ndarray, "s k"]
+    reference: Float[np.ndarray, " s"]
+    inputs: tuple[LoadRange, ...]
+    knots: tuple[float, ...]
+    amplitudes: Float[np.ndarray, "q k"]
+    times: tuple[float, ...]
+    surfaces: tuple[SolvedSurface, ...]
+    about: About
+    dtype: str
 
 
 class _ModelArrays(NamedTuple):
@@ -68,41 +87,41 @@ class _ModelArrays(NamedTuple):
     input_high: Float[np.ndarray, " k"]
 
 
-def write_model(path: Path, model: Mapping[str, Any]) -> None:
+def write_model(path: Path, model: ModelFields) -> None:
     """Write the fields of a model in one step.
 
     Raises:
         InputError: if the file cannot be written.
     """
-    inputs: tuple[LoadRange, ...] = model["inputs"]
     arrays = _ModelArrays(
-        A=np.diag(-model["rates"]),
-        B=model["drive"],
-        C=model["output"],
-        D=model["direct"],
-        start=model["start"],
-        reference=model["reference"],
-        knots=np.asarray(model["knots"], float),
-        amplitudes=model["amplitudes"],
-        times=np.asarray(model["times"], float),
-        input_low=np.array([each.low for each in inputs], float),
-        input_high=np.array([each.high for each in inputs], float),
+        A=np.diag(-model.rates),
+        B=model.drive,
+        C=model.output,
+        D=model.direct,
+        start=model.start,
+        reference=model.reference,
+        knots=np.asarray(model.knots, float),
+        amplitudes=model.amplitudes,
+        times=np.asarray(model.times, float),
+        input_low=np.array([load.low for load in model.inputs], float),
+        input_high=np.array([load.high for load in model.inputs], float),
     )
     words = {
-        "input_names": [each.name for each in inputs],
-        "input_units": [each.unit for each in inputs],
-        "dtype": model["dtype"],
-        "about": model["about"]._asdict(),
+        "input_names": [load.name for load in model.inputs],
+        "input_units": [load.unit for load in model.inputs],
+        "dtype": model.dtype,
+        "about": model.about._asdict(),
     }
-    # Texts as JSON: an array of them would need a longest length.
-    stored: dict[str, Any] = {**arrays._asdict(), "words": np.array(json.dumps(words))}
-    for b, surface in enumerate(model["surfaces"]):
+    # Texts are JSON, since an array of texts would need a longest length.
+    stored: dict[str, np.ndarray] = arrays._asdict()
+    stored["words"] = np.array(json.dumps(words))
+    for b, surface in enumerate(model.surfaces):
         for name, value in body_arrays(surface, arrays.times).present().items():
             stored[f"body{b}_{name}"] = value
     write_archive(path, format_name=_KIND, version=FORMAT_VERSION, arrays=stored)
 
 
-def read_model(path: Path) -> dict[str, Any]:
+def read_model(path: Path) -> ModelFields:
     """Read the fields of a model.
 
     Raises:
@@ -117,38 +136,45 @@ def read_model(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: {error}; {_REMEDY}") from error
 
 
-def _fields(stored: dict[str, np.ndarray]) -> dict[str, Any]:
-    found = select_arrays(_ModelArrays, stored)
-    rates = -np.diagonal(found.A)
-    if np.count_nonzero(found.A - np.diag(-rates)):
+def _fields(stored: dict[str, np.ndarray]) -> ModelFields:
+    arrays = select_arrays(_ModelArrays, stored)
+    rates = -np.diagonal(arrays.A)
+    if np.count_nonzero(arrays.A - np.diag(-rates)):
         raise InputError("A is not diagonal")
     try:
         words = json.loads(str(stored["words"]))
-        about = {k: _tuple(v) for k, v in words["about"].items()}
-        labels = zip(words["input_names"], words["input_units"], strict=True)
-        ranges = zip(labels, found.input_low, found.input_high, strict=True)
-        inputs = tuple(LoadRange(*l, float(a), float(b)) for l, a, b in ranges)
-        dtype, known = str(words["dtype"]), About(**about)
+        about = About(**{k: _tuple(v) for k, v in words["about"].items()})
+        inputs = tuple(
+            LoadRange(name, unit=unit, low=float(low), high=float(high))
+            for name, unit, low, high in zip(
+                words["input_names"],
+                words["input_units"],
+                arrays.input_low,
+                arrays.input_high,
+                strict=True,
+            )
+        )
+        dtype = str(words["dtype"])
     except (KeyError, TypeError, ValueError) as error:
         raise InputError("its texts are missing or damaged") from error
     count = sum(name.endswith("_pitch") for name in stored)
     bodies = [select_arrays(BodyArrays, stored, f"body{b}_") for b in range(count)]
-    surfaces = tuple(solved_surface(body, found.times) for body in bodies)
-    return {
-        "rates": rates,
-        "drive": found.B,
-        "start": found.start,
-        "output": found.C,
-        "direct": found.D,
-        "reference": found.reference,
-        "inputs": inputs,
-        "knots": tuple(found.knots.tolist()),
-        "amplitudes": found.amplitudes,
-        "times": tuple(found.times.tolist()),
-        "surfaces": surfaces,
-        "about": known,
-        "dtype": dtype,
-    }
+    surfaces = tuple(solved_surface(body, arrays.times) for body in bodies)
+    return ModelFields(
+        rates=rates,
+        drive=arrays.B,
+        start=arrays.start,
+        output=arrays.C,
+        direct=arrays.D,
+        reference=arrays.reference,
+        inputs=inputs,
+        knots=tuple(arrays.knots.tolist()),
+        amplitudes=arrays.amplitudes,
+        times=tuple(arrays.times.tolist()),
+        surfaces=surfaces,
+        about=about,
+        dtype=dtype,
+    )
 
 
 def _tuple(value: Any) -> Any:

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 from ..arrays import device_array, precision, product
 from ..errors import InputError
 from ..integrate.run.solution_file import StoredSolution
-from ..module import Module
+from ..module import Module, replaced
 from ..physics.time_varying import (
     SAMPLES,
     breakpoints,
@@ -25,7 +25,7 @@ from ..physics.time_varying import (
 )
 from ..scene.scene import Scene, SolvedSurface
 from .modal_run import Schedule, doubled, is_left, schedule, traced_run
-from .reduced_file import About, LoadRange, read_model, write_model
+from .reduced_file import About, LoadRange, ModelFields, read_model, write_model
 
 
 class AbstractOffline(abc.ABC):
@@ -63,16 +63,25 @@ class _Function(Module):
         Args:
             amplitudes: of every input at every knot, linear in between.
         """
-        modes = self.rates, self.drive, self.start
-        state, load = traced_run(*modes, self.plan, amplitudes)
+        state, load = traced_run(
+            self.rates,
+            drive=self.drive,
+            start=self.start,
+            plan=self.plan,
+            amplitudes=amplitudes,
+        )
         above = product(jnp.concatenate([state, load], axis=1), self.outputs)
         # The reference is added last: differences keep their digits in float32.
         return self.reference[None] + above
 
 
-# One program for all models of one size. The times come back as an array of JAX, in a
-# seventh of the time that one takes by itself.
-_evaluate = jax.jit(lambda function, amplitudes, times: (function(amplitudes), times))
+# One program for all models of one size, which also returns the times as an array of
+# JAX, without a dispatch of their own.
+@jax.jit
+def _evaluate(
+    function: _Function, amplitudes: Float[Array, "q k"], times: Float[Array, " t"]
+) -> tuple[Float[Array, "t s"], Float[Array, " t"]]:
+    return function(amplitudes), times
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +104,7 @@ class ReducedModel:
     direct: Float[np.ndarray, "s k"]
     """D: temperature of every fragment by one unit of each input [K per unit]."""
     reference: Float[np.ndarray, " s"]
-    """Temperature that the fragments' own count from [K]."""
+    """Temperature of each fragment at modes and inputs of 0 [K]."""
     inputs: tuple[LoadRange, ...]
     knots: tuple[float, ...]
     """Times between which the scene's loads are linear; twice at a jump [s]."""
@@ -130,21 +139,21 @@ class ReducedModel:
             save_at: increasing times within the time of the model [s]; its own if None.
 
         Raises:
-            InputError: for an input that there is not, or times outside of the model's.
+            InputError: for an unknown input, or times outside of the model's.
         """
-        given = dict(loads or {})
-        names = [each.name for each in self.inputs]
-        for name in given:
+        replaced_loads = dict(loads or {})
+        names = [load.name for load in self.inputs]
+        for name in replaced_loads:
             if name not in names:
                 raise InputError(
                     f"reduced model: no input {name!r}; there are {', '.join(names)}"
                 )
         times = self.times if save_at is None else tuple(map(float, save_at))
-        knots = self._knots(list(given.values()))
+        knots = self._knots(list(replaced_loads.values()))
         columns = [
             self._own(column, knots)
-            if name not in given
-            else sampled(given[name], knots)
+            if name not in replaced_loads
+            else sampled(replaced_loads[name], knots)
             for column, name in enumerate(names)
         ]
         rows = np.stack(columns, axis=1) if columns else np.zeros((len(knots), 0))
@@ -162,7 +171,7 @@ class ReducedModel:
         return self._known_offline("simulate").run_of(self, scene)
 
     def extend(self, scene: Scene) -> "ReducedModel":
-        """The model with the vectors and the inputs of another scene's loads as well.
+        """The model with added vectors and inputs for the loads of another scene.
 
         Raises:
             InputError: if the other scene has other bodies, materials or coefficients,
@@ -170,10 +179,10 @@ class ReducedModel:
         """
         return self._known_offline("extend").extended(self, scene)
 
-    def _known_offline(self, what: str) -> AbstractOffline:
+    def _known_offline(self, method: str) -> AbstractOffline:
         if self.offline is None:
             raise InputError(
-                f"reduced model: {what}() needs the scene, which its file does not "
+                f"reduced model: {method}() needs the scene, which its file does not "
                 "have: reduce() the scene again"
             )
         return self.offline
@@ -184,7 +193,8 @@ class ReducedModel:
         Raises:
             InputError: if the file cannot be written.
         """
-        write_model(Path(path), vars(self))
+        fields = {name: getattr(self, name) for name in ModelFields._fields}
+        write_model(Path(path), ModelFields(**fields))
 
     def _knots(self, values: list[Any]) -> tuple[float, ...]:
         """Knots of the scene's loads and of others."""
@@ -194,12 +204,17 @@ class ReducedModel:
 
     def _own(self, column: int, knots: tuple[float, ...]) -> Float[np.ndarray, " q"]:
         """Amplitudes of an input of the scene at other knots."""
-        at, own = np.asarray(knots), np.asarray(self.knots)
+        at = np.asarray(knots)
+        scene_knots = np.asarray(self.knots)
         values = self.amplitudes[:, column]
-        first = np.minimum(np.searchsorted(own, at, "left"), len(own) - 1)
-        last = np.maximum(np.searchsorted(own, at, "right") - 1, 0)
+        first = np.minimum(
+            np.searchsorted(scene_knots, at, "left"), len(scene_knots) - 1
+        )
+        last = np.maximum(np.searchsorted(scene_knots, at, "right") - 1, 0)
         at_knot = np.where(is_left(at), values[first], values[last])
-        return np.where(own[first] == at, at_knot, np.interp(at, own, values))
+        return np.where(
+            scene_knots[first] == at, at_knot, np.interp(at, scene_knots, values)
+        )
 
     def run(
         self,
@@ -210,12 +225,12 @@ class ReducedModel:
         """Run with the amplitudes of all inputs at knots, linear in between."""
         function = self._function(knots, times)
         with precision(self.dtype):
-            found, saved = _evaluate(
+            surface, saved = _evaluate(
                 function,
                 np.array(amplitudes, self.dtype),
                 np.array(times, self.dtype),
             )
-        return StoredSolution(saved, found, self.surfaces)
+        return StoredSolution(saved, surface, self.surfaces)
 
     def as_function(
         self,
@@ -239,18 +254,25 @@ class ReducedModel:
     def _function(
         self, knots: Sequence[float] | None, times: Sequence[float] | None
     ) -> _Function:
-        chosen = self.knots if knots is None else tuple(map(float, knots))
+        run_knots = self.knots if knots is None else tuple(map(float, knots))
         saves = self.times if times is None else tuple(map(float, times))
-        return _Function(*self._arrays, plan=schedule(chosen, saves))
+        return replaced(self._template, plan=schedule(run_knots, saves))
 
     @cached_property
-    def _arrays(self) -> tuple[Array, ...]:
-        """Arrays that a run reads, on the device."""
-        outputs = np.concatenate([self.output.T, self.direct.T])
-        given = self.rates, self.drive, self.start, outputs, self.reference
-        # Kept: not those of a function that is being traced.
+    def _template(self) -> _Function:
+        """The function with its arrays on the device, for the model's own plan."""
+        # Evaluated, so that no array of a function that is being traced is kept.
         with precision(self.dtype), jax.ensure_compile_time_eval():
-            return tuple(device_array(values, self.dtype) for values in given)
+            return _Function(
+                rates=device_array(self.rates, self.dtype),
+                drive=device_array(self.drive, self.dtype),
+                start=device_array(self.start, self.dtype),
+                outputs=device_array(
+                    np.concatenate([self.output.T, self.direct.T]), self.dtype
+                ),
+                reference=device_array(self.reference, self.dtype),
+                plan=schedule(self.knots, self.times),
+            )
 
 
 def knots_of(t1: float, events: Iterable[float], varies: bool) -> tuple[float, ...]:
@@ -271,10 +293,10 @@ def sampled(value: Any, knots: tuple[float, ...]) -> Float[np.ndarray, " q"]:
     with precision("float64"):
         times = jnp.asarray(at)
         times = jnp.where(jnp.asarray(is_left(at)), just_before(times), times)
-        found = np.asarray(jax.vmap(lambda t: value_at(value, t))(times), float)
-    if found.shape != at.shape or not np.isfinite(found).all():
+        amplitudes = np.asarray(jax.vmap(lambda t: value_at(value, t))(times), float)
+    if amplitudes.shape != at.shape or not np.isfinite(amplitudes).all():
         raise InputError("reduced model: a load is one finite number at every time")
-    return found
+    return amplitudes
 
 
 def load_reduced(path: str | Path) -> ReducedModel:
@@ -283,4 +305,4 @@ def load_reduced(path: str | Path) -> ReducedModel:
     Raises:
         InputError: if it is missing, damaged, or of another version.
     """
-    return ReducedModel(**read_model(Path(path)))
+    return ReducedModel(**read_model(Path(path))._asdict())

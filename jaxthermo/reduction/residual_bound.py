@@ -11,6 +11,8 @@ from d|e|_C^2 / dt = -2 |e|_K^2 - 2 e^T r, where the last term is at most
 root mean square error over the volume.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Float
 
@@ -19,12 +21,12 @@ from .linear_system import LinearSystem
 from .modal_run import Schedule, step_weights
 
 
-_PARTS = 24
+_POINTS = 24
 """Times within a step at which the residual is evaluated."""
 _SMALL = 1e-5
-"""Part of the residual that is bounded without a solve [-]."""
+"""Relative size of a part of the residual that is bounded without a solve [-]."""
 _SHARE = 1e-3
-"""Part of the bound that this may take [-]."""
+"""Fraction of the bound that this part may take [-]."""
 
 
 def error_bound(
@@ -34,9 +36,10 @@ def error_bound(
     amplitudes: Float[np.ndarray, "q k"],
 ) -> Float[np.ndarray, " i"]:
     """Bound of the root mean square error over the volume after each step [K]."""
-    states, loads, times = _trajectory(projection, plan, amplitudes)
+    trajectory = _trajectory(projection, plan, amplitudes)
+    times = trajectory.times
     span = float(plan.step.sum())
-    residuals = np.concatenate([states, -loads], axis=1)
+    residuals = np.concatenate([trajectory.states, -trajectory.loads], axis=1)
     gram = _dual_gram(system, projection=projection, residuals=residuals, span=span)
     squares = np.maximum(np.einsum("pi,ij,pj->p", residuals, gram, residuals), 0)
     dt = np.diff(times)
@@ -45,28 +48,44 @@ def error_bound(
     missed = system.start - basis @ projection.start
     begin = missed @ (system.capacity * missed)
     bound = np.exp(times / span) * (begin + integral)
-    ends = np.arange(1, len(plan.step) + 1) * (_PARTS + 1) - 1
+    ends = np.arange(1, len(plan.step) + 1) * (_POINTS + 1) - 1
     return np.sqrt(bound[ends] / system.capacity.sum())
+
+
+class _Trajectory(NamedTuple):
+    """A run at times within its steps, closer together after the start of each."""
+
+    states: Float[np.ndarray, "p m"]
+    loads: Float[np.ndarray, "p k"]
+    times: Float[np.ndarray, " p"]
 
 
 def _trajectory(
     projection: Projection, plan: Schedule, amplitudes: Float[np.ndarray, "q k"]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """States, loads and times within all steps, closer after their starts."""
+) -> _Trajectory:
     u0, u1 = plan.loads(np, amplitudes)
-    fractions = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, _PARTS)])
-    states, loads, times, z, begin = [], [], [], projection.start, 0.0
+    fractions = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, _POINTS)])
+    states = []
+    loads = []
+    times = []
+    z = projection.start
+    begin = 0.0
     for step, first, last in zip(plan.step, u0, u1, strict=True):
-        at = (fractions * step)[:, None]
-        decay, of_start, of_ramp = step_weights(np, projection.rates[None], at)
-        slope = fractions[:, None] * (last - first)
-        found = decay * z + of_start * (projection.drive @ first)
-        found = found + of_ramp * (slope @ projection.drive.T)
-        states.append(found)
-        loads.append(first + slope)
-        times.append(begin + at[:, 0])
-        z, begin = found[-1], begin + step
-    return np.concatenate(states), np.concatenate(loads), np.concatenate(times)
+        elapsed = fractions * step
+        weights = step_weights(np, projection.rates[None], elapsed[:, None])
+        rise = fractions[:, None] * (last - first)
+        step_states = weights.decay * z + weights.constant * (projection.drive @ first)
+        step_states = step_states + weights.ramp * (rise @ projection.drive.T)
+        states.append(step_states)
+        loads.append(first + rise)
+        times.append(begin + elapsed)
+        z = step_states[-1]
+        begin += step
+    return _Trajectory(
+        states=np.concatenate(states),
+        loads=np.concatenate(loads),
+        times=np.concatenate(times),
+    )
 
 
 def _dual_gram(
@@ -79,31 +98,34 @@ def _dual_gram(
 
     The residual is W z - F u, with W = K V - C V Lambda and F = B - C V V^T B.
     """
-    basis, capacity = projection.basis, system.capacity[:, None]
+    basis = projection.basis
+    capacity = system.capacity[:, None]
     stored = capacity * basis.vectors
-    parts = np.concatenate(
+    terms = np.concatenate(
         [
             basis.conducted - stored * projection.rates,
             system.heat - stored @ projection.drive,
         ],
         axis=1,
     )
-    # Combinations in the order of their size, as large as they get in this run.
+    # Combinations by size, each as large as it gets in this run.
     scale = np.abs(residuals).max(axis=0)
-    plain = (parts / capacity).T @ parts * np.outer(scale, scale)
+    plain = (terms / capacity).T @ terms * np.outer(scale, scale)
     values, directions = np.linalg.eigh((plain + plain.T) / 2)
     large = values > _SMALL**2 * max(values[-1], 0.0)
-    chosen = directions[:, large]
-    sides = (parts * scale) @ chosen
+    large_directions = directions[:, large]
+    sides = (terms * scale) @ large_directions
     columns = [system.solve(1 / span, side) for side in sides.T]
     solved = np.stack(columns, axis=1) if columns else np.zeros_like(sides)
     inner = sides.T @ solved
-    # The rest: (K + C / T)^-1 is at most T C^-1.
-    rest = directions[:, ~large]
-    small = span * (rest * np.maximum(values[~large], 0)) @ rest.T
+    # For small combinations: (K + C / T)^-1 is at most T C^-1.
+    small_directions = directions[:, ~large]
+    small_values = np.maximum(values[~large], 0)
+    small = span * (small_directions * small_values) @ small_directions.T
     # By (a + b)^2 <= (1 + q) a^2 + (1 + 1 / q) b^2 for any q.
-    gram = (1 + _SHARE) * chosen @ ((inner + inner.T) / 2) @ chosen.T
+    symmetric = (inner + inner.T) / 2
+    gram = (1 + _SHARE) * large_directions @ symmetric @ large_directions.T
     gram = gram + (1 + 1 / _SHARE) * small
-    # An input that this run does not use has no part in it.
+    # An input that this run does not use contributes nothing.
     per = np.where(scale > 0, scale, 1.0)
     return gram / np.outer(per, per)

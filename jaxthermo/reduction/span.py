@@ -1,4 +1,4 @@
-"""Loads of another scene as combinations of those that a reduced model knows."""
+"""Loads of another scene as combinations of those of a reduced model."""
 
 import numpy as np
 from jaxtyping import Float
@@ -12,59 +12,64 @@ _SAME = 1e-6
 """Relative difference of two patterns, operators or starts that are the same [-]."""
 
 
-def check_same_bodies(own: LinearSystem, other: LinearSystem) -> None:
+def check_same_bodies(system: LinearSystem, other_system: LinearSystem) -> None:
     """Refuse a scene that conducts, stores or loses heat differently.
 
     Raises:
         InputError: saying what differs.
     """
     remedy = "reduce() that scene by itself"
-    same_shape = own.capacity.shape == other.capacity.shape
-    same_shape = same_shape and own.area.shape == other.area.shape
-    if not (same_shape and np.allclose(own.capacity, other.capacity, rtol=_SAME)):
+    same_shape = system.capacity.shape == other_system.capacity.shape
+    same_shape = same_shape and system.area.shape == other_system.area.shape
+    if not (
+        same_shape and np.allclose(system.capacity, other_system.capacity, rtol=_SAME)
+    ):
         raise InputError(f"reduced model: the scene has other bodies: {remedy}")
-    if not np.allclose(own.reference, other.reference, rtol=1e-12):
+    if not np.allclose(system.reference, other_system.reference, rtol=1e-12):
         raise InputError(
             f"reduced model: the scene starts at another mean temperature: {remedy}"
         )
     # Equal for a vector of noise means equal: no conductance is left out.
-    noise = np.random.default_rng(0).standard_normal(len(own.capacity))
-    if not _is_same(own.conduct(noise), other.conduct(noise)):
+    noise = np.random.default_rng(0).standard_normal(len(system.capacity))
+    if not _is_same(system.conduct(noise), other_system.conduct(noise)):
         raise InputError(
             "reduced model: the scene has another conductivity, contact or coefficient "
             f"of heat transfer: {remedy}"
         )
-    if not _is_same(own.read(noise), other.read(noise)):
+    if not _is_same(system.read(noise), other_system.read(noise)):
         raise InputError(f"reduced model: the scene has another surface map: {remedy}")
 
 
 def input_shares(
-    own: LinearSystem, other: LinearSystem
+    system: LinearSystem, other_system: LinearSystem
 ) -> tuple[Float[np.ndarray, "k j"], list[int]]:
-    """Amplitudes of own inputs by one unit of each of another scene's.
+    """Amplitudes of the system's inputs that make one unit of each of another's.
 
-    And the other's inputs that are no combination of own ones.
+    The second result lists the inputs of the other system that no combination makes.
     """
     # Heat at the nodes and excess at the surface must both agree.
-    sizes = [np.abs(each).max(initial=0.0) or 1.0 for each in (own.heat, own.direct)]
-    stacked = lambda of: np.concatenate([of.heat / sizes[0], of.direct / sizes[1]])
-    mine, theirs = stacked(own), stacked(other)
-    scale = np.maximum(np.linalg.norm(mine, axis=0), 1e-300)
-    shares = np.linalg.lstsq(mine / scale, theirs, rcond=None)[0] / scale[:, None]
-    outside = [
-        column
-        for column in range(theirs.shape[1])
-        if not (
-            _is_same(own.heat @ shares[:, column], other.heat[:, column])
-            and _is_same(own.direct @ shares[:, column], other.direct[:, column])
-        )
-    ]
+    heat_scale = np.abs(system.heat).max(initial=0.0) or 1.0
+    direct_scale = np.abs(system.direct).max(initial=0.0) or 1.0
+
+    def stacked(system: LinearSystem) -> Float[np.ndarray, "ns k"]:
+        return np.concatenate([system.heat / heat_scale, system.direct / direct_scale])
+
+    patterns = stacked(system)
+    scale = np.maximum(np.linalg.norm(patterns, axis=0), 1e-300)
+    solution, *_ = np.linalg.lstsq(patterns / scale, stacked(other_system), rcond=None)
+    shares = solution / scale[:, None]
+    outside = []
+    for column, share in enumerate(shares.T):
+        same_heat = _is_same(system.heat @ share, other_system.heat[:, column])
+        same_direct = _is_same(system.direct @ share, other_system.direct[:, column])
+        if not (same_heat and same_direct):
+            outside.append(column)
     return shares, outside
 
 
 def start_in_span(
-    own: LinearSystem,
-    other: LinearSystem,
+    system: LinearSystem,
+    other_system: LinearSystem,
     basis: Basis,
     start: Float[np.ndarray, " m"],
 ) -> Float[np.ndarray, " m"]:
@@ -73,15 +78,15 @@ def start_in_span(
     Raises:
         InputError: if its start is no combination of the basis.
     """
-    if _is_same(own.start, other.start):
+    if _is_same(system.start, other_system.start):
         return start
-    found = basis.vectors.T @ (own.capacity * other.start)
-    if not _is_same(basis.vectors @ found, other.start):
+    modes = basis.vectors.T @ (system.capacity * other_system.start)
+    if not _is_same(basis.vectors @ modes, other_system.start):
         raise InputError(
             "reduced model: the start of the scene is not in its span: "
             "model.extend(scene) adds it"
         )
-    return found
+    return modes
 
 
 def _is_same(a: Float[np.ndarray, " n"], b: Float[np.ndarray, " n"]) -> bool:
