@@ -101,7 +101,7 @@ def _on_devices(
         own = part_of(mesh, batch)
         part = lambda directions, given: derivatives(given, directions, own)
         return over_devices(
-            mesh, function=part, batch=_directions(z), given=(z, arrays)
+            mesh, function=part, batch=_directions(z), constants=(z, arrays)
         )
 
     @at_one.def_vmap
@@ -111,7 +111,7 @@ def _on_devices(
             whole = lambda z: derivatives((z, arrays), _directions(z), batch)
             return jax.vmap(whole)(points), None
 
-        found, _ = over_devices(mesh, function=part, batch=points, given=arrays)
+        found, _ = over_devices(mesh, function=part, batch=points, constants=arrays)
         return found, jax.tree.map(lambda _: True, found)
 
     return at_one

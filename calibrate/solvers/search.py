@@ -288,7 +288,7 @@ def losses(
         size = max(1, min(part_of(mesh, batch), len(points)))
         return jax.lax.map(loss, points, batch_size=size), None
 
-    return over_devices(mesh, function=at, batch=points, given=objective)[0]
+    return over_devices(mesh, function=at, batch=points, constants=objective)[0]
 
 
 def batched(

@@ -1,7 +1,7 @@
 """Loops that numba compiles as operations of JAX, within a compiled program.
 
-The extra `native` brings numba. XLA calls these loops without the interpreter, and
-copies nothing. Each has a form in arrays, which is its reference.
+The extra `native` installs numba. XLA calls these loops without the interpreter, and
+copies nothing. Each loop has a reference in arrays.
 """
 
 import importlib
@@ -20,8 +20,8 @@ def called(loop: str, results: Any, *arguments: Any, in_place: int = 0) -> Any:
     """Arrays that a loop fills, of the shapes and types of `results`.
 
     The loop is named by its module and function, such as "runs_loops.conduct", and is
-    compiled for the precision of the first result. The last `in_place`
-    arguments become the first results, with what the loop does not write.
+    compiled for the precision of the first result. The last `in_place` arguments become
+    the first results, and keep the values that the loop does not write.
     """
     like = jax.tree.leaves(results)[0]
     shapes = jax.tree.map(lambda a: jax.ShapeDtypeStruct(a.shape, a.dtype), results)
@@ -45,7 +45,7 @@ def check_kernels(kernels: str | None, where: str) -> None:
 
 
 @cache
-def require_native(what: str) -> None:
+def require_native(feature: str) -> None:
     """Refuse where no loop can be compiled and called.
 
     Raises:
@@ -54,18 +54,18 @@ def require_native(what: str) -> None:
     """
     if importlib.util.find_spec("numba") is None:
         raise InputError(
-            f'{what} needs the package numba: run pip install "jaxthermo[native]"'
+            f'{feature} needs the package numba: run pip install "jaxthermo[native]"'
         )
     if jax.default_backend() != "cpu":
         raise InputError(
-            f"{what} runs on a CPU, and JAX computes on a {jax.default_backend()}: "
+            f"{feature} runs on a CPU, and JAX computes on a {jax.default_backend()}: "
             "leave it out"
         )
     try:
         _try_call()
     except (jax.errors.JaxRuntimeError, ValueError) as error:
         raise InputError(
-            f"{what}: jaxlib {jaxlib.version.__version__} cannot call what numba "
+            f"{feature}: jaxlib {jaxlib.version.__version__} cannot call what numba "
             f"compiles ({str(error).splitlines()[0]}): leave it out"
         ) from error
 
@@ -80,10 +80,10 @@ def native_kernels() -> str | None:
 
 
 def _try_call() -> None:
-    given = np.arange(3, dtype=np.float32)
+    values = np.arange(3, dtype=np.float32)
     with jax.ensure_compile_time_eval():
-        found = called("frame.double", given, given)
-    if not np.array_equal(found, 2 * given):
+        doubled = called("frame.double", values, values)
+    if not np.array_equal(doubled, 2 * values):
         raise ValueError("wrong result")
 
 

@@ -1,8 +1,10 @@
 """Collisions of the lattice Boltzmann flow and its tracer, for numba.
 
-Every population is drawn from the cell that it comes from; see `flow.lattice`, whose
-functions `collided` and `collided_tracer` these are.
+Every population is read from the cell that it comes from. The loops are those of
+`collided` and `collided_tracer` in `flow.lattice`.
 """
+
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -44,57 +46,103 @@ def _filled(out, y):
     )
 
 
+class _Numbers(NamedTuple):
+    """Numbers of a collision, in the type of the populations."""
+
+    even_rate: np.floating
+    odd_rate: np.floating
+    force_x: np.floating
+    force_y: np.floating
+    w0: np.floating
+    w1: np.floating
+    w5: np.floating
+    half: np.floating
+    unit: np.floating
+    three: np.floating
+    squared: np.floating
+    """9/2, the factor of the squared velocity along a direction."""
+    kinetic: np.floating
+    """3/2, the factor of the squared speed."""
+
+
 @serial
-def _constants(numbers):
-    # In the type of the populations: with one of Python all would become double.
-    return numbers[7], numbers[8], numbers[9], numbers[10], numbers[11]
+def _numbers(values):
+    # Constants of Python would make everything double.
+    return _Numbers(
+        even_rate=values[0],
+        odd_rate=values[1],
+        force_x=values[2],
+        force_y=values[3],
+        w0=values[4],
+        w1=values[5],
+        w5=values[6],
+        half=values[7],
+        unit=values[8],
+        three=values[9],
+        squared=values[10],
+        kinetic=values[11],
+    )
 
 
 @parallel
 def _collide(f, numbers, out):
-    s, a, force_x, force_y = numbers[0], numbers[1], numbers[2], numbers[3]
-    w0, w1, w5 = numbers[4], numbers[5], numbers[6]
-    half, one, three, squared, own = _constants(numbers)
+    s, a, force_x, force_y, w0, w1, w5, half, unit, three, squared, kinetic = _numbers(
+        numbers
+    )
     # What a force adds along each axis and diagonal.
-    push = three * (one - half * a)
-    right, up = w1 * push * force_x, w1 * push * force_y
-    ahead, back = w5 * push * (force_x + force_y), w5 * push * (force_y - force_x)
+    push = three * (unit - half * a)
+    right = w1 * push * force_x
+    up = w1 * push * force_y
+    ahead = w5 * push * (force_x + force_y)
+    back = w5 * push * (force_y - force_x)
     for y in numba.prange(1, f[0].shape[0] - 1):
         r0, r1, r2, r3, r4, r5, r6, r7, r8 = _drawn(f, y)
         t0, t1, t2, t3, t4, t5, t6, t7, t8 = _filled(out, y)
         for x in range(len(r0)):
-            f0, f1, f2, f3, f4 = r0[x], r1[x], r2[x], r3[x], r4[x]
-            f5, f6, f7, f8 = r5[x], r6[x], r7[x], r8[x]
+            f0 = r0[x]
+            f1 = r1[x]
+            f2 = r2[x]
+            f3 = r3[x]
+            f4 = r4[x]
+            f5 = r5[x]
+            f6 = r6[x]
+            f7 = r7[x]
+            f8 = r8[x]
             u = (f1 - f3) + ((f5 + f8) - (f6 + f7)) + half * force_x
             v = (f2 - f4) + ((f5 + f6) - (f7 + f8)) + half * force_y
             base = f0 + (f1 + f2) + (f3 + f4) + ((f5 + f8) + (f6 + f7))
-            base -= own * (u * u + v * v)
+            base -= kinetic * (u * u + v * v)
             t0[x] = f0 + s * (w0 * base - f0)
             even = s * (w1 * (base + squared * u * u) - half * (f1 + f3))
             odd = a * (w1 * three * u - half * (f1 - f3)) + right
-            t1[x], t3[x] = f1 + (even + odd), f3 + (even - odd)
+            t1[x] = f1 + (even + odd)
+            t3[x] = f3 + (even - odd)
             even = s * (w1 * (base + squared * v * v) - half * (f2 + f4))
             odd = a * (w1 * three * v - half * (f2 - f4)) + up
-            t2[x], t4[x] = f2 + (even + odd), f4 + (even - odd)
+            t2[x] = f2 + (even + odd)
+            t4[x] = f4 + (even - odd)
             c = u + v
             even = s * (w5 * (base + squared * c * c) - half * (f5 + f7))
             odd = a * (w5 * three * c - half * (f5 - f7)) + ahead
-            t5[x], t7[x] = f5 + (even + odd), f7 + (even - odd)
+            t5[x] = f5 + (even + odd)
+            t7[x] = f7 + (even - odd)
             c = v - u
             even = s * (w5 * (base + squared * c * c) - half * (f6 + f8))
             odd = a * (w5 * three * c - half * (f6 - f8)) + back
-            t6[x], t8[x] = f6 + (even + odd), f8 + (even - odd)
+            t6[x] = f6 + (even + odd)
+            t8[x] = f8 + (even - odd)
 
 
 @parallel
 def _collide_tracer(f, g, numbers, out):
-    s, a, w0, w1, w5 = numbers[0], numbers[1], numbers[4], numbers[5], numbers[6]
-    half, one, three, squared, own = _constants(numbers)
+    s, a, _, _, w0, w1, w5, half, unit, three, squared, kinetic = _numbers(numbers)
     for y in numba.prange(1, f[0].shape[0] - 1):
         _, m1, m2, m3, m4, m5, m6, m7, m8 = _drawn(f, y)
         r0, r1, r2, r3, r4, r5, r6, r7, r8 = _drawn(g, y)
         t0, t1, t2, t3, t4, t5, t6, t7, t8 = _filled(out, y)
-        u, v, total = np.empty_like(r0), np.empty_like(r0), np.empty_like(r0)
+        u = np.empty_like(r0)
+        v = np.empty_like(r0)
+        total = np.empty_like(r0)
         # Apart, each loop has few enough arrays to be vectorized.
         for x in range(len(r0)):
             u[x] = (m1[x] - m3[x]) + ((m5[x] + m8[x]) - (m6[x] + m7[x]))
@@ -103,28 +151,41 @@ def _collide_tracer(f, g, numbers, out):
             straight = (r1[x] + r2[x]) + (r3[x] + r4[x])
             total[x] = r0[x] + straight + ((r5[x] + r8[x]) + (r6[x] + r7[x]))
         for x in range(len(r0)):
-            f0, f1, f2, f3, f4 = r0[x], r1[x], r2[x], r3[x], r4[x]
-            more, base = squared * total[x], u[x] * u[x] + v[x] * v[x]
-            base = total[x] * (one - own * base)
+            f0 = r0[x]
+            f1 = r1[x]
+            f2 = r2[x]
+            f3 = r3[x]
+            f4 = r4[x]
+            scale = squared * total[x]
+            base = u[x] * u[x] + v[x] * v[x]
+            base = total[x] * (unit - kinetic * base)
             t0[x] = f0 + s * (w0 * base - f0)
-            even = s * (w1 * (base + more * u[x] * u[x]) - half * (f1 + f3))
+            even = s * (w1 * (base + scale * u[x] * u[x]) - half * (f1 + f3))
             odd = a * (w1 * three * total[x] * u[x] - half * (f1 - f3))
-            t1[x], t3[x] = f1 + (even + odd), f3 + (even - odd)
-            even = s * (w1 * (base + more * v[x] * v[x]) - half * (f2 + f4))
+            t1[x] = f1 + (even + odd)
+            t3[x] = f3 + (even - odd)
+            even = s * (w1 * (base + scale * v[x] * v[x]) - half * (f2 + f4))
             odd = a * (w1 * three * total[x] * v[x] - half * (f2 - f4))
-            t2[x], t4[x] = f2 + (even + odd), f4 + (even - odd)
+            t2[x] = f2 + (even + odd)
+            t4[x] = f4 + (even - odd)
         for x in range(len(r0)):
-            f5, f6, f7, f8 = r5[x], r6[x], r7[x], r8[x]
-            more, base = squared * total[x], u[x] * u[x] + v[x] * v[x]
-            base = total[x] * (one - own * base)
+            f5 = r5[x]
+            f6 = r6[x]
+            f7 = r7[x]
+            f8 = r8[x]
+            scale = squared * total[x]
+            base = u[x] * u[x] + v[x] * v[x]
+            base = total[x] * (unit - kinetic * base)
             c = u[x] + v[x]
-            even = s * (w5 * (base + more * c * c) - half * (f5 + f7))
+            even = s * (w5 * (base + scale * c * c) - half * (f5 + f7))
             odd = a * (w5 * three * total[x] * c - half * (f5 - f7))
-            t5[x], t7[x] = f5 + (even + odd), f7 + (even - odd)
+            t5[x] = f5 + (even + odd)
+            t7[x] = f7 + (even - odd)
             c = v[x] - u[x]
-            even = s * (w5 * (base + more * c * c) - half * (f6 + f8))
+            even = s * (w5 * (base + scale * c * c) - half * (f6 + f8))
             odd = a * (w5 * three * total[x] * c - half * (f6 - f8))
-            t6[x], t8[x] = f6 + (even + odd), f8 + (even - odd)
+            t6[x] = f6 + (even + odd)
+            t8[x] = f8 + (even - odd)
 
 
 @serial
@@ -147,14 +208,17 @@ def _nine(addresses, first, like):
 @serial
 def collide(args, results, like):
     """Populations of a flow after a collision."""
-    numbers, f = array_at(args, 0, like), _nine(args, 1, like)
+    numbers = array_at(args, 0, like)
+    f = _nine(args, 1, like)
     _collide(f, numbers, _nine(results, 0, like))
 
 
 @serial
 def collide_both(args, results, like):
-    """The same of a flow and of a tracer in it."""
-    rates, tracer = array_at(args, 0, like), array_at(args, 1, like)
-    f, g = _nine(args, 2, like), _nine(args, 11, like)
+    """Populations of a flow and of a tracer in it after a collision."""
+    rates = array_at(args, 0, like)
+    tracer = array_at(args, 1, like)
+    f = _nine(args, 2, like)
+    g = _nine(args, 11, like)
     _collide(f, rates, _nine(results, 0, like))
     _collide_tracer(f, g=g, numbers=tracer, out=_nine(results, 9, like))

@@ -15,18 +15,31 @@ import numpy as np
 from numba.extending import intrinsic
 
 
-# Positions in structures of XLA, counted in words of eight bytes.
-_EXTENSION, _API, _STAGE, _ARGUMENTS, _RESULTS = 1, 2, 4, 9, 14
-_METADATA, _VERSION, _TRAITS, _VERSION_OF_API = 3, 3, 4, 4
-_DATA, _RANK, _EXTENTS = 3, 4, 5
+# Positions in the structures of XLA, counted in words of eight bytes: of a call frame,
+_EXTENSION = 1
+_API = 2
+_STAGE = 4
+_ARGUMENTS = 9
+_RESULTS = 14
+# of the extension that asks for the version, and of the interface,
+_METADATA = 3
+_VERSION = 3
+_TRAITS = 4
+_VERSION_OF_API = 4
+# and of a buffer.
+_DATA = 3
+_RANK = 4
+_EXTENTS = 5
+
 _EXECUTE = 3
+"""Stage of a call that computes."""
 
 _FAST = {"contract"}
 """Fused products; sums stay in their order, exact 0 between equal temperatures."""
 
 
 def _compiled(function: Callable[..., Any], **options: Any) -> Any:
-    """A function in machine code, kept beside the source or in numba's own cache."""
+    """A function in machine code, cached next to the source or in numba's folder."""
     # Without its types, which tests check: numba cannot read those.
     plain = inspect.unwrap(function)
     try:
@@ -44,8 +57,8 @@ def serial(function: Callable[..., Any]) -> Any:
 def parallel(loop: Callable[..., None]) -> Any:
     """A loop over arrays in machine code, in all threads that numba may use."""
     # Several threads of XLA may call at once, which this layer answers with an abort.
-    several = _threading_layer() != "workqueue"
-    return _compiled(loop, parallel=several, fastmath=_FAST)
+    is_shared = _threading_layer() != "workqueue"
+    return _compiled(loop, parallel=is_shared, fastmath=_FAST)
 
 
 @cache
@@ -85,17 +98,18 @@ def array_at(addresses, n, like):
     """Array n of a list of XLA as a vector, of values of the type of `like`."""
     word = np.int64(0)
     buffer = _pointer(_pointer(addresses, word)[n], word)
-    size, extents = 1, _pointer(buffer[_EXTENTS], word)
+    size = 1
+    extents = _pointer(buffer[_EXTENTS], word)
     for axis in range(buffer[_RANK]):
         size *= extents[axis]
     return numba.carray(_pointer(buffer[_DATA], like), (size,))
 
 
 def handler(entry: Any, dtype: str) -> int:
-    """Address of a function that XLA can call, around an `entry` for a precision.
+    """Address of a function that XLA can call, which calls an `entry` in a precision.
 
-    That is a function of the addresses of the lists of arguments and of results, and of
-    a number of the type of the arrays.
+    The entry takes the addresses of the lists of arguments and of results, and a number
+    of the type of the arrays.
     """
     like = np.dtype(dtype).type(0)
     address = numba.types.int64
@@ -116,18 +130,19 @@ def handler(entry: Any, dtype: str) -> int:
         return 0
 
     # Not from a cache, from which threads would not be started.
-    made = numba.cfunc(address(address))(inspect.unwrap(call))
-    _kept.append(made)
-    assert made.address is not None
-    return made.address
+    compiled = numba.cfunc(address(address))(inspect.unwrap(call))
+    _compiled_calls.append(compiled)
+    assert compiled.address is not None
+    return compiled.address
 
 
-# XLA has their addresses for as long as the process runs.
-_kept: list[Any] = []
+# XLA holds their addresses as long as the process runs.
+_compiled_calls: list[Any] = []
 
 
 @serial
 def double(args, results, like):
     """Twice an array, as a trial."""
-    values, out = array_at(args, 0, like), array_at(results, 0, like)
+    values = array_at(args, 0, like)
+    out = array_at(results, 0, like)
     out[:] = values + values

@@ -12,10 +12,13 @@ def _conduct(runs, state, keep, ratio, out):
     for b in numba.prange(len(runs.block) - 1):
         for r in range(runs.block[b, 0], runs.block[b + 1, 0]):
             # Slices, of which numba knows that no index counts from their end.
-            here, count, ahead, behind, above, below = runs.runs[r]
-            line, target = state[here - 1 : here + count + 1], out[here : here + count]
-            north, south = state[ahead : ahead + count], state[behind : behind + count]
-            east, west = state[above : above + count], state[below : below + count]
+            first, count, ahead, behind, above, below = runs.runs[r]
+            line = state[first - 1 : first + count + 1]
+            target = out[first : first + count]
+            north = state[ahead : ahead + count]
+            south = state[behind : behind + count]
+            east = state[above : above + count]
+            west = state[below : below + count]
             for k in range(count):
                 value = line[k + 1]
                 near = (line[k] - value) + (line[k + 2] - value)
@@ -23,7 +26,9 @@ def _conduct(runs, state, keep, ratio, out):
                 near += (east[k] - value) + (west[k] - value)
                 target[k] = keep * value + ratio * near
         for n in range(runs.block[b, 1], runs.block[b + 1, 1]):
-            at, weight, value = runs.neighbour[n], runs.weight[n], state[runs.node[n]]
+            at = runs.neighbour[n]
+            weight = runs.weight[n]
+            value = state[runs.node[n]]
             # Written out: a loop over so few is vectorized, and slower.
             near = weight[0] * (state[at[0]] - value)
             near += weight[1] * (state[at[1]] - value)
@@ -58,6 +63,8 @@ def conduct(args, results, like):
         list_neighbour=array_at(args, 11, index),
         list_weight=array_at(args, 12, like),
     )
-    keep, ratio = array_at(args, 1, like)[0], array_at(args, 2, like)[0]
-    state, out = array_at(args, 0, like), array_at(results, 0, like)
+    keep = array_at(args, 1, like)[0]
+    ratio = array_at(args, 2, like)[0]
+    state = array_at(args, 0, like)
+    out = array_at(results, 0, like)
     _conduct(runs, state=state, keep=keep, ratio=ratio, out=out)

@@ -20,66 +20,72 @@ def over_devices(
     mesh: Mesh | None,
     function: Callable[[Any, Any], tuple[Any, Any]],
     batch: Any,
-    given: Any,
+    constants: Any,
 ) -> tuple[Any, Any]:
     """Call a function with each device's part of a batch, within a compiled function.
 
     Args:
         mesh: the devices; None for one, which has the whole batch.
-        function: from a part of the batch and `given` to results whose first axis is
-            that of the batch, and others that are the same for all of its members.
+        function: from a part of the batch and the constants to results whose first
+            axis is that of the batch, and results that all of its members share.
         batch: arrays, their first axis that of the batch.
-        given: what the function needs besides; it must not close over arrays.
+        constants: other arguments of the function, which must not close over arrays.
 
     Returns:
         The results of the batch, and those that are the same, on every device.
     """
     if mesh is None:
-        return function(batch, given)
+        return function(batch, constants)
     count = len(jax.tree.leaves(batch)[0])
     copies = -count % mesh.size
-    pad = lambda leaf: jnp.concatenate([leaf, jnp.repeat(leaf[-1:], copies, axis=0)])
-    arrays, rest = eqx.partition(given, eqx.is_array)
+    arrays, static = eqx.partition(constants, eqx.is_array)
 
-    def own(batch, arrays):
-        return function(batch, eqx.combine(arrays, rest))
+    def padded(leaf):
+        return jnp.concatenate([leaf, jnp.repeat(leaf[-1:], copies, axis=0)])
 
-    found, same = jax.shard_map(
-        own,
+    def call(batch, arrays):
+        return function(batch, eqx.combine(arrays, static))
+
+    results, shared = jax.shard_map(
+        call,
         mesh=mesh,
         in_specs=(SPREAD, SAME),
         out_specs=(SPREAD, SAME),
         check_vma=False,
-    )(jax.tree.map(pad, batch), arrays)
-    return replicated(mesh, (jax.tree.map(lambda leaf: leaf[:count], found), same))
+    )(jax.tree.map(padded, batch), arrays)
+    results = jax.tree.map(lambda leaf: leaf[:count], results)
+    return replicated(mesh, (results, shared))
 
 
 def on_first_device(
-    mesh: Mesh | None, function: Callable[[Any], Any], given: Any
+    mesh: Mesh | None, function: Callable[[Any], Any], arguments: Any
 ) -> Any:
     """Call a function on the first device, within a compiled function.
 
-    Devices that are parts of one processor would compute the same beside it, and slow
-    it down. `function` returns arrays and must not close over any; the result is on
-    every device.
+    Other devices that share a processor with it would only slow it down. `function`
+    returns arrays and must not close over any; the result is on every device.
     """
     if mesh is None:
-        return function(given)
-    arrays, rest = eqx.partition(given, eqx.is_array)
+        return function(arguments)
+    arrays, static = eqx.partition(arguments, eqx.is_array)
 
-    def own(arrays):
-        call = lambda arrays: function(eqx.combine(arrays, rest))
-        zeros = lambda _: jax.tree.map(
+    def call(arrays):
+        return function(eqx.combine(arrays, static))
+
+    def zeros(arrays):
+        return jax.tree.map(
             lambda like: jnp.zeros(like.shape, like.dtype), jax.eval_shape(call, arrays)
         )
-        is_first = jax.lax.axis_index(AXIS) == 0
-        found = jax.lax.cond(is_first, call, zeros, arrays)
-        return jax.tree.map(lambda leaf: leaf[None], found)
 
-    found = jax.shard_map(
-        own, mesh=mesh, in_specs=SAME, out_specs=SPREAD, check_vma=False
+    def call_if_first(arrays):
+        is_first = jax.lax.axis_index(AXIS) == 0
+        result = jax.lax.cond(is_first, call, zeros, arrays)
+        return jax.tree.map(lambda leaf: leaf[None], result)
+
+    results = jax.shard_map(
+        call_if_first, mesh=mesh, in_specs=SAME, out_specs=SPREAD, check_vma=False
     )(arrays)
-    return jax.tree.map(lambda leaf: leaf[0], replicated(mesh, found))
+    return jax.tree.map(lambda leaf: leaf[0], replicated(mesh, results))
 
 
 def part_of(mesh: Mesh | None, count: int) -> int:
@@ -92,8 +98,12 @@ def on_every_device(mesh: Mesh | None, tree: Any) -> Any:
     if mesh is None:
         return tree
     sharding = NamedSharding(mesh, SAME)
-    place = lambda leaf: jax.device_put(leaf, sharding)
-    return jax.tree.map(lambda x: place(x) if isinstance(x, jax.Array) else x, tree)
+    return jax.tree.map(
+        lambda leaf: (
+            jax.device_put(leaf, sharding) if isinstance(leaf, jax.Array) else leaf
+        ),
+        tree,
+    )
 
 
 def from_first_device(mesh: Mesh | None, tree: Any) -> Any:

@@ -13,17 +13,16 @@ from ..host_memory import readable_bytes
 
 
 AXIS = "section"
-"""Name of the axis of devices: each has one section of every lattice, or one part of a
-batch."""
+"""Axis of devices, each with a section of every lattice, or with a part of a batch."""
 
 
 def provide_devices(count: int) -> None:
-    """Make as many devices of the host's processor as a command asks for.
+    """Make this number of devices of the host's processor.
 
-    Nothing happens where there are other devices, or the user has set their number.
+    This has no effect if JAX uses other devices, or the user has set their number.
     """
     if count > 1 and _FORCED not in os.environ.get("XLA_FLAGS", ""):
-        # A process that has computed before has its devices: it is told how many.
+        # The number of devices is fixed in a process that has computed already.
         with suppress(RuntimeError):
             jax.config.update("jax_num_cpu_devices", count)
 
@@ -36,31 +35,32 @@ def check_devices(count: int) -> None:
     """
     if not isinstance(count, int) or isinstance(count, bool) or count < 1:
         raise InputError(f"devices={count!r}: give a number of devices, 1 or more")
-    there, processes = jax.device_count(), jax.process_count()
-    kind = jax.devices()[0].platform
-    if count > there:
-        remedy = f"give at most {there}"
-        if kind == "cpu":
+    available = jax.device_count()
+    processes = jax.process_count()
+    platform = jax.devices()[0].platform
+    if count > available:
+        remedy = f"give at most {available}"
+        if platform == "cpu":
             remedy += f", or start with XLA_FLAGS={_FORCED}={count}"
         raise InputError(
-            f"devices={count}: there {'is' if there == 1 else 'are'} {there} {kind} "
-            f"device{'s' * (there != 1)}; {remedy}"
+            f"devices={count}: there {'is' if available == 1 else 'are'} {available} "
+            f"{platform} device{'s' * (available != 1)}; {remedy}"
         )
-    if processes > 1 and count != there:
+    if processes > 1 and count != available:
         raise InputError(
-            f"devices={count}: {processes} processes run together and have {there} "
-            f"devices; give devices={there}, all of them"
+            f"devices={count}: {processes} processes run together and have {available} "
+            f"devices; give devices={available}, all of them"
         )
 
 
-def check_shared(devices: int, parts: int, shared: str) -> None:
+def check_shared(devices: int, shares: int, shared: str) -> None:
     """Check that there is at least one part of something shared for each device.
 
     Raises:
         InputError: if there are fewer; `shared` says what devices would share.
     """
-    if devices > parts:
-        remedy = "leave devices out" if parts == 1 else f"give at most {parts}"
+    if devices > shares:
+        remedy = "leave devices out" if shares == 1 else f"give at most {shares}"
         raise InputError(f"devices={devices}: they would share {shared}; {remedy}")
 
 

@@ -15,7 +15,9 @@ from contextlib import contextmanager
 from typing import NoReturn
 
 
-_INTERVAL, _PATIENCE, _GRACE = 3.0, 30.0, 5.0
+_INTERVAL = 3.0
+_PATIENCE = 30.0
+_GRACE = 5.0
 """Between two bytes; without any from another process; and for the main thread to end
 the run by itself [s]."""
 

@@ -18,8 +18,10 @@ from ..arrays import added, taken
 from .devices import AXIS
 
 
-SPREAD, SAME = PartitionSpec(AXIS), PartitionSpec()
-"""Sharding of arrays along their first axis, and in whole on every device."""
+SPREAD = PartitionSpec(AXIS)
+"""Sharding of arrays along their first axis."""
+SAME = PartitionSpec()
+"""Sharding of arrays that every device has in full."""
 
 _Address = tuple[Int[Array, " m"], ...]
 
@@ -27,23 +29,21 @@ _Address = tuple[Int[Array, " m"], ...]
 class Sectioned(NamedTuple):
     """Arrays of any number of axes that are sharded along the first, as lattices are.
 
-    Such as lists that have those of every section one after the other, all equally
-    long.
+    Lists, for example, in which equally long parts of all sections follow one another.
     """
 
     values: Any
 
 
 def _specs(tree: Any) -> Any:
-    """Lattices are sharded along their first axis, and all else is on every device."""
-    is_list = lambda node: isinstance(node, Sectioned)
+    """Lattices are sharded along their first axis; every device has all else."""
 
     def spec(node: Any) -> Any:
-        if is_list(node):
+        if isinstance(node, Sectioned):
             return Sectioned(SPREAD)
         return SPREAD if jnp.ndim(node) == 3 else SAME
 
-    return jax.tree.map(spec, tree, is_leaf=is_list)
+    return jax.tree.map(spec, tree, is_leaf=lambda node: isinstance(node, Sectioned))
 
 
 def on_each_device(
@@ -58,12 +58,12 @@ def on_each_device(
     values that are reduced over the devices.
     """
 
-    def own(*local):
-        found = function(*local)
-        return found if reduced is None else reduced(found, AXIS)
+    def call(*local):
+        results = function(*local)
+        return results if reduced is None else reduced(results, AXIS)
 
     return jax.shard_map(
-        own,
+        call,
         mesh=mesh,
         in_specs=tuple(map(_specs, arguments)),
         out_specs=SPREAD if reduced is None else SAME,
@@ -74,39 +74,50 @@ def on_each_device(
 def gathered(
     mesh: Mesh | None, values: Shaped[Array, "..."], address: _Address
 ) -> Shaped[Array, " m"]:
-    """Values at an address; on several devices without any exchange.
+    """Values at an address.
 
-    There the address has as many places for each device, all in its own part.
+    On several devices nothing is exchanged: the address has an equal number of places
+    for each device, all in the part of that device.
     """
     if mesh is None:
         return taken(values, address)
 
-    def own(number, values, given):
-        within = within_section(number, given.values, len(values.values))
+    def section_values(number, values, address):
+        within = within_section(number, address.values, len(values.values))
         return taken(values.values, within)
 
-    number = section_numbers(mesh)
-    return on_each_device(mesh, own, number, Sectioned(values), Sectioned(address))
+    return on_each_device(
+        mesh,
+        section_values,
+        section_numbers(mesh),
+        Sectioned(values),
+        Sectioned(address),
+    )
 
 
 def with_added(
     mesh: Mesh | None,
     values: Shaped[Array, "..."],
     address: _Address,
-    more: Shaped[Array, " m"],
+    increments: Shaped[Array, " m"],
 ) -> Shaped[Array, "..."]:
-    """Values with more at an address, which is in order, as of `gathered`."""
+    """Values with increments at an address, which is sorted; see `gathered`."""
     if mesh is None:
-        return added(values, address, more, is_sorted=True, is_unique=True)
+        return added(values, address, increments, is_sorted=True, is_unique=True)
 
-    def own(number, values, given):
-        address, more = given.values
+    def with_section_added(number, values, lists):
+        address, increments = lists.values
         within = within_section(number, address, len(values))
-        # Places that fill up a section's list are one.
-        return added(values, within, more, is_sorted=True)
+        # The places that pad a section's list are all the same.
+        return added(values, within, increments, is_sorted=True)
 
-    number = section_numbers(mesh)
-    return on_each_device(mesh, own, number, values, Sectioned((address, more)))
+    return on_each_device(
+        mesh,
+        with_section_added,
+        section_numbers(mesh),
+        values,
+        Sectioned((address, increments)),
+    )
 
 
 def section_numbers(mesh: Mesh) -> Sectioned:
@@ -116,12 +127,11 @@ def section_numbers(mesh: Mesh) -> Sectioned:
 
 
 def within_section(number: Sectioned, address: _Address, length: int) -> _Address:
-    """An address in a device's own part of an array, from that in the whole array.
+    """An address in the device's part of an array, from that in the full array.
 
     For functions of `on_each_device`; each part has this length.
     """
-    first, *others = address
-    return first - number.values * length, *others
+    return address[0] - number.values * length, *address[1:]
 
 
 def next_planes(state: Shaped[Array, "x y z"]) -> Shaped[Array, "2 y z"]:
@@ -132,9 +142,9 @@ def next_planes(state: Shaped[Array, "x y z"]) -> Shaped[Array, "2 y z"]:
     count = jax.lax.axis_size(AXIS)
     up = [(n, n + 1) for n in range(count - 1)]
     down = [(n + 1, n) for n in range(count - 1)]
-    before = jax.lax.ppermute(state[-2], AXIS, up)
-    behind = jax.lax.ppermute(state[1], AXIS, down)
-    return jnp.stack([before, behind])
+    from_lower = jax.lax.ppermute(state[-2], AXIS, up)
+    from_upper = jax.lax.ppermute(state[1], AXIS, down)
+    return jnp.stack([from_lower, from_upper])
 
 
 def with_planes(
@@ -143,8 +153,8 @@ def with_planes(
     """A section with other values in the planes at a depth from both ends."""
     # Written together: one after the other, XLA copies the lattice at every step, as
     # the second plane might be read after the first is written.
-    at = jnp.array([depth, values.shape[0] - 1 - depth])
-    return values.at[at].set(
+    index = jnp.array([depth, values.shape[0] - 1 - depth])
+    return values.at[index].set(
         planes,
         mode="promise_in_bounds",
         wrap_negative_indices=False,
@@ -157,27 +167,27 @@ def from_sections(mesh: Mesh, make: Callable[[int], Any]) -> Any:
 
     Only those of this process's own devices are made.
     """
-    own: list[Any] = []
+    local_sections: list[Any] = []
     for number, device in enumerate(mesh.devices.flat):
         if device.process_index == jax.process_index():
-            own.append(jax.device_put(make(number), device))
+            local_sections.append(jax.device_put(make(number), device))
     sharding = NamedSharding(mesh, SPREAD)
 
-    def join(*parts: Array) -> Array:
-        shape = mesh.size * parts[0].shape[0], *parts[0].shape[1:]
-        made = list(parts)
-        return jax.make_array_from_single_device_arrays(shape, sharding, made)
+    def join(*sections: Array) -> Array:
+        shape = mesh.size * sections[0].shape[0], *sections[0].shape[1:]
+        arrays = list(sections)
+        return jax.make_array_from_single_device_arrays(shape, sharding, arrays)
 
-    return jax.tree.map(join, *own)
+    return jax.tree.map(join, *local_sections)
 
 
 def spread(
     mesh: Mesh, values: Shaped[Array | np.ndarray, "x y z"]
 ) -> Shaped[Array, "x y z"]:
-    """A new array of a lattice, of which each device has its own section."""
+    """A new array of a lattice, with a section on each device."""
     sharding = NamedSharding(mesh, SPREAD)
     if isinstance(values, np.ndarray) and not any(values.strides):
-        # One number for all: the host would have an array of them, too.
+        # A uniform lattice needs no array on the host.
         return jnp.full(values.shape, values.item(0), values.dtype, device=sharding)
     host = np.asarray(values)
     return jax.make_array_from_callback(host.shape, sharding, lambda at: host[at])
@@ -195,13 +205,13 @@ def own_sections(
         shard.index[0].indices(state.shape[0])[0] // thickness: shard
         for shard in state.addressable_shards
     }
-    own = sorted(by_number)
-    parts = [np.asarray(by_number[number].data) for number in own]
-    return np.concatenate(parts), range(own[0], own[-1] + 1)
+    numbers = sorted(by_number)
+    sections = [np.asarray(by_number[number].data) for number in numbers]
+    return np.concatenate(sections), range(numbers[0], numbers[-1] + 1)
 
 
 def replicated(mesh: Mesh | None, tree: Any) -> Any:
-    """Within a compiled function: its values in whole on every device."""
+    """Within a compiled function: full copies of its values on every device."""
     if mesh is None:
         return tree
     sharding = NamedSharding(mesh, SAME)
@@ -211,29 +221,32 @@ def replicated(mesh: Mesh | None, tree: Any) -> Any:
 
 
 def own_copies(tree: Any) -> Any:
-    """Values that every process has in whole, as arrays of this process alone.
+    """Values that every process has in full, as arrays of this process alone.
 
-    What follows on them is no computation that all processes must take part in.
+    Computations with them do not involve the other processes.
     """
     if jax.process_count() == 1:
         return tree
-    own = lambda leaf: jnp.asarray(np.asarray(leaf))
-    return jax.tree.map(lambda x: own(x) if isinstance(x, jax.Array) else x, tree)
+    return jax.tree.map(
+        lambda leaf: (
+            jnp.asarray(np.asarray(leaf)) if isinstance(leaf, jax.Array) else leaf
+        ),
+        tree,
+    )
 
 
 def placed(mesh: Mesh, tree: Any, lattices: frozenset[tuple[int, ...]]) -> Any:
-    """A pytree on the devices of a mesh: arrays of the shapes `lattices` sharded.
+    """A pytree on the devices of a mesh, with arrays of the shapes `lattices` sharded.
 
-    These are lattices, and lists of sections.
-
-    Arrays that are there already stay; all others are on every device.
+    These are lattices, and lists of sections. Other arrays are on every device; arrays
+    that are spread over devices already stay as they are.
     """
 
     def place(leaf: Any) -> Any:
         if not isinstance(leaf, jax.Array | np.ndarray):
             return leaf
-        there = isinstance(leaf, jax.Array) and len(leaf.sharding.device_set) > 1
-        if there or leaf.ndim == 0:
+        is_spread = isinstance(leaf, jax.Array) and len(leaf.sharding.device_set) > 1
+        if is_spread or leaf.ndim == 0:
             return leaf
         spec = SPREAD if leaf.shape in lattices else SAME
         host = np.asarray(leaf)

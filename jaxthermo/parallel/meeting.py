@@ -100,7 +100,9 @@ def _receive(
 ) -> tuple[str, list[socket.socket]]:
     """Wait for all others and send them the refusal, if there is one."""
     _, port = group.address
-    refusal, lines, others = "", {0: key}, []
+    refusal = ""
+    lines = {0: key}
+    others = []
     try:
         server = socket.create_server(("", port))
     except OSError as error:

@@ -95,7 +95,8 @@ class _LinearSurfaceLoad(AbstractSurfaceLoad):
     def heat(
         self, time: Time, nodes: PerBody, networks: Networks, received=None, emits=False
     ) -> HeatRates:
-        heat, by_entry = [], jnp.zeros(self.general.entry_count, nodes[0].dtype)
+        heat = []
+        by_entry = jnp.zeros(self.general.entry_count, nodes[0].dtype)
         for body, theta in zip(self.bodies, nodes, strict=True):
             now = [value_at(forcing, time) for forcing in body.forcings]
             rate = jnp.zeros_like(theta) if body.slope is None else -body.slope * theta
@@ -145,7 +146,8 @@ def _linear_load(program: Program, load: SurfaceLoad) -> _LinearSurfaceLoad | No
         return None
     bodies = []
     for index, cells in enumerate(load.cells):
-        network, terms = program.bodies[cells.body].network, load.terms_on(index)
+        network = program.bodies[cells.body].network
+        terms = load.terms_on(index)
         numbered = (*terms.natural, *terms.prescribed)
         laws = [law for _, t in numbered if (law := t.law.linear()) is not None]
         # Where conductivity varies, so does the half cell.
@@ -181,7 +183,8 @@ def _linear_nodes(
     """The balance of all cells, solved and summed by nodes."""
     # On the host in double precision where nothing is traced: the sums over cells are
     # then as exact as the general form in the time loop.
-    traced, dtype = is_traced((terms, laws)), terms.half_cell.dtype
+    traced = is_traced((terms, laws))
+    dtype = terms.half_cell.dtype
     own: Any = jnp if traced else np
     number = lambda value: own.asarray(value, dtype if traced else np.float64)
     rounded = lambda value: own.asarray(value, dtype)
@@ -201,7 +204,8 @@ def _linear_nodes(
     lost = own.where(both > 0, 1, 0) / some
     each = range(len(forcings))
     found = sorted({part.term for part in parts})
-    entry_forced, entry_slope = [], []
+    entry_forced = []
+    entry_slope = []
     for term in found:
         here = [part for part in parts if part.term == term]
         exposed = [part for part in natural if part.term == term]
@@ -209,7 +213,8 @@ def _linear_nodes(
         # At the temperature that all terms cause together, without its difference to
         # w_e d, which at large Biot numbers leaves rounding times s / G.
         others = [part for part in natural if part.term != term]
-        lose_here, lose_there = slope(exposed) * lost, slope(others) * lost
+        lose_here = slope(exposed) * lost
+        lose_there = slope(others) * lost
         brought = [
             weight(exposed, d) * (through + lose_there)
             - lose_here * weight(others, d)
@@ -245,7 +250,8 @@ def _parts(
     parts = []
     numbered = (*terms.natural, *terms.prescribed)
     for (term, bound), law in zip(numbered, laws, strict=True):
-        area, forcing = number(bound.effective_area), 0
+        area = number(bound.effective_area)
+        forcing = 0
         weight = area * number(law.weight)
         if not callable(law.forcing):
             weight = weight * number(law.forcing)
@@ -265,12 +271,15 @@ def _sums(
 ) -> tuple[bool, Callable[[Any], Any]]:
     # True if sums are for all nodes; and a function from values of cells to nodes.
     # The layout of cells is known, even where a scene is traced.
-    index, count, everywhere = np.asarray(cells.node), cells.slots[0].shape[0], False
+    index = np.asarray(cells.node)
+    count = cells.slots[0].shape[0]
+    everywhere = False
     if isinstance(network, AbstractNodeNetwork):
         nodes = network.node_capacity.shape[0]
         everywhere = count >= _MIN_SURFACE_FRACTION * nodes
         if everywhere:
-            index, count = np.asarray(cells.address[0])[index], nodes
+            index = np.asarray(cells.address[0])[index]
+            count = nodes
     if traced:
         return everywhere, lambda values: jax.ops.segment_sum(values, index, count)
     return everywhere, lambda values: np.bincount(index, values, count)

@@ -117,7 +117,11 @@ def forecast_memory(
 ) -> MemoryForecast:
     """Forecast of a run that saves so often, by steps of a kind."""
     width = 8 if scene.dtype == "float64" else 4
-    kept, steps, held, runtime, rows = 0.0, 0.0, 0, 0.0, 0
+    kept = 0.0
+    steps = 0.0
+    held = 0
+    runtime = 0.0
+    rows = 0
     for body in scene.bodies:
         structure = body.structure
         counts = structure.found("part_counts", lambda own=structure: _counts(own))
@@ -165,7 +169,8 @@ def check_memory(scene: Scene, saves: int, snapshots: int, method: Method) -> in
         InputError: if it would not fit.
     """
     peak = forecast_memory(scene, saves=saves, snapshots=snapshots, method=method).peak
-    remedy, task = "use a coarser pitch, or save fewer times", "simulating this scene"
+    remedy = "use a coarser pitch, or save fewer times"
+    task = "simulating this scene"
     require_memory(peak, task, remedy)
     require_device_memory(peak // max(map(_devices, scene.bodies)), task, remedy)
     return peak

@@ -60,7 +60,10 @@ class VolumeLoad(Module):
         """A state with the heat of one step, and its rate [W]."""
         density = value_at(self.heat_rate_density, time)
         warmed = with_added(
-            self.mesh, values=new, address=self.address, more=dt * density * self.rise
+            self.mesh,
+            values=new,
+            address=self.address,
+            increments=dt * density * self.rise,
         )
         return warmed, density * self.volume
 

@@ -91,7 +91,10 @@ class BodyCells(Module):
         # The state stays three-dimensional here: flattening it for the scatter would
         # make XLA compute the whole stencil with flat indices, slowly.
         return with_added(
-            self.mesh, values=new, address=self.address, more=dt * heat / self.capacity
+            self.mesh,
+            values=new,
+            address=self.address,
+            increments=dt * heat / self.capacity,
         )
 
 

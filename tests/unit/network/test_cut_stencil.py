@@ -94,9 +94,12 @@ def test_the_derivative_by_conductivity_and_capacity_is_the_difference_quotient(
         stepped = operator.euler_step(initial, jnp.array(2.0))
         return (operator.euler_step(stepped, jnp.array(2.0)) ** 2).sum()
 
-    k, heat, step = 16.0, HEAT, 1e-5
+    k = 16.0
+    heat = HEAT
+    step = 1e-5
     both = jax.jit(jax.value_and_grad(after, argnums=(0, 1)))
-    found, value = both(k, heat)[1], lambda *given: both(*given)[0]
+    found = both(k, heat)[1]
+    value = lambda *given: both(*given)[0]
     quotient = (
         (value(k * (1 + step), heat) - value(k * (1 - step), heat)) / (2 * step * k),
         (value(k, heat * (1 + step)) - value(k, heat * (1 - step))) / (2 * step * heat),

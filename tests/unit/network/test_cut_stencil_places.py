@@ -43,7 +43,8 @@ def test_addresses_are_those_of_the_solid_voxels(ball):
 
 def test_nodes_of_fragments_are_numbered_in_lattice_order(ball):
     structure, _ = ball
-    solid, voxel = structure.grid.solid, structure.grid.fragment_voxel
+    solid = structure.grid.solid
+    voxel = structure.grid.fragment_voxel
     number = np.cumsum(solid).reshape(solid.shape) - 1
     expected = number[tuple(voxel.T)]
     np.testing.assert_array_equal(structure.fragment_node(), expected)

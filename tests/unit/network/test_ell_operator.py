@@ -11,7 +11,8 @@ from jaxthermo import arrays
 from jaxthermo.network.link_operator import LinkNetwork, row_layout, row_network
 
 
-NODES, LINKS = 40, 90
+NODES = 40
+LINKS = 90
 
 
 def _random_links(seed, hub=False):
@@ -58,7 +59,8 @@ def test_rows_are_the_pairs(seed, hub):
     src, dst = _random_links(seed, hub)
     pairs, rows = _both(src, dst, seed)
     state = jnp.asarray(np.random.default_rng(seed + 1).normal(size=NODES))
-    found, expected = _all_of(rows, state), _all_of(pairs, state)
+    found = _all_of(rows, state)
+    expected = _all_of(pairs, state)
     for name, value in expected.items():
         np.testing.assert_allclose(
             found[name], value, rtol=1e-12, atol=1e-13, err_msg=name
@@ -98,7 +100,8 @@ def test_nodes_without_any_link():
     none = np.zeros(0, np.int32)
     pairs, rows = _both(none, none, 0)
     state = np.arange(NODES, dtype=float)
-    found, expected = _all_of(rows, state), _all_of(pairs, state)
+    found = _all_of(rows, state)
+    expected = _all_of(pairs, state)
     np.testing.assert_array_equal(found["heat_rate"], 0.0)
     np.testing.assert_array_equal(found["euler_step"], state)
     assert float(found["max_rate"]) == float(expected["max_rate"]) == 0.0

@@ -25,7 +25,8 @@ def _random(seed):
 def _exact(prop, reference, theta):
     """By trapezoids between the knots, over the value at the reference."""
     inside = prop.temperatures - reference
-    low, high = min(0.0, theta), max(0.0, theta)
+    low = min(0.0, theta)
+    high = max(0.0, theta)
     points = np.unique([low, high, *inside[(inside > low) & (inside < high)]])
     area = np.trapezoid(prop(points + reference), points)
     return np.sign(theta) * area / prop(reference)
@@ -75,7 +76,8 @@ def test_no_digits_are_lost_near_the_reference():
     """In float32, on a peak of a thousand times the heat, far from the outer knots."""
     peak = Property([200.0, 349.0, 350.0, 351.0, 800.0], [1, 1, 1000, 1, 2])
     integral = kirchhoff_transform(peak, 290.0, jnp.float32)
-    near, far = np.geomspace(1e-6, 1.0, 40), np.linspace(-80.0, 500.0, 4001)
+    near = np.geomspace(1e-6, 1.0, 40)
+    far = np.linspace(-80.0, 500.0, 4001)
     theta = np.r_[near, far].astype(np.float32)
     there, back, _ = (np.asarray(x) for x in _all_of(integral, jnp.asarray(theta)))
     np.testing.assert_allclose(there[:40], theta[:40], rtol=3e-7)

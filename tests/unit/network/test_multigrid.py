@@ -35,7 +35,8 @@ def _solve(network, given, m, b, tolerance=1e-8, most=400):
         x, r, p, rz, count = carry
         ap = m * p - network.heat_rate(p)
         step = rz / jnp.vdot(p, ap)
-        x, r = x + step * p, r - step * ap
+        x = x + step * p
+        r = r - step * ap
         z = preconditioner(r)
         new = jnp.vdot(r, z)
         return x, r, z + new / rz * p, new, count + 1
@@ -50,7 +51,9 @@ def _solve(network, given, m, b, tolerance=1e-8, most=400):
 def _heated(structure, dt=None, dtype: Any = np.float64):
     """Heat onto half of the surface, carried off from all of it: network, m and b."""
     network = assemble_uniform(structure, 1.0, 1.0, dtype)
-    node, grid, n = structure.fragment_node(), structure.grid, structure.node_count
+    node = structure.fragment_node()
+    grid = structure.grid
+    n = structure.node_count
     surface = np.bincount(node, grid.fragment_area, n)
     lit = np.bincount(node, grid.fragment_area * (grid.fragment_normal[:, 0] > 0), n)
     m = H * surface + (structure.nodes().volume / dt if dt else 0)
@@ -69,7 +72,8 @@ def _box(height):
 
 def _sparse(structure, network, m):
     """The same system from plain links."""
-    links, n = structure.links(), structure.node_count
+    links = structure.links()
+    n = structure.node_count
     g = links.area / (links.distance_src + links.distance_dst)
     half = sparse.coo_array((g, (links.src, links.dst)), (n, n))
     k = half + half.T
@@ -132,7 +136,9 @@ def _odd_body(name):
     elif name == "sheet":
         solid[:, :, 5] = True
     elif name == "parts":
-        solid[:5], solid[7:, :, 3:], solid[0, 0, 0] = True, True, True
+        solid[:5] = True
+        solid[7:, :, 3:] = True
+        solid[0, 0, 0] = True
     else:
         solid[3, 4, 5] = True
     return solid
@@ -196,7 +202,8 @@ def test_conductances_may_be_traced_and_steps_mapped():
         network = assemble_uniform(structure, k, 1.0, np.float64)
         return hierarchy(structure, network).cycle(factor * m)(b)
 
-    k, factor = jnp.array([1.0, 2.0]), jnp.array([1.0, 3.0])
+    k = jnp.array([1.0, 2.0])
+    factor = jnp.array([1.0, 3.0])
     mapped = jax.jit(jax.vmap(solution))(k, factor)
     alone = jax.jit(solution)
     for one in range(2):

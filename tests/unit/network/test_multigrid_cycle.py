@@ -36,7 +36,8 @@ def _network(kind):
     structure = FullVolume(grid, stencil=kind in ("stencil", "axes", "mixed"))
     if kind == "mixed":
         number = (structure.nodes().centre[:, 2] > 3).astype(np.int32)
-        k, heat = jnp.array([1.0, 1e5]), jnp.ones(2)
+        k = jnp.array([1.0, 1e5])
+        heat = jnp.ones(2)
         return structure, _assemble_mixed(structure, number, k, heat)
     k = jnp.array([3.0, 1.0, 0.5]) if kind == "axes" else 2.0
     network = assemble_uniform(structure, k, 1.0, np.float64)
@@ -57,7 +58,8 @@ _operators = jax.jit(
 
 def _matrix(call, given, m, structure):
     """Matrix of a linear map between states, on the nodes alone."""
-    address, shape = structure.node_address(), structure.state_shape
+    address = structure.node_address()
+    shape = structure.state_shape
     n = structure.node_count
     unit = np.zeros((n, *shape))
     unit[(np.arange(n), *address)] = 1.0

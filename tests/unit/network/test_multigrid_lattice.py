@@ -32,7 +32,9 @@ def test_total_and_spread_are_transposes(shape):
     spread = np.asarray(jax.jit(transfer.prolong)(other))
     assert spread.shape == fine.shape
     np.testing.assert_allclose((spread * fine).sum(), (other * coarse).sum())
-    i, j, k = 2, 3, 0
+    i = 2
+    j = 3
+    k = 0
     assert spread[i + 1, j + 1, k + 1] == other[i // 2 + 1, j // 2 + 1, k // 2 + 1]
 
 

@@ -17,7 +17,9 @@ from jaxthermo.structures.partition.links import _face_normals
 from tests.bodies import slanted
 
 
-K, HEAT, PITCH = 16.0, 4e6, 0.01
+K = 16.0
+HEAT = 4e6
+PITCH = 0.01
 SLOPE = np.array([30.0, -20.0, 50.0])
 STEEL = jt.Material(K, density=8000.0, specific_heat=500.0)
 
@@ -58,7 +60,8 @@ def _rates_and_bound(structure):
 def test_linear_temperatures_conduct_exactly(slanted, kind):
     """Through every face flows k A g . n, whatever lies on its sides."""
     structure = _structure(slanted, kind)
-    links, place = structure.links(), structure.nodes().location
+    links = structure.links()
+    place = structure.nodes().location
     flow = K * links.area * (_face_normals(structure) @ SLOPE)
     exact = np.zeros(structure.node_count)
     np.add.at(exact, links.src, flow)
@@ -121,7 +124,8 @@ def test_all_modes_decay_and_the_stable_step_is_safe(slanted, kind, weight):
     # Traced, so that one program serves every weight.
     structure = _structure(slanted, kind, jnp.asarray(weight))
     matrix, fastest = _rates_and_bound(structure)
-    modes, fastest = np.linalg.eigvals(np.asarray(matrix)), float(fastest)
+    modes = np.linalg.eigvals(np.asarray(matrix))
+    fastest = float(fastest)
     assert modes.real.max() < 1e-9 * fastest
     assert np.abs(modes).max() <= fastest
     # A step of many stages damps modes near the real axis.
@@ -138,7 +142,8 @@ def test_slopes_by_the_weight_are_finite_differences(slanted):
         return _network(_structure(slanted, "core", weight)).heat_rate(state)
 
     both = jax.jit(lambda weight: jax.jvp(rates, (weight,), (jnp.ones(()),)))
-    at, step = 0.7, 1e-5
+    at = 0.7
+    step = 1e-5
     along = np.asarray(both(at)[1])
     difference = (both(at + step)[0] - both(at - step)[0]) / (2 * step)
     np.testing.assert_allclose(along, difference, atol=1e-6 * np.abs(along).max())

@@ -17,7 +17,9 @@ from jaxthermo.physics.conduction import (
 from tests.bodies import blocks
 
 
-PITCH, REFERENCE, DENSITY = 0.01, 310.0, 8000.0
+PITCH = 0.01
+REFERENCE = 310.0
+DENSITY = 8000.0
 K = Property([280.0, 320.0, 400.0], [10.0, 16.0, 13.0])
 HEAT = Property([290.0, 300.0, 302.0, 304.0, 380.0], [400.0, 450.0, 4e4, 470.0, 600.0])
 STEEL = jt.Material(K, DENSITY, HEAT)
@@ -125,7 +127,8 @@ def test_constant_properties_give_the_linear_network(grid, kind):
     network = material_network(structure, flat, REFERENCE, jnp.float64)
     linear = assemble_uniform(structure, 16.0, 4e6, jnp.float64)
     assert isinstance(network, NonlinearNetwork)
-    theta, dt = _start(structure), 1 / linear.max_rate()
+    theta = _start(structure)
+    dt = 1 / linear.max_rate()
     assert float(network.max_rate()) == pytest.approx(float(1 / dt), rel=1e-14)
     found = network.temperature(_run(network, network.state_of(theta), dt, 30))
     np.testing.assert_allclose(found, _run(linear, theta, dt, 30), atol=1e-11)
@@ -150,7 +153,8 @@ def test_what_the_surface_needs_to_know(grid):
     kelvin = np.array([200.0, 300.0, 310.0, 350.0, 500.0])
     found = network.relative_conductivity(jnp.asarray(kelvin - REFERENCE))
     np.testing.assert_allclose(found, K(kelvin) / K(REFERENCE), rtol=1e-13)
-    largest, least = network.max_relative_conductivity(), HEAT.values.min()
+    largest = network.max_relative_conductivity()
+    least = HEAT.values.min()
     assert float(largest) == pytest.approx(16.0 / K(REFERENCE))
     assert float(network.min_relative_capacity()) == pytest.approx(
         least / HEAT(REFERENCE)

@@ -17,7 +17,9 @@ from jaxthermo.structures.kinds.full import FullVolume
 from tests.bodies import blocks
 
 
-K, HEAT, PITCH = 16.0, 4e6, 0.01
+K = 16.0
+HEAT = 4e6
+PITCH = 0.01
 SHAPE = (4, 3, 5)
 """One shape for every random body: nothing is compiled twice."""
 
@@ -55,7 +57,8 @@ def _operator(solid, which):
 
 
 def _pairs(structure):
-    links, count = structure.links(), structure.node_count
+    links = structure.links()
+    count = structure.node_count
     return LinkNetwork(
         src=jax.device_put(links.src),
         dst=jax.device_put(links.dst),
@@ -82,7 +85,8 @@ def _by_hand(solid, values):
     """Conduction into every node [W], and the conductances of each, one by one."""
     cells = [tuple(c) for c in np.argwhere(solid)]
     number = {cell: n for n, cell in enumerate(cells)}
-    rate, diagonal = np.zeros(len(cells)), np.zeros(len(cells))
+    rate = np.zeros(len(cells))
+    diagonal = np.zeros(len(cells))
     for cell, n in number.items():
         for axis in range(3):
             for sign in (-1, 1):
@@ -103,7 +107,8 @@ def test_every_operator_is_the_one_by_hand_symmetric_and_conserving(which, seed,
     structure, network = _operator(solid, which)
     values, others = np.random.default_rng(seed + 1).normal(size=(2, count))
     rate, diagonal = _by_hand(solid, values)
-    node, dt = HEAT * PITCH**3, 0.1
+    node = HEAT * PITCH**3
+    dt = 0.1
     expected = {
         "heat_rate": rate,
         "euler_step": values + dt * rate / node,
@@ -113,7 +118,8 @@ def test_every_operator_is_the_one_by_hand_symmetric_and_conserving(which, seed,
         "total_capacity": node * count,
         "stored": node * values.sum(),
     }
-    state, address = _state(structure, values), _address(structure)
+    state = _state(structure, values)
+    address = _address(structure)
     found = _all_of(network, state, address, jnp.array(dt))
     for name, exact in expected.items():
         of_nodes = name in ("heat_rate", "euler_step")
@@ -146,7 +152,8 @@ def test_two_materials_take_the_harmonic_mean(mixed):
     network = _assemble_mixed(
         structure, material, jnp.array([401.0, 0.2]), jnp.array([1e6, 2e6])
     )
-    state, address = _state(structure, [1.0, 0.0]), _address(structure)
+    state = _state(structure, [1.0, 0.0])
+    address = _address(structure)
     found = _all_of(network, state, address, jnp.array(0.1))
     rate = _values(structure, found["heat_rate"])
     conductance = 2 * 401.0 * 0.2 / 401.2 * PITCH
@@ -156,7 +163,8 @@ def test_two_materials_take_the_harmonic_mean(mixed):
 
 @pytest.mark.parametrize(("first", "second"), [(0.0, 0.0), (0.0, 2.0), (3.0, 0.0)])
 def test_series_with_an_insulator_has_value_and_gradient(first, second):
-    one, half = np.array(1.0), np.array(0.5)
+    one = np.array(1.0)
+    half = np.array(0.5)
     link = lambda k: series(one, half, k, half, jnp.array(second))
     value, slope = jax.value_and_grad(link)(jnp.array(first))
     assert float(value) == 0.0

@@ -19,8 +19,11 @@ from jaxthermo.structures.kinds.full import FullVolume
 from tests.bodies import blocks
 
 
-K, HEAT, PITCH = (16.0, 2.0, 0.5), 4e6, 0.01
-SHAPE, COUNT = (4, 3, 5), 36
+K = (16.0, 2.0, 0.5)
+HEAT = 4e6
+PITCH = 0.01
+SHAPE = (4, 3, 5)
+COUNT = 36
 
 
 def _solid(seed):
@@ -45,7 +48,8 @@ def _by_hand(solid, values):
     """Conduction into every node [W], and the conductances of each, one by one."""
     cells = [tuple(c) for c in np.argwhere(solid)]
     number = {cell: n for n, cell in enumerate(cells)}
-    rate, diagonal = np.zeros(len(cells)), np.zeros(len(cells))
+    rate = np.zeros(len(cells))
+    diagonal = np.zeros(len(cells))
     for cell, n in number.items():
         for axis, step in enumerate(np.eye(3, dtype=int)):
             for sign in (-1, 1):

@@ -41,7 +41,8 @@ def _uniform():
 
 
 def _rows():
-    random, nodes = np.random.default_rng(4), 14
+    random = np.random.default_rng(4)
+    nodes = 14
     # Half of the links are those of one node.
     src = np.sort(random.integers(0, nodes, 24) * (np.arange(24) % 2)).astype(np.int32)
     dst = ((src + random.integers(1, nodes, 24)) % nodes).astype(np.int32)
@@ -178,10 +179,8 @@ def test_the_operator_is_its_own_transpose(case):
     change = lambda state: conduct(
         case.operator, state, case.factors(case.given), case.layout
     )
-    one, other = (
-        (inside * change(case.state)).sum(),
-        (case.state * change(inside)).sum(),
-    )
+    one = (inside * change(case.state)).sum()
+    other = (case.state * change(inside)).sum()
     assert float(jnp.abs(one)) > 0.1
     np.testing.assert_allclose(one, other, rtol=1e-12)
 

@@ -87,7 +87,8 @@ def resumed(case: Case) -> None:
     check(straight[4], straight[1])
     path = Path("checkpoint.npz")
     for before, after in ((4, 1), (1, 4)):
-        plan, other = plans[before], plans[after]
+        plan = plans[before]
+        other = plans[after]
         progress = next(iter(run_segments(plan, begin_run(plan), 0.0)))
         save_checkpoint(path, plan, progress, "key")
         kept = load_checkpoint(path, other, begin_run(other), "key")
@@ -99,7 +100,8 @@ def resumed(case: Case) -> None:
 def networks_equal(cells: Cells) -> None:
     """Stencils of every kind have the values of one device, and nothing elsewhere."""
     one = cast(jt.FullVolume, ball(cells).structure)
-    both, random = (one, replace(one, devices=4)), np.random.default_rng(0)
+    both = (one, replace(one, devices=4))
+    random = np.random.default_rng(0)
     values = random.normal(size=one.node_count).astype(np.float32)
     number = random.integers(0, 2, one.node_count).astype(np.int32)
     by_material = lambda *made: lambda own: materials_network(own, number, made, *AT)
@@ -151,7 +153,8 @@ def evaluated(structure, network, values) -> list[np.ndarray]:
 
 def batches_equal() -> None:
     """Members of batches of any size have the results of one device, and no others."""
-    mesh, law = mesh_of(4), lambda x, k: jnp.sin(k * x).sum()
+    mesh = mesh_of(4)
+    law = lambda x, k: jnp.sin(k * x).sum()
     given = on_every_device(mesh, {"factor": jnp.float32(3.0), "law": law})
 
     def part(own, given):

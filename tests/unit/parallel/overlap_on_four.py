@@ -17,7 +17,8 @@ from tests.xla_flags import HAS_FUSION_EMITTERS_FLAG
 
 
 STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0)
-DT, WEIGHT = jnp.float32(1e-3), jnp.float32(0.7)
+DT = jnp.float32(1e-3)
+WEIGHT = jnp.float32(0.7)
 AS_USERS_RUN = {
     "xla_backend_optimization_level": 3,
     "xla_cpu_parallel_codegen_split_count": 32,
@@ -100,7 +101,8 @@ def _section(state: jax.Array) -> str:
 def _waits(text: str, state: jax.Array) -> bool:
     """True if every section that is computed needs planes of other devices."""
     line = re.compile(r"%(\S+) = (\S+) ([\w-]+)\((.*)")
-    waiting, computed = {}, []
+    waiting = {}
+    computed = []
     for name, kind, operation, rest in line.findall(text[text.index("ENTRY") :]):
         needs = [waiting.get(each, False) for each in re.findall(r"%([\w.-]+)", rest)]
         waiting[name] = operation.startswith("collective-permute") or any(needs)

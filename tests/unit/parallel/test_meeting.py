@@ -87,7 +87,8 @@ def test_a_silent_process_is_noticed_and_one_that_is_there_is_not(monkeypatch):
     monkeypatch.setattr(heartbeat, "_INTERVAL", 0.02)
     monkeypatch.setattr(heartbeat, "_PATIENCE", 0.3)
     monkeypatch.setattr(heartbeat, "_GRACE", 0.1)
-    said, lost = [], threading.Event()
+    said = []
+    lost = threading.Event()
 
     def end_with(message: str) -> None:
         said.append(message)

@@ -39,7 +39,8 @@ def test_weights_have_a_slope_on_both_sides_of_the_series():
 
     both = jax.jit(jax.value_and_grad(total))
     for at in (0.0, 0.59, 0.61, 4.0):
-        h, small = np.array([at]), 1e-6
+        h = np.array([at])
+        small = 1e-6
         slope = both(h)[1][0]
         difference = (both(h + small)[0] - both(h - small)[0]) / (2 * small)
         assert float(slope) == pytest.approx(float(difference), rel=1e-8, abs=1e-9)
@@ -60,8 +61,10 @@ def test_knots_that_are_given_twice_are_jumps():
 
 def test_host_and_traced_runs_agree():
     rng = np.random.default_rng(0)
-    rates, drive = np.array([0.01, 0.5, 40.0]), rng.normal(size=(3, 2))
-    start, knots = rng.normal(size=3), doubled((0.0, 1.0, 1.5, 4.0))
+    rates = np.array([0.01, 0.5, 40.0])
+    drive = rng.normal(size=(3, 2))
+    start = rng.normal(size=3)
+    knots = doubled((0.0, 1.0, 1.5, 4.0))
     amplitudes = rng.normal(size=(len(knots), 2))
     plan = schedule(knots, [0.0, 1.0, 2.0, 4.0])
     states = host_run(rates, drive, start, plan, amplitudes)

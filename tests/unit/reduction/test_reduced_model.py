@@ -158,7 +158,8 @@ def test_a_tolerance_chooses_the_size(scene, whole, model):
 
 def test_the_projection_stays_symmetric_and_loses_heat(model):
     offline = model.offline
-    vectors, capacity = offline.basis.vectors, offline.target.system.capacity
+    vectors = offline.basis.vectors
+    capacity = offline.target.system.capacity
     assert vectors.T @ (capacity[:, None] * vectors) == pytest.approx(
         np.eye(model.size), abs=1e-10
     )

@@ -176,7 +176,8 @@ def test_a_held_surface_needs_no_other_term(structure):
 
 
 def test_no_surface_is_held_twice(structure):
-    one, other = jt.FixedTemperature(310.0, on=TOP), jt.FixedTemperature(320.0)
+    one = jt.FixedTemperature(310.0, on=TOP)
+    other = jt.FixedTemperature(320.0)
     with pytest.raises(jt.InputError, match=r"terms\[0\] and terms\[1\] both hold"):
         jt.compile_scene(_scene(structure, one, other))
 

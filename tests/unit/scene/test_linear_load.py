@@ -88,7 +88,8 @@ def test_terms_bring_what_the_half_cells_conduct_at_any_biot_number(others):
     structure = jt.FullVolume(bar(3, 0.01))
     for term in terms:
         compiled = compile_scene(_scene([structure], (term, *others), GLASS))
-        program, start = compiled.program, np.asarray(compiled.state[0])
+        program = compiled.program
+        start = np.asarray(compiled.state[0])
         assert isinstance(program.surface, _LinearSurfaceLoad) == (not others)
         theta = start + np.linspace(50.0, 60.0, start.size).reshape(start.shape)
         (after,), entries = _loaded(program, (theta,), np.zeros(()))

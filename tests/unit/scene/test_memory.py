@@ -72,14 +72,16 @@ def _kept() -> dict[int, int]:
 def test_the_forecast_is_that_of_the_arrays(kind, method):
     # Multigrid is for steps far longer than the stable one.
     step = 1000.0 if method == "implicit" else 10.0
-    scene, saves = _scene(kind), [step, 2 * step, 3 * step]
+    scene = _scene(kind)
+    saves = [step, 2 * step, 3 * step]
     findings.forget_findings()
     plan = findings.found(
         (scene,), "plan", lambda: plan_run(scene, saves[-1], saves, SOLVERS[method])
     )
     assert plan.stepper.method == method
     kept = sum(_kept().values())
-    state, table = initial_state(plan), step_table(plan, save_intervals(plan.intervals))
+    state = initial_state(plan)
+    table = step_table(plan, save_intervals(plan.intervals))
     constants = RunConstants.of(plan.stepper, plan.compiled.program, state, table)
     lowered = jit_in_place(take_all_steps).lower(constants, state.theta)
     report = lowered.compile().compiled.memory_analysis()
@@ -95,7 +97,8 @@ def test_the_forecast_is_that_of_the_arrays(kind, method):
 
 def test_a_voxel_of_a_stencil_needs_two_states_and_a_byte():
     mesh = jt.shapes.box((1.0, 1.0, 1.0))
-    rows, peaks = [], []
+    rows = []
+    peaks = []
     for across in (8, 16, 32):
         structure = jt.FullVolume(jt.voxelize(mesh, 1 / across))
         scene = jt.Scene((jt.Body(structure, STEEL, temperature=300.0),), TERMS)

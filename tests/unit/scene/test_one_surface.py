@@ -89,7 +89,9 @@ def _together(program, states, time):
 @eqx.filter_jit
 def _alone(program, states, time):
     """The same from the balance of one body after the other: the simple form."""
-    load, entries, heat = program.surface, jnp.zeros(len(program.entries)), []
+    load = program.surface
+    entries = jnp.zeros(len(program.entries))
+    heat = []
     nodes = _surface_nodes(program, states)
     received = _net_irradiation(program, nodes, time)
     for index, cells in enumerate(load.cells):
@@ -201,7 +203,8 @@ def test_gradients_go_through_the_joined_balance(grids):
         return jnp.mean((solution.surface_temperature - 300.0) ** 2)
 
     at = {"emissivity": 0.7, "start": 310.0, "conductivity": 16.0, "speed": 3.0}
-    slopes, value = jax.jit(jax.grad(run))(at), jax.jit(run)
+    slopes = jax.jit(jax.grad(run))(at)
+    value = jax.jit(run)
     for name in at:
         step = 1e-4 * at[name]
         up, down = (value(at | {name: at[name] + d}) for d in (step, -step))

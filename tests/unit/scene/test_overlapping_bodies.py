@@ -20,7 +20,8 @@ def scene(pose) -> jt.Scene:
 
 
 def test_an_overlap_is_in_the_receipt_and_a_warning():
-    apart, touching = jt.Pose((0.1, 0.0, 0.0)), jt.Pose((0.07, 0.0, 0.0))
+    apart = jt.Pose((0.1, 0.0, 0.0))
+    touching = jt.Pose((0.07, 0.0, 0.0))
     assert compile_scene(scene(apart)).receipt.warnings == ()
     assert compile_scene(scene(touching)).receipt.warnings == ()
     deep = scene(jt.Pose((0.05, 0.0, 0.0)))

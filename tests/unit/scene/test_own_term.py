@@ -49,7 +49,8 @@ class Evaporation(jt.AbstractSurfaceTerm):
 
 STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.9)
 WOOD = jt.Material(0.2, density=600.0, specific_heat=1500.0, emissivity=0.6)
-C, DEW = 0.5, 285.0
+C = 0.5
+DEW = 285.0
 SOLVERS = {
     "euler": jt.ForwardEuler(),
     "rkl2": jt.SuperTimeStepping(dt=10.0),
@@ -101,7 +102,8 @@ def test_every_solver_takes_it(grid, name, count):
     assert float(brought[-1]) < 0
     assert abs(float(solution.energy.residual_relative[-1])) < 1e-9
     assert solution.receipt.included == ("conduction", "evaporation")
-    capacity, area = 4e6 * 0.02**3, 6 * 0.02**2
+    capacity = 4e6 * 0.02**3
+    area = 6 * 0.02**2
     excess = 1 / (1 / (350.0 - DEW) + area * C / capacity * 100.0)
     # The gradient inside steel, and the steps in time, are small.
     found = float(solution.mean_temperature[-1, 0])

@@ -24,7 +24,8 @@ def _grid(size):
 
 def _bodies(chance):
     """One to three boxes in a row, which touch or stand apart."""
-    bodies, place = [], 0.0
+    bodies = []
+    place = 0.0
     for _ in range(chance.integers(1, 4)):
         size = tuple(int(n) for n in chance.integers(2, 4, size=3))
         kind = (jt.FullVolume, jt.SingleShell)[chance.integers(2)]
