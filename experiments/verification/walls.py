@@ -30,11 +30,8 @@ def _on_bar(row: Bar, material, *terms) -> np.ndarray:
 
 
 def _composite() -> dict[str, float]:
-    """Results of V13 by series resistances [W/m^2], [degC].
-
-    The source lists them with fewer digits than the tolerance needs: 499.687851,
-    99.987539, 99.93757 and 49.968785.
-    """
+    """Results of V13 by series resistances [W/m^2], [degC]."""
+    # The source lists them with fewer digits than the tolerance needs.
     copper = 0.01 / 401.0
     contact = 1e-4
     cover = 0.02 / 0.2
