@@ -10,12 +10,12 @@ _ROOT = Path(__file__).resolve().parents[1]
 _FOUR = "--xla_force_host_platform_device_count=4"
 
 
-def run_on_four(program: Path, part: str, folder: Path) -> str:
+def run_on_four(program: Path, name: str, folder: Path) -> str:
     """What a part of a program prints, run in a folder; it must not fail."""
     flags = f"{os.environ.get('XLA_FLAGS', '')} {_FOUR}"
     environment = os.environ | {"XLA_FLAGS": flags, "PYTHONPATH": str(_ROOT)}
     done = subprocess.run(
-        [sys.executable, program, part],
+        [sys.executable, program, name],
         capture_output=True,
         text=True,
         env=environment,

@@ -13,7 +13,7 @@ import numba
 import numpy as np
 
 from jaxthermo.network.network import AbstractNetwork
-from jaxthermo.network.stencil import UniformStencil, solid_degree
+from jaxthermo.network.stencil import Stencil, solid_degree
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.timing import Spans, interleaved
@@ -57,8 +57,8 @@ def _numba_step(state, out, degree, ratio):
                 target[k] = centre[k] + ratio * mask * spread
 
 
-def _network(solid: np.ndarray) -> UniformStencil:
-    return UniformStencil(
+def _network(solid: np.ndarray) -> Stencil:
+    return Stencil(
         degree=jnp.asarray(solid_degree(solid)),
         conductance=jnp.float32(0.1),
         node_capacity=jnp.float32(1.0),
@@ -68,7 +68,7 @@ def _network(solid: np.ndarray) -> UniformStencil:
 
 @partial(jax.jit, donate_argnums=1, static_argnames="simple")
 def _jax_steps(
-    network: UniformStencil, state: jax.Array, steps: jax.Array, simple: bool = False
+    network: Stencil, state: jax.Array, steps: jax.Array, simple: bool = False
 ):
     dt = jnp.float32(1.0)
 

@@ -31,7 +31,7 @@ from .multigrid_cycle import (
     level,
 )
 from .network import AbstractNetwork, AbstractNodeNetwork, inverse, slot_sums
-from .stencil import HeterogeneousStencil, OrthotropicStencil, UniformStencil
+from .stencil import HeterogeneousStencil, Stencil
 
 
 MAX_DENSE_SIZE = 256
@@ -98,7 +98,7 @@ def _block_stencil(
             values = _pair_sum(values, face_axis)
         faces.append(values)
     x, y, z = faces
-    if isinstance(network, UniformStencil | OrthotropicStencil):
+    if isinstance(network, Stencil):
         # Up to here the values are counts of open faces.
         g = jnp.broadcast_to(network.conductance, (3,))
         x, y, z = (n.astype(g.dtype) * g[axis] for axis, n in enumerate(faces))
@@ -120,12 +120,9 @@ def _even_faces(network: AbstractNetwork, axis: int) -> Array:
             face, axis=axis, cells_before=0, cells_after=(face.shape[axis] + 1) % 2
         )
         return face[_every_other(axis, 0)]
-    if isinstance(network, UniformStencil):
-        linked = network.degree > 0
-    elif isinstance(network, OrthotropicStencil):
-        linked = network.degrees > 0
-    else:
+    if not isinstance(network, Stencil):
         raise TypeError(f"no lattice levels of a {type(network).__name__}")
+    linked = network.degree > 0
     # Two adjacent cells that have any links are linked to each other.
     linked = _padded(
         linked, axis=axis, cells_before=1, cells_after=1 + linked.shape[axis] % 2

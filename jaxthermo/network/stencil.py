@@ -2,8 +2,7 @@
 
 | stencil | body |
 |---|---|
-| `UniformStencil` | one material: one conductance, and a byte for each voxel |
-| `OrthotropicStencil` | one material with a conductivity for each axis |
+| `Stencil` | one material: a conductance, or one for each axis, and a byte per voxel |
 | `HeterogeneousStencil` | several materials: a conductance for each face |
 
 A state is the lattice with one empty cell on each side. Empty cells hold zero and stay
@@ -14,7 +13,6 @@ import abc
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -33,21 +31,18 @@ are on other devices and their temperatures in the rim of a state."""
 
 def _face_heat_rate(
     state: Float[Array, "x y z"],
-    conductances: Sequence[Float[Array, ""]],
-    degrees: Sequence[Shaped[Array, "_ _ _"]],
+    by_axis: Sequence[tuple[Float[Array, ""], Shaped[Array, "_ _ _"]]],
     beyond: Beyond | None,
 ) -> Float[Array, "x y z"]:
     """Conduction into each node [W], exactly 0 between equal temperatures.
 
-    The state has one empty cell on each side. Conductances [W/K] are those of links
-    along x, y, z; degrees are positive in cells with neighbours along that axis.
+    The state has one empty cell on each side. By axis are the conductance of links
+    [W/K], and degrees, which are positive in cells with neighbours along that axis.
     """
     # A stencil sums the neighbours and subtracts a multiple of the node, which leaves a
     # rounding error: negligible in one step, but not in a step of 1e8 s.
     total = jnp.zeros_like(state)
-    for axis, (conductance, degree) in enumerate(
-        zip(conductances, degrees, strict=True)
-    ):
+    for axis, (conductance, degree) in enumerate(by_axis):
         # Two adjacent cells that both have neighbours are neighbours of each other.
         node = jnp.pad(degree > 0, 1)
         if beyond is not None and axis == 0:
@@ -107,27 +102,40 @@ def _neighbour_sums(state):
     )
 
 
-def _spread(state, degree):
-    """Inner state, and sum of the neighbours minus degree times it."""
+def _row(value, lattice):
+    # As a row in memory: the CPU compiler vectorizes a loop over it, and one that
+    # reloads a scalar it does not.
+    row = jnp.broadcast_to(value, (1, 1, lattice.shape[2]))
+    return jax.lax.optimization_barrier(row)
+
+
+def _spread(state, ratio, degree):
+    """Inner state, and ratio (sum of the neighbours - degree T) of every node."""
     # The barrier keeps XLA from widening the bytes once, outside the time loop, which
     # would make every step read more.
     state, degree = jax.lax.optimization_barrier((state, degree))
     centre = state[1:-1, 1:-1, 1:-1]
     sums = _neighbour_sums(state)
-    spread = sums.z + sums.y + sums.x - degree.astype(state.dtype) * centre
-    return centre, jnp.where(degree > 0, spread, 0)
+    if ratio.ndim:
+        total = jnp.zeros_like(centre)
+        for axis, pair in enumerate(sums):
+            axis_degree = _axis_degree(degree, axis, state.dtype)
+            total = total + _row(ratio[axis], centre) * (pair - axis_degree * centre)
+    else:
+        neighbours = sums.z + sums.y + sums.x
+        spread = neighbours - degree.astype(state.dtype) * centre
+        total = _row(ratio, centre) * spread
+    return centre, jnp.where(degree > 0, total, 0)
 
 
-def _uniform_change(state, ratio, degree):
-    return jnp.pad(ratio * _spread(state, degree)[1], 1)
+def _change(state, ratio, degree):
+    _, spread = _spread(state, ratio, degree)
+    return jnp.pad(spread, 1)
 
 
-def _uniform_step(state, ratio, degree):
-    centre, spread = _spread(state, degree)
-    # As a row in memory: the CPU compiler vectorizes a loop over it, and one that
-    # reloads a scalar it does not.
-    row = jnp.broadcast_to(ratio, (1, 1, degree.shape[2]))
-    return jnp.pad(centre + jax.lax.optimization_barrier(row) * spread, 1)
+def _step(state, ratio, degree):
+    centre, spread = _spread(state, ratio, degree)
+    return jnp.pad(centre + spread, 1)
 
 
 def _inside(values, degree):
@@ -136,19 +144,25 @@ def _inside(values, degree):
 
 
 def _pull(values, state, ratio, degree):
-    # In a separate loop: the compiler does not vectorize a reduction over the stencil.
-    spread = conduct(
-        _UNIFORM,
-        state=computed_once(values),
-        factors=jnp.ones_like(ratio),
-        layout=degree,
-    )
-    return (computed_once(spread) * state).sum()
+    values = computed_once(values)
+    slopes = []
+    for unit in np.eye(ratio.size, dtype=ratio.dtype):
+        spread = conduct(
+            _STENCIL,
+            state=values,
+            factors=jnp.asarray(unit.reshape(ratio.shape)),
+            layout=degree,
+        )
+        # In a separate loop: a reduction over the stencil would not be vectorized.
+        slopes.append((computed_once(spread) * state).sum())
+    return jnp.stack(slopes).reshape(ratio.shape)
 
 
-_UNIFORM = Operator(
-    change=_uniform_change, step=_uniform_step, inside=_inside, pull=_pull
-)
+_STENCIL = Operator(change=_change, step=_step, inside=_inside, pull=_pull)
+
+
+def _axis_degree(degree, axis, dtype):
+    return ((degree >> jnp.uint8(2 * axis)) & jnp.uint8(3)).astype(dtype)
 
 
 class AbstractStencil(AbstractNetwork):
@@ -159,10 +173,59 @@ class AbstractStencil(AbstractNetwork):
         """Stencil of the first two and the last two planes, one after the other."""
 
 
-class _AbstractOneMaterial(AbstractStencil):
-    node_capacity: eqx.AbstractVar[Float[Array, ""]]
+class Stencil(AbstractStencil):
+    """One material: one conductance or three, a capacity, and a byte for each voxel."""
+
+    node_capacity: Float[Array, ""]
     """Heat capacity of each voxel, rho c_p V [J/K]."""
-    node_count: eqx.AbstractVar[int]
+    node_count: int
+    degree: UInt8[Array, "x y z"]
+    """Number of neighbours of each node; with three conductances the numbers along x,
+    y and z in two bits each (`solid_degree`)."""
+    conductance: Float[Array, "*axes"]
+    """Conductance of each link, k * pitch [W/K], or of those along x, y and z."""
+    beyond: Beyond | None = None
+
+    @override
+    def ends(self) -> "Stencil":
+        return replaced(self, degree=end_planes(self.degree, 2))
+
+    def _by_axis(self) -> list[tuple[Float[Array, ""], Shaped[Array, "x y z"]]]:
+        """Conductance and number of links along each axis; all links for one of k."""
+        if not self.conductance.ndim:
+            return [(self.conductance, self.degree)] * 3
+        dtype = self.conductance.dtype
+        return [
+            (conductance, _axis_degree(self.degree, axis, dtype))
+            for axis, conductance in enumerate(self.conductance)
+        ]
+
+    @override
+    def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
+        return conduct(
+            _STENCIL, state=state, factors=self.conductance, layout=self.degree
+        )
+
+    @override
+    def face_heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
+        return _face_heat_rate(state, self._by_axis(), self.beyond)
+
+    @override
+    def euler_step(
+        self, state: Float[Array, "..."], dt: Float[Array, ""]
+    ) -> Float[Array, "..."]:
+        ratio = dt * (self.conductance / self.node_capacity)
+        return conduct_step(_STENCIL, state=state, factors=ratio, layout=self.degree)
+
+    @override
+    def diagonal(self) -> Float[Array, "..."]:
+        by_axis = self._by_axis()[: self.conductance.size]
+        total = sum(g * degree.astype(g.dtype) for g, degree in by_axis)
+        return jnp.pad(jnp.asarray(total), 1)
+
+    @override
+    def max_rate(self) -> Float[Array, ""]:
+        return self.diagonal().max() / self.node_capacity
 
     @override
     def capacity(self) -> Float[Array, "..."]:
@@ -175,122 +238,6 @@ class _AbstractOneMaterial(AbstractStencil):
     @override
     def stored(self, state: Float[Array, "..."]) -> Float[Array, ""]:
         return self.node_capacity * precise_sum(state)
-
-
-class UniformStencil(_AbstractOneMaterial):
-    """One material: one conductance, one capacity, and a byte for each voxel."""
-
-    node_capacity: Float[Array, ""]
-    node_count: int
-    degree: UInt8[Array, "x y z"]
-    conductance: Float[Array, ""]
-    """Conductance of each link, k * pitch [W/K]."""
-    beyond: Beyond | None = None
-
-    @override
-    def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        return conduct(
-            _UNIFORM, state=state, factors=self.conductance, layout=self.degree
-        )
-
-    @override
-    def ends(self) -> "UniformStencil":
-        return replaced(self, degree=end_planes(self.degree, 2))
-
-    @override
-    def face_heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        return _face_heat_rate(
-            state,
-            conductances=[self.conductance] * 3,
-            degrees=[self.degree] * 3,
-            beyond=self.beyond,
-        )
-
-    @override
-    def euler_step(
-        self, state: Float[Array, "..."], dt: Float[Array, ""]
-    ) -> Float[Array, "..."]:
-        ratio = dt * (self.conductance / self.node_capacity)
-        return conduct_step(_UNIFORM, state=state, factors=ratio, layout=self.degree)
-
-    @override
-    def diagonal(self) -> Float[Array, "..."]:
-        degree = self.degree.astype(self.conductance.dtype)
-        return jnp.pad(self.conductance * degree, 1)
-
-    @override
-    def max_rate(self) -> Float[Array, ""]:
-        highest = self.degree.max().astype(self.conductance.dtype)
-        return highest * self.conductance / self.node_capacity
-
-
-class OrthotropicStencil(_AbstractOneMaterial):
-    """One material: three conductances, one capacity, and a byte for each voxel.
-
-    The byte holds the number of neighbours along each axis, 0 to 2, in two bits each.
-    """
-
-    node_capacity: Float[Array, ""]
-    node_count: int
-    degrees: UInt8[Array, "x y z"]
-    conductance: Float[Array, "3"]
-    """Conductance of links along x, y, z, k * pitch [W/K]."""
-    beyond: Beyond | None = None
-
-    @override
-    def ends(self) -> "OrthotropicStencil":
-        return replaced(self, degrees=end_planes(self.degrees, 2))
-
-    def _change(self, state, factor):
-        """Inner state, and sum over the axes of factor (neighbours - degree T)."""
-        # Barriers as in the uniform stencil.
-        state, degrees = jax.lax.optimization_barrier((state, self.degrees))
-        centre = state[1:-1, 1:-1, 1:-1]
-        total = jnp.zeros_like(centre)
-        for axis, pair in enumerate(_neighbour_sums(state)):
-            row = jnp.broadcast_to(factor[axis], (1, 1, centre.shape[2]))
-            degree = _axis_degree(degrees, axis, row.dtype)
-            total = total + jax.lax.optimization_barrier(row) * (pair - degree * centre)
-        return centre, jnp.where(degrees > 0, total, 0)
-
-    @override
-    def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        return jnp.pad(self._change(state, self.conductance)[1], 1)
-
-    @override
-    def face_heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        dtype = self.conductance.dtype
-        degrees = [_axis_degree(self.degrees, axis, dtype) for axis in range(3)]
-        return _face_heat_rate(
-            state,
-            conductances=tuple(self.conductance),
-            degrees=degrees,
-            beyond=self.beyond,
-        )
-
-    @override
-    def euler_step(
-        self, state: Float[Array, "..."], dt: Float[Array, ""]
-    ) -> Float[Array, "..."]:
-        ratio = dt * (self.conductance / self.node_capacity)
-        centre, change = self._change(state, ratio)
-        return jnp.pad(centre + change, 1)
-
-    @override
-    def diagonal(self) -> Float[Array, "..."]:
-        total = sum(
-            g * _axis_degree(self.degrees, axis, g.dtype)
-            for axis, g in enumerate(self.conductance)
-        )
-        return jnp.pad(jnp.asarray(total), 1)
-
-    @override
-    def max_rate(self) -> Float[Array, ""]:
-        return self.diagonal().max() / self.node_capacity
-
-
-def _axis_degree(degrees, axis, dtype):
-    return ((degrees >> jnp.uint8(2 * axis)) & jnp.uint8(3)).astype(dtype)
 
 
 class HeterogeneousStencil(AbstractStencil):

@@ -5,7 +5,7 @@ The operator follows from the structure and from the materials:
 | structure | one material | several materials |
 |---|---|---|
 | full volume with `kernels="numba"` | `RunStencil` | refused |
-| full volume | `UniformStencil`, `OrthotropicStencil` | `HeterogeneousStencil` |
+| full volume | `Stencil` | `HeterogeneousStencil` |
 | the same on several devices | `ShardedStencil` of these | `ShardedStencil` of these |
 | all others, and with weights | `RowNetwork` | `RowNetwork` |
 

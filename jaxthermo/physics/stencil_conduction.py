@@ -13,8 +13,7 @@ from ..network.network import AbstractNetwork
 from ..network.sharded_stencil import ShardedStencil
 from ..network.stencil import (
     HeterogeneousStencil,
-    OrthotropicStencil,
-    UniformStencil,
+    Stencil,
     solid_degree,
 )
 from ..parallel.devices import mesh_of
@@ -37,20 +36,19 @@ def uniform_stencil(
     conductance = conductivity * grid.pitch
     capacity = heat * grid.voxel_volume
     orthotropic = bool(conductivity.ndim)
-    stencil = OrthotropicStencil if orthotropic else UniformStencil
     bits = 2 if orthotropic else 0
     if lattice is None:
         degree = structure.found(
             ("solid_degree", bits), lambda: device_array(solid_degree(grid.solid, bits))
         )
-        base = stencil(capacity, structure.node_count, degree, conductance)
+        base = Stencil(capacity, structure.node_count, degree, conductance)
     else:
         degree, beyond = structure.found(
             ("sharded_degree", bits), lambda: _section_degrees(structure, bits)
         )
         if orthotropic:
             conductance = conductance[np.array(lattice.axes)]
-        sections = stencil(
+        sections = Stencil(
             capacity, structure.node_count, degree, conductance, beyond=beyond
         )
         base = ShardedStencil(sections, mesh_of(lattice.count))

@@ -8,7 +8,7 @@ import pytest
 
 from jaxthermo.geometry import shapes
 from jaxthermo.network.cut_stencil import CutStencil
-from jaxthermo.network.stencil import UniformStencil
+from jaxthermo.network.stencil import Stencil
 from jaxthermo.physics.conduction import _assemble_mixed, assemble_uniform
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.voxels.voxelize import voxelize
@@ -25,8 +25,9 @@ def network(conductivity, stencil, mixed=False):
         return structure, assemble_uniform(structure, conductivity, HEAT, jnp.float64)
     painted = np.arange(structure.node_count, dtype=np.int32) % 2
     k = jnp.array(conductivity)
-    two = jnp.stack([k, 3 * k]), jnp.array([HEAT] * 2)
-    return structure, _assemble_mixed(structure, painted, *two)
+    conductivities = jnp.stack([k, 3 * k])
+    heat = jnp.array([HEAT] * 2)
+    return structure, _assemble_mixed(structure, painted, conductivities, heat)
 
 
 @eqx.filter_jit
@@ -57,16 +58,16 @@ def test_every_operator_is_that_of_the_links(conductivity, mixed):
     theta = np.random.default_rng(1).normal(size=GRID.solid_count)
     fast = network(conductivity, True, mixed)
     assert type(fast[1]) is CutStencil
-    found = values_of(*fast, theta)
+    actual = values_of(*fast, theta)
     expected = values_of(*network(conductivity, False, mixed), theta)
     for name, exact in expected.items():
         np.testing.assert_allclose(
-            found[name], exact, rtol=1e-11, atol=1e-9, err_msg=name
+            actual[name], exact, rtol=1e-11, atol=1e-9, err_msg=name
         )
     heat = HEAT * GRID.body_volume
-    assert float(found["total_capacity"]) == pytest.approx(heat, rel=1e-13)
+    assert float(actual["total_capacity"]) == pytest.approx(heat, rel=1e-13)
     # What flows is neither made nor lost.
-    rate = np.asarray(found["heat_rate"])
+    rate = np.asarray(actual["heat_rate"])
     assert abs(rate.sum()) < 1e-13 * np.abs(rate).sum()
 
 
@@ -74,10 +75,12 @@ def test_cells_without_a_node_stay_at_zero():
     structure, operator = network(16.0, True)
     state = np.zeros(structure.state_shape)
     state[structure.node_address()] = 1.0 + np.arange(structure.node_count)
-    both = eqx.filter_jit(lambda own, *at: (own.euler_step(*at), own.capacity()))
-    after, empty = map(np.array, both(operator, state, np.array(0.1)))
-    after[structure.node_address()] = 0.0
-    assert not after.any()
+    networks = eqx.filter_jit(
+        lambda network, *at: (network.euler_step(*at), network.capacity())
+    )
+    stepped, empty = map(np.array, networks(operator, state, np.array(0.1)))
+    stepped[structure.node_address()] = 0.0
+    assert not stepped.any()
     empty[structure.node_address()] = 0.0
     assert not empty.any()
 
@@ -97,21 +100,21 @@ def test_the_derivative_by_conductivity_and_capacity_is_the_difference_quotient(
     k = 16.0
     heat = HEAT
     step = 1e-5
-    both = jax.jit(jax.value_and_grad(after, argnums=(0, 1)))
-    found = both(k, heat)[1]
-    value = lambda *given: both(*given)[0]
+    structures = jax.jit(jax.value_and_grad(after, argnums=(0, 1)))
+    actual = structures(k, heat)[1]
+    value = lambda *given: structures(*given)[0]
     quotient = (
         (value(k * (1 + step), heat) - value(k * (1 - step), heat)) / (2 * step * k),
         (value(k, heat * (1 + step)) - value(k, heat * (1 - step))) / (2 * step * heat),
     )
-    np.testing.assert_allclose(found, quotient, rtol=1e-7)
+    np.testing.assert_allclose(actual, quotient, rtol=1e-7)
 
 
 def test_a_body_of_whole_voxels_has_the_plain_stencil():
     """A box whose faces lie between voxels: nothing of cut ones is compiled."""
-    for end, kind in ((0.0, UniformStencil), (0.004, CutStencil)):
+    for end, kind in ((0.0, Stencil), (0.004, CutStencil)):
         grid = voxelize(shapes.box((0.04, 0.03, 0.05 + end)), 0.01)
         structure = FullVolume(grid, stencil=True)
-        found = assemble_uniform(structure, jnp.asarray(16.0), HEAT, jnp.float64)
-        assert type(found) is kind
+        actual = assemble_uniform(structure, jnp.asarray(16.0), HEAT, jnp.float64)
+        assert type(actual) is kind
         assert grid.cut is not None and grid.cut.is_empty == (end == 0.0)

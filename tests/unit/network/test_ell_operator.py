@@ -28,8 +28,12 @@ def _both(src, dst, seed):
     random = np.random.default_rng(seed)
     conductance = jax.device_put(random.random(len(src)))
     capacity = jax.device_put(1 + random.random(NODES))
-    ends = jax.device_put(src), jax.device_put(dst)
-    pairs = LinkNetwork(*ends, conductance, capacity)
+    pairs = LinkNetwork(
+        src=jax.device_put(src),
+        dst=jax.device_put(dst),
+        conductance=conductance,
+        node_capacity=capacity,
+    )
     return pairs, row_network(row_layout(NODES, src, dst), conductance, capacity)
 
 
@@ -59,13 +63,13 @@ def test_rows_are_the_pairs(seed, hub):
     src, dst = _random_links(seed, hub)
     pairs, rows = _both(src, dst, seed)
     state = jnp.asarray(np.random.default_rng(seed + 1).normal(size=NODES))
-    found = _all_of(rows, state)
+    actual = _all_of(rows, state)
     expected = _all_of(pairs, state)
     for name, value in expected.items():
         np.testing.assert_allclose(
-            found[name], value, rtol=1e-12, atol=1e-13, err_msg=name
+            actual[name], value, rtol=1e-12, atol=1e-13, err_msg=name
         )
-    assert abs(np.asarray(found["heat_rate"]).sum()) < 1e-12
+    assert abs(np.asarray(actual["heat_rate"]).sum()) < 1e-12
 
 
 @settings(max_examples=25, deadline=None)
@@ -78,9 +82,9 @@ def test_every_link_stands_in_the_rows_of_both_its_nodes(seed, hub):
     ]
     seen = [(n, link) for n, link in seen if link < LINKS]
     seen += list(zip(layout.list_node, layout.list_link, strict=True))
-    wanted = [(n, link) for link in range(LINKS) for n in (src[link], dst[link])]
+    expected = [(n, link) for link in range(LINKS) for n in (src[link], dst[link])]
     assert sorted((int(a), int(b)) for a, b in seen) == sorted(
-        (int(a), int(b)) for a, b in wanted
+        (int(a), int(b)) for a, b in expected
     )
     assert (np.diff(layout.list_node) >= 0).all()
 
@@ -100,11 +104,11 @@ def test_nodes_without_any_link():
     none = np.zeros(0, np.int32)
     pairs, rows = _both(none, none, 0)
     state = np.arange(NODES, dtype=float)
-    found = _all_of(rows, state)
+    actual = _all_of(rows, state)
     expected = _all_of(pairs, state)
-    np.testing.assert_array_equal(found["heat_rate"], 0.0)
-    np.testing.assert_array_equal(found["euler_step"], state)
-    assert float(found["max_rate"]) == float(expected["max_rate"]) == 0.0
+    np.testing.assert_array_equal(actual["heat_rate"], 0.0)
+    np.testing.assert_array_equal(actual["euler_step"], state)
+    assert float(actual["max_rate"]) == float(expected["max_rate"]) == 0.0
 
 
 def test_the_derivative_reaches_every_conductance():
@@ -117,8 +121,8 @@ def test_the_derivative_reaches_every_conductance():
         rate = row_network(layout, conductance, capacity).heat_rate(state)
         return -(state * rate).sum()
 
-    found = jax.jit(jax.grad(energy))(np.ones(LINKS))
+    actual = jax.jit(jax.grad(energy))(np.ones(LINKS))
     exact = (np.asarray(state)[src] - np.asarray(state)[dst]) ** 2
-    np.testing.assert_allclose(found, exact, rtol=1e-12)
-    assert float(found.min()) >= 0.0
-    assert exact.max() == pytest.approx(float(found.max()))
+    np.testing.assert_allclose(actual, exact, rtol=1e-12)
+    assert float(actual.min()) >= 0.0
+    assert exact.max() == pytest.approx(float(actual.max()))

@@ -34,8 +34,8 @@ def _exact(prop, reference, theta):
 
 @jax.jit
 def _all_of(integral, theta):
-    there = integral(theta)
-    return there, integral.inverse(there), integral.slope(theta)
+    is_between = integral(theta)
+    return is_between, integral.inverse(is_between), integral.slope(theta)
 
 
 @settings(max_examples=25, deadline=None)
@@ -46,15 +46,15 @@ def test_the_integral_its_inverse_and_its_slope(seed, at_knot):
     if at_knot:
         reference = float(prop.temperatures[1])
     theta = np.r_[0.0, prop.temperatures - reference, POINTS]
-    found, back, slope = _all_of(
+    actual, back, slope = _all_of(
         kirchhoff_transform(prop, reference, jnp.float64), jnp.asarray(theta)
     )
     exact = [_exact(prop, reference, x) for x in theta]
-    np.testing.assert_allclose(found, exact, rtol=1e-11, atol=1e-11)
+    np.testing.assert_allclose(actual, exact, rtol=1e-11, atol=1e-11)
     np.testing.assert_allclose(back, theta, rtol=1e-10, atol=1e-9)
     expected = prop(theta + reference) / prop(reference)
     np.testing.assert_allclose(slope, expected, rtol=1e-11)
-    assert found[0] == 0.0 and back[0] == 0.0
+    assert actual[0] == 0.0 and back[0] == 0.0
 
 
 def test_bounds_are_those_of_the_table():

@@ -104,10 +104,10 @@ def test_it_agrees_with_a_direct_solve_and_beats_the_diagonal(kind):
     matrix = _sparse(structure, network, m)
     exact = sparse.linalg.spsolve(matrix.tocsc(), np.asarray(b)[address])
     levels = hierarchy(structure, network)
-    found, count, _ = _solve(network, levels, m, b)
-    found = np.asarray(found)
-    np.testing.assert_allclose(found[address], exact, rtol=1e-6)
-    assert abs(found.sum() - found[address].sum()) < 1e-9 * abs(found.sum())
+    actual, count, _ = _solve(network, levels, m, b)
+    actual = np.asarray(actual)
+    np.testing.assert_allclose(actual[address], exact, rtol=1e-6)
+    assert abs(actual.sum() - actual[address].sum()) < 1e-9 * abs(actual.sum())
     plain = _solve(network, jacobi(network, m), m, b)[1]
     assert int(count) * 4 < int(plain)
 
@@ -185,8 +185,8 @@ def test_in_single_precision_and_with_nothing_that_holds_the_body():
     b = np.array(b)
     b[address] -= b[address].mean()
     levels = hierarchy(structure, network)
-    found, count, residual = _solve(network, levels, 0 * m, b, tolerance=1e-4)
-    assert found.dtype == np.float32
+    actual, count, residual = _solve(network, levels, 0 * m, b, tolerance=1e-4)
+    assert actual.dtype == np.float32
     assert int(count) <= 12
     assert float(residual) < 5e-4
 
@@ -206,9 +206,9 @@ def test_conductances_may_be_traced_and_steps_mapped():
     factor = jnp.array([1.0, 3.0])
     mapped = jax.jit(jax.vmap(solution))(k, factor)
     alone = jax.jit(solution)
-    for one in range(2):
-        wanted = alone(k[one], factor[one])
-        np.testing.assert_allclose(mapped[one], wanted, rtol=1e-9)
+    for cycle in range(2):
+        expected = alone(k[cycle], factor[cycle])
+        np.testing.assert_allclose(mapped[cycle], expected, rtol=1e-9)
 
 
 def test_a_varying_body_is_preconditioned_as_it_is_at_the_reference():

@@ -44,9 +44,11 @@ def _network(kind):
     if kind != "links":
         return structure, network
     links = structure.links()
-    ends = jnp.asarray(links.src), jnp.asarray(links.dst)
     return structure, LinkNetwork(
-        *ends, jnp.full(len(links.src), 2.0), jnp.ones(structure.node_count)
+        src=jnp.asarray(links.src),
+        dst=jnp.asarray(links.dst),
+        conductance=jnp.full(len(links.src), 2.0),
+        node_capacity=jnp.ones(structure.node_count),
     )
 
 
@@ -65,8 +67,8 @@ def _matrix(call, given, m, structure):
     unit[(np.arange(n), *address)] = 1.0
     images = np.asarray(call(given, m, unit))
     columns = images[(slice(None), *address)]
-    others = np.abs(images).reshape(n, -1).sum(1) - np.abs(columns).sum(1)
-    assert np.abs(others).max() < 1e-12 * np.abs(columns).max()
+    neighbours = np.abs(images).reshape(n, -1).sum(1) - np.abs(columns).sum(1)
+    assert np.abs(neighbours).max() < 1e-12 * np.abs(columns).max()
     return columns
 
 
@@ -98,12 +100,12 @@ def test_the_cycle_is_symmetric_positive_and_near_the_inverse(body):
     m = _state(structure, 10.0 ** random.uniform(-4, 1, structure.node_count))
     levels = hierarchy(structure, network)
     assert len(levels.networks) > 1
-    found = _matrix(_cycles, levels, m, structure)
-    scale = np.sqrt(np.outer(np.diag(found), np.diag(found)))
-    assert (np.abs(found - found.T) / scale).max() < 1e-12
+    actual = _matrix(_cycles, levels, m, structure)
+    scale = np.sqrt(np.outer(np.diag(actual), np.diag(actual)))
+    assert (np.abs(actual - actual.T) / scale).max() < 1e-12
     exact = _matrix(_operators, network, m, structure)
     half = np.linalg.cholesky(exact)
-    spectrum = np.linalg.eigvalsh(half.T @ found @ half)
+    spectrum = np.linalg.eigvalsh(half.T @ actual @ half)
     assert spectrum.min() > 0
     if isinstance(network, HeterogeneousStencil):
         # Parts that conduct well and are connected poorly, joined by larger blocks.
@@ -129,8 +131,8 @@ def test_few_nodes_are_solved_exactly(seed):
 
 
 @jax.jit
-def _solved_again(network, m, wanted):
-    return dense_solve(network, m)(-network.heat_rate(wanted))
+def _solved_again(network, m, expected):
+    return dense_solve(network, m)(-network.heat_rate(expected))
 
 
 @jax.jit
@@ -150,9 +152,9 @@ def test_a_body_that_nothing_holds_stays_finite_and_solved(dtype):
     network = assemble_uniform(structure, 1.0, 1.0, dtype)
     nothing = np.zeros(structure.state_shape, dtype)
     values = np.random.default_rng(1).normal(size=24)
-    wanted = np.asarray(_state(structure, values)).astype(dtype)
-    found = _solved_again(network, nothing, wanted)
-    gap = np.asarray(found - wanted)[structure.node_address()]
+    expected = np.asarray(_state(structure, values)).astype(dtype)
+    actual = _solved_again(network, nothing, expected)
+    gap = np.asarray(actual - expected)[structure.node_address()]
     assert np.ptp(gap) < (2e-3 if dtype == np.float32 else 1e-9)
 
 

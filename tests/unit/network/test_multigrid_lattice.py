@@ -28,14 +28,14 @@ def test_total_and_spread_are_transposes(shape):
     coarse = np.asarray(jax.jit(transfer.restrict)(fine))
     assert coarse.shape == tuple((n + 1) // 2 + 2 for n in shape)
     np.testing.assert_allclose(coarse.sum(), fine.sum(), atol=1e-12)
-    other = np.pad(random.normal(size=coarse.shape)[1:-1, 1:-1, 1:-1], 1)
-    spread = np.asarray(jax.jit(transfer.prolong)(other))
+    across = np.pad(random.normal(size=coarse.shape)[1:-1, 1:-1, 1:-1], 1)
+    spread = np.asarray(jax.jit(transfer.prolong)(across))
     assert spread.shape == fine.shape
-    np.testing.assert_allclose((spread * fine).sum(), (other * coarse).sum())
+    np.testing.assert_allclose((spread * fine).sum(), (across * coarse).sum())
     i = 2
     j = 3
     k = 0
-    assert spread[i + 1, j + 1, k + 1] == other[i // 2 + 1, j // 2 + 1, k // 2 + 1]
+    assert spread[i + 1, j + 1, k + 1] == across[i // 2 + 1, j // 2 + 1, k // 2 + 1]
 
 
 @pytest.mark.parametrize("k", [2.0, (3.0, 1.0, 0.5)])
@@ -44,9 +44,9 @@ def test_a_coarse_box_is_a_box_of_larger_voxels(k):
     fine, coarse = _lattice_levels(_body((8, 4, 6), jnp.asarray(k)), 200)[0]
     again = _body((4, 2, 3), 2 * jnp.asarray(k))
     state = np.pad(np.random.default_rng(0).normal(size=(4, 2, 3)), 1)
-    rates = (np.asarray(_heat_rate(each, state)) for each in (coarse, again))
-    found, expected = (rate[1:-1, 1:-1, 1:-1] for rate in rates)
-    np.testing.assert_allclose(found, expected, atol=1e-12)
+    rates = (np.asarray(_heat_rate(faces, state)) for faces in (coarse, again))
+    actual, expected = (rate[1:-1, 1:-1, 1:-1] for rate in rates)
+    np.testing.assert_allclose(actual, expected, atol=1e-12)
 
 
 def test_faces_of_a_mixed_body_are_those_between_its_blocks():
@@ -63,11 +63,11 @@ def test_faces_of_a_mixed_body_are_those_between_its_blocks():
     plain = _lattice_levels(uniform, 100)[0][1]
     assert isinstance(plain, HeterogeneousStencil)
     for axis, face in enumerate(network.face_conductance):
-        wanted = np.zeros(coarse.face_conductance[axis].shape)
-        counted = np.zeros_like(wanted)
-        for place in np.argwhere(np.asarray(face) > 0):
-            if place[axis] % 2 == 0:
-                wanted[tuple(place // 2)] += face[tuple(place)] / 2
-                counted[tuple(place // 2)] += 0.5
-        np.testing.assert_allclose(coarse.face_conductance[axis], wanted, rtol=1e-12)
+        expected = np.zeros(coarse.face_conductance[axis].shape)
+        counted = np.zeros_like(expected)
+        for cell in np.argwhere(np.asarray(face) > 0):
+            if cell[axis] % 2 == 0:
+                expected[tuple(cell // 2)] += face[tuple(cell)] / 2
+                counted[tuple(cell // 2)] += 0.5
+        np.testing.assert_allclose(coarse.face_conductance[axis], expected, rtol=1e-12)
         np.testing.assert_allclose(plain.face_conductance[axis], counted)

@@ -61,14 +61,14 @@ def test_linear_temperatures_conduct_exactly(slanted, kind):
     """Through every face flows k A g . n, whatever lies on its sides."""
     structure = _structure(slanted, kind)
     links = structure.links()
-    place = structure.nodes().location
+    position = structure.nodes().location
     flow = K * links.area * (_face_normals(structure) @ SLOPE)
     exact = np.zeros(structure.node_count)
     np.add.at(exact, links.src, flow)
     np.add.at(exact, links.dst, -flow)
     plain, corrected = (
-        np.abs(np.asarray(_heat_rate(made, place @ SLOPE)) - exact)
-        for made in (_structure(slanted, kind, 0.0), structure)
+        np.abs(np.asarray(_heat_rate(networks, position @ SLOPE)) - exact)
+        for networks in (_structure(slanted, kind, 0.0), structure)
     )
     # Nodes at edges have flat second moments, hence no gradient across.
     assert (corrected < 1e-9 * np.abs(exact).max()).mean() > 0.9
@@ -175,9 +175,9 @@ def test_what_solves_refuses_it_in_a_line(slanted):
     cooled = jt.Convection(heat_transfer_coefficient=10.0, temperature=300.0)
     scene = jt.Scene((body,), (cooled,), dtype="float64")
     for solver in (jt.TRBDF2(), jt.BackwardEuler(dt=10.0)):
-        with pytest.raises(jt.InputError, match="not symmetric") as found:
+        with pytest.raises(jt.InputError, match="not symmetric") as actual:
             jt.simulate(scene, 60.0, solver=solver)
-        assert "\n" not in str(found.value)
+        assert "\n" not in str(actual.value)
     with pytest.raises(jt.InputError, match="non_orthogonal"):
         jt.steady(scene)
     solution = jt.simulate(scene, 60.0, solver=jt.SuperTimeStepping(dt=10.0))

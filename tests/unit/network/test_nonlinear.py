@@ -80,18 +80,18 @@ def test_the_rate_is_that_of_the_integrals(grid, kind):
     network = material_network(structure, STEEL, REFERENCE, jnp.float64)
     theta = np.asarray(_start(structure))
     phi = np.zeros(theta.shape)
-    for place in zip(*structure.node_address(), strict=True):
-        ends = np.linspace(REFERENCE, REFERENCE + float(theta[place]), 4001)
-        phi[place] = np.trapezoid(K(ends), ends) / K(REFERENCE)
+    for address in zip(*structure.node_address(), strict=True):
+        ends = np.linspace(REFERENCE, REFERENCE + float(theta[address]), 4001)
+        phi[address] = np.trapezoid(K(ends), ends) / K(REFERENCE)
     linear = assemble_uniform(
         structure, K(REFERENCE), DENSITY * HEAT(REFERENCE), jnp.float64
     )
-    found, exact = (
-        np.asarray(_heat_rate(each, values))
-        for each, values in ((network, theta), (linear, phi))
+    actual, exact = (
+        np.asarray(_heat_rate(rates, values))
+        for rates, values in ((network, theta), (linear, phi))
     )
-    np.testing.assert_allclose(found, exact, atol=2e-8 * np.abs(exact).max())
-    assert abs(found.sum()) < 1e-13 * np.abs(found).sum()
+    np.testing.assert_allclose(actual, exact, atol=2e-8 * np.abs(exact).max())
+    assert abs(actual.sum()) < 1e-13 * np.abs(actual).sum()
 
 
 @pytest.mark.parametrize("kind", STRUCTURES)
@@ -103,19 +103,19 @@ def test_heat_is_kept_to_rounding_and_temperatures_stay_within_bounds(grid, kind
     assert moved > 0.0
     assert abs(drift) < 1e-12 * moved
     now = np.asarray(now)[structure.node_address()]
-    before = theta[structure.node_address()]
-    assert before.min() - 1e-9 < now.min() and now.max() < before.max() + 1e-9
-    assert float(now.max() - now.min()) < 0.6 * float(before.max() - before.min())
+    start = theta[structure.node_address()]
+    assert start.min() - 1e-9 < now.min() and now.max() < start.max() + 1e-9
+    assert float(now.max() - now.min()) < 0.6 * float(start.max() - start.min())
 
 
 def test_empty_cells_stay_at_zero(grid):
     structure = jt.FullVolume(grid)
     network = material_network(structure, STEEL, REFERENCE, jnp.float64)
-    after = np.array(
+    end = np.array(
         _run(network, network.state_of(_start(structure)), jnp.array(1e-3), 3)
     )
-    after[structure.node_address()] = 0.0
-    assert not after.any()
+    end[structure.node_address()] = 0.0
+    assert not end.any()
 
 
 @pytest.mark.parametrize("kind", STRUCTURES)
@@ -130,8 +130,8 @@ def test_constant_properties_give_the_linear_network(grid, kind):
     theta = _start(structure)
     dt = 1 / linear.max_rate()
     assert float(network.max_rate()) == pytest.approx(float(1 / dt), rel=1e-14)
-    found = network.temperature(_run(network, network.state_of(theta), dt, 30))
-    np.testing.assert_allclose(found, _run(linear, theta, dt, 30), atol=1e-11)
+    actual = network.temperature(_run(network, network.state_of(theta), dt, 30))
+    np.testing.assert_allclose(actual, _run(linear, theta, dt, 30), atol=1e-11)
 
 
 def test_numbers_give_a_linear_network_and_halves_are_dropped(grid):
@@ -151,13 +151,13 @@ def test_numbers_give_a_linear_network_and_halves_are_dropped(grid):
 def test_what_the_surface_needs_to_know(grid):
     network = _varying(jt.FullVolume(grid), STEEL)
     kelvin = np.array([200.0, 300.0, 310.0, 350.0, 500.0])
-    found = network.relative_conductivity(jnp.asarray(kelvin - REFERENCE))
-    np.testing.assert_allclose(found, K(kelvin) / K(REFERENCE), rtol=1e-13)
+    actual = network.relative_conductivity(jnp.asarray(kelvin - REFERENCE))
+    np.testing.assert_allclose(actual, K(kelvin) / K(REFERENCE), rtol=1e-13)
     largest = network.max_relative_conductivity()
-    least = HEAT.values.min()
+    smallest = HEAT.values.min()
     assert float(largest) == pytest.approx(16.0 / K(REFERENCE))
     assert float(network.min_relative_capacity()) == pytest.approx(
-        least / HEAT(REFERENCE)
+        smallest / HEAT(REFERENCE)
     )
     wide = np.linspace(250.0, 450.0, 200_001)
     fastest = (K(wide) / HEAT(wide)).max() / (K(REFERENCE) / HEAT(REFERENCE))
@@ -199,8 +199,8 @@ def test_gradients_of_a_run_are_finite_differences():
         )
         network = _varying(structure, steel)
         step = lambda _, state: network.euler_step(state, jnp.asarray(2.0))
-        after = jax.lax.fori_loop(0, 8, step, network.state_of(start))
-        return (network.temperature(after) ** 2).mean()
+        end = jax.lax.fori_loop(0, 8, step, network.state_of(start))
+        return (network.temperature(end) ** 2).mean()
 
     at = np.array([10.0, 16.0, 13.0, 400.0, 600.0])
     slopes = jax.jit(jax.grad(warmth))(jnp.asarray(at))
@@ -215,8 +215,8 @@ def test_several_materials_of_numbers_are_linear(grid):
     structure = jt.FullVolume(grid)
     number = np.zeros(structure.node_count, np.int32)
     plain = jt.Material(16.0, 8e3, 500.0)
-    given = (plain, STEEL.at(300))
-    network = materials_network(structure, number, given, 300.0, jnp.float64)
+    materials = (plain, STEEL.at(300))
+    network = materials_network(structure, number, materials, 300.0, jnp.float64)
     assert float(network.total_capacity()) == pytest.approx(
         4e6 * structure.node_count * PITCH**3
     )

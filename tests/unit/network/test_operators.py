@@ -52,8 +52,9 @@ def _operator(solid, which):
     if which == 4:
         return structure, _pairs(structure)
     painted = np.arange(structure.node_count, dtype=np.int32) % 2
-    two = jnp.array([K, K]), jnp.array([HEAT, HEAT])
-    return structure, _assemble_mixed(structure, painted, *two)
+    conductivities = jnp.array([K, K])
+    heat = jnp.array([HEAT, HEAT])
+    return structure, _assemble_mixed(structure, painted, conductivities, heat)
 
 
 def _pairs(structure):
@@ -90,11 +91,11 @@ def _by_hand(solid, values):
     for cell, n in number.items():
         for axis in range(3):
             for sign in (-1, 1):
-                other = number.get(
+                neighbour = number.get(
                     tuple(np.add(cell, sign * np.eye(3, dtype=int)[axis]))
                 )
-                if other is not None:
-                    rate[n] += K * PITCH * (values[other] - values[n])
+                if neighbour is not None:
+                    rate[n] += K * PITCH * (values[neighbour] - values[n])
                     diagonal[n] += K * PITCH
     return rate, diagonal
 
@@ -105,7 +106,7 @@ def _by_hand(solid, values):
 def test_every_operator_is_the_one_by_hand_symmetric_and_conserving(which, seed, count):
     solid = _solid(seed, count)
     structure, network = _operator(solid, which)
-    values, others = np.random.default_rng(seed + 1).normal(size=(2, count))
+    values, neighbours = np.random.default_rng(seed + 1).normal(size=(2, count))
     rate, diagonal = _by_hand(solid, values)
     node = HEAT * PITCH**3
     dt = 0.1
@@ -120,16 +121,16 @@ def test_every_operator_is_the_one_by_hand_symmetric_and_conserving(which, seed,
     }
     state = _state(structure, values)
     address = _address(structure)
-    found = _all_of(network, state, address, jnp.array(dt))
+    actual = _all_of(network, state, address, jnp.array(dt))
     for name, exact in expected.items():
         of_nodes = name in ("heat_rate", "euler_step")
-        number = _values(structure, found[name]) if of_nodes else found[name]
+        number = _values(structure, actual[name]) if of_nodes else actual[name]
         np.testing.assert_allclose(number, exact, rtol=1e-12, atol=1e-12, err_msg=name)
-    there = _values(structure, found["heat_rate"])
-    again = _all_of(network, _state(structure, others), address, jnp.array(dt))
+    there = _values(structure, actual["heat_rate"])
+    again = _all_of(network, _state(structure, neighbours), address, jnp.array(dt))
     back = _values(structure, again["heat_rate"])
     scale = np.abs(there).sum()
-    assert abs(others @ there - values @ back) <= 1e-13 * scale
+    assert abs(neighbours @ there - values @ back) <= 1e-13 * scale
     assert abs(there.sum()) <= 1e-14 * scale
     assert values @ there < 0.0 or not scale
 
@@ -138,10 +139,10 @@ def test_every_operator_is_the_one_by_hand_symmetric_and_conserving(which, seed,
 def test_empty_cells_stay_at_zero(which):
     structure, network = _operator(_solid(3), which)
     state = _state(structure, np.arange(structure.node_count) + 1.0)
-    found = _all_of(network, state, _address(structure), jnp.array(0.1))
-    after = found["euler_step"]
-    only_nodes = _state(structure, _values(structure, after))
-    np.testing.assert_array_equal(after, only_nodes)
+    actual = _all_of(network, state, _address(structure), jnp.array(0.1))
+    stepped = actual["euler_step"]
+    only_nodes = _state(structure, _values(structure, stepped))
+    np.testing.assert_array_equal(stepped, only_nodes)
 
 
 @pytest.mark.parametrize("mixed", [False, True])
@@ -154,18 +155,18 @@ def test_two_materials_take_the_harmonic_mean(mixed):
     )
     state = _state(structure, [1.0, 0.0])
     address = _address(structure)
-    found = _all_of(network, state, address, jnp.array(0.1))
-    rate = _values(structure, found["heat_rate"])
+    actual = _all_of(network, state, address, jnp.array(0.1))
+    rate = _values(structure, actual["heat_rate"])
     conductance = 2 * 401.0 * 0.2 / 401.2 * PITCH
     np.testing.assert_allclose(rate, [-conductance, conductance], rtol=1e-14)
-    np.testing.assert_allclose(found["capacity"], [1e6 * PITCH**3, 2e6 * PITCH**3])
+    np.testing.assert_allclose(actual["capacity"], [1e6 * PITCH**3, 2e6 * PITCH**3])
 
 
 @pytest.mark.parametrize(("first", "second"), [(0.0, 0.0), (0.0, 2.0), (3.0, 0.0)])
 def test_series_with_an_insulator_has_value_and_gradient(first, second):
-    one = np.array(1.0)
+    single = np.array(1.0)
     half = np.array(0.5)
-    link = lambda k: series(one, half, k, half, jnp.array(second))
+    link = lambda k: series(single, half, k, half, jnp.array(second))
     value, slope = jax.value_and_grad(link)(jnp.array(first))
     assert float(value) == 0.0
     # 1 / (1 / 2 k1 + 1 / 2 k2) -> 2 k1 for k1 << k2.
@@ -174,8 +175,8 @@ def test_series_with_an_insulator_has_value_and_gradient(first, second):
 
 def test_series_of_unequal_lengths_is_a_sum_of_resistances():
     area, first, second = (np.array(v) for v in (3.0, 0.2, 0.7))
-    found = series(area, first, jnp.array(5.0), second, jnp.array(2.0))
-    assert float(found) == pytest.approx(3.0 / (0.2 / 5.0 + 0.7 / 2.0), rel=1e-14)
+    actual = series(area, first, jnp.array(5.0), second, jnp.array(2.0))
+    assert float(actual) == pytest.approx(3.0 / (0.2 / 5.0 + 0.7 / 2.0), rel=1e-14)
 
 
 @pytest.mark.parametrize("stencil", [True, False])
@@ -186,8 +187,8 @@ def test_thin_bodies(stencil, shape):
     network = assemble_uniform(structure, K, HEAT, jnp.float64)
     values = np.arange(structure.node_count) * 1.0
     rate, _ = _by_hand(solid, values)
-    found = _values(structure, network.heat_rate(_state(structure, values)))
-    np.testing.assert_allclose(found, rate, rtol=1e-14)
+    actual = _values(structure, network.heat_rate(_state(structure, values)))
+    np.testing.assert_allclose(actual, rate, rtol=1e-14)
     assert structure.link_count == solid.size - 1
 
 
@@ -198,10 +199,10 @@ def test_precise_sum_of_a_million_float32(kind):
         values = values - np.float32(0.5)
     exact = math.fsum(values.tolist())
     scale = math.fsum(np.abs(values).tolist())
-    found = float(jax.jit(precise_sum)(jnp.asarray(values)))
+    actual = float(jax.jit(precise_sum)(jnp.asarray(values)))
     in_turn = float(np.cumsum(values)[-1])
-    print("precise_sum", (found - exact) / scale, "in turn", (in_turn - exact) / scale)
-    assert abs(found - exact) < 2.4e-7 * scale
+    print("precise_sum", (actual - exact) / scale, "in turn", (in_turn - exact) / scale)
+    assert abs(actual - exact) < 2.4e-7 * scale
     assert precise_sum(jnp.zeros((0,), jnp.float32)) == 0.0
 
 
@@ -220,5 +221,5 @@ def test_sums_over_a_box_are_not_one_sequence(shape):
 @given(count=st.sampled_from([1, 63, 64, 65, 4097]), seed=st.integers(0, 99))
 def test_precise_sum_of_any_length(count, seed):
     values = np.random.default_rng(seed).normal(size=count)
-    found = float(precise_sum(jnp.asarray(values)))
-    assert found == pytest.approx(math.fsum(values), abs=1e-14 * np.abs(values).sum())
+    actual = float(precise_sum(jnp.asarray(values)))
+    assert actual == pytest.approx(math.fsum(values), abs=1e-14 * np.abs(values).sum())

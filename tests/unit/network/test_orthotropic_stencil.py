@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from jaxthermo.network.link_operator import RowNetwork
 from jaxthermo.network.stencil import (
     HeterogeneousStencil,
-    OrthotropicStencil,
+    Stencil,
     solid_degree,
 )
 from jaxthermo.physics.conduction import _assemble_mixed, assemble_uniform
@@ -37,8 +37,9 @@ def _operator(solid, stencil, mixed):
     if not mixed:
         return structure, assemble_uniform(structure, K, HEAT, jnp.float64)
     painted = np.arange(COUNT, dtype=np.int32) % 2
-    two = jnp.array([K, K]), jnp.array([HEAT, HEAT])
-    return structure, _assemble_mixed(structure, painted, *two)
+    conductivities = jnp.array([K, K])
+    heat = jnp.array([HEAT, HEAT])
+    return structure, _assemble_mixed(structure, painted, conductivities, heat)
 
 
 KINDS = [(True, False), (False, False), (True, True), (False, True)]
@@ -53,9 +54,9 @@ def _by_hand(solid, values):
     for cell, n in number.items():
         for axis, step in enumerate(np.eye(3, dtype=int)):
             for sign in (-1, 1):
-                other = number.get(tuple(np.add(cell, sign * step)))
-                if other is not None:
-                    rate[n] += K[axis] * PITCH * (values[other] - values[n])
+                neighbour = number.get(tuple(np.add(cell, sign * step)))
+                if neighbour is not None:
+                    rate[n] += K[axis] * PITCH * (values[neighbour] - values[n])
                     diagonal[n] += K[axis] * PITCH
     return rate, diagonal
 
@@ -88,7 +89,7 @@ def test_every_operator_is_the_one_by_hand(kind, seed):
     rate, diagonal = _by_hand(solid, values)
     node = HEAT * PITCH**3
     address = jax.device_put(structure.node_address())
-    found = _all_of(network, _state(structure, values), address, jnp.array(0.1))
+    actual = _all_of(network, _state(structure, values), address, jnp.array(0.1))
     expected = {
         "heat_rate": rate,
         "euler_step": values + 0.1 * rate / node,
@@ -99,14 +100,14 @@ def test_every_operator_is_the_one_by_hand(kind, seed):
     }
     for name, exact in expected.items():
         np.testing.assert_allclose(
-            found[name], exact, rtol=1e-12, atol=1e-12, err_msg=name
+            actual[name], exact, rtol=1e-12, atol=1e-12, err_msg=name
         )
-    assert abs(float(found["heat_rate"].sum())) < 1e-13 * np.abs(rate).sum()
+    assert abs(float(actual["heat_rate"].sum())) < 1e-13 * np.abs(rate).sum()
 
 
 def test_which_operator_runs():
-    kinds = [type(_operator(_solid(0), *kind)[1]) for kind in KINDS]
-    assert kinds == [OrthotropicStencil, RowNetwork, HeterogeneousStencil, RowNetwork]
+    operators = [type(_operator(_solid(0), *kind)[1]) for kind in KINDS]
+    assert operators == [Stencil, RowNetwork, HeterogeneousStencil, RowNetwork]
 
 
 def test_degrees_by_axis_add_up():
@@ -120,9 +121,9 @@ def test_empty_cells_stay_at_zero():
     solid = _solid(3)
     structure, network = _operator(solid, True, False)
     state = _state(structure, np.arange(COUNT) + 1.0)
-    after = np.array(jax.jit(network.euler_step)(state, 0.1))
-    after[structure.node_address()] = 0.0
-    assert not after.any()
+    stepped = np.array(jax.jit(network.euler_step)(state, 0.1))
+    stepped[structure.node_address()] = 0.0
+    assert not stepped.any()
 
 
 def test_the_derivative_reaches_each_axis():
@@ -135,6 +136,6 @@ def test_the_derivative_reaches_each_axis():
         network = assemble_uniform(structure, k, HEAT, jnp.float64)
         return -(state * network.heat_rate(state)).sum()
 
-    found = jax.jit(jax.grad(dissipated))(np.array(K))
+    actual = jax.jit(jax.grad(dissipated))(np.array(K))
     exact = [PITCH * (np.diff(values, axis=a) ** 2).sum() for a in range(3)]
-    np.testing.assert_allclose(found, exact, rtol=1e-12)
+    np.testing.assert_allclose(actual, exact, rtol=1e-12)

@@ -69,17 +69,19 @@ def test_every_operator_is_that_of_the_links(grid, block):
     assert (len(runs.block) > 2) == (block == 400)
     fast, plain = both(grid)
     # Not the findings of the other number of blocks.
-    fast = eqx.tree_at(lambda own: own.runs, fast, jax.tree.map(jnp.asarray, runs))
+    fast = eqx.tree_at(
+        lambda structure: structure.runs, fast, jax.tree.map(jnp.asarray, runs)
+    )
     assert type(fast) is RunStencil
     theta = jnp.asarray(np.random.default_rng(1).normal(size=grid.solid_count))
     address = (jnp.asarray([0, 7, grid.solid_count // 2, grid.solid_count - 1]),)
-    found = all_of(fast, theta, address, jnp.array(0.1))
+    actual = all_of(fast, theta, address, jnp.array(0.1))
     expected = all_of(plain, theta, address, jnp.array(0.1))
     for name, exact in expected.items():
         np.testing.assert_allclose(
-            found[name], exact, rtol=1e-11, atol=1e-9, err_msg=name
+            actual[name], exact, rtol=1e-11, atol=1e-9, err_msg=name
         )
-    rate = np.asarray(found["heat_rate"])
+    rate = np.asarray(actual["heat_rate"])
     assert abs(rate.sum()) < 1e-13 * np.abs(rate).sum()
 
 
@@ -94,9 +96,9 @@ def test_single_precision():
     theta = np.random.default_rng(2).normal(size=CUT.solid_count)
     dt = 0.1
     exact = network(CUT, stencil=False).euler_step(jnp.asarray(theta), jnp.array(dt))
-    one = network(CUT, jnp.float32, kernels="numba")
-    found = one.euler_step(jnp.asarray(theta, jnp.float32), jnp.float32(dt))
-    np.testing.assert_allclose(found, exact, atol=2e-6)
+    single = network(CUT, jnp.float32, kernels="numba")
+    actual = single.euler_step(jnp.asarray(theta, jnp.float32), jnp.float32(dt))
+    np.testing.assert_allclose(actual, exact, atol=2e-6)
 
 
 @partial(jax.jit, static_argnames="options")
@@ -110,27 +112,27 @@ def _moved(conductivity, theta, options):
 @pytest.mark.slice
 def test_derivatives_are_those_of_the_links_and_of_differences():
     theta = jnp.asarray(np.random.default_rng(3).normal(size=CUT.solid_count))
-    at = jnp.array(CONDUCTIVITY), theta
-    gradient = lambda options: jax.grad(_moved, argnums=(0, 1))(*at, options)
-    found = gradient((("kernels", "numba"),))
-    expected = gradient((("stencil", False),))
+    gradient = jax.grad(_moved, argnums=(0, 1))
+    conductivity = jnp.array(CONDUCTIVITY)
+    actual = gradient(conductivity, theta, (("kernels", "numba"),))
+    expected = gradient(conductivity, theta, (("stencil", False),))
     jax.tree.map(
-        partial(np.testing.assert_allclose, rtol=1e-9, atol=1e-10), found, expected
+        partial(np.testing.assert_allclose, rtol=1e-9, atol=1e-10), actual, expected
     )
     value = lambda k: _moved(jnp.array(k), theta, (("kernels", "numba"),))
     difference = (value(16.001) - value(15.999)) / 0.002
-    np.testing.assert_allclose(found[0], difference, rtol=1e-6)
+    np.testing.assert_allclose(actual[0], difference, rtol=1e-6)
     along = jax.jvp(
         lambda k: _moved(k, theta, (("kernels", "numba"),)), at[:1], (jnp.ones(()),)
     )
-    np.testing.assert_allclose(along[1], found[0], rtol=1e-12)
+    np.testing.assert_allclose(along[1], actual[0], rtol=1e-12)
 
 
 def test_several_states_at_once():
     fast, plain = both(WHOLE)
     states = jnp.asarray(np.random.default_rng(4).normal(size=(3, WHOLE.solid_count)))
     dts = jnp.array([0.1, 0.2, 0.3])
-    step = lambda own: jax.vmap(own.euler_step)(states, dts)
+    step = lambda structure: jax.vmap(structure.euler_step)(states, dts)
     np.testing.assert_allclose(step(fast), step(plain), rtol=1e-11, atol=1e-11)
 
 
@@ -162,19 +164,20 @@ def _scene(kernels):
     "solver", [jt.ForwardEuler(), jt.SuperTimeStepping(dt=4.0)], ids=["euler", "rkl2"]
 )
 def test_a_scene_of_everything_is_that_of_the_stencil(solver):
-    found, expected = (
+    actual, expected = (
         jt.simulate(_scene(kernels), 20.0, solver=solver) for kernels in ("numba", None)
     )
-    surfaces = found.surface_temperature, expected.surface_temperature
-    np.testing.assert_allclose(*surfaces, rtol=0, atol=1e-9)
-    assert np.ptp(surfaces[0]) > 20
-    assert abs(float(found.energy.residual_relative[-1])) < 1e-11
+    surface = actual.surface_temperature
+    np.testing.assert_allclose(surface, expected.surface_temperature, rtol=0, atol=1e-9)
+    assert np.ptp(surface) > 20
+    assert abs(float(actual.energy.residual_relative[-1])) < 1e-11
 
 
 def test_implicit_steps_solve_links():
-    found, expected = (
+    actual, expected = (
         jt.simulate(_scene(kernels), 20.0, solver=jt.BackwardEuler(dt=10.0))
         for kernels in ("numba", None)
     )
-    surfaces = found.surface_temperature, expected.surface_temperature
-    np.testing.assert_allclose(*surfaces, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(
+        actual.surface_temperature, expected.surface_temperature, rtol=0, atol=1e-6
+    )

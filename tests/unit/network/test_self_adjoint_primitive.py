@@ -16,7 +16,7 @@ from jaxthermo.network.stencil import _UNIFORM, solid_degree
 class Case(NamedTuple):
     operator: Any
     state: Any
-    given: Any
+    cases: Any
     """Conductances, of all links or of each."""
     factors: Any
     """The factors that they make: a link stands in the rows of both its nodes."""
@@ -54,8 +54,8 @@ def _rows():
     rows = row_network(layout, given, jnp.ones(nodes))
 
     def factors(given):
-        made = row_network(layout, given, jnp.ones(nodes))
-        return made.conductance, made.list_conductance
+        case = row_network(layout, given, jnp.ones(nodes))
+        return case.conductance, case.list_conductance
 
     assert len(rows.list_node)
     return Case(
@@ -90,22 +90,22 @@ def _chain(case, plain):
         change = lambda s, f: conduct(case.operator, s, f, case.layout)
         step = lambda s, f: conduct_step(case.operator, s, f, case.layout)
 
-    def run(scale, state, given):
-        factors = case.factors(scale * given)
+    def run(scale, state, arguments):
+        factors = case.factors(scale * arguments)
         state = jnp.where(jnp.asarray(case.nodes), state, 0)
-        one = lambda _, s: step(s, factors) + change(s * s, factors) / 10
-        end = jax.lax.fori_loop(0, 3, one, state)
+        unit = lambda _, s: step(s, factors) + change(s * s, factors) / 10
+        end = jax.lax.fori_loop(0, 3, unit, state)
         return (_weights(case) * (end + end**2)).sum()
 
     return run
 
 
-def _same(found, expected):
+def _same(actual, expected):
     def compare(a, b):
         size = float(jnp.abs(b).max())
         np.testing.assert_allclose(a, b, rtol=1e-10, atol=1e-12 * size)
 
-    jax.tree.map(compare, found, expected)
+    jax.tree.map(compare, actual, expected)
 
 
 ONE = jnp.asarray(1.0)
@@ -145,9 +145,11 @@ def test_transformed_derivatives_are_those_of_the_plain_operator(case, derive):
 
 
 def _has_derivatives_of_the_plain_operator(case, derive):
-    given = ONE, case.state, case.given
-    found = jax.jit(derive(_chain(case, plain=False)))(*given)
-    _same(found, jax.jit(derive(_chain(case, plain=True)))(*given))
+    actual, expected = (
+        jax.jit(derive(_chain(case, plain=plain)))(ONE, case.state, case.given)
+        for plain in (False, True)
+    )
+    _same(actual, expected)
 
 
 @pytest.mark.parametrize(
@@ -155,20 +157,29 @@ def _has_derivatives_of_the_plain_operator(case, derive):
 )
 def test_derivatives_map_over_a_batch(case):
     scales = jnp.array([0.5, 1.0, 1.5])
-    batch = lambda run: (
-        jax.vmap(jax.value_and_grad(run), (0, None, None)),
-        jax.vmap(jax.jacfwd(run), (0, None, None)),
-        jax.grad(lambda s, *rest: jax.vmap(run, (0, None, None))(s, *rest).sum()),
-    )
-    given = scales, case.state, case.given
-    fast, plain = (batch(_chain(case, plain)) for plain in (False, True))
-    each = lambda functions: jax.jit(lambda *a: [call(*a) for call in functions])
-    _same(each(fast)(*given), each(plain)(*given))
+
+    def derivatives(plain):
+        run = _chain(case, plain)
+        over_scales = jax.vmap(run, (0, None, None))
+
+        @jax.jit
+        def evaluate(scales, state, factors):
+            return [
+                jax.vmap(jax.value_and_grad(run), (0, None, None))(
+                    scales, state, factors
+                ),
+                jax.vmap(jax.jacfwd(run), (0, None, None))(scales, state, factors),
+                jax.grad(lambda s: over_scales(s, state, factors).sum())(scales),
+            ]
+
+        return evaluate(scales, case.state, case.given)
+
+    _same(derivatives(plain=False), derivatives(plain=True))
 
 
 def test_the_gradient_is_the_central_difference(case):
-    both = jax.jit(jax.value_and_grad(_chain(case, plain=False)))
-    run = lambda scale: both(scale, case.state, case.given)
+    results = jax.jit(jax.value_and_grad(_chain(case, plain=False)))
+    run = lambda scale: results(scale, case.state, case.given)
     step = 1e-5
     difference = (run(1 + step)[0] - run(1 - step)[0]) / (2 * step)
     np.testing.assert_allclose(run(1.0)[1], difference, rtol=1e-7)
@@ -179,10 +190,10 @@ def test_the_operator_is_its_own_transpose(case):
     change = lambda state: conduct(
         case.operator, state, case.factors(case.given), case.layout
     )
-    one = (inside * change(case.state)).sum()
-    other = (case.state * change(inside)).sum()
-    assert float(jnp.abs(one)) > 0.1
-    np.testing.assert_allclose(one, other, rtol=1e-12)
+    first = (inside * change(case.state)).sum()
+    second = (case.state * change(inside)).sum()
+    assert float(jnp.abs(first)) > 0.1
+    np.testing.assert_allclose(first, second, rtol=1e-12)
 
 
 def test_a_node_without_neighbours_passes_its_cotangent_on():

@@ -42,9 +42,9 @@ def test_too_little_memory_of_a_device_is_refused(monkeypatch):
 
 
 def test_a_process_that_has_its_devices_keeps_them():
-    there = jax.device_count()
-    provide_devices(there + 1)
-    assert jax.device_count() == there
+    available = jax.device_count()
+    provide_devices(available + 1)
+    assert jax.device_count() == available
 
 
 def test_sections_hold_every_voxel_once():

@@ -16,8 +16,8 @@ def meeting(*processes: tuple[int, str], seconds: float = 5.0) -> list[str]:
     """Refusals of these processes, of three, each with a number and a key."""
     address = f"localhost:{free_port()}"
 
-    def one(each: tuple[int, str]) -> str:
-        number, key = each
+    def one(process: tuple[int, str]) -> str:
+        number, key = process
         try:
             for connection in meet(Group(address, 3, number), key, seconds):
                 connection.close()
@@ -47,7 +47,9 @@ def test_one_that_does_not_come():
 
 def test_one_that_was_started_twice():
     refusals = meeting((0, "v1"), (1, "v1"), (1, "v1"))
-    assert all(each.startswith("process 1 was started twice") for each in refusals)
+    assert all(
+        refusal.startswith("process 1 was started twice") for refusal in refusals
+    )
 
 
 def test_no_first_process():
@@ -95,9 +97,9 @@ def test_a_silent_process_is_noticed_and_one_that_is_there_is_not(monkeypatch):
         lost.set()
 
     monkeypatch.setattr(heartbeat, "end_with", end_with)
-    ours, other = socket.socketpair()
-    with ours, other:
-        with heartbeat.watched([ours], "here"), heartbeat.watched([other], "there"):
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        with heartbeat.watched([ours], "here"), heartbeat.watched([theirs], "there"):
             assert not lost.wait(0.6)
         with heartbeat.watched([ours], "gone"):
             assert lost.wait(5.0)

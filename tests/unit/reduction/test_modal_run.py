@@ -28,21 +28,21 @@ def test_weights_are_the_integrals_of_a_decay(rate):
         at = a + (b - a) * (s + 1) / 2
         of_start += (w * decay(at)).sum() * (b - a) / 2
         of_change += (w * decay(at) * at / step).sum() * (b - a) / 2
-    found = step_weights(np, np.array([rate]), step)
+    actual = step_weights(np, np.array([rate]), step)
     expected = np.exp(-rate * step), of_start, of_change
-    assert np.ravel(found) == pytest.approx(expected, rel=1e-11)
+    assert np.ravel(actual) == pytest.approx(expected, rel=1e-11)
 
 
 def test_weights_have_a_slope_on_both_sides_of_the_series():
     def total(h):
-        return sum(each.sum() for each in step_weights(jnp, h, 0.5))
+        return sum(weights.sum() for weights in step_weights(jnp, h, 0.5))
 
-    both = jax.jit(jax.value_and_grad(total))
+    slopes = jax.jit(jax.value_and_grad(total))
     for at in (0.0, 0.59, 0.61, 4.0):
         h = np.array([at])
         small = 1e-6
-        slope = both(h)[1][0]
-        difference = (both(h + small)[0] - both(h - small)[0]) / (2 * small)
+        slope = slopes(h)[1][0]
+        difference = (slopes(h + small)[0] - slopes(h - small)[0]) / (2 * small)
         assert float(slope) == pytest.approx(float(difference), rel=1e-8, abs=1e-9)
 
 
@@ -69,9 +69,9 @@ def test_host_and_traced_runs_agree():
     plan = schedule(knots, [0.0, 1.0, 2.0, 4.0])
     states = host_run(rates, drive, start, plan, amplitudes)
     run = jax.jit(lambda a, b, c, rows: traced_run(a, b, c, plan, rows))
-    found, loads = map(np.asarray, run(rates, drive, start, amplitudes))
-    assert found[0] == pytest.approx(start)
-    assert found[1:] == pytest.approx(states[plan.saved[1:]])
+    actual, loads = map(np.asarray, run(rates, drive, start, amplitudes))
+    assert actual[0] == pytest.approx(start)
+    assert actual[1:] == pytest.approx(states[plan.saved[1:]])
     # No load has acted at the start, and the one before a jump at its time.
     assert loads[0].tolist() == [0.0, 0.0]
     assert loads[1] == pytest.approx(amplitudes[1])

@@ -19,10 +19,10 @@ AIR = jt.Convection(50.0, 280.0)
 SOLVER = jt.SuperTimeStepping(dt=0.05)
 
 
-def block_scene(*terms, **more):
+def block_scene(*terms, **options):
     solid = np.ones((6, 4, 4), bool)
     body = jt.Body(jt.FullVolume(blocks(solid, 0.005)), STEEL, temperature=290.0)
-    return jt.Scene((body,), terms or (HEATED, AIR), dtype="float64", **more)
+    return jt.Scene((body,), terms or (HEATED, AIR), dtype="float64", **options)
 
 
 def kelvin(solution):
@@ -72,8 +72,8 @@ def scenes_of_everything():
         pose=jt.Pose((0.0, 0.0, 0.02)),
     )
     warm = jt.Table([0.0, 30.0, 60.0], [290.0, 330.0, 300.0])
-    two = (jt.Contact(2000.0), jt.Convection(20.0, warm))
-    yield "contact of two temperatures, air by a table", jt.Scene((below, above), two)
+    terms = (jt.Contact(2000.0), jt.Convection(20.0, warm))
+    yield "contact of two temperatures, air by a table", jt.Scene((below, above), terms)
     uneven = replace(below, temperature=lambda x: 300.0 + 1000.0 * x[:, 0])
     held = jt.FixedTemperature(310.0, on=jt.Side((-1, 0, 0)))
     inside = jt.HeatSource(jt.Until(2e6, 20.0))
@@ -87,18 +87,18 @@ def scenes_of_everything():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "made",
+    "scene",
     [
         pytest.param(scene, id=name, marks=[pytest.mark.slice] * ("sun" not in name))
         for name, scene in scenes_of_everything()
     ],
 )
-def test_every_linear_mechanism_is_the_same_as_in_the_full_run(made):
-    made = replace(made, dtype="float64")
-    found = jt.reduce(made, 60.0, SAVES, tolerance=1e-6)
-    run = jt.simulate(made, 60.0, SAVES, solver=SOLVER)
+def test_every_linear_mechanism_is_the_same_as_in_the_full_run(scene):
+    scene = replace(scene, dtype="float64")
+    actual = jt.reduce(scene, 60.0, SAVES, tolerance=1e-6)
+    run = jt.simulate(scene, 60.0, SAVES, solver=SOLVER)
     size = np.ptp(kelvin(run), axis=1).max()
-    assert kelvin(found) == pytest.approx(kelvin(run), abs=2e-4 * size)
+    assert kelvin(actual) == pytest.approx(kelvin(run), abs=2e-4 * size)
 
 
 @pytest.mark.parametrize(
@@ -130,7 +130,7 @@ def test_the_residual_bounds_the_error_of_the_volume(scene, whole):
 
 def volume_error(small, exact):
     """Root mean square over the volume of the difference of two models [K]."""
-    states = [states_of(each) for each in (small.offline, exact)]
+    states = [states_of(offline) for offline in (small.offline, exact)]
     capacity = exact.target.system.capacity
     gap = states[0] - states[1]
     return np.sqrt((gap**2) @ capacity / capacity.sum())
@@ -142,9 +142,14 @@ def states_of(offline):
 
     target = offline.target
     modes = project(target.system, offline.basis)
-    run = modes.rates, modes.drive, modes.start
-    states = host_run(*run, target.plan, target.amplitudes)[target.plan.saved]
-    return states @ modes.basis.vectors.T
+    states = host_run(
+        modes.rates,
+        drive=modes.drive,
+        start=modes.start,
+        plan=target.plan,
+        amplitudes=target.amplitudes,
+    )
+    return states[target.plan.saved] @ modes.basis.vectors.T
 
 
 def test_a_tolerance_chooses_the_size(scene, whole, model):
@@ -172,12 +177,12 @@ def test_other_amplitudes_of_the_same_patterns(model):
     stronger = jt.HeatFlux(
         jt.Table([0.0, 20.0, 60.0], [0.0, 3e4, 1e4]), on=jt.Side((1, 0, 0))
     )
-    other = block_scene(stronger, jt.Convection(50.0, 285.0))
-    run = jt.simulate(other, 60.0, SAVES, solver=SOLVER)
+    windier_scene = block_scene(stronger, jt.Convection(50.0, 285.0))
+    run = jt.simulate(windier_scene, 60.0, SAVES, solver=SOLVER)
     close = {"abs": 3e-3 * np.ptp(kelvin(run), axis=1).max()}
-    assert kelvin(model.simulate(other)) == pytest.approx(kelvin(run), **close)
+    assert kelvin(model.simulate(windier_scene)) == pytest.approx(kelvin(run), **close)
     # The same by hand, in the units of the inputs.
-    names = [(each.name, each.unit) for each in model.inputs]
+    names = [(load.name, load.unit) for load in model.inputs]
     assert names == [("heat_flux", "W/m^2"), ("convection", "K above the start's mean")]
     loads = {"heat_flux": stronger.heat_flux, "convection": -5.0}
     assert kelvin(model(loads)) == pytest.approx(kelvin(run), **close)
@@ -198,31 +203,31 @@ def test_loads_outside_of_the_span_are_refused(model):
 @pytest.mark.slow
 @pytest.mark.slice
 def test_loads_outside_of_the_span_extend_it(model):
-    other = block_scene(BESIDE, AIR)
-    wider = model.extend(other)
+    extended_scene = block_scene(BESIDE, AIR)
+    wider = model.extend(extended_scene)
     assert wider.size > model.size
-    assert [each.name for each in wider.inputs][2:] == ["heat_flux 2"]
-    run = jt.simulate(other, 60.0, SAVES, solver=SOLVER)
+    assert [load.name for load in wider.inputs][2:] == ["heat_flux 2"]
+    run = jt.simulate(extended_scene, 60.0, SAVES, solver=SOLVER)
     close = {"abs": 3e-3 * np.ptp(kelvin(run), axis=1).max()}
-    assert kelvin(wider.simulate(other)) == pytest.approx(kelvin(run), **close)
+    assert kelvin(wider.simulate(extended_scene)) == pytest.approx(kelvin(run), **close)
     # Its own scene is as it was, or better.
     assert kelvin(wider) == pytest.approx(kelvin(model), **close)
 
 
 def test_other_bodies_and_coefficients_need_a_model_of_their_own(model):
-    own = block_scene()
+    scene = block_scene()
     windier = block_scene(HEATED, jt.Convection(80.0, 280.0))
-    warmer = replace(own, bodies=(replace(own.bodies[0], temperature=300.0),))
+    warmer = replace(scene, bodies=(replace(scene.bodies[0], temperature=300.0),))
     grid = blocks(np.ones((5, 4, 4), bool), 0.005)
-    shorter = replace(own.bodies[0], structure=jt.FullVolume(grid))
-    for other, words in (
+    shorter = replace(scene.bodies[0], structure=jt.FullVolume(grid))
+    for changed_scene, words in (
         (windier, "coefficient of heat transfer"),
         (warmer, "another mean temperature"),
-        (replace(own, bodies=(shorter,)), "other bodies"),
+        (replace(scene, bodies=(shorter,)), "other bodies"),
     ):
         for call in (model.simulate, model.extend):
             with pytest.raises(jt.InputError, match=words):
-                call(other)
+                call(changed_scene)
 
 
 def test_the_function_is_transformed_by_jax(model):
@@ -230,10 +235,10 @@ def test_the_function_is_transformed_by_jax(model):
     loads = jnp.asarray(model.amplitudes)
     expected = kelvin(model)
     assert np.asarray(function(loads)) == pytest.approx(expected)
-    both = jax.jit(jax.vmap(function))(jnp.stack([loads, 2 * loads]))
-    assert np.asarray(both[0]) == pytest.approx(expected)
+    surfaces = jax.jit(jax.vmap(function))(jnp.stack([loads, 2 * loads]))
+    assert np.asarray(surfaces[0]) == pytest.approx(expected)
     # Linear in the loads: from the start's temperature of 290 K.
-    assert np.asarray(both[1]) - 290 == pytest.approx(2 * (expected - 290))
+    assert np.asarray(surfaces[1]) - 290 == pytest.approx(2 * (expected - 290))
 
     @jax.jit
     def hottest(loads):
@@ -251,9 +256,9 @@ def test_the_function_is_transformed_by_jax(model):
 
 def test_a_float32_scene_has_a_float32_model(model):
     single = replace(model, dtype="float32")
-    found = jax.jit(single.as_function())(jnp.asarray(model.amplitudes, "float32"))
-    assert found.dtype == jnp.float32
-    assert np.asarray(found) == pytest.approx(kelvin(model), abs=1e-3)
+    actual = jax.jit(single.as_function())(jnp.asarray(model.amplitudes, "float32"))
+    assert actual.dtype == jnp.float32
+    assert np.asarray(actual) == pytest.approx(kelvin(model), abs=1e-3)
 
 
 def test_a_file_holds_the_whole_model(model, full, tmp_path):

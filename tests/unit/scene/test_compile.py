@@ -43,10 +43,10 @@ def _scene(
 def _step(scene):
     """The jaxpr of one step; the program's arrays are its first inputs."""
     todo = plan_run(scene, 2.0, None, jt.ForwardEuler())
-    arrays, rest = eqx.partition(todo.compiled.program, eqx.is_array)
+    arrays, static = eqx.partition(todo.compiled.program, eqx.is_array)
     now = jnp.zeros((), todo.dtype)
     step = lambda arrays, state: todo.stepper.step(
-        eqx.combine(arrays, rest), state, now, now
+        eqx.combine(arrays, static), state, now, now
     )
     return jax.make_jaxpr(step)(arrays, initial_state(todo)), arrays
 
@@ -97,11 +97,11 @@ def test_products_of_matrices_are_in_full_precision():
     notched = jt.FullVolume(blocks(solid, 0.01))
     exchange = jt.RadiativeExchange(290.0, directions=16)
     equations = _equations(_step(_scene(notched, exchange))[0].jaxpr)
-    found = [
+    actual = [
         e.params["precision"] for e in equations if e.primitive.name == "dot_general"
     ]
     exact = jax.lax.Precision.HIGHEST
-    assert found and set(found) == {(exact, exact)}
+    assert actual and set(actual) == {(exact, exact)}
 
 
 def test_one_material_costs_one_byte_a_cell(structure):
@@ -120,7 +120,7 @@ def test_two_materials_cost_an_array_a_face(structure):
 
 def test_pruned_and_unpruned_programs_agree(structure):
     dtype = "float64"
-    kept = TERMS["sun"], TERMS["convection"], TERMS["emission"]
+    included = TERMS["sun"], TERMS["convection"], TERMS["emission"]
     idle = (
         jt.HeatFlux(lambda t: 0.0 * t),
         jt.Convection(lambda t: 0.0 * t, 350.0),
@@ -128,7 +128,8 @@ def test_pruned_and_unpruned_programs_agree(structure):
     # Given, since plain functions of time ask for more steps than the stable one.
     solver = jt.ForwardEuler(dt=0.5)
     short, long = (
-        _scene(structure, *terms, dtype=dtype) for terms in (kept, (*kept, *idle))
+        _scene(structure, *terms, dtype=dtype)
+        for terms in (included, (*included, *idle))
     )
     pruned = jt.simulate(short, 50.0, solver=solver)
     unpruned = jt.simulate(long, 50.0, solver=solver)
@@ -157,10 +158,10 @@ def _omissions(scene):
         (jt.Surroundings(280.0), MIRROR, "emission", "emissivity 0"),
     ],
 )
-def test_the_receipt_says_why(structure, term, material, what, why):
+def test_the_receipt_says_why(structure, term, material, message, why):
     scene = _scene(structure, term, material=material)
     omitted = _omissions(scene)
-    assert why in omitted[what]
+    assert why in omitted[message]
     assert "uniform" in omitted["per-node conductivity"]
     compiled = jt.compile_scene(scene)
     assert compiled.receipt.included == ("conduction",)
@@ -176,18 +177,19 @@ def test_a_held_surface_needs_no_other_term(structure):
 
 
 def test_no_surface_is_held_twice(structure):
-    one = jt.FixedTemperature(310.0, on=TOP)
-    other = jt.FixedTemperature(320.0)
+    first = jt.FixedTemperature(310.0, on=TOP)
+    second = jt.FixedTemperature(320.0)
     with pytest.raises(jt.InputError, match=r"terms\[0\] and terms\[1\] both hold"):
-        jt.compile_scene(_scene(structure, one, other))
+        jt.compile_scene(_scene(structure, first, second))
 
 
 def test_a_selection_of_nothing_is_refused(structure):
     nowhere = jt.Region((5.0, 5.0, 5.0), (6.0, 6.0, 6.0))
-    terms = jt.HeatFlux(1.0), jt.HeatFlux(1.0, on=nowhere)
+    everywhere = jt.HeatFlux(1.0)
+    selected = jt.HeatFlux(1.0, on=nowhere)
     words = r"^terms\[1\], heat_flux: on=.* selects no surface of body 0"
     with pytest.raises(jt.InputError, match=words):
-        jt.compile_scene(_scene(structure, *terms))
+        jt.compile_scene(_scene(structure, everywhere, selected))
     sun = jt.Sun((0.0, 0.0, -1.0), 500.0, on=nowhere)
     with pytest.raises(jt.InputError, match=r"^terms\[0\], sun: on=.* selects no"):
         jt.compile_scene(_scene(structure, sun))
@@ -209,9 +211,9 @@ def test_new_numbers_need_no_new_program(structure, monkeypatch):
     calls = []
     steps_of = simulate_module.steps_of
 
-    def counted(*args):
+    def counted(*args, **kwargs):
         calls.append(args)
-        return steps_of(*args)
+        return steps_of(*args, **kwargs)
 
     monkeypatch.setattr(simulate_module, "steps_of", counted)
 

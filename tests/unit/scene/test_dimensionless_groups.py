@@ -18,11 +18,11 @@ def test_numbers_of_a_cube():
         jt.Convection(10.0, 290.0),
         jt.HeatFlux(-200.0, on=jt.Side((1.0, 0.0, 0.0))),
     )
-    found = scene_numbers(jt.Scene((body,), terms), 100.0)
-    assert found["biot"] == pytest.approx(10.0 * 0.01 / 20.0)
-    assert found["fourier"] == pytest.approx(20.0 / 4e6 * 100.0 / 0.01**2)
-    assert found["voxels_across"] == pytest.approx(1.0)
-    assert found["heating"] == pytest.approx(700.0 * 0.01 / 20.0)
+    actual = scene_numbers(jt.Scene((body,), terms), 100.0)
+    assert actual["biot"] == pytest.approx(10.0 * 0.01 / 20.0)
+    assert actual["fourier"] == pytest.approx(20.0 / 4e6 * 100.0 / 0.01**2)
+    assert actual["voxels_across"] == pytest.approx(1.0)
+    assert actual["heating"] == pytest.approx(700.0 * 0.01 / 20.0)
 
 
 def test_radiation_counts_as_a_coefficient():

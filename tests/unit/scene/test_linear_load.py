@@ -37,9 +37,9 @@ def ball():
 def _scene(structures, terms=TERMS, material=STEEL):
     bodies = tuple(
         jt.Body(
-            each, material, temperature=295.0 + n, pose=jt.Pose((0.1 * n, 0.0, 0.0))
+            load, material, temperature=295.0 + n, pose=jt.Pose((0.1 * n, 0.0, 0.0))
         )
-        for n, each in enumerate(structures)
+        for n, load in enumerate(structures)
     )
     return jt.Scene(bodies, terms, dtype="float64")
 
@@ -64,19 +64,19 @@ def _by_cell(program):
 @pytest.mark.parametrize(
     "kinds", [(jt.FullVolume,), (jt.Aggregate, jt.Octree)], ids=["lattice", "two"]
 )
-def test_they_bring_what_the_cells_do(ball, kinds, material):
-    compiled = compile_scene(_scene([kind(ball) for kind in kinds], TERMS, material))
+def test_they_bring_what_the_cells_do(ball, terms, material):
+    compiled = compile_scene(_scene([term(ball) for term in terms], TERMS, material))
     program = compiled.program
     assert isinstance(program.surface, _LinearSurfaceLoad)
     chance = np.random.default_rng(0)
     started = (np.asarray(state) for state in compiled.state)
     states = tuple(s + chance.uniform(-5, 5, s.shape) for s in started)
     for time in map(np.asarray, (0.0, 3.0, 4.5)):
-        found, entries = _loaded(program, states, time)
-        wanted, told = _loaded(_by_cell(program), states, time)
-        for one, other, before in zip(found, wanted, states, strict=True):
-            assert np.abs(one - before).max() > 1e-4
-            np.testing.assert_allclose(one, other, rtol=0, atol=1e-11)
+        actual, entries = _loaded(program, states, time)
+        expected, told = _loaded(_by_cell(program), states, time)
+        for linear, general, state in zip(actual, expected, states, strict=True):
+            assert np.abs(linear - state).max() > 1e-4
+            np.testing.assert_allclose(linear, general, rtol=0, atol=1e-11)
         np.testing.assert_allclose(entries, told, rtol=1e-11, atol=1e-11)
 
 
@@ -92,9 +92,9 @@ def test_terms_bring_what_the_half_cells_conduct_at_any_biot_number(others):
         start = np.asarray(compiled.state[0])
         assert isinstance(program.surface, _LinearSurfaceLoad) == (not others)
         theta = start + np.linspace(50.0, 60.0, start.size).reshape(start.shape)
-        (after,), entries = _loaded(program, (theta,), np.zeros(()))
+        (state,), entries = _loaded(program, (theta,), np.zeros(()))
         capacity = _capacity(program.bodies[0].network)
-        gained = float(((after - theta) * capacity).sum())
+        gained = float(((state - theta) * capacity).sum())
         moved = half * 1e-4 * 14 * 60.0
         assert abs(float(entries.sum()) - gained) < 1e-14 * moved
 
@@ -125,11 +125,11 @@ def test_energy_closes_and_gradients_are_differences(ball):
         return solved.surface_temperature.mean(), solved.energy.residual_relative
 
     at = np.array([30.0, 16.0, 900.0])
-    both = jax.jit(lambda at, along: jax.jvp(warmth, (at,), (along,)))
+    rates = jax.jit(lambda at, along: jax.jvp(warmth, (at,), (along,)))
     for along in np.eye(3):
-        (_, residual), (found, _) = both(at, along)
+        (_, residual), (actual, _) = rates(at, along)
         assert np.abs(residual).max() < 1e-12
         step = 1e-4 * at @ along
-        ends = [both(at + sign * step * along, along)[0][0] for sign in (1, -1)]
-        wanted = float((ends[0] - ends[1]) / (2 * step))
-        assert float(found) == pytest.approx(wanted, rel=1e-6)
+        ends = [rates(at + sign * step * along, along)[0][0] for sign in (1, -1)]
+        expected = float((ends[0] - ends[1]) / (2 * step))
+        assert float(actual) == pytest.approx(expected, rel=1e-6)

@@ -46,16 +46,16 @@ def _scene(kind: str, across: int = 50) -> jt.Scene:
 
 def _kept() -> dict[int, int]:
     """Size of every array of the findings [bytes], by its address."""
-    found = {}
+    sizes = {}
     for finding in findings._store._entries.values():
         for leaf in findings._leaves(finding.value):
             if isinstance(leaf, np.ndarray):
                 while isinstance(leaf.base, np.ndarray):
                     leaf = leaf.base
-                found[leaf.ctypes.data] = leaf.nbytes
+                sizes[leaf.ctypes.data] = leaf.nbytes
             elif isinstance(leaf, jax.Array):
-                found[leaf.unsafe_buffer_pointer()] = leaf.nbytes
-    return found
+                sizes[leaf.unsafe_buffer_pointer()] = leaf.nbytes
+    return sizes
 
 
 @pytest.mark.parametrize(
@@ -79,7 +79,7 @@ def test_the_forecast_is_that_of_the_arrays(kind, method):
         (scene,), "plan", lambda: plan_run(scene, saves[-1], saves, SOLVERS[method])
     )
     assert plan.stepper.method == method
-    kept = sum(_kept().values())
+    measured = sum(_kept().values())
     state = initial_state(plan)
     table = step_table(plan, save_intervals(plan.intervals))
     constants = RunConstants.of(plan.stepper, plan.compiled.program, state, table)
@@ -92,7 +92,7 @@ def test_the_forecast_is_that_of_the_arrays(kind, method):
     steps += report.output_size_in_bytes - report.alias_size_in_bytes
     forecast = forecast_memory(plan.scene, 3, 1, plan.stepper.method)
     assert plan.compiled.receipt.memory_bytes == forecast.peak
-    assert forecast.peak - forecast.runtime == pytest.approx(kept + steps, rel=0.1)
+    assert forecast.peak - forecast.runtime == pytest.approx(measured + steps, rel=0.1)
 
 
 def test_a_voxel_of_a_stencil_needs_two_states_and_a_byte():

@@ -95,12 +95,12 @@ def _alone(program, states, time):
     nodes = _surface_nodes(program, states)
     received = _net_irradiation(program, nodes, time)
     for index, cells in enumerate(load.cells):
-        here = cells.cells_of(nodes[index])
+        at_cells = cells.cells_of(nodes[index])
         network = program.bodies[cells.body].network
-        terms = load.terms_on(index).conducting(network.relative_conductivity(here))
+        terms = load.terms_on(index).conducting(network.relative_conductivity(at_cells))
         if received is not None:
             terms = terms.irradiated(load.apart(received)[index], emits=False)
-        rate, by_term = terms.heat(time, here)
+        rate, by_term = terms.heat(time, at_cells)
         heat.append(rate)
         for number, row in enumerate(load.entries):
             if row[index] >= 0:
@@ -132,8 +132,8 @@ def test_one_balance_is_all_bodies_own(grids, name):
         now = jnp.asarray(0.5)
         joined = _together(program, states, now)
         alone = _alone(program, states, now)
-        for one, other in zip(joined[0], alone[0], strict=True):
-            np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
+        for one, second in zip(joined[0], alone[0], strict=True):
+            np.testing.assert_allclose(one, second, rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(joined[1], alone[1], rtol=1e-12, atol=1e-14)
         assert np.abs(joined[1]).max() > 0.1
 
@@ -147,10 +147,10 @@ def _equations(jaxpr):
 
 def _wind_equations(scene):
     compiled = compile_scene(scene, 1, 5.0)
-    arrays, rest = eqx.partition(compiled.program, eqx.is_array)
+    arrays, static = eqx.partition(compiled.program, eqx.is_array)
     now = jnp.zeros(())
     step = lambda arrays, states: add_loads(
-        eqx.combine(arrays, rest), states, states, now, now
+        eqx.combine(arrays, static), states, states, now, now
     )
     jaxpr = jax.make_jaxpr(step)(arrays, compiled.state)
     scopes = [str(e.source_info.name_stack) for e in _equations(jaxpr.jaxpr)]
@@ -160,8 +160,8 @@ def _wind_equations(scene):
 def test_the_program_holds_one_balance(grids):
     wind = (jt.Wind((0.0, 3.0, 0.0), 283.0),)
     three = _scene(grids, wind, (STEEL,) * 3)
-    one = jt.Scene(three.bodies[:1], wind, dtype="float64")
-    assert 0 < _wind_equations(three) == _wind_equations(one)
+    single = jt.Scene(three.bodies[:1], wind, dtype="float64")
+    assert 0 < _wind_equations(three) == _wind_equations(single)
 
 
 def test_a_body_without_terms_has_no_cells(grids):
@@ -191,14 +191,14 @@ def test_gradients_go_through_the_joined_balance(grids):
     """By the second body's parameters, and the wind's."""
 
     def run(p):
-        own = jt.Material(
+        program = jt.Material(
             p["conductivity"], 8000.0, specific_heat=500.0, emissivity=p["emissivity"]
         )
         terms = (
             jt.Wind((0.0, 1.0, 0.0), 283.0, speed=p["speed"]),
             jt.Surroundings(268.0, ground=288.0),
         )
-        scene = _scene(grids, terms, (STEEL, own), starts=(300.0, p["start"]))
+        scene = _scene(grids, terms, (STEEL, program), starts=(300.0, p["start"]))
         solution = jt.simulate(scene, 1.0, solver=jt.ForwardEuler(dt=0.5))
         return jnp.mean((solution.surface_temperature - 300.0) ** 2)
 

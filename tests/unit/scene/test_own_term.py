@@ -98,24 +98,24 @@ def test_every_solver_takes_it(grid, name, count):
     """A lump of steel cools as C dT/dt = -A c (T - T_dew)^2 says."""
     scene = _scene(grid, Evaporation(C, DEW), count=count)
     solution = jt.simulate(scene, 100.0, solver=SOLVERS[name])
-    brought = solution.energy.mechanisms["evaporation"]
-    assert float(brought[-1]) < 0
+    heat = solution.energy.mechanisms["evaporation"]
+    assert float(heat[-1]) < 0
     assert abs(float(solution.energy.residual_relative[-1])) < 1e-9
     assert solution.receipt.included == ("conduction", "evaporation")
     capacity = 4e6 * 0.02**3
     area = 6 * 0.02**2
     excess = 1 / (1 / (350.0 - DEW) + area * C / capacity * 100.0)
     # The gradient inside steel, and the steps in time, are small.
-    found = float(solution.mean_temperature[-1, 0])
-    assert found - DEW == pytest.approx(excess, rel=0.03)
+    actual = float(solution.mean_temperature[-1, 0])
+    assert actual - DEW == pytest.approx(excess, rel=0.03)
 
 
 def test_the_receipt_says_where_it_acts(grid):
     top = jt.Side((0.0, 0.0, 1.0), body=1)
     scene = _scene(grid, Evaporation(C, DEW, on=top), count=2)
     receipt = jt.compile_scene(scene).receipt
-    (part,) = receipt.parts
-    assert part.bodies == (1,) and part.surface_share == pytest.approx(1 / 6)
+    (row,) = receipt.parts
+    assert row.bodies == (1,) and row.surface_share == pytest.approx(1 / 6)
     reasons = {omission.what: omission.why for omission in receipt.left_out}
     assert reasons["evaporation on body 0"] == "`on` is on another body"
 
@@ -139,12 +139,11 @@ def test_it_balances_other_terms_in_a_steady_state(grid):
 )
 def test_derivatives_are_finite_differences(grid, solver):
     def cooled(coefficient):
-        terms = Evaporation(coefficient, DEW), jt.Surroundings(280.0)
-        scene = _scene(grid, *terms)
+        scene = _scene(grid, Evaporation(coefficient, DEW), jt.Surroundings(280.0))
         return jt.simulate(scene, 20.0, solver=solver).surface_temperature.mean()
 
-    both = jax.jit(jax.value_and_grad(cooled))
-    slope = float(both(C)[1])
-    rise = float(both(C + 1e-4)[0] - both(C - 1e-4)[0]) / 2e-4
+    temperatures = jax.jit(jax.value_and_grad(cooled))
+    slope = float(temperatures(C)[1])
+    rise = float(temperatures(C + 1e-4)[0] - temperatures(C - 1e-4)[0]) / 2e-4
     assert slope < -1e-3
     assert slope == pytest.approx(rise, rel=1e-5)

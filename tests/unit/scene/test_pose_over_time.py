@@ -33,8 +33,8 @@ def test_turns_are_those_of_scipy(seed, share, turn):
     axis = random.normal(size=3)
     second = first * Rotation.from_rotvec(turn * axis / np.linalg.norm(axis))
     expected = Slerp([0.0, 1.0], Rotation.concatenate([first, second]))(share)
-    found = _between(turned(first), turned(second), share)
-    assert np.abs(np.array(found.rotation) - expected.as_matrix()).max() < 1e-12
+    actual = _between(turned(first), turned(second), share)
+    assert np.abs(np.array(actual.rotation) - expected.as_matrix()).max() < 1e-12
 
 
 def test_half_a_turn_keeps_its_rate():

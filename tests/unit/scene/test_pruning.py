@@ -25,20 +25,20 @@ def _grid(size):
 def _bodies(chance):
     """One to three boxes in a row, which touch or stand apart."""
     bodies = []
-    place = 0.0
+    side = 0.0
     for _ in range(chance.integers(1, 4)):
         size = tuple(int(n) for n in chance.integers(2, 4, size=3))
-        kind = (jt.FullVolume, jt.SingleShell)[chance.integers(2)]
-        middle = place + size[0] * PITCH / 2
+        name = (jt.FullVolume, jt.SingleShell)[chance.integers(2)]
+        middle = side + size[0] * PITCH / 2
         bodies.append(
             jt.Body(
-                kind(_grid(size)),
+                name(_grid(size)),
                 MATERIALS[chance.integers(2)],
                 temperature=float(chance.uniform(270.0, 330.0)),
                 pose=jt.Pose(translation=(middle, 0.0, 0.0)),
             )
         )
-        place += size[0] * PITCH + float(chance.choice([0.0, 3 * PITCH]))
+        side += size[0] * PITCH + float(chance.choice([0.0, 3 * PITCH]))
     return tuple(bodies)
 
 
@@ -46,7 +46,7 @@ def _terms(chance, bodies):
     """Some of what there is, a good part of which does nothing."""
     last = len(bodies) - 1
     block = jt.Region((-0.01, -0.01, -0.01), (0.02, 0.02, 0.02))
-    kinds = [
+    names = [
         jt.Sun((0.0, 0.0, -1.0), 500.0),
         jt.Sun((1.0, 0.0, 0.0), 500.0),
         jt.Sun((0.0, 1.0, 0.0), 0.0),
@@ -59,7 +59,7 @@ def _terms(chance, bodies):
         jt.Contact(500.0),
         jt.HeatSource(1e4, within=block),
     ]
-    return tuple(kind for kind in kinds if chance.random() < 0.6)
+    return tuple(kind for kind in names if chance.random() < 0.6)
 
 
 def _agree(seed):

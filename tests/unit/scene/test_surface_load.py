@@ -50,8 +50,8 @@ def test_spare_cells_do_nothing(monkeypatch):
         assert len(one.node) > len(other.node)
     chance = np.random.default_rng(0)
     states = tuple(s + chance.uniform(-5, 5, s.shape) for s in even.state)
-    found, wanted = (_loaded(one.program, states) for one in (even, plain))
-    for one, other in zip(found[0], wanted[0], strict=True):
+    actual, expected = (_loaded(one.program, states) for one in (even, plain))
+    for one, other in zip(actual[0], expected[0], strict=True):
         assert np.abs(one - states[0]).max() > 1e-3
         np.testing.assert_allclose(one, other, rtol=1e-13, atol=1e-13)
-    np.testing.assert_allclose(found[1], wanted[1], rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(actual[1], expected[1], rtol=1e-12, atol=1e-14)

@@ -59,5 +59,5 @@ def test_functions_are_checked_where_they_are_evaluated(start, terms, message):
 def test_the_bounds_themselves_and_traced_values_are_accepted():
     scene(jt.Surroundings(6000.0), start=150.0)
     build = lambda kelvin: scene(jt.Surroundings(kelvin), start=kelvin).bodies[0]
-    found = jax.jit(lambda kelvin: build(kelvin).temperature)(20.0)
-    np.testing.assert_allclose(found, 20.0)
+    actual = jax.jit(lambda kelvin: build(kelvin).temperature)(20.0)
+    np.testing.assert_allclose(actual, 20.0)
