@@ -22,15 +22,15 @@ _DEPENDENT = 1e-7
 _SAMPLES = 40
 """Times of the responses from which a small basis is chosen."""
 
-Columns = Float[np.ndarray, "n m"]
+_Columns = Float[np.ndarray, "n m"]
 
 
 class Basis(NamedTuple):
     """Orthonormal vectors, with the operators of the scene applied to them."""
 
-    vectors: Columns
+    vectors: _Columns
     """V [K per unit]."""
-    conducted: Columns
+    conducted: _Columns
     """K V [W per unit]."""
     surface: Float[np.ndarray, "s m"]
     """R V [K per unit]."""
@@ -67,7 +67,7 @@ class Basis(NamedTuple):
 
 
 def _orthonormal(
-    basis: Columns, capacity: Nodes, candidates: Sequence[Nodes]
+    basis: _Columns, capacity: Nodes, candidates: Sequence[Nodes]
 ) -> list[Nodes]:
     new: list[Nodes] = []
     for vector in candidates:

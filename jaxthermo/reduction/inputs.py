@@ -21,20 +21,20 @@ from ..scene.compile.program import Compiled, Program
 from .reduced_model import sampled
 
 
-FLUX = "W/m^2"
+_FLUX = "W/m^2"
 """Unit of an input that is a heat flux or irradiance."""
-ABOVE = "K above the start's mean"
+_ABOVE = "K above the start's mean"
 """Unit of an input that is a temperature."""
-DENSITY = "W/m^3"
+_DENSITY = "W/m^3"
 """Unit of an input that is a heat source."""
-ONE = "1"
+_ONE = "1"
 """Unit of an input with a constant amplitude of 1."""
 
 _REMEDY = "reduce() is for linear scenes; leave it out, or simulate() the scene"
 _SAMPLES = 17
 """Times at which two amplitudes are compared."""
 
-NodeHeat = tuple[int, tuple[Any, ...], Float[np.ndarray, " m"]]
+_NodeHeat = tuple[int, tuple[Any, ...], Float[np.ndarray, " m"]]
 """A body, positions of some of its nodes in the state, and their heat rates."""
 
 
@@ -46,7 +46,7 @@ class Input:
     unit: str
     amplitude: Any
     """A number or a function of time."""
-    heat: tuple[NodeHeat, ...]
+    heat: tuple[_NodeHeat, ...]
     """Heat rates by one unit of the input [W per unit]."""
     excess: tuple[Float[np.ndarray, " _"], ...]
     """Excess of each body's fragments over their nodes [K per unit]."""
@@ -144,7 +144,7 @@ def _normalized(
     area = np.asarray(term.effective_area, float)
     weight = np.asarray(law.weight, float)
     slope = None if law.slope is None else np.asarray(law.slope, float)
-    unit = FLUX if slope is None else ABOVE
+    unit = _FLUX if slope is None else _ABOVE
     amplitude: Any = law.forcing
     if not callable(amplitude):
         # The value belongs to the amplitude, and not to the pattern.
@@ -154,7 +154,7 @@ def _normalized(
         if amplitude is None:
             weight = forced
             amplitude = 1.0
-            unit = ONE
+            unit = _ONE
     return _Law(
         number=number,
         ordinal=ordinal,
@@ -261,7 +261,7 @@ def _sources(program: Program) -> Iterator[tuple[tuple, int, Input]]:
                 number,
                 Input(
                     name=name,
-                    unit=DENSITY,
+                    unit=_DENSITY,
                     amplitude=amplitude if callable(amplitude) else float(amplitude),
                     heat=((number, source.address, heat),),
                     excess=tuple(np.zeros(n) for n in np.diff(ends)),
@@ -273,7 +273,7 @@ def _contact_inputs(program: Program) -> Iterator[tuple[tuple, int, Input]]:
     """Heat between bodies that are all at their references: a constant input."""
     ends = _fragment_ends(program)
     excess = [np.zeros(n) for n in np.diff(ends)]
-    heat: list[NodeHeat] = []
+    heat: list[_NodeHeat] = []
     zero = jnp.zeros(())
     for contact in program.contacts:
         first, second = (program.bodies[b].reference for b in contact.bodies)
@@ -291,7 +291,7 @@ def _contact_inputs(program: Program) -> Iterator[tuple[tuple, int, Input]]:
             0,
             Input(
                 name=name,
-                unit=ONE,
+                unit=_ONE,
                 amplitude=1.0,
                 heat=tuple(heat),
                 excess=tuple(excess),

@@ -28,7 +28,7 @@ _SERIES_TERMS = 11
 _Modes = Float[Array | np.ndarray, "*m"]
 
 
-class StepWeights(NamedTuple):
+class _StepWeights(NamedTuple):
     """Weights of a step of decoupled modes."""
 
     decay: Any
@@ -39,7 +39,7 @@ class StepWeights(NamedTuple):
     """step phi_2, of the change of the load over the step."""
 
 
-def step_weights(xp: Any, rates: _Modes, step: Any) -> StepWeights:
+def step_weights(xp: Any, rates: _Modes, step: Any) -> _StepWeights:
     """Weights of steps of these lengths [s], by `xp`, numpy or jax.numpy."""
     h = rates * step
     is_small = xp.abs(h) < _SERIES_LIMIT
@@ -57,7 +57,7 @@ def step_weights(xp: Any, rates: _Modes, step: Any) -> StepWeights:
     by_quotient = -xp.expm1(-large) / large
     phi_1 = xp.where(is_small, first, by_quotient)
     phi_2 = xp.where(is_small, second, (1 - by_quotient) / large)
-    return StepWeights(decay=xp.exp(-h), constant=step * phi_1, ramp=step * phi_2)
+    return _StepWeights(decay=xp.exp(-h), constant=step * phi_1, ramp=step * phi_2)
 
 
 class Schedule(NamedTuple):

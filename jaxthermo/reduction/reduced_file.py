@@ -18,7 +18,7 @@ from ..integrate.run.solution_file import BodyArrays, body_arrays, solved_surfac
 from ..scene.scene import SolvedSurface
 
 
-FORMAT_VERSION = 1
+_FORMAT_VERSION = 1
 """Version of the file's layout."""
 _KIND = "reduced model"
 _REMEDY = "reduce the scene again"
@@ -118,7 +118,7 @@ def write_model(path: Path, model: ModelFields) -> None:
     for b, surface in enumerate(model.surfaces):
         for name, value in body_arrays(surface, arrays.times).present().items():
             stored[f"body{b}_{name}"] = value
-    write_archive(path, format_name=_KIND, version=FORMAT_VERSION, arrays=stored)
+    write_archive(path, format_name=_KIND, version=_FORMAT_VERSION, arrays=stored)
 
 
 def read_model(path: Path) -> ModelFields:
@@ -128,7 +128,7 @@ def read_model(path: Path) -> ModelFields:
         InputError: if the file is missing, damaged, or of another version.
     """
     stored = read_archive(
-        path, format_name=_KIND, version=FORMAT_VERSION, remedy=_REMEDY
+        path, format_name=_KIND, version=_FORMAT_VERSION, remedy=_REMEDY
     )
     try:
         return _fields(stored)

@@ -37,7 +37,7 @@ def capacity_at(network: AbstractNetwork, address: Address) -> Float[Array, "*m"
     return network.capacity_at(address)
 
 
-class SectionPlaces(NamedTuple):
+class _SectionPlaces(NamedTuple):
     """Positions of nodes in a list with an equally long part for each section."""
 
     address: Address
@@ -88,7 +88,7 @@ class PreparedBody(NamedTuple):
             address = tuple(index[order] for index in address)
         return tuple(map(device_array, address)), rank
 
-    def section_places(self, nodes: Int[np.ndarray, " m"]) -> SectionPlaces:
+    def section_places(self, nodes: Int[np.ndarray, " m"]) -> _SectionPlaces:
         """Positions of distinct nodes, by the sections of a body; see `gathered`.
 
         A body on one device has one section, with the positions of `ordered_address`.
@@ -97,7 +97,7 @@ class PreparedBody(NamedTuple):
         structure = self.body.structure
         lattice = structure.sharded if isinstance(structure, FullVolume) else None
         if lattice is None:
-            return SectionPlaces(address, places=rank, per_section=len(nodes))
+            return _SectionPlaces(address, places=rank, per_section=len(nodes))
         host = tuple(map(np.asarray, address))
         length = lattice.thickness + 2
         section = host[0] // length
@@ -108,7 +108,7 @@ class PreparedBody(NamedTuple):
         for index, positions in zip(padded, host, strict=True):
             index[places] = positions
         padded_address = tuple(device_array(index, jnp.int32) for index in padded)
-        return SectionPlaces(padded_address, places=places[rank], per_section=count)
+        return _SectionPlaces(padded_address, places=places[rank], per_section=count)
 
 
 def prepare(number: int, body: Body, dtype: Any) -> PreparedBody:

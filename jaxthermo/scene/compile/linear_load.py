@@ -6,12 +6,12 @@ the half cell's conductance G, each a sum over the terms at a cell, the node rec
 
     q = G / (G + s) (w d(t) - s T_node),
 
-and a term with weight w_e and slope s_e brings, beside others j,
+and a term with weight w_e and slope s_e contributes, with other terms j,
 
-    q_e = [G (w_e d(t) - s_e T_node) + sum_j (w_e s_j - s_e w_j) d(t)] / (G + s),
+    q_e = [G (w_e d(t) - s_e T_node) + sum_j (w_e s_j - s_e w_j) d(t)] / (G + s).
 
-the first part its own of q, the second what the others take from it: their sum is q
-however large the Biot number s / G is.
+The first part is the term's share of q, the second what the other terms take from it:
+the sum over the terms is q however large the Biot number s / G is.
 
 Sums over the cells of a node leave one coefficient per forcing and one slope per node.
 The time loop then evaluates no cells at all: in a network of nodes the load is part of
@@ -50,8 +50,8 @@ from .surface_load import (
 )
 
 
-# Fraction of a body's nodes below which those under the surface are gathered.
 _MIN_SURFACE_FRACTION = 1 / 8
+"""Fraction of a body's nodes below which those under the surface are gathered."""
 
 
 class _LinearNodes(Module):
@@ -62,16 +62,17 @@ class _LinearNodes(Module):
     forced: tuple[Float[Any, " n"], ...]
     """Heat rate of every node by each forcing [W per unit of it]."""
     slope: Float[Any, " n"] | None
-    """Lost by each node [W/K]; None for nothing."""
+    """Heat that each node loses [W/K]; None for nothing."""
     everywhere: bool = eqx.field(static=True)
     """True if arrays cover all nodes of the body, in order; else those with cells."""
     entries: tuple[int, ...] = eqx.field(static=True)
+    """Ledger entry of each term."""
     names: tuple[str, ...] = eqx.field(static=True)
     """Mechanism of each ledger entry."""
     entry_forced: tuple[Float[Any, " d"], ...]
     """Heat rate of each entry by the forcings [W per unit of it]."""
     entry_slope: tuple[Float[Any, " n"] | None, ...]
-    """Lost by each node to the entry [W/K]; None for nothing."""
+    """Heat that each node loses to the entry [W/K]; None for nothing."""
 
 
 class _LinearSurfaceLoad(AbstractSurfaceLoad):
@@ -98,18 +99,19 @@ class _LinearSurfaceLoad(AbstractSurfaceLoad):
         heat = []
         by_entry = jnp.zeros(self.general.entry_count, nodes[0].dtype)
         for body, theta in zip(self.bodies, nodes, strict=True):
-            now = [value_at(forcing, time) for forcing in body.forcings]
+            amplitudes = [value_at(forcing, time) for forcing in body.forcings]
             rate = jnp.zeros_like(theta) if body.slope is None else -body.slope * theta
-            for each, forcing in zip(body.forced, now, strict=True):
-                rate = rate + each * forcing
+            for forced, amplitude in zip(body.forced, amplitudes, strict=True):
+                rate = rate + forced * amplitude
             heat.append(rate)
-            rows = (body.entries, body.names, body.entry_forced, body.entry_slope)
-            for entry, name, forced, slope in zip(*rows, strict=True):
-                with jax.named_scope(name):
-                    brought = sum(b * f for b, f in zip(forced, now, strict=True))
+            for n, entry in enumerate(body.entries):
+                with jax.named_scope(body.names[n]):
+                    pairs = zip(body.entry_forced[n], amplitudes, strict=True)
+                    entry_heat = sum(forced * amplitude for forced, amplitude in pairs)
+                    slope = body.entry_slope[n]
                     if slope is not None:
-                        brought = brought - precise_sum(slope * theta)
-                    by_entry = by_entry.at[entry].add(brought)
+                        entry_heat = entry_heat - precise_sum(slope * theta)
+                    by_entry = by_entry.at[entry].add(entry_heat)
         return heat, by_entry
 
     @override
@@ -129,16 +131,16 @@ class _LinearSurfaceLoad(AbstractSurfaceLoad):
 
 def linear_programs(programs: Sequence[Program]) -> tuple[Program, ...] | None:
     """Programs with linear surface loads; None where one of them is not linear."""
-    made = []
+    linear = []
     for program in programs:
         if program.surface is None:
-            made.append(program)
+            linear.append(program)
             continue
         load = _linear_load(program, program.surface.by_cell)
         if load is None:
             return None
-        made.append(replaced(program, surface=load))
-    return tuple(made)
+        linear.append(replaced(program, surface=load))
+    return tuple(linear)
 
 
 def _linear_load(program: Program, load: SurfaceLoad) -> _LinearSurfaceLoad | None:
@@ -149,7 +151,7 @@ def _linear_load(program: Program, load: SurfaceLoad) -> _LinearSurfaceLoad | No
         network = program.bodies[cells.body].network
         terms = load.terms_on(index)
         numbered = (*terms.natural, *terms.prescribed)
-        laws = [law for _, t in numbered if (law := t.law.linear()) is not None]
+        laws = [law for _, term in numbered if (law := term.law.linear()) is not None]
         # Where conductivity varies, so does the half cell.
         if not network.is_linear or len(laws) < len(numbered):
             return None
@@ -162,15 +164,27 @@ def _linear_load(program: Program, load: SurfaceLoad) -> _LinearSurfaceLoad | No
     return _LinearSurfaceLoad(load, tuple(bodies))
 
 
-class _Part(NamedTuple):
-    """A term on the cells."""
+class _LinearTerm(NamedTuple):
+    """A term with a linear law on the cells of a body."""
 
     term: int
     forcing: int
+    """Index of its forcing."""
     weight: Any
     """[W per unit of the forcing]"""
     slope: Any
     """[W/K]; None for nothing."""
+
+
+def _weight(terms: list[_LinearTerm], forcing: int, half_cell: Any) -> Any:
+    """Heat rate of every cell by one unit of a forcing [W per unit]."""
+    acting = (term.weight for term in terms if term.forcing == forcing)
+    return sum(acting, 0 * half_cell)
+
+
+def _slope(terms: list[_LinearTerm], half_cell: Any) -> Any:
+    """Heat that every cell loses by terms [W/K]."""
+    return sum((term.slope for term in terms if term.slope is not None), 0 * half_cell)
 
 
 def _linear_nodes(
@@ -185,69 +199,71 @@ def _linear_nodes(
     # then as exact as the general form in the time loop.
     traced = is_traced((terms, laws))
     dtype = terms.half_cell.dtype
-    own: Any = jnp if traced else np
-    number = lambda value: own.asarray(value, dtype if traced else np.float64)
-    rounded = lambda value: own.asarray(value, dtype)
+    xp: Any = jnp if traced else np
+
+    def number(value):
+        return xp.asarray(value, dtype if traced else np.float64)
+
     everywhere, sums = _sums(cells, network, traced)
-    forcings, parts = _parts(terms, laws, number)
-    cell = number(terms.half_cell)
-    weight = lambda parts, forcing: sum(
-        (part.weight for part in parts if part.forcing == forcing), 0 * cell
-    )
-    slope = lambda parts: sum((p.slope for p in parts if p.slope is not None), 0 * cell)
-    natural = parts[: len(terms.natural)]
-    both = cell + slope(natural)
-    some = own.where(both > 0, both, 1)
-    # Of the heat at a surface, the fraction that goes to its node; the rest is lost by
-    # the terms.
-    through = own.where(both > 0, cell, 0) / some
-    lost = own.where(both > 0, 1, 0) / some
-    each = range(len(forcings))
-    found = sorted({part.term for part in parts})
+    forcings, linear_terms = _linear_terms(terms, laws, number)
+    half_cell = number(terms.half_cell)
+    natural = linear_terms[: len(terms.natural)]
+    prescribed = linear_terms[len(natural) :]
+    total = half_cell + _slope(natural, half_cell)
+    safe_total = xp.where(total > 0, total, 1)
+    # The fraction of the heat at a surface that goes to its node; the terms lose the
+    # remainder.
+    through = xp.where(total > 0, half_cell, 0) / safe_total
+    inverse_total = xp.where(total > 0, 1, 0) / safe_total
+    numbers = sorted({linear_term.term for linear_term in linear_terms})
     entry_forced = []
     entry_slope = []
-    for term in found:
-        here = [part for part in parts if part.term == term]
-        exposed = [part for part in natural if part.term == term]
-        fixed = here[len(exposed) :]
+    for number_of_term in numbers:
+        exposed = [term for term in natural if term.term == number_of_term]
+        fixed = [term for term in prescribed if term.term == number_of_term]
         # At the temperature that all terms cause together, without its difference to
         # w_e d, which at large Biot numbers leaves rounding times s / G.
-        others = [part for part in natural if part.term != term]
-        lose_here = slope(exposed) * lost
-        lose_there = slope(others) * lost
-        brought = [
-            weight(exposed, d) * (through + lose_there)
-            - lose_here * weight(others, d)
-            + weight(fixed, d)
-            for d in each
-        ]
-        entry_forced.append(own.stack([rounded(total.sum()) for total in brought]))
-        acts = any(part.slope is not None for part in here)
-        lose = slope(exposed) * through + slope(fixed) if acts else None
-        entry_slope.append(rounded(sums(lose)) if acts else None)
+        competing = [term for term in natural if term.term != number_of_term]
+        lost_here = _slope(exposed, half_cell) * inverse_total
+        lost_to_others = _slope(competing, half_cell) * inverse_total
+        forced = []
+        for forcing in range(len(forcings)):
+            heat = _weight(exposed, forcing, half_cell) * (through + lost_to_others)
+            heat = heat - lost_here * _weight(competing, forcing, half_cell)
+            heat = heat + _weight(fixed, forcing, half_cell)
+            forced.append(xp.asarray(heat.sum(), dtype))
+        entry_forced.append(xp.stack(forced))
+        slope = None
+        if any(term.slope is not None for term in (*exposed, *fixed)):
+            lost = _slope(exposed, half_cell) * through + _slope(fixed, half_cell)
+            slope = xp.asarray(sums(lost), dtype)
+        entry_slope.append(slope)
     # All slopes of a node act on the same temperature: one array for the time loop.
-    slopes = [each for each in entry_slope if each is not None]
-    prescribed = parts[len(natural) :]
-    forced = [weight(natural, d) * through + weight(prescribed, d) for d in each]
+    slopes = [slope for slope in entry_slope if slope is not None]
+    forced_nodes = []
+    for forcing in range(len(forcings)):
+        heat = _weight(natural, forcing, half_cell) * through
+        heat = heat + _weight(prescribed, forcing, half_cell)
+        forced_nodes.append(xp.asarray(sums(heat), dtype))
     return _LinearNodes(
         forcings=tuple(forcings),
-        forced=tuple(rounded(sums(values)) for values in forced),
+        forced=tuple(forced_nodes),
         slope=sum(slopes[1:], slopes[0]) if slopes else None,
         everywhere=everywhere,
-        entries=tuple(entries[term] for term in found),
-        names=tuple(terms.names[term] for term in found),
+        entries=tuple(entries[term] for term in numbers),
+        names=tuple(terms.names[term] for term in numbers),
         entry_forced=tuple(entry_forced),
         entry_slope=tuple(entry_slope),
     )
 
 
-def _parts(
+def _linear_terms(
     terms: SurfaceTerms, laws: list[LinearLaw], number: Callable[[Any], Any]
-) -> tuple[list[Any], list[_Part]]:
+) -> tuple[list[Any], list[_LinearTerm]]:
     """Forcings, and the terms with a linear law on all cells, natural ones first."""
     # The first forcing is 1: all constant terms share it.
     forcings: list[Any] = [np.ones((), terms.half_cell.dtype)]
-    parts = []
+    linear_terms = []
     numbered = (*terms.natural, *terms.prescribed)
     for (term, bound), law in zip(numbered, laws, strict=True):
         area = number(bound.effective_area)
@@ -257,19 +273,23 @@ def _parts(
             weight = weight * number(law.forcing)
         else:
             # Terms of one function of time, such as one air, share its forcing.
-            same = (d for d, each in enumerate(forcings) if law.forcing is each)
+            same = (
+                index for index, shared in enumerate(forcings) if law.forcing is shared
+            )
             forcing = next(same, len(forcings))
             if forcing == len(forcings):
                 forcings.append(law.forcing)
         slope = None if law.slope is None else area * number(law.slope)
-        parts.append(_Part(term=term, forcing=forcing, weight=weight, slope=slope))
-    return forcings, parts
+        linear_terms.append(
+            _LinearTerm(term=term, forcing=forcing, weight=weight, slope=slope)
+        )
+    return forcings, linear_terms
 
 
 def _sums(
     cells: BodyCells, network: AbstractNetwork, traced: bool
 ) -> tuple[bool, Callable[[Any], Any]]:
-    # True if sums are for all nodes; and a function from values of cells to nodes.
+    """True if sums are for all nodes, and a function from values of cells to nodes."""
     # The layout of cells is known, even where a scene is traced.
     index = np.asarray(cells.node)
     count = cells.slots[0].shape[0]

@@ -1,11 +1,11 @@
 """Forecast of the memory of a run, before anything large is made.
 
-A run keeps what it finds of its bodies and their compiled program, and its steps need
-states and surface arrays besides. Both are sums over what a body consists of, with the
-bytes for each: those of the largest arrays follow from their shapes, the others are
+A run keeps what it computes from its bodies and their compiled program, and its steps
+need states and surface arrays. Both are sums over the elements of a body times the
+bytes of each. The bytes of the largest arrays follow from their shapes, the others are
 measured on many bodies with sun, convection and emission. `experiments run memory`
-compares them with what processes take. Not counted are the bodies themselves, with
-their voxels and structures, which exist before, and the compiler.
+compares them with what processes take. The bodies themselves with their voxels and
+structures, which exist before, and the compiler are not counted.
 """
 
 from dataclasses import replace
@@ -38,7 +38,7 @@ class _Parts(NamedTuple):
     values: float = 0
     """Values of a state: cells of the lattice, or nodes."""
     cut_values: float = 0
-    """The same, of a lattice with cut voxels."""
+    """Values of a state whose lattice has cut voxels."""
     nodes: float = 0
     links: float = 0
 
@@ -75,16 +75,16 @@ _STEPS_RUNS: dict[Method, _Parts] = {
     "euler": _Parts(fragments=34, surface_nodes=58, values=12),
     "stages": _Parts(fragments=34, surface_nodes=58, values=24),
 }
-# Of solves alone: the connected parts, found from links, and levels of the multigrid.
+# For solves alone: the connected parts, found from links, and levels of the multigrid.
 _SOLVES_STENCIL: dict[Method, _Parts] = {
     "implicit": _Parts(nodes=83, cut_voxels=220, values=8),
     "diagonal": _Parts(nodes=83, cut_voxels=220),
 }
 _SOLVES_LINKS: dict[Method, _Parts] = {"implicit": _Parts(links=60)}
 
-# What processes were measured to take while steps run, beside all that the compiler
-# reports: of links a copy of the state and what is found of them on the way; of a
-# stencil, however large, what the allocator and the programs hold [bytes].
+# What processes take while steps run in addition to the compiler's report: for links a
+# copy of the state and what is computed from them on the way; for a stencil of any size
+# what the allocator and the programs hold [bytes].
 _RUNTIME_LINKS = _Parts(values=4, links=5)
 _RUNTIME_STENCIL = 8_000_000
 
@@ -93,10 +93,10 @@ _KEPT_DOUBLE = 1.2
 float64."""
 
 
-class MemoryForecast(NamedTuple):
+class _MemoryForecast(NamedTuple):
     """Memory of a run [bytes]."""
 
-    kept: int
+    retained: int
     """Findings and compiled program, as long as the scene exists."""
     steps: int
     """States and temporary arrays while the steps run."""
@@ -109,51 +109,78 @@ class MemoryForecast(NamedTuple):
     def peak(self) -> int:
         """Peak of the run."""
         # Saved rows exist twice while the solution is put together.
-        return self.kept + self.rows + max(self.steps + self.runtime, self.rows)
+        return self.retained + self.rows + max(self.steps + self.runtime, self.rows)
 
 
 def forecast_memory(
     scene: Scene, saves: int, snapshots: int, method: Method
-) -> MemoryForecast:
-    """Forecast of a run that saves so often, by steps of a kind."""
+) -> _MemoryForecast:
+    """Forecast of a run with a number of saves, by steps of a kind."""
     width = 8 if scene.dtype == "float64" else 4
-    kept = 0.0
-    steps = 0.0
-    held = 0
+    bodies = [
+        _body_forecast(
+            body, width=width, saves=saves, snapshots=snapshots, method=method
+        )
+        for body in scene.bodies
+    ]
+    stencils = any(len(body.structure.state_shape) == 3 for body in scene.bodies)
+    allocator = _RUNTIME_STENCIL if stencils else 0
+    return _MemoryForecast(
+        retained=int(sum(body.retained for body in bodies)),
+        steps=int(sum(body.steps for body in bodies)),
+        rows=int(sum(body.rows for body in bodies)),
+        runtime=allocator + int(sum(body.runtime for body in bodies)),
+    )
+
+
+class _BodyForecast(NamedTuple):
+    """Memory of one body; see `_MemoryForecast`."""
+
+    retained: float
+    steps: float
+    rows: float
+    runtime: float
+
+
+def _body_forecast(
+    body: Body, width: int, saves: int, snapshots: int, method: Method
+) -> _BodyForecast:
+    structure = body.structure
+    counts = structure.found("part_counts", lambda: _counts(structure))
+    # What reads the fragments is on every device, and counted for all of them; what
+    # steps evaluate is on the device of its section.
+    read = counts._replace(fragments=_devices(body) * counts.fragments)
+    is_full = isinstance(structure, FullVolume)
+    is_stencil = len(structure.state_shape) == 3
+    in_runs = isinstance(structure, FullVolume) and structure.kernels == "numba"
     runtime = 0.0
-    rows = 0
-    for body in scene.bodies:
-        structure = body.structure
-        counts = structure.found("part_counts", lambda own=structure: _counts(own))
-        # What reads the fragments is on every device, and counted for all of them;
-        # what steps evaluate is on the device of its section.
-        read = counts._replace(fragments=_devices(body) * counts.fragments)
-        is_stencil = len(structure.state_shape) == 3
-        in_runs = isinstance(structure, FullVolume) and structure.kernels == "numba"
-        lists = _KEPT_RUNS if in_runs else _KEPT_LINKS
-        own = (_KEPT_STENCIL if is_stencil else lists).bytes_of(read)
-        if not (is_stencil or in_runs) and isinstance(structure, FullVolume):
-            own += _KEPT_VOXEL_LINKS.bytes_of(counts)
-        if is_stencil and isinstance(body.material, AbstractMaterials):
-            own += _KEPT_MIXED_STENCIL.bytes_of(counts) * width / 4
-        solves = _SOLVES_STENCIL if is_stencil else _SOLVES_LINKS
-        own += solves.get(method, _Parts()).bytes_of(counts)
-        own += (snapshots - 1) * _KEPT_SNAPSHOT.bytes_of(read)
-        if _has_varying_links(body):
-            own += structure.link_count * (8 * width + 8)
-        kept += own * (_KEPT_DOUBLE if width == 8 else 1)
-        each = (_STEPS_STENCIL if is_stencil else _STEPS_LINKS)[method]
-        if in_runs:
-            # Solves have a form of their own (`for_solves`).
-            each = _STEPS_RUNS.get(method, each)
-        steps += each.bytes_of(counts) * width / 4
-        if is_stencil:
-            held = _RUNTIME_STENCIL
-        elif not in_runs:
-            runtime += _RUNTIME_LINKS.bytes_of(counts) * width / 4
-        rows += int(read.fragments) * width * saves
-    return MemoryForecast(
-        kept=int(kept), steps=int(steps), rows=rows, runtime=held + int(runtime)
+    if is_stencil:
+        retained = _KEPT_STENCIL.bytes_of(read)
+        if isinstance(body.material, AbstractMaterials):
+            retained += _KEPT_MIXED_STENCIL.bytes_of(counts) * width / 4
+        step_bytes = _STEPS_STENCIL[method]
+        solves = _SOLVES_STENCIL
+    elif in_runs:
+        retained = _KEPT_RUNS.bytes_of(read)
+        # Solves have a form of their own (`for_solves`).
+        step_bytes = _STEPS_RUNS.get(method, _STEPS_LINKS[method])
+        solves = _SOLVES_LINKS
+    else:
+        retained = _KEPT_LINKS.bytes_of(read)
+        if is_full:
+            retained += _KEPT_VOXEL_LINKS.bytes_of(counts)
+        step_bytes = _STEPS_LINKS[method]
+        solves = _SOLVES_LINKS
+        runtime = _RUNTIME_LINKS.bytes_of(counts) * width / 4
+    retained += solves.get(method, _Parts()).bytes_of(counts)
+    retained += (snapshots - 1) * _KEPT_SNAPSHOT.bytes_of(read)
+    if has_varying_links(body):
+        retained += structure.link_count * (8 * width + 8)
+    return _BodyForecast(
+        retained=retained * (_KEPT_DOUBLE if width == 8 else 1),
+        steps=step_bytes.bytes_of(counts) * width / 4,
+        rows=int(read.fragments) * width * saves,
+        runtime=runtime,
     )
 
 
@@ -218,9 +245,10 @@ def _surface_and_links(structure: AbstractStructure) -> tuple[int, int]:
     return count, structure.link_count
 
 
-def _has_varying_links(body: Body) -> bool:
-    own = body.material
-    several = isinstance(own, AbstractMaterials)
-    materials = own.materials if isinstance(own, AbstractMaterials) else (own,)
-    by_axis = any(isinstance(each.conductivity, tuple) for each in materials)
-    return any(each.varies for each in materials) and (several or by_axis)
+def has_varying_links(body: Body) -> bool:
+    """True if several materials, or one by axis, vary with temperature."""
+    material = body.material
+    several = isinstance(material, AbstractMaterials)
+    materials = material.materials if several else (material,)
+    by_axis = any(isinstance(entry.conductivity, tuple) for entry in materials)
+    return any(entry.varies for entry in materials) and (several or by_axis)

@@ -14,7 +14,8 @@ from ...parallel.devices import check_devices
 from ...parallel.lattice import placed
 from ...structures.kinds.full import FullVolume
 from ...voxels.sharded_lattice import sharded_lattice
-from ..scene import AbstractMaterials, Body, Scene
+from ..scene import Body, Scene
+from .memory import has_varying_links
 from .program import Program
 
 
@@ -56,11 +57,7 @@ def _on_devices(body: Body, where: str, devices: int) -> Body:
             f"{where}: a FullVolume with weights, stencil=False or kernels of numba "
             f"cannot be spread over devices={devices}; leave these out, or devices"
         )
-    material = body.material
-    several = isinstance(material, AbstractMaterials)
-    materials = material.materials if several else (material,)
-    by_axis = any(isinstance(material.conductivity, tuple) for material in materials)
-    if any(material.varies for material in materials) and (several or by_axis):
+    if has_varying_links(body):
         raise InputError(
             f"{where}: several materials, or one by axis, that vary with temperature "
             f"run as links and cannot be spread over devices={devices}; leave it out"

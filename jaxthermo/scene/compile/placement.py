@@ -37,7 +37,7 @@ def _pose_key(pose: Pose) -> tuple:
     return pose.translation, pose.rotation
 
 
-class PlacedSurface(NamedTuple):
+class _PlacedSurface(NamedTuple):
     """Surface of a body in the world [m]."""
 
     position: Float[np.ndarray, "s 3"]
@@ -45,13 +45,13 @@ class PlacedSurface(NamedTuple):
     triangles: Float[np.ndarray, "f 3 3"]
 
 
-def placed_surface(grid: VoxelGrid, pose: Pose) -> PlacedSurface:
+def placed_surface(grid: VoxelGrid, pose: Pose) -> _PlacedSurface:
     """Surface of a body in the world, the same arrays at the same pose."""
     mesh = grid.mesh
     return found(
         (grid,),
         ("placed_surface", _pose_key(pose)),
-        lambda: PlacedSurface(
+        lambda: _PlacedSurface(
             pose.to_world(grid.fragment_position),
             pose.rotate(grid.fragment_normal),
             pose.to_world(mesh.vertices[mesh.faces]),
@@ -59,7 +59,7 @@ def placed_surface(grid: VoxelGrid, pose: Pose) -> PlacedSurface:
     )
 
 
-def scene_triangles(placed: list[PlacedSurface]) -> Float[np.ndarray, "f 3 3"]:
+def scene_triangles(placed: list[_PlacedSurface]) -> Float[np.ndarray, "f 3 3"]:
     """Triangles of all bodies [m]; the same array in every run, for shadows."""
     triangles = tuple(surface.triangles for surface in placed)
     if len(triangles) == 1:

@@ -134,17 +134,17 @@ def take_snapshots(
 
 def _without_idle(snapshots: list[Snapshot]) -> list[Snapshot]:
     """The snapshots without bindings that act at none of them."""
-    acts = iter([bool(is_acting.any()) for is_acting in acting(snapshots)])
+    flags = iter([bool(is_acting.any()) for is_acting in acting(snapshots)])
     first = snapshots[0]
     is_used = {
-        field: [next(acts) for _ in getattr(first, field)]
+        field: [next(flags) for _ in getattr(first, field)]
         for field in ("natural", "prescribed", "radiating")
     }
     return [
         snapshot._replace(
             **{
-                field: tuple(itertools.compress(getattr(snapshot, field), flags))
-                for field, flags in is_used.items()
+                field: tuple(itertools.compress(getattr(snapshot, field), used))
+                for field, used in is_used.items()
             }
         )
         for snapshot in snapshots

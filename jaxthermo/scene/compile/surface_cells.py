@@ -190,11 +190,13 @@ def _layout(
     cell_node = np.repeat(per_section * np.arange(section_count, dtype=np.int32), count)
     cell_node[of_cell] = node
     # Nodes with fewer cells than others refer to one past the last cell.
-    place = np.append(of_cell, len(cell_node)).astype(np.int32)
+    slot_cell = np.append(of_cell, len(cell_node)).astype(np.int32)
     return _Layout(
         address=sections.address,
         node=device_array(cell_node),
-        slots=tuple(device_array(place[slot]) for slot in members(node, node_count)),
+        slots=tuple(
+            device_array(slot_cell[slot]) for slot in members(node, node_count)
+        ),
         cell=cell,
     )
 

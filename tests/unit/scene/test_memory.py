@@ -147,5 +147,5 @@ def test_more_saved_times_and_longer_numbers_need_more():
     fragments = len(scene.bodies[0].structure.grid.fragment_area)
     assert many.rows - few.rows == 2000 * 4 * fragments
     # Rows exist twice while the solution is put together.
-    assert many.peak == many.kept + 2 * many.rows
+    assert many.peak == many.retained + 2 * many.rows
     assert forecast_memory(double, 1, 1, "euler").steps == 2 * few.steps
