@@ -9,8 +9,7 @@ from PIL import Image
 import jaxthermo as jt
 from jaxthermo.cli.contacts import _texture
 from jaxthermo.integrate.run.solution_file import StoredSolution
-from jaxthermo.scene.body_geometry import body_geometry
-from jaxthermo.scene.scene import SolvedSurface
+from jaxthermo.scene.scene import SolvedSurface, body_geometry
 
 
 PAIR = """

@@ -23,11 +23,11 @@ from ...physics.radiation.irradiation import (
 from ...physics.surface import BodySurface, Omitted
 from ...physics.term import AbstractExchangeTerm, AbstractSurfaceTerm
 from ...structures.structure import AbstractStructure
-from ..body_geometry import body_geometry
 from ..scene import (
     AbstractMaterials,
     Scene,
     SolvedSurface,
+    body_geometry,
 )
 from .bodies import check_functions, prepare, temperature_bounds
 from .memory import Method, check_memory

@@ -40,11 +40,12 @@ from ...physics.flux_law import LinearLaw
 from ...physics.surface_energy_balance import SurfaceTerms
 from ...physics.time_varying import value_at
 from .program import Program
-from .surface_cells import BodyCells, OneBody
 from .surface_load import (
     AbstractSurfaceLoad,
+    BodyCells,
     HeatRates,
     Networks,
+    OneBody,
     PerBody,
     SurfaceLoad,
 )

@@ -27,11 +27,9 @@ from ..scene import Scene
 from .bodies import PreparedBody
 from .linear_load import linear_programs
 from .probes import bind_probes
-from .program import BodyProgram, Program, VolumeLoad
+from .program import BodyProgram, Program, VolumeLoad, surface_heat
 from .snapshots import PairKey, Snapshot, acting
-from .surface_cells import body_cells
-from .surface_heat import surface_heat
-from .surface_load import AbstractSurfaceLoad, surface_load
+from .surface_load import AbstractSurfaceLoad, body_cells, surface_load
 
 
 # Nodes that heat sources reach, by the numbers of the term and of the body.

@@ -17,8 +17,7 @@ from jaxthermo.image.radiance.draw import draw
 from jaxthermo.image.radiance.image import coarsen
 from jaxthermo.image.radiance.radiometry import apparent_temperature, leaving_radiance
 from jaxthermo.image.surface.view import _block_weights, compute_view, smooth_weights
-from jaxthermo.scene.body_geometry import body_geometry
-from jaxthermo.scene.scene import SolvedSurface
+from jaxthermo.scene.scene import SolvedSurface, body_geometry
 from tests.imaging import apparent
 
 

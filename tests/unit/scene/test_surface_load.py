@@ -7,7 +7,7 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.integrate.heat_rates import add_loads
-from jaxthermo.scene.compile import surface_cells
+from jaxthermo.scene.compile import surface_load as module
 from jaxthermo.scene.compile.compile import compile_scene
 
 
@@ -22,10 +22,10 @@ TERMS = (
 
 @pytest.mark.parametrize("count", [1, 16, 17, 57, 511, 512, 4097, 73101, 10**6 + 1])
 def test_a_size_is_even_and_little_larger(count):
-    size = surface_cells._even_size(count)
+    size = module._even_size(count)
     assert size % 16 == 0 and count <= size < count + max(16, count / 16 + 1)
     assert size % 1024 == 0 or count < 16384
-    assert surface_cells._even_size(size) == size
+    assert module._even_size(size) == size
 
 
 @eqx.filter_jit
@@ -43,7 +43,7 @@ def test_spare_cells_do_nothing(monkeypatch):
     )
     scene = jt.Scene(bodies, TERMS, dtype="float64")
     even = compile_scene(scene)
-    monkeypatch.setattr(surface_cells, "_even_size", lambda count: count)
+    monkeypatch.setattr(module, "_even_size", lambda count: count)
     plain = compile_scene(scene)
     cells = lambda compiled: compiled.program.surface.by_cell.cells
     for one, other in zip(cells(even), cells(plain), strict=True):

@@ -7,8 +7,7 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.image.radiance.draw import irradiation_at_pixels, means
 from jaxthermo.image.surface.view import View, compute_view
-from jaxthermo.scene.body_geometry import body_geometry
-from jaxthermo.scene.scene import SolvedSurface
+from jaxthermo.scene.scene import SolvedSurface, body_geometry
 
 
 TO_SUN = np.array([0.6, -0.64, 0.48])

@@ -16,8 +16,7 @@ from jaxthermo.image.surface.view import compute_view
 from jaxthermo.image.surface.weights import CHUNK, cells_of
 from jaxthermo.physics.radiation.irradiation import Irradiance
 from jaxthermo.raster.fragments import peel
-from jaxthermo.scene.body_geometry import body_geometry
-from jaxthermo.scene.scene import SolvedSurface
+from jaxthermo.scene.scene import SolvedSurface, body_geometry
 
 
 EVENTS: list[str] = []
