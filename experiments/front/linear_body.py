@@ -195,7 +195,8 @@ def _linear_body(todo: Plan) -> LinearBody:
     base = network.base if isinstance(network, CutStencil) else network
     one = len(program.bodies) == 1 and len(compiled.programs) == 1
     linear = program.fragment_terms.is_linear and program.enclosure is None
-    if not (one and linear and isinstance(base, Stencil)):
+    isotropic = isinstance(base, Stencil) and not base.conductance.ndim
+    if not (one and linear and isotropic):
         raise InputError(
             "rivals written by hand have one full volume of one isotropic material "
             "with constant properties, and linear surface terms: this scene has none"

@@ -85,14 +85,15 @@ def meet(group: Group, key: str, seconds: float) -> list[socket.socket]:
     deadline = time.monotonic() + seconds
     with ExitStack() as stack:
         if group.process == 0:
-            refusal, found = _receive(group, key=key, deadline=deadline, stack=stack)
+            reply = _receive(group, key=key, deadline=deadline, stack=stack)
         else:
-            refusal, found = _announce(group, key=key, deadline=deadline, stack=stack)
+            reply = _announce(group, key=key, deadline=deadline, stack=stack)
+        refusal, connections = reply
         if refusal:
             raise InputError(refusal)
-        # They stay open.
+        # The connections stay open.
         stack.pop_all()
-    return found
+    return connections
 
 
 def _receive(
@@ -102,7 +103,7 @@ def _receive(
     _, port = group.address
     refusal = ""
     lines = {0: key}
-    others = []
+    connections = []
     try:
         server = socket.create_server(("", port))
     except OSError as error:
@@ -114,14 +115,14 @@ def _receive(
         while len(lines) < group.processes and not refusal:
             server.settimeout(max(deadline - time.monotonic(), 0.01))
             try:
-                other = stack.enter_context(server.accept()[0])
-                other.settimeout(5.0)
-                number, _, text = _line(other).partition(" ")
+                connection = stack.enter_context(server.accept()[0])
+                connection.settimeout(5.0)
+                number, _, text = _line(connection).partition(" ")
             except OSError:
                 missing = sorted(set(range(group.processes)) - lines.keys())
                 refusal = f"process {missing[0]} of {group.processes} did not come"
                 break
-            others.append(other)
+            connections.append(connection)
             if not number.isdigit() or int(number) >= group.processes:
                 refusal = f"process {number} is none of {group.processes}"
             elif int(number) in lines:
@@ -131,9 +132,9 @@ def _receive(
             lines[int(number) if number.isdigit() else -1] = text
     if refusal:
         refusal += "; start all of them again, with the same command"
-    for other in others:
-        other.sendall(f"{refusal}\n".encode())
-    return refusal, others
+    for connection in connections:
+        connection.sendall(f"{refusal}\n".encode())
+    return refusal, connections
 
 
 def _line(connection: socket.socket) -> str:

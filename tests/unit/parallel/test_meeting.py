@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.parallel import heartbeat
+from jaxthermo.parallel import processes as module
 from jaxthermo.parallel.meeting import Group, free_port, group_of, meet
 
 
@@ -86,9 +86,9 @@ def test_a_process_alone_is_no_group():
 
 
 def test_a_silent_process_is_noticed_and_one_that_is_there_is_not(monkeypatch):
-    monkeypatch.setattr(heartbeat, "_INTERVAL", 0.02)
-    monkeypatch.setattr(heartbeat, "_PATIENCE", 0.3)
-    monkeypatch.setattr(heartbeat, "_GRACE", 0.1)
+    monkeypatch.setattr(module, "_INTERVAL", 0.02)
+    monkeypatch.setattr(module, "_PATIENCE", 0.3)
+    monkeypatch.setattr(module, "_GRACE", 0.1)
     said = []
     lost = threading.Event()
 
@@ -96,11 +96,11 @@ def test_a_silent_process_is_noticed_and_one_that_is_there_is_not(monkeypatch):
         said.append(message)
         lost.set()
 
-    monkeypatch.setattr(heartbeat, "end_with", end_with)
+    monkeypatch.setattr(module, "_end_with", end_with)
     ours, theirs = socket.socketpair()
     with ours, theirs:
-        with heartbeat.watched([ours], "here"), heartbeat.watched([theirs], "there"):
+        with module._watched([ours], "here"), module._watched([theirs], "there"):
             assert not lost.wait(0.6)
-        with heartbeat.watched([ours], "gone"):
+        with module._watched([ours], "gone"):
             assert lost.wait(5.0)
     assert said[0] == "gone"
