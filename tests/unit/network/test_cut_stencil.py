@@ -112,9 +112,9 @@ def test_the_derivative_by_conductivity_and_capacity_is_the_difference_quotient(
 
 def test_a_body_of_whole_voxels_has_the_plain_stencil():
     """A box whose faces lie between voxels: nothing of cut ones is compiled."""
-    for end, kind in ((0.0, Stencil), (0.004, CutStencil)):
+    for end, operator in ((0.0, Stencil), (0.004, CutStencil)):
         grid = voxelize(shapes.box((0.04, 0.03, 0.05 + end)), 0.01)
         structure = FullVolume(grid, stencil=True)
         actual = assemble_uniform(structure, jnp.asarray(16.0), HEAT, jnp.float64)
-        assert type(actual) is kind
+        assert type(actual) is operator
         assert grid.cut is not None and grid.cut.is_empty == (end == 0.0)

@@ -66,8 +66,8 @@ def test_bounds_are_those_of_the_table():
 def test_a_constant_is_the_identity():
     integral = kirchhoff_transform(Property([300.0], [7.0]), 350.0, jnp.float64)
     theta = jnp.asarray(POINTS)
-    there, back, slope = _all_of(integral, theta)
-    np.testing.assert_allclose(there, POINTS, rtol=1e-15)
+    integrals, back, slope = _all_of(integral, theta)
+    np.testing.assert_allclose(integrals, POINTS, rtol=1e-15)
     np.testing.assert_allclose(back, POINTS, rtol=1e-15)
     np.testing.assert_array_equal(slope, 1.0)
 
@@ -79,12 +79,12 @@ def test_no_digits_are_lost_near_the_reference():
     near = np.geomspace(1e-6, 1.0, 40)
     far = np.linspace(-80.0, 500.0, 4001)
     theta = np.r_[near, far].astype(np.float32)
-    there, back, _ = (np.asarray(x) for x in _all_of(integral, jnp.asarray(theta)))
-    np.testing.assert_allclose(there[:40], theta[:40], rtol=3e-7)
+    integrals, back, _ = (np.asarray(x) for x in _all_of(integral, jnp.asarray(theta)))
+    np.testing.assert_allclose(integrals[:40], theta[:40], rtol=3e-7)
     np.testing.assert_allclose(back[:40], theta[:40], rtol=5e-7)
     # The heat of the peak, 1000 K, is resolved to 1e-4 K.
     assert np.abs(back - theta).max() < 3e-4
-    assert (np.diff(there[40:]) > 0).all()
+    assert (np.diff(integrals[40:]) > 0).all()
 
 
 def test_derivatives_are_finite_at_and_between_knots():
@@ -92,9 +92,9 @@ def test_derivatives_are_finite_at_and_between_knots():
     integral = kirchhoff_transform(prop, 310.0, jnp.float64)
     theta = jnp.r_[integral.knot, 0.0, -400.0, 31.5, 400.0]
     slope = jax.jit(jax.vmap(jax.grad(integral)))(theta)
-    there, _, expected = _all_of(integral, theta)
+    integrals, _, expected = _all_of(integral, theta)
     np.testing.assert_allclose(slope, expected, rtol=1e-12)
-    back = jax.jit(jax.vmap(jax.grad(integral.inverse)))(there)
+    back = jax.jit(jax.vmap(jax.grad(integral.inverse)))(integrals)
     np.testing.assert_allclose(back, 1 / slope, rtol=1e-9)
 
 
@@ -102,10 +102,10 @@ def test_derivatives_reach_the_table_and_the_reference():
     theta = jnp.array([-20.0, 10.0, 30.0, 200.0])
     weight = jnp.array([1.0, -2.0, 0.7, 0.1])
 
-    def total(given):
+    def total(numbers):
         """By three temperatures, three values and the reference."""
-        prop = Property(given[:3], given[3:6])
-        integral = kirchhoff_transform(prop, given[6], jnp.float64)
+        prop = Property(numbers[:3], numbers[3:6])
+        integral = kirchhoff_transform(prop, numbers[6], jnp.float64)
         return (weight * (integral(theta) + integral.inverse(theta))).sum()
 
     at = np.array([300.0, 350.0, 420.0, 2.0, 5.0, 3.0, 330.0])

@@ -22,14 +22,14 @@ H = 0.1
 """Surface conductance over conductivity times a voxel's edge (a cube of 1) [-]."""
 
 
-@partial(jax.jit, static_argnames=("tolerance", "most"))
-def _solve(network, given, m, b, tolerance=1e-8, most=400):
+@partial(jax.jit, static_argnames=("tolerance", "max_steps"))
+def _solve(network, method, m, b, tolerance=1e-8, max_steps=400):
     """Preconditioned conjugate gradients, their number and relative residual."""
-    preconditioner = given.cycle(m) if isinstance(given, Hierarchy) else given
+    preconditioner = method.cycle(m) if isinstance(method, Hierarchy) else method
 
     def more(carry):
         _, r, _, _, count = carry
-        return (jnp.vdot(r, r) > tolerance**2 * jnp.vdot(b, b)) & (count < most)
+        return (jnp.vdot(r, r) > tolerance**2 * jnp.vdot(b, b)) & (count < max_steps)
 
     def iterate(carry):
         x, r, p, rz, count = carry
@@ -95,10 +95,10 @@ def test_iterations_hardly_grow_with_the_resolution(dt):
 
 
 @pytest.mark.parametrize(
-    "kind", [FullVolume, pytest.param(ShellOverCore, marks=pytest.mark.slow)]
+    "structure_class", [FullVolume, pytest.param(ShellOverCore, marks=pytest.mark.slow)]
 )
-def test_it_agrees_with_a_direct_solve_and_beats_the_diagonal(kind):
-    structure = kind(_box(24))
+def test_it_agrees_with_a_direct_solve_and_beats_the_diagonal(structure_class):
+    structure = structure_class(_box(24))
     network, m, b = _heated(structure)
     address = structure.node_address()
     matrix = _sparse(structure, network, m)

@@ -31,17 +31,17 @@ def _solid():
     return solid
 
 
-def _network(kind):
+def _network(form):
     grid = blocks(_solid())
-    structure = FullVolume(grid, stencil=kind in ("stencil", "axes", "mixed"))
-    if kind == "mixed":
+    structure = FullVolume(grid, stencil=form in ("stencil", "axes", "mixed"))
+    if form == "mixed":
         number = (structure.nodes().centre[:, 2] > 3).astype(np.int32)
         k = jnp.array([1.0, 1e5])
         heat = jnp.ones(2)
         return structure, _assemble_mixed(structure, number, k, heat)
-    k = jnp.array([3.0, 1.0, 0.5]) if kind == "axes" else 2.0
+    k = jnp.array([3.0, 1.0, 0.5]) if form == "axes" else 2.0
     network = assemble_uniform(structure, k, 1.0, np.float64)
-    if kind != "links":
+    if form != "links":
         return structure, network
     links = structure.links()
     return structure, LinkNetwork(
@@ -58,14 +58,14 @@ _operators = jax.jit(
 )
 
 
-def _matrix(call, given, m, structure):
+def _matrix(call, operand, m, structure):
     """Matrix of a linear map between states, on the nodes alone."""
     address = structure.node_address()
     shape = structure.state_shape
     n = structure.node_count
     unit = np.zeros((n, *shape))
     unit[(np.arange(n), *address)] = 1.0
-    images = np.asarray(call(given, m, unit))
+    images = np.asarray(call(operand, m, unit))
     columns = images[(slice(None), *address)]
     neighbours = np.abs(images).reshape(n, -1).sum(1) - np.abs(columns).sum(1)
     assert np.abs(neighbours).max() < 1e-12 * np.abs(columns).max()
@@ -147,7 +147,7 @@ def _smoothed(network, m, state):
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 def test_a_body_that_nothing_holds_stays_finite_and_solved(dtype):
-    """The heat given sums to nothing: the solution is one up to a constant."""
+    """The heat sums to nothing: the solution is one up to a constant."""
     structure = FullVolume(blocks(np.ones((4, 3, 2), bool)))
     network = assemble_uniform(structure, 1.0, 1.0, dtype)
     nothing = np.zeros(structure.state_shape, dtype)

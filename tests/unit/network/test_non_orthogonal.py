@@ -29,9 +29,9 @@ def slanted_body():
     return slanted(PITCH)
 
 
-def _structure(grid, kind, correction: Any = 1.0):
+def _structure(grid, structure_name, correction: Any = 1.0):
     weights = jt.ConductionWeights(non_orthogonal=correction)
-    if kind == "core":
+    if structure_name == "core":
         return jt.ShellOverCore(grid, factor=3, weights=weights)
     return jt.Aggregate(
         grid, factor=3, alignment=0.0, min_time_constant=0.0, weights=weights
@@ -56,10 +56,10 @@ def _rates_and_bound(structure):
     return rates / network.capacity()[:, None], 2 * network.max_rate()
 
 
-@pytest.mark.parametrize("kind", ["aggregate", "core"])
-def test_linear_temperatures_conduct_exactly(slanted, kind):
+@pytest.mark.parametrize("structure_name", ["aggregate", "core"])
+def test_linear_temperatures_conduct_exactly(slanted, structure_name):
     """Through every face flows k A g . n, whatever lies on its sides."""
-    structure = _structure(slanted, kind)
+    structure = _structure(slanted, structure_name)
     links = structure.links()
     position = structure.nodes().location
     flow = K * links.area * (_face_normals(structure) @ SLOPE)
@@ -68,16 +68,16 @@ def test_linear_temperatures_conduct_exactly(slanted, kind):
     np.add.at(exact, links.dst, -flow)
     plain, corrected = (
         np.abs(np.asarray(_heat_rate(networks, position @ SLOPE)) - exact)
-        for networks in (_structure(slanted, kind, 0.0), structure)
+        for networks in (_structure(slanted, structure_name, 0.0), structure)
     )
     # Nodes at edges have flat second moments, hence no gradient across.
     assert (corrected < 1e-9 * np.abs(exact).max()).mean() > 0.9
     assert corrected.max() < plain.max()
 
 
-@pytest.mark.parametrize("kind", ["aggregate", "core"])
-def test_heat_is_kept_and_uniform_bodies_rest(slanted, kind):
-    structure = _structure(slanted, kind)
+@pytest.mark.parametrize("structure_name", ["aggregate", "core"])
+def test_heat_is_kept_and_uniform_bodies_rest(slanted, structure_name):
+    structure = _structure(slanted, structure_name)
     network = eqx.filter_eval_shape(_network, structure)
     assert isinstance(network, _NonOrthogonalNetwork)
     assert not network.is_symmetric
@@ -110,7 +110,7 @@ def test_nothing_apart_needs_nothing(slanted):
 
 
 @pytest.mark.parametrize(
-    ("kind", "weight"),
+    ("structure_name", "weight"),
     [
         ("aggregate", 0.5),
         ("aggregate", 1.0),
@@ -120,9 +120,9 @@ def test_nothing_apart_needs_nothing(slanted):
         pytest.param("core", 2.0, marks=[pytest.mark.slow, pytest.mark.slice]),
     ],
 )
-def test_all_modes_decay_and_the_stable_step_is_safe(slanted, kind, weight):
+def test_all_modes_decay_and_the_stable_step_is_safe(slanted, structure_name, weight):
     # Traced, so that one program serves every weight.
-    structure = _structure(slanted, kind, jnp.asarray(weight))
+    structure = _structure(slanted, structure_name, jnp.asarray(weight))
     matrix, fastest = _rates_and_bound(structure)
     modes = np.linalg.eigvals(np.asarray(matrix))
     fastest = float(fastest)
@@ -141,11 +141,11 @@ def test_slopes_by_the_weight_are_finite_differences(slanted):
     def rates(weight):
         return _network(_structure(slanted, "core", weight)).heat_rate(state)
 
-    both = jax.jit(lambda weight: jax.jvp(rates, (weight,), (jnp.ones(()),)))
+    both_rates = jax.jit(lambda weight: jax.jvp(rates, (weight,), (jnp.ones(()),)))
     at = 0.7
     step = 1e-5
-    along = np.asarray(both(at)[1])
-    difference = (both(at + step)[0] - both(at - step)[0]) / (2 * step)
+    along = np.asarray(both_rates(at)[1])
+    difference = (both_rates(at + step)[0] - both_rates(at - step)[0]) / (2 * step)
     np.testing.assert_allclose(along, difference, atol=1e-6 * np.abs(along).max())
     back = jax.jit(jax.grad(lambda weight: (rates(weight) * state).sum()))(at)
     assert float(back) == pytest.approx(float(along @ state), rel=1e-9)

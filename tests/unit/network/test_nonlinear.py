@@ -73,10 +73,10 @@ def _evened(network, theta):
     return network.temperature(after), moved, drift
 
 
-@pytest.mark.parametrize("kind", STRUCTURES)
-def test_the_rate_is_that_of_the_integrals(grid, kind):
+@pytest.mark.parametrize("structure_name", STRUCTURES)
+def test_the_rate_is_that_of_the_integrals(grid, structure_name):
     """On the linear network: k_0 A / L (phi_j - phi_i), by temperatures one by one."""
-    structure = STRUCTURES[kind](grid)
+    structure = STRUCTURES[structure_name](grid)
     network = material_network(structure, STEEL, REFERENCE, jnp.float64)
     theta = np.asarray(_start(structure))
     phi = np.zeros(theta.shape)
@@ -94,9 +94,11 @@ def test_the_rate_is_that_of_the_integrals(grid, kind):
     assert abs(actual.sum()) < 1e-13 * np.abs(actual).sum()
 
 
-@pytest.mark.parametrize("kind", STRUCTURES)
-def test_heat_is_kept_to_rounding_and_temperatures_stay_within_bounds(grid, kind):
-    structure = STRUCTURES[kind](grid)
+@pytest.mark.parametrize("structure_name", STRUCTURES)
+def test_heat_is_kept_to_rounding_and_temperatures_stay_within_bounds(
+    grid, structure_name
+):
+    structure = STRUCTURES[structure_name](grid)
     network = material_network(structure, STEEL, REFERENCE, jnp.float64)
     theta = np.asarray(_start(structure))
     now, moved, drift = _evened(network, theta)
@@ -118,9 +120,9 @@ def test_empty_cells_stay_at_zero(grid):
     assert not end.any()
 
 
-@pytest.mark.parametrize("kind", STRUCTURES)
-def test_constant_properties_give_the_linear_network(grid, kind):
-    structure = STRUCTURES[kind](grid)
+@pytest.mark.parametrize("structure_name", STRUCTURES)
+def test_constant_properties_give_the_linear_network(grid, structure_name):
+    structure = STRUCTURES[structure_name](grid)
     flat = jt.Material(
         Property([250, 300, 500], [16] * 3), 8e3, Property([300, 350], [500] * 2)
     )

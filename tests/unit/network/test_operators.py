@@ -126,13 +126,13 @@ def test_every_operator_is_the_one_by_hand_symmetric_and_conserving(which, seed,
         of_nodes = name in ("heat_rate", "euler_step")
         number = _values(structure, actual[name]) if of_nodes else actual[name]
         np.testing.assert_allclose(number, exact, rtol=1e-12, atol=1e-12, err_msg=name)
-    there = _values(structure, actual["heat_rate"])
+    rates = _values(structure, actual["heat_rate"])
     again = _all_of(network, _state(structure, neighbours), address, jnp.array(dt))
     back = _values(structure, again["heat_rate"])
-    scale = np.abs(there).sum()
-    assert abs(neighbours @ there - values @ back) <= 1e-13 * scale
-    assert abs(there.sum()) <= 1e-14 * scale
-    assert values @ there < 0.0 or not scale
+    scale = np.abs(rates).sum()
+    assert abs(neighbours @ rates - values @ back) <= 1e-13 * scale
+    assert abs(rates.sum()) <= 1e-14 * scale
+    assert values @ rates < 0.0 or not scale
 
 
 @pytest.mark.parametrize("which", range(5))
@@ -192,10 +192,10 @@ def test_thin_bodies(stencil, shape):
     assert structure.link_count == solid.size - 1
 
 
-@pytest.mark.parametrize("kind", ["positive", "signed"])
-def test_precise_sum_of_a_million_float32(kind):
+@pytest.mark.parametrize("signs", ["positive", "signed"])
+def test_precise_sum_of_a_million_float32(signs):
     values = np.random.default_rng(0).random(10**6).astype(np.float32)
-    if kind == "signed":
+    if signs == "signed":
         values = values - np.float32(0.5)
     exact = math.fsum(values.tolist())
     scale = math.fsum(np.abs(values).tolist())

@@ -79,12 +79,12 @@ def _state(structure, values):
     return jax.device_put(state)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("options", KINDS)
 @settings(max_examples=3, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
-def test_every_operator_is_the_one_by_hand(kind, seed):
+def test_every_operator_is_the_one_by_hand(options, seed):
     solid = _solid(seed)
-    structure, network = _operator(solid, *kind)
+    structure, network = _operator(solid, *options)
     values = np.random.default_rng(seed + 1).normal(size=COUNT)
     rate, diagonal = _by_hand(solid, values)
     node = HEAT * PITCH**3
@@ -106,7 +106,7 @@ def test_every_operator_is_the_one_by_hand(kind, seed):
 
 
 def test_which_operator_runs():
-    operators = [type(_operator(_solid(0), *kind)[1]) for kind in KINDS]
+    operators = [type(_operator(_solid(0), *options)[1]) for options in KINDS]
     assert operators == [Stencil, RowNetwork, HeterogeneousStencil, RowNetwork]
 
 

@@ -39,7 +39,7 @@ def scene():
 
 
 @pytest.fixture(scope="module")
-def whole(scene):
+def complete_model(scene):
     """A model with as many vectors as its loads can reach."""
     return jt.reduce(scene, 60.0, SAVES, size=96)
 
@@ -54,11 +54,11 @@ def model(scene):
     return jt.reduce(scene, 60.0, SAVES, tolerance=1e-3)
 
 
-def test_all_vectors_are_the_full_structure(whole, full):
-    assert kelvin(whole) == pytest.approx(kelvin(full), abs=2e-4)
+def test_all_vectors_are_the_full_structure(complete_model, full):
+    assert kelvin(complete_model) == pytest.approx(kelvin(full), abs=2e-4)
     # The start, at which no load has acted on the surface.
-    assert kelvin(whole({}, [0.0]))[0] == pytest.approx(290.0)
-    assert jt.truth_error(whole(), full).worst_rms_kelvin < 2e-4
+    assert kelvin(complete_model({}, [0.0]))[0] == pytest.approx(290.0)
+    assert jt.truth_error(complete_model(), full).worst_rms_kelvin < 2e-4
 
 
 def scenes_of_everything():
@@ -105,20 +105,20 @@ def test_every_linear_mechanism_is_the_same_as_in_the_full_run(scene):
     "method",
     ["krylov", pytest.param("pod", marks=[pytest.mark.slow, pytest.mark.slice])],
 )
-def test_the_error_falls_with_the_size_and_is_known(scene, whole, method):
+def test_the_error_falls_with_the_size_and_is_known(scene, complete_model, method):
     errors = []
     for size in (2, 4, 8):
         small = jt.reduce(scene, 60.0, SAVES, size=size, method=method)
         assert small.size == small.about.size == size
-        error = rms(kelvin(small) - kelvin(whole))
+        error = rms(kelvin(small) - kelvin(complete_model))
         estimate = np.array(small.about.estimate_kelvin)
         assert (abs(estimate - error) < 0.3 * error + 1e-5).all()
         errors.append(error.max())
     assert errors[1] < errors[0] / 4 and errors[2] < errors[1] / 4
 
 
-def test_the_residual_bounds_the_error_of_the_volume(scene, whole):
-    exact = whole.offline
+def test_the_residual_bounds_the_error_of_the_volume(scene, complete_model):
+    exact = complete_model.offline
     for size in (2, 3, 5):
         small = jt.reduce(scene, 60.0, SAVES, size=size)
         bound = np.array(small.about.residual_bound_kelvin)
@@ -152,9 +152,9 @@ def states_of(offline):
     return states[target.plan.saved] @ modes.basis.vectors.T
 
 
-def test_a_tolerance_chooses_the_size(scene, whole, model):
-    span = np.ptp(kelvin(whole), axis=1)
-    assert (rms(kelvin(model) - kelvin(whole)) / span).max() < 1.5e-3
+def test_a_tolerance_chooses_the_size(scene, complete_model, model):
+    span = np.ptp(kelvin(complete_model), axis=1)
+    assert (rms(kelvin(model) - kelvin(complete_model)) / span).max() < 1.5e-3
     assert model.about.estimate_percent <= 0.1
     finer = jt.reduce(scene, 60.0, SAVES, tolerance=1e-5)
     assert model.size < finer.size < model.about.nodes / 3

@@ -149,7 +149,7 @@ def _omissions(scene):
 
 
 @pytest.mark.parametrize(
-    ("term", "material", "what", "why"),
+    ("term", "material", "message", "why"),
     [
         (jt.HeatFlux(0.0), METAL, "heat_flux", "the heat flux is 0"),
         (jt.Convection(0.0, 300.0), METAL, "convection", "coefficient is 0"),

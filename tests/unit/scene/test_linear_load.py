@@ -62,10 +62,11 @@ def _by_cell(program):
     ids=["steel", "wool"],
 )
 @pytest.mark.parametrize(
-    "kinds", [(jt.FullVolume,), (jt.Aggregate, jt.Octree)], ids=["lattice", "two"]
+    "structures", [(jt.FullVolume,), (jt.Aggregate, jt.Octree)], ids=["lattice", "two"]
 )
-def test_they_bring_what_the_cells_do(ball, terms, material):
-    compiled = compile_scene(_scene([term(ball) for term in terms], TERMS, material))
+def test_they_bring_what_the_cells_do(ball, structures, material):
+    bodies = [structure(ball) for structure in structures]
+    compiled = compile_scene(_scene(bodies, TERMS, material))
     program = compiled.program
     assert isinstance(program.surface, _LinearSurfaceLoad)
     chance = np.random.default_rng(0)
@@ -80,17 +81,17 @@ def test_they_bring_what_the_cells_do(ball, terms, material):
         np.testing.assert_allclose(entries, told, rtol=1e-11, atol=1e-11)
 
 
-@pytest.mark.parametrize("others", [(), (jt.Surroundings(280.0),)])
-def test_terms_bring_what_the_half_cells_conduct_at_any_biot_number(others):
+@pytest.mark.parametrize("further", [(), (jt.Surroundings(280.0),)])
+def test_terms_bring_what_the_half_cells_conduct_at_any_biot_number(further):
     """What the nodes gain and what the ledger says differ by rounding of the gain."""
     half = 2 / 0.01
     terms = [jt.Convection(biot * half, 350.0) for biot in (1.0, 1e3, 1e6, 3.3e7)]
     structure = jt.FullVolume(bar(3, 0.01))
     for term in terms:
-        compiled = compile_scene(_scene([structure], (term, *others), GLASS))
+        compiled = compile_scene(_scene([structure], (term, *further), GLASS))
         program = compiled.program
         start = np.asarray(compiled.state[0])
-        assert isinstance(program.surface, _LinearSurfaceLoad) == (not others)
+        assert isinstance(program.surface, _LinearSurfaceLoad) == (not further)
         theta = start + np.linspace(50.0, 60.0, start.size).reshape(start.shape)
         (state,), entries = _loaded(program, (theta,), np.zeros(()))
         capacity = _capacity(program.bodies[0].network)
@@ -101,12 +102,12 @@ def test_terms_bring_what_the_half_cells_conduct_at_any_biot_number(others):
 
 def test_what_is_not_linear_goes_by_cells(ball):
     program = lambda *terms: compile_scene(_scene([jt.Aggregate(ball)], terms)).program
-    kind = lambda *terms: type(program(*terms).surface)
-    assert kind(TERMS[0], TERMS[2]) is _LinearSurfaceLoad
-    assert kind(TERMS[0], jt.Surroundings(280.0)) is SurfaceLoad
-    assert kind(jt.Convection(lambda time: 1.0 + time, 280.0)) is SurfaceLoad
+    load_type = lambda *terms: type(program(*terms).surface)
+    assert load_type(TERMS[0], TERMS[2]) is _LinearSurfaceLoad
+    assert load_type(TERMS[0], jt.Surroundings(280.0)) is SurfaceLoad
+    assert load_type(jt.Convection(lambda time: 1.0 + time, 280.0)) is SurfaceLoad
     warm = jt.Surroundings(295.0, linear_within=0.2)
-    assert kind(TERMS[2], warm) is _LinearSurfaceLoad
+    assert load_type(TERMS[2], warm) is _LinearSurfaceLoad
 
 
 def test_energy_closes_and_gradients_are_differences(ball):

@@ -38,9 +38,9 @@ KINDS = {
 }
 
 
-def _scene(kind: str, across: int = 50) -> jt.Scene:
+def _scene(structure_name: str, across: int = 50) -> jt.Scene:
     grid = jt.voxelize(jt.shapes.sphere(0.25), 0.5 / across * (1 + 1e-9))
-    body = jt.Body(KINDS[kind](grid), STEEL, temperature=300.0)
+    body = jt.Body(KINDS[structure_name](grid), STEEL, temperature=300.0)
     return jt.Scene((body,), TERMS, dtype="float32")
 
 
@@ -59,7 +59,7 @@ def _kept() -> dict[int, int]:
 
 
 @pytest.mark.parametrize(
-    "kind, method",
+    "structure_name, method",
     [
         ("full", "euler"),
         pytest.param("octree", "euler", marks=pytest.mark.slow),
@@ -69,10 +69,10 @@ def _kept() -> dict[int, int]:
         pytest.param("full", "implicit", marks=pytest.mark.slow),
     ],
 )
-def test_the_forecast_is_that_of_the_arrays(kind, method):
+def test_the_forecast_is_that_of_the_arrays(structure_name, method):
     # Multigrid is for steps far longer than the stable one.
     step = 1000.0 if method == "implicit" else 10.0
-    scene = _scene(kind)
+    scene = _scene(structure_name)
     saves = [step, 2 * step, 3 * step]
     findings.forget_findings()
     plan = findings.found(
@@ -111,15 +111,15 @@ def test_a_voxel_of_a_stencil_needs_two_states_and_a_byte():
     assert surface == pytest.approx(300.0, abs=30.0)
 
 
-@pytest.mark.parametrize("kind", ["full", "octree"])
+@pytest.mark.parametrize("structure_name", ["full", "octree"])
 @pytest.mark.parametrize("solver", [None, *SOLVERS.values()])
 def test_too_large_a_scene_is_refused_before_anything_is_made(
-    monkeypatch, kind, solver
+    monkeypatch, structure_name, solver
 ):
     def unreachable(*_):
         raise AssertionError("work began")
 
-    scene = _scene(kind, 40)
+    scene = _scene(structure_name, 40)
     monkeypatch.setattr(compile_module, "prepare", unreachable)
     monkeypatch.setattr(host_memory, "available_bytes", lambda: 1_000_000)
     arranged = scene if solver is None else solver.arranged(scene)
@@ -127,7 +127,7 @@ def test_too_large_a_scene_is_refused_before_anything_is_made(
     refused = lambda: pytest.raises(jt.InputError, match="needs about")
     # The first call writes checks of types, and imports.
     with refused():
-        jt.simulate(_scene(kind, 20), 30.0, solver=solver)
+        jt.simulate(_scene(structure_name, 20), 30.0, solver=solver)
     tracemalloc.start()
     try:
         with refused() as caught:

@@ -132,8 +132,8 @@ def test_one_balance_is_all_bodies_own(grids, name):
         now = jnp.asarray(0.5)
         joined = _together(program, states, now)
         alone = _alone(program, states, now)
-        for one, second in zip(joined[0], alone[0], strict=True):
-            np.testing.assert_allclose(one, second, rtol=1e-12, atol=1e-12)
+        for first_values, second in zip(joined[0], alone[0], strict=True):
+            np.testing.assert_allclose(first_values, second, rtol=1e-12, atol=1e-12)
         np.testing.assert_allclose(joined[1], alone[1], rtol=1e-12, atol=1e-14)
         assert np.abs(joined[1]).max() > 0.1
 

@@ -59,7 +59,7 @@ def _terms(chance, bodies):
         jt.Contact(500.0),
         jt.HeatSource(1e4, within=block),
     ]
-    return tuple(kind for kind in names if chance.random() < 0.6)
+    return tuple(name for name in names if chance.random() < 0.6)
 
 
 def _agree(seed):

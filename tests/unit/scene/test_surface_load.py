@@ -46,12 +46,12 @@ def test_spare_cells_do_nothing(monkeypatch):
     monkeypatch.setattr(module, "_even_size", lambda count: count)
     plain = compile_scene(scene)
     cells = lambda compiled: compiled.program.surface.by_cell.cells
-    for one, other in zip(cells(even), cells(plain), strict=True):
-        assert len(one.node) > len(other.node)
+    for padded, unpadded in zip(cells(even), cells(plain), strict=True):
+        assert len(padded.node) > len(unpadded.node)
     chance = np.random.default_rng(0)
     states = tuple(s + chance.uniform(-5, 5, s.shape) for s in even.state)
-    actual, expected = (_loaded(one.program, states) for one in (even, plain))
-    for one, other in zip(actual[0], expected[0], strict=True):
-        assert np.abs(one - states[0]).max() > 1e-3
-        np.testing.assert_allclose(one, other, rtol=1e-13, atol=1e-13)
+    actual, expected = (_loaded(compiled.program, states) for compiled in (even, plain))
+    for state, expected_state in zip(actual[0], expected[0], strict=True):
+        assert np.abs(state - states[0]).max() > 1e-3
+        np.testing.assert_allclose(state, expected_state, rtol=1e-13, atol=1e-13)
     np.testing.assert_allclose(actual[1], expected[1], rtol=1e-12, atol=1e-14)
