@@ -17,6 +17,7 @@ from jaxtyping import Float
 from ..errors import InputError
 from ..physics.flux_law import BoundTerm, LinearLaw
 from ..physics.surface_energy_balance import SurfaceTerms
+from ..scene.compile.linear_load import EliminatedSurface, eliminate_surface
 from ..scene.compile.program import Compiled, Program
 from .reduced_model import sampled
 
@@ -193,8 +194,7 @@ def _surface_inputs(program: Program) -> Iterator[tuple[tuple, int, Input]]:
         fine = program.fragment_terms.selected(fragments, acting, reference)
         on_cells = _laws(terms)
         on_fragments = {law.key: law for law in _laws(fine)}
-        half = np.asarray(terms.half_cell, float)
-        through = _through(half, on_cells)
+        through = _eliminated(terms, on_cells).through
         excess = _excess(fine, list(on_fragments.values()))
         touched = any(body in contact.bodies for contact in program.contacts)
         exposed = np.asarray(program.bodies[body].exposed_fraction, float)
@@ -222,29 +222,26 @@ def _fragment_ends(program: Program) -> np.ndarray:
     return np.cumsum([0, *(body.node.shape[0] for body in program.bodies)])
 
 
-def _through(half: np.ndarray, laws: list[_Law]) -> np.ndarray:
-    total = half + sum(law.slope for law in laws if not law.prescribed)
-    return np.divide(half, total, out=np.zeros_like(half), where=total > 0)
+def _eliminated(terms: SurfaceTerms, laws: list[_Law]) -> EliminatedSurface:
+    half_cell = np.asarray(terms.half_cell, float)
+    slope = sum(law.slope for law in laws if not law.prescribed)
+    return eliminate_surface(half_cell, slope)
 
 
 def _excess(terms: SurfaceTerms, laws: list[_Law]) -> dict[tuple, np.ndarray]:
     """Excess of every fragment by one unit of each law [K per unit]."""
-    half = np.asarray(terms.half_cell, float)
-    total = half + sum(law.slope for law in laws if not law.prescribed)
-    fixed = np.zeros(len(half), bool)
+    resistance = _eliminated(terms, laws).resistance
+    fixed = np.zeros(len(resistance), bool)
     for law in laws:
         fixed |= law.prescribed & (law.area > 0)
     excess = {}
     for law in laws:
         if law.prescribed:
-            per = law.area
-            is_acting = law.area > 0
+            excess[law.key] = np.divide(
+                law.weight, law.area, out=np.zeros(len(fixed)), where=law.area > 0
+            )
         else:
-            per = total
-            is_acting = (total > 0) & ~fixed
-        excess[law.key] = np.divide(
-            law.weight, per, out=np.zeros_like(half), where=is_acting
-        )
+            excess[law.key] = np.where(fixed, 0.0, law.weight * resistance)
     return excess
 
 

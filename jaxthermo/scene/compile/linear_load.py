@@ -165,6 +165,25 @@ def _linear_load(program: Program, load: SurfaceLoad) -> _LinearSurfaceLoad | No
     return _LinearSurfaceLoad(load, tuple(bodies))
 
 
+class EliminatedSurface(NamedTuple):
+    """The balance at a surface of linear terms, solved for its temperature."""
+
+    through: Any
+    """G / (G + s) [-]: fraction of the terms' heat that goes to the node."""
+    resistance: Any
+    """1 / (G + s) [K/W]: excess of the surface over the node by their heat."""
+
+
+def eliminate_surface(half_cell: Any, slope: Any, xp: Any = np) -> EliminatedSurface:
+    """Solve the balance of half cells G and slopes s [W/K]; 0 where both are 0."""
+    total = half_cell + slope
+    safe_total = xp.where(total > 0, total, 1)
+    return EliminatedSurface(
+        through=xp.where(total > 0, half_cell, 0) / safe_total,
+        resistance=xp.where(total > 0, 1, 0) / safe_total,
+    )
+
+
 class _LinearTerm(NamedTuple):
     """A term with a linear law on the cells of a body."""
 
@@ -210,12 +229,7 @@ def _linear_nodes(
     half_cell = number(terms.half_cell)
     natural = linear_terms[: len(terms.natural)]
     prescribed = linear_terms[len(natural) :]
-    total = half_cell + _slope(natural, half_cell)
-    safe_total = xp.where(total > 0, total, 1)
-    # The fraction of the heat at a surface that goes to its node; the terms lose the
-    # remainder.
-    through = xp.where(total > 0, half_cell, 0) / safe_total
-    inverse_total = xp.where(total > 0, 1, 0) / safe_total
+    through, resistance = eliminate_surface(half_cell, _slope(natural, half_cell), xp)
     numbers = sorted({linear_term.term for linear_term in linear_terms})
     entry_forced = []
     entry_slope = []
@@ -225,8 +239,8 @@ def _linear_nodes(
         # At the temperature that all terms cause together, without its difference to
         # w_e d, which at large Biot numbers leaves rounding times s / G.
         competing = [term for term in natural if term.term != number_of_term]
-        lost_here = _slope(exposed, half_cell) * inverse_total
-        lost_to_others = _slope(competing, half_cell) * inverse_total
+        lost_here = _slope(exposed, half_cell) * resistance
+        lost_to_others = _slope(competing, half_cell) * resistance
         forced = []
         for forcing in range(len(forcings)):
             heat = _weight(exposed, forcing, half_cell) * (through + lost_to_others)
