@@ -10,7 +10,7 @@ import pytest
 from jaxthermo import arrays
 from jaxthermo.network.link_operator import _ROWS, row_layout, row_network
 from jaxthermo.network.self_adjoint_primitive import conduct, conduct_step
-from jaxthermo.network.stencil import _UNIFORM, solid_degree
+from jaxthermo.network.stencil import _STENCIL, solid_degree
 
 
 class Case(NamedTuple):
@@ -36,7 +36,7 @@ def _uniform():
     nodes = np.pad(solid, 1)
     state = jnp.asarray(np.where(nodes, random.normal(size=nodes.shape), 0.0))
     return Case(
-        _UNIFORM, state, jnp.asarray(0.11), lambda g: g, jnp.asarray(degree), nodes
+        _STENCIL, state, jnp.asarray(0.11), lambda g: g, jnp.asarray(degree), nodes
     )
 
 
