@@ -16,7 +16,7 @@ from jaxthermo.network.stencil import _STENCIL, solid_degree
 class Case(NamedTuple):
     operator: Any
     state: Any
-    cases: Any
+    conductance: Any
     """Conductances, of all links or of each."""
     factors: Any
     """The factors that they make: a link stands in the rows of both its nodes."""
@@ -50,18 +50,18 @@ def _rows():
         # So that some links stand in the list.
         patch.setattr(arrays, "LIST_COST", 0.0)
         layout = row_layout(nodes, src, dst)
-    given = jnp.asarray(random.random(24) / 8)
-    rows = row_network(layout, given, jnp.ones(nodes))
+    conductance = jnp.asarray(random.random(24) / 8)
+    rows = row_network(layout, conductance, jnp.ones(nodes))
 
-    def factors(given):
-        case = row_network(layout, given, jnp.ones(nodes))
-        return case.conductance, case.list_conductance
+    def factors(conductance):
+        network = row_network(layout, conductance, jnp.ones(nodes))
+        return network.conductance, network.list_conductance
 
     assert len(rows.list_node)
     return Case(
         _ROWS,
         jnp.asarray(random.normal(size=nodes)),
-        given,
+        conductance,
         factors,
         (rows.neighbour, rows.list_node, rows.list_neighbour),
         np.ones(nodes, bool),
@@ -146,7 +146,7 @@ def test_transformed_derivatives_are_those_of_the_plain_operator(case, derive):
 
 def _has_derivatives_of_the_plain_operator(case, derive):
     actual, expected = (
-        jax.jit(derive(_chain(case, plain=plain)))(ONE, case.state, case.given)
+        jax.jit(derive(_chain(case, plain=plain)))(ONE, case.state, case.conductance)
         for plain in (False, True)
     )
     _same(actual, expected)
@@ -172,14 +172,14 @@ def test_derivatives_map_over_a_batch(case):
                 jax.grad(lambda s: over_scales(s, state, factors).sum())(scales),
             ]
 
-        return evaluate(scales, case.state, case.given)
+        return evaluate(scales, case.state, case.conductance)
 
     _same(derivatives(plain=False), derivatives(plain=True))
 
 
 def test_the_gradient_is_the_central_difference(case):
     results = jax.jit(jax.value_and_grad(_chain(case, plain=False)))
-    run = lambda scale: results(scale, case.state, case.given)
+    run = lambda scale: results(scale, case.state, case.conductance)
     step = 1e-5
     difference = (run(1 + step)[0] - run(1 - step)[0]) / (2 * step)
     np.testing.assert_allclose(run(1.0)[1], difference, rtol=1e-7)
@@ -188,7 +188,7 @@ def test_the_gradient_is_the_central_difference(case):
 def test_the_operator_is_its_own_transpose(case):
     inside = jnp.where(jnp.asarray(case.nodes), _weights(case), 0)
     change = lambda state: conduct(
-        case.operator, state, case.factors(case.given), case.layout
+        case.operator, state, case.factors(case.conductance), case.layout
     )
     first = (inside * change(case.state)).sum()
     second = (case.state * change(inside)).sum()
@@ -199,7 +199,7 @@ def test_the_operator_is_its_own_transpose(case):
 def test_a_node_without_neighbours_passes_its_cotangent_on():
     case = _uniform()
     step = lambda s: conduct_step(
-        case.operator, s, case.factors(case.given), case.layout
+        case.operator, s, case.factors(case.conductance), case.layout
     )
     _, pull = jax.vjp(step, case.state)
     assert pull(_weights(case))[0][1, 1, 1] == _weights(case)[1, 1, 1]
