@@ -34,7 +34,7 @@ from .image.detector.effects import (
     DiffractionBlur as DiffractionBlur,
     FixedPatternNoise as FixedPatternNoise,
 )
-from .image.detector.recorder import frames as frames, render as render
+from .image.render import frames as frames, render as render
 from .image.files.animation import write_animation as write_animation
 from .image.files.exr import write_exr as write_exr
 from .image.files.flir_file import (
