@@ -25,24 +25,30 @@ class _ProgressBar(ProgressLog):
     """Progress bar on a terminal; elsewhere a line per step."""
 
     def __init__(self, console: Console, bar: Progress):
-        self._console, self._bar = console, bar
+        self._console = console
+        self._bar = bar
         self._task = bar.add_task("starting", total=None, note="")
 
     def stage(self, name: str) -> None:
         self._bar.update(self._task, description=name, total=None, note="")
 
     def step(self, step: StepRecord, seconds: float, max_steps: int) -> None:
-        kind = "" if step.outcome == "accepted" else f", {step.outcome}"
+        outcome = "" if step.outcome == "accepted" else f", {step.outcome}"
         # A fit usually converges long before its step limit: an upper bound.
         left = seconds / step.number * (max_steps - step.number)
-        note = f"loss {step.loss:.6g}{kind}, at most {left:.0f} s left"
+        note = f"loss {step.loss:.6g}{outcome}, at most {left:.0f} s left"
         self._bar.update(
-            self._task, description="fitting", total=max_steps, completed=step.number,
+            self._task,
+            description="fitting",
+            total=max_steps,
+            completed=step.number,
             note=note,
-        )  # fmt: skip
+        )
         # A bar in a log file would be a line of control characters per step.
         if not self._console.is_terminal:
-            print_line(self._console, f"step {step.number}: loss {step.loss:.6g}{kind}")
+            print_line(
+                self._console, f"step {step.number}: loss {step.loss:.6g}{outcome}"
+            )
 
 
 def _progress(console: Console) -> Progress:
@@ -82,16 +88,17 @@ def identify(config: Path, overrides: tuple[str, ...]) -> None:
     loaded = load_calibration(config, overrides)
     with _progress(console) as bar:
         log = _ProgressBar(console, bar)
-        found, errors, noise_is_known = identify_start(loaded, log)
+        start = identify_start(loaded, log)
     title = f"{loaded.name}: how well the data determine the start values"
-    rows = parameter_rows(found, np.array([v.value for v in found.verdicts]))
+    values = np.array([v.value for v in start.identified.verdicts])
+    rows = parameter_rows(start.identified, values)
     console.print(parameter_table(rows, title, is_fitted=False).rich())
-    for name, error in errors.items():
+    for name, error in start.errors.items():
         words = f"{error.worst:.3g} %"
-        if noise_is_known:
+        if start.noise_is_known:
             words = f"{error.worst / 100:.3g} times the noise"
         print_line(console, f"{name}: error {words} at the start")
-    if noise_is_known:
+    if start.noise_is_known:
         note = "standard errors are of the pixels' noise alone, not the model's"
         print_line(console, note)
 
@@ -100,23 +107,22 @@ def check(card: str, scene: Path, overrides: tuple[str, ...]) -> None:
     """Run `calibrate check`."""
     console = open_console()
     with _progress(console) as bar:
-        found = check_card(
+        checked = check_card(
             card,
             scene_path=scene,
             overrides=overrides,
             log=_ProgressBar(console, bar).stage,
         )
-    for name, value in found["numbers"].items():
-        span = found["ranges"].get(name, "values that the card does not have")
+    for name, value in checked["numbers"].items():
+        span = checked["ranges"].get(name, "values that the card does not have")
         words = name.replace("_", " ")
         print_line(console, f"{words} {value:.3g}; fitted at {span}")
-    for line in found["outside"]:
+    for line in checked["outside"]:
         print_line(console, f"warning: {line}")
-    both, valid = found["error_percent"], "valid" if found["valid"] else "NOT valid"
-    text = (
-        f"error {both['default']:.3g} % with weights of 1, {both['fitted']:.3g} % with"
-    )
-    print_line(console, f"{text} the card's")
+    errors = checked["error_percent"]
+    valid = "valid" if checked["valid"] else "NOT valid"
+    default = f"error {errors['default']:.3g} % with weights of 1"
+    print_line(console, f"{default}, {errors['fitted']:.3g} % with the card's")
     print_line(console, f"the card is {valid} here")
 
 
@@ -124,13 +130,14 @@ def cards(
     folder: Path, names: Sequence[str], out: Path, results: Path, again: bool
 ) -> None:
     """Run `calibrate cards`."""
-    console, recipes = open_console(), read_recipes(folder, names)
+    console = open_console()
+    recipes = read_recipes(folder, names)
     with patient_interrupt() as asked, _progress(console) as bar:
         log = _ProgressBar(console, bar)
-        made = make_cards(
+        fits = make_cards(
             recipes, out=out, results=results, again=again, log=log, stop=asked
         )
-        for name, card, result in made:
+        for name, card, result in fits:
             words = card_words(card)
             state = "up to date" if result is None else result["verdict"]["words"]
             print_line(console, f"{name}: {words}; {state}")

@@ -1,8 +1,8 @@
-"""Fit cards of several structures on several bodies, made again by one command.
+"""Fit cards of several structures on several bodies, fitted by one command.
 
 A card's calibration is the YAML file of a body, with its scene and cases, and that of a
 structure, with its parameters, or those in its `exceptions` for that body. A card is up
-to date while these, and the geometry of the body, are those that it was made of.
+to date while these and the geometry of the body are unchanged.
 """
 
 import json
@@ -45,41 +45,41 @@ def read_recipes(folder: Path, names: Sequence[str] = ()) -> list[_Recipe]:
     Raises:
         InputError: if the folder has no such files, or there is no card of a name.
     """
-    bodies, structures = (
-        sorted((folder / kind).glob("*.yaml")) for kind in ("bodies", "structures")
-    )
+    bodies = sorted((folder / "bodies").glob("*.yaml"))
+    structures = sorted((folder / "structures").glob("*.yaml"))
     if not bodies or not structures:
         raise InputError(
             f"{folder}: has no YAML files in `bodies` and in `structures`, which cards "
             "are made of"
         )
-    found = {
+    recipes = {
         recipe.name: recipe
         for structure in structures
         for recipe in _recipes_of(structure, bodies)
     }
     for name in names:
-        if name not in found:
-            raise InputError(f"there is no card '{name}'{close_match(name, found)}")
-    return [found[name] for name in names or sorted(found)]
+        if name not in recipes:
+            raise InputError(f"there is no card '{name}'{close_match(name, recipes)}")
+    return [recipes[name] for name in names or sorted(recipes)]
 
 
 def _recipes_of(structure: Path, bodies: Sequence[Path]) -> Iterator[_Recipe]:
     values = read_yaml(structure, "it needs `parameters`")
     where = f"{structure}: exceptions"
     exceptions = _mapping(values.pop("exceptions", {}), where)
-    known = [body.stem for body in bodies]
+    body_names = [body.stem for body in bodies]
     for name in exceptions:
-        if name not in known:
+        if name not in body_names:
             missing = f"{where}: there is no body '{name}'"
-            raise InputError(missing + close_match(name, known))
+            raise InputError(missing + close_match(name, body_names))
     for body in bodies:
-        name, own = f"{body.stem}/{structure.stem}", f"{where}: {body.stem}"
-        exception = _mapping(exceptions.get(body.stem, {}), own)
+        name = f"{body.stem}/{structure.stem}"
+        entry = f"{where}: {body.stem}"
+        exception = _mapping(exceptions.get(body.stem, {}), entry)
         texts = (
             *_overrides({"name": name} | values, str(structure)),
             # Later ones win.
-            *_overrides(exception, own),
+            *_overrides(exception, entry),
         )
         yield _Recipe(name, body, texts)
 
@@ -87,8 +87,8 @@ def _recipes_of(structure: Path, bodies: Sequence[Path]) -> Iterator[_Recipe]:
 def _overrides(values: dict[str, Any], where: str) -> Iterator[str]:
     changes = _mapping(values.get("set", {}), f"{where}: set")
     # One by one, or they would replace those of the body.
-    given = {f"set.{key}": value for key, value in changes.items()} | values
-    return (f"{k}={json.dumps(v)}" for k, v in given.items() if k != "set")
+    settings = {f"set.{key}": value for key, value in changes.items()} | values
+    return (f"{k}={json.dumps(v)}" for k, v in settings.items() if k != "set")
 
 
 def _mapping(value: Any, where: str) -> dict[str, Any]:
@@ -115,7 +115,8 @@ def make_cards(
         results: folder for the fits' results.
         again: True to fit those that are up to date as well.
         log: receives the progress.
-        stop: asked before every step if all should end; the same call continues.
+        stop: called before every step; if it returns True, all ends, and the same
+            call continues later.
 
     Yields:
         Name and card, and the results of its fit, None if it was up to date.
@@ -127,13 +128,19 @@ def make_cards(
     todo = [(recipe, recipe.load()) for recipe in recipes]
     for recipe, config in todo:
         path = out / f"{recipe.name}.yaml"
-        known = None if again else _up_to_date(path, config)
-        if known is not None:
-            yield recipe.name, known, None
+        current_card = None if again else _up_to_date(path, config)
+        if current_card is not None:
+            yield recipe.name, current_card, None
             continue
         folder = results / recipe.name
-        given = recipe.body, folder, recipe.overrides
-        result = fit_config(*given, log, stop, report=False)
+        result = fit_config(
+            recipe.body,
+            out=folder,
+            overrides=recipe.overrides,
+            log=log,
+            stop=stop,
+            report=False,
+        )
         if result["ended"] == "interrupted":
             raise KeyboardInterrupt(
                 f"stopped in {recipe.name}; the same command continues from there"
@@ -151,7 +158,9 @@ def _up_to_date(path: Path, config: CalibrationConfig) -> FitCard | None:
         return None
     bodies = (scene_config(config, case.set).bodies[0] for case in config.train)
     # The name too, so that no card passes for one that it was copied from.
-    made_of = card.name, card.origin.get("config"), dict(card.geometry)
-    geometry = dict(body.geometry for body in bodies)
-    current = config.name, calibration_hash(config), geometry
-    return card if made_of == current else None
+    is_current = (
+        card.name == config.name
+        and card.origin.get("config") == calibration_hash(config)
+        and dict(card.geometry) == dict(body.geometry for body in bodies)
+    )
+    return card if is_current else None

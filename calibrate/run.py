@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -39,7 +39,8 @@ from .solvers.progress import StepRecord
 from .solvers.search import start_points
 
 
-_CHECKPOINT, _CHECKPOINT_HASH = "state.npz", "state.txt"
+_CHECKPOINT = "state.npz"
+_CHECKPOINT_HASH = "state.txt"
 
 
 class ProgressLog:
@@ -68,9 +69,9 @@ def fit_config(
         out: folder; a fit that was interrupted there is continued.
         overrides: "a.b=c" each.
         log: receives the progress.
-        stop: asked before every step if the fit should end with the best so far.
-        report: False to leave out the page and the advice on further cases, which take
-            about as long as a small fit.
+        stop: called before every step; if it returns True, the fit ends with the best
+            so far.
+        report: False to leave out the page and the advice on further cases.
         devices: number of devices that share derivatives and starts.
 
     Raises:
@@ -82,18 +83,23 @@ def fit_config(
     config = load_calibration(path, overrides)
     with results_folder(out) as folder:
         calibration = build_aligned(config, log.stage)
-        # Before the fit: what cannot be run is said at once.
+        # Before the fit, so that references that cannot be run are reported at once.
         truth = Truth.prepare(config, calibration, log.stage)
         _discard_old_checkpoint(folder, config)
         log.stage("compiling")
-        settings, start = config.fit, None
+        settings = config.fit
+        start = None
         fitting = Fitting(calibration.train, settings, devices=devices)
         # A checkpoint is later than any start.
         if settings.starts > 1 and not (folder / _CHECKPOINT).exists():
             log.stage(f"searching from {settings.starts} starts")
-            size = calibration.train.parameters.size
-            draw = settings.starts, size, settings.spread, settings.seed
-            start = fitting.best_start(start_points(*draw), stop)
+            points = start_points(
+                settings.starts,
+                size=calibration.train.parameters.size,
+                spread=settings.spread,
+                seed=settings.seed,
+            )
+            start = fitting.best_start(points, stop)
         fit = fitting.run(
             start=start,
             checkpoint=folder / _CHECKPOINT,
@@ -126,7 +132,8 @@ def fit_config(
 
 def _discard_old_checkpoint(folder: Path, config: CalibrationConfig) -> None:
     # A state is only continued with the same config and the same code.
-    marker, checkpoint = folder / _CHECKPOINT_HASH, folder / _CHECKPOINT
+    marker = folder / _CHECKPOINT_HASH
+    checkpoint = folder / _CHECKPOINT
     text = f"{calibration_hash(config)} {program_hash(with_calibrate=True)}"
     if checkpoint.exists() and (not marker.exists() or marker.read_text() != text):
         checkpoint.unlink()
@@ -151,8 +158,9 @@ def _conclude(
     }
     if calibration.held_out is not None:
         log.stage("evaluating the held-out cases")
-        both = _errors_at(calibration.held_out, [np.zeros_like(fit.z), fit.z])
-        errors["held_out"] = dict(zip(("default", "fitted"), both, strict=True))
+        points = [np.zeros_like(fit.z), fit.z]
+        default, fitted = _errors_at(calibration.held_out, points)
+        errors["held_out"] = {"default": default, "fitted": fitted}
     sd = residual_sd(fit.residual, len(fit.z), train.known_sd)
     scatter = None
     if fit.jacobian is not None:
@@ -171,60 +179,87 @@ def _conclude(
         z = jnp.asarray(fit.z, train.dtype)
         scene = train.parameters.insert(case.scene, z)
     # The first case stands for all of them.
-    speed = measure_speed(calibration.configs[case.name], case.scene, scene)
-    against = None if truth is None else truth.judge(fit.z, log.stage)
-    findings = identified, errors, advice, speed, against
-    found = _fit_json(config, train.parameters, fit, *findings)
-    return found | {"by_clusters": scatter is not None}
+    speed = measure_speed(
+        calibration.configs[case.name], default=case.scene, fitted=scene
+    )
+    result = _fit_json(
+        config,
+        parameters=train.parameters,
+        fit=fit,
+        identified=identified,
+        errors=errors,
+        advice=advice,
+        speed=speed,
+        truth=None if truth is None else truth.judge(fit.z, log.stage),
+    )
+    return result | {"by_clusters": scatter is not None}
 
 
 def _case_errors(
     cases: tuple[Case, ...], errors: tuple[Float[np.ndarray, " t"], ...]
 ) -> dict[str, CaseError]:
-    pairs = zip(cases, errors, strict=True)
-    return {case.name: case.target.case_error(found) for case, found in pairs}
+    return {
+        case.name: case.target.case_error(case_errors)
+        for case, case_errors in zip(cases, errors, strict=True)
+    }
 
 
 def _errors_at(
     problem: Problem, points: list[Float[np.ndarray, " p"]]
 ) -> list[dict[str, CaseError]]:
     # One compiled program for all points.
-    found, step_tables = [], None
+    errors = []
+    step_tables = None
     with precision(problem.dtype.name):
         traced = problem.trace(problem.step_tables())
-        run = eqx.filter_jit(lambda traced, *given: traced(*given)[1])
+        run = eqx.filter_jit(lambda traced, *arguments: traced(*arguments)[1])
         for point in points:
             z = jnp.asarray(point, problem.dtype)
             step_tables = problem.step_tables_at(z, step_tables)
             diagnostics = run(traced, z, step_tables, problem.views_at(z))
-            found.append(_case_errors(problem.cases, diagnostics.host_errors()))
-    return found
+            errors.append(_case_errors(problem.cases, diagnostics.host_errors()))
+    return errors
 
 
-def identify_start(
-    config: CalibrationConfig, log: ProgressLog
-) -> tuple[Identified, dict[str, CaseError], bool]:
-    """Judge the start: its parameters, each case's error, and if the noise is known."""
+class StartJudgement(NamedTuple):
+    """How well the data determine the start values of a fit."""
+
+    identified: Identified
+    errors: dict[str, CaseError]
+    """Error of each case by its name."""
+    noise_is_known: bool
+
+
+def identify_start(config: CalibrationConfig, log: ProgressLog) -> StartJudgement:
+    """Judge the start values of a fit, before anything is fitted."""
     problem = build_aligned(config, log.stage).train
     log.stage("computing derivatives")
     z = np.zeros(problem.parameters.size)
     with precision(problem.dtype.name):
         at = jnp.asarray(z, problem.dtype)
         step_tables = problem.step_tables_at(at)
-        traced, views = problem.trace(step_tables), problem.views_at(at)
-        rows = jacobian_rows(traced, (step_tables, views), at, problem.batch())
+        rows = jacobian_rows(
+            problem.trace(step_tables),
+            args=(step_tables, problem.views_at(at)),
+            z=at,
+            batch=problem.batch(),
+        )
         rows = np.asarray(rows, float)
     log.stage("evaluating the start")
     errors = _errors_at(problem, [z])[0]
     sd = problem.known_sd
     if sd is None:
-        # As if a fit left all of the start's error, spread over the residuals.
+        # The start's error, spread evenly over the residuals, stands for a remainder.
         squares = sum(np.mean(np.square(e.percent)) for e in errors.values())
         total = float(np.sqrt(squares / len(errors)))
-        each = np.full(rows.shape[1], total / rows.shape[1] ** 0.5)
-        sd = residual_sd(each, len(z), None)
-    found = identify(problem.parameters, z=z, jacobian=rows, sd=sd)
-    return found, errors, problem.known_sd is not None
+        residual = np.full(rows.shape[1], total / rows.shape[1] ** 0.5)
+        sd = residual_sd(residual, len(z), None)
+    identified = identify(problem.parameters, z=z, jacobian=rows, sd=sd)
+    return StartJudgement(
+        identified=identified,
+        errors=errors,
+        noise_is_known=problem.known_sd is not None,
+    )
 
 
 _Errors = dict[str, dict[str, dict[str, CaseError]]]
@@ -247,10 +282,10 @@ def _fit_json(
     rows = parameter_rows(identified, start)
     by_case = {
         group: {
-            kind: {case: error.as_json() for case, error in found.items()}
-            for kind, found in both.items()
+            values: {name: error.as_json() for name, error in cases.items()}
+            for values, cases in values_errors.items()
         }
-        for group, both in errors.items()
+        for group, values_errors in errors.items()
     }
     names = (parameter.name.split(".") for parameter in parameters.parameters)
     is_of_weights = any("weights" in words for words in names)
@@ -263,9 +298,10 @@ def _fit_json(
         "ended": fit.ended,
         "error_percent": {
             group: {
-                k: max(e.worst for e in found.values()) for k, found in both.items()
+                values: max(error.worst for error in cases.values())
+                for values, cases in values_errors.items()
             }
-            for group, both in errors.items()
+            for group, values_errors in errors.items()
         },
         "errors": by_case,
         "truth": truth,
@@ -319,20 +355,21 @@ def _field_rows(
     parameters: ParameterSet, identified: Identified, start: Float[np.ndarray, " p"]
 ) -> dict[str, dict[str, Any]]:
     # A row for every field of thousands of values, all of which are in the card.
-    found, first = {}, 0
+    rows = {}
+    first = 0
     values = np.array([verdict.value for verdict in identified.verdicts])
     for parameter in parameters.parameters:
-        part = slice(first, first + parameter.size)
-        found[parameter.name] = {
-            "value": float(np.median(values[part])),
-            "initial": float(np.median(start[part])),
+        indices = slice(first, first + parameter.size)
+        rows[parameter.name] = {
+            "value": float(np.median(values[indices])),
+            "initial": float(np.median(start[indices])),
             "standard_error": None,
             "verdict": identified.verdicts[first].verdict,
             "with": [],
             "unit": unit_of(parameter.name),
             "count": parameter.size,
-            "min": float(values[part].min()),
-            "max": float(values[part].max()),
+            "min": float(values[indices].min()),
+            "max": float(values[indices].max()),
         }
         first += parameter.size
-    return found
+    return rows

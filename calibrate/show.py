@@ -35,11 +35,11 @@ def show(folder: Path | None, shipped: bool) -> None:
     if folder is not None:
         print_fit(console, read_fit(folder / "fit.json"))
         return
-    found = {name: card_summary(path) for name, path in shipped_cards().items()}
-    if found:
-        console.print(card_table(found).rich())
-        console.print(range_table(found).rich())
-    for text in about_cards(found):
+    cards = {name: card_summary(path) for name, path in shipped_cards().items()}
+    if cards:
+        console.print(card_table(cards).rich())
+        console.print(range_table(cards).rich())
+    for text in about_cards(cards):
         print_line(console, text)
 
 
@@ -49,8 +49,8 @@ def print_fit(console: Console, result: dict[str, Any]) -> None:
     console.print(parameter_table(result["parameters"], title).rich())
     console.print(time_table(result, "error at every saved time").rich())
     title = "error against finer voxels at every saved time"
-    if (against := truth_table(result, title)) is not None:
-        console.print(against.rich())
+    if (truth_errors := truth_table(result, title)) is not None:
+        console.print(truth_errors.rich())
     about = about_standard_errors(result)
     for text in (about, *summary(result), definition(result)):
         print_line(console, text)

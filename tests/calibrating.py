@@ -17,8 +17,8 @@ from tests.bodies import blocks
 
 SAVES = (2.0, 6.0)
 METAL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.8)
-WITHIN = Parameter("weights.within", (1.0,), 0.01, 100.0)
-BETWEEN = Parameter("weights.between", (1.0,), 0.01, 100.0)
+WITHIN = Parameter(name="weights.within", start=(1.0,), lower=0.01, upper=100.0)
+BETWEEN = Parameter(name="weights.between", start=(1.0,), lower=0.01, upper=100.0)
 SPHERE = """
 bodies:
   - shape: {kind: sphere, radius: 0.1 m}
@@ -62,9 +62,9 @@ RESULT = {
 
 def scene(side, dtype="float64", weights=None):
     """A block of fine voxels over a core, heated from one side."""
-    given = jt.ConductionWeights() if weights is None else weights
+    used_weights = jt.ConductionWeights() if weights is None else weights
     solid = np.ones((7, 6, 5), bool)
-    structure = jt.ShellOverCore(blocks(solid, 0.01), factor=2, weights=given)
+    structure = jt.ShellOverCore(blocks(solid, 0.01), factor=2, weights=used_weights)
     body = jt.Body(structure, METAL, temperature=300.0)
     terms = (jt.HeatFlux(2e4, on=jt.Side(side)), jt.Convection(30.0, 300.0))
     return jt.Scene((body,), terms, dtype=dtype)
@@ -73,9 +73,9 @@ def scene(side, dtype="float64", weights=None):
 @functools.cache
 def data(side, dtype, truth):
     """A run of a scene as the data of a fit."""
-    made = scene(side, dtype, jt.ConductionWeights(**dict(truth)))
+    true_scene = scene(side, dtype, jt.ConductionWeights(**dict(truth)))
     run = ParametricRun(SAVES)
-    solution = run(made, run.step_table(made))
+    solution = run(true_scene, run.step_table(true_scene))
     surface = solution.surface_temperature
     stored = StoredSolution(jnp.asarray(SAVES), surface, solution.surfaces)
     return surface_target(stored, jnp.dtype(dtype))
@@ -83,11 +83,14 @@ def data(side, dtype, truth):
 
 def twin(parameters=(WITHIN, BETWEEN), dtype="float64", truth=TRUTH, solver=None):
     """A problem whose data come of the same model at the truth."""
-    chosen, cases = ParameterSet(tuple(parameters)), []
+    parameter_set = ParameterSet(tuple(parameters))
+    cases = []
     for side in ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)):
         names = ((name.removeprefix("weights."), v) for name, v in truth.items())
         # A copy, since tests change it.
         target = copy(data(side, dtype, tuple(names)))
         run = ParametricRun(SAVES, solver)
-        cases.append(Case(str(side), scene(side, dtype), run, target))
-    return Problem(chosen, tuple(cases))
+        cases.append(
+            Case(name=str(side), scene=scene(side, dtype), run=run, target=target)
+        )
+    return Problem(parameter_set, tuple(cases))

@@ -38,10 +38,11 @@ def rank_experiments(
     # Too many coordinates to compare information matrices.
     if fit.jacobian is None:
         return []
-    known, ranking = fit.jacobian / sd, []
+    jacobian = fit.jacobian / sd
+    ranking: list[dict[str, Any]] = []
 
     def add(description: str, rows: Float[np.ndarray, "p r"]) -> None:
-        gain = information_gain(known, rows, 1.0)
+        gain = information_gain(jacobian, further=rows, sd=1.0)
         ranking.append({"what": description, "gain_nats": gain})
 
     for candidate in config.candidates:
@@ -63,10 +64,10 @@ def rank_experiments(
         measure = _measurement(
             calibration, candidate=None, scene=case.scene, times=times, sd=sd
         )
-        every = _rows_per_time(
+        rows_per_time = _rows_per_time(
             calibration, fit=fit, scene=case.scene, times=times, measure=measure
         )
-        for time, rows in zip(times, every, strict=True):
+        for time, rows in zip(times, rows_per_time, strict=True):
             add(f"{case.name}, saved at {time:g} s too", rows)
     return sorted(ranking, key=lambda entry: -entry["gain_nats"])
 
@@ -79,11 +80,16 @@ def _measurement(
     sd: float,
 ) -> Measurement:
     # The same kind of data, with the same noise, as the fit's.
-    target, cases = calibration.train.cases[0].target, len(calibration.train.cases)
+    target = calibration.train.cases[0].target
+    cases = len(calibration.train.cases)
     if isinstance(target, FrameTarget):
         cameras = () if candidate is None else candidate.views
         views = camera_views(cameras, scene) if cameras else target.views
-        return lambda scene, solution: target.measure(views, scene, solution, times)
+
+        def pixels(scene: Scene, solution: ParametricSolution) -> Float[Array, "t r"]:
+            return target.measure(views, scene=scene, solution=solution, times=times)
+
+        return pixels
     # As `SurfaceTarget`, but relative to the range of the run itself.
     count = len(target.times)
 
@@ -112,16 +118,17 @@ def _rows_per_time(
         longest = None
         if run.uses_stable_step:
             # Steps for the stiffer of the fitted scene and the one as given.
-            both = (problem.parameters.insert(scene, z), scene)
-            longest = min(float(run.stable_step(s)) for s in both)
+            fitted = problem.parameters.insert(scene, z)
+            longest = min(float(run.stable_step(s)) for s in (fitted, scene))
         table = run.step_table(scene, longest)
 
         def measured(z, table):
             changed = problem.parameters.insert(scene, z)
-            found = measure(changed, run(changed, table))
+            measurement = measure(changed, run(changed, table))
             # The integer takes the place of the diagnostics, and has no tangent.
-            return found.reshape(-1), jnp.zeros((), jnp.int32)
+            return measurement.reshape(-1), jnp.zeros((), jnp.int32)
 
         traced = trace(measured, z, table)
-        rows = np.asarray(jacobian_rows(traced, table, z, problem.batch()), float)
+        jacobian = jacobian_rows(traced, args=table, z=z, batch=problem.batch())
+        rows = np.asarray(jacobian, float)
     return list(np.moveaxis(rows.reshape(len(rows), len(times), -1), 1, 0))

@@ -1,6 +1,6 @@
 """Fit cards: weights with the ranges that they were fitted in, and their validation."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -38,14 +38,15 @@ def make_card(
     result: dict[str, Any],
 ) -> FitCard:
     """Card of a fit; in a scene of several bodies, with the weights of the first."""
-    problem, first = calibration.train, calibration.train.cases[0]
+    problem = calibration.train
+    first = problem.cases[0]
     with precision(problem.dtype.name):
         z = jnp.asarray(fit.z, problem.dtype)
         weights = problem.parameters.insert(first.scene, z).bodies[0].structure.weights
         values = problem.parameters.values(z)
     arrays = {name: np.asarray(value, float) for name, value in vars(weights).items()}
     # Lists belong to the body that was fitted, not to others that take the card.
-    others = {
+    coefficients = {
         name: float(value)
         for name, value in values.items()
         if "weights" not in name.split(".")
@@ -61,7 +62,7 @@ def make_card(
         name=config.name or "",
         structure=bodies[0].structure.options_of(first.scene.bodies[0].structure),
         weights=ConductionWeights(**arrays),
-        parameters=others,
+        parameters=coefficients,
         ranges={
             name: (min(n[name] for n in numbers), max(n[name] for n in numbers))
             for name in numbers[0]
@@ -77,24 +78,27 @@ def make_card(
 
 def _truth_errors(truth: dict[str, Any] | None) -> dict[str, dict[str, float]]:
     # Largest of all cases and saved times.
-    return (
-        {}
-        if truth is None
-        else {
-            group: {
-                kind: max(case[kind]["worst_rms_kelvin"] for case in cases.values())
-                for kind in ("default", "fitted", "reference")
-            }
-            for group, cases in truth["cases"].items()
+    if truth is None:
+        return {}
+    return {
+        group: {
+            model: max(case[model]["worst_rms_kelvin"] for case in cases.values())
+            for model in ("default", "fitted", "reference")
         }
-    )
+        for group, cases in truth["cases"].items()
+    }
 
 
 def _origin(config: CalibrationConfig, result: dict[str, Any]) -> dict[str, str]:
-    names = lambda entries: "; ".join(entry.name for entry in entries)
     speed = result["speedup"]
+
+    def names(entries: Sequence[Any]) -> str:
+        return "; ".join(entry.name for entry in entries)
+
     # Times are left out: the same config makes the same card.
-    pair = lambda key: f"{speed[key]['fitted']} for {speed[key]['full_volume']}"
+    def pair(key: str) -> str:
+        return f"{speed[key]['fitted']} for {speed[key]['full_volume']}"
+
     return {
         "scene": config.scene.name,
         "train": names(config.train),
@@ -120,19 +124,30 @@ def check_card(
     log("building the scene")
     scene = config.build()
     numbers = scene_numbers(scene, config.time.last)
-    cells = scene.bodies[0].structure.grid.surface_cells
-    known = mechanism_names(scene), config.bodies[0].geometry, cells
-    warnings = extrapolations(card, numbers, *known)
+    warnings = extrapolations(
+        card,
+        numbers=numbers,
+        mechanisms=mechanism_names(scene),
+        geometry=config.bodies[0].geometry,
+        surface_cells=scene.bodies[0].structure.grid.surface_cells,
+    )
     reference = full_volume_run(config, 0.25, log)
-    given = {find_path(scene, n): jnp.asarray(v) for n, v in card.parameters.items()}
-    changes = {("bodies", 0, "structure", "weights"): card.weights, **given}
+    weights_path = ("bodies", 0, "structure", "weights")
+    changes: dict[tuple[str | int, ...], Any] = {weights_path: card.weights}
+    for name, value in card.parameters.items():
+        changes[find_path(scene, name)] = jnp.asarray(value)
     # Both runs share the scene's voxels and structure, which are slow to build.
-    errors, fitted = {}, with_values(scene, changes)
-    for name, made in (("default", scene), ("fitted", fitted)):
+    fitted = with_values(scene, changes)
+    errors = {}
+    for name, weighted in (("default", scene), ("fitted", fitted)):
         log(f"running the {name} weights")
-        solver = config.solver.build()
-        found = simulate(made, config.time.end, config.time.save_times, solver=solver)
-        percent = surface_error(found, reference).rms_percent
+        solution = simulate(
+            weighted,
+            t1=config.time.end,
+            save_at=config.time.save_times,
+            solver=config.solver.build(),
+        )
+        percent = surface_error(solution, reference).rms_percent
         errors[name] = float(np.asarray(percent).max())
     return {
         "card": card.name,
@@ -154,12 +169,12 @@ def _with_structure(config: SceneConfig, card: FitCard) -> SceneConfig:
         f"{card.structure}: fit again"
     )
     try:
-        made = type(body).model_validate(
+        structured = type(body).model_validate(
             {**body.model_dump(mode="python"), "structure": dict(card.structure)}
         )
     except ValueError as error:
         raise unknown from error
     # A key that this version does not know would otherwise be lost in silence.
-    if made.structure.options != dict(card.structure):
+    if structured.structure.options != dict(card.structure):
         raise unknown
-    return config.model_copy(update={"bodies": (made,)})
+    return config.model_copy(update={"bodies": (structured,)})

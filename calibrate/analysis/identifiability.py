@@ -88,8 +88,8 @@ def identify(
         )
         return Identified(tuple(judged), np.zeros((0, 0)), np.zeros(0))
     gram = np.asarray(jacobian, float) @ np.asarray(jacobian, float).T
-    alive, flat, singular = _flat_directions(gram)
-    determined = alive & ~flat.any(axis=1)
+    directions = _flat_directions(gram)
+    determined = directions.alive & ~directions.flat.any(axis=1)
     scatter = sd**2 * gram if scatter is None else scatter
     covariance = _covariance(gram, determined, scatter)
     deviation = np.sqrt(np.diag(covariance))
@@ -102,36 +102,47 @@ def identify(
     bounds = [(p.lower, p.upper) for p in parameters.parameters for _ in p.labels]
     verdicts = []
     for n, label in enumerate(parameters.labels):
-        kind, others = _relation(n, alive=alive, flat=flat, correlation=correlation)
+        verdict, related = _relation(n, directions=directions, correlation=correlation)
         error = float(errors[n]) if determined[n] else None
-        if kind == "fine" and error is not None:
-            kind = _precision_verdict(values[n], error, deviation[n], *bounds[n])
-        names = tuple(parameters.labels[m] for m in others)
+        if verdict == "fine" and error is not None:
+            lower, upper = bounds[n]
+            verdict = _precision_verdict(
+                values[n], error=error, deviation=deviation[n], lower=lower, upper=upper
+            )
+        names = tuple(parameters.labels[m] for m in related)
         verdicts.append(
             _Verdict(
                 label=label,
-                verdict=kind,
+                verdict=verdict,
                 value=float(values[n]),
                 standard_error=error,
                 with_others=names,
             )
         )
     # All may be zero, where nothing is compared that changes.
-    spread = np.sort(singular)[::-1] / max(singular.max(initial=0.0), 1e-300)
+    singular = np.sort(directions.singular_values)[::-1]
+    spread = singular / max(singular.max(initial=0.0), 1e-300)
     return Identified(tuple(verdicts), correlation, spread)
 
 
-def _flat_directions(
-    gram: Float[np.ndarray, "p p"],
-) -> tuple[Bool[np.ndarray, " p"], Bool[np.ndarray, "p p"], Float[np.ndarray, " _"]]:
-    # Which coordinates have an effect, which pairs share a flat direction, and the
-    # singular values of those that have an effect.
+class _Directions(NamedTuple):
+    """Effect of the coordinates on the residuals."""
+
+    alive: Bool[np.ndarray, " p"]
+    """True for coordinates that have an effect."""
+    flat: Bool[np.ndarray, "p p"]
+    """True for pairs of coordinates that share a flat direction."""
+    singular_values: Float[np.ndarray, " _"]
+    """Singular values of the coordinates that have an effect."""
+
+
+def _flat_directions(gram: Float[np.ndarray, "p p"]) -> _Directions:
     norms = np.sqrt(np.diag(gram))
     largest = norms.max(initial=0.0)
     flat = np.zeros(gram.shape, bool)
     alive = norms > _DEAD_NORM * largest if largest > 0 else np.zeros(len(norms), bool)
     if not alive.any():
-        return alive, flat, np.zeros(0)
+        return _Directions(alive, flat, np.zeros(0))
     # Columns of equal length, so that the units of the parameters do not matter.
     scaled = gram[np.ix_(alive, alive)] / np.outer(norms[alive], norms[alive])
     powers, directions = np.linalg.eigh(scaled)
@@ -141,7 +152,7 @@ def _flat_directions(
     for direction in directions[:, is_flat].T:
         members = indices[np.abs(direction) > _MIN_COMPONENT]
         flat[np.ix_(members, members)] = True
-    return alive, flat, singular
+    return _Directions(alive, flat, singular)
 
 
 def _covariance(
@@ -150,28 +161,28 @@ def _covariance(
     scatter: Float[np.ndarray, "p p"],
 ) -> Float[np.ndarray, "p p"]:
     # The others are left out as if they were known.
-    found = np.zeros_like(gram)
+    covariance = np.zeros_like(gram)
     if determined.any():
         block = np.ix_(determined, determined)
         # Scaled to a unit diagonal before it is inverted, for its condition number.
         scale = 1 / np.sqrt(np.diag(gram[block]))
         outer = np.outer(scale, scale)
         inverse = np.linalg.inv(gram[block] * outer)
-        found[block] = inverse @ (scatter[block] * outer) @ inverse * outer
-    return found
+        covariance[block] = inverse @ (scatter[block] * outer) @ inverse * outer
+    return covariance
 
 
 def _relation(
     n: int,
-    alive: Bool[np.ndarray, " p"],
-    flat: Bool[np.ndarray, "p p"],
+    directions: _Directions,
     correlation: Float[np.ndarray, "p p"],
 ) -> tuple[str, tuple[int, ...]]:
     # The strongest statement that applies comes first.
-    if not alive[n]:
+    if not directions.alive[n]:
         return "dead", ()
-    if flat[n].any():
-        return "flat", tuple(int(m) for m in np.flatnonzero(flat[n]) if m != n)
+    flat = directions.flat[n]
+    if flat.any():
+        return "flat", tuple(int(m) for m in np.flatnonzero(flat) if m != n)
     strong = np.abs(correlation[n]) > _MAX_CORRELATION
     strong[n] = False
     if strong.any():
@@ -188,17 +199,17 @@ def _precision_verdict(
     if is_wide or deviation > 1 and not is_unbounded:
         return "not pinned"
     ends = np.array([lower, value, upper])
-    low, here, high = np.log(ends) if lower > 0 else ends
-    near = min(here - low, high - here) < _AT_BOUND * (high - low)
+    low, middle, high = np.log(ends) if lower > 0 else ends
+    near = min(middle - low, high - middle) < _AT_BOUND * (high - low)
     return "at bound" if np.isfinite(high - low) and near else "fine"
 
 
 def residual_sd(
-    residual: Float[np.ndarray, " r"], size: int, known: float | None
+    residual: Float[np.ndarray, " r"], size: int, noise: float | None
 ) -> float:
-    """Standard deviation of a residual: as known from noise, or as the fit left it."""
-    if known is not None:
-        return known
+    """Standard deviation of a residual: of the noise, or of the fit's remainder."""
+    if noise is not None:
+        return noise
     # Each fitted coordinate takes one degree of freedom.
     degrees_of_freedom = max(len(residual) - size, 1)
     return float(np.sqrt((np.asarray(residual, float) ** 2).sum() / degrees_of_freedom))
@@ -213,8 +224,11 @@ def information_gain(
 
     Source: Pukelsheim, Optimal Design of Experiments (SIAM 2006), chapter 6.
     """
-    rows, added = np.asarray(jacobian, float), np.asarray(further, float)
+    rows = np.asarray(jacobian, float)
+    added = np.asarray(further, float)
     # A unit prior keeps the gain for a dead parameter finite.
-    before = rows @ rows.T / sd**2 + np.eye(len(rows))
-    after = before + added @ added.T / sd**2
-    return float(0.5 * (np.linalg.slogdet(after)[1] - np.linalg.slogdet(before)[1]))
+    information = rows @ rows.T / sd**2 + np.eye(len(rows))
+    increased = information + added @ added.T / sd**2
+    return float(
+        0.5 * (np.linalg.slogdet(increased)[1] - np.linalg.slogdet(information)[1])
+    )

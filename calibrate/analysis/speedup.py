@@ -24,7 +24,8 @@ _MAX_REPEATED_SECONDS = 20.0
 def measure_speed(config: SceneConfig, default: Scene, fitted: Scene) -> dict[str, Any]:
     """Time the compiled loops of a case, with its surface read at the saved times."""
     full = on_every_voxel(config).build()
-    end, saves = config.time.end, config.time.save_times
+    end = config.time.end
+    saves = config.time.save_times
     solver = config.solver.build()
     with precision(config.dtype):
         plans = {
@@ -36,7 +37,7 @@ def measure_speed(config: SceneConfig, default: Scene, fitted: Scene) -> dict[st
         total = sum(_seconds(planned) for planned in plans.values())
         repeats = _REPEATS if total < _MAX_REPEATED_SECONDS else 1
         spans: dict[str, list[float]] = {name: [] for name in plans}
-        # In turn, so that a slower moment of the machine meets all of them.
+        # One after the other, so that a slower moment of the machine meets all of them.
         for _ in range(repeats):
             for name, planned in plans.items():
                 spans[name].append(_seconds(planned))
@@ -52,12 +53,12 @@ def measure_speed(config: SceneConfig, default: Scene, fitted: Scene) -> dict[st
 
 def _ratios(spans: dict[str, list[float]], name: str) -> dict[str, float]:
     ratios = np.array(spans["full_volume"]) / np.array(spans[name])
-    found = {
+    summary = {
         "times_faster": np.median(ratios),
         "min": ratios.min(),
         "max": ratios.max(),
     }
-    return {key: float(value) for key, value in found.items()}
+    return {key: float(value) for key, value in summary.items()}
 
 
 def _seconds(planned: Plan) -> float:

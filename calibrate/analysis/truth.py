@@ -1,4 +1,4 @@
-"""Errors of a fit against finer voxels, before and after, and what they cost."""
+"""Errors of a fit against finer voxels, before and after, and the cost of these."""
 
 import warnings
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ from ..problem.reference import (
 class Truth:
     """The runs of finer voxels of all cases, and the errors of the start values."""
 
-    given: RefinedReference
+    settings: RefinedReference
     references: dict[str, TruthReference]
     """By the name of the case."""
     calibration: Calibration
@@ -43,8 +43,8 @@ class Truth:
     ) -> "Truth | None":
         """Run or load the references of all cases; None if the config asks for none.
 
-        Before the fit, with the start values beside them: what cannot be run or
-        compared is then known at once.
+        This happens before the fit, together with runs of the start values, so that
+        what cannot be run or compared is reported at once.
 
         Raises:
             InputError: if a scene has no finer voxels, or a run fails.
@@ -54,16 +54,25 @@ class Truth:
         # The truth has the same values as the runs that are fitted to.
         reference = config.reference
         true = reference.set if isinstance(reference, FullVolumeReference) else {}
-        found, default = dict(calibration.references), {}
-        truth = cls(config.truth, found, calibration, default)
+        references = dict(calibration.references)
+        default: dict[str, dict[str, Any]] = {}
+        truth = cls(
+            settings=config.truth,
+            references=references,
+            calibration=calibration,
+            default=default,
+        )
         start = np.zeros(calibration.parameters.size)
         for case in (*config.train, *config.held_out):
-            said = lambda stage, name=case.name: log(f"{name}: {stage}")
+            announce = _named(log, case.name)
             try:
-                if case.name not in found:
-                    given = scene_config(config, case.set, true)
-                    found[case.name] = refined_reference(given, config.truth, said)
-                said("comparing the start values with finer voxels")
+                if case.name not in references:
+                    references[case.name] = refined_reference(
+                        scene_config(config, case.set, true),
+                        settings=config.truth,
+                        log=announce,
+                    )
+                announce("comparing the start values with finer voxels")
                 default[case.name] = truth._error(case.name, start)
             except InputError as error:
                 raise InputError(f"case {case.name}: {error}") from error
@@ -86,13 +95,15 @@ class Truth:
                     text = f"case {name}: no error against finer voxels: {error}"
                     warnings.warn(text, stacklevel=2)
                     return None
-                own = self.references[name].own_error.as_dict()
-                both = {"default": self.default[name], "fitted": fitted}
-                cases[group][name] = {**both, "reference": own}
+                cases[group][name] = {
+                    "default": self.default[name],
+                    "fitted": fitted,
+                    "reference": self.references[name].own_error.as_dict(),
+                }
         return {
-            "refinement": self.given.refinement,
-            "structure": self.given.structure.kind,
-            "points": self.given.points,
+            "refinement": self.settings.refinement,
+            "structure": self.settings.structure.kind,
+            "points": self.settings.points,
             "cases": cases,
             "cost": [
                 {"case": name, **cost}
@@ -104,8 +115,10 @@ class Truth:
     @property
     def _problems(self) -> dict[str, Problem]:
         held_out = self.calibration.held_out
-        both = {"train": self.calibration.train}
-        return both if held_out is None else {**both, "held_out": held_out}
+        problems = {"train": self.calibration.train}
+        if held_out is not None:
+            problems["held_out"] = held_out
+        return problems
 
     def _error(self, name: str, z: Float[np.ndarray, " p"]) -> dict[str, Any]:
         problem, case = next(
@@ -117,11 +130,27 @@ class Truth:
         with precision(problem.dtype.name):
             scene = problem.parameters.insert(case.scene, jnp.asarray(z, problem.dtype))
         # As `jaxthermo simulate` runs it, with its error in time controlled.
-        given, reference = self.calibration.configs[name], self.references[name]
-        end, saves = given.time.end, given.time.save_times
-        solver, scene = given.solver.build(), read_at_surface(scene)
-        found = simulate(scene, end, saves, solver=solver, throw=False)
-        if found.result != RESULTS.successful:
-            raise InputError(f"the run beside finer voxels: {RESULTS[found.result]}")
-        points = self.given.points, self.given.seed
-        return truth_error(found, reference.solution, *points).as_dict()
+        config = self.calibration.configs[name]
+        solution = simulate(
+            read_at_surface(scene),
+            t1=config.time.end,
+            save_at=config.time.save_times,
+            solver=config.solver.build(),
+            throw=False,
+        )
+        if solution.result != RESULTS.successful:
+            raise InputError(
+                f"the run compared with finer voxels: {RESULTS[solution.result]}"
+            )
+        error = truth_error(
+            solution,
+            reference=self.references[name].solution,
+            count=self.settings.points,
+            seed=self.settings.seed,
+        )
+        return error.as_dict()
+
+
+def _named(log: Log, name: str) -> Log:
+    """Log whose lines start with the name of a case."""
+    return lambda stage: log(f"{name}: {stage}")

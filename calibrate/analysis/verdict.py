@@ -11,8 +11,8 @@ from jaxthermo.report.numbers import padded
 
 
 Verdict = dict[str, Any]
-"""`pays`, `words` in one sentence, the number of `times` compared and `worse`, and the
-same with the errors in kelvin against finer voxels as `truth`, None without them."""
+"""`pays`, `words` in one sentence, the number of `times` compared and of those that are
+`worse`, and `truth`: these numbers against finer voxels [K], None without them."""
 _Errors = Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]]
 
 _SAME = 1.001
@@ -29,24 +29,34 @@ class _TimeErrors(NamedTuple):
     case: str
     time: float
     """[s]"""
-    before: float
-    """[%]"""
-    after: float
+    default: float
+    """Error with the start values [%]."""
+    fitted: float
+    """Error with the fitted values [%]."""
 
     @property
     def is_worse(self) -> bool:
         """True if the fitted values have the larger error."""
-        return self.after > _SAME * self.before
+        return self.fitted > _SAME * self.default
 
 
 def time_errors(errors: _Errors) -> Iterator[_TimeErrors]:
     """Every saved time of every case, in the order of `fit.json`."""
-    for group, both in errors.items():
-        for case, fitted in both["fitted"].items():
-            before = both["default"][case]["rms_percent"]
-            rows = zip(fitted["times_s"], before, fitted["rms_percent"], strict=True)
-            for row in rows:
-                yield _TimeErrors(group, case, *row)
+    for group, cases in errors.items():
+        for case, fitted in cases["fitted"].items():
+            for time, default_percent, fitted_percent in zip(
+                fitted["times_s"],
+                cases["default"][case]["rms_percent"],
+                fitted["rms_percent"],
+                strict=True,
+            ):
+                yield _TimeErrors(
+                    group=group,
+                    case=case,
+                    time=time,
+                    default=default_percent,
+                    fitted=fitted_percent,
+                )
 
 
 class _TruthTime(NamedTuple):
@@ -57,16 +67,18 @@ class _TruthTime(NamedTuple):
     case: str
     time: float
     """[s]"""
-    before: float
-    """[K]"""
-    after: float
-    before_percent: float | None
-    """None where the reference has no range."""
-    after_percent: float | None
-    own: float
+    default: float
+    """Error with the start values [K]."""
+    fitted: float
+    """Error with the fitted values [K]."""
+    default_percent: float | None
+    """Relative error with the start values [%]; None where there is no range."""
+    fitted_percent: float | None
+    """Relative error with the fitted values [%]; None where there is no range."""
+    reference: float
     """Estimated error of the reference [K]."""
     is_bound: bool
-    """True if `own` is the difference of two coarser runs, and no estimate."""
+    """True if `reference` is the difference of two coarser runs, and no estimate."""
 
     @property
     def is_worse(self) -> bool:
@@ -74,22 +86,28 @@ class _TruthTime(NamedTuple):
 
         With a reference that is off by e, both errors are uncertain by e at most.
         """
-        return self.after > _SAME * self.before + 2 * self.own
+        return self.fitted > _SAME * self.default + 2 * self.reference
 
 
 def truth_times(truth: Mapping[str, Any]) -> Iterator[_TruthTime]:
     """Every saved time of every case, in the order of `fit.json`."""
     for group, cases in truth["cases"].items():
-        for case, found in cases.items():
-            before, after, own = (
-                found[kind] for kind in ("default", "fitted", "reference")
-            )
-            columns = [after["times_s"]]
-            for name in ("rms_kelvin", "rms_percent"):
-                columns += [before[name], after[name]]
-            columns += [own["rms_kelvin"], own["is_bound"]]
-            for row in zip(*columns, strict=True):
-                yield _TruthTime(group, case, *row)
+        for case, errors in cases.items():
+            default = errors["default"]
+            fitted = errors["fitted"]
+            reference = errors["reference"]
+            for n, time in enumerate(fitted["times_s"]):
+                yield _TruthTime(
+                    group=group,
+                    case=case,
+                    time=time,
+                    default=default["rms_kelvin"][n],
+                    fitted=fitted["rms_kelvin"][n],
+                    default_percent=default["rms_percent"][n],
+                    fitted_percent=fitted["rms_percent"][n],
+                    reference=reference["rms_kelvin"][n],
+                    is_bound=reference["is_bound"][n],
+                )
 
 
 def judge(
@@ -118,54 +136,63 @@ def judge(
     words = [_error_words(rows, worse)]
     if is_of_weights:
         words.append(_speed_words(speedup))
-    against, farther = None, 0
+    truth_verdict = None
+    farther = 0
     if truth is not None:
         times = list(truth_times(truth))
         farther = sum(row.is_worse for row in times)
-        against = _truth_numbers(times) | {"worse": farther}
-        words.append(_truth_words(against, truth["refinement"]))
+        truth_verdict = _truth_numbers(times) | {"worse": farther}
+        words.append(_truth_words(truth_verdict, truth["refinement"]))
     pays = not worse and not slow and not farther
     start = "the fit pays" if pays else "the fit does NOT pay"
     text = f"{start}: {'; '.join(words)}"
-    counts = {"times": len(rows), "worse": len(worse)}
-    return {"pays": pays, "words": text, **counts, "truth": against}
-
-
-def _truth_numbers(rows: list[_TruthTime]) -> dict[str, Any]:
-    # The error of a fit is that of its worst time; the reference's own there beside it.
-    before = max(rows, key=lambda row: row.before)
-    after = max(rows, key=lambda row: row.after)
-    percent = lambda name: max(
-        (v for row in rows if (v := getattr(row, name)) is not None), default=None
-    )
     return {
+        "pays": pays,
+        "words": text,
         "times": len(rows),
-        "before_kelvin": before.before,
-        "after_kelvin": after.after,
-        "before_percent": percent("before_percent"),
-        "after_percent": percent("after_percent"),
-        "own_kelvin": max(before.own, after.own),
-        "own_is_bound": before.is_bound or after.is_bound,
+        "worse": len(worse),
+        "truth": truth_verdict,
     }
 
 
-def _truth_words(found: Mapping[str, Any], refinement: float) -> str:
-    def error(kind: str) -> str:
-        percent = found[f"{kind}_percent"]
-        relative = "" if percent is None else f" ({padded(percent)} %)"
-        return f"{padded(found[f'{kind}_kelvin'])} K{relative}"
+def _truth_numbers(rows: list[_TruthTime]) -> dict[str, Any]:
+    # The error of a fit is that of its worst time.
+    worst_default = max(rows, key=lambda row: row.default)
+    worst_fitted = max(rows, key=lambda row: row.fitted)
+    default_percent = [r.default_percent for r in rows if r.default_percent is not None]
+    fitted_percent = [r.fitted_percent for r in rows if r.fitted_percent is not None]
+    return {
+        "times": len(rows),
+        "before_kelvin": worst_default.default,
+        "after_kelvin": worst_fitted.fitted,
+        "before_percent": max(default_percent, default=None),
+        "after_percent": max(fitted_percent, default=None),
+        "own_kelvin": max(worst_default.reference, worst_fitted.reference),
+        "own_is_bound": worst_default.is_bound or worst_fitted.is_bound,
+    }
 
-    own = padded(found["own_kelvin"])
-    about = f"at most about {own}" if found["own_is_bound"] else f"about {own}"
+
+def _truth_words(numbers: Mapping[str, Any], refinement: float) -> str:
+    def error(moment: str) -> str:
+        percent = numbers[f"{moment}_percent"]
+        relative = "" if percent is None else f" ({padded(percent)} %)"
+        return f"{padded(numbers[f'{moment}_kelvin'])} K{relative}"
+
+    reference_error = padded(numbers["own_kelvin"])
+    about = (
+        f"at most about {reference_error}"
+        if numbers["own_is_bound"]
+        else f"about {reference_error}"
+    )
     text = (
         f"against voxels {refinement:.3g} times as fine the error goes from "
         f"{error('before')} to {error('after')}, where these are off by {about} K"
     )
-    change = abs(found["after_kelvin"] - found["before_kelvin"])
-    if change <= 2 * found["own_kelvin"]:
+    change = abs(numbers["after_kelvin"] - numbers["before_kelvin"])
+    if change <= 2 * numbers["own_kelvin"]:
         text += ", too much to tell if it is smaller"
-    if found["worse"]:
-        text += f", and is LARGER at {found['worse']} of {found['times']} times"
+    if numbers["worse"]:
+        text += f", and is LARGER at {numbers['worse']} of {numbers['times']} times"
     return text
 
 
@@ -173,15 +200,15 @@ def _error_words(rows: list[_TimeErrors], worse: list[_TimeErrors]) -> str:
     if not worse:
         return f"no error is larger than before, at {len(rows)} of {len(rows)} times"
     # The largest increases first.
-    worst = sorted(worse, key=lambda row: row.before - row.after)[:_MAX_NAMED]
+    worst = sorted(worse, key=lambda row: row.default - row.fitted)[:_MAX_NAMED]
     named = ", ".join(
-        f"{row.case} at {row.time:g} s {padded(row.before)} to {padded(row.after)} %"
+        f"{row.case} at {row.time:g} s {padded(row.default)} to {padded(row.fitted)} %"
         for row in worst
     )
-    more = ", ..." if len(worse) > len(worst) else ""
+    ellipsis = ", ..." if len(worse) > len(worst) else ""
     return (
         f"errors are LARGER than before at {len(worse)} of {len(rows)} times "
-        f"({named}{more})"
+        f"({named}{ellipsis})"
     )
 
 

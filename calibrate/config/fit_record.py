@@ -12,7 +12,8 @@ from jaxthermo.config.messages import dotted, explain
 from jaxthermo.errors import InputError
 
 
-_KIND, _VERSION = "calibration result", 1
+_KIND = "calibration result"
+_VERSION = 1
 _REMEDY = "run `calibrate fit` again"
 # Keys that a text has no words for.
 _FORBID = ConfigDict(extra="forbid")

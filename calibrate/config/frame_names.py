@@ -1,4 +1,4 @@
-"""Names of the numbers of frames that are fitted beside those of the scene.
+"""Names of the fitted numbers of frames, which no scene has.
 
 | path | meaning |
 |---|---|
@@ -38,21 +38,21 @@ def pose_numbers(name: str, cameras: int | None = None) -> tuple[int, tuple[int,
     Raises:
         InputError: if there is no such number of that many cameras.
     """
-    _, *rest = name.split(".")
-    known = f"{_CAMERAS}.0.rotation, .translation, or one number, as .rotation.2"
+    _, *words = name.split(".")
+    examples = f"{_CAMERAS}.0.rotation, .translation, or one number, as .rotation.2"
     if not (
-        len(rest) in (2, 3)
-        and rest[0].isdecimal()
-        and rest[1] in _FIRST_NUMBER
-        and (len(rest) == 2 or rest[2] in ("0", "1", "2"))
+        len(words) in (2, 3)
+        and words[0].isdecimal()
+        and words[1] in _FIRST_NUMBER
+        and (len(words) == 2 or words[2] in ("0", "1", "2"))
     ):
-        raise InputError(f"parameter {name}: name the pose of a camera: {known}")
-    camera = int(rest[0])
+        raise InputError(f"parameter {name}: name the pose of a camera: {examples}")
+    camera = int(words[0])
     if cameras is not None and camera >= cameras:
         counted = f"{cameras} views" if cameras > 1 else "one view"
         raise InputError(f"parameter {name}: there is {counted}, counted from 0")
-    numbers = range(_FIRST_NUMBER[rest[1]], _FIRST_NUMBER[rest[1]] + 3)
-    return camera, tuple(numbers) if len(rest) == 2 else (numbers[int(rest[2])],)
+    numbers = range(_FIRST_NUMBER[words[1]], _FIRST_NUMBER[words[1]] + 3)
+    return camera, tuple(numbers) if len(words) == 2 else (numbers[int(words[2])],)
 
 
 def check_frame_names(names: Iterable[str], cameras: int) -> None:
@@ -70,6 +70,6 @@ def check_frame_names(names: Iterable[str], cameras: int) -> None:
             continue
         camera, numbers = pose_numbers(name, cameras)
         for number in numbers:
-            other = seen.setdefault((camera, number), name)
-            if other != name:
-                raise InputError(f"parameter {name}: it is part of {other} too")
+            first_name = seen.setdefault((camera, number), name)
+            if first_name != name:
+                raise InputError(f"parameter {name}: it is part of {first_name} too")

@@ -87,7 +87,7 @@ def value_in_si(value: Any, name: str) -> float:
 
 
 def default_bounds(name: str, start: float) -> tuple[float, float]:
-    """Bounds of a parameter for which none are given: by its name, or its sign."""
+    """Bounds of a parameter whose config has none: by its name, or its sign."""
     # A positive start is taken for a quantity that cannot be negative.
     by_sign = (0.0, math.inf) if start > 0 else (-math.inf, math.inf)
     words = [word for word in name.split(".") if word in _DEFAULT_BOUNDS]
@@ -108,7 +108,7 @@ class CaseConfig(Model):
 
 
 class CandidateConfig(CaseConfig):
-    """A run without data that might be measured too."""
+    """A run without data, as a candidate for a further measurement."""
 
     views: tuple[CameraConfig, ...] = ()
     """Cameras for frames; those of the reference by default."""
@@ -121,18 +121,18 @@ class FullVolumeReference(KindModel):
     step: Annotated[Fraction, Field(gt=0)] = 0.25
     """Time step as a fraction of the stable one."""
     set: Changes = {}
-    """Changes in all of them, such as the true values of what is fitted."""
+    """Changes in all of them, such as the true values of the parameters."""
 
 
 class RefinedReference(Model):
-    """Runs of the same scenes in finer voxels, which truth errors are measured from.
+    """Runs of the same scenes in finer voxels, from which truth errors are measured.
 
     They are run once and cached, with two coarser runs each, from which their own error
     is estimated.
     """
 
     refinement: Annotated[Number, Field(ge=1, le=64)] = 2.0
-    """Pitch of what is judged over that of the reference."""
+    """Pitch of the judged scene over that of the reference."""
     structure: StructureConfig = FullVolume()
     """Structure of the reference."""
     surface_cells: Literal["crossings", "dominant_axis"] = "crossings"
@@ -144,7 +144,7 @@ class RefinedReference(Model):
 
 
 class AbsoluteReference(Model):
-    """One run of fine voxels under each load, which all choices are judged by.
+    """One run of fine voxels under each load, the reference of all choices.
 
     It is run once and cached, with two coarser runs, from which its own error is
     estimated.
@@ -159,7 +159,7 @@ class AbsoluteReference(Model):
     surface_cells: Literal["crossings", "dominant_axis"] = "crossings"
     """Surface of the reference's voxels, by default that of second order."""
     dtype: Literal["float32", "float64"] = "float32"
-    """Precision of the reference, whatever that of what is judged."""
+    """Precision of the reference, whatever that of the judged scene is."""
     points: Annotated[Whole, Field(ge=100, le=10_000_000)] = 10_000
     """Number of points on the meshes at which temperatures are compared."""
     seed: Annotated[Whole, Field(ge=0)] = 0
@@ -309,15 +309,15 @@ class ParameterConfig(Model):
 
     def mistakes(self) -> list[Mistake]:
         """Numbers that cannot be read, and smoothness without values per link."""
-        found: list[Mistake] = []
+        mistakes: list[Mistake] = []
         for key, value in (("start", self.start), ("bounds", self.bounds)):
-            for item in value if isinstance(value, list) else [value]:
-                problem = _problem(item, self.name)
+            for number in value if isinstance(value, list) else [value]:
+                problem = _problem(number, self.name)
                 if problem is not None:
-                    found.append(((key,), problem))
+                    mistakes.append(((key,), problem))
         if self.smoothness is not None and self.per != "link":
-            found.append((("smoothness",), "is for `per: link` only"))
-        return found
+            mistakes.append((("smoothness",), "is for `per: link` only"))
+        return mistakes
 
 
 def _problem(value: Any, name: str) -> str | None:
@@ -338,7 +338,7 @@ class FitConfig(Model):
         "levenberg_marquardt"
     )
     tolerance: Annotated[Number, Field(gt=0, lt=1)] = 1e-3
-    """Relative change of the error in two steps, or of the values, that ends it."""
+    """Relative change of error or values in two steps that ends the fit."""
     max_steps: Annotated[Whole, Field(ge=1, le=10_000)] = 50
     huber: Annotated[Number, Field(gt=0)] | None = None
     """Residual beyond which it counts linearly [root mean square at the start]."""
@@ -366,7 +366,7 @@ class CalibrationConfig(Model):
     held_out: tuple[CaseConfig, ...] = ()
     """Cases for validation only."""
     candidates: tuple[CandidateConfig, ...] = ()
-    """Cases that might be measured too, ranked by the information they would add."""
+    """Possible further measurements, ranked by the information they would add."""
     reference: ReferenceConfig = FullVolumeReference()
     truth: RefinedReference | None = None
     """Finer runs: the verdict has the errors against them before and after the fit."""
@@ -376,25 +376,27 @@ class CalibrationConfig(Model):
     def mistakes(self) -> list[Mistake]:
         """Names given twice, and a truth of what was measured."""
         # Results, references and frames are found by the names of their cases.
-        found: list[Mistake] = []
+        mistakes: list[Mistake] = []
         seen: list[str] = []
         for group in ("train", "held_out", "candidates"):
             for n, case in enumerate(getattr(self, group)):
                 if case.name in seen:
-                    found.append(((group, n, "name"), f"'{case.name}' is there twice"))
+                    mistakes.append(
+                        ((group, n, "name"), f"'{case.name}' is there twice")
+                    )
                 seen.append(case.name)
         is_of_frames = isinstance(self.reference, SimulatedFrames | MeasuredFrames)
         if self.truth is not None and is_of_frames:
             message = "needs a `reference` of runs: full_volume, truth or solution"
-            found.append((("truth",), message))
+            mistakes.append((("truth",), message))
         moves = any(is_of_camera(p.name) for p in self.parameters)
         if moves and self.fit.method != "levenberg_marquardt":
             message = "poses of cameras need levenberg_marquardt"
-            found.append((("fit", "method"), message))
+            mistakes.append((("fit", "method"), message))
         if moves and self.fit.starts > 1:
             message = "poses of cameras are fitted from one start"
-            found.append((("fit", "starts"), message))
+            mistakes.append((("fit", "starts"), message))
         if self.truth is None and isinstance(self.reference, TruthRuns):
             message = "`truth` needs the block `truth`: give `truth: {}`"
-            found.append((("reference",), message))
-        return found
+            mistakes.append((("reference",), message))
+        return mistakes

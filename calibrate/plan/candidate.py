@@ -114,13 +114,13 @@ def cards_of(scene: SceneConfig) -> tuple[Candidate, ...]:
     if len(scene.bodies) != 1:
         return ()
     name, content = scene.bodies[0].geometry
-    found = []
+    candidates = []
     for key in shipped_cards():
         card = load_card(SCHEME + key)
         family = card.structure["kind"]
         if card.geometry.get(name) == content and family in FAMILIES:
             factor = int(card.structure.get("factor", 1))
-            found.append(
+            candidates.append(
                 Candidate(refinement=1.0, family=family, factor=factor, card=key)
             )
-    return tuple(found)
+    return tuple(candidates)

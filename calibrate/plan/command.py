@@ -30,11 +30,13 @@ from .search import Choice, Watch, search
 from .trial import Tolerance, Trial
 
 
-SCENE, PLAN = "scene.yaml", "plan.json"
-NOTHING_MEETS_IT = 3
+_SCENE = "scene.yaml"
+_PLAN = "plan.json"
+_NOTHING_MEETS_IT = 3
 """Exit status where no candidate is within the tolerance."""
 
-_KIND, _VERSION = "plan", 1
+_KIND = "plan"
+_VERSION = 1
 _KELVIN = Unit("K", "a temperature difference", "0.2 K")
 _TIME = Unit("s", "a time", "10 ms")
 _MEMORY = Unit("byte", "an amount of memory", "2 GB")
@@ -90,12 +92,13 @@ def plan(
     run: bool,
 ) -> None:
     """Run `calibrate plan`; exits with status 3 if nothing is within the tolerance."""
-    console, scene = open_console(), load_config(path, overrides)
+    console = open_console()
+    scene = load_config(path, overrides)
     with results_folder(out) as folder:
-        if (folder / SCENE).exists() and (folder / SCENE).samefile(path):
+        if (folder / _SCENE).exists() and (folder / _SCENE).samefile(path):
             raise InputError(f"--out {out}: would replace {path}: name another folder")
         key = _key(scene, tolerance)
-        record = None if again else _kept(folder, key)
+        record = None if again else _earlier_plan(folder, key)
         if record is None:
             record = _search(
                 console,
@@ -111,27 +114,27 @@ def plan(
         print_line(console, line)
     if record["chosen"] is None:
         sys.stderr.write(f"calibrate: {record['miss']}\n")
-        sys.exit(NOTHING_MEETS_IT)
-    print_line(console, f"jaxthermo simulate {folder / SCENE}")
+        sys.exit(_NOTHING_MEETS_IT)
+    print_line(console, f"jaxthermo simulate {folder / _SCENE}")
     if run:
-        simulate(folder / SCENE, folder / "run", ())
+        simulate(folder / _SCENE, folder / "run", ())
 
 
 def _key(scene: SceneConfig, tolerance: Tolerance) -> str:
     # Times are those of one processor.
-    parts = [config_hash(scene), list(tolerance), program_hash(True), processor()]
-    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
+    inputs = [config_hash(scene), list(tolerance), program_hash(True), processor()]
+    return hashlib.sha256(json.dumps(inputs).encode()).hexdigest()[:16]
 
 
-def _kept(folder: Path, key: str) -> dict[str, Any] | None:
+def _earlier_plan(folder: Path, key: str) -> dict[str, Any] | None:
     """An earlier plan of the same scene, tolerance, program and processor."""
     try:
         record = read_record(
-            folder / PLAN, format_name=_KIND, version=_VERSION, remedy="plan again"
+            folder / _PLAN, format_name=_KIND, version=_VERSION, remedy="plan again"
         )
     except InputError:  # missing or damaged
         return None
-    complete = record["chosen"] is None or (folder / SCENE).is_file()
+    complete = record["chosen"] is None or (folder / _SCENE).is_file()
     return record if record["key"] == key and complete else None
 
 
@@ -143,24 +146,28 @@ def _search(
     folder: Path,
     path: Path,
 ) -> dict[str, Any]:
-    clock, cpu = time.perf_counter(), time.process_time()
+    clock = time.perf_counter()
+    cpu = time.process_time()
     pitches = pitches_of(scene)
 
     try:
         with console.status("planning") as spinner, warnings.catch_warnings():
-            # Of coarse voxels on the way; the run of the plan warns of its own.
+            # Coarse candidates warn of their voxels; the planned run has its own.
             warnings.simplefilter("ignore")
-            line = lambda text: print_line(console, text)
-            found = lambda trial: line(_trial_words(trial, pitches))
-            watch = Watch(lambda text: spinner.update(text), line, found)
-            choice = search(scene, tolerance, watch)
+            watch = Watch(
+                stage=lambda text: spinner.update(text),
+                line=lambda text: print_line(console, text),
+                trial=lambda trial: print_line(console, _trial_words(trial, pitches)),
+            )
+            choice = search(scene, tolerance=tolerance, watch=watch)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(
             "stopped; the same command goes on from the references that are finished"
         ) from None
-    took = time.perf_counter() - clock, time.process_time() - cpu
+    wall_s = time.perf_counter() - clock
+    cpu_s = time.process_time() - cpu
     console.print(_table(choice, pitches).rich())
-    words = _words(choice, tolerance, pitches)
+    words = _words(choice, pitches)
     best = choice.best
     record = {
         "key": key,
@@ -176,82 +183,83 @@ def _search(
             "cost": choice.reference.cost,
         },
         "trials": [trial.as_dict for trial in choice.trials],
-        "wall_s": took[0],
-        "cpu_s": took[1],
+        "wall_s": wall_s,
+        "cpu_s": cpu_s,
         "provenance": provenance(config_hash(scene)),
     }
     if best is not None:
-        config = best.found.candidate.applied(scene, pitches)
+        config = best.measured.candidate.applied(scene, pitches)
         head = [f"Made by `calibrate plan {path.name}`, tolerance {tolerance.words()}."]
-        with replacing(folder / SCENE) as temporary:
+        with replacing(folder / _SCENE) as temporary:
             text = _comment([*head, *words]) + to_yaml(config)
             temporary.write_text(text, encoding="utf-8")
     else:
         # An earlier plan's scene would pass for one of this tolerance.
-        (folder / SCENE).unlink(missing_ok=True)
-    write_json(folder / PLAN, signed(_KIND, _VERSION, record))
+        (folder / _SCENE).unlink(missing_ok=True)
+    write_json(folder / _PLAN, signed(_KIND, _VERSION, record))
     return record
 
 
-def _words(
-    choice: Choice, tolerance: Tolerance, pitches: tuple[float, ...]
-) -> list[str]:
-    """Sentences on what was chosen, and on what it rests."""
-    own, cost = choice.reference, choice.reference.cost
+def _words(choice: Choice, pitches: tuple[float, ...]) -> list[str]:
+    """Sentences on the chosen model and on the reference that it was compared with."""
+    finest = choice.reference
+    cost = finest.cost
     reference = (
         f"The reference has {cost['nodes']:,} nodes in blocks of 2^3 voxels of "
         f"{_millimetres(cost['pitch_m'])}, and is itself off by about "
-        f"{own.own_percent:.2g} % ({own.own_error['worst_rms_kelvin']:.2g} K)."
+        f"{finest.own_percent:.2g} % ({finest.own_error['worst_rms_kelvin']:.2g} K)."
     )
-    if own.excess > 0.5:
-        reference += " That is a large part of the tolerance: finer ones were too much."
+    if finest.excess > 0.5:
+        reference += (
+            " That is a large part of the tolerance: finer ones were too large."
+        )
     if choice.best is None or choice.time is None:
         return [reference]
-    found = choice.best.found
-    chosen = (
-        f"{_sentence(found.candidate.words(pitches))}: {_error_words(choice.best)} in "
-        f"{choice.time.text()} on {processor()}; {found.nodes:,} nodes, "
-        f"{found.memory / 2**20:.3g} MiB."
+    measured = choice.best.measured
+    model = _sentence(measured.candidate.words(pitches))
+    best_words = (
+        f"{model}: {_error_words(choice.best)} in {choice.time.text()} on "
+        f"{processor()}; {measured.nodes:,} nodes, {measured.memory / 2**20:.3g} MiB."
     )
-    others = [t for t in choice.trials if t is not choice.best and t.is_within]
-    next_best = min(others, key=lambda t: t.found.run_time, default=None)
-    compared = f"{len(choice.trials)} candidates were run beside it"
+    rivals = [t for t in choice.trials if t is not choice.best and t.is_within]
+    next_best = min(rivals, key=lambda t: t.measured.run_time, default=None)
+    compared = f"{len(choice.trials)} candidates were run"
     if next_best is not None:
         compared += (
             f"; the next within the tolerance took {_milliseconds(next_best)} "
-            f"({next_best.found.candidate.words(pitches)})"
+            f"({next_best.measured.candidate.words(pitches)})"
         )
-    return [chosen, reference, f"{compared}."]
+    return [best_words, reference, f"{compared}."]
 
 
 def _miss(choice: Choice, tolerance: Tolerance, pitches: tuple[float, ...]) -> str:
     near = choice.nearest
     return (
         f"no model is within {tolerance.words()}: the nearest, "
-        f"{near.found.candidate.words(pitches)}, has {_error_words(near)} in "
-        f"{_milliseconds(near)} and {near.found.memory / 2**20:.3g} MiB, "
-        f"{near.found.error / near.allowed:.3g} times the tolerance with the error of "
-        "the reference: allow more, or give a finer mesh"
+        f"{near.measured.candidate.words(pitches)}, has {_error_words(near)} in "
+        f"{_milliseconds(near)} and {near.measured.memory / 2**20:.3g} MiB, "
+        f"{near.measured.error / near.allowed:.3g} times the tolerance with the error "
+        "of the reference: allow more, or give a finer mesh"
     )
 
 
 def _trial_words(trial: Trial, pitches: tuple[float, ...]) -> str:
     return (
-        f"{trial.found.candidate.words(pitches)}: {_error_words(trial)}, "
+        f"{trial.measured.candidate.words(pitches)}: {_error_words(trial)}, "
         f"{_milliseconds(trial)}"
     )
 
 
 def _table(choice: Choice, pitches: tuple[float, ...]) -> Table:
-    ordered = sorted(choice.trials, key=lambda trial: trial.found.run_time)
+    ordered = sorted(choice.trials, key=lambda trial: trial.measured.run_time)
     rows = [
         [
-            trial.found.candidate.words(pitches),
+            trial.measured.candidate.words(pitches),
             Cell(f"{trial.percent:.3g} %", trial.is_within, is_number=True),
             f"{trial.kelvin:.3g} K",
             _milliseconds(trial),
-            f"{trial.found.nodes:,}",
-            f"{trial.found.memory / 2**20:.3g} MiB",
+            f"{trial.measured.nodes:,}",
+            f"{trial.measured.memory / 2**20:.3g} MiB",
         ]
         for trial in ordered[:_LISTED]
     ]
@@ -264,7 +272,7 @@ def _error_words(trial: Trial) -> str:
 
 
 def _milliseconds(trial: Trial) -> str:
-    return Timing(*[trial.found.run_time] * 3).text().partition(" (")[0]
+    return Timing(*[trial.measured.run_time] * 3).text().partition(" (")[0]
 
 
 def _millimetres(pitches: list[float]) -> str:

@@ -30,11 +30,14 @@ _ORDERS = {"voxels": 2.0, "structure": 1.5, "euler": 1.0, "second": 2.0}
 _ORDER_SPREAD = 0.3
 """Standard deviation of the orders [-]."""
 
-_PER_EVALUATION, _PER_NODE = 4e-5, 1e-8
-"""Time of an evaluation, and of a node in it, before any run is known [s]."""
+_PER_EVALUATION = 4e-5
+"""Time of an evaluation before any run is known [s]."""
+
+_PER_NODE = 1e-8
+"""Time of a node in an evaluation before any run is known [s]."""
 
 _SOLVE = 40.0
-"""Evaluations that an implicit step takes as long as, before one is run [-]."""
+"""Time of an implicit step over that of an evaluation, before one is run [-]."""
 
 _NEARBY = 1.5
 """Factor in sizes at which what is left over counts 1/e as much."""
@@ -46,7 +49,7 @@ _Line = tuple[str, str | None, bool]
 """Family, card, and True for implicit steps."""
 
 
-class Found(NamedTuple):
+class Measured(NamedTuple):
     """Error, cost and size of a candidate that was run."""
 
     candidate: Candidate
@@ -66,7 +69,7 @@ class Found(NamedTuple):
 
 
 class Forecast(NamedTuple):
-    """Error and cost that a candidate is expected to have."""
+    """Expected error and cost of a candidate."""
 
     error: float
     run_time: float
@@ -80,7 +83,7 @@ class Predictor:
 
     def __init__(
         self,
-        found: Sequence[Found],
+        runs: Sequence[Measured],
         errors: Sequence[tuple[Candidate, float]],
         end: float,
         volume: float,
@@ -89,21 +92,23 @@ class Predictor:
         """Fit to the runs.
 
         Args:
-            found: the runs.
-            errors: candidates whose errors are known without such a run.
+            runs: candidates that were run.
+            errors: candidates whose errors are known without a run.
             end: of the scene's run [s].
             volume: of the bodies, in cubes of their pitches in the file [-].
             area: in squares of their pitches [-].
         """
-        self._found, self._end = tuple(found), end
-        self._errors = [*((f.candidate, f.error) for f in found), *errors]
-        self._volume, self._area = volume, area
-        self._lines = tuple(dict.fromkeys(each.candidate.line for each in found))
+        self._runs = tuple(runs)
+        self._end = end
+        self._errors = [*((f.candidate, f.error) for f in runs), *errors]
+        self._volume = volume
+        self._area = area
+        self._lines = tuple(dict.fromkeys(run.candidate.line for run in runs))
         self._error_values = self._fit_errors()
         self._cost_values = self._fit_costs()
 
     def forecast(self, candidate: Candidate) -> Forecast:
-        """Error, run time and memory that are expected."""
+        """Expected error, run time and memory."""
         nodes = self._nodes(candidate)
         evaluations = self._evaluations(candidate, self._stable_step(candidate))
         time = self._plain_time(candidate, evaluations, nodes)
@@ -136,55 +141,57 @@ class Predictor:
         return least_squares(residuals, start, method="trf").x
 
     def _prior(self, largest: float) -> np.ndarray:
-        # Orders, then logarithms of the coefficients: of voxels, of both kinds of
-        # steps, of each line.
-        known = [candidate for candidate, _ in self._errors]
-        coarsest = math.log(max(each.size for each in known))
-        voxels = math.log(max(1 / each.refinement for each in known))
-        steps = min((f.steps for f in self._found if f.steps), default=10)
+        # Orders, then logarithms of the coefficients: that of voxels, those of steps
+        # of second order and of Euler, and one for each line.
+        candidates = [candidate for candidate, _ in self._errors]
+        coarsest = math.log(max(candidate.size for candidate in candidates))
+        voxels = math.log(max(1 / candidate.refinement for candidate in candidates))
+        steps = min((f.steps for f in self._runs if f.steps), default=10)
         lines = [largest - 1.0 - _ORDERS["structure"] * coarsest] * len(self._lines)
-        return np.array(
-            [
-                *_ORDERS.values(),
-                largest - 1.0 - _ORDERS["voxels"] * voxels,
-                largest - 2.0 + _ORDERS["second"] * math.log(steps),
-                largest - 2.0 + _ORDERS["euler"] * math.log(steps),
-                *lines,
-            ]
-        )
+        coefficients = [
+            largest - 1.0 - _ORDERS["voxels"] * voxels,
+            largest - 2.0 + _ORDERS["second"] * math.log(steps),
+            largest - 2.0 + _ORDERS["euler"] * math.log(steps),
+        ]
+        return np.array([*_ORDERS.values(), *coefficients, *lines])
 
     def _log_error(self, values: np.ndarray, candidate: Candidate) -> float:
         p, q, r_euler, r_second = values[:4]
         c_voxels, c_second, c_euler = values[4:7]
-        parts = [c_voxels - p * math.log(candidate.refinement)]
+        log_errors = [c_voxels - p * math.log(candidate.refinement)]
         line = candidate.line
         if candidate.family != "full_volume":
             # A line that was not run is like those that were.
-            own = values[7:]
-            c = own[self._lines.index(line)] if line in self._lines else own.mean()
-            parts.append(c + q * math.log(candidate.size))
+            line_values = values[7:]
+            c = (
+                line_values[self._lines.index(line)]
+                if line in self._lines
+                else line_values.mean()
+            )
+            log_errors.append(c + q * math.log(candidate.size))
         is_euler = candidate.method == "forward_euler"
         steps = candidate.steps or self._end / self._stable_step(candidate)
         r, c = (r_euler, c_euler) if is_euler else (r_second, c_second)
-        parts.append(c - r * math.log(max(steps, 1.0)))
-        return 0.5 * float(np.logaddexp.reduce(2 * np.array(parts)))
+        log_errors.append(c - r * math.log(max(steps, 1.0)))
+        return 0.5 * float(np.logaddexp.reduce(2 * np.array(log_errors)))
 
-    def _error_of(self, found: Found) -> float:
-        return math.exp(self._log_error(self._error_values, found.candidate))
+    def _error_of(self, run: Measured) -> float:
+        return math.exp(self._log_error(self._error_values, run.candidate))
 
     def _fit_costs(self) -> dict[_Line, np.ndarray]:
         """Logarithms of the times of an evaluation and of a node in it, by line."""
         values = {}
-        for line in dict.fromkeys(_cost_line(f.candidate) for f in self._found):
-            runs = [f for f in self._found if _cost_line(f.candidate) == line]
+        for line in dict.fromkeys(_cost_line(f.candidate) for f in self._runs):
+            runs = [f for f in self._runs if _cost_line(f.candidate) == line]
             counts = np.array([(f.steps * f.stages, f.nodes) for f in runs], float)
             evaluations = counts[:, :1] * np.stack(
                 [np.ones(len(runs)), counts[:, 1]], 1
             )
             times = np.array([f.run_time for f in runs])
-            values[line] = least_squares(
+            fitted = least_squares(
                 _cost_residuals, _LOG_COSTS, args=(evaluations, times)
-            ).x
+            )
+            values[line] = fitted.x
         return values
 
     def _plain_time(
@@ -197,22 +204,19 @@ class Predictor:
         a, c = np.exp(logs).tolist()
         return evaluations * (a + c * nodes)
 
-    def _time_of(self, found: Found) -> float:
-        evaluations = float(found.steps * found.stages)
-        return self._plain_time(found.candidate, evaluations, float(found.nodes))
+    def _time_of(self, run: Measured) -> float:
+        evaluations = float(run.steps * run.stages)
+        return self._plain_time(run.candidate, evaluations, float(run.nodes))
 
     def _stable_step(self, candidate: Candidate) -> float:
         """Largest stable step, which rises with the square of the cells' size [s]."""
-        # Cells of an octree or of a shell are voxels.
-        size = lambda c: c.size if c.family == "aggregate" else 1 / c.refinement
-        alike = [f for f in self._found if f.candidate.line == candidate.line]
-        runs = [f for f in alike or self._found if math.isfinite(f.stable_step)]
+        alike = [f for f in self._runs if f.candidate.line == candidate.line]
+        runs = [f for f in alike or self._runs if math.isfinite(f.stable_step)]
         if not runs:
             return math.inf
-        near = min(
-            runs, key=lambda f: abs(math.log(size(f.candidate) / size(candidate)))
-        )
-        return near.stable_step * (size(candidate) / size(near.candidate)) ** 2
+        size = _cell_size(candidate)
+        near = min(runs, key=lambda f: abs(math.log(_cell_size(f.candidate) / size)))
+        return near.stable_step * (size / _cell_size(near.candidate)) ** 2
 
     def _evaluations(self, candidate: Candidate, stable: float) -> float:
         # s stages of RKL2 cover (s^2 + s - 2) / 4 stable steps.
@@ -229,7 +233,8 @@ class Predictor:
         )
 
     def _plain_nodes(self, candidate: Candidate) -> float:
-        voxel, block = 1 / candidate.refinement, candidate.size
+        voxel = 1 / candidate.refinement
+        block = candidate.size
         cells = self._volume / voxel**3
         blocks = self._volume / block**3 + 0.6 * self._area / block**2
         layer = min(self._area / voxel**2, cells)
@@ -243,30 +248,40 @@ class Predictor:
     def _fragments(self, candidate: Candidate) -> float:
         return 1.5 * self._area * candidate.refinement**2
 
-    def _bytes_of(self, found: Found) -> float:
-        return 100.0 * (found.nodes + found.fragments)
+    def _bytes_of(self, run: Measured) -> float:
+        return 100.0 * (run.nodes + run.fragments)
 
     def _left_over(
-        self, candidate: Candidate, ratio: Callable[[Found], float]
+        self, candidate: Candidate, ratio: Callable[[Measured], float]
     ) -> float:
         """Factor by which runs of the same line nearby are off."""
-        total, weights = 0.0, _FLOOR
-        for each in self._found:
-            other = each.candidate
-            if other.line != candidate.line:
+        total = 0.0
+        weights = _FLOOR
+        for run in self._runs:
+            run_candidate = run.candidate
+            if run_candidate.line != candidate.line:
                 continue
-            distance = (
-                abs(math.log(other.refinement / candidate.refinement))
-                + abs(math.log(other.factor / candidate.factor))
-                + abs(math.log((other.steps or 1000) / (candidate.steps or 1000)))
-            ) / math.log(_NEARBY)
-            weight = math.exp(-distance)
-            total += weight * math.log(ratio(each))
+            weight = math.exp(-_distance(run_candidate, candidate))
+            total += weight * math.log(ratio(run))
             weights += weight
         return math.exp(total / weights)
 
 
 _LOG_COSTS = np.log([_PER_EVALUATION, _PER_NODE])
+
+
+def _cell_size(candidate: Candidate) -> float:
+    # Cells of an octree or of a shell are voxels.
+    if candidate.family == "aggregate":
+        return candidate.size
+    return 1 / candidate.refinement
+
+
+def _distance(a: Candidate, b: Candidate) -> float:
+    """Sum of the logarithms of the ratios of their sizes, in those of _NEARBY."""
+    steps = (a.steps or 1000) / (b.steps or 1000)
+    ratios = (a.refinement / b.refinement, a.factor / b.factor, steps)
+    return sum(abs(math.log(ratio)) for ratio in ratios) / math.log(_NEARBY)
 
 
 def _cost_line(candidate: Candidate) -> _Line:

@@ -1,11 +1,11 @@
 """The search of a plan: from coarse references to the cheapest model that is verified.
 
 References in ever finer voxels are run until the finest one's own error is half of the
-tolerance; a candidate keeps the tolerance if its error and the reference's together, as
-the root of the sum of their squares, do. A few blocks show how errors and times fall
-with pitch, size and steps; from then on the candidate that is predicted to be the
-cheapest within the tolerance is run beside the reference, and what it shows corrects
-the prediction, until no other one is expected to be faster.
+tolerance; a candidate is within the tolerance if its error and the reference's together
+are, as the root of the sum of their squares. A few blocks show how errors and times
+fall with pitch, size and steps; from then on the candidate that is predicted to be the
+cheapest within the tolerance is run, and its error and time correct the prediction,
+until no other one is expected to be faster.
 """
 
 import math
@@ -39,8 +39,10 @@ _COARSENINGS = (0, 1, 2, 3, 4, 5, 6)
 _PROBE_NODES = 300
 """Number of blocks of the coarsest of the first candidates, without the surface's."""
 
-_PROBE_STEPS = 36, 12
-"""Steps of most of the first candidates, and of one."""
+_PROBE_STEPS = 36
+"""Steps of most of the first candidates."""
+_FEW_PROBE_STEPS = 12
+"""Steps of one of the first candidates."""
 
 _MAX_TRIALS = 18
 _GAIN = 0.85
@@ -60,14 +62,14 @@ _REPEATS = 7
 
 
 class Watch(NamedTuple):
-    """Told of the progress of a search."""
+    """Receivers of the progress of a search."""
 
     stage: Callable[[str], None]
-    """Name of the stage that begins."""
+    """Called with the name of a stage that begins."""
     line: Callable[[str], None]
-    """Line on what was found out."""
+    """Called with a line of results."""
     trial: Callable[[Trial], None]
-    """A candidate that was run."""
+    """Called with a candidate that was run."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,11 +79,11 @@ class Choice:
     trials: tuple[Trial, ...]
     reference: Reference
     best: Trial | None
-    """The fastest one within the tolerance, if there is any,"""
+    """Fastest candidate within the tolerance; None if there is none."""
     time: Timing | None
-    """its loop timed in turn with those nearly as fast,"""
+    """Run time of `best`, measured alternately with similar ones."""
     nearest: Trial
-    """and the one with the smallest error of those within time and memory."""
+    """Candidate of the smallest error within the limits of time and memory."""
 
 
 def search(
@@ -94,7 +96,7 @@ def search(
     Args:
         scene: config of the scene; its pitches, structures and solver are replaced.
         tolerance: of the error, the time and the memory.
-        watch: told what is running and what was found.
+        watch: receives the progress.
 
     Raises:
         InputError: if the scene has no finer voxels, or nothing can be run.
@@ -110,14 +112,15 @@ class _Search:
         watch: Watch,
     ):
         self.bench = Bench(scene, pitches_of(scene), tolerance)
-        self.tolerance, self.watch = tolerance, watch
+        self.tolerance = tolerance
+        self.watch = watch
         self.cards = cards_of(scene)
         self.trials: list[Trial] = []
         self.failed: set[Candidate] = set()
         self.volume, self.area = self.bench.volume_and_area()
 
     def run(self) -> Choice:
-        """Refine references, then run candidates beside the finest."""
+        """Refine references, then run candidates and compare them with the finest."""
         # In powers of two: the user's own pitch is among the candidates.
         first = 2.0 ** round(math.log2(_FIRST_VOXELS / self.volume) / 3)
         self._refine_until(MAX_OWN_ERROR, first)
@@ -126,19 +129,18 @@ class _Search:
             candidate = self._next()
             if candidate is None:
                 # Finer voxels may still meet what no candidate does yet.
-                if self._kept() or not self._refine():
+                if self._within() or not self._refine():
                     break
                 continue
             self._try(candidate)
         return self._choice()
 
     def _refine_until(self, limit: float, first: float) -> None:
-        said = lambda text: self.watch.stage(f"reference: {text}")
         refinement = first
         # A run that will hardly do shows it by one coarser run: a third one is saved.
         while (
             self._may_run(2 * refinement)
-            and self.bench.expected_excess(refinement, said) > limit
+            and self.bench.expected_excess(refinement, self._announce) > limit
         ):
             refinement *= 2
         try:
@@ -167,37 +169,33 @@ class _Search:
         # Of blocks of 2^3 voxels.
         return self.volume * (refinement / 2) ** 3 <= _MOST_NODES
 
+    def _announce(self, text: str) -> None:
+        self.watch.stage(f"reference: {text}")
+
     def _find_reference(self, refinement: float) -> Reference:
-        said = lambda text: self.watch.stage(f"reference: {text}")
-        found = self.bench.reference(refinement, said)
-        about = f"reference of {found.cost['nodes']:,} nodes"
-        self.watch.line(f"{about}: off by {found.excess:.2g} of the tolerance")
-        return found
+        reference = self.bench.reference(refinement, self._announce)
+        about = f"reference of {reference.cost['nodes']:,} nodes"
+        self.watch.line(f"{about}: off by {reference.excess:.2g} of the tolerance")
+        return reference
 
     def _probe(self) -> None:
         finest = self.reference.refinement / 2
-        many, few = _PROBE_STEPS
         edge = (self.volume / _PROBE_NODES) ** (1 / 3)
         # The finest voxels take the longest to prepare: once, if others have blocks.
-        usual, other = finest / 2, finest
-        if edge * usual < _FACTORS[2]:
-            usual, other = other, usual
-        large, small = _factor_near(edge * usual), _factor_near(edge * usual / 2)
-        near = _factor_near(edge * other / 2)
-        first = (usual, large, many), (usual, small, many), (usual, large, few)
-        for refinement, factor, steps in (*first, (other, near, many)):
-            self._try(Candidate(refinement, "aggregate", factor, steps=steps))
+        common = finest / 2
+        single = finest
+        if edge * common < _FACTORS[2]:
+            common, single = single, common
+        large = _factor_near(edge * common)
+        small = _factor_near(edge * common / 2)
+        base = Candidate(common, "aggregate", large, steps=_PROBE_STEPS)
+        self._try(base)
+        self._try(base._replace(factor=small))
+        self._try(base._replace(steps=_FEW_PROBE_STEPS))
+        near = _factor_near(edge * single / 2)
+        self._try(base._replace(refinement=single, factor=near))
         # Its error in time may be opposite to that of its blocks.
-        self._try(
-            Candidate(
-                refinement=usual,
-                family="aggregate",
-                factor=large,
-                card=None,
-                method="forward_euler",
-                steps=0,
-            )
-        )
+        self._try(base._replace(method="forward_euler", steps=0))
         if not self.trials:
             raise InputError("no candidate can be run: see the messages above")
 
@@ -210,26 +208,28 @@ class _Search:
             self.failed.add(candidate)
             self.watch.line(f"{words}: {error}")
             return
-        if not self._keeps(trial):
+        if not self._meets_all(trial):
             # Only those that may win are timed again.
             trial = trial._replace(loop=None)
         self.trials.append(trial)
         self.watch.trial(trial)
 
     def _next(self) -> Candidate | None:
-        """The candidate that is expected to be the fastest within the tolerance."""
+        """Candidate that is expected to be the fastest within the tolerance, if any."""
         predictor = Predictor(
-            found=[trial.found for trial in self.trials],
+            runs=[trial.measured for trial in self.trials],
             errors=self.reference.coarser,
             end=self.bench.scene.time.last,
             volume=self.volume,
             area=self.area,
         )
-        done = {trial.found.candidate for trial in self.trials} | self.failed
-        best = min((t.found.run_time for t in self._kept()), default=None)
-        chosen, shortest = None, float("inf") if best is None else _GAIN * best
+        done = {trial.measured.candidate for trial in self.trials} | self.failed
+        best = min((t.measured.run_time for t in self._within()), default=None)
+        fastest = None
+        shortest = float("inf") if best is None else _GAIN * best
         limit = _MARGIN * self.reference.allowed
-        nearest, least = None, _NEARER * min(t.found.error for t in self.trials)
+        nearest = None
+        smallest_error = _NEARER * min(t.measured.error for t in self.trials)
         for candidate in self._candidates():
             if candidate in done:
                 continue
@@ -237,17 +237,18 @@ class _Search:
             if not self._is_affordable(expected):
                 continue
             if expected.error <= limit and expected.run_time < shortest:
-                chosen, shortest = candidate, expected.run_time
-            if expected.error < least:
-                nearest, least = candidate, expected.error
+                fastest = candidate
+                shortest = expected.run_time
+            if expected.error < smallest_error:
+                nearest = candidate
+                smallest_error = expected.error
         # The most accurate one shows if the tolerance can be met at all.
-        return nearest if chosen is None and best is None else chosen
+        return nearest if fastest is None and best is None else fastest
 
     def _is_affordable(self, expected: Forecast) -> bool:
-        budget, memory = self.tolerance.run_time, self.tolerance.memory
-        return (budget is None or expected.run_time <= 1.2 * budget) and (
-            memory is None or expected.memory <= memory
-        )
+        # A forecast of the time may be off by this much.
+        run_time = expected.run_time / 1.2
+        return self.tolerance.affords(run_time=run_time, memory=expected.memory)
 
     def _candidates(self) -> Iterator[Candidate]:
         finest = self.reference.refinement / 2
@@ -266,36 +267,34 @@ class _Search:
         for model, (method, steps) in product(models, methods):
             yield model._replace(method=method, steps=steps)
 
-    def _keeps(self, trial: Trial) -> bool:
+    def _meets_all(self, trial: Trial) -> bool:
         return trial.is_within and self._fits(trial)
 
     def _fits(self, trial: Trial) -> bool:
-        budget, memory = self.tolerance.run_time, self.tolerance.memory
-        found = trial.found
-        return (budget is None or found.run_time <= budget) and (
-            memory is None or found.memory <= memory
-        )
+        measured = trial.measured
+        return self.tolerance.affords(measured.run_time, memory=measured.memory)
 
-    def _kept(self) -> list[Trial]:
+    def _within(self) -> list[Trial]:
         # An error against a coarser reference than the last one counts no longer.
         return [
             t
             for t in self.trials
-            if self._keeps(t) and t.refinement == self.reference.refinement
+            if self._meets_all(t) and t.refinement == self.reference.refinement
         ]
 
     def _choice(self) -> Choice:
-        kept = sorted(self._kept(), key=lambda trial: trial.found.run_time)
-        best, time = None, None
-        if kept:
-            limit = _ALIKE * kept[0].found.run_time
-            alike = [trial for trial in kept if trial.found.run_time <= limit]
+        within = sorted(self._within(), key=lambda trial: trial.measured.run_time)
+        best = None
+        time = None
+        if within:
+            limit = _ALIKE * within[0].measured.run_time
+            alike = [trial for trial in within if trial.measured.run_time <= limit]
             self.watch.stage("timing the fastest in turn")
             times = in_turn(alike, _REPEATS, self.bench.scene.dtype)
             pairs = zip(alike, times, strict=True)
             best, time = min(pairs, key=lambda pair: pair[1].median)
         fitting = [t for t in self.trials if self._fits(t)] or self.trials
-        nearest = min(fitting, key=lambda trial: trial.found.error)
+        nearest = min(fitting, key=lambda trial: trial.measured.error)
         return Choice(
             trials=tuple(self.trials),
             reference=self.reference,
@@ -305,8 +304,8 @@ class _Search:
         )
 
 
-def _factor_near(wanted: float) -> int:
-    return min(_FACTORS, key=lambda factor: abs(math.log(factor / wanted)))
+def _factor_near(target: float) -> int:
+    return min(_FACTORS, key=lambda factor: abs(math.log(factor / target)))
 
 
 def _factors(family: Family) -> tuple[int, ...]:

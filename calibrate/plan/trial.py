@@ -1,4 +1,4 @@
-"""Trials of a plan: references in ever finer voxels, and candidates beside them."""
+"""Trials of a plan: references in ever finer voxels, and candidates."""
 
 import math
 import statistics
@@ -28,15 +28,21 @@ from ..problem.reference import (
 from ..runs.scenes import build_case
 from ..runs.times import Loop, compiled_loop
 from .candidate import Candidate
-from .predict import Found
+from .predict import Measured
 
-
-_REFERENCE = {"kind": "aggregate", "factor": 2}
-"""Structure of the references: blocks are as accurate as their voxels are fine, with an
-eighth of the nodes."""
 
 _POINTS = 4000
 """Points on the meshes at which temperatures are compared."""
+
+_REFERENCE_SETTINGS = RefinedReference.model_validate(
+    {
+        "refinement": 1.0,
+        "structure": {"kind": "aggregate", "factor": 2},
+        "points": _POINTS,
+    }
+)
+"""References of blocks, which are as accurate as their voxels with an eighth of the
+nodes."""
 
 _CONVERGED = 2000
 """Steps of a run whose error in time is controlled, for predictions."""
@@ -44,8 +50,10 @@ _CONVERGED = 2000
 MAX_OWN_ERROR = 0.5
 """Largest error of the reference itself over the tolerance [-]."""
 
-_SHORT, _REPEATS = 0.2, 10
-"""Time of a loop up to which it is repeated, and how often [s, -]."""
+_SHORT = 0.2
+"""Time of a loop up to which it is repeated [s]."""
+_REPEATS = 10
+"""Number of repeats of a short loop."""
 
 _ORDER = 1.5
 """Order at which a reference's error falls, before three runs show it."""
@@ -55,35 +63,40 @@ class Tolerance(NamedTuple):
     """Limits of a plan."""
 
     percent: float | None = None
-    """Largest root mean square over the range of the reference [%],"""
+    """Largest RMS error over the range of the reference [%]; None for no limit."""
     kelvin: float | None = None
-    """or this one [K], or both."""
+    """Largest RMS error [K]; None for no limit."""
     run_time: float | None = None
-    """Time of the compiled loop [s]."""
+    """Longest time of the compiled loop [s]; None for no limit."""
     memory: float | None = None
-    """[bytes]"""
+    """Largest peak memory [bytes]; None for no limit."""
+
+    def affords(self, run_time: float, memory: float) -> bool:
+        """True if a time [s] and a memory [bytes] are within the limits."""
+        in_time = self.run_time is None or run_time <= self.run_time
+        return in_time and (self.memory is None or memory <= self.memory)
 
     def excess(self, percent: float, kelvin: float) -> float:
-        """Error over the tolerance [-]: at most 1 where it is kept."""
-        parts = []
+        """Error over the tolerance [-]: at most 1 within it."""
+        ratios = []
         if self.percent is not None:
-            parts.append(percent / self.percent)
+            ratios.append(percent / self.percent)
         if self.kelvin is not None:
-            parts.append(kelvin / self.kelvin)
-        return max(parts)
+            ratios.append(kelvin / self.kelvin)
+        return max(ratios)
 
     def words(self) -> str:
         """As in a sentence: "1 %, 0.2 K"."""
-        parts = []
+        limits = []
         if self.percent is not None:
-            parts.append(f"{self.percent:.3g} %")
+            limits.append(f"{self.percent:.3g} %")
         if self.kelvin is not None:
-            parts.append(f"{self.kelvin:.3g} K")
+            limits.append(f"{self.kelvin:.3g} K")
         if self.run_time is not None:
-            parts.append(f"{1e3 * self.run_time:.3g} ms")
+            limits.append(f"{1e3 * self.run_time:.3g} ms")
         if self.memory is not None:
-            parts.append(f"{self.memory / 2**20:.4g} MiB")
-        return ", ".join(parts)
+            limits.append(f"{self.memory / 2**20:.4g} MiB")
+        return ", ".join(limits)
 
 
 class Reference(NamedTuple):
@@ -98,7 +111,7 @@ class Reference(NamedTuple):
     """That error over the tolerance [-]."""
     cost: dict[str, Any]
     coarser: tuple[tuple[Candidate, float], ...]
-    """Blocks that its error follows from, and their errors over the tolerance [-]."""
+    """Blocks from which its error follows, and their errors over the tolerance [-]."""
 
     @property
     def own_percent(self) -> float:
@@ -107,15 +120,15 @@ class Reference(NamedTuple):
 
     @property
     def allowed(self) -> float:
-        """Largest error beside it over the tolerance, so that both together keep it."""
+        """Largest error of a candidate over the tolerance, with the reference's."""
         # Where finer references are too much, the plan says so.
         return math.sqrt(1 - min(self.excess, MAX_OWN_ERROR) ** 2)
 
 
 class Trial(NamedTuple):
-    """A candidate that was run, beside a reference."""
+    """A candidate that was run, compared with a reference."""
 
-    found: Found
+    measured: Measured
     error: TruthError
     loop: Loop | None
     """Compiled loop, where the candidate is within the tolerance."""
@@ -127,7 +140,7 @@ class Trial(NamedTuple):
     @property
     def is_within(self) -> bool:
         """True if its error and the reference's together are within the tolerance."""
-        return self.found.error <= self.allowed
+        return self.measured.error <= self.allowed
 
     @property
     def percent(self) -> float:
@@ -136,18 +149,20 @@ class Trial(NamedTuple):
 
     @property
     def kelvin(self) -> float:
-        """The same [K]."""
+        """Largest root mean square of the saved times [K]."""
         return float(self.error.worst_rms_kelvin)
 
     @property
     def as_dict(self) -> dict[str, Any]:
         """Plain values for `plan.json`."""
-        plain = self.found._asdict() | {"candidate": self.found.candidate._asdict()}
-        if not np.isfinite(self.found.stable_step):
+        plain = self.measured._asdict() | {
+            "candidate": self.measured.candidate._asdict()
+        }
+        if not np.isfinite(self.measured.stable_step):
             plain["stable_step"] = None
         return {
             **plain,
-            "excess": self.found.error,
+            "excess": self.measured.error,
             "error_percent": self.percent,
             "error_kelvin": self.kelvin,
             "reference_refinement": self.refinement,
@@ -161,12 +176,16 @@ class Bench:
         self, scene: SceneConfig, pitches: tuple[float, ...], tolerance: Tolerance
     ):
         """Nothing is run yet."""
-        self.scene, self.pitches, self.tolerance = scene, pitches, tolerance
+        self.scene = scene
+        self.pitches = pitches
+        self.tolerance = tolerance
 
     def reference(self, refinement: float, log: Log) -> Reference:
-        """Run voxels so many times finer, or load the run, with its own error."""
-        found = refined_reference(*self._refined(refinement), log)
-        own, points = found.own_error, truth_points(found.solution, _POINTS)
+        """Run of voxels so many times finer, or from the cache, with its own error."""
+        refined = refined_reference(
+            self._refined(refinement), settings=_REFERENCE_SETTINGS, log=log
+        )
+        own = refined.own_error
         if self.tolerance.percent is not None and not own.rms_percent.max() < np.inf:
             raise InputError(
                 "--tolerance: at a saved time the whole surface of the reference has "
@@ -183,49 +202,54 @@ class Bench:
         coarser = []
         for factor, kelvin in zip((2, 4), own.differences.max(axis=0), strict=True):
             blocks = Candidate(refinement / factor, "aggregate", 2, steps=_CONVERGED)
-            error = percent_per_kelvin * float(kelvin), float(kelvin)
-            coarser.append((blocks, self.tolerance.excess(*error)))
-        own_error, cost = own.as_dict(), found.costs[0]
+            coarser_excess = self.tolerance.excess(
+                percent_per_kelvin * float(kelvin), kelvin=float(kelvin)
+            )
+            coarser.append((blocks, coarser_excess))
         return Reference(
             refinement=refinement,
-            points=points,
-            own_error=own_error,
+            points=truth_points(refined.solution, _POINTS),
+            own_error=own.as_dict(),
             excess=excess,
-            cost=cost,
+            cost=refined.costs[0],
             coarser=tuple(coarser),
         )
 
     def expected_excess(self, refinement: float, log: Log) -> float:
-        """Error over the tolerance that a reference is expected to have [-].
+        """Expected error of a reference over the tolerance [-].
 
-        From its difference to the next coarser run, without a third one.
+        It follows from the difference to the next coarser run, without a third one.
         """
-        config, given = self._refined(refinement)
-        error = coarser_difference(config, given, log)
-        percent, kelvin = error.worst_rms_percent, error.worst_rms_kelvin
-        return self.tolerance.excess(float(percent), float(kelvin)) / (
-            COARSENING**_ORDER - 1
+        error = coarser_difference(
+            self._refined(refinement), settings=_REFERENCE_SETTINGS, log=log
         )
+        return self._excess(error) / (COARSENING**_ORDER - 1)
 
-    def _refined(self, refinement: float) -> tuple[SceneConfig, RefinedReference]:
-        given = RefinedReference.model_validate(
-            {"refinement": 1.0, "structure": _REFERENCE, "points": _POINTS}
-        )
-        # Of a coarser pitch too, which a refinement below 1 would be.
+    def _refined(self, refinement: float) -> SceneConfig:
+        # By its pitch: a refinement below 1 is allowed here.
         full = Candidate(refinement, "full_volume")
-        return full.applied(self.scene, self.pitches), given
+        return full.applied(self.scene, self.pitches)
+
+    def _excess(self, error: TruthError) -> float:
+        return self.tolerance.excess(
+            float(error.worst_rms_percent), kelvin=float(error.worst_rms_kelvin)
+        )
 
     def run(self, candidate: Candidate, reference: Reference) -> Trial:
-        """Run a candidate, and again to time it warm.
+        """Run a candidate, then time it warm.
 
         Raises:
             InputError: if it cannot be built or fails.
         """
         config = candidate.applied(self.scene, self.pitches)
         scene = build_case(config).scene
-        end, saves = config.time.end, config.time.save_times
         with precision(config.dtype):
-            plan = plan_run(scene, t1=end, save_at=saves, solver=config.solver.build())
+            plan = plan_run(
+                scene,
+                t1=config.time.end,
+                save_at=config.time.save_times,
+                solver=config.solver.build(),
+            )
             loop = compiled_loop(plan)
             surface = _surface(plan, loop.run())
             error = reference.points.error(surface)
@@ -233,13 +257,10 @@ class Bench:
             if seconds < _SHORT:
                 # Other work of the machine makes a run longer, never shorter.
                 seconds = min(loop.seconds() for _ in range(_REPEATS))
-        excess = self.tolerance.excess(
-            float(error.worst_rms_percent), float(error.worst_rms_kelvin)
-        )
         receipt = plan.compiled.receipt
-        found = Found(
+        measured = Measured(
             candidate=candidate,
-            error=excess,
+            error=self._excess(error),
             nodes=receipt.nodes,
             fragments=sum(len(s.geometry.fragment_area) for s in surface.surfaces),
             steps=plan.steps,
@@ -249,7 +270,7 @@ class Bench:
             memory=receipt.memory_bytes,
         )
         return Trial(
-            found=found,
+            measured=measured,
             error=error,
             loop=loop,
             refinement=reference.refinement,
@@ -266,24 +287,26 @@ class Bench:
         )
 
 
-def _surface(plan: Plan, found: Any) -> StoredSolution:
-    """Surface temperatures that a loop found, without what a solution has besides.
+def _surface(plan: Plan, outcome: Any) -> StoredSolution:
+    """Surface temperatures of a loop's outcome, without the rest of a solution.
 
     Raises:
         InputError: if the run failed.
     """
-    surfaces, times = plan.compiled.surfaces, np.asarray(plan.save_times)
+    surfaces = plan.compiled.surfaces
+    times = np.asarray(plan.save_times)
     # A run that controls its error, or in which something moves, says if it fails.
-    if not isinstance(found, Observation):
-        return StoredSolution(times, np.asarray(found), surfaces)
+    if not isinstance(outcome, Observation):
+        return StoredSolution(times, np.asarray(outcome), surfaces)
     if times[0] == 0.0:
-        solution = make_solution(plan, found)
-        result, rows = solution.result, solution.surface_temperature
+        solution = make_solution(plan, outcome)
+        result = solution.result
+        rows = solution.surface_temperature
     else:
         # The energies would take a program of their own for each structure.
-        last = jax.tree.map(lambda rows: rows[-1], found.statistics)
-        ended = found.is_finite.all(), found.is_physical.all()
-        result, rows = run_result(*ended, last), found.surface_temperature
+        last = jax.tree.map(lambda rows: rows[-1], outcome.statistics)
+        result = run_result(outcome.is_finite.all(), outcome.is_physical.all(), last)
+        rows = outcome.surface_temperature
     if result != RESULTS.successful:
         raise InputError(RESULTS[result])
     return StoredSolution(times, np.asarray(rows), surfaces)

@@ -15,7 +15,7 @@ from .parameters import ParameterSet
 
 
 def align_cameras(
-    found: CaseFrames,
+    case_frames: CaseFrames,
     scene: Scene,
     run: ParametricRun,
     parameters: ParameterSet,
@@ -23,24 +23,38 @@ def align_cameras(
     """Poses of the cameras that are fitted, by their numbers, at the start values."""
     with precision(scene.dtype):
         z = np.zeros(parameters.size, scene.dtype)
-        poses = np.asarray(parameters.poses(z, len(found.views)), float)
+        poses = np.asarray(parameters.poses(z, len(case_frames.views)), float)
         warm = parameters.insert(scene, z)
         solution = run(warm, run.step_table(warm))
         reflected = parameters.frame_values(z).reflected
         if reflected is None:
-            reflected = found.settings.reflected_temperature
-        quantity = found.settings.quantity
-        shown = warm, solution, found.times, quantity, found.band, reflected
-        drawn, aligned = ShownRun.of(*shown), {}
+            reflected = case_frames.settings.reflected_temperature
+        drawn = ShownRun.of(
+            warm,
+            solution=solution,
+            times=case_frames.times,
+            quantity=case_frames.settings.quantity,
+            band=case_frames.band,
+            reflected=reflected,
+        )
+        aligned = {}
         for number, (view, frames) in enumerate(
-            zip(found.views, found.frames, strict=True)
+            zip(case_frames.views, case_frames.frames, strict=True)
         ):
             limits = _limits(parameters, number)
             if limits is None:
                 continue
-            mask = found.masks[number] if number < len(found.masks) else None
-            given = drawn, view.camera, frames, mask, poses[number], limits
-            aligned[number] = align(*given)
+            mask = (
+                case_frames.masks[number] if number < len(case_frames.masks) else None
+            )
+            aligned[number] = align(
+                drawn,
+                camera=view.camera,
+                frames=frames,
+                mask=mask,
+                start=poses[number],
+                limits=limits,
+            )
     return aligned
 
 
@@ -58,11 +72,11 @@ def _limits(parameters: ParameterSet, camera: int) -> Limits | None:
 
 def started_at(parameters: ParameterSet, aligned: dict[int, Aligned]) -> ParameterSet:
     """Parameters whose poses of cameras start where they were aligned."""
-    made = []
+    started = []
     for p in parameters.parameters:
         if is_of_camera(p.name) and pose_numbers(p.name)[0] in aligned:
             camera, numbers = pose_numbers(p.name)
             start = tuple(float(aligned[camera].pose[n]) for n in numbers)
             p = replace(p, start=start)
-        made.append(p)
-    return ParameterSet(tuple(made))
+        started.append(p)
+    return ParameterSet(tuple(started))

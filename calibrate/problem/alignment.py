@@ -14,6 +14,7 @@ not move with them. The last part of a pixel follows without them, see `outlines
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -52,7 +53,7 @@ _MAX_EVALUATIONS = 12
 
 
 class ShownRun(NamedTuple):
-    """A run of which frames are drawn on the host."""
+    """A run whose frames are drawn on the host."""
 
     surfaces: tuple[SolvedSurface, ...]
     terms: tuple[AbstractTerm, ...]
@@ -81,15 +82,28 @@ class ShownRun(NamedTuple):
             received_at(solution, surface=s, time=t, reflected=reflected)
             for s, t in zip(surface, at, strict=True)
         ]
-        hosted = tuple(Irradiance(*map(np.asarray, row)) for row in rows)
-        shown = np.asarray(surface), hosted
-        return cls(solution.surfaces, scene.terms, at, *shown, quantity, band)
+        return cls(
+            surfaces=solution.surfaces,
+            terms=scene.terms,
+            times=at,
+            temperature=np.asarray(surface),
+            received=tuple(Irradiance(*map(np.asarray, row)) for row in rows),
+            quantity=quantity,
+            band=band,
+        )
 
     def frame(self, view: View, time: int) -> Float[np.ndarray, "h w"]:
         """Frame of a saved time."""
-        given = self.temperature[time], self.received[time], self.times[time]
-        bodies = view, self.surfaces, self.terms
-        drawn = frame_at(*bodies, *given, self.quantity, self.band)
+        drawn = frame_at(
+            view,
+            surfaces=self.surfaces,
+            terms=self.terms,
+            surface=self.temperature[time],
+            received=self.received[time],
+            time=self.times[time],
+            quantity=self.quantity,
+            band=self.band,
+        )
         return np.asarray(drawn, float)
 
 
@@ -106,7 +120,7 @@ class Aligned(NamedTuple):
 
     pose: Float[np.ndarray, "6"]
     numbers: Int[np.ndarray, " n"]
-    """Those of the pose that are fitted."""
+    """Indices of the fitted numbers of the pose."""
     whiten: Float[np.ndarray, "n n"] | None = None
     """Deviations of these from the pose to independent ones of standard deviation 1;
     None where the outlines were not found to a part of a pixel."""
@@ -130,14 +144,15 @@ def align(
     Raises:
         InputError: if the camera sees no body as it is given, or nothing is compared.
     """
-    known = np.asarray(np.isfinite(frames).all(axis=0))
-    known = known if mask is None else known & mask
-    if not known.any():
+    compared = np.asarray(np.isfinite(frames).all(axis=0))
+    compared = compared if mask is None else compared & mask
+    if not compared.any():
         raise InputError("no pixel of the frames is compared: check the mask")
-    time = int(np.argmax([frame[known].std() for frame in frames]))
-    # What is not known is not compared, but has to be a temperature.
-    data = np.where(known, frames[time], frames[time][known].mean())
-    pose, unit = start.copy(), _pixel_sizes(run, camera)[limits.numbers]
+    time = int(np.argmax([frame[compared].std() for frame in frames]))
+    # Pixels that are not compared still have to be temperatures.
+    data = np.where(compared, frames[time], frames[time][compared].mean())
+    pose = start.copy()
+    unit = _pixel_sizes(run, camera)[limits.numbers]
 
     def difference(coarse: _Coarse, q: np.ndarray) -> np.ndarray:
         moved = pose.copy()
@@ -145,49 +160,66 @@ def align(
         return coarse.difference(run, time, moved)
 
     edge = 1e-3 * (limits.upper - limits.lower)
-    bounds = (limits.lower + edge) / unit, (limits.upper - edge) / unit
-    q = first = np.clip(pose[limits.numbers] / unit, *bounds)
+    lower = (limits.lower + edge) / unit
+    upper = (limits.upper - edge) / unit
+    first = np.clip(pose[limits.numbers] / unit, lower, upper)
+    q = first
     for blur in _BLURS:
-        coarse = _Coarse.of(camera, data, known, blur)
-        pulled = lambda q, c=coarse: np.append(difference(c, q), _PULL * (q - first))
-        q = _search(pulled, q, bounds)
+        coarse = _Coarse.of(camera, data=data, compared=compared, blur=blur)
+
+        def pulled(q: np.ndarray, coarse: _Coarse = coarse) -> np.ndarray:
+            return np.append(difference(coarse, q), _PULL * (q - first))
+
+        q = _search(pulled, start=q, bounds=(lower, upper))
     pose[limits.numbers] = q * unit
-    found = _sharpen(
-        run, camera=camera, data=data, known=known, pose=pose, limits=limits, unit=unit
+    outlines = _sharpen(
+        run,
+        camera=camera,
+        data=data,
+        compared=compared,
+        pose=pose,
+        limits=limits,
+        unit=unit,
     )
-    if found is None:
+    if outlines is None:
         return Aligned(pose, limits.numbers)
-    pose[limits.numbers] = found.numbers
-    return Aligned(pose, limits.numbers, np.linalg.cholesky(found.information).T)
+    pose[limits.numbers] = outlines.numbers
+    return Aligned(pose, limits.numbers, np.linalg.cholesky(outlines.information).T)
 
 
 def _sharpen(
     run: ShownRun,
     camera: AbstractCamera,
     data: Float[np.ndarray, "h w"],
-    known: Bool[np.ndarray, "h w"],
+    compared: Bool[np.ndarray, "h w"],
     pose: Float[np.ndarray, "6"],
     limits: Limits,
     unit: Float[np.ndarray, " n"],
 ) -> Outlines | None:
     """Pose to a small part of a pixel by outlines; None if they do not give one."""
     # Pixels of a source that is before a body show neither body nor background.
-    shown = compute_view(
-        run.surfaces, run.terms, moved_camera(camera, pose), keep=False
+    view = compute_view(
+        run.surfaces, terms=run.terms, camera=moved_camera(camera, pose), keep=False
     )
     hidden = np.zeros(data.size, bool)
-    for source in shown.background.sources:
+    for source in view.background.sources:
         hidden[source.pixel] = True
     radiance = data
     if run.quantity == "temperature":
         radiance = np.asarray(black_radiance(data, run.band))
-    given = pose, limits.numbers, unit
-    clear = known & ~hidden.reshape(data.shape)
-    found = fit_outlines(world_meshes(run.surfaces), camera, radiance, clear, *given)
-    if found is None:
+    outlines = fit_outlines(
+        world_meshes(run.surfaces),
+        camera=camera,
+        radiance=radiance,
+        compared=compared & ~hidden.reshape(data.shape),
+        pose=pose,
+        numbers=limits.numbers,
+        unit=unit,
+    )
+    if outlines is None:
         return None
-    inside = (found.numbers > limits.lower) & (found.numbers < limits.upper)
-    return found if inside.all() else None
+    inside = (outlines.numbers > limits.lower) & (outlines.numbers < limits.upper)
+    return outlines if inside.all() else None
 
 
 class _Coarse(NamedTuple):
@@ -195,13 +227,13 @@ class _Coarse(NamedTuple):
 
     camera: AbstractCamera
     data: Float[np.ndarray, "h w"]
-    known: Float[np.ndarray, "h w"]
+    compared: Float[np.ndarray, "h w"]
     blur: float
     scale: float
 
     @classmethod
     def of(
-        cls, camera: AbstractCamera, data: np.ndarray, known: np.ndarray, blur: float
+        cls, camera: AbstractCamera, data: np.ndarray, compared: np.ndarray, blur: float
     ) -> "_Coarse":
         factor = 1
         while (
@@ -210,15 +242,25 @@ class _Coarse(NamedTuple):
             and camera.height % (2 * factor) == 0
         ):
             factor *= 2
-        height, width = camera.height // factor, camera.width // factor
-        means = lambda a: a.reshape(height, factor, width, factor).mean(axis=(1, 3))
-        weight = means(known.astype(float))
+        height = camera.height // factor
+        width = camera.width // factor
+
+        def means(image: np.ndarray) -> np.ndarray:
+            return image.reshape(height, factor, width, factor).mean(axis=(1, 3))
+
+        weight = means(compared.astype(float))
         mean = means(data) / np.maximum(weight, 1e-9)
-        scale = data[known].std() * np.sqrt(weight.sum())
+        scale = data[compared].std() * np.sqrt(weight.sum())
         small = replace(camera, width=width, height=height)
         # A block that is cut by the mask is not compared.
-        whole = (weight == 1).astype(float)
-        return cls(small, mean, whole, blur / factor, max(float(scale), 1e-12))
+        complete = (weight == 1).astype(float)
+        return cls(
+            camera=small,
+            data=mean,
+            compared=complete,
+            blur=blur / factor,
+            scale=max(float(scale), 1e-12),
+        )
 
     def difference(self, run: ShownRun, time: int, pose: np.ndarray) -> np.ndarray:
         """Blurred model minus data, whose squares have the mean 1 for no model."""
@@ -228,7 +270,7 @@ class _Coarse(NamedTuple):
         except InputError:
             # A trial that sees no body is refused.
             return np.ones(self.data.size)
-        away = (run.frame(view, time) - self.data) * self.known
+        away = (run.frame(view, time) - self.data) * self.compared
         return (gaussian_filter(away, self.blur) / self.scale).ravel()
 
 
@@ -256,6 +298,15 @@ def _differences(residual: _Residual, q: np.ndarray) -> Float[np.ndarray, "r n"]
 
 
 def _search(residual: _Residual, start: np.ndarray, bounds: _Bounds) -> np.ndarray:
-    slopes: Any = lambda q: _differences(residual, q)
-    accuracy: Any = {"xtol": 1e-3, "ftol": 1e-3, "max_nfev": _MAX_EVALUATIONS}
-    return least_squares(residual, start, slopes, bounds, **accuracy).x
+    # scipy's stub names the methods of differences only.
+    jacobian: Any = partial(_differences, residual)
+    fitted = least_squares(
+        residual,
+        start,
+        jac=jacobian,
+        bounds=bounds,
+        xtol=1e-3,
+        ftol=1e-3,
+        max_nfev=_MAX_EVALUATIONS,
+    )
+    return fitted.x

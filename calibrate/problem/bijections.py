@@ -38,14 +38,17 @@ def bijection(
 
     A bound may be infinite; `softplus` is used instead of exp for a lower one alone.
     """
-    has_lower, has_upper = math.isfinite(lower), math.isfinite(upper)
+    has_lower = math.isfinite(lower)
+    has_upper = math.isfinite(upper)
     start = np.asarray(start, float)
     if has_lower and has_upper:
         return _interval(start, lower, upper)
     if has_lower and softplus:
         return _softplus_bounded(start, lower)
-    if has_lower or has_upper:
-        return _half_bounded(start, *((lower, 1) if has_lower else (upper, -1)))
+    if has_lower:
+        return _half_bounded(start, bound=lower, sign=1)
+    if has_upper:
+        return _half_bounded(start, bound=upper, sign=-1)
     size = np.abs(start)
     scale = np.where(size > 0, size, 1.0)
     return Bijection(
@@ -71,7 +74,8 @@ def _half_bounded(start: np.ndarray, bound: float, sign: int) -> Bijection:
 
 def _softplus_bounded(start: np.ndarray, lower: float) -> Bijection:
     # Linear in z far above the bound, so that the value may come close to it.
-    size, offset = start - lower, 1.0 + math.log(-math.expm1(-1.0))
+    size = start - lower
+    offset = 1.0 + math.log(-math.expm1(-1.0))
 
     def coordinate(value: Values) -> Values:
         ratio = (value - lower) / _like(size, value)

@@ -59,7 +59,7 @@ _DEFAULT_SMOOTHNESS = 0.5
 
 @dataclass
 class Calibration:
-    """The problem to fit, the one to validate with, and what they are made of."""
+    """The problem to fit, that of the validation, and their scenes and references."""
 
     parameters: ParameterSet
     configs: dict[str, SceneConfig]
@@ -68,12 +68,12 @@ class Calibration:
     train: Problem
     held_out: Problem | None
     references: dict[str, TruthReference]
-    """Runs of finer voxels by case, of those cases that are fitted to them."""
+    """Runs of finer voxels by the name of the case, where cases are fitted to them."""
 
     def without_cameras(self) -> Problem | None:
-        """Fit of all else with the cameras where they start; None if there is none."""
-        rest = [p for p in self.parameters.parameters if not is_of_camera(p.name)]
-        if not rest:
+        """Problem of all other parameters with still cameras; None without any."""
+        parameters = [p for p in self.parameters.parameters if not is_of_camera(p.name)]
+        if not parameters:
             return None
         count = self.train.cases[0].target.camera_count
         start = np.zeros(self.parameters.size)
@@ -83,19 +83,24 @@ class Calibration:
             assert isinstance(case.target, FrameTarget)
             still = case.target.without_moves(poses, case.scene.terms)
             cases.append(replace(case, target=still))
-        given = tuple(cases), self.train.time_norm
-        return Problem(ParameterSet(tuple(rest)), *given)
+        return Problem(
+            ParameterSet(tuple(parameters)),
+            cases=tuple(cases),
+            time_norm=self.train.time_norm,
+        )
 
     def weighed(self, effect: float) -> "Calibration":
-        """Fit in which outlines count `effect` times as much as independent data.
+        """Calibration whose outlines count `effect` times as much.
 
-        Squares of alike residuals count as often as there are of them, unless all that
-        is independent counts so much more.
+        Residuals that are alike count as often as there are of them; independent data
+        count that much more in return.
         """
         aligned = {n: a._replace(effect=effect) for n, a in self.train.aligned.items()}
-        changed = lambda problem: replace(problem, aligned=aligned)
-        held_out = None if self.held_out is None else changed(self.held_out)
-        return replace(self, train=changed(self.train), held_out=held_out)
+        held_out = self.held_out
+        if held_out is not None:
+            held_out = replace(held_out, aligned=aligned)
+        train = replace(self.train, aligned=aligned)
+        return replace(self, train=train, held_out=held_out)
 
 
 def build(config: CalibrationConfig, log: Log) -> Calibration:
@@ -104,8 +109,8 @@ def build(config: CalibrationConfig, log: Log) -> Calibration:
     Cameras whose poses are fitted are aligned with the outlines of bodies in the
     frames.
     """
-    every = (*config.train, *config.held_out, *config.candidates)
-    configs = {case.name: scene_config(config, case.set) for case in every}
+    cases = (*config.train, *config.held_out, *config.candidates)
+    configs = {case.name: scene_config(config, case.set) for case in cases}
     log("building the scenes")
     scenes = _build_scenes(configs)
     if isinstance(config.reference, schema.TruthRuns):
@@ -116,14 +121,19 @@ def build(config: CalibrationConfig, log: Log) -> Calibration:
     for scene in scenes.values():
         parameters.check(scene)
 
-    read: dict[str, CaseFrames] = {}
+    frames_by_case: dict[str, CaseFrames] = {}
 
     def frames(case: schema.CaseConfig) -> CaseFrames:
-        # Those of the first case are asked for twice, where cameras are aligned.
-        if case.name not in read:
-            given = configs[case.name], scenes[case.name]
-            read[case.name] = case_frames(config, case, *given, log)
-        return read[case.name]
+        # The alignment of cameras needs those of the first case before the fit does.
+        if case.name not in frames_by_case:
+            frames_by_case[case.name] = case_frames(
+                config,
+                case=case,
+                case_scene=configs[case.name],
+                scene=scenes[case.name],
+                log=log,
+            )
+        return frames_by_case[case.name]
 
     aligned = _align(
         config,
@@ -137,16 +147,27 @@ def build(config: CalibrationConfig, log: Log) -> Calibration:
     references: dict[str, TruthReference] = {}
 
     def problem(cases: tuple[schema.CaseConfig, ...]) -> Problem:
-        made = []
+        problem_cases = []
         for case in cases:
-            given, scene = configs[case.name], scenes[case.name]
-            run = ParametricRun(given.time.save_times, given.solver.build())
-            shared = references, parameters, frames, log
-            data = _TargetBuilder(config, case, given, scene, *shared)
-            made.append(Case(name=case.name, scene=scene, run=run, target=data.build()))
+            case_scene = configs[case.name]
+            scene = scenes[case.name]
+            run = ParametricRun(case_scene.time.save_times, case_scene.solver.build())
+            builder = _TargetBuilder(
+                config=config,
+                case=case,
+                case_scene=case_scene,
+                scene=scene,
+                references=references,
+                parameters=parameters,
+                frames=frames,
+                log=log,
+            )
+            problem_cases.append(
+                Case(name=case.name, scene=scene, run=run, target=builder.build())
+            )
         return Problem(
             parameters=parameters,
-            cases=tuple(made),
+            cases=tuple(problem_cases),
             time_norm=config.fit.time_norm,
             aligned=aligned,
         )
@@ -172,22 +193,25 @@ def _align(
     log: Log,
 ) -> dict[int, Aligned]:
     """Poses of cameras by the frames of the first case."""
-    reference, case = config.reference, config.train[0]
+    reference = config.reference
+    case = config.train[0]
     has_frames = isinstance(reference, FramesConfig)
     if not (parameters.moves_cameras and has_frames and reference.align):
         return {}
-    found = frames(case)
-    check_frame_names(parameters.paths, len(found.views))
+    first_frames = frames(case)
+    check_frame_names(parameters.paths, len(first_frames.views))
     log("aligning the cameras")
-    run = ParametricRun(found.times, configs[case.name].solver.build())
-    return align_cameras(found, scene=scenes[case.name], run=run, parameters=parameters)
+    run = ParametricRun(first_frames.times, configs[case.name].solver.build())
+    return align_cameras(
+        first_frames, scene=scenes[case.name], run=run, parameters=parameters
+    )
 
 
 def _build_scenes(configs: Mapping[str, SceneConfig]) -> dict[str, Scene]:
     scenes: dict[str, Scene] = {}
     for name, config in configs.items():
         # Voxelize bodies that are the same in several cases once.
-        same = (other for other in scenes if configs[other].bodies == config.bodies)
+        same = (built for built in scenes if configs[built].bodies == config.bodies)
         first = next(same, None)
         if first is None:
             scenes[name] = config.build()
@@ -202,27 +226,27 @@ def _build_parameters(config: CalibrationConfig, scene: Scene) -> ParameterSet:
     return ParameterSet(tuple(_parameter(p, scene) for p in config.parameters))
 
 
-def _parameter(given: ParameterConfig, scene: Scene) -> Parameter:
-    path, values = _path_and_start(given, scene)
+def _parameter(config: ParameterConfig, scene: Scene) -> Parameter:
+    path, values = _path_and_start(config, scene)
     start = tuple(float(v) for v in np.atleast_1d(values))
-    lower, upper = default_bounds(given.name, start[0])
-    if given.bounds is not None:
-        lower, upper = (value_in_si(v, given.name) for v in given.bounds)
-    prior = None if given.prior is None else _prior(given.prior, given.name)
+    lower, upper = default_bounds(config.name, start[0])
+    if config.bounds is not None:
+        lower, upper = (value_in_si(v, config.name) for v in config.bounds)
+    prior = None if config.prior is None else _prior(config.prior, config.name)
     smoothness = None
-    if given.per == "link":
+    if config.per == "link":
         links = scene.bodies[int(path[1])].structure.links()
-        sd = given.smoothness or _DEFAULT_SMOOTHNESS
+        sd = config.smoothness or _DEFAULT_SMOOTHNESS
         smoothness = Smoothness(links.src, links.dst, sd)
-    is_capacity = given.per == "level" and path[-1] == "capacity"
+    is_capacity = config.per == "level" and path[-1] == "capacity"
     return Parameter(
-        name=given.name,
+        name=config.name,
         start=start,
         lower=lower,
         upper=upper,
-        tied=given.tied,
+        tied=config.tied,
         prior=prior,
-        softplus=given.bijection == "softplus",
+        softplus=config.bijection == "softplus",
         is_scalar=values.ndim == 0,
         # The body's total capacity is conserved, so that only ratios matter.
         first_is_fixed=is_capacity and len(start) > 1,
@@ -231,67 +255,70 @@ def _parameter(given: ParameterConfig, scene: Scene) -> Parameter:
 
 
 def _path_and_start(
-    given: ParameterConfig, scene: Scene
+    config: ParameterConfig, scene: Scene
 ) -> tuple[Path, np.ndarray | np.generic]:
-    if is_of_frames(given.name):
+    if is_of_frames(config.name):
         # The scene does not have it, nor weights of levels or links.
-        if given.per is not None:
-            raise InputError(f"parameter {given.name}: `per` is for weights only")
-        return (), _frame_start(given)
-    path = find_path(scene, given.name)
-    return path, _start_values(given, path, scene)
+        if config.per is not None:
+            raise InputError(f"parameter {config.name}: `per` is for weights only")
+        return (), _frame_start(config)
+    path = find_path(scene, config.name)
+    return path, _start_values(config, path, scene)
 
 
-def _frame_start(given: ParameterConfig) -> np.ndarray | np.generic:
+def _frame_start(config: ParameterConfig) -> np.ndarray | np.generic:
     """Start values of a number of frames, which the scene does not have."""
-    if given.name == REFLECTED:
-        if given.start is None:
-            raise InputError(f"parameter {given.name}: give a `start`, in kelvin")
-        return np.asarray(value_in_si(given.start, given.name))[()]
-    _, numbers = pose_numbers(given.name)
-    if given.start is None:
+    if config.name == REFLECTED:
+        if config.start is None:
+            raise InputError(f"parameter {config.name}: give a `start`, in kelvin")
+        return np.asarray(value_in_si(config.start, config.name))[()]
+    _, numbers = pose_numbers(config.name)
+    if config.start is None:
         return np.zeros(len(numbers)) if len(numbers) > 1 else np.float64(0)
-    is_list = isinstance(given.start, list)
-    listed = given.start if is_list else [given.start]
+    is_list = isinstance(config.start, list)
+    listed = config.start if is_list else [config.start]
     if len(listed) != len(numbers):
-        raise InputError(f"parameter {given.name}: `start` has {len(numbers)} numbers")
-    values = np.asarray([value_in_si(v, given.name) for v in listed])
+        raise InputError(f"parameter {config.name}: `start` has {len(numbers)} numbers")
+    values = np.asarray([value_in_si(v, config.name) for v in listed])
     return values if len(numbers) > 1 else values[0]
 
 
-def _prior(given: schema.PriorConfig, name: str) -> Prior:
-    mean, sd = (value_in_si(value, name) for value in (given.mean, given.sd))
-    return Prior(mean, sd, given.log_normal)
+def _prior(config: schema.PriorConfig, name: str) -> Prior:
+    return Prior(
+        mean=value_in_si(config.mean, name),
+        sd=value_in_si(config.sd, name),
+        log_normal=config.log_normal,
+    )
 
 
 def _start_values(
-    given: ParameterConfig, path: Path, scene: Scene
+    config: ParameterConfig, path: Path, scene: Scene
 ) -> np.ndarray | np.generic:
     value = value_at(scene, path)
     if value is None or callable(value):
         raise InputError(
-            f"parameter {given.name}: the scene has no number there, but {value!r}: "
+            f"parameter {config.name}: the scene has no number there, but {value!r}: "
             "name a part of it, or give it a number"
         )
     values = np.asarray(value, float)
-    if given.start is not None:
-        is_list = isinstance(given.start, list)
-        listed = given.start if is_list else [given.start]
-        values = np.asarray([value_in_si(v, given.name) for v in listed])
+    if config.start is not None:
+        is_list = isinstance(config.start, list)
+        listed = config.start if is_list else [config.start]
+        values = np.asarray([value_in_si(v, config.name) for v in listed])
         values = values if is_list else values[0]
-    if given.per is not None:
+    if config.per is not None:
         # A scalar becomes one equal value per level or link.
-        values = np.broadcast_to(values, (_value_count(given, path, scene),))
+        values = np.broadcast_to(values, (_value_count(config, path, scene),))
     return values
 
 
-def _value_count(given: ParameterConfig, path: Path, scene: Scene) -> int:
+def _value_count(config: ParameterConfig, path: Path, scene: Scene) -> int:
     if path[:1] != ("bodies",) or path[2:4] != ("structure", "weights"):
         raise InputError(
-            f"parameter {given.name}: `per: {given.per}` is for weights only"
+            f"parameter {config.name}: `per: {config.per}` is for weights only"
         )
     structure = scene.bodies[int(path[1])].structure
-    if given.per == "link":
+    if config.per == "link":
         return structure.link_count
     # Links between levels have one value for each pair of neighbouring levels.
     levels = int(structure.nodes().level.max()) + 1
@@ -303,7 +330,7 @@ class _TargetBuilder:
     # The data of one case, from the reference that the config names.
     config: CalibrationConfig
     case: schema.CaseConfig
-    given: SceneConfig
+    case_scene: SceneConfig
     scene: Scene
     references: dict[str, TruthReference]
     parameters: ParameterSet
@@ -311,13 +338,15 @@ class _TargetBuilder:
     log: Log
 
     def build(self) -> AbstractTarget:
-        name, times = self.case.name, self.given.time.save_times
+        name = self.case.name
         with precision(self.scene.dtype):
             match self.config.reference:
                 case schema.FullVolumeReference() as reference:
                     truth = scene_config(self.config, self.case.set, reference.set)
-                    log = lambda stage: self.log(f"{name}: {stage}")
-                    return self._surface(full_volume_run(truth, reference.step, log))
+                    solution = full_volume_run(
+                        truth, step=reference.step, log=self._announce
+                    )
+                    return self._surface(solution)
                 case schema.TruthRuns():
                     return self._finer_surface()
                 case schema.SolutionReference(files=files):
@@ -325,35 +354,50 @@ class _TargetBuilder:
                         text = "reference: files: there is none for the case"
                         raise InputError(f"{text} {name}")
                     path = files[name]
-                    found = load_solution(path).at_times(times, path)
-                    return self._surface(found)
+                    times = self.case_scene.time.save_times
+                    return self._surface(load_solution(path).at_times(times, path))
                 case schema.SimulatedFrames() | schema.MeasuredFrames():
                     return self._compared(self.frames(self.case))
 
-    def _surface(self, found: StoredSolution) -> AbstractTarget:
-        check_surfaces(start_surfaces(self.scene), found.surfaces)
-        return surface_target(found, jnp.dtype(self.scene.dtype))
+    def _announce(self, stage: str) -> None:
+        self.log(f"{self.case.name}: {stage}")
+
+    def _surface(self, reference: StoredSolution) -> AbstractTarget:
+        check_surfaces(start_surfaces(self.scene), reference.surfaces)
+        return surface_target(reference, jnp.dtype(self.scene.dtype))
 
     def _finer_surface(self) -> AbstractTarget:
-        name = self.case.name
         assert self.config.truth is not None
-        log = lambda stage: self.log(f"{name}: {stage}")
-        found = refined_reference(self.given, self.config.truth, log)
-        self.references[name] = found
-        surface, unknown = found.read_at(start_surfaces(self.scene))
-        return surface_target(surface, jnp.dtype(self.scene.dtype), unknown)
+        reference = refined_reference(
+            self.case_scene, settings=self.config.truth, log=self._announce
+        )
+        self.references[self.case.name] = reference
+        surface, unknown = reference.read_at(start_surfaces(self.scene))
+        dtype = jnp.dtype(self.scene.dtype)
+        return surface_target(surface, dtype=dtype, unknown=unknown)
 
-    def _compared(self, found: CaseFrames) -> FrameTarget:
+    def _compared(self, case_frames: CaseFrames) -> FrameTarget:
         moving = None
-        settings, parameters = found.settings, self.parameters
+        settings = case_frames.settings
+        parameters = self.parameters
         if parameters.moves_cameras:
             start = np.zeros(parameters.size)
-            poses = np.asarray(parameters.poses(start, len(found.views)), float)
-            given = found.surfaces, self.scene.terms, poses
-            moving = FitsPoses(*given, settings.margin)
+            poses = np.asarray(parameters.poses(start, len(case_frames.views)), float)
+            moving = FitsPoses(
+                surfaces=case_frames.surfaces,
+                terms=self.scene.terms,
+                poses=poses,
+                margin=settings.margin,
+            )
         return frame_target(
-            *(found.times, found.views, found.frames),
-            *(settings.noise, settings.quantity, found.masks),
-            *(jnp.dtype(self.scene.dtype), found.band),
-            *(settings.reflected_temperature, moving),
+            case_frames.times,
+            views=case_frames.views,
+            frames=case_frames.frames,
+            noise=settings.noise,
+            quantity=settings.quantity,
+            masks=case_frames.masks,
+            dtype=jnp.dtype(self.scene.dtype),
+            band=case_frames.band,
+            reflected=settings.reflected_temperature,
+            moving=moving,
         )

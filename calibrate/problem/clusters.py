@@ -32,7 +32,8 @@ def view_clusters(
     pixels: Sequence[Any], widths: Sequence[int], times: int
 ) -> Int[np.ndarray, " r"]:
     """Clusters of the compared pixels of several views at all times, times first."""
-    numbers, first = [], 0
+    numbers = []
+    first = 0
     for pixel, width in zip(pixels, widths, strict=True):
         number = first + image_clusters(np.asarray(pixel), width)
         numbers.append(number)
@@ -47,7 +48,8 @@ def score_covariance(
 ) -> Float[np.ndarray, "n n"]:
     """Covariance of J^T r by the clusters of the residuals; `rows` are those of J^T."""
     count = int(cluster.max()) + 1
-    scores = np.stack([np.bincount(cluster, each, count) for each in rows * residual])
+    products = rows * residual
+    scores = np.stack([np.bincount(cluster, row, count) for row in products])
     return scores @ scores.T * (count / max(count - 1, 1))
 
 

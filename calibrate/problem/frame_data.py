@@ -1,4 +1,4 @@
-"""Frames as data: which of their pixels are compared, and what cannot be."""
+"""Frames as data: their compared pixels, and checks of what can be compared."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -20,7 +20,7 @@ from .targets import FrameTarget, body_mask
 
 
 Masks = Sequence[Bool[np.ndarray, "_ _"] | None]
-"""Pixels to compare of each view; all of those that are not given."""
+"""Pixels to compare of each view; None for all."""
 
 
 class FitsPoses(NamedTuple):
@@ -59,8 +59,10 @@ def frame_target(
     `FrameTarget`.
     """
     check_frames(times, views=views, frames=frames, masks=masks)
-    data, chosen, room = [], [], []
-    for n, (view, given) in enumerate(zip(views, frames, strict=True)):
+    data = []
+    indices = []
+    room = []
+    for n, (view, view_frames) in enumerate(zip(views, frames, strict=True)):
         # The background depends on no parameter.
         compared = body_mask(view) if moving is None else _interior(view, n, moving)
         if n < len(masks) and (mask := masks[n]) is not None:
@@ -70,23 +72,33 @@ def frame_target(
             raise InputError(
                 f"view {n}: no pixel of a body is compared: check the mask{why}"
             )
-        bad = ~np.isfinite(given[:, compared])
+        bad = ~np.isfinite(view_frames[:, compared])
         if bad.any():
             raise InputError(
                 f"view {n}: {int(bad.sum())} compared pixels are not finite: mask "
                 "them, or repair the frames"
             )
         pixels = np.flatnonzero(compared)
-        data.append(jnp.asarray(given[:, compared], dtype))
-        chosen.append(jnp.asarray(pixels, jnp.int32))
+        data.append(jnp.asarray(view_frames[:, compared], dtype))
+        indices.append(jnp.asarray(pixels, jnp.int32))
         if moving is not None:
-            shown = moving.surfaces, view.camera, moving.poses[n], pixels
-            room.append(int(_MORE_WEIGHTS * len(linearize_view(*shown).row)))
-    compared = tuple(data), tuple(chosen)
-    surfaces = () if moving is None else moving.surfaces
+            linearized = linearize_view(
+                moving.surfaces,
+                camera=view.camera,
+                pose=moving.poses[n],
+                pixels=pixels,
+            )
+            room.append(int(_MORE_WEIGHTS * len(linearized.row)))
     return FrameTarget(
-        *(times, views, *compared, noise, quantity, band, reflected),
-        surfaces=surfaces,
+        times=times,
+        views=views,
+        data=tuple(data),
+        indices=tuple(indices),
+        noise=noise,
+        quantity=quantity,
+        band=band,
+        reflected=reflected,
+        surfaces=() if moving is None else moving.surfaces,
         room=tuple(room),
     )
 
@@ -98,16 +110,17 @@ def check_frames(
     masks: Masks,
 ) -> None:
     """Refuse frames and masks that do not fit the times and cameras."""
-    for n, (view, given) in enumerate(zip(views, frames, strict=True)):
+    for n, (view, view_frames) in enumerate(zip(views, frames, strict=True)):
         width, height = view.camera.size
-        if given.shape[0] != len(times):
+        if view_frames.shape[0] != len(times):
             raise InputError(
-                f"view {n}: {given.shape[0]} frames for {len(times)} saved times"
+                f"view {n}: {view_frames.shape[0]} frames for {len(times)} saved times"
             )
-        if given.shape[1:] != (height, width):
+        rows, columns = view_frames.shape[1:]
+        if (rows, columns) != (height, width):
             raise InputError(
-                f"view {n}: frames of {given.shape[2]} x {given.shape[1]} pixels and a "
-                f"camera of {width} x {height}: give the camera the frames' size"
+                f"view {n}: frames of {columns} x {rows} pixels and a camera of "
+                f"{width} x {height}: give the camera the frames' size"
             )
         mask = masks[n] if n < len(masks) else None
         if mask is not None and mask.shape != (height, width):
@@ -120,5 +133,5 @@ def check_frames(
 def _interior(view: View, number: int, moving: FitsPoses) -> Bool[np.ndarray, "h w"]:
     """Pixels of bodies away from outlines, in the pose where the fit starts."""
     camera = moved_camera(view.camera, moving.poses[number])
-    there = compute_view(moving.surfaces, moving.terms, camera, keep=False)
-    return body_mask(there) & (outline_distance(there) > moving.margin)
+    start_view = compute_view(moving.surfaces, moving.terms, camera, keep=False)
+    return body_mask(start_view) & (outline_distance(start_view) > moving.margin)

@@ -1,4 +1,4 @@
-"""Frames of a case, simulated or of files, and the views that they are of."""
+"""Frames of a case, simulated or from files, and the views of their cameras."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -40,7 +40,7 @@ _CHANNELS = {
     "temperature": ("apparent_temperature_K", "apparent_temperature"),
     "radiance": ("radiance",),
 }
-"""Channels of an EXR file by compared quantity, the first that it has."""
+"""Channels of an EXR file by compared quantity; the first one in the file counts."""
 
 
 class CaseFrames(NamedTuple):
@@ -62,7 +62,7 @@ class CaseFrames(NamedTuple):
 def case_frames(
     config: CalibrationConfig,
     case: schema.CaseConfig,
-    given: SceneConfig,
+    case_scene: SceneConfig,
     scene: Scene,
     log: Callable[[str], None],
 ) -> CaseFrames:
@@ -71,13 +71,14 @@ def case_frames(
     Raises:
         InputError: if there are none, or they do not fit cameras, masks or times.
     """
-    settings, times = config.reference, given.time.save_times
-    if given.image.effects:
+    settings = config.reference
+    times = case_scene.time.save_times
+    if case_scene.image.effects:
         raise InputError(
             f"{case.name}: image.effects: frames of a calibration are compared without "
             "effects of the camera: leave them out"
         )
-    band = None if given.image.band is None else given.image.band.build()
+    band = None if case_scene.image.band is None else case_scene.image.band.build()
     with precision(scene.dtype):
         masks: Masks = ()
         match settings:
@@ -85,7 +86,7 @@ def case_frames(
                 frames, masks = _simulated(
                     config,
                     case=case,
-                    given=given,
+                    case_scene=case_scene,
                     settings=settings,
                     band=band,
                     log=log,
@@ -95,7 +96,7 @@ def case_frames(
             case _:
                 raise AssertionError(f"no frames in {settings.kind}")
         surfaces = start_surfaces(scene)
-        views = camera_views(settings.views or (given.camera,), scene, surfaces)
+        views = camera_views(settings.views or (case_scene.camera,), scene, surfaces)
     if len(views) != len(frames):
         raise InputError(
             f"{case.name}: {len(frames)} sequences of frames and {len(views)} views"
@@ -119,8 +120,8 @@ def camera_views(
 ) -> tuple[View, ...]:
     """Views of a scene's surfaces, by default those at the start."""
     surfaces = start_surfaces(scene) if surfaces is None else surfaces
-    made = _built(cameras, surfaces)
-    return tuple(view_of(surfaces, scene, camera) for camera in made)
+    built_cameras = _built(cameras, surfaces)
+    return tuple(view_of(surfaces, scene, camera) for camera in built_cameras)
 
 
 def _built(
@@ -140,7 +141,7 @@ def start_surfaces(scene: Scene) -> tuple[SolvedSurface, ...]:
 def _simulated(
     config: CalibrationConfig,
     case: schema.CaseConfig,
-    given: SceneConfig,
+    case_scene: SceneConfig,
     settings: schema.SimulatedFrames,
     band: Band | None,
     log: Callable[[str], None],
@@ -148,19 +149,28 @@ def _simulated(
     truth = scene_config(config, case.set, settings.set)
     times = truth.time.save_times
     # The truth may change anything but the times at which it is compared.
-    if times != given.time.save_times:
+    if times != case_scene.time.save_times:
         raise InputError("reference: set: the save times are the case's")
     log(f"{case.name}: running the truth")
     scene = truth.build()
     with precision(truth.dtype):
         run = ParametricRun(times, truth.solver.build())
         solution = run(scene, run.step_table(scene))
-        cameras = settings.views or (given.camera,)
-        shown = _built(cameras, solution.surfaces)
-        given_frames = scene, solution, times, settings, band
-        frames = [_detected(camera, *given_frames) for camera in shown]
-        masks = _whole_pixels(
-            config, cameras=shown, solution=solution, samples=settings.samples
+        cameras = settings.views or (case_scene.camera,)
+        built_cameras = _built(cameras, solution.surfaces)
+        frames = [
+            _detected(
+                camera,
+                scene=scene,
+                solution=solution,
+                times=times,
+                settings=settings,
+                band=band,
+            )
+            for camera in built_cameras
+        ]
+        masks = _unmixed_pixels(
+            config, cameras=built_cameras, solution=solution, samples=settings.samples
         )
     if settings.noiseless:
         return frames, masks
@@ -179,19 +189,26 @@ def _detected(
 ) -> Float[np.ndarray, "_ _ _"]:
     """Frames of a detector whose pixels see the mean radiance of several rays."""
     view = view_of(solution.surfaces, scene, camera.finer(settings.samples))
-    quantity, samples = settings.quantity, settings.samples
-    quantity = quantity if samples == 1 else "radiance"
-    given = scene, solution, times, quantity, band, settings.reflected_temperature
-    fine = np.asarray(render_frames(view, *given), float)
+    samples = settings.samples
+    rendered = render_frames(
+        view,
+        scene=scene,
+        solution=solution,
+        times=times,
+        quantity=settings.quantity if samples == 1 else "radiance",
+        band=band,
+        reflected=settings.reflected_temperature,
+    )
+    fine = np.asarray(rendered, float)
     if samples == 1:
         return fine
-    radiance = np.stack([np.asarray(block_means(each, samples)) for each in fine])
+    radiance = np.stack([np.asarray(block_means(frame, samples)) for frame in fine])
     if settings.quantity == "radiance":
         return radiance
     return np.asarray(apparent_temperature(radiance, band), float)
 
 
-def _whole_pixels(
+def _unmixed_pixels(
     config: CalibrationConfig,
     cameras: list[AbstractCamera],
     solution: ParametricSolution,
@@ -206,7 +223,7 @@ def _whole_pixels(
         return ()
     bodies = world_meshes(solution.surfaces)
     covered = (coverage(bodies, camera, samples).fraction for camera in cameras)
-    return [np.asarray(each == 1) for each in covered]
+    return [np.asarray(fraction == 1) for fraction in covered]
 
 
 def _measured(

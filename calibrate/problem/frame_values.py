@@ -1,4 +1,4 @@
-"""Values that frames depend on, beside those of the scene: see `config.frame_names`."""
+"""Values of frames that no scene has: see `config.frame_names`."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -13,12 +13,12 @@ from ..config.frame_names import is_of_camera, pose_numbers
 
 
 class FrameValues(NamedTuple):
-    """Values that frames depend on, beside those of the scene."""
+    """Values that frames depend on in addition to those of the scene."""
 
     poses: Float[Array, "v 6"] | None = None
     """Pose of each camera; None where all are as given."""
     views: tuple[LinearizedView, ...] = ()
-    """Their views near these poses."""
+    """Views of the cameras near `poses`."""
     reflected: Float[Array, ""] | None = None
     """Temperature that surfaces reflect [K]; None for that of the heat balance."""
 

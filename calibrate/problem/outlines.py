@@ -27,16 +27,21 @@ from .clusters import image_clusters, score_covariance
 
 _SAMPLES = 8
 """Rays along each axis of a pixel."""
-_FAR, _NEAR = 1.5, 1.0
-"""Spread of the neighbours that continue a radiance [pixels], of poses that are about
-a pixel off, where the outermost pixels are left out, and after that."""
+_FAR = 1.5
+"""Spread of the neighbours that continue a radiance in a pose that is a pixel off,
+where the outermost pixels are left out [pixels]."""
+_NEAR = 1.0
+"""Spread of the neighbours in a pose that is nearly right [pixels]."""
 _RIDGE = 0.05
 """Weight against slopes of a radiance: few neighbours may lie on a line."""
 _MIN_WEIGHT = 0.02
 """Least sum of the neighbours' weights; 1 for all around."""
-_MAX_STEP, _CLOSE, _ACCURACY = 1.0, 0.2, 0.01
-"""Changes of a pose [pixels]: the largest of a step, that after which it is near, and
-that after which it is found."""
+_MAX_STEP = 1.0
+"""Largest change of a pose in a step [pixels]."""
+_CLOSE = 0.2
+"""Change of a step below which the pose is nearly right [pixels]."""
+_ACCURACY = 0.01
+"""Change of a step below which the search has converged [pixels]."""
 _MAX_STEPS = 30
 _FLAT = 0.01
 """Singular value over the largest, below which outlines do not determine a change."""
@@ -45,12 +50,12 @@ _OUTLIER = 3.0
 
 
 class Outlines(NamedTuple):
-    """Pose that outlines give, and how well."""
+    """Pose that outlines give, and how well they determine it."""
 
     numbers: Float[np.ndarray, " n"]
-    """Those of the pose that are fitted."""
+    """Fitted numbers of the pose."""
     information: Float[np.ndarray, "n n"]
-    """Inverse of their covariance."""
+    """Inverse of the covariance of `numbers`."""
 
 
 class _Rows(NamedTuple):
@@ -60,14 +65,14 @@ class _Rows(NamedTuple):
     residual: Float[np.ndarray, " p"]
     """Covered fraction of the mesh minus that of the data."""
     weight: Float[np.ndarray, " p"]
-    """By the contrast; the root of what a square counts."""
+    """Weight of a residual, by the contrast at the pixel."""
 
 
 def fit_outlines(
     bodies: tuple[WorldMesh, ...],
     camera: AbstractCamera,
     radiance: Float[np.ndarray, "h w"],
-    known: Bool[np.ndarray, "h w"],
+    compared: Bool[np.ndarray, "h w"],
     pose: Float[np.ndarray, "6"],
     numbers: Int[np.ndarray, " n"],
     unit: Float[np.ndarray, " n"],
@@ -77,62 +82,72 @@ def fit_outlines(
     Args:
         bodies: meshes in the world.
         camera: as given.
-        radiance: of the frame [W/(m^2 sr)], where it is `known`.
-        known: pixels that may be compared.
+        radiance: of the frame [W/(m^2 sr)], where it is `compared`.
+        compared: pixels that may be compared.
         pose: to start from.
-        numbers: those of the pose that are sought.
-        unit: their changes that move the image by about a pixel.
+        numbers: indices of the pose's numbers that are sought.
+        unit: changes of these that move the image by about a pixel.
 
     Returns:
         None where steps do not end, or lead to where no body is seen.
     """
-    here, near = pose.copy(), False
+    fitted = pose.copy()
+    near = False
     for _ in range(_MAX_STEPS):
         try:
-            found = coverage(bodies, moved_camera(camera, here), _SAMPLES)
+            covered = coverage(bodies, moved_camera(camera, fitted), _SAMPLES)
         except InputError:
             return None
-        rows = _compare(found, radiance=radiance, known=known, near=near)
-        slopes = (
-            coverage_slopes(found, camera=camera, pose=here, pixels=rows.pixel)[
-                :, numbers
-            ]
-            * unit
+        rows = _compare(covered, radiance=radiance, compared=compared, near=near)
+        all_slopes = coverage_slopes(
+            covered, camera=camera, pose=fitted, pixels=rows.pixel
         )
-        weighted = slopes * rows.weight[:, None], rows.residual * rows.weight
+        slopes = all_slopes[:, numbers] * unit * rows.weight[:, None]
+        residual = rows.residual * rows.weight
         if len(rows.pixel) < len(numbers):
             return None
-        change = np.linalg.lstsq(*weighted, rcond=_FLAT)[0]
+        change = np.linalg.lstsq(slopes, residual, rcond=_FLAT)[0]
         if near and np.linalg.norm(change) < _ACCURACY:
-            given = *weighted, rows.pixel, camera.width
-            return Outlines(here[numbers], _information(*given) / np.outer(unit, unit))
+            information = _information(
+                slopes, residual=residual, pixel=rows.pixel, width=camera.width
+            )
+            return Outlines(fitted[numbers], information / np.outer(unit, unit))
         near = near or float(np.linalg.norm(change)) < _CLOSE
-        here[numbers] -= unit * np.clip(change, -_MAX_STEP, _MAX_STEP)
+        fitted[numbers] -= unit * np.clip(change, -_MAX_STEP, _MAX_STEP)
     return None
 
 
 def _compare(
-    found: Coverage,
+    covered: Coverage,
     radiance: Float[np.ndarray, "h w"],
-    known: Bool[np.ndarray, "h w"],
+    compared: Bool[np.ndarray, "h w"],
     near: bool,
 ) -> _Rows:
     """Covered fractions near outlines, and those that the data give."""
-    square, c = np.ones((3, 3)), found.fraction
-    outline = binary_dilation((c > 0) & (c < 1), square) & known
+    square = np.ones((3, 3))
+    c = covered.fraction
+    outline = binary_dilation((c > 0) & (c < 1), square) & compared
     row, column = np.nonzero(outline)
     ends = []
     for pure in (c == 1, c == 0):
         # In a pose that is off the outermost of these are mixed in the data.
-        chosen = pure if near else binary_erosion(pure, square, border_value=1)
-        given = radiance, chosen & known, _NEAR if near else _FAR
-        ends.append(_continued(*given, row, column))
-    (body, on_body), (behind, beside) = ends
+        unmixed = pure if near else binary_erosion(pure, square, border_value=1)
+        extended = _continued(
+            radiance,
+            sampled=unmixed & compared,
+            spread=_NEAR if near else _FAR,
+            row=row,
+            column=column,
+        )
+        ends.append(extended)
+    (body, on_body), (behind, on_background) = ends
     contrast = body - behind
-    enough = (np.minimum(on_body, beside) > _MIN_WEIGHT) & (contrast != 0)
-    row, column, contrast = row[enough], column[enough], contrast[enough]
-    given = (radiance[row, column] - behind[enough]) / contrast
-    residual = c[row, column] - given
+    is_clear = (np.minimum(on_body, on_background) > _MIN_WEIGHT) & (contrast != 0)
+    row = row[is_clear]
+    column = column[is_clear]
+    contrast = contrast[is_clear]
+    data_fraction = (radiance[row, column] - behind[is_clear]) / contrast
+    residual = c[row, column] - data_fraction
     if not len(residual):
         return _Rows(row, residual, residual)
     # A noisy frame has fractions as precise as its contrast; the mesh has not.
@@ -146,39 +161,44 @@ def _compare(
 
 def _continued(
     values: Float[np.ndarray, "h w"],
-    chosen: Bool[np.ndarray, "h w"],
+    sampled: Bool[np.ndarray, "h w"],
     spread: float,
     row: Int[np.ndarray, " p"],
     column: Int[np.ndarray, " p"],
 ) -> tuple[Float[np.ndarray, " p"], Float[np.ndarray, " p"]]:
-    """Values at pixels of planes through the chosen ones, and their sums of weights.
+    """Values at pixels of planes through the sampled ones, and their sums of weights.
 
     Minimizes sum_i w_i (a + b . x_i - v_i)^2 + ridge |b|^2 sum_i w_i at each pixel,
     with Gaussian weights of the distances x_i.
     """
-    weight = chosen.astype(float)
-    # About the middle of the image, so that moments are small differences of none.
+    weight = sampled.astype(float)
+    # Coordinates count from the middle, so that moments are no small differences.
     y, x = np.mgrid[: values.shape[0], : values.shape[1]] - 0.5 * np.reshape(
         values.shape, (2, 1, 1)
     )
-    here, there = x[row, column], y[row, column]
-    level = values[chosen].mean() if chosen.any() else 0.0
-    sums = lambda each: gaussian_filter(weight * each, spread, mode="constant")[
-        row, column
-    ]
-    total, sx, sy = sums(1.0), sums(x), sums(y)
-    v, away = sums(values - level), (here, there)
+    at = (x[row, column], y[row, column])
+    level = values[sampled].mean() if sampled.any() else 0.0
+
+    def sums(image: Float[np.ndarray, "h w"] | float) -> Float[np.ndarray, " p"]:
+        blurred = gaussian_filter(weight * image, spread, mode="constant")
+        return blurred[row, column]
+
+    total = sums(1.0)
+    sx = sums(x)
+    sy = sums(y)
+    v = sums(values - level)
+    at_x, at_y = at
     moments = {
-        (0, 0): sums(x * x) - 2 * here * sx + here**2 * total,
-        (0, 1): sums(x * y) - here * sy - there * sx + here * there * total,
-        (1, 1): sums(y * y) - 2 * there * sy + there**2 * total,
+        (0, 0): sums(x * x) - 2 * at_x * sx + at_x**2 * total,
+        (0, 1): sums(x * y) - at_x * sy - at_y * sx + at_x * at_y * total,
+        (1, 1): sums(y * y) - 2 * at_y * sy + at_y**2 * total,
     }
     matrix = np.zeros((len(row), 3, 3))
     matrix[:, 0, 0] = total + 1e-12
     right = [v]
     for n, (axis, first) in enumerate(((x, sx), (y, sy))):
-        matrix[:, 0, n + 1] = matrix[:, n + 1, 0] = first - away[n] * total
-        right.append(sums((values - level) * axis) - away[n] * v)
+        matrix[:, 0, n + 1] = matrix[:, n + 1, 0] = first - at[n] * total
+        right.append(sums((values - level) * axis) - at[n] * v)
     for (m, n), moment in moments.items():
         matrix[:, m + 1, n + 1] = matrix[:, n + 1, m + 1] = moment
     matrix[:, [1, 2], [1, 2]] += _RIDGE * total[:, None] + 1e-12
@@ -198,6 +218,6 @@ def _information(
     """
     square = slopes.T @ slopes
     scatter = score_covariance(slopes.T, residual, image_clusters(pixel, width))
-    # Without a part in B what no outline determines would count as known.
+    # Without this term, what no outline determines would count as known.
     scatter += 1e-6 * np.trace(scatter) * np.eye(len(scatter))
     return square @ np.linalg.solve(scatter, square)

@@ -47,29 +47,29 @@ _FIELD_OF = {"absorptivity": "given_absorptivity"}
 def find_path(scene: Scene, name: str) -> Path:
     """Resolve a dotted name in a scene, which must have such a number."""
     path: Path = tuple(int(p) if p.isdigit() else p for p in name.split("."))
-    head, rest = path[0], path[1:]
+    head, *tail = path
     if head in _ABBREVIATIONS:
-        path = (*_ABBREVIATIONS[str(head)], *rest)
+        path = (*_ABBREVIATIONS[str(head)], *tail)
         if len(scene.bodies) > 1:
             raise InputError(
                 f"parameter {name}: the scene has {len(scene.bodies)} bodies: say "
                 f"which, as in {'.'.join(map(str, path))}"
             )
     elif head in (names := mechanism_names(scene)):
-        path = ("terms", names.index(str(head)), *rest)
+        path = ("terms", names.index(str(head)), *tail)
     path = tuple(_FIELD_OF.get(p, p) if isinstance(p, str) else p for p in path)
     node: Any = scene
-    for depth, part in enumerate(path):
-        known = _children(node)
-        if part not in known:
+    for depth, step in enumerate(path):
+        children = _children(node)
+        if step not in children:
             parent = ".".join(map(str, path[:depth])) or "a scene"
-            close = difflib.get_close_matches(str(part), map(str, known), 1)
+            close = difflib.get_close_matches(str(step), map(str, children), 1)
             hint = f"; did you mean '{close[0]}'?" if close else ""
-            listed = ", ".join(map(str, known)) or "nothing to be fitted"
+            listed = ", ".join(map(str, children)) or "nothing to be fitted"
             raise InputError(
-                f"parameter {name}: {parent} has no '{part}'{hint} (it has {listed})"
+                f"parameter {name}: {parent} has no '{step}'{hint} (it has {listed})"
             )
-        node = _child(node, part)
+        node = _child(node, step)
     if _children(node):
         listed = ", ".join(map(str, _children(node)))
         raise InputError(f"parameter {name}: name one of its parts: {listed}")
@@ -83,23 +83,26 @@ def value_at(scene: Scene, path: Path) -> Any:
 
 def with_values(scene: Scene, values: Mapping[Path, Any]) -> Scene:
     """Copy of the scene with other values at some paths."""
-    there = lambda s: [value_at(s, path) for path in values]
-    # A value of None is no leaf by default, and could not be replaced.
-    is_none = lambda leaf: leaf is None
-    return eqx.tree_at(there, scene, list(values.values()), is_leaf=is_none)
+    return eqx.tree_at(
+        lambda scene: [value_at(scene, path) for path in values],
+        scene,
+        list(values.values()),
+        # A value of None is no leaf by default, and could not be replaced.
+        is_leaf=lambda leaf: leaf is None,
+    )
 
 
-def _child(node: Any, part: str | int) -> Any:
-    return node[part] if isinstance(part, int) else getattr(node, part)
+def _child(node: Any, step: str | int) -> Any:
+    return node[step] if isinstance(step, int) else getattr(node, step)
 
 
 def _children(node: Any) -> tuple[str | int, ...]:
     if isinstance(node, list | tuple):
         return tuple(range(len(node)))
+    if not is_dataclass(node):
+        return ()
     # Static fields are compiled into the program and cannot be fitted.
-    is_static = lambda field: field.metadata.get("static", False)
-    given = fields(node) if is_dataclass(node) else ()
-    return tuple(field.name for field in given if not is_static(field))
+    return tuple(f.name for f in fields(node) if not f.metadata.get("static", False))
 
 
 Coordinates = Float[Array | np.ndarray, " p"]
@@ -135,9 +138,9 @@ class Smoothness:
 
     def residual(self, value: Values) -> Float[Array, " q"]:
         """One row per link end; their squares sum to the penalty."""
-        ends, logs = np.concatenate([self.src, self.dst]), jnp.log(value)
-        # A link is an end at both of its nodes.
-        logs = jnp.concatenate([logs, logs])
+        # A link has an end at both of its nodes.
+        ends = np.concatenate([self.src, self.dst])
+        logs = jnp.concatenate([jnp.log(value), jnp.log(value)])
         nodes = int(ends.max()) + 1
         count = np.maximum(np.bincount(ends, minlength=nodes), 1).astype(logs.dtype)
         mean = jax.ops.segment_sum(logs, jnp.asarray(ends), nodes) / count
@@ -179,11 +182,11 @@ class Parameter:
                 )
         varied = self.start[1:] if self.first_is_fixed else self.start
         start = np.asarray(varied[0] if self.is_scalar else varied)
-        made = bijection(
+        chosen_bijection = bijection(
             start, lower=self.lower, upper=self.upper, softplus=self.softplus
         )
         # The dataclass is frozen.
-        object.__setattr__(self, "bijection", made)
+        object.__setattr__(self, "bijection", chosen_bijection)
 
     @property
     def size(self) -> int:
@@ -251,10 +254,12 @@ class ParameterSet:
 
     def values(self, z: Coordinates) -> dict[str, Values]:
         """Values by parameter name."""
-        z, values, first = jnp.asarray(z), {}, 0
+        z = jnp.asarray(z)
+        values = {}
+        first = 0
         for p in self.parameters:
-            part = z[first : first + p.size]
-            value = p.bijection.value(part[0] if p.is_scalar else part)
+            coordinates = z[first : first + p.size]
+            value = p.bijection.value(coordinates[0] if p.is_scalar else coordinates)
             # Bounds are float64 and must not promote a float32 fit.
             value = jnp.asarray(value, z.dtype)
             if p.first_is_fixed:
@@ -267,32 +272,34 @@ class ParameterSet:
     def flat_values(self, z: Coordinates) -> Float[Array, " p"]:
         """Values of all coordinates, in the order of `labels`."""
         values = self.values(z)
-        parts = [jnp.atleast_1d(values[p.name]) for p in self.parameters]
-        pairs = zip(self.parameters, parts, strict=True)
+        arrays = [jnp.atleast_1d(values[p.name]) for p in self.parameters]
+        pairs = zip(self.parameters, arrays, strict=True)
         return jnp.concatenate([v[1:] if p.first_is_fixed else v for p, v in pairs])
 
     def coordinates(self, values: dict[str, Any]) -> Float[Array, " p"]:
         """Coordinates of values by parameter name."""
-        parts = [jnp.atleast_1d(p.coordinate(values[p.name])) for p in self.parameters]
-        return jnp.concatenate(parts)
+        arrays = [jnp.atleast_1d(p.coordinate(values[p.name])) for p in self.parameters]
+        return jnp.concatenate(arrays)
 
     def insert(self, scene: Scene, z: Coordinates) -> Scene:
         """Copy of the scene with the values of the coordinates z."""
         # Runs when a program is traced, not at each evaluation.
         values = self._by_path(z).items()
-        own = {find_path(scene, n): v for n, v in values if not is_of_frames(n)}
-        return with_values(scene, own) if own else scene
+        scene_values = {
+            find_path(scene, n): v for n, v in values if not is_of_frames(n)
+        }
+        return with_values(scene, scene_values) if scene_values else scene
 
     def frame_values(self, z: Coordinates, views: Any = ()) -> FrameValues:
-        """Values that frames depend on beside the scene, of cameras with these views.
+        """Values of frames at z.
 
-        `views` holds their views near these poses; without any, all are as given.
+        `views` holds the cameras' views near these poses; by default they do not move.
         """
         values = self._by_path(z)
         poses = self.poses(z, len(views)) if views else AS_GIVEN.poses
         reflected = values.get(REFLECTED)
         kelvin = None if reflected is None else jnp.asarray(reflected)
-        return FrameValues(poses, views, kelvin)
+        return FrameValues(poses=poses, views=views, reflected=kelvin)
 
     def poses(self, z: Coordinates, cameras: int) -> Float[Array, "v 6"]:
         """Poses of that many cameras."""
@@ -303,10 +310,10 @@ class ParameterSet:
         return {n: values[p.name] for p in self.parameters for n in p.paths}
 
     def prior_residual(
-        self, z: Coordinates, kind: Literal["prior", "smoothness"]
+        self, z: Coordinates, penalty: Literal["prior", "smoothness"]
     ) -> Float[Array, " q"]:
         """Deviations from the priors, or of neighbouring links' weights [sd]."""
         values = self.values(z)
-        terms = ((getattr(p, kind), values[p.name]) for p in self.parameters)
+        terms = ((getattr(p, penalty), values[p.name]) for p in self.parameters)
         rows = [jnp.atleast_1d(term.residual(v)) for term, v in terms if term]
         return jnp.concatenate(rows) if rows else jnp.zeros(0, z.dtype)

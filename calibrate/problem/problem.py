@@ -57,7 +57,7 @@ class Case:
 
 
 class RunDiagnostics(NamedTuple):
-    """Results of the runs at one point besides their residuals."""
+    """Results of the runs at one point in addition to their residuals."""
 
     stable_steps: Float[Array, " c"]
     """Explicit stability limit of each case [s]."""
@@ -125,23 +125,24 @@ class Problem:
     def known_sd(self) -> float | None:
         """Standard deviation of a residual due to noise; None if it is not known."""
         # Percent of a reference and noise of a pixel have no common scale.
-        known = {case.target.known_sd for case in self.cases}
-        if len(known) > 1:
+        deviations = {case.target.known_sd for case in self.cases}
+        if len(deviations) > 1:
             raise InputError("cases: fit to references or to frames, not to both")
-        sd = known.pop()
+        sd = deviations.pop()
         return None if sd is None else sd / math.sqrt(len(self.cases))
 
     @property
     def clusters(self) -> Int[np.ndarray, " r"] | None:
         """Numbers of the groups of data residuals that are alike; None if unknown."""
-        found, first = [], 0
+        clusters = []
+        first = 0
         for case in self.cases:
             numbers = case.target.clusters
             if numbers is None:
                 return None
-            found.append(first + numbers)
+            clusters.append(first + numbers)
             first += int(numbers.max()) + 1
-        return np.concatenate(found)
+        return np.concatenate(clusters)
 
     def start(self) -> Float[Array, " p"]:
         """Coordinates of the start values."""
@@ -149,19 +150,19 @@ class Problem:
 
     def step_tables(self) -> StepTables:
         """Steps of each case for the start values, with a margin for stiffer ones."""
-        found = []
+        tables = []
         for case in self.cases:
             # Other solvers choose their own steps.
             longest = None
             if case.run.uses_stable_step:
                 longest = float(case.run.stable_step(case.scene)) / _STEP_MARGIN
-            found.append(case.run.step_table(case.scene, longest))
-        return tuple(found)
+            tables.append(case.run.step_table(case.scene, longest))
+        return tuple(tables)
 
     def step_tables_at(
         self, z: Coordinates, step_tables: StepTables | None = None
     ) -> StepTables:
-        """Steps that are stable at z: those given, or of the start, or finer ones."""
+        """Steps that are stable at z: `step_tables`, those of the start, or finer."""
         step_tables = self.step_tables() if step_tables is None else step_tables
         return refine_steps(step_tables, self.stable_steps(z))
 
@@ -181,7 +182,10 @@ class Problem:
         With poses of cameras among the parameters they are exact at the z of the
         `views`, and of the first order near it.
         """
-        rows, steps, errors, finite = [], [], [], jnp.asarray(True)
+        rows = []
+        steps = []
+        errors = []
+        finite = jnp.asarray(True)
         for n, (case, table) in enumerate(zip(self.cases, step_tables, strict=True)):
             scene = self.parameters.insert(case.scene, z)
             solution = case.run(scene, table)
@@ -201,19 +205,22 @@ class Problem:
         outlines = self._outline_rows(z)
         rows = [data, unit * prior, unit * smoothness, unit * outlines]
         all_rows = jnp.concatenate(rows)
-        diagnostics = RunDiagnostics(jnp.stack(steps), finite, tuple(errors))
+        diagnostics = RunDiagnostics(
+            stable_steps=jnp.stack(steps), finite=finite, errors=tuple(errors)
+        )
         return all_rows.astype(z.dtype), diagnostics
 
     def _outline_rows(self, z: Coordinates) -> Float[Array, " q"]:
         """Deviations of cameras from where their outlines are [sd], as they weigh."""
         if not self.aligned:
             return jnp.zeros(0, z.dtype)
-        poses, rows = self.parameters.poses(z, max(self.aligned) + 1), []
-        for camera, found in self.aligned.items():
-            if found.whiten is not None:
-                weights = math.sqrt(found.effect) * found.whiten
-                away = poses[camera] - jnp.asarray(found.pose, z.dtype)
-                rows.append(jnp.asarray(weights, z.dtype) @ away[found.numbers])
+        poses = self.parameters.poses(z, max(self.aligned) + 1)
+        rows = []
+        for camera, aligned in self.aligned.items():
+            if aligned.whiten is not None:
+                weights = math.sqrt(aligned.effect) * aligned.whiten
+                away = poses[camera] - jnp.asarray(aligned.pose, z.dtype)
+                rows.append(jnp.asarray(weights, z.dtype) @ away[aligned.numbers])
         return jnp.concatenate([jnp.zeros(0, z.dtype), *rows])
 
     def scatter(
@@ -223,20 +230,21 @@ class Problem:
 
         None where the data have no clusters, or too few of them to tell.
         """
-        clusters, sd = self.clusters, self.known_sd
+        clusters = self.clusters
+        sd = self.known_sd
         if clusters is None or sd is None:
             return None
         if int(clusters.max()) + 1 < _MIN_CLUSTERS * len(rows):
             return None
         data = len(clusters)
-        found = score_covariance(rows[:, :data], residual[:data], clusters)
+        data_scatter = score_covariance(rows[:, :data], residual[:data], clusters)
         # Rows of priors and outlines have a variance that is known.
         variance = np.ones(len(residual) - data)
-        known = [a for a in self.aligned.values() if a.whiten is not None]
-        effects = [effect for a in known for effect in [a.effect] * len(a.numbers)]
+        sharpened = [a for a in self.aligned.values() if a.whiten is not None]
+        effects = [effect for a in sharpened for effect in [a.effect] * len(a.numbers)]
         variance[len(variance) - len(effects) :] = effects
         variance *= sd**2
-        return found + (rows[:, data:] * variance) @ rows[:, data:].T
+        return data_scatter + (rows[:, data:] * variance) @ rows[:, data:].T
 
     def stable_steps(self, z: Coordinates) -> Float[Array, " c"]:
         """Stability limit of each case at z [s]; infinite where the solver has none."""
@@ -309,7 +317,8 @@ def refine_steps(
     `stable` is the limit of each case [s], infinite where the solver has none, and
     `first` the steps at the start of a fit.
     """
-    found, changed = [], False
+    refined = []
+    changed = False
     for n, (table, limit) in enumerate(
         zip(step_tables, np.asarray(stable, float), strict=True)
     ):
@@ -318,13 +327,14 @@ def refine_steps(
         # diverges and is refused instead of running for hours.
         shortest = 0.0 if first is None else _longest_step(first[n]) / _MAX_STIFFENING
         if np.isfinite(limit) and shortest < limit < longest:
-            # More steps than needed now: each change moves the residuals a little.
+            # More steps than needed: each change moves the residuals a little.
             table = with_more_steps(table, _STEP_MARGIN * longest / limit)
             changed = True
-        found.append(table)
-    return tuple(found) if changed else step_tables
+        refined.append(table)
+    return tuple(refined) if changed else step_tables
 
 
 def _longest_step(table: StepTable) -> float:
-    sizes, counts = np.asarray(table.dt), np.asarray(table.steps)
+    sizes = np.asarray(table.dt)
+    counts = np.asarray(table.steps)
     return float(sizes[counts > 0].max())

@@ -1,7 +1,7 @@
-"""Runs that others are compared with: computed once and cached.
+"""Reference runs, computed once and cached.
 
-The full volume of the same voxels, and for truth errors runs of finer voxels with an
-estimate of their own error from two coarser ones.
+They are runs of the full volume of the same voxels, and for truth errors runs of finer
+voxels with an estimate of their own error from two coarser ones.
 """
 
 import contextlib
@@ -50,12 +50,13 @@ Log = Callable[[str], None]
 COARSENING = 2.0
 """Pitch of each coarser run, from which a reference's error follows, over the next."""
 
-_COST, _COST_VERSION = "cost of a reference run", 1
+_COST = "cost of a reference run"
+_COST_VERSION = 1
 _REMEDY = "it is run again"
 
 
 class TruthReference(NamedTuple):
-    """A run of finer voxels, its own error, and what it took."""
+    """A run of finer voxels, its own error and its cost."""
 
     solution: StoredSolution
     own_error: DiscretizationError
@@ -71,22 +72,31 @@ class TruthReference(NamedTuple):
 
         Fragments without a counterpart get the mean of the others.
         """
-        rows, lost, first = [], [], 0
+        rows = []
+        lost = []
+        first = 0
         temperature = np.asarray(self.solution.surface_temperature)
-        for own, finer in zip(surfaces, self.solution.surfaces, strict=True):
-            body, there = own.geometry, finer.geometry
-            last = first + len(there.fragment_area)
+        for surface, finer in zip(surfaces, self.solution.surfaces, strict=True):
+            body = surface.geometry
+            finer_body = finer.geometry
+            last = first + len(finer_body.fragment_area)
             reading = surface_reading(
-                there, body.fragment_position, body.fragment_normal
+                finer_body,
+                points=body.fragment_position,
+                normals=body.fragment_normal,
             )
             rows.append(reading.read(temperature[:, first:last]))
             lost.append(reading.is_lost)
             first = last
-        found, nowhere = np.concatenate(rows, axis=1), np.concatenate(lost)
-        if nowhere.all():
+        temperatures = np.concatenate(rows, axis=1)
+        is_lost = np.concatenate(lost)
+        if is_lost.all():
             raise InputError("truth: the finer voxels have no surface in common")
-        found[:, nowhere] = found[:, ~nowhere].mean(axis=1, keepdims=True)
-        return StoredSolution(self.solution.times, found, surfaces), nowhere
+        temperatures[:, is_lost] = temperatures[:, ~is_lost].mean(axis=1, keepdims=True)
+        stored = StoredSolution(
+            self.solution.times, surface_temperature=temperatures, surfaces=surfaces
+        )
+        return stored, is_lost
 
 
 @functools.cache
@@ -105,8 +115,10 @@ def program_hash(with_calibrate: bool = False) -> str:
 
 def on_every_voxel(config: SceneConfig) -> SceneConfig:
     """Config with the full volume for all bodies, and defaults for what it ignores."""
-    default = lambda body: type(body).model_fields["structure"].default
-    bodies = (b.model_copy(update={"structure": default(b)}) for b in config.bodies)
+    bodies = []
+    for body in config.bodies:
+        default = type(body).model_fields["structure"].default
+        bodies.append(body.model_copy(update={"structure": default}))
     return _with_bodies(config, tuple(bodies))
 
 
@@ -125,17 +137,18 @@ def full_volume_run(config: SceneConfig, step: float, log: Log) -> StoredSolutio
     Args:
         config: of the scene.
         step: over the largest stable one [-].
-        log: told before the run.
+        log: called before the run.
     """
-    message = "running the full volume"
-    found, cost = _stored_run(on_every_voxel(config), step, lambda: log(message))
+    solution, cost = _stored_run(
+        on_every_voxel(config), step=step, log=lambda: log("running the full volume")
+    )
     for text in cost["warnings"]:
         warnings.warn(text, stacklevel=2)
-    return found
+    return solution
 
 
 def refined_reference(
-    config: SceneConfig, given: RefinedReference, log: Log
+    config: SceneConfig, settings: RefinedReference, log: Log
 ) -> TruthReference:
     """Run a scene in finer voxels and in two coarser ones, or load the runs.
 
@@ -144,61 +157,77 @@ def refined_reference(
     Raises:
         InputError: if the scene has no finer voxels, or a run fails.
     """
-    pitches = _refined_pitches(config, given)
+    pitches = _refined_pitches(config, settings)
     return _reference(
-        config, given=given, pitches=pitches, refinement=given.refinement, log=log
+        config,
+        settings=settings,
+        pitches=pitches,
+        refinement=settings.refinement,
+        log=log,
     )
 
 
 def coarser_difference(
-    config: SceneConfig, given: RefinedReference, log: Log
+    config: SceneConfig, settings: RefinedReference, log: Log
 ) -> TruthError:
     """Difference between a reference and the next coarser run, without a third one.
 
     Errors and remarks are those of `refined_reference`.
     """
-    pitches = _refined_pitches(config, given)
-    # The coarser one first: what nothing can be run in is found sooner.
-    given_runs = config, given, pitches, given.refinement, log, (COARSENING, 1.0)
-    (coarser, _), (finer, _) = _runs(*given_runs)
-    return truth_error(coarser, reference=finer, count=given.points, seed=given.seed)
+    pitches = _refined_pitches(config, settings)
+    # The coarser one first: it fails sooner where nothing can be run.
+    (coarser, _), (finer, _) = _runs(
+        config,
+        settings=settings,
+        pitches=pitches,
+        refinement=settings.refinement,
+        log=log,
+        factors=(COARSENING, 1.0),
+    )
+    return truth_error(
+        coarser, reference=finer, count=settings.points, seed=settings.seed
+    )
 
 
-def _refined_pitches(config: SceneConfig, given: RefinedReference) -> tuple[float, ...]:
+def _refined_pitches(
+    config: SceneConfig, settings: RefinedReference
+) -> tuple[float, ...]:
     return tuple(
-        voxel_pitch(number, body) / given.refinement
+        voxel_pitch(number, body) / settings.refinement
         for number, body in enumerate(config.bodies)
     )
 
 
 def absolute_reference(
-    config: SceneConfig, given: AbsoluteReference, log: Log
+    config: SceneConfig, settings: AbsoluteReference, log: Log
 ) -> TruthReference:
     """Run a scene in voxels of a given size and in two coarser ones, or load the runs.
 
     Equal for all scenes that differ in voxels, structure, surface map, precision and
     solver only. Errors and remarks are those of `refined_reference`.
     """
-    pitches = _absolute_pitches(config, given)
-    config = config.model_copy(update={"dtype": given.dtype})
-    return _reference(config, given=given, pitches=pitches, refinement=None, log=log)
+    pitches = _absolute_pitches(config, settings)
+    config = config.model_copy(update={"dtype": settings.dtype})
+    return _reference(
+        config, settings=settings, pitches=pitches, refinement=None, log=log
+    )
 
 
-def reference_key(config: SceneConfig, given: AbsoluteReference) -> str:
+def reference_key(config: SceneConfig, settings: AbsoluteReference) -> str:
     """Hash that scenes with one absolute reference have in common."""
-    own = config.model_copy(update={"dtype": given.dtype})
-    # The pitch follows from the mesh and from `given`: no mesh is loaded for a key.
-    same = _with_pitches(own, (1.0,) * len(own.bodies), given)
-    text = f"{config_hash(same)} {given.model_dump_json()} {program_hash()}"
+    typed = config.model_copy(update={"dtype": settings.dtype})
+    # The pitch follows from the mesh and the settings: no mesh is loaded for a key.
+    same = _with_pitches(typed, pitches=(1.0,) * len(typed.bodies), settings=settings)
+    text = f"{config_hash(same)} {settings.model_dump_json()} {program_hash()}"
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _absolute_pitches(
-    config: SceneConfig, given: AbsoluteReference
+    config: SceneConfig, settings: AbsoluteReference
 ) -> tuple[float, ...]:
-    pitch = given.pitch
+    pitch = settings.pitch
     if pitch is None:
-        high = {"voxels_high": given.voxels_high, "pitch": None}
+        high = {"voxels_high": settings.voxels_high, "pitch": None}
         pitch = voxel_pitch(0, config.bodies[0].model_copy(update=high))
     for number, body in enumerate(config.bodies):
         _check_refinable(number, body)
@@ -220,7 +249,7 @@ def voxel_pitch(number: int, body: BodyConfig) -> float:
 
 def _reference(
     config: SceneConfig,
-    given: RefinedReference | AbsoluteReference,
+    settings: RefinedReference | AbsoluteReference,
     pitches: tuple[float, ...],
     refinement: float | None,
     log: Log,
@@ -229,20 +258,20 @@ def _reference(
     factors = 1.0, COARSENING, COARSENING**2
     runs = _runs(
         config,
-        given=given,
+        settings=settings,
         pitches=pitches,
         refinement=refinement,
         log=log,
         factors=factors,
     )
     solutions, costs = zip(*runs, strict=True)
-    error = discretization_error(*solutions, count=given.points, seed=given.seed)
-    return TruthReference(solutions[0], error, costs)
+    error = discretization_error(*solutions, count=settings.points, seed=settings.seed)
+    return TruthReference(solution=solutions[0], own_error=error, costs=costs)
 
 
 def _runs(
     config: SceneConfig,
-    given: RefinedReference | AbsoluteReference,
+    settings: RefinedReference | AbsoluteReference,
     pitches: tuple[float, ...],
     refinement: float | None,
     log: Log,
@@ -250,20 +279,20 @@ def _runs(
 ) -> list[tuple[StoredSolution, dict[str, Any]]]:
     runs = []
     for factor in factors:
-        own = tuple(pitch * factor for pitch in pitches)
+        pitches_m = tuple(pitch * factor for pitch in pitches)
         finer = None if refinement is None else refinement / factor
-        name = f"voxels of {1e3 * own[0]:.3g} mm"
+        millimetres = f"{1e3 * pitches_m[0]:.3g} mm"
+        name = f"voxels of {millimetres}"
         if finer is not None:
             name = f"voxels {finer:.3g} times as fine"
         try:
-            made = _with_pitches(config, own, given)
-            kind = made.bodies[0].structure.kind.replace("_", " ")
-            said = lambda kind=kind, own=own: log(
-                f"running {kind} of {1e3 * own[0]:.3g} mm"
-            )
-            solution, cost = _stored_run(made, None, said)
-            head = {} if finer is None else {"refinement": finer}
-            runs.append((solution, {**head, **cost}))
+            refined_config = _with_pitches(config, pitches=pitches_m, settings=settings)
+            structure = refined_config.bodies[0].structure.kind.replace("_", " ")
+            announce = functools.partial(log, f"running {structure} of {millimetres}")
+            solution, cost = _stored_run(refined_config, step=None, log=announce)
+            if finer is not None:
+                cost = {"refinement": finer, **cost}
+            runs.append((solution, cost))
         except InputError as error:
             raise InputError(f"truth: in {name}: {error}") from error
     return runs
@@ -291,15 +320,15 @@ def _check_refinable(number: int, body: BodyConfig) -> None:
 def _with_pitches(
     config: SceneConfig,
     pitches: tuple[float, ...],
-    given: RefinedReference | AbsoluteReference,
+    settings: RefinedReference | AbsoluteReference,
 ) -> SceneConfig:
     """Config with voxels of these edges [m] as a reference, read at the surface."""
     bodies = []
     for n, (body, pitch) in enumerate(zip(config.bodies, pitches, strict=True)):
         _check_refinable(n, body)
         surface_map = type(body).model_fields["surface_map"].default
-        changes = {"structure": given.structure, "surface_map": surface_map}
-        changes["surface_cells"] = given.surface_cells
+        changes = {"structure": settings.structure, "surface_map": surface_map}
+        changes["surface_cells"] = settings.surface_cells
         changes |= {"pitch": pitch, "voxels_high": None}
         bodies.append(body.model_copy(update=changes))
     return _with_bodies(config, tuple(bodies))
@@ -312,7 +341,8 @@ def _stored_run(
 
     Explicit steps of `step` times the stable one, or with a controlled error in time.
     """
-    folder, path = cache_folder(), None
+    folder = cache_folder()
+    path = None
     if folder is not None:
         text = f"{config_hash(config)} {step!r} {program_hash()}"
         name = hashlib.sha256(text.encode()).hexdigest()[:32]
@@ -331,37 +361,42 @@ def _stored_run(
     clock = time.perf_counter()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        found = _run(config, step)
+        solution = _run(config, step)
     cost: dict[str, Any] = {
         "structure": config.bodies[0].structure.kind,
-        "pitch_m": [surface.geometry.pitch for surface in found.surfaces],
-        "nodes": found.receipt.nodes,
-        "steps": found.run.steps,
-        "time_error_kelvin": found.run.time_error,
-        "memory_bytes": found.receipt.memory_bytes,
+        "pitch_m": [surface.geometry.pitch for surface in solution.surfaces],
+        "nodes": solution.receipt.nodes,
+        "steps": solution.run.steps,
+        "time_error_kelvin": solution.run.time_error,
+        "memory_bytes": solution.receipt.memory_bytes,
         "run_time_s": time.perf_counter() - clock,
-        # What the voxels of a coarser run lack is no news of the run that is judged.
-        "warnings": list(dict.fromkeys(str(each.message) for each in caught)),
+        # Those of coarser voxels are no warnings of the run that is judged.
+        "warnings": list(dict.fromkeys(str(warning.message) for warning in caught)),
     }
     if path is not None:
         path.parent.mkdir(parents=True, exist_ok=True)
         remove_leftovers(path.parent)
-        save_solution(path, found)
+        save_solution(path, solution)
         write_json(path.with_suffix(".json"), signed(_COST, _COST_VERSION, cost))
-    stored = StoredSolution(found.times, found.surface_temperature, found.surfaces)
+    stored = StoredSolution(
+        solution.times,
+        surface_temperature=solution.surface_temperature,
+        surfaces=solution.surfaces,
+    )
     return stored, {**cost, "cached": False}
 
 
 def _run(config: SceneConfig, step: float | None) -> Solution:
     scene = config.build()
-    end, saves = config.time.end, config.time.save_times
+    end = config.time.end
+    saves = config.time.save_times
     solver = config.solver.build()
     if step is not None:
         with precision(config.dtype):
             stable = float(compile_scene(scene, len(saves), end).stable_step)
         # A scene without any stability limit takes the solver's default.
         solver = ForwardEuler(dt=step * stable if np.isfinite(stable) else None)
-    found = simulate(scene, end, saves, solver=solver, throw=False)
-    if found.result != RESULTS.successful:
-        raise InputError(f"the reference: {RESULTS[found.result]}")
-    return found
+    solution = simulate(scene, t1=end, save_at=saves, solver=solver, throw=False)
+    if solution.result != RESULTS.successful:
+        raise InputError(f"the reference: {RESULTS[solution.result]}")
+    return solution

@@ -141,7 +141,11 @@ class SurfaceTarget(AbstractTarget):
     @override
     def case_error(self, errors: Float[np.ndarray, " t"]) -> CaseError:
         span = np.asarray(error_span(jnp.asarray(np.asarray(self.reference))), float)
-        return CaseError(self.times, tuple(errors.tolist()), tuple(errors * span / 100))
+        return CaseError(
+            times=self.times,
+            percent=tuple(errors.tolist()),
+            kelvin=tuple(errors * span / 100),
+        )
 
 
 def surface_target(
@@ -170,7 +174,11 @@ def surface_target(
     scale = 100 * np.sqrt(area / area.sum())[None] / span[:, None]
     # The sum of squares is then the mean over the times.
     scale = scale / np.sqrt(len(times))
-    return SurfaceTarget(times, jnp.asarray(surface, dtype), jnp.asarray(scale, dtype))
+    return SurfaceTarget(
+        times=times,
+        reference=jnp.asarray(surface, dtype),
+        scale=jnp.asarray(scale, dtype),
+    )
 
 
 class FrameTarget(AbstractTarget):
@@ -183,7 +191,7 @@ class FrameTarget(AbstractTarget):
     views: tuple[View, ...] = eqx.field(static=True)
     data: tuple[Float[Array, "_ _"], ...]
     """Compared pixels of each view, one row per saved time [K or W/(m^2 sr)]."""
-    chosen: tuple[Int[Array, " _"], ...]
+    indices: tuple[Int[Array, " _"], ...]
     """Indices of the compared pixels of each view."""
     noise: float = eqx.field(static=True)
     """Standard deviation of a pixel [K or W/(m^2 sr)]."""
@@ -217,27 +225,33 @@ class FrameTarget(AbstractTarget):
     def views_at(
         self, poses: Float[np.ndarray, "v 6"], dtype: Any
     ) -> tuple[LinearizedView, ...]:
-        found = []
+        views = []
         for view, pose, pixels, room in zip(
-            self.views, poses, self.chosen, self.room, strict=True
+            self.views, poses, self.indices, self.room, strict=True
         ):
-            indices = np.asarray(pixels)
             try:
-                given = self.surfaces, view.camera, pose, indices, room, dtype
-                near = linearize_view(*given)
-                too_far = float(np.mean(near.seen)) < 1 - _MAX_LOST
+                near = linearize_view(
+                    self.surfaces,
+                    camera=view.camera,
+                    pose=pose,
+                    pixels=np.asarray(pixels),
+                    size=room,
+                    dtype=dtype,
+                )
+                is_far = float(np.mean(near.seen)) < 1 - _MAX_LOST
             except (InputError, OverflowError):
-                near, too_far = None, True
-            if near is None or too_far:
+                near = None
+                is_far = True
+            if near is None or is_far:
                 # Residuals that are not finite: the trial is refused.
-                near = blank_view(len(indices), size=room, pose=pose, dtype=dtype)
-            found.append(near)
-        return tuple(found)
+                near = blank_view(len(pixels), size=room, pose=pose, dtype=dtype)
+            views.append(near)
+        return tuple(views)
 
     @property
     def pixel_count(self) -> int:
         """Number of compared pixels of all views at all times."""
-        return sum(len(indices) for indices in self.chosen) * len(self.times)
+        return sum(len(indices) for indices in self.indices) * len(self.times)
 
     @property
     @override
@@ -248,7 +262,7 @@ class FrameTarget(AbstractTarget):
     @override
     def clusters(self) -> Int[np.ndarray, " r"] | None:
         widths = [view.camera.width for view in self.views]
-        return view_clusters(self.chosen, widths, len(self.times))
+        return view_clusters(self.indices, widths, len(self.times))
 
     @override
     def residual(
@@ -257,23 +271,27 @@ class FrameTarget(AbstractTarget):
         solution: ParametricSolution,
         values: FrameValues = AS_GIVEN,
     ) -> Float[Array, "t r"]:
-        parts = []
+        rows = []
         for n, data in enumerate(self.data):
-            away = self.model_pixels(n, scene, solution, values) - data
+            model = self.model_pixels(n, scene=scene, solution=solution, values=values)
+            away = model - data
             # A pixel that the body has left is not compared.
-            parts.append(away * values.views[n].seen[None] if values.views else away)
+            rows.append(away * values.views[n].seen[None] if values.views else away)
         # The squares sum to 1 for a model that is wrong by the noise everywhere.
         scale = self.noise * math.sqrt(self.pixel_count)
-        return jnp.concatenate(parts, axis=1) / scale
+        return jnp.concatenate(rows, axis=1) / scale
 
     @override
     def case_error(self, errors: Float[np.ndarray, " t"]) -> CaseError:
-        percent, kelvin = 100 * errors, errors * self.noise
-        return CaseError(self.times, tuple(percent.tolist()), tuple(kelvin))
+        return CaseError(
+            times=self.times,
+            percent=tuple((100 * errors).tolist()),
+            kelvin=tuple(errors * self.noise),
+        )
 
     def mask(self, view: int) -> Bool[np.ndarray, "h w"]:
         """Compared pixels of a view."""
-        return _mask(self.views[view], np.asarray(self.chosen[view]))
+        return _mask(self.views[view], np.asarray(self.indices[view]))
 
     def model_pixels(
         self,
@@ -284,14 +302,22 @@ class FrameTarget(AbstractTarget):
     ) -> Float[Array, "t p"]:
         """Compared pixels of a view as the model gives them."""
         reflected = self.reflected if values.reflected is None else values.reflected
-        shown = scene, solution, self.times, self.quantity, self.band, reflected
         seen = self.views[view]
-        if not values.views:
-            frames = render_frames(seen, *shown)
-            return frames.reshape(len(frames), -1)[:, self.chosen[view]]
-        assert values.poses is not None
-        near = values.views[view].at(values.poses[view], seen.camera)
-        return render_frames(near, *shown)[:, 0]
+        if values.views:
+            assert values.poses is not None
+            seen = values.views[view].at(values.poses[view], seen.camera)
+        frames = render_frames(
+            seen,
+            scene=scene,
+            solution=solution,
+            times=self.times,
+            quantity=self.quantity,
+            band=self.band,
+            reflected=reflected,
+        )
+        if values.views:
+            return frames[:, 0]
+        return frames.reshape(len(frames), -1)[:, self.indices[view]]
 
     def measure(
         self,
@@ -303,11 +329,18 @@ class FrameTarget(AbstractTarget):
         """Pixels of bodies in any views [standard deviations of the noise]."""
         rows = []
         for view in views:
-            shown = scene, solution, times, self.quantity, self.band, self.reflected
-            frames = render_frames(view, *shown)
+            frames = render_frames(
+                view,
+                scene=scene,
+                solution=solution,
+                times=times,
+                quantity=self.quantity,
+                band=self.band,
+                reflected=self.reflected,
+            )
             # There are no data, and so no mask, of a view that is only proposed.
-            chosen = np.flatnonzero(body_mask(view))
-            rows.append(frames.reshape(len(frames), -1)[:, chosen])
+            indices = np.flatnonzero(body_mask(view))
+            rows.append(frames.reshape(len(frames), -1)[:, indices])
         return jnp.concatenate(rows, axis=1) / self.noise
 
 
@@ -322,17 +355,24 @@ def render_frames(
 ) -> Float[Array, "t h w"]:
     """Whole frames of a run, as "temperature" [K] or "radiance" [W/(m^2 sr)].
 
-    With the temperature `reflected` [K] surfaces reflect a black body of it, beside
+    With the temperature `reflected` [K] surfaces reflect a black body of it, and
     sources, instead of the thermal radiation of the heat balance.
     """
-    surfaces, terms = solution.surfaces, scene.terms
 
     def frame(surface: Float[Array, " s"], time: Float[Array, ""]) -> Any:
         received = received_at(
             solution, surface=surface, time=time, reflected=reflected
         )
-        given = surface, received, time, quantity, band
-        return frame_at(view, surfaces, terms, *given)
+        return frame_at(
+            view,
+            surfaces=solution.surfaces,
+            terms=scene.terms,
+            surface=surface,
+            received=received,
+            time=time,
+            quantity=quantity,
+            band=band,
+        )
 
     return jax.vmap(frame)(
         solution.surface_temperature,
@@ -348,8 +388,8 @@ def received_at(
 ) -> Irradiance:
     """Radiation that reaches the fragments of a run, for what they reflect."""
     # As in the picture of a solution, an event at a saved time comes after it.
-    before = just_before(time)
-    received = irradiance_at(solution.radiation.at(time), before, surface)
+    instant = just_before(time)
+    received = irradiance_at(solution.radiation.at(time), instant, surface)
     if reflected is None:
         return received
     kelvin = jnp.asarray(reflected, surface.dtype)
@@ -368,8 +408,15 @@ def frame_at(
     band: Band | None,
 ) -> Any:
     """Frame of fragments at temperatures [K], as "temperature" or "radiance"."""
-    given = surface, received, just_before(time)
-    image = draw(view, surfaces, terms, *given, band=band)
+    image = draw(
+        view,
+        surfaces=surfaces,
+        terms=terms,
+        temperature=surface,
+        received=received,
+        time=just_before(time),
+        band=band,
+    )
     return image.apparent_temperature if quantity == "temperature" else image.radiance
 
 
@@ -382,14 +429,14 @@ def view_of(
 
 def body_mask(view: View) -> Bool[np.ndarray, "h w"]:
     """Pixels that show a body, and no source of radiation before it."""
-    found = _mask(view, view.pixel)
+    mask = _mask(view, view.pixel)
     for source in view.background.sources:
-        found.reshape(-1)[source.pixel] = False
-    return found
+        mask.reshape(-1)[source.pixel] = False
+    return mask
 
 
 def _mask(view: View, pixels: Any) -> Bool[np.ndarray, "h w"]:
     width, height = view.camera.size
-    found = np.zeros(height * width, bool)
-    found[pixels] = True
-    return found.reshape(height, width)
+    mask = np.zeros(height * width, bool)
+    mask[pixels] = True
+    return mask.reshape(height, width)

@@ -50,7 +50,7 @@ def range_table(cards: Mapping[str, AbstractCard]) -> Table:
 
 
 def about_cards(cards: Mapping[str, AbstractCard]) -> list[str]:
-    """Sentences on what the table of cards has, and how they were made."""
+    """Sentences on the columns of the table, and how the cards were made."""
     if not cards:
         return ["No cards are part of this package."]
     first = next(iter(cards.values()))
@@ -86,18 +86,18 @@ def _structure_words(card: AbstractCard) -> str:
 
 
 def _error_cell(card: AbstractCard, group: str) -> str | Cell:
-    both = _errors(card).get(group)
-    if both is None:
+    errors = _errors(card).get(group)
+    if errors is None:
         return _DASH
-    worse = both["fitted"] > both["default"]
+    worse = errors["fitted"] > errors["default"]
     return Cell(_error_words(card, group) + (", more" if worse else ""), not worse)
 
 
 def _error_words(card: AbstractCard, group: str) -> str:
-    both = _errors(card).get(group)
-    if both is None:
+    errors = _errors(card).get(group)
+    if errors is None:
         return _DASH
-    numbers = " to ".join(padded(both[kind]) for kind in ("default", "fitted"))
+    numbers = f"{padded(errors['default'])} to {padded(errors['fitted'])}"
     return f"{numbers} {'K' if card.error_kelvin else '%'}"
 
 
@@ -106,8 +106,8 @@ def _errors(card: AbstractCard) -> Mapping[str, Mapping[str, float]]:
 
 
 def _reference_words(card: AbstractCard) -> str:
-    found = [both["reference"] for both in card.error_kelvin.values()]
-    return f"{padded(max(found))} K" if found else _DASH
+    reference_errors = [errors["reference"] for errors in card.error_kelvin.values()]
+    return f"{padded(max(reference_errors))} K" if reference_errors else _DASH
 
 
 def _range(card: AbstractCard, name: str) -> str:

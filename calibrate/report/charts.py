@@ -15,8 +15,12 @@ from .text_summary import Result
 MAX_CHARTED = 48
 """Parameters in a chart; a field of thousands only has a table."""
 _Point = dict[str, Any]
-_WIDTH, _ROW_HEIGHT, _CELL = 560.0, 26.0, 34.0
-"""Width of a chart, heights of a parameter and of a cell in it [px]."""
+_WIDTH = 560.0
+"""Width of a chart [px]."""
+_ROW_HEIGHT = 26.0
+"""Height of a parameter [px]."""
+_CELL = 34.0
+"""Edge of a cell of correlations [px]."""
 _LETTER_WIDTH = 7.3
 """Width of a letter in a label [px]."""
 _MAX_BAR = 10.0
@@ -42,14 +46,16 @@ def _is_positive(value: float | None) -> bool:
 
 def loss_chart(result: Result) -> Chart | None:
     """Loss at the best point by step; None if it is nowhere above 0."""
-    kinds = ["not accepted", "accepted"]
+    outcomes = ["not accepted", "accepted"]
     history = [(0, result["loss"]["initial"], "accepted")]
-    history += [(s["step"], s["loss"], kinds[s["accepted"]]) for s in result["steps"]]
+    history += [
+        (s["step"], s["loss"], outcomes[s["accepted"]]) for s in result["steps"]
+    ]
     points = []
-    for step, loss, kind in history:
+    for step, loss, outcome in history:
         if _is_positive(loss):
-            text = f"step {step}, {kind}: {loss:.6g}"
-            points.append({"step": step, "loss": loss, "kind": kind, "text": text})
+            text = f"step {step}, {outcome}: {loss:.6g}"
+            points.append({"step": step, "loss": loss, "kind": outcome, "text": text})
     if not points:
         return None
     vertical = LogAxis([p["loss"] for p in points], "loss: half of the sum of squares")
@@ -57,7 +63,7 @@ def loss_chart(result: Result) -> Chart | None:
     ticks = alt.Axis(tickCount=min(last, 12), format="d", tickMinStep=1)
     # Room for the first and the last point.
     scale = alt.Scale(domain=[0, last], padding=16, nice=False)
-    fill = alt.Scale(domain=kinds[::-1], range=["#17358c", "#ffffff"])
+    fill = alt.Scale(domain=outcomes[::-1], range=["#17358c", "#ffffff"])
     base = alt.Chart(alt.Data(values=points)).encode(
         x=alt.X("step:Q", title="step", axis=ticks, scale=scale),
         y=alt.Y(**vertical.channel("loss")),
@@ -80,7 +86,10 @@ def parameter_charts(result: Result) -> list[Chart]:
             group = groups.setdefault((row["unit"], positive), [])
             group.append({"name": name, **row})
     margin = _label_width([p["name"] for points in groups.values() for p in points])
-    return [_value_chart(points, *key, margin) for key, points in groups.items()]
+    return [
+        _value_chart(points, unit=unit, positive=positive, margin=margin)
+        for (unit, positive), points in groups.items()
+    ]
 
 
 def _label_width(labels: list[str]) -> float:
@@ -99,30 +108,37 @@ def _value_chart(
         limits = (min(ends) / _MAX_BAR, max(ends) * _MAX_BAR)
     else:
         limits = (min(ends) - _MAX_BAR * span, max(ends) + _MAX_BAR * span)
-    rows = [_value_row(p, logarithmic, limits) for p in points]
+    rows = [_value_row(p, logarithmic=logarithmic, limits=limits) for p in points]
     labels = alt.Axis(labelLimit=400, grid=True, ticks=False, minExtent=margin)
     base = alt.Chart(alt.Data(values=rows)).encode(
         y=alt.Y("name:N", title=None, sort=None, axis=labels)
     )
-    every = [r[k] for r in rows for k in ("low", "high", "start", "value")]
+    values = [r[k] for r in rows for k in ("low", "high", "start", "value")]
     title = f"value [{unit}]" if unit else "value"
     # A short logarithmic axis has the ticks of a linear one.
     title += " (logarithmic)" * logarithmic
-    across = _value_axis(every, title, logarithmic)
+    across = _value_axis(values, title=title, logarithmic=logarithmic)
     verdicts = {r["verdict"] for r in rows}
-    shown = [name for name in _VERDICT_COLOURS if name in verdicts]
-    paint = alt.Scale(domain=shown, range=[_VERDICT_COLOURS[name] for name in shown])
+    present = [name for name in _VERDICT_COLOURS if name in verdicts]
+    paint = alt.Scale(
+        domain=present, range=[_VERDICT_COLOURS[name] for name in present]
+    )
     colour = alt.Color("verdict:N", scale=paint, legend=legend("verdict"))
     # Marks of start and fitted value have a legend of their own, apart from colours.
     marks = alt.Scale(domain=["start", "fitted"], range=[_UPRIGHT, "circle"])
-    shape = lambda field: alt.Shape(field, scale=marks, legend=legend(" "))
+
+    def shape(field: str) -> alt.Shape:
+        return alt.Shape(field, scale=marks, legend=legend(" "))
+
     bars = base.mark_rule(strokeWidth=2).encode(
         x=alt.X(**across("low")), x2="high:Q", color=colour
     )
     dots = base.mark_point(size=POINT_AREA, filled=True, opacity=1).encode(
-        x=alt.X(**across("value")), color=colour, shape=shape("as_fitted:N"),
+        x=alt.X(**across("value")),
+        color=colour,
+        shape=shape("as_fitted:N"),
         description="text:N",
-    )  # fmt: skip
+    )
     starts = base.mark_point(
         size=2 * POINT_AREA, stroke="#868d99", strokeWidth=2.5, opacity=1
     ).encode(x=alt.X(**across("start")), shape=shape("as_start:N"))
@@ -137,21 +153,27 @@ def _value_axis(
         return LogAxis(values, title).channel
     scale = alt.Scale(zero=False, padding=16, domain=[min(values), max(values)])
     return lambda field: {
-        "shorthand": field, "type": "quantitative", "title": title, "scale": scale,
+        "shorthand": field,
+        "type": "quantitative",
+        "title": title,
+        "scale": scale,
         "axis": alt.Axis(tickCount=8),
-    }  # fmt: skip
+    }
 
 
 def _value_row(row: _Point, logarithmic: bool, limits: tuple[float, float]) -> _Point:
-    value, error = row["value"], row["standard_error"]
+    value = row["value"]
+    error = row["standard_error"]
     low = high = value
     words = "no error bar"
     if is_finite(error):
-        low, high = value - error, value + error
+        low = value - error
+        high = value + error
         if logarithmic:
             # To first order the relative error is the error of the logarithm.
             factor = math.exp(min(error / value, 700.0))
-            low, high = value / factor, value * factor
+            low = value / factor
+            high = value * factor
         words = f"standard error {error:.2g}"
     start = f"start {row['initial']:.4g}"
     return {
@@ -167,7 +189,7 @@ def _value_row(row: _Point, logarithmic: bool, limits: tuple[float, float]) -> _
     }
 
 
-def error_chart(both: dict[str, dict[str, Any]], title: str) -> Chart | None:
+def error_chart(errors: dict[str, dict[str, Any]], title: str) -> Chart | None:
     """Error over saved time, a frame per case; None if none is above 0."""
     points = [
         {
@@ -177,7 +199,7 @@ def error_chart(both: dict[str, dict[str, Any]], title: str) -> Chart | None:
             "error": percent,
             "text": f"{case}, {values}, {time:g} s: {percent:.3g} %, {kelvin:.3g} K",
         }
-        for values, cases in both.items()
+        for values, cases in errors.items()
         for case, error in cases.items()
         for time, percent, kelvin in zip(
             error["times_s"], error["rms_percent"], error["rms_kelvin"], strict=True
@@ -217,22 +239,28 @@ def correlation_chart(result: Result) -> Chart:
     rows = []
     for i, a in enumerate(names):
         for j, b in enumerate(names):
-            value, text = float(table[i][j]), f"{a} and {b}: {table[i][j]:.2f}"
+            value = float(table[i][j])
+            text = f"{a} and {b}: {value:.2f}"
             rows.append({"row": a, "column": b, "value": value, "text": text})
     width = _label_width(names)
-    axis = lambda margin, **more: alt.Axis(
-        title=None, labelLimit=400, ticks=False, minExtent=margin, **more
+    # Labels at an angle need less height than their length.
+    column_axis = alt.Axis(
+        title=None,
+        labelLimit=400,
+        ticks=False,
+        minExtent=0.7 * width,
+        labelAngle=-40,
     )
+    row_axis = alt.Axis(title=None, labelLimit=400, ticks=False, minExtent=width)
     ends = ["#17358c", "#f0f0ee", "#a31621"]
     paint = alt.Scale(domain=[-1, 0, 1], range=ends, type="linear", interpolate="rgb")
     ticks = [-1, -0.5, 0, 0.5, 1]
     bar = alt.Legend(
         title="correlation", gradientLength=160, values=ticks, format=".1f"
     )
-    # Labels at an angle need less height than their length.
     base = alt.Chart(alt.Data(values=rows)).encode(
-        x=alt.X("column:N", sort=names, axis=axis(0.7 * width, labelAngle=-40)),
-        y=alt.Y("row:N", sort=names, axis=axis(width)),
+        x=alt.X("column:N", sort=names, axis=column_axis),
+        y=alt.Y("row:N", sort=names, axis=row_axis),
     )
     cells = base.mark_rect().encode(
         color=alt.Color("value:Q", scale=paint, legend=bar), description="text:N"

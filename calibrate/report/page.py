@@ -88,17 +88,17 @@ def _errors(result: Result) -> _Sections:
     columns += [] if is_frames(result) else ["default [K]", "fitted [K]"]
     rows: list[list[str]] = []
     charts: _Sections = []
-    for group, both in result["errors"].items():
-        for case in both["fitted"]:
-            pair = [both[kind][case] for kind in ("default", "fitted")]
+    for group, errors in result["errors"].items():
+        for case in errors["fitted"]:
+            pair = (errors["default"][case], errors["fitted"][case])
             percent = [padded(e["worst_percent"]) for e in pair]
             kelvin = [padded(max(e["rms_kelvin"])) for e in pair]
             rows.append([case, GROUPS[group], *percent, *kelvin][: len(columns)])
         title = f"Error over time of the cases {GROUPS[group]}"
-        chart = error_chart(both, error_title(result))
+        chart = error_chart(errors, error_title(result))
         charts += [page.heading(title), _drawn(chart, "All errors are 0.")]
-    every = page.details("Errors at every saved time", time_table(result))
-    return [page.heading("Errors"), Table(columns, rows, left=(0, 1)), every, *charts]
+    details = page.details("Errors at every saved time", time_table(result))
+    return [page.heading("Errors"), Table(columns, rows, left=(0, 1)), details, *charts]
 
 
 def _truth(result: Result) -> _Sections:
@@ -146,19 +146,27 @@ def _pictures(calibration: Calibration, fit: Fit, result: Result) -> _Sections:
 def _worst_case(
     group: str, problem: Problem, calibration: Calibration, fit: Fit, result: Result
 ) -> _Sections:
-    both = result["errors"][group]
-    fitted = both["fitted"]
+    errors = result["errors"][group]
+    fitted = errors["fitted"]
     name = max(fitted, key=lambda case: fitted[case]["worst_percent"])
-    worst = {kind: int(np.argmax(both[kind][name]["rms_percent"])) for kind in both}
+    worst = {
+        label: int(np.argmax(cases[name]["rms_percent"]))
+        for label, cases in errors.items()
+    }
     case = next(case for case in problem.cases if case.name == name)
-    solutions = run_both(problem, case, fit.z)
+    solutions = run_both(problem, case=case, z=fit.z)
     label = f"{name}, {GROUPS[group]}"
     try:
         if isinstance(case.target, FrameTarget):
             views = range(min(len(case.target.views), _MAX_VIEWS))
             time = worst["fitted"]
-            given = case, solutions, values_of_both(problem, case, fit.z), time
-            images = [frame_picture(*given, n) for n in views]
+            values = values_of_both(problem, case=case, z=fit.z)
+            images = [
+                frame_picture(
+                    case, solutions=solutions, values=values, time=time, view=n
+                )
+                for n in views
+            ]
             moment = "after the fit"
         else:
             camera = calibration.configs[name].camera
@@ -204,9 +212,9 @@ def _identifiability(result: Result) -> _Sections:
     rows = []
     for name, row in parameters.items():
         if (verdict := row["verdict"]) != "fine":
-            others = prose(", ".join(row["with"]) or "\N{EN DASH}")
+            related = prose(", ".join(row["with"]) or "\N{EN DASH}")
             meaning = prose(MEANING.get(verdict, ""))
-            rows.append([name, marked(verdict), others, meaning])
+            rows.append([name, marked(verdict), related, meaning])
     fine = len(parameters) - len(rows)
     sections.append(f"The data determine {fine} of {len(parameters)} values.")
     if rows:
@@ -221,7 +229,7 @@ def _identifiability(result: Result) -> _Sections:
     # One value is correlated with itself only.
     if len(parameters) < 2:
         return sections
-    text = "Correlation of the values' errors; 0 beside dead or flat ones."
+    text = "Correlation of the values' errors; 0 with dead or flat ones."
     if len(parameters) > MAX_CHARTED:
         text += f" The first {MAX_CHARTED} values."
     chart = chart_svg(correlation_chart(result))
@@ -243,20 +251,23 @@ def _ranges(calibration: Calibration) -> _Sections:
     # Weights are valid for scenes with similar dimensionless numbers.
     groups = {"train": calibration.train, "held_out": calibration.held_out}
     ends = {name: config.time.last for name, config in calibration.configs.items()}
-    found = {
+    scene_groups = {
         GROUPS[group]: [scene_numbers(c.scene, ends[c.name]) for c in problem.cases]
         for group, problem in groups.items()
         if problem is not None
     }
-    spans = lambda name: [_span([n[name] for n in each]) for each in found.values()]
-    rows = [[words, *spans(name)] for name, words in _NUMBERS.items()]
+    rows = [
+        [words, *(_span([n[name] for n in group]) for group in scene_groups.values())]
+        for name, words in _NUMBERS.items()
+    ]
     note = "At the start values; outside these ranges the weights are extrapolated."
-    sections = [Table(["", *found], rows), page.paragraph(note, note=True)]
+    sections = [Table(["", *scene_groups], rows), page.paragraph(note, note=True)]
     return [page.heading("Range of the fit"), *sections]
 
 
 def _span(values: list[float]) -> str:
-    low, high = f"{min(values):.3g}", f"{max(values):.3g}"
+    low = f"{min(values):.3g}"
+    high = f"{max(values):.3g}"
     return low if high == low else f"{low} to {high}"
 
 

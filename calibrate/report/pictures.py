@@ -1,4 +1,4 @@
-"""Pictures of a fit's errors: default and fitted values beside the data."""
+"""Pictures of a fit's errors: default and fitted values compared with the data."""
 
 import io
 from typing import Any
@@ -51,30 +51,35 @@ _Mask = Bool[np.ndarray, "h w"]
 def run_both(problem: Problem, case: Case, z: Float[np.ndarray, " p"]) -> Solutions:
     """Run a case with the values at the start and with those of the coordinates z."""
     alone = Problem(problem.parameters, (case,))
-    found, step_tables = {}, None
+    solutions = {}
+    step_tables = None
     with precision(problem.dtype.name):
-        scene = lambda z: problem.parameters.insert(case.scene, z)
-        run = eqx.filter_jit(lambda z, table: case.run(scene(z), table))
+
+        @eqx.filter_jit
+        def run(z, table):
+            return case.run(problem.parameters.insert(case.scene, z), table)
+
         for name, point in (("default", np.zeros_like(z)), ("fitted", z)):
             at = jnp.asarray(point, problem.dtype)
             # One compiled program for both: tables differ in their values only.
             step_tables = alone.step_tables_at(at, step_tables)
-            found[name] = run(at, step_tables[0])
-    return found
+            solutions[name] = run(at, step_tables[0])
+    return solutions
 
 
 def values_of_both(
     problem: Problem, case: Case, z: Float[np.ndarray, " p"]
 ) -> dict[str, FrameValues]:
     """Values that a case's frames depend on, at the start and at the coordinates z."""
-    found, number = {}, problem.cases.index(case)
+    values = {}
+    number = problem.cases.index(case)
     with precision(problem.dtype.name):
         for name, point in (("default", np.zeros_like(z)), ("fitted", z)):
             at = jnp.asarray(point, problem.dtype)
             views = problem.views_at(at)
-            own = views[number] if views else ()
-            found[name] = problem.parameters.frame_values(at, own)
-    return found
+            case_views = views[number] if views else ()
+            values[name] = problem.parameters.frame_values(at, case_views)
+    return values
 
 
 def difference_picture(
@@ -109,11 +114,10 @@ def difference_picture(
             difference = difference - frame(target.reference, time)
             differences[f"{name}, {time_label(target.times[time])}"] = difference
     words = "surface temperature minus reference"
-    return _png(
-        _difference_sheet(
-            differences, mask=body_mask(view), words=words, unit="K", title=case.name
-        )
+    sheet_of_all = _difference_sheet(
+        differences, mask=body_mask(view), words=words, unit="K", title=case.name
     )
+    return _png(sheet_of_all)
 
 
 def frame_picture(
@@ -135,8 +139,10 @@ def frame_picture(
     frames = {}
     with precision(case.scene.dtype):
         for name, solution in solutions.items():
-            shown = case.scene, solution, values[name]
-            pixels = target.model_pixels(view, *shown)[time]
+            pixels = target.model_pixels(
+                view, scene=case.scene, solution=solution, values=values[name]
+            )
+            pixels = pixels[time]
             frames[name] = _scatter(np.asarray(pixels, float), mask)
     # The scale of differences takes no NaN.
     differences = {n: np.where(mask, f - data, 0.0) for n, f in frames.items()}
@@ -145,12 +151,9 @@ def frame_picture(
     below = _difference_sheet(
         differences, mask=mask, words="model minus data", unit=unit, title=title
     )
-    shown = {"data": data, "fitted model": frames["fitted"]}
-    return _png(
-        _stacked(
-            below, _frame_sheet(shown, mask=mask, unit=unit, words=f"{words} [{unit}]")
-        )
-    )
+    pictured = {"data": data, "fitted model": frames["fitted"]}
+    above = _frame_sheet(pictured, mask=mask, unit=unit, words=f"{words} [{unit}]")
+    return _png(_stacked(below, above))
 
 
 def _scatter(pixels: Float[np.ndarray, " p"], mask: _Mask) -> _Frame:
@@ -170,16 +173,17 @@ def _close_up(
     image: UInt8[np.ndarray, "h w 3"], mask: _Mask
 ) -> UInt8[np.ndarray, "rows columns 3"]:
     """Part of a picture around a mask, enlarged by a whole factor."""
-    parts = []
+    slices = []
     for axis, size in zip((1, 0), mask.shape, strict=True):
-        found = np.flatnonzero(mask.any(axis))
-        margin = 1 + len(found) // 16
-        first, last = found[0] - margin, found[-1] + margin
-        parts.append(slice(max(first, 0), min(last, size - 1) + 1))
-    part = image[tuple(parts)]
+        covered = np.flatnonzero(mask.any(axis))
+        margin = 1 + len(covered) // 16
+        first = covered[0] - margin
+        last = covered[-1] + margin
+        slices.append(slice(max(first, 0), min(last, size - 1) + 1))
+    detail = image[tuple(slices)]
     # Whole pixels of a camera of few pixels, without smoothing.
-    factor = max(1, SIDE // max(part.shape[:2]))
-    return part.repeat(factor, axis=0).repeat(factor, axis=1)
+    factor = max(1, SIDE // max(detail.shape[:2]))
+    return detail.repeat(factor, axis=0).repeat(factor, axis=1)
 
 
 def _difference_sheet(
@@ -227,12 +231,13 @@ def _frame_sheet(
 
 
 def _stacked(*sheets: Image.Image) -> Image.Image:
-    width, height = max(s.width for s in sheets), sum(s.height for s in sheets)
+    width = max(s.width for s in sheets)
+    height = sum(s.height for s in sheets)
     image = Image.new("RGB", (width, height), sheets[0].getpixel((0, 0)))
     top = 0
-    for part in sheets:
-        image.paste(part, ((width - part.width) // 2, top))
-        top += part.height
+    for picture in sheets:
+        image.paste(picture, ((width - picture.width) // 2, top))
+        top += picture.height
     return image
 
 

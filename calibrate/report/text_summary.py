@@ -114,9 +114,9 @@ def summary(result: Result) -> list[str]:
     """Sentences on data, errors, course of the fit and speed."""
     errors = [
         f"Largest error of the cases {GROUPS[group]}: "
-        f"{_error_words(both['default'], result)} before, "
-        f"{_error_words(both['fitted'], result)} after ({_change(**both)})."
-        for group, both in result["error_percent"].items()
+        f"{_error_words(errors['default'], result)} before, "
+        f"{_error_words(errors['fitted'], result)} after ({_change(**errors)})."
+        for group, errors in result["error_percent"].items()
     ]
     verdict = f"Verdict: {result['verdict']['words']}."
     cost = _truth_cost(result)
@@ -127,15 +127,17 @@ def time_table(result: Result, title: str = "") -> Table:
     """Errors at every saved time of every case, default and fitted."""
     unit = error_unit(result)
     columns = ["case", "role", "time [s]", f"default [{unit}]", f"fitted [{unit}]"]
-    rows, last = [], None
+    rows = []
+    last = None
     for row in time_errors(result["errors"]):
         # A case is named once.
         case = (row.case, GROUPS[row.group])
-        named, last = ("", "") if case == last else case, case
-        before, after = padded(row.before), padded(row.after)
-        words = f"{after}, more" if row.is_worse else after
+        named = ("", "") if case == last else case
+        last = case
+        fitted = padded(row.fitted)
+        words = f"{fitted}, more" if row.is_worse else fitted
         cell = Cell(words, not row.is_worse, is_number=True)
-        rows.append([*named, f"{row.time:g}", before, cell])
+        rows.append([*named, f"{row.time:g}", padded(row.default), cell])
     return Table(columns, rows, title=title, left=(0, 1))
 
 
@@ -146,19 +148,25 @@ def truth_table(result: Result, title: str = "") -> Table | None:
         return None
     columns = ["case", "role", "time [s]", "default [K]", "fitted [K]"]
     columns += ["default [%]", "fitted [%]", "own error [K]"]
-    percent = lambda value: _DASH if value is None else padded(value)
-    rows, last = [], None
+    rows = []
+    last = None
     for row in truth_times(truth):
-        case = row.case, GROUPS[row.group]
-        named, last = ("", "") if case == last else case, case
-        after, own = padded(row.after), padded(row.own)
-        words = f"{after}, more" if row.is_worse else after
+        case = (row.case, GROUPS[row.group])
+        named = ("", "") if case == last else case
+        last = case
+        fitted = padded(row.fitted)
+        reference = padded(row.reference)
+        words = f"{fitted}, more" if row.is_worse else fitted
         cell = Cell(words, not row.is_worse, is_number=True)
-        numbers = [f"{row.time:g}", padded(row.before), cell]
-        numbers += [percent(row.before_percent), percent(row.after_percent)]
-        mark = f"bound {own}" if row.is_bound else own
+        numbers = [f"{row.time:g}", padded(row.default), cell]
+        numbers += [_percent(row.default_percent), _percent(row.fitted_percent)]
+        mark = f"bound {reference}" if row.is_bound else reference
         rows.append([*named, *numbers, Cell(mark, is_number=True)])
     return Table(columns, rows, title=title, left=(0, 1))
+
+
+def _percent(value: float | None) -> str:
+    return _DASH if value is None else padded(value)
 
 
 def truth_definition(result: Result) -> str:
@@ -183,9 +191,9 @@ def _truth_cost(result: Result) -> list[str]:
         return []
     runs = truth["cost"]
     cached = sum(run["cached"] for run in runs)
-    took = lambda chosen: sum(run["run_time_s"] for run in chosen)
+    seconds = sum(run["run_time_s"] for run in runs)
     largest = max(runs, key=lambda run: run["memory_bytes"])
-    new = [run for run in runs if not run["cached"]]
+    new_seconds = sum(run["run_time_s"] for run in runs if not run["cached"])
     cases = [case for group in truth["cases"].values() for case in group.values()]
     remarks = [r for case in cases for r in case["fitted"]["remarks"]]
     for run in runs:
@@ -194,7 +202,7 @@ def _truth_cost(result: Result) -> list[str]:
             remarks += [f"the reference of {run['case']}: {w}" for w in run["warnings"]]
     return [
         f"The references of finer voxels took {count(len(runs), 'run')}, "
-        f"{took(new):.3g} s now and {took(runs) - took(new):.3g} s before this fit "
+        f"{new_seconds:.3g} s now and {seconds - new_seconds:.3g} s before this fit "
         f"({cached} from the cache); the largest has {largest['nodes']:,} nodes and "
         f"takes about {readable_bytes(largest['memory_bytes'])}.",
         *(f"Note: {remark}." for remark in dict.fromkeys(remarks)),
@@ -202,10 +210,11 @@ def _truth_cost(result: Result) -> list[str]:
 
 
 def _data(result: Result) -> str:
-    cases = {group: list(both["fitted"]) for group, both in result["errors"].items()}
+    cases = {group: list(cases["fitted"]) for group, cases in result["errors"].items()}
     data = "frames" if is_frames(result) else "reference runs"
     values = sum(row.get("count", 1) for row in result["parameters"].values())
-    train, held_out = cases["train"], cases.get("held_out")
+    train = cases["train"]
+    held_out = cases.get("held_out")
     text = f"{count(values, 'value')} fitted to {data} of "
     text += f"{count(len(train), 'case')} ({', '.join(train)}); "
     if not held_out:
@@ -224,7 +233,8 @@ def _change(default: float, fitted: float) -> str:
 
 
 def _course(result: Result) -> str:
-    seconds, loss = result["run_time_s"], result["loss"]
+    seconds = result["run_time_s"]
+    loss = result["loss"]
     # In runs, which is a measure that does not depend on the machine.
     runs = seconds["fit"] / max(seconds["one_run"], 1e-9)
     return (
@@ -241,7 +251,8 @@ def _speed(result: Result) -> list[str]:
     if not is_finite(speed.get("times_faster")):
         return []
     runs = count(len(speed["run_time_s"]["fitted"]), "warm run")
-    nodes, steps = speed["nodes"], speed["steps"]
+    nodes = speed["nodes"]
+    steps = speed["steps"]
     return [
         f"A run is {speed['times_faster']:.3g} times as fast as the full volume's "
         f"({speed['min']:.3g} to {speed['max']:.3g} in {runs}; "
@@ -260,16 +271,18 @@ def parameter_table(
         columns[2:2] = ["fitted", "ratio"]
     rows = []
     for name, row in parameters.items():
-        error, start, unit = row["standard_error"], row["initial"], row["unit"]
-        name, start_words = _parameter_name(name, row), f"{start:.4g} {unit}".strip()
-        cells: list[str | Cell] = [name, start_words]
+        error = row["standard_error"]
+        start = row["initial"]
+        unit = row["unit"]
+        start_words = f"{start:.4g} {unit}".strip()
+        cells: list[str | Cell] = [_parameter_name(name, row), start_words]
         if is_fitted:
             ratio = padded(row["value"] / start) if start else _DASH
             cells += [f"{_digits(row['value'], 4)} {unit}".strip(), ratio]
         # More digits of an error say nothing.
         two_digits = _digits(error, 2) if is_finite(error) else _DASH
-        others = f" with {', '.join(row['with'])}" if row["with"] else ""
-        cells += [two_digits, marked(row["verdict"], others)]
+        related = f" with {', '.join(row['with'])}" if row["with"] else ""
+        cells += [two_digits, marked(row["verdict"], related)]
         rows.append(cells)
     return Table(columns, rows, title=title, left=(0, len(columns) - 1))
 
@@ -287,9 +300,9 @@ def _parameter_name(name: str, row: Mapping[str, Any]) -> str:
     return f"{name}: median of {number:,}, {row['min']:.3g} to {row['max']:.3g}"
 
 
-def marked(verdict: str, more: str = "") -> Cell:
+def marked(verdict: str, remark: str = "") -> Cell:
     """Verdict in green or red."""
-    return Cell(verdict + more, _IS_GOOD.get(verdict))
+    return Cell(verdict + remark, _IS_GOOD.get(verdict))
 
 
 def experiment_table(result: Result, limit: int | None = None) -> Table:

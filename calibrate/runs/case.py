@@ -35,32 +35,33 @@ class Case:
         """Hash of the resolved scene, its names, the reference and the program."""
         # A changed program gives other errors, and another case; two choices that
         # come to the same scene are two cases.
-        scene, truth = config_hash(_run_part(self.config)), self.truth
+        scene = config_hash(_run_part(self.config))
         names = json.dumps([self.names, self.load])
-        text = " ".join((scene, names, truth.model_dump_json(), program_hash()))
+        truth = self.truth.model_dump_json()
+        text = " ".join((scene, names, truth, program_hash()))
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     @cached_property
     def truth_key(self) -> str:
-        """Hash of the reference: equal for cases that one reference judges."""
+        """Hash of the reference: equal for cases with a common reference."""
         return reference_key(self.config, self.truth)
 
     @property
     def shares_voxels(self) -> bool:
         """True if the reference has the same voxels: their error is in both."""
-        given = self.truth
-        key = "pitch" if given.voxels_high is None else "voxels_high"
+        reference = self.truth
+        key = "pitch" if reference.voxels_high is None else "voxels_high"
         # So many voxels along z are of another size in another body.
         single = key == "pitch" or len(self.config.bodies) == 1
         return single and all(
-            getattr(body, key) == getattr(given, key)
-            and (body.surface_cells or "crossings") == given.surface_cells
+            getattr(body, key) == getattr(reference, key)
+            and (body.surface_cells or "crossings") == reference.surface_cells
             for body in self.config.bodies
         )
 
     @cached_property
     def shape_key(self) -> str:
-        """Text that cases with arrays of the same shapes have in common.
+        """Equal text for cases with arrays of the same shapes.
 
         Cases with the same text may still differ in shape: `evaluate_group` looks.
         """
@@ -75,8 +76,12 @@ class Case:
     @property
     def head(self) -> dict[str, Any]:
         """First fields of the case's row."""
-        choice, changes = dict(self.names), dict(self.set)
-        return {"id": self.id, "choice": choice, "load": self.load, "set": changes}
+        return {
+            "id": self.id,
+            "choice": dict(self.names),
+            "load": self.load,
+            "set": dict(self.set),
+        }
 
 
 def _run_part(config: SceneConfig) -> SceneConfig:
@@ -87,7 +92,7 @@ def _run_part(config: SceneConfig) -> SceneConfig:
 
 
 def _kinds(value: Any) -> Any:
-    """Plain values with every number replaced: what is left decides shapes."""
+    """Plain values with every number replaced: the rest decides shapes."""
     if isinstance(value, Mapping):
         return {key: _kinds(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

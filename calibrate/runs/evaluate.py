@@ -74,26 +74,26 @@ def evaluate_group(
     Returns:
         A row for each case, in their order.
     """
-    found: dict[int, Evaluated] = {}
+    evaluated: dict[int, Evaluated] = {}
     waiting: list[tuple[int, _Planned]] = []
     for number, case in enumerate(cases):
         try:
             waiting.append((number, _plan(case)))
         except Exception as error:
-            found[number] = _failed(case, error)
+            evaluated[number] = _failed(case, error)
     for batch in _batches(waiting):
         members = [planned for _, planned in batch]
         results = _run(members, truths, devices)
-        for (number, _), made in zip(batch, results, strict=True):
-            found[number] = made
-    return [found[number] for number in range(len(cases))]
+        for (number, _), result in zip(batch, results, strict=True):
+            evaluated[number] = result
+    return [evaluated[number] for number in range(len(cases))]
 
 
 def _failed(case: Case, error: Exception) -> Evaluated:
     # One case of many must not end the others, whatever went wrong in it.
     lines = str(error).strip().splitlines() or [""]
-    kind = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
-    return Evaluated({**case.head, "failed": f"{kind}{lines[0]}"[:500]}, None)
+    error_type = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
+    return Evaluated({**case.head, "failed": f"{error_type}{lines[0]}"[:500]}, None)
 
 
 def _plan(case: Case) -> _Planned:
@@ -122,16 +122,29 @@ def _shape(plan: Plan) -> Any:
     if plan.control is not None or moves or not plan.intervals:
         return object()
     with precision(plan.scene.dtype):
-        arrays, rest = eqx.partition(_arguments(plan), eqx.is_array)
+        arrays, static = eqx.partition(_arguments(plan), eqx.is_array)
     leaves, tree = jax.tree.flatten(arrays)
     shapes = tuple((leaf.shape, str(leaf.dtype)) for leaf in leaves)
     # Functions and texts in the program are compared as they are.
-    return shapes, str(tree), str(jax.tree.leaves(rest))
+    return (shapes, str(tree), str(jax.tree.leaves(static)))
 
 
-def _arguments(plan: Plan) -> tuple[Any, ...]:
-    table = on_device(step_table(plan, save_intervals(plan.intervals)))
-    return plan.stepper, plan.compiled.program, initial_state(plan), table
+class _Arguments(NamedTuple):
+    """Arguments of `take_steps`."""
+
+    stepper: Any
+    program: Any
+    state: Any
+    table: StepTable
+
+
+def _arguments(plan: Plan) -> _Arguments:
+    return _Arguments(
+        stepper=plan.stepper,
+        program=plan.compiled.program,
+        state=initial_state(plan),
+        table=on_device(step_table(plan, save_intervals(plan.intervals))),
+    )
 
 
 def _run(
@@ -152,27 +165,28 @@ def _run(
     except Exception as error:
         return [_failed(planned.case, error) for planned in batch]
     seconds = (time.perf_counter() - clock) / len(batch)
-    found, readings = [], {}
+    evaluated = []
+    readings: dict[Any, SurfaceReading] = {}
     for planned, solution in zip(batch, solutions, strict=True):
         try:
             truth = truths[planned.case.load]
-            reading = _reading(truth, solution, readings)
+            reading = _reading(truth, solution=solution, readings=readings)
             judged = _judged(planned, solution=solution, truth=truth, reading=reading)
             judged.row["together"] = len(batch)
             judged.row["took_s"] += planned.seconds + seconds
-            found.append(judged)
+            evaluated.append(judged)
         except Exception as error:
-            found.append(_failed(planned.case, error))
-    return found
+            evaluated.append(_failed(planned.case, error))
+    return evaluated
 
 
-def _together(arguments: list[tuple[Any, ...]], devices: int) -> Observation:
+def _together(arguments: list[_Arguments], devices: int) -> Observation:
     """Observations of runs that differ in numbers, along a new first axis."""
-    pairs = [eqx.partition(each, eqx.is_array) for each in arguments]
+    pairs = [eqx.partition(values, eqx.is_array) for values in arguments]
     static = pairs[0][1]
     flat = [jax.tree.leaves(arrays) for arrays, _ in pairs]
     tree = jax.tree.structure(pairs[0][0])
-    # What all have in common, such as the indices of links, is kept once.
+    # Arrays that all have in common, such as the indices of links, are stored once.
     differs = [
         not all(_equal(a, row[0]) for a in row[1:]) for row in zip(*flat, strict=True)
     ]
@@ -182,9 +196,11 @@ def _together(arguments: list[tuple[Any, ...]], devices: int) -> Observation:
         for row, varies in zip(columns, differs, strict=True)
     ]
     mesh = None if devices == 1 else mesh_of(devices)
-    found = _mapped(stacked, tuple(differs), tree, static, mesh)
-    # What follows is done on one device, one case after the other.
-    return from_first_device(mesh, jax.block_until_ready(found))
+    observations = _mapped(
+        stacked, differs=tuple(differs), tree=tree, static=static, mesh=mesh
+    )
+    # The rest is computed on one device, one case after the other.
+    return from_first_device(mesh, jax.block_until_ready(observations))
 
 
 @eqx.filter_jit
@@ -196,19 +212,16 @@ def _mapped(
     mesh: Mesh | None,
 ) -> Observation:
     # One function for all batches: the next one of this shape is not compiled again.
-    def one(own: list[jax.Array]) -> Observation:
-        parts = eqx.combine(jax.tree.unflatten(tree, own), static)
-        stepper, program, state, table = parts
-        return take_steps(
-            stepper, program=program, state=state, table=StepTable(*table)
-        )[1]
+    def run_case(varying: list[jax.Array]) -> Observation:
+        arguments = eqx.combine(jax.tree.unflatten(tree, varying), static)
+        return take_steps(**arguments._asdict())[1]
 
     axes = [0 if varies else None for varies in differs]
 
-    def part(own: Any, same: Any) -> tuple[Observation, None]:
-        return jax.vmap(one, in_axes=(axes,))(eqx.combine(own, same)), None
+    def run_cases(varying: Any, shared: Any) -> tuple[Observation, None]:
+        return jax.vmap(run_case, in_axes=(axes,))(eqx.combine(varying, shared)), None
 
-    return over_devices(mesh, part, *eqx.partition(leaves, list(differs)))[0]
+    return over_devices(mesh, run_cases, *eqx.partition(leaves, list(differs)))[0]
 
 
 def _equal(a: jax.Array, b: jax.Array) -> bool:
@@ -216,14 +229,14 @@ def _equal(a: jax.Array, b: jax.Array) -> bool:
 
 
 def _reading(
-    truth: Truth, solution: Solution, known: dict[Any, SurfaceReading]
+    truth: Truth, solution: Solution, readings: dict[Any, SurfaceReading]
 ) -> SurfaceReading:
     """Reading of the reference's points, once for all cases in the same voxels."""
     places = (id(s.geometry.fragment_position) for s in solution.surfaces)
     key = (id(truth), *places)
-    if key not in known:
-        known[key] = truth.points.reading(solution.surfaces)
-    return known[key]
+    if key not in readings:
+        readings[key] = truth.points.reading(solution.surfaces)
+    return readings[key]
 
 
 def _judged(

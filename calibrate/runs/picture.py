@@ -30,24 +30,25 @@ def difference_picture(
 ) -> bytes:
     """Draw T - T_ref at the points, blue below zero and red above, as a PNG."""
     temperature = reading.read(np.asarray(solution.surface_temperature))
-    here, expected = AtPoints(temperature, reading.is_lost), points.expected
-    known = ~(here.is_lost | expected.is_lost)
+    measured = AtPoints(temperature, reading.is_lost)
+    expected = points.expected
+    is_compared = ~(measured.is_lost | expected.is_lost)
     later = np.asarray(points.times) > 0
-    difference = np.asarray(here.temperature, float) - expected.temperature
-    difference = np.where(known, difference, 0.0)[later]
+    difference = np.asarray(measured.temperature, float) - expected.temperature
+    difference = np.where(is_compared, difference, 0.0)[later]
     worst = difference[np.square(difference).mean(axis=1).argmax()]
     scale = DifferenceScale(nice_limit(float(abs(worst).max())))
     colour = scale.colour(scale.position(worst))
-    colour[~known] = BACKGROUND
+    colour[~is_compared] = BACKGROUND
     position = np.concatenate([sample.position for sample in points.samples])
     normal = np.concatenate([sample.normal for sample in points.samples])
-    shown = [
+    views = [
         _view(position, normal=normal, colour=colour, direction=np.array(view))
         for view in _VIEWS
     ]
     stream = io.BytesIO()
-    # A sweep keeps hundreds of them: a palette takes a third of the bytes.
-    picture = Image.fromarray(np.concatenate(shown, axis=1)).quantize(64)
+    # A sweep stores hundreds of pictures: with a palette they are smaller.
+    picture = Image.fromarray(np.concatenate(views, axis=1)).quantize(64)
     picture.save(stream, "PNG", optimize=True)
     return stream.getvalue()
 
@@ -64,9 +65,10 @@ def _view(
     up = np.cross(right, along)
     faces = normal @ along < 0
     plane = position @ np.stack([right, -up], axis=1)
-    low, high = plane.min(axis=0), plane.max(axis=0)
-    scale = (_HEIGHT - 8) / (high - low)[1]
-    width = int((high - low)[0] * scale) + 8
+    low = plane.min(axis=0)
+    extent = plane.max(axis=0) - low
+    scale = (_HEIGHT - 8) / extent[1]
+    width = int(extent[0] * scale) + 8
     picture = np.empty((_HEIGHT, width, 3), np.uint8)
     picture[:] = BACKGROUND
     pixel = np.rint((plane - low) * scale).astype(int) + 4

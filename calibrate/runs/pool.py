@@ -1,7 +1,7 @@
 """Processes that evaluate cases: this one, those of a local cluster, or a scheduler's.
 
-Every task holds all that it needs but mesh files: workers on other machines find these
-under the same paths.
+A task holds everything but mesh files, which workers on other machines find under the
+same paths.
 """
 
 import importlib
@@ -43,13 +43,13 @@ class Task(NamedTuple):
 
 Results = Iterator[tuple[Task, list[Evaluated]]]
 Pool = Callable[[Sequence[Task]], Results]
-"""Function that evaluates tasks and yields their results as they are ready."""
+"""Function that evaluates tasks and yields each result when it is ready."""
 
 
 def in_this_process(tasks: Sequence[Task], devices: int = 1) -> Results:
     """Evaluate tasks one after the other; devices share the cases of each."""
     for task in tasks:
-        yield task, evaluate_group(task.cases, task.truths, devices)
+        yield task, evaluate_group(task.cases, truths=task.truths, devices=devices)
 
 
 @contextmanager
@@ -101,7 +101,7 @@ def _local(library: Any, workers: int) -> Any:
     memory = int(_MEMORY_FRACTION * available_bytes() / workers)
     # A terminal sends Ctrl-C to all processes: workers inherit that it is ignored, and
     # end with this one.
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         return library.LocalCluster(
             n_workers=workers,
@@ -114,7 +114,7 @@ def _local(library: Any, workers: int) -> Any:
             silence_logs=logging.CRITICAL,
         )
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.signal(signal.SIGINT, handler)
 
 
 @contextmanager
@@ -137,12 +137,13 @@ def _client(library: Any, target: Any) -> Iterator[Any]:
             ) from error
         yield client
     finally:
-        # Tasks that were handed out and are not needed any more end with it.
+        # Tasks that were handed out and are not needed end with it.
         client.close(timeout=2)
 
 
 def _distributed(client: Any, tasks: Sequence[Task]) -> Results:
-    waiting, running = list(tasks), {}
+    waiting = list(tasks)
+    running: dict[Any, Task] = {}
     ready = threading.Event()
     while waiting or running:
         if client.status != "running":
@@ -163,11 +164,11 @@ def _distributed(client: Any, tasks: Sequence[Task]) -> Results:
         for future in [future for future in running if future.done()]:
             task = running.pop(future)
             try:
-                found = _result(future, task)
+                evaluated = _result(future, task)
             except OSError as error:
                 # It may be lost while a result is on its way.
                 raise _lost() from error
-            yield task, found
+            yield task, evaluated
 
 
 def _result(future: Any, task: Task) -> list[Evaluated]:

@@ -1,4 +1,4 @@
-"""Rows of finished cases in a folder: appended as they come, never mixed, resumed.
+"""Rows of finished cases in a folder: appended one by one, never mixed, resumed.
 
 A process that is killed while it writes leaves half a line, which the next one drops.
 """
@@ -51,7 +51,7 @@ class Rows:
     """Rows in a file of JSON lines, the last one of each id."""
 
     def __init__(self, path: Path, program: str):
-        """Read the rows that a program wrote; those of others are put aside.
+        """Read the rows that this program wrote; those of others are put aside.
 
         Args:
             path: of the file, in a folder that is claimed.
@@ -60,7 +60,8 @@ class Rows:
         Raises:
             InputError: if another process writes to the file, or it cannot be read.
         """
-        self.path, self._program = path, program
+        self.path = path
+        self._program = program
         self.by_id: dict[str, Row] = {}
         try:
             # A file of its own: the one with the rows may be replaced.
@@ -82,8 +83,9 @@ class Rows:
 
     def _read(self) -> None:
         content = self.path.read_bytes() if self.path.exists() else b""
-        whole, others = content[: content.rfind(b"\n") + 1], []
-        for line in whole.splitlines():
+        finished = content[: content.rfind(b"\n") + 1]
+        superseded = []
+        for line in finished.splitlines():
             with suppress(ValueError):
                 row = json.loads(line)
                 if not isinstance(row, dict) or "id" not in row:
@@ -91,11 +93,11 @@ class Rows:
                 if row.get("program") == self._program:
                     self.by_id[row["id"]] = row
                 else:
-                    others.append(row)
-        if others:
+                    superseded.append(row)
+        if superseded:
             with (self.path.parent / _SUPERSEDED).open("a", encoding="utf-8") as file:
-                file.writelines(json.dumps(row) + "\n" for row in others)
-        if others or len(whole) < len(content):
+                file.writelines(json.dumps(row) + "\n" for row in superseded)
+        if superseded or len(finished) < len(content):
             self._rewrite()
 
     def drop_failed(self) -> int:
@@ -113,12 +115,12 @@ class Rows:
         Raises:
             InputError: if the disk is full or fails; earlier rows are kept.
         """
-        made = [{**row, "program": self._program} for row in rows]
-        text = "".join(json.dumps(row, allow_nan=False) + "\n" for row in made)
+        new_rows = [{**row, "program": self._program} for row in rows]
+        text = "".join(json.dumps(row, allow_nan=False) + "\n" for row in new_rows)
         end = self.path.stat().st_size if self.path.exists() else 0
-        kept = len(self.by_id)
+        earlier = len(self.by_id)
         # Before they are written: an interrupt just after counts them.
-        self.by_id |= {row["id"]: row for row in made}
+        self.by_id |= {row["id"]: row for row in new_rows}
         try:
             with self.path.open("ab") as file:
                 file.write(text.encode())
@@ -130,7 +132,7 @@ class Rows:
             with suppress(OSError):
                 os.truncate(self.path, end)
             raise InputError(
-                f"cannot write {self.path}: {error.strerror}; the {kept} "
+                f"cannot write {self.path}: {error.strerror}; the {earlier} "
                 "rows before are kept, and the same command goes on from there"
             ) from error
 

@@ -1,4 +1,4 @@
-"""Scenes of cases: voxels and bodies that the last ones had are used again."""
+"""Scenes of cases, which reuse voxels and bodies of the last ones."""
 
 import json
 import time
@@ -19,7 +19,7 @@ _VOXELS = ("mesh", "shape", "solid", "pitch", "voxels_high", "surface_cells")
 
 
 class Built(NamedTuple):
-    """A scene of a case, and how long its parts took to build [s]."""
+    """A scene of a case, and the times to build its bodies [s]."""
 
     scene: Scene
     voxels_s: float
@@ -37,11 +37,11 @@ class _Key:
     def __init__(self, configs: tuple[BodyConfig, ...], fields: tuple[str, ...] = ()):
         self.configs = configs
         plain = [resolved(config) for config in configs]
-        chosen = [{k: v for k, v in p.items() if k in (fields or p)} for p in plain]
-        self.text = json.dumps(chosen, default=str)
+        selected = [{k: v for k, v in p.items() if k in (fields or p)} for p in plain]
+        self.text = json.dumps(selected, default=str)
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Key) and self.text == other.text
+    def __eq__(self, key: object) -> bool:
+        return isinstance(key, _Key) and self.text == key.text
 
     def __hash__(self) -> int:
         return hash(self.text)
@@ -54,10 +54,11 @@ def build_case(config: SceneConfig) -> Built:
         InputError: for files or values that cannot be used.
     """
     # Choices of one resolution, and the loads of a choice, differ in little.
-    made, clock = _bodies(_Key(tuple(config.bodies))), time.perf_counter()
-    scene = config.scene(made.bodies, config.build_terms())
-    structures_s = made.structures_s + time.perf_counter() - clock
-    return Built(scene, made.voxels_s, structures_s)
+    built = _bodies(_Key(tuple(config.bodies)))
+    clock = time.perf_counter()
+    scene = config.scene(built.bodies, config.build_terms())
+    structures_s = built.structures_s + time.perf_counter() - clock
+    return Built(scene, built.voxels_s, structures_s)
 
 
 def plan_case(config: SceneConfig, scene: Scene) -> Plan:
@@ -68,7 +69,8 @@ def plan_case(config: SceneConfig, scene: Scene) -> Plan:
     Raises:
         InputError: for a solver that the scene cannot have.
     """
-    span, solver = config.time, config.solver.build()
+    span = config.time
+    solver = config.solver.build()
     with precision(scene.dtype):
         return plan_once(scene, t1=span.end, save_at=span.save_times, solver=solver)
 
@@ -82,19 +84,21 @@ def loop_size(plan: Plan) -> tuple[int, ...] | None:
     if plan.control is not None or len(plan.compiled.programs) > 1:
         return None
     receipt = plan.compiled.receipt
-    return receipt.nodes, receipt.links, receipt.memory_bytes, plan.steps
+    return (receipt.nodes, receipt.links, receipt.memory_bytes, plan.steps)
 
 
 @lru_cache(maxsize=2)
 def _bodies(key: _Key) -> _Bodies:
-    found, voxels_s, structures_s = [], 0.0, 0.0
+    bodies = []
+    voxels_s = 0.0
+    structures_s = 0.0
     for config in key.configs:
         grid, seconds = _grid(_Key((config,), _VOXELS))
         clock = time.perf_counter()
-        found.append(config.build(grid))
+        bodies.append(config.build(grid))
         voxels_s += seconds
         structures_s += time.perf_counter() - clock
-    return _Bodies(tuple(found), voxels_s, structures_s)
+    return _Bodies(tuple(bodies), voxels_s, structures_s)
 
 
 @lru_cache(maxsize=3)

@@ -1,8 +1,8 @@
 """Run times of cases, one after the other: the second pass of a sweep.
 
 A time is that of the compiled loop with the surface read at the saved times, after a
-warm-up, until its results are there. The explicit loop of the full volume in the same
-voxels is timed in turn with it, so that a slower moment of the machine meets both.
+warm-up, until its results are ready. It is measured alternately with the explicit loop
+of the full volume in the same voxels, so that a slow moment of the machine meets both.
 """
 
 import time
@@ -42,9 +42,9 @@ from .scenes import build_case, plan_case
 _MAX_CALLS = 3
 """Largest number of the user's calls that are timed."""
 _MAX_FULL_S = 0.5
-"""Time of a loop of the full volume, beyond which it takes a part of its steps [s]."""
+"""Time of a full-volume loop beyond which only some of its steps are run [s]."""
 _MIN_STEPS = 8
-"""Smallest number of steps of such a part."""
+"""Smallest number of steps of a shortened loop."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,12 +55,12 @@ class Loop:
     plan: Plan
     compile_s: float
     fraction: float = 1.0
-    """Fraction of the steps that it takes."""
+    """Fraction of the steps that are run."""
     reading_s: float = 0.0
-    """Time of a run without steps, which a part takes as the whole does [s]."""
+    """Time of a run without steps, equal for a shortened and a complete loop [s]."""
 
     def seconds(self) -> float:
-        """Wall time of the whole run [s], by its part where it takes one."""
+        """Wall time of the complete run [s], extrapolated from a shortened one."""
         spent = timed_call(self.run)[1]
         if self.fraction == 1.0:
             return spent
@@ -68,7 +68,7 @@ class Loop:
 
 
 def time_case(case: Case, repeats: int) -> Row:
-    """Time a case, and the full volume's explicit loop in turn with it.
+    """Time a case alternately with the full volume's explicit loop.
 
     Args:
         case: one that runs without error.
@@ -81,12 +81,15 @@ def time_case(case: Case, repeats: int) -> Row:
     built = build_case(config)
     clock = time.perf_counter()
     plan = plan_case(config, built.scene)
-    # What is found in geometry was found for the errors, and is read again.
+    # Results about the geometry are cached since the errors were computed.
     planned = time.perf_counter() - clock
     set_up = built.voxels_s + built.structures_s + planned
-    # Before other programs: the first call compiles what the loop then finds. It has
-    # this plan, which it would have to make.
-    call = lambda: _call(config, built.scene)
+
+    def call() -> Any:
+        return _call(config, built.scene)
+
+    # Before other programs: the first call compiles what the loop then reuses. It
+    # uses this plan, whose time counts with it.
     first_call = planned + timed_call(call)[1]
     loop = compiled_loop(plan)
     loop.seconds()
@@ -117,12 +120,13 @@ def time_case(case: Case, repeats: int) -> Row:
 
 
 def _call(config: SceneConfig, scene: Scene) -> Any:
-    span, solver = config.time, config.solver.build()
+    span = config.time
+    solver = config.solver.build()
     with warnings.catch_warnings():
         # They are in the row of the case's error.
         warnings.simplefilter("ignore")
-        found = simulate(scene, span.end, span.save_times, solver=solver)
-    return found.surface_temperature
+        solution = simulate(scene, span.end, span.save_times, solver=solver)
+    return solution.surface_temperature
 
 
 def _steps(plan: Plan) -> int | None:
@@ -133,48 +137,53 @@ def _steps(plan: Plan) -> int | None:
 def compiled_loop(plan: Plan) -> Loop:
     """Compile the loop of a plan; nothing but the loop is in its time.
 
-    A run that controls its error in time, or in which something moves, is timed whole:
-    all passes and what decides between them.
+    A run that controls its error in time, or in which something moves, is timed with
+    all of its passes and the decisions between them.
     """
     clock = time.perf_counter()
     if plan.control is not None or len(plan.compiled.programs) > 1:
 
-        def whole() -> Any:
+        def complete_run() -> Any:
             with precision(plan.scene.dtype):
                 return run_plan(plan).surface_temperature
 
-        jax.block_until_ready(whole())
-        return Loop(whole, plan, time.perf_counter() - clock)
+        jax.block_until_ready(complete_run())
+        return Loop(complete_run, plan=plan, compile_s=time.perf_counter() - clock)
     with precision(plan.scene.dtype):
         table = step_table(plan, save_intervals(plan.intervals))
         run = _compiled(plan, table)
-    return Loop(lambda: run(table), plan, time.perf_counter() - clock)
+    compile_s = time.perf_counter() - clock
+    return Loop(lambda: run(table), plan=plan, compile_s=compile_s)
 
 
 def _compiled(plan: Plan, table: StepTable) -> Callable[[StepTable], Any]:
     """Compile the loop for any table of this shape."""
-    given = plan.stepper, plan.compiled.program, initial_state(plan)
-    jax.block_until_ready(given[1:])
-    # A function of its own, so that nothing compiled before is used again.
-    own = lambda *parts: take_steps(*parts)
-    made = eqx.filter_jit(own).lower(*given, table).compile()
+    program = plan.compiled.program
+    state = initial_state(plan)
+    jax.block_until_ready((program, state))
+
+    # A new function object, whose program is not in the cache of jit.
+    def loop(stepper: Any, program: Any, state: Any, table: StepTable) -> Any:
+        return take_steps(stepper, program=program, state=state, table=table)
+
+    compiled = eqx.filter_jit(loop).lower(plan.stepper, program, state, table).compile()
 
     def run(table: StepTable) -> Any:
         with precision(plan.scene.dtype):
-            return made(*given, table)[1]
+            return compiled(plan.stepper, program, state, table)[1]
 
     return run
 
 
 class _FullKey:
-    """Config of a full volume by what its run follows from."""
+    """Config of a full volume by the content that decides its run."""
 
     def __init__(self, config: SceneConfig):
         self.config = on_every_voxel(config)
         self.text = self.config.model_dump_json()
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _FullKey) and self.text == other.text
+    def __eq__(self, key: object) -> bool:
+        return isinstance(key, _FullKey) and self.text == key.text
 
     def __hash__(self) -> int:
         return hash(self.text)
@@ -182,8 +191,9 @@ class _FullKey:
 
 @lru_cache(maxsize=1)
 def _full_volume(key: _FullKey) -> Loop:
-    """Warm explicit loop of the full volume, of all steps or a part of them."""
-    scene, span = build_case(key.config).scene, key.config.time
+    """Warm explicit loop of the full volume, with all or some of its steps."""
+    scene = build_case(key.config).scene
+    span = key.config.time
     clock = time.perf_counter()
     with precision(scene.dtype):
         plan = plan_run(
@@ -192,20 +202,20 @@ def _full_volume(key: _FullKey) -> Loop:
         table = step_table(plan, save_intervals(plan.intervals))
         run = _compiled(plan, table)
     compile_s = time.perf_counter() - clock
-    none, few = _shortened(table, 0), _shortened(table, _MIN_STEPS)
-    run(none)
-    reading_s = min(timed_call(lambda: run(none))[1] for _ in range(3))
-    fraction = _fraction(few, table)
-    per_run = (timed_call(lambda: run(few))[1] - reading_s) / fraction
+    no_steps = _shortened(table, 0)
+    few_steps = _shortened(table, _MIN_STEPS)
+    run(no_steps)
+    reading_s = min(timed_call(lambda: run(no_steps))[1] for _ in range(3))
+    seconds = timed_call(lambda: run(few_steps))[1] - reading_s
+    per_run = seconds / _fraction(few_steps, table)
+    timed = table
     if per_run > _MAX_FULL_S:
         longest = int(np.asarray(table.steps).max())
         steps = max(_MIN_STEPS, int(longest * _MAX_FULL_S / per_run))
-        table, whole = _shortened(table, steps), table
-        fraction = _fraction(table, whole)
-    else:
-        fraction = 1.0
+        timed = _shortened(table, steps)
+    fraction = _fraction(timed, table)
     loop = Loop(
-        run=lambda: run(table),
+        run=lambda: run(timed),
         plan=plan,
         compile_s=compile_s,
         fraction=fraction,
@@ -219,5 +229,5 @@ def _shortened(table: StepTable, steps: int) -> StepTable:
     return table._replace(steps=jnp.minimum(table.steps, steps))
 
 
-def _fraction(part: StepTable, whole: StepTable) -> float:
-    return float(np.asarray(part.steps).sum() / np.asarray(whole.steps).sum())
+def _fraction(shortened: StepTable, table: StepTable) -> float:
+    return float(np.asarray(shortened.steps).sum() / np.asarray(table.steps).sum())

@@ -10,7 +10,7 @@ from .case import Case
 
 
 class Truth(NamedTuple):
-    """A reference at points, with its own error and what it took."""
+    """A reference at points, with its own error and its costs."""
 
     points: TruthPoints
     own_error: dict[str, Any]
@@ -25,10 +25,12 @@ def find_truth(case: Case, log: Log) -> Truth:
 class _Request:
     # One for all choices under a load: only the key counts.
     def __init__(self, case: Case, key: str, log: Log):
-        self.case, self.key, self.log = case, key, log
+        self.case = case
+        self.key = key
+        self.log = log
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Request) and self.key == other.key
+    def __eq__(self, request: object) -> bool:
+        return isinstance(request, _Request) and self.key == request.key
 
     def __hash__(self) -> int:
         return hash(self.key)
@@ -37,7 +39,9 @@ class _Request:
 @lru_cache(maxsize=16)
 def _found(request: _Request) -> Truth:
     case = request.case
-    found = absolute_reference(case.config, case.truth, request.log)
-    given = case.truth
-    points = truth_points(found.solution, given.points, given.seed)
-    return Truth(points, found.own_error.as_dict(), found.costs)
+    reference = absolute_reference(case.config, settings=case.truth, log=request.log)
+    settings = case.truth
+    points = truth_points(reference.solution, count=settings.points, seed=settings.seed)
+    return Truth(
+        points=points, own_error=reference.own_error.as_dict(), costs=reference.costs
+    )

@@ -10,8 +10,10 @@ from ..problem.reference import Log
 from .fit import Fitting
 
 
-_TOLERANCE, _MAX_STEPS = 1e-2, 10
-"""Accuracy of the first fit, whose residuals are only sized."""
+_TOLERANCE = 1e-2
+"""Accuracy of the first fit, of which only the size of the residuals counts."""
+_MAX_STEPS = 10
+"""Largest number of steps of the first fit."""
 
 
 def build_aligned(config: CalibrationConfig, log: Log) -> Calibration:
@@ -24,17 +26,18 @@ def build_aligned(config: CalibrationConfig, log: Log) -> Calibration:
     calibration = build(config, log)
     if not calibration.train.aligned:
         return calibration
-    others = calibration.without_cameras()
-    if others is None:
+    without_cameras = calibration.without_cameras()
+    if without_cameras is None:
         return calibration
     log("fitting all but the cameras")
     accuracy = {"tolerance": _TOLERANCE, "max_steps": _MAX_STEPS}
-    fit = Fitting(others, config.fit.model_copy(update=accuracy)).run()
-    return calibration.weighed(_data_effect(others, fit.residual))
+    fit = Fitting(without_cameras, config.fit.model_copy(update=accuracy)).run()
+    return calibration.weighed(_data_effect(without_cameras, fit.residual))
 
 
 def _data_effect(problem: Problem, residual: np.ndarray) -> float:
     """Squares that the data's residuals sum to, over those of independent ones."""
-    clusters, sd = problem.clusters, problem.known_sd
+    clusters = problem.clusters
+    sd = problem.known_sd
     assert clusters is not None and sd is not None
     return max(design_effect(residual[: len(clusters)] / sd, clusters), 1.0)

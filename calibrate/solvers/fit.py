@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -98,8 +98,8 @@ class Fitting:
         self.problem = problem.with_fixed_steps() if in_reverse else problem
         with precision(problem.dtype.name):
             memory = int(settings.memory * 2**30) if in_reverse else None
-            made = make_objective(self.problem, memory)
-            self.objective = on_every_device(mesh, made)
+            objective = make_objective(self.problem, memory)
+            self.objective = on_every_device(mesh, objective)
             batch = self.problem.batch()
             self._search = Search(
                 objective=self.objective,
@@ -128,7 +128,7 @@ class Fitting:
             start: coordinates to start from; 0, the start values, by default.
             checkpoint: file for the state after every step; a fit continues from it.
             log: called after every step.
-            stop: asked before every step if the fit should end.
+            stop: called before every step; the fit ends if it returns True.
             noise: added to the residuals, as of a repeated measurement.
 
         Raises:
@@ -145,7 +145,8 @@ class Fitting:
                 added = jnp.asarray(noise, dtype)
                 objective = eqx.tree_at(lambda o: o.noise, objective, added)
             objective = self._seen_from(objective, z)
-            objective, first, diagnostics = self._begin(objective, z)
+            beginning = self._begin(objective, z)
+            objective = beginning.objective
             progress = Progress(
                 z=z,
                 solver_state=self._search.start(z),
@@ -155,29 +156,45 @@ class Fitting:
             if checkpoint is not None:
                 progress = load_progress(checkpoint, progress)
                 progress = on_every_device(self._mesh, progress)
-            # Everything that the loop runs, so that its time is that of steps alone.
+            # Compile all that the loop runs, so that its time is that of steps alone.
             state = progress.solver_state
             jax.block_until_ready(self._stable_steps(state.y_eval))
             self._host_values(progress.z)
             advance = self._search.compile(progress.z, state)
             compile_seconds = time.perf_counter() - clock
-            files = checkpoint, log
-            progress, ended = self._loop(advance, objective, progress, *files, stop)
-            fit = self._finish(objective, progress, z, first)
-        fit.initial_errors = diagnostics.host_errors()
-        fit.ended, fit.compile_seconds = ended, compile_seconds
+            progress, ended = self._loop(
+                advance,
+                objective=objective,
+                progress=progress,
+                checkpoint=checkpoint,
+                log=log,
+                stop=stop,
+            )
+            fit = self._finish(
+                objective, progress=progress, start=z, first=beginning.residual
+            )
+        fit.initial_errors = beginning.diagnostics.host_errors()
+        fit.ended = ended
+        fit.compile_seconds = compile_seconds
         return fit
 
     def best_start(
         self, points: Float[np.ndarray, "n p"], stop: Callable[[], bool] = lambda: False
     ) -> Float[np.ndarray, " p"]:
-        """Search from several points together and return the best that is found."""
-        dtype, batch, mesh = self.problem.dtype, self.problem.batch(), self._mesh
+        """Search from several points together and return the best result."""
+        dtype = self.problem.dtype
+        batch = self.problem.batch()
+        mesh = self._mesh
         with precision(dtype.name):
             objective = self.objective
-            place = partial(on_every_device, mesh)
-            tried = losses(objective, place(jnp.asarray(points, dtype)), batch, mesh)
-            points = points[np.isfinite(np.asarray(tried))]
+            replicate = partial(on_every_device, mesh)
+            start_losses = losses(
+                objective,
+                points=replicate(jnp.asarray(points, dtype)),
+                batch=batch,
+                mesh=mesh,
+            )
+            points = points[np.isfinite(np.asarray(start_losses))]
             if not len(points):
                 raise InputError(
                     "fit: starts: the residuals are finite at none of them"
@@ -191,33 +208,29 @@ class Fitting:
                 use_broyden=False,
                 mesh=mesh,
             )
-            z, done = jnp.asarray(points, dtype), np.zeros(len(points), bool)
+            z = jnp.asarray(points, dtype)
+            done = np.zeros(len(points), bool)
             # At least one start on each device.
             fewest = 1 if mesh is None else mesh.size
             together = max(fewest, batch // len(points[0]))
-            states, advance = batched(search, z, together)
-            # All searches step, finished ones for nothing: shapes cannot depend on
-            # values.
-            keep_finished = lambda done, old, new: jnp.where(
-                done.reshape((-1,) + (1,) * (new.ndim - 1)), old, new
-            )
+            states, advance = batched(search, starts=z, batch=together)
             for _ in range(self.settings.max_steps):
                 if done.all() or stop():
                     break
                 stable = jnp.stack([self._stable_steps(z) for z in states.y_eval])
                 step_tables = self._refined(objective.step_tables, stable.min(axis=0))
                 objective = with_step_tables(objective, step_tables)
-                *following, ended = advance(*place((z, states, objective)))
-                keep = partial(keep_finished, done)
+                *following, ended = advance(*replicate((z, states, objective)))
+                # Finished searches still step (static shapes): their result is
+                # discarded.
+                keep = partial(_keep_finished, done)
                 z, states = jax.tree.map(keep, [z, states], following)
                 done = done | np.asarray(ended)
-            objective, z = place((objective, z))
-            found = np.asarray(losses(objective, z, batch, mesh))
-        return np.asarray(z[int(found.argmin())], float)
+            objective, z = replicate((objective, z))
+            final = losses(objective, points=z, batch=batch, mesh=mesh)
+        return np.asarray(z[int(np.asarray(final).argmin())], float)
 
-    def _begin(
-        self, objective: Objective, z: Float[Array, " p"]
-    ) -> tuple[Objective, Array, RunDiagnostics]:
+    def _begin(self, objective: Objective, z: Float[Array, " p"]) -> "_Beginning":
         first, diagnostics = self._evaluate(z, objective)
         if not bool(jnp.isfinite(first).all()):
             raise InputError(
@@ -234,7 +247,7 @@ class Fitting:
             knee = self.settings.huber * jnp.sqrt((first * first).mean())
             objective = eqx.tree_at(lambda o: o.knee, objective, knee)
             first, diagnostics = self._evaluate(z, objective)
-        return objective, first, diagnostics
+        return _Beginning(objective, residual=first, diagnostics=diagnostics)
 
     def _loop(
         self,
@@ -247,7 +260,8 @@ class Fitting:
     ) -> tuple[Progress, str]:
         # A loss is about the error to the power of the norm.
         tolerance = self.settings.tolerance * self.problem.time_norm
-        size, dtype = self.problem.parameters.size, self.problem.dtype
+        size = self.problem.parameters.size
+        dtype = self.problem.dtype
         while True:
             steps = progress.steps
             action = next_action(
@@ -259,9 +273,12 @@ class Fitting:
                 return progress, "step limit"
             if stop():
                 return progress, "interrupted"
-            clock, refresh = time.perf_counter(), action == "refresh"
-            z, state = progress.z, progress.solver_state
-            state = restart(state, z) if refresh else state
+            clock = time.perf_counter()
+            refresh = action == "refresh"
+            z = progress.z
+            state = progress.solver_state
+            if refresh:
+                state = restart(state, z)
             stable = self._stable_steps(state.y_eval)
             # Other time steps move the residuals too, but less than the trial that
             # needs them: the Jacobian is kept.
@@ -275,13 +292,12 @@ class Fitting:
             seconds = progress.seconds + time.perf_counter() - clock
             accepted = refresh or loss < steps[-1].loss
             exact = refresh or not self._search.keeps_jacobian
-            number, values = len(steps) + 1, self._host_values(z)
             record = StepRecord(
-                number=number,
+                number=len(steps) + 1,
                 loss=loss,
                 accepted=accepted,
                 length=length,
-                values=values,
+                values=self._host_values(z),
                 exact=exact,
                 refresh=refresh,
             )
@@ -302,8 +318,8 @@ class Fitting:
     def _evaluate(
         self, z: Float[Array, " p"], objective: Objective
     ) -> tuple[Array, RunDiagnostics]:
-        given = on_every_device(self._mesh, (z, objective))
-        return self._compiled_residuals(self._mesh, *given)
+        arguments = on_every_device(self._mesh, (z, objective))
+        return self._compiled_residuals(self._mesh, *arguments)
 
     def _seen_from(self, objective: Objective, z: Float[Array, " p"]) -> Objective:
         """Objective with the cameras where they are at z."""
@@ -318,7 +334,8 @@ class Fitting:
     def _refined(
         self, step_tables: StepTables, stable: Float[Array, " c"]
     ) -> StepTables:
-        return refine_steps(step_tables, stable, self.objective.step_tables)
+        first = self.objective.step_tables
+        return refine_steps(step_tables, stable=stable, first=first)
 
     def _finish(
         self,
@@ -327,7 +344,8 @@ class Fitting:
         start: Float[Array, " p"],
         first: Array,
     ) -> Fit:
-        objective, z = with_step_tables(objective, progress.step_tables), progress.z
+        objective = with_step_tables(objective, progress.step_tables)
+        z = progress.z
         objective = self._seen_from(objective, z)
         initial = _loss(first)
         residual, diagnostics = self._evaluate(z, objective)
@@ -344,7 +362,9 @@ class Fitting:
         if len(z) <= MAX_JUDGED:
             batch = self.problem.batch()
             objective, z = on_every_device(self._mesh, (objective, z))
-            rows = jacobian_rows(residuals, objective, z, batch, self._mesh)
+            rows = jacobian_rows(
+                residuals, args=objective, z=z, batch=batch, mesh=self._mesh
+            )
             rows = np.asarray(rows, float)
         return Fit(
             z=np.asarray(z, float),
@@ -359,10 +379,24 @@ class Fitting:
         )
 
 
+class _Beginning(NamedTuple):
+    """Objective of a fit, and its residuals at the start."""
+
+    objective: Objective
+    residual: Array
+    diagnostics: RunDiagnostics
+
+
+def _keep_finished(done: np.ndarray, old: Array, new: Array) -> Array:
+    return jnp.where(done.reshape((-1,) + (1,) * (new.ndim - 1)), old, new)
+
+
 def _residuals_once(
     mesh: Mesh | None, z: Float[Array, " p"], objective: Objective
 ) -> tuple[Array, RunDiagnostics]:
-    return on_first_device(mesh, lambda given: residuals(*given), (z, objective))
+    return on_first_device(
+        mesh, lambda arguments: residuals(*arguments), (z, objective)
+    )
 
 
 def _check_devices(devices: int, size: int, settings: FitConfig) -> None:
@@ -372,7 +406,8 @@ def _check_devices(devices: int, size: int, settings: FitConfig) -> None:
             f"devices={devices}: {settings.method} computes one derivative after the "
             "other; use levenberg_marquardt, or leave devices out"
         )
-    values, starts = count(size, "value"), count(settings.starts, "start")
+    values = count(size, "value")
+    starts = count(settings.starts, "start")
     shared = f"the derivatives of {values} and {starts}"
     check_shared(devices, max(size, settings.starts), shared)
 

@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt whose Jacobian is kept between steps, as an optimistix solver.
+"""Levenberg-Marquardt that reuses its Jacobian between steps, an optimistix solver.
 
 A step solves (J^T J + lambda I) d = -J^T r. The first lambda follows from J itself, so
 that the steps are the same whether residuals are in percent or in kelvin.
@@ -17,7 +17,7 @@ Technical University of Denmark (2004), 3.5.
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -42,8 +42,8 @@ def _value_and_jacobian(
     z: Float[Array, " p"],
     batch: int,
     mesh: Mesh | None,
-) -> tuple[Float[Array, " r"], Float[Array, "p r"], Any]:
-    """Residuals, rows of their Jacobian, and auxiliary output of `function(z, args)`.
+) -> "_Linearization":
+    """Linearize `function(z, args)`, which returns residuals and auxiliary output.
 
     The devices of a mesh share the rows; under `vmap` they share the points z.
     """
@@ -52,12 +52,20 @@ def _value_and_jacobian(
             function, args=args, z=z, directions=_directions(z), batch=batch
         )
     else:
-        arrays, rest = eqx.partition(args, eqx.is_array)
-        rows, same = _on_devices(function, static=rest, batch=batch, mesh=mesh)(
+        arrays, static = eqx.partition(args, eqx.is_array)
+        rows, same = _on_devices(function, static=static, batch=batch, mesh=mesh)(
             z, arrays
         )
     value, aux = same
-    return value, rows, aux
+    return _Linearization(value, rows=rows, aux=aux)
+
+
+class _Linearization(NamedTuple):
+    """Residuals, rows of their Jacobian, and auxiliary output."""
+
+    value: Float[Array, " r"]
+    rows: Float[Array, "p r"]
+    aux: Any
 
 
 def _directions(z: Float[Array, " p"]) -> Float[Array, "p p"]:
@@ -72,14 +80,16 @@ def _derivatives(
     batch: int,
 ) -> tuple[Float[Array, "d r"], tuple[Float[Array, " r"], Any]]:
     """Derivatives along some directions, then residuals and auxiliary output at z."""
-    # Forward mode: the time loop keeps no history of states.
-    of_z = lambda y: function(y, args)
-    tangent = lambda t: jax.jvp(of_z, (z,), (t,), has_aux=True)
+
+    # Forward mode: the time loop stores no history of states.
+    def tangent(direction: Float[Array, " p"]) -> Any:
+        return jax.jvp(lambda y: function(y, args), (z,), (direction,), has_aux=True)
+
     if batch >= len(directions):
         # The value comes with the derivatives, which saves a run.
         value, rows, aux = jax.vmap(tangent, out_axes=(None, 0, None))(directions)
         return rows, (value, aux)
-    same = of_z(z)
+    same = function(z, args)
     return jax.lax.map(lambda t: tangent(t)[1], directions, batch_size=batch), same
 
 
@@ -88,8 +98,8 @@ def _on_devices(
 ) -> Callable[[Float[Array, " p"], Any], Any]:
     """Derivatives along all directions at a point, by arguments that are arrays."""
 
-    def derivatives(given, directions, batch):
-        z, arrays = given
+    def derivatives(arguments, directions, batch):
+        z, arrays = arguments
         args = eqx.combine(arrays, static)
         return _derivatives(
             function, args=args, z=z, directions=directions, batch=batch
@@ -98,21 +108,28 @@ def _on_devices(
     @custom_vmap
     def at_one(z, arrays):
         # As many derivatives at once on all devices together as on one.
-        own = part_of(mesh, batch)
-        part = lambda directions, given: derivatives(given, directions, own)
+        device_batch = part_of(mesh, batch)
         return over_devices(
-            mesh, function=part, batch=_directions(z), constants=(z, arrays)
+            mesh,
+            function=lambda directions, given: derivatives(
+                given, directions=directions, batch=device_batch
+            ),
+            batch=_directions(z),
+            constants=(z, arrays),
         )
 
     @at_one.def_vmap
     def _(_, is_batched, points, arrays):
         # A search from several starts: each device has all directions of some.
-        def part(points, arrays):
-            whole = lambda z: derivatives((z, arrays), _directions(z), batch)
-            return jax.vmap(whole)(points), None
+        def at_points(points, arrays):
+            return jax.vmap(lambda z: derivatives((z, arrays), _directions(z), batch))(
+                points
+            ), None
 
-        found, _ = over_devices(mesh, function=part, batch=points, constants=arrays)
-        return found, jax.tree.map(lambda _: True, found)
+        derivatives_of_all, _ = over_devices(
+            mesh, function=at_points, batch=points, constants=arrays
+        )
+        return derivatives_of_all, jax.tree.map(lambda _: True, derivatives_of_all)
 
     return at_one
 
@@ -126,7 +143,7 @@ def jacobian_rows(
     mesh: Mesh | None = None,
 ) -> Float[Array, "p r"]:
     """Rows of the Jacobian of `function(z, args)`, compiled once per shape."""
-    return _value_and_jacobian(function, args=args, z=z, batch=batch, mesh=mesh)[1]
+    return _value_and_jacobian(function, args=args, z=z, batch=batch, mesh=mesh).rows
 
 
 def _broyden_update(
@@ -167,22 +184,31 @@ class _ScaledTrustRegion(optx.ClassicalTrustRegion):
 
     @override
     def step(
-        self, first_step: Any, y: Any, y_eval: Any, f_info: Any, f_eval_info: Any,
+        self,
+        first_step: Any,
+        y: Any,
+        y_eval: Any,
+        f_info: Any,
+        f_eval_info: Any,
         state: Any,
-    ) -> Any:  # fmt: skip
+    ) -> Any:
         size, accept, result, state = super().step(
             first_step, y, y_eval, f_info, f_eval_info, state
         )
         # Later sizes follow from how well the linear model predicted the decrease.
-        scaled = lambda: _first_size(f_eval_info).astype(size.dtype)
-        size = jax.lax.cond(first_step, scaled, lambda: size)
+        size = jax.lax.cond(
+            first_step,
+            lambda: _first_size(f_eval_info).astype(size.dtype),
+            lambda: size,
+        )
         return size, accept, result, eqx.tree_at(lambda s: s.step_size, state, size)
 
 
 def _first_size(f_info: Any) -> Float[Array, ""]:
     """1 / lambda_0 of optimistix' residual and Jacobian; 1 where there is no slope."""
     gradient = f_info.compute_grad()
-    square, curvature = (gradient**2).sum(), (f_info.jac.mv(gradient) ** 2).sum()
+    square = (gradient**2).sum()
+    curvature = (f_info.jac.mv(gradient) ** 2).sum()
     size = square * inverse(curvature) / FIRST_DAMPING
     return jnp.where(size > 0, size, 1.0)
 
@@ -199,8 +225,10 @@ class _BoundedDescent(optx.DampedNewtonDescent):
 
 def with_trust_region(solver: optx.LevenbergMarquardt) -> optx.LevenbergMarquardt:
     """Solver of optimistix with this damping and these steps."""
-    parts = _ScaledTrustRegion(), _BoundedDescent(solver.descent.linear_solver)
-    return eqx.tree_at(lambda s: (s.search, s.descent), solver, parts)
+    descent = _BoundedDescent(solver.descent.linear_solver)
+    return eqx.tree_at(
+        lambda s: (s.search, s.descent), solver, (_ScaledTrustRegion(), descent)
+    )
 
 
 class _BroydenState(eqx.Module):
@@ -216,6 +244,16 @@ class _BroydenState(eqx.Module):
     descent_state: PyTree
     terminate: Bool[Array, ""]
     result: optx.RESULTS
+
+
+class _Best(NamedTuple):
+    """The best point after a trial, and if the search has converged there."""
+
+    y: Float[Array, " p"]
+    f_info: Any
+    aux: PyTree
+    descent_state: PyTree
+    done: Bool[Array, ""]
 
 
 class BroydenLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
@@ -242,11 +280,19 @@ class BroydenLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
 
     @override
     def init(
-        self, fn: Any, y: Any, args: Any, options: Any, f_struct: Any,
-        aux_struct: Any, tags: Any,
-    ) -> _BroydenState:  # fmt: skip
+        self,
+        fn: Any,
+        y: Any,
+        args: Any,
+        options: Any,
+        f_struct: Any,
+        aux_struct: Any,
+        tags: Any,
+    ) -> _BroydenState:
         # Placeholders: the first step replaces them whatever they are.
-        zeros = lambda s: jnp.zeros(s.shape, s.dtype)
+        def zeros(struct: Any) -> Array:
+            return jnp.zeros(struct.shape, struct.dtype)
+
         matrix = jnp.zeros((*f_struct.shape, len(y)), f_struct.dtype)
         f_info = optx.FunctionInfo.ResidualJac(
             zeros(f_struct), lx.MatrixLinearOperator(matrix)
@@ -269,52 +315,79 @@ class BroydenLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
     ) -> tuple[Float[Array, " p"], _BroydenState, PyTree]:
         # An exact Jacobian costs a run per coordinate, a corrected one a single run.
         def exact():
-            batch, mesh = self.batch, self.mesh
             return _value_and_jacobian(
-                fn, args=args, z=state.y_eval, batch=batch, mesh=mesh
+                fn, args=args, z=state.y_eval, batch=self.batch, mesh=self.mesh
             )
 
         def corrected():
-            run = lambda given: fn(*given)
-            value, aux = on_first_device(self.mesh, run, (state.y_eval, args))
+            value, aux = on_first_device(
+                self.mesh, lambda arguments: fn(*arguments), (state.y_eval, args)
+            )
             rows = state.f_info.jac.as_matrix().T
             change = value - state.f_info.residual
-            return value, _broyden_update(rows, state.y_eval - y, change), aux
+            updated = _broyden_update(rows, step=state.y_eval - y, change=change)
+            return _Linearization(value, rows=updated, aux=aux)
 
         # A batch of searches would run both branches of the condition.
-        choose = lambda: jax.lax.cond(state.first_step, exact, corrected)
-        value, rows, aux_eval = choose() if self.use_broyden else exact()
-        operator = lx.MatrixLinearOperator(rows.T)
-        f_eval_info = optx.FunctionInfo.ResidualJac(value, operator)
+        if self.use_broyden:
+            trial = jax.lax.cond(state.first_step, exact, corrected)
+        else:
+            trial = exact()
+        operator = lx.MatrixLinearOperator(trial.rows.T)
+        f_eval_info = optx.FunctionInfo.ResidualJac(trial.value, operator)
         # The search compares the observed decrease of the loss with that of the linear
         # model, and adapts the damping.
-        points = state.first_step, y, state.y_eval
         step_size, accept, search_result, search_state = self.search.step(
-            *points, state.f_info, f_eval_info, state.search_state
+            first_step=state.first_step,
+            y=y,
+            y_eval=state.y_eval,
+            f_info=state.f_info,
+            f_eval_info=f_eval_info,
+            state=state.search_state,
         )
 
-        small = lambda new, old: (
-            self.norm(jnp.abs(new - old) / (self.atol + self.rtol * jnp.abs(new))) < 1
-        )
+        def is_small(new: Array, old: Array) -> Bool[Array, ""]:
+            allowed = self.atol + self.rtol * jnp.abs(new)
+            return self.norm(jnp.abs(new - old) / allowed) < 1
 
         def accepted():
             descent = self.descent.query(state.y_eval, f_eval_info, state.descent_state)
             # Both the coordinates and the residuals have stopped changing.
-            done = small(state.y_eval, y) & small(value, state.f_info.residual)
-            return state.y_eval, f_eval_info, aux_eval, descent, done
+            settled = is_small(trial.value, state.f_info.residual)
+            return _Best(
+                y=state.y_eval,
+                f_info=f_eval_info,
+                aux=trial.aux,
+                descent_state=descent,
+                done=is_small(state.y_eval, y) & settled,
+            )
 
-        # A trial from a kept Jacobian may fail: the caller restarts with an exact one.
+        # A trial from an old Jacobian may fail: the caller restarts with an exact one.
         def rejected():
-            keep = state.f_info, state.aux, state.descent_state
-            return y, *keep, jnp.asarray(False)
+            return _Best(
+                y=y,
+                f_info=state.f_info,
+                aux=state.aux,
+                descent_state=state.descent_state,
+                done=jnp.asarray(False),
+            )
 
         # A rejected step is proposed again from the best point, with more damping.
-        y, f_info, aux, descent, done = jax.lax.cond(accept, accepted, rejected)
-        step, descent_result = self.descent.step(step_size, descent)
+        best = jax.lax.cond(accept, accepted, rejected)
+        step, descent_result = self.descent.step(step_size, best.descent_state)
         succeeded = search_result == optx.RESULTS.successful
         result = optx.RESULTS.where(succeeded, descent_result, search_result)
-        parts = f_info, aux, search_state, descent, done, result
-        return y, _BroydenState(jnp.asarray(False), y + step, *parts), aux
+        following = _BroydenState(
+            first_step=jnp.asarray(False),
+            y_eval=best.y + step,
+            f_info=best.f_info,
+            aux=best.aux,
+            search_state=search_state,
+            descent_state=best.descent_state,
+            terminate=best.done,
+            result=result,
+        )
+        return best.y, following, best.aux
 
     @override
     def terminate(
@@ -324,13 +397,21 @@ class BroydenLevenbergMarquardt(optx.AbstractLeastSquaresSolver):
 
     @override
     def postprocess(
-        self, fn: Any, y: Any, aux: Any, args: Any, options: Any, state: _BroydenState,
-        tags: Any, result: optx.RESULTS,
-    ) -> tuple[Float[Array, " p"], PyTree, dict[str, Any]]:  # fmt: skip
+        self,
+        fn: Any,
+        y: Any,
+        aux: Any,
+        args: Any,
+        options: Any,
+        state: _BroydenState,
+        tags: Any,
+        result: optx.RESULTS,
+    ) -> tuple[Float[Array, " p"], PyTree, dict[str, Any]]:
         return y, aux, {}
 
 
 def restart(state: Any, z: Float[Array, " p"]) -> Any:
     """State of any solver that evaluates z first, exactly, and accepts it."""
-    fields = lambda s: (s.first_step, s.y_eval)
-    return eqx.tree_at(fields, state, (jnp.asarray(True), z))
+    return eqx.tree_at(
+        lambda s: (s.first_step, s.y_eval), state, (jnp.asarray(True), z)
+    )

@@ -1,4 +1,4 @@
-"""State of a fit between steps: its file, its history, and what follows from that.
+"""State of a fit between steps: its file, its history, and the choice of a step.
 
 Steps may stop lowering the loss because the Jacobian was corrected from other points,
 see `levenberg_marquardt`. The fit then computes it at the best point and continues from
@@ -22,7 +22,9 @@ from jaxthermo.errors import InputError
 from ..problem.problem import StepTables
 
 
-_KIND, _VERSION, _REMEDY = "state of a fit", 1, "delete it to start again"
+_KIND = "state of a fit"
+_VERSION = 1
+_REMEDY = "delete it to start again"
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ class Progress(NamedTuple):
     done: bool = False
     """The solver's own criterion is met."""
     seconds: float = 0.0
-    """Time of the steps, over all processes that took some [s]."""
+    """Time of all steps, also those of earlier processes [s]."""
 
     def save(self, path: Path) -> None:
         """Write to a file, in one step, with a checksum."""
@@ -70,27 +72,25 @@ class Progress(NamedTuple):
         header = {"steps": steps, "done": self.done, "seconds": self.seconds}
         leaves = io.BytesIO()
         eqx.tree_serialise_leaves(leaves, _arrays(self))
-        parts = {
+        arrays = {
             "header": np.array(json.dumps(header)),
             "leaves": np.frombuffer(leaves.getvalue(), np.uint8),
         }
-        write_archive(
-            path, format_name=_KIND, version=_VERSION, arrays=parts, compress=False
-        )
+        write_archive(path, format_name=_KIND, version=_VERSION, arrays=arrays, compress=False)
 
 
 def _arrays(progress: Progress) -> Any:
-    return progress.z, progress.solver_state, progress.step_tables
+    return (progress.z, progress.solver_state, progress.step_tables)
 
 
 def load_progress(path: Path, start: Progress) -> Progress:
     """Read the state that an earlier process saved, or return the start."""
     if not path.exists():
         return start
-    parts = read_archive(path, format_name=_KIND, version=_VERSION, remedy=_REMEDY)
+    arrays = read_archive(path, format_name=_KIND, version=_VERSION, remedy=_REMEDY)
     try:
-        header = json.loads(str(parts["header"]))
-        leaves = io.BytesIO(parts["leaves"].tobytes())
+        header = json.loads(str(arrays["header"]))
+        leaves = io.BytesIO(arrays["leaves"].tobytes())
         # Leaves that are no arrays, such as programs, are those of the start.
         z, state, tables = eqx.tree_deserialise_leaves(leaves, _arrays(start))
         steps = [StepRecord(**step) for step in header["steps"]]
@@ -130,9 +130,9 @@ def next_action(
         return "try"
     stagnant = _is_stagnant(steps, tolerance, dtype)
     ends = stagnant or done
-    # The best point before the trials that ask for an end.
-    before = steps[: -STAGNATION_LIMIT if stagnant else -1] if ends else steps
-    best_is_exact = next((s.exact for s in reversed(before) if s.accepted), True)
+    # The best point before the trials that end the search.
+    earlier = steps[: -STAGNATION_LIMIT if stagnant else -1] if ends else steps
+    best_is_exact = next((s.exact for s in reversed(earlier) if s.accepted), True)
     if not (ends or not steps[-1].accepted) or best_is_exact:
         return "end" if ends else "try"
     # A refresh costs about one run per coordinate. It is not worth that, nor the trials
@@ -155,5 +155,5 @@ def _is_stagnant(steps: list[StepRecord], tolerance: float, dtype: Any) -> bool:
 
 
 def _relative_gain(steps: list[StepRecord]) -> float:
-    before, now = steps[0].loss, steps[-1].loss
-    return (before - now) / before if before > 0 else 0.0
+    first = steps[0].loss
+    return (first - steps[-1].loss) / first if first > 0 else 0.0

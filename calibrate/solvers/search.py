@@ -46,12 +46,13 @@ class Objective(eqx.Module):
     views: Views = ()
     """Views of cameras whose poses are fitted, near those of the point."""
     reverse: Traced | None = None
-    """Residuals by time steps that can be differentiated in reverse mode."""
+    """Residuals whose time steps can be differentiated in reverse mode."""
 
 
 def make_objective(problem: Problem, reverse_memory: int | None) -> Objective:
     """Trace a problem's residuals, for reverse mode too if memory [bytes] is given."""
-    step_tables, z = problem.step_tables(), problem.start()
+    step_tables = problem.step_tables()
+    z = problem.start()
     views = problem.views_at(z)
     traced = problem.trace(step_tables)
     reverse = None
@@ -61,7 +62,14 @@ def make_objective(problem: Problem, reverse_memory: int | None) -> Objective:
     noise = jnp.zeros(rows.shape, rows.dtype)
     # Plain squares without noise are the same program with other arrays.
     knee = jnp.asarray(jnp.inf, problem.dtype)
-    return Objective(traced, step_tables, knee, noise, views, reverse)
+    return Objective(
+        traced=traced,
+        step_tables=step_tables,
+        knee=knee,
+        noise=noise,
+        views=views,
+        reverse=reverse,
+    )
 
 
 def with_step_tables(objective: Objective, step_tables: StepTables) -> Objective:
@@ -80,7 +88,6 @@ def residuals(
     z: Array, objective: Objective, in_reverse: bool = False
 ) -> tuple[Array, RunDiagnostics]:
     """Residuals at z, whose squares are minimized, as optimistix calls them."""
-    # In reverse the same, by a time loop that can be differentiated in that mode.
     traced = objective.reverse if in_reverse else objective.traced
     assert traced is not None
     values, diagnostics = traced(z, objective.step_tables, objective.views)
@@ -99,17 +106,17 @@ def _with_tangent(
     # optimistix linearizes the function that it is given; here the tangents come from
     # another program than the values.
     @jax.custom_jvp
-    def given(z, objective):
+    def with_tangent(z, objective):
         return function(z, objective)
 
-    @given.defjvp
+    @with_tangent.defjvp
     def _(primals, tangents):
         z, objective = primals
         (value, diagnostics), tangent = linearize(z, objective, tangents[0])
         zeros = jax.tree.map(_zero_tangent, diagnostics)
         return (value, diagnostics), (tangent, zeros)
 
-    return given
+    return with_tangent
 
 
 def _zero_tangent(value: Array) -> Any:
@@ -125,13 +132,13 @@ def _residual_products(z: Array, objective: Objective, tangent: Array) -> Any:
 
     def forward(point, tangent):
         z, arrays = point
-        whole = eqx.combine(arrays, static)
-        return jax.jvp(lambda y: residuals(y, whole)[0], (z,), (tangent,))[1]
+        objective = eqx.combine(arrays, static)
+        return jax.jvp(lambda y: residuals(y, objective)[0], (z,), (tangent,))[1]
 
     def transposed(point, cotangent):
         z, arrays = point
-        whole = eqx.combine(arrays, static)
-        return jax.vjp(lambda y: residuals(y, whole, True)[0], z)[1](cotangent)[0]
+        objective = eqx.combine(arrays, static)
+        return jax.vjp(lambda y: residuals(y, objective, True)[0], z)[1](cotangent)[0]
 
     product = linear_call(forward, transposed, (z, arrays), tangent)
     return residuals(z, objective), product
@@ -143,8 +150,9 @@ def _loss(z: Array, objective: Objective) -> tuple[Array, RunDiagnostics]:
 
 
 def _loss_gradient(z: Array, objective: Objective, tangent: Array) -> Any:
-    in_reverse = lambda y: _half_sum(residuals(y, objective, True)[0])
-    value, gradient = jax.value_and_grad(in_reverse)(z)
+    value, gradient = jax.value_and_grad(
+        lambda y: _half_sum(residuals(y, objective, in_reverse=True)[0])
+    )(z)
     return (value, residuals(z, objective)[1]), gradient @ tangent
 
 
@@ -165,21 +173,27 @@ _OPTIONS = {"autodiff_mode": "bwd"}
 def _make_solver(
     settings: FitConfig, batch: int, use_broyden: bool, mesh: Mesh | None
 ) -> Any:
-    tolerances = settings.tolerance, settings.tolerance
+    tolerance = settings.tolerance
     match settings.method:
         case "levenberg_marquardt":
             return BroydenLevenbergMarquardt(
-                *tolerances, use_broyden=use_broyden, batch=batch, mesh=mesh
+                rtol=tolerance,
+                atol=tolerance,
+                use_broyden=use_broyden,
+                batch=batch,
+                mesh=mesh,
             )
         case "gauss_newton":
             # By products with J^T J alone, which need no Jacobian.
             linear = lx.Normal(lx.CG(rtol=1e-3, atol=1e-8, max_steps=100))
-            solver = optx.LevenbergMarquardt(*tolerances, linear_solver=linear)
+            solver = optx.LevenbergMarquardt(
+                rtol=tolerance, atol=tolerance, linear_solver=linear
+            )
             return with_trust_region(solver)
         case "bfgs":
-            return optx.BFGS(*tolerances)
+            return optx.BFGS(rtol=tolerance, atol=tolerance)
         case _:
-            return optx.LBFGS(*tolerances, history_length=20)
+            return optx.LBFGS(rtol=tolerance, atol=tolerance, history_length=20)
 
 
 REVERSE_METHODS = ("gauss_newton", "bfgs", "lbfgs")
@@ -202,7 +216,8 @@ class Search:
         With `use_broyden` Levenberg-Marquardt keeps its Jacobian between points. The
         devices of a `mesh` share the derivatives.
         """
-        self._function, self._mesh = _FUNCTIONS[settings.method], mesh
+        self._function = _FUNCTIONS[settings.method]
+        self._mesh = mesh
         self._solver = _make_solver(
             settings, batch=batch, use_broyden=use_broyden, mesh=mesh
         )
@@ -217,29 +232,45 @@ class Search:
         if self._initial is None:
             # Once only: the states of optimistix hold programs, which are compared by
             # identity, so that another start would be compiled again.
-            given = z, self._objective
-            structs = eqx.filter_eval_shape(self._function, *given)
+            residuals_struct, aux_struct = eqx.filter_eval_shape(
+                self._function, z, self._objective
+            )
             self._initial = self._solver.init(
-                self._function, *given, _OPTIONS, *structs, frozenset()
+                fn=self._function,
+                y=z,
+                args=self._objective,
+                options=_OPTIONS,
+                f_struct=residuals_struct,
+                aux_struct=aux_struct,
+                tags=frozenset(),
             )
         return restart(self._initial, z)
 
     def advance(self, z: Any, state: Any, objective: Objective) -> tuple[Any, Any, Any]:
         """One step, not compiled: best point, state of the solver, and end."""
-        given = objective, _OPTIONS
-        z, state, _ = self._solver.step(self._function, z, *given, state, frozenset())
-        done, _ = self._solver.terminate(self._function, z, *given, state, frozenset())
-        arrays, rest = eqx.partition(state, eqx.is_array)
+        shared = {
+            "fn": self._function,
+            "args": objective,
+            "options": _OPTIONS,
+            "tags": frozenset(),
+        }
+        z, state, _ = self._solver.step(y=z, state=state, **shared)
+        done, _ = self._solver.terminate(y=z, state=state, **shared)
+        arrays, static = eqx.partition(state, eqx.is_array)
         z, arrays, done = replicated(self._mesh, (z, arrays, done))
-        return z, eqx.combine(arrays, rest), done
+        return z, eqx.combine(arrays, static), done
 
     def compile(self, z: Float[Array, " p"], state: Any) -> Callable[..., Any]:
         """`advance` compiled ahead and once, so that steps can be timed without it."""
         if self._compiled is None:
-            place = partial(on_every_device, self._mesh)
-            given = place((z, state, self._objective))
-            compiled = eqx.filter_jit(self.advance).lower(*given).compile()
-            self._compiled = lambda *given: compiled(*place(given))
+            replicate = partial(on_every_device, self._mesh)
+            arguments = replicate((z, state, self._objective))
+            compiled = eqx.filter_jit(self.advance).lower(*arguments).compile()
+
+            def advance(*arguments: Any) -> Any:
+                return compiled(*replicate(arguments))
+
+            self._compiled = advance
         return self._compiled
 
 
@@ -281,9 +312,9 @@ def losses(
 
     def at(points, objective):
         def loss(z):
-            found = 0.5 * (residuals(z, objective)[0] ** 2).sum()
-            # A start whose run diverges is left out, not an error.
-            return jnp.where(jnp.isfinite(found), found, jnp.inf)
+            half_sum = 0.5 * (residuals(z, objective)[0] ** 2).sum()
+            # A start whose run diverges is left out without an error.
+            return jnp.where(jnp.isfinite(half_sum), half_sum, jnp.inf)
 
         size = max(1, min(part_of(mesh, batch), len(points)))
         return jax.lax.map(loss, points, batch_size=size), None
@@ -302,11 +333,11 @@ def batched(
 
     @eqx.filter_jit
     def advance(z, states, objective):
-        def single(given):
-            state = eqx.combine(given[1], static)
-            z, state, done = search.advance(given[0], state, objective)
+        def single(start):
+            state = eqx.combine(start[1], static)
+            z, state, done = search.advance(start[0], state, objective)
             return z, eqx.filter(state, eqx.is_array), done
 
         return jax.lax.map(single, (z, states), batch_size=batch)
 
-    return jax.tree.map(lambda *each: jnp.stack(each), *arrays), advance
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *arrays), advance

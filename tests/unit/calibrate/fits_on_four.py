@@ -35,17 +35,17 @@ close = partial(np.testing.assert_allclose, rtol=1e-9, atol=1e-9)
 
 def problem() -> Problem:
     """A twin of one case and two parameters."""
-    both = twin((WITHIN, BETWEEN))
-    return Problem(both.parameters, both.cases[:1])
+    twin_problem = twin((WITHIN, BETWEEN))
+    return Problem(twin_problem.parameters, twin_problem.cases[:1])
 
 
-def check(fit: Fit, other: Fit) -> None:
-    assert fit.jacobian is not None and other.jacobian is not None
-    assert len(fit.steps) == len(other.steps) and fit.ended == other.ended
-    close(fit.z, other.z)
-    close(fit.residual, other.residual)
-    close(fit.jacobian, other.jacobian)
-    for step, its_step in zip(fit.steps, other.steps, strict=True):
+def check(fit: Fit, expected: Fit) -> None:
+    assert fit.jacobian is not None and expected.jacobian is not None
+    assert len(fit.steps) == len(expected.steps) and fit.ended == expected.ended
+    close(fit.z, expected.z)
+    close(fit.residual, expected.residual)
+    close(fit.jacobian, expected.jacobian)
+    for step, its_step in zip(fit.steps, expected.steps, strict=True):
         assert step.outcome == its_step.outcome
         close(step.loss, its_step.loss)
 
@@ -62,48 +62,62 @@ def model(z, tables, views):
 
 def solver() -> None:
     """Derivatives and steps of a model that takes no time are those on one."""
-    z, settings = jnp.linspace(-0.5, 0.5, 5), FitConfig(tolerance=1e-6)
+    z = jnp.linspace(-0.5, 0.5, 5)
+    settings = FitConfig(tolerance=1e-6)
     nothing = jnp.zeros(9)
-    made = Objective(trace(model, z, (), ()), (), jnp.asarray(jnp.inf), nothing)
-    found = []
+    objective_of_model = Objective(
+        traced=trace(model, z, (), ()),
+        step_tables=(),
+        knee=jnp.asarray(jnp.inf),
+        noise=nothing,
+    )
+    results_by_devices = []
     for mesh in (None, mesh_of(4)):
-        objective, first = on_every_device(mesh, (made, z))
+        objective, first = on_every_device(mesh, (objective_of_model, z))
         # All at once, and one after the other on each device.
         results = [
-            jacobian_rows(residuals, objective, first, batch, mesh) for batch in (5, 2)
+            jacobian_rows(residuals, args=objective, z=first, batch=batch, mesh=mesh)
+            for batch in (5, 2)
         ]
-        search = Search(objective, settings, 5, True, mesh)
-        state, best = search.start(first), first
+        search = Search(
+            objective=objective, settings=settings, batch=5, use_broyden=True, mesh=mesh
+        )
+        state = search.start(first)
+        best = first
         advance = search.compile(best, state)
         for _ in range(6):
             best, state, _ = advance(best, state, objective)
             results += [best, state.f_info.residual]
         points = on_every_device(mesh, first + jnp.arange(6.0)[:, None] / 10)
-        results.append(losses(objective, points, 5, mesh))
-        found.append([np.asarray(each) for each in results])
-    one, four = found
-    assert one[-1].shape == (6,) and one[0].shape == (5, 9)
-    assert (one[3] ** 2).sum() > 1.1 * (one[13] ** 2).sum()
-    for each, other in zip(one, four, strict=True):
-        close(other, each)
+        results.append(losses(objective, points=points, batch=5, mesh=mesh))
+        results_by_devices.append([np.asarray(result) for result in results])
+    on_one, on_four = results_by_devices
+    assert on_one[-1].shape == (6,) and on_one[0].shape == (5, 9)
+    assert (on_one[3] ** 2).sum() > 1.1 * (on_one[13] ** 2).sum()
+    for on_one_device, on_four_devices in zip(on_one, on_four, strict=True):
+        close(on_four_devices, on_one_device)
 
 
 def columns() -> None:
     """A fit is that of one device, and goes on on another number of devices."""
     settings = FitConfig(tolerance=1e-9, max_steps=40, starts=4)
     fittings = {n: Fitting(problem(), settings, devices=n) for n in (1, 4)}
-    whole = {n: fitting.run() for n, fitting in fittings.items()}
+    uninterrupted = {n: fitting.run() for n, fitting in fittings.items()}
     assert (
-        whole[1].ended == "converged" and whole[1].loss < 1e-6 * whole[1].steps[0].loss
+        uninterrupted[1].ended == "converged"
+        and uninterrupted[1].loss < 1e-6 * uninterrupted[1].steps[0].loss
     )
-    check(whole[4], whole[1])
+    check(uninterrupted[4], uninterrupted[1])
     checkpoint = Path("state.npz")
-    for before, after in ((4, 1), (1, 4)):
+    for first_devices, later_devices in ((4, 1), (1, 4)):
         asked = iter(range(3))
-        stop = lambda asked=asked: next(asked, None) is None
-        part = fittings[before].run(checkpoint=checkpoint, stop=stop)
-        assert part.ended == "interrupted" and len(part.steps) == 3
-        check(fittings[after].run(checkpoint=checkpoint), whole[1])
+
+        def stop(asked=asked):
+            return next(asked, None) is None
+
+        interrupted = fittings[first_devices].run(checkpoint=checkpoint, stop=stop)
+        assert interrupted.ended == "interrupted" and len(interrupted.steps) == 3
+        check(fittings[later_devices].run(checkpoint=checkpoint), uninterrupted[1])
         checkpoint.unlink()
 
 
@@ -111,32 +125,33 @@ def starts() -> None:
     """Five starts on four devices lead where they do on one."""
     settings = FitConfig(tolerance=1e-6, max_steps=6, starts=5)
     points = start_points(5, 2, 0.5, seed=3)
-    one, four = (
+    on_one, on_four = (
         Fitting(problem(), settings, devices=n).best_start(points) for n in (1, 4)
     )
-    assert np.abs(one).max() > 0.1
-    close(four, one)
+    assert np.abs(on_one).max() > 0.1
+    close(on_four, on_one)
 
 
 def cases() -> None:
     """Three cases of one shape have the same errors on four devices as on one."""
     config = load_sweep(sweep_file(Path(), SWEEP))
-    every = [case for choice in choices(config) for case in cases_of(config, choice)]
-    own = [case for case in every if case.load == "+x"]
-    truths = {"+x": find_truth(own[0], lambda _: None)}
-    one, four = (evaluate_group(own, truths, devices=n) for n in (1, 4))
-    assert [made.row["together"] for made in four] == [3, 3, 3]
-    for made, other in zip(four, one, strict=True):
-        assert made.row["id"] == other.row["id"]
-        assert made.row["steps"] == other.row["steps"]
+    all_cases = [
+        case for choice in choices(config) for case in cases_of(config, choice)
+    ]
+    load_cases = [case for case in all_cases if case.load == "+x"]
+    truths = {"+x": find_truth(load_cases[0], lambda _: None)}
+    on_one, on_four = (evaluate_group(load_cases, truths, devices=n) for n in (1, 4))
+    assert [evaluated.row["together"] for evaluated in on_four] == [3, 3, 3]
+    for shared, alone in zip(on_four, on_one, strict=True):
+        assert shared.row["id"] == alone.row["id"]
+        assert shared.row["steps"] == alone.row["steps"]
         for name in ("rms_kelvin", "p99_kelvin", "bias_kelvin"):
-            errors = made.row["error"][name], other.row["error"][name]
-            close(*errors)
+            close(shared.row["error"][name], alone.row["error"][name])
 
 
 if __name__ == "__main__":
     jax.config.update("jax_enable_x64", True)
     assert jax.device_count() == 4
-    parts = {"solver": solver, "columns": columns, "starts": starts, "cases": cases}
-    parts[sys.argv[1]]()
+    commands = {"solver": solver, "columns": columns, "starts": starts, "cases": cases}
+    commands[sys.argv[1]]()
     print("equal")

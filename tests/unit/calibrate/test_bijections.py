@@ -27,12 +27,12 @@ CASES = {
 @settings(deadline=None, max_examples=30)
 def test_values_keep_their_bounds_and_lead_back(name, z):
     start, lower, upper, soft = CASES[name]
-    made = bijection(np.asarray(start), lower, upper, soft)
-    value = float(made.value(np.asarray(z)))
+    mapping = bijection(np.asarray(start), lower=lower, upper=upper, softplus=soft)
+    value = float(mapping.value(np.asarray(z)))
     assert lower <= value <= upper
     # Close to a bound digits of the value are lost, and with them those of z.
     room = min(value - lower, upper - value, 1.0)
-    assert float(made.coordinate(np.asarray(value))) == pytest.approx(
+    assert float(mapping.coordinate(np.asarray(value))) == pytest.approx(
         z, abs=1e-9 + 1e-13 / max(room, 1e-300)
     )
 
@@ -40,8 +40,8 @@ def test_values_keep_their_bounds_and_lead_back(name, z):
 @pytest.mark.parametrize("name", CASES)
 def test_0_is_the_start_and_1_about_its_size(name):
     start, lower, upper, soft = CASES[name]
-    made = bijection(np.asarray(start), lower, upper, soft)
-    assert float(made.value(np.asarray(0.0))) == pytest.approx(start, abs=1e-12)
-    slope = float(jax.grad(made.value)(0.0))
+    mapping = bijection(np.asarray(start), lower=lower, upper=upper, softplus=soft)
+    assert float(mapping.value(np.asarray(0.0))) == pytest.approx(start, abs=1e-12)
+    slope = float(jax.grad(mapping.value)(0.0))
     size = abs(start) or 1.0
     assert 0.05 * size < slope < 3 * size

@@ -28,21 +28,23 @@ def updated(rows, step, start=FIRST):
 
 
 def test_exact_rows_stay():
-    found = updated(ROWS, jnp.full(3, 0.5))
-    np.testing.assert_allclose(found, ROWS, atol=1e-14)
+    corrected = updated(ROWS, jnp.full(3, 0.5))
+    np.testing.assert_allclose(corrected, ROWS, atol=1e-14)
 
 
 def test_corrected_rows_reproduce_the_change_and_keep_what_is_across_it():
-    wrong, step = ROWS + 0.1, jnp.asarray([0.25, 0.0, -0.5])
-    found = updated(wrong, step)
-    np.testing.assert_allclose(step @ found, linear(FIRST + step) - linear(FIRST))
+    wrong = ROWS + 0.1
+    step = jnp.asarray([0.25, 0.0, -0.5])
+    corrected = updated(wrong, step)
+    np.testing.assert_allclose(step @ corrected, linear(FIRST + step) - linear(FIRST))
     across = jnp.asarray([0.5, 7.0, 0.25])
     assert across @ step == 0
-    np.testing.assert_allclose(across @ found, across @ wrong, atol=1e-13)
+    np.testing.assert_allclose(across @ corrected, across @ wrong, atol=1e-13)
 
 
 def test_orthogonal_steps_make_any_rows_exact():
-    z, rows = FIRST, jnp.zeros_like(ROWS)
+    z = FIRST
+    rows = jnp.zeros_like(ROWS)
     for step in jnp.eye(3):
         rows = updated(rows, step, z)
         z = z + step
@@ -56,35 +58,42 @@ def test_where_nothing_moved_rows_stay():
 def test_rows_live_in_the_state_of_the_solver():
     """Exact at the first point, and corrected at the second."""
     solver = BroydenLevenbergMarquardt(1e-9, 1e-9)
-    function = lambda z, args: (linear(jnp.sinh(z)), args)
-    structs = (jnp.zeros(5), None)
-    rest = {}, frozenset()
-    state = solver.init(function, FIRST, None, rest[0], *structs, rest[1])
-    z, state, _ = solver.step(function, FIRST, None, rest[0], state, rest[1])
+
+    def function(z, args):
+        return (linear(jnp.sinh(z)), args)
+
+    state = solver.init(function, FIRST, None, {}, jnp.zeros(5), None, frozenset())
+    z, state, _ = solver.step(function, FIRST, None, {}, state, frozenset())
     exact = jnp.cosh(FIRST)[:, None] * ROWS
     np.testing.assert_allclose(state.f_info.jac.as_matrix().T, exact)
     step = state.y_eval - z
     change = function(state.y_eval, None)[0] - function(z, None)[0]
-    _, state, _ = solver.step(function, z, None, rest[0], state, rest[1])
-    found = state.f_info.jac.as_matrix().T
-    np.testing.assert_allclose(found, _broyden_update(exact, step, change), rtol=1e-12)
+    _, state, _ = solver.step(function, z, None, {}, state, frozenset())
+    jacobian = state.f_info.jac.as_matrix().T
+    np.testing.assert_allclose(
+        jacobian, _broyden_update(exact, step, change), rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize("use_broyden", [True, False])
 def test_optimistix_drives_the_solver(use_broyden):
     solver = BroydenLevenbergMarquardt(1e-10, 1e-10, use_broyden=use_broyden)
     target = linear(jnp.sinh(FIRST))
-    function = lambda z, _: linear(jnp.sinh(z)) - target
-    found = optx.least_squares(function, solver, FIRST + 0.3, max_steps=60)
-    np.testing.assert_allclose(found.value, FIRST, atol=1e-8)
+
+    def function(z, _):
+        return linear(jnp.sinh(z)) - target
+
+    solution = optx.least_squares(function, solver, FIRST + 0.3, max_steps=60)
+    np.testing.assert_allclose(solution.value, FIRST, atol=1e-8)
 
 
 @pytest.mark.slow
 def test_a_fit_comes_to_the_values_of_one_with_exact_jacobians():
-    problem, settings = twin(), FitConfig(tolerance=1e-7)
+    problem = twin()
+    settings = FitConfig(tolerance=1e-7)
     exact = Fitting(problem, settings, use_broyden=False).run()
-    kept = Fitting(problem, settings).run()
+    broyden_fit = Fitting(problem, settings).run()
     assert all(s.exact for s in exact.steps)
-    assert sum(s.exact for s in kept.steps) < len(exact.steps)
-    np.testing.assert_allclose(kept.z, exact.z, atol=1e-6)
-    assert kept.loss < 1e-8 * kept.initial_loss
+    assert sum(s.exact for s in broyden_fit.steps) < len(exact.steps)
+    np.testing.assert_allclose(broyden_fit.z, exact.z, atol=1e-6)
+    assert broyden_fit.loss < 1e-8 * broyden_fit.initial_loss

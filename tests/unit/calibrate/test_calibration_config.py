@@ -55,8 +55,11 @@ def _scene(config, high=12):
 
 
 def test_a_change_of_all_cases_is_set_from_the_command_line():
-    given = ("set.bodies.0.voxels_high=30", "train.0.set.terms.0.direction=[1, 0, 0]")
-    config = load_calibration(QUICK, given)
+    overrides = (
+        "set.bodies.0.voxels_high=30",
+        "train.0.set.terms.0.direction=[1, 0, 0]",
+    )
+    config = load_calibration(QUICK, overrides)
     assert config.set["bodies.0.voxels_high"] == 30
     assert config.train[0].set["terms.0.direction"] == [1, 0, 0]
     assert scene_config(config, config.train[0].set).bodies[0].voxels_high == 30
@@ -69,14 +72,14 @@ def test_levels_and_starts_come_from_the_scene():
         f"parameters=[{names}, {{name: weights.capacity, per: level}}]",
     )
     config = load_calibration(QUICK, changes)
-    made = _build_parameters(config, _scene(config, 48))
-    assert made.labels == (
+    parameters = _build_parameters(config, _scene(config, 48))
+    assert parameters.labels == (
         "weights.within.0",
         "weights.within.1",
         "weights.between",
         "weights.capacity.1",
     )
-    np.testing.assert_allclose(made.flat_values(np.zeros(4)), 1.0)
+    np.testing.assert_allclose(parameters.flat_values(np.zeros(4)), 1.0)
 
 
 def test_units_are_read_at_the_edge():
@@ -85,11 +88,12 @@ def test_units_are_read_at_the_edge():
         "start: '12 W/(m^2 K)', bounds: [1, '50 W/(m^2 K)']}]"
     )
     config = load_calibration(QUICK, (change,))
-    one = _build_parameters(config, _scene(config)).parameters[0]
-    assert (one.start, one.lower, one.upper) == ((12.0,), 1.0, 50.0)
+    parameter = _build_parameters(config, _scene(config)).parameters[0]
+    assert (parameter.start, parameter.lower, parameter.upper) == ((12.0,), 1.0, 50.0)
 
 
 def test_the_hash_goes_with_what_is_fitted():
-    first, second = load_calibration(QUICK), load_calibration(QUICK, ("fit.seed=1",))
+    first = load_calibration(QUICK)
+    second = load_calibration(QUICK, ("fit.seed=1",))
     assert calibration_hash(first) != calibration_hash(second)
     assert calibration_hash(first) == calibration_hash(load_calibration(QUICK))

@@ -32,10 +32,18 @@ CAMERA = jt.Camera(
 )
 FITTED = ParameterSet(
     (
-        Parameter("material.emissivity", (0.8,), 0.1, 1.0),
+        Parameter(name="material.emissivity", start=(0.8,), lower=0.1, upper=1.0),
         Parameter("reflected_temperature", (230.0,), 0.0),
-        Parameter("cameras.0.rotation", (0.01, 0.0, 0.0), -0.1, 0.1, is_scalar=False),
-        Parameter("cameras.0.translation.2", (0.002,), -0.02, 0.02),
+        Parameter(
+            name="cameras.0.rotation",
+            start=(0.01, 0.0, 0.0),
+            lower=-0.1,
+            upper=0.1,
+            is_scalar=False,
+        ),
+        Parameter(
+            name="cameras.0.translation.2", start=(0.002,), lower=-0.02, upper=0.02
+        ),
     )
 )
 
@@ -56,13 +64,23 @@ def problem():
     surfaces = compile_scene(scene, 1, 1.0).surfaces
     view = view_of(surfaces, scene, CAMERA)
     solution = run(scene, run.step_table(scene))
-    frames = np.asarray(render_frames(view, scene, solution, SAVES, "temperature"))
+    frames = np.asarray(
+        render_frames(
+            view, scene=scene, solution=solution, times=SAVES, quantity="temperature"
+        )
+    )
     poses = np.asarray(FITTED.poses(np.zeros(FITTED.size), 1))
     target = frame_target(
-        SAVES, (view,), [frames], 0.05, "temperature", [], jnp.float64,
-        moving=FitsPoses(surfaces, terms, poses, 2.0),
-    )  # fmt: skip
-    return Problem(FITTED, (Case("one", scene, run, target),))
+        SAVES,
+        views=(view,),
+        frames=[frames],
+        noise=0.05,
+        quantity="temperature",
+        masks=[],
+        dtype=jnp.float64,
+        moving=FitsPoses(surfaces=surfaces, terms=terms, poses=poses, margin=2.0),
+    )
+    return Problem(FITTED, (Case(name="one", scene=scene, run=run, target=target),))
 
 
 @pytest.fixture(scope="module")
@@ -84,17 +102,21 @@ def test_residuals_have_the_slopes_of_frames_rendered_again(problem, rows):
     # Every number by a share of its own; a view of other pixels is another program.
     way = np.array([0.6, -0.8, 0.5, -0.4, 0.6, 0.45])
     of_pose = np.arange(len(z)) >= 2
-    for part in (way * of_pose, way * ~of_pose):
-        ends = [z + step * part, z - step * part]
-        one, other = (np.asarray(rows(end, problem.views_at(end))) for end in ends)
-        off = np.abs((one - other) / (2 * step) - slopes @ part)
+    for change in (way * of_pose, way * ~of_pose):
+        ends = [z + step * change, z - step * change]
+        backward, forward = (
+            np.asarray(rows(end, problem.views_at(end))) for end in ends
+        )
+        off = np.abs((backward - forward) / (2 * step) - slopes @ change)
         assert (off < 1e-6 * np.abs(slopes).max()).mean() > 0.99
 
 
 def test_outlines_weigh_by_their_errors_and_those_of_the_data(problem, monkeypatch):
     """Rows of sqrt(effect) W (pose - found), whose variance in a gradient is known."""
-    z, whiten = problem.start(), np.array([[200.0, 30.0], [0.0, 500.0]])
-    pose, numbers = np.array([0.01, 0, 0, 0, 0, 0.001]), np.array([0, 5])
+    z = problem.start()
+    whiten = np.array([[200.0, 30.0], [0.0, 500.0]])
+    pose = np.array([0.01, 0, 0, 0, 0, 0.001])
+    numbers = np.array([0, 5])
     aligned = {0: Aligned(pose, numbers, whiten, effect=9.0)}
     drawn = replace(problem, aligned=aligned)
     # The camera starts turned as found, and 1 mm beyond it.
@@ -115,8 +137,8 @@ def test_a_pose_that_sees_no_body_is_refused_by_its_residuals(problem, rows):
     far = FITTED.coordinates(
         {**FITTED.values(z), "cameras.0.rotation": np.array([0.0999, 0.0999, 0.0])}
     )
-    found = np.asarray(rows(far, problem.views_at(far)))
-    assert not np.isfinite(found).any()
+    residual = np.asarray(rows(far, problem.views_at(far)))
+    assert not np.isfinite(residual).any()
 
 
 def test_names_of_poses_have_units_and_are_checked():
@@ -158,8 +180,8 @@ def test_mistakes_with_poses_are_one_line(change, message):
 
 def test_masks_are_read_from_arrays(tmp_path):
     np.save(tmp_path / "mask.npy", np.array([[1.0, 0.0], [np.nan, 2.0]]))
-    found = _read_mask(tmp_path / "mask.npy")
-    assert found is not None and found.tolist() == [[True, False], [False, True]]
+    mask = _read_mask(tmp_path / "mask.npy")
+    assert mask is not None and mask.tolist() == [[True, False], [False, True]]
     (tmp_path / "bad.npy").write_bytes(b"no array")
     with pytest.raises(jt.InputError, match=r"no array that"):
         _read_mask(tmp_path / "bad.npy")
@@ -171,16 +193,16 @@ def test_poses_and_properties_are_found_of_frames_of_half_the_pitch():
     config = load_calibration(CONFIG)
     calibration = build_aligned(config, lambda stage: None)
     fit = Fitting(calibration.train, config.fit).run()
-    found = calibration.parameters.values(jnp.asarray(fit.z, calibration.train.dtype))
+    values = calibration.parameters.values(jnp.asarray(fit.z, calibration.train.dtype))
     for camera in (0, 1):
         turn, move = (
-            float(np.linalg.norm(found[f"cameras.{camera}.{part}"]))
-            for part in ("rotation", "translation")
+            float(np.linalg.norm(values[f"cameras.{camera}.{motion}"]))
+            for motion in ("rotation", "translation")
         )
         assert turn < np.deg2rad(0.1)
         assert move < 0.5e-3
     # Thin sleeves have other volumes in coarse voxels: h is 5.2 % off.
-    assert found["material.conductivity"] == pytest.approx(20.0, rel=0.01)
-    assert found["material.emissivity"] == pytest.approx(0.85, rel=0.005)
-    h = found["convection.heat_transfer_coefficient"]
+    assert values["material.conductivity"] == pytest.approx(20.0, rel=0.01)
+    assert values["material.emissivity"] == pytest.approx(0.85, rel=0.005)
+    h = values["convection.heat_transfer_coefficient"]
     assert h == pytest.approx(11.0, rel=0.07)

@@ -47,22 +47,32 @@ def _scene(conductivity, h, emissivity):
 @pytest.fixture(scope="module")
 def fitting():
     """Fits of frames without noise, which is added to the residuals."""
-    true, start = _scene(*TRUTH.values()), _scene(*START)
+    true = _scene(*TRUTH.values())
+    start = _scene(*START)
     # The same steps for data and fits: what is left is noise alone.
     run = ParametricRun(SAVES, jt.ForwardEuler(dt=2.0))
     solution = run(true, run.step_table(start))
     view = view_of(compile_scene(true, 1, 1.0).surfaces, true, CAMERA)
     frames = np.asarray(
-        render_frames(view, true, solution, SAVES, "temperature"), float
+        render_frames(
+            view, scene=true, solution=solution, times=SAVES, quantity="temperature"
+        ),
+        float,
     )
     target = frame_target(
-        SAVES, (view,), [frames], NOISE, "temperature", [], jnp.float64
+        SAVES,
+        views=(view,),
+        frames=[frames],
+        noise=NOISE,
+        quantity="temperature",
+        masks=[],
+        dtype=jnp.float64,
     )
     fitted = tuple(
         Parameter(name, (value,), *bounds)
         for name, value, bounds in zip(TRUTH, START, BOUNDS, strict=True)
     )
-    case = Case("frames", start, run, target)
+    case = Case(name="frames", scene=start, run=run, target=target)
     return Fitting(Problem(ParameterSet(fitted), (case,)), FitConfig(tolerance=1e-6))
 
 
@@ -74,9 +84,11 @@ def _covered(fitting, repeats):
     for seed in range(repeats):
         noise = sd * np.random.default_rng(seed).standard_normal(count)
         fit = fitting.run(noise=noise)
-        found = identify(fitting.problem.parameters, fit.z, fit.jacobian, sd)
+        identified = identify(
+            fitting.problem.parameters, z=fit.z, jacobian=fit.jacobian, sd=sd
+        )
         for n, (verdict, true) in enumerate(
-            zip(found.verdicts, TRUTH.values(), strict=True)
+            zip(identified.verdicts, TRUTH.values(), strict=True)
         ):
             assert verdict.standard_error is not None
             covered[n] += abs(verdict.value - true) <= WIDE * verdict.standard_error

@@ -67,17 +67,17 @@ def test_a_fit_ends_by_trials_from_an_exact_jacobian(fit):
     ],
 )
 def test_the_truth_is_found_by_other_methods(problem, method):
-    other = Fitting(
+    second_fitting = Fitting(
         problem, FitConfig(method=method, tolerance=1e-9, max_steps=60)
     ).run()
-    _is_the_truth(problem, other)
-    assert all(step.exact for step in other.steps)
+    _is_the_truth(problem, second_fitting)
+    assert all(step.exact for step in second_fitting.steps)
 
 
 @pytest.mark.slow
 def test_a_fit_that_is_stopped_goes_on_to_the_same_result(problem, tmp_path):
     setting = FitConfig(tolerance=1e-6)
-    whole = Fitting(problem, setting).run()
+    uninterrupted = Fitting(problem, setting).run()
     count = [0]
 
     def stop():
@@ -85,12 +85,12 @@ def test_a_fit_that_is_stopped_goes_on_to_the_same_result(problem, tmp_path):
         return count[0] > 3
 
     checkpoint = tmp_path / "state.npz"
-    part = Fitting(problem, setting).run(checkpoint=checkpoint, stop=stop)
-    assert part.ended == "interrupted"
-    assert len(part.steps) == 3
-    rest = Fitting(problem, setting).run(checkpoint=checkpoint)
-    np.testing.assert_array_equal(rest.z, whole.z)
-    assert [s.loss for s in rest.steps] == [s.loss for s in whole.steps]
+    interrupted = Fitting(problem, setting).run(checkpoint=checkpoint, stop=stop)
+    assert interrupted.ended == "interrupted"
+    assert len(interrupted.steps) == 3
+    continued = Fitting(problem, setting).run(checkpoint=checkpoint)
+    np.testing.assert_array_equal(continued.z, uninterrupted.z)
+    assert [s.loss for s in continued.steps] == [s.loss for s in uninterrupted.steps]
 
 
 @pytest.mark.slow
@@ -125,8 +125,8 @@ def test_outliers_weigh_less_by_a_robust_loss():
     errors = {}
     for name, huber in (("squares", None), ("robust", 0.05)):
         fit = Fitting(problem, FitConfig(tolerance=1e-7, huber=huber)).run()
-        found = _found(problem, fit)
-        errors[name] = max(abs(found[n] / TRUTH[n] - 1) for n in TRUTH)
+        fitted_values = _found(problem, fit)
+        errors[name] = max(abs(fitted_values[n] / TRUTH[n] - 1) for n in TRUTH)
     assert errors["robust"] < 0.3 * errors["squares"]
 
 
@@ -137,7 +137,13 @@ def test_more_parameters_than_residuals_are_refused():
         "nearest_capacity": 1, "surface_distance": 1,
     }  # fmt: skip
     many = tuple(
-        Parameter(f"weights.{name}", (0.9,) * n, 0.1, 10.0, is_scalar=n == 1)
+        Parameter(
+            name=f"weights.{name}",
+            start=(0.9,) * n,
+            lower=0.1,
+            upper=10.0,
+            is_scalar=n == 1,
+        )
         for name, n in sizes.items()
     )
     problem = twin(many)
@@ -162,8 +168,8 @@ def test_the_best_of_several_starts_is_where_one_alone_ends(problem):
     """Searched together, from far apart."""
     fitting = Fitting(problem, FitConfig(tolerance=1e-9, max_steps=40))
     z = fitting.best_start(start_points(4, 2, 0.5, seed=3))
-    found = problem.parameters.values(z)
-    assert {n: float(v) for n, v in found.items()} == pytest.approx(TRUTH, rel=1e-4)
+    values = problem.parameters.values(z)
+    assert {n: float(v) for n, v in values.items()} == pytest.approx(TRUTH, rel=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -177,11 +183,11 @@ def test_the_best_of_several_starts_is_where_one_alone_ends(problem):
     ],
 )
 def test_devices_that_have_nothing_to_share_are_refused(
-    problem, monkeypatch, parameters, settings, there, message
+    problem, monkeypatch, parameters, settings, frames_there, message
 ):
-    monkeypatch.setattr(jax, "device_count", lambda: there)
-    chosen = ParameterSet(problem.parameters.parameters[:parameters])
-    small = replace(problem, parameters=chosen)
+    monkeypatch.setattr(jax, "device_count", lambda: frames_there)
+    fewer = ParameterSet(problem.parameters.parameters[:parameters])
+    small = replace(problem, parameters=fewer)
     with pytest.raises(jt.InputError, match=f"^devices=4: .*{message}") as refused:
         Fitting(small, FitConfig(**settings), devices=4)
     assert "\n" not in str(refused.value)

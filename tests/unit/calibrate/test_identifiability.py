@@ -9,12 +9,14 @@ from calibrate.problem.parameters import Parameter, ParameterSet
 
 def _set(count, lower=0.01, upper=100.0):
     names = [f"weights.p{n}" for n in range(count)]
-    return ParameterSet(tuple(Parameter(n, (1.0,), lower, upper) for n in names))
+    return ParameterSet(
+        tuple(Parameter(name=n, start=(1.0,), lower=lower, upper=upper) for n in names)
+    )
 
 
 def _judge(rows, z=None, sd=0.01, **bounds):
     z = np.zeros(len(rows)) if z is None else z
-    return identify(_set(len(rows), **bounds), z, rows, sd)
+    return identify(_set(len(rows), **bounds), z=z, jacobian=rows, sd=sd)
 
 
 def _rows(seed, count, size=400):
@@ -59,22 +61,23 @@ def test_what_is_hardly_seen_is_not_pinned():
 
 
 def test_what_ends_at_a_bound_is_told():
-    found = _judge(_rows(0, 2), z=np.array([40.0, 0.0]))
-    assert [v.verdict for v in found.verdicts] == ["at bound", "fine"]
+    judged = _judge(_rows(0, 2), z=np.array([40.0, 0.0]))
+    assert [v.verdict for v in judged.verdicts] == ["at bound", "fine"]
 
 
 def test_standard_errors_are_those_of_linear_least_squares():
     """Of y = a x with noise s: s / sqrt(sum x^2), times how the value goes with z."""
     rows = _rows(1, 1)
-    found = _judge(rows, sd=0.3, lower=-np.inf, upper=np.inf).verdicts[0]
-    assert found.standard_error == pytest.approx(0.3 / np.linalg.norm(rows))
+    verdict = _judge(rows, sd=0.3, lower=-np.inf, upper=np.inf).verdicts[0]
+    assert verdict.standard_error == pytest.approx(0.3 / np.linalg.norm(rows))
 
 
 def test_a_run_that_sees_more_gains_more():
     have = _rows(0, 2)
     have[1] *= 1e-3
-    blind, seeing = _rows(5, 2), _rows(6, 2)
+    blind = _rows(5, 2)
+    seeing = _rows(6, 2)
     blind[1] = 0.0
-    gains = [information_gain(have, more, 1.0) for more in (blind, seeing)]
+    gains = [information_gain(have, further, 1.0) for further in (blind, seeing)]
     assert 0 < gains[0] < gains[1]
     assert information_gain(have, np.zeros((2, 5)), 1.0) == pytest.approx(0.0)

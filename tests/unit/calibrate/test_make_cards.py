@@ -33,8 +33,8 @@ exceptions:
 @pytest.fixture
 def folder(tmp_path):
     (tmp_path / "scene.yaml").write_text(SPHERE)
-    for kind in ("bodies", "structures"):
-        (tmp_path / kind).mkdir()
+    for folder_name in ("bodies", "structures"):
+        (tmp_path / folder_name).mkdir()
     for body in ("ball", "globe"):
         (tmp_path / "bodies" / f"{body}.yaml").write_text(BODY)
     (tmp_path / "structures" / "blocks.yaml").write_text(STRUCTURE)
@@ -44,7 +44,8 @@ def folder(tmp_path):
 @pytest.fixture
 def fitted(monkeypatch):
     """Names of the cards that were fitted, by a fit that takes no time."""
-    names, state = [], {"ended": "converged"}
+    names = []
+    state = {"ended": "converged"}
 
     def fit(path, out, overrides, log, stop, report):
         config = load_calibration(path, overrides)
@@ -69,8 +70,10 @@ def fitted(monkeypatch):
 
 def made(folder: Path, *names: str, again: bool = False) -> list[str]:
     recipes = read_recipes(folder, names)
-    found = make_cards(recipes, folder / "out", folder / "results", again)
-    return [name for name, _, result in found if result is not None]
+    cards = make_cards(
+        recipes, out=folder / "out", results=folder / "results", again=again
+    )
+    return [name for name, _, result in cards if result is not None]
 
 
 def test_a_recipe_is_the_body_with_the_structure(folder):

@@ -23,7 +23,7 @@ def bodies():
     """A turned block and one behind it."""
     mesh = jt.shapes.box((0.08, 0.06, 0.1))
     turned = Rotation.from_rotvec((0.2, 0.7, 0.1)).apply(mesh.vertices)
-    return tuple((turned + place, mesh.faces) for place in ([0, 0, 0], [-0.1, 0.05, 0]))
+    return tuple((turned + shift, mesh.faces) for shift in ([0, 0, 0], [-0.1, 0.05, 0]))
 
 
 @pytest.fixture(scope="module")
@@ -35,32 +35,42 @@ def covered(bodies):
 def _frame(covered):
     """Radiances that differ over body and background."""
     row, column = np.mgrid[:48, :64]
-    body, behind = 60 + 0.2 * row - 0.1 * column, 30 + 0.05 * row
+    body = 60 + 0.2 * row - 0.1 * column
+    behind = 30 + 0.05 * row
     return covered * body + (1 - covered) * behind
 
 
-def _fitted(bodies, frame, known=None, count=6):
+def _fitted(bodies, frame, compared=None, count=6):
     numbers = np.arange(count)
-    known = np.ones(frame.shape, bool) if known is None else known
+    compared = np.ones(frame.shape, bool) if compared is None else compared
     start = np.zeros(6)
     start[numbers] = (START * UNIT)[numbers]
-    given = bodies, CAMERA, frame, known, start, numbers, UNIT[numbers]
-    return fit_outlines(*given)
+    return fit_outlines(
+        bodies,
+        camera=CAMERA,
+        radiance=frame,
+        compared=compared,
+        pose=start,
+        numbers=numbers,
+        unit=UNIT[numbers],
+    )
 
 
 def test_a_pose_is_found_to_a_small_part_of_a_pixel(bodies, covered):
-    found = _fitted(bodies, _frame(covered))
-    assert found is not None
-    assert np.abs(found.numbers / UNIT).max() < 0.05
+    outlines = _fitted(bodies, _frame(covered))
+    assert outlines is not None
+    assert np.abs(outlines.numbers / UNIT).max() < 0.05
 
 
 def test_what_is_not_known_is_not_compared(bodies, covered):
     """Half of the frame shows something else."""
-    frame, known = _frame(covered), np.ones((48, 64), bool)
-    frame[:, 32:], known[:, 32:] = 1e3, False
-    found = _fitted(bodies, frame, known, 3)
-    assert found is not None
-    assert np.abs(found.numbers / UNIT[:3]).max() < 0.05
+    frame = _frame(covered)
+    compared = np.ones((48, 64), bool)
+    frame[:, 32:] = 1e3
+    compared[:, 32:] = False
+    outlines = _fitted(bodies, frame=frame, compared=compared, count=3)
+    assert outlines is not None
+    assert np.abs(outlines.numbers / UNIT[:3]).max() < 0.05
     nothing = np.zeros((48, 64), bool)
     assert _fitted(bodies, frame, nothing) is None
 
@@ -69,14 +79,14 @@ def test_what_is_not_known_is_not_compared(bodies, covered):
 @pytest.mark.slice
 def test_the_spread_over_noise_is_the_one_reported(bodies, covered):
     """Of two numbers, with noise of a twentieth of the contrast."""
-    found = []
+    deviations = []
     for seed in range(12):
         noise = 1.5 * np.random.default_rng(seed).standard_normal((48, 64))
-        fit = _fitted(bodies, _frame(covered) + noise, None, 2)
+        fit = _fitted(bodies, frame=_frame(covered) + noise, compared=None, count=2)
         assert fit is not None
-        found.append(fit)
-    poses = np.stack([fit.numbers for fit in found])
-    reported = np.mean([np.linalg.inv(fit.information) for fit in found], axis=0)
+        deviations.append(fit)
+    poses = np.stack([fit.numbers for fit in deviations])
+    reported = np.mean([np.linalg.inv(fit.information) for fit in deviations], axis=0)
     ratio = poses.std(axis=0) / np.sqrt(np.diag(reported))
     print("spread over reported error", ratio)
     assert (ratio > 0.6).all()

@@ -16,7 +16,7 @@ from tests.calibrating import scene
 
 
 @pytest.fixture(scope="module")
-def made():
+def loaded_scene():
     return scene((1.0, 0.0, 0.0))
 
 
@@ -31,8 +31,8 @@ def made():
         ("temperature", 300.0),
     ],
 )
-def test_names_lead_to_their_values(made, name, value):
-    assert value_at(made, find_path(made, name)) == value
+def test_names_lead_to_their_values(loaded_scene, name, value):
+    assert value_at(loaded_scene, find_path(loaded_scene, name)) == value
 
 
 @pytest.mark.parametrize(
@@ -44,41 +44,49 @@ def test_names_lead_to_their_values(made, name, value):
         ("material", "name one of its parts"),
     ],
 )
-def test_a_path_that_does_not_exist_is_reported(made, name, message):
+def test_a_path_that_does_not_exist_is_reported(loaded_scene, name, message):
     with pytest.raises(jt.InputError, match=message):
-        find_path(made, name)
+        find_path(loaded_scene, name)
 
 
-def test_the_scene_takes_the_values_of_coordinates(made):
-    chosen = ParameterSet(
+def test_the_scene_takes_the_values_of_coordinates(loaded_scene):
+    parameter_set = ParameterSet(
         (
-            Parameter("weights.within", (1.0, 1.0), 0.01, 100.0, is_scalar=False),
+            Parameter(
+                name="weights.within",
+                start=(1.0, 1.0),
+                lower=0.01,
+                upper=100.0,
+                is_scalar=False,
+            ),
             Parameter("material.conductivity", (16.0,), 0.0, tied=("temperature",)),
         )
     )
     z = np.array([0.1, -0.2, 0.3])
-    put = chosen.insert(made, z)
+    put = parameter_set.insert(loaded_scene, z)
     within = np.asarray(put.bodies[0].structure.weights.within)
     np.testing.assert_allclose(within, np.exp([0.1, -0.2]), rtol=0.02)
     k = float(np.asarray(value_at(put, find_path(put, "material.conductivity"))))
     assert k == pytest.approx(16 * np.exp(0.3))
     assert float(np.asarray(put.bodies[0].temperature)) == k
-    np.testing.assert_allclose(chosen.coordinates(chosen.values(z)), z, atol=1e-12)
+    np.testing.assert_allclose(
+        parameter_set.coordinates(parameter_set.values(z)), z, atol=1e-12
+    )
 
 
 def test_of_capacities_only_ratios_count():
     """The first is fixed: a common factor would change nothing."""
-    one = Parameter(
-        "weights.capacity",
-        (1.0, 1.0),
-        0.01,
-        100.0,
+    parameter = Parameter(
+        name="weights.capacity",
+        start=(1.0, 1.0),
+        lower=0.01,
+        upper=100.0,
         is_scalar=False,
         first_is_fixed=True,
     )
-    chosen = ParameterSet((one,))
-    assert chosen.labels == ("weights.capacity.1",)
-    values = chosen.values(np.array([0.5]))["weights.capacity"]
+    parameter_set = ParameterSet((parameter,))
+    assert parameter_set.labels == ("weights.capacity.1",)
+    values = parameter_set.values(np.array([0.5]))["weights.capacity"]
     assert float(values[0]) == 1.0
     assert float(values[1]) > 1.4
 
@@ -91,7 +99,8 @@ def test_a_prior_counts_standard_deviations():
 
 
 def test_smoothness_is_0_where_all_are_alike_and_1_a_deviation_off():
-    src, dst = np.array([0, 0, 1, 2]), np.array([1, 2, 3, 3])
+    src = np.array([0, 0, 1, 2])
+    dst = np.array([1, 2, 3, 3])
     smooth = Smoothness(src, dst, 0.5)
     assert float((smooth.residual(np.full(4, 3.0)) ** 2).sum()) < 1e-30
     # Links (0, 1) and (2, 3) above, the others below their nodes' means by 0.5.
@@ -102,8 +111,14 @@ def test_smoothness_is_0_where_all_are_alike_and_1_a_deviation_off():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Parameter("a", (5.0,), 0.0, 1.0), "not between its bounds 0 and 1"),
-        (lambda: Parameter("a", (0.5,), 1.0, 0.0), "lower one must be less"),
+        (
+            lambda: Parameter(name="a", start=(5.0,), lower=0.0, upper=1.0),
+            "not between its bounds 0 and 1",
+        ),
+        (
+            lambda: Parameter(name="a", start=(0.5,), lower=1.0, upper=0.0),
+            "lower one must be less",
+        ),
         (lambda: ParameterSet(()), "nothing to fit"),
     ],
 )

@@ -16,7 +16,9 @@ from jaxthermo.config.loader import load_config, to_yaml
 
 ROOT = Path(__file__).resolve().parents[3]
 SCENES = ROOT / "configs/scenes"
-END, VOLUME, AREA = 100.0, 50_000.0, 8_000.0
+END = 100.0
+VOLUME = 50_000.0
+AREA = 8_000.0
 
 
 def law(candidate):
@@ -42,8 +44,8 @@ def blocks(refinement, factor, steps=36):
 
 
 KNOWN = [
-    law(each)
-    for each in (
+    law(run)
+    for run in (
         *(blocks(1.0, 8), blocks(1.0, 4), blocks(1.0, 8, 12), blocks(2.0, 8)),
         *(blocks(0.5, 4), blocks(2.0, 4)),
     )
@@ -54,7 +56,9 @@ KNOWN = [
     "candidate", [blocks(2.0, 6, 24), blocks(1.0, 6), blocks(2.0, 10, 18)]
 )
 def test_a_candidate_between_known_ones_is_predicted(candidate):
-    forecast = Predictor(KNOWN, [], END, VOLUME, AREA).forecast(candidate)
+    forecast = Predictor(
+        runs=KNOWN, errors=[], end=END, volume=VOLUME, area=AREA
+    ).forecast(candidate)
     true = law(candidate)
     assert forecast.error == pytest.approx(true.error, rel=0.25)
     assert forecast.run_time == pytest.approx(true.run_time, rel=0.3)
@@ -63,20 +67,35 @@ def test_a_candidate_between_known_ones_is_predicted(candidate):
 
 def test_a_run_corrects_the_predictions_nearby_and_not_far_away():
     candidate = blocks(2.0, 6)
-    plain = Predictor(KNOWN, [], END, VOLUME, AREA)
+    plain = Predictor(runs=KNOWN, errors=[], end=END, volume=VOLUME, area=AREA)
     twice = law(candidate)._replace(error=2 * law(candidate).error)
-    corrected = Predictor([*KNOWN, twice], [], END, VOLUME, AREA)
-    near, far = candidate._replace(steps=40), blocks(0.5, 32, 8)
-    ratio = lambda c: corrected.forecast(c).error / plain.forecast(c).error
+    corrected = Predictor(
+        runs=[*KNOWN, twice], errors=[], end=END, volume=VOLUME, area=AREA
+    )
+    near = candidate._replace(steps=40)
+    far = blocks(0.5, 32, 8)
+
+    def ratio(c):
+        return corrected.forecast(c).error / plain.forecast(c).error
+
     assert ratio(near) > 1.3
     assert abs(math.log(ratio(far))) < abs(math.log(ratio(near)))
 
 
 def test_an_error_without_a_run_counts():
     fine = blocks(2.0, 2, 2000)
-    plain = Predictor(KNOWN[:3], [], END, VOLUME, AREA)
-    told = Predictor(KNOWN[:3], [(fine, law(fine).error)], END, VOLUME, AREA)
-    off = lambda p: abs(math.log(p.forecast(fine).error / law(fine).error))
+    plain = Predictor(runs=KNOWN[:3], errors=[], end=END, volume=VOLUME, area=AREA)
+    told = Predictor(
+        runs=KNOWN[:3],
+        errors=[(fine, law(fine).error)],
+        end=END,
+        volume=VOLUME,
+        area=AREA,
+    )
+
+    def off(p):
+        return abs(math.log(p.forecast(fine).error / law(fine).error))
+
     assert off(told) < off(plain)
 
 
@@ -99,10 +118,10 @@ def test_a_candidate_is_a_scene_that_loads_again(tmp_path):
 
 
 def test_a_body_with_fitted_cards_has_candidates_of_them():
-    own = cards_of(load_config(SCENES / "figurine-steel.yaml"))
-    assert {c.card for c in own} == {"figurine/octree", "figurine/shell-over-core"}
+    cards = cards_of(load_config(SCENES / "figurine-steel.yaml"))
+    assert {c.card for c in cards} == {"figurine/octree", "figurine/shell-over-core"}
     config = load_config(SCENES / "figurine-steel.yaml")
-    scene = own[0].applied(config, pitches_of(config))
+    scene = cards[0].applied(config, pitches_of(config))
     assert scene.bodies[0].structure.weights.card is not None
     assert cards_of(load_config(SCENES / "mixed-small.yaml")) == ()
 
@@ -115,9 +134,11 @@ def test_the_words_of_a_candidate_name_blocks_voxels_and_steps():
 
 
 def test_tolerances_have_units():
-    found = tolerance_of("1%", "200 mK", "10ms", "2GB")
-    assert tuple(found) == pytest.approx(Tolerance(1.0, 0.2, 0.01, 2e9))
-    assert found.excess(0.5, 0.3) == pytest.approx(1.5)
+    tolerance = tolerance_of("1%", kelvin="200 mK", run_time="10ms", memory="2GB")
+    assert tuple(tolerance) == pytest.approx(
+        Tolerance(percent=1.0, kelvin=0.2, run_time=0.01, memory=2e9)
+    )
+    assert tolerance.excess(0.5, 0.3) == pytest.approx(1.5)
 
 
 def test_a_body_of_given_voxels_has_no_other_pitch():
@@ -132,11 +153,18 @@ def test_a_body_of_given_voxels_has_no_other_pitch():
 @pytest.mark.parametrize("excess", [0.0, 0.3, 0.5])
 def test_a_candidate_may_have_what_the_reference_leaves_of_the_tolerance(excess):
     points: Any = None
-    reference = Reference(1.0, points, {}, excess, {}, ())
+    reference = Reference(
+        refinement=1.0, points=points, own_error={}, excess=excess, cost={}, coarser=()
+    )
     assert math.hypot(reference.allowed, excess) == pytest.approx(1.0)
 
 
 def test_a_reference_that_cannot_be_refined_leaves_as_much_as_one_half_off():
     points: Any = None
-    allowed = [Reference(1.0, points, {}, e, {}, ()).allowed for e in (0.5, 0.9, 3.0)]
+    allowed = [
+        Reference(
+            refinement=1.0, points=points, own_error={}, excess=e, cost={}, coarser=()
+        ).allowed
+        for e in (0.5, 0.9, 3.0)
+    ]
     assert allowed == [allowed[0]] * 3

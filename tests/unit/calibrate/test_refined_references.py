@@ -29,8 +29,8 @@ from tests.calibrating import RESULT, SPHERE
 FAST = {"times_faster": 5.0, "min": 4.0, "max": 6.0}
 ERRORS = {
     "train": {
-        kind: {"+x": {"times_s": [30.0, 60.0], "rms_percent": percent}}
-        for kind, percent in (("default", [4.0, 3.0]), ("fitted", [2.0, 1.0]))
+        model: {"+x": {"times_s": [30.0, 60.0], "rms_percent": percent}}
+        for model, percent in (("default", [4.0, 3.0]), ("fitted", [2.0, 1.0]))
     }
 }
 FIT = """
@@ -42,16 +42,19 @@ truth: {points: 500}
 """
 
 
-def truth(before, after, own, is_bound=(False, False)):
+def truth(default, fitted, reference, is_bound=(False, False)):
     times = {"times_s": [30.0, 60.0]}
-    error = lambda kelvin: {
-        **times,
-        "rms_kelvin": kelvin,
-        "rms_percent": [10 * kelvin[0], None],
-        "remarks": ["body 0 has the voxels of the reference"],
-    }
-    reference = {**times, "rms_kelvin": own, "is_bound": list(is_bound)}
-    case = {"default": error(before), "fitted": error(after), "reference": reference}
+
+    def error(kelvin):
+        return {
+            **times,
+            "rms_kelvin": kelvin,
+            "rms_percent": [10 * kelvin[0], None],
+            "remarks": ["body 0 has the voxels of the reference"],
+        }
+
+    own_error = {**times, "rms_kelvin": reference, "is_bound": list(is_bound)}
+    case = {"default": error(default), "fitted": error(fitted), "reference": own_error}
     run = {
         "case": "+x",
         "pitch_m": [0.002],
@@ -85,8 +88,8 @@ def truth(before, after, own, is_bound=(False, False)):
 
 
 def test_kelvin_and_the_references_own_error_are_in_the_verdict():
-    found = truth([0.4, 0.3], [0.2, 0.25], [0.02, 0.05])
-    verdict = judge(ERRORS, FAST, is_of_weights=True, truth=found)
+    errors = truth([0.4, 0.3], [0.2, 0.25], [0.02, 0.05])
+    verdict = judge(ERRORS, FAST, is_of_weights=True, truth=errors)
     assert verdict["pays"] and verdict["truth"]["worse"] == 0
     assert (
         "against voxels 2 times as fine the error goes from 0.400 K (4.00 %) to 0.250 "
@@ -100,43 +103,45 @@ def test_kelvin_and_the_references_own_error_are_in_the_verdict():
 
 def test_a_difference_that_the_reference_can_hide_is_not_judged():
     """Larger by 0.1 K: with an own error of 0.04 K it is so, with 0.06 K it may not."""
-    for own, is_worse in ((0.04, True), (0.06, False)):
-        found = truth([0.3, 0.3], [0.2, 0.4], [own, own])
-        verdict = judge(ERRORS, FAST, is_of_weights=True, truth=found)
+    for reference, is_worse in ((0.04, True), (0.06, False)):
+        errors = truth([0.3, 0.3], [0.2, 0.4], [reference, reference])
+        verdict = judge(ERRORS, FAST, is_of_weights=True, truth=errors)
         assert verdict["pays"] is not is_worse
         assert ("LARGER at 1 of 2 times" in verdict["words"]) is is_worse
         assert ("too much to tell" in verdict["words"]) is not is_worse
-    assert [row.is_worse for row in truth_times(found)] == [False, False]
+    assert [row.is_worse for row in truth_times(errors)] == [False, False]
 
 
 def test_bounds_are_marked_in_the_table_and_the_verdict():
-    found = truth([0.4, 0.3], [0.2, 0.35], [0.02, 0.01], (True, False))
-    table = truth_table({"truth": found})
+    errors = truth(
+        [0.4, 0.3], fitted=[0.2, 0.35], own=[0.02, 0.01], is_bound=(True, False)
+    )
+    table = truth_table({"truth": errors})
     assert table is not None
     first, second = table.rows
     assert list(first[:4]) == ["+x", "fitted to", "30", "0.400"]
-    own = [row[-1].text for row in table.rows if isinstance(row[-1], Cell)]
-    assert own == ["bound 0.0200", "0.0100"]
+    own_errors = [row[-1].text for row in table.rows if isinstance(row[-1], Cell)]
+    assert own_errors == ["bound 0.0200", "0.0100"]
     assert second[5] == "\N{EN DASH}"
     marks = [row[4].met for row in table.rows if isinstance(row[4], Cell)]
     assert marks == [True, False]
-    words = judge(ERRORS, FAST, is_of_weights=True, truth=found)["words"]
+    words = judge(ERRORS, FAST, is_of_weights=True, truth=errors)["words"]
     assert "off by at most about 0.0200 K" in words
     assert truth_table({"truth": None}) is None
 
 
 def test_the_cost_is_told_and_shared_voxels_are_noted(tmp_path):
-    found = truth([0.4, 0.3], [0.2, 0.25], [0.02, 0.05])
-    cost, remark, warning = _truth_cost({"truth": found})
+    errors = truth([0.4, 0.3], [0.2, 0.25], [0.02, 0.05])
+    cost, remark, warning = _truth_cost({"truth": errors})
     assert "2 runs, 0.5 s now and 3 s before this fit (1 from the cache)" in cost
     assert "1,000 nodes and takes about 1.0 MiB" in cost
     assert remark == "Note: body 0 has the voxels of the reference."
     assert warning == "Note: the reference of +x: thin walls."
     # It is read again from the file.
-    write_fit(tmp_path / "fit.json", RESULT | {"truth": found})
+    write_fit(tmp_path / "fit.json", RESULT | {"truth": errors})
     assert _truth_cost(read_fit(tmp_path / "fit.json")) == [cost, remark, warning]
-    del found["cost"][0]["nodes"]
-    write_fit(tmp_path / "fit.json", RESULT | {"truth": found})
+    del errors["cost"][0]["nodes"]
+    write_fit(tmp_path / "fit.json", RESULT | {"truth": errors})
     with pytest.raises(InputError, match=r"truth.cost.0.nodes"):
         read_fit(tmp_path / "fit.json")
 
@@ -166,13 +171,13 @@ def test_a_fit_to_finer_voxels_needs_their_block(tmp_path):
 
 def _surface(grid):
     body = BodyGeometry(
-        grid.mesh.vertices,
-        grid.mesh.faces,
-        grid.fragment_position,
-        grid.fragment_normal,
-        grid.fragment_area,
-        grid.pitch,
-        jt.Pose(),
+        vertices=grid.mesh.vertices,
+        faces=grid.mesh.faces,
+        fragment_position=grid.fragment_position,
+        fragment_normal=grid.fragment_normal,
+        fragment_area=grid.fragment_area,
+        pitch=grid.pitch,
+        pose=jt.Pose(),
     )
     return SolvedSurface(body, jnp.asarray(1.0), jnp.asarray(1.0))
 
@@ -181,19 +186,26 @@ def test_a_linear_field_of_finer_voxels_is_exact_at_the_fragments_of_coarser_one
     """Of two bodies, one of which has a part that the finer run lacks."""
     box = jt.shapes.box((0.6, 0.4, 0.2))
     fine, coarse = (_surface(jt.voxelize(box, pitch)) for pitch in (0.05, 0.1))
-    field = lambda body, t: 300.0 + t * body.fragment_position @ [30.0, -20.0, 10.0]
-    values = lambda *bodies: np.stack(
-        [np.concatenate([n + field(b.geometry, t) for n, b in enumerate(bodies)])
-         for t in (1.0, 2.0)]
-    )  # fmt: skip
+
+    def field(body, t):
+        return 300.0 + t * body.fragment_position @ [30.0, -20.0, 10.0]
+
+    def values(*bodies):
+        return np.stack(
+            [
+                np.concatenate([n + field(b.geometry, t) for n, b in enumerate(bodies)])
+                for t in (1.0, 2.0)
+            ]
+        )
+
     times = np.array([1.0, 2.0])
     solution = StoredSolution(times, values(fine, fine), (fine, fine))
-    own: Any = None
-    reference = TruthReference(solution, own, ())
-    found, unknown = reference.read_at((coarse, coarse))
-    assert not unknown.any() and found.surfaces == (coarse, coarse)
+    body_solution: Any = None
+    reference = TruthReference(solution, body_solution, ())
+    read_back, unknown = reference.read_at((coarse, coarse))
+    assert not unknown.any() and read_back.surfaces == (coarse, coarse)
     np.testing.assert_allclose(
-        found.surface_temperature, values(coarse, coarse), rtol=1e-4
+        read_back.surface_temperature, values(coarse, coarse), rtol=1e-4
     )
     # Far off, nothing is known: no residual, whatever the run has there.
     where = coarse.geometry.fragment_position.copy()
@@ -224,11 +236,12 @@ def test_a_body_of_voxels_has_no_finer_ones(tmp_path):
 @pytest.mark.slow
 def test_a_run_is_made_once_and_is_as_fine_as_asked(tmp_path, monkeypatch):
     monkeypatch.setenv("JAXTHERMO_CACHE", str(tmp_path / "structures"))
-    path, said = tmp_path / "scene.yaml", []
+    path = tmp_path / "scene.yaml"
+    said = []
     path.write_text(SPHERE)
-    given = RefinedReference(points=500)
+    settings = RefinedReference(points=500)
     config = load_config(path, ("bodies.0.surface_map={kind: linear, at: voxel}",))
-    first = refined_reference(config, given, said.append)
+    first = refined_reference(config, settings, said.append)
     assert said == [f"running full volume of {h} mm" for h in ("12.5", "25", "50")]
     pitches = [cost["pitch_m"] for cost in first.costs]
     np.testing.assert_allclose(pitches, [[0.0125], [0.025], [0.05]], rtol=1e-3)
@@ -236,10 +249,10 @@ def test_a_run_is_made_once_and_is_as_fine_as_asked(tmp_path, monkeypatch):
     assert [first.solution.surfaces[0].geometry.pitch] == pitches[0]
     # A camera, a solver or the structure that is judged is no reason to run it again.
     same = ("camera.width=90", "solver=forward_euler", "bodies.0.structure=octree")
-    second = refined_reference(load_config(path, same), given, said.append)
+    second = refined_reference(load_config(path, same), settings, said.append)
     assert len(said) == 3 and all(cost["cached"] for cost in second.costs)
-    for one, other in zip(first.costs, second.costs, strict=True):
-        assert one | {"cached": True} == other
+    for first_cost, second_cost in zip(first.costs, second.costs, strict=True):
+        assert first_cost | {"cached": True} == second_cost
     np.testing.assert_array_equal(
         first.own_error.rms_kelvin, second.own_error.rms_kelvin
     )
@@ -248,13 +261,13 @@ def test_a_run_is_made_once_and_is_as_fine_as_asked(tmp_path, monkeypatch):
     third = refined_reference(config, finer, said.append)
     assert [cost["cached"] for cost in third.costs] == [False, True, True]
     # A file without its cost is written anew.
-    for each in tmp_path.rglob("*.json"):
-        each.write_text("{")
-    refined_reference(config, given, said.append)
+    for cost_path in tmp_path.rglob("*.json"):
+        cost_path.write_text("{")
+    refined_reference(config, settings, said.append)
     assert len(said) == 7
     # Loads are.
     load = load_config(path, ("terms.0.irradiance=4000",))
-    refined_reference(load, given, said.append)
+    refined_reference(load, settings, said.append)
     assert len(said) == 10
 
 
@@ -265,22 +278,26 @@ def test_a_fit_reports_the_errors_against_finer_voxels(tmp_path, monkeypatch):
     (tmp_path / "fit.yaml").write_text(FIT)
     out = tmp_path / "out"
     result = fit_config(tmp_path / "fit.yaml", out, report=False)
-    found = result["truth"]
-    assert set(found["cases"]) == {"train", "held_out"}
-    for group in found["cases"].values():
+    truth_result = result["truth"]
+    assert set(truth_result["cases"]) == {"train", "held_out"}
+    for group in truth_result["cases"].values():
         for case in group.values():
             assert case["default"]["times_s"] == [30, 60]
             assert 0 < case["fitted"]["worst_rms_kelvin"] < 5
             assert case["fitted"]["remarks"] == []
-            assert all(0 < own < 5 for own in case["reference"]["rms_kelvin"])
-    assert len(found["cost"]) == 6
+            assert all(0 < kelvin < 5 for kelvin in case["reference"]["rms_kelvin"])
+    assert len(truth_result["cost"]) == 6
     assert "against voxels 2 times as fine" in result["verdict"]["words"]
     stored = read_fit(out / "fit.json")
     assert json.loads(json.dumps(result["truth"])) == stored["truth"]
     assert any("references of finer voxels took 6 runs" in s for s in summary(stored))
     # A run with fitted values that fails does not cost the fit.
-    first, error = Truth._error, InputError("it diverged")
-    fail = lambda self, name, z: first(self, name, z) if not z.any() else _raise(error)
+    first = Truth._error
+    error = InputError("it diverged")
+
+    def fail(self, name, z):
+        return first(self, name, z) if not z.any() else _raise(error)
+
     monkeypatch.setattr(Truth, "_error", fail)
     with pytest.warns(UserWarning, match="case \\+x: no error .*: it diverged"):
         result = fit_config(tmp_path / "fit.yaml", tmp_path / "other", report=False)
@@ -309,9 +326,9 @@ def test_a_fit_to_finer_voxels_lessens_the_errors_against_them(tmp_path, monkeyp
     assert len(result["truth"]["cost"]) == 6
     for group, cases in result["truth"]["cases"].items():
         for name, case in cases.items():
-            before, after = case["default"]["rms_kelvin"], case["fitted"]["rms_kelvin"]
-            assert max(after) < max(before)
+            default_kelvin = case["default"]["rms_kelvin"]
+            assert max(case["fitted"]["rms_kelvin"]) < max(default_kelvin)
             # At the fragments instead of points between them: less even.
-            own = result["errors"][group]["default"][name]["rms_kelvin"]
-            np.testing.assert_allclose(own, before, rtol=0.4)
-            assert min(own) > min(before)
+            reference_kelvin = result["errors"][group]["default"][name]["rms_kelvin"]
+            np.testing.assert_allclose(reference_kelvin, default_kelvin, rtol=0.4)
+            assert min(reference_kelvin) > min(default_kelvin)

@@ -64,12 +64,12 @@ def build_in(folder: Path, text: str) -> Calibration:
 @pytest.fixture(scope="module")
 def sphere(tmp_path_factory) -> Calibration:
     """With its one case again as the one that is held out."""
-    found = build_in(tmp_path_factory.mktemp("sphere"), FIT)
-    train = found.train
+    calibration = build_in(tmp_path_factory.mktemp("sphere"), FIT)
+    train = calibration.train
     again = replace(train.cases[0], name="+z")
-    found.held_out = Problem(train.parameters, (again,))
-    found.configs = {**found.configs, "+z": found.configs["+x"]}
-    return found
+    calibration.held_out = Problem(train.parameters, (again,))
+    calibration.configs = {**calibration.configs, "+z": calibration.configs["+x"]}
+    return calibration
 
 
 @pytest.fixture(scope="module")
@@ -95,12 +95,19 @@ def small_pictures(monkeypatch):
 
 def fit_at(z: list[float]) -> Fit:
     none = np.zeros((len(z), 0))
-    return Fit(np.array(z), 1.0, 2.0, np.zeros(0), none, ())
+    return Fit(
+        z=np.array(z),
+        loss=1.0,
+        initial_loss=2.0,
+        residual=np.zeros(0),
+        jacobian=none,
+        errors=(),
+    )
 
 
-def parameter(value: float, error: float | None, **more: Any) -> dict[str, Any]:
-    made = {"initial": 1.0, "verdict": "fine", "with": [], "unit": ""}
-    return {"value": value, "standard_error": error, **made, **more}
+def parameter(value: float, error: float | None, **fields: Any) -> dict[str, Any]:
+    defaults = {"initial": 1.0, "verdict": "fine", "with": [], "unit": ""}
+    return {"value": value, "standard_error": error, **defaults, **fields}
 
 
 def error(*percent: float) -> dict[str, Any]:
@@ -113,12 +120,14 @@ def error(*percent: float) -> dict[str, Any]:
 
 
 def result_of(
-    parameters: dict[str, Any], held_out: bool = True, **more: Any
+    parameters: dict[str, Any], held_out: bool = True, **fields: Any
 ) -> dict[str, Any]:
-    both = lambda case: {
-        "default": {case: error(4.0, 3.0)},
-        "fitted": {case: error(1.0, 2.0)},
-    }
+    def both(case):
+        return {
+            "default": {case: error(4.0, 3.0)},
+            "fitted": {case: error(1.0, 2.0)},
+        }
+
     errors = {"train": both("+x")} | ({"held_out": both("+z")} if held_out else {})
     return {
         "name": "a < b",
@@ -151,7 +160,7 @@ def result_of(
         "program_hash": "4567",
         "seed": 0,
         "versions": {"jaxthermo": "0", "jax": "1"},
-        **more,
+        **fields,
     }
 
 
@@ -220,8 +229,8 @@ def test_nothing_above_zero_has_no_logarithmic_chart():
 
 
 def test_every_case_has_a_frame_with_both_lines():
-    both = {w: {c: error(1.0, 2.0) for c in "abcd"} for w in ("default", "fitted")}
-    chart = error_chart(both, "%")
+    errors = {w: {c: error(1.0, 2.0) for c in "abcd"} for w in ("default", "fitted")}
+    chart = error_chart(errors, "%")
     assert chart is not None
     spec = chart.to_dict()
     assert spec["facet"]["sort"] == list("abcd") and spec["columns"] == 3
@@ -229,8 +238,8 @@ def test_every_case_has_a_frame_with_both_lines():
 
 
 def test_a_cell_for_every_pair_with_its_number():
-    two = {"a": parameter(1.0, 0.1), "b": parameter(1.0, 0.1)}
-    result = result_of(two, correlation=[[1.0, -0.5], [-0.5, 1.0]])
+    parameters = {"a": parameter(1.0, 0.1), "b": parameter(1.0, 0.1)}
+    result = result_of(parameters, correlation=[[1.0, -0.5], [-0.5, 1.0]])
     spec = correlation_chart(result).to_dict()
     values = {(v["row"], v["column"]): v["value"] for v in spec["data"]["values"]}
     assert values == {("a", "a"): 1, ("a", "b"): -0.5, ("b", "a"): -0.5, ("b", "b"): 1}
@@ -247,12 +256,13 @@ def test_the_summary_says_what_became_worse_and_what_is_missing():
 
 
 def test_the_runs_that_are_shown_are_those_that_were_fitted(sphere, runs):
-    problem, z = sphere.train, np.array([0.3])
+    problem = sphere.train
+    z = np.array([0.3])
     with precision(problem.dtype.name):
-        both = eqx.filter_jit(problem.residuals)
+        compiled = eqx.filter_jit(problem.residuals)
         for way, point in (("default", 0 * z), ("fitted", z)):
             at = jnp.asarray(point, problem.dtype)
-            _, diagnostics = both(at, problem.step_tables())
+            _, diagnostics = compiled(at, problem.step_tables())
             target = problem.cases[0].target
             residual = target.residual(problem.cases[0].scene, runs[way])
             error = jnp.sqrt(len(residual) * (residual * residual).sum(axis=1))
@@ -264,10 +274,15 @@ def test_no_difference_is_light_everywhere(sphere, runs):
     solution = runs["default"]
     same = solution._replace(surface_temperature=case.target.reference)
     pair = {"default": solution, "fitted": same}
-    png = difference_picture(case, sphere.configs["+x"].camera, pair, [0])
+    png = difference_picture(
+        case, camera=sphere.configs["+x"].camera, solutions=pair, times=[0]
+    )
     pixels = np.asarray(Image.open(io.BytesIO(png))).astype(int)
     left, right = np.array_split(pixels[: pixels.shape[0] // 2], 2, axis=1)
-    coloured = lambda half: (np.ptp(half, axis=2) > 40).sum()
+
+    def coloured(half):
+        return (np.ptp(half, axis=2) > 40).sum()
+
     assert coloured(left) > 20 and coloured(right) == 0
 
 
@@ -276,7 +291,7 @@ def count_pictures(text: str) -> int:
 
 
 def test_the_page_needs_nothing_but_itself(sphere, run_before, tmp_path):
-    write_report(tmp_path, sphere, fit_at([0.3]), result_of(ONE))
+    write_report(tmp_path, calibration=sphere, fit=fit_at([0.3]), result=result_of(ONE))
     text = (tmp_path / "report.html").read_text()
     assert [path.name for path in tmp_path.iterdir()] == ["report.html"]
     links = [u for u in re.findall(r'https?://[^"\s)]+', text) if "w3.org" not in u]
@@ -300,7 +315,7 @@ def test_a_page_without_held_out_cases(sphere, run_before, tmp_path):
     }
     advice = [{"what": "more", "gain_nats": 1.5}]
     result = result_of(parameters, held_out=False, advice=advice)
-    write_report(tmp_path, alone, fit_at([0.3]), result)
+    write_report(tmp_path, calibration=alone, fit=fit_at([0.3]), result=result)
     text = (tmp_path / "report.html").read_text()
     assert count_pictures(text) == 1 and "held out" in text
     assert MEANING["dead"] in text and "determine 0 of 2 values" in text
@@ -315,7 +330,7 @@ def test_a_camera_that_sees_nothing_spoils_no_report(sphere, run_before, tmp_pat
     )
     config = sphere.configs["+x"].model_copy(update={"camera": camera})
     blind.configs = {**sphere.configs, "+x": config}
-    write_report(tmp_path, blind, fit_at([0.3]), result_of(ONE))
+    write_report(tmp_path, calibration=blind, fit=fit_at([0.3]), result=result_of(ONE))
     text = (tmp_path / "report.html").read_text()
     assert count_pictures(text) == 1 and "no picture: camera:" in text
 
@@ -323,21 +338,23 @@ def test_a_camera_that_sees_nothing_spoils_no_report(sphere, run_before, tmp_pat
 @pytest.mark.slow
 def test_frames_are_shown_beside_the_models(frames, tmp_path):
     case = frames.train.cases[0]
-    found = run_both(frames.train, case, np.array([0.1]))
-    as_given = dict.fromkeys(found, AS_GIVEN)
-    drawn = frame_picture(case, found, as_given, 1, 0)
+    solutions = run_both(frames.train, case, np.array([0.1]))
+    as_given = dict.fromkeys(solutions, AS_GIVEN)
+    drawn = frame_picture(case, solutions=solutions, values=as_given, time=1, view=0)
     width, height = Image.open(io.BytesIO(drawn)).size
     # Two tiles across and two down, of pixels that can be seen.
     assert width >= SMALL and height >= SMALL
     errors = {w: {"seen": error(300.0, 100.0)} for w in ("default", "fitted")}
-    one = {"material.conductivity": parameter(20.0, 1.0, initial=16.0, unit="W/(m K)")}
+    parameters = {
+        "material.conductivity": parameter(20.0, 1.0, initial=16.0, unit="W/(m K)")
+    }
     result = result_of(
-        one,
+        parameters,
         errors={"train": errors},
         error_percent={"train": {"default": 300.0, "fitted": 300.0}},
         reference="simulated_frames",
     )
-    write_report(tmp_path, frames, fit_at([0.1]), result)
+    write_report(tmp_path, calibration=frames, fit=fit_at([0.1]), result=result)
     text = (tmp_path / "report.html").read_text()
     assert (
         count_pictures(text) == 1 and "of the noise" in text and "default K" not in text

@@ -28,15 +28,15 @@ def cases(folder, text=SWEEP):
 
 def test_cases_in_one_program_have_the_errors_that_they_have_alone(tmp_path):
     """Other weights, and so other stable steps and numbers of steps."""
-    own = [case for case in cases(tmp_path) if case.load == "+x"]
-    truths = {"+x": find_truth(own[0], lambda _: None)}
-    together = [made.row for made in evaluate_group(own, truths)]
+    load_cases = [case for case in cases(tmp_path) if case.load == "+x"]
+    truths = {"+x": find_truth(load_cases[0], lambda _: None)}
+    together = [evaluated.row for evaluated in evaluate_group(load_cases, truths)]
     assert [row["together"] for row in together] == [3, 3, 3]
     assert len({row["steps"] for row in together}) > 1
-    for case, row in zip(own, together, strict=True):
-        made = evaluate(case, truths["+x"])
-        alone = made.row
-        assert alone["together"] == 1 and made.picture is not None
+    for case, row in zip(load_cases, together, strict=True):
+        evaluated = evaluate(case, truths["+x"])
+        alone = evaluated.row
+        assert alone["together"] == 1 and evaluated.picture is not None
         assert row["steps"] == alone["steps"] and row["id"] == alone["id"] == case.id
         for name in ("rms_kelvin", "p99_kelvin", "bias_kelvin"):
             np.testing.assert_allclose(
@@ -50,40 +50,40 @@ def test_a_case_that_fails_is_a_row_and_does_not_end_the_others(tmp_path):
     text = SWEEP.replace("[0.8, 1, 1.25]", "[1]").replace(
         "\ntruth", "\n  step: {key: solver.dt, values: [auto, 1000 s]}\ntruth"
     )
-    own = [case for case in cases(tmp_path, text) if case.load == "+x"]
-    truths = {"+x": find_truth(own[0], lambda _: None)}
-    good, bad = (made.row for made in evaluate_group(own, truths))
+    load_cases = [case for case in cases(tmp_path, text) if case.load == "+x"]
+    truths = {"+x": find_truth(load_cases[0], lambda _: None)}
+    good, bad = (evaluated.row for evaluated in evaluate_group(load_cases, truths))
     assert "error" in good and "failed" not in good
     assert "dt=1000 s is too long" in bad["failed"] and "error" not in bad
-    assert bad["choice"]["step"] == "1000 s" and bad["id"] == own[1].id
+    assert bad["choice"]["step"] == "1000 s" and bad["id"] == load_cases[1].id
 
 
 def test_groups_hold_cases_of_one_shape_and_load(tmp_path):
     text = SWEEP.replace(
         "\ntruth", "\n  high: {key: bodies.0.voxels_high, values: [8, 9]}\ntruth"
     )
-    own = cases(tmp_path, text)
-    found = list(groups(own))
-    assert [len(group) for group in found] == [3, 3, 3, 3]
-    for group in found:
+    all_cases = cases(tmp_path, text)
+    grouped = list(groups(all_cases))
+    assert [len(group) for group in grouped] == [3, 3, 3, 3]
+    for group in grouped:
         assert len({case.load for case in group}) == 1
         assert len({case.config.bodies[0].voxels_high for case in group}) == 1
-    assert sorted(c.id for g in found for c in g) == sorted(c.id for c in own)
+    assert sorted(c.id for g in grouped for c in g) == sorted(c.id for c in all_cases)
 
 
 def test_cases_of_another_material_have_another_reference(tmp_path):
     """Though their arrays have the same shapes."""
     material = "{conductivity: 16, density: 8000, specific_heat: 500, absorptivity: 1}"
-    other = f"{{label: other, set: {{bodies.0.material: {material}}}}}"
-    text = SWEEP.replace("\ntruth", f"\n  made: [{{label: own}}, {other}]\ntruth")
-    own = [case for case in cases(tmp_path, text) if case.load == "+x"]
-    assert len({case.shape_key for case in own}) == 1
-    found = list(groups(own))
-    assert [len(group) for group in found] == [3, 3]
-    for group in found:
+    steel = f"{{label: other, set: {{bodies.0.material: {material}}}}}"
+    text = SWEEP.replace("\ntruth", f"\n  made: [{{label: own}}, {steel}]\ntruth")
+    load_cases = [case for case in cases(tmp_path, text) if case.load == "+x"]
+    assert len({case.shape_key for case in load_cases}) == 1
+    grouped = list(groups(load_cases))
+    assert [len(group) for group in grouped] == [3, 3]
+    for group in grouped:
         assert len({case.truth_key for case in group}) == 1
-    first, second = (find_truth(group[0], lambda _: None).points for group in found)
-    expected = [np.asarray(each.expected.temperature) for each in (first, second)]
+    first, second = (find_truth(group[0], lambda _: None).points for group in grouped)
+    expected = [np.asarray(points.expected.temperature) for points in (first, second)]
     assert abs(expected[0] - expected[1]).max() > 1
 
 
@@ -96,10 +96,10 @@ def test_a_full_volume_of_the_references_voxels_has_no_error_but_that_of_its_ste
         "kind: {key: bodies.0.structure, values: [full_volume, "
         "{kind: aggregate, factor: 2}]}",
     )
-    own = [case for case in cases(tmp_path, text) if case.load == "+x"]
-    assert all(case.shares_voxels for case in own)
+    load_cases = [case for case in cases(tmp_path, text) if case.load == "+x"]
+    assert all(case.shares_voxels for case in load_cases)
     assert not any(case.shares_voxels for case in cases(tmp_path))
-    full, blocks = (evaluate(c, find_truth(c, lambda _: None)).row for c in own)
+    full, blocks = (evaluate(c, find_truth(c, lambda _: None)).row for c in load_cases)
     assert full["error"]["worst_rms_percent"] < 0.5
     assert blocks["error"]["worst_rms_percent"] > 1
     assert full["energy_residual"] < 1e-12 and blocks["energy_residual"] < 1e-12
@@ -144,12 +144,14 @@ def test_a_time_is_measured_in_turn_with_the_full_volume(tmp_path):
 
 def test_loads_that_differ_in_numbers_only_have_loops_of_one_size(tmp_path):
     """Other weights have other stable steps; a controlled error, no size at all."""
-    own = cases(tmp_path)
-    plans = [plan_case(case.config, build_case(case.config).scene) for case in own]
+    all_cases = cases(tmp_path)
+    plans = [
+        plan_case(case.config, build_case(case.config).scene) for case in all_cases
+    ]
     sizes = [loop_size(plan) for plan in plans]
-    for case, size in zip(own, sizes, strict=True):
-        for other, its_size in zip(own, sizes, strict=True):
-            assert size == its_size or case.names != other.names
+    for case, size in zip(all_cases, sizes, strict=True):
+        for paired, its_size in zip(all_cases, sizes, strict=True):
+            assert size == its_size or case.names != paired.names
     assert len(set(sizes)) > 1
     controlled = SWEEP.replace(
         "\ntruth",
@@ -165,10 +167,10 @@ def test_rows_of_a_killed_process_are_kept_but_for_half_a_line(tmp_path):
     rows = Rows(path, "now")
     rows.append([{"id": "a"}, {"id": "b", "failed": "too long"}])
     rows.close()
-    whole = path.read_bytes()
-    path.write_bytes(whole + b'{"id": "c", "err')
+    content = path.read_bytes()
+    path.write_bytes(content + b'{"id": "c", "err')
     again = Rows(path, "now")
-    assert list(again.by_id) == ["a", "b"] and path.read_bytes() == whole
+    assert list(again.by_id) == ["a", "b"] and path.read_bytes() == content
     again.append([{"id": "c"}])
     assert again.drop_failed() == 1
     again.close()

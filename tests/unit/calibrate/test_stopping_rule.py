@@ -10,19 +10,33 @@ SIZE = 4
 
 
 def refreshed(loss=1.0):
-    return StepRecord(1, loss, True, 0.0, (), exact=True, refresh=True)
+    return StepRecord(
+        number=1,
+        loss=loss,
+        accepted=True,
+        length=0.0,
+        values=(),
+        exact=True,
+        refresh=True,
+    )
 
 
 def accepted(loss, exact=False):
-    return StepRecord(1, loss, True, 0.1, (), exact)
+    return StepRecord(
+        number=1, loss=loss, accepted=True, length=0.1, values=(), exact=exact
+    )
 
 
 def rejected(loss, exact=False, length=0.01):
-    return StepRecord(1, loss, False, length, (), exact)
+    return StepRecord(
+        number=1, loss=loss, accepted=False, length=length, values=(), exact=exact
+    )
 
 
 def then(*steps, done=False):
-    return next_action(list(steps), done, SIZE, 1e-3, jnp.float32)
+    return next_action(
+        list(steps), done=done, size=SIZE, tolerance=1e-3, dtype=jnp.float32
+    )
 
 
 def test_a_fit_begins_with_an_exact_jacobian_and_then_tries():
@@ -45,11 +59,11 @@ def test_a_trial_that_fails_by_a_kept_jacobian_asks_for_an_exact_one():
 
 
 def test_a_refresh_is_no_trial_and_two_trials_follow_it():
-    before = [refreshed(), accepted(0.5), rejected(0.5), refreshed(0.5)]
-    assert then(*before, rejected(0.5)) == "try"
-    assert then(*before, rejected(0.5), rejected(0.5)) == "end"
-    assert then(*before, accepted(0.49995), accepted(0.4999)) == "end"
-    assert then(*before, rejected(0.5), accepted(0.4)) == "try"
+    history = [refreshed(), accepted(0.5), rejected(0.5), refreshed(0.5)]
+    assert then(*history, rejected(0.5)) == "try"
+    assert then(*history, rejected(0.5), rejected(0.5)) == "end"
+    assert then(*history, accepted(0.49995), accepted(0.4999)) == "end"
+    assert then(*history, rejected(0.5), accepted(0.4)) == "try"
 
 
 def test_long_trials_are_not_the_last():
@@ -69,12 +83,14 @@ def test_it_does_not_end_by_a_jacobian_of_other_points(done):
 
 def test_it_does_not_refresh_again_where_the_last_refresh_was_not_worth_it():
     """Of four numbers: worth three times the tolerance."""
-    before = [refreshed(), accepted(0.5), rejected(0.5), refreshed(0.5)]
-    for loss, what in ((0.499, "end"), (0.498, "refresh")):
-        assert then(*before, accepted(loss), rejected(loss)) == what
-        assert then(*before, accepted(loss), accepted(loss), accepted(loss)) == what
-        assert then(*before, accepted(loss), done=True) == "end"
-        assert then(*before, accepted(loss), accepted(loss - 1e-5), done=True) == what
+    history = [refreshed(), accepted(0.5), rejected(0.5), refreshed(0.5)]
+    for loss, action in ((0.499, "end"), (0.498, "refresh")):
+        assert then(*history, accepted(loss), rejected(loss)) == action
+        assert then(*history, accepted(loss), accepted(loss), accepted(loss)) == action
+        assert then(*history, accepted(loss), done=True) == "end"
+        assert (
+            then(*history, accepted(loss), accepted(loss - 1e-5), done=True) == action
+        )
 
 
 def test_the_solver_ends_a_fit_by_one_trial_from_an_exact_jacobian():
@@ -88,5 +104,11 @@ def test_the_solver_ends_a_fit_by_one_trial_from_an_exact_jacobian():
 def test_a_loss_at_its_rounding_is_stagnant():
     tiny = 1.0 - 1e-7
     steps = [refreshed(), accepted(tiny), accepted(tiny)]
-    assert next_action(steps, False, SIZE, 0.0, jnp.float32) == "end"
-    assert next_action(steps, False, SIZE, 0.0, jnp.float64) == "try"
+    assert (
+        next_action(steps, done=False, size=SIZE, tolerance=0.0, dtype=jnp.float32)
+        == "end"
+    )
+    assert (
+        next_action(steps, done=False, size=SIZE, tolerance=0.0, dtype=jnp.float64)
+        == "try"
+    )

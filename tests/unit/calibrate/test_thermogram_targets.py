@@ -31,8 +31,8 @@ FITTED = ParameterSet(
     (
         Parameter("material.conductivity", (16.0,), 0.0),
         Parameter("convection.heat_transfer_coefficient", (30.0,), 0.0),
-        Parameter("material.emissivity", (0.8,), 0.0, 1.0),
-        Parameter("weights.within", (1.0,), 0.01, 100.0),
+        Parameter(name="material.emissivity", start=(0.8,), lower=0.0, upper=1.0),
+        Parameter(name="weights.within", start=(1.0,), lower=0.01, upper=100.0),
     )
 )
 
@@ -65,14 +65,20 @@ def test_a_pixels_radiance_has_the_gradient_of_its_differences(scene, view):
     row, column = (int(n) for n in np.argwhere(body_mask(view))[20])
 
     def radiance(z):
-        own = FITTED.insert(scene, z)
-        solution = run(own, table)
-        return render_frames(view, own, solution, SAVES, "radiance")[1, row, column]
+        changed = FITTED.insert(scene, z)
+        solution = run(changed, table)
+        return render_frames(
+            view, scene=changed, solution=solution, times=SAVES, quantity="radiance"
+        )[1, row, column]
 
-    both = jax.jit(lambda z: (radiance(z), jax.jacfwd(radiance)(z)))
+    value_and_jacobian = jax.jit(lambda z: (radiance(z), jax.jacfwd(radiance)(z)))
     step = 1e-4
-    for slope, z in zip(both(np.zeros(4))[1], step * np.eye(4), strict=True):
-        difference = float(both(z)[0] - both(-z)[0]) / (2 * step)
+    for slope, z in zip(
+        value_and_jacobian(np.zeros(4))[1], step * np.eye(4), strict=True
+    ):
+        difference = float(value_and_jacobian(z)[0] - value_and_jacobian(-z)[0]) / (
+            2 * step
+        )
         assert slope == pytest.approx(difference, rel=1e-6, abs=1e-9)
         assert abs(slope) > 1e-4
 
@@ -87,29 +93,49 @@ def test_a_pixel_of_a_detector_shows_the_mean_of_its_rays():
     run = ParametricRun((1.0,))
     solution = run(scene, run.step_table(scene))
     settings = SimulatedFrames(samples=3)
-    (found,) = _detected(CAMERA, scene, solution, (1.0,), settings, LONG_WAVE)
+    (frames,) = _detected(
+        CAMERA,
+        scene=scene,
+        solution=solution,
+        times=(1.0,),
+        settings=settings,
+        band=LONG_WAVE,
+    )
     covered = coverage(world_meshes(solution.surfaces), CAMERA, 3).fraction
     body, behind = (float(LONG_WAVE.radiance(kelvin)) for kelvin in (300.0, 293.15))
     mixed = covered * body + (1 - covered) * behind
-    np.testing.assert_allclose(found, LONG_WAVE.temperature(mixed), atol=1e-3)
+    np.testing.assert_allclose(frames, LONG_WAVE.temperature(mixed), atol=1e-3)
     assert ((covered > 0) & (covered < 1)).sum() > 10
 
 
 def _target(view, frames, mask=None, times=SAVES):
-    return frame_target(times, (view,), [frames], 0.05, "radiance", [mask], jnp.float64)
+    return frame_target(
+        times,
+        views=(view,),
+        frames=[frames],
+        noise=0.05,
+        quantity="radiance",
+        masks=[mask],
+        dtype=jnp.float64,
+    )
 
 
 def test_residuals_count_standard_deviations(scene, view):
     """Data off by one standard deviation everywhere: the squares sum to 1."""
     run = ParametricRun(SAVES)
     solution = run(scene, run.step_table(scene))
-    frames = np.asarray(render_frames(view, scene, solution, SAVES, "radiance"), float)
+    frames = np.asarray(
+        render_frames(
+            view, scene=scene, solution=solution, times=SAVES, quantity="radiance"
+        ),
+        float,
+    )
     target = _target(view, frames + 0.05)
     rows = np.asarray(target.residual(scene, solution))
     assert (rows**2).sum() == pytest.approx(1.0)
     assert target.known_sd == pytest.approx(1 / np.sqrt(rows.size))
     assert target.mask(0).sum() == rows.shape[1] == body_mask(view).sum()
-    problem = Problem(FITTED, (Case("one", scene, run, target),))
+    problem = Problem(FITTED, (Case(name="one", scene=scene, run=run, target=target),))
     assert problem.known_sd == pytest.approx(target.known_sd)
 
 
@@ -137,27 +163,27 @@ def test_frames_of_cameras_are_read_in_their_unit(scene, view, tmp_path):
     PIL.Image.fromarray(hundredths).save(tmp_path / "grey.png")
     write_channels(tmp_path / "own.exr", {"apparent_temperature_K": kelvin})
     constants = {name: getattr(flir, name) for name in ("r1", "b", "f", "o", "r2")}
-    for file, given in (
+    for file, units in (
         ("raw.png", {"unit": "counts", "flir": constants}),
         ("grey.png", {"unit": "centikelvin"}),
         ("own.exr", {}),
     ):
         frames = [{"case": "one", "files": [str(tmp_path / file)]}]
-        settings = MeasuredFrames.model_validate({"frames": frames, **given})
+        settings = MeasuredFrames.model_validate({"frames": frames, **units})
         (read,), _ = _measured("one", settings)
         np.testing.assert_allclose(read[0], kelvin, atol=0.01)
 
 
 @pytest.mark.parametrize(
-    ("given", "message"),
+    ("settings", "message"),
     [
         ({"unit": "counts"}, "goes with `unit: counts`"),
         ({"unit": "celsius", "quantity": "radiance"}, "is of temperatures"),
     ],
 )
-def test_units_that_do_not_fit_are_refused(given, message, tmp_path):
+def test_units_that_do_not_fit_are_refused(settings, message, tmp_path):
     file = tmp_path / "a.npy"
     np.save(file, np.zeros((2, 2)))
     frames = [{"case": "one", "files": [str(file)]}]
     with pytest.raises(ValidationError, match=message):
-        MeasuredFrames.model_validate({"frames": frames, **given})
+        MeasuredFrames.model_validate({"frames": frames, **settings})

@@ -32,9 +32,15 @@ def after_four_steps(unit, scaled):
     solver = optx.LevenbergMarquardt(rtol=1e-12, atol=1e-12)
     solver = with_trust_region(solver) if scaled else solver
     # An array, so that all units share a program.
-    given = jnp.zeros(4), jnp.asarray(unit)
-    found = optx.least_squares(residuals, solver, *given, max_steps=4, throw=False)
-    return np.asarray(found.value)
+    solution = optx.least_squares(
+        residuals,
+        solver,
+        y0=jnp.zeros(4),
+        args=jnp.asarray(unit),
+        max_steps=4,
+        throw=False,
+    )
+    return np.asarray(solution.value)
 
 
 @pytest.mark.parametrize("unit", [1e-3, 1e3])
@@ -59,21 +65,29 @@ def test_the_first_size_is_of_the_steepness_along_the_slope():
 
 
 def test_where_nothing_slopes_a_search_stays():
-    flat = lambda z, unit: 0 * z + unit
+    def flat(z, unit):
+        return 0 * z + unit
+
     solver = with_trust_region(optx.LevenbergMarquardt(1e-9, 1e-9))
-    found = optx.least_squares(flat, solver, jnp.ones(2), 1.0, max_steps=9, throw=False)
-    np.testing.assert_array_equal(found.value, [1.0, 1.0])
+    solution = optx.least_squares(
+        flat, solver, jnp.ones(2), 1.0, max_steps=9, throw=False
+    )
+    np.testing.assert_array_equal(solution.value, [1.0, 1.0])
 
 
 def test_no_number_moves_by_more_than_its_own_size():
     """A line whose end is far: it is gone to in steps of 1 for the farthest number."""
-    line = lambda z, _: z - jnp.asarray([3.5, -0.7])
+
+    def line(z, _):
+        return z - jnp.asarray([3.5, -0.7])
+
     solver = with_trust_region(optx.LevenbergMarquardt(1e-9, 1e-9))
-    after = lambda steps: (
-        optx.least_squares(
+
+    def after(steps):
+        return optx.least_squares(
             line, solver, jnp.zeros(2), max_steps=steps, throw=False
         ).value
-    )
+
     # The first step is for what is known at the start.
     np.testing.assert_allclose(after(2), [1.0, -0.2], rtol=1e-9)
     np.testing.assert_allclose(after(3), [2.0, -0.4], rtol=1e-9)

@@ -10,9 +10,11 @@ from jaxthermo.report.table import Cell
 FAST = {"times_faster": 5.0, "min": 4.0, "max": 6.0}
 
 
-def errors(before, after, group="train"):
-    case = lambda percent: {"times_s": [30.0, 60.0], "rms_percent": percent}
-    return {group: {"default": {"+x": case(before)}, "fitted": {"+x": case(after)}}}
+def errors(default, fitted, group="train"):
+    def case(percent):
+        return {"times_s": [30.0, 60.0], "rms_percent": percent}
+
+    return {group: {"default": {"+x": case(default)}, "fitted": {"+x": case(fitted)}}}
 
 
 BETTER = errors([4.0, 3.0], [2.0, 1.0])
@@ -28,8 +30,8 @@ def test_a_faster_fit_with_less_error_everywhere_pays():
 def test_an_error_that_is_larger_at_one_time_is_told_with_its_time():
     """Although the largest error became less, and in whichever group it is."""
     held_out = errors([4.0, 1.0], [2.0, 1.5], "held_out")
-    for found in (LATE, BETTER | held_out):
-        verdict = judge(found, FAST, is_of_weights=True)
+    for case_errors in (LATE, BETTER | held_out):
+        verdict = judge(case_errors, FAST, is_of_weights=True)
         assert not verdict["pays"] and verdict["worse"] == 1
         assert "+x at 60 s 1.00 to 1.50 %" in verdict["words"]
         assert "NOT pay" in verdict["words"] and "30 s" not in verdict["words"]
