@@ -2,7 +2,7 @@
 
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 import jax
@@ -10,30 +10,41 @@ import jax
 from .user_cache import without_cache
 
 
-class Timing(NamedTuple):
-    """Wall time of one call [s]: median, minimum and maximum."""
+Spans = dict[str, list[float]]
+"""Wall times of every call by the name of the alternative [s]."""
+
+
+class Spread(NamedTuple):
+    """Median of values that were measured several times, and their range."""
 
     median: float
-    fastest: float
-    slowest: float
+    low: float
+    high: float
 
-    def per(self, count: float | int) -> "Timing":
+    @classmethod
+    def of(cls, values: Iterable[float]) -> "Spread":
+        """Median, smallest and largest of some values."""
+        ordered = sorted(float(value) for value in values)
+        return cls(statistics.median(ordered), low=ordered[0], high=ordered[-1])
+
+    def per(self, count: float | int) -> "Spread":
         """Time per item, for calls of `count` items."""
-        return Timing(
-            median=self.median / count,
-            fastest=self.fastest / count,
-            slowest=self.slowest / count,
-        )
+        return Spread(*(value / count for value in self))
 
     def text(self) -> str:
-        """Format for a table: "12.3 ms (11.9-14.0)" or "1.92 s (1.89-2.18)"."""
+        """A time [s] for a table: "12.3 ms (11.9-14.0)" or "1.92 s (1.89-2.18)"."""
         scale, unit = (1.0, "s") if self.median >= 1.0 else (1e3, "ms")
         median, low, high = (scale * value for value in self)
         return f"{median:.3g} {unit} ({low:.3g}-{high:.3g})"
 
 
+def ratio_of(above: Iterable[float], below: Iterable[float]) -> Spread:
+    """Spread of the ratios of two alternatives that were timed alternately."""
+    return Spread.of(a / b for a, b in zip(above, below, strict=True))
+
+
 def timed_call(call: Callable[[], Any]) -> tuple[Any, float]:
-    """Result of a call, and its wall time [s]."""
+    """The result of a call, and its wall time [s]."""
     # A search in geometry would be timed as the reading of a file.
     with without_cache():
         clock = time.perf_counter()
@@ -42,11 +53,35 @@ def timed_call(call: Callable[[], Any]) -> tuple[Any, float]:
         return result, time.perf_counter() - clock
 
 
-def measure(call: Callable[[], Any], repeats: int = 5) -> Timing:
-    """Measure the wall time of `call`."""
-    # The first call compiles.
-    jax.block_until_ready(call())
-    spans = [timed_call(call)[1] for _ in range(repeats)]
-    return Timing(
-        median=statistics.median(spans), fastest=min(spans), slowest=max(spans)
-    )
+def interleaved(
+    calls: Mapping[str, Callable[[], Any]],
+    repeats: int,
+    *,
+    there_and_back: bool = False,
+    warm_up: bool = True,
+) -> Spans:
+    """Time alternatives one after the other, so that a slow moment meets all of them.
+
+    Args:
+        calls: the alternatives by their names.
+        repeats: number of times that each is timed.
+        there_and_back: reverse the order every other time, so that a drift of the
+            machine's speed affects the first and the last alike.
+        warm_up: call each once before, which compiles it.
+    """
+    if warm_up:
+        for call in calls.values():
+            jax.block_until_ready(call())
+    spans: Spans = {name: [] for name in calls}
+    order = list(calls.items())
+    for _ in range(repeats):
+        for name, call in order:
+            spans[name].append(timed_call(call)[1])
+        if there_and_back:
+            order.reverse()
+    return spans
+
+
+def measure(call: Callable[[], Any], repeats: int = 5) -> Spread:
+    """Measure the wall time of `call` after a first one, which compiles."""
+    return Spread.of(interleaved({"call": call}, repeats)["call"])

@@ -1,17 +1,15 @@
 """Measurement of how much faster the fitted structure runs than the full volume."""
 
-import time
+from functools import partial
 from typing import Any
-
-import jax
-import numpy as np
 
 from jaxthermo.arrays import precision
 from jaxthermo.config.schema.scene import SceneConfig
-from jaxthermo.integrate.run.plan import Plan, plan_run
-from jaxthermo.integrate.run.simulate import run_plan
+from jaxthermo.integrate.run.plan import Plan, initial_state, plan_run
+from jaxthermo.integrate.run.simulate import integrate
 from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.scene.scene import Scene
+from jaxthermo.timing import Spans, interleaved, ratio_of, timed_call
 
 from ..problem.reference import on_every_voxel
 
@@ -33,14 +31,11 @@ def measure_speed(config: SceneConfig, default: Scene, fitted: Scene) -> dict[st
             "default": plan_run(default, t1=end, save_at=saves, solver=solver),
             "fitted": plan_run(fitted, t1=end, save_at=saves, solver=solver),
         }
+        calls = {name: partial(_run, planned) for name, planned in plans.items()}
         # The first runs compile.
-        total = sum(_seconds(planned) for planned in plans.values())
+        total = sum(timed_call(call)[1] for call in calls.values())
         repeats = _REPEATS if total < _MAX_REPEATED_SECONDS else 1
-        spans: dict[str, list[float]] = {name: [] for name in plans}
-        # One after the other, so that a slower moment of the machine meets all of them.
-        for _ in range(repeats):
-            for name, planned in plans.items():
-                spans[name].append(_seconds(planned))
+        spans = interleaved(calls, repeats, warm_up=False)
     return {
         **_ratios(spans, "fitted"),
         "default": _ratios(spans, "default"),
@@ -51,17 +46,10 @@ def measure_speed(config: SceneConfig, default: Scene, fitted: Scene) -> dict[st
     }
 
 
-def _ratios(spans: dict[str, list[float]], name: str) -> dict[str, float]:
-    ratios = np.array(spans["full_volume"]) / np.array(spans[name])
-    summary = {
-        "times_faster": np.median(ratios),
-        "min": ratios.min(),
-        "max": ratios.max(),
-    }
-    return {key: float(value) for key, value in summary.items()}
+def _ratios(spans: Spans, name: str) -> dict[str, float]:
+    ratio = ratio_of(spans["full_volume"], spans[name])
+    return {"times_faster": ratio.median, "min": ratio.low, "max": ratio.high}
 
 
-def _seconds(planned: Plan) -> float:
-    clock = time.perf_counter()
-    jax.block_until_ready(run_plan(planned).surface_temperature)
-    return time.perf_counter() - clock
+def _run(planned: Plan) -> Any:
+    return integrate(planned, initial_state(planned))

@@ -22,7 +22,7 @@ from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
 from jaxthermo.provenance import processor, provenance
 from jaxthermo.report.table import Cell, Table
-from jaxthermo.timing import Timing
+from jaxthermo.timing import Spread
 
 from ..problem.reference import program_hash
 from .candidate import pitches_of
@@ -272,7 +272,7 @@ def _error_words(trial: Trial) -> str:
 
 
 def _milliseconds(trial: Trial) -> str:
-    return Timing(*[trial.measured.run_time] * 3).text().partition(" (")[0]
+    return Spread.of([trial.measured.run_time]).text().partition(" (")[0]
 
 
 def _millimetres(pitches: list[float]) -> str:

@@ -16,11 +16,11 @@ from typing import NamedTuple
 
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
-from jaxthermo.timing import Timing
+from jaxthermo.timing import Spread
 
 from .candidate import FAMILIES, Candidate, Family, Method, cards_of, pitches_of
 from .predict import Forecast, Predictor
-from .trial import MAX_OWN_ERROR, Bench, Reference, Tolerance, Trial, in_turn
+from .trial import MAX_OWN_ERROR, Bench, Reference, Tolerance, Trial, loop_times
 
 
 _FIRST_VOXELS = 24_000
@@ -56,7 +56,7 @@ _NEARER = 0.8
 is run where none is expected to be within the tolerance [-]."""
 
 _ALIKE = 1.4
-"""Times of one run up to which candidates are timed in turn at the end."""
+"""Ratio of run times up to which candidates are timed again at the end [-]."""
 
 _REPEATS = 7
 
@@ -80,7 +80,7 @@ class Choice:
     reference: Reference
     best: Trial | None
     """Fastest candidate within the tolerance; None if there is none."""
-    time: Timing | None
+    time: Spread | None
     """Run time of `best`, measured alternately with similar ones."""
     nearest: Trial
     """Candidate of the smallest error within the limits of time and memory."""
@@ -289,8 +289,8 @@ class _Search:
         if within:
             limit = _ALIKE * within[0].measured.run_time
             alike = [trial for trial in within if trial.measured.run_time <= limit]
-            self.watch.stage("timing the fastest in turn")
-            times = in_turn(alike, _REPEATS, self.bench.scene.dtype)
+            self.watch.stage("timing the fastest again")
+            times = loop_times(alike, repeats=_REPEATS, dtype=self.bench.scene.dtype)
             pairs = zip(alike, times, strict=True)
             best, time = min(pairs, key=lambda pair: pair[1].median)
         fitting = [t for t in self.trials if self._fits(t)] or self.trials

@@ -1,14 +1,12 @@
 """Trials of a plan: references in ever finer voxels, and candidates."""
 
 import math
-import statistics
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
-from jaxthermo.accuracy.truth_error import TruthError, TruthPoints, truth_points
 from jaxthermo.arrays import precision
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
@@ -16,7 +14,8 @@ from jaxthermo.integrate.run.plan import Plan, plan_run
 from jaxthermo.integrate.run.simulate import make_solution
 from jaxthermo.integrate.run.solution import RESULTS, Observation, run_result
 from jaxthermo.integrate.run.solution_file import StoredSolution
-from jaxthermo.timing import Timing
+from jaxthermo.integrate.truth_error import TruthError, TruthPoints, truth_points
+from jaxthermo.timing import Spread, interleaved
 
 from ..config.schema import RefinedReference
 from ..problem.reference import (
@@ -312,12 +311,11 @@ def _surface(plan: Plan, outcome: Any) -> StoredSolution:
     return StoredSolution(times, np.asarray(rows), surfaces)
 
 
-def in_turn(trials: Sequence[Trial], repeats: int, dtype: str) -> list[Timing]:
-    """Times of the loops of trials, each repeated in turn with the others [s]."""
-    spans: list[list[float]] = [[] for _ in trials]
+def loop_times(trials: Sequence[Trial], repeats: int, dtype: str) -> list[Spread]:
+    """Times of the loops of trials, measured alternately [s]."""
+    loops = {str(n): trial.loop for n, trial in enumerate(trials)}
+    calls = {name: loop.run for name, loop in loops.items() if loop is not None}
+    assert len(calls) == len(trials)
     with precision(dtype):
-        for _ in range(repeats):
-            for span, trial in zip(spans, trials, strict=True):
-                assert trial.loop is not None
-                span.append(trial.loop.seconds())
-    return [Timing(statistics.median(s), min(s), max(s)) for s in spans]
+        spans = interleaved(calls, repeats, warm_up=False)
+    return [Spread.of(span) for span in spans.values()]

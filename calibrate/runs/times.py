@@ -31,7 +31,7 @@ from jaxthermo.integrate.run.simulate import run_plan, simulate, take_steps
 from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.provenance import processor
 from jaxthermo.scene.scene import Scene
-from jaxthermo.timing import timed_call
+from jaxthermo.timing import interleaved, timed_call
 
 from ..problem.reference import on_every_voxel
 from .case import Case
@@ -59,12 +59,15 @@ class Loop:
     reading_s: float = 0.0
     """Time of a run without steps, equal for a shortened and a complete loop [s]."""
 
-    def seconds(self) -> float:
-        """Wall time of the complete run [s], extrapolated from a shortened one."""
-        spent = timed_call(self.run)[1]
+    def complete(self, seconds: float) -> float:
+        """Wall time of the complete run [s] from that of `run`, which may be cut."""
         if self.fraction == 1.0:
-            return spent
-        return self.reading_s + (spent - self.reading_s) / self.fraction
+            return seconds
+        return self.reading_s + (seconds - self.reading_s) / self.fraction
+
+    def seconds(self) -> float:
+        """Wall time of the complete run [s], measured once."""
+        return self.complete(timed_call(self.run)[1])
 
 
 def time_case(case: Case, repeats: int) -> Row:
@@ -94,16 +97,14 @@ def time_case(case: Case, repeats: int) -> Row:
     loop = compiled_loop(plan)
     loop.seconds()
     full = _full_volume(_FullKey(config))
-    spans: dict[str, list[float]] = {"loop_s": [], "full_volume_loop_s": []}
-    for _ in range(repeats):
-        spans["loop_s"].append(loop.seconds())
-        spans["full_volume_loop_s"].append(full.seconds())
+    spans = interleaved({"loop": loop.run, "full": full.run}, repeats, warm_up=False)
     calls = [timed_call(call)[1] for _ in range(min(repeats, _MAX_CALLS))]
     return {
         "id": case.id,
         "choice": dict(case.names),
         "load": case.load,
-        **spans,
+        "loop_s": spans["loop"],
+        "full_volume_loop_s": [full.complete(span) for span in spans["full"]],
         "call_s": calls,
         "first_call_s": first_call,
         "known_set_up_s": set_up,

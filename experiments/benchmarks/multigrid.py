@@ -31,7 +31,7 @@ from jaxthermo.integrate.implicit.jacobian import MULTIGRID_STEP_RATIO
 from jaxthermo.network.multigrid import Hierarchy, hierarchy, jacobi
 from jaxthermo.network.network import AbstractNetwork
 from jaxthermo.physics.conduction import assemble_uniform
-from jaxthermo.timing import Timing
+from jaxthermo.timing import Spread
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.present import named, show, table_of
@@ -266,7 +266,7 @@ def _show(name: str, comparison: dict[str, Any], result: dict[str, Any]) -> None
     size = f"{result['height']} high, {result['solid_voxels']} voxels"
     columns = [
         ("", "{name}"),
-        ("solve (fastest-slowest)", lambda row: Timing(**row["solve_s"]).text()),
+        ("solve (fastest-slowest)", lambda row: Spread(**row["solve_s"]).text()),
         ("iterations", "{iterations}"),
         ("residual", "{residual:.1e}"),
     ]
