@@ -1,7 +1,7 @@
-"""`experiments run budget`: how much of an error is due to voxels, structure and time.
+"""`experiments run budget`: shares of an error due to voxels, structure and time.
 
-All runs of a sweep are read at the points of its reference, so that a part of an error
-is the difference between two runs that differ in one thing alone.
+All runs of a sweep are read at the points of its reference, so that a share of an error
+is the difference between two runs that differ in one property.
 """
 
 import math
@@ -16,13 +16,13 @@ import jaxthermo as jt
 from calibrate.runs.case import Case
 from calibrate.runs.scenes import build_case, plan_case
 from calibrate.runs.truth import Truth, find_truth
-from jaxthermo.accuracy.truth_error import AtPoints, TruthError, error_at_points
 from jaxthermo.arrays import precision
 from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.run.plan import Plan
-from jaxthermo.integrate.run.simulate import run_plan
+from jaxthermo.integrate.run.plan import Plan, initial_state
+from jaxthermo.integrate.run.simulate import integrate, make_solution, run_plan
 from jaxthermo.integrate.run.time_error import of_pass
+from jaxthermo.integrate.truth_error import AtPoints, TruthError, error_at_points
 
 from ..harness.record import Arrays, Record, Row
 from ..harness.timing import timed_call
@@ -34,44 +34,52 @@ from .budget_page import write_budget
 _FURTHER = 2
 """Number of times that steps are halved for the run that gives the error in time."""
 _MAX_NODES = 1_000_000
-"""Number of nodes above which a run's parts of time and reading are not measured."""
+"""Number of nodes above which a run's shares of time and reading are not measured."""
 _LONG = 30.0
-"""Time of a run that is not repeated to be timed warm [s]."""
+"""Time of a run above which it is not repeated to be timed warm [s]."""
 
 _DEFAULT = Path(__file__).parents[2] / "configs" / "sweeps" / "budget.yaml"
 
 
 def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
-    """The parts of the error of every choice of a sweep, the standard one by default.
+    """Shares of the error of every choice of a sweep, the standard one by default.
 
-    A run that was cut off in the same folder goes on.
+    An interrupted run continues in the same folder.
 
     Raises:
         InputError: for a mistake in the config, a mesh that is not there, or a
             reference that cannot be run.
     """
-    path, console = config or _DEFAULT, open_console()
+    path = config or _DEFAULT
+    console = open_console()
     if config is None and not _DEFAULT.is_file():
         raise InputError(f"the standard budget, {path}, is not installed: name a file")
-    given = load_sweep(path)
-    cases = [case for choice in choices(given) for case in cases_of(given, choice)]
-    record, log = Record(folder, (Path(__file__),)), partial(print_line, console)
+    sweep_config = load_sweep(path)
+    cases = [
+        case
+        for choice in choices(sweep_config)
+        for case in cases_of(sweep_config, choice)
+    ]
+    record = Record(folder, (Path(__file__),))
+    log = partial(print_line, console)
     truths = {case.truth_key: find_truth(case, log) for case in cases}
     rows: dict[str, Row] = {}
     # The coarsest first: those of the finest voxels take longest, and gigabytes.
     for case in sorted(cases, key=_fineness):
         truth = truths[case.truth_key]
         head = {"choice": dict(case.names), "load": case.load}
-        made = record.once(case.id, head, partial(_measured, case, truth))
-        rows[case.id] = made
-        said = made.get("refused") or f"{made['nodes']:,} nodes, {made['steps']} steps"
+        row = record.once(case.id, head, partial(_measured, case, truth))
+        rows[case.id] = row
+        outcome = row.get("refused") or f"{row['nodes']:,} nodes, {row['steps']} steps"
         names = ", ".join(label for _, label in case.names)
-        print_line(console, f"{names}, {case.load}: {said}")
+        print_line(console, f"{names}, {case.load}: {outcome}")
     lines = budget_lines(cases, rows=rows, truths=truths, record=record)
-    write_budget(lines, truths=list(truths.values()), config=given, folder=folder)
+    write_budget(
+        lines, truths=list(truths.values()), config=sweep_config, folder=folder
+    )
     return {
-        "config": resolved(given),
-        "config_hash": sweep_hash(given),
+        "config": resolved(sweep_config),
+        "config_hash": sweep_hash(sweep_config),
         "table": lines,
         "rows": list(rows.values()),
         "references": [
@@ -89,49 +97,51 @@ def _fineness(case: Case) -> tuple[float, float, str]:
 
 
 def _measured(case: Case, truth: Truth) -> tuple[Row, Arrays]:
-    """A run, one in shorter steps, and one read where the nodes are."""
+    """A run, one in shorter steps, and one read at the nodes."""
     scene = build_case(case.config).scene
     plan = plan_case(case.config, scene)
     with precision(scene.dtype):
-        found, took = timed_call(lambda: run_plan(plan))
-        # Once more without what is compiled.
+        solution, took = timed_call(lambda: run_plan(plan))
+        # Once more without compilation.
         if took < _LONG:
-            found, took = timed_call(lambda: run_plan(plan))
-    if found.result != jt.RESULTS.successful:
-        raise InputError(jt.RESULTS[found.result])
-    runs = {"surface": found}
+            solution, took = timed_call(lambda: run_plan(plan))
+    if solution.result != jt.RESULTS.successful:
+        raise InputError(jt.RESULTS[solution.result])
+    runs = {"surface": solution}
     # Passes of a solver that controls its error differ in steps only.
-    if found.receipt.nodes <= _MAX_NODES and plan.control is not None:
-        last = round(math.log2(found.run.steps / plan.steps))
+    if solution.receipt.nodes <= _MAX_NODES and plan.control is not None:
+        last = round(math.log2(solution.run.steps / plan.steps))
         nearest = (replace(b, surface_map=jt.ConstantMap()) for b in scene.bodies)
-        other = plan_case(case.config, replace(scene, bodies=tuple(nearest)))
+        at_nodes = plan_case(case.config, replace(scene, bodies=tuple(nearest)))
         runs["converged"] = _one_pass(plan, last + _FURTHER)
-        runs["constant"] = _one_pass(other, last)
-    reading = truth.points.reading(found.surfaces)
-    read = lambda run: np.asarray(reading.read(np.asarray(run.surface_temperature)))
+        runs["constant"] = _one_pass(at_nodes, last)
+    reading = truth.points.reading(solution.surfaces)
     row = {
-        "nodes": found.receipt.nodes,
-        "steps": found.run.steps,
+        "nodes": solution.receipt.nodes,
+        "steps": solution.run.steps,
         "run_time_s": took,
-        "time_error_K": found.run.time_error,
-        "times_s": np.asarray(found.times, float).tolist(),
-        "energy_residual": float(np.abs(found.energy.residual_relative).max()),
+        "time_error_K": solution.run.time_error,
+        "times_s": np.asarray(solution.times, float).tolist(),
+        "energy_residual": float(np.abs(solution.energy.residual_relative).max()),
     }
-    at_points = {name: read(run) for name, run in runs.items()}
+    at_points = {
+        name: np.asarray(reading.read(np.asarray(run.surface_temperature)))
+        for name, run in runs.items()
+    }
     return row, {**at_points, "is_lost": reading.is_lost}
 
 
 def _one_pass(plan: Plan, number: int) -> jt.Solution:
     """A run with the steps of one pass alone."""
-    now = of_pass(plan, number)
+    single = of_pass(plan, number)
     with precision(plan.scene.dtype):
-        return run_plan(now)
+        return make_solution(single, integrate(single, initial_state(single)))
 
 
 def budget_lines(
     cases: list[Case], rows: dict[str, Row], truths: dict[str, Truth], record: Record
 ) -> list[Row]:
-    """A line for each choice: its errors, the largest of all loads.
+    """A line for each choice with the largest errors of all loads.
 
     Args:
         cases: all, with their loads.
@@ -142,9 +152,9 @@ def budget_lines(
     # The octree stands for full volumes that are too large to run.
     full = {
         _voxels(case): rows[case.id]
-        for kind in ("octree", "full_volume")
+        for structure_kind in ("octree", "full_volume")
         for case in cases
-        if _kind(case) == kind and "refused" not in rows[case.id]
+        if _kind(case) == structure_kind and "refused" not in rows[case.id]
     }
     lines: dict[tuple[tuple[str, str], ...], Row] = {}
     for case in cases:
@@ -153,12 +163,12 @@ def budget_lines(
         if "refused" in row:
             line["refused"] = row["refused"]
             continue
-        whole = full.get(_voxels(case))
-        is_full = whole is row and _kind(case) == "octree"
+        full_row = full.get(_voxels(case))
+        is_full = full_row is row and _kind(case) == "octree"
         errors = _errors(
             row,
             truth=truths[case.truth_key],
-            full=whole,
+            full=full_row,
             stands_in=is_full,
             record=record,
         )
@@ -178,7 +188,7 @@ def _kind(case: Case) -> str:
 
 
 def _voxels(case: Case) -> str:
-    """Text that runs in the same voxels under the same load have in common."""
+    """Equal text for runs in the same voxels under the same load."""
     sizes = [(b.pitch, b.voxels_high, b.surface_cells) for b in case.config.bodies]
     return f"{sizes} {case.truth_key} {case.load}"
 
@@ -186,7 +196,7 @@ def _voxels(case: Case) -> str:
 def _errors(
     row: Row, truth: Truth, full: Row | None, stands_in: bool, record: Record
 ) -> dict[str, TruthError]:
-    """Differences of two runs each, which differ in one thing, and the whole."""
+    """The complete error, and differences of runs that differ in one property."""
     arrays = record.arrays_of(row)
     times = np.asarray(row["times_s"])
     later = times > 0
@@ -194,37 +204,40 @@ def _errors(
     def read(arrays: Arrays, name: str = "surface") -> AtPoints:
         return AtPoints(arrays[name][later], arrays["is_lost"])
 
-    between = lambda one, other: error_at_points(times[later], one, other)
-    own, expected = read(arrays), truth.points.expected
+    def between(points: AtPoints, reference: AtPoints) -> TruthError:
+        return error_at_points(times[later], points, reference)
+
+    run_points = read(arrays)
+    expected = truth.points.expected
     reference = AtPoints(np.asarray(expected.temperature)[later], expected.is_lost)
-    found = {"whole": between(own, reference)}
+    errors = {"whole": between(run_points, reference)}
     if full is not None:
-        everything = read(record.arrays_of(full))
-        found["discretisation"] = between(everything, reference)
-        # An octree that stands for its full volume does not tell of itself.
+        full_points = read(record.arrays_of(full))
+        errors["discretisation"] = between(full_points, reference)
+        # An octree in place of its full volume has no share of its own.
         if not stands_in:
-            found["structure"] = between(own, everything)
-    for part, other in (("time", "converged"), ("reading", "constant")):
-        if other in arrays:
-            found[part] = between(read(arrays, other), own)
-    return found
+            errors["structure"] = between(run_points, full_points)
+    for share, variant in (("time", "converged"), ("reading", "constant")):
+        if variant in arrays:
+            errors[share] = between(read(arrays, variant), run_points)
+    return errors
 
 
-_PARTS = ("whole", "discretisation", "structure", "time", "reading")
+_SHARES = ("whole", "discretisation", "structure", "time", "reading")
 
 
 def _worst(loads: list[dict[str, Any]]) -> Row:
     """Largest errors of all loads and saved times."""
-    found: Row = {}
-    for part in _PARTS:
-        errors = [load[part] for load in loads if part in load]
+    worst: Row = {}
+    for share in _SHARES:
+        errors = [load[share] for load in loads if share in load]
         if errors:
-            found[f"{part}_kelvin"] = max(e["worst_rms_kelvin"] for e in errors)
-    whole = [load["whole"] for load in loads]
-    if whole:
-        percent = [e["worst_rms_percent"] for e in whole]
-        found["rms_percent"] = max((p for p in percent if p is not None), default=None)
-        found["p99_kelvin"] = max(e["worst_p99_kelvin"] for e in whole)
-        found["bias_kelvin"] = max((e["worst_bias_kelvin"] for e in whole), key=abs)
-        found["lost_fraction"] = max(e["worst_lost_fraction"] for e in whole)
-    return found
+            worst[f"{share}_kelvin"] = max(e["worst_rms_kelvin"] for e in errors)
+    complete = [load["whole"] for load in loads]
+    if complete:
+        percent = [e["worst_rms_percent"] for e in complete]
+        worst["rms_percent"] = max((p for p in percent if p is not None), default=None)
+        worst["p99_kelvin"] = max(e["worst_p99_kelvin"] for e in complete)
+        worst["bias_kelvin"] = max((e["worst_bias_kelvin"] for e in complete), key=abs)
+        worst["lost_fraction"] = max(e["worst_lost_fraction"] for e in complete)
+    return worst

@@ -1,6 +1,4 @@
-"""The parts of the error of a sweep's choices as tables, and the page with them."""
-
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +16,7 @@ from ..sweep.summary import goals_table
 _DASH = "\N{EN DASH}"
 
 
-def _number(name: str) -> Any:
+def _number(name: str) -> Callable[[Row], str]:
     def words(line: Row) -> str:
         value = line.get(name)
         return _DASH if value is None else padded(value)
@@ -43,9 +41,15 @@ _LINE: list[Column] = [
     ("run", lambda line: seconds(line["run_time_s"])),
 ]
 
-_by_time = lambda name: (
-    lambda row: ", ".join(_DASH if v is None else padded(v) for v in row["whole"][name])
-)
+
+def _by_time(name: str) -> Callable[[Row], str]:
+    def words(row: Row) -> str:
+        values = row["whole"][name]
+        return ", ".join(_DASH if v is None else padded(v) for v in values)
+
+    return words
+
+
 _BY_LOAD: list[Column] = [
     ("load", "{load}"),
     ("K at each time", _by_time("rms_kelvin")),
@@ -60,25 +64,25 @@ _TERMS = {
     "difference in surface temperature from the reference, in K and in percent of the "
     "reference's range (0.5 to 99.5 %) at that time; the largest of the saved times "
     "and loads",
-    "voxels": "the same of the full volume of these voxels, or of their octree where "
-    "there is none; structures of the reference's own voxels share their error with it",
+    "voxels": "error of the full volume of these voxels, or of their octree where there "
+    "is none; structures of the reference's own voxels share their error with it",
     "structure": "difference from that full volume or octree",
-    "time": "difference from the same run in steps a quarter as long; this and the "
-    "next are measured up to a million nodes, of runs that control their error in time",
+    "time": "difference from the run in steps a quarter as long; this and the next "
+    "are measured up to a million nodes, of runs that control their error in time",
     "reading": "difference between the temperatures of the nearest nodes and those "
-    "corrected by the heat flux, as all others are read",
+    "corrected by the heat flux, as in all other columns",
     "run": "all passes of the solver until the error in time holds, compiled; the "
     "fastest of the loads",
 }
 
 
-def _cost(name: str, form: Any) -> Any:
+def _cost(name: str, form: Callable[[Any], str]) -> Callable[[Row], str]:
     return lambda row: ", ".join(form(cost[name]) for cost in row["costs"])
 
 
 def _own_by_time(row: Row) -> str:
-    own = row["own_error"]
-    pairs = zip(own["rms_kelvin"], own["is_bound"], strict=True)
+    own_error = row["own_error"]
+    pairs = zip(own_error["rms_kelvin"], own_error["is_bound"], strict=True)
     return ", ".join(f"bound {padded(v)}" if b else padded(v) for v, b in pairs)
 
 
@@ -103,38 +107,37 @@ def write_budget(
 ) -> None:
     """Print the table, and write it with all its loads and times as a page."""
     references = [truth._asdict() for truth in truths]
-    own = max(truth.own_error["worst_rms_kelvin"] for truth in truths)
+    own_kelvin = max(truth.own_error["worst_rms_kelvin"] for truth in truths)
     is_bound = any(any(truth.own_error["is_bound"]) for truth in truths)
-    kind = config.truth.structure.kind.replace("_", " ")
+    structure = config.truth.structure.kind.replace("_", " ")
     caption = (
-        f"Reference: {kind} of {references[0]['costs'][0]['nodes']:,} nodes, itself "
-        f"off by {'at most about' if is_bound else 'about'} {padded(own)} K"
+        f"Reference: {structure} of {references[0]['costs'][0]['nodes']:,} nodes, itself "
+        f"off by {'at most about' if is_bound else 'about'} {padded(own_kelvin)} K"
     )
     names: list[Column] = [
         (axis.replace("_", " "), lambda line, axis=axis: line["choice"][axis])
         for axis in config.axes
     ]
-    left, count = tuple(range(len(names))), len(names)
+    left = tuple(range(len(names)))
     by_load = [
         {**line, "load": load, **errors}
         for line in lines
         for load, errors in line["by_load"].items()
     ]
-    title = "parts of the error"
-    every = table_of(by_load, [*names, *_BY_LOAD], left=left)
+    all_loads = table_of(by_load, columns=[*names, *_BY_LOAD], left=left)
     sections: list[page.Section] = [
         table_of(
             lines,
             columns=[*names, *_LINE],
-            title=title,
+            title="parts of the error",
             caption=caption,
-            names=count,
+            names=len(names),
             left=left,
         ),
         page.paragraph(caption, note=True),
         *goals_table(config, lines),
         page.terms(list(_TERMS.items())),
-        page.details("Every load and time", every),
+        page.details("Every load and time", all_loads),
         page.details("References", table_of(references, _REFERENCE)),
         page.details("The config", page.pre(to_yaml(config))),
     ]

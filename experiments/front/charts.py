@@ -11,17 +11,26 @@ from .pareto import Cost, Measure, Point, front
 from .wording import sentence
 
 
-WIDTH, HEIGHT = 760.0, 460.0
-GREY = "#b9bec8"
+_WIDTH = 760.0
+_HEIGHT = 460.0
+_GREY = "#b9bec8"
 _HUES = (
-    "#17358c", "#0b6e5f", "#b8500a", "#66228f", "#4c7a12", "#a31621",
-    "#2a7fb8", "#c79a12", "#8c5a2b", "#5b6270",
-)  # fmt: skip
+    "#17358c",
+    "#0b6e5f",
+    "#b8500a",
+    "#66228f",
+    "#4c7a12",
+    "#a31621",
+    "#2a7fb8",
+    "#c79a12",
+    "#8c5a2b",
+    "#5b6270",
+)
 _RIVAL_SHAPES = ("cross", "diamond", "triangle-up", "triangle-down", "square")
 _RIVAL_COLOUR = "#d1352b"
 _BLACK = "#14171d"
 _NUMBER_SIZE = 16.0
-"""Width and height that the number of a point takes [pixels]."""
+"""Width and height of the number of a point [pixels]."""
 
 _ERROR_TITLES: dict[Measure, str] = {
     "rms_percent": "error against the reference, RMS [%]",
@@ -47,31 +56,36 @@ def error_against(
     title: str = "",
     marks: Marks = (),
 ) -> Chart | None:
-    """Error against a cost, both logarithmic; None without a point to show."""
+    """Error against a cost, both logarithmic; None without any point."""
     points = [p for p in points if _is_shown(p, cost, error)]
     rivals = [p for p in rivals if _is_shown(p, cost, error)]
     if not points:
         return None
-    best = front(points, cost, error)
+    best = front(points, cost=cost, error=error)
     label, scale = _COSTS[cost]
-    row = lambda p, **more: _row(p, cost=cost, error=error, scale=scale) | more
+
+    def row(point: Point, **fields: str) -> dict[str, Any]:
+        return _row(point, cost=cost, error=error, scale=scale) | fields
+
     beaten = [row(p) for p in points if p not in best]
-    chosen = [row(p, number=str(n)) for n, p in enumerate(best, 1)]
-    others = [row(p, rival=p.kind) for p in rivals]
+    front_rows = [row(p, number=str(n)) for n, p in enumerate(best, 1)]
+    rival_rows = [row(p, rival=p.kind) for p in rivals]
     marked = [{"cost": at * scale, "text": text} for text, at in marks]
-    every = [*beaten, *chosen, *others]
-    across = LogAxis([r["cost"] for r in (*every, *marked)], label)
-    up = LogAxis([r["error"] for r in every], _ERROR_TITLES[error])
-    x, y = alt.X(**across.channel("cost")), alt.Y(**up.channel("error"))
-    layers = [_dots(beaten, x, y), _front_line(chosen, x, y)]
-    layers.append(_chosen(chosen, x=x, y=y, paint=_paint(points)))
-    if others:
-        layers.append(_rivals(others, x, y))
+    all_rows = [*beaten, *front_rows, *rival_rows]
+    across = LogAxis([r["cost"] for r in (*all_rows, *marked)], label)
+    up = LogAxis([r["error"] for r in all_rows], _ERROR_TITLES[error])
+    x = alt.X(**across.channel("cost"))
+    y = alt.Y(**up.channel("error"))
+    layers = [_dots(beaten, x=x, y=y), _front_line(front_rows, x=x, y=y)]
+    layers.append(_chosen(front_rows, x=x, y=y, paint=_paint(points)))
+    if rival_rows:
+        layers.append(_rivals(rival_rows, x=x, y=y))
     if marked:
         layers += _marks(marked, x)
-    layers.append(_numbers(_apart(chosen, across, up), x, y))
-    together = alt.layer(*layers).resolve_scale(color="independent", shape="shared")
-    return together.properties(width=WIDTH, height=HEIGHT, title=title)
+    separate = _apart(front_rows, across=across, up=up)
+    layers.append(_numbers(separate, x=x, y=y))
+    chart = alt.layer(*layers).resolve_scale(color="independent", shape="shared")
+    return chart.properties(width=_WIDTH, height=_HEIGHT, title=title)
 
 
 def point_text(point: Point) -> str:
@@ -104,13 +118,13 @@ def _data(rows: list[dict[str, Any]]) -> alt.Chart:
 
 def _dots(rows: list[dict[str, Any]], x: alt.X, y: alt.Y) -> alt.Chart:
     base = _data(rows).mark_point(
-        filled=True, color=GREY, size=POINT_AREA * 0.55, opacity=0.9
+        filled=True, color=_GREY, size=POINT_AREA * 0.55, opacity=0.9
     )
     return base.encode(x=x, y=y, description="text:N")
 
 
 def _front_line(rows: list[dict[str, Any]], x: alt.X, y: alt.Y) -> alt.Chart:
-    # A step: between two points the error that can be had is that of the cheaper one.
+    # A step: between two points the smallest error is that of the cheaper one.
     line = _data(rows).mark_line(
         interpolate="step-after", color=_BLACK, strokeWidth=1.5, opacity=0.75
     )
@@ -136,17 +150,17 @@ def _chosen(
 def _apart(
     rows: list[dict[str, Any]], across: LogAxis, up: LogAxis
 ) -> list[dict[str, Any]]:
-    """Points whose numbers do not cover each other; the first of a crowd, for one."""
-    found: list[dict[str, Any]] = []
+    """Points whose numbers do not cover each other; of a crowd the first one."""
+    separate: list[dict[str, Any]] = []
     for row in rows:
         near = (
-            WIDTH * across.distance(row["cost"], other["cost"]) < _NUMBER_SIZE
-            and HEIGHT * up.distance(row["error"], other["error"]) < _NUMBER_SIZE
-            for other in found
+            _WIDTH * across.distance(row["cost"], placed["cost"]) < _NUMBER_SIZE
+            and _HEIGHT * up.distance(row["error"], placed["error"]) < _NUMBER_SIZE
+            for placed in separate
         )
         if not any(near):
-            found.append(row)
-    return found
+            separate.append(row)
+    return separate
 
 
 def _numbers(rows: list[dict[str, Any]], x: alt.X, y: alt.Y) -> alt.Chart:

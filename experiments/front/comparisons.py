@@ -1,4 +1,4 @@
-"""Choices of a front and rivals at the same error, timed in turn in one process."""
+"""Choices of a front and rivals at the same error, timed alternately in one process."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,9 +14,9 @@ from calibrate.runs.times import compiled_loop
 from jaxthermo.arrays import precision
 from jaxthermo.reduction.reduced_model import ReducedModel, load_reduced
 from jaxthermo.report.numbers import significant
+from jaxthermo.timing import Spans, Spread, interleaved, ratio_of, timed_call
 
-from ..harness.timing import Spans, interleaved, timed_call
-from .pareto import Point, Spread, fastest_within, front, ratio_of, spread_of
+from .pareto import Point, fastest_within, front
 from .rivals import TWELVE_STEPS, Rivals
 from .wording import ratio_text
 
@@ -24,20 +24,21 @@ from .wording import ratio_text
 Call = Callable[[], Any]
 """A run that is ready to be timed."""
 
-MAX_POINTS = 10
-"""Points of the front that are compared at their own error."""
+_MAX_POINTS = 10
+"""Largest number of points of the front that are compared at their own error."""
 
-
-_SHORT_S, _MAX_REPEATS = 0.5, 51
-"""Time that is spent on repeats of short runs [s], and their largest number."""
+_SHORT_S = 0.5
+"""Time of all repeats of short runs [s]."""
+_MAX_REPEATS = 51
+"""Largest number of repeats of a run."""
 
 
 @dataclass(frozen=True)
 class Pair:
-    """A choice and a rival whose errors are within the same one."""
+    """A choice and a rival within the same tolerance."""
 
     tolerance: float
-    """[%]"""
+    """Largest error of both [%]."""
     choice: Point
     rival: Point
 
@@ -49,16 +50,16 @@ class Comparison:
     pair: Pair
     load: str
     choice_time: Spread
-    """[s]"""
+    """Run time of the choice [s]."""
     rival_time: Spread
-    """[s]"""
+    """Run time of the rival [s]."""
     ratio: Spread
     """Time of the rival over that of the choice [-]."""
     spans: dict[str, Spans]
     """All times by load, of "choice" and "rival" [s]."""
 
     def sentence(self) -> str:
-        """The ratio in words, with the processor's name apart."""
+        """The ratio in words, without the processor's name."""
         return (
             f"up to {significant(self.pair.tolerance)} %: {self.pair.choice.name} is "
             f"{ratio_text(self.ratio)} times as fast as {self.pair.rival.name}"
@@ -66,15 +67,18 @@ class Comparison:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain types for `result.json`."""
-        point = lambda p: {"name": p.name, "choice": p.choice, "errors": p.errors}
         return {
             "tolerance_percent": self.pair.tolerance,
-            "choice": point(self.pair.choice),
-            "rival": point(self.pair.rival),
+            "choice": _plain(self.pair.choice),
+            "rival": _plain(self.pair.rival),
             "load": self.load,
-            "times_faster": vars(self.ratio),
+            "times_faster": self.ratio._asdict(),
             "spans_s": self.spans,
         }
+
+
+def _plain(point: Point) -> dict[str, Any]:
+    return {"name": point.name, "choice": point.choice, "errors": point.errors}
 
 
 def pairs(
@@ -85,41 +89,44 @@ def pairs(
 ) -> list[Pair]:
     """Choices and rivals to time: at each tolerance, and at each error of the front.
 
-    Where RKL2 of 12 steps on 250-high voxels was run, also the fastest choice and the
-    fastest reduced model that are not farther from the truth than this. Reduced models
-    are timed at each tolerance.
+    Where RKL2 of 12 steps on voxels 250 high was run, the fastest choice and the fastest
+    reduced model within its error are timed too. Reduced models are timed at each
+    tolerance.
     """
-    kinds = list(dict.fromkeys(rival.kind for rival in rivals))
-    found = []
+    rival_kinds = list(dict.fromkeys(rival.kind for rival in rivals))
+    found_pairs = []
     for tolerance in tolerances:
         choice = fastest_within(points, tolerance)
         if choice is None:
             continue
-        for kind in kinds:
-            own = [rival for rival in rivals if rival.kind == kind]
-            rival = fastest_within(own, tolerance)
-            if rival is not None and kind != TWELVE_STEPS.name:
-                found.append(Pair(tolerance, choice, rival))
+        for rival_kind in rival_kinds:
+            kind_rivals = [rival for rival in rivals if rival.kind == rival_kind]
+            rival = fastest_within(kind_rivals, tolerance)
+            if rival is not None and rival_kind != TWELVE_STEPS.name:
+                found_pairs.append(Pair(tolerance, choice=choice, rival=rival))
     for rival in rivals:
         if rival.kind != TWELVE_STEPS.name:
             continue
         error = rival.errors["rms_percent"]
-        nearer = (fastest_within(each, error) for each in (points, models))
-        found += [Pair(error, choice, rival) for choice in nearer if choice is not None]
+        for candidates in (points, models):
+            choice = fastest_within(candidates, error)
+            if choice is not None:
+                found_pairs.append(Pair(error, choice=choice, rival=rival))
     for tolerance in tolerances:
-        model, rival = (fastest_within(each, tolerance) for each in (models, rivals))
+        model = fastest_within(models, tolerance)
+        rival = fastest_within(rivals, tolerance)
         if model is not None and rival is not None:
-            found.append(Pair(tolerance, model, rival))
+            found_pairs.append(Pair(tolerance, choice=model, rival=rival))
     for choice in _thinned(front(points)):
         error = choice.errors["rms_percent"]
         rival = fastest_within(rivals, error)
         if rival is not None:
-            found.append(Pair(error, choice, rival))
-    return found
+            found_pairs.append(Pair(error, choice=choice, rival=rival))
+    return found_pairs
 
 
 def _thinned(points: Sequence[Point]) -> list[Point]:
-    step = -(-len(points) // MAX_POINTS)
+    step = -(-len(points) // _MAX_POINTS)
     return list(points[:: step or 1])
 
 
@@ -130,19 +137,19 @@ def time_pairs(
     repeats: int,
     log: Callable[[str], None],
 ) -> list[Comparison]:
-    """Time choices and rivals in turn, under loads that differ in more than numbers.
+    """Time choices and rivals alternately, under loads that differ in more than numbers.
 
     Args:
         pairs: of choices and rivals that were measured by `rivals`.
         loops: of a choice or reduced model, each with the load that it is run under.
         rivals: which run the rivals.
         repeats: of each.
-        log: told before each pair.
+        log: called before each pair.
 
     Returns:
         A comparison for each pair, in their order.
     """
-    found: dict[int, Comparison] = {}
+    comparisons: dict[int, Comparison] = {}
     # A choice is compiled once for all its rivals, and voxels are shared.
     names = {
         n: (str(pair.choice.set), pair.choice.name) for n, pair in enumerate(pairs)
@@ -153,7 +160,7 @@ def time_pairs(
         for load, loop in loops(pairs[numbers[0]].choice):
             for n in numbers:
                 rival = pairs[n].rival
-                log(f"timing {pairs[n].choice.name} beside {rival.name}, {load}")
+                log(f"timing {pairs[n].choice.name} and {rival.name}, {load}")
                 setting = rivals.setting(rival.kind, rival.choice)
                 calls: dict[str, Call] = {
                     "choice": loop,
@@ -161,16 +168,16 @@ def time_pairs(
                 }
                 count = _enough(calls.values(), repeats)
                 spans[n][load] = interleaved(calls, count, there_and_back=True)
-        found |= {n: _comparison(pairs[n], spans[n]) for n in numbers}
-    return [found[n] for n in range(len(pairs))]
+        comparisons |= {n: _comparison(pairs[n], spans[n]) for n in numbers}
+    return [comparisons[n] for n in range(len(pairs))]
 
 
 def _enough(calls: Collection[Call], repeats: int) -> int:
-    """More repeats of runs so short that a pause of the system shows in them."""
+    """Number of repeats, larger for short runs, which a pause of the system disturbs."""
     for call in calls:
         timed_call(call)
-    whole = sum(timed_call(call)[1] for call in calls)
-    return max(repeats, min(_MAX_REPEATS, int(_SHORT_S / whole)))
+    seconds = sum(timed_call(call)[1] for call in calls)
+    return max(repeats, min(_MAX_REPEATS, int(_SHORT_S / seconds)))
 
 
 def choice_loops(cases: Mapping[str, Case]) -> Iterator[tuple[str, Call]]:
@@ -207,16 +214,15 @@ def model_loop(model: ReducedModel) -> Call:
 
 def _comparison(pair: Pair, spans: dict[str, Spans]) -> Comparison:
     ratios = {
-        load: ratio_of(found["rival"], found["choice"]) for load, found in spans.items()
+        load: ratio_of(load_spans["rival"], load_spans["choice"])
+        for load, load_spans in spans.items()
     }
-    load = min(ratios, key=lambda each: ratios[each].median)
-    own = spread_of(spans[load]["choice"])
-    other = spread_of(spans[load]["rival"])
+    load = min(ratios, key=lambda load_name: ratios[load_name].median)
     return Comparison(
         pair=pair,
         load=load,
-        choice_time=own,
-        rival_time=other,
+        choice_time=Spread.of(spans[load]["choice"]),
+        rival_time=Spread.of(spans[load]["rival"]),
         ratio=ratios[load],
         spans=spans,
     )

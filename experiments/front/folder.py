@@ -13,7 +13,7 @@ from .pareto import Row
 
 
 class SweepFolder(NamedTuple):
-    """Rows of a sweep, and of rivals that others have added."""
+    """Rows of a sweep, and those of rivals that other commands have added."""
 
     path: Path
     rows: list[Row]
@@ -48,9 +48,12 @@ def read_folder(path: Path) -> SweepFolder:
         )
     finished = [row for row in rows if "failed" not in row]
     failed = [row for row in rows if "failed" in row]
-    times, rivals = (read_rows(path / f"{name}.jsonl") for name in ("times", "rivals"))
     return SweepFolder(
-        path=path, rows=finished, failed=failed, times=times, rivals=rivals
+        path=path,
+        rows=finished,
+        failed=failed,
+        times=read_rows(path / "times.jsonl"),
+        rivals=read_rows(path / "rivals.jsonl"),
     )
 
 
@@ -61,14 +64,14 @@ def read_rows(path: Path) -> list[Row]:
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(f"{path}: {reason}") from error
-    found: dict[Any, Row] = {}
+    rows: dict[Any, Row] = {}
     for number, line in enumerate(text.splitlines()):
         # The last line may be cut off, or being written.
         with suppress(json.JSONDecodeError):
             row = json.loads(line)
             if isinstance(row, dict):
-                found[row.get("id", number)] = row
-    return list(found.values())
+                rows[row.get("id", number)] = row
+    return list(rows.values())
 
 
 def append_rows(path: Path, rows: Iterable[Row]) -> None:

@@ -22,25 +22,26 @@ from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.plan import Plan, observation_time, plan_run
 from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.network.cut_stencil import CutStencil
-from jaxthermo.network.stencil import Stencil, solid_degree
+from jaxthermo.network.stencil import UniformStencil, solid_degree
 from jaxthermo.physics.run_conduction import NodeCells
 from jaxthermo.scene.scene import Scene, SolvedSurface
+from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.voxels.grid import VoxelGrid
 
 
 _PROBE = 1000.0
-"""Temperature of all nodes at which linear loads are evaluated beside 0 [K]: their
-slopes are differences, which lose no digits of float32 at one so large."""
+"""Temperature of all nodes at which linear loads are evaluated in addition to 0 [K]:
+slopes are differences, which lose few digits of float32 between values so far apart."""
 
 
 class Run(NamedTuple):
-    """A solver that is ready to run, and what it takes."""
+    """A solver that is ready to run, with its cost."""
 
     call: Callable[[], Float[np.ndarray, "t s"]]
     """Surface temperatures of all fragments at the saved times [K]."""
     steps: int
     memory_bytes: int
-    """Arrays of the solver."""
+    """Memory of the solver's arrays."""
 
 
 Intervals = tuple[tuple[float, float, int], ...]
@@ -57,12 +58,12 @@ class Rows(NamedTuple):
     """Links of some nodes in compressed rows."""
 
     node: Int[np.ndarray, " m"]
-    """Position of each of these nodes in the state, increasing."""
+    """Position of each node in the state, increasing."""
     first: Int[np.ndarray, " m_and_1"]
     column: Int[np.ndarray, " e"]
     """Position of each linked node."""
     conductance: Float[np.ndarray, " e"]
-    """[W/K]"""
+    """Conductance of each link [W/K]."""
     capacity: Float[np.ndarray, " m"]
     """Heat capacity of the nodes [J/K]."""
 
@@ -88,9 +89,9 @@ class LinearBody:
     loaded: Int[np.ndarray, " p"]
     """Cells of nodes with loads, increasing."""
     gain: Float[np.ndarray, "i p"]
-    """Their heat rate at the reference temperature in each interval [W]."""
+    """Heat rate of the loaded nodes at the reference temperature by interval [W]."""
     loss: Float[np.ndarray, " p"]
-    """Lost by them [W/K]."""
+    """Loss of the loaded nodes per kelvin [W/K]."""
     read_cell: Int[np.ndarray, " s"]
     """Cell of the node of each fragment."""
     read_factor: Float[np.ndarray, " s"]
@@ -102,7 +103,7 @@ class LinearBody:
     """States have a value per solid voxel, or with "dense" one per cell."""
 
     @cached_property
-    def every(self) -> NodeCells:
+    def node_cells(self) -> NodeCells:
         """All cells with the positions of their nodes in a state; -1 where none is."""
         inside = np.pad(self.grid.solid, 1)
         if self.layout == "dense":
@@ -115,7 +116,7 @@ class LinearBody:
     @property
     def position(self) -> Int[np.ndarray, " cells"]:
         """Position of each cell in a state, -1 where there is none."""
-        return self.every.position
+        return self.node_cells.position
 
     @cached_property
     def cells(self) -> Int[np.ndarray, " n"]:
@@ -128,7 +129,7 @@ class LinearBody:
         return len(self.position) if self.layout == "dense" else len(self.cells)
 
     def with_layout(self, layout: str) -> "LinearBody":
-        """The same body with states of another layout."""
+        """Body with states of another layout."""
         return replace(self, layout=layout)
 
     def initial(self) -> Float[np.ndarray, " n"]:
@@ -147,56 +148,65 @@ class LinearBody:
         cut = self.grid.cut
         if cut is not None:
             for voxel in (cut.voxel, cut.links.voxel, cut.links.voxel + cut.links.step):
-                differs[self.every.at(voxel)] = True
+                differs[self.node_cells.at(voxel)] = True
         return np.flatnonzero(differs)
 
     def rows(self, cells: Int[np.ndarray, " m"]) -> Rows:
         """Links of the nodes of some cells, which include all at the surface."""
         cut = self.grid.cut
-        table = self.every.links(cells, cut, self.size)
+        table = self.node_cells.links(cells, cut, self.size)
         return Rows(
             node=self.position[cells],
             first=table.indptr,
             column=table.indices,
             conductance=self.conductance * table.data,
-            capacity=self.capacity * self.every.volumes(cells, cut),
+            capacity=self.capacity * self.node_cells.volumes(cells, cut),
         )
 
     def runs(self) -> Int[np.ndarray, "r 6"]:
         """Runs along z of nodes with six whole links, by positions in the state.
 
-        Of the first node, the number of nodes, and of the neighbours of the first one
-        along +x, -x, +y, -y; those along a run follow one another in every layout.
+        A row has the position of the first node, the number of nodes, and the positions
+        of the first one's neighbours along +x, -x, +y, -y; the others of a run follow
+        one after the other in every layout.
         """
-        whole = self.every.inside.copy()
-        whole[self.surface_cells] = False
-        return self.every.runs(whole)
+        interior = self.node_cells.inside.copy()
+        interior[self.surface_cells] = False
+        return self.node_cells.runs(interior)
 
 
 def linear_body(
     scene: Scene, end: float, save_at: Sequence[float] | None = None
 ) -> LinearBody:
-    """The arrays of one full volume up to the end of a run [s].
+    """Arrays of one full volume up to the end of a run [s].
 
     Raises:
         InputError: if the scene is more than one body of one isotropic material with
             constant properties, under surface terms that are linear and constant
             between events.
     """
+    # In the box of the body: sections would be cells of several lattices.
+    boxed_bodies = [
+        replace(body, structure=replace(body.structure, sections=False))
+        if isinstance(body.structure, FullVolume)
+        else body
+        for body in scene.bodies
+    ]
     with precision(scene.dtype):
+        boxed = replace(scene, bodies=tuple(boxed_bodies))
         return _linear_body(
-            plan_run(scene, t1=end, save_at=save_at, solver=ForwardEuler())
+            plan_run(boxed, t1=end, save_at=save_at, solver=ForwardEuler())
         )
 
 
-def _linear_body(todo: Plan) -> LinearBody:
-    compiled, program = todo.compiled, todo.compiled.program
+def _linear_body(plan: Plan) -> LinearBody:
+    compiled = plan.compiled
+    program = compiled.program
     network = program.bodies[0].network
     base = network.base if isinstance(network, CutStencil) else network
-    one = len(program.bodies) == 1 and len(compiled.programs) == 1
+    is_single = len(program.bodies) == 1 and len(compiled.programs) == 1
     linear = program.fragment_terms.is_linear and program.enclosure is None
-    isotropic = isinstance(base, Stencil) and not base.conductance.ndim
-    if not (one and linear and isotropic):
+    if not (is_single and linear and isinstance(base, UniformStencil)):
         raise InputError(
             "rivals written by hand have one full volume of one isotropic material "
             "with constant properties, and linear surface terms: this scene has none"
@@ -204,71 +214,89 @@ def _linear_body(todo: Plan) -> LinearBody:
     body = program.bodies[0]
     if program.contacts or body.sources or body.surface_map.gradient is not None:
         raise InputError("rivals written by hand have surface loads only")
-    theta, grid = compiled.state[0], todo.scene.bodies[0].structure.grid
-    loaded, gain, loss = _loads(todo, theta.shape)
-    factor, offset = _readings(todo)
-    cell = lambda address: np.ravel_multi_index(
-        tuple(np.asarray(index) for index in address), theta.shape
-    )
-    rows = {t: n for n, t in enumerate(todo.save_times)}
+    theta = compiled.state[0]
+    loads = _loads(plan, theta.shape)
+    factor, offset = _readings(plan)
+    address = tuple(np.asarray(index) for index in body.address)
+    cell = np.ravel_multi_index(address, theta.shape)
+    rows = {t: n for n, t in enumerate(plan.save_times)}
     return LinearBody(
-        grid=grid,
+        grid=plan.scene.bodies[0].structure.grid,
         conductance=float(base.conductance),
         capacity=float(base.node_capacity),
         surfaces=compiled.surfaces,
         reference=float(body.reference),
         start=np.asarray(theta).reshape(-1),
-        intervals=tuple((i.start, i.end, rows.get(i.end, -1)) for i in todo.intervals),
-        save_times=todo.save_times,
+        intervals=tuple((i.start, i.end, rows.get(i.end, -1)) for i in plan.intervals),
+        save_times=plan.save_times,
         stable_step=float(compiled.stable_step),
-        loaded=loaded,
-        gain=gain,
-        loss=loss,
-        read_cell=cell(body.address)[np.asarray(body.node)],
+        loaded=loads.cells,
+        gain=loads.gain,
+        loss=loads.loss,
+        read_cell=cell[np.asarray(body.node)],
         read_factor=factor,
         read_offset=offset,
     )
 
 
-def _loads(todo: Plan, shape: tuple[int, ...]) -> tuple[Any, Any, Any]:
-    """Cells with loads, their heat rates by interval [W], and their slope [W/K]."""
-    program = todo.compiled.program
+class _Loads(NamedTuple):
+    """Linear loads of some cells."""
+
+    cells: Int[np.ndarray, " p"]
+    gain: Float[np.ndarray, "i p"]
+    """Heat rate at the reference temperature by interval [W]."""
+    loss: Float[np.ndarray, " p"]
+    """Loss per kelvin above it [W/K]."""
+
+
+def _loads(plan: Plan, shape: tuple[int, ...]) -> _Loads:
+    program = plan.compiled.program
     if program.surface is None:
-        none = np.zeros(0)
-        return none.astype(int), np.zeros((len(todo.intervals), 0)), none
+        return _Loads(
+            cells=np.zeros(0, int),
+            gain=np.zeros((len(plan.intervals), 0)),
+            loss=np.zeros(0),
+        )
     load = program.surface.by_cell
     (cells,) = load.cells
-    zero = jnp.zeros(cells.node.shape, todo.dtype)
+    zero = jnp.zeros(cells.node.shape, plan.dtype)
 
     def heat(time: float, theta: Any) -> np.ndarray:
-        found = load.terms.heat(jnp.asarray(time, todo.dtype), theta)[0]
-        return np.bincount(cells.node, np.asarray(found, float), len(cells.slots[0]))
+        heat_rate = load.terms.heat(jnp.asarray(time, plan.dtype), theta)[0]
+        return np.bincount(
+            cells.node, np.asarray(heat_rate, float), len(cells.slots[0])
+        )
 
     gain = []
-    for i in todo.intervals:
+    for i in plan.intervals:
         inner = [heat(i.start + f * (i.end - i.start), zero) for f in (0.01, 0.5, 0.99)]
-        if not all(np.allclose(each, inner[0], rtol=1e-5) for each in inner):
+        if not all(np.allclose(rates, inner[0], rtol=1e-5) for rates in inner):
             raise InputError(
                 "rivals written by hand have loads that are constant between events: "
                 f"one changes within {i.start:g} to {i.end:g} s"
             )
         gain.append(inner[1])
-    middle = (todo.intervals[0].start + todo.intervals[0].end) / 2
+    middle = (plan.intervals[0].start + plan.intervals[0].end) / 2
     loss = (gain[0] - heat(middle, zero + _PROBE)) / _PROBE
     address = tuple(np.asarray(index) for index in cells.address)
-    return np.ravel_multi_index(address, shape), np.stack(gain), loss
+    return _Loads(
+        cells=np.ravel_multi_index(address, shape), gain=np.stack(gain), loss=loss
+    )
 
 
-def _readings(todo: Plan) -> tuple[Any, Any]:
+def _readings(plan: Plan) -> tuple[Any, Any]:
     """Factor [-] and offset [K] of every fragment's temperature at the saved times."""
-    program, state = todo.compiled.program, todo.compiled.state[0]
+    program = plan.compiled.program
+    state = plan.compiled.state[0]
 
     def surface(time: float, level: float) -> np.ndarray:
-        here = jnp.full_like(state, level), jnp.asarray(time, todo.dtype)
-        found = program.surface_temperatures((here[0],), here[1], [None])
-        return np.asarray(found[0], float)
+        uniform = jnp.full_like(state, level)
+        temperatures = program.surface_temperatures(
+            (uniform,), jnp.asarray(time, plan.dtype), [None]
+        )
+        return np.asarray(temperatures[0], float)
 
-    times = [observation_time(todo, i) for i in todo.intervals if i.saved]
+    times = [observation_time(plan, i) for i in plan.intervals if i.saved]
     offset = np.stack([surface(t, 0.0) for t in times])
     factor = (surface(times[0], _PROBE) - offset[0]) / _PROBE
     return factor, offset

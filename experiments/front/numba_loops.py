@@ -6,7 +6,8 @@ temperatures at the saved times. The mix of an RKL2 stage is part of the same pa
 """
 
 import inspect
-from functools import cache
+from collections.abc import Callable
+from functools import cache, partial
 from typing import Any, Literal, NamedTuple
 
 import numba
@@ -18,94 +19,108 @@ from .linear_body import LinearBody, Run, step_counts
 
 
 class _Arrays(NamedTuple):
-    # Of a body, in single precision, as the loops read them.
+    """Arrays of a body in single precision, as the loops read them."""
+
     runs: np.ndarray
     node: np.ndarray
     first: np.ndarray
     column: np.ndarray
-    # Conductance over capacity [1/s].
     weight: np.ndarray
-    # Loads over capacity, by interval [K/s]; and what they fall by per kelvin [1/s].
+    """Conductance over capacity [1/s]."""
     gain: np.ndarray
+    """Loads over capacity, by interval [K/s]."""
     loss: np.ndarray
+    """Decrease of the loads over capacity per kelvin [1/s]."""
     read_node: np.ndarray
     read_factor: np.ndarray
     read_offset: np.ndarray
 
 
 class _Steps(NamedTuple):
-    # Of each interval: length and number of steps, and the row that its end is saved
-    # in, or -1.
+    """Steps of each interval; the coefficients of RKL2 are those of `explicit`."""
+
     dt: np.ndarray
+    """Length of a step [s]."""
     steps: np.ndarray
+    """Number of steps."""
     row: np.ndarray
+    """Row of the saved time at the end of the interval, or -1."""
     stages: np.ndarray
-    # Coefficients of RKL2 by interval and stage, and w: see `explicit`.
+    """Number of stages of a step."""
     mu: np.ndarray
+    """Coefficient mu by interval and stage."""
     nu: np.ndarray
+    """Coefficient nu by interval and stage."""
     a: np.ndarray
+    """Coefficient a by interval and stage."""
     weight: np.ndarray
+    """Length of a stage [s], and the rate of a whole link over it [-]."""
 
 
 Threads = Literal["all", "one", "interpreted"]
-"""Threads of the compiled loops; or the loops as Python runs them, which is slow."""
+"""Threads of the compiled loops, or the loops in plain Python, which is slow."""
 
 
 def explicit_run(body: LinearBody, threads: Threads = "all") -> Run:
     """Explicit Euler at the stable step."""
-    return _bound(body, body.stable_step, threads, rkl2=False)
+    return _bound(body, dt=body.stable_step, threads=threads, rkl2=False)
 
 
 def rkl2_run(body: LinearBody, dt: float, threads: Threads = "all") -> Run:
     """RKL2 with steps up to `dt` [s], each interval with the fewest stages."""
-    return _bound(body, dt, threads, rkl2=True)
+    return _bound(body, dt=dt, threads=threads, rkl2=True)
 
 
 def _bound(body: LinearBody, dt: float, threads: Threads, rkl2: bool) -> Run:
-    arrays, plan = _arrays(body), _steps(body, dt, rkl2)
-    initial, reference = body.initial(), np.float32(body.reference)
+    arrays = _arrays(body)
+    plan = _steps(body, dt=dt, rkl2=rkl2)
+    initial = body.initial()
+    reference = np.float32(body.reference)
     loop = _loops(threads)[rkl2]
-    size = len(body.save_times), len(body.read_cell)
+    size = (len(body.save_times), len(body.read_cell))
 
     def run() -> np.ndarray:
-        found = np.empty(size, np.float32)
-        loop(arrays, plan, initial, found)
-        return found + reference
+        surface = np.empty(size, np.float32)
+        loop(arrays, plan, initial, surface)
+        return surface + reference
 
     # States of a step of RKL2: its start, change, and three stages.
     states = initial.nbytes * (5 if rkl2 else 2)
-    memory = states + sum(each.nbytes for each in arrays)
-    return Run(run, int(plan.steps.sum()), memory)
+    memory = states + sum(array.nbytes for array in arrays)
+    return Run(run, steps=int(plan.steps.sum()), memory_bytes=memory)
 
 
 def _arrays(body: LinearBody) -> _Arrays:
-    cells, one = body.surface_cells, np.float32
+    cells = body.surface_cells
+    single = np.float32
     rows = body.rows(cells)
     capacity = np.repeat(rows.capacity, np.diff(rows.first))
-    gain, loss = np.zeros((len(body.gain), len(cells))), np.zeros(len(cells))
+    gain = np.zeros((len(body.gain), len(cells)))
+    loss = np.zeros(len(cells))
     at = np.searchsorted(cells, body.loaded)
-    gain[:, at], loss[at] = body.gain, body.loss
+    gain[:, at] = body.gain
+    loss[at] = body.loss
     return _Arrays(
         runs=body.runs(),
         node=rows.node.astype(np.int32),
         first=rows.first.astype(np.int32),
         column=rows.column.astype(np.int32),
-        weight=(rows.conductance / capacity).astype(one),
-        gain=(gain / rows.capacity).astype(one),
-        loss=(loss / rows.capacity).astype(one),
+        weight=(rows.conductance / capacity).astype(single),
+        gain=(gain / rows.capacity).astype(single),
+        loss=(loss / rows.capacity).astype(single),
         read_node=body.position[body.read_cell],
-        read_factor=body.read_factor.astype(one),
-        read_offset=body.read_offset.astype(one),
+        read_factor=body.read_factor.astype(single),
+        read_offset=body.read_offset.astype(single),
     )
 
 
 def _steps(body: LinearBody, dt: float, rkl2: bool) -> _Steps:
     steps = np.array(step_counts(body.intervals, dt))
     spans = np.array([end - start for start, end, _ in body.intervals])
-    each = spans / steps
+    lengths = spans / steps
     count = np.ones(len(steps), int)
     if rkl2:
-        count = np.array([stage_count(length, body.stable_step) for length in each])
+        count = np.array([stage_count(length, body.stable_step) for length in lengths])
     table = np.zeros((3, len(steps), count.max() + 1))
     for i, s in enumerate(count):
         if rkl2:
@@ -113,13 +128,18 @@ def _steps(body: LinearBody, dt: float, rkl2: bool) -> _Steps:
             table[:, i, : s + 1] = [named[name] for name in ("mu", "nu", "a")]
     weight = 4 / (count**2 + count - 2) if rkl2 else np.ones(len(steps))
     rate = body.conductance / body.capacity
-    one = lambda values: np.ascontiguousarray(values, np.float32)
+
+    def single_precision(values: np.ndarray) -> np.ndarray:
+        return np.ascontiguousarray(values, np.float32)
+
     row = np.array([saved for _, _, saved in body.intervals])
     # In the first column the rate of whole links over the length of an Euler step.
-    weighted = one(np.stack([each * weight, each * weight * rate], axis=1))
-    mu, nu, a = (one(rows) for rows in table)
+    weighted = single_precision(
+        np.stack([lengths * weight, lengths * weight * rate], axis=1)
+    )
+    mu, nu, a = (single_precision(rows) for rows in table)
     return _Steps(
-        dt=one(each),
+        dt=single_precision(lengths),
         steps=steps,
         row=row,
         stages=count,
@@ -133,30 +153,38 @@ def _steps(body: LinearBody, dt: float, rkl2: bool) -> _Steps:
 @cache
 def _loops(threads: Threads) -> tuple[Any, Any]:
     """The loops of explicit Euler and of RKL2."""
-    compiled = whole = lambda function: function
-    if threads != "interpreted":
-        # Unwrapped: with its types checked at run time numba could not read it.
-        fast = numba.njit(parallel=threads == "all", fastmath=True)
-        compiled = lambda function: fast(inspect.unwrap(function))
-        whole = lambda function: numba.njit(inspect.unwrap(function))
-    several = numba.prange
-    six, third = np.float32(6), np.float32(1 / 3)
 
-    @compiled
+    def compiled(function: Callable[..., None], **options: bool) -> Callable[..., None]:
+        if threads == "interpreted":
+            return function
+        # Unwrapped: with its types checked at run time numba could not read it.
+        return numba.njit(**options)(inspect.unwrap(function))
+
+    fast = partial(compiled, parallel=threads == "all", fastmath=True)
+    several = numba.prange
+    six = np.float32(6)
+    third = np.float32(1 / 3)
+
+    @fast
     def conduct(runs, last, out, g):
         for r in several(runs.shape[0]):
-            here, count, ahead, behind, above, below = runs[r]
-            centre, target = last[here - 1 : here + count + 1], out[here : here + count]
-            north, south = last[ahead : ahead + count], last[behind : behind + count]
-            east, west = last[above : above + count], last[below : below + count]
+            first, count, ahead, behind, above, below = runs[r]
+            centre = last[first - 1 : first + count + 1]
+            target = out[first : first + count]
+            north = last[ahead : ahead + count]
+            south = last[behind : behind + count]
+            east = last[above : above + count]
+            west = last[below : below + count]
             for k in range(count):
                 near = centre[k] + centre[k + 2] + north[k] + south[k]
                 near += east[k] + west[k] - six * centre[k + 1]
                 target[k] = centre[k + 1] + g * near
 
-    @compiled
+    @fast
     def at_surface(arrays, gain, last, out, dt):
-        node, first, column = arrays.node, arrays.first, arrays.column
+        node = arrays.node
+        first = arrays.first
+        column = arrays.column
         for n in several(node.shape[0]):
             value = last[node[n]]
             rate = gain[n] - arrays.loss[n] * value
@@ -164,52 +192,59 @@ def _loops(threads: Threads) -> tuple[Any, Any]:
                 rate += arrays.weight[e] * (last[column[e]] - value)
             out[node[n]] = value + dt * rate
 
-    @compiled
-    def conduct_mixed(runs, last, before, zero, change, out, c):
-        g, mu, nu, rest, slope = c
+    @fast
+    def conduct_mixed(runs, last, previous, zero, change, out, c):
+        g, mu, nu, remainder, slope = c
         for r in several(runs.shape[0]):
-            here, count, ahead, behind, above, below = runs[r]
-            centre, target = last[here - 1 : here + count + 1], out[here : here + count]
-            north, south = last[ahead : ahead + count], last[behind : behind + count]
-            east, west = last[above : above + count], last[below : below + count]
+            first, count, ahead, behind, above, below = runs[r]
+            centre = last[first - 1 : first + count + 1]
+            target = out[first : first + count]
+            north = last[ahead : ahead + count]
+            south = last[behind : behind + count]
+            east = last[above : above + count]
+            west = last[below : below + count]
             # Apart, each loop has few enough arrays to be vectorized.
             for k in range(count):
                 near = centre[k] + centre[k + 2] + north[k] + south[k]
                 near += east[k] + west[k] - six * centre[k + 1]
                 target[k] = mu * (centre[k + 1] + g * near)
-            old, start = before[here : here + count], zero[here : here + count]
-            moved = change[here : here + count]
+            old = previous[first : first + count]
+            start = zero[first : first + count]
+            moved = change[first : first + count]
             for k in range(count):
-                target[k] += nu * old[k] + rest * start[k] - slope * moved[k]
+                target[k] += nu * old[k] + remainder * start[k] - slope * moved[k]
 
-    @compiled
-    def mixed_at_surface(arrays, gain, last, before, zero, change, out, dt, c):
-        _, mu, nu, rest, slope = c
-        node, first, column = arrays.node, arrays.first, arrays.column
+    @fast
+    def mixed_at_surface(arrays, gain, last, previous, zero, change, out, dt, c):
+        _, mu, nu, remainder, slope = c
+        node = arrays.node
+        first = arrays.first
+        column = arrays.column
         for n in several(node.shape[0]):
             i = node[n]
             value = last[i]
             rate = gain[n] - arrays.loss[n] * value
             for e in range(first[n], first[n + 1]):
                 rate += arrays.weight[e] * (last[column[e]] - value)
-            mixed = mu * (value + dt * rate) + nu * before[i]
-            out[i] = mixed + rest * zero[i] - slope * change[i]
+            mixed = mu * (value + dt * rate) + nu * previous[i]
+            out[i] = mixed + remainder * zero[i] - slope * change[i]
 
-    @compiled
-    def third_of(zero, after, change, out):
+    @fast
+    def third_of(zero, following, change, out):
         for n in several(zero.shape[0]):
-            change[n] = after[n] - zero[n]
+            change[n] = following[n] - zero[n]
             out[n] = zero[n] + third * change[n]
 
-    @compiled
-    def read(arrays, row, state, found):
+    @fast
+    def read(arrays, row, state, surface):
         for n in several(arrays.read_node.shape[0]):
             value = arrays.read_factor[n] * state[arrays.read_node[n]]
-            found[row, n] = value + arrays.read_offset[row, n]
+            surface[row, n] = value + arrays.read_offset[row, n]
 
-    @whole
-    def euler(arrays, plan, initial, found):
-        last, out = initial.copy(), np.zeros_like(initial)
+    @compiled
+    def euler(arrays, plan, initial, surface):
+        last = initial.copy()
+        out = np.zeros_like(initial)
         for i in range(len(plan.dt)):
             dt, g = plan.weight[i]
             for _ in range(plan.steps[i]):
@@ -217,32 +252,36 @@ def _loops(threads: Threads) -> tuple[Any, Any]:
                 at_surface(arrays, arrays.gain[i], last, out, dt)
                 last, out = out, last
             if plan.row[i] >= 0:
-                read(arrays, plan.row[i], last, found)
+                read(arrays, plan.row[i], last, surface)
 
-    @whole
-    def rkl2(arrays, plan, initial, found):
+    @compiled
+    def rkl2(arrays, plan, initial, surface):
         zero = initial.copy()
-        before, last = np.zeros_like(zero), np.zeros_like(zero)
-        change, other = np.zeros_like(zero), np.zeros_like(zero)
+        previous = np.zeros_like(zero)
+        last = np.zeros_like(zero)
+        change = np.zeros_like(zero)
+        following = np.zeros_like(zero)
         for i in range(len(plan.dt)):
             dt, g = plan.weight[i]
             gain = arrays.gain[i]
             for _ in range(plan.steps[i]):
-                conduct(arrays.runs, zero, other, g)
-                at_surface(arrays, gain, zero, other, dt)
-                third_of(zero, other, change, last)
+                conduct(arrays.runs, zero, following, g)
+                at_surface(arrays, gain, zero, following, dt)
+                third_of(zero, following, change, last)
                 for j in range(2, plan.stages[i] + 1):
-                    mu, nu, a = plan.mu[i, j], plan.nu[i, j], plan.a[i, j]
+                    mu = plan.mu[i, j]
+                    nu = plan.nu[i, j]
+                    a = plan.a[i, j]
                     c = (g, mu, nu, np.float32(1) - mu - nu, a * mu)
-                    # Before the second stage is the start, which is kept.
-                    old = zero if j == 2 else before
-                    conduct_mixed(arrays.runs, last, old, zero, change, other, c)
+                    # The second stage follows the start, which must stay unchanged.
+                    old = zero if j == 2 else previous
+                    conduct_mixed(arrays.runs, last, old, zero, change, following, c)
                     mixed_at_surface(
-                        arrays, gain, last, old, zero, change, other, dt, c
+                        arrays, gain, last, old, zero, change, following, dt, c
                     )
-                    before, last, other = last, other, before
+                    previous, last, following = last, following, previous
                 zero, last = last, zero
             if plan.row[i] >= 0:
-                read(arrays, plan.row[i], zero, found)
+                read(arrays, plan.row[i], zero, surface)
 
     return euler, rkl2

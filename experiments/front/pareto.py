@@ -1,4 +1,4 @@
-"""Choices by error and cost, and those that no other choice beats in both.
+"""Choices by error and cost, and the front of those that no other choice beats.
 
 A choice is judged by its worst load: the largest error and the largest median time.
 """
@@ -6,11 +6,13 @@ A choice is judged by its worst load: the largest error and the largest median t
 import json
 import statistics
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
+
+from jaxthermo.timing import Spread, ratio_of
 
 
 Row = dict[str, Any]
@@ -29,15 +31,6 @@ MEASURES: tuple[Measure, ...] = (
 
 
 @dataclass(frozen=True)
-class Spread:
-    """Median, lowest and highest value."""
-
-    median: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True)
 class Point:
     """A choice, or a rival, over all loads."""
 
@@ -45,25 +38,24 @@ class Point:
     choice: dict[str, str]
     """Label on each axis of the sweep."""
     errors: dict[Measure, float]
-    """Largest of all saved times and loads [K], [%]."""
+    """Largest error of all saved times and loads [K], [%]."""
     own_error_percent: float | None
     """Error of the reference itself, in percent of the same range."""
     nodes: int
     memory_bytes: int
     steps: int | None
     time: Spread | None
-    """Run time of the load that takes longest [s]; None if it was not timed."""
+    """Run time of the slowest load [s]; None if it was not timed."""
     call_s: float | None = None
-    """Time that a user waits for a second call [s]."""
+    """Time of a user's second call [s]."""
     known_set_up_s: float | None = None
-    """Voxels, structure and plan of a scene whose geometry is known from earlier runs
-    [s]."""
+    """Time for voxels, structure and plan of a scene whose geometry is cached [s]."""
     compile_s: float | None = None
     ratio: Spread | None = None
     """Time of the full volume's explicit loop over that of the choice [-]."""
     processor: str | None = None
     offline_s: float | None = None
-    """Preparation that a reduced model needs once [s]."""
+    """Time of the single preparation of a reduced model [s]."""
     picture: str | None = None
     """File with its differences under the worst load."""
     words: str | None = None
@@ -76,7 +68,7 @@ class Point:
 
     @property
     def kind(self) -> str:
-        """Name that rivals share, whatever their voxels and steps."""
+        """Name without voxels and steps, common to rivals of one kind."""
         return self.name.split(",")[0]
 
     @property
@@ -84,9 +76,9 @@ class Point:
         """Median run time [s]."""
         return None if self.time is None else self.time.median
 
-    def cost(self, kind: Cost) -> float | int | None:
+    def cost(self, cost: Cost) -> float | int | None:
         """Run time [s], memory [bytes] or number of nodes; None if not known."""
-        return getattr(self, kind)
+        return getattr(self, cost)
 
 
 def key_of(choice: dict[str, str]) -> str:
@@ -99,20 +91,22 @@ def errors_of(error: Row) -> dict[Measure, float]:
 
     The percent of the 99th percentile are of the same range as those of the RMS.
     """
-    rms, percent, p99 = (
-        [np.inf if v is None else float(v) for v in error[name]]
-        for name in ("rms_kelvin", "rms_percent", "p99_kelvin")
-    )
-    scaled = [
-        far * of / near if near > 0 and np.isfinite(of) else of
-        for near, of, far in zip(rms, percent, p99, strict=True)
-    ]
+    rms = _finite_or_infinite(error["rms_kelvin"])
+    percent = _finite_or_infinite(error["rms_percent"])
+    p99 = _finite_or_infinite(error["p99_kelvin"])
+    has_range = (rms > 0) & np.isfinite(percent)
+    scaled = percent.copy()
+    scaled[has_range] *= p99[has_range] / rms[has_range]
     return {
-        "rms_percent": max(percent),
-        "rms_kelvin": max(rms),
-        "p99_percent": max(scaled),
-        "p99_kelvin": max(p99),
+        "rms_percent": float(percent.max()),
+        "rms_kelvin": float(rms.max()),
+        "p99_percent": float(scaled.max()),
+        "p99_kelvin": float(p99.max()),
     }
+
+
+def _finite_or_infinite(values: Sequence[float | None]) -> Float[np.ndarray, " t"]:
+    return np.array([np.inf if value is None else value for value in values], float)
 
 
 def points_of(
@@ -138,37 +132,47 @@ def points_of(
 
 
 def _point(rows: list[Row], times: list[Row | None]) -> Point:
-    found = [errors_of(row["error"]) for row in rows]
-    worst = rows[int(np.argmax([error["rms_percent"] for error in found]))]
-    known = [row for row in times if row is not None]
-    whole = len(known) == len(rows)
-    slowest = max(known, key=lambda row: statistics.median(row["loop_s"]), default={})
-    most = lambda name: max(row.get(name) or 0 for row in rows)
-    median = lambda name: max(
-        (statistics.median(np.atleast_1d(row[name])) for row in known if row.get(name)),
-        default=None,
-    )
+    errors = [errors_of(row["error"]) for row in rows]
+    worst = rows[int(np.argmax([error["rms_percent"] for error in errors]))]
+    timed = [row for row in times if row is not None]
+    all_timed = len(timed) == len(rows)
+    slowest = max(timed, key=lambda row: statistics.median(row["loop_s"]), default={})
     full = slowest.get("full_volume_loop_s")
-    own = [v for row in rows for v in row["own_error"].get("rms_percent", ()) if v]
+    own_errors = [
+        v for row in rows for v in row["own_error"].get("rms_percent", ()) if v
+    ]
     choice = rows[0]["choice"]
     return Point(
-        name=", ".join(_label(*item) for item in choice.items()),
+        name=", ".join(_label(axis, value) for axis, value in choice.items()),
         choice=choice,
-        errors={kind: max(error[kind] for error in found) for kind in MEASURES},
-        own_error_percent=max(own, default=None),
-        nodes=most("nodes"),
-        memory_bytes=most("memory_bytes"),
-        steps=most("steps") or None,
-        time=spread_of(slowest["loop_s"]) if whole else None,
-        call_s=median("call_s"),
-        known_set_up_s=median("known_set_up_s"),
-        compile_s=median("compile_s"),
-        ratio=ratio_of(full, slowest["loop_s"]) if whole and full else None,
+        errors={
+            measure: max(error[measure] for error in errors) for measure in MEASURES
+        },
+        own_error_percent=max(own_errors, default=None),
+        nodes=_largest(rows, "nodes"),
+        memory_bytes=_largest(rows, "memory_bytes"),
+        steps=_largest(rows, "steps") or None,
+        time=Spread.of(slowest["loop_s"]) if all_timed else None,
+        call_s=_median(timed, "call_s"),
+        known_set_up_s=_median(timed, "known_set_up_s"),
+        compile_s=_median(timed, "compile_s"),
+        ratio=ratio_of(full, slowest["loop_s"]) if all_timed and full else None,
         processor=slowest.get("processor"),
         picture=worst.get("picture"),
         set=rows[0].get("set"),
         loads=tuple(row["load"] for row in rows),
     )
+
+
+def _largest(rows: Sequence[Row], name: str) -> int:
+    return max(row.get(name) or 0 for row in rows)
+
+
+def _median(rows: Sequence[Row], name: str) -> float | None:
+    """Largest median of the rows with such a time [s]; None without any."""
+    values = [row[name] for row in rows if row.get(name)]
+    medians = (float(np.median(value)) for value in values)
+    return max(medians, default=None)
 
 
 def _label(axis: str, value: str) -> str:
@@ -183,41 +187,31 @@ def rivals_of(rows: Sequence[Row], loads: set[str]) -> list[Point]:
     for row in rows:
         key = f"{row['name']} {key_of(row['choice'])}"
         groups.setdefault(key, []).append(row)
-    found = []
+    rivals = []
     for group in groups.values():
         # A row measured again replaces the one before.
         latest = list({row["load"]: row for row in group}.values())
         if {row["load"] for row in latest} == loads:
-            found.append(_rival(latest))
-    return found
+            rivals.append(_rival(latest))
+    return rivals
 
 
 def _rival(rows: list[Row]) -> Point:
-    own = [{"own_error": {}, **row} for row in rows]
-    point = _point(own, [*rows])
-    labels = [_label(*item) for item in point.choice.items()]
+    completed = [{"own_error": {}, **row} for row in rows]
+    point = _point(completed, [*rows])
+    labels = [_label(axis, value) for axis, value in point.choice.items()]
     offline = [row["offline_s"] for row in rows if row.get("offline_s") is not None]
     models = {row["load"]: row["model"] for row in rows if row.get("model")}
-    more = {
-        "name": ", ".join([rows[0]["name"], *labels]),
-        "offline_s": max(offline, default=None),
-        "models": models if len(models) == len(rows) else None,
-    }
-    return Point(**{**vars(point), **more})
+    return replace(
+        point,
+        name=", ".join([rows[0]["name"], *labels]),
+        offline_s=max(offline, default=None),
+        models=models if len(models) == len(rows) else None,
+    )
 
 
-def spread_of(values: Sequence[float]) -> Spread:
-    """Median and extremes."""
-    return Spread(statistics.median(values), min(values), max(values))
-
-
-def ratio_of(above: Sequence[float], below: Sequence[float]) -> Spread:
-    """Spread of the ratio of values that were measured in turn."""
-    return spread_of([a / b for a, b in zip(above, below, strict=True)])
-
-
-def non_dominated(values: Float[np.ndarray, "n m"]) -> Bool[np.ndarray, " n"]:
-    """True for the rows that no other row is better than.
+def _non_dominated(values: Float[np.ndarray, "n m"]) -> Bool[np.ndarray, " n"]:
+    """True for the rows that no other row beats.
 
     A row is better than another if it is smaller in one column and larger in none.
     """
@@ -230,13 +224,13 @@ def front(
     points: Sequence[Point], cost: Cost = "time_s", error: Measure = "rms_percent"
 ) -> list[Point]:
     """Points that no other point beats in error and cost, the cheapest first."""
-    known = [p for p in points if p.cost(cost) is not None]
-    known = [p for p in known if np.isfinite(p.errors[error])]
-    if not known:
+    comparable = [p for p in points if p.cost(cost) is not None]
+    comparable = [p for p in comparable if np.isfinite(p.errors[error])]
+    if not comparable:
         return []
-    values = np.array([[p.cost(cost), p.errors[error]] for p in known], float)
-    chosen = non_dominated(values)
-    best = [p for p, is_best in zip(known, chosen, strict=True) if is_best]
+    values = np.array([[p.cost(cost), p.errors[error]] for p in comparable], float)
+    keep = _non_dominated(values)
+    best = [point for point, is_best in zip(comparable, keep, strict=True) if is_best]
     return sorted(best, key=lambda p: (p.cost(cost), p.errors[error]))
 
 

@@ -1,7 +1,7 @@
 """`experiments run reduction`: reduced models of a sweep's choices, on its front.
 
-A model is made for the pattern of each load, and judged by the sweep's own reference.
-Its rows are added to `rivals.jsonl` in the sweep's folder, where `experiments run
+A model is built for the pattern of each load, and judged by the sweep's reference. Its
+rows are added to `rivals.jsonl` in the sweep's folder, where `experiments run
 front` shows them with the time to make them, `offline_s`, apart from their run time.
 """
 
@@ -18,9 +18,9 @@ from jaxthermo.provenance import processor
 from jaxthermo.reduction.reduce import reduce
 from jaxthermo.reduction.reduced_model import ReducedModel
 from jaxthermo.report.numbers import seconds, significant
+from jaxthermo.timing import interleaved
 
 from ..harness.record import fingerprint, program_hash
-from ..harness.timing import timed_call
 from ..sweep.config import load_sweep, resolved
 from .comparisons import model_loop
 from .folder import append_rows, read_folder
@@ -40,8 +40,8 @@ _SOURCES = (Path(__file__),)
 def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
     """Reduced models of the choices of a sweep that are read the fastest.
 
-    For each tolerance of the front, of a choice within it. Models that are in the
-    folder are not made again.
+    Each tolerance of the front has one choice within it. Models in the folder are not
+    built again.
 
     Raises:
         InputError: if no folder of a sweep is named, or its scene is not linear.
@@ -49,18 +49,20 @@ def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
     if config is None or not config.is_dir():
         raise InputError("reduction: name the folder of a sweep that was run")
     console = open_console()
-    given, rows = load_sweep(config / "config.yaml"), read_folder(config)
-    cases = SweepCases(given)
+    sweep_config = load_sweep(config / "config.yaml")
+    rows = read_folder(config)
+    cases = SweepCases(sweep_config)
     points = points_of(rows.rows, rows.times, set(cases.loads))
     if not points:
         raise InputError(f"{config}: no choice has been run under every load")
-    found, chosen = [], _chosen(cases, points)
-    known = {row["id"]: row for row in rows.rivals if "id" in row}
-    for point in chosen:
+    reduced_rows = []
+    chosen_points = _chosen(cases, points)
+    rows_by_id = {row["id"]: row for row in rows.rivals if "id" in row}
+    for point in chosen_points:
         for load, case in cases(point).items():
             for tolerance in _REDUCTIONS:
                 key = fingerprint([case.id, tolerance, program_hash(_SOURCES)])
-                row = known.get(key)
+                row = rows_by_id.get(key)
                 if row is None or not (config / row["model"]).exists():
                     row = _row(
                         key,
@@ -72,31 +74,31 @@ def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
                     )
                     append_rows(config / "rivals.jsonl", [row])
                 print_line(console, f"{load}: {_words(row)}")
-                found.append(row)
+                reduced_rows.append(row)
     return {
-        "config": resolved(given),
+        "config": resolved(sweep_config),
         "sweep": str(config),
-        "choices": [{"choice": p.choice, "errors": p.errors} for p in chosen],
-        "rows": found,
-        "sentences": [_words(row) for row in found],
+        "choices": [{"choice": p.choice, "errors": p.errors} for p in chosen_points],
+        "rows": reduced_rows,
+        "sentences": [_words(row) for row in reduced_rows],
     }
 
 
 def _chosen(cases: SweepCases, points: Sequence[Point]) -> list[Point]:
     """A choice within each tolerance; the most accurate one where none is."""
-    found: list[Point] = []
+    chosen_points: list[Point] = []
     for tolerance in TOLERANCES:
-        most = _MARGIN * tolerance
-        within = [p for p in points if p.errors["rms_percent"] <= most]
+        limit = _MARGIN * tolerance
+        within = [p for p in points if p.errors["rms_percent"] <= limit]
         if within:
-            found.append(min(within, key=lambda point: _size(cases, point)))
-    if not found:
-        found = [min(points, key=lambda point: point.errors["rms_percent"])]
-    return list({point.name: point for point in found}.values())
+            chosen_points.append(min(within, key=lambda point: _size(cases, point)))
+    if not chosen_points:
+        chosen_points = [min(points, key=lambda point: point.errors["rms_percent"])]
+    return list({point.name: point for point in chosen_points}.values())
 
 
 def _size(cases: SweepCases, point: Point) -> tuple[float, int]:
-    """Voxels along z, which the time of a reduced model grows with, then nodes."""
+    """Voxels along z, with which the time of a reduced model grows, then nodes."""
     body = next(iter(cases(point).values())).config.bodies[0]
     return float(body.voxels_high or 1 / float(body.pitch or 1)), point.nodes
 
@@ -105,8 +107,13 @@ def _row(
     key: str, case: Case, load: str, point: Point, tolerance: float, folder: Path
 ) -> Row:
     """A model under one load, its error and its times."""
-    scene, span = build_case(case.config).scene, case.config.time
-    model = reduce(scene, span.last, span.save_times, tolerance=tolerance)
+    span = case.config.time
+    model = reduce(
+        build_case(case.config).scene,
+        t1=span.last,
+        save_at=span.save_times,
+        tolerance=tolerance,
+    )
     truth = find_truth(case, lambda text: None)
     label = f"{point.name}, within {100 * tolerance:g} %"
     file = Path("models") / f"{key}.npz"
@@ -119,7 +126,7 @@ def _row(
         "choice": {"of": label},
         "error": truth.points.error(model()).as_dict(),
         "own_error": truth.own_error,
-        "loop_s": _spans(model),
+        "loop_s": interleaved({"model": model_loop(model)}, _REPEATS)["model"],
         "offline_s": model.about.offline_s,
         "model": str(file),
         "nodes": model.size,
@@ -130,12 +137,6 @@ def _row(
         "memory_bytes": _bytes(model),
         "processor": processor(),
     }
-
-
-def _spans(model: ReducedModel) -> list[float]:
-    call = model_loop(model)
-    timed_call(call)
-    return [timed_call(call)[1] for _ in range(_REPEATS)]
 
 
 def _bytes(model: ReducedModel) -> int:

@@ -40,13 +40,13 @@ _DEFINITIONS = [
     ),
     (
         "times faster",
-        "the time of the other over that of the choice, measured in turn in one "
-        "process on the processor that is named: median, lowest and highest",
+        "the time of the rival over that of the choice, measured alternately in one "
+        "process on the named processor: median, lowest and highest",
     ),
     (
         "front",
         "choices that no other one beats in both error and cost; the numbers in the "
-        "first chart are those of the list, each other chart has a front of its own. "
+        "first chart are those of the list, each further chart has its own front. "
         "Grey: beaten choices",
     ),
     (
@@ -71,7 +71,7 @@ _TITLES: dict[Measure, str] = {
 
 @dataclass(frozen=True)
 class Findings:
-    """All that a report shows."""
+    """Content of a report."""
 
     title: str
     about: list[str]
@@ -84,9 +84,9 @@ class Findings:
 
     @property
     def processors(self) -> list[str]:
-        """Names of the processors that times are from."""
-        every = (*self.points, *self.rivals)
-        return list(dict.fromkeys(p.processor for p in every if p.processor))
+        """Names of the processors of all times."""
+        all_points = (*self.points, *self.rivals)
+        return list(dict.fromkeys(p.processor for p in all_points if p.processor))
 
     @property
     def best(self) -> list[Point]:
@@ -96,40 +96,42 @@ class Findings:
 
 def write_report(findings: Findings, out: Path) -> list[str]:
     """Write page, charts and table into a folder; return the names of the files."""
-    every = [*findings.points, *findings.rivals]
-    texts = list(dict.fromkeys(point_text(p) for p in every))
-    shown = {point_text(p): findings.folder.picture(p.picture) for p in every}
-    pictures = {text: data for text, data in shown.items() if data is not None}
+    all_points = [*findings.points, *findings.rivals]
+    texts = list(dict.fromkeys(point_text(p) for p in all_points))
+    pictures = {}
+    for point in all_points:
+        picture = findings.folder.picture(point.picture)
+        if picture is not None:
+            pictures[point_text(point)] = picture
     files: list[str] = []
 
-    def chart(name: str, cost: Cost, error: Measure, title: str, marks: Marks = ()):
-        rivals = findings.rivals
-        made = error_against(
+    def chart(
+        name: str, cost: Cost, error: Measure, title: str, marks: Marks = ()
+    ) -> list[page.Section]:
+        drawn = error_against(
             cost,
             points=findings.points,
-            rivals=rivals,
+            rivals=findings.rivals,
             error=error,
             title=title,
             marks=marks,
         )
-        if made is None:
+        if drawn is None:
             return []
         files.extend([f"{name}.svg", f"{name}.png"])
-        return [numbered(write_chart(made, out / name), texts)]
+        return [numbered(write_chart(drawn, out / name), texts)]
 
     sections: list[page.Section] = [*findings.about]
     if findings.processors:
         sections.append(f"Processor of all times: {'; '.join(findings.processors)}.")
     sections.append(page.terms(_DEFINITIONS))
     sections += [page.heading("Error against run time")]
-    marks = thesis_marks(findings.points)
-    title = "Error against run time"
     sections += chart(
         "error_against_time",
         cost="time_s",
         error="rms_percent",
-        title=title,
-        marks=marks,
+        title="Error against run time",
+        marks=thesis_marks(findings.points),
     )
     sections += _front_sections(findings)
     sections += _rival_sections(findings)
@@ -157,9 +159,11 @@ def write_report(findings: Findings, out: Path) -> list[str]:
 def write_contents(path: Path, title: str, fronts: Mapping[str, Any]) -> None:
     """Write a page with a link to the page of each of several fronts, by name."""
     cards = []
-    for name, made in fronts.items():
-        link = next(file for file in made["files"] if file.endswith("report.html"))
-        lines = [each["sentence"] for each in made["front"]]
+    for name, front_result in fronts.items():
+        link = next(
+            file for file in front_result["files"] if file.endswith("report.html")
+        )
+        lines = [point["sentence"] for point in front_result["front"]]
         cards.append(page.Card(name, quote(link), lines))
     about = (
         "The choices of this sweep solve several problems, each with a reference, a "
@@ -183,32 +187,32 @@ def _front_sections(findings: Findings) -> list[page.Section]:
 def _rival_sections(findings: Findings) -> list[page.Section]:
     if not findings.rivals and not findings.comparisons:
         return []
-    found: list[page.Section] = [page.heading("Beside rivals, at the same error")]
+    sections: list[page.Section] = [page.heading("Rivals at the same error")]
     rows = [
         [
-            f"{significant(each.pair.tolerance)} %",
-            prose(each.pair.choice.name, error_text(each.pair.choice)),
-            prose(each.pair.rival.name, error_text(each.pair.rival)),
-            Cell(time_text(each.choice_time), is_number=True),
-            Cell(time_text(each.rival_time), is_number=True),
-            Cell(ratio_text(each.ratio), is_number=True),
+            f"{significant(comparison.pair.tolerance)} %",
+            prose(comparison.pair.choice.name, error_text(comparison.pair.choice)),
+            prose(comparison.pair.rival.name, error_text(comparison.pair.rival)),
+            Cell(time_text(comparison.choice_time), is_number=True),
+            Cell(time_text(comparison.rival_time), is_number=True),
+            Cell(ratio_text(comparison.ratio), is_number=True),
         ]
-        for each in findings.comparisons
+        for comparison in findings.comparisons
     ]
     columns = ["error up to", "choice", "rival", "choice", "rival", "times faster"]
     if rows:
-        found.append(Table(columns, rows, left=range(3)))
-        found.append(
+        sections.append(Table(columns, rows, left=range(3)))
+        sections.append(
             page.paragraph(
-                "The rival is the fastest of its kind within the error, at whatever "
-                "pitch and number of steps; the ratio that of the load where it is "
+                "The rival is the fastest of its kind within the error, at any pitch "
+                "and number of steps; the ratio is that of the load where it is "
                 "smallest.",
                 note=True,
             )
         )
     listed = Table(_COLUMNS, [_cells(p) for p in _by_time(findings.rivals)])
-    found.append(page.details("All runs of rivals and reduced models", listed))
-    return found
+    sections.append(page.details("All runs of rivals and reduced models", listed))
+    return sections
 
 
 _COLUMNS = (
@@ -229,22 +233,25 @@ _COLUMNS = (
 
 
 def _cells(point: Point) -> list[str | Cell]:
-    duration = lambda value: "-" if value is None else seconds(value)
-    set_up = duration(point.known_set_up_s)
+    set_up = _duration(point.known_set_up_s)
     if point.offline_s is not None:
-        set_up = f"{duration(point.offline_s)} offline"
+        set_up = f"{_duration(point.offline_s)} offline"
     return [
         point.name,
-        *(significant(point.errors[kind]) for kind in MEASURES),
+        *(significant(point.errors[measure]) for measure in MEASURES),
         time_text(point.time),
         ratio_text(point.ratio),
-        duration(point.call_s),
+        _duration(point.call_s),
         set_up,
-        duration(point.compile_s),
+        _duration(point.compile_s),
         "-" if point.steps is None else f"{point.steps:,}",
         f"{point.nodes:,}",
         readable_bytes(point.memory_bytes),
     ]
+
+
+def _duration(value: float | None) -> str:
+    return "-" if value is None else seconds(value)
 
 
 def _by_time(points: Sequence[Point]) -> list[Point]:
@@ -254,24 +261,36 @@ def _by_time(points: Sequence[Point]) -> list[Point]:
 def _all_sections(findings: Findings) -> list[page.Section]:
     listed = Table(_COLUMNS, [_cells(p) for p in _by_time(findings.points)])
     title = f"All {len(findings.points)} choices"
-    found: list[page.Section] = [page.heading("All rows"), page.details(title, listed)]
+    sections: list[page.Section] = [
+        page.heading("All rows"),
+        page.details(title, listed),
+    ]
     if failed := findings.folder.failed:
         rows = [
             [", ".join(map(str, row["choice"].values())), row["load"], row["failed"]]
             for row in failed
         ]
         table = Table(["choice", "load", "reason"], rows, left=range(3))
-        found.append(page.details(f"{len(failed)} cases that could not be run", table))
+        sections.append(
+            page.details(f"{len(failed)} cases that could not be run", table)
+        )
     plain = json.dumps(findings.config, indent=2, default=str)
-    found.append(page.details("The config, in SI units", page.pre(plain)))
-    return found
+    sections.append(page.details("The config, in SI units", page.pre(plain)))
+    return sections
 
 
 def _write_csv(path: Path, findings: Findings) -> None:
     """Write a line for each choice and each rival, with SI units in the names."""
-    best, text = findings.best, io.StringIO()
-    rows = [_csv_row(p, p in best, False) for p in _by_time(findings.points)]
-    rows += [_csv_row(p, False, True) for p in _by_time(findings.rivals)]
+    best = findings.best
+    text = io.StringIO()
+    rows = [
+        _csv_row(point, on_front=point in best, is_rival=False)
+        for point in _by_time(findings.points)
+    ]
+    rows += [
+        _csv_row(point, on_front=False, is_rival=True)
+        for point in _by_time(findings.rivals)
+    ]
     axes = list(dict.fromkeys(key for row in rows for key in row))
     writer = csv.DictWriter(text, axes, restval="", lineterminator="\n")
     writer.writeheader()
@@ -281,18 +300,14 @@ def _write_csv(path: Path, findings: Findings) -> None:
 
 
 def _csv_row(point: Point, on_front: bool, is_rival: bool) -> Row:
-    spread = lambda value, name: {
-        f"{name}_{key}": None if value is None else getattr(value, key)
-        for key in ("median", "low", "high")
-    }
     return {
         "name": point.name,
         "is_rival": is_rival,
         "on_front": on_front,
         **point.errors,
         "own_error_percent": point.own_error_percent,
-        **spread(point.time, "loop_s"),
-        **spread(point.ratio, "full_volume_times_faster"),
+        **_columns(point.time, "loop_s"),
+        **_columns(point.ratio, "full_volume_times_faster"),
         "call_s": point.call_s,
         "known_set_up_s": point.known_set_up_s,
         "compile_s": point.compile_s,
@@ -302,4 +317,12 @@ def _csv_row(point: Point, on_front: bool, is_rival: bool) -> Row:
         "memory_bytes": point.memory_bytes,
         "processor": point.processor,
         **{f"axis {name}": label for name, label in point.choice.items()},
+    }
+
+
+def _columns(spread: Spread | None, name: str) -> dict[str, float | None]:
+    values = (None,) * 3 if spread is None else spread
+    return {
+        f"{name}_{key}": value
+        for key, value in zip(Spread._fields, values, strict=True)
     }

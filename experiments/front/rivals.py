@@ -21,9 +21,9 @@ from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.solution_file import StoredSolution
 from jaxthermo.provenance import processor
+from jaxthermo.timing import timed_call
 
 from ..harness.record import fingerprint, program_hash
-from ..harness.timing import timed_call
 from .folder import append_rows, read_rows
 from .linear_body import LinearBody, Run, linear_body
 from .pareto import Row, errors_of
@@ -33,29 +33,33 @@ from .scipy_run import scipy_run
 Cells = Literal["crossings", "dominant_axis"]
 Threads = Literal["one", "all"]
 
-RKL2, EXPLICIT, SCIPY = "numba RKL2", "numba explicit", "scipy TR-BDF2"
+_RKL2 = "numba RKL2"
+_EXPLICIT = "numba explicit"
+_SCIPY = "scipy TR-BDF2"
 
 _HEIGHTS = (16, 20, 25, 32, 40, 50, 64, 80, 100, 125, 160, 200, 250, 320, 400, 500)
-"""Voxels along z that are tried: each pitch is 1.25 times the next."""
+"""Numbers of voxels along z to try: each pitch is 1.25 times the next."""
 _BETWEEN = 3
-"""Parts that the step to the first height within a tolerance is divided into."""
+"""Number of divisions of the step to the first height within a tolerance."""
 _COUNTS = (6, 8, 12, 18, 24, 36, 54, 72)
-"""Steps of a run that RKL2 is tried with."""
+"""Numbers of steps to try with RKL2."""
 _SCIPY_COUNTS = (9, 18, 36)
 _ENOUGH = 0.01
-"""Change of the error from which more steps are of no use [-]."""
-_REPEATS, _LONG_S = 3, 5.0
-"""Number of timed runs; one where a run takes longer [s]."""
+"""Relative change of the error below which more steps are useless [-]."""
+_REPEATS = 3
+"""Number of timed runs."""
+_LONG_S = 5.0
+"""Time of a run above which it is timed once [s]."""
 _MAX_S = 2.0
-"""Time of a run beyond which a rival is in no finer voxels [s]."""
+"""Time of a run above which no finer voxels are tried [s]."""
 _COST_ORDER = 4
-"""Power of the number of voxels along z that a run time grows with, at least."""
+"""Power of the number of voxels along z with which a run time grows, at least."""
 
 _SOURCES = tuple(
     Path(__file__).with_name(f"{name}.py")
     for name in ("linear_body", "numba_loops", "scipy_run")
 )
-"""Code that a rival's numbers follow from."""
+"""Source files of the rivals."""
 
 
 class Setting(NamedTuple):
@@ -76,7 +80,7 @@ class Setting(NamedTuple):
 
     @property
     def choice(self) -> dict[str, str]:
-        """Labels as a choice of a sweep has them."""
+        """Labels in the form of a sweep's choice."""
         steps = "stable steps" if self.steps is None else f"{self.steps} steps"
         return {"voxels": _voxels(self.voxels_high), "steps": steps}
 
@@ -85,10 +89,9 @@ def _voxels(high: int) -> str:
     return f"{high} high"
 
 
-# The peer of the measurements before there were fronts.
-TWELVE_STEPS = Setting(kind=RKL2, voxels_high=250, steps=12, cells="dominant_axis")
+TWELVE_STEPS = Setting(kind=_RKL2, voxels_high=250, steps=12, cells="dominant_axis")
 
-Log = Callable[[str], None]
+_Log = Callable[[str], None]
 
 
 def _spans(run: Run) -> list[float]:
@@ -99,24 +102,26 @@ def _spans(run: Run) -> list[float]:
 
 
 class Rivals:
-    """Rivals under all loads; rows that are in the file are not measured again."""
+    """Rivals under all loads; rows in the file are not measured again."""
 
-    def __init__(self, cases: Mapping[str, Case], path: Path, log: Log):
+    def __init__(self, cases: Mapping[str, Case], path: Path, log: _Log):
         """Nothing is run yet.
 
         Args:
             cases: one of any choice under each load.
             path: file of the rows.
-            log: told before each height.
+            log: called before each height.
 
         Raises:
             InputError: if numba is not installed.
         """
-        self._cases, self._path, self._log = cases, path, log
+        self._cases = cases
+        self._path = path
+        self._log = log
         self._known = {row["id"]: row for row in read_rows(path) if "id" in row}
         self.rows: list[Row] = []
         self.settings: dict[tuple[str, str], Setting] = {}
-        # Settings of one height are run under all loads in turn.
+        # Settings of one height are run under all loads, one after the other.
         self._body = lru_cache(maxsize=len(cases))(self._body_of)
         self._layout = cache(self._fastest_layout)
         try:
@@ -128,7 +133,7 @@ class Rivals:
 
     @property
     def tried(self) -> str:
-        """The voxels that were tried, in words."""
+        """Range of the tried voxels, in words."""
         heights = [setting.voxels_high for setting in self.settings.values()]
         if not heights:
             return "none: the reference is too coarse"
@@ -136,7 +141,7 @@ class Rivals:
 
     @property
     def heights(self) -> tuple[int, ...]:
-        """Voxels along z to try: those of which the reference's are twice as fine.
+        """Numbers of voxels along z to try: at most half that of the reference.
 
         Where the choices have the reference's own voxels, the rivals have them too.
         """
@@ -150,28 +155,29 @@ class Rivals:
         return tuple(high for high in _HEIGHTS if high <= finest // 2)
 
     def search(self, needed: float, tolerances: Sequence[float]) -> None:
-        """Measure ever finer voxels up to an error `needed` [%], or to all there are.
+        """Measure ever finer voxels down to an error `needed` [%], or all of them.
 
         Between the last height above each of the tolerances [%] and the first within,
         more heights are measured.
         """
-        found: dict[int, float] = {}
+        errors: dict[int, float] = {}
         for high in self.heights:
-            kinds = [k for k in (RKL2, EXPLICIT, SCIPY) if self._is_fast(k, high)]
-            if RKL2 not in kinds:
+            solvers = (_RKL2, _EXPLICIT, _SCIPY)
+            fast_kinds = [kind for kind in solvers if self._is_fast(kind, high)]
+            if _RKL2 not in fast_kinds:
                 break
-            found[high] = self._measure_height(high, kinds)
-            if found[high] <= needed:
+            errors[high] = self._measure_height(high, fast_kinds)
+            if errors[high] <= needed:
                 break
         for tolerance in tolerances:
-            heights = [high for high in found if found[high] <= tolerance]
-            coarser = [high for high in found if heights and high < heights[0]]
+            heights = [high for high in errors if errors[high] <= tolerance]
+            coarser = [high for high in errors if heights and high < heights[0]]
             if not coarser:
                 continue
             ratio = heights[0] / coarser[-1]
-            for part in range(1, _BETWEEN):
-                high = round(coarser[-1] * ratio ** (part / _BETWEEN))
-                if self._measure_height(high, (RKL2,)) <= tolerance:
+            for step in range(1, _BETWEEN):
+                high = round(coarser[-1] * ratio ** (step / _BETWEEN))
+                if self._measure_height(high, (_RKL2,)) <= tolerance:
                     break
         if TWELVE_STEPS.voxels_high in self.heights and len(self.heights) > 1:
             self._measure([TWELVE_STEPS])
@@ -180,11 +186,14 @@ class Rivals:
         """Measure rivals in voxels of one size; return RKL2's smallest error [%]."""
         self._log(f"rivals: full volumes {high} voxels high")
         counts = self._useful_counts(high)
-        settings = [Setting(RKL2, high, count) for count in counts]
-        if EXPLICIT in kinds:
-            settings.append(Setting(EXPLICIT, high))
-        if SCIPY in kinds:
-            settings += [Setting(SCIPY, high, count) for count in _SCIPY_COUNTS]
+        settings = [Setting(_RKL2, voxels_high=high, steps=count) for count in counts]
+        if _EXPLICIT in kinds:
+            settings.append(Setting(_EXPLICIT, high))
+        if _SCIPY in kinds:
+            settings += [
+                Setting(_SCIPY, voxels_high=high, steps=count)
+                for count in _SCIPY_COUNTS
+            ]
         errors = self._measure(settings)
         return min(errors[: len(counts)])
 
@@ -196,23 +205,26 @@ class Rivals:
             return True
         last = max(heights)
         rows = [row for row in self.rows if row["name"] == kind]
-        own = [row for row in rows if row["choice"]["voxels"] == _voxels(last)]
-        fastest = min(min(row["loop_s"]) for row in own)
+        last_rows = [row for row in rows if row["choice"]["voxels"] == _voxels(last)]
+        fastest = min(min(row["loop_s"]) for row in last_rows)
         return fastest * (high / last) ** _COST_ORDER < _MAX_S
 
     def _useful_counts(self, high: int) -> list[int]:
         """Numbers of steps up to the first that hardly changes the largest error."""
-        chosen, last, alike = [], np.inf, 0
+        counts = []
+        last = np.inf
+        alike = 0
         for count in _COUNTS:
-            chosen.append(count)
-            rows = (self._row(Setting(RKL2, high, count), load) for load in self._cases)
+            counts.append(count)
+            setting = Setting(_RKL2, voxels_high=high, steps=count)
+            rows = (self._row(setting, load) for load in self._cases)
             error = max(errors_of(row["error"])["rms_percent"] for row in rows)
-            # Two counts may have as many steps in the interval that decides.
+            # Two counts may have equally many steps in the decisive interval.
             alike = alike + 1 if abs(last - error) < _ENOUGH * error else 0
             if alike == 2:
                 break
             last = error
-        return chosen
+        return counts
 
     def _measure(self, settings: Sequence[Setting]) -> list[float]:
         """Measure settings under all loads; return the largest error of each [%]."""
@@ -224,32 +236,36 @@ class Rivals:
                 errors[setting].append(errors_of(row["error"])["rms_percent"])
         for setting in settings:
             self.settings[setting.name, fingerprint(setting.choice)] = setting
-        return [max(found) for found in errors.values()]
+        return [max(load_errors) for load_errors in errors.values()]
 
     def setting(self, name: str, choice: dict[str, str]) -> Setting:
         """The setting of a measured row."""
         return self.settings[name, fingerprint(choice)]
 
     def _row(self, setting: Setting, load: str) -> Row:
-        case = self._case(load, setting.voxels_high, setting.cells)
+        case = self._case(load, high=setting.voxels_high, cells=setting.cells)
         identity = [case.id, *setting, program_hash(_SOURCES)]
         key = fingerprint(identity)
         if key not in self._known:
-            row = {"id": key, **self._measured(setting, load, case)}
+            row = {"id": key, **self._measured(setting, load=load, case=case)}
             append_rows(self._path, [row])
             self._known[key] = row
         return self._known[key]
 
     def _measured(self, setting: Setting, load: str, case: Case) -> Row:
-        body = self.body(load, setting.voxels_high, setting.cells)
+        body = self.body(load, high=setting.voxels_high, cells=setting.cells)
         timed, run = self._timed(setting, load)
-        kelvin, truth = run.call(), find_truth(case, self._log)
-        found = StoredSolution(np.asarray(body.save_times), kelvin, body.surfaces)
+        truth = find_truth(case, self._log)
+        solution = StoredSolution(
+            np.asarray(body.save_times),
+            surface_temperature=run.call(),
+            surfaces=body.surfaces,
+        )
         return {
             "name": setting.name,
             "load": load,
             "choice": setting.choice,
-            "error": truth.points.error(found).as_dict(),
+            "error": truth.points.error(solution).as_dict(),
             "own_error": truth.own_error,
             **timed,
             "nodes": len(body.cells),
@@ -259,60 +275,65 @@ class Rivals:
         }
 
     def _timed(self, setting: Setting, load: str) -> tuple[Row, Run]:
-        """Times under the first load; with as many steps others take the same."""
+        """Times under the first load; others with equally many steps take as long."""
         first = next(iter(self._cases))
         # Numbers of linear iterations differ.
-        if load != first and setting.kind != SCIPY:
+        if load != first and setting.kind != _SCIPY:
             same = self._row(setting, first)
-            run = self._made(setting, load, same["threads"])
+            run = self._made(setting, load=load, threads=same["threads"])
             if run.steps == same["steps"]:
-                known = {name: same[name] for name in ("loop_s", "threads")}
-                return {**known, "timed_as": same["id"]}, run
+                shared = {name: same[name] for name in ("loop_s", "threads")}
+                return {**shared, "timed_as": same["id"]}, run
         threads: tuple[Threads, ...] = ("one", "all")
         tried = [
-            (each, self._made(setting, load, each))
-            for each in (("one",) if setting.kind == SCIPY else threads)
+            (count, self._made(setting, load=load, threads=count))
+            for count in (("one",) if setting.kind == _SCIPY else threads)
         ]
-        # Threads share the work, or wait for each other: whichever is faster counts.
+        # Threads share the work, or wait for each other: the faster form counts.
         times = [_spans(run) for _, run in tried]
         best = int(np.argmin([statistics.median(spans) for spans in times]))
-        (used, run), spans = tried[best], times[best]
+        (used, run) = tried[best]
+        spans = times[best]
         return {"loop_s": spans, "threads": used}, run
 
     def run(self, setting: Setting, load: str) -> Run:
         """A rival that is ready to run under a load, in its fastest form."""
-        return self._made(setting, load, self._row(setting, load)["threads"])
+        threads = self._row(setting, load)["threads"]
+        return self._made(setting, load=load, threads=threads)
 
     def _made(self, setting: Setting, load: str, threads: Threads) -> Run:
-        body = self.body(load, setting.voxels_high, setting.cells)
+        body = self.body(load, high=setting.voxels_high, cells=setting.cells)
         span = body.save_times[-1]
-        if setting.kind == SCIPY:
+        if setting.kind == _SCIPY:
             return scipy_run(body, span / (setting.steps or 1))
         body = body.with_layout(self._layout(setting.voxels_high, setting.cells))
         if setting.steps is None:
             return self._numba.explicit_run(body, threads)
-        return self._numba.rkl2_run(body, span / setting.steps, threads)
+        dt = span / setting.steps
+        return self._numba.rkl2_run(body, dt=dt, threads=threads)
 
     def body(self, load: str, high: int, cells: Cells = "crossings") -> LinearBody:
-        """The arrays of a full volume under a load."""
+        """Arrays of a full volume under a load."""
         return self._body(load, high, cells)
 
     def _case(self, load: str, high: int, cells: Cells) -> Case:
-        given = self._cases[load]
-        config = _full_volume(given.config, high, cells)
-        return Case(config=config, names=(), load=load, truth=given.truth)
+        case = self._cases[load]
+        config = _full_volume(case.config, high=high, cells=cells)
+        return Case(config=config, names=(), load=load, truth=case.truth)
 
     def _body_of(self, load: str, high: int, cells: Cells) -> LinearBody:
-        config = self._case(load, high, cells).config
-        scene, span = build_case(config).scene, config.time
-        return linear_body(scene, span.end, span.save_times)
+        config = self._case(load, high=high, cells=cells).config
+        span = config.time
+        scene = build_case(config).scene
+        return linear_body(scene, end=span.end, save_at=span.save_times)
 
     def _fastest_layout(self, high: int, cells: Cells) -> str:
         """Layout of the state with which RKL2 is faster, in one thread."""
-        body = self.body(next(iter(self._cases)), high, cells)
-        dt, seconds = body.save_times[-1] / _COUNTS[0], {}
+        body = self.body(next(iter(self._cases)), high=high, cells=cells)
+        dt = body.save_times[-1] / _COUNTS[0]
+        seconds = {}
         for layout in ("compact", "dense"):
-            run = self._numba.rkl2_run(body.with_layout(layout), dt, "one")
+            run = self._numba.rkl2_run(body.with_layout(layout), dt=dt, threads="one")
             seconds[layout] = statistics.median(_spans(run))
         return min(seconds, key=lambda layout: seconds[layout])
 
@@ -321,9 +342,9 @@ def _full_volume(config: SceneConfig, high: int, cells: Cells) -> SceneConfig:
     """Config with the full volume of so many voxels along z, read at the surface."""
     if len(config.bodies) != 1:
         raise InputError("rivals written by hand have one body: this scene has more")
-    whole = on_every_voxel(config)
-    body: Any = whole.bodies[0]
+    full_volume = on_every_voxel(config)
+    body: Any = full_volume.bodies[0]
     changes = {"voxels_high": high, "pitch": None, "surface_cells": cells}
     changes["surface_map"] = type(body).model_fields["surface_map"].default
     bodies = (body.model_copy(update=changes),)
-    return whole.model_copy(update={"bodies": bodies})
+    return full_volume.model_copy(update={"bodies": bodies})

@@ -1,10 +1,11 @@
-"""`experiments run front`: the front of a sweep, beside rivals, as a page."""
+"""`experiments run front`: the front of a sweep and its rivals as a page."""
 
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from rich.console import Console
@@ -52,9 +53,11 @@ class SweepCases:
         """The cases of a point by load."""
         key = json.dumps([point.choice, point.set])
         if key not in self._found:
-            choice = Choice(tuple(point.choice.items()), dict(point.set or {}))
-            own = {case.load: case for case in cases_of(self.config, choice)}
-            self._found[key] = own
+            sweep_choice = Choice(tuple(point.choice.items()), dict(point.set or {}))
+            cases_by_load = {
+                case.load: case for case in cases_of(self.config, sweep_choice)
+            }
+            self._found[key] = cases_by_load
         return self._found[key]
 
 
@@ -68,7 +71,8 @@ def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
         raise InputError(
             "front: name the config of a sweep, or the folder of one that was run"
         )
-    source, console = config, open_console()
+    source = config
+    console = open_console()
     if not config.is_dir():
         source = folder / "sweep"
         sweep(
@@ -79,55 +83,53 @@ def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
                 workers=default_workers(), scheduler=None, retry=False, times=True
             ),
         )
-    given, rows = load_sweep(source / "config.yaml"), read_folder(source)
-    cases = SweepCases(given)
-    head = {"config": resolved(given), "sweep": str(source)}
-    title = f"Error against run time: {given.scene.stem.replace('-', ' ')}"
+    sweep_config = load_sweep(source / "config.yaml")
+    rows = read_folder(source)
+    cases = SweepCases(sweep_config)
+    head = {"config": resolved(sweep_config), "sweep": str(source)}
+    title = f"Error against run time: {sweep_config.scene.stem.replace('-', ' ')}"
     problems = _problems(cases, _points(cases, rows))
     if len(problems) == 1:
         ((_, points),) = problems.items()
-        # Rivals that others have added are of one problem.
-        others = rivals_of(rows.rivals, set(cases.loads))
-        return {
-            **head,
-            **_front(
-                console,
-                cases=cases,
-                rows=rows,
-                points=points,
-                others=others,
-                folder=folder,
-                title=title,
-            ),
-        }
-    fronts = {}
-    for name, points in problems.items():
-        print_line(console, f"{name}:")
-        own = folder / name.replace("/", "-")
-        own.mkdir(parents=True, exist_ok=True)
-        made = _front(
+        # Rivals of other commands belong to one problem.
+        added_rivals = rivals_of(rows.rivals, set(cases.loads))
+        result = _front(
             console,
             cases=cases,
             rows=rows,
             points=points,
-            others=[],
-            folder=own,
+            added_rivals=added_rivals,
+            folder=folder,
+            title=title,
+        )
+        return {**head, **result}
+    fronts = {}
+    files: list[str] = []
+    for name, points in problems.items():
+        print_line(console, f"{name}:")
+        subfolder = folder / name.replace("/", "-")
+        subfolder.mkdir(parents=True, exist_ok=True)
+        result = _front(
+            console,
+            cases=cases,
+            rows=rows,
+            points=points,
+            added_rivals=[],
+            folder=subfolder,
             title=f"{title}, {name}",
         )
-        fronts[name] = {
-            **made,
-            "files": [f"{own.name}/{file}" for file in made["files"]],
-        }
-    write_contents(folder / "report.html", title, fronts)
-    files = [file for each in fronts.values() for file in each["files"]]
+        own_files = [f"{subfolder.name}/{file}" for file in result["files"]]
+        fronts[name] = {**result, "files": own_files}
+        files += own_files
+    write_contents(folder / "report.html", title=title, fronts=fronts)
     return {**head, "fronts": fronts, "files": [*files, "report.html"]}
 
 
 def _problems(cases: SweepCases, points: Sequence[Point]) -> dict[str, Sequence[Point]]:
-    """Points by what they have in common, where they have not all one reference.
+    """Points by their common labels, where they have several references.
 
-    Choices of another material have other errors and times for reasons of their own: no
-    front is through both.
+    Errors and times of choices with different materials differ for other reasons than
+    the choice of a model: they have no common front.
     """
     groups: dict[tuple[str, ...], list[Point]] = {}
     for point in points:
@@ -135,17 +137,17 @@ def _problems(cases: SweepCases, points: Sequence[Point]) -> dict[str, Sequence[
         groups.setdefault(keys, []).append(point)
     if len(groups) < 2:
         return {"": points}
-    found: dict[str, Sequence[Point]] = {}
-    for number, own in enumerate(groups.values(), 1):
-        others = [point for point in points if point not in own]
+    problems: dict[str, Sequence[Point]] = {}
+    for number, problem_points in enumerate(groups.values(), 1):
+        further = [point for point in points if point not in problem_points]
         labels = [
             label
-            for axis, label in own[0].choice.items()
-            if {point.choice[axis] for point in own} == {label}
-            and label not in {point.choice[axis] for point in others}
+            for axis, label in problem_points[0].choice.items()
+            if {point.choice[axis] for point in problem_points} == {label}
+            and label not in {point.choice[axis] for point in further}
         ]
-        found[", ".join(labels) or f"problem {number}"] = own
-    return found
+        problems[", ".join(labels) or f"problem {number}"] = problem_points
+    return problems
 
 
 def _front(
@@ -153,46 +155,43 @@ def _front(
     cases: SweepCases,
     rows: SweepFolder,
     points: Sequence[Point],
-    others: Sequence[Point],
+    added_rivals: Sequence[Point],
     folder: Path,
     title: str,
 ) -> dict[str, Any]:
-    """The front of points of one problem beside rivals, printed and as a page."""
-    models = [other for other in others if other.models is not None]
-    found, comparisons, remark = _beside(
+    """The front of one problem and its rivals, printed and as a page."""
+    models = [rival for rival in added_rivals if rival.models is not None]
+    compared = _compare_with_rivals(
         console, cases=cases, points=points, models=models, rows=rows, folder=folder
     )
-    remarks = [remark] if remark else []
-    about = [_about(cases, rows, points), *remarks]
-    # In one folder with the sweep, the file has the rivals of this run as well.
-    names = {rival.name for rival in found}
-    found = [*(other for other in others if other.name not in names), *found]
-    own, plain = list(points), resolved(cases.config)
+    # In the folder of the sweep, the file has the rivals of this run as well.
+    names = {rival.name for rival in compared.rivals}
+    rivals = [rival for rival in added_rivals if rival.name not in names]
     findings = Findings(
         title=title,
-        about=about,
+        about=[_about(cases, rows=rows, points=points), compared.remark],
         folder=rows,
-        points=own,
-        rivals=found,
-        comparisons=comparisons,
-        config=plain,
+        points=list(points),
+        rivals=[*rivals, *compared.rivals],
+        comparisons=compared.comparisons,
+        config=resolved(cases.config),
     )
     files = write_report(findings, folder)
     for number, point in enumerate(front(points), 1):
         print_line(console, f"{number}. {sentence(point)}")
-    for each in comparisons:
-        print_line(console, each.sentence())
+    for comparison in compared.comparisons:
+        print_line(console, comparison.sentence())
     return {
         "front": [_plain(point) for point in front(points)],
-        "comparisons": [each.as_dict() for each in comparisons],
-        "remarks": remarks,
+        "comparisons": [pair.as_dict() for pair in compared.comparisons],
+        "remarks": [compared.remark],
         "processors": findings.processors,
         "files": files,
     }
 
 
 def _points(cases: SweepCases, rows: SweepFolder) -> list[Point]:
-    """Points of the sweep, with what they are in words."""
+    """Points of the sweep, with their structures in words."""
     points = points_of(rows.rows, rows.times, set(cases.loads))
     heights: dict[str, float] = {}
 
@@ -207,73 +206,87 @@ def _points(cases: SweepCases, rows: SweepFolder) -> list[Point]:
             pitch = heights[key] / float(body.voxels_high or 1)
         weights = getattr(body.structure, "weights", None)
         fitted = weights is not None and weights != type(weights)()
-        return structure_words(plain_scene(body.structure), pitch, fitted)
+        return structure_words(plain_scene(body.structure), pitch=pitch, fitted=fitted)
 
     return [replace(point, words=words(point)) for point in points]
 
 
-def _beside(
+class _Compared(NamedTuple):
+    """Rivals of a front and the comparisons with them."""
+
+    rivals: list[Point]
+    comparisons: list[Comparison]
+    remark: str
+    """Sentence on the rivals, or on the reason why there are none."""
+
+
+def _compare_with_rivals(
     console: Console,
     cases: SweepCases,
     points: Sequence[Point],
     models: Sequence[Point],
     rows: SweepFolder,
     folder: Path,
-) -> tuple[list[Point], list[Comparison], str | None]:
-    """Rivals, comparisons with them, and the reason where there are none."""
-    loads, best = set(cases.loads), front(points)
+) -> _Compared:
+    """Measure rivals, and time them alternately with the choices of the front."""
+    best = front(points)
     if not best:
-        return [], [], "No choice was timed, and no rival was run."
-    log = lambda text: print_line(console, text)
+        return _Compared([], [], "No choice was timed, and no rival was run.")
+    log = partial(print_line, console)
     try:
-        rivals = Rivals(cases(best[0]), folder / "rivals.jsonl", log)
+        rivals = Rivals(cases(best[0]), path=folder / "rivals.jsonl", log=log)
         needed = min(best[-1].errors["rms_percent"], *TOLERANCES)
         rivals.search(needed, TOLERANCES)
     except InputError as error:
         print_line(console, str(error))
-        return [], [], f"There are no rivals: {error}."
-    found = rivals_of(rivals.rows, loads)
+        return _Compared([], [], f"There are no rivals: {error}.")
+    rival_points = rivals_of(rivals.rows, set(cases.loads))
 
     def loops(point: Point) -> Iterator[tuple[str, Call]]:
         if point.models is not None:
             return model_loops(rows.path, point.models)
         return choice_loops(cases(point))
 
-    chosen = pairs(points, rivals=found, tolerances=TOLERANCES, models=models)
-    comparisons = time_pairs(
-        chosen, loops=loops, rivals=rivals, repeats=cases.config.repeats, log=log
+    chosen_pairs = pairs(
+        points, rivals=rival_points, tolerances=TOLERANCES, models=models
     )
-    least = min((rival.errors["rms_percent"] for rival in found), default=None)
+    comparisons = time_pairs(
+        chosen_pairs, loops=loops, rivals=rivals, repeats=cases.config.repeats, log=log
+    )
+    errors = [rival.errors["rms_percent"] for rival in rival_points]
     remark = f"Voxels of the rivals: {rivals.tried}"
-    if least is not None:
-        remark += f"; none has a smaller error than {significant(least)} %"
-    return found, comparisons, f"{remark}."
+    if errors:
+        remark += f"; none has a smaller error than {significant(min(errors))} %"
+    return _Compared(rival_points, comparisons, f"{remark}.")
 
 
 def _about(cases: SweepCases, rows: SweepFolder, points: Sequence[Point]) -> str:
-    own = [p.own_error_percent for p in points if p.own_error_percent is not None]
-    given = cases.config.truth
-    truth = f"{given.voxels_high} voxels high"
-    if given.pitch is not None:
-        truth = f"of {1e3 * given.pitch:g} mm voxels"
+    own_errors = [
+        p.own_error_percent for p in points if p.own_error_percent is not None
+    ]
+    reference = cases.config.truth
+    truth = f"{reference.voxels_high} voxels high"
+    if reference.pitch is not None:
+        truth = f"of {1e3 * reference.pitch:g} mm voxels"
     text = f"{len(points)} choices under {', '.join(cases.loads)}"
     if rows.failed:
         text += f"; {len(rows.failed)} cases could not be run"
     text += f". Errors are against a reference {truth}"
-    if own:
-        text += f", which itself is off by about {max(own):.2g} %"
-    every = [case for point in points for case in cases(point).values()]
-    return " ".join([f"{text}.", *about_reference(every)])
+    if own_errors:
+        text += f", which itself is off by about {max(own_errors):.2g} %"
+    cases_of_points = [case for point in points for case in cases(point).values()]
+    return " ".join([f"{text}.", *about_reference(cases_of_points)])
 
 
 def _plain(point: Point) -> dict[str, Any]:
-    spread = lambda value: None if value is None else vars(value)
     return {
         "sentence": sentence(point),
         "choice": point.choice,
         "errors": point.errors,
-        "loop_s": spread(point.time),
-        "full_volume_times_faster": spread(point.ratio),
+        "loop_s": None if point.time is None else point.time._asdict(),
+        "full_volume_times_faster": (
+            None if point.ratio is None else point.ratio._asdict()
+        ),
         "nodes": point.nodes,
         "memory_bytes": point.memory_bytes,
     }

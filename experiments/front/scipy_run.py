@@ -26,57 +26,76 @@ def scipy_run(body: LinearBody, dt: float) -> Run:
     """
     body = body.with_layout("compact")
     rows = body.rows(body.cells)
-    size, one = body.size, np.float32
+    size = body.size
+    single = np.float32
     links = csr_array((rows.conductance, rows.column, rows.first), shape=(size, size))
-    slope, gain = np.zeros(size), np.zeros((len(body.gain), size))
-    place = body.position[body.loaded]
-    slope[place], gain[:, place] = body.loss, body.gain
+    slope = np.zeros(size)
+    gain = np.zeros((len(body.gain), size))
+    loaded = body.position[body.loaded]
+    slope[loaded] = body.loss
+    gain[:, loaded] = body.gain
     total = links.sum(axis=1) + slope
-    capacity = rows.capacity
-    operator = csr_array(diags_array(total) - links, dtype=one)
+    capacity = rows.capacity.astype(single)
+    diagonal = total.astype(single)
+    operator = csr_array(diags_array(total) - links, dtype=single)
     steps = step_counts(body.intervals, dt)
     reading = body.position[body.read_cell]
-    factor, offset = body.read_factor.astype(one), body.read_offset.astype(one)
-    initial, heat, held = body.initial(), gain.astype(one), capacity.astype(one)
+    factor = body.read_factor.astype(single)
+    offset = body.read_offset.astype(single)
+    initial = body.initial()
+    heat = gain.astype(single)
 
     def run() -> np.ndarray:
-        state, found = initial.copy(), np.empty(offset.shape, one)
+        state = initial.copy()
+        surface = np.empty(offset.shape, single)
         for (start, end, row), count, q in zip(
             body.intervals, steps, heat, strict=True
         ):
-            part = one(_GAMMA * (end - start) / count / 2)
+            stage_length = single(_GAMMA * (end - start) / count / 2)
             system = _system(
-                operator, capacity=held, diagonal=total.astype(one), part=part
+                operator,
+                capacity=capacity,
+                diagonal=diagonal,
+                stage_length=stage_length,
             )
             for _ in range(count):
                 state = _step(
-                    operator, capacity=held, q=q, part=part, system=system, state=state
+                    operator,
+                    capacity=capacity,
+                    q=q,
+                    stage_length=stage_length,
+                    system=system,
+                    state=state,
                 )
             if row >= 0:
-                found[row] = factor * state[reading] + offset[row]
-        return found + one(body.reference)
+                surface[row] = factor * state[reading] + offset[row]
+        return surface + single(body.reference)
 
     # The matrix, that of a stage, and the vectors of conjugate gradients.
     matrix = operator.data.nbytes + operator.indices.nbytes + operator.indptr.nbytes
-    return Run(run, sum(steps), 2 * matrix + 12 * initial.nbytes)
+    memory = 2 * matrix + 12 * initial.nbytes
+    return Run(run, steps=sum(steps), memory_bytes=memory)
 
 
-def _system(operator, capacity, diagonal, part):
+def _system(operator, capacity, diagonal, stage_length):
     """The matrix of both stages, and its inverse diagonal."""
-    inverse = 1 / (capacity + part * diagonal)
+    inverse = 1 / (capacity + stage_length * diagonal)
     shape = operator.shape
-    matrix = csr_array(diags_array(capacity) + part * operator)
+    matrix = csr_array(diags_array(capacity) + stage_length * operator)
     return matrix, LinearOperator(shape, matvec=lambda r: inverse * r)  # type: ignore
 
 
-def _step(operator, capacity, q, part, system, state):
+def _step(operator, capacity, q, stage_length, system, state):
     matrix, inverse = system
-    solve = lambda right, guess: cg(
-        matrix, right, guess, rtol=_RELATIVE_RESIDUAL, M=inverse
-    )[0]
-    right = capacity * state + part * (2 * q - operator @ state)
+
+    def solve(right: np.ndarray, guess: np.ndarray) -> np.ndarray:
+        return cg(matrix, right, guess, rtol=_RELATIVE_RESIDUAL, M=inverse)[0]
+
+    right = capacity * state + stage_length * (2 * q - operator @ state)
     middle = solve(right, state)
     g = np.float32(_GAMMA)
     mixed = (middle - (1 - g) ** 2 * state) / (g * (2 - g))
-    # Beyond the middle the temperature goes on as it did up to there.
-    return solve(capacity * mixed + part * q, middle + (middle - state) * (1 / g - 1))
+    # The guess continues the change up to the middle.
+    return solve(
+        capacity * mixed + stage_length * q, middle + (middle - state) * (1 / g - 1)
+    )

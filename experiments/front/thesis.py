@@ -1,9 +1,3 @@
-"""Run times of the thesis' structures over its full volume, beside ours.
-
-The thesis has times of one run but no errors; on its graphics card of 2010 the full
-volume took 55 ms, the shell 13, the irregular levels 21 and ten levels 50 ms.
-"""
-
 from collections.abc import Sequence
 
 from jaxthermo.report import page
@@ -15,8 +9,9 @@ from .wording import error_text, ratio_text, time_text
 
 
 _FULL_VOLUME_MS = 55.0
+"""Time of the full volume in the thesis, on its graphics card [ms]."""
 
-# Run time [ms], and the kind of structure in a config.
+# Run time in the thesis [ms], and the kind of structure in a config.
 _TIMES = {
     "shell": (13.0, "single_shell"),
     "irregular levels": (21.0, "irregular_multi_level"),
@@ -25,13 +20,13 @@ _TIMES = {
 
 
 def _full_time(points: Sequence[Point]) -> float | None:
-    """Time of the slowest full volume's explicit loop that was timed beside [s]."""
-    found = [
+    """Time of the slowest explicit loop of a full volume that was timed [s]."""
+    times = [
         p.time.median * p.ratio.median
         for p in points
         if p.time is not None and p.ratio is not None and _structure(p) in _kinds()
     ]
-    return max(found, default=None)
+    return max(times, default=None)
 
 
 def _kinds() -> set[str]:
@@ -49,7 +44,7 @@ def _structure(point: Point) -> str | None:
 
 
 def thesis_marks(points: Sequence[Point]) -> Marks:
-    """Times at which the thesis' ratios lie beside our full volume [s]."""
+    """Times of the thesis' ratios for our full volume [s]."""
     full = _full_time(points)
     if full is None:
         return ()
@@ -60,11 +55,13 @@ def thesis_marks(points: Sequence[Point]) -> Marks:
 
 
 def thesis_table(points: Sequence[Point]) -> list[page.Section]:
-    """The thesis' ratios beside those of the same kinds of structure here."""
+    """Ratios of the thesis compared with those of the same kinds of structure here."""
     rows: list[list[str | Cell]] = []
     for name, (time, kind) in _TIMES.items():
-        own = [p for p in points if _structure(p) == kind and p.ratio is not None]
-        for point in own or [None]:
+        kind_points = [
+            p for p in points if _structure(p) == kind and p.ratio is not None
+        ]
+        for point in kind_points or [None]:
             words = ["not in this sweep", "-", "-", "-"]
             if point is not None:
                 words = [

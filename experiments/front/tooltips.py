@@ -1,5 +1,3 @@
-"""Tooltips with pictures for charts in a page: a small script, no network request."""
-
 import html
 import json
 import re
@@ -47,17 +45,17 @@ for (const mark of document.querySelectorAll("[data-tip]")) {
 
 
 def numbered(chart: Html, texts: Sequence[str]) -> Html:
-    """A chart in which every mark with one of the texts has the number of its tooltip.
+    """Chart whose marks with one of the texts have the number of its tooltip.
 
     Without the script the browser shows the text alone.
     """
     number = {text: n for n, text in enumerate(texts)}
 
-    def marked(found: re.Match[str]) -> str:
-        at = number.get(html.unescape(found[2]))
-        if at is None:
-            return found[0]
-        return found[0].replace("<path ", f'<path data-tip="{at}" ', 1)
+    def marked(path: re.Match[str]) -> str:
+        tip = number.get(html.unescape(path[2]))
+        if tip is None:
+            return path[0]
+        return path[0].replace("<path ", f'<path data-tip="{tip}" ', 1)
 
     return Html(_MARK.sub(marked, chart))
 

@@ -4,13 +4,14 @@ from collections.abc import Mapping
 from typing import Any
 
 from jaxthermo.report.numbers import seconds, significant, with_range
+from jaxthermo.timing import Spread
 
-from .pareto import Point, Spread
+from .pareto import Point
 
 
 def ratio_text(ratio: Spread | None) -> str:
     """A ratio with its spread, "8.1 (7.5-9)"; a dash if it is not known."""
-    return "-" if ratio is None else with_range(ratio.median, ratio.low, ratio.high)
+    return "-" if ratio is None else with_range(*ratio)
 
 
 def time_text(time: Spread | None) -> str:
@@ -18,13 +19,13 @@ def time_text(time: Spread | None) -> str:
     if time is None:
         return "-"
     unit, scale = ("s", 1.0) if time.median >= 1 else ("ms", 1e3)
-    return f"{with_range(*(scale * v for v in vars(time).values()))} {unit}"
+    return f"{with_range(*(scale * value for value in time))} {unit}"
 
 
 def error_text(point: Point) -> str:
     """The RMS error of a point: "0.5 % (0.3 K)"."""
-    percent, kelvin = (point.errors[kind] for kind in ("rms_percent", "rms_kelvin"))
-    return f"{significant(percent)} % ({significant(kelvin)} K)"
+    percent = significant(point.errors["rms_percent"])
+    return f"{percent} % ({significant(point.errors['rms_kelvin'])} K)"
 
 
 def sentence(point: Point) -> str:
@@ -47,7 +48,8 @@ def structure_words(
         pitch: edge of a voxel [m].
         fitted: True if it has other weights than 1.
     """
-    kind, factor = structure["kind"], structure.get("factor")
+    kind = structure["kind"]
+    factor = structure.get("factor")
     small = f"{significant(1e3 * pitch)} mm voxels"
     blocks = f"blocks of {significant(1e3 * pitch * (factor or 1))} mm from {small}"
     layers = structure.get("layers")
@@ -55,5 +57,5 @@ def structure_words(
         "aggregate": blocks,
         "shell_over_core": f"{layers} surface layers over {blocks}",
     }
-    named = f"{kind.replace('_', ' ')} of {small}"
-    return words.get(kind, named) + ", fitted" * fitted
+    default = f"{kind.replace('_', ' ')} of {small}"
+    return words.get(kind, default) + ", fitted" * fitted

@@ -1,1 +1,1 @@
-"""Results on disk: what is there, and what changed between two of them."""
+"""Results on disk: their index, and the changes between two of them."""

@@ -1,14 +1,15 @@
 """Changes between plain values, and the noise below which there is none."""
 
 import math
-import statistics
 from collections.abc import Iterator, Sequence
 from enum import Enum
 from typing import Any, NamedTuple, TypeGuard
 
+from jaxthermo.timing import Spread
+
 
 class Absent(Enum):
-    """Mark of a key that one of two results does not have; None is a value."""
+    """Mark of a key that is missing in one of two results; None is a value."""
 
     ABSENT = "absent"
 
@@ -18,11 +19,12 @@ Number = int | float
 ROUNDING = 1e-4
 """Relative difference that float32 leaves between two machines [-]: a thousand
 roundings of 1e-7."""
-# Other load on a machine changes a time that was measured once by as much.
 _MAX_SINGLE_RATIO = 1.5
+"""Ratio of two times measured once that the load of a machine explains [-]."""
 _MIN_RATIO = 1.02
 """Ratio of medians below which a time has not changed, however small its spread is."""
 _NAMES = ("id", "name", "label", "title")
+# Names of a median and its range in the files of all versions.
 _MEDIAN_AND_RANGE = (
     ("median", "fastest", "slowest"),
     ("median", "least", "most"),
@@ -32,7 +34,7 @@ _MEDIAN_AND_RANGE = (
 
 
 class Change(NamedTuple):
-    """One value that is another one in the second of two results."""
+    """A value that differs between two results."""
 
     key: str
     old: Any
@@ -53,19 +55,20 @@ def flatten(value: Any, prefix: str = "", named: bool = False) -> dict[str, Any]
         value: plain values.
         prefix: of all keys.
         named: use the names of the items of a list, where all differ, as their keys,
-            and keep a median and its range together.
+            and leave a median with its range as one leaf.
     """
-    join = lambda key: f"{prefix}.{key}" if prefix else str(key)
     if isinstance(value, dict) and value and not (named and is_spread(value)):
         pairs = value.items()
     elif isinstance(value, list) and not _is_numbers(value):
         pairs = zip(_keys(value, named), value, strict=True)
     else:
         return {prefix: value}
-    found: dict[str, Any] = {}
+    leaves: dict[str, Any] = {}
     for key, item in pairs:
-        found |= flatten(item, join(key), named)
-    return found
+        leaves |= flatten(
+            item, prefix=f"{prefix}.{key}" if prefix else str(key), named=named
+        )
+    return leaves
 
 
 def _keys(items: list[Any], named: bool) -> Sequence[str]:
@@ -99,12 +102,14 @@ def is_spread(value: Any) -> bool:
 
 def differences(old: Any, new: Any) -> Iterator[Change]:
     """Leaves that differ at all, by their dotted keys as in `--set`."""
-    a, b = flatten(old), flatten(new)
+    a = flatten(old)
+    b = flatten(new)
     for key in {**a, **b}:
-        left, right = a.get(key, ABSENT), b.get(key, ABSENT)
+        left = a.get(key, ABSENT)
+        right = b.get(key, ABSENT)
         # A number may be written as 1 and as 1.0.
         if left != right or isinstance(left, bool) != isinstance(right, bool):
-            yield Change(key, left, right)
+            yield Change(key, old=left, new=right)
 
 
 def differ(
@@ -117,27 +122,30 @@ def differ(
 def time_change(
     key: str, old: Sequence[Number], new: Sequence[Number]
 ) -> Change | None:
-    """Change of a time [s] or a ratio that was measured several times, if it is one.
+    """Change of a time [s] or a ratio that was measured several times, if any.
 
     The ranges of both must not overlap; a time measured once must change by half.
     """
     if not old or not new:
         return None
-    a, b = statistics.median(old), statistics.median(new)
-    if a <= 0 or b <= 0:
+    before = Spread.of(old)
+    after = Spread.of(new)
+    if before.median <= 0 or after.median <= 0:
         return None
-    ratio = b / a
+    ratio = after.median / before.median
     if min(len(old), len(new)) == 1:
         beyond = max(ratio, 1 / ratio) > _MAX_SINGLE_RATIO
         note = f"{ratio:.3g} times; measured once"
     else:
-        apart = min(new) > max(old) or min(old) > max(new)
-        beyond = apart and max(ratio, 1 / ratio) > _MIN_RATIO
+        are_apart = after.low > before.high or before.low > after.high
+        beyond = are_apart and max(ratio, 1 / ratio) > _MIN_RATIO
         note = (
-            f"{ratio:.3g} times; ranges {min(old):.3g}-{max(old):.3g} and "
-            f"{min(new):.3g}-{max(new):.3g}"
+            f"{ratio:.3g} times; ranges {before.low:.3g}-{before.high:.3g} and "
+            f"{after.low:.3g}-{after.high:.3g}"
         )
-    return Change(key=key, old=a, new=b, note=note) if beyond else None
+    if not beyond:
+        return None
+    return Change(key=key, old=before.median, new=after.median, note=note)
 
 
 def plain_changes(old: Any, new: Any) -> Iterator[Change]:
@@ -145,10 +153,12 @@ def plain_changes(old: Any, new: Any) -> Iterator[Change]:
 
     Numbers to rounding, times by their spread, everything else exactly.
     """
-    a, b = flatten(old, named=True), flatten(new, named=True)
+    a = flatten(old, named=True)
+    b = flatten(new, named=True)
     for key in {**a, **b}:
-        left, right = a.get(key, ABSENT), b.get(key, ABSENT)
-        if change := _leaf_change(key, left, right):
+        left = a.get(key, ABSENT)
+        right = b.get(key, ABSENT)
+        if change := _leaf_change(key, old=left, new=right):
             yield change
 
 
@@ -156,20 +166,20 @@ def _leaf_change(key: str, old: Any, new: Any) -> Change | None:
     if old == new:
         return None
     if ABSENT in (old, new):
-        return Change(key, old, new)
+        return Change(key, old=old, new=new)
     if is_spread(old) and is_spread(new):
-        return time_change(key, _samples(old), _samples(new))
+        return time_change(key, old=_samples(old), new=_samples(new))
     if _is_time(key) and is_number(old) and is_number(new):
-        return time_change(key, [old], [new])
+        return time_change(key, old=[old], new=[new])
     if isinstance(old, list) and isinstance(new, list):
         if _is_time(key) and _is_numbers(old) and _is_numbers(new):
-            return time_change(key, old, new)
+            return time_change(key, old=old, new=new)
         if len(old) != len(new):
-            return Change(key, f"{len(old)} values", f"{len(new)} values")
-        return _list_change(key, old, new)
+            return Change(key, old=f"{len(old)} values", new=f"{len(new)} values")
+        return _list_change(key, old=old, new=new)
     if is_number(old) and is_number(new):
-        return Change(key, old, new) if differ(old, new) else None
-    return Change(key, old, new)
+        return Change(key, old=old, new=new) if differ(old, new) else None
+    return Change(key, old=old, new=new)
 
 
 def _samples(spread: dict[str, Number]) -> list[Number]:
@@ -182,13 +192,13 @@ def _list_change(key: str, old: list[Number], new: list[Number]) -> Change | Non
     noise = ROUNDING * max(map(abs, [*old, *new]))
     sizes = [abs(b - a) for a, b in zip(old, new, strict=True)]
     n = sizes.index(max(sizes))
-    found = Change(
+    change = Change(
         key=f"{key}.{n}",
         old=old[n],
         new=new[n],
         note=f"the largest of {len(old)} values",
     )
-    return found if sizes[n] > noise else None
+    return change if sizes[n] > noise else None
 
 
 # A name that ends in the unit of a time, or says that it is measured by one.
@@ -197,11 +207,11 @@ _TIME_WORDS = ("took", "seconds", "faster", "slower", "step_ms", "per_s", "ratio
 
 
 def _is_time(key: str) -> bool:
+    words = key.split(".")
     # Steps and saved times of a run are inputs.
-    parts = key.split(".")
-    if any(part in ("dt_s", "save_at", "end_s", "saved_s") for part in parts):
+    if any(word in ("dt_s", "save_at", "end_s", "saved_s") for word in words):
         return False
     return any(
-        part.endswith(_TIME_ENDINGS) or any(word in part for word in _TIME_WORDS)
-        for part in parts
+        word.endswith(_TIME_ENDINGS) or any(mark in word for mark in _TIME_WORDS)
+        for word in words
     )

@@ -21,46 +21,46 @@ _MAX_TEXT = 48
 
 
 def compare_results(old: Path, new: Path, as_json: bool) -> None:
-    """Print what changed between two results, or write it as JSON.
+    """Print the changes between two results, or write them as JSON.
 
     Raises:
         InputError: if one of them cannot be read, or they are of two kinds.
     """
-    found = compare(read_result(old), read_result(new))
+    comparison = compare(read_result(old), read_result(new))
     if as_json:
-        sys.stdout.write(json.dumps(found.as_dict(), indent=2) + "\n")
+        sys.stdout.write(json.dumps(comparison.as_dict(), indent=2) + "\n")
     else:
-        _show(open_console(), found)
+        _show(open_console(), comparison)
 
 
 def report_results(folder: Path) -> None:
-    """Write the index page of a folder and say what is on it.
+    """Write the index page of a folder and print a summary.
 
     Raises:
         InputError: if the folder does not exist, holds no result or cannot be written.
     """
     console = open_console()
     with status(console, "reading the results"):
-        found = list(find_results(folder))
-        page = write_index(folder, found)
-    damaged = [each for each in found if isinstance(each, Damaged)]
+        results = list(find_results(folder))
+        page = write_index(folder, results)
+    damaged = [result for result in results if isinstance(result, Damaged)]
     for each in damaged:
         print_line(console, f"not readable: {each.file}: {each.reason}")
-    print_line(console, f"{count(len(found) - len(damaged), 'result')} in {page}")
+    print_line(console, f"{count(len(results) - len(damaged), 'result')} in {page}")
 
 
-def _show(console: Console, found: Comparison) -> None:
-    parts = (
-        ("config", found.config),
-        ("versions and machine", found.origin),
-        ("numbers, beyond noise", found.numbers),
+def _show(console: Console, comparison: Comparison) -> None:
+    groups = (
+        ("config", comparison.config),
+        ("versions and machine", comparison.origin),
+        ("numbers, beyond noise", comparison.numbers),
     )
-    for title, changes in parts:
+    for title, changes in groups:
         if changes:
             console.print(_table(title, changes).rich(), soft_wrap=False)
-    for remark in found.remarks:
+    for remark in comparison.remarks:
         print_line(console, f"note: {remark}")
-    changed = any(changes for _, changes in parts)
+    changed = any(changes for _, changes in groups)
     last = "nothing else changed" if changed else "nothing changed"
     print_line(console, last)
 
@@ -71,10 +71,11 @@ def _table(title: str, changes: tuple[Change, ...]) -> Table:
         for change in changes
     ]
     columns = ["", "old", "new", ""]
-    # A column of notes only where there is one.
+    # Without a note the column of notes is left out.
     if not any(change.note for change in changes):
-        columns, rows = columns[:3], [row[:3] for row in rows]
-    return Table(columns, rows, title, left=(0, 3), framed=False)
+        columns = columns[:3]
+        rows = [row[:3] for row in rows]
+    return Table(columns, rows, title=title, left=(0, 3), framed=False)
 
 
 def _text(value: Any) -> str:

@@ -1,5 +1,6 @@
-"""`experiments compare`: what changed between two results, beyond noise."""
+"""`experiments compare`: changes between two results beyond noise."""
 
+import math
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
@@ -11,8 +12,8 @@ from .run_changes import run_changes
 
 
 _ORIGIN = ("versions", "device", "processor", "commit", "program_hash", "seed")
-# Half the last digit of a temperature of some 300 K in float32, for errors in kelvin.
 _KELVIN_ROUNDING = 3e-5
+"""Half the last digit of a temperature of some 300 K in float32 [K]."""
 _FIT_ROUNDING = 1e-3
 """Relative difference of two fits that stop at the same minimum [-]: near it the errors
 hardly change, and rounding decides where the fit stops."""
@@ -29,17 +30,16 @@ class Comparison(NamedTuple):
     numbers: tuple[Change, ...]
     """Results that changed beyond noise."""
     remarks: tuple[str, ...]
-    """Values that could not be compared, and why."""
+    """Reasons why some values could not be compared."""
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values for JSON."""
-        plain = lambda changes: [change.as_dict() for change in changes]
         return {
             "kind": self.kind,
             "results": list(self.names),
-            "config": plain(self.config),
-            "origin": plain(self.origin),
-            "numbers": plain(self.numbers),
+            "config": [change.as_dict() for change in self.config],
+            "origin": [change.as_dict() for change in self.origin],
+            "numbers": [change.as_dict() for change in self.numbers],
             "remarks": list(self.remarks),
         }
 
@@ -61,10 +61,11 @@ def compare(old: Result, new: Result) -> Comparison:
             f"{old.folder} is of the experiment {experiments[0]} and {new.folder} of "
             f"{experiments[1]}: compare two results of one experiment"
         )
-    numbers, remarks = [], []
+    numbers = []
+    remarks = []
     try:
-        for found in _NUMBERS[old.kind](old, new):
-            (remarks if isinstance(found, str) else numbers).append(found)
+        for change in _NUMBERS[old.kind](old, new):
+            (remarks if isinstance(change, str) else numbers).append(change)
     except NOT_AS_WRITTEN as error:
         raise InputError(
             f"{old.folder} and {new.folder} cannot be compared: one of them is damaged "
@@ -82,41 +83,61 @@ def compare(old: Result, new: Result) -> Comparison:
 
 
 def _fit_changes(old: Result, new: Result) -> Iterator[Change | str]:
-    a, b = old.content, new.content
+    a = old.content
+    b = new.content
     if a["ended"] != b["ended"]:
-        yield Change("ended", a["ended"], b["ended"])
+        yield Change("ended", old=a["ended"], new=b["ended"])
     yield from _parameter_changes(a["parameters"], b["parameters"])
     for group in {**a["error_percent"], **b["error_percent"]}:
-        both = [c["error_percent"].get(group, {}) for c in (a, b)]
-        for kind in ("default", "fitted"):
-            key = f"error_percent.{group}.{kind}"
-            yield from _number_change(key, *(e.get(kind, ABSENT) for e in both))
-    yield from _number_change("loss.final", a["loss"]["final"], b["loss"]["final"])
-    if a["verdict"]["pays"] != b["verdict"]["pays"]:
-        yield Change("verdict.pays", a["verdict"]["pays"], b["verdict"]["pays"])
-    speeds = [c["speedup"] for c in (a, b)]
-    if all("times_faster" in speed for speed in speeds):
-        names = ("min", "times_faster", "max")
-        spans = ([speed[n] for n in names if n in speed] for speed in speeds)
-        if change := time_change("speedup.times_faster", *spans):
+        old_errors = a["error_percent"].get(group, {})
+        new_errors = b["error_percent"].get(group, {})
+        for values in ("default", "fitted"):
+            yield from _number_change(
+                f"error_percent.{group}.{values}",
+                old=old_errors.get(values, ABSENT),
+                new=new_errors.get(values, ABSENT),
+            )
+    yield from _number_change(
+        "loss.final", old=a["loss"]["final"], new=b["loss"]["final"]
+    )
+    pays = a["verdict"]["pays"]
+    if pays != b["verdict"]["pays"]:
+        yield Change("verdict.pays", old=pays, new=b["verdict"]["pays"])
+    if all("times_faster" in c["speedup"] for c in (a, b)):
+        change = time_change(
+            "speedup.times_faster",
+            old=_speedups(a["speedup"]),
+            new=_speedups(b["speedup"]),
+        )
+        if change:
             yield change
-    times = [c["run_time_s"] for c in (a, b)]
     for key in ("fit", "one_run", "compile"):
-        if change := time_change(f"run_time_s.{key}", *([t[key]] for t in times)):
+        change = time_change(
+            f"run_time_s.{key}", old=[a["run_time_s"][key]], new=[b["run_time_s"][key]]
+        )
+        if change:
             yield change
+
+
+def _speedups(speedup: dict[str, Any]) -> list[float]:
+    names = ("min", "times_faster", "max")
+    return [speedup[name] for name in names if name in speedup]
 
 
 def _parameter_changes(a: dict[str, Any], b: dict[str, Any]) -> Iterator[Change]:
     for name in {**a, **b}:
         if name not in a or name not in b:
-            value = lambda rows, name=name: rows.get(name, {"value": ABSENT})["value"]
-            yield Change(f"parameters.{name}", value(a), value(b))
+            yield Change(
+                f"parameters.{name}",
+                old=a.get(name, {"value": ABSENT})["value"],
+                new=b.get(name, {"value": ABSENT})["value"],
+            )
             continue
-        old, new = a[name], b[name]
+        old = a[name]
+        new = b[name]
         errors = [row["standard_error"] for row in (old, new)]
-        known = [error for error in errors if error is not None]
         # Both values are uncertain; without standard errors only rounding is noise.
-        noise = sum(error**2 for error in known) ** 0.5 if len(known) == 2 else 0.0
+        noise = 0.0 if None in errors else math.hypot(*errors)
         if differ(
             old["value"], new=new["value"], relative=_FIT_ROUNDING, absolute=noise
         ):
@@ -127,36 +148,40 @@ def _parameter_changes(a: dict[str, Any], b: dict[str, Any]) -> Iterator[Change]
             )
         if old["verdict"] != new["verdict"]:
             key = f"parameters.{name}.verdict"
-            yield Change(key, old["verdict"], new["verdict"])
+            yield Change(key, old=old["verdict"], new=new["verdict"])
 
 
 def _number_change(key: str, old: Any, new: Any) -> Iterator[Change]:
     if ABSENT in (old, new):
         if old is not new:
-            yield Change(key, old, new)
+            yield Change(key, old=old, new=new)
     elif differ(old, new, _FIT_ROUNDING):
         yield Change(key=key, old=old, new=new, note=f"{new - old:+.3g}")
 
 
 def _sweep_changes(old: Result, new: Result) -> Iterator[Change | str]:
-    a, b = ({_case_name(row): row for row in r.rows} for r in (old, new))
+    a = {_case_name(row): row for row in old.rows}
+    b = {_case_name(row): row for row in new.rows}
     for name in a.keys() - b.keys():
-        yield Change(name, "a row", ABSENT)
+        yield Change(name, old="a row", new=ABSENT)
     for name in b.keys() - a.keys():
-        yield Change(name, ABSENT, "a row")
+        yield Change(name, old=ABSENT, new="a row")
     for name in (name for name in a if name in b):
-        yield from _row_changes(name, a[name], b[name])
-        pairs = (old, a[name]), (new, b[name])
-        times = (result.times.get(row["id"], []) for result, row in pairs)
-        if change := time_change(f"{name}: loop [s]", *times):
+        yield from _row_changes(name, old=a[name], new=b[name])
+        change = time_change(
+            f"{name}: loop [s]",
+            old=old.times.get(a[name]["id"], []),
+            new=new.times.get(b[name]["id"], []),
+        )
+        if change:
             yield change
 
 
 def _case_name(row: Row) -> str:
     """Choice and load of a sweep's row, in words."""
     choice = row.get("choice", {})
-    parts = [f"{axis} {label}" for axis, label in sorted(choice.items())]
-    return ", ".join([*parts, f"load {row.get('load', '-')}"])
+    labels = [f"{axis} {label}" for axis, label in sorted(choice.items())]
+    return ", ".join([*labels, f"load {row.get('load', '-')}"])
 
 
 # Fields of an error and their absolute rounding.
@@ -168,34 +193,40 @@ _ERRORS = {
 
 
 def _row_changes(name: str, old: Row, new: Row) -> Iterator[Change]:
-    failed = [row.get("failed", ABSENT) for row in (old, new)]
-    if failed[0] != failed[1]:
-        yield Change(f"{name}: failed", *failed)
+    old_failure = old.get("failed", ABSENT)
+    new_failure = new.get("failed", ABSENT)
+    if old_failure != new_failure:
+        yield Change(f"{name}: failed", old=old_failure, new=new_failure)
     for key in ("nodes", "links", "steps"):
-        a, b = old.get(key), new.get(key)
+        a = old.get(key)
+        b = new.get(key)
         if a != b and a is not None and b is not None:
-            yield Change(f"{name}: {key}", a, b)
+            yield Change(f"{name}: {key}", old=a, new=b)
     for key, rounding in _ERRORS.items():
-        a, b = ((row.get("error") or {}).get(key) for row in (old, new))
+        a = (old.get("error") or {}).get(key)
+        b = (new.get("error") or {}).get(key)
         if a is not None and b is not None and differ(a, b, absolute=rounding):
             yield Change(key=f"{name}: {key}", old=a, new=b, note=f"{b - a:+.3g}")
 
 
 def _plain_changes(old: Result, new: Result) -> Iterator[Change | str]:
-    bodies = [
-        {k: v for k, v in r.body.items() if k not in _NOT_NUMBERS} for r in (old, new)
-    ]
-    yield from plain_changes(*bodies)
-    # An experiment may have rows of the same form as a sweep's.
+    yield from plain_changes(_numbers_of(old), _numbers_of(new))
+    # An experiment may have rows in the form of a sweep's.
     if any("choice" in row for r in (old, new) for row in r.rows):
         yield from _sweep_changes(old, new)
 
 
+def _numbers_of(result: Result) -> dict[str, Any]:
+    return {k: v for k, v in result.body.items() if k not in _NOT_NUMBERS}
+
+
 def _plan_changes(old: Result, new: Result) -> Iterator[Change | str]:
-    # What was tried on the way follows from the search, and is no result.
+    # The trials of the search are no results.
     names = ("chosen", "miss", "run_time_s", "reference")
-    bodies = [{n: r.content.get(n) for n in names} for r in (old, new)]
-    yield from plain_changes(*bodies)
+    yield from plain_changes(
+        {name: old.content.get(name) for name in names},
+        {name: new.content.get(name) for name in names},
+    )
 
 
 _NOT_NUMBERS = {"config", "config_hash", "files", "date", *_ORIGIN}

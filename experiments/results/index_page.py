@@ -19,7 +19,7 @@ from .changes import is_number
 from .read import NOT_AS_WRITTEN, Damaged, Kind, Result, Row
 
 
-INDEX = "index.html"
+_INDEX = "index.html"
 _TITLES: dict[Kind, str] = {
     "experiment": "Experiments",
     "sweep": "Sweeps",
@@ -35,31 +35,31 @@ _FIXED_SPACE = "\N{NO-BREAK SPACE}"
 _REPORTS = ("report.html", "front.html")
 
 
-def write_index(folder: Path, found: Sequence[Result | Damaged]) -> Path:
+def write_index(folder: Path, found_results: Sequence[Result | Damaged]) -> Path:
     """Write the page into the folder, replacing an earlier one.
 
     Raises:
         InputError: if there is nothing to show, or the folder cannot be written.
     """
-    if not found:
+    if not found_results:
         raise InputError(f"{folder}: no result in it or below; name another folder")
-    results = [each for each in found if isinstance(each, Result)]
-    damaged = [each for each in found if isinstance(each, Damaged)]
-    counts = [(t, [r for r in results if r.kind == k]) for k, t in _TITLES.items()]
+    results = [result for result in found_results if isinstance(result, Result)]
+    damaged = [result for result in found_results if isinstance(result, Damaged)]
     sections: list[page.Section] = []
-    for title, each in counts:
-        if each:
+    words = []
+    for kind, title in _TITLES.items():
+        of_kind = [result for result in results if result.kind == kind]
+        if of_kind:
             # The newest first.
-            each.sort(key=lambda result: result.date, reverse=True)
-            cards = [_card(folder, result) for result in each]
+            of_kind.sort(key=lambda result: result.date, reverse=True)
+            cards = [_card(folder, result) for result in of_kind]
             sections += [page.heading(title), page.cards(cards)]
+            words.append(count(len(of_kind), title.lower().removesuffix("s")))
     if damaged:
         sections += [page.heading("Damaged or not finished"), _damaged(folder, damaged)]
-    noun = lambda title: title.lower().removesuffix("s")
-    words = [count(len(each), noun(title)) for title, each in counts if each]
     words += [f"{len(damaged)} damaged or not finished"] if damaged else []
     head = f"{', '.join(words)}; the newest of each kind first."
-    path = folder / INDEX
+    path = folder / _INDEX
     title = f"Results in {folder.resolve().name}"
     page_sections = [page.paragraph(head, note=True), *sections]
     page.write_page(path, title, page_sections)
@@ -69,29 +69,30 @@ def write_index(folder: Path, found: Sequence[Result | Damaged]) -> Path:
 def _card(folder: Path, result: Result) -> page.Card:
     inside = result.folder.relative_to(folder)
     report = next((n for n in _REPORTS if (result.folder / n).is_file()), None)
-    known = result.content
-    code = [f"commit {known['commit']}"] if "commit" in known else []
+    content = result.content
+    code = [f"commit {content['commit']}"] if "commit" in content else []
     code += [f"config {result.config_hash}"] if result.config_hash else []
-    made = [f"{result.date:%Y-%m-%d %H:%M} UTC", str(known.get("processor", ""))]
+    origin = [f"{result.date:%Y-%m-%d %H:%M} UTC", str(content.get("processor", ""))]
     where = "" if str(inside) == "." else f"{inside}/"
     return page.Card(
-        result.name,
-        quote(f"{where}{report or result.file.name}"),
-        _figures(result),
-        [where or "this folder", _joined(made), _joined(code)],
-        _thumbnail(result.folder),
+        title=result.name,
+        link=quote(f"{where}{report or result.file.name}"),
+        lines=_figures(result),
+        notes=[where or "this folder", _joined(origin), _joined(code)],
+        png=_thumbnail(result.folder),
     )
 
 
 def _joined(words: Sequence[str]) -> str:
     # A line breaks between the words and not within them.
-    whole = (word.replace(" ", _FIXED_SPACE) for word in words if word)
-    return " \N{MIDDLE DOT} ".join(whole)
+    unbroken = (word.replace(" ", _FIXED_SPACE) for word in words if word)
+    return " \N{MIDDLE DOT} ".join(unbroken)
 
 
 def _damaged(folder: Path, damaged: Sequence[Damaged]) -> Table:
     rows = [
-        [str(each.file.relative_to(folder)), prose(each.reason)] for each in damaged
+        [str(result.file.relative_to(folder)), prose(result.reason)]
+        for result in damaged
     ]
     return Table(["file", "reason"], rows, left=(0, 1))
 
@@ -111,8 +112,9 @@ def _run_size(result: Result) -> str:
 
 
 def _run_temperatures(result: Result) -> str:
-    found = [body["surface_temperature_K"] for body in result.content["bodies"]]
-    low, high = min(b["min"][-1] for b in found), max(b["max"][-1] for b in found)
+    temperatures = [body["surface_temperature_K"] for body in result.content["bodies"]]
+    low = min(body["min"][-1] for body in temperatures)
+    high = max(body["max"][-1] for body in temperatures)
     return f"surface {low:.2f} to {high:.2f} K at {result.content['times_s'][-1]:g} s"
 
 
@@ -121,19 +123,19 @@ def _run_truth(result: Result) -> str:
     return _error_words(error, "error against the truth")
 
 
-def _error_words(error: dict[str, Any], what: str) -> str:
+def _error_words(error: dict[str, Any], subject: str) -> str:
     percent = error.get("worst_rms_percent")
     relative = "" if percent is None else f", {significant(percent)} %"
-    return f"{what}: {significant(error['worst_rms_kelvin'])} K{relative}"
+    return f"{subject}: {significant(error['worst_rms_kelvin'])} K{relative}"
 
 
 def _fit_errors(result: Result) -> str:
     errors = result.content["error_percent"]
     words = {"train": "error fitted", "held_out": "held out"}
     return "; ".join(
-        f"{words[group]} {significant(both['default'])} to "
-        f"{significant(both['fitted'])}{_FIXED_SPACE}%"
-        for group, both in errors.items()
+        f"{words[group]} {significant(percent['default'])} to "
+        f"{significant(percent['fitted'])}{_FIXED_SPACE}%"
+        for group, percent in errors.items()
     )
 
 
@@ -205,7 +207,8 @@ def _table_size(result: Result) -> str:
 
 def _reduced_size(result: Result) -> str:
     c = result.content
-    offline, online = seconds(c["offline_s"]), seconds(c["online_s"])
+    offline = seconds(c["offline_s"])
+    online = seconds(c["online_s"])
     return f"{c['size']} vectors, {offline} offline, {online} online"
 
 

@@ -18,9 +18,10 @@ Row = dict[str, Any]
 
 NOT_AS_WRITTEN = (KeyError, TypeError, ValueError, IndexError, AttributeError)
 """Errors of a program that reads values of another form than it expects."""
-# In the order in which a folder is asked for them.
+# In the order in which they are searched for in a folder.
 _FILES = ("fit.json", "summary.json", "result.json", "plan.json")
-_ROWS, _TIMES = "rows.jsonl", "times.jsonl"
+_ROWS = "rows.jsonl"
+_TIMES = "times.jsonl"
 # Folders of files that belong to a result.
 _PARTS = frozenset({"frames", "arrays", "pictures", "contacts", "__pycache__"})
 _MAKERS = "`jaxthermo simulate`, `calibrate fit` or `experiments` wrote"
@@ -40,7 +41,7 @@ class Result:
     kind: Kind
     file: Path
     content: dict[str, Any]
-    """The whole of the file."""
+    """Content of the file."""
     rows: tuple[Row, ...] = ()
     """Rows of a sweep or an experiment, the last one of each id."""
     times: dict[str, list[float]] = field(default_factory=dict)
@@ -53,7 +54,7 @@ class Result:
 
     @property
     def body(self) -> dict[str, Any]:
-        """Its values: an experiment's lie below the ones that all results have."""
+        """Values of the result; those of an experiment are in its entry `result`."""
         return self.content["result"] if self.kind == "experiment" else self.content
 
     @property
@@ -79,7 +80,7 @@ class Result:
 
     @property
     def date(self) -> datetime:
-        """Time at which it was finished; that of the file if the result says none."""
+        """Time of the end of the run; that of the file if the result has none."""
         try:
             return datetime.fromisoformat(self.content["date"]).astimezone(UTC)
         except NOT_AS_WRITTEN:
@@ -87,7 +88,7 @@ class Result:
 
 
 class Damaged(NamedTuple):
-    """A result that cannot be read, and why not."""
+    """A result that cannot be read, with the reason."""
 
     file: Path
     reason: str
@@ -119,17 +120,17 @@ def find_results(folder: Path) -> Iterator[Result | Damaged]:
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; name one with results")
-    for here, below, files in os.walk(folder):
+    for place, below, files in os.walk(folder):
         hidden = {name for name in below if name.startswith(".")}
         below[:] = sorted(set(below) - hidden - _PARTS)
-        found = [Path(here) / name for name in _FILES if name in files]
-        for file in found:
+        result_files = [Path(place) / name for name in _FILES if name in files]
+        for file in result_files:
             try:
                 yield _read(file)
             except InputError as error:
                 yield Damaged(file, str(error).removeprefix(f"{file}: "))
-        if not found and _ROWS in files:
-            yield Damaged(Path(here) / _ROWS, _UNFINISHED)
+        if not result_files and _ROWS in files:
+            yield Damaged(Path(place) / _ROWS, _UNFINISHED)
 
 
 _UNFINISHED = "not finished: it has rows, and no result.json; the same command goes on"
@@ -137,12 +138,13 @@ _UNFINISHED = "not finished: it has rows, and no result.json; the same command g
 
 def _read(file: Path) -> Result:
     if file.name == "fit.json":
-        return Result("fit", file, read_fit(file))
+        return Result("fit", file=file, content=read_fit(file))
     if file.name == "plan.json":
         record = read_record(
             file, format_name="plan", version=1, remedy="run `calibrate plan` again"
         )
-        return Result("plan", file, record | record.get("provenance", {}))
+        content = record | record.get("provenance", {})
+        return Result("plan", file=file, content=content)
     content = _read_json(file)
     kind = _kind(file, content)
     if missing := [key for key in _REQUIRED[kind] if key not in content]:
@@ -150,7 +152,7 @@ def _read(file: Path) -> Result:
     if kind == "experiment" and not isinstance(content["result"], dict):
         raise InputError(f"{file}: result has no values: damaged, or no result")
     if kind in ("run", "reduced model"):
-        return Result(kind, file, content)
+        return Result(kind, file=file, content=content)
     times = {
         row["id"]: row["loop_s"]
         for row in _read_rows(file.with_name(_TIMES))
@@ -188,12 +190,12 @@ def _read_json(file: Path) -> dict[str, Any]:
 def _read_rows(file: Path) -> tuple[Row, ...]:
     if not file.exists():
         return ()
-    found = {}
+    rows = {}
     for line in file.read_bytes().splitlines():
         try:
             row = json.loads(line)
         except (ValueError, RecursionError):
             continue  # cut off: the command that wrote it computes it again
         if isinstance(row, dict) and "id" in row:
-            found[row["id"]] = row
-    return tuple(found.values())
+            rows[row["id"]] = row
+    return tuple(rows.values())

@@ -1,7 +1,6 @@
 """Changes between two runs of `jaxthermo simulate`, beyond noise."""
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,32 +24,35 @@ _POINTS = 10_000
 
 def run_changes(old: Result, new: Result) -> Iterator[Change | str]:
     """Counts, surface temperatures, probes, energies and times that changed."""
-    a, b = old.content, new.content
+    a = old.content
+    b = new.content
     for key in _COUNTS:
-        left, right = a.get(key, ABSENT), b.get(key, ABSENT)
+        left = a.get(key, ABSENT)
+        right = b.get(key, ABSENT)
         if left != right:
-            yield Change(key, left, right)
-    yield from _surface_changes(old.folder, b=new.folder, old=a, new=b)
+            yield Change(key, old=left, new=right)
+    yield from _surface_changes(old, new)
     yield from _truth_changes(a.get("truth_error"), b.get("truth_error"))
     yield from _probe_changes(a, b)
     yield from _energy_changes(a, b)
     for key in _TIMES:
-        if change := time_change(key, *([c[key]] for c in (a, b) if key in c)):
-            yield change
-    memory = [c.get("peak_memory_bytes", 0) for c in (a, b)]
-    if differ(*memory, relative=_MEMORY_ROUNDING):
-        yield Change("peak_memory_bytes", *memory)
+        if key in a and key in b:
+            change = time_change(key, old=[a[key]], new=[b[key]])
+            if change:
+                yield change
+    left = a.get("peak_memory_bytes", 0)
+    right = b.get("peak_memory_bytes", 0)
+    if differ(left, right, relative=_MEMORY_ROUNDING):
+        yield Change("peak_memory_bytes", old=left, new=right)
 
 
-def kelvin_noise(largest: Number) -> float:
+def _kelvin_noise(largest: Number) -> float:
     """Difference of temperatures up to `largest` [K] that is rounding [K]."""
     return _KELVIN_ROUNDINGS * float(np.finfo(np.float32).eps) * largest
 
 
-def _surface_changes(
-    a: Path, b: Path, old: dict[str, Any], new: dict[str, Any]
-) -> Iterator[Change | str]:
-    files = [folder / "solution.npz" for folder in (a, b)]
+def _surface_changes(old: Result, new: Result) -> Iterator[Change | str]:
+    files = [result.folder / "solution.npz" for result in (old, new)]
     if all(file.exists() for file in files):
         try:
             first, second = (load_solution(file) for file in files)
@@ -60,7 +62,7 @@ def _surface_changes(
             yield f"the surface temperatures were not compared point by point: {error}"
     else:
         yield "a solution.npz is missing: surface temperatures by their summaries only"
-    yield from _summary_changes(old, new)
+    yield from _summary_changes(old.content, new.content)
 
 
 def _solution_changes(
@@ -72,16 +74,16 @@ def _solution_changes(
         how = "at the same surface cells"
         top = f"at most {float(error.max_percent.max()):.3g} % of the range"
     except InputError:
-        # Of other voxels, or of another structure's surface.
-        error = truth_error(second, first, _POINTS)
+        # The voxels or the surfaces of the structures differ.
+        error = truth_error(second, reference=first, count=_POINTS)
         how = "at points on the mesh"
         top = f"99 % within {float(error.worst_p99_kelvin):.3g} K"
     rms = np.asarray(error.rms_kelvin, float)
-    if rms.max() > kelvin_noise(largest):
+    if rms.max() > _kelvin_noise(largest):
         worst = int(rms.argmax())
         percent = float(np.asarray(error.rms_percent)[worst])
-        at = float(error.times[worst])
-        note = f"{how}, at {at:g} s; {percent:.3g} %; {top}"
+        time = float(error.times[worst])
+        note = f"{how}, at {time:g} s; {percent:.3g} %; {top}"
         name = "surface temperature: RMS of the change [K]"
         yield Change(key=name, old=0.0, new=rms[worst], note=note)
 
@@ -89,19 +91,21 @@ def _solution_changes(
 def _summary_changes(old: dict[str, Any], new: dict[str, Any]) -> Iterator[Change]:
     for index, (a, b) in enumerate(zip(old["bodies"], new["bodies"], strict=False)):
         for name in ("min", "mean", "max"):
-            pair = [body["surface_temperature_K"][name] for body in (a, b)]
-            key = f"bodies.{index}: {name} of the surface [K]"
-            yield from _temperature_change(key, *pair)
+            yield from _temperature_change(
+                f"bodies.{index}: {name} of the surface [K]",
+                old=a["surface_temperature_K"][name],
+                new=b["surface_temperature_K"][name],
+            )
 
 
 def _temperature_change(
     key: str, old: list[Number], new: list[Number]
 ) -> Iterator[Change]:
     if len(old) != len(new):
-        yield Change(key, f"{len(old)} times", f"{len(new)} times")
+        yield Change(key, old=f"{len(old)} times", new=f"{len(new)} times")
         return
     size = np.abs(np.subtract(new, old))
-    if len(size) and size.max() > kelvin_noise(float(np.abs(old).max())):
+    if len(size) and size.max() > _kelvin_noise(float(np.abs(old).max())):
         worst = int(size.argmax())
         note = f"{new[worst] - old[worst]:+.3g} K"
         yield Change(key=key, old=old[worst], new=new[worst], note=note)
@@ -109,43 +113,57 @@ def _temperature_change(
 
 def _truth_changes(old: Any, new: Any) -> Iterator[Change]:
     if (old is None) != (new is None):
-        value = lambda error: ABSENT if error is None else error["worst_rms_kelvin"]
-        yield Change("truth_error.worst_rms_kelvin", value(old), value(new))
+        yield Change(
+            "truth_error.worst_rms_kelvin",
+            old=ABSENT if old is None else old["worst_rms_kelvin"],
+            new=ABSENT if new is None else new["worst_rms_kelvin"],
+        )
     if old is None or new is None:
         return
     for name in ("worst_rms_kelvin", "worst_p99_kelvin", "worst_lost_fraction"):
-        a, b = old[name], new[name]
-        if differ(a, b, absolute=kelvin_noise(300.0) if "kelvin" in name else 0.0):
+        a = old[name]
+        b = new[name]
+        noise = _kelvin_noise(300.0) if "kelvin" in name else 0.0
+        if differ(a, b, absolute=noise):
             yield Change(key=f"truth_error.{name}", old=a, new=b, note=f"{b - a:+.3g}")
 
 
 def _probe_changes(old: dict[str, Any], new: dict[str, Any]) -> Iterator[Change]:
-    a, b = (content.get("probes", {}) for content in (old, new))
+    a = old.get("probes", {})
+    b = new.get("probes", {})
     for name in {**a, **b}:
         key = f"probes.{name} [K]"
         if name in a and name in b:
-            pair = (probes[name]["temperature_K"] for probes in (a, b))
-            yield from _temperature_change(key, *pair)
+            yield from _temperature_change(
+                key, old=a[name]["temperature_K"], new=b[name]["temperature_K"]
+            )
         else:
-            has = lambda probes, name=name: "a probe" if name in probes else ABSENT
-            yield Change(key, has(a), has(b))
+            yield Change(
+                key,
+                old="a probe" if name in a else ABSENT,
+                new="a probe" if name in b else ABSENT,
+            )
 
 
 def _energy_changes(old: dict[str, Any], new: dict[str, Any]) -> Iterator[Change]:
-    a, b = (
-        {k: v for k, v in content.get("energy", {}).items() if k.endswith("_J")}
-        for content in (old, new)
-    )
-    # Small parts of the balance are differences of its large ones.
-    values = (v for part in (a, b) for row in part.values() for v in row)
+    a = _energies(old)
+    b = _energies(new)
+    # Small terms of the balance are differences of its large ones.
+    values = (v for terms in (a, b) for row in terms.values() for v in row)
     scale = max(map(abs, values), default=0)
     for name in {**a, **b}:
-        left, right = (part.get(name) or [ABSENT] for part in (a, b))
-        first, second = left[-1], right[-1]
+        first = (a.get(name) or [ABSENT])[-1]
+        second = (b.get(name) or [ABSENT])[-1]
         key = f"energy.{name}, at the end"
         if not is_number(first) or not is_number(second):
-            yield Change(key, first, second)
+            yield Change(key, old=first, new=second)
         elif differ(first, second, absolute=ROUNDING * scale):
             yield Change(
                 key=key, old=first, new=second, note=f"{second - first:+.3g} J"
             )
+
+
+def _energies(content: dict[str, Any]) -> dict[str, list[Number]]:
+    """Terms of the energy balance at the saved times [J]."""
+    energy = content.get("energy", {})
+    return {name: row for name, row in energy.items() if name.endswith("_J")}

@@ -24,21 +24,25 @@ from .weights import compare_with_fit
 
 
 _MAX_LINES = 40
-"""Choices that are listed on a terminal."""
-_EVERY_S = 30.0
-"""Interval of the lines that stand for a progress bar in a pipe [s]."""
+"""Largest number of choices listed on a terminal."""
+_INTERVAL_S = 30.0
+"""Interval of the lines that replace a progress bar in a pipe [s]."""
 
 
 class _Bar(Log):
     # A bar on a terminal; in a pipe a line now and then.
     def __init__(self, console: Console, bar: Progress):
-        self._console, self._bar = console, bar
+        self._console = console
+        self._bar = bar
         self._task = bar.add_task("starting", total=None)
-        self._done, self._total, self._said = 0, None, time.monotonic()
+        self._done = 0
+        self._total: int | None = None
+        self._last_line = time.monotonic()
 
     @override
     def stage(self, text: str, done: int = 0, total: int | None = None) -> None:
-        self._done, self._total = done, total
+        self._done = done
+        self._total = total
         self._bar.reset(self._task, description=text, total=total, completed=done)
 
     @override
@@ -46,9 +50,10 @@ class _Bar(Log):
         self._done += count
         self._bar.advance(self._task, count)
         if not self._console.is_terminal and (
-            time.monotonic() - self._said > _EVERY_S or self._done == self._total
+            time.monotonic() - self._last_line > _INTERVAL_S
+            or self._done == self._total
         ):
-            self._said = time.monotonic()
+            self._last_line = time.monotonic()
             name = self._bar.tasks[0].description
             self.line(f"{name}: {self._done} of {self._total}")
 
@@ -78,25 +83,25 @@ def sweep(config: Path, out: Path, overrides: tuple[str, ...], options: Options)
     quiet = not console.is_terminal
     with Progress(*columns, console=console, transient=True, disable=quiet) as bar:
         log = _Bar(console, bar)
-        made = run_sweep(
+        result = run_sweep(
             config, folder=out, overrides=overrides, options=options, log=log
         )
-        compared = made.config.compare_with_fit is not None
-        fit = compare_with_fit(made, log) if compared else None
-    write_results(made, fit)
-    console.print(table(made, _MAX_LINES).rich(), soft_wrap=False)
+        compared = result.config.compare_with_fit is not None
+        fit = compare_with_fit(result, log) if compared else None
+    write_results(result, fit)
+    console.print(table(result, _MAX_LINES).rich(), soft_wrap=False)
     if fit is not None:
-        for what in ("sweep", "fit"):
-            own = fit[what]
-            values = ", ".join(f"{k} {v:.4g}" for k, v in own["values"].items())
-            text = f"best by {what}: {values}: {own['rms_percent']:.3g} %"
-            print_line(console, f"{text} in {own['runs']:,} runs")
-    failed = sum("failed" in row for row in made.rows.values())
+        for optimum in ("sweep", "fit"):
+            best = fit[optimum]
+            values = ", ".join(f"{k} {v:.4g}" for k, v in best["values"].items())
+            text = f"best by {optimum}: {values}: {best['rms_percent']:.3g} %"
+            print_line(console, f"{text} in {best['runs']:,} runs")
+    failed = sum("failed" in row for row in result.rows.values())
     if failed:
+        file = out / "result.json"
         print_line(
-            console, f"{failed} cases failed, see {out / 'result.json'}; --retry runs "
-            "them again",
-        )  # fmt: skip
+            console, f"{failed} cases failed, see {file}; --retry runs them again"
+        )
     print_line(console, f"rows.jsonl, result.json and report.html in {out}")
     return failed
 

@@ -1,8 +1,9 @@
-"""Schema of a sweep: a scene, its loads, axes of values, what errors are against."""
+"""Schema of a sweep: a scene, its loads, axes of values, and the reference."""
 
 import hashlib
 import json
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -31,11 +32,10 @@ class LoadConfig(Model):
 
 
 class FitValue(Model):
-    """A fit of weights, made before the cases that run with them."""
+    """A fit of weights, which precedes the cases that run with them."""
 
     calibration: FoundPath
-    """Config of the calibration; the other changes of a choice are made in its scene
-    too."""
+    """Config of the calibration; the other changes of a choice apply to its scene too."""
     set: Changes = {}
     """Changes of the calibration by dotted key, such as `fit.time_norm`."""
 
@@ -119,7 +119,7 @@ class SobolSampling(KindModel, kind="sobol"):
 
 
 class ListSampling(KindModel, kind="list"):
-    """Points that are named: an axis has one label, a list of them, or all of its own.
+    """Points by their labels: one on each axis, a list of them, or all of an axis.
 
     Every combination of the labels of a point is a choice.
     """
@@ -134,9 +134,9 @@ class OptunaSampling(KindModel, kind="optuna"):
     count: Count
     seed: _Seed = 0
     batch: Annotated[Whole, Field(ge=1, le=1000)] = 4
-    """Choices that are asked for at once, whatever the number of workers."""
+    """Number of choices per request, for any number of workers."""
     objective: Literal["front", "error"] = "front"
-    """Error and nodes times steps together, or the error alone."""
+    """Error together with nodes times steps, or the error alone."""
 
 
 Sampling = Annotated[
@@ -147,19 +147,19 @@ Sampling = Annotated[
 
 
 class FitComparison(Model):
-    """A fit of the axes' parameters, whose optimum is shown beside the sweep's."""
+    """A fit of the axes' parameters, whose optimum is compared with the sweep's."""
 
     calibration: FoundPath
     """Config of the calibration, with `reference: truth`."""
 
 
 class GoalConfig(Model):
-    """An error that some choice of so many nodes has to keep to."""
+    """Largest error of the best choice within a number of nodes."""
 
     nodes: Annotated[Whole, Field(ge=1)]
-    """At most."""
+    """Largest number of nodes."""
     error_percent: Annotated[Number, Field(gt=0)]
-    """At most, at every saved time under every load."""
+    """Largest error at all saved times under all loads [%]."""
 
 
 class SweepConfig(Model):
@@ -175,61 +175,66 @@ class SweepConfig(Model):
     """Values by the name of the axis."""
     sampling: Sampling = GridSampling()
     truth: AbsoluteReference
-    """Runs of finer voxels, which errors are measured from."""
+    """Runs of finer voxels, the reference of all errors."""
     repeats: Annotated[Whole, Field(ge=2, le=100)] = 5
     """Number of times that every loop is timed."""
     goals: tuple[GoalConfig, ...] | None = None
-    """Errors that the page shows beside the best choices of so many nodes."""
+    """Errors to which the page compares the best choices within numbers of nodes."""
     compare_with_fit: FitComparison | None = None
     """Fit that is compared with a sweep over one or two weights."""
 
     def mistakes(self) -> list[Mistake]:
         """No axes, names given twice, and points that name nothing."""
-        found: list[Mistake] = []
+        mistakes: list[Mistake] = []
         if not self.axes:
-            found.append((("axes",), "an empty sweep: give an axis at least"))
+            mistakes.append((("axes",), "an empty sweep: give an axis at least"))
         names = [load.name for load in self.loads]
-        found += [
+        mistakes += [
             (("loads", i), f"'{name}' is there twice")
             for i, name in enumerate(names)
             if name in names[:i]
         ]
         for name, axis in self.axes.items():
-            given = labels(axis)
-            found += [
+            axis_labels = labels(axis)
+            mistakes += [
                 (("axes", name, i), f"'{label}' is there twice")
-                for i, label in enumerate(given)
-                if label in given[:i]
+                for i, label in enumerate(axis_labels)
+                if label in axis_labels[:i]
             ]
             in_grid = isinstance(self.sampling, GridSampling | ListSampling)
             if in_grid and isinstance(axis, RangeAxis) and axis.count is None:
                 message = "missing: how many values a grid has of it"
-                found.append((("axes", name, "count"), message))
-        return [*found, *self._points()]
+                mistakes.append((("axes", name, "count"), message))
+        return [*mistakes, *self._points()]
 
     def _points(self) -> list[Mistake]:
         if not isinstance(self.sampling, ListSampling):
             return []
-        found: list[Mistake] = []
+        mistakes: list[Mistake] = []
         for i, point in enumerate(self.sampling.points):
-            for name, given in point.items():
+            for name, point_labels in point.items():
                 where = ("sampling", "points", i, name)
                 if name not in self.axes:
                     axes = ", ".join(self.axes)
-                    found.append((where, f"names no axis; there are {axes}"))
+                    mistakes.append((where, f"names no axis; there are {axes}"))
                     continue
-                known = labels(self.axes[name])
-                wanted = given if isinstance(given, list) else [given]
-                found += [
-                    (where, f"the axis has no '{label}'; it has {', '.join(known)}")
-                    for label in map(text_of, wanted)
-                    if label not in known
+                axis_labels = labels(self.axes[name])
+                named = (
+                    point_labels if isinstance(point_labels, list) else [point_labels]
+                )
+                mistakes += [
+                    (
+                        where,
+                        f"the axis has no '{label}'; it has {', '.join(axis_labels)}",
+                    )
+                    for label in map(text_of, named)
+                    if label not in axis_labels
                 ]
-        return found
+        return mistakes
 
 
 def text_of(value: Any) -> str:
-    """The label of a plain value."""
+    """Label of a plain value."""
     return value if isinstance(value, str) else json.dumps(value)
 
 
@@ -269,7 +274,7 @@ def load_sweep(
     Args:
         path: of the file, beside which the scene is searched for.
         overrides: texts "a.b=c", applied in order.
-        find_files: False to accept files that are named and do not exist.
+        find_files: False to accept names of files that do not exist.
     """
     path = Path(path)
     needs = "a sweep needs `scene`, `axes` and `truth`"
@@ -278,8 +283,7 @@ def load_sweep(
     try:
         return SweepConfig.model_validate(data, context=context)
     except ValidationError as error:
-        source = lambda where: in_file(path, where)
-        raise InputError(described(error, source)) from error
+        raise InputError(described(error, partial(in_file, path))) from error
 
 
 def resolved(config: SweepConfig) -> dict[str, Any]:
@@ -299,7 +303,7 @@ def sweep_hash(config: SweepConfig) -> str:
     axes = (axis for axis in config.axes.values() if isinstance(axis, tuple))
     fits = [value.fit for axis in axes for value in axis if value.fit is not None]
     compared = [] if config.compare_with_fit is None else [config.compare_with_fit]
-    # Their content counts, as that of the scene.
+    # The contents of the calibrations count, not their names.
     values["calibrations"] = [
         hashlib.sha256(fit.calibration.read_bytes()).hexdigest()
         for fit in (*fits, *compared)

@@ -1,7 +1,7 @@
 """Fits of a sweep: choices whose weights are fitted before their cases run.
 
-A fit is made once, in the folder of the sweep under the hash of its calibration and of
-the program; one that was interrupted continues.
+A fit runs once, in the folder of the sweep under the hash of its calibration and of the
+program; an interrupted one continues.
 """
 
 import hashlib
@@ -30,7 +30,7 @@ def check_fit(config: SweepConfig, choice: Choice) -> None:
 
 
 def with_fit(config: SweepConfig, choice: Choice, folder: Path) -> Choice:
-    """Choice with the weights of its fit, which is made if it is not there.
+    """Choice with the weights of its fit, which runs unless its results exist.
 
     Args:
         config: of the sweep.
@@ -42,15 +42,14 @@ def with_fit(config: SweepConfig, choice: Choice, folder: Path) -> Choice:
     """
     if choice.fit is None:
         return choice
-    path, out = (
-        choice.fit.calibration,
-        folder / "fits" / _calibration_hash(config, choice),
-    )
+    path = choice.fit.calibration
+    out = folder / "fits" / _calibration_hash(config, choice)
     card = out / "card.yaml"
     # Written last: a folder without one is of a fit that was interrupted.
     if not card.is_file():
         try:
-            fit_config(path, out, _overrides(config, choice), report=False)
+            overrides = _overrides(config, choice)
+            fit_config(path, out=out, overrides=overrides, report=False)
         except InputError as error:
             raise InputError(f"fit {path}: {error}") from error
     structure = {**load_card(card).structure, "weights": {"card": str(card.resolve())}}
@@ -60,14 +59,14 @@ def with_fit(config: SweepConfig, choice: Choice, folder: Path) -> Choice:
 def _calibration_hash(config: SweepConfig, choice: Choice) -> str:
     assert choice.fit is not None
     overrides = _overrides(config, choice)
-    made = load_calibration(choice.fit.calibration, overrides)
-    text = f"{calibration_hash(made)} {program_hash(with_calibrate=True)}"
+    calibration = load_calibration(choice.fit.calibration, overrides)
+    text = f"{calibration_hash(calibration)} {program_hash(with_calibrate=True)}"
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _overrides(config: SweepConfig, choice: Choice) -> tuple[str, ...]:
     assert choice.fit is not None
-    # The scene that is fitted has the choice's structure, pitch and solver too.
+    # The fitted scene has the choice's structure, pitch and solver too.
     changes = {**config.set, **choice.set}
     scene: dict[str, Any] = {f"set.{key}": v for key, v in changes.items()}
     overrides = scene | choice.fit.set

@@ -36,7 +36,7 @@ class Choice(NamedTuple):
     set: dict[str, Any]
     """All changes by dotted key."""
     fit: FitValue | None = None
-    """Fit whose weights it has; of several axes with one the last."""
+    """Fit whose weights it has; the last one if several axes have fits."""
 
 
 class Value(NamedTuple):
@@ -58,27 +58,33 @@ def values_of(axis: Axis) -> list[Value]:
 
 
 def choices(config: SweepConfig) -> list[Choice]:
-    """All choices of a sweep but of a study, each once.
+    """All choices of a sweep, each once; none for a study, which finds them.
 
     Raises:
         InputError: if there are none.
     """
     match config.sampling:
         case ListSampling(points=points):
-            found = [made for point in points for made in _named(config.axes, point)]
+            found_choices = [
+                choice for point in points for choice in _named(config.axes, point)
+            ]
         case RandomSampling(count=count, seed=seed):
             generator = np.random.default_rng(seed)
-            found = _at(config.axes, generator.random((count, len(config.axes))))
+            found_choices = _at(
+                config.axes, generator.random((count, len(config.axes)))
+            )
         case SobolSampling(count=count, seed=seed):
             sequence = qmc.Sobol(len(config.axes), rng=np.random.default_rng(seed))
             # Whole powers of two keep the balance of the sequence.
-            whole = sequence.random_base2(int(np.ceil(np.log2(max(count, 1)))))
-            found = _at(config.axes, whole[:count])
+            sequence_points = sequence.random_base2(
+                int(np.ceil(np.log2(max(count, 1))))
+            )
+            found_choices = _at(config.axes, sequence_points[:count])
         case OptunaSampling():
             return []
         case _:
-            found = list(_named(config.axes, {}))
-    unique = {choice.labels: choice for choice in found}
+            found_choices = list(_named(config.axes, {}))
+    unique = {choice.labels: choice for choice in found_choices}
     if not unique:
         raise InputError("axes: an empty sweep: no choice is left")
     return list(unique.values())
@@ -87,23 +93,25 @@ def choices(config: SweepConfig) -> list[Choice]:
 def _named(axes: Mapping[str, Axis], point: Mapping[str, Any]) -> Iterator[Choice]:
     lists = []
     for name, axis in axes.items():
-        given = point.get(name)
-        wanted = given if isinstance(given, list | tuple) else [given]
-        chosen = [text_of(label) for label in wanted]
+        named = point.get(name)
+        listed = named if isinstance(named, list | tuple) else [named]
+        named_labels = [text_of(label) for label in listed]
         values = values_of(axis)
-        lists.append([v for v in values if given is None or v.label in chosen])
+        lists.append([v for v in values if named is None or v.label in named_labels])
     for combination in itertools.product(*lists):
         yield _choice(tuple(axes), combination)
 
 
 def _at(axes: Mapping[str, Axis], unit: Float[np.ndarray, "n a"]) -> list[Choice]:
     """Choices at positions between 0 and 1 on every axis."""
-    found = []
+    choices = []
     for row in unit:
-        pairs = zip(axes.values(), row.tolist(), strict=True)
-        values = [_value_at(axis, position) for axis, position in pairs]
-        found.append(_choice(tuple(axes), tuple(values)))
-    return found
+        values = tuple(
+            _value_at(axis, position)
+            for axis, position in zip(axes.values(), row.tolist(), strict=True)
+        )
+        choices.append(_choice(tuple(axes), values))
+    return choices
 
 
 def _value_at(axis: Axis, position: float) -> Value:
@@ -122,7 +130,7 @@ def _choice(names: tuple[str, ...], values: tuple[Value, ...]) -> Choice:
     for value in values:
         changes |= value.set
     fits = [value.fit for value in values if value.fit is not None]
-    return Choice(labels, changes, fits[-1] if fits else None)
+    return Choice(labels, set=changes, fit=fits[-1] if fits else None)
 
 
 def cases_of(
@@ -134,20 +142,27 @@ def cases_of(
         InputError: for a change that the scene cannot have, such as an axis that
             names nothing.
     """
-    found = []
+    cases = []
     for load in config.loads:
-        changes = config.set, choice.set, load.set
-        made = changed_config(config.scene, *changes, find_meshes=find_meshes)
-        rest = choice.labels, load.name, config.truth
-        found.append(Case(made, *rest, tuple(choice.set.items())))
-    return found
+        scene = changed_config(
+            config.scene, config.set, choice.set, load.set, find_meshes=find_meshes
+        )
+        case = Case(
+            config=scene,
+            names=choice.labels,
+            load=load.name,
+            truth=config.truth,
+            set=tuple(choice.set.items()),
+        )
+        cases.append(case)
+    return cases
 
 
 class Study:
-    """A study of optuna over the axes: asked for choices, told their results.
+    """A study of optuna over the axes, which proposes choices from earlier results.
 
-    The same results in the same order give the same choices, so that a sweep that is
-    resumed asks for those that it has already.
+    Equal results in equal order give equal choices, so that a resumed sweep proposes
+    its finished choices again.
     """
 
     def __init__(self, config: SweepConfig, sampling: OptunaSampling):
@@ -164,22 +179,24 @@ class Study:
                 "another kind"
             ) from error
         optuna.logging.set_verbosity(optuna.logging.ERROR)
-        self._axes, self._pruned = config.axes, optuna.trial.TrialState.FAIL
+        self._axes = config.axes
+        self._failed = optuna.trial.TrialState.FAIL
         self._is_front = sampling.objective == "front"
         directions = ["minimize"] * (2 if self._is_front else 1)
         sampler = optuna.samplers.TPESampler(seed=sampling.seed)
         self._study = optuna.create_study(directions=directions, sampler=sampler)
 
     def ask(self, count: int) -> list[tuple[Any, Choice]]:
-        """Ask for some choices, each with the trial that it belongs to."""
-        found = []
+        """Propose some choices, each with its trial."""
+        asked = []
         for _ in range(count):
             trial = self._study.ask()
             values = tuple(
-                self._suggested(trial, name, axis) for name, axis in self._axes.items()
+                self._suggested(trial, name=name, axis=axis)
+                for name, axis in self._axes.items()
             )
-            found.append((trial, _choice(tuple(self._axes), values)))
-        return found
+            asked.append((trial, _choice(tuple(self._axes), values)))
+        return asked
 
     def _suggested(self, trial: Any, name: str, axis: Axis) -> Value:
         if isinstance(axis, RangeAxis):
@@ -188,8 +205,8 @@ class Study:
         return listed[trial.suggest_categorical(name, list(listed))]
 
     def tell(self, trial: Any, error: float | None, work: float) -> None:
-        """Tell the error of a choice [%] and its work; no error for a failed one."""
+        """Report the error of a choice [%] and its work; None for a failed one."""
         if error is None:
-            self._study.tell(trial, state=self._pruned)
+            self._study.tell(trial, state=self._failed)
             return
         self._study.tell(trial, [error, work] if self._is_front else error)

@@ -2,8 +2,11 @@
 
 import statistics
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from calibrate.problem.reference import program_hash
 from calibrate.runs.case import Case
@@ -23,7 +26,7 @@ from .points import Choice, Study, cases_of, choices
 
 @dataclass(frozen=True)
 class Options:
-    """Options of the command, none of which changes an error."""
+    """Options of the command, which do not change errors."""
 
     workers: int = 1
     scheduler: str | None = None
@@ -31,28 +34,27 @@ class Options:
     times: bool = True
     devices: int = 1
 
-    @property
-    def pool(self) -> tuple[int, str | None, int]:
-        """Workers, scheduler and devices."""
-        return self.workers, self.scheduler, self.devices
+    def open_pool(self) -> AbstractContextManager[Pool]:
+        """Processes that evaluate cases."""
+        return open_pool(self.workers, scheduler=self.scheduler, devices=self.devices)
 
 
 class Log:
     """Progress of a sweep; this one is silent."""
 
     def stage(self, text: str, done: int = 0, total: int | None = None) -> None:
-        """Begin a stage of `total` cases, of which some are done."""
+        """Begin a stage of `total` cases; `done` of them are finished."""
 
     def advance(self, count: int) -> None:
-        """Finish some cases of the stage."""
+        """Count finished cases of the stage."""
 
     def line(self, text: str) -> None:
-        """Tell of something that is done, or went wrong."""
+        """Show a line about a result or a failure."""
 
 
 @dataclass
 class Sweep:
-    """A sweep in its folder, with the rows that it has so far."""
+    """A sweep in its folder, with its rows so far."""
 
     config: SweepConfig
     hash: str
@@ -67,40 +69,46 @@ class Sweep:
     @property
     def choices(self) -> dict[tuple[tuple[str, str], ...], list[Case]]:
         """Cases of each choice."""
-        found: dict[tuple[tuple[str, str], ...], list[Case]] = {}
+        cases_by_choice: dict[tuple[tuple[str, str], ...], list[Case]] = {}
         for case in self.cases:
-            found.setdefault(case.names, []).append(case)
-        return found
+            cases_by_choice.setdefault(case.names, []).append(case)
+        return cases_by_choice
 
 
 def run_sweep(
     path: Path, folder: Path, overrides: Sequence[str], options: Options, log: Log
 ) -> Sweep:
-    """Run what is missing of a sweep.
+    """Run the missing cases of a sweep.
 
     Raises:
         InputError: for a mistake in the config, a folder of another config, or a
             scheduler or disk that fails; finished rows are kept.
-        KeyboardInterrupt: saying how to go on.
+        KeyboardInterrupt: with the way to continue.
     """
     config = load_sweep(path, overrides)
     log.stage("reading the config")
-    chosen = choices(config)
-    for choice in chosen:
+    all_choices = choices(config)
+    for choice in all_choices:
         check_fit(config, choice)
-    # All mistakes, before the folder is made and anything is fitted.
-    cases = [case for choice in chosen for case in _cases(path, config, choice)]
+    # Report all mistakes before anything is written or fitted.
+    cases = [
+        case
+        for choice in all_choices
+        for case in _cases(path, config=config, choice=choice)
+    ]
     sweep = Sweep(config=config, hash=sweep_hash(config), folder=folder, cases=cases)
     _check_devices(sweep, options.devices)
     claim_folder(folder, sweep.hash)
-    if any(choice.fit is not None for choice in chosen):
-        sweep.cases = list(_fitted_cases(path, sweep=sweep, chosen=chosen, log=log))
+    if any(choice.fit is not None for choice in all_choices):
+        sweep.cases = list(
+            _fitted_cases(path, sweep=sweep, all_choices=all_choices, log=log)
+        )
     with replacing(folder / "config.yaml") as temporary:
         temporary.write_text(to_yaml(config), encoding="utf-8")
     try:
         _errors(path, sweep=sweep, options=options, log=log)
         if options.times:
-            _times(sweep, options, log)
+            _times(sweep, options=options, log=log)
     except KeyboardInterrupt:
         done = len(sweep.rows)
         count = _count(sweep)
@@ -123,15 +131,14 @@ def _check_devices(sweep: Sweep, devices: int) -> None:
 
 
 def _fitted_cases(
-    path: Path, sweep: Sweep, chosen: list[Choice], log: Log
+    path: Path, sweep: Sweep, all_choices: list[Choice], log: Log
 ) -> Iterator[Case]:
-    """Cases of choices, those with a fit with its weights."""
-    for choice in chosen:
+    """Cases of choices, with the weights of their fits."""
+    for choice in all_choices:
         if choice.fit is not None:
             log.stage(f"fit of {', '.join(label for _, label in choice.labels)}")
-        yield from _cases(
-            path, sweep.config, with_fit(sweep.config, choice, sweep.folder)
-        )
+        fitted = with_fit(sweep.config, choice=choice, folder=sweep.folder)
+        yield from _cases(path, config=sweep.config, choice=fitted)
 
 
 def _count(sweep: Sweep) -> int:
@@ -179,28 +186,30 @@ class _Evaluator:
         if not missing:
             return
         self._find_truths(missing)
-        self.log.stage("errors", len(cases) - len(missing), len(cases))
-        with open_pool(*self.options.pool) as pool:
+        done = len(cases) - len(missing)
+        self.log.stage("errors", done=done, total=len(cases))
+        with self.options.open_pool() as pool:
             self._run(cases, pool)
 
     def _find_truths(self, missing: Iterable[Case]) -> None:
         # In this process, one after the other: each may fill the memory.
         for case in {case.truth_key: case for case in missing}.values():
             self.log.stage(f"reference of {case.load}")
-            find_truth(case, lambda text, case=case: self.log.line(
-                f"reference of {case.load}: {text}"
-            ))  # fmt: skip
+            find_truth(case, partial(self._announce, case.load))
+
+    def _announce(self, load: str, text: str) -> None:
+        self.log.line(f"reference of {load}: {text}")
 
     def _run(self, cases: Sequence[Case], pool: Pool) -> None:
-        tasks = [
-            Task(group, {case.load: find_truth(case, self.log.line) for case in group})
-            for group in groups(cases)
-            if any(case.id not in self.rows.by_id for case in group)
-        ]
+        tasks = []
+        for group in groups(cases):
+            if any(case.id not in self.rows.by_id for case in group):
+                truths = {case.load: find_truth(case, self.log.line) for case in group}
+                tasks.append(Task(group, truths))
         pictures = self.sweep.folder / "pictures"
         pictures.mkdir(exist_ok=True)
         for task, results in pool(tasks):
-            made = []
+            new_rows = []
             for case, (row, picture) in zip(task.cases, results, strict=True):
                 if case.id in self.rows.by_id:
                     continue
@@ -211,114 +220,118 @@ class _Evaluator:
                 else:
                     names = ", ".join(label for _, label in case.names)
                     self.log.line(f"{names}, {case.load}: failed: {row['failed']}")
-                made.append(row)
-            self.rows.append(made)
-            self.log.advance(len(made))
+                new_rows.append(row)
+            self.rows.append(new_rows)
+            self.log.advance(len(new_rows))
 
     def study(self, path: Path, sampling: OptunaSampling) -> None:
-        config, asked = self.sweep.config, 0
+        config = self.sweep.config
         study = Study(config, sampling)
-        with open_pool(*self.options.pool) as pool:
-            while asked < sampling.count:
-                batch = study.ask(min(sampling.batch, sampling.count - asked))
-                asked += len(batch)
-                cases = [
-                    (
-                        trial,
-                        _cases(
-                            path, config, with_fit(config, choice, self.sweep.folder)
-                        ),
-                    )
-                    for trial, choice in batch
+        requested = 0
+        loads = len(config.loads)
+        with self.options.open_pool() as pool:
+            while requested < sampling.count:
+                batch = study.ask(min(sampling.batch, sampling.count - requested))
+                cases: list[tuple[Any, list[Case]]] = []
+                for trial, choice in batch:
+                    fitted = with_fit(config, choice=choice, folder=self.sweep.folder)
+                    cases.append((trial, _cases(path, config=config, choice=fitted)))
+                batch_cases = [case for _, of_choice in cases for case in of_choice]
+                self._find_truths(c for c in batch_cases if c.id not in self.rows.by_id)
+                # Progress counts cases.
+                self.log.stage(
+                    "errors", done=loads * requested, total=loads * sampling.count
+                )
+                requested += len(batch)
+                self._run(batch_cases, pool)
+                earlier = {case.id for case in self.sweep.cases}
+                self.sweep.cases += [
+                    case for case in batch_cases if case.id not in earlier
                 ]
-                every = [case for _, own in cases for case in own]
-                self._find_truths(c for c in every if c.id not in self.rows.by_id)
-                # Cases, as they are counted while they finish.
-                done, loads = asked - len(batch), len(config.loads)
-                self.log.stage("errors", loads * done, loads * sampling.count)
-                self._run(every, pool)
-                known = {case.id for case in self.sweep.cases}
-                self.sweep.cases += [case for case in every if case.id not in known]
-                for trial, own in cases:
-                    found = [self.rows.by_id[case.id] for case in own]
-                    study.tell(trial, worst_percent(found), _work(found))
+                for trial, choice_cases in cases:
+                    rows = [self.rows.by_id[case.id] for case in choice_cases]
+                    study.tell(trial, error=worst_percent(rows), work=_work(rows))
 
 
 def groups(cases: Sequence[Case]) -> Iterator[tuple[Case, ...]]:
-    """Cases that may run in one program, the same however many have rows."""
-    # A sweep that is resumed must group as one that was left alone: the errors of a
-    # case then have the same rounding.
-    found: dict[str, list[Case]] = {}
+    """Cases that may run in one program, whatever rows exist."""
+    # A resumed sweep must group like an uninterrupted one, so that the errors of a case
+    # have the same rounding.
+    cases_by_shape: dict[str, list[Case]] = {}
     for case in {case.id: case for case in cases}.values():
         # Another material has another reference, though its arrays are of one shape.
         key = f"{case.load} {case.truth_key} {case.shape_key}"
-        found.setdefault(key, []).append(case)
-    for group in found.values():
+        cases_by_shape.setdefault(key, []).append(case)
+    for group in cases_by_shape.values():
         for first in range(0, len(group), MAX_TOGETHER):
             yield tuple(group[first : first + MAX_TOGETHER])
 
 
 def worst_percent(rows: Sequence[Row]) -> float | None:
     """Error of a choice: the largest over its loads [%]; None if one failed."""
-    found = [row.get("error", {}).get("worst_rms_percent") for row in rows]
-    return None if None in found else max(found)
+    percents = [row.get("error", {}).get("worst_rms_percent") for row in rows]
+    return None if None in percents else max(percents)
 
 
 def _work(rows: Sequence[Row]) -> float:
-    """Largest number of nodes times steps."""
+    """Largest number of nodes times steps of all loads."""
     return max(float(row.get("nodes", 0)) * row.get("steps", 0) for row in rows)
 
 
 def _times(sweep: Sweep, options: Options, log: Log) -> None:
     finished = [c for c in sweep.cases if "error" in sweep.rows.get(c.id, {})]
     # Choices of one resolution and load share their full volume and their voxels.
-    finished.sort(key=lambda case: _voxels(case))
+    finished.sort(key=_voxels)
     rows = Rows(sweep.folder / "times.jsonl", program_hash())
     try:
         if options.retry:
             rows.drop_failed()
         sweep.times = rows.by_id
         count = sum(case.id in rows.by_id for case in finished)
-        log.stage("times", count, len(finished))
+        log.stage("times", done=count, total=len(finished))
         for alike in _alike(finished, sweep.rows):
             missing = [case for case in alike if case.id not in rows.by_id]
             if missing:
-                found = _timed(alike[0], sweep.config.repeats)
-                rows.append([_time_of(case, alike[0], found) for case in missing])
+                timed = _timed(alike[0], sweep.config.repeats)
+                rows.append([_time_of(case, alike[0], timed) for case in missing])
                 log.advance(len(missing))
     finally:
         rows.close()
 
 
 def _alike(cases: Sequence[Case], rows: Mapping[str, Row]) -> list[list[Case]]:
-    """Loads of a choice whose runs differ in numbers only, and so take the same time.
+    """Loads of a choice whose runs differ in numbers only and take the same time.
 
-    One whose loop has no size of its own is timed alone.
+    A load whose loop has no size is timed alone.
     """
-    found: dict[str, list[Case]] = {}
+    cases_by_size: dict[str, list[Case]] = {}
     for case in cases:
         size = rows[case.id].get("loop_size") or case.id
-        found.setdefault(f"{case.names} {case.shape_key} {size}", []).append(case)
-    return list(found.values())
+        cases_by_size.setdefault(f"{case.names} {case.shape_key} {size}", []).append(
+            case
+        )
+    return list(cases_by_size.values())
 
 
-def _time_of(case: Case, timed: Case, found: Row) -> Row:
-    """The row of a case, of the times of one that takes the same."""
-    row = {**found, "id": case.id, "load": case.load}
+def _time_of(case: Case, timed: Case, times: Row) -> Row:
+    """Row of a case from the times of one that takes equally long."""
+    row = {**times, "id": case.id, "load": case.load}
     return row if case is timed else {**row, "timed_as": timed.id}
 
 
 def _voxels(case: Case) -> str:
     fields = ("mesh", "shape", "pitch", "voxels_high", "surface_cells")
-    own = [[str(getattr(body, name)) for name in fields] for body in case.config.bodies]
-    return f"{own} {case.load}"
+    bodies = [
+        [str(getattr(body, name)) for name in fields] for body in case.config.bodies
+    ]
+    return f"{bodies} {case.load}"
 
 
 def _timed(case: Case, repeats: int) -> Row:
     try:
         return time_case(case, repeats)
     except Exception as error:
-        # A time that cannot be measured must not end those of the others.
+        # A case that cannot be timed must not end the sweep.
         return {**case.head, "failed": f"{type(error).__name__}: {error}"[:500]}
 
 

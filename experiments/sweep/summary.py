@@ -22,13 +22,21 @@ from .run import Sweep, median_loop, worst_percent
 from .weights import sections as tuning_sections
 
 
-_COLUMNS = ("error %", "error K", "99 % K", "nodes", "steps")
-_COLUMNS += ("energy", "loop", "full volume")
+_COLUMNS = (
+    "error %",
+    "error K",
+    "99 % K",
+    "nodes",
+    "steps",
+    "energy",
+    "loop",
+    "full volume",
+)
 
 
 def lines(sweep: Sweep) -> list[dict[str, Any]]:
     """Choices with their errors and times over all loads, the smallest error first."""
-    found = []
+    lines = []
     for names, cases in sweep.choices.items():
         rows = [sweep.rows[case.id] for case in cases if case.id in sweep.rows]
         if not rows:
@@ -36,29 +44,35 @@ def lines(sweep: Sweep) -> list[dict[str, Any]]:
         failed = [f"{r['load']}: {r['failed']}" for r in rows if "failed" in r]
         line: dict[str, Any] = {"choice": dict(names), "failed": failed}
         if not failed:
-            largest = lambda name, rows=rows: max(r["error"][name] or 0.0 for r in rows)
+            errors = [row["error"] for row in rows]
             line |= {
                 "rms_percent": worst_percent(rows),
-                "rms_kelvin": largest("worst_rms_kelvin"),
-                "p99_kelvin": largest("worst_p99_kelvin"),
-                "lost_fraction": largest("worst_lost_fraction"),
+                "rms_kelvin": _largest(errors, "worst_rms_kelvin"),
+                "p99_kelvin": _largest(errors, "worst_p99_kelvin"),
+                "lost_fraction": _largest(errors, "worst_lost_fraction"),
                 "nodes": max(row["nodes"] for row in rows),
                 "steps": max(row["steps"] for row in rows),
-                # A row of an earlier version has none.
+                # Rows of earlier versions have none.
                 "energy_residual": max(r.get("energy_residual", 0.0) for r in rows),
                 **_run_times([sweep.times.get(case.id) for case in cases]),
             }
-        found.append(line)
-    infinite = float("inf")
-    key = lambda line: (bool(line["failed"]), line.get("rms_percent") or infinite)
-    return sorted(found, key=key)
+        lines.append(line)
+    return sorted(lines, key=_rank)
+
+
+def _rank(line: dict[str, Any]) -> tuple[bool, float]:
+    return bool(line["failed"]), line.get("rms_percent") or float("inf")
+
+
+def _largest(errors: Sequence[dict[str, Any]], name: str) -> float:
+    return max(error[name] or 0.0 for error in errors)
 
 
 def _run_times(rows: list[dict[str, Any] | None]) -> dict[str, float]:
-    known = [row for row in rows if row is not None and "failed" not in row]
-    if len(known) < len(rows) or not known:
+    timed = [row for row in rows if row is not None and "failed" not in row]
+    if len(timed) < len(rows) or not timed:
         return {}
-    slowest = max(known, key=lambda row: median_loop(row) or 0.0)
+    slowest = max(timed, key=lambda row: median_loop(row) or 0.0)
     full = sorted(slowest["full_volume_loop_s"])
     return {
         "loop_s": median_loop(slowest) or 0.0,
@@ -68,10 +82,10 @@ def _run_times(rows: list[dict[str, Any] | None]) -> dict[str, float]:
     }
 
 
-def table(sweep: Sweep, most: int | None = None) -> Table:
+def table(sweep: Sweep, limit: int | None = None) -> Table:
     """Choices as a table, the best first."""
-    found = lines(sweep)
-    rows = [_row(line) for line in found[:most]]
+    choice_lines = lines(sweep)
+    rows = [_row(line) for line in choice_lines[:limit]]
     axes = list(sweep.config.axes)
     title = "Error against the reference, the largest over all loads and saved times"
     caption = f"Run times: {processor()}." if sweep.times else ""
@@ -115,11 +129,10 @@ def write_results(sweep: Sweep, fit: dict[str, Any] | None = None) -> None:
         fit: comparison with a fit, if there is one.
     """
     failures = [
-        {"id": row["id"], "choice": row["choice"], "load": row["load"],
-         "failed": row["failed"]}
+        {key: row[key] for key in ("id", "choice", "load", "failed")}
         for row in sweep.rows.values()
         if "failed" in row
-    ]  # fmt: skip
+    ]
     result = {
         "experiment": "sweep",
         **provenance(sweep.hash, _seed(sweep.config)),
@@ -140,7 +153,7 @@ def write_results(sweep: Sweep, fit: dict[str, Any] | None = None) -> None:
 
 
 def goals_table(config: SweepConfig, lines: Sequence[dict[str, Any]]) -> list[Table]:
-    """Smallest error of at most so many nodes, beside each goal; none without goals.
+    """Smallest error within the nodes of each goal; no table without goals.
 
     Args:
         config: of the sweep.
@@ -149,28 +162,29 @@ def goals_table(config: SweepConfig, lines: Sequence[dict[str, Any]]) -> list[Ta
     """
     rows: list[list[str | Cell]] = []
     for goal in config.goals or ():
-        known = [line for line in lines if line.get("rms_percent") is not None]
-        fitting = [line for line in known if line["nodes"] <= goal.nodes]
-        asked = [f"{goal.nodes:,}", f"{goal.error_percent:g}"]
+        judged = [line for line in lines if line.get("rms_percent") is not None]
+        fitting = [line for line in judged if line["nodes"] <= goal.nodes]
+        goal_cells = [f"{goal.nodes:,}", f"{goal.error_percent:g}"]
         if not fitting:
-            rows.append([*asked, Cell("none", False), "", ""])
+            rows.append([*goal_cells, Cell("none", False), "", ""])
             continue
         best = min(fitting, key=lambda line: line["rms_percent"])
-        percent, name = best["rms_percent"], ", ".join(best["choice"].values())
-        found = Cell(f"{percent:.3g}", percent <= goal.error_percent)
-        rows.append([*asked, found, name, f"{best['nodes']:,}"])
+        percent = best["rms_percent"]
+        name = ", ".join(best["choice"].values())
+        best_cell = Cell(f"{percent:.3g}", met=percent <= goal.error_percent)
+        rows.append([*goal_cells, best_cell, name, f"{best['nodes']:,}"])
     headings = ("nodes at most", "% at most", "best %", "choice", "nodes")
-    return [Table(headings, rows, "goals", left=(3,))] if rows else []
+    return [Table(headings, rows, title="goals", left=(3,))] if rows else []
 
 
 def about_reference(cases: Sequence[Case]) -> list[str]:
-    """Sentence on what errors consist of, where some choices have its voxels."""
+    """Sentence on the parts of the errors, where choices have the reference's voxels."""
     shared = sum(case.shares_voxels for case in cases)
     if not shared:
         return []
-    whose = "All choices" if shared == len(cases) else "Some choices"
+    which = "All choices" if shared == len(cases) else "Some choices"
     return [
-        f"{whose} have the voxels of the reference: their errors are of structure, of "
+        f"{which} have the voxels of the reference: their errors are of structure, of "
         "steps and of reading the surface, and not of the voxels."
     ]
 
@@ -183,8 +197,9 @@ def _seed(config: SweepConfig) -> int | None:
 
 
 def _write_page(sweep: Sweep, result: dict[str, Any]) -> None:
-    counts, config = result["cases"], sweep.config
-    own = [row["own_error"] for row in sweep.rows.values() if "own_error" in row]
+    counts = result["cases"]
+    config = sweep.config
+    own_errors = [row["own_error"] for row in sweep.rows.values() if "own_error" in row]
     sections: list[page.Section] = [
         f"{counts['finished']} of {counts['all']} cases are finished, of which "
         f"{counts['failed']} failed; {counts['timed']} are timed.",
@@ -193,8 +208,8 @@ def _write_page(sweep: Sweep, result: dict[str, Any]) -> None:
         f"{config.truth.points:,} points of the surface.",
         *about_reference(sweep.cases),
     ]
-    if own:
-        largest = max(each["worst_rms_kelvin"] for each in own)
+    if own_errors:
+        largest = max(own_error["worst_rms_kelvin"] for own_error in own_errors)
         sections.append(f"The reference itself is off by about {largest:.3g} K.")
     if "fit" in result:
         sections += tuning_sections(sweep, result["fit"])
@@ -205,7 +220,7 @@ def _write_page(sweep: Sweep, result: dict[str, Any]) -> None:
             page.paragraph(
                 "Loop: median of the compiled time loop with the surface read at the "
                 "saved times, of the slowest load. Full volume: explicit loop in the "
-                f"same voxels, timed in turn with it. {result['processor']}.",
+                f"same voxels, timed alternately. {result['processor']}.",
                 note=True,
             )
         )

@@ -1,4 +1,4 @@
-"""Tuning by sweep beside a fit: error over one and over two numbers, optima, costs."""
+"""Tuning by a sweep and by a fit: errors over one or two numbers, optima and costs."""
 
 import json
 from typing import Any
@@ -23,24 +23,28 @@ from .points import Choice, cases_of
 from .run import Log, Sweep, worst_percent
 
 
-_WIDTH, _HEIGHT = 520, 360
-"""Size of a chart [px]."""
-_SWEPT, _FITTED, _START = "#17358c", "#b3261e", "#868d99"
+_WIDTH = 520
+"""Width of a chart [px]."""
+_HEIGHT = 360
+"""Height of a chart [px]."""
+_SWEPT = "#17358c"
+_FITTED = "#b3261e"
+_START = "#868d99"
 _LEVELS = 12
 """Number of lines of a contour."""
 _RUNS = "a run of one case; a derivative along one value counts as a run, too"
 
 
 def compare_with_fit(sweep: Sweep, log: Log) -> dict[str, Any]:
-    """Run the fit that a sweep names, and judge its values as the sweep's were.
+    """Run the fit that a sweep names, and judge its values like those of the sweep.
 
     Raises:
         InputError: if an axis is not a parameter of the fit, or a case failed.
     """
-    given = sweep.config.compare_with_fit
-    assert given is not None
+    comparison = sweep.config.compare_with_fit
+    assert comparison is not None
     log.stage("fit")
-    config = load_calibration(given.calibration)
+    config = load_calibration(comparison.calibration)
     names = _parameters(sweep, config.parameters)
     folder = sweep.folder / "fit"
     done = folder / "fit.json"
@@ -48,14 +52,15 @@ def compare_with_fit(sweep: Sweep, log: Log) -> dict[str, Any]:
     if done.is_file():
         result = json.loads(done.read_text(encoding="utf-8"))
     else:
-        result = fit_config(given.calibration, folder, report=False)
+        result = fit_config(comparison.calibration, out=folder, report=False)
     values = {axis: result["parameters"][name]["value"] for axis, name in names.items()}
     start = {axis: result["parameters"][n]["initial"] for axis, n in names.items()}
     runs = _fit_runs(result) * len(config.train)
-    best = min(grid_errors(sweep).items(), key=lambda item: item[1])
+    errors = grid_errors(sweep)
+    best = min(errors, key=lambda values: errors[values])
     swept = len(sweep.cases)
     return {
-        "sweep": {"values": dict(best[0]), "rms_percent": best[1], "runs": swept},
+        "sweep": {"values": dict(best), "rms_percent": errors[best], "runs": swept},
         "fit": {"values": values, "rms_percent": _judged(sweep, values), "runs": runs},
         "start": {"values": start, "rms_percent": _judged(sweep, start)},
         "times_fewer_runs": swept / runs,
@@ -66,32 +71,32 @@ def compare_with_fit(sweep: Sweep, log: Log) -> dict[str, Any]:
 
 def _parameters(sweep: Sweep, fitted: tuple[ParameterConfig, ...]) -> dict[str, str]:
     """Name of the fit's parameter on each axis."""
-    found = {}
+    parameters = {}
     for name, axis in sweep.config.axes.items():
         key = getattr(axis, "key", "")
-        own = [p.name for p in fitted if key.endswith(p.name)]
-        if not isinstance(axis, RangeAxis) or not own:
+        matching = [p.name for p in fitted if key.endswith(p.name)]
+        if not isinstance(axis, RangeAxis) or not matching:
             listed = ", ".join(p.name for p in fitted)
             raise InputError(
                 f"fit: the axis {name} is no range of a value that is fitted: the fit "
                 f"has {listed}"
             )
-        found[name] = own[0]
-    if len(found) > 2:
+        parameters[name] = matching[0]
+    if len(parameters) > 2:
         raise InputError("fit: it is compared with a sweep over one or two values")
-    return found
+    return parameters
 
 
 def _fit_runs(result: dict[str, Any]) -> int:
-    """Number of runs of each case that a fit took."""
+    """Number of runs of each case in a fit."""
     size = len(result["parameters"])
-    # The start, and then one trial a step; Jacobians where they are computed.
+    # The start with its Jacobian, one trial a step, and later Jacobians.
     steps = result["steps"]
     return 1 + size + sum(1 + size * bool(s["jacobian_computed"]) for s in steps)
 
 
 def _judged(sweep: Sweep, values: dict[str, float]) -> float | None:
-    """Error of values between those of the sweep, as those are judged [%]."""
+    """Error of values between those of the sweep [%]."""
     axes = sweep.config.axes
     changes = {getattr(axes[name], "key", ""): value for name, value in values.items()}
     labels = tuple((name, text_of(value)) for name, value in values.items())
@@ -102,44 +107,50 @@ def _judged(sweep: Sweep, values: dict[str, float]) -> float | None:
 
 def grid_errors(sweep: Sweep) -> dict[tuple[tuple[str, float], ...], float]:
     """Error of each choice by its values; failed choices are left out."""
-    found = {}
+    errors = {}
     for names, cases in sweep.choices.items():
         rows = [sweep.rows[case.id] for case in cases if case.id in sweep.rows]
         error = worst_percent(rows) if len(rows) == len(cases) else None
         if error is not None:
-            found[tuple((axis, float(label)) for axis, label in names)] = error
-    if not found:
+            errors[tuple((axis, float(label)) for axis, label in names)] = error
+    if not errors:
         raise InputError("fit: no choice of the sweep has an error")
-    return found
+    return errors
 
 
-def sections(sweep: Sweep, found: dict[str, Any]) -> list[page.Section]:
+def sections(sweep: Sweep, tuning: dict[str, Any]) -> list[page.Section]:
     """Curves, contour and the table of both optima, for the page of a sweep."""
-    made: list[page.Section] = [page.heading("Optimum by sweep and by fit")]
+    page_sections: list[page.Section] = [page.heading("Optimum by sweep and by fit")]
     rows = []
-    for what in ("start", "sweep", "fit"):
-        own = found[what]
-        listed = [f"{own['values'][axis]:.4g}" for axis in sweep.config.axes]
-        error = own["rms_percent"]
+    for optimum in ("start", "sweep", "fit"):
+        row = tuning[optimum]
+        listed = [f"{row['values'][axis]:.4g}" for axis in sweep.config.axes]
+        error = row["rms_percent"]
         percent = "infinite" if error is None else f"{error:.3g}"
         rows.append(
-            [what, *listed, percent, f"{own['runs']:,}" if "runs" in own else ""]
+            [optimum, *listed, percent, f"{row['runs']:,}" if "runs" in row else ""]
         )
-    made.append(Table(["", *sweep.config.axes, "error %", "runs"], rows))
-    made.append(
-        f"The fit took {found['fit']['runs']} runs and the sweep "
-        f"{found['sweep']['runs']}, {found['times_fewer_runs']:.3g} times as many "
+    page_sections.append(Table(["", *sweep.config.axes, "error %", "runs"], rows))
+    page_sections.append(
+        f"The fit took {tuning['fit']['runs']} runs and the sweep "
+        f"{tuning['sweep']['runs']}, {tuning['times_fewer_runs']:.3g} times as many "
         f"({_RUNS})."
     )
     for axis in sweep.config.axes:
-        others = [name for name in sweep.config.axes if name != axis]
+        other_axes = [name for name in sweep.config.axes if name != axis]
         title = f"Error over {axis}"
-        if others:
-            title += f", {others[0]} as swept nearest to each optimum"
-        made += [page.heading(title, 3), chart_svg(_curve(sweep, found, axis))]
+        if other_axes:
+            title += f", {other_axes[0]} as swept nearest to each optimum"
+        page_sections += [
+            page.heading(title, 3),
+            chart_svg(_curve(sweep, tuning, axis)),
+        ]
     if len(sweep.config.axes) == 2:
-        made += [page.heading("Error over both", 3), chart_svg(_contour(sweep, found))]
-    return made
+        page_sections += [
+            page.heading("Error over both", 3),
+            chart_svg(_contour(sweep, tuning)),
+        ]
+    return page_sections
 
 
 def _axis(sweep: Sweep, name: str) -> dict[str, Any]:
@@ -168,13 +179,15 @@ def _grid(
     return axes, table
 
 
-def _curve(sweep: Sweep, found: dict[str, Any], axis: str) -> Chart:
-    """Error over one value, with the other at that of the start, sweep and fit."""
+def _curve(sweep: Sweep, tuning: dict[str, Any], axis: str) -> Chart:
+    """Error over one value, with the second one at that of start, sweep and fit."""
     names = list(sweep.config.axes)
-    own = names.index(axis)
+    column = names.index(axis)
     values, table = _grid(sweep)
     points = []
-    for name, line in _lines(names, own=own, values=values, table=table, found=found):
+    for name, line in _lines(
+        names, column=column, values=values, table=table, tuning=tuning
+    ):
         points += [
             {
                 "x": float(x),
@@ -182,11 +195,11 @@ def _curve(sweep: Sweep, found: dict[str, Any], axis: str) -> Chart:
                 "line": name,
                 "text": f"{x:.4g}: {y:.4g} %",
             }
-            for x, y in zip(values[own], line, strict=True)
+            for x, y in zip(values[column], line, strict=True)
             if np.isfinite(y)
         ]
     marks = [
-        {"x": found[w]["values"][axis], "error": found[w]["rms_percent"], "mark": w}
+        {"x": tuning[w]["values"][axis], "error": tuning[w]["rms_percent"], "mark": w}
         for w in ("start", "sweep", "fit")
     ]
     error = alt.Y("error:Q", title="error of the worst load [%]")
@@ -198,33 +211,32 @@ def _curve(sweep: Sweep, found: dict[str, Any], axis: str) -> Chart:
         description="text:N",
     )
     optima = _optima(marks, alt.X("x:Q"), alt.Y("error:Q"))
-    return alt.layer(lines, optima).resolve_scale(
-        color="independent", shape="independent"
-    ).properties(
-        width=_WIDTH, height=_HEIGHT
-    )  # fmt: skip
+    chart = alt.layer(lines, optima)
+    chart = chart.resolve_scale(color="independent", shape="independent")
+    return chart.properties(width=_WIDTH, height=_HEIGHT)
 
 
 def _lines(
     names: list[str],
-    own: int,
+    column: int,
     values: list[np.ndarray],
     table: Float[np.ndarray, "..."],
-    found: dict[str, Any],
+    tuning: dict[str, Any],
 ) -> list[tuple[str, np.ndarray]]:
-    """Errors along one axis, with the other at the swept values nearest to each."""
+    """Errors along one axis, with the second value near each optimum."""
     if len(names) == 1:
         return [("sweep", table)]
-    other, nearest = values[1 - own], dict[int, list[str]]()
-    for what in ("start", "sweep", "fit"):
-        at = found[what]["values"][names[1 - own]]
-        distance = np.abs(np.log(other / at) if at > 0 else other - at)
-        # Two of them may be nearest to one value: one line.
-        nearest.setdefault(int(distance.argmin()), []).append(what)
+    other_values = values[1 - column]
+    nearest: dict[int, list[str]] = {}
+    for optimum in ("start", "sweep", "fit"):
+        at = tuning[optimum]["values"][names[1 - column]]
+        distance = np.abs(np.log(other_values / at) if at > 0 else other_values - at)
+        # Two optima nearest to one value share a line.
+        nearest.setdefault(int(distance.argmin()), []).append(optimum)
     return [
         (
-            f"{names[1 - own]} = {other[n]:.3g} ({', '.join(whose)})",
-            np.take(table, n, axis=1 - own),
+            f"{names[1 - column]} = {other_values[n]:.3g} ({', '.join(whose)})",
+            np.take(table, n, axis=1 - column),
         )
         for n, whose in nearest.items()
     ]
@@ -258,7 +270,7 @@ def _optima(marks: list[dict[str, Any]], x: alt.X, y: alt.Y) -> alt.Chart:
     )
 
 
-def _contour(sweep: Sweep, found: dict[str, Any]) -> Chart:
+def _contour(sweep: Sweep, tuning: dict[str, Any]) -> Chart:
     """Error over two values: lines of equal error, even in its logarithm."""
     names = list(sweep.config.axes)
     (first, second), table = _grid(sweep)
@@ -288,16 +300,14 @@ def _contour(sweep: Sweep, found: dict[str, Any]) -> Chart:
     )
     marks = [
         {
-            "x": found[w]["values"][names[0]],
-            "y": found[w]["values"][names[1]],
-            "error": found[w]["rms_percent"],
+            "x": tuning[w]["values"][names[0]],
+            "y": tuning[w]["values"][names[1]],
+            "error": tuning[w]["rms_percent"],
             "mark": w,
         }
         for w in ("start", "sweep", "fit")
     ]
     optima = _optima(marks, alt.X("x:Q"), alt.Y("y:Q"))
-    return alt.layer(contour, optima).resolve_scale(
-        color="independent", shape="independent"
-    ).properties(
-        width=_WIDTH, height=_WIDTH
-    )  # fmt: skip
+    chart = alt.layer(contour, optima)
+    chart = chart.resolve_scale(color="independent", shape="independent")
+    return chart.properties(width=_WIDTH, height=_WIDTH)

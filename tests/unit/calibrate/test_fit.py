@@ -173,7 +173,7 @@ def test_the_best_of_several_starts_is_where_one_alone_ends(problem):
 
 
 @pytest.mark.parametrize(
-    ("parameters", "settings", "there", "message"),
+    ("parameters", "settings", "device_count", "message"),
     [
         (2, {}, 1, "there is 1 cpu device; give at most 1"),
         (2, {}, 8, "the derivatives of 2 values and 1 start; give at most 2"),
@@ -183,9 +183,9 @@ def test_the_best_of_several_starts_is_where_one_alone_ends(problem):
     ],
 )
 def test_devices_that_have_nothing_to_share_are_refused(
-    problem, monkeypatch, parameters, settings, frames_there, message
+    problem, monkeypatch, parameters, settings, device_count, message
 ):
-    monkeypatch.setattr(jax, "device_count", lambda: frames_there)
+    monkeypatch.setattr(jax, "device_count", lambda: device_count)
     fewer = ParameterSet(problem.parameters.parameters[:parameters])
     small = replace(problem, parameters=fewer)
     with pytest.raises(jt.InputError, match=f"^devices=4: .*{message}") as refused:

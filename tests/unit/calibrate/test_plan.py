@@ -9,7 +9,7 @@ import pytest
 import jaxthermo as jt
 from calibrate.plan.candidate import Candidate, cards_of, pitches_of
 from calibrate.plan.command import tolerance_of
-from calibrate.plan.predict import Found, Predictor
+from calibrate.plan.predict import Measured, Predictor
 from calibrate.plan.trial import Reference, Tolerance
 from jaxthermo.config.loader import load_config, to_yaml
 
@@ -34,7 +34,7 @@ def law(candidate):
     time = steps * stages * (3e-5 + 2e-8 * nodes)
     fragments = round(1.5 * AREA * candidate.refinement**2)
     memory = 200 * (nodes + fragments)
-    return Found(
+    return Measured(
         candidate, error, nodes, fragments, steps, stages, stable, time, memory
     )
 

@@ -114,7 +114,7 @@ def test_a_difference_that_the_reference_can_hide_is_not_judged():
 
 def test_bounds_are_marked_in_the_table_and_the_verdict():
     errors = truth(
-        [0.4, 0.3], fitted=[0.2, 0.35], own=[0.02, 0.01], is_bound=(True, False)
+        [0.4, 0.3], fitted=[0.2, 0.35], reference=[0.02, 0.01], is_bound=(True, False)
     )
     table = truth_table({"truth": errors})
     assert table is not None
