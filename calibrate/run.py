@@ -20,7 +20,6 @@ from jaxthermo.provenance import provenance
 from .analysis.experiment_design import rank_experiments
 from .analysis.fit_card import make_card
 from .analysis.identifiability import Identified, identify, residual_sd
-from .analysis.speedup import measure_speed
 from .analysis.truth import Truth
 from .analysis.verdict import judge
 from .config.fit_record import write_fit
@@ -37,6 +36,7 @@ from .solvers.fit import Fit, Fitting
 from .solvers.levenberg_marquardt import jacobian_rows
 from .solvers.progress import StepRecord
 from .solvers.search import start_points
+from .study.times import measure_speed
 
 
 _CHECKPOINT = "state.npz"

@@ -143,8 +143,8 @@ def _sweep(
             numbers only; refused where no cases do.
         overrides: Value of the config to change, such as repeats=3; may be repeated.
     """
-    from .sweep.command import default_workers, sweep
-    from .sweep.run import Options
+    from calibrate.study.command import default_workers, sweep
+    from calibrate.study.sweep import Options
 
     default = default_workers() if devices == 1 else 1
     count = default if workers is None else workers
@@ -158,9 +158,8 @@ def _sweep(
 @app.command
 def _schema() -> None:
     """Print the JSON Schema of a sweep's config, with units, for editors."""
+    from calibrate.study.config import SweepConfig
     from jaxthermo.config.json_schema import json_schema
-
-    from .sweep.config import SweepConfig
 
     sys.stdout.write(json_schema(SweepConfig))
 

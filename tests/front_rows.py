@@ -9,20 +9,20 @@ def error(percent: float, kelvin: float = 1.0, p99: float = 2.0) -> dict:
     }
 
 
-def row(name: str, load: str, percent: float, **more) -> dict:
-    made = {"id": f"{name}{load}", "choice": {"structure": name}, "load": load}
-    made |= {"set": {}, "error": error(percent), "own_error": {}, "nodes": 10}
+def row(name: str, load: str, percent: float, **fields) -> dict:
+    defaults = {"id": f"{name}{load}", "choice": {"structure": name}, "load": load}
+    defaults |= {"set": {}, "error": error(percent), "own_error": {}, "nodes": 10}
     return {
-        **made,
+        **defaults,
         "links": 5,
         "steps": 3,
         "memory_bytes": 100,
         "picture": None,
-        **more,
+        **fields,
     }
 
 
-def time(name: str, load: str, seconds: float, **more) -> dict:
+def time(name: str, load: str, seconds: float, **fields) -> dict:
     spans = [seconds, 2 * seconds, 0.9 * seconds]
-    made = {"id": f"{name}{load}", "loop_s": spans, "processor": "a processor"}
-    return {**made, "full_volume_loop_s": [8.0, 16.0, 9.0], **more}
+    defaults = {"id": f"{name}{load}", "loop_s": spans, "processor": "a processor"}
+    return {**defaults, "full_volume_loop_s": [8.0, 16.0, 9.0], **fields}

@@ -24,8 +24,8 @@ from ..problem.reference import (
     coarser_difference,
     refined_reference,
 )
-from ..runs.scenes import build_case
-from ..runs.times import Loop, compiled_loop
+from ..study.case import build_case
+from ..study.times import Loop, compiled_loop
 from .candidate import Candidate
 from .predict import Measured
 

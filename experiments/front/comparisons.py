@@ -8,15 +8,14 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from calibrate.runs.case import Case
-from calibrate.runs.scenes import build_case, loop_size, plan_case
-from calibrate.runs.times import compiled_loop
+from calibrate.study.case import Case, build_case, loop_size, plan_case
+from calibrate.study.front import Point, fastest_within, front
+from calibrate.study.times import compiled_loop
 from jaxthermo.arrays import precision
 from jaxthermo.reduction.reduced_model import ReducedModel, load_reduced
 from jaxthermo.report.numbers import significant
 from jaxthermo.timing import Spans, Spread, interleaved, ratio_of, timed_call
 
-from .pareto import Point, fastest_within, front
 from .rivals import TWELVE_STEPS, Rivals
 from .wording import ratio_text
 
@@ -89,9 +88,9 @@ def pairs(
 ) -> list[Pair]:
     """Choices and rivals to time: at each tolerance, and at each error of the front.
 
-    Where RKL2 of 12 steps on voxels 250 high was run, the fastest choice and the fastest
-    reduced model within its error are timed too. Reduced models are timed at each
-    tolerance.
+    Where RKL2 of 12 steps on voxels 250 high was run, the fastest choice and the
+    fastest reduced model within its error are timed too. Reduced models are timed at
+    each tolerance.
     """
     rival_kinds = list(dict.fromkeys(rival.kind for rival in rivals))
     found_pairs = []
@@ -137,7 +136,7 @@ def time_pairs(
     repeats: int,
     log: Callable[[str], None],
 ) -> list[Comparison]:
-    """Time choices and rivals alternately, under loads that differ in more than numbers.
+    """Time choices and rivals alternately, under loads whose programs differ.
 
     Args:
         pairs: of choices and rivals that were measured by `rivals`.
@@ -173,7 +172,7 @@ def time_pairs(
 
 
 def _enough(calls: Collection[Call], repeats: int) -> int:
-    """Number of repeats, larger for short runs, which a pause of the system disturbs."""
+    """Number of repeats: more for short runs, which a pause of the system disturbs."""
     for call in calls:
         timed_call(call)
     seconds = sum(timed_call(call)[1] for call in calls)

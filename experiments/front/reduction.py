@@ -9,10 +9,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from calibrate.runs.case import Case
-from calibrate.runs.scenes import build_case
-from calibrate.runs.truth import find_truth
-from jaxthermo.console.terminal import open_console, print_line
+from calibrate.study.case import Case, build_case
+from calibrate.study.config import load_sweep, resolved
+from calibrate.study.evaluate import find_truth
+from calibrate.study.front import Point, Row, points_of
+from jaxthermo.cli.console import open_console, print_line
 from jaxthermo.errors import InputError
 from jaxthermo.provenance import processor
 from jaxthermo.reduction.reduce import reduce
@@ -21,10 +22,8 @@ from jaxthermo.report.numbers import seconds, significant
 from jaxthermo.timing import interleaved
 
 from ..harness.record import fingerprint, program_hash
-from ..sweep.config import load_sweep, resolved
 from .comparisons import model_loop
-from .folder import append_rows, read_folder
-from .pareto import Point, Row, points_of
+from .rivals import append_rows, read_folder
 from .run import TOLERANCES, SweepCases
 
 

@@ -1,12 +1,16 @@
 """Rivals of a sweep: full volumes by solvers written by hand, at many pitches.
 
 For an error e a rival is run with the coarsest voxels and the fewest steps whose error
-against the same reference, at the same points, is just not larger than e.
+against the same reference, at the same points, is just not larger than e. Rows of
+rivals are in the sweep's folder, which is read here too.
 """
 
+import base64
 import importlib
+import json
 import statistics
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -14,9 +18,9 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from calibrate.problem.reference import on_every_voxel
-from calibrate.runs.case import Case
-from calibrate.runs.scenes import build_case
-from calibrate.runs.truth import find_truth
+from calibrate.study.case import Case, build_case
+from calibrate.study.evaluate import find_truth
+from calibrate.study.front import Row, errors_of
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.solution_file import StoredSolution
@@ -24,9 +28,7 @@ from jaxthermo.provenance import processor
 from jaxthermo.timing import timed_call
 
 from ..harness.record import fingerprint, program_hash
-from .folder import append_rows, read_rows
 from .linear_body import LinearBody, Run, linear_body
-from .pareto import Row, errors_of
 from .scipy_run import scipy_run
 
 
@@ -348,3 +350,78 @@ def _full_volume(config: SceneConfig, high: int, cells: Cells) -> SceneConfig:
     changes["surface_map"] = type(body).model_fields["surface_map"].default
     bodies = (body.model_copy(update=changes),)
     return full_volume.model_copy(update={"bodies": bodies})
+
+
+class SweepFolder(NamedTuple):
+    """Rows of a sweep, and those of rivals that other commands have added."""
+
+    path: Path
+    rows: list[Row]
+    """One per finished case, without failed ones."""
+    failed: list[Row]
+    times: list[Row]
+    rivals: list[Row]
+
+    @property
+    def loads(self) -> set[str]:
+        """Names of all loads."""
+        return {row["load"] for row in (*self.rows, *self.failed)}
+
+    def picture(self, name: str | None) -> str | None:
+        """A picture of a row as base64; None without one."""
+        if name is None or not (self.path / name).is_file():
+            return None
+        return base64.b64encode((self.path / name).read_bytes()).decode("ascii")
+
+
+def read_folder(path: Path) -> SweepFolder:
+    """Read the folder of a sweep.
+
+    Raises:
+        InputError: if it has no rows, or a file cannot be read.
+    """
+    rows = read_rows(path / "rows.jsonl")
+    if not rows:
+        raise InputError(
+            f"{path}: holds no rows of a sweep: name the folder of an "
+            "`experiments sweep`, or the config of one"
+        )
+    finished = [row for row in rows if "failed" not in row]
+    failed = [row for row in rows if "failed" in row]
+    return SweepFolder(
+        path=path,
+        rows=finished,
+        failed=failed,
+        times=read_rows(path / "times.jsonl"),
+        rivals=read_rows(path / "rivals.jsonl"),
+    )
+
+
+def read_rows(path: Path) -> list[Row]:
+    """Rows of a file, the last one of each id; none if there is no file."""
+    try:
+        text = path.read_text(encoding="utf-8") if path.is_file() else ""
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"{path}: {reason}") from error
+    rows: dict[Any, Row] = {}
+    for number, line in enumerate(text.splitlines()):
+        # The last line may be cut off, or being written.
+        with suppress(json.JSONDecodeError):
+            row = json.loads(line)
+            if isinstance(row, dict):
+                rows[row.get("id", number)] = row
+    return list(rows.values())
+
+
+def append_rows(path: Path, rows: Iterable[Row]) -> None:
+    """Add rows to a file.
+
+    Raises:
+        InputError: if it cannot be written.
+    """
+    try:
+        with path.open("a", encoding="utf-8") as file:
+            file.writelines(json.dumps(row, allow_nan=False) + "\n" for row in rows)
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from error

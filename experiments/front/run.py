@@ -10,17 +10,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from rich.console import Console
 
-from calibrate.runs.case import Case
+from calibrate.study.case import Case
+from calibrate.study.command import default_workers, sweep
+from calibrate.study.config import SweepConfig, load_sweep, resolved
+from calibrate.study.front import Point, front, points_of, rivals_of
+from calibrate.study.points import Choice, cases_of
+from calibrate.study.summary import about_reference
+from calibrate.study.sweep import Options
+from jaxthermo.cli.console import open_console, print_line
 from jaxthermo.config.loader import resolved as plain_scene
-from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
 from jaxthermo.report.numbers import significant
 
-from ..sweep.command import default_workers, sweep
-from ..sweep.config import SweepConfig, load_sweep, resolved
-from ..sweep.points import Choice, cases_of
-from ..sweep.run import Options
-from ..sweep.summary import about_reference
 from .comparisons import (
     Call,
     Comparison,
@@ -29,10 +30,8 @@ from .comparisons import (
     pairs,
     time_pairs,
 )
-from .folder import SweepFolder, read_folder
-from .pareto import Point, front, points_of, rivals_of
 from .report import Findings, write_contents, write_report
-from .rivals import Rivals
+from .rivals import Rivals, SweepFolder, read_folder
 from .wording import sentence, structure_words
 
 

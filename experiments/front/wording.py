@@ -3,10 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
+from calibrate.study.front import Point
 from jaxthermo.report.numbers import seconds, significant, with_range
 from jaxthermo.timing import Spread
-
-from .pareto import Point
 
 
 def ratio_text(ratio: Spread | None) -> str:

@@ -6,7 +6,7 @@ import json
 import pytest
 
 from experiments.__main__ import main
-from experiments.front.folder import append_rows
+from experiments.front.rivals import append_rows
 from tests.cli.cli_runs import run
 from tests.front_rows import row
 from tests.sweeping import SWEEP, sweep_file

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
+from calibrate.study import fits
 from experiments.__main__ import main
-from experiments.sweep import fits
 from jaxthermo.config.card_file import write_card
 from tests.cli.cli_runs import run
 from tests.sweeping import SWEEP, sweep_file

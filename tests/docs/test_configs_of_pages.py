@@ -10,8 +10,8 @@ import trimesh
 from doc_pages import PAGES, ROOT, blocks, name, spans
 
 from calibrate.config.loader import load_calibration, scene_config
-from experiments.sweep.config import load_sweep
-from experiments.sweep.points import cases_of, choices
+from calibrate.study.config import load_sweep
+from calibrate.study.points import cases_of, choices
 from jaxthermo.__main__ import main
 from jaxthermo.config.loader import load_config
 from jaxthermo.config.schema.body import BodyConfig

@@ -7,16 +7,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-from calibrate.runs.case import Case
-from calibrate.runs.scenes import build_case, plan_case
-from calibrate.runs.times import time_case
+from calibrate.study.case import Case, build_case, plan_case
+from calibrate.study.front import Point, points_of, spread_of
+from calibrate.study.sweep import Log, Options, run_sweep
+from calibrate.study.times import time_case
 from jaxthermo.report.chart import Chart
 from jaxthermo.report.table import Cell, Table
 from jaxthermo.timing import Spread
 
-from ...front.pareto import Point, points_of, spread_of
 from ...harness.present import from_to
-from ...sweep.run import Log, Options, run_sweep
 from ..bodies import CONFIGS
 from ..exhibit import Exhibit, Finding, Note, Part, Plot, Row, Verdict
 from ..line_chart import log_chart, point

@@ -10,8 +10,6 @@ import numpy as np
 
 from calibrate.config.schema import FitConfig
 from calibrate.problem.problem import Problem, RunDiagnostics, trace
-from calibrate.runs.evaluate import evaluate_group
-from calibrate.runs.truth import find_truth
 from calibrate.solvers.fit import Fit, Fitting
 from calibrate.solvers.levenberg_marquardt import jacobian_rows
 from calibrate.solvers.search import (
@@ -21,8 +19,9 @@ from calibrate.solvers.search import (
     residuals,
     start_points,
 )
-from experiments.sweep.config import load_sweep
-from experiments.sweep.points import cases_of, choices
+from calibrate.study.config import load_sweep
+from calibrate.study.evaluate import evaluate_group, find_truth
+from calibrate.study.points import cases_of, choices
 from jaxthermo.parallel.batch import on_every_device
 from jaxthermo.parallel.devices import mesh_of
 from tests.calibrating import BETWEEN, WITHIN, twin

@@ -6,18 +6,17 @@ import jax
 import numpy as np
 import pytest
 
-from calibrate.runs.evaluate import evaluate, evaluate_group
-from calibrate.runs.rows import Rows, claim_folder
-from calibrate.runs.scenes import build_case, loop_size, plan_case
-from calibrate.runs.times import time_case
-from calibrate.runs.truth import find_truth
-from experiments.sweep.config import load_sweep
-from experiments.sweep.points import cases_of, choices
-from experiments.sweep.run import groups
-from jaxthermo.accuracy.truth_error import truth_error, truth_points
+from calibrate.study.case import build_case, loop_size, plan_case
+from calibrate.study.config import load_sweep
+from calibrate.study.evaluate import evaluate, evaluate_group, find_truth
+from calibrate.study.points import cases_of, choices
+from calibrate.study.rows import Rows, claim_folder
+from calibrate.study.sweep import groups
+from calibrate.study.times import time_case
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.run.solution import Solution
+from jaxthermo.integrate.truth_error import truth_error, truth_points
 from tests.sweeping import SWEEP, sweep_file
 
 

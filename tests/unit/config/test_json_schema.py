@@ -9,7 +9,7 @@ import jsonschema
 import pytest
 
 from calibrate.config.schema import CalibrationConfig
-from experiments.sweep.config import SweepConfig
+from calibrate.study.config import SweepConfig
 from jaxthermo.config.json_schema import json_schema
 from jaxthermo.config.schema.dataset import DatasetConfig
 from jaxthermo.config.schema.scene import SceneConfig

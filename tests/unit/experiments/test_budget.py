@@ -7,15 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calibrate.runs.evaluate import evaluate
-from calibrate.runs.truth import Truth, find_truth
+from calibrate.study.config import load_sweep
+from calibrate.study.evaluate import Truth, evaluate, find_truth
+from calibrate.study.points import cases_of, choices
 from experiments.front import budget
-from experiments.front.budget import budget_lines
-from experiments.front.budget_page import write_budget
+from experiments.front.budget import budget_lines, write_budget
 from experiments.harness.record import Record
-from experiments.sweep.config import load_sweep
-from experiments.sweep.points import cases_of, choices
-from jaxthermo.accuracy.truth_error import AtPoints, TruthPoints
+from jaxthermo.integrate.truth_error import AtPoints, TruthPoints
 from tests.sweeping import SWEEP, sweep_file
 
 
@@ -50,20 +48,25 @@ def config_file(folder: Path) -> Path:
 
 
 @pytest.fixture
-def given(tmp_path):
+def sweep_config(tmp_path):
     return load_sweep(config_file(tmp_path))
 
 
-def cases_by_name(given) -> dict[tuple[str, str, str], Any]:
-    every = [case for choice in choices(given) for case in cases_of(given, choice)]
-    key = lambda case: (*dict(case.names).values(), case.load)
-    return {key(case): case for case in every}
+def cases_by_name(config) -> dict[tuple[str, str, str], Any]:
+    all_cases = [
+        case for choice in choices(config) for case in cases_of(config, choice)
+    ]
+
+    def key(case):
+        return (*dict(case.names).values(), case.load)
+
+    return {key(case): case for case in all_cases}
 
 
 def stored(record, case, lost=(), **offsets):
     """A row whose runs are so far from the truth at 30 and 60 s, everywhere [K]."""
     fields = {
-        name: np.stack([RANGE + 99, *(RANGE + each for each in offset)])
+        name: np.stack([RANGE + 99, *(RANGE + kelvin for kelvin in offset)])
         for name, offset in offsets.items()
     }
     is_lost = np.isin(np.arange(len(RANGE)), lost)
@@ -73,17 +76,20 @@ def stored(record, case, lost=(), **offsets):
 
 
 def reference() -> Truth:
-    own = {"worst_rms_kelvin": 0.02, "is_bound": [False], "rms_kelvin": [0.02]}
+    own_error = {"worst_rms_kelvin": 0.02, "is_bound": [False], "rms_kelvin": [0.02]}
     cost = {"pitch_m": [0.002], "nodes": 5000, "memory_bytes": 2**20, "run_time_s": 2.0}
     lost = np.arange(len(RANGE)) == 0
     expected = AtPoints(np.stack([RANGE] * 3), lost)
-    points = TruthPoints(np.array(TIMES), (), expected, ())
-    return Truth(points, own | {"order": [1.5]}, (cost,))
+    points = TruthPoints(
+        times=np.array(TIMES), samples=(), expected=expected, outlines=()
+    )
+    return Truth(points, own_error | {"order": [1.5]}, (cost,))
 
 
 @pytest.fixture
-def lines(given, tmp_path):
-    record, named = Record(tmp_path), cases_by_name(given)
+def lines(sweep_config, tmp_path):
+    record = Record(tmp_path)
+    named = cases_by_name(sweep_config)
     shorter: dict[str, Any] = {"converged": (0.5, 0.51), "constant": (0.5, 0.8)}
     runs: dict[tuple[str, str, str], dict[str, Any]] = {
         ("8", "full volume", "+x"): {
@@ -103,12 +109,15 @@ def lines(given, tmp_path):
     for load in ("+x", "+z"):
         rows[named["8", "octree", load].id] = {"refused": "no memory"}
     truths = {case.truth_key: reference() for case in named.values()}
-    found = budget_lines(list(named.values()), rows, truths, record)
-    return {tuple(line["choice"].values()): line for line in found}
+    table_lines = budget_lines(
+        list(named.values()), rows=rows, truths=truths, record=record
+    )
+    return {tuple(line["choice"].values()): line for line in table_lines}
 
 
 def test_each_part_is_between_two_runs_that_differ_in_it_alone(lines):
-    full, coarse = lines["8", "full volume"], lines["8", "blocks"]
+    full = lines["8", "full volume"]
+    coarse = lines["8", "blocks"]
     assert full["whole_kelvin"] == full["discretisation_kelvin"]
     assert full["whole_kelvin"] == pytest.approx(0.2)
     assert full["structure_kelvin"] == 0
@@ -130,16 +139,18 @@ def test_points_that_the_reference_lost_count_for_no_one(lines):
 
 
 def test_voxels_of_the_reference_are_marked_and_have_no_full_volume(lines):
-    own = lines["16", "blocks"]
-    assert own["shares_voxels"] and not lines["8", "blocks"]["shares_voxels"]
-    assert "structure_kelvin" not in own and "discretisation_kelvin" not in own
-    assert own["whole_kelvin"] == pytest.approx(0.3)
+    blocks = lines["16", "blocks"]
+    assert blocks["shares_voxels"] and not lines["8", "blocks"]["shares_voxels"]
+    assert "structure_kelvin" not in blocks and "discretisation_kelvin" not in blocks
+    assert blocks["whole_kelvin"] == pytest.approx(0.3)
 
 
 def test_the_page_has_kelvin_first_goals_and_the_references_own_error(
-    lines, given, tmp_path, capsys
+    lines, sweep_config, tmp_path, capsys
 ):
-    write_budget(list(lines.values()), [reference()], given, tmp_path)
+    write_budget(
+        list(lines.values()), truths=[reference()], config=sweep_config, folder=tmp_path
+    )
     said = capsys.readouterr().out
     assert said.index("error K") < said.index("%")
     assert "itself off by about 0.0200 K" in said and "no memory" in said
@@ -151,24 +162,26 @@ def test_the_page_has_kelvin_first_goals_and_the_references_own_error(
 @pytest.mark.slow
 def test_a_whole_budget_has_the_errors_of_its_runs_and_goes_on(tmp_path, monkeypatch):
     """The whole error is that of the same case in a sweep."""
-    path, out = config_file(tmp_path), tmp_path / "out"
+    path = config_file(tmp_path)
+    out = tmp_path / "out"
     result = budget.run(out, path)
     json.dumps(result, allow_nan=False)
     lines = {tuple(line["choice"].values()): line for line in result["table"]}
     case = cases_by_name(load_sweep(path))["8", "blocks", "+z"]
     expected = evaluate(case, find_truth(case, lambda _: None)).row["error"]
-    found = lines["8", "blocks"]["by_load"]["+z"]["whole"]
-    np.testing.assert_allclose(found["rms_kelvin"], expected["rms_kelvin"], rtol=1e-9)
+    error = lines["8", "blocks"]["by_load"]["+z"]["whole"]
+    np.testing.assert_allclose(error["rms_kelvin"], expected["rms_kelvin"], rtol=1e-9)
     for line in lines.values():
         assert line["time_kelvin"] < 0.05 * line["whole_kelvin"] < 1
         assert line["reading_kelvin"] > 0.01
-    full, octree = lines["8", "full volume"], lines["8", "octree"]
+    full = lines["8", "full volume"]
+    octree = lines["8", "octree"]
     assert full["structure_kelvin"] == 0 < octree["whole_kelvin"]
     assert lines["16", "blocks"]["shares_voxels"]
-    before = (out / "rows.jsonl").read_text()
+    content = (out / "rows.jsonl").read_text()
     monkeypatch.setattr(budget, "run_plan", None)
     again = budget.run(out, path)["table"]
     assert [line["choice"] for line in again] == [
-        each["choice"] for each in lines.values()
+        line["choice"] for line in lines.values()
     ]
-    assert (out / "rows.jsonl").read_text() == before
+    assert (out / "rows.jsonl").read_text() == content

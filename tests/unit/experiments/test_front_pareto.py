@@ -4,63 +4,72 @@ import numpy as np
 import pytest
 from hypothesis import given, strategies as st
 
-from experiments.front.comparisons import pairs
-from experiments.front.pareto import (
+from calibrate.study.front import (
     Point,
-    Spread,
+    _non_dominated,
     errors_of,
     fastest_within,
     front,
-    non_dominated,
     points_of,
     rivals_of,
 )
+from experiments.front.comparisons import pairs
 from experiments.front.rivals import TWELVE_STEPS
 from experiments.front.wording import sentence, structure_words
+from jaxthermo.timing import Spread
 from tests.front_rows import error, row, time
 
 
 def point(percent: float, seconds: float | None, name: str = "a") -> Point:
     errors = dict.fromkeys(("rms_kelvin", "p99_percent", "p99_kelvin"), percent)
     spread = None if seconds is None else Spread(seconds, seconds, seconds)
-    return Point(name, {}, {"rms_percent": percent, **errors}, None, 10, 10, 3, spread)
+    return Point(
+        name=name,
+        choice={},
+        errors={"rms_percent": percent, **errors},
+        own_error_percent=None,
+        nodes=10,
+        memory_bytes=10,
+        steps=3,
+        time=spread,
+    )
 
 
 def test_a_choice_is_as_bad_as_its_worst_load():
     rows = [row("a", "+x", 1.0), row("a", "-z", 3.0, nodes=20, picture="z.png")]
     times = [time("a", "+x", 4.0), time("a", "-z", 2.0)]
-    (found,) = points_of(rows, times, {"+x", "-z"})
-    assert found.errors["rms_percent"] == 3.0
-    assert found.nodes == 20
-    assert found.picture == "z.png"
-    assert found.time == Spread(4.0, 3.6, 8.0)
+    (front_point,) = points_of(rows, times, {"+x", "-z"})
+    assert front_point.errors["rms_percent"] == 3.0
+    assert front_point.nodes == 20
+    assert front_point.picture == "z.png"
+    assert front_point.time == Spread(4.0, 3.6, 8.0)
     # Of the slowest load, repeat by repeat.
-    assert found.ratio == Spread(2.0, 2.0, 2.5)
+    assert front_point.ratio == Spread(2.0, 2.0, 2.5)
 
 
 def test_a_choice_without_a_load_is_no_point():
     rows = [row("a", "+x", 1.0), row("b", "+x", 1.0), row("b", "-z", 1.0)]
     rows.append({"id": "f", "choice": {"structure": "a"}, "load": "-z", "failed": "no"})
-    (found,) = points_of(rows, [time("b", "+x", 1.0)], {"+x", "-z"})
-    assert found.name == "b"
+    (front_point,) = points_of(rows, [time("b", "+x", 1.0)], {"+x", "-z"})
+    assert front_point.name == "b"
     # Timed under one load only: no time.
-    assert found.time is None
+    assert front_point.time is None
 
 
 def test_percent_of_the_99th_percentile_are_of_the_range_of_the_rms():
-    found = errors_of(
+    largest = errors_of(
         {"rms_kelvin": [1.0, 2.0], "rms_percent": [2.0, 8.0], "p99_kelvin": [3.0, 4.0]}
     )
-    assert found == {
+    assert largest == {
         "rms_percent": 8.0, "rms_kelvin": 2.0, "p99_percent": 16.0, "p99_kelvin": 4.0
     }  # fmt: skip
 
 
 def test_an_infinite_error_is_never_on_the_front():
     bad = error(1.0) | {"rms_percent": [None, None]}
-    found = points_of([row("a", "+x", 1.0, error=bad)], [time("a", "+x", 1.0)], {"+x"})
-    assert found[0].errors["rms_percent"] == np.inf
-    assert not front(found)
+    points = points_of([row("a", "+x", 1.0, error=bad)], [time("a", "+x", 1.0)], {"+x"})
+    assert points[0].errors["rms_percent"] == np.inf
+    assert not front(points)
 
 
 def test_the_front_leaves_out_beaten_and_untimed_choices():
@@ -72,25 +81,25 @@ def test_the_front_leaves_out_beaten_and_untimed_choices():
 
 
 @given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5)), min_size=1))
-def test_every_row_is_on_the_front_or_beaten_by_one_that_is(both):
-    values = np.array(both, float)
-    chosen = non_dominated(values)
-    best = values[chosen]
-    for value, is_best in zip(values, chosen, strict=True):
+def test_every_row_is_on_the_front_or_beaten_by_one_that_is(costs):
+    values = np.array(costs, float)
+    on_front = _non_dominated(values)
+    best = values[on_front]
+    for value, is_best in zip(values, on_front, strict=True):
         better = ((best <= value).all(1) & (best < value).any(1)).any()
         assert better != is_best
 
 
 def test_rivals_have_offline_times_of_their_own():
-    made = {"name": "reduced model", "choice": {"vectors": "20"}, "loop_s": [1e-3]}
+    common = {"name": "reduced model", "choice": {"vectors": "20"}, "loop_s": [1e-3]}
     rows = [
-        {**made, "load": load, "error": error(0.1), "nodes": 20, "memory_bytes": 5,
+        {**common, "load": load, "error": error(0.1), "nodes": 20, "memory_bytes": 5,
          "processor": "p", "offline_s": seconds}
         for load, seconds in (("+x", 9.0), ("-z", 11.0))
     ]  # fmt: skip
-    (found,) = rivals_of(rows, {"+x", "-z"})
-    assert (found.name, found.offline_s) == ("reduced model, vectors 20", 11.0)
-    assert found.time == Spread(1e-3, 1e-3, 1e-3)
+    (model,) = rivals_of(rows, {"+x", "-z"})
+    assert (model.name, model.offline_s) == ("reduced model, vectors 20", 11.0)
+    assert model.time == Spread(1e-3, 1e-3, 1e-3)
     assert not rivals_of(rows[:1], {"+x", "-z"})
 
 
@@ -98,10 +107,10 @@ def test_twelve_steps_are_timed_beside_the_nearer_choice_and_the_nearer_model():
     choices = [point(1.9, 0.006, "x4"), point(2.6, 0.002, "x8"), point(0.7, 0.1, "x2")]
     models = [point(2.0, 5e-4, "3 vectors"), point(3.0, 1e-4, "1 vector")]
     rivals = [point(2.34, 1.0, TWELVE_STEPS.name), point(0.6, 2.0, "numba RKL2")]
-    found = pairs(choices, rivals, (3.0,), models)
-    beside = [each for each in found if each.tolerance == 2.34]
-    assert [each.choice.name for each in beside] == ["x4", "3 vectors"]
-    assert all(each.rival is rivals[0] for each in beside)
+    compared = pairs(choices, rivals=rivals, tolerances=(3.0,), models=models)
+    nearer = [pair for pair in compared if pair.tolerance == 2.34]
+    assert [pair.choice.name for pair in nearer] == ["x4", "3 vectors"]
+    assert all(pair.rival is rivals[0] for pair in nearer)
 
 
 @pytest.mark.parametrize(

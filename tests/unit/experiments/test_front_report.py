@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from calibrate.study.front import points_of, rivals_of
 from experiments.front.charts import error_against
-from experiments.front.folder import append_rows, read_folder
-from experiments.front.pareto import points_of, rivals_of
 from experiments.front.report import Findings, write_report
+from experiments.front.rivals import append_rows, read_folder
 from jaxthermo.errors import InputError
 from tests.front_rows import row, time
 
@@ -37,8 +37,8 @@ def sweep(tmp_path) -> Path:
     rival = {"name": "numba RKL2", "choice": {"voxels": "50 high"}, "load": "+x"}
     rival |= {"error": row("r", "+x", 0.8)["error"], "loop_s": [4.0], "nodes": 5}
     rivals = [rival | {"memory_bytes": 8, "processor": "a processor"}]
-    for name, found in (("rows", rows), ("times", times), ("rivals", rivals)):
-        append_rows(tmp_path / f"{name}.jsonl", found)
+    for name, file_rows in (("rows", rows), ("times", times), ("rivals", rivals)):
+        append_rows(tmp_path / f"{name}.jsonl", file_rows)
     return tmp_path
 
 
@@ -48,8 +48,16 @@ def test_the_page_is_one_file_with_everything(sweep, tmp_path):
     rivals = rivals_of(folder.rivals, folder.loads)
     out = tmp_path / "out"
     out.mkdir()
-    found = Findings("A front", ["A ball."], folder, points, rivals, [], {"a": 1})
-    files = write_report(found, out)
+    findings = Findings(
+        title="A front",
+        about=["A ball."],
+        folder=folder,
+        points=points,
+        rivals=rivals,
+        comparisons=[],
+        config={"a": 1},
+    )
+    files = write_report(findings, out)
     assert all((out / name).is_file() for name in files)
     page = (out / "report.html").read_text()
     assert not re.search(r"(src|href)=.(?!data:)|url\(|@import", page)
@@ -59,8 +67,8 @@ def test_the_page_is_one_file_with_everything(sweep, tmp_path):
     assert page.count('data-tip="') >= 4 * 3
     assert '<td class="left">none</td>' in page and "a processor" in page
     (table,) = map(json.loads, re.findall(r"const tips = (.*);\n", page))
-    shown = {text: picture for text, picture in table}
-    assert [bool(p) for t, p in shown.items() if t.endswith("s: shell")] == [True]
+    pictures = {text: picture for text, picture in table}
+    assert [bool(p) for t, p in pictures.items() if t.endswith("s: shell")] == [True]
     rows = list(csv.DictReader((out / "front.csv").read_text().splitlines()))
     assert [r["name"] for r in rows if r["on_front"] == "True"] == [
         "shell", "blocks </script>"
@@ -85,15 +93,15 @@ def test_numbers_of_a_crowd_do_not_cover_each_other():
     chart = error_against("time_s", points_of(rows, times, {"+x"}))
     assert chart is not None
     layers = chart.to_dict()["layer"]
-    (numbers,) = (each for each in layers if each["mark"]["type"] == "text")
-    assert [each["number"] for each in numbers["data"]["values"]] == ["1", "2"]
+    (numbers,) = (layer for layer in layers if layer["mark"]["type"] == "text")
+    assert [label["number"] for label in numbers["data"]["values"]] == ["1", "2"]
 
 
 def test_a_line_that_was_cut_off_is_left_out(sweep):
-    whole = read_folder(sweep)
+    complete = read_folder(sweep)
     with (sweep / "rows.jsonl").open("a") as file:
         file.write('{"id": "half')
-    assert read_folder(sweep).rows == whole.rows
+    assert read_folder(sweep).rows == complete.rows
 
 
 def test_a_folder_without_rows_is_refused(tmp_path):

@@ -21,25 +21,28 @@ def scene(cells: str) -> jt.Scene:
     """A ball under a lamp that is switched off at a time at which nothing is saved."""
     # Two to three voxels from the surface to the centre: nodes deep inside as well.
     grid = jt.voxelize(jt.shapes.sphere(0.05), 0.1 / 7, cells)  # type: ignore
-    warm = lambda x: 300.0 + 100.0 * x[:, 0]
+
+    def warm(x):
+        return 300.0 + 100.0 * x[:, 0]
+
     body = jt.Body(jt.FullVolume(grid), STEEL, temperature=warm)
     lamp = jt.Sun((-1.0, 0.0, -0.3), jt.Until(5000.0, 45.0))
     return jt.Scene((body,), (lamp, jt.Convection(200.0, 290.0)), dtype="float32")
 
 
-def body_of(made: jt.Scene) -> LinearBody:
-    return linear_body(made, 90.0, SAVE_AT)
+def body_of(ball_scene: jt.Scene) -> LinearBody:
+    return linear_body(ball_scene, 90.0, SAVE_AT)
 
 
-def surface(made: jt.Scene, solver) -> np.ndarray:
-    found = jt.simulate(made, 90.0, SAVE_AT, solver=solver)
-    return np.asarray(found.surface_temperature)
+def surface(ball_scene: jt.Scene, solver) -> np.ndarray:
+    solution = jt.simulate(ball_scene, 90.0, SAVE_AT, solver=solver)
+    return np.asarray(solution.surface_temperature)
 
 
 @pytest.fixture(scope="module")
 def ball() -> tuple[jt.Scene, LinearBody]:
-    made = scene("crossings")
-    return made, body_of(made)
+    ball_scene = scene("crossings")
+    return ball_scene, body_of(ball_scene)
 
 
 # Without cut voxels there is less to get wrong.
@@ -52,17 +55,17 @@ def ball() -> tuple[jt.Scene, LinearBody]:
     ],
 )
 def test_explicit_steps_are_those_of_forward_euler(ball, cells):
-    made = ball[0] if cells == "crossings" else scene(cells)
-    body = ball[1] if cells == "crossings" else body_of(made)
-    expected = surface(made, jt.ForwardEuler())
+    ball_scene = ball[0] if cells == "crossings" else scene(cells)
+    body = ball[1] if cells == "crossings" else body_of(ball_scene)
+    expected = surface(ball_scene, jt.ForwardEuler())
     for layout in ("compact", "dense"):
         run = explicit_run(body.with_layout(layout), "interpreted")
         np.testing.assert_allclose(run.call(), expected, atol=1e-4, rtol=0)
 
 
 def test_rkl2_steps_are_those_of_super_time_stepping(ball):
-    made, body = ball
-    expected = surface(made, jt.SuperTimeStepping(dt=STEP))
+    ball_scene, body = ball
+    expected = surface(ball_scene, jt.SuperTimeStepping(dt=STEP))
     for layout in ("compact", "dense"):
         run = rkl2_run(body.with_layout(layout), STEP, "interpreted")
         np.testing.assert_allclose(run.call(), expected, atol=1e-4, rtol=0)
@@ -72,9 +75,9 @@ def test_rkl2_steps_are_those_of_super_time_stepping(ball):
 @pytest.mark.slow
 @pytest.mark.slice
 def test_conjugate_gradients_are_those_of_trbdf2(ball):
-    made, body = ball
+    ball_scene, body = ball
     # Its linear systems are solved to a residual, not to rounding.
-    expected = surface(made, jt.TRBDF2(dt=STEP))
+    expected = surface(ball_scene, jt.TRBDF2(dt=STEP))
     np.testing.assert_allclose(
         scipy_run(body, STEP).call(), expected, atol=2e-3, rtol=0
     )
@@ -91,15 +94,17 @@ def test_compiled_loops_are_the_interpreted_ones(ball, threads):
 
 
 def test_nonlinear_scenes_have_no_rivals(ball):
-    made, _ = ball
-    warm = jt.Scene(made.bodies, (jt.Surroundings(280.0),), dtype="float32")
+    ball_scene, _ = ball
+    warm = jt.Scene(ball_scene.bodies, (jt.Surroundings(280.0),), dtype="float32")
     with pytest.raises(jt.InputError, match="linear surface terms"):
         body_of(warm)
 
 
 def test_loads_that_vary_between_events_have_no_rivals(ball):
-    made, _ = ball
+    ball_scene, _ = ball
     ramp = jt.Table((0.0, 90.0), (0.0, 5000.0))
-    lit = jt.Scene(made.bodies, (jt.Sun((-1.0, 0.0, 0.0), ramp),), dtype="float32")
+    lit = jt.Scene(
+        ball_scene.bodies, (jt.Sun((-1.0, 0.0, 0.0), ramp),), dtype="float32"
+    )
     with pytest.raises(jt.InputError, match="constant between events"):
         body_of(lit)

@@ -7,7 +7,7 @@ import pytest
 
 import jaxthermo as jt
 from calibrate.problem.parameters import Parameter, ParameterSet
-from experiments.front.pareto import Point
+from calibrate.study.front import Point
 from experiments.harness.present import from_to
 from experiments.thesis.exhibits import image as parts_of_image, parameters, weights
 from tests import calibrating

@@ -26,8 +26,8 @@ def both_runs(tmp_path, **changes):
     return compared(a, b)
 
 
-def changed(found):
-    return {change.key: (change.old, change.new) for change in found.numbers}
+def changed(comparison):
+    return {change.key: (change.old, change.new) for change in comparison.numbers}
 
 
 def test_keys_are_dotted_and_a_vector_is_one_value():
@@ -45,8 +45,8 @@ def test_keys_are_dotted_and_a_vector_is_one_value():
 
 def test_a_time_changes_if_the_ranges_of_its_repeats_are_apart():
     assert time_change("t", [1.0, 1.2, 1.1], [1.15, 1.3, 1.4]) is None
-    found = time_change("t", [1.0, 1.2, 1.1], [2.1, 2.2, 2.4])
-    assert found is not None and (found.old, found.new) == (1.1, 2.2)
+    change = time_change("t", [1.0, 1.2, 1.1], [2.1, 2.2, 2.4])
+    assert change is not None and (change.old, change.new) == (1.1, 2.2)
     # Measured once there is no range: half as long again may be the machine's load.
     assert time_change("t", [1.0], [1.4]) is None
     assert time_change("t", [1.0], [1.6]) is not None
@@ -59,24 +59,24 @@ def test_plain_values_of_an_experiment_are_matched_by_name():
     old = {"cases": [{"id": "A", "x": 1.0, "run": timing}, {"id": "B", "x": 2.0}]}
     slower = {"median": 3.0, "fastest": 2.9, "slowest": 3.2}
     new = {"cases": [{"id": "B", "x": 2.5}, {"id": "A", "x": 1 + 1e-6, "run": slower}]}
-    found = {c.key: (c.old, c.new) for c in plain_changes(old, new)}
-    assert found == {"cases.A.run": (1.0, 3.0), "cases.B.x": (2.0, 2.5)}
+    changes = {c.key: (c.old, c.new) for c in plain_changes(old, new)}
+    assert changes == {"cases.A.run": (1.0, 3.0), "cases.B.x": (2.0, 2.5)}
 
 
 def test_a_run_is_the_same_within_rounding(tmp_path):
     surface = {"min": [290.0, 291.0], "mean": [295.0, 296.0], "max": [300.0, 310.0001]}
     bodies = [{"surface_temperature_K": surface}]
-    found = both_runs(
+    comparison = both_runs(
         tmp_path, bodies=bodies, run_time_s=1.3, date="2026-02-02T03:04:05+00:00"
     )
-    assert not found.config and not found.origin and not found.numbers
+    assert not comparison.config and not comparison.origin and not comparison.numbers
     # Said, since nothing was compared point by point.
-    assert "solution.npz is missing" in found.remarks[0]
+    assert "solution.npz is missing" in comparison.remarks[0]
 
 
 def test_what_changed_in_a_run(tmp_path):
     surface = {"min": [290.0, 291.0], "mean": [295.0, 296.5], "max": [300.0, 310.0]}
-    found = both_runs(
+    comparison = both_runs(
         tmp_path,
         bodies=[{"surface_temperature_K": surface}],
         config={"name": "block", "terms": [{"direction": [0, 0, 1]}]},
@@ -88,10 +88,10 @@ def test_what_changed_in_a_run(tmp_path):
         probes={"tip": {"temperature_K": [300.0, 301.5]}},
         truth_error={"worst_rms_kelvin": 0.5},
     )
-    config = [(c.key, c.old, c.new) for c in found.config]
+    config = [(c.key, c.old, c.new) for c in comparison.config]
     assert config == [("terms.0.direction", [1, 0, 0], [0, 0, 1])]
-    assert [c.key for c in found.origin] == ["versions.jax", "commit"]
-    assert set(changed(found)) == {
+    assert [c.key for c in comparison.origin] == ["versions.jax", "commit"]
+    assert set(changed(comparison)) == {
         "nodes",
         "bodies.0: mean of the surface [K]",
         "truth_error.worst_rms_kelvin",
@@ -99,11 +99,12 @@ def test_what_changed_in_a_run(tmp_path):
         "energy.sun_J, at the end",
         "run_time_s",
     }
-    assert changed(found)["energy.sun_J, at the end"] == (20.0, 21.0)
+    assert changed(comparison)["energy.sun_J, at the end"] == (20.0, 21.0)
 
 
 def test_a_fitted_value_changes_beyond_its_standard_errors(tmp_path):
-    a, b = fit(tmp_path / "a", 1.0), fit(tmp_path / "b", 1.13)
+    a = fit(tmp_path / "a", 1.0)
+    b = fit(tmp_path / "b", 1.13)
     assert not compared(a, b).numbers
     c = fit(tmp_path / "c", 1.15)
     assert changed(compared(a, c)) == {"parameters.weights.within": (1.0, 1.15)}
@@ -111,7 +112,8 @@ def test_a_fitted_value_changes_beyond_its_standard_errors(tmp_path):
     d = fit(tmp_path / "d", 1.0, error_percent=errors)
     assert changed(compared(a, d)) == {"error_percent.train.fitted": (1.0, 1.2)}
     # Without standard errors only rounding is noise.
-    e, f = fit(tmp_path / "e", 1.0, None), fit(tmp_path / "f", 1.01, None)
+    e = fit(tmp_path / "e", 1.0, None)
+    f = fit(tmp_path / "f", 1.01, None)
     assert changed(compared(e, f)) == {"parameters.weights.within": (1.0, 1.01)}
 
 
@@ -120,10 +122,10 @@ def test_rows_of_sweeps_are_matched_by_choice_and_load(tmp_path):
     a = sweep(tmp_path / "a", rows, {"full+x": [1.0, 1.1], "octree+x": [0.5, 0.6]})
     # Of another program: the ids are others, the choices the same.
     later = [row("full", 0.100001), row("full", 0.25, "-z"), row("shell", 0.4)]
-    later = [{**each, "id": f"new {each['id']}"} for each in later]
+    later = [{**row, "id": f"new {row['id']}"} for row in later]
     b = sweep(tmp_path / "b", later, {"new full+x": [2.0, 2.1]})
-    found = compared(a, b)
-    names = changed(found)
+    comparison = compared(a, b)
+    names = changed(comparison)
     assert set(names) == {
         "structure octree, load +x",
         "structure shell, load +x",
@@ -131,7 +133,7 @@ def test_rows_of_sweeps_are_matched_by_choice_and_load(tmp_path):
         "structure full, load -z: worst_rms_percent",
         "structure full, load +x: loop [s]",
     }
-    plain = found.as_dict()["numbers"]
+    plain = comparison.as_dict()["numbers"]
     only = next(c for c in plain if c["key"] == "structure octree, load +x")
     assert only == {"key": "structure octree, load +x", "old": "a row"}
 
@@ -144,18 +146,20 @@ def test_a_case_that_fails_now_is_a_change(tmp_path):
 
 
 def test_a_plan_changes_with_its_time(tmp_path):
-    a, b = plan(tmp_path / "a", 0.01), plan(tmp_path / "b", 0.02)
+    a = plan(tmp_path / "a", 0.01)
+    b = plan(tmp_path / "b", 0.02)
     assert changed(compared(a, b)) == {"run_time_s": (0.01, 0.02)}
     assert not compared(a, a).numbers and read_result(a).date.year == 2026
 
 
 def test_results_of_two_kinds_are_not_compared(tmp_path):
     a = stored(tmp_path / "a", "summary.json", run_summary())
-    b, c = fit(tmp_path / "b", 1.0), experiment(tmp_path / "c", x=1.0)
+    b = fit(tmp_path / "b", 1.0)
+    c = experiment(tmp_path / "c", x=1.0)
     with pytest.raises(InputError, match="is a run and .* a fit"):
         compared(a, b)
-    other = json.loads((c / "result.json").read_text()) | {"experiment": "mixed"}
-    d = stored(tmp_path / "d", "result.json", other)
+    mixed = json.loads((c / "result.json").read_text()) | {"experiment": "mixed"}
+    d = stored(tmp_path / "d", "result.json", mixed)
     with pytest.raises(InputError, match="of the experiment stencil and .* of mixed"):
         compared(c, d)
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from experiments.sweep.config import OptunaSampling, load_sweep, sweep_hash
-from experiments.sweep.points import Study, cases_of, choices
+from calibrate.study.config import OptunaSampling, load_sweep, sweep_hash
+from calibrate.study.points import Study, cases_of, choices
 from jaxthermo.errors import InputError
 from tests.sweeping import SWEEP, sweep_file
 
@@ -22,8 +22,8 @@ AXES = """axes:
 
 def sampled(folder: Path, sampling: str):
     head, _, tail = SWEEP.partition("axes:")
-    rest = tail[tail.index("truth:") :]
-    return sweep_file(folder, f"{head}{AXES}sampling: {sampling}\n{rest}")
+    truth_block = tail[tail.index("truth:") :]
+    return sweep_file(folder, f"{head}{AXES}sampling: {sampling}\n{truth_block}")
 
 
 def drawn(folder: Path, sampling: str):
@@ -36,8 +36,8 @@ PATHS = sorted(CONFIGS.glob("*.yaml"))
 @pytest.mark.parametrize("path", PATHS, ids=lambda path: path.stem)
 def test_a_dozen_cases_of_a_shipped_sweep_are_valid(path):
     config = load_sweep(path)
-    chosen = choices(config)
-    _check(config, chosen[:: len(chosen) // 12 + 1])
+    all_choices = choices(config)
+    _check(config, all_choices[:: len(all_choices) // 12 + 1])
 
 
 @pytest.mark.slow
@@ -47,12 +47,16 @@ def test_every_case_of_a_shipped_sweep_is_valid(path):
     _check(config, choices(config))
 
 
-def _check(config, chosen):
+def _check(config, choices_of_config):
     one_load = config.model_copy(update={"loads": config.loads[:1]})
-    made = [c for each in chosen for c in cases_of(one_load, each, find_meshes=False)]
-    made += cases_of(config, chosen[0], find_meshes=False)
-    assert len(made) == len(chosen) + len(config.loads) >= 4
-    assert len({case.names for case in made}) == len(chosen)
+    cases = [
+        c
+        for choice in choices_of_config
+        for c in cases_of(one_load, choice, find_meshes=False)
+    ]
+    cases += cases_of(config, choices_of_config[0], find_meshes=False)
+    assert len(cases) == len(choices_of_config) + len(config.loads) >= 4
+    assert len({case.names for case in cases}) == len(choices_of_config)
 
 
 def test_the_sweeps_that_plans_are_compared_with_have_sixty_cases():
@@ -62,30 +66,30 @@ def test_the_sweeps_that_plans_are_compared_with_have_sixty_cases():
 
 def test_a_grid_is_the_product_of_its_axes(tmp_path):
     config = load_sweep(sweep_file(tmp_path))
-    found = choices(config)
-    assert [choice.labels for choice in found] == [
+    all_choices = choices(config)
+    assert [choice.labels for choice in all_choices] == [
         (("within", "0.8"),),
         (("within", "1"),),
         (("within", "1.25"),),
     ]
-    first, second = cases_of(config, found[0])
+    first, second = cases_of(config, all_choices[0])
     assert (first.load, second.load) == ("+x", "+z")
     assert first.config.bodies[0].structure.weights.within == 0.8
-    assert len({c.id for each in found for c in cases_of(config, each)}) == 6
-    assert first.shape_key == cases_of(config, found[2])[0].shape_key
+    assert len({c.id for choice in all_choices for c in cases_of(config, choice)}) == 6
+    assert first.shape_key == cases_of(config, all_choices[2])[0].shape_key
 
 
-@pytest.mark.parametrize("kind", ["random", "sobol"])
-def test_points_that_are_drawn_are_the_same_for_a_seed(tmp_path, kind):
-    found = drawn(tmp_path, f"{{kind: {kind}, count: 12, seed: 3}}")
-    assert found == drawn(tmp_path, f"{{kind: {kind}, count: 12, seed: 3}}")
-    assert found != drawn(tmp_path, f"{{kind: {kind}, count: 12, seed: 4}}")
-    assert len(found) == 12
-    values = [c.set["bodies.0.structure.weights.within"] for c in found]
+@pytest.mark.parametrize("sampling", ["random", "sobol"])
+def test_points_that_are_drawn_are_the_same_for_a_seed(tmp_path, sampling):
+    points = drawn(tmp_path, f"{{kind: {sampling}, count: 12, seed: 3}}")
+    assert points == drawn(tmp_path, f"{{kind: {sampling}, count: 12, seed: 3}}")
+    assert points != drawn(tmp_path, f"{{kind: {sampling}, count: 12, seed: 4}}")
+    assert len(points) == 12
+    values = [c.set["bodies.0.structure.weights.within"] for c in points]
     assert all(0.5 <= value <= 2 for value in values)
     # Even in the logarithm: about half of them are below 1.
     assert 3 <= sum(value < 1 for value in values) <= 9
-    assert {dict(c.labels)["kind"] for c in found} == {"blocks", "octree"}
+    assert {dict(c.labels)["kind"] for c in points} == {"blocks", "octree"}
 
 
 def test_a_point_of_a_list_may_name_several_labels(tmp_path):
@@ -96,9 +100,13 @@ def test_a_point_of_a_list_may_name_several_labels(tmp_path):
     - {kind: blocks, pitch: [8, 10], within: [0.5, 2.0]}"""
     path = sampled(tmp_path, text)
     path.write_text(path.read_text().replace("log: true", "count: 2"))
-    found = choices(load_sweep(path))
-    assert len(found) == 5
-    assert found[0].labels == (("kind", "octree"), ("pitch", "8"), ("within", "2.0"))
+    all_choices = choices(load_sweep(path))
+    assert len(all_choices) == 5
+    assert all_choices[0].labels == (
+        ("kind", "octree"),
+        ("pitch", "8"),
+        ("within", "2.0"),
+    )
 
 
 def test_a_study_asks_the_same_when_it_is_told_the_same(tmp_path):
@@ -106,21 +114,22 @@ def test_a_study_asks_the_same_when_it_is_told_the_same(tmp_path):
     assert isinstance(config.sampling, OptunaSampling)
     asked = []
     for _ in range(2):
-        study, own = Study(config, config.sampling), []
+        study = Study(config, config.sampling)
+        proposed = []
         for _ in range(3):
             for trial, choice in study.ask(2):
-                own.append(choice)
-                study.tell(trial, float(len(own)) if len(own) % 3 else None, 5.0)
-        asked.append(own)
+                proposed.append(choice)
+                study.tell(trial, float(len(proposed)) if len(proposed) % 3 else None, 5.0)
+        asked.append(proposed)
     assert asked[0] == asked[1] and len({c.labels for c in asked[0]}) > 3
 
 
 def test_the_hash_is_that_of_values_not_of_folders(tmp_path):
-    found = []
+    errors = []
     for name, text in (("a", SWEEP), ("b", SWEEP), ("c", SWEEP.replace("300", "301"))):
         (tmp_path / name).mkdir()
-        found.append(sweep_hash(load_sweep(sweep_file(tmp_path / name, text))))
-    assert found[0] == found[1] != found[2]
+        errors.append(sweep_hash(load_sweep(sweep_file(tmp_path / name, text))))
+    assert errors[0] == errors[1] != errors[2]
 
 
 WITHIN = "within: {key: bodies.0.structure.weights.within, values: [0.8, 1, 1.25]}"

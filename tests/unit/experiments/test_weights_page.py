@@ -4,11 +4,11 @@ import math
 
 import pytest
 
-from experiments.sweep.config import load_sweep, sweep_hash
-from experiments.sweep.points import cases_of, choices
-from experiments.sweep.run import Sweep
-from experiments.sweep.summary import lines, table
-from experiments.sweep.weights import _contour, _curve, grid_errors, sections
+from calibrate.study.config import load_sweep, sweep_hash
+from calibrate.study.points import cases_of, choices
+from calibrate.study.summary import lines, table
+from calibrate.study.sweep import Sweep
+from calibrate.study.tuning import _contour, _curve, grid_errors, sections
 from jaxthermo.errors import InputError
 from jaxthermo.report import page
 from tests.sweeping import FIT, TUNED, sweep_file
@@ -23,7 +23,7 @@ def swept(folder) -> Sweep:
     (folder / "fit.yaml").write_text(FIT)
     config = load_sweep(sweep_file(folder, TUNED))
     cases = [c for choice in choices(config) for c in cases_of(config, choice)]
-    sweep = Sweep(config, sweep_hash(config), folder, cases)
+    sweep = Sweep(config=config, hash=sweep_hash(config), folder=folder, cases=cases)
     for case in cases:
         percent = bowl(*(float(label) for _, label in case.names))
         error = {f"worst_{name}": percent for name in ("rms_percent", "rms_kelvin")}
@@ -80,10 +80,10 @@ def test_failed_choices_are_left_out_and_listed_last(tmp_path):
     case = sweep.cases[12]
     sweep.rows[case.id] = {**case.head, "failed": "diverged"}
     assert len(grid_errors(sweep)) == 24
-    found = lines(sweep)
-    assert found[-1]["failed"] == ["as given: diverged"]
-    assert [line["rms_percent"] for line in found[:-1]] == sorted(
-        line["rms_percent"] for line in found[:-1]
+    choice_lines = lines(sweep)
+    assert choice_lines[-1]["failed"] == ["as given: diverged"]
+    assert [line["rms_percent"] for line in choice_lines[:-1]] == sorted(
+        line["rms_percent"] for line in choice_lines[:-1]
     )
     assert len(table(sweep, 3).rows) == 3
     sweep.rows = {}

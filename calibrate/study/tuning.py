@@ -8,19 +8,18 @@ import numpy as np
 from jaxtyping import Float
 from skimage.measure import find_contours
 
-from calibrate.config.loader import load_calibration
-from calibrate.config.schema import ParameterConfig
-from calibrate.run import fit_config
-from calibrate.runs.evaluate import evaluate
-from calibrate.runs.truth import find_truth
 from jaxthermo.errors import InputError
 from jaxthermo.report import page
 from jaxthermo.report.chart import POINT_AREA, Chart, chart_svg
 from jaxthermo.report.table import Table
 
+from ..config.loader import load_calibration
+from ..config.schema import ParameterConfig
+from ..run import fit_config
 from .config import RangeAxis, text_of
+from .evaluate import evaluate, find_truth
 from .points import Choice, cases_of
-from .run import Log, Sweep, worst_percent
+from .sweep import Log, Sweep, worst_percent
 
 
 _WIDTH = 520

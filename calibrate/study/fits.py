@@ -9,12 +9,12 @@ import json
 from pathlib import Path
 from typing import Any
 
-from calibrate.config.loader import calibration_hash, load_calibration
-from calibrate.problem.reference import program_hash
-from calibrate.run import fit_config
 from jaxthermo.config.card_file import load_card
 from jaxthermo.errors import InputError
 
+from ..config.loader import calibration_hash, load_calibration
+from ..problem.reference import program_hash
+from ..run import fit_config
 from .config import SweepConfig
 from .points import Choice
 

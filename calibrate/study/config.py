@@ -9,7 +9,6 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationError
 
-from calibrate.config.schema import AbsoluteReference, Changes, Name
 from jaxthermo.config.loader import mesh_folders, with_overrides
 from jaxthermo.config.messages import described, in_file
 from jaxthermo.config.strict_yaml import read_yaml, write_yaml
@@ -17,6 +16,8 @@ from jaxthermo.config.types.files import FOLDERS, FoundPath
 from jaxthermo.config.types.model import ByKind, KindModel, Mistake, Model, Short
 from jaxthermo.config.types.quantities import Flag, NotEmpty, Number, Whole, refuse
 from jaxthermo.errors import InputError
+
+from ..config.schema import AbsoluteReference, Changes, Name
 
 
 Key = Annotated[str, Field(min_length=1, max_length=200)]
@@ -35,7 +36,7 @@ class FitValue(Model):
     """A fit of weights, which precedes the cases that run with them."""
 
     calibration: FoundPath
-    """Config of the calibration; the other changes of a choice apply to its scene too."""
+    """Config of the calibration; the changes of a choice apply to its scene too."""
     set: Changes = {}
     """Changes of the calibration by dotted key, such as `fit.time_norm`."""
 

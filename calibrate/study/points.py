@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.stats import qmc
 
-from calibrate.runs.case import Case, changed_config
 from jaxthermo.errors import InputError
 
+from .case import Case, changed_config
 from .config import (
     Axis,
     FitValue,

@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from typing import Any
 
-from calibrate.problem.reference import program_hash
-from calibrate.runs.case import Case
 from jaxthermo.atomic import write_json
 from jaxthermo.provenance import processor, provenance
 from jaxthermo.report import page
 from jaxthermo.report.table import Cell, Table
 
+from ..problem.reference import program_hash
+from .case import Case
 from .config import (
     OptunaSampling,
     RandomSampling,
@@ -18,8 +18,8 @@ from .config import (
     resolved,
     to_yaml,
 )
-from .run import Sweep, median_loop, worst_percent
-from .weights import sections as tuning_sections
+from .sweep import Sweep, median_loop, worst_percent
+from .tuning import sections as tuning_sections
 
 
 _COLUMNS = (
@@ -178,7 +178,7 @@ def goals_table(config: SweepConfig, lines: Sequence[dict[str, Any]]) -> list[Ta
 
 
 def about_reference(cases: Sequence[Case]) -> list[str]:
-    """Sentence on the parts of the errors, where choices have the reference's voxels."""
+    """Sentence on the parts of the errors of choices with the reference's voxels."""
     shared = sum(case.shares_voxels for case in cases)
     if not shared:
         return []

@@ -8,20 +8,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from calibrate.problem.reference import program_hash
-from calibrate.runs.case import Case
-from calibrate.runs.evaluate import MAX_TOGETHER, Row
-from calibrate.runs.pool import Pool, Task, open_pool
-from calibrate.runs.rows import Rows, claim_folder
-from calibrate.runs.times import time_case
-from calibrate.runs.truth import find_truth
 from jaxthermo.atomic import replacing
 from jaxthermo.errors import InputError
 from jaxthermo.parallel.devices import check_devices, check_shared
 
+from ..problem.reference import program_hash
+from .case import Case
 from .config import OptunaSampling, SweepConfig, load_sweep, sweep_hash, to_yaml
+from .evaluate import MAX_TOGETHER, Row, find_truth
 from .fits import check_fit, with_fit
 from .points import Choice, Study, cases_of, choices
+from .pool import Pool, Task, open_pool
+from .rows import Rows, claim_folder
+from .times import time_case
 
 
 @dataclass(frozen=True)

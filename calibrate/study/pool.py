@@ -19,8 +19,7 @@ from jaxthermo.host_memory import available_bytes
 
 from ..problem.reference import program_hash
 from .case import Case
-from .evaluate import Evaluated, evaluate_group
-from .truth import Truth
+from .evaluate import Evaluated, Truth, evaluate_group
 
 
 _LIBRARY = "distributed"

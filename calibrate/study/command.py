@@ -18,9 +18,9 @@ from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
 from jaxthermo.parallel.devices import provide_devices
 
-from .run import Log, Options, run_sweep
 from .summary import table, write_results
-from .weights import compare_with_fit
+from .sweep import Log, Options, run_sweep
+from .tuning import compare_with_fit
 
 
 _MAX_LINES = 40

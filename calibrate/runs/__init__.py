@@ -1,1 +1,0 @@
-"""Cases of a scene: run, judged by a reference of finer voxels, timed."""

@@ -1,1 +1,0 @@
-"""Sweeps: error and run time over axes of a scene."""
