@@ -17,6 +17,7 @@ from jaxthermo.console.results_folder import results_folder
 from jaxthermo.errors import InputError
 from jaxthermo.structures.weights import FitCard
 
+from .config.fit_record import FitRecord
 from .config.loader import calibration_hash, load_calibration, scene_config
 from .config.schema import CalibrationConfig
 from .run import ProgressLog, fit_config
@@ -104,7 +105,7 @@ def make_cards(
     again: bool = False,
     log: ProgressLog | None = None,
     stop: Callable[[], bool] = lambda: False,
-) -> Iterator[tuple[str, FitCard, dict[str, Any] | None]]:
+) -> Iterator[tuple[str, FitCard, FitRecord | None]]:
     """Fit the cards one by one, each written to `out` when it is finished.
 
     A fit that was interrupted continues in its folder in `results`.

@@ -22,7 +22,14 @@ from .analysis.fit_card import make_card
 from .analysis.identifiability import Identified, identify, residual_sd
 from .analysis.truth import Truth
 from .analysis.verdict import judge
-from .config.fit_record import write_fit
+from .config.fit_record import (
+    Advice,
+    CaseGroups,
+    ErrorGroups,
+    FitRecord,
+    ParameterRow,
+    write_fit,
+)
 from .config.loader import calibration_hash, load_calibration, plain
 from .config.schema import CalibrationConfig, shown_unit_of, unit_of
 from .problem.build import Calibration
@@ -61,7 +68,7 @@ def fit_config(
     stop: Callable[[], bool] = lambda: False,
     report: bool = True,
     devices: int = 1,
-) -> dict[str, Any]:
+) -> FitRecord:
     """Run the fit of a config, write its results, and return those of `fit.json`.
 
     Args:
@@ -148,7 +155,7 @@ def _conclude(
     fit: Fit,
     log: ProgressLog,
     advise: bool,
-) -> dict[str, Any]:
+) -> FitRecord:
     train = calibration.train
     errors: _Errors = {
         "train": {
@@ -168,7 +175,7 @@ def _conclude(
     identified = identify(
         train.parameters, z=fit.z, jacobian=fit.jacobian, sd=sd, scatter=scatter
     )
-    advice: list[dict[str, Any]] = []
+    advice: list[Advice] = []
     if advise:
         advice = rank_experiments(
             config, calibration=calibration, fit=fit, sd=sd, log=log.stage
@@ -182,17 +189,56 @@ def _conclude(
     speed = measure_speed(
         calibration.configs[case.name], default=case.scene, fitted=scene
     )
-    result = _fit_json(
-        config,
-        parameters=train.parameters,
-        fit=fit,
-        identified=identified,
-        errors=errors,
-        advice=advice,
-        speed=speed,
-        truth=None if truth is None else truth.judge(fit.z, log.stage),
+    against_truth = None if truth is None else truth.judge(fit.z, log.stage)
+    by_case = _errors_by_case(errors)
+    verdict = judge(
+        by_case,
+        speedup=speed,
+        is_of_weights=_fits_weights(train.parameters),
+        truth=against_truth,
     )
-    return result | {"by_clusters": scatter is not None}
+    start = np.asarray(train.parameters.flat_values(np.zeros_like(fit.z)), float)
+    # Without a Jacobian there are too many values for a row each.
+    judged = fit.jacobian is not None
+    if judged:
+        rows = parameter_rows(identified, start)
+    else:
+        rows = _field_rows(train.parameters, identified=identified, start=start)
+    return FitRecord(
+        name=config.name,
+        verdict=verdict,
+        parameters=rows,
+        loss={"initial": fit.initial_loss, "final": fit.loss},
+        ended=fit.ended,
+        error_percent=_largest_errors(errors),
+        errors=by_case,
+        truth=against_truth,
+        # Digits beyond these would only make the file longer.
+        correlation=np.round(identified.correlation, 6).tolist(),
+        singular_values=identified.singular_values.tolist(),
+        advice=advice,
+        speedup=speed,
+        steps=[
+            {
+                "step": step.number,
+                "loss": step.loss,
+                "accepted": step.accepted,
+                "jacobian_computed": step.exact,
+                "values": list(step.values) if judged else [],
+            }
+            for step in fit.steps
+        ],
+        run_time_s={
+            "fit": fit.step_seconds,
+            "one_run": fit.run_seconds,
+            "compile": fit.compile_seconds,
+        },
+        reference=config.reference.kind,
+        config=plain(config),
+        program_hash=program_hash(),
+        **provenance(calibration_hash(config), config.fit.seed),
+        by_clusters=scatter is not None,
+    )
 
 
 def _case_errors(
@@ -266,77 +312,38 @@ _Errors = dict[str, dict[str, dict[str, CaseError]]]
 """Errors by "train" or "held_out", then by "default" or "fitted", then by case."""
 
 
-def _fit_json(
-    config: CalibrationConfig,
-    parameters: ParameterSet,
-    fit: Fit,
-    identified: Identified,
-    errors: _Errors,
-    advice: list[dict[str, Any]],
-    speed: dict[str, Any],
-    truth: dict[str, Any] | None,
-) -> dict[str, Any]:
-    # Without a Jacobian there are too many values for a row each.
-    start = np.asarray(parameters.flat_values(np.zeros_like(fit.z)), float)
-    judged = fit.jacobian is not None
-    rows = parameter_rows(identified, start)
-    by_case = {
+def _errors_by_case(errors: _Errors) -> CaseGroups:
+    groups: Any = {
         group: {
             values: {name: error.as_json() for name, error in cases.items()}
-            for values, cases in values_errors.items()
+            for values, cases in pair.items()
         }
-        for group, values_errors in errors.items()
+        for group, pair in errors.items()
     }
+    return groups
+
+
+def _largest_errors(errors: _Errors) -> ErrorGroups:
+    groups: Any = {
+        group: {
+            values: max(error.worst for error in cases.values())
+            for values, cases in pair.items()
+        }
+        for group, pair in errors.items()
+    }
+    return groups
+
+
+def _fits_weights(parameters: ParameterSet) -> bool:
     names = (parameter.name.split(".") for parameter in parameters.parameters)
-    is_of_weights = any("weights" in words for words in names)
-    verdict = judge(by_case, speedup=speed, is_of_weights=is_of_weights, truth=truth)
-    return {
-        "name": config.name,
-        "verdict": verdict,
-        "parameters": rows if judged else _field_rows(parameters, identified, start),
-        "loss": {"initial": fit.initial_loss, "final": fit.loss},
-        "ended": fit.ended,
-        "error_percent": {
-            group: {
-                values: max(error.worst for error in cases.values())
-                for values, cases in values_errors.items()
-            }
-            for group, values_errors in errors.items()
-        },
-        "errors": by_case,
-        "truth": truth,
-        # Digits beyond these would only make the file longer.
-        "correlation": np.round(identified.correlation, 6).tolist(),
-        "singular_values": identified.singular_values.tolist(),
-        "advice": advice,
-        "speedup": speed,
-        "steps": [
-            {
-                "step": step.number,
-                "loss": step.loss,
-                "accepted": step.accepted,
-                "jacobian_computed": step.exact,
-                "values": list(step.values) if judged else [],
-            }
-            for step in fit.steps
-        ],
-        "run_time_s": {
-            "fit": fit.step_seconds,
-            "one_run": fit.run_seconds,
-            "compile": fit.compile_seconds,
-        },
-        "reference": config.reference.kind,
-        "config": plain(config),
-        "program_hash": program_hash(),
-        **provenance(calibration_hash(config), config.fit.seed),
-    }
+    return any("weights" in words for words in names)
 
 
 def parameter_rows(
     identified: Identified, start: Float[np.ndarray, " p"]
-) -> dict[str, dict[str, Any]]:
+) -> dict[str, ParameterRow]:
     """A row for every value, by its label."""
-    rows = {}
+    rows: dict[str, ParameterRow] = {}
     for verdict, initial in zip(identified.verdicts, start, strict=True):
         unit, size = shown_unit_of(verdict.label)
         error = verdict.standard_error
@@ -353,9 +360,9 @@ def parameter_rows(
 
 def _field_rows(
     parameters: ParameterSet, identified: Identified, start: Float[np.ndarray, " p"]
-) -> dict[str, dict[str, Any]]:
+) -> dict[str, ParameterRow]:
     # A row for every field of thousands of values, all of which are in the card.
-    rows = {}
+    rows: dict[str, ParameterRow] = {}
     first = 0
     values = np.array([verdict.value for verdict in identified.verdicts])
     for parameter in parameters.parameters:

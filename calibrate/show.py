@@ -1,7 +1,6 @@
 """`calibrate show`: results of a fit and shipped cards as text, which runs nothing."""
 
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 
@@ -10,7 +9,7 @@ from jaxthermo.config.shipped_cards import shipped_cards
 from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
 
-from .config.fit_record import read_fit
+from .config.fit_record import FitRecord, read_fit
 from .report.card_list import about_cards, card_table, range_table
 from .report.text_summary import (
     about_standard_errors,
@@ -43,7 +42,7 @@ def show(folder: Path | None, shipped: bool) -> None:
         print_line(console, text)
 
 
-def print_fit(console: Console, result: dict[str, Any]) -> None:
+def print_fit(console: Console, result: FitRecord) -> None:
     """Print the results of a fit: values, errors, and what else to measure."""
     title = f"{result['name']}: {result['ended']}"
     console.print(parameter_table(result["parameters"], title).rich())

@@ -5,7 +5,6 @@ needed.
 """
 
 from collections.abc import Callable
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -16,6 +15,7 @@ from jaxthermo.arrays import precision
 from jaxthermo.integrate.run.parametric_run import ParametricRun, ParametricSolution
 from jaxthermo.scene.scene import Scene
 
+from ..config.fit_record import Advice
 from ..config.schema import CalibrationConfig, CandidateConfig
 from ..problem.build import Calibration
 from ..problem.frame_source import camera_views
@@ -33,13 +33,13 @@ Measurement = Callable[[Scene, ParametricSolution], Float[Array, "t r"]]
 
 def rank_experiments(
     config: CalibrationConfig, calibration: Calibration, fit: Fit, sd: float, log: Log
-) -> list[dict[str, Any]]:
+) -> list[Advice]:
     """Further runs and save times, the most informative first."""
     # Too many coordinates to compare information matrices.
     if fit.jacobian is None:
         return []
     jacobian = fit.jacobian / sd
-    ranking: list[dict[str, Any]] = []
+    ranking: list[Advice] = []
 
     def add(description: str, rows: Float[np.ndarray, "p r"]) -> None:
         gain = information_gain(jacobian, further=rows, sd=1.0)

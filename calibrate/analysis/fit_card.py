@@ -19,6 +19,7 @@ from jaxthermo.scene.dimensionless_groups import scene_numbers
 from jaxthermo.structures.extrapolation import extrapolations, range_words
 from jaxthermo.structures.weights import ConductionWeights, FitCard
 
+from ..config.fit_record import FitRecord, TruthRecord
 from ..config.frame_names import is_of_frames
 from ..config.schema import CalibrationConfig
 from ..problem.build import Calibration
@@ -35,7 +36,7 @@ def make_card(
     config: CalibrationConfig,
     calibration: Calibration,
     fit: Fit,
-    result: dict[str, Any],
+    result: FitRecord,
 ) -> FitCard:
     """Card of a fit; in a scene of several bodies, with the weights of the first."""
     problem = calibration.train
@@ -76,7 +77,7 @@ def make_card(
     )
 
 
-def _truth_errors(truth: dict[str, Any] | None) -> dict[str, dict[str, float]]:
+def _truth_errors(truth: TruthRecord | None) -> dict[str, dict[str, float]]:
     # Largest of all cases and saved times.
     if truth is None:
         return {}
@@ -89,7 +90,7 @@ def _truth_errors(truth: dict[str, Any] | None) -> dict[str, dict[str, float]]:
     }
 
 
-def _origin(config: CalibrationConfig, result: dict[str, Any]) -> dict[str, str]:
+def _origin(config: CalibrationConfig, result: FitRecord) -> dict[str, str]:
     speed = result["speedup"]
 
     def names(entries: Sequence[Any]) -> str:

@@ -14,6 +14,7 @@ from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.run.solution import RESULTS
 
+from ..config.fit_record import TruthRecord
 from ..config.loader import scene_config
 from ..config.schema import CalibrationConfig, FullVolumeReference, RefinedReference
 from ..problem.build import Calibration
@@ -78,7 +79,7 @@ class Truth:
                 raise InputError(f"case {case.name}: {error}") from error
         return truth
 
-    def judge(self, z: Float[np.ndarray, " p"], log: Log) -> dict[str, Any] | None:
+    def judge(self, z: Float[np.ndarray, " p"], log: Log) -> TruthRecord | None:
         """Errors of all cases with the start values and at z, as in `fit.json`.
 
         None, with a warning, if a run with the fitted values fails.
@@ -100,7 +101,7 @@ class Truth:
                     "fitted": fitted,
                     "reference": self.references[name].own_error.as_dict(),
                 }
-        return {
+        record: Any = {
             "refinement": self.settings.refinement,
             "structure": self.settings.structure.kind,
             "points": self.settings.points,
@@ -111,6 +112,7 @@ class Truth:
                 for cost in reference.costs
             ],
         }
+        return record
 
     @property
     def _problems(self) -> dict[str, Problem]:

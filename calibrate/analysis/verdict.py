@@ -4,16 +4,19 @@ The verdicts on single parameters tell how well the data determine them; a fit o
 determined weights may still run slower than the full volume, or be worse at late times.
 """
 
-from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from typing import NamedTuple
 
 from jaxthermo.report.numbers import padded
 
+from ..config.fit_record import (
+    CaseGroups,
+    Speedup,
+    TruthRecord,
+    TruthVerdict,
+    Verdict,
+)
 
-Verdict = dict[str, Any]
-"""`pays`, `words` in one sentence, the number of `times` compared and of those that are
-`worse`, and `truth`: these numbers against finer voxels [K], None without them."""
-_Errors = Mapping[str, Mapping[str, Mapping[str, Mapping[str, Any]]]]
 
 _SAME = 1.001
 """Ratio of two errors up to which they count as equal: rounding of a converged fit."""
@@ -40,7 +43,7 @@ class _TimeErrors(NamedTuple):
         return self.fitted > _SAME * self.default
 
 
-def time_errors(errors: _Errors) -> Iterator[_TimeErrors]:
+def time_errors(errors: CaseGroups) -> Iterator[_TimeErrors]:
     """Every saved time of every case, in the order of `fit.json`."""
     for group, cases in errors.items():
         for case, fitted in cases["fitted"].items():
@@ -89,7 +92,7 @@ class _TruthTime(NamedTuple):
         return self.fitted > _SAME * self.default + 2 * self.reference
 
 
-def truth_times(truth: Mapping[str, Any]) -> Iterator[_TruthTime]:
+def truth_times(truth: TruthRecord) -> Iterator[_TruthTime]:
     """Every saved time of every case, in the order of `fit.json`."""
     for group, cases in truth["cases"].items():
         for case, errors in cases.items():
@@ -111,10 +114,10 @@ def truth_times(truth: Mapping[str, Any]) -> Iterator[_TruthTime]:
 
 
 def judge(
-    errors: _Errors,
-    speedup: Mapping[str, Any],
+    errors: CaseGroups,
+    speedup: Speedup,
     is_of_weights: bool,
-    truth: Mapping[str, Any] | None = None,
+    truth: TruthRecord | None = None,
 ) -> Verdict:
     """Judge a fit.
 
@@ -141,7 +144,7 @@ def judge(
     if truth is not None:
         times = list(truth_times(truth))
         farther = sum(row.is_worse for row in times)
-        truth_verdict = _truth_numbers(times) | {"worse": farther}
+        truth_verdict = _truth_numbers(times, worse=farther)
         words.append(_truth_words(truth_verdict, truth["refinement"]))
     pays = not worse and not slow and not farther
     start = "the fit pays" if pays else "the fit does NOT pay"
@@ -155,7 +158,7 @@ def judge(
     }
 
 
-def _truth_numbers(rows: list[_TruthTime]) -> dict[str, Any]:
+def _truth_numbers(rows: list[_TruthTime], worse: int) -> TruthVerdict:
     # The error of a fit is that of its worst time.
     worst_default = max(rows, key=lambda row: row.default)
     worst_fitted = max(rows, key=lambda row: row.fitted)
@@ -169,15 +172,17 @@ def _truth_numbers(rows: list[_TruthTime]) -> dict[str, Any]:
         "after_percent": max(fitted_percent, default=None),
         "own_kelvin": max(worst_default.reference, worst_fitted.reference),
         "own_is_bound": worst_default.is_bound or worst_fitted.is_bound,
+        "worse": worse,
     }
 
 
-def _truth_words(numbers: Mapping[str, Any], refinement: float) -> str:
-    def error(moment: str) -> str:
-        percent = numbers[f"{moment}_percent"]
+def _truth_words(numbers: TruthVerdict, refinement: float) -> str:
+    def error(kelvin: float, percent: float | None) -> str:
         relative = "" if percent is None else f" ({padded(percent)} %)"
-        return f"{padded(numbers[f'{moment}_kelvin'])} K{relative}"
+        return f"{padded(kelvin)} K{relative}"
 
+    default = error(numbers["before_kelvin"], numbers["before_percent"])
+    fitted = error(numbers["after_kelvin"], numbers["after_percent"])
     reference_error = padded(numbers["own_kelvin"])
     about = (
         f"at most about {reference_error}"
@@ -186,7 +191,7 @@ def _truth_words(numbers: Mapping[str, Any], refinement: float) -> str:
     )
     text = (
         f"against voxels {refinement:.3g} times as fine the error goes from "
-        f"{error('before')} to {error('after')}, where these are off by {about} K"
+        f"{default} to {fitted}, where these are off by {about} K"
     )
     change = abs(numbers["after_kelvin"] - numbers["before_kelvin"])
     if change <= 2 * numbers["own_kelvin"]:
@@ -212,7 +217,7 @@ def _error_words(rows: list[_TimeErrors], worse: list[_TimeErrors]) -> str:
     )
 
 
-def _speed_words(speedup: Mapping[str, Any]) -> str:
+def _speed_words(speedup: Speedup) -> str:
     ratio = (
         f"{speedup['times_faster']:.3g} ({speedup['min']:.3g} to {speedup['max']:.3g})"
     )

@@ -1,7 +1,7 @@
 """`fit.json`: the schema of a fit's results, their file and its damage."""
 
 from pathlib import Path
-from typing import Any, NotRequired
+from typing import Any, NotRequired, cast
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from typing_extensions import TypedDict
@@ -19,31 +19,50 @@ _REMEDY = "run `calibrate fit` again"
 _FORBID = ConfigDict(extra="forbid")
 
 
-class _BothErrors(TypedDict):
+class CaseErrors(TypedDict, total=False):
+    """Errors of one case at its saved times."""
+
+    times_s: list[float]
+    rms_percent: list[float | None]
+    """Percent of the reference's temperature range, or of the pixel noise."""
+    rms_kelvin: list[float | None]
+    """In kelvin, or in the unit of the frames."""
+    worst_percent: float | None
+
+
+class ErrorPair(TypedDict):
+    """Largest errors with the start values and with the fitted values [%]."""
+
     default: float
     fitted: float
 
 
-class _BothCases(TypedDict):
-    default: dict[str, dict[str, Any]]
-    fitted: dict[str, dict[str, Any]]
+class CasePair(TypedDict):
+    """Errors by case, with the start values and with the fitted values."""
+
+    default: dict[str, CaseErrors]
+    fitted: dict[str, CaseErrors]
 
 
-class _ErrorGroups(TypedDict):
+class ErrorGroups(TypedDict):
+    """Largest errors of the cases that were fitted to, and of those held out."""
+
     __pydantic_config__ = _FORBID  # type: ignore[misc]
-    train: _BothErrors
-    held_out: NotRequired[_BothErrors]
+    train: ErrorPair
+    held_out: NotRequired[ErrorPair]
 
 
-class _CaseGroups(TypedDict):
+class CaseGroups(TypedDict):
+    """Errors of the cases that were fitted to, and of those held out."""
+
     __pydantic_config__ = _FORBID  # type: ignore[misc]
-    train: _BothCases
-    held_out: NotRequired[_BothCases]
+    train: CasePair
+    held_out: NotRequired[CasePair]
 
 
 # No class: `with` is a word of Python.
-_Parameter = TypedDict(
-    "_Parameter",
+ParameterRow = TypedDict(
+    "ParameterRow",
     {
         "value": float,
         "initial": float,
@@ -70,29 +89,53 @@ class _Times(TypedDict):
     compile: float
 
 
-class _Advice(TypedDict):
+class Advice(TypedDict):
+    """A further measurement and the information that it would add."""
+
     what: str
     gain_nats: float
 
 
-class _Verdict(TypedDict):
+class TruthVerdict(TypedDict, total=False):
+    """Errors against finer voxels at the worst times, and those of the reference."""
+
+    times: int
+    before_kelvin: float
+    after_kelvin: float
+    before_percent: float | None
+    after_percent: float | None
+    own_kelvin: float
+    own_is_bound: bool
+    worse: int
+
+
+class Verdict(TypedDict):
+    """Judgement of a fit as a whole."""
+
     pays: bool
     words: str
+    """The judgement in one sentence."""
     times: int
+    """Number of saved times that were compared."""
     worse: int
-    truth: NotRequired[dict[str, Any] | None]
+    """Number of times at which the error is larger than before."""
+    truth: NotRequired[TruthVerdict | None]
 
 
-class _TruthCase(TypedDict):
+class TruthCase(TypedDict):
+    """Errors of a case against finer voxels, and the error of these."""
+
     default: dict[str, Any]
     fitted: dict[str, Any]
     reference: dict[str, Any]
 
 
-class _TruthGroups(TypedDict):
+class TruthGroups(TypedDict):
+    """Errors against finer voxels of cases fitted to and held out."""
+
     __pydantic_config__ = _FORBID  # type: ignore[misc]
-    train: dict[str, _TruthCase]
-    held_out: NotRequired[dict[str, _TruthCase]]
+    train: dict[str, TruthCase]
+    held_out: NotRequired[dict[str, TruthCase]]
 
 
 class _Cost(TypedDict):
@@ -107,47 +150,90 @@ class _Cost(TypedDict):
     warnings: list[str]
 
 
-class _Truth(TypedDict):
+class TruthRecord(TypedDict):
     """Errors against finer voxels."""
 
     refinement: float
     structure: str
     points: int
-    cases: _TruthGroups
+    cases: TruthGroups
     cost: list[_Cost]
 
 
-class _Result(TypedDict):
-    """Keys that `calibrate show` reads; further ones are not checked."""
+class SpeedRatio(TypedDict, total=False):
+    """Run time of the full volume over that of a structure: median and range."""
 
+    times_faster: float | None
+    min: float | None
+    max: float | None
+
+
+class Speedup(SpeedRatio, total=False):
+    """Run times of the full volume, the start values and the fitted values."""
+
+    default: SpeedRatio
+    nodes: dict[str, int]
+    steps: dict[str, int]
+    solver: dict[str, str]
+    run_time_s: dict[str, list[float]]
+
+
+class _Step(TypedDict, total=False):
+    step: int
+    loss: float
+    accepted: bool
+    jacobian_computed: bool
+    values: list[float]
+
+
+class _Shown(TypedDict):
+    # Keys that `calibrate show` reads, which files of all versions have.
     name: str | None
-    verdict: _Verdict
-    parameters: dict[str, _Parameter]
+    verdict: Verdict
+    parameters: dict[str, ParameterRow]
     loss: _Loss
     ended: str
-    error_percent: _ErrorGroups
-    errors: _CaseGroups
-    truth: NotRequired[_Truth | None]
-    advice: list[_Advice]
-    speedup: dict[str, Any]
-    steps: list[dict[str, Any]]
+    error_percent: ErrorGroups
+    errors: CaseGroups
+    truth: NotRequired[TruthRecord | None]
+    advice: list[Advice]
+    speedup: Speedup
+    steps: list[_Step]
     run_time_s: _Times
     reference: str
 
 
-_SCHEMA = TypeAdapter(_Result)
+class FitRecord(_Shown):
+    """Results of a fit as they are written; reading checks those that are shown."""
+
+    correlation: list[list[float]]
+    singular_values: list[float]
+    config: dict[str, Any]
+    program_hash: str
+    config_hash: str
+    seed: int
+    versions: dict[str, str]
+    device: NotRequired[str]
+    processor: NotRequired[str]
+    commit: NotRequired[str]
+    date: NotRequired[str]
+    by_clusters: NotRequired[bool]
+    """True if standard errors allow for residuals that are alike."""
 
 
-def write_fit(path: Path, result: dict[str, Any]) -> None:
+_SCHEMA = TypeAdapter(_Shown)
+
+
+def write_fit(path: Path, result: FitRecord) -> None:
     """Write the results of a fit with their format, version and checksum.
 
     Raises:
         InputError: if the file cannot be written.
     """
-    write_json(path, signed(_KIND, _VERSION, result))
+    write_json(path, signed(_KIND, _VERSION, dict(result)))
 
 
-def read_fit(path: Path) -> dict[str, Any]:
+def read_fit(path: Path) -> FitRecord:
     """Read the results of a fit.
 
     Raises:
@@ -163,4 +249,4 @@ def read_fit(path: Path) -> dict[str, Any]:
         where = dotted(first["loc"])
         message = f"{path}: {where}: {explain(first)}; {_REMEDY}"
         raise InputError(message) from error
-    return result
+    return cast(FitRecord, result)

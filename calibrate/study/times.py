@@ -33,6 +33,7 @@ from jaxthermo.provenance import processor
 from jaxthermo.scene.scene import Scene
 from jaxthermo.timing import Spans, interleaved, ratio_of, timed_call
 
+from ..config.fit_record import SpeedRatio, Speedup
 from ..problem.reference import on_every_voxel
 from .case import Case, build_case, plan_case
 from .evaluate import Row
@@ -238,7 +239,7 @@ _MAX_REPEATED_SECONDS = 20.0
 """Time of one repeat, beyond which runs are timed once [s]."""
 
 
-def measure_speed(config: SceneConfig, default: Scene, fitted: Scene) -> dict[str, Any]:
+def measure_speed(config: SceneConfig, default: Scene, fitted: Scene) -> Speedup:
     """Time the compiled loops of a case, with its surface read at the saved times."""
     full = on_every_voxel(config).build()
     end = config.time.end
@@ -265,7 +266,7 @@ def measure_speed(config: SceneConfig, default: Scene, fitted: Scene) -> dict[st
     }
 
 
-def _ratios(spans: Spans, name: str) -> dict[str, float]:
+def _ratios(spans: Spans, name: str) -> SpeedRatio:
     ratio = ratio_of(spans["full_volume"], spans[name])
     return {"times_faster": ratio.median, "min": ratio.low, "max": ratio.high}
 

@@ -154,7 +154,7 @@ def _steps(body: LinearBody, dt: float, rkl2: bool) -> _Steps:
 def _loops(threads: Threads) -> tuple[Any, Any]:
     """The loops of explicit Euler and of RKL2."""
 
-    def compiled(function: Callable[..., None], **options: bool) -> Callable[..., None]:
+    def compiled(function: Callable[..., None], **options: Any) -> Callable[..., None]:
         if threads == "interpreted":
             return function
         # Unwrapped: with its types checked at run time numba could not read it.

@@ -57,7 +57,7 @@ def cases_by_name(config) -> dict[tuple[str, str, str], Any]:
         case for choice in choices(config) for case in cases_of(config, choice)
     ]
 
-    def key(case):
+    def key(case) -> Any:
         return (*dict(case.names).values(), case.load)
 
     return {key(case): case for case in all_cases}

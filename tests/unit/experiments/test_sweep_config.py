@@ -119,7 +119,9 @@ def test_a_study_asks_the_same_when_it_is_told_the_same(tmp_path):
         for _ in range(3):
             for trial, choice in study.ask(2):
                 proposed.append(choice)
-                study.tell(trial, float(len(proposed)) if len(proposed) % 3 else None, 5.0)
+                study.tell(
+                    trial, float(len(proposed)) if len(proposed) % 3 else None, 5.0
+                )
         asked.append(proposed)
     assert asked[0] == asked[1] and len({c.labels for c in asked[0]}) > 3
 
