@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 import jax
+import numpy as np
+from numpy.typing import ArrayLike
 
 from .user_cache import without_cache
 
@@ -38,9 +40,9 @@ class Spread(NamedTuple):
         return f"{median:.3g} {unit} ({low:.3g}-{high:.3g})"
 
 
-def ratio_of(above: Iterable[float], below: Iterable[float]) -> Spread:
+def ratio_of(above: ArrayLike, below: ArrayLike) -> Spread:
     """Spread of the ratios of two alternatives that were timed alternately."""
-    return Spread.of(a / b for a, b in zip(above, below, strict=True))
+    return Spread.of(np.atleast_1d(np.asarray(above) / np.asarray(below)))
 
 
 def timed_call(call: Callable[[], Any]) -> tuple[Any, float]:

@@ -76,7 +76,9 @@ class Progress(NamedTuple):
             "header": np.array(json.dumps(header)),
             "leaves": np.frombuffer(leaves.getvalue(), np.uint8),
         }
-        write_archive(path, format_name=_KIND, version=_VERSION, arrays=arrays, compress=False)
+        write_archive(
+            path, format_name=_KIND, version=_VERSION, arrays=arrays, compress=False
+        )
 
 
 def _arrays(progress: Progress) -> Any:
