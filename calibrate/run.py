@@ -267,7 +267,7 @@ def _errors_at(
     return errors
 
 
-class StartJudgement(NamedTuple):
+class _StartJudgement(NamedTuple):
     """How well the data determine the start values of a fit."""
 
     identified: Identified
@@ -276,7 +276,7 @@ class StartJudgement(NamedTuple):
     noise_is_known: bool
 
 
-def identify_start(config: CalibrationConfig, log: ProgressLog) -> StartJudgement:
+def identify_start(config: CalibrationConfig, log: ProgressLog) -> _StartJudgement:
     """Judge the start values of a fit, before anything is fitted."""
     problem = build_aligned(config, log.stage).train
     log.stage("computing derivatives")
@@ -301,7 +301,7 @@ def identify_start(config: CalibrationConfig, log: ProgressLog) -> StartJudgemen
         residual = np.full(rows.shape[1], total / rows.shape[1] ** 0.5)
         sd = residual_sd(residual, len(z), None)
     identified = identify(problem.parameters, z=z, jacobian=rows, sd=sd)
-    return StartJudgement(
+    return _StartJudgement(
         identified=identified,
         errors=errors,
         noise_is_known=problem.known_sd is not None,

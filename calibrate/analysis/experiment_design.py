@@ -27,7 +27,7 @@ from ..solvers.levenberg_marquardt import jacobian_rows
 from .identifiability import information_gain
 
 
-Measurement = Callable[[Scene, ParametricSolution], Float[Array, "t r"]]
+_Measurement = Callable[[Scene, ParametricSolution], Float[Array, "t r"]]
 """Measured values of a run [standard deviations], one row per time."""
 
 
@@ -78,7 +78,7 @@ def _measurement(
     scene: Scene,
     times: tuple[float, ...],
     sd: float,
-) -> Measurement:
+) -> _Measurement:
     # The same kind of data, with the same noise, as the fit's.
     target = calibration.train.cases[0].target
     cases = len(calibration.train.cases)
@@ -109,7 +109,7 @@ def _rows_per_time(
     fit: Fit,
     scene: Scene,
     times: tuple[float, ...],
-    measure: Measurement,
+    measure: _Measurement,
 ) -> list[Float[np.ndarray, "p r"]]:
     problem = calibration.train
     with precision(problem.dtype.name):

@@ -19,7 +19,7 @@ _REMEDY = "run `calibrate fit` again"
 _FORBID = ConfigDict(extra="forbid")
 
 
-class CaseErrors(TypedDict, total=False):
+class _CaseErrors(TypedDict, total=False):
     """Errors of one case at its saved times."""
 
     times_s: list[float]
@@ -30,7 +30,7 @@ class CaseErrors(TypedDict, total=False):
     worst_percent: float | None
 
 
-class ErrorPair(TypedDict):
+class _ErrorPair(TypedDict):
     """Largest errors with the start values and with the fitted values [%]."""
 
     default: float
@@ -40,16 +40,16 @@ class ErrorPair(TypedDict):
 class CasePair(TypedDict):
     """Errors by case, with the start values and with the fitted values."""
 
-    default: dict[str, CaseErrors]
-    fitted: dict[str, CaseErrors]
+    default: dict[str, _CaseErrors]
+    fitted: dict[str, _CaseErrors]
 
 
 class ErrorGroups(TypedDict):
     """Largest errors of the cases that were fitted to, and of those held out."""
 
     __pydantic_config__ = _FORBID  # type: ignore[misc]
-    train: ErrorPair
-    held_out: NotRequired[ErrorPair]
+    train: _ErrorPair
+    held_out: NotRequired[_ErrorPair]
 
 
 class CaseGroups(TypedDict):
@@ -122,7 +122,7 @@ class Verdict(TypedDict):
     truth: NotRequired[TruthVerdict | None]
 
 
-class TruthCase(TypedDict):
+class _TruthCase(TypedDict):
     """Errors of a case against finer voxels, and the error of these."""
 
     default: dict[str, Any]
@@ -130,12 +130,12 @@ class TruthCase(TypedDict):
     reference: dict[str, Any]
 
 
-class TruthGroups(TypedDict):
+class _TruthGroups(TypedDict):
     """Errors against finer voxels of cases fitted to and held out."""
 
     __pydantic_config__ = _FORBID  # type: ignore[misc]
-    train: dict[str, TruthCase]
-    held_out: NotRequired[dict[str, TruthCase]]
+    train: dict[str, _TruthCase]
+    held_out: NotRequired[dict[str, _TruthCase]]
 
 
 class _Cost(TypedDict):
@@ -156,7 +156,7 @@ class TruthRecord(TypedDict):
     refinement: float
     structure: str
     points: int
-    cases: TruthGroups
+    cases: _TruthGroups
     cost: list[_Cost]
 
 

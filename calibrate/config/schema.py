@@ -182,9 +182,9 @@ class SolutionReference(KindModel):
     """Files by the names of the cases."""
 
 
-Quantity = Literal["temperature", "radiance"]
-Noise = Annotated[Number, Field(gt=0)]
-Margin = Annotated[Number, Field(ge=0, le=1000)]
+_Quantity = Literal["temperature", "radiance"]
+_Noise = Annotated[Number, Field(gt=0)]
+_Margin = Annotated[Number, Field(ge=0, le=1000)]
 
 
 class SimulatedFrames(KindModel):
@@ -195,8 +195,8 @@ class SimulatedFrames(KindModel):
     """The truth: other parameters, a finer resolution, another structure."""
     views: tuple[CameraConfig, ...] = ()
     """Cameras; the scene's by default."""
-    quantity: Quantity = "temperature"
-    noise: Noise = 0.05
+    quantity: _Quantity = "temperature"
+    noise: _Noise = 0.05
     """Standard deviation of a pixel [K or W/(m^2 sr)]; added, and known to the fit."""
     noiseless: Flag = False
     """Do not add the noise, though the fit assumes it."""
@@ -205,7 +205,7 @@ class SimulatedFrames(KindModel):
     seed: Annotated[Whole, Field(ge=0)] = 0
     reflected_temperature: Temperature | None = None
     """Black surroundings that surfaces reflect [K]; those of the terms by default."""
-    margin: Margin = 3.0
+    margin: _Margin = 3.0
     align: Flag = True
 
 
@@ -238,17 +238,17 @@ class MeasuredFrames(KindModel):
     kind: Literal["frames"] = "frames"
     frames: Annotated[tuple[FramesOfCase, ...], NotEmpty]
     views: tuple[CameraConfig, ...] = ()
-    quantity: Quantity = "temperature"
+    quantity: _Quantity = "temperature"
     unit: Literal["kelvin", "centikelvin", "celsius", "counts"] = "kelvin"
     """Unit of temperatures in the files; of counts `flir` has the constants."""
     flir: FlirConfig | None = None
-    noise: Noise = 0.05
+    noise: _Noise = 0.05
     mask: FoundPath | None = None
     """PNG, NPY or EXR of the frames' size; pixels that are 0 there, or not a number,
     are not compared."""
     reflected_temperature: Temperature | None = None
     """Black surroundings that surfaces reflect [K]; those of the terms by default."""
-    margin: Margin = 3.0
+    margin: _Margin = 3.0
     """Distance from outlines within which pixels are not compared where the poses of
     cameras are fitted [pixels]."""
     align: Flag = True
@@ -263,7 +263,7 @@ class MeasuredFrames(KindModel):
         return []
 
 
-ReferenceConfig = Annotated[
+_ReferenceConfig = Annotated[
     FullVolumeReference
     | TruthRuns
     | SolutionReference
@@ -367,7 +367,7 @@ class CalibrationConfig(Model):
     """Cases for validation only."""
     candidates: tuple[CandidateConfig, ...] = ()
     """Possible further measurements, ranked by the information they would add."""
-    reference: ReferenceConfig = FullVolumeReference()
+    reference: _ReferenceConfig = FullVolumeReference()
     truth: RefinedReference | None = None
     """Finer runs: the verdict has the errors against them before and after the fit."""
     parameters: Annotated[tuple[ParameterConfig, ...], NotEmpty]

@@ -126,7 +126,7 @@ _VOXELS = ("mesh", "shape", "solid", "pitch", "voxels_high", "surface_cells")
 """Fields of a body's config that its voxels follow from."""
 
 
-class Built(NamedTuple):
+class _Built(NamedTuple):
     """A scene of a case, and the times to build its bodies [s]."""
 
     scene: Scene
@@ -155,7 +155,7 @@ class _Key:
         return hash(self.text)
 
 
-def build_case(config: SceneConfig) -> Built:
+def build_case(config: SceneConfig) -> _Built:
     """Build a scene.
 
     Raises:
@@ -166,7 +166,7 @@ def build_case(config: SceneConfig) -> Built:
     clock = time.perf_counter()
     scene = config.scene(built.bodies, config.build_terms())
     structures_s = built.structures_s + time.perf_counter() - clock
-    return Built(scene, built.voxels_s, structures_s)
+    return _Built(scene, built.voxels_s, structures_s)
 
 
 def plan_case(config: SceneConfig, scene: Scene) -> Plan:

@@ -20,8 +20,8 @@ from jaxthermo.errors import InputError
 from ..config.schema import AbsoluteReference, Changes, Name
 
 
-Key = Annotated[str, Field(min_length=1, max_length=200)]
-Count = Annotated[Whole, Field(ge=1, le=100_000)]
+_Key = Annotated[str, Field(min_length=1, max_length=200)]
+_Count = Annotated[Whole, Field(ge=1, le=100_000)]
 _Seed = Annotated[Whole, Field(ge=0)]
 
 
@@ -53,7 +53,7 @@ class AxisValue(Model):
 class ListAxis(Model):
     """Values of one number or word of the scene."""
 
-    key: Key
+    key: _Key
     """Dotted key that takes the values."""
     values: Annotated[tuple[Any, ...], NotEmpty]
 
@@ -61,7 +61,7 @@ class ListAxis(Model):
 class RangeAxis(Model):
     """A number of the scene between two bounds, in SI."""
 
-    key: Key
+    key: _Key
     """Dotted key that takes the values."""
     between: Annotated[tuple[Number, Number], BeforeValidator(lambda v: _pair(v))]
     """Lower and upper bound."""
@@ -108,14 +108,14 @@ class GridSampling(KindModel, kind="grid"):
 class RandomSampling(KindModel, kind="random"):
     """Independent random values on every axis."""
 
-    count: Count
+    count: _Count
     seed: _Seed = 0
 
 
 class SobolSampling(KindModel, kind="sobol"):
     """Points of a scrambled Sobol' sequence, which fill the axes evenly."""
 
-    count: Count
+    count: _Count
     seed: _Seed = 0
 
 
@@ -132,7 +132,7 @@ class ListSampling(KindModel, kind="list"):
 class OptunaSampling(KindModel, kind="optuna"):
     """A study of optuna that looks for small errors at little work."""
 
-    count: Count
+    count: _Count
     seed: _Seed = 0
     batch: Annotated[Whole, Field(ge=1, le=1000)] = 4
     """Number of choices per request, for any number of workers."""
@@ -140,7 +140,7 @@ class OptunaSampling(KindModel, kind="optuna"):
     """Error together with nodes times steps, or the error alone."""
 
 
-Sampling = Annotated[
+_Sampling = Annotated[
     GridSampling | RandomSampling | SobolSampling | ListSampling | OptunaSampling,
     ByKind(),
     Short("kind"),
@@ -174,7 +174,7 @@ class SweepConfig(Model):
     """The error of a choice is the largest over its loads."""
     axes: dict[Name, Axis]
     """Values by the name of the axis."""
-    sampling: Sampling = GridSampling()
+    sampling: _Sampling = GridSampling()
     truth: AbsoluteReference
     """Runs of finer voxels, the reference of all errors."""
     repeats: Annotated[Whole, Field(ge=2, le=100)] = 5
@@ -196,7 +196,7 @@ class SweepConfig(Model):
             if name in names[:i]
         ]
         for name, axis in self.axes.items():
-            axis_labels = labels(axis)
+            axis_labels = _labels(axis)
             mistakes += [
                 (("axes", name, i), f"'{label}' is there twice")
                 for i, label in enumerate(axis_labels)
@@ -219,7 +219,7 @@ class SweepConfig(Model):
                     axes = ", ".join(self.axes)
                     mistakes.append((where, f"names no axis; there are {axes}"))
                     continue
-                axis_labels = labels(self.axes[name])
+                axis_labels = _labels(self.axes[name])
                 named = (
                     point_labels if isinstance(point_labels, list) else [point_labels]
                 )
@@ -239,7 +239,7 @@ def text_of(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value)
 
 
-def labels(axis: Axis) -> list[str]:
+def _labels(axis: Axis) -> list[str]:
     """Labels of the values that an axis lists; those of a range in a grid."""
     match axis:
         case ListAxis(values=values):

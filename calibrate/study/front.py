@@ -81,7 +81,7 @@ class Point:
         return getattr(self, cost)
 
 
-def key_of(choice: dict[str, str]) -> str:
+def _key_of(choice: dict[str, str]) -> str:
     """Text that is equal for equal choices."""
     return json.dumps(choice, sort_keys=True)
 
@@ -123,7 +123,7 @@ def points_of(
     groups: dict[str, list[Row]] = {}
     for row in rows:
         if "failed" not in row:
-            groups.setdefault(key_of(row["choice"]), []).append(row)
+            groups.setdefault(_key_of(row["choice"]), []).append(row)
     return [
         _point(group, [timed.get(row["id"]) for row in group])
         for group in groups.values()
@@ -185,7 +185,7 @@ def rivals_of(rows: Sequence[Row], loads: set[str]) -> list[Point]:
     """Points of the rivals that have a row under every load."""
     groups: dict[str, list[Row]] = {}
     for row in rows:
-        key = f"{row['name']} {key_of(row['choice'])}"
+        key = f"{row['name']} {_key_of(row['choice'])}"
         groups.setdefault(key, []).append(row)
     rivals = []
     for group in groups.values():

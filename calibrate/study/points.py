@@ -39,7 +39,7 @@ class Choice(NamedTuple):
     """Fit whose weights it has; the last one if several axes have fits."""
 
 
-class Value(NamedTuple):
+class _Value(NamedTuple):
     """A value of an axis: its label, its changes, and a fit."""
 
     label: str
@@ -47,14 +47,14 @@ class Value(NamedTuple):
     fit: FitValue | None = None
 
 
-def values_of(axis: Axis) -> list[Value]:
+def _values_of(axis: Axis) -> list[_Value]:
     """Values that an axis lists; those of a range in a grid."""
     match axis:
         case ListAxis(key=key, values=values):
-            return [Value(text_of(value), {key: value}) for value in values]
+            return [_Value(text_of(value), {key: value}) for value in values]
         case RangeAxis(key=key):
-            return [Value(text_of(v), {key: v}) for v in range_values(axis)]
-    return [Value(value.label, dict(value.set), value.fit) for value in axis]
+            return [_Value(text_of(v), {key: v}) for v in range_values(axis)]
+    return [_Value(value.label, dict(value.set), value.fit) for value in axis]
 
 
 def choices(config: SweepConfig) -> list[Choice]:
@@ -96,7 +96,7 @@ def _named(axes: Mapping[str, Axis], point: Mapping[str, Any]) -> Iterator[Choic
         named = point.get(name)
         listed = named if isinstance(named, list | tuple) else [named]
         named_labels = [text_of(label) for label in listed]
-        values = values_of(axis)
+        values = _values_of(axis)
         lists.append([v for v in values if named is None or v.label in named_labels])
     for combination in itertools.product(*lists):
         yield _choice(tuple(axes), combination)
@@ -114,15 +114,15 @@ def _at(axes: Mapping[str, Axis], unit: Float[np.ndarray, "n a"]) -> list[Choice
     return choices
 
 
-def _value_at(axis: Axis, position: float) -> Value:
+def _value_at(axis: Axis, position: float) -> _Value:
     if isinstance(axis, RangeAxis):
         value = value_within(axis, position)
-        return Value(text_of(value), {axis.key: value})
-    listed = values_of(axis)
+        return _Value(text_of(value), {axis.key: value})
+    listed = _values_of(axis)
     return listed[min(int(position * len(listed)), len(listed) - 1)]
 
 
-def _choice(names: tuple[str, ...], values: tuple[Value, ...]) -> Choice:
+def _choice(names: tuple[str, ...], values: tuple[_Value, ...]) -> Choice:
     labels = tuple(
         (name, value.label) for name, value in zip(names, values, strict=True)
     )
@@ -198,10 +198,10 @@ class Study:
             asked.append((trial, _choice(tuple(self._axes), values)))
         return asked
 
-    def _suggested(self, trial: Any, name: str, axis: Axis) -> Value:
+    def _suggested(self, trial: Any, name: str, axis: Axis) -> _Value:
         if isinstance(axis, RangeAxis):
             return _value_at(axis, trial.suggest_float(name, 0.0, 1.0))
-        listed = {value.label: value for value in values_of(axis)}
+        listed = {value.label: value for value in _values_of(axis)}
         return listed[trial.suggest_categorical(name, list(listed))]
 
     def tell(self, trial: Any, error: float | None, work: float) -> None:

@@ -40,12 +40,12 @@ class Task(NamedTuple):
     truths: dict[str, Truth]
 
 
-Results = Iterator[tuple[Task, list[Evaluated]]]
-Pool = Callable[[Sequence[Task]], Results]
+_Results = Iterator[tuple[Task, list[Evaluated]]]
+Pool = Callable[[Sequence[Task]], _Results]
 """Function that evaluates tasks and yields each result when it is ready."""
 
 
-def in_this_process(tasks: Sequence[Task], devices: int = 1) -> Results:
+def _in_this_process(tasks: Sequence[Task], devices: int = 1) -> _Results:
     """Evaluate tasks one after the other; devices share the cases of each."""
     for task in tasks:
         yield task, evaluate_group(task.cases, truths=task.truths, devices=devices)
@@ -65,7 +65,7 @@ def open_pool(workers: int, scheduler: str | None, devices: int = 1) -> Iterator
             has no workers.
     """
     if scheduler is None and workers <= 1:
-        yield partial(in_this_process, devices=devices)
+        yield partial(_in_this_process, devices=devices)
         return
     try:
         library = importlib.import_module(_LIBRARY)
@@ -140,7 +140,7 @@ def _client(library: Any, target: Any) -> Iterator[Any]:
         client.close(timeout=2)
 
 
-def _distributed(client: Any, tasks: Sequence[Task]) -> Results:
+def _distributed(client: Any, tasks: Sequence[Task]) -> _Results:
     waiting = list(tasks)
     running: dict[Any, Task] = {}
     ready = threading.Event()

@@ -15,7 +15,7 @@ from jaxthermo.atomic import remove_leftovers, replacing
 from jaxthermo.errors import InputError
 
 
-Row = dict[str, Any]
+_Row = dict[str, Any]
 
 _CLAIM = "config_hash.txt"
 _SUPERSEDED = "superseded.jsonl"
@@ -62,7 +62,7 @@ class Rows:
         """
         self.path = path
         self._program = program
-        self.by_id: dict[str, Row] = {}
+        self.by_id: dict[str, _Row] = {}
         try:
             # A file of its own: the one with the rows may be replaced.
             self._lock = (path.parent / f".{path.stem}.lock").open("w")
@@ -109,7 +109,7 @@ class Rows:
             self._rewrite()
         return len(failed)
 
-    def append(self, rows: Sequence[Row]) -> None:
+    def append(self, rows: Sequence[_Row]) -> None:
         """Add rows, and wait until they are on the disk.
 
         Raises:

@@ -33,7 +33,7 @@ _MAX_REPEATS = 51
 
 
 @dataclass(frozen=True)
-class Pair:
+class _Pair:
     """A choice and a rival within the same tolerance."""
 
     tolerance: float
@@ -46,7 +46,7 @@ class Pair:
 class Comparison:
     """A pair that was timed, under the load where the ratio is smallest."""
 
-    pair: Pair
+    pair: _Pair
     load: str
     choice_time: Spread
     """Run time of the choice [s]."""
@@ -85,7 +85,7 @@ def pairs(
     rivals: Sequence[Point],
     tolerances: Sequence[float],
     models: Sequence[Point] = (),
-) -> list[Pair]:
+) -> list[_Pair]:
     """Choices and rivals to time: at each tolerance, and at each error of the front.
 
     Where RKL2 of 12 steps on voxels 250 high was run, the fastest choice and the
@@ -102,7 +102,7 @@ def pairs(
             kind_rivals = [rival for rival in rivals if rival.kind == rival_kind]
             rival = fastest_within(kind_rivals, tolerance)
             if rival is not None and rival_kind != TWELVE_STEPS.name:
-                found_pairs.append(Pair(tolerance, choice=choice, rival=rival))
+                found_pairs.append(_Pair(tolerance, choice=choice, rival=rival))
     for rival in rivals:
         if rival.kind != TWELVE_STEPS.name:
             continue
@@ -110,17 +110,17 @@ def pairs(
         for candidates in (points, models):
             choice = fastest_within(candidates, error)
             if choice is not None:
-                found_pairs.append(Pair(error, choice=choice, rival=rival))
+                found_pairs.append(_Pair(error, choice=choice, rival=rival))
     for tolerance in tolerances:
         model = fastest_within(models, tolerance)
         rival = fastest_within(rivals, tolerance)
         if model is not None and rival is not None:
-            found_pairs.append(Pair(tolerance, choice=model, rival=rival))
+            found_pairs.append(_Pair(tolerance, choice=model, rival=rival))
     for choice in _thinned(front(points)):
         error = choice.errors["rms_percent"]
         rival = fastest_within(rivals, error)
         if rival is not None:
-            found_pairs.append(Pair(error, choice=choice, rival=rival))
+            found_pairs.append(_Pair(error, choice=choice, rival=rival))
     return found_pairs
 
 
@@ -130,7 +130,7 @@ def _thinned(points: Sequence[Point]) -> list[Point]:
 
 
 def time_pairs(
-    pairs: Sequence[Pair],
+    pairs: Sequence[_Pair],
     loops: Callable[[Point], Iterator[tuple[str, Call]]],
     rivals: Rivals,
     repeats: int,
@@ -211,7 +211,7 @@ def model_loop(model: ReducedModel) -> Call:
     return run
 
 
-def _comparison(pair: Pair, spans: dict[str, Spans]) -> Comparison:
+def _comparison(pair: _Pair, spans: dict[str, Spans]) -> Comparison:
     ratios = {
         load: ratio_of(load_spans["rival"], load_spans["choice"])
         for load, load_spans in spans.items()

@@ -44,17 +44,17 @@ class Run(NamedTuple):
     """Memory of the solver's arrays."""
 
 
-Intervals = tuple[tuple[float, float, int], ...]
+_Intervals = tuple[tuple[float, float, int], ...]
 """Start, end [s] and row of the saved time or -1; loads are constant in each."""
 
 
-def step_counts(intervals: Intervals, dt: float) -> list[int]:
+def step_counts(intervals: _Intervals, dt: float) -> list[int]:
     """Number of steps up to `dt` [s] in each interval."""
     spans = (end - start for start, end, _ in intervals)
     return [max(1, int(np.ceil(span / dt * (1 - 1e-9)))) for span in spans]
 
 
-class Rows(NamedTuple):
+class _Rows(NamedTuple):
     """Links of some nodes in compressed rows."""
 
     node: Int[np.ndarray, " m"]
@@ -82,7 +82,7 @@ class LinearBody:
     """Temperature from which the state counts [K]."""
     start: Float[np.ndarray, " cells"]
     """Initial state of every cell of the lattice with its rim [K]."""
-    intervals: Intervals
+    intervals: _Intervals
     save_times: tuple[float, ...]
     stable_step: float
     """Largest explicit step [s]."""
@@ -151,11 +151,11 @@ class LinearBody:
                 differs[self.node_cells.at(voxel)] = True
         return np.flatnonzero(differs)
 
-    def rows(self, cells: Int[np.ndarray, " m"]) -> Rows:
+    def rows(self, cells: Int[np.ndarray, " m"]) -> _Rows:
         """Links of the nodes of some cells, which include all at the surface."""
         cut = self.grid.cut
         table = self.node_cells.links(cells, cut, self.size)
-        return Rows(
+        return _Rows(
             node=self.position[cells],
             first=table.indptr,
             column=table.indices,

@@ -57,21 +57,21 @@ class _Steps(NamedTuple):
     """Length of a stage [s], and the rate of a whole link over it [-]."""
 
 
-Threads = Literal["all", "one", "interpreted"]
+_Threads = Literal["all", "one", "interpreted"]
 """Threads of the compiled loops, or the loops in plain Python, which is slow."""
 
 
-def explicit_run(body: LinearBody, threads: Threads = "all") -> Run:
+def explicit_run(body: LinearBody, threads: _Threads = "all") -> Run:
     """Explicit Euler at the stable step."""
     return _bound(body, dt=body.stable_step, threads=threads, rkl2=False)
 
 
-def rkl2_run(body: LinearBody, dt: float, threads: Threads = "all") -> Run:
+def rkl2_run(body: LinearBody, dt: float, threads: _Threads = "all") -> Run:
     """RKL2 with steps up to `dt` [s], each interval with the fewest stages."""
     return _bound(body, dt=dt, threads=threads, rkl2=True)
 
 
-def _bound(body: LinearBody, dt: float, threads: Threads, rkl2: bool) -> Run:
+def _bound(body: LinearBody, dt: float, threads: _Threads, rkl2: bool) -> Run:
     arrays = _arrays(body)
     plan = _steps(body, dt=dt, rkl2=rkl2)
     initial = body.initial()
@@ -151,7 +151,7 @@ def _steps(body: LinearBody, dt: float, rkl2: bool) -> _Steps:
 
 
 @cache
-def _loops(threads: Threads) -> tuple[Any, Any]:
+def _loops(threads: _Threads) -> tuple[Any, Any]:
     """The loops of explicit Euler and of RKL2."""
 
     def compiled(function: Callable[..., None], **options: Any) -> Callable[..., None]:

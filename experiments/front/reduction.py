@@ -27,7 +27,7 @@ from .rivals import append_rows, read_folder
 from .run import TOLERANCES, SweepCases
 
 
-NAME = "reduced model"
+_NAME = "reduced model"
 _REDUCTIONS = (1e-2, 1e-3)
 """Errors of the reduction over the surface's range [-]."""
 _REPEATS = 7
@@ -120,7 +120,7 @@ def _row(
     model.save(folder / file)
     return {
         "id": key,
-        "name": NAME,
+        "name": _NAME,
         "load": load,
         "choice": {"of": label},
         "error": truth.points.error(model()).as_dict(),

@@ -135,7 +135,7 @@ def write_report(findings: Findings, out: Path) -> list[str]:
         cost="time_s",
         error="rms_percent",
         title="Error against run time",
-        marks=thesis_marks(findings.points),
+        marks=_thesis_marks(findings.points),
     )
     sections += _front_sections(findings)
     sections += _rival_sections(findings)
@@ -152,7 +152,7 @@ def write_report(findings: Findings, out: Path) -> list[str]:
         sections += chart(
             f"{error}_against_time", cost="time_s", error=error, title=title
         )
-    sections += thesis_table(findings.points)
+    sections += _thesis_table(findings.points)
     sections += _all_sections(findings)
     sections.append(tooltips(texts, pictures))
     page.write_page(out / "report.html", findings.title, sections)
@@ -367,7 +367,7 @@ def _structure(point: Point) -> str | None:
     return None
 
 
-def thesis_marks(points: Sequence[Point]) -> Marks:
+def _thesis_marks(points: Sequence[Point]) -> Marks:
     """Times of the thesis' ratios for our full volume [s]."""
     full = _full_time(points)
     if full is None:
@@ -378,7 +378,7 @@ def thesis_marks(points: Sequence[Point]) -> Marks:
     ]
 
 
-def thesis_table(points: Sequence[Point]) -> list[page.Section]:
+def _thesis_table(points: Sequence[Point]) -> list[page.Section]:
     """Ratios of the thesis compared with those of the same kinds of structure here."""
     rows: list[list[str | Cell]] = []
     for name, (time, kind) in _TIMES.items():

@@ -32,8 +32,8 @@ from .linear_body import LinearBody, Run, linear_body
 from .scipy_run import scipy_run
 
 
-Cells = Literal["crossings", "dominant_axis"]
-Threads = Literal["one", "all"]
+_Cells = Literal["crossings", "dominant_axis"]
+_Threads = Literal["one", "all"]
 
 _RKL2 = "numba RKL2"
 _EXPLICIT = "numba explicit"
@@ -64,14 +64,14 @@ _SOURCES = tuple(
 """Source files of the rivals."""
 
 
-class Setting(NamedTuple):
+class _Setting(NamedTuple):
     """A rival with its voxels and steps."""
 
     kind: str
     voxels_high: int
     steps: int | None = None
     """Number of steps of the whole run; None for the stable ones."""
-    cells: Cells = "crossings"
+    cells: _Cells = "crossings"
 
     @property
     def name(self) -> str:
@@ -91,7 +91,7 @@ def _voxels(high: int) -> str:
     return f"{high} high"
 
 
-TWELVE_STEPS = Setting(kind=_RKL2, voxels_high=250, steps=12, cells="dominant_axis")
+TWELVE_STEPS = _Setting(kind=_RKL2, voxels_high=250, steps=12, cells="dominant_axis")
 
 _Log = Callable[[str], None]
 
@@ -120,9 +120,9 @@ class Rivals:
         self._cases = cases
         self._path = path
         self._log = log
-        self._known = {row["id"]: row for row in read_rows(path) if "id" in row}
+        self._known = {row["id"]: row for row in _read_rows(path) if "id" in row}
         self.rows: list[Row] = []
-        self.settings: dict[tuple[str, str], Setting] = {}
+        self.settings: dict[tuple[str, str], _Setting] = {}
         # Settings of one height are run under all loads, one after the other.
         self._body = lru_cache(maxsize=len(cases))(self._body_of)
         self._layout = cache(self._fastest_layout)
@@ -188,12 +188,12 @@ class Rivals:
         """Measure rivals in voxels of one size; return RKL2's smallest error [%]."""
         self._log(f"rivals: full volumes {high} voxels high")
         counts = self._useful_counts(high)
-        settings = [Setting(_RKL2, voxels_high=high, steps=count) for count in counts]
+        settings = [_Setting(_RKL2, voxels_high=high, steps=count) for count in counts]
         if _EXPLICIT in kinds:
-            settings.append(Setting(_EXPLICIT, high))
+            settings.append(_Setting(_EXPLICIT, high))
         if _SCIPY in kinds:
             settings += [
-                Setting(_SCIPY, voxels_high=high, steps=count)
+                _Setting(_SCIPY, voxels_high=high, steps=count)
                 for count in _SCIPY_COUNTS
             ]
         errors = self._measure(settings)
@@ -218,7 +218,7 @@ class Rivals:
         alike = 0
         for count in _COUNTS:
             counts.append(count)
-            setting = Setting(_RKL2, voxels_high=high, steps=count)
+            setting = _Setting(_RKL2, voxels_high=high, steps=count)
             rows = (self._row(setting, load) for load in self._cases)
             error = max(errors_of(row["error"])["rms_percent"] for row in rows)
             # Two counts may have equally many steps in the decisive interval.
@@ -228,9 +228,9 @@ class Rivals:
             last = error
         return counts
 
-    def _measure(self, settings: Sequence[Setting]) -> list[float]:
+    def _measure(self, settings: Sequence[_Setting]) -> list[float]:
         """Measure settings under all loads; return the largest error of each [%]."""
-        errors: dict[Setting, list[float]] = {setting: [] for setting in settings}
+        errors: dict[_Setting, list[float]] = {setting: [] for setting in settings}
         for load in self._cases:
             for setting in settings:
                 row = self._row(setting, load)
@@ -240,11 +240,11 @@ class Rivals:
             self.settings[setting.name, fingerprint(setting.choice)] = setting
         return [max(load_errors) for load_errors in errors.values()]
 
-    def setting(self, name: str, choice: dict[str, str]) -> Setting:
+    def setting(self, name: str, choice: dict[str, str]) -> _Setting:
         """The setting of a measured row."""
         return self.settings[name, fingerprint(choice)]
 
-    def _row(self, setting: Setting, load: str) -> Row:
+    def _row(self, setting: _Setting, load: str) -> Row:
         case = self._case(load, high=setting.voxels_high, cells=setting.cells)
         identity = [case.id, *setting, program_hash(_SOURCES)]
         key = fingerprint(identity)
@@ -254,7 +254,7 @@ class Rivals:
             self._known[key] = row
         return self._known[key]
 
-    def _measured(self, setting: Setting, load: str, case: Case) -> Row:
+    def _measured(self, setting: _Setting, load: str, case: Case) -> Row:
         body = self.body(load, high=setting.voxels_high, cells=setting.cells)
         timed, run = self._timed(setting, load)
         truth = find_truth(case, self._log)
@@ -276,7 +276,7 @@ class Rivals:
             "processor": processor(),
         }
 
-    def _timed(self, setting: Setting, load: str) -> tuple[Row, Run]:
+    def _timed(self, setting: _Setting, load: str) -> tuple[Row, Run]:
         """Times under the first load; others with equally many steps take as long."""
         first = next(iter(self._cases))
         # Numbers of linear iterations differ.
@@ -286,7 +286,7 @@ class Rivals:
             if run.steps == same["steps"]:
                 shared = {name: same[name] for name in ("loop_s", "threads")}
                 return {**shared, "timed_as": same["id"]}, run
-        threads: tuple[Threads, ...] = ("one", "all")
+        threads: tuple[_Threads, ...] = ("one", "all")
         tried = [
             (count, self._made(setting, load=load, threads=count))
             for count in (("one",) if setting.kind == _SCIPY else threads)
@@ -298,12 +298,12 @@ class Rivals:
         spans = times[best]
         return {"loop_s": spans, "threads": used}, run
 
-    def run(self, setting: Setting, load: str) -> Run:
+    def run(self, setting: _Setting, load: str) -> Run:
         """A rival that is ready to run under a load, in its fastest form."""
         threads = self._row(setting, load)["threads"]
         return self._made(setting, load=load, threads=threads)
 
-    def _made(self, setting: Setting, load: str, threads: Threads) -> Run:
+    def _made(self, setting: _Setting, load: str, threads: _Threads) -> Run:
         body = self.body(load, high=setting.voxels_high, cells=setting.cells)
         span = body.save_times[-1]
         if setting.kind == _SCIPY:
@@ -314,22 +314,22 @@ class Rivals:
         dt = span / setting.steps
         return self._numba.rkl2_run(body, dt=dt, threads=threads)
 
-    def body(self, load: str, high: int, cells: Cells = "crossings") -> LinearBody:
+    def body(self, load: str, high: int, cells: _Cells = "crossings") -> LinearBody:
         """Arrays of a full volume under a load."""
         return self._body(load, high, cells)
 
-    def _case(self, load: str, high: int, cells: Cells) -> Case:
+    def _case(self, load: str, high: int, cells: _Cells) -> Case:
         case = self._cases[load]
         config = _full_volume(case.config, high=high, cells=cells)
         return Case(config=config, names=(), load=load, truth=case.truth)
 
-    def _body_of(self, load: str, high: int, cells: Cells) -> LinearBody:
+    def _body_of(self, load: str, high: int, cells: _Cells) -> LinearBody:
         config = self._case(load, high=high, cells=cells).config
         span = config.time
         scene = build_case(config).scene
         return linear_body(scene, end=span.end, save_at=span.save_times)
 
-    def _fastest_layout(self, high: int, cells: Cells) -> str:
+    def _fastest_layout(self, high: int, cells: _Cells) -> str:
         """Layout of the state with which RKL2 is faster, in one thread."""
         body = self.body(next(iter(self._cases)), high=high, cells=cells)
         dt = body.save_times[-1] / _COUNTS[0]
@@ -340,7 +340,7 @@ class Rivals:
         return min(seconds, key=lambda layout: seconds[layout])
 
 
-def _full_volume(config: SceneConfig, high: int, cells: Cells) -> SceneConfig:
+def _full_volume(config: SceneConfig, high: int, cells: _Cells) -> SceneConfig:
     """Config with the full volume of so many voxels along z, read at the surface."""
     if len(config.bodies) != 1:
         raise InputError("rivals written by hand have one body: this scene has more")
@@ -380,7 +380,7 @@ def read_folder(path: Path) -> SweepFolder:
     Raises:
         InputError: if it has no rows, or a file cannot be read.
     """
-    rows = read_rows(path / "rows.jsonl")
+    rows = _read_rows(path / "rows.jsonl")
     if not rows:
         raise InputError(
             f"{path}: holds no rows of a sweep: name the folder of an "
@@ -392,12 +392,12 @@ def read_folder(path: Path) -> SweepFolder:
         path=path,
         rows=finished,
         failed=failed,
-        times=read_rows(path / "times.jsonl"),
-        rivals=read_rows(path / "rivals.jsonl"),
+        times=_read_rows(path / "times.jsonl"),
+        rivals=_read_rows(path / "rivals.jsonl"),
     )
 
 
-def read_rows(path: Path) -> list[Row]:
+def _read_rows(path: Path) -> list[Row]:
     """Rows of a file, the last one of each id; none if there is no file."""
     try:
         text = path.read_text(encoding="utf-8") if path.is_file() else ""

@@ -8,13 +8,13 @@ from typing import Any, NamedTuple, TypeGuard
 from jaxthermo.timing import Spread
 
 
-class Absent(Enum):
+class _Absent(Enum):
     """Mark of a key that is missing in one of two results; None is a value."""
 
     ABSENT = "absent"
 
 
-ABSENT = Absent.ABSENT
+ABSENT = _Absent.ABSENT
 Number = int | float
 ROUNDING = 1e-4
 """Relative difference that float32 leaves between two machines [-]: a thousand
@@ -57,7 +57,7 @@ def flatten(value: Any, prefix: str = "", named: bool = False) -> dict[str, Any]
         named: use the names of the items of a list, where all differ, as their keys,
             and leave a median with its range as one leaf.
     """
-    if isinstance(value, dict) and value and not (named and is_spread(value)):
+    if isinstance(value, dict) and value and not (named and _is_spread(value)):
         pairs = value.items()
     elif isinstance(value, list) and not _is_numbers(value):
         pairs = zip(_keys(value, named), value, strict=True)
@@ -93,7 +93,7 @@ def is_number(value: Any) -> TypeGuard[Number]:
     return math.isfinite(value)
 
 
-def is_spread(value: Any) -> bool:
+def _is_spread(value: Any) -> bool:
     """True for a median with its range."""
     return isinstance(value, dict) and any(
         set(names) <= set(value) for names in _MEDIAN_AND_RANGE
@@ -167,7 +167,7 @@ def _leaf_change(key: str, old: Any, new: Any) -> Change | None:
         return None
     if ABSENT in (old, new):
         return Change(key, old=old, new=new)
-    if is_spread(old) and is_spread(new):
+    if _is_spread(old) and _is_spread(new):
         return time_change(key, old=_samples(old), new=_samples(new))
     if _is_time(key) and is_number(old) and is_number(new):
         return time_change(key, old=[old], new=[new])
