@@ -184,22 +184,27 @@ class Bench:
         refined = refined_reference(
             self._refined(refinement), settings=_REFERENCE_SETTINGS, log=log
         )
-        own = refined.own_error
-        if self.tolerance.percent is not None and not own.rms_percent.max() < np.inf:
+        own_error = refined.own_error
+        if (
+            self.tolerance.percent is not None
+            and not own_error.rms_percent.max() < np.inf
+        ):
             raise InputError(
                 "--tolerance: at a saved time the whole surface of the reference has "
                 "one temperature, a range that nothing is a percentage of: give "
                 "--kelvin instead"
             )
         excess = self.tolerance.excess(
-            float(own.rms_percent.max()), float(own.rms_kelvin.max())
+            float(own_error.rms_percent.max()), float(own_error.rms_kelvin.max())
         )
         # At a time without a difference there is no ratio.
-        differs = own.rms_kelvin > 0
-        ratios = own.rms_percent[differs] / own.rms_kelvin[differs]
+        differs = own_error.rms_kelvin > 0
+        ratios = own_error.rms_percent[differs] / own_error.rms_kelvin[differs]
         percent_per_kelvin = float(ratios.max(initial=0.0))
         coarser = []
-        for factor, kelvin in zip((2, 4), own.differences.max(axis=0), strict=True):
+        for factor, kelvin in zip(
+            (2, 4), own_error.differences.max(axis=0), strict=True
+        ):
             blocks = Candidate(refinement / factor, "aggregate", 2, steps=_CONVERGED)
             coarser_excess = self.tolerance.excess(
                 percent_per_kelvin * float(kelvin), kelvin=float(kelvin)
@@ -208,7 +213,7 @@ class Bench:
         return Reference(
             refinement=refinement,
             points=truth_points(refined.solution, _POINTS),
-            own_error=own.as_dict(),
+            own_error=own_error.as_dict(),
             excess=excess,
             cost=refined.costs[0],
             coarser=tuple(coarser),

@@ -73,15 +73,17 @@ def sweep(config: Path, out: Path, overrides: tuple[str, ...], options: Options)
         )
     provide_devices(options.devices)
     console = open_console()
-    columns = (
+    progress = Progress(
         TextColumn("{task.description}"),
         BarColumn(bar_width=None),
         MofNCompleteColumn(),
         TimeRemainingColumn(),
         TextColumn("left"),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
     )
-    quiet = not console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=quiet) as bar:
+    with progress as bar:
         log = _Bar(console, bar)
         result = run_sweep(
             config, folder=out, overrides=overrides, options=options, log=log

@@ -67,7 +67,7 @@ _SOURCES = tuple(
 class _Setting(NamedTuple):
     """A rival with its voxels and steps."""
 
-    kind: str
+    solver: str
     voxels_high: int
     steps: int | None = None
     """Number of steps of the whole run; None for the stable ones."""
@@ -77,8 +77,8 @@ class _Setting(NamedTuple):
     def name(self) -> str:
         """Name in the legend of the charts."""
         if self.cells == "crossings":
-            return self.kind
-        return f"{self.kind} on dominant-axis voxels"
+            return self.solver
+        return f"{self.solver} on dominant-axis voxels"
 
     @property
     def choice(self) -> dict[str, str]:
@@ -91,7 +91,7 @@ def _voxels(high: int) -> str:
     return f"{high} high"
 
 
-TWELVE_STEPS = _Setting(kind=_RKL2, voxels_high=250, steps=12, cells="dominant_axis")
+TWELVE_STEPS = _Setting(solver=_RKL2, voxels_high=250, steps=12, cells="dominant_axis")
 
 _Log = Callable[[str], None]
 
@@ -165,10 +165,10 @@ class Rivals:
         errors: dict[int, float] = {}
         for high in self.heights:
             solvers = (_RKL2, _EXPLICIT, _SCIPY)
-            fast_kinds = [kind for kind in solvers if self._is_fast(kind, high)]
-            if _RKL2 not in fast_kinds:
+            fast = [name for name in solvers if self._is_fast(name, high)]
+            if _RKL2 not in fast:
                 break
-            errors[high] = self._measure_height(high, fast_kinds)
+            errors[high] = self._measure_height(high, fast)
             if errors[high] <= needed:
                 break
         for tolerance in tolerances:
@@ -184,14 +184,14 @@ class Rivals:
         if TWELVE_STEPS.voxels_high in self.heights and len(self.heights) > 1:
             self._measure([TWELVE_STEPS])
 
-    def _measure_height(self, high: int, kinds: Iterable[str]) -> float:
+    def _measure_height(self, high: int, solvers: Iterable[str]) -> float:
         """Measure rivals in voxels of one size; return RKL2's smallest error [%]."""
         self._log(f"rivals: full volumes {high} voxels high")
         counts = self._useful_counts(high)
         settings = [_Setting(_RKL2, voxels_high=high, steps=count) for count in counts]
-        if _EXPLICIT in kinds:
+        if _EXPLICIT in solvers:
             settings.append(_Setting(_EXPLICIT, high))
-        if _SCIPY in kinds:
+        if _SCIPY in solvers:
             settings += [
                 _Setting(_SCIPY, voxels_high=high, steps=count)
                 for count in _SCIPY_COUNTS
@@ -199,14 +199,14 @@ class Rivals:
         errors = self._measure(settings)
         return min(errors[: len(counts)])
 
-    def _is_fast(self, kind: str, high: int) -> bool:
+    def _is_fast(self, solver: str, high: int) -> bool:
         """False if coarser voxels have shown that a kind of rival takes too long."""
         # From the finest voxels so far: in coarse ones the time is that of calls.
-        heights = {s.voxels_high for s in self.settings.values() if s.kind == kind}
+        heights = {s.voxels_high for s in self.settings.values() if s.solver == solver}
         if not heights:
             return True
         last = max(heights)
-        rows = [row for row in self.rows if row["name"] == kind]
+        rows = [row for row in self.rows if row["name"] == solver]
         last_rows = [row for row in rows if row["choice"]["voxels"] == _voxels(last)]
         fastest = min(min(row["loop_s"]) for row in last_rows)
         return fastest * (high / last) ** _COST_ORDER < _MAX_S
@@ -280,7 +280,7 @@ class Rivals:
         """Times under the first load; others with equally many steps take as long."""
         first = next(iter(self._cases))
         # Numbers of linear iterations differ.
-        if load != first and setting.kind != _SCIPY:
+        if load != first and setting.solver != _SCIPY:
             same = self._row(setting, first)
             run = self._made(setting, load=load, threads=same["threads"])
             if run.steps == same["steps"]:
@@ -289,7 +289,7 @@ class Rivals:
         threads: tuple[_Threads, ...] = ("one", "all")
         tried = [
             (count, self._made(setting, load=load, threads=count))
-            for count in (("one",) if setting.kind == _SCIPY else threads)
+            for count in (("one",) if setting.solver == _SCIPY else threads)
         ]
         # Threads share the work, or wait for each other: the faster form counts.
         times = [_spans(run) for _, run in tried]
@@ -306,7 +306,7 @@ class Rivals:
     def _made(self, setting: _Setting, load: str, threads: _Threads) -> Run:
         body = self.body(load, high=setting.voxels_high, cells=setting.cells)
         span = body.save_times[-1]
-        if setting.kind == _SCIPY:
+        if setting.solver == _SCIPY:
             return scipy_run(body, span / (setting.steps or 1))
         body = body.with_layout(self._layout(setting.voxels_high, setting.cells))
         if setting.steps is None:

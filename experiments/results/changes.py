@@ -128,24 +128,24 @@ def time_change(
     """
     if not old or not new:
         return None
-    before = Spread.of(old)
-    after = Spread.of(new)
-    if before.median <= 0 or after.median <= 0:
+    old_spread = Spread.of(old)
+    new_spread = Spread.of(new)
+    if old_spread.median <= 0 or new_spread.median <= 0:
         return None
-    ratio = after.median / before.median
+    ratio = new_spread.median / old_spread.median
     if min(len(old), len(new)) == 1:
         beyond = max(ratio, 1 / ratio) > _MAX_SINGLE_RATIO
         note = f"{ratio:.3g} times; measured once"
     else:
-        are_apart = after.low > before.high or before.low > after.high
+        are_apart = new_spread.low > old_spread.high or old_spread.low > new_spread.high
         beyond = are_apart and max(ratio, 1 / ratio) > _MIN_RATIO
         note = (
-            f"{ratio:.3g} times; ranges {before.low:.3g}-{before.high:.3g} and "
-            f"{after.low:.3g}-{after.high:.3g}"
+            f"{ratio:.3g} times; ranges {old_spread.low:.3g}-{old_spread.high:.3g} and "
+            f"{new_spread.low:.3g}-{new_spread.high:.3g}"
         )
     if not beyond:
         return None
-    return Change(key=key, old=before.median, new=after.median, note=note)
+    return Change(key=key, old=old_spread.median, new=new_spread.median, note=note)
 
 
 def plain_changes(old: Any, new: Any) -> Iterator[Change]:

@@ -44,8 +44,8 @@ def report_results(folder: Path) -> None:
         results = list(find_results(folder))
         page = write_index(folder, results)
     damaged = [result for result in results if isinstance(result, Damaged)]
-    for each in damaged:
-        print_line(console, f"not readable: {each.file}: {each.reason}")
+    for result in damaged:
+        print_line(console, f"not readable: {result.file}: {result.reason}")
     print_line(console, f"{count(len(results) - len(damaged), 'result')} in {page}")
 
 

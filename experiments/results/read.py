@@ -120,17 +120,17 @@ def find_results(folder: Path) -> Iterator[Result | Damaged]:
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder; name one with results")
-    for place, below, files in os.walk(folder):
+    for subfolder, below, files in os.walk(folder):
         hidden = {name for name in below if name.startswith(".")}
         below[:] = sorted(set(below) - hidden - _PARTS)
-        result_files = [Path(place) / name for name in _FILES if name in files]
+        result_files = [Path(subfolder) / name for name in _FILES if name in files]
         for file in result_files:
             try:
                 yield _read(file)
             except InputError as error:
                 yield Damaged(file, str(error).removeprefix(f"{file}: "))
         if not result_files and _ROWS in files:
-            yield Damaged(Path(place) / _ROWS, _UNFINISHED)
+            yield Damaged(Path(subfolder) / _ROWS, _UNFINISHED)
 
 
 _UNFINISHED = "not finished: it has rows, and no result.json; the same command goes on"
