@@ -210,7 +210,7 @@ def _numbers(out: Path) -> dict:
     return {key: value for key, value in result.items() if key not in timed}
 
 
-def _write_empty_report(folder: Path, *_: object) -> None:
+def _write_empty_report(folder: Path, **_: object) -> None:
     (folder / "report.html").touch()
 
 
@@ -223,7 +223,7 @@ def _goes_on_to_the_same(folder: Path, out: Path) -> None:
     speedup = json.loads((uninterrupted / "fit.json").read_text())["speedup"]
     with pytest.MonkeyPatch.context() as patch:
         # Neither times nor drawings are compared.
-        patch.setattr("calibrate.run.measure_speed", lambda *_: speedup)
+        patch.setattr("calibrate.run.measure_speed", lambda *_, **__: speedup)
         patch.setattr("calibrate.run.write_report", _write_empty_report)
         code, _, err = _calibrate(*_fit_words(folder, out))
     assert code == 0, err
