@@ -147,9 +147,9 @@ def _plan(
     """
     from .plan.command import plan, tolerance_of
 
-    given = tolerance_of(tolerance, kelvin=kelvin, run_time=time_budget, memory=memory)
+    limits = tolerance_of(tolerance, kelvin=kelvin, run_time=time_budget, memory=memory)
     folder = out or Path("results/plan") / scene.stem
-    plan(scene, overrides=overrides, tolerance=given, out=folder, again=again, run=run)
+    plan(scene, overrides=overrides, tolerance=limits, out=folder, again=again, run=run)
 
 
 @app.command

@@ -13,7 +13,7 @@ from calibrate.study.case import Case, build_case
 from calibrate.study.config import load_sweep, resolved
 from calibrate.study.evaluate import find_truth
 from calibrate.study.front import Point, Row, points_of
-from jaxthermo.cli.console import open_console, print_line
+from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
 from jaxthermo.provenance import processor
 from jaxthermo.reduction.reduce import reduce

@@ -17,8 +17,8 @@ from calibrate.study.front import Point, front, points_of, rivals_of
 from calibrate.study.points import Choice, cases_of
 from calibrate.study.summary import about_reference
 from calibrate.study.sweep import Options
-from jaxthermo.cli.console import open_console, print_line
 from jaxthermo.config.loader import resolved as plain_scene
+from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
 from jaxthermo.report.numbers import significant
 

@@ -1,9 +1,11 @@
-"""`jaxthermo reduce`: a linear scene as a reduced model, checked if asked for."""
+"""`jaxthermo reduce`: a linear scene as a reduced model, with an optional check."""
 
+import functools
 import statistics
+import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -14,25 +16,24 @@ from ..atomic import replacing, write_json
 from ..config.loader import config_hash, load_config, resolved, to_yaml
 from ..config.schema.scene import SceneConfig
 from ..config.types.quantities import NUMBER, to_si
+from ..console.results_folder import results_folder
+from ..console.terminal import open_console, print_line, status
 from ..errors import InputError
 from ..integrate.run.plan import Plan, initial_state, plan_run
 from ..integrate.run.simulate import integrate, run_plan
 from ..integrate.run.solution import Solution
 from ..integrate.run.time_error import of_pass
-from ..integrate.truth_error import truth_error
+from ..integrate.truth_error import TruthError, truth_error
 from ..provenance import processor, provenance
 from ..reduction.reduce import reduce as reduce_scene
 from ..reduction.reduced_model import ReducedModel
 from ..report.numbers import seconds, seconds_with_range, significant
 from ..scene.scene import Scene
-from ..timing import interleaved
-from .console import open_console, print_line, status
-from .files import results_folder
 from .summary import peak_memory
 
 
-MODEL = "model.npz"
-_RESULTS = (MODEL, "summary.json", "config.yaml")
+_MODEL = "model.npz"
+_RESULTS = (_MODEL, "summary.json", "config.yaml")
 _REPEATS = 5
 
 
@@ -45,42 +46,52 @@ def reduce(
     method: str,
     check: bool,
 ) -> None:
-    """Reduce the scene of a config and write the model beside a summary.
+    """Reduce the scene of a config and write the model and a summary.
 
     Raises:
         InputError: for a mistake in the config or an option, or a term that is not
             linear.
     """
-    given, fraction = load_config(config, overrides), _fraction(tolerance)
+    scene_config = load_config(config, overrides)
+    fraction = _fraction(tolerance)
     console = open_console()
     default = Path("results") / f"{config.stem}-reduced"
-    with results_folder(out or default) as folder, precision(given.dtype):
+    with results_folder(out or default) as folder, precision(scene_config.dtype):
         _check_own_folder(config, folder)
         with status(console, "building the scene"):
-            scene = given.build()
-        options: dict[str, Any] = {"size": size, "tolerance": fraction}
-        log = lambda text: print_line(console, text)
-        times = given.time.last, given.time.save_times
-        model = reduce_scene(scene, *times, method=method, log=log, **options)
-        checked = (
-            _checked(console, config=given, scene=scene, model=model) if check else None
+            scene = scene_config.build()
+        model = reduce_scene(
+            scene,
+            t1=scene_config.time.last,
+            save_at=scene_config.time.save_times,
+            method=method,
+            log=functools.partial(print_line, console),
+            size=size,
+            tolerance=fraction,
         )
+        checked = None
+        if check:
+            checked = _checked(console, config=scene_config, scene=scene, model=model)
         for name in _RESULTS:
             (folder / name).unlink(missing_ok=True)
-        model.save(folder / MODEL)
+        model.save(folder / _MODEL)
         with replacing(folder / "config.yaml") as path:
-            path.write_text(to_yaml(given), encoding="utf-8")
-        summary = _summary(given, model, checked)
+            path.write_text(to_yaml(scene_config), encoding="utf-8")
+        # With a check, they were measured alternately with the full run.
+        online = checked.online_loop_s if checked else _run_times([_online(model)])[0]
+        summary = _summary(scene_config, model=model, check=checked, online=online)
         write_json(folder / "summary.json", summary)
-        for line in _lines(model, summary):
+        for line in _lines(model, checked, online):
             print_line(console, line)
-        print_line(console, f"{MODEL} in {folder}, summary.json beside it")
+        print_line(console, f"{_MODEL} and summary.json in {folder}")
 
 
 def _check_own_folder(config: Path, folder: Path) -> None:
-    # The results of another command must not be mixed with these, nor the config lost.
-    own = folder / "config.yaml"
-    if (folder / "solution.npz").exists() or (own.exists() and own.samefile(config)):
+    # Results of different commands must not be mixed, nor the config overwritten.
+    stored_config = folder / "config.yaml"
+    if (folder / "solution.npz").exists() or (
+        stored_config.exists() and stored_config.samefile(config)
+    ):
         raise InputError(
             f"--out {folder}: holds a run, or the config itself; name another folder"
         )
@@ -98,27 +109,42 @@ def _fraction(tolerance: str | None) -> float | None:
     return value
 
 
+class _FullRun(NamedTuple):
+    """The full run that a reduced model is compared with, as `summary.json` has it."""
+
+    nodes: int
+    solver: str
+    steps: int
+    time_error_K: float | None
+    loop_s: list[float]
+    """Run times of the compiled loop [s]."""
+
+
+class _Check(NamedTuple):
+    """Comparison of a reduced model with the full run."""
+
+    error: TruthError
+    full: _FullRun
+    online_loop_s: list[float]
+    """Run times of the reduced model [s], measured alternately with the full run."""
+
+
 def _summary(
-    config: SceneConfig, model: ReducedModel, checked: dict[str, Any] | None
+    config: SceneConfig, model: ReducedModel, check: _Check | None, online: list[float]
 ) -> dict[str, Any]:
-    about = model.about
-    # Measured with the full run in turn, where there is one.
-    if checked:
-        online = checked.pop("online_loop_s")
-    else:
-        online = interleaved({"online": _online(model)}, _REPEATS)["online"]
+    about = model.about._asdict()
+    comparison = {}
+    if check is not None:
+        comparison["full"] = check.full._asdict()
     return {
         "kind": "reduced model",
-        **{
-            k: list(v) if isinstance(v, tuple) else v
-            for k, v in about._asdict().items()
-        },
+        **{k: list(v) if isinstance(v, tuple) else v for k, v in about.items()},
         "online_s": statistics.median(online),
         "online_loop_s": online,
-        "inputs": [each._asdict() for each in model.inputs],
+        "inputs": [load._asdict() for load in model.inputs],
         "times_s": list(model.times),
-        "truth_error": None,
-        **(checked or {}),
+        "truth_error": None if check is None else check.error.as_dict(),
+        **comparison,
         "peak_memory_bytes": peak_memory(),
         "config": resolved(config),
         **provenance(config_hash(config)),
@@ -134,62 +160,78 @@ def _online(model: ReducedModel) -> Callable[[], Any]:
 
 def _checked(
     console: Console, config: SceneConfig, scene: Scene, model: ReducedModel
-) -> dict[str, Any]:
-    """Error against the full run, and the times of both, measured in turn."""
+) -> _Check:
+    """Error against the full run, and the times of both, measured alternately."""
     with status(console, "running the full scene"):
-        times = config.time.last, config.time.save_times
-        solver = config.solver.build()
-        plan = plan_run(scene, *times, solver, control_error=True)
+        plan = plan_run(
+            scene,
+            t1=config.time.last,
+            save_at=config.time.save_times,
+            solver=config.solver.build(),
+            control_error=True,
+        )
         full = run_plan(plan)
         error = truth_error(model(), full)
     with status(console, "timing"):
         loop = _full_loop(plan, full)
-        spans = interleaved({"full": loop, "online": _online(model)}, _REPEATS)
-    return {
-        "truth_error": error.as_dict(),
-        "full": {
-            "nodes": full.receipt.nodes,
-            "solver": full.run.solver,
-            "steps": full.run.steps,
-            "time_error_K": full.run.time_error,
-            "loop_s": spans["full"],
-        },
-        "online_loop_s": spans["online"],
-    }
+        full_loop, online = _run_times([loop, _online(model)])
+    full_run = _FullRun(
+        nodes=full.receipt.nodes,
+        solver=full.run.solver,
+        steps=full.run.steps,
+        time_error_K=full.run.time_error,
+        loop_s=full_loop,
+    )
+    return _Check(error=error, full=full_run, online_loop_s=online)
 
 
 def _full_loop(plan: Plan, full: Solution) -> Callable[[], Any]:
-    # Of the pass in which the error in time was met.
+    # The loop of the pass that met the limit of the error in time.
     passes = (full.run.steps // max(plan.steps, 1)).bit_length() - 1
-    chosen = of_pass(plan, max(passes, 0))
-    return lambda: integrate(chosen, initial_state(chosen))
+    last_pass = of_pass(plan, max(passes, 0))
+    return lambda: integrate(last_pass, initial_state(last_pass))
 
 
-def _lines(model: ReducedModel, summary: dict[str, Any]) -> list[str]:
-    about, online = model.about, summary["online_loop_s"]
-    inputs = ", ".join(each.name for each in model.inputs) or "no load"
+def _run_times(calls: list[Callable[[], Any]]) -> list[list[float]]:
+    """Run times of compiled calls [s], alternately: a slow moment meets all of them."""
+    times: list[list[float]] = [[] for _ in calls]
+    for call in calls:
+        jax.block_until_ready(call())
+    for _ in range(_REPEATS):
+        for call, call_times in zip(calls, times, strict=True):
+            start = time.perf_counter()
+            jax.block_until_ready(call())
+            call_times.append(time.perf_counter() - start)
+    return times
+
+
+def _lines(model: ReducedModel, check: _Check | None, online: list[float]) -> list[str]:
+    about = model.about
+    inputs = ", ".join(load.name for load in model.inputs) or "no load"
     lines = [
         f"{about.size} vectors for {about.nodes:,} nodes under {inputs}: made in "
-        f"{seconds(about.offline_s)}, runs in {_words(online)} on {processor()}",
+        f"{seconds(about.offline_s)}, runs in {_in_words(online)} on {processor()}",
         f"error of the surface: about {significant(max(about.estimate_kelvin))} K, "
         f"{significant(about.estimate_percent)} % of its range; by the residual at "
         f"most {significant(max(about.residual_bound_kelvin))} K RMS over the volume",
     ]
-    error = summary["truth_error"]
-    if error is not None:
-        full = summary["full"]
-        ratio = statistics.median(full["loop_s"]) / statistics.median(online)
+    if check is not None:
+        error = check.error.as_dict()
+        full = check.full
+        ratio = statistics.median(full.loop_s) / statistics.median(online)
         lines.append(
             f"against the full run: {significant(error['worst_rms_kelvin'])} K"
             f"{_percent(error['worst_rms_percent'])} RMS at the worst time; its "
-            f"{full['steps']} steps of {full['solver']} take {_words(full['loop_s'])}, "
+            f"{full.steps} steps of {full.solver} take {_in_words(full.loop_s)}, "
             f"{significant(ratio)} times as long"
         )
     return lines
 
 
-def _words(spans: list[float]) -> str:
-    return seconds_with_range(statistics.median(spans), min(spans), max(spans))
+def _in_words(times: list[float]) -> str:
+    return seconds_with_range(
+        statistics.median(times), fastest=min(times), slowest=max(times)
+    )
 
 
 def _percent(percent: float | None) -> str:

@@ -20,14 +20,17 @@ from tests.sweeping import FIT, SWEEP, TUNED, sweep_file
 COMMAND = "import sys; from experiments.__main__ import main; main(sys.argv[1:])"
 
 
+SERIAL = ("--no-times", "--workers", 1)
+
+
 def sweep(*arguments: object) -> tuple[object, str, str]:
     return run("sweep", *arguments, "--workers", 1, main=main)
 
 
 def rows(folder: Path, name: str = "rows.jsonl") -> dict[str, dict]:
-    found = [json.loads(line) for line in (folder / name).read_text().splitlines()]
-    assert len({row["id"] for row in found}) == len(found)
-    return {row["id"]: row for row in found}
+    row_list = [json.loads(line) for line in (folder / name).read_text().splitlines()]
+    assert len({row["id"] for row in row_list}) == len(row_list)
+    return {row["id"]: row for row in row_list}
 
 
 def errors(folder: Path) -> dict[str, dict]:
@@ -49,9 +52,10 @@ def alone(tmp_path_factory) -> Path:
 
 
 def test_a_sweep_leaves_rows_times_pictures_and_a_result(alone):
-    found, timed = rows(alone), rows(alone, "times.jsonl")
-    assert len(found) == 6 and set(timed) == set(found)
-    for row in found.values():
+    cases = rows(alone)
+    timed = rows(alone, "times.jsonl")
+    assert len(cases) == 6 and set(timed) == set(cases)
+    for row in cases.values():
         assert row["error"]["worst_rms_percent"] > 0 and row["together"] == 3
         assert row["own_error"]["worst_rms_kelvin"] > 0
         assert row["energy_residual"] < 1e-12
@@ -62,12 +66,12 @@ def test_a_sweep_leaves_rows_times_pictures_and_a_result(alone):
     copied = [row for row in timed.values() if "timed_as" in row]
     assert len(copied) == 3
     for row in copied:
-        other = timed[row["timed_as"]]
-        assert other["loop_s"] == row["loop_s"] and "timed_as" not in other
-        assert other["choice"] == row["choice"] and other["load"] != row["load"]
+        source = timed[row["timed_as"]]
+        assert source["loop_s"] == row["loop_s"] and "timed_as" not in source
+        assert source["choice"] == row["choice"] and source["load"] != row["load"]
     first = result["choices"][0]
-    both = [r for r in found.values() if r["choice"] == first["choice"]]
-    assert first["rms_percent"] == max(r["error"]["worst_rms_percent"] for r in both)
+    loads = [r for r in cases.values() if r["choice"] == first["choice"]]
+    assert first["rms_percent"] == max(r["error"]["worst_rms_percent"] for r in loads)
     assert first["loop_s"] > 0 and result["processor"]
     text = (alone / "report.html").read_text()
     assert "within" in text and "http://" not in text and "https://" not in text
@@ -78,16 +82,16 @@ def test_a_sweep_leaves_rows_times_pictures_and_a_result(alone):
 @pytest.mark.slice
 def test_a_sweep_that_was_killed_goes_on_with_the_same_rows(alone, tmp_path):
     out = tmp_path / "out"
-    words = "sweep", sweep_file(tmp_path), "--out", out, "--workers", 1, "--no-times"
-    process = start(COMMAND, *words)
+    config = sweep_file(tmp_path)
+    process = start(COMMAND, "sweep", config, "--out", out, *SERIAL)
     path = out / "rows.jsonl"
     assert kill(process, 0, lambda: path.exists() and path.stat().st_size > 0)
-    before = path.read_text().splitlines()
-    assert 0 < len(before) < 6
-    code, _, err = sweep(*words[1:4], "--no-times")
+    rows_before = path.read_text().splitlines()
+    assert 0 < len(rows_before) < 6
+    code, _, err = sweep(config, "--out", out, "--no-times")
     assert code == 0, err
-    after = path.read_text().splitlines()
-    assert after[: len(before)] == before
+    rows_after = path.read_text().splitlines()
+    assert rows_after[: len(rows_before)] == rows_before
     assert errors(out) == errors(alone)
 
 
@@ -122,7 +126,8 @@ def test_a_failed_case_is_a_row_that_is_run_again_on_request(tmp_path):
     text = SWEEP.replace("[0.8, 1, 1.25]", "[1]").replace(
         "\ntruth", "\n  step: {key: solver.dt, values: [auto, 1000 s]}\ntruth"
     )
-    path, out = sweep_file(tmp_path, text), tmp_path / "out"
+    path = sweep_file(tmp_path, text)
+    out = tmp_path / "out"
     code, said, _ = sweep(path, "--out", out, "--no-times")
     assert code == 0 and "2 cases failed" in said and "too long" in said
     failed = [row for row in rows(out).values() if "failed" in row]
@@ -137,31 +142,35 @@ def test_a_failed_case_is_a_row_that_is_run_again_on_request(tmp_path):
 
 
 def test_devices_are_of_one_process_and_share_cases_of_one_shape(tmp_path, monkeypatch):
-    path, out = sweep_file(tmp_path), tmp_path / "out"
-    words = "sweep", path, "--out", out, "--workers", 2, "--devices", 2
-    code, _, err = run(*words, main=main)
+    path = sweep_file(tmp_path)
+    out = tmp_path / "out"
+    code, _, err = run(
+        "sweep", path, "--out", out, "--workers", 2, "--devices", 2, main=main
+    )
     assert code == 2 and err.count("\n") == 1 and "leave --workers" in err
-    for there, asked, message in (
+    for device_count, devices, message in (
         (1, 4, "there is 1 cpu device; give at most 1"),
         (8, 4, "this sweep has at most 3 together; give at most 3"),
     ):
-        monkeypatch.setattr(jax, "device_count", lambda there=there: there)
-        with pytest.raises(InputError, match=f"^devices={asked}: .*{message}"):
-            run_sweep(path, out, (), Options(devices=asked), Log())
+        monkeypatch.setattr(jax, "device_count", lambda count=device_count: count)
+        with pytest.raises(InputError, match=f"^devices={devices}: .*{message}"):
+            run_sweep(path, out, (), Options(devices=devices), Log())
     assert not out.exists()
 
 
 def test_an_unreachable_scheduler_is_one_line(tmp_path, monkeypatch):
     monkeypatch.setattr("calibrate.study.pool._WAIT_S", 1.0)
-    path, out = sweep_file(tmp_path), tmp_path / "out"
-    words = "--out", out, "--no-times", "--scheduler", "tcp://127.0.0.1:9"
-    code, _, err = sweep(path, *words)
+    path = sweep_file(tmp_path)
+    out = tmp_path / "out"
+    address = "tcp://127.0.0.1:9"
+    code, _, err = sweep(path, "--out", out, "--no-times", "--scheduler", address)
     assert code == 2 and err.count("\n") == 1 and "cannot be reached" in err
 
 
 def test_a_full_disk_is_one_line_and_rows_are_kept(alone, tmp_path):
     """Files may not grow beyond the rows of all cases but the last ones."""
-    path, out = sweep_file(tmp_path), tmp_path / "out"
+    path = sweep_file(tmp_path)
+    out = tmp_path / "out"
     with largest_file((alone / "rows.jsonl").stat().st_size - 100):
         code, _, err = sweep(path, "--out", out, "--no-times")
     assert code == 2 and err.count("\n") == 1, err
@@ -174,15 +183,16 @@ def test_a_full_disk_is_one_line_and_rows_are_kept(alone, tmp_path):
 @pytest.mark.slow
 def test_tuning_by_hand_stands_beside_a_fit(tmp_path):
     (tmp_path / "fit.yaml").write_text(FIT)
-    path, out = sweep_file(tmp_path, TUNED), tmp_path / "out"
+    path = sweep_file(tmp_path, TUNED)
+    out = tmp_path / "out"
     code, said, err = sweep(path, "--out", out, "--no-times")
     assert (code, err) == (0, "") and "best by fit: within" in said
-    found = json.loads((out / "result.json").read_text())["fit"]
+    comparison = json.loads((out / "result.json").read_text())["fit"]
     # The fit lowers the mean over all times, the sweep shows the worst of them.
-    assert found["fit"]["rms_percent"] < found["start"]["rms_percent"]
-    assert found["sweep"]["rms_percent"] < found["start"]["rms_percent"]
-    assert found["sweep"]["runs"] == 25
-    assert found["times_fewer_runs"] == 25 / found["fit"]["runs"]
+    assert comparison["fit"]["rms_percent"] < comparison["start"]["rms_percent"]
+    assert comparison["sweep"]["rms_percent"] < comparison["start"]["rms_percent"]
+    assert comparison["sweep"]["runs"] == 25
+    assert comparison["times_fewer_runs"] == 25 / comparison["fit"]["runs"]
     text = (out / "report.html").read_text()
     assert "Error over both" in text and text.count("<svg") == 3
     stamp = (out / "fit" / "fit.json").stat().st_mtime_ns
@@ -193,7 +203,8 @@ def test_tuning_by_hand_stands_beside_a_fit(tmp_path):
 def test_a_fit_of_something_else_is_one_line(tmp_path):
     (tmp_path / "fit.yaml").write_text(FIT.replace(", {name: weights.between}", ""))
     text = TUNED.replace("count: 5", "count: 2")
-    path, out = sweep_file(tmp_path, text), tmp_path / "out"
+    path = sweep_file(tmp_path, text)
+    out = tmp_path / "out"
     code, _, err = sweep(path, "--out", out, "--no-times")
     assert code == 2 and err.count("\n") == 1
     assert "the axis between is no range of a value that is fitted" in err
@@ -203,7 +214,8 @@ class _Counting(Log):
     """Counts finished cases of each stage of errors."""
 
     def __init__(self) -> None:
-        self.done, self.total = 0, 0
+        self.done = 0
+        self.total = 0
 
     @override
     def stage(self, text, done=0, total=None):
@@ -220,9 +232,10 @@ def test_a_study_tells_how_many_cases_are_done(tmp_path):
     """Of two loads each; a study that is finished asks the same choices again."""
     text = SWEEP.replace("values: [0.8, 1, 1.25]", "between: [0.5, 2], log: true")
     study = "\nsampling: {kind: optuna, count: 3, batch: 2, seed: 1}\ntruth"
-    config, log = sweep_file(tmp_path, text.replace("\ntruth", study)), _Counting()
+    config = sweep_file(tmp_path, text.replace("\ntruth", study))
+    log = _Counting()
     options = Options(times=False)
-    made = run_sweep(config, tmp_path / "out", (), options, log)
-    assert log.done == log.total == len(made.rows) == 6
+    result = run_sweep(config, tmp_path / "out", (), options, log)
+    assert log.done == log.total == len(result.rows) == 6
     again = run_sweep(config, tmp_path / "out", (), options, Log())
-    assert again.rows == made.rows
+    assert again.rows == result.rows
