@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 from calibrate.study.case import Case, build_case, plan_case
-from calibrate.study.front import Point, points_of, spread_of
+from calibrate.study.front import Point, points_of
 from calibrate.study.sweep import Log, Options, run_sweep
 from calibrate.study.times import time_case
 from jaxthermo.report.chart import Chart
@@ -124,9 +124,9 @@ def _timed(swept: _Swept, chosen: Sequence[Point]) -> dict[str, dict[str, Any]]:
     found = {}
     for each in chosen:
         row = time_case(swept.cases[tuple(each.choice.items())][0], _REPEATS)
-        own, full = (spread_of(row[k]) for k in ("loop_s", "full_volume_loop_s"))
+        own, full = (Spread.of(row[k]) for k in ("loop_s", "full_volume_loop_s"))
         found[each.name] = {
-            "words": Spread(own.median, own.low, own.high).text(),
+            "words": own.text(),
             "times_faster": full.median / own.median,
         }
     return found
