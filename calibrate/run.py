@@ -268,7 +268,7 @@ def _errors_at(
 
 
 class _StartJudgement(NamedTuple):
-    """How well the data determine the start values of a fit."""
+    """Judgement of how well the data determine the start values of a fit."""
 
     identified: Identified
     errors: dict[str, CaseError]

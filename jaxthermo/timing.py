@@ -24,7 +24,7 @@ class Spread(NamedTuple):
     high: float
 
     @classmethod
-    def of(cls, values: Iterable[float]) -> "Spread":
+    def of(cls, values: Iterable[float | int]) -> "Spread":
         """Median, smallest and largest of some values."""
         ordered = sorted(float(value) for value in values)
         return cls(statistics.median(ordered), low=ordered[0], high=ordered[-1])
