@@ -1,6 +1,6 @@
 """Fit cards: weights with the ranges that they were fitted in, and their validation."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,6 @@ from jaxthermo.scene.dimensionless_groups import scene_numbers
 from jaxthermo.structures.extrapolation import extrapolations, range_words
 from jaxthermo.structures.weights import ConductionWeights, FitCard
 
-from ..config.fit_record import FitRecord, TruthRecord
 from ..config.frame_names import is_of_frames
 from ..config.schema import CalibrationConfig
 from ..problem.build import Calibration
@@ -36,7 +35,7 @@ def make_card(
     config: CalibrationConfig,
     calibration: Calibration,
     fit: Fit,
-    result: FitRecord,
+    result: Mapping[str, Any],
 ) -> FitCard:
     """Card of a fit; in a scene of several bodies, with the weights of the first."""
     problem = calibration.train
@@ -77,7 +76,7 @@ def make_card(
     )
 
 
-def _truth_errors(truth: TruthRecord | None) -> dict[str, dict[str, float]]:
+def _truth_errors(truth: Mapping[str, Any] | None) -> dict[str, dict[str, float]]:
     # Largest of all cases and saved times.
     if truth is None:
         return {}
@@ -90,7 +89,7 @@ def _truth_errors(truth: TruthRecord | None) -> dict[str, dict[str, float]]:
     }
 
 
-def _origin(config: CalibrationConfig, result: FitRecord) -> dict[str, str]:
+def _origin(config: CalibrationConfig, result: Mapping[str, Any]) -> dict[str, str]:
     speed = result["speedup"]
 
     def names(entries: Sequence[Any]) -> str:

@@ -4,18 +4,12 @@ The verdicts on single parameters tell how well the data determine them; a fit o
 determined weights may still run slower than the full volume, or be worse at late times.
 """
 
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
 
 from jaxthermo.report.numbers import padded
 
-from ..config.fit_record import (
-    CaseGroups,
-    Speedup,
-    TruthRecord,
-    TruthVerdict,
-    Verdict,
-)
+from ..config.fit_record import TruthVerdict, Verdict
 
 
 _SAME = 1.001
@@ -43,7 +37,7 @@ class _TimeErrors(NamedTuple):
         return self.fitted > _SAME * self.default
 
 
-def time_errors(errors: CaseGroups) -> Iterator[_TimeErrors]:
+def time_errors(errors: Mapping[str, Any]) -> Iterator[_TimeErrors]:
     """Every saved time of every case, in the order of `fit.json`."""
     for group, cases in errors.items():
         for case, fitted in cases["fitted"].items():
@@ -92,7 +86,7 @@ class _TruthTime(NamedTuple):
         return self.fitted > _SAME * self.default + 2 * self.reference
 
 
-def truth_times(truth: TruthRecord) -> Iterator[_TruthTime]:
+def truth_times(truth: Mapping[str, Any]) -> Iterator[_TruthTime]:
     """Every saved time of every case, in the order of `fit.json`."""
     for group, cases in truth["cases"].items():
         for case, errors in cases.items():
@@ -114,10 +108,10 @@ def truth_times(truth: TruthRecord) -> Iterator[_TruthTime]:
 
 
 def judge(
-    errors: CaseGroups,
-    speedup: Speedup,
+    errors: Mapping[str, Any],
+    speedup: Mapping[str, Any],
     is_of_weights: bool,
-    truth: TruthRecord | None = None,
+    truth: Mapping[str, Any] | None = None,
 ) -> Verdict:
     """Judge a fit.
 
@@ -176,7 +170,7 @@ def _truth_numbers(rows: list[_TruthTime], worse: int) -> TruthVerdict:
     }
 
 
-def _truth_words(numbers: TruthVerdict, refinement: float) -> str:
+def _truth_words(numbers: Mapping[str, Any], refinement: float) -> str:
     def error(kelvin: float, percent: float | None) -> str:
         relative = "" if percent is None else f" ({padded(percent)} %)"
         return f"{padded(kelvin)} K{relative}"
@@ -217,7 +211,7 @@ def _error_words(rows: list[_TimeErrors], worse: list[_TimeErrors]) -> str:
     )
 
 
-def _speed_words(speedup: Speedup) -> str:
+def _speed_words(speedup: Mapping[str, Any]) -> str:
     ratio = (
         f"{speedup['times_faster']:.3g} ({speedup['min']:.3g} to {speedup['max']:.3g})"
     )

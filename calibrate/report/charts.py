@@ -1,7 +1,7 @@
 """Charts of a fit: its loss, its values with error bars, errors, correlations."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import altair as alt
@@ -9,7 +9,7 @@ import altair as alt
 from jaxthermo.report.chart import POINT_AREA, Chart, LogAxis, legend
 from jaxthermo.report.numbers import is_finite
 
-from ..config.fit_record import CasePair, FitRecord
+from .text_summary import Result
 
 
 MAX_CHARTED = 48
@@ -44,7 +44,7 @@ def _is_positive(value: float | None) -> bool:
     return value is not None and math.isfinite(value) and value > 0
 
 
-def loss_chart(result: FitRecord) -> Chart | None:
+def loss_chart(result: Result) -> Chart | None:
     """Loss at the best point by step; None if it is nowhere above 0."""
     outcomes = ["not accepted", "accepted"]
     history = [(0, result["loss"]["initial"], "accepted")]
@@ -76,7 +76,7 @@ def loss_chart(result: FitRecord) -> Chart | None:
     return alt.layer(line, dots).properties(width=_WIDTH, height=240)
 
 
-def parameter_charts(result: FitRecord) -> list[Chart]:
+def parameter_charts(result: Result) -> list[Chart]:
     """Start and value with its standard error, one chart per unit."""
     groups: dict[tuple[str, bool], list[_Point]] = {}
     for name, row in list(result["parameters"].items())[:MAX_CHARTED]:
@@ -189,7 +189,7 @@ def _value_row(row: _Point, logarithmic: bool, limits: tuple[float, float]) -> _
     }
 
 
-def error_chart(errors: CasePair, title: str) -> Chart | None:
+def error_chart(errors: Mapping[str, Any], title: str) -> Chart | None:
     """Error over saved time, a frame per case; None if none is above 0."""
     points = [
         {
@@ -232,7 +232,7 @@ def error_chart(errors: CasePair, title: str) -> Chart | None:
     return lines.properties(width=width, height=220).facet(frame, columns=columns)
 
 
-def correlation_chart(result: FitRecord) -> Chart:
+def correlation_chart(result: Result) -> Chart:
     """Correlation of the values' errors, -1 to 1, a cell per pair."""
     names = list(result["parameters"])[:MAX_CHARTED]
     table = result["correlation"]

@@ -13,7 +13,6 @@ from jaxthermo.report.numbers import padded
 from jaxthermo.report.table import Table, prose
 from jaxthermo.scene.dimensionless_groups import scene_numbers
 
-from ..config.fit_record import FitRecord
 from ..problem.build import Calibration
 from ..problem.problem import Problem
 from ..problem.targets import FrameTarget
@@ -29,6 +28,7 @@ from .pictures import difference_picture, frame_picture, run_both, values_of_bot
 from .text_summary import (
     GROUPS,
     MEANING,
+    Result,
     about_standard_errors,
     definition,
     error_title,
@@ -56,7 +56,7 @@ _Sections = list[page.Section]
 
 
 def write_report(
-    folder: Path, calibration: Calibration, fit: Fit, result: FitRecord
+    folder: Path, calibration: Calibration, fit: Fit, result: Result
 ) -> None:
     """Write `report.html` into an existing folder."""
     sections = [
@@ -81,7 +81,7 @@ def _drawn(chart: Chart | None, otherwise: str) -> page.Section:
     return page.paragraph(otherwise, True) if chart is None else chart_svg(chart)
 
 
-def _errors(result: FitRecord) -> _Sections:
+def _errors(result: Result) -> _Sections:
     unit = error_unit(result)
     # Frames may show radiances, whose errors are not in kelvin.
     columns = ["case", "role", f"default [{unit}]", f"fitted [{unit}]"]
@@ -101,7 +101,7 @@ def _errors(result: FitRecord) -> _Sections:
     return [page.heading("Errors"), Table(columns, rows, left=(0, 1)), details, *charts]
 
 
-def _truth(result: FitRecord) -> _Sections:
+def _truth(result: Result) -> _Sections:
     table = truth_table(result)
     if table is None:
         return []
@@ -123,7 +123,7 @@ def _truth(result: FitRecord) -> _Sections:
     return [page.heading("Errors against finer voxels"), table, note, cost]
 
 
-def _pictures(calibration: Calibration, fit: Fit, result: FitRecord) -> _Sections:
+def _pictures(calibration: Calibration, fit: Fit, result: Result) -> _Sections:
     sections: _Sections = [page.heading("Spatial distribution of the error")]
     sections += _worst_case(
         "train",
@@ -144,7 +144,7 @@ def _pictures(calibration: Calibration, fit: Fit, result: FitRecord) -> _Section
 
 
 def _worst_case(
-    group: str, problem: Problem, calibration: Calibration, fit: Fit, result: FitRecord
+    group: str, problem: Problem, calibration: Calibration, fit: Fit, result: Result
 ) -> _Sections:
     errors = result["errors"][group]
     fitted = errors["fitted"]
@@ -187,7 +187,7 @@ def _worst_case(
     return [text, *(page.embedded(png, label) for png in images)]
 
 
-def _parameters(result: FitRecord) -> _Sections:
+def _parameters(result: Result) -> _Sections:
     number = len(result["parameters"])
     table = parameter_table(result["parameters"], "")
     sections: _Sections = [page.heading("Parameters"), table]
@@ -204,7 +204,7 @@ def _parameters(result: FitRecord) -> _Sections:
     return [*sections, *map(chart_svg, parameter_charts(result)), note]
 
 
-def _identifiability(result: FitRecord) -> _Sections:
+def _identifiability(result: Result) -> _Sections:
     parameters = result["parameters"]
     sections: _Sections = [page.heading("Identifiability")]
     if not result["correlation"]:
@@ -236,7 +236,7 @@ def _identifiability(result: FitRecord) -> _Sections:
     return [*sections, page.heading("Correlations"), text, chart]
 
 
-def _experiments(result: FitRecord) -> _Sections:
+def _experiments(result: Result) -> _Sections:
     if not result["advice"]:
         return []
     text = (
@@ -271,7 +271,7 @@ def _span(values: list[float]) -> str:
     return low if high == low else f"{low} to {high}"
 
 
-def _origin(result: FitRecord) -> _Sections:
+def _origin(result: Result) -> _Sections:
     pairs = [
         ("reference", result["reference"].replace("_", " ")),
         ("config", result["config_hash"]),

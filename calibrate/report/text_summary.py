@@ -8,9 +8,10 @@ from jaxthermo.report.numbers import count, is_finite, padded
 from jaxthermo.report.table import Cell, Table
 
 from ..analysis.verdict import time_errors, truth_times
-from ..config.fit_record import FitRecord
 
 
+Result = Mapping[str, Any]
+"""Content of `fit.json`, a `FitRecord`."""
 GROUPS = {"train": "fitted to", "held_out": "held out"}
 """Groups of cases in words."""
 
@@ -42,28 +43,28 @@ _ENDED = {
 }
 
 
-def is_frames(result: FitRecord) -> bool:
+def is_frames(result: Result) -> bool:
     """True if pixels were fitted, whose errors are relative to their noise."""
     return "frames" in result["reference"]
 
 
-def error_unit(result: FitRecord) -> str:
+def error_unit(result: Result) -> str:
     """Unit of an error."""
     return "% of the noise" if is_frames(result) else "%"
 
 
-def error_title(result: FitRecord) -> str:
+def error_title(result: Result) -> str:
     """Title of an error's axis."""
     return f"RMS error [{error_unit(result)}]"
 
 
-def _error_words(percent: float, result: FitRecord) -> str:
+def _error_words(percent: float, result: Result) -> str:
     if is_frames(result):
         return f"{padded(percent / 100)} times the noise"
     return f"{padded(percent)} %"
 
 
-def definition(result: FitRecord) -> str:
+def definition(result: Result) -> str:
     """Definition of the error."""
     if is_frames(result):
         return (
@@ -79,7 +80,7 @@ def definition(result: FitRecord) -> str:
     )
 
 
-def about_standard_errors(result: FitRecord) -> str:
+def about_standard_errors(result: Result) -> str:
     """Origin of the standard errors, and a warning where they are too small."""
     if not is_frames(result):
         return (
@@ -109,7 +110,7 @@ def about_standard_errors(result: FitRecord) -> str:
     return text
 
 
-def summary(result: FitRecord) -> list[str]:
+def summary(result: Result) -> list[str]:
     """Sentences on data, errors, course of the fit and speed."""
     errors = [
         f"Largest error of the cases {GROUPS[group]}: "
@@ -122,7 +123,7 @@ def summary(result: FitRecord) -> list[str]:
     return [_data(result), *errors, _course(result), *_speed(result), *cost, verdict]
 
 
-def time_table(result: FitRecord, title: str = "") -> Table:
+def time_table(result: Result, title: str = "") -> Table:
     """Errors at every saved time of every case, default and fitted."""
     unit = error_unit(result)
     columns = ["case", "role", "time [s]", f"default [{unit}]", f"fitted [{unit}]"]
@@ -140,7 +141,7 @@ def time_table(result: FitRecord, title: str = "") -> Table:
     return Table(columns, rows, title=title, left=(0, 1))
 
 
-def truth_table(result: FitRecord, title: str = "") -> Table | None:
+def truth_table(result: Result, title: str = "") -> Table | None:
     """Errors against finer voxels at every saved time; None if there are none."""
     truth = result.get("truth")
     if truth is None:
@@ -168,7 +169,7 @@ def _percent(value: float | None) -> str:
     return _DASH if value is None else padded(value)
 
 
-def truth_definition(result: FitRecord) -> str:
+def truth_definition(result: Result) -> str:
     """Definition of the errors against finer voxels."""
     truth = result["truth"]
     structure = truth["structure"].replace("_", " ")
@@ -183,7 +184,7 @@ def truth_definition(result: FitRecord) -> str:
     )
 
 
-def _truth_cost(result: FitRecord) -> list[str]:
+def _truth_cost(result: Result) -> list[str]:
     """Cost of the reference runs of finer voxels, and remarks on them."""
     truth = result.get("truth")
     if truth is None:
@@ -208,7 +209,7 @@ def _truth_cost(result: FitRecord) -> list[str]:
     ]
 
 
-def _data(result: FitRecord) -> str:
+def _data(result: Result) -> str:
     cases = {group: list(cases["fitted"]) for group, cases in result["errors"].items()}
     data = "frames" if is_frames(result) else "reference runs"
     values = sum(row.get("count", 1) for row in result["parameters"].values())
@@ -231,7 +232,7 @@ def _change(default: float, fitted: float) -> str:
     return f"{fitted / default:.2f} times MORE"
 
 
-def _course(result: FitRecord) -> str:
+def _course(result: Result) -> str:
     seconds = result["run_time_s"]
     loss = result["loss"]
     # In runs, which is a measure that does not depend on the machine.
@@ -245,7 +246,7 @@ def _course(result: FitRecord) -> str:
     )
 
 
-def _speed(result: FitRecord) -> list[str]:
+def _speed(result: Result) -> list[str]:
     speed = result["speedup"]
     if not is_finite(speed.get("times_faster")):
         return []
@@ -304,7 +305,7 @@ def marked(verdict: str, remark: str = "") -> Cell:
     return Cell(verdict + remark, _IS_GOOD.get(verdict))
 
 
-def experiment_table(result: FitRecord, limit: int | None = None) -> Table:
+def experiment_table(result: Result, limit: int | None = None) -> Table:
     """Experiments that might be added, the most informative first."""
     entries = result["advice"][:limit]
     rows = [[e["what"], f"{e['gain_nats']:.2f}"] for e in entries]

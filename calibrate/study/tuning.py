@@ -1,6 +1,7 @@
 """Tuning by a sweep and by a fit: errors over one or two numbers, optima and costs."""
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
 import altair as alt
@@ -86,7 +87,7 @@ def _parameters(sweep: Sweep, fitted: tuple[ParameterConfig, ...]) -> dict[str, 
     return parameters
 
 
-def _fit_runs(result: dict[str, Any]) -> int:
+def _fit_runs(result: Mapping[str, Any]) -> int:
     """Number of runs of each case in a fit."""
     size = len(result["parameters"])
     # The start with its Jacobian, one trial a step, and later Jacobians.

@@ -138,7 +138,7 @@ _UNFINISHED = "not finished: it has rows, and no result.json; the same command g
 
 def _read(file: Path) -> Result:
     if file.name == "fit.json":
-        return Result("fit", file=file, content=read_fit(file))
+        return Result("fit", file=file, content=dict(read_fit(file)))
     if file.name == "plan.json":
         record = read_record(
             file, format_name="plan", version=1, remedy="run `calibrate plan` again"
