@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from jaxthermo.accuracy.truth_error import TruthError, TruthPoints, truth_points
 from jaxthermo.arrays import precision
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
@@ -14,7 +15,6 @@ from jaxthermo.integrate.run.plan import Plan, plan_run
 from jaxthermo.integrate.run.simulate import make_solution
 from jaxthermo.integrate.run.solution import RESULTS, Observation, run_result
 from jaxthermo.integrate.run.solution_file import StoredSolution
-from jaxthermo.integrate.truth_error import TruthError, TruthPoints, truth_points
 from jaxthermo.timing import Spread, interleaved
 
 from ..config.schema import RefinedReference

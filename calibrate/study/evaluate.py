@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh
 
+from jaxthermo.accuracy.truth_error import TruthPoints, truth_points
 from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
 from jaxthermo.findings import on_device
@@ -27,7 +28,6 @@ from jaxthermo.integrate.run.plan import (
 from jaxthermo.integrate.run.simulate import make_solution, run_plan, take_steps
 from jaxthermo.integrate.run.solution import RESULTS, Observation, Solution
 from jaxthermo.integrate.run.surface_reading import SurfaceReading
-from jaxthermo.integrate.truth_error import TruthPoints, truth_points
 from jaxthermo.parallel.batch import from_first_device, over_devices
 from jaxthermo.parallel.devices import mesh_of
 

@@ -27,7 +27,7 @@ from jaxthermo.integrate.run.plan import (
     save_intervals,
     step_table,
 )
-from jaxthermo.integrate.run.simulate import integrate, run_plan, simulate, take_steps
+from jaxthermo.integrate.run.simulate import run_plan, simulate, take_steps
 from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.provenance import processor
 from jaxthermo.scene.scene import Scene
@@ -272,4 +272,4 @@ def _ratios(spans: Spans, name: str) -> SpeedRatio:
 
 
 def _run(planned: Plan) -> Any:
-    return integrate(planned, initial_state(planned))
+    return run_plan(planned).surface_temperature

@@ -25,14 +25,14 @@ from calibrate.study.config import (
 from calibrate.study.evaluate import Truth, find_truth
 from calibrate.study.points import cases_of, choices
 from calibrate.study.summary import goals_table
+from jaxthermo.accuracy.truth_error import AtPoints, TruthError, error_at_points
 from jaxthermo.arrays import precision
 from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
 from jaxthermo.host_memory import readable_bytes
-from jaxthermo.integrate.run.plan import Plan, initial_state
-from jaxthermo.integrate.run.simulate import integrate, make_solution, run_plan
+from jaxthermo.integrate.run.plan import Plan
+from jaxthermo.integrate.run.simulate import run_plan
 from jaxthermo.integrate.run.time_error import of_pass
-from jaxthermo.integrate.truth_error import AtPoints, TruthError, error_at_points
 from jaxthermo.report import page
 from jaxthermo.report.numbers import padded, seconds
 
@@ -145,7 +145,7 @@ def _one_pass(plan: Plan, number: int) -> jt.Solution:
     """A run with the steps of one pass alone."""
     single = of_pass(plan, number)
     with precision(plan.scene.dtype):
-        return make_solution(single, integrate(single, initial_state(single)))
+        return run_plan(single)
 
 
 def budget_lines(

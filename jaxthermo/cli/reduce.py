@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 from rich.console import Console
 
+from ..accuracy.truth_error import TruthError, truth_error
 from ..arrays import precision
 from ..atomic import replacing, write_json
 from ..config.loader import config_hash, load_config, resolved, to_yaml
@@ -19,11 +20,10 @@ from ..config.types.quantities import NUMBER, to_si
 from ..console.results_folder import results_folder
 from ..console.terminal import open_console, print_line, status
 from ..errors import InputError
-from ..integrate.run.plan import Plan, initial_state, plan_run
-from ..integrate.run.simulate import integrate, run_plan
+from ..integrate.run.plan import Plan, plan_run
+from ..integrate.run.simulate import run_plan
 from ..integrate.run.solution import Solution
 from ..integrate.run.time_error import of_pass
-from ..integrate.truth_error import TruthError, truth_error
 from ..provenance import processor, provenance
 from ..reduction.reduce import reduce as reduce_scene
 from ..reduction.reduced_model import ReducedModel
@@ -189,7 +189,7 @@ def _full_loop(plan: Plan, full: Solution) -> Callable[[], Any]:
     # The loop of the pass that met the limit of the error in time.
     passes = (full.run.steps // max(plan.steps, 1)).bit_length() - 1
     last_pass = of_pass(plan, max(passes, 0))
-    return lambda: integrate(last_pass, initial_state(last_pass))
+    return lambda: run_plan(last_pass)
 
 
 def _run_times(calls: list[Callable[[], Any]]) -> list[list[float]]:

@@ -6,14 +6,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
-from calibrate.runs.case import Case
-from calibrate.runs.scenes import build_case, plan_case
-from calibrate.runs.times import time_case
+from calibrate.study.case import Case, build_case, plan_case
+from calibrate.study.front import Point, points_of
+from calibrate.study.sweep import Log, Options, run_sweep
+from calibrate.study.times import time_case
 from jaxthermo.report.chart import Chart
+from jaxthermo.timing import Spread
 
-from ...front.pareto import Point, points_of, spread_of
 from ...harness.present import from_to
-from ...sweep.run import Log, Options, run_sweep
 from ..bodies import CONFIGS
 from ..exhibit import Finding, Verdict, exhibit
 from ..line_chart import log_chart, point
@@ -157,8 +157,8 @@ def _row(swept: Swept, choice: Point | None) -> dict[str, Any]:
 def _timed(swept: Swept, choice: Point) -> dict[str, float]:
     """Run time of a choice, and how much longer the full volume of its voxels takes."""
     times = time_case(swept.cases[tuple(choice.choice.items())][0], _REPEATS)
-    loop = spread_of(times["loop_s"]).median
-    full = spread_of(times["full_volume_loop_s"]).median
+    loop = Spread.of(times["loop_s"]).median
+    full = Spread.of(times["full_volume_loop_s"]).median
     return {"loop_s": loop, "times_faster": full / loop}
 
 

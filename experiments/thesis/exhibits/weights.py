@@ -23,8 +23,8 @@ from calibrate.problem.parameters import ParameterSet
 from calibrate.problem.problem import Problem
 from calibrate.problem.targets import CaseError
 from calibrate.report.pictures import difference_picture
-from calibrate.runs.case import changed_config
 from calibrate.solvers.fit import Fitting
+from calibrate.study.case import changed_config
 from jaxthermo.arrays import precision
 from jaxthermo.config.card_file import load_card
 from jaxthermo.config.shipped_cards import SCHEME, shipped_cards

@@ -13,10 +13,10 @@ from calibrate.study.points import cases_of, choices
 from calibrate.study.rows import Rows, claim_folder
 from calibrate.study.sweep import groups
 from calibrate.study.times import time_case
+from jaxthermo.accuracy.truth_error import truth_error, truth_points
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.run.solution import Solution
-from jaxthermo.integrate.truth_error import truth_error, truth_points
 from tests.sweeping import SWEEP, sweep_file
 
 

@@ -13,7 +13,7 @@ from calibrate.study.points import cases_of, choices
 from experiments.front import budget
 from experiments.front.budget import budget_lines, write_budget
 from experiments.harness.record import Record
-from jaxthermo.integrate.truth_error import AtPoints, TruthPoints
+from jaxthermo.accuracy.truth_error import AtPoints, TruthPoints
 from tests.sweeping import SWEEP, sweep_file
 
 
