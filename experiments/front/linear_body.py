@@ -25,7 +25,6 @@ from jaxthermo.network.cut_stencil import CutStencil
 from jaxthermo.network.stencil import UniformStencil, solid_degree
 from jaxthermo.physics.run_conduction import NodeCells
 from jaxthermo.scene.scene import Scene, SolvedSurface
-from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.voxels.grid import VoxelGrid
 
 
@@ -185,17 +184,9 @@ def linear_body(
             constant properties, under surface terms that are linear and constant
             between events.
     """
-    # In the box of the body: sections would be cells of several lattices.
-    boxed_bodies = [
-        replace(body, structure=replace(body.structure, sections=False))
-        if isinstance(body.structure, FullVolume)
-        else body
-        for body in scene.bodies
-    ]
     with precision(scene.dtype):
-        boxed = replace(scene, bodies=tuple(boxed_bodies))
         return _linear_body(
-            plan_run(boxed, t1=end, save_at=save_at, solver=ForwardEuler())
+            plan_run(scene, t1=end, save_at=save_at, solver=ForwardEuler())
         )
 
 
