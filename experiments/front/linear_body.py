@@ -22,7 +22,7 @@ from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.plan import Plan, observation_time, plan_run
 from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.network.cut_stencil import CutStencil
-from jaxthermo.network.stencil import UniformStencil, solid_degree
+from jaxthermo.network.stencil import Stencil, solid_degree
 from jaxthermo.physics.run_conduction import NodeCells
 from jaxthermo.scene.scene import Scene, SolvedSurface
 from jaxthermo.voxels.grid import VoxelGrid
@@ -197,7 +197,8 @@ def _linear_body(plan: Plan) -> LinearBody:
     base = network.base if isinstance(network, CutStencil) else network
     is_single = len(program.bodies) == 1 and len(compiled.programs) == 1
     linear = program.fragment_terms.is_linear and program.enclosure is None
-    if not (is_single and linear and isinstance(base, UniformStencil)):
+    isotropic = isinstance(base, Stencil) and not base.conductance.ndim
+    if not (is_single and linear and isotropic):
         raise InputError(
             "rivals written by hand have one full volume of one isotropic material "
             "with constant properties, and linear surface terms: this scene has none"
