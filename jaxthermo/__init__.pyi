@@ -34,7 +34,6 @@ from .image.detector.effects import (
     DiffractionBlur as DiffractionBlur,
     FixedPatternNoise as FixedPatternNoise,
 )
-from .image.render import frames as frames, render as render
 from .image.files.animation import write_animation as write_animation
 from .image.files.exr import write_exr as write_exr
 from .image.files.flir_file import (
@@ -60,6 +59,7 @@ from .image.radiance.thermography import (
     measured_radiance as measured_radiance,
     object_temperature as object_temperature,
 )
+from .image.render import frames as frames, render as render
 from .image.surface.camera import (
     Camera as Camera,
     OrthographicCamera as OrthographicCamera,

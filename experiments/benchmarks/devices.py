@@ -26,7 +26,7 @@ from jaxthermo.integrate.explicit import RKL2Stepper
 from jaxthermo.integrate.run.plan import Plan, initial_state, plan_run
 from jaxthermo.integrate.run.segments import begin_run, run_segments
 from jaxthermo.parallel.devices import provide_devices
-from jaxthermo.parallel.meeting import Group
+from jaxthermo.parallel.meeting import Group, free_port
 from jaxthermo.parallel.processes import join, watching_others
 from jaxthermo.scene.compile.on_devices import on_devices
 

@@ -197,8 +197,12 @@ def _linear_body(plan: Plan) -> LinearBody:
     base = network.base if isinstance(network, CutStencil) else network
     is_single = len(program.bodies) == 1 and len(compiled.programs) == 1
     linear = program.fragment_terms.is_linear and program.enclosure is None
-    isotropic = isinstance(base, Stencil) and not base.conductance.ndim
-    if not (is_single and linear and isotropic):
+    if not (
+        is_single
+        and linear
+        and isinstance(base, Stencil)
+        and base.conductance.ndim == 0
+    ):
         raise InputError(
             "rivals written by hand have one full volume of one isotropic material "
             "with constant properties, and linear surface terms: this scene has none"

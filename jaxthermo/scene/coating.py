@@ -94,7 +94,7 @@ class Coating(Module):
 
 
 def _fractions(name: str, number: Any) -> Any:
-    if number is None or is_traced(given):
+    if number is None or is_traced(number):
         return number
     try:
         values = np.asarray(number, float)

@@ -57,7 +57,8 @@ def test_every_combination_and_every_sample_is_a_run(load):
     )
     plan = plan_dataset(config)
     assert len(plan.variations) == 6
-    drawn = [v.changes["terms.0.heat_transfer_coefficient"] for v in plan.variations]
+    key = "terms.0.heat_transfer_coefficient"
+    drawn = [float(str(v.changes[key])) for v in plan.variations]
     assert len(set(drawn)) == 6 and all(5 < h < 20 for h in drawn)
     air = [v.config.terms[0].model_dump()["temperature"] for v in plan.variations]
     assert air == [273.15] * 3 + [300.0] * 3

@@ -119,12 +119,13 @@ def test_derivatives_are_those_of_the_links_and_of_differences():
     jax.tree.map(
         partial(np.testing.assert_allclose, rtol=1e-9, atol=1e-10), actual, expected
     )
-    value = lambda k: _moved(jnp.array(k), theta, (("kernels", "numba"),))
-    difference = (value(16.001) - value(15.999)) / 0.002
+
+    def moved(k):
+        return _moved(jnp.asarray(k), theta, (("kernels", "numba"),))
+
+    difference = (moved(16.001) - moved(15.999)) / 0.002
     np.testing.assert_allclose(actual[0], difference, rtol=1e-6)
-    along = jax.jvp(
-        lambda k: _moved(k, theta, (("kernels", "numba"),)), at[:1], (jnp.ones(()),)
-    )
+    along = jax.jvp(moved, (conductivity,), (jnp.ones(()),))
     np.testing.assert_allclose(along[1], actual[0], rtol=1e-12)
 
 
