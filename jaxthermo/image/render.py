@@ -56,6 +56,7 @@ def render(
         >>> jt.render(warm, camera).temperature.shape  # rows, columns
         (24, 32)
     """
+    _require_solution(solution)
     recorder = _recorder(
         camera,
         band=band,
@@ -87,6 +88,7 @@ def frames(
         InputError: as `render`.
     """
     # A mistake raises an error at once, not with the first frame.
+    _require_solution(solution)
     recorder = _recorder(
         camera,
         band=band,
@@ -96,6 +98,13 @@ def frames(
         occlusion=occlusion,
     )
     return map(_frames_of(solution, recorder), range(len(solution.times)))
+
+
+def _require_solution(solution: AbstractSolution) -> None:
+    solutions = "a solution of simulate or steady"
+    require(
+        solution, classes=AbstractSolution, argument="render(solution=)", give=solutions
+    )
 
 
 def _recorder(
@@ -129,10 +138,6 @@ def _frames_of(
     solution: AbstractSolution, recorder: Recorder
 ) -> Callable[[int], Image]:
     """Draws frames of a solution by the index of their time."""
-    solutions = "a solution of simulate or steady"
-    require(
-        solution, classes=AbstractSolution, argument="render(solution=)", give=solutions
-    )
     times = np.asarray(solution.times)
 
     def moment(index: int) -> Moment:
