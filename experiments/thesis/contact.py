@@ -7,7 +7,7 @@ surfaces face each other, for a distance normal to them.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypedDict
 
 import numpy as np
 from jaxtyping import Bool
@@ -156,22 +156,56 @@ BALL_VOXEL = "ball on a plate, within a voxel"
 _THRESHOLDS = (1 / 64, 1 / 32, FIXED, 1 / 8, 1 / 4)
 
 
+class ContactRow(TypedDict):
+    """Areas of one case in square radii, and their errors."""
+
+    case: str
+    voxels_across: int
+    threshold: float
+    exact: float
+    texels_a: float
+    texels_b: float
+    rays: float
+    error_percent: dict[str, float]
+    """Errors by the name of each area."""
+
+
 def _row(
-    case: str, voxels: int, threshold: float, exact: float, areas: Areas
-) -> dict[str, Any]:
-    return {
-        "case": case,
-        "voxels_across": voxels,
-        "threshold": threshold,
-        "exact": exact,
-        **areas._asdict(),
-        "error_percent": {
-            name: 100 * (area / exact - 1) for name, area in areas._asdict().items()
-        },
+    case: str,
+    *,
+    voxels: int,
+    threshold: float,
+    exact: float,
+    areas: Areas,
+) -> ContactRow:
+    error_percent = {
+        name: 100 * (area / exact - 1) for name, area in areas._asdict().items()
     }
+    return ContactRow(
+        case=case,
+        voxels_across=voxels,
+        threshold=threshold,
+        exact=exact,
+        texels_a=areas.texels_a,
+        texels_b=areas.texels_b,
+        rays=areas.rays,
+        error_percent=error_percent,
+    )
 
 
-def by_resolution(resolutions: Sequence[int]) -> list[dict[str, Any]]:
+def _ball_row(
+    case: str, touching: Touching, *, voxels: int, threshold: float
+) -> ContactRow:
+    return _row(
+        case,
+        voxels=voxels,
+        threshold=threshold,
+        exact=cap_area(threshold),
+        areas=contact_areas(touching, threshold),
+    )
+
+
+def by_resolution(resolutions: Sequence[int]) -> list[ContactRow]:
     """Areas of all cases within one voxel and within a fixed threshold."""
     rows = []
     for voxels in resolutions:
@@ -179,23 +213,28 @@ def by_resolution(resolutions: Sequence[int]) -> list[dict[str, Any]]:
         rows.append(_cylinder_row(voxels, pitch))
         ball = ball_on_plate(voxels, max(pitch, FIXED))
         for case, threshold in ((BALL, FIXED), (BALL_VOXEL, pitch)):
-            areas = contact_areas(ball, threshold)
-            rows.append(_row(case, voxels, threshold, cap_area(threshold), areas))
+            row = _ball_row(case, ball, voxels=voxels, threshold=threshold)
+            rows.append(row)
     return rows
 
 
-def _cylinder_row(voxels: int, threshold: float) -> dict[str, Any]:
+def _cylinder_row(voxels: int, threshold: float) -> ContactRow:
     touching = two_cylinders(voxels)
-    areas = contact_areas(touching, threshold)
-    return _row(CYLINDERS, voxels, threshold, lens_area(touching), areas)
+    return _row(
+        CYLINDERS,
+        voxels=voxels,
+        threshold=threshold,
+        exact=lens_area(touching),
+        areas=contact_areas(touching, threshold),
+    )
 
 
-def by_threshold() -> list[dict[str, Any]]:
+def by_threshold() -> list[ContactRow]:
     """Areas at the resolution of pictures within several thresholds."""
     ball = ball_on_plate(SHOWN, max(_THRESHOLDS))
     rows = []
     for threshold in _THRESHOLDS:
-        areas = contact_areas(ball, threshold)
-        rows.append(_row(BALL, SHOWN, threshold, cap_area(threshold), areas))
+        row = _ball_row(BALL, ball, voxels=SHOWN, threshold=threshold)
+        rows.append(row)
         rows.append(_cylinder_row(SHOWN, threshold))
     return rows

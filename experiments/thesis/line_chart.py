@@ -1,6 +1,7 @@
 """Charts of lines, and axes and colours that several exhibits share."""
 
-from typing import Any
+from collections.abc import Sequence
+from typing import TypedDict
 
 import altair as alt
 
@@ -15,11 +16,19 @@ HEIGHT = 360
 SHADES = ("#440154", "#3b528b", "#21918c", "#5ec962", "#b8860b", "#e8743b", "#c23b22")
 """Colours of curves in an order, such as of their Reynolds number."""
 
-Points = list[dict[str, Any]]
-"""Rows with "curve", "x", "y" and "text"; with "mark" true for a point on no line."""
+
+class Point(TypedDict):
+    """A row of a chart."""
+
+    curve: str
+    x: float
+    y: float
+    text: str
+    mark: bool
+    """True for a point on no line."""
 
 
-def log_chart(points: Points, x_title: str, y_title: str, title: str) -> Chart:
+def log_chart(points: Sequence[Point], x_title: str, y_title: str, title: str) -> Chart:
     """Lines with points over two logarithmic axes; marked points stand alone."""
     x = LogAxis([point["x"] for point in points], x_title)
     y = LogAxis([point["y"] for point in points], y_title)
@@ -28,12 +37,18 @@ def log_chart(points: Points, x_title: str, y_title: str, title: str) -> Chart:
 
 def point(
     curve: str, x: float | int, y: float | int, text: str = "", mark: bool = False
-) -> dict:
+) -> Point:
     """A row of a chart."""
-    return {"curve": curve, "x": float(x), "y": float(y), "text": text, "mark": mark}
+    return Point(
+        curve=curve,
+        x=float(x),
+        y=float(y),
+        text=text,
+        mark=mark,
+    )
 
 
-def _lines(points: Points, x: alt.X, y: alt.Y, title: str) -> Chart:
+def _lines(points: Sequence[Point], x: alt.X, y: alt.Y, title: str) -> Chart:
     names = list(dict.fromkeys(row["curve"] for row in points))
     scale = alt.Scale(domain=names, range=[*COLOURS][: len(names)])
     colour = alt.Color("curve:N", scale=scale, sort=names, legend=legend())

@@ -4,7 +4,7 @@ import csv
 import functools
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import jax
 import jax.numpy as jnp
@@ -61,23 +61,32 @@ def tabulated() -> list[dict[str, str]]:
         return list(csv.DictReader(lines))
 
 
-def measure_knots() -> list[dict[str, Any]]:
+class Knot(TypedDict):
+    """What the local number does at a Reynolds number of the table."""
+
+    Re: float
+    average: float
+    average_mismatch: float
+    """Relative error of the mean around the cylinder [-]."""
+    front_over_sqrt_Re: float
+    rear_over_front: float
+    minima_deg: list[float]
+    off_data_of_average: float | None
+    """Largest distance from the published points; None where there are none."""
+    recalled: bool
+
+
+def measure_knots() -> list[Knot]:
     """Each knot: how the average holds, the minima, the distance from the data."""
     table = cylinder_table()
+    columns = zip(table.reynolds, table.average, table.recalled, strict=True)
     return [
-        {
-            "Re": float(reynolds),
-            "average": float(average),
-            **_knot(float(reynolds), float(average)),
-            "recalled": bool(recalled),
-        }
-        for reynolds, average, recalled in zip(
-            table.reynolds, table.average, table.recalled, strict=True
-        )
+        _knot(float(reynolds), float(average), recalled=bool(recalled))
+        for reynolds, average, recalled in columns
     ]
 
 
-def _knot(reynolds: float, average: float) -> dict[str, Any]:
+def _knot(reynolds: float, average: float, *, recalled: bool) -> Knot:
     local = local_number(DEGREES, reynolds)
     is_minimum = (local[1:-1] < local[:-2]) & (local[1:-1] <= local[2:])
     errors = [
@@ -86,10 +95,13 @@ def _knot(reynolds: float, average: float) -> dict[str, Any]:
         if float(row["Re"]) == reynolds
     ]
     return {
+        "Re": reynolds,
+        "average": average,
         "average_mismatch": mean_number(reynolds) / average - 1,
         # A laminar stagnation point has one constant over Re.
         "front_over_sqrt_Re": float(local[0] / np.sqrt(reynolds)),
         "rear_over_front": float(local[-1] / local[0]),
         "minima_deg": DEGREES[1:-1][is_minimum].tolist(),
         "off_data_of_average": max(errors) / average if errors else None,
+        "recalled": recalled,
     }

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict
 
 from jaxthermo.atomic import replacing
 from jaxthermo.report import page
@@ -38,6 +38,22 @@ _ORDER = tuple(Verdict)
 _GOOD = {Verdict.REPRODUCED: True, Verdict.CONTRADICTED: False, Verdict.FAILED: False}
 
 
+class ExhibitResult(TypedDict):
+    """An exhibit with its measurement, in types that JSON has."""
+
+    name: str
+    title: str
+    place: str
+    claims: list[str]
+    command: str
+    verdict: str
+    reason: str
+    numbers: Mapping[str, Any]
+    """Nested values, which each exhibit has of its own."""
+    took_s: float
+    files: list[str]
+
+
 class Measured(NamedTuple):
     """An exhibit with what was measured of it."""
 
@@ -65,7 +81,7 @@ class Measured(NamedTuple):
         """Verdict of one of its claims."""
         return self.claims.get(claim, self.verdict)
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> ExhibitResult:
         """Plain values for `result.json`."""
         text = self.statement
         return {
@@ -94,9 +110,21 @@ def _pictures(files: Arrays) -> dict[str, page.Section]:
     return sections
 
 
-def claim_results(measured: Sequence[Measured]) -> list[dict[str, Any]]:
+class ClaimResult(TypedDict):
+    """A claim with its verdict."""
+
+    id: str
+    text: str
+    place: str
+    verdict: str
+    """Empty if no exhibit that answers it was measured."""
+    reasons: dict[str, str]
+    """Reasons by exhibit."""
+
+
+def claim_results(measured: Sequence[Measured]) -> list[ClaimResult]:
     """Every claim with its verdict, reasons and exhibits, in plain values."""
-    results = []
+    results: list[ClaimResult] = []
     for claim in CLAIMS:
         answers = [m for m in measured if m.exhibit.name in claim.exhibits]
         verdicts = [answer.verdict_of(claim.id) for answer in answers]

@@ -7,7 +7,7 @@ the whole box of the full volume, and every texel of the packed layers along x, 
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from jaxthermo.structures.structure import AbstractStructure
 
 from ..benchmarks.mixed import Runner, scene_runner
 from ..benchmarks.steps import conduction_call
-from ..harness.timing import interleaved, ratio_of
+from ..harness.timing import Spread, interleaved, ratio_of
 from .bodies import required_statue
 from .sunlit import Sunlit
 
@@ -57,8 +57,40 @@ _SCENE_WORK = 5e5
 _MAX_SCENE_STEPS = 60
 
 
+class Counts(TypedDict):
+    """Occupied and allocated counts of a mesh at one resolution."""
+
+    mesh: str
+    height_voxels: int
+    lattice_shape: list[int]
+    box: int
+    """Cells of the whole lattice."""
+    body: int
+    """Solid voxels."""
+    shell: int
+    shell_of_body: float
+    shell_of_box: float
+    irregular: int
+    irregular_levels: int
+    irregular_of_body: float
+    irregular_of_box: float
+    layers_peeled: list[int]
+    """Layers along x, y and z."""
+    layers_packed: list[int]
+    """Layers along x, y and z."""
+    fragments: int
+    texels_occupied: int
+    texels_peeled: int
+    texels_shell: int
+    texels_irregular: int
+    texels_shell_of_box: float
+    texels_irregular_of_box: float
+    fill: float
+    """Occupied texels over those of the packed layers [-]."""
+
+
 @cache
-def counts(mesh_name: str, height: int) -> dict[str, Any]:
+def counts(mesh_name: str, height: int) -> Counts:
     """Occupied and allocated counts of a mesh so many voxels high, by its name."""
     grid = _body(mesh_name, height).grid
     box = grid.lattice.cells
@@ -103,8 +135,21 @@ def _body(mesh_name: str, height: int) -> Sunlit:
     return Sunlit(required_statue(mesh_name).mesh, height)
 
 
+class StepTimes(TypedDict):
+    """Times of a step of conduction at one resolution, by structure."""
+
+    mesh: str
+    height: int
+    """Voxels along up."""
+    nodes: dict[str, int]
+    step_s: dict[str, list[float]]
+    """Every repeat."""
+    times_faster: dict[str, Spread]
+    """Median, lowest and highest ratio of the full volume's time to that of each."""
+
+
 @cache
-def step_times(mesh_name: str, height: int) -> dict[str, Any]:
+def step_times(mesh_name: str, height: int) -> StepTimes:
     """Times of a step of conduction of the four structures, measured in turn [s]."""
     grid = _body(mesh_name, height).grid
     structures = {name: build(grid) for name, build in BUILDS.items()}
@@ -152,9 +197,24 @@ def errors(mesh_name: str, height: int) -> dict[str, float]:
     }
 
 
+TimeRow = TypedDict(
+    "TimeRow",
+    {
+        "height": int,
+        "structure": str,
+        "nodes": int,
+        "step_ms": float,
+        "times faster": float,
+        "error_percent": float | None,
+    },
+)
+"""A line of the table of times, under the headings that the page shows."""
+
+
 def time_table(
-    times: Sequence[Mapping[str, Any]], error_percent: Mapping[int, Mapping[str, float]]
-) -> list[dict[str, Any]]:
+    times: Sequence[StepTimes],
+    error_percent: Mapping[int, Mapping[str, float]],
+) -> list[TimeRow]:
     """Nodes, time of a step, speed and error of each structure at each height."""
     return [
         {

@@ -3,8 +3,9 @@
 `make wakes` runs it and copies both files to `jaxthermo/data`.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from jaxthermo.flow.wake_runs import (
 )
 from jaxthermo.report.table import Table
 
-from ..harness.present import Rows, show, table_of
+from ..harness.present import show, table_of
 
 
 def fitted(profiles: tuple[WakeProfile, ...]) -> tuple[WakeFit, ...]:
@@ -42,7 +43,37 @@ def fitted(profiles: tuple[WakeProfile, ...]) -> tuple[WakeFit, ...]:
     )
 
 
-def run(folder: Path, height: int | None = None) -> dict[str, Any]:
+class _FlowRow(TypedDict):
+    """Numbers of the flow at one Reynolds number."""
+
+    Re: float
+    cells: list[int]
+    steps: int
+    drag: float
+    """Drag coefficient [-]."""
+    strouhal: float | None
+    """None where no vortices are shed."""
+    bubble: float
+    """Length of the recirculation [diameters]."""
+
+
+class _FitRow(TypedDict):
+    """Errors of a fit of wakes."""
+
+    kind: str
+    rms: float
+    largest: float
+
+
+class WakeResult(TypedDict):
+    """All flows and fits, and the files that hold them."""
+
+    flows: list[_FlowRow]
+    fits: list[_FitRow]
+    files: list[str]
+
+
+def run(folder: Path, height: int | None = None) -> WakeResult:
     """Compute all wakes: `wake_profiles.csv` and `wake_fit.csv`.
 
     `height` is the number of cells across the cylinder, of a coarser lattice.
@@ -74,7 +105,7 @@ def run(folder: Path, height: int | None = None) -> dict[str, Any]:
     }
 
 
-def _numbers(flow: FlowRun, reynolds: float) -> dict[str, Any]:
+def _numbers(flow: FlowRun, reynolds: float) -> _FlowRow:
     drag = force_coefficient(flow.channel, flow.drag[flow.averaged].astype(float))
     frequency = strouhal(flow)
     return {
@@ -87,7 +118,7 @@ def _numbers(flow: FlowRun, reynolds: float) -> dict[str, Any]:
     }
 
 
-def _table(rows: Rows) -> Table:
+def _table(rows: Sequence[_FlowRow]) -> Table:
     columns = [
         ("Re", "{Re:g}"),
         ("steps", "{steps:,}"),

@@ -1,6 +1,7 @@
 """5.3: two blocks in contact, against the closed form of two half-spaces."""
 
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple, TypedDict
 
 import numpy as np
 from scipy.special import erfcx
@@ -82,7 +83,23 @@ def bonded_heat_through(time: float) -> float:
     return 2 * float(np.sqrt(time / np.pi) * STEEL.effusivity) * INTERFACE
 
 
-def _contact_row(name: str, time: float) -> dict[str, Any]:
+class _ContactRow(TypedDict):
+    """Temperatures and heat of two bars a time after they touch."""
+
+    contact: str
+    time_s: float
+    copper_C: float
+    steel_C: float
+    exact_C: list[float]
+    """Exact temperatures of both faces."""
+    heat_J_m2: float
+    heat_exact_J_m2: float
+    swap: float
+    """Difference between the heat lost and gained, over the heat [-]."""
+    error_percent: dict[str, float]
+
+
+def _contact_row(name: str, time: float) -> _ContactRow:
     is_bonded = name == _BONDED
     contact = jt.bonded if is_bonded else jt.Contact(CONDUCTANCE)
     bars = two_bars(contact, _FINE, time)
@@ -149,7 +166,7 @@ def offset_blocks() -> _Overlap:
     )
 
 
-def _chart(rows: list[dict[str, Any]]) -> Chart:
+def _chart(rows: Sequence[_ContactRow]) -> Chart:
     curves = {_BONDED: bonded_heat_through, _RESISTING: heat_through}
     points = [
         point(f"closed form, {name}", time, exact(time) / 1e3)

@@ -1,9 +1,9 @@
 """5.3: pairs of boxes in a scene that are left to search for contact."""
 
-from collections.abc import Set
+from collections.abc import Mapping, Sequence, Set
 from functools import cache
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 from PIL import Image
@@ -115,7 +115,21 @@ def _is_shallow(a: PlacedGrid, b: PlacedGrid) -> bool:
     return True
 
 
-def measure_pruning(count: int) -> tuple[dict[str, Any], _Pairs]:
+class PruningRow(TypedDict):
+    """Numbers of pairs that each stage leaves, and times."""
+
+    bodies: int
+    possible: int
+    after_boxes: int
+    after_views: int
+    touching: int
+    lost: int
+    broad_s: float
+    search_s: float
+    search_of_all_pairs_s: float
+
+
+def measure_pruning(count: int) -> tuple[PruningRow, _Pairs]:
     """Numbers of pairs after boxes, after views and after the search, with times."""
     bodies = _box_scene(count)
     # Once before the clock, for what is compiled.
@@ -130,7 +144,7 @@ def measure_pruning(count: int) -> tuple[dict[str, Any], _Pairs]:
     # The slow reference: every pair is searched, so that none can be lost.
     all_pairs = set(combinations(range(len(bodies)), 2))
     expected, slow_time = timed_call(lambda: touching(all_pairs))
-    row = {
+    row: PruningRow = {
         "bodies": len(bodies),
         "possible": broad.possible,
         "after_boxes": broad.overlapping_boxes,
@@ -167,7 +181,7 @@ def _picture(pairs: _Pairs) -> Image.Image:
     return sheet([tile], Legend(tuple(colours.items())), "Broad phase")
 
 
-def _chart(rows: list[dict[str, Any]]) -> Chart:
+def _chart(rows: Sequence[Mapping[str, Any]]) -> Chart:
     points = [
         point(name, row["bodies"], row[key], f"{row['bodies']} boxes: {row[key]} pairs")
         for key, name in _STAGES.items()

@@ -7,7 +7,7 @@ Nusselt numbers are of the round rod's diameter or the square one's width, in ai
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypedDict
 
 import altair as alt
 import jax.numpy as jnp
@@ -102,7 +102,7 @@ def _number_and_flow(quick: bool) -> Finding:
     passes = 2.0 if quick else 3.0
     rounds: list[RoundRod] = []
     squares: list[SquareRod] = []
-    rows: list[dict[str, Any]] = []
+    rows: list[dict[str, float | str]] = []
     for reynolds in (20.0,) if quick else (20.0, 40.0):
         for cells in lattices:
             rod = _round_rod(reynolds, cells, passes)
@@ -125,9 +125,23 @@ def _number_and_flow(quick: bool) -> Finding:
     )
 
 
+class ClosureNumbers(TypedDict):
+    """Largest errors of the number in place of a flow [-], and where they are."""
+
+    round_rms: float
+    round_mean: float
+    square_worst: float
+    square_face: str
+    square_reynolds: float
+    square_total: float
+    updates: int
+    """Updates of cells in the run of the last round rod."""
+    errors: list[dict[str, str | float]]
+
+
 def judge(
     rounds: Sequence[RoundRod], squares: Sequence[SquareRod]
-) -> tuple[Verdict, dict[str, Any]]:
+) -> tuple[Verdict, ClosureNumbers]:
     """Verdict on the number in place of the flow, with the largest errors."""
     rms = max(rod.rms for rod in rounds)
     mean = max((rod.closure_mean / rod.flow_mean - 1 for rod in rounds), key=abs)
@@ -247,7 +261,15 @@ def _hit_places(solid: Bool[np.ndarray, "y x"]) -> tuple[np.ndarray, np.ndarray]
     )
 
 
-def _round_rows(rod: RoundRod) -> list[dict[str, Any]]:
+class _RodRow(TypedDict):
+    """A Nusselt number in the flow, and the one in its place."""
+
+    what: str
+    flow: float
+    closure: float
+
+
+def _round_rows(rod: RoundRod) -> list[_RodRow]:
     rows = [
         ("mean", rod.flow_mean, rod.closure_mean),
         ("Churchill-Bernstein", rod.flow_mean, rod.correlation_mean),
@@ -261,9 +283,11 @@ def _round_rows(rod: RoundRod) -> list[dict[str, Any]]:
     ]
 
 
-def _square_rows(box: SquareRod) -> list[dict[str, Any]]:
+def _square_rows(box: SquareRod) -> list[_RodRow]:
     flow, closure = box.means
-    rows = [{"what": "square rod, mean", "flow": flow, "closure": closure}]
+    rows: list[_RodRow] = [
+        {"what": "square rod, mean", "flow": flow, "closure": closure}
+    ]
     for face in FACES:
         rows.append(
             {

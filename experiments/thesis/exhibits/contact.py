@@ -18,6 +18,7 @@ from ..contact import (
     CYLINDERS,
     FIXED,
     SHOWN,
+    ContactRow,
     Touching,
     ball_on_plate,
     by_resolution,
@@ -48,8 +49,6 @@ _NOTHING = (16, 17, 20)
 _LEGEND = Legend(
     (("in contact", _CONTACT), ("surface", _SURFACE), ("no surface", _NOTHING))
 )
-
-Rows = list[dict[str, Any]]
 
 
 @exhibit("figure-5.4", "5.3, figure 5.4")
@@ -96,7 +95,7 @@ def _areas_of_contact(quick: bool) -> Finding:
     )
 
 
-def _error_chart(rows: Rows) -> Chart:
+def _error_chart(rows: Sequence[ContactRow]) -> Chart:
     points = [
         point(
             f"{row['case']}, {method}",
@@ -111,7 +110,7 @@ def _error_chart(rows: Rows) -> Chart:
     return log_chart(points, "voxels across", "error of the area [%]", title)
 
 
-def _threshold_chart(rows: Rows) -> Chart:
+def _threshold_chart(rows: Sequence[ContactRow]) -> Chart:
     closed_forms = []
     by_rays = []
     for row in rows:

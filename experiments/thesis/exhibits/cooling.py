@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypedDict
 
 import altair as alt
 import jax.numpy as jnp
@@ -153,7 +153,44 @@ def _wind(average: str = AVERAGES[0].name) -> jt.Wind:
     return jt.Wind((_SPEED, 0.0, 0.0), _AIR, average=average)
 
 
-def _cooled_order(case: _InWind, solution: jt.Solution) -> dict[str, Any]:
+class _SideOrder(TypedDict):
+    """How the temperatures around the side follow the local number at one time."""
+
+    time_s: float
+    mean_K: float
+    range_K: float
+    correlation: float
+    rank_correlation: float
+    coldest_deg: float
+    warmest_deg: float
+
+
+class _CooledOrder(TypedDict):
+    """Temperatures of a side by angle beside the local numbers there."""
+
+    speed_m_s: float
+    Re: float
+    times_s: list[float]
+    sector_middle_deg: list[float]
+    temperature_K: list[list[float]]
+    local_number: list[float]
+    largest_number_deg: float
+    smallest_number_deg: float
+    order: list[_SideOrder]
+    """One row for each saved time after the start."""
+
+
+class _ChoiceRow(TypedDict):
+    """Temperatures with one choice of the heat transfer."""
+
+    name: str
+    mean_K: float
+    side_lowest_K: float
+    side_highest_K: float
+    side_range_K: float
+
+
+def _cooled_order(case: _InWind, solution: jt.Solution) -> _CooledOrder:
     """Temperatures of the side by angle, and how they follow the local number."""
     sectors = case.by_sector(solution.surface_temperature)
     local = case.local_numbers()
@@ -191,7 +228,7 @@ def _correlation(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.corrcoef(a, b)[0, 1])
 
 
-def _compare_choices(case: _InWind, first: jt.Solution) -> list[dict[str, Any]]:
+def _compare_choices(case: _InWind, first: jt.Solution) -> list[_ChoiceRow]:
     """Temperatures by the average of the wind, and by a fixed h."""
     # Of as much heat as the wind takes at first, spread evenly.
     h = _mean_coefficient(case)

@@ -1,7 +1,7 @@
 """6.1 and 6.3: cells of cubes, voxels and times over the resolution, and table 6.1."""
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -25,6 +25,8 @@ from ..resolution import (
     TABLE_TIMES,
     TABLE_VOXELS,
     TEN,
+    Counts,
+    StepTimes,
     counts,
     errors,
     step_times,
@@ -67,7 +69,34 @@ def _cells_of_cubes(quick: bool) -> Finding:
     )
 
 
-def count_cubes(powers: Sequence[int]) -> dict[str, Any]:
+class CubeRow(TypedDict):
+    """Cells of a cube."""
+
+    side_voxels: int
+    full_volume: int
+    levels: int
+    shell: int
+    cells: int
+    """Irregular cells of all levels."""
+    cells_over_shell: float
+    cells_over_n2: float
+    cells_over_n2_log2_n: float
+
+
+class CubeCounts(TypedDict):
+    """Cells of cubes, and the powers of the side that they grow with."""
+
+    rows: list[CubeRow]
+    slope_fitted: float
+    slope_of_the_largest: float
+    """Between the two largest cubes."""
+    slope_claimed_there: float
+    slope_of_the_largest_is_2: bool
+    growth_beyond_n2: float
+    growth_beyond_n2_claimed: float
+
+
+def count_cubes(powers: Sequence[int]) -> CubeCounts:
     """Cells of cubes with n = 2^p voxels a side, and which law they follow.
 
     The level l of a cube has about 6 (n / 2^l)^2 cells, so the sum is 4/3 of the shell
@@ -93,7 +122,7 @@ def count_cubes(powers: Sequence[int]) -> dict[str, Any]:
     }
 
 
-def _count_cells(side: int) -> dict[str, Any]:
+def _count_cells(side: int) -> CubeRow:
     grid = jt.voxelize(box((1.0, 1.0, 1.0)), 1.0 / side)
     levels = nested_cells(voxel_depth(grid))
     cells = sum(len(level) for level in levels)
@@ -109,7 +138,7 @@ def _count_cells(side: int) -> dict[str, Any]:
     }
 
 
-def _cube_chart(rows: Sequence[dict[str, Any]]) -> Chart:
+def _cube_chart(rows: Sequence[CubeRow]) -> Chart:
     side = np.array([row["side_voxels"] for row in rows], float)
     cells = np.array([row["cells"] for row in rows], float)
     law = side**2 * np.log(side)
@@ -169,16 +198,16 @@ def _step_times(name: str, quick: bool) -> Finding:
     )
 
 
-def power_of_time(times: Sequence[dict[str, Any]], structure: str) -> float:
+def power_of_time(times: Sequence[StepTimes], structure: str) -> float:
     """Power of the resolution that the time grows with between the last two."""
     coarse, fine = times[-2:]
-    ratio = np.median(fine["step_s"][structure]) / np.median(
-        coarse["step_s"][structure]
-    )
+    coarse_step = np.median(coarse["step_s"][structure])
+    fine_step = np.median(fine["step_s"][structure])
+    ratio = fine_step / coarse_step
     return float(np.log(ratio) / np.log(fine["height"] / coarse["height"]))
 
 
-def _time_chart(name: str, times: Sequence[dict[str, Any]]) -> Chart:
+def _time_chart(name: str, times: Sequence[StepTimes]) -> Chart:
     points = []
     for structure in BUILDS:
         for row in times:
@@ -210,8 +239,7 @@ def voxels_of_the_head(quick: bool) -> Finding:
     statue, head, smaller = bodies.values()
     has_fewer = smaller["shell"] < statue["shell"]
     is_simpler = sum(head["layers_packed"]) < sum(statue["layers_packed"])
-    numbers["compared"] = bodies
-    numbers["comparison"] = {
+    comparison = {
         "head_layers": sum(head["layers_packed"]),
         "statue_layers": sum(statue["layers_packed"]),
         "smaller_shell": smaller["shell"],
@@ -222,51 +250,88 @@ def voxels_of_the_head(quick: bool) -> Finding:
     holds = has_fewer and is_simpler
     return Finding(
         Verdict.DIFFERENT,
-        numbers,
+        {**numbers, "compared": bodies, "comparison": comparison},
         {"compression_max_planck": picture},
         {"C26": Verdict.DIFFERENT if holds else Verdict.CONTRADICTED},
     )
 
 
-def _stored_voxels(name: str, quick: bool) -> tuple[dict[str, Any], Chart]:
+class _StoredVoxels(TypedDict):
+    """Counts of a body at all resolutions."""
+
+    rows: list[Counts]
+    first: Counts
+    """At the coarsest resolution."""
+    last: Counts
+    """At the finest resolution."""
+    highest: int
+    """Voxels along up at the finest resolution."""
+    between_10_and_25_percent: list[str]
+    """Resolutions at which the irregular levels store that much of the body."""
+
+
+def _stored_voxels(name: str, quick: bool) -> tuple[_StoredVoxels, Chart]:
     required_statue(name)
-    rows = [counts(name, height) for height in (_QUICK_COUNTED if quick else _HEIGHTS)]
+    heights = _QUICK_COUNTED if quick else _HEIGHTS
+    rows = [counts(name, height) for height in heights]
     within = [
         row["height_voxels"] for row in rows if 0.10 <= row["irregular_of_body"] <= 0.25
     ]
-    points = [
-        point(curve, row["height_voxels"], row[key], f"{curve}: {row[key]:.1%}")
-        for curve, key in _CURVES.items()
-        for row in rows
-    ]
+    numbers = _StoredVoxels(
+        rows=rows,
+        first=rows[0],
+        last=rows[-1],
+        highest=rows[-1]["height_voxels"],
+        between_10_and_25_percent=[str(height) for height in within],
+    )
+    return numbers, _compression_chart(name, rows)
+
+
+def _compression_chart(name: str, rows: Sequence[Mapping[str, Any]]) -> Chart:
+    points = []
+    for curve, key in _CURVES.items():
+        for row in rows:
+            fraction = row[key]
+            text = f"{curve}: {fraction:.1%}"
+            points.append(point(curve, row["height_voxels"], fraction, text))
     title = f"{name}: compression over the resolution"
-    chart = log_chart(points, "voxels along up", "stored, as a fraction", title)
-    numbers = {
-        "rows": rows,
-        "first": rows[0],
-        "last": rows[-1],
-        "highest": rows[-1]["height_voxels"],
-        "between_10_and_25_percent": [str(height) for height in within],
-    }
-    return numbers, chart
+    return log_chart(points, "voxels along up", "stored, as a fraction", title)
 
 
-def _compared_bodies(height: int) -> dict[str, dict[str, Any]]:
+class _ComparedBody(TypedDict):
+    """Counts by which two bodies are compared."""
+
+    box: int
+    body: int
+    layers_peeled: list[int]
+    layers_packed: list[int]
+    shell: int
+    irregular: int
+    texels_shell: int
+
+
+def _compared(row: Counts) -> _ComparedBody:
+    return _ComparedBody(
+        box=row["box"],
+        body=row["body"],
+        layers_peeled=row["layers_peeled"],
+        layers_packed=row["layers_packed"],
+        shell=row["shell"],
+        irregular=row["irregular"],
+        texels_shell=row["texels_shell"],
+    )
+
+
+def _compared_bodies(height: int) -> dict[str, _ComparedBody]:
     """Both bodies as high, and Max Planck in a box of as many cells."""
     statue = counts(_BUDDHA, height)
     head = counts(_PLANCK, height)
     smaller_height = round(height * (statue["box"] / head["box"]) ** (1 / 3))
-    names = ("box", "body", "layers_peeled", "layers_packed", "shell", "irregular")
+    smaller = counts(_PLANCK, smaller_height)
     return {
-        label: {name: row[name] for name in (*names, "texels_shell")}
-        for label, row in (
-            (f"{_BUDDHA}, {height} high", statue),
-            (f"{_PLANCK}, {height} high", head),
-            (
-                f"{_PLANCK}, {smaller_height} high: as many cells",
-                counts(_PLANCK, smaller_height),
-            ),
-        )
+        f"{_BUDDHA}, {height} high": _compared(statue),
+        f"{_PLANCK}, {height} high": _compared(head),
+        f"{_PLANCK}, {smaller_height} high: as many cells": _compared(smaller),
     }
 
 
@@ -316,10 +381,27 @@ def _voxels_and_times(quick: bool) -> Finding:
     )
 
 
+_TableRow = TypedDict(
+    "_TableRow",
+    {
+        "structure": str,
+        "voxels, thesis": str,
+        "occupied here": int,
+        "of the body": float,
+        "time, thesis_ms": float,
+        "time of a step here_ms": float,
+        "of a node_ns": float,
+        "times faster": float,
+        "error_percent": float,
+    },
+)
+"""A line of table 6.1, under the headings that the page shows."""
+
+
 def _table_6_1(
-    count: dict[str, Any], times: dict[str, Any], error_percent: dict[str, float]
-) -> list[dict[str, Any]]:
-    rows = []
+    count: Counts, times: StepTimes, error_percent: Mapping[str, float]
+) -> list[_TableRow]:
+    rows: list[_TableRow] = []
     for structure in BUILDS:
         step = float(np.median(times["step_s"][structure]))
         nodes = times["nodes"][structure]
@@ -339,7 +421,7 @@ def _table_6_1(
     return rows
 
 
-def _texel_counts(count: dict[str, Any]) -> dict[str, int]:
+def _texel_counts(count: Counts) -> dict[str, int]:
     """Counts that the shell's number of table 6.1 may be."""
     layers = "/".join(map(str, count["layers_packed"]))
     # Layers along the file's x, y, z: y is up, 225 x 550 x 225.

@@ -1,7 +1,7 @@
 """Chapter 3: how nodes, memory and time of the whole method grow on a body."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Literal, NamedTuple, TypedDict
 
 import jax
 import numpy as np
@@ -15,7 +15,7 @@ from ...benchmarks.mixed import Runner, step_spans
 from ...harness.meshes import START, STEEL
 from ..bodies import buddha
 from ..exhibit import Finding, Verdict, exhibit
-from ..line_chart import log_chart, point
+from ..line_chart import Point, log_chart, point
 from ..resolution import BUILDS, FULL, IRREGULAR, SHELL, timed_runner
 
 
@@ -125,7 +125,24 @@ def fitted_power(sizes: np.ndarray, values: np.ndarray) -> Power:
     return Power(float(line[0]), float(np.sqrt(covariance[0, 0])))
 
 
-def _rows_at(height: int, names: Sequence[str]) -> list[dict[str, Any]]:
+class _GrowthRow(TypedDict):
+    """Size and time of a structure at one resolution."""
+
+    structure: str
+    height: int
+    """Voxels along up."""
+    box: int
+    """Cells of the whole lattice."""
+    surface_cells: int
+    nodes: int
+    memory_bytes: int
+    step_s: float
+    stable_step_s: float
+    second_s: float
+    """Time of a simulated second [s]."""
+
+
+def _rows_at(height: int, names: Sequence[str]) -> list[_GrowthRow]:
     """Size and time of each structure at one resolution; the times in turn."""
     grid = buddha().grid(height)
     runners = {}
@@ -161,7 +178,12 @@ def _held_bytes(runner: Runner) -> int:
     return sum(np.asarray(array).nbytes for array in arrays)
 
 
-def _chart(rows: Sequence[dict[str, Any]], key: str, title: str, scale: float) -> Chart:
+def _chart(
+    rows: Sequence[_GrowthRow],
+    key: Literal["nodes", "memory_bytes", "step_s", "second_s"],
+    title: str,
+    scale: float,
+) -> Chart:
     points = []
     for name in dict.fromkeys(row["structure"] for row in rows):
         for row in (row for row in rows if row["structure"] == name):
@@ -173,7 +195,7 @@ def _chart(rows: Sequence[dict[str, Any]], key: str, title: str, scale: float) -
     return log_chart(points, "voxels along up", title, f"Chapter 3: {title}")
 
 
-def _claimed_points(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+def _claimed_points(rows: Sequence[_GrowthRow]) -> list[Point]:
     """Irregular nodes, were they the shell's times a logarithm, from the first on."""
     shell = [row for row in rows if row["structure"] == SHELL]
     irregular = [row for row in rows if row["structure"] == IRREGULAR]

@@ -1,7 +1,7 @@
 """Chapter 4 and 6.3: depth layers of bodies, and how often a surface is stored."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 from jaxtyping import Int, UInt8
@@ -51,7 +51,7 @@ def _slices_and_peeling(_: bool) -> Finding:
     camera = frame_all(mesh.triangles, 460, 460, (-0.35, 1.0, -0.25))
     body = draw_preview([(mesh, Pose())], camera)[0]
     tiles = [Tile(np.asarray(body)[:460], "mesh", f"{len(mesh.faces):,} triangles")]
-    numbers: dict[str, Any] = {}
+    numbers: dict[str, dict[str, float | bool]] = {}
     for name, height in (("large voxels", 16), ("small voxels", 48)):
         grid = jt.voxelize(mesh, _TALL / height)
         numbers[name] = _compare_peeling(grid)
@@ -170,8 +170,18 @@ def _fraction_beyond(grid: jt.VoxelGrid, axis: str, layer: int) -> float:
     return float(np.mean(layers.layer >= layer))
 
 
-def _layers_by_height(statue: Statue, heights: Sequence[int]) -> list[dict[str, Any]]:
-    rows = []
+class _LayerRow(TypedDict):
+    """Layers of a body at one resolution, along the thesis' x, y and z."""
+
+    mesh: str
+    lattice: str
+    peeled: list[int]
+    packed: list[int]
+    packed_over_peeled: float
+
+
+def _layers_by_height(statue: Statue, heights: Sequence[int]) -> list[_LayerRow]:
+    rows: list[_LayerRow] = []
     for height in heights:
         grid = statue.grid(height, "dominant_axis")
         peeled, packed = _layer_counts(grid)

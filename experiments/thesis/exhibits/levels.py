@@ -1,9 +1,9 @@
 """5.2 and 6.1: the mean at equilibrium, and holes where levels do not meet."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 from jaxtyping import Bool, Int
@@ -44,6 +44,16 @@ _SAME = 1e-6
 _TIME_CONSTANTS = 40.0
 
 
+class _StructureRow(TypedDict):
+    """Capacity and mean of a structure."""
+
+    capacity: float
+    """Capacity over the body's [-]."""
+    rise_K: float
+    met: bool | None
+    """None where the capacity differs, so that the mean must."""
+
+
 @exhibit("section-5.2-equilibrium", "5.2")
 def mean_at_equilibrium(_: bool) -> Finding:
     """Find the mean temperature of an insulated body long after the sun."""
@@ -53,7 +63,7 @@ def mean_at_equilibrium(_: bool) -> Finding:
         body = buddha()
     grid = voxels_high(body.mesh, _EVEN_HEIGHT)
     _unit, full_rise = _capacity_and_rise(grid, jt.FullVolume)
-    rows: dict[str, dict[str, Any]] = {}
+    rows: dict[str, _StructureRow] = {}
     for name, build in _STRUCTURES.items():
         capacity, rise = _capacity_and_rise(grid, build)
         # The same heat in another capacity must end at another mean.
@@ -65,9 +75,11 @@ def mean_at_equilibrium(_: bool) -> Finding:
 
 
 def _judged(
-    rows: dict[str, dict[str, Any]], numbers: dict[str, Any], name: str
+    rows: Mapping[str, Mapping[str, object]],
+    numbers: Mapping[str, str | float],
+    name: str,
 ) -> Finding:
-    verdicts = [row["met"] for row in rows.values() if row["met"] is not None]
+    verdicts = [bool(row["met"]) for row in rows.values() if row["met"] is not None]
     return Finding(
         Verdict.REPRODUCED if all(verdicts) else Verdict.CONTRADICTED,
         {
@@ -97,7 +109,7 @@ def holes_in_limbs(_: bool) -> Finding:
     thick = thickness(body.grid)
     area = body.grid.fragment_area
     sunset = SAVE_AT.index(SUNSET)
-    rows: dict[str, dict[str, Any]] = {}
+    rows: dict[str, Mapping[str, float | bool]] = {}
     for levels in _LIMB_LEVELS:
         solution = body.solve(jt.MultiLevel(body.grid, levels=levels))
         error = np.asarray(solution.surface_temperature[sunset]) - np.asarray(

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import NamedTuple, NotRequired, TypedDict
 
 from calibrate.study.case import Case, build_case, plan_case
 from calibrate.study.front import Point, points_of
@@ -141,7 +141,18 @@ def _words(labels: Mapping[str, str]) -> str:
     return f"{structure}, {height} voxels high, {solver}"
 
 
-def _row(swept: Swept, choice: Point | None) -> dict[str, Any]:
+class _ChoiceRow(TypedDict):
+    """A choice of structure, resolution and solver; only named where there is none."""
+
+    choice: str
+    error_percent: NotRequired[float]
+    error_K: NotRequired[float]
+    nodes: NotRequired[int | None]
+    steps: NotRequired[int | None]
+    work: NotRequired[int]
+
+
+def _row(swept: Swept, choice: Point | None) -> _ChoiceRow:
     if choice is None:
         return {"choice": "none of these"}
     return {

@@ -1,7 +1,7 @@
 """5.1: fluxes of bodies and sources, shadows, and table 5.1."""
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TypedDict
 
 import altair as alt
 import numpy as np
@@ -210,7 +210,18 @@ def light_and_shadow(_: bool) -> Finding:
     )
 
 
-def _check(quantity: str, computed: float, exact: float) -> dict[str, Any]:
+class _Check(TypedDict):
+    """A computed value beside the exact one."""
+
+    what: str
+    found: float
+    exact: float
+    error: float
+    """Relative error [-]."""
+    passes: bool
+
+
+def _check(quantity: str, computed: float, exact: float) -> _Check:
     error = computed / exact - 1
     return {
         "what": quantity,
@@ -252,7 +263,7 @@ def _terminator(
     }
 
 
-def _hollow() -> list[dict[str, Any]]:
+def _hollow() -> list[_Check]:
     """A lamp and a panel in a hollow ball: all they send out is caught."""
     hole = sphere(_RADIUS, 3)
     hull = sphere(1.2 * _RADIUS, 3)
@@ -270,7 +281,7 @@ def _hollow() -> list[dict[str, Any]]:
     ]
 
 
-def _panel() -> dict[str, Any]:
+def _panel() -> _Check:
     """A14: a black plate, 2 x 2 m at 1000 degC, 1 m above an element."""
     plate = jt.AreaSource((0, 0, 1.0), (0, 0, -1.0), (2.0, 2.0), temperature=1273.15)
     up = np.array([[0.0, 0.0, 1.0]])
@@ -280,7 +291,7 @@ def _panel() -> dict[str, Any]:
     return _check("hot plate over an element, A14 [W/m²]", irradiance, exact)
 
 
-def _shadow(degrees: float) -> dict[str, Any]:
+def _shadow(degrees: float) -> _Check:
     """Light on a plate of 40 x 40 voxels, 3 cm below a box 2 cm thick."""
     plate = jt.voxelize(box((0.4, 0.4, 0.02)), _PITCH)
     cover = box((0.12, 0.16, 0.02)).moved((0.03, 0.01, 0.05))

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 
@@ -73,7 +73,38 @@ def _view(structure: str, height: int) -> _View:
     return _View(session, LiveCamera(session.config, session.surfaces))
 
 
-def _rows_at(height: int) -> list[dict[str, Any]]:
+class FrameTimes(TypedDict):
+    """Times of the frames of a structure."""
+
+    step_s: list[float]
+    """Every repeat."""
+    picture_s: list[float]
+    """Every repeat."""
+    frames_a_second: list[float]
+    """Median, lowest and highest rate."""
+    simulated_a_second: float
+    """Simulated seconds a second."""
+
+
+class FrameRow(TypedDict):
+    """Frames of a structure at one resolution."""
+
+    structure: str
+    height: int
+    """Voxels along up."""
+    nodes: int
+    fragments: int
+    pixels: str
+    stable_step_s: float
+    table_6_1_step_s: list[float]
+    """Largest stable steps at the voxels of table 6.1."""
+    one_step: FrameTimes
+    """Of one explicit step a frame."""
+    live: FrameTimes
+    """At the rate of the live view."""
+
+
+def _rows_at(height: int) -> list[FrameRow]:
     """Frames of each structure at one resolution, first at the live view's rate.
 
     Then with one explicit step a frame, the largest stable one, as in the thesis.
@@ -87,7 +118,7 @@ def _rows_at(height: int) -> list[dict[str, Any]]:
         stable_steps[name] = stable
         view.session.set_rate(stable * STEPS_A_SECOND)
     one_step = _timed(views, stable_steps)
-    rows = []
+    rows: list[FrameRow] = []
     for name, view in views.items():
         receipt = view.session.plan.compiled.receipt
         camera = view.camera.camera
@@ -109,14 +140,14 @@ def _rows_at(height: int) -> list[dict[str, Any]]:
 
 def _timed(
     views: Mapping[str, _View], frames: Mapping[str, float]
-) -> dict[str, dict[str, Any]]:
+) -> dict[str, FrameTimes]:
     """Times of frames of so many simulated seconds, in which structures take turns."""
     calls: dict[str, Callable[[], Any]] = {}
     for name, view in views.items():
         calls[f"{name}: step"] = partial(view.step, frames[name])
         calls[f"{name}: picture"] = view.picture
     spans = interleaved(calls, _FRAMES)
-    times = {}
+    times: dict[str, FrameTimes] = {}
     for name in views:
         step = np.array(spans[f"{name}: step"])
         picture = np.array(spans[f"{name}: picture"])
@@ -124,7 +155,11 @@ def _timed(
         times[name] = {
             "step_s": step.tolist(),
             "picture_s": picture.tolist(),
-            "frames_a_second": [np.median(rate), np.min(rate), np.max(rate)],
+            "frames_a_second": [
+                float(np.median(rate)),
+                float(np.min(rate)),
+                float(np.max(rate)),
+            ],
             "simulated_a_second": frames[name] * float(np.median(rate)),
         }
     return times
@@ -144,14 +179,74 @@ def _table_steps(session: LiveSession, height: int) -> list[float]:
     ]
 
 
-def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+_ComparedRow = TypedDict(
+    "_ComparedRow",
+    {
+        "structure": str,
+        "step, thesis_ms": float,
+        "frames a second, thesis at most": float,
+        "here, one step": float,
+        "simulated s / s, thesis": float,
+        "thesis, in copper": float,
+        "here": float,
+    },
+)
+"""A structure of table 6.1 and here, under the headings that the page shows."""
+
+_FramesShown = TypedDict(
+    "_FramesShown",
+    {
+        "height": int,
+        "structure": str,
+        "nodes": int,
+        "one step_ms": float,
+        "picture_ms": float,
+        "frames a second": float,
+        "simulated s / s": float,
+        "live: steps_ms": float,
+        "live: frames a second": float,
+        "live: simulated s / s": float,
+    },
+)
+"""Frames of a structure, under the headings that the page shows."""
+
+
+class FrameNumbers(TypedDict):
+    """What the text says of the frames; most of it at the highest resolution."""
+
+    mesh: str
+    rows: Sequence[FrameRow]
+    highest: int
+    """Voxels along up of the highest resolution."""
+    pixels: str
+    processor: str
+    frames_a_second: dict[str, float]
+    """With one explicit step a frame, by structure."""
+    live_frames_a_second: dict[str, float]
+    """At the live view's rate, by structure."""
+    steps_a_second: float
+    live_frame_s: float
+    """Simulated time of a frame of the live view."""
+    fluent: dict[str, int]
+    """Structures that are fast enough for the live view, by resolution."""
+    structures: int
+    thesis_simulated: list[float]
+    """Simulated seconds a second of the thesis' full volume: ours, and of copper."""
+    live_simulated: float
+    beside_table_6_1: list[_ComparedRow]
+    frames: list[_FramesShown]
+
+
+def summary(rows: Sequence[FrameRow]) -> FrameNumbers:
     """Numbers of the text, from the rows of all resolutions."""
     heights = list(dict.fromkeys(row["height"] for row in rows))
     last = [row for row in rows if row["height"] == heights[-1]]
     full = last[-1]
     fluent = {
         f"{height} voxels": sum(
-            _speed(row) >= STEPS_A_SECOND for row in rows if row["height"] == height
+            _speed(row["one_step"]) >= STEPS_A_SECOND
+            for row in rows
+            if row["height"] == height
         )
         for height in heights
     }
@@ -167,8 +262,8 @@ def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
         "highest": heights[-1],
         "pixels": full["pixels"],
         "processor": processor(),
-        "frames_a_second": {row["structure"]: _speed(row) for row in last},
-        "live_frames_a_second": {row["structure"]: _speed(row, "live") for row in last},
+        "frames_a_second": {row["structure"]: _speed(row["one_step"]) for row in last},
+        "live_frames_a_second": {row["structure"]: _speed(row["live"]) for row in last},
         "steps_a_second": STEPS_A_SECOND,
         "live_frame_s": _RATE / STEPS_A_SECOND,
         "fluent": fluent,
@@ -180,7 +275,7 @@ def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
                 "structure": row["structure"],
                 "step, thesis_ms": 1e3 * TABLE_TIMES[row["structure"]],
                 "frames a second, thesis at most": 1 / TABLE_TIMES[row["structure"]],
-                "here, one step": _speed(row),
+                "here, one step": _speed(row["one_step"]),
                 "simulated s / s, thesis": thesis_simulated[row["structure"]][0],
                 "thesis, in copper": thesis_simulated[row["structure"]][1],
                 "here": row["one_step"]["simulated_a_second"],
@@ -194,10 +289,10 @@ def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
                 "nodes": row["nodes"],
                 "one step_ms": _milliseconds(row["one_step"]["step_s"]),
                 "picture_ms": _milliseconds(row["one_step"]["picture_s"]),
-                "frames a second": _speed(row),
+                "frames a second": _speed(row["one_step"]),
                 "simulated s / s": row["one_step"]["simulated_a_second"],
                 "live: steps_ms": _milliseconds(row["live"]["step_s"]),
-                "live: frames a second": _speed(row, "live"),
+                "live: frames a second": _speed(row["live"]),
                 "live: simulated s / s": row["live"]["simulated_a_second"],
             }
             for row in rows
@@ -205,19 +300,20 @@ def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def _speed(row: Mapping[str, Any], mode: str = "one_step") -> float:
-    return float(row[mode]["frames_a_second"][0])
+def _speed(times: FrameTimes) -> float:
+    """Median of the frames a second."""
+    return float(times["frames_a_second"][0])
 
 
 def _milliseconds(spans: Sequence[float]) -> float:
     return 1e3 * float(np.median(spans))
 
 
-def _chart(rows: Sequence[dict[str, Any]]) -> Chart:
+def _chart(rows: Sequence[FrameRow]) -> Chart:
     points = []
     for name, seconds in TABLE_TIMES.items():
         for row in (row for row in rows if row["structure"] == name):
-            speed = _speed(row)
+            speed = _speed(row["one_step"])
             text = f"{name}, {row['height']} high: {significant(speed)} a second"
             points.append(point(name, row["height"], speed, text))
         text = f"{name}, thesis: at most {significant(1 / seconds)} a second"

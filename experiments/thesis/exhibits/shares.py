@@ -1,7 +1,7 @@
 """6.3: what the time of a step is spent on, over the resolution."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypedDict
 
 import altair as alt
 import numpy as np
@@ -63,11 +63,45 @@ def _shares_of_a_step(quick: bool) -> Finding:
     )
 
 
-def judge(rows: Sequence[dict[str, Any]]) -> tuple[Verdict, dict[str, Any]]:
+class StepShares(TypedDict):
+    """Times of one structure at one resolution."""
+
+    structure: str
+    height: int
+    """Voxels along up."""
+    nodes: int
+    fragments: int
+    voxelization_s: float
+    step_s: float
+    picture_s: float | None
+    """None where no mechanism is told apart."""
+    of_step: dict[str, float]
+    """Shares of a step by mechanism [-]."""
+
+
+class ShareNumbers(TypedDict):
+    """What the text says of the shares."""
+
+    heights: list[int]
+    """Voxels along up, of the coarsest and of the finest full volume."""
+    conduction: list[float]
+    """Shares of conduction in these two [-]."""
+    conduction_irregular: float
+    shares: dict[str, float]
+    """Shares in the finest full volume [-]."""
+    picture_steps: float
+    """Steps in the time of a picture."""
+    voxelization_steps: float
+    """Steps in the time of a voxelization."""
+
+
+def judge(rows: Sequence[StepShares]) -> tuple[Verdict, ShareNumbers]:
     """Verdict on conduction as what takes most of a step, and its numbers."""
     full = [row for row in rows if row["structure"] == FULL]
     last = full[-1]
     shares = last["of_step"]
+    picture = last["picture_s"]
+    assert picture is not None
     if shares[_CONDUCTION] > 0.5:
         verdict = Verdict.REPRODUCED
     else:
@@ -78,7 +112,7 @@ def judge(rows: Sequence[dict[str, Any]]) -> tuple[Verdict, dict[str, Any]]:
         "conduction": [row["of_step"][_CONDUCTION] for row in (full[0], last)],
         "conduction_irregular": rows[-1]["of_step"][_CONDUCTION],
         "shares": shares,
-        "picture_steps": last["picture_s"] / last["step_s"],
+        "picture_steps": picture / last["step_s"],
         "voxelization_steps": last["voxelization_s"] / last["step_s"],
     }
 
@@ -97,7 +131,7 @@ def _scene(name: str, height: int) -> jt.Scene:
     return jt.Scene((statue, warm), _TERMS)
 
 
-def _times(name: str, height: int, *, by_mechanism: bool) -> dict[str, Any]:
+def _times(name: str, height: int, *, by_mechanism: bool) -> StepShares:
     """Times of a step, of conduction in it, of a picture, and of voxelization.
 
     With `by_mechanism` also of a step of the scene compiled without each mechanism.
@@ -160,7 +194,7 @@ def shares_of(spans: Mapping[str, float], *, by_mechanism: bool) -> dict[str, fl
     return {_CONDUCTION: conduction, **shares}
 
 
-def _chart(rows: Sequence[dict[str, Any]]) -> Chart:
+def _chart(rows: Sequence[StepShares]) -> Chart:
     values = []
     for row in rows:
         scene = f"{row['structure']}, {row['height']} high"

@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from functools import cache
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import Literal, NamedTuple, TypedDict
 
 import altair as alt
 import jax
@@ -103,13 +103,61 @@ class Tail(NamedTuple):
     ratio: Float[np.ndarray, " n"]
 
 
+class FitNumbers(TypedDict):
+    """A family of curves fitted to a wake."""
+
+    parameters: dict[str, str]
+    """Each parameter with its standard error, in words."""
+    values: list[float]
+    rms: float
+    largest: float
+
+
+FlowNumbers = TypedDict(
+    "FlowNumbers",
+    {
+        "channel": str,
+        "speed": float,
+        "Re": float,
+        "strouhal": float | None,
+        "bubble": float,
+        "tail_0.9": float,
+        "tail_0.8": float,
+        "read_to": float,
+        "last": float,
+        "fastest": float,
+        "slowest": float,
+        "fits": dict[str, FitNumbers],
+    },
+)
+"""Numbers of a flow; lengths in diameters, speeds over the undisturbed one."""
+
+
+class DistanceRow(TypedDict):
+    """Distances of two normalized curves."""
+
+    speeds: list[float]
+    rms: float
+    largest: float
+
+
+class _SpeedPoint(TypedDict):
+    """A point of a curve of mean speeds."""
+
+    curve: str
+    x: float
+    """Distance behind the cylinder [diameters]."""
+    u: float
+    """Mean speed over the undisturbed one [-]."""
+
+
 class _WakeFlow(NamedTuple):
     """One flow with what is measured of it."""
 
     setup: Setup
     run: FlowRun
     tail: Tail
-    row: dict[str, Any]
+    row: FlowNumbers
 
 
 @cache
@@ -146,20 +194,19 @@ def tail_of(setup: Setup, flow: FlowRun) -> Tail:
     return Tail(setup, x=line.at[is_read], ratio=line.ratio[is_read] / 1.5)
 
 
-def measure_flow(tail: Tail, flow: FlowRun) -> dict[str, Any]:
+def measure_flow(tail: Tail, flow: FlowRun) -> FlowNumbers:
     """Numbers of a flow, and the families of curves fitted to its wake."""
     bubble = recirculation_length(flow)
     behind = tail.x > bubble
-    fits = {}
+    fits: dict[str, FitNumbers] = {}
     for family in FAMILIES:
         fit = fit_family(family, tail.x[behind], tail.ratio[behind])
+        named_values = zip(family.parameters, fit.values, fit.errors, strict=True)
+        parameters = {
+            name: _with_error(value, error) for name, value, error in named_values
+        }
         fits[family.name] = {
-            "parameters": {
-                name: _with_error(value, error)
-                for name, value, error in zip(
-                    family.parameters, fit.values, fit.errors, strict=True
-                )
-            },
+            "parameters": parameters,
             "values": fit.values.tolist(),
             "rms": fit.rms,
             "largest": fit.largest,
@@ -189,9 +236,12 @@ def _with_error(value: float, error: float) -> str:
     return f"{value:.3g} ± {error:.1g}"
 
 
-def _flow_rows(flows: Sequence[_WakeFlow]) -> list[dict[str, Any]]:
+def _flow_rows(flows: Sequence[_WakeFlow]) -> list[dict[str, object]]:
     """Frequency, bubble, speeds and lengths of the tail, of each flow."""
-    return [{k: v for k, v in flow.row.items() if k != "fits"} for flow in flows]
+    return [
+        {name: value for name, value in flow.row.items() if name != "fits"}
+        for flow in flows
+    ]
 
 
 @exhibit("figure-5.7", "5.4, figure 5.7")
@@ -254,7 +304,7 @@ def two_pipes(quick: bool) -> Finding:
         verdict,
         {
             "cells": _QUICK_CELLS if quick else _CELLS,
-            **{row["channel"]: row for row in _flow_rows(flows)},
+            **dict(zip(("narrow", "wide"), _flow_rows(flows), strict=True)),
             "rows": _flow_rows(flows),
             "lengths": {
                 flow.setup.channel: {
@@ -274,7 +324,7 @@ def is_longer(wide: float, narrow: float) -> bool:
     return math.isfinite(narrow) and wide > narrow
 
 
-def _length(flow: _WakeFlow, level: str) -> str:
+def _length(flow: _WakeFlow, level: Literal["tail_0.8", "tail_0.9"]) -> str:
     length = flow.row[level]
     if np.isfinite(length):
         return f"{length:.2f}"
@@ -365,7 +415,7 @@ def _normalized_wakes(quick: bool) -> Finding:
     )
 
 
-def measure_collapse(tails: Sequence[Tail]) -> list[dict[str, Any]]:
+def measure_collapse(tails: Sequence[Tail]) -> list[DistanceRow]:
     """Distances of each two of the normalized curves."""
     return [
         {
@@ -412,7 +462,7 @@ def _speed_sheet(tiles: list[Tile], title: str) -> Image.Image:
     return sheet(tiles, bar, title, columns=2)
 
 
-def tail_chart(rows: Sequence[dict[str, Any]], tails: Sequence[Tail]) -> Chart:
+def tail_chart(rows: Sequence[FlowNumbers], tails: Sequence[Tail]) -> Chart:
     """Figure 6.7: normalized mean speeds by the distance."""
     points = []
     for row, tail in zip(rows, tails, strict=True):
@@ -421,7 +471,7 @@ def tail_chart(rows: Sequence[dict[str, Any]], tails: Sequence[Tail]) -> Chart:
     return _chart(points, SHADES, "Figure 6.7: normalized speeds")
 
 
-def fit_chart(row: dict[str, Any], tail: Tail) -> Chart:
+def fit_chart(row: FlowNumbers, tail: Tail) -> Chart:
     """Figure 6.5: one curve and the families fitted to it."""
     points = _points("computed", tail.x[::3], tail.ratio[::3])
     behind = tail.x[tail.x > row["bubble"]][::3]
@@ -433,16 +483,14 @@ def fit_chart(row: dict[str, Any], tail: Tail) -> Chart:
 
 def _points(
     name: str, x: Float[np.ndarray, " n"], speed: Float[np.ndarray, " n"]
-) -> list[dict[str, Any]]:
+) -> list[_SpeedPoint]:
     return [
         {"curve": name, "x": float(distance), "u": float(value)}
         for distance, value in zip(x, speed, strict=True)
     ]
 
 
-def _chart(
-    points: Sequence[dict[str, Any]], colours: Sequence[str], title: str
-) -> Chart:
+def _chart(points: Sequence[_SpeedPoint], colours: Sequence[str], title: str) -> Chart:
     """Speeds behind the cylinder by distance, a line for each curve."""
     names = list(dict.fromkeys(row["curve"] for row in points))
     colour = alt.Scale(domain=names, range=list(colours[: len(names)]))

@@ -58,7 +58,16 @@ def test_cells_of_a_cube_grow_without_a_logarithm():
 
 
 def test_the_power_is_that_of_the_last_two_times():
-    rows = [{"height": n, "step_s": {"a": [2e-9 * n**3]}} for n in (10, 50, 100)]
+    rows = [
+        resolution.StepTimes(
+            mesh="",
+            height=height,
+            nodes={},
+            step_s={"a": [2e-9 * height**3]},
+            times_faster={},
+        )
+        for height in (10, 50, 100)
+    ]
     assert counting.power_of_time(rows, "a") == pytest.approx(3)
 
 

@@ -33,27 +33,28 @@ def test_the_first_folder_with_a_mesh_wins(monkeypatch, tmp_path):
     assert found["Happy Buddha"].parent == second
 
 
-def real_time_row(name: str, seconds: float) -> dict[str, Any]:
-    frames = {
-        "step_s": [seconds / 2],
-        "picture_s": [seconds / 2],
-        "frames_a_second": [1 / seconds] * 3,
-        "simulated_a_second": 0.1 / seconds,
-    }
-    return {
-        "structure": name,
-        "height": 60,
-        "pixels": "4 x 3",
-        "nodes": 1000,
-        "stable_step_s": 0.1,
-        "table_6_1_step_s": (0.055, 0.0055),
-        "one_step": frames,
-        "live": frames,
-    }
+def real_time_row(name: str, height: int, seconds: float) -> real_time.FrameRow:
+    frames = real_time.FrameTimes(
+        step_s=[seconds / 2],
+        picture_s=[seconds / 2],
+        frames_a_second=[1 / seconds] * 3,
+        simulated_a_second=0.1 / seconds,
+    )
+    return real_time.FrameRow(
+        structure=name,
+        height=height,
+        pixels="4 x 3",
+        nodes=1000,
+        fragments=600,
+        stable_step_s=0.1,
+        table_6_1_step_s=[0.055, 0.0055],
+        one_step=frames,
+        live=frames,
+    )
 
 
 def test_steps_of_the_thesis_are_at_most_as_many_frames():
-    rows = [real_time_row(name, 0.04) for name in real_time.STRUCTURES]
+    rows = [real_time_row(name, 60, 0.04) for name in real_time.STRUCTURES]
     found = real_time.summary(rows)
     full = found["beside_table_6_1"][-1]
     assert full["structure"] == "full volume"
@@ -62,7 +63,7 @@ def test_steps_of_the_thesis_are_at_most_as_many_frames():
     # A step of 55 ms in 55 ms is real time, of copper a tenth of it.
     assert found["thesis_simulated"] == pytest.approx([1.0, 0.1])
     assert found["fluent"] == {"60 voxels": 4} and found["structures"] == 4
-    slow = [{**real_time_row(row["structure"], 0.2), "height": 120} for row in rows]
+    slow = [real_time_row(name, 120, 0.2) for name in real_time.STRUCTURES]
     both = real_time.summary([*rows, *slow])
     assert both["fluent"] == {"60 voxels": 4, "120 voxels": 0}
     assert both["highest"] == 120
@@ -91,20 +92,25 @@ def test_shares_of_a_step_are_the_whole_of_it():
     ],
 )
 def test_conduction_is_said_to_take_most_of_a_step(conduction, radiation, verdict):
-    row = {
-        "structure": "full volume",
-        "height": 80,
-        "step_s": 1e-3,
-        "picture_s": 1e-2,
-        "voxelization_s": 1.0,
-        "of_step": {
-            "conduction": conduction,
-            "radiation": radiation,
-            "convection": 1 - conduction - radiation,
-        },
+    of_step = {
+        "conduction": conduction,
+        "radiation": radiation,
+        "convection": 1 - conduction - radiation,
     }
-    nested = {**row, "structure": "irregular levels"}
-    found, numbers = shares.judge([row, nested])
+    rows = [
+        shares.StepShares(
+            structure=structure,
+            height=80,
+            nodes=1000,
+            fragments=600,
+            step_s=1e-3,
+            picture_s=1e-2,
+            voxelization_s=1.0,
+            of_step=of_step,
+        )
+        for structure in ("full volume", "irregular levels")
+    ]
+    found, numbers = shares.judge(rows)
     assert found is verdict and numbers["conduction"][1] == conduction
     assert numbers["picture_steps"] == pytest.approx(10)
 
