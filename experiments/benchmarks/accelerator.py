@@ -20,10 +20,10 @@ import numpy as np
 import jaxthermo as jt
 from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.solvers import AbstractSolver
+from jaxthermo.timing import interleaved
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import END, START, STEEL, standard_scene
-from ..harness.timing import interleaved
 from ..thesis.resolution import FULL, TABLE_TIMES
 from .loops import loop_of
 from .scaling_model import STEP_BYTES

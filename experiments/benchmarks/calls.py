@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 
 import jaxthermo as jt
+from jaxthermo.timing import interleaved, ratio_of
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import END, HEIGHT, SAVE_AT, START, thesis_meshes
 from ..harness.present import show, table_of
-from ..harness.timing import interleaved, ratio_of, ratio_text, timing_of
+from ..harness.timing import ratio_text, timing_of
 from .loops import NUMBA, loop_of, numba_explicit
 
 

@@ -30,10 +30,10 @@ from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.integrate.run.solution_file import StoredSolution
 from jaxthermo.parallel.batch import on_every_device, on_first_device
 from jaxthermo.parallel.devices import mesh_of, provide_devices
+from jaxthermo.timing import interleaved
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import END, STEEL, standard_scene
-from ..harness.timing import interleaved
 from .steps import STRUCTURES
 
 

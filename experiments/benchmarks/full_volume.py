@@ -14,12 +14,12 @@ import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.integrate.run.plan import initial_state, plan_run
+from jaxthermo.timing import Spans, interleaved
 from jaxthermo.voxels.grid import VoxelGrid
 
 from ..front.linear_body import Run
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import HEIGHT, START, STEEL, thesis_meshes
-from ..harness.timing import Spans, interleaved
 from .loops import NUMBA, largest_difference, loop_of, numba_explicit, numba_rkl2
 
 

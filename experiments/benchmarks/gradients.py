@@ -16,10 +16,10 @@ import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.host_memory import readable_bytes
+from jaxthermo.timing import interleaved, ratio_of, timed_call
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import END, HEIGHT, START, thesis_meshes
-from ..harness.timing import interleaved, ratio_of, timed_call
 
 
 QUICK = {"height": 32, "repeats": 2}

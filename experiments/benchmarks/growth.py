@@ -14,10 +14,10 @@ import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.report.chart import Chart, LogAxis, legend, write_chart
+from jaxthermo.timing import interleaved
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.present import Rows
-from ..harness.timing import interleaved
 from .steps import conduction_of
 
 

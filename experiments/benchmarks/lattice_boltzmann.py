@@ -25,9 +25,9 @@ from jaxthermo.flow.flow import (
     totals,
 )
 from jaxthermo.flow.lattice import MAGIC, flow_rates, textbook_step
+from jaxthermo.timing import Spans, interleaved
 
 from ..harness.measurement import Measurement, plain_rows
-from ..harness.timing import Spans, interleaved
 from .loops import NUMBA
 
 

@@ -16,10 +16,10 @@ from jaxthermo.integrate.run.plan import (
     step_table,
 )
 from jaxthermo.integrate.run.simulate import run_plan, take_steps_in_place
+from jaxthermo.timing import timed_call
 
 from ..front.linear_body import LinearBody, Run, linear_body
 from ..front.numba_loops import explicit_run, rkl2_run
-from ..harness.timing import timed_call
 
 
 NUMBA = f"numba, {numba.get_num_threads()} threads"

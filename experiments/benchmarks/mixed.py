@@ -24,10 +24,11 @@ from jaxthermo.integrate.run.simulate import Span, advance
 from jaxthermo.integrate.stepper import RunState
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.compile.program import Compiled
+from jaxthermo.timing import Spans, interleaved, ratio_of, timed_call
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.present import show, table_of
-from ..harness.timing import Spans, interleaved, ratio_of, ratio_text, timed_call
+from ..harness.timing import ratio_text
 
 
 QUICK = {"height": 24, "repeats": 2}

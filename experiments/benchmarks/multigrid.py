@@ -31,11 +31,11 @@ from jaxthermo.integrate.implicit.jacobian import MULTIGRID_STEP_RATIO
 from jaxthermo.network.multigrid import Hierarchy, hierarchy, jacobi
 from jaxthermo.network.network import AbstractNetwork
 from jaxthermo.physics.conduction import assemble_uniform
-from jaxthermo.timing import Spread
+from jaxthermo.timing import Spread, timed_call
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.present import named, show, table_of
-from ..harness.timing import timed_call, timing_of
+from ..harness.timing import timing_of
 
 
 QUICK = {"height": 48, "repeats": 2}

@@ -18,12 +18,13 @@ from jaxthermo.geometry.shapes import figurine
 from jaxthermo.integrate.explicit import RKL2Stepper
 from jaxthermo.integrate.run.plan import Plan, plan_run
 from jaxthermo.integrate.run.simulate import run_plan
+from jaxthermo.timing import interleaved, ratio_of
 from jaxthermo.voxels.grid import VoxelGrid
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import END, HEIGHT, SAVE_AT, START, STEEL, thesis_meshes
 from ..harness.present import show, table_of
-from ..harness.timing import interleaved, ratio_of, ratio_text
+from ..harness.timing import ratio_text
 from .loops import loop_of
 
 

@@ -14,9 +14,9 @@ import numpy as np
 
 from jaxthermo.network.network import AbstractNetwork
 from jaxthermo.network.stencil import Stencil, solid_degree
+from jaxthermo.timing import Spans, interleaved
 
 from ..harness.measurement import Measurement, plain_rows
-from ..harness.timing import Spans, interleaved
 from .loops import NUMBA
 
 

@@ -35,11 +35,12 @@ from jaxthermo.network.network import AbstractNetwork
 from jaxthermo.physics.conduction import assemble_uniform
 from jaxthermo.scene.compile.program import Program
 from jaxthermo.structures.structure import AbstractStructure
+from jaxthermo.timing import interleaved, ratio_of
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import END, SAVE_AT, STEEL, standard_scene
 from ..harness.present import show, table_of
-from ..harness.timing import interleaved, ratio_of, ratio_text, timing_of
+from ..harness.timing import ratio_text, timing_of
 from .loops import only_first
 
 

@@ -9,10 +9,10 @@ import numpy as np
 import trimesh
 
 import jaxthermo as jt
+from jaxthermo.timing import interleaved, timed_call
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import thesis_meshes
-from ..harness.timing import interleaved, timed_call
 
 
 QUICK = {"height": 100, "repeats": 2}

@@ -35,10 +35,10 @@ from jaxthermo.integrate.run.simulate import run_plan
 from jaxthermo.integrate.run.time_error import of_pass
 from jaxthermo.report import page
 from jaxthermo.report.numbers import padded, seconds
+from jaxthermo.timing import timed_call
 
 from ..harness.present import Column, publish, table_of
 from ..harness.record import Arrays, Record, Row
-from ..harness.timing import timed_call
 
 
 _FURTHER = 2
