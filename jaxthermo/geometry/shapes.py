@@ -39,10 +39,12 @@ _BOX_QUADS = np.array([
 def box(size: _Size) -> Mesh:
     """Box of 12 triangles with edges `size` along x, y, z [m]; one number: a cube."""
     edges = size if isinstance(size, tuple) else (size, size, size)
-    lengths = np.array([positive_length("size", edge) for edge in edges])
+    lengths = [positive_length("size", edge) for edge in edges]
     corners = np.indices((2, 2, 2)).reshape(3, -1).T - 0.5
-    faces = np.concatenate([_BOX_QUADS[:, [0, 1, 2]], _BOX_QUADS[:, [0, 2, 3]]])
-    return Mesh(vertices=corners * lengths, faces=faces, name="box")
+    first_halves = _BOX_QUADS[:, [0, 1, 2]]
+    second_halves = _BOX_QUADS[:, [0, 2, 3]]
+    faces = np.concatenate([first_halves, second_halves])
+    return Mesh(vertices=corners * np.array(lengths), faces=faces, name="box")
 
 
 def slab(thickness: float | int, width: float | int, length: float | int) -> Mesh:
@@ -64,14 +66,16 @@ def sphere(radius: float | int, subdivisions: int = 4) -> Mesh:
     # Widened so that the volume is that of the sphere.
     unit = Mesh(vertices=points, faces=faces, name="sphere")
     widening = (4.0 / 3.0 * np.pi / unit.volume) ** (1.0 / 3.0)
-    return Mesh(vertices=points * radius * widening, faces=faces, name="sphere")
+    vertices = points * radius * widening
+    return Mesh(vertices=vertices, faces=faces, name="sphere")
 
 
 def cylinder(radius: float | int, height: float | int, sections: int = 64) -> Mesh:
     """Cylinder along z of `radius` and `height` [m] with `sections` sides [-]."""
     radius = positive_length("radius", radius)
     half = 0.5 * positive_length("height", height)
-    return _revolved("cylinder", [(radius, -half), (radius, half)], sections)
+    rings = [(radius, -half), (radius, half)]
+    return _revolved("cylinder", rings=rings, sections=sections)
 
 
 def tube(
@@ -93,8 +97,8 @@ def tube(
             f"inner_radius={inner:g} leaves no wall: give less than the outer radius, "
             f"{outer:g} m"
         )
-    corners = [(inner, -half), (outer, -half), (outer, half), (inner, half)]
-    return _revolved("tube", corners, sections, has_ends=False)
+    rings = [(inner, -half), (outer, -half), (outer, half), (inner, half)]
+    return _revolved("tube", rings=rings, sections=sections, has_ends=False)
 
 
 def cone(
@@ -108,17 +112,22 @@ def cone(
     half = 0.5 * positive_length("height", height)
     rings = [(radius, -half)]
     if top_radius != 0.0:
-        rings.append((positive_length("top_radius", top_radius), half))
-    return _revolved("cone", rings, sections, ends=(-half, half))
+        upper_radius = positive_length("top_radius", top_radius)
+        rings.append((upper_radius, half))
+    ends = (-half, half)
+    return _revolved("cone", rings=rings, sections=sections, ends=ends)
 
 
 def hemisphere(radius: float | int, sections: int = 64) -> Mesh:
     """Half of a ball of `radius` [m], its flat side down at z = -radius / 2."""
     radius = positive_length("radius", radius)
     middle = 0.5 * radius
-    rings = [(r, z - middle) for r, z in _quarter(radius, sections)]
-    rings = _with_volume(rings, (-middle, middle), 2.0 / 3.0 * np.pi * radius**3)
-    return _revolved("hemisphere", rings, sections, ends=(-middle, middle))
+    quarter = _quarter(radius, sections)
+    inscribed = [(r, z - middle) for r, z in quarter]
+    ends = (-middle, middle)
+    volume = 2.0 / 3.0 * np.pi * radius**3
+    rings = _with_volume(inscribed, ends=ends, volume=volume)
+    return _revolved("hemisphere", rings=rings, sections=sections, ends=ends)
 
 
 def capsule(radius: float | int, height: float | int, sections: int = 64) -> Mesh:
@@ -138,10 +147,13 @@ def capsule(radius: float | int, height: float | int, sections: int = 64) -> Mes
     upper = _quarter(radius, sections)
     # Without a straight part both ends share their widest ring.
     lower = upper[::-1] if straight else upper[:0:-1]
-    rings = [(r, -z - half) for r, z in lower] + [(r, z + half) for r, z in upper]
+    lower_rings = [(r, -z - half) for r, z in lower]
+    upper_rings = [(r, z + half) for r, z in upper]
+    inscribed = lower_rings + upper_rings
     ends = (-half - radius, half + radius)
     volume = np.pi * radius**2 * (straight + 4.0 / 3.0 * radius)
-    return _revolved("capsule", _with_volume(rings, ends, volume), sections, ends=ends)
+    rings = _with_volume(inscribed, ends=ends, volume=volume)
+    return _revolved("capsule", rings=rings, sections=sections, ends=ends)
 
 
 _Rings = list[tuple[float, float]]
@@ -150,15 +162,22 @@ _Rings = list[tuple[float, float]]
 
 def _quarter(radius: float, sections: int) -> _Rings:
     # The widest ring first; the pole is no ring.
-    angle = 0.5 * np.pi * np.arange(max(sections // 4, 1)) / max(sections // 4, 1)
-    return [(radius * float(np.cos(a)), radius * float(np.sin(a))) for a in angle]
+    ring_count = max(sections // 4, 1)
+    latitude = 0.5 * np.pi * np.arange(ring_count) / ring_count
+    radii = radius * np.cos(latitude)
+    heights = radius * np.sin(latitude)
+    return list(zip(radii.tolist(), heights.tolist(), strict=True))
 
 
 def _with_volume(rings: _Rings, ends: tuple[float, float], volume: float) -> _Rings:
     """Widen rings so that the cones between them, up to both ends, have a volume."""
-    r, z = np.array([(0.0, ends[0]), *rings, (0.0, ends[1])]).T
-    between = np.diff(z) * (r[1:] ** 2 + r[1:] * r[:-1] + r[:-1] ** 2)
-    factor = float(np.sqrt(volume / (np.pi / 3.0 * between.sum())))
+    bottom, top = ends
+    r, z = np.array([(0.0, bottom), *rings, (0.0, top)]).T
+    lower = r[:-1]
+    upper = r[1:]
+    between = np.diff(z) * (upper**2 + upper * lower + lower**2)
+    cone_volume = np.pi / 3.0 * between.sum()
+    factor = float(np.sqrt(volume / cone_volume))
     return [(factor * radius, height) for radius, height in rings]
 
 
@@ -178,24 +197,26 @@ def _revolved(
         raise InputError(f"sections={sections} make no {name}: give 3 or more")
     angle = 2.0 * np.pi * np.arange(sections) / sections
     # Widened so that the polygon has the area of the circle.
-    widening = np.sqrt(2.0 * np.pi / sections / np.sin(2.0 * np.pi / sections))
+    section_angle = 2.0 * np.pi / sections
+    widening = np.sqrt(section_angle / np.sin(section_angle))
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    points = [
-        np.column_stack([radius * widening * circle, np.full(sections, height)])
-        for radius, height in rings
-    ]
+    points = []
+    for radius, height in rings:
+        level = np.full(sections, height)
+        ring = np.column_stack([radius * widening * circle, level])
+        points.append(ring)
     index = np.arange(sections)
     next_index = np.roll(index, -1)
     starts = sections * np.arange(len(rings))
     faces = []
     for low, high in zip(starts, np.roll(starts, -1), strict=True):
         if high > low or not has_ends:
-            faces.append(
-                np.stack([low + index, low + next_index, high + next_index], axis=1)
-            )
-            faces.append(
-                np.stack([low + index, high + next_index, high + index], axis=1)
-            )
+            a = low + index
+            b = low + next_index
+            c = high + next_index
+            d = high + index
+            faces.append(np.stack([a, b, c], axis=1))
+            faces.append(np.stack([a, c, d], axis=1))
     if has_ends:
         bottom, top = ends or (rings[0][1], rings[-1][1])
         points.append(np.array([[0.0, 0.0, bottom], [0.0, 0.0, top]]))
@@ -210,10 +231,9 @@ def _icosahedron() -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]:
     """Icosahedron of radius 1: two poles and two rings of five at z = +-1/sqrt(5)."""
     angle = 2.0 * np.pi * np.arange(5) / 5.0
     z = 1.0 / np.sqrt(5.0)
+    turned = angle + np.pi / 5
     upper = np.column_stack([2 * z * np.cos(angle), 2 * z * np.sin(angle)])
-    lower = np.column_stack(
-        [2 * z * np.cos(angle + np.pi / 5), 2 * z * np.sin(angle + np.pi / 5)]
-    )
+    lower = np.column_stack([2 * z * np.cos(turned), 2 * z * np.sin(turned)])
     points = np.zeros((12, 3))
     points[0, 2] = 1.0
     points[11, 2] = -1.0
@@ -235,7 +255,9 @@ def _icosahedron() -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]:
 def _cut_in_four(
     points: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
 ) -> tuple[Float[np.ndarray, "w 3"], Int[np.ndarray, "g 3"]]:
-    sides = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1), axis=-1)
+    next_corners = np.roll(faces, -1, axis=1)
+    directed_sides = np.stack([faces, next_corners], axis=-1)
+    sides = np.sort(directed_sides, axis=-1)
     ends, number = np.unique(sides.reshape(-1, 2), axis=0, return_inverse=True)
     middles = unit_vectors(points[ends].mean(1))
     ab, bc, ca = (number.reshape(-1, 3) + len(points)).T

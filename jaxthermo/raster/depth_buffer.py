@@ -64,7 +64,8 @@ def depth_range(
     for chunk in fragment_chunks(points, faces=faces, width=width, height=height):
         _draw(nearest, chunk.pixel, chunk.depth)
         _draw(negative, chunk.pixel, -chunk.depth)
-    return nearest.reshape(height, width), -negative.reshape(height, width)
+    farthest = -negative
+    return nearest.reshape(height, width), farthest.reshape(height, width)
 
 
 def _draw(buffer: np.ndarray, pixel: np.ndarray, depth: np.ndarray) -> None:

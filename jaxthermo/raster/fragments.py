@@ -116,11 +116,15 @@ def _all_fragments(
 ) -> "_FragmentChunk":
     # A function of its own, so that the chunks are freed before the sort.
     chunks = [*fragment_chunks(points, faces=faces, width=width, height=height)]
-    none = _FragmentChunk(
-        triangle=np.empty(0, np.int64), pixel=np.empty(0, np.int64), depth=np.empty(0)
-    )
+    no_integers = np.empty(0, np.int64)
+    no_depths = np.empty(0)
+    triangles = [chunk.triangle for chunk in chunks]
+    pixels = [chunk.pixel for chunk in chunks]
+    depths = [chunk.depth for chunk in chunks]
     return _FragmentChunk(
-        *(np.concatenate(column) for column in zip(none, *chunks, strict=True))
+        triangle=np.concatenate([no_integers, *triangles]),
+        pixel=np.concatenate([no_integers, *pixels]),
+        depth=np.concatenate([no_depths, *depths]),
     )
 
 
@@ -131,9 +135,12 @@ def _turns_to_viewer(
     x = np.rint(points[:, 0] * SNAP)
     y = np.rint(points[:, 1] * SNAP)
     a, b, c = np.ascontiguousarray(faces.T)
-    to_b = (x[b] - x[a], y[b] - y[a])
-    to_c = (x[c] - x[a], y[c] - y[a])
-    return to_b[0] * to_c[1] - to_c[0] * to_b[1] < 0
+    across_to_b = x[b] - x[a]
+    down_to_b = y[b] - y[a]
+    across_to_c = x[c] - x[a]
+    down_to_c = y[c] - y[a]
+    doubled_area = across_to_b * down_to_c - across_to_c * down_to_b
+    return doubled_area < 0
 
 
 def _sorted_layers(
@@ -149,7 +156,8 @@ def _sorted_layers(
     bits = min(63 - pixel_bits, 52)
     low = depth.min(initial=np.inf)
     span = depth.max(initial=-np.inf) - low
-    fraction = (depth - low) / (span if span > 0 else 1.0)
+    scale = span if span > 0 else 1.0
+    fraction = (depth - low) / scale
     key = (pixel << bits) | (fraction * (2.0**bits - 1)).astype(np.int64)
     order = np.argsort(key)
     key = key[order]
@@ -158,13 +166,17 @@ def _sorted_layers(
     if len(tied):
         tied = sorted_union(tied, tied + 1)
         fragment = order[tied]
-        order[tied] = fragment[np.lexsort((triangle[fragment], key[tied]))]
+        by_triangle = np.lexsort((triangle[fragment], key[tied]))
+        order[tied] = fragment[by_triangle]
     sorted_pixel = key >> bits
     begins = np.ones(len(sorted_pixel), bool)
     np.not_equal(sorted_pixel[1:], sorted_pixel[:-1], out=begins[1:])
     first = np.flatnonzero(begins)
-    counts = np.diff(np.append(first, len(sorted_pixel)))
-    return order, np.arange(len(sorted_pixel)) - np.repeat(first, counts)
+    bounds = np.append(first, len(sorted_pixel))
+    counts = np.diff(bounds)
+    front = np.repeat(first, counts)
+    layer = np.arange(len(sorted_pixel)) - front
+    return order, layer
 
 
 def expected_fragments(
@@ -173,22 +185,28 @@ def expected_fragments(
     """Number of fragments of triangles (column, row, depth), from their areas."""
     # A triangle has about as many fragments as pixels of area within the image.
     x, y, _ = np.moveaxis(triangles, 2, 0)
-    across = np.ptp(np.clip(x, 0, width), axis=1)
-    down = np.ptp(np.clip(y, 0, height), axis=1)
-    to_b = (x[:, 1] - x[:, 0], y[:, 1] - y[:, 0])
-    to_c = (x[:, 2] - x[:, 0], y[:, 2] - y[:, 0])
-    area = 0.5 * np.abs(to_b[0] * to_c[1] - to_b[1] * to_c[0])
-    return float(np.minimum(area, across * down).sum())
+    visible_width = np.ptp(np.clip(x, 0, width), axis=1)
+    visible_height = np.ptp(np.clip(y, 0, height), axis=1)
+    visible_box = visible_width * visible_height
+    x0, x1, x2 = x.T
+    y0, y1, y2 = y.T
+    doubled_area = (x1 - x0) * (y2 - y0) - (y1 - y0) * (x2 - x0)
+    area = 0.5 * np.abs(doubled_area)
+    return float(np.minimum(area, visible_box).sum())
 
 
 def within_raster(corners: Float[np.ndarray, "*n 3"]) -> bool:
     """True if no product of corners (column, row, depth) can overflow."""
-    ends = (corners.min(initial=0), corners.max(initial=0))
+    lowest = corners.min(initial=0)
+    highest = corners.max(initial=0)
+    ends = (lowest, highest)
     # Most often the bounds of all numbers suffice, which are quick to compute.
     if np.abs(ends).max() <= _MAX_COORDINATE:
         return True
-    farthest = np.abs(corners[..., :2]).max(initial=0)
-    return bool(np.isfinite(ends).all() and farthest <= _MAX_COORDINATE)
+    in_image = corners[..., :2]
+    farthest = np.abs(in_image).max(initial=0)
+    is_finite = np.isfinite(ends).all()
+    return bool(is_finite and farthest <= _MAX_COORDINATE)
 
 
 class _FragmentChunk(NamedTuple):
@@ -217,7 +235,9 @@ def fragment_chunks(
             "use a coarser pitch or clip the mesh to the view"
         )
     across, down, depth = np.ascontiguousarray(points.T)
-    largest = max(np.abs(across).max(initial=0), np.abs(down).max(initial=0))
+    farthest_across = np.abs(across).max(initial=0)
+    farthest_down = np.abs(down).max(initial=0)
+    largest = max(farthest_across, farthest_down)
     dtype = np.float64 if largest <= _MAX_EXACT else np.int64
     x = np.rint(across * SNAP).astype(dtype)
     y = np.rint(down * SNAP).astype(dtype)
@@ -264,7 +284,9 @@ def _around_centres(
     # Most triangles of a fine mesh lie between the centres.
     inside: Any = True
     for coordinate, size in ((x, width), (y, height)):
-        low, high = _ends(*_first_centre(coordinate, size)[faces.T])
+        centre = _first_centre(coordinate, size)
+        a, b, c = centre[faces.T]
+        low, high = _ends(a, b, c)
         inside &= low < high
     return np.flatnonzero(inside)
 
@@ -295,21 +317,31 @@ def _spans(
     # Each edge starts at its lower end, so that both of its triangles divide the same
     # integers.
     bottom, middle, top = _by_height(x[corners], y[corners])
-    low, split, high = (
-        _first_centre(corner.y, height) for corner in (bottom, middle, top)
-    )
-    half, step = _slots(np.append(split - low, high - split))
+    low = _first_centre(bottom.y, height)
+    split = _first_centre(middle.y, height)
+    high = _first_centre(top.y, height)
+    rows_below = split - low
+    rows_above = high - split
+    half, step = _slots(np.append(rows_below, rows_above))
     count = len(low)
     face = np.where(half < count, half, half - count)
-    row = np.append(low, split)[half] + step
+    first_row = np.append(low, split)
+    row = first_row[half] + step
     centre = (row * SNAP + SNAP // 2).astype(x.dtype)
-    long_crossing = _crossing(_line(bottom, top), face, centre)
+    long_edge = _line(bottom, top)
+    long_crossing = _crossing(long_edge, edge=face, centre=centre)
     lower = _line(bottom, middle)
     upper = _line(middle, top)
-    short_edges = _Line(*map(np.append, lower, upper))
-    short_crossing = _crossing(short_edges, half, centre)
-    left = np.clip(np.minimum(long_crossing, short_crossing), 0, width)
-    right = np.clip(np.maximum(long_crossing, short_crossing), 0, width)
+    short_edge = _Line(
+        slope=np.append(lower.slope, upper.slope),
+        offset=np.append(lower.offset, upper.offset),
+        scale=np.append(lower.scale, upper.scale),
+    )
+    short_crossing = _crossing(short_edge, edge=half, centre=centre)
+    left_crossing = np.minimum(long_crossing, short_crossing)
+    right_crossing = np.maximum(long_crossing, short_crossing)
+    left = np.clip(left_crossing, 0, width)
+    right = np.clip(right_crossing, 0, width)
     return _Spans(face=face, row=row, left=left, count=right - left)
 
 
@@ -327,8 +359,14 @@ def _by_height(x: np.ndarray, y: np.ndarray) -> list[_Corner]:
         a = corners[i]
         b = corners[j]
         is_above = a.y > b.y
-        corners[i] = _Corner(np.where(is_above, b.x, a.x), np.minimum(a.y, b.y))
-        corners[j] = _Corner(np.where(is_above, a.x, b.x), np.maximum(a.y, b.y))
+        corners[i] = _Corner(
+            x=np.where(is_above, b.x, a.x),
+            y=np.minimum(a.y, b.y),
+        )
+        corners[j] = _Corner(
+            x=np.where(is_above, a.x, b.x),
+            y=np.maximum(a.y, b.y),
+        )
     return corners
 
 

@@ -18,7 +18,8 @@ def view_frame(direction: object) -> Float[np.ndarray, "3 3"]:
     # The axis least parallel to the view gives the most accurate cross product.
     helper = np.eye(3)[int(np.argmin(np.abs(forward)))]
     right = unit_vector(np.cross(forward, helper))
-    return np.stack([right, np.cross(forward, right), forward])
+    down = np.cross(forward, right)
+    return np.stack([right, down, forward])
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,8 @@ class OrthographicView:
 
     def peel(self, triangles: Float[np.ndarray, "f 3 3"]) -> DepthLayers:
         """Depth layers of world triangles [m] in this view."""
-        return peel(self.project(triangles), self.width, self.height)
+        projected = self.project(triangles)
+        return peel(projected, width=self.width, height=self.height)
 
 
 def orthographic_view(
@@ -49,11 +51,18 @@ def orthographic_view(
     rotated = linear_map(points.reshape(-1, 3), frame.T)
     low = rotated.min(0)
     high = rotated.max(0)
-    size = np.maximum(np.ceil((high - low)[:2] / pitch).astype(int), 1) + 2
+    extent = (high - low)[:2]
+    covered_pixels = np.ceil(extent / pitch).astype(int)
+    size = np.maximum(covered_pixels, 1) + 2
+    width, height = size
     corner = (low + high) / 2 - np.append(size, 0) * pitch / 2
     corner[2] = low[2]
     return OrthographicView(
-        frame=frame, corner=corner, pitch=pitch, width=int(size[0]), height=int(size[1])
+        frame=frame,
+        corner=corner,
+        pitch=pitch,
+        width=int(width),
+        height=int(height),
     )
 
 
@@ -75,13 +84,16 @@ def cap_directions(
     height = 1.0 - (1.0 - min_cosine) * (index + 0.5) / count
     radius = np.sqrt(np.maximum(0.0, 1.0 - height * height))
     angle = _GOLDEN_ANGLE * index
-    local = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
+    x = radius * np.cos(angle)
+    y = radius * np.sin(angle)
+    local = np.stack([x, y, height], axis=1)
     return local @ view_frame(axis)
 
 
 def half_sphere_directions(count: int) -> Float[np.ndarray, "d 3"]:
     """Unit vectors with z > 0; with their opposites they sample all directions."""
-    return cap_directions((0.0, 0.0, 1.0), 0.0, count)
+    upwards = (0.0, 0.0, 1.0)
+    return cap_directions(upwards, min_cosine=0.0, count=count)
 
 
 class _ClippedTriangles(NamedTuple):
@@ -111,16 +123,13 @@ def clip_half_space(
         return (*points, *(depth[selected, corner] for corner in order))
 
     # One corner ahead leaves a triangle, two leave a quadrilateral: two triangles.
-    a, b, c, da, db, dc = corners(single, ahead[single].argmax(1))
-    tips = np.stack(
-        [
-            a,
-            _intersect(a, outside=b, depth_in=da, depth_out=db),
-            _intersect(a, outside=c, depth_in=da, depth_out=dc),
-        ],
-        axis=1,
-    )
-    behind, d, e, db, dd, de = corners(double, (~ahead[double]).argmax(1))
+    corner_ahead = ahead[single].argmax(1)
+    a, b, c, da, db, dc = corners(single, corner_ahead)
+    at_b = _intersect(a, outside=b, depth_in=da, depth_out=db)
+    at_c = _intersect(a, outside=c, depth_in=da, depth_out=dc)
+    tips = np.stack([a, at_b, at_c], axis=1)
+    corner_behind = (~ahead[double]).argmax(1)
+    behind, d, e, db, dd, de = corners(double, corner_behind)
     at_d = _intersect(d, outside=behind, depth_in=dd, depth_out=db)
     at_e = _intersect(e, outside=behind, depth_in=de, depth_out=db)
     lower = np.stack([d, e, at_e], axis=1)
@@ -165,8 +174,10 @@ class PerspectiveView:
         """Transform world points [m] ahead of the eye to (column, row, depth [m])."""
         local = linear_map(points - self.eye, self.frame.T)
         depth = np.maximum(local[..., 2], self.near)
-        image = (local[..., :2] / depth[..., None] - self.corner) / self.pixel
-        return np.concatenate([image, depth[..., None]], axis=-1)
+        depth = depth[..., None]
+        tangent = local[..., :2] / depth
+        image = (tangent - self.corner) / self.pixel
+        return np.concatenate([image, depth], axis=-1)
 
     def nearest(
         self, triangles: Float[np.ndarray, "f 3 3"]
@@ -175,26 +186,29 @@ class PerspectiveView:
         corners = self.project(self._within(triangles))
         # The inverse of the depth is linear over the image, the depth is not.
         corners[..., 2] = -1 / corners[..., 2]
-        key, _ = depth_range(corners, self.width, self.height)
+        key, _ = depth_range(corners, width=self.width, height=self.height)
         hit = np.isfinite(key)
-        return np.where(hit, -1 / np.where(hit, key, -1.0), np.inf)
+        finite_key = np.where(hit, key, -1.0)
+        depth = -1 / finite_key
+        return np.where(hit, depth, np.inf)
 
     def _within(self, triangles: np.ndarray) -> np.ndarray:
         """Clip world triangles to the image with a margin of one pixel."""
         right, down, forward = self.frame
         left, top = self.corner - self.pixel
-        size = np.array([self.width + 2, self.height + 2]) * self.pixel
+        right_end = left + (self.width + 2) * self.pixel
+        bottom = top + (self.height + 2) * self.pixel
         planes = [
             (forward, self.near),
             (right - left * forward, 0.0),
-            ((left + size[0]) * forward - right, 0.0),
+            (right_end * forward - right, 0.0),
             (down - top * forward, 0.0),
-            ((top + size[1]) * forward - down, 0.0),
+            (bottom * forward - down, 0.0),
         ]
-        for normal, offset in planes:
-            triangles, _ = clip_half_space(
-                triangles, normal, offset + self.eye @ normal
-            )
+        for normal, distance in planes:
+            offset = distance + self.eye @ normal
+            clipped = clip_half_space(triangles, normal=normal, offset=offset)
+            triangles = clipped.pieces
         return triangles
 
 
@@ -209,20 +223,23 @@ def perspective_views(
     distance = np.linalg.norm(away, axis=1)
     towards = away / distance[:, None]
     middle = towards.mean(0)
-    if (towards @ middle > _MIN_COSINE * np.linalg.norm(middle)).all():
-        return [
-            (_view(eye, forward=middle, away=away, size=size), np.arange(len(points)))
-        ]
+    least_projection = _MIN_COSINE * np.linalg.norm(middle)
+    if (towards @ middle > least_projection).all():
+        view = _view(eye, forward=middle, away=away, size=size)
+        all_points = np.arange(len(points))
+        return [(view, all_points)]
     axis = np.abs(away).argmax(1)
-    side = np.take_along_axis(away, axis[:, None], 1)[:, 0] > 0
+    along_axis = np.take_along_axis(away, axis[:, None], axis=1)
+    is_upper = along_axis[:, 0] > 0
+    cube_face = 2 * axis + is_upper
     views = []
     # Six square views at most: a single image would grow with tan(angle).
-    for face in np.unique(2 * axis + side):
-        in_view = np.flatnonzero(2 * axis + side == face)
-        forward = (1.0 if face % 2 else -1.0) * np.eye(3)[face // 2]
-        views.append(
-            (_view(eye, forward=forward, away=away[in_view], size=size), in_view)
-        )
+    for face in np.unique(cube_face):
+        in_view = np.flatnonzero(cube_face == face)
+        sign = 1.0 if face % 2 else -1.0
+        forward = sign * np.eye(3)[face // 2]
+        view = _view(eye, forward=forward, away=away[in_view], size=size)
+        views.append((view, in_view))
     return views
 
 
@@ -235,14 +252,16 @@ def _view(eye, forward, away: np.ndarray, size: float) -> PerspectiveView:
     low = tangent.min(0)
     high = tangent.max(0)
     # Two pixels of margin: samples are slightly displaced from their point.
-    count = np.maximum(np.ceil((high - low) / pixel).astype(int), 1) + 4
+    covered_pixels = np.ceil((high - low) / pixel).astype(int)
+    count = np.maximum(covered_pixels, 1) + 4
+    width, height = count
     corner = (low + high) / 2 - count * pixel / 2
     return PerspectiveView(
         frame=frame,
         eye=eye,
         corner=corner,
         pixel=pixel,
-        width=int(count[0]),
-        height=int(count[1]),
+        width=int(width),
+        height=int(height),
         near=_NEAR * farthest,
     )
