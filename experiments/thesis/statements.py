@@ -32,6 +32,7 @@ _MAX_LIST = 4
 _UNITS = {
     "W_m2": "W/m²",
     "J_m2": "J/m²",
+    "K_s": "K/s",
     "percent": "%",
     "bytes": "bytes",
     "deg": "°",
