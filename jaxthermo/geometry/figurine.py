@@ -19,9 +19,14 @@ _Points = tuple[_Field, _Field, _Field]
 # is sufficient for surface extraction.
 def _ellipsoid(points: _Points, centre: _Point, radii: _Point) -> _Field:
     """Distance to an ellipsoid with axes along x, y, z, to first order."""
-    scaled = [(p - c) / r for p, c, r in zip(points, centre, radii, strict=True)]
+    scaled = []
+    gradient = []
+    for coordinate, middle, radius in zip(points, centre, radii, strict=True):
+        component = (coordinate - middle) / radius
+        scaled.append(component)
+        gradient.append(component / radius)
     level = np.sqrt(sum(s**2 for s in scaled))
-    slope = np.sqrt(sum((s / r) ** 2 for s, r in zip(scaled, radii, strict=True)))
+    slope = np.sqrt(sum(g**2 for g in gradient))
     return level * (level - 1.0) / np.maximum(slope, 1e-9)
 
 
@@ -34,7 +39,9 @@ def _capsule(
     dot = sum(o * d for o, d in zip(offset, along, strict=True))
     t = np.clip(dot / float(along @ along), 0.0, 1.0)
     gap = sum((o - t * d) ** 2 for o, d in zip(offset, along, strict=True))
-    return np.sqrt(gap) - (thick[0] + t * (thick[1] - thick[0]))
+    first_radius, last_radius = thick
+    radius = first_radius + t * (last_radius - first_radius)
+    return np.sqrt(gap) - radius
 
 
 def _disc(
@@ -42,10 +49,15 @@ def _disc(
 ) -> _Field:
     """Distance to an upright cylinder whose rims are rounded by `edge`."""
     x, y, z = points
+    middle = 0.5 * (low + high)
+    half_height = 0.5 * (high - low)
     beyond = np.sqrt(x**2 + y**2) - (radius - edge)
-    above = np.abs(z - 0.5 * (low + high)) - (0.5 * (high - low) - edge)
-    outside = np.sqrt(np.maximum(beyond, 0.0) ** 2 + np.maximum(above, 0.0) ** 2)
-    return outside + np.minimum(np.maximum(beyond, above), 0.0) - edge
+    above = np.abs(z - middle) - (half_height - edge)
+    outward = np.maximum(beyond, 0.0)
+    upward = np.maximum(above, 0.0)
+    outside = np.sqrt(outward**2 + upward**2)
+    inside = np.minimum(np.maximum(beyond, above), 0.0)
+    return outside + inside - edge
 
 
 def _smooth_union(a: _Field, b: _Field, blend: float) -> _Field:
@@ -134,18 +146,17 @@ def _body(points: _Points) -> _Field:
     for arm, sleeve in ((right, right_sleeve), (left, left_sleeve)):
         body = _smooth_union(body, arm, 0.03)
         body = _smooth_union(body, sleeve, 0.012)
-    plinth = _smooth_union(
-        _disc(points, low=0.0, high=0.040, radius=0.215, edge=0.012),
-        _disc(points, low=0.02, high=0.074, radius=0.196, edge=0.012),
-        0.006,
-    )
+    foot_plate = _disc(points, low=0.0, high=0.040, radius=0.215, edge=0.012)
+    upper_plate = _disc(points, low=0.02, high=0.074, radius=0.196, edge=0.012)
+    plinth = _smooth_union(foot_plate, upper_plate, blend=0.006)
     body = _smooth_union(body, plinth, 0.008)
     for side in (-1.0, 1.0):
         foot = _ellipsoid(points, (0.052 * side, -0.148, 0.082), (0.032, 0.042, 0.026))
         body = _smooth_union(body, foot, 0.01)
     # Hollow of the casting: the robe without its wall, closed at both ends.
     ends = np.abs(points[2] - 0.385) - 0.275
-    return np.maximum(body, -_smooth_intersection(robe + _WALL, ends, 0.04))
+    hollow = _smooth_intersection(robe + _WALL, ends, blend=0.04)
+    return np.maximum(body, -hollow)
 
 
 def _robe(points: _Points) -> _Field:
@@ -190,15 +201,18 @@ def _head(points: _Points) -> _Field:
     face = _ellipsoid(points, (0.0, -0.088, 0.843), (0.058, 0.070, 0.084))
     hair = _smooth_intersection(hair, -face, 0.008)
     bun = _ellipsoid(points, (0.0, 0.022, 0.976), (0.032, 0.032, 0.026))
-    skull = _smooth_union(_smooth_union(head, jaw, 0.03), nose, 0.012)
-    crown = _smooth_union(hair, bun, 0.012)
-    return _smooth_union(_smooth_union(skull, crown, 0.004), neck, 0.02)
+    face_and_jaw = _smooth_union(head, jaw, blend=0.03)
+    skull = _smooth_union(face_and_jaw, nose, blend=0.012)
+    crown = _smooth_union(hair, bun, blend=0.012)
+    dressed_head = _smooth_union(skull, crown, blend=0.004)
+    return _smooth_union(dressed_head, neck, blend=0.02)
 
 
 def _arm(points: _Points, shoulder: _Point, elbow: _Point, wrist: _Point, hand: _Field):
     upper = _capsule(points, a=shoulder, b=elbow, thick=(0.042, 0.034))
     lower = _capsule(points, a=elbow, b=wrist, thick=(0.034, 0.024))
-    return _smooth_union(_smooth_union(upper, lower, 0.02), hand, 0.015)
+    bare_arm = _smooth_union(upper, lower, blend=0.02)
+    return _smooth_union(bare_arm, hand, blend=0.015)
 
 
 def _sleeve(
@@ -207,20 +221,26 @@ def _sleeve(
     """Thin wavy sheet below the forearm, longer towards the wrist."""
     along = np.subtract(wrist, elbow)[:2]
     length = float(np.hypot(*along))
-    across = (points[0] - elbow[0]) * along[0] + (points[1] - elbow[1]) * along[1]
+    along_x, along_y = along
+    x_from_elbow = points[0] - elbow[0]
+    y_from_elbow = points[1] - elbow[1]
+    across = x_from_elbow * along_x + y_from_elbow * along_y
     u = across / length**2
-    aside = (points[0] - elbow[0]) * along[1] - (points[1] - elbow[1]) * along[0]
-    below = elbow[2] + u * (wrist[2] - elbow[2]) - points[2]
+    aside = x_from_elbow * along_y - y_from_elbow * along_x
+    forearm_height = elbow[2] + u * (wrist[2] - elbow[2])
+    below = forearm_height - points[2]
     # Waves grow downward: cloth is gathered at the top.
-    hang = np.clip(below / drop[1], 0.0, 1.0)
+    drop_at_elbow, drop_at_wrist = drop
+    hang = np.clip(below / drop_at_wrist, 0.0, 1.0)
     wave = 0.012 * hang * np.sin(2.0 * np.pi * 1.3 * u + 0.6)
     sheet = np.abs(aside / length - wave) - 0.0125
-    fall = drop[1] - drop[0]
+    fall = drop_at_wrist - drop_at_elbow
     ramp = np.clip(u, 0.0, 1.0)
-    hem = below - drop[0] - fall * ramp**2 * (3.0 - 2.0 * ramp)
+    hem = below - drop_at_elbow - fall * ramp**2 * (3.0 - 2.0 * ramp)
     # Divided by its slope, or the extracted hem would have steps.
     slope = 6.0 * ramp * (1.0 - ramp) * fall / length
     hem = hem / np.sqrt(1.0 + slope**2)
     ends = (np.abs(u - 0.5) - 0.5) * length
-    outline = _smooth_intersection(_smooth_intersection(hem, ends, 0.07), -below, 0.02)
-    return _smooth_intersection(sheet, outline, 0.012)
+    hemmed = _smooth_intersection(hem, ends, blend=0.07)
+    outline = _smooth_intersection(hemmed, -below, blend=0.02)
+    return _smooth_intersection(sheet, outline, blend=0.012)

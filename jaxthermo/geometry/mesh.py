@@ -155,8 +155,11 @@ def winding_number(
     a, b, c = np.moveaxis(triangles - point, 1, 0)
     la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
     triple = (a * np.cross(b, c)).sum(1)
-    base = la * lb * lc + (a * b).sum(1) * lc + (b * c).sum(1) * la
-    base += (c * a).sum(1) * lb
+    ab = (a * b).sum(1)
+    bc = (b * c).sum(1)
+    ca = (c * a).sum(1)
+    base = la * lb * lc + ab * lc + bc * la
+    base += ca * lb
     # arctan2 gives half the solid angle, with its sign and beyond pi / 2.
     return float(np.arctan2(triple, base).sum() / (2.0 * np.pi))
 
@@ -171,7 +174,8 @@ def describe_mesh(mesh: Mesh) -> dict:
     labels = part_labels(mesh.faces)
     part_count = int(labels.max(initial=-1)) + 1
     closed = is_closed(edges_of(mesh.faces), labels, part_count)
-    cavities = int((closed & (part_volumes(mesh, labels, part_count) < 0.0)).sum())
+    inward = part_volumes(mesh, labels=labels, count=part_count) < 0.0
+    cavities = int((closed & inward).sum())
     return {
         "name": mesh.name,
         "vertices": len(mesh.vertices),
@@ -250,7 +254,8 @@ def part_labels(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "f"]:
     _, first = np.unique(edges.edge, return_index=True)
     links = np.stack([np.arange(len(edges.edge)), first[edges.edge]], 1) // 3
     roots = connected_labels(len(faces), links)
-    return np.unique(roots, return_inverse=True)[1].astype(np.int64)
+    _, labels = np.unique(roots, return_inverse=True)
+    return labels.astype(np.int64)
 
 
 def connected_labels(
@@ -260,8 +265,9 @@ def connected_labels(
     # Truth values, since a link may occur often: sums of its numbers could wrap to 0.
     linked = np.ones(len(links), bool)
     graph = coo_array((linked, tuple(links.T)), shape=(count, count))
-    component = connected_components(graph, directed=False)[1]
-    return np.unique(component, return_index=True)[1][component]
+    _, component = connected_components(graph, directed=False)
+    _, lowest_node = np.unique(component, return_index=True)
+    return lowest_node[component]
 
 
 def is_closed(

@@ -40,8 +40,9 @@ def refine_edges(
     """
     parent = np.arange(len(faces))
     while True:
-        ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1)
-        along = vertices[ends[..., 1], :3] - vertices[ends[..., 0], :3]
+        next_corners = np.roll(faces, -1, axis=1)
+        ends = np.stack([faces, next_corners], axis=-1)
+        along = vertices[next_corners, :3] - vertices[faces, :3]
         cut = np.einsum("fei,fei->fe", along, along) > longest**2
         if not cut.any():
             return _RefinedMesh(vertices=vertices, faces=faces, parent=parent)
@@ -50,7 +51,8 @@ def refine_edges(
         edges, number = np.unique(pairs, axis=0, return_inverse=True)
         middle = np.full(cut.shape, -1)
         middle[cut] = len(vertices) + number.ravel()
-        vertices = np.concatenate([vertices, vertices[edges].mean(axis=1)])
+        edge_middles = vertices[edges].mean(axis=1)
+        vertices = np.concatenate([vertices, edge_middles])
         faces, parent = _cut_faces(faces, middle, parent)
 
 
@@ -68,7 +70,8 @@ def _cut_faces(
         # A single cut edge comes first; a single uncut edge comes last.
         first = np.argmax(cut[refined], axis=1)
         if number == 2:
-            first = (np.argmin(cut[refined], axis=1) + 1) % 3
+            uncut = np.argmin(cut[refined], axis=1)
+            first = (uncut + 1) % 3
         turned = (first[:, None] + np.arange(3)) % 3
         corners = np.take_along_axis(faces[refined], turned, axis=1)
         middles = np.take_along_axis(middle[refined], turned, axis=1)

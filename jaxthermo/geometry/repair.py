@@ -148,9 +148,11 @@ def _outward_winding(mesh: Mesh) -> Int[np.ndarray, "f 3"]:
     labels = part_labels(mesh.faces)
     part_count = int(labels.max(initial=-1)) + 1
     volumes = part_volumes(mesh, labels, part_count)
-    areas = np.bincount(labels, np.linalg.norm(mesh.area_vectors, axis=1), part_count)
+    face_areas = np.linalg.norm(mesh.area_vectors, axis=1)
+    areas = np.bincount(labels, weights=face_areas, minlength=part_count)
     closed = is_closed(edges_of(mesh.faces), labels, part_count)
-    inward = volumes < -np.where(closed, 0.0, _MIN_COMPACTNESS) * areas**1.5
+    min_compactness = np.where(closed, 0.0, _MIN_COMPACTNESS)
+    inward = volumes < -min_compactness * areas**1.5
     if not inward.any():
         return mesh.faces
     triangles = mesh.triangles
@@ -159,12 +161,14 @@ def _outward_winding(mesh: Mesh) -> Int[np.ndarray, "f 3"]:
     upper = np.full((part_count, 3), -np.inf)
     np.minimum.at(lower, labels, triangles.min(1))
     np.maximum.at(upper, labels, triangles.max(1))
-    for outer in np.argsort(-np.prod(upper - lower, axis=1), kind="stable"):
+    box_volumes = np.prod(upper - lower, axis=1)
+    for outer in np.argsort(-box_volumes, kind="stable"):
         if outermost[outer] != outer:
             continue
         boxed = (lower > lower[outer]).all(1) & (upper < upper[outer]).all(1)
         # The costly winding number is needed only where it would change the result.
-        boxed &= (outermost == np.arange(part_count)) & (inward != inward[outer])
+        is_outermost = outermost == np.arange(part_count)
+        boxed &= is_outermost & (inward != inward[outer])
         surface = triangles[labels == outer] if boxed.any() else triangles[:0]
         for inner in np.flatnonzero(boxed):
             point = triangles[np.argmax(labels == inner)].mean(0)
@@ -189,7 +193,8 @@ def _fill_small_holes(mesh: Mesh, max_edges: int) -> tuple[Mesh, int]:
     if not loops:
         return mesh, 0
     labels = part_labels(mesh.faces)
-    areas = np.bincount(labels, np.linalg.norm(mesh.area_vectors, axis=1))
+    face_areas = np.linalg.norm(mesh.area_vectors, axis=1)
+    areas = np.bincount(labels, weights=face_areas)
     limit = np.zeros(len(mesh.vertices))
     limit[mesh.faces] = _MAX_HOLE_AREA * areas[labels][:, None]
     edges = edges_of(mesh.faces)
@@ -204,8 +209,9 @@ def _fill_small_holes(mesh: Mesh, max_edges: int) -> tuple[Mesh, int]:
         )
         if fan is not None:
             fans.append(fan)
-            rim = np.roll(fan, -1, axis=1).reshape(-1)
-            used_edges.update(zip(fan.reshape(-1).tolist(), rim.tolist(), strict=True))
+            tails = fan.reshape(-1).tolist()
+            heads = np.roll(fan, -1, axis=1).reshape(-1).tolist()
+            used_edges.update(zip(tails, heads, strict=True))
     if not fans:
         return mesh, 0
     return replace(mesh, faces=np.concatenate([mesh.faces, *fans])), len(fans)
@@ -262,7 +268,8 @@ def _best_fan(
             continue
         fan = np.array([(ring[0], *side) for side in pairwise(ring[1:])])
         a, b, c = np.moveaxis(vertices[fan], 1, 0)
-        area = float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+        doubled_areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        area = float(0.5 * doubled_areas.sum())
         if area < best_area:
             best = fan
             best_area = area

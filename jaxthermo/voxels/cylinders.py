@@ -75,10 +75,12 @@ class Cylinder:
         offset = points - np.asarray(self.axis_point, float)
         along = offset @ self.direction
         across = np.linalg.norm(offset - along[:, None] * self.direction, axis=1)
+        half_length = np.inf if self.length is None else self.length / 2
         radial = across - self.diameter / 2
-        beyond = np.abs(along) - (np.inf if self.length is None else self.length / 2)
+        beyond = np.abs(along) - half_length
         outside = np.hypot(np.maximum(radial, 0), np.maximum(beyond, 0))
-        return outside + np.minimum(np.maximum(radial, beyond), 0)
+        inside = np.minimum(np.maximum(radial, beyond), 0)
+        return outside + inside
 
 
 class CylinderParts(NamedTuple):
@@ -181,10 +183,8 @@ class _Blocks:
 def _blocks(grid: VoxelGrid) -> _Blocks:
     factor = -(-max(grid.solid.shape) // _MAX_BLOCKS)
     shape = np.array([-(-n // factor) for n in grid.solid.shape])
-    padded = np.pad(
-        grid.solid,
-        [(0, b * factor - n) for b, n in zip(shape, grid.solid.shape, strict=True)],
-    )
+    missing = shape * factor - np.array(grid.solid.shape)
+    padded = np.pad(grid.solid, [(0, int(n)) for n in missing])
     split = padded.reshape(np.stack([shape, np.full(3, factor)], 1).reshape(-1))
     count = split.sum((1, 3, 5))
     cells = np.argwhere(count > 0)
@@ -211,8 +211,10 @@ def _main_axis(
     equal = moments >= _EQUAL_MOMENTS * moments[-1]
     axis = axes[:, 0] if equal.tolist() == [False, True, True] else axes[:, -1]
     axis = axes @ axes[2] if equal.all() else axis
-    ratio = moments[-1] / max(moments[-2], np.finfo(float).tiny)
-    return axis * np.sign(axis[np.abs(axis).argmax()]), float(ratio)
+    second_moment = max(moments[-2], np.finfo(float).tiny)
+    ratio = moments[-1] / second_moment
+    largest_component = axis[np.abs(axis).argmax()]
+    return axis * np.sign(largest_component), float(ratio)
 
 
 # Every snapshot of a moving body needs its parts, which do not change.
@@ -235,13 +237,15 @@ def _decomposed(grid: VoxelGrid) -> CylinderParts:
     axis = np.eye(3)[main] if np.abs(axis[main]) >= _ALIGNED else axis
     slab = _slabs(blocks, axis)
     piece, touching = _pieces(blocks, slab)
-    part_number = _join(piece, slab=slab, volume=blocks.volume, touching=touching)[
-        piece
-    ]
+    part_of_piece = _join(piece, slab=slab, volume=blocks.volume, touching=touching)
+    part_number = part_of_piece[piece]
+    part_count = part_number.max() + 1
     fitted = [
-        _fitted(blocks, part_number == p, axis) for p in range(part_number.max() + 1)
+        _fitted(blocks, selected=part_number == number, axis=axis)
+        for number in range(part_count)
     ]
-    significant = _significant(fitted, np.bincount(part_number, blocks.volume))
+    volume = np.bincount(part_number, weights=blocks.volume)
+    significant = _significant(fitted, volume)
     cylinders = [fitted[p] for p in significant]
     number = np.full(len(fitted), -1)
     number[significant] = np.arange(len(significant))
@@ -279,9 +283,11 @@ def _extent(
 
 def _slabs(blocks: _Blocks, axis: Float[np.ndarray, "3"]) -> Int[np.ndarray, " n"]:
     low, length = _extent(blocks, np.ones(len(blocks.volume), bool), axis)
-    count = max(1, min(_MAX_SLABS, int(length / (2 * blocks.edge) + 1e-6)))
+    thinnest_slabs = int(length / (2 * blocks.edge) + 1e-6)
+    count = max(1, min(_MAX_SLABS, thinnest_slabs))
     fraction = (blocks.centre @ axis - low) / length
-    return np.clip((fraction * count + 1e-9).astype(np.int64), 0, count - 1)
+    slab = (fraction * count + 1e-9).astype(np.int64)
+    return np.clip(slab, 0, count - 1)
 
 
 def _pieces(
@@ -298,8 +304,10 @@ def _pieces(
         above = layered[1:]
         differ = (below > 0) & (above > 0) & (below != above)
         pairs.append(np.stack([below[differ], above[differ]], axis=1))
-    touching = np.unique(np.sort(np.concatenate(pairs), axis=1), axis=0)
-    return label[blocks.occupied] - 1, touching - 1
+    ordered_pairs = np.sort(np.concatenate(pairs), axis=1)
+    touching = np.unique(ordered_pairs, axis=0)
+    piece = label[blocks.occupied] - 1
+    return piece, touching - 1
 
 
 def _join(
@@ -342,7 +350,8 @@ def _join(
             neighbours[neighbour] = (neighbours[neighbour] - {b}) | {a}
             pair = (min(a, neighbour), max(a, neighbour))
             pairs[pair] = dissimilarity(pair)
-    return np.unique(part_of_piece, return_inverse=True)[1].reshape(-1)
+    _, part_number = np.unique(part_of_piece, return_inverse=True)
+    return part_number.reshape(-1)
 
 
 def _fitted(

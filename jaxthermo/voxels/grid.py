@@ -207,7 +207,8 @@ class VoxelGrid:
         cells = self.lattice.to_cells(points)
         inside = (cells >= 0) & (cells < self.solid.shape)
         is_solid: Any = inside.all(1)
-        is_solid[is_solid] = self.solid[tuple(np.floor(cells[is_solid]).astype(int).T)]
+        voxels = np.floor(cells[is_solid]).astype(int)
+        is_solid[is_solid] = self.solid[tuple(voxels.T)]
         return is_solid
 
 
@@ -215,13 +216,16 @@ def _cavity_area(mesh: Mesh) -> float:
     """Area of the parts that point inward [m^2]; 0 for an open mesh."""
     # Parts by shared vertices, which needs no list of edges: most meshes are one part.
     links = np.concatenate([mesh.faces[:, :2], mesh.faces[:, 1:]])
-    roots = connected_labels(len(mesh.vertices), links)[mesh.faces[:, 0]]
+    root_of_vertex = connected_labels(len(mesh.vertices), links)
+    roots = root_of_vertex[mesh.faces[:, 0]]
     part_roots, labels = np.unique(roots, return_inverse=True)
+    labels = labels.reshape(-1)
     if len(part_roots) < 2 or not mesh.is_watertight:
         return 0.0
-    inward = part_volumes(mesh, labels.reshape(-1), len(part_roots)) < 0.0
+    inward = part_volumes(mesh, labels=labels, count=len(part_roots)) < 0.0
     area = np.linalg.norm(mesh.area_vectors, axis=1)
-    return float(area[inward[labels.reshape(-1)]].sum())
+    is_cavity = inward[labels]
+    return float(area[is_cavity].sum())
 
 
 def voxel_report(grid: VoxelGrid) -> dict[str, Any]:

@@ -31,6 +31,7 @@ def layer_images(grid: VoxelGrid) -> dict[str, list[UInt8[np.ndarray, "h w 3"]]]
     fragment_colours = normal_colours(grid.fragment_normal)
     images = {}
     for axis, layers in enumerate(peel_axes(grid.mesh, grid.lattice)):
+        axis_name = "xyz"[axis]
         depth = np.clip(layers.depth / grid.lattice.shape[axis], 0, 1)
         paints = {
             "depth": depth_colours(depth),
@@ -38,11 +39,16 @@ def layer_images(grid: VoxelGrid) -> dict[str, list[UInt8[np.ndarray, "h w 3"]]]
             "dominant": AXIS_COLOURS[dominant[layers.triangle]],
         }
         for quantity, colours in paints.items():
-            images[f"{'xyz'[axis]}_{quantity}"] = [
-                _upright(layers.image(k, colours, _BACKGROUND), axis)
-                for k in range(layers.count)
+            painted = [
+                layers.image(layer, values=colours, background=_BACKGROUND)
+                for layer in range(layers.count)
             ]
-        images[f"{'xyz'[axis]}_packed"] = packed_images(grid, axis, fragment_colours)
+            images[f"{axis_name}_{quantity}"] = [
+                _upright(image, axis) for image in painted
+            ]
+        images[f"{axis_name}_packed"] = packed_images(
+            grid, axis=axis, colours=fragment_colours
+        )
     return images
 
 
@@ -51,7 +57,8 @@ def packed_images(
 ) -> list[UInt8[np.ndarray, "h w 3"]]:
     """Draw the surface fragments of an axis, packed forwards, in given colours."""
     on_axis = grid.is_packed(axis)
-    cell = np.floor(grid.lattice.to_cells(grid.fragment_position[on_axis])).astype(int)
+    position = grid.lattice.to_cells(grid.fragment_position[on_axis])
+    cell = np.floor(position).astype(int)
     rank = grid.fragment_layer[on_axis, 1]
     row_axis, column_axis = pixel_axes(axis)
     height = grid.lattice.shape[row_axis]
@@ -66,7 +73,9 @@ def _upright(image: UInt8[np.ndarray, "h w 3"], axis: int) -> np.ndarray:
     """Rotate and mirror a raster image so that up is at the top."""
     # Along y the raster has z in its columns; along x and z, right is against the
     # column axis.
-    return image.transpose(1, 0, 2)[::-1] if axis == 1 else image[::-1, ::-1]
+    if axis == 1:
+        return image.transpose(1, 0, 2)[::-1]
+    return image[::-1, ::-1]
 
 
 def normal_colours(normal: Float[np.ndarray, "k 3"]) -> UInt8[np.ndarray, "k 3"]:
