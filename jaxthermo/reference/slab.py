@@ -28,7 +28,8 @@ def _eigenvalues(biot: Scalar, terms: int = _TERMS) -> Float[np.ndarray, "m"]:
     turn = np.where(np.arange(terms) % 2 == 0, 1.0, -1.0)
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        above = turn * (middle * np.sin(middle) - ratio * np.cos(middle)) > 0.0
+        excess = middle * np.sin(middle) - ratio * np.cos(middle)
+        above = turn * excess > 0.0
         low = np.where(above, low, middle)
         high = np.where(above, middle, high)
     return 0.5 * (low + high)
@@ -53,7 +54,8 @@ def slab_convection(
     z = _eigenvalues(biot, terms)
     x = host(position)[..., None]
     decay = np.exp(-z * z * host(fourier)[..., None])
-    return np.asarray(np.sum(_weights(z) * decay * np.cos(z * x), axis=-1))
+    terms_of_series = _weights(z) * decay * np.cos(z * x)
+    return np.asarray(np.sum(terms_of_series, axis=-1))
 
 
 def slab_convection_mean(
@@ -67,7 +69,8 @@ def slab_convection_mean(
     """
     z = _eigenvalues(biot, terms)
     decay = np.exp(-z * z * host(fourier)[..., None])
-    return np.asarray(np.sum(_weights(z) * decay * np.sin(z) / z, axis=-1))
+    terms_of_series = _weights(z) * decay * np.sin(z) / z
+    return np.asarray(np.sum(terms_of_series, axis=-1))
 
 
 def sine_rate(diffusivity: Scalar, length: Scalar, mode: int = 1) -> float:
@@ -75,7 +78,8 @@ def sine_rate(diffusivity: Scalar, length: Scalar, mode: int = 1) -> float:
 
     lambda = alpha (m pi / L)^2, alpha [m^2/s], L [m]. Source: Carslaw and Jaeger, 3.3.
     """
-    return float(diffusivity) * (mode * math.pi / float(length)) ** 2
+    wave_number = mode * math.pi / float(length)
+    return float(diffusivity) * wave_number**2
 
 
 def sine_rate_of_cells(

@@ -21,10 +21,14 @@ def parallel_rectangles(width: Scalar, length: Scalar, gap: Scalar) -> float:
     y = float(length) / float(gap)
     p = np.sqrt(1 + x * x)
     q = np.sqrt(1 + y * y)
-    corners = np.log(p * q / np.sqrt(1 + x * x + y * y))
-    sides = x * q * np.arctan(x / q) + y * p * np.arctan(y / p)
-    ends = x * np.arctan(x) + y * np.arctan(y)
-    return float(2 / (np.pi * x * y) * (corners + sides - ends))
+    diagonal = np.sqrt(1 + x * x + y * y)
+    corners = np.log(p * q / diagonal)
+    sides = x * q * np.arctan(x / q)
+    sides += y * p * np.arctan(y / p)
+    ends = x * np.arctan(x)
+    ends += y * np.arctan(y)
+    scale = 2 / (np.pi * x * y)
+    return float(scale * (corners + sides - ends))
 
 
 def perpendicular_rectangles(shared: Scalar, height: Scalar, width: Scalar) -> float:
@@ -51,7 +55,8 @@ def coaxial_discs(first: Scalar, second: Scalar, gap: Scalar) -> float:
     b = float(second) / float(gap)
     # The smaller root: a view factor is at most 1.
     s = 1 + (1 + b * b) / (a * a)
-    return float((s - np.sqrt(s * s - 4 * (b / a) ** 2)) / 2)
+    discriminant = s * s - 4 * (b / a) ** 2
+    return float((s - np.sqrt(discriminant)) / 2)
 
 
 def element_to_disc(radius: Scalar, gap: Scalar) -> float:
@@ -66,7 +71,9 @@ def element_to_rectangle(width: Scalar, length: Scalar, gap: Scalar) -> float:
     y = float(length) / float(gap)
     p = np.sqrt(1 + x * x)
     q = np.sqrt(1 + y * y)
-    return float((x / p * np.arctan(y / p) + y / q * np.arctan(x / q)) / (2 * np.pi))
+    angles = x / p * np.arctan(y / p)
+    angles += y / q * np.arctan(x / q)
+    return float(angles / (2 * np.pi))
 
 
 def element_to_strip(width: Scalar, gap: Scalar) -> float:
@@ -94,7 +101,9 @@ def _unit_interval(count: int) -> tuple[np.ndarray, np.ndarray]:
     node, weight = np.polynomial.legendre.leggauss(count)
     t = (node + 1) / 2
     w = weight / 2
-    return t * t * t * (10 - 15 * t + 6 * t * t), 30 * w * t * t * (1 - t) ** 2
+    refined_node = t * t * t * (10 - 15 * t + 6 * t * t)
+    refined_weight = 30 * w * t * t * (1 - t) ** 2
+    return refined_node, refined_weight
 
 
 def rectangle_rule(
@@ -109,10 +118,14 @@ def rectangle_rule(
     """
     t, w = _unit_interval(count)
     across = np.cross(first, second)
-    a, b = (x.reshape(-1, 1) for x in np.meshgrid(t, t, indexing="ij"))
-    weight = np.outer(w, w).reshape(-1) * np.linalg.norm(across)
-    normal = np.broadcast_to(unit_vector(across), (len(weight), 3))
-    return _Rule(corner + a * first + b * second, normal, weight)
+    rows, columns = np.meshgrid(t, t, indexing="ij")
+    a = rows.reshape(-1, 1)
+    b = columns.reshape(-1, 1)
+    area = np.linalg.norm(across)
+    weight = np.outer(w, w).reshape(-1) * area
+    position = corner + a * first + b * second
+    normal = np.broadcast_to(unit_vector(across), position.shape)
+    return _Rule(position=position, normal=normal, weight=weight)
 
 
 def disc_rule(
@@ -124,11 +137,14 @@ def disc_rule(
     turn = 2 * np.pi * np.arange(2 * count) / (2 * count)
     ring = radius * (node + 1) / 2
     right, down, front = view_frame(normal)
-    around = np.cos(turn)[:, None] * right + np.sin(turn)[:, None] * down
-    position = centre + (ring[:, None, None] * around).reshape(-1, 3)
-    area = np.pi * radius / (2 * count) * weight * ring
-    area = np.repeat(area, 2 * count)
-    return _Rule(position, np.broadcast_to(front, position.shape), area)
+    around = np.cos(turn)[:, None] * right
+    around += np.sin(turn)[:, None] * down
+    offset = ring[:, None, None] * around
+    position = centre + offset.reshape(-1, 3)
+    point_area = np.pi * radius / (2 * count) * weight * ring
+    area = np.repeat(point_area, 2 * count)
+    normal = np.broadcast_to(front, position.shape)
+    return _Rule(position=position, normal=normal, weight=area)
 
 
 def view_factor(first: _Rule, second: _Rule) -> float:
@@ -142,7 +158,8 @@ def view_factor(first: _Rule, second: _Rule) -> float:
     leaves = np.einsum("ijk,ik->ij", gap, first.normal).clip(0)
     meets = -np.einsum("ijk,jk->ij", gap, second.normal).clip(None, 0)
     kernel = leaves * meets / (np.pi * square * square)
-    return float(first.weight @ kernel @ second.weight / first.weight.sum())
+    area = first.weight.sum()
+    return float(first.weight @ kernel @ second.weight / area)
 
 
 def view_factor_to_polygon(first: _Rule, corners: Float[np.ndarray, "c 3"]) -> float:
@@ -151,4 +168,5 @@ def view_factor_to_polygon(first: _Rule, corners: Float[np.ndarray, "c 3"]) -> f
     The inner integral is exact. Corners are counter-clockwise seen from the front [m].
     """
     seen = polygon_view_factor(first.position, first.normal, corners)
-    return float(first.weight @ seen / first.weight.sum())
+    area = first.weight.sum()
+    return float(first.weight @ seen / area)
