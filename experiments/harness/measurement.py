@@ -6,9 +6,9 @@ that saw the same state of the machine.
 
 import csv
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 
@@ -36,6 +36,7 @@ def time_unit(seconds: float) -> tuple[str, float]:
 
 Spread = tuple[float, float, float]
 """Median, lowest and highest value."""
+_NO_SPREAD = (None, None, None)
 
 
 class _Shown(NamedTuple):
@@ -46,6 +47,41 @@ class _Shown(NamedTuple):
     """Median and range."""
     peer: str
     """Median and range of the peer; empty without one."""
+
+
+class PlainMeasurement(TypedDict):
+    """The fields of a measurement, as `result.json` has them."""
+
+    name: str
+    unit: str
+    ours: list[float]
+    peer_name: str
+    peer: list[float]
+    bound: float | None
+    overhead: bool
+    note: str
+
+
+class MeasurementRow(TypedDict):
+    """A summary of a measurement, in the order of the columns of a CSV file."""
+
+    name: str
+    unit: str
+    ours_median: float
+    ours_low: float
+    ours_high: float
+    peer: str
+    """Name of the peer."""
+    peer_median: float | None
+    peer_low: float | None
+    peer_high: float | None
+    ratio_median: float | None
+    ratio_low: float | None
+    ratio_high: float | None
+    ratio_of: str
+    asked: str
+    met: bool | None
+    note: str
 
 
 @dataclass(frozen=True)
@@ -75,7 +111,7 @@ class Measurement:
             return None
         pair = (self.ours, self.peer) if self.overhead else (self.peer, self.ours)
         median, low, high = ratio_of(*pair)
-        return median, low, high
+        return float(median), float(low), float(high)
 
     @property
     def met(self) -> bool | None:
@@ -118,42 +154,53 @@ class Measurement:
         )
         return _Shown(unit=unit, ours=ours, peer=peer)
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> PlainMeasurement:
         """Plain values, for `result.json`; `measurement_of` reads them."""
-        plain = asdict(self)
-        plain["ours"] = [float(value) for value in self.ours]
-        plain["peer"] = [float(value) for value in self.peer]
-        return plain
+        return PlainMeasurement(
+            name=self.name,
+            unit=self.unit,
+            ours=[float(value) for value in self.ours],
+            peer_name=self.peer_name,
+            peer=[float(value) for value in self.peer],
+            bound=self.bound,
+            overhead=self.overhead,
+            note=self.note,
+        )
 
-    def as_row(self) -> dict[str, Any]:
+    def as_row(self) -> MeasurementRow:
         """A summary, for a line of a CSV file."""
-        spreads = {
-            "ours": _spread(self.ours),
-            "peer": _spread(self.peer) if len(self.peer) else None,
-            "ratio": self.ratio,
-        }
-        row: dict[str, Any] = {"name": self.name, "unit": self.unit}
-        for side, spread in spreads.items():
-            if side == "peer":
-                row["peer"] = self.peer_name
-            for index, name in enumerate(("median", "low", "high")):
-                row[f"{side}_{name}"] = None if spread is None else float(spread[index])
+        has_peer = len(self.peer) > 0
+        ours_median, ours_low, ours_high = _spread(self.ours)
+        peer_spread = _spread(self.peer) if has_peer else _NO_SPREAD
+        peer_median, peer_low, peer_high = peer_spread
+        ratio_median, ratio_low, ratio_high = self.ratio or _NO_SPREAD
         direction = "ours / peer" if self.overhead else "peer / ours"
-        return {
-            **row,
-            "ratio_of": direction if len(self.peer) else "",
-            "asked": self.asked,
-            "met": self.met,
-            "note": self.note,
-        }
+        return MeasurementRow(
+            name=self.name,
+            unit=self.unit,
+            ours_median=ours_median,
+            ours_low=ours_low,
+            ours_high=ours_high,
+            peer=self.peer_name,
+            peer_median=peer_median,
+            peer_low=peer_low,
+            peer_high=peer_high,
+            ratio_median=ratio_median,
+            ratio_low=ratio_low,
+            ratio_high=ratio_high,
+            ratio_of=direction if has_peer else "",
+            asked=self.asked,
+            met=self.met,
+            note=self.note,
+        )
 
 
-def measurement_of(plain: dict[str, Any]) -> Measurement:
+def measurement_of(plain: PlainMeasurement) -> Measurement:
     """The measurement that `as_dict` wrote."""
     return Measurement(**plain)
 
 
-def plain_rows(rows: Iterable[Measurement]) -> list[dict[str, Any]]:
+def plain_rows(rows: Iterable[Measurement]) -> list[PlainMeasurement]:
     """Measurements for the result of a benchmark, under the key "measurements"."""
     return [row.as_dict() for row in rows]
 
@@ -322,12 +369,32 @@ def _write_csv(path: Path, benchmarks: Sequence[Finished]) -> None:
         writer.writerows(rows)
 
 
-def plain_table(benchmarks: Sequence[Finished]) -> list[dict[str, Any]]:
+class _BenchmarkRow(TypedDict):
+    """The first columns of every row."""
+
+    benchmark: str
+    command: str
+
+
+class MeasuredRow(_BenchmarkRow, MeasurementRow):
+    """A measurement of a benchmark."""
+
+
+class FailedRow(_BenchmarkRow):
+    """A benchmark without measurements."""
+
+    error: str
+
+
+def plain_table(benchmarks: Sequence[Finished]) -> list[MeasuredRow | FailedRow]:
     """A mapping for each measurement, and one for each benchmark without any."""
-    rows = []
+    rows: list[MeasuredRow | FailedRow] = []
     for benchmark in benchmarks:
-        names = {"benchmark": benchmark.name, "command": benchmark.command}
-        rows += [{**names, **row.as_row()} for row in benchmark.rows]
+        names = _BenchmarkRow(benchmark=benchmark.name, command=benchmark.command)
+        for measurement in benchmark.rows:
+            row: MeasuredRow = {**names, **measurement.as_row()}
+            rows.append(row)
         if benchmark.error:
-            rows.append({**names, "error": benchmark.error})
+            failed: FailedRow = {**names, "error": benchmark.error}
+            rows.append(failed)
     return rows

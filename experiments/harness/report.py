@@ -5,7 +5,7 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict
 
 from jaxthermo.console.terminal import open_console
 from jaxthermo.errors import InputError
@@ -268,13 +268,49 @@ def _with_thousands(count: int | None) -> str:
     return "" if count is None else f"{count:,}"
 
 
+class CaseResult(TypedDict):
+    """A case with its outcome, in types that JSON has."""
+
+    id: str
+    group: str
+    title: str
+    source: str
+    requirement: str
+    method: str
+    verdict: str
+    took_s: float
+    rows: list[dict[str, Any]]
+    """Each row has only the fields that say something of it."""
+
+
+class _NotCovered(TypedDict):
+    """A published case that is not computed."""
+
+    id: str
+    reason: str
+
+
+class CasesResult(TypedDict):
+    """The outcomes of all cases."""
+
+    passed: list[str]
+    failed: list[str]
+    reported: list[str]
+    verdicts: dict[str, int]
+    """Number of rows by verdict."""
+    cases: list[CaseResult]
+    not_covered: list[_NotCovered]
+    took_s: float
+    files: list[str]
+
+
 def run_cases(
     groups: Sequence[Group],
     names: str | None,
     folder: Path,
     texts: PageTexts,
     at_once: int = 1,
-) -> dict[str, Any]:
+) -> CasesResult:
     """Run cases, all or those whose ids begin with one of the names ("V21,A1").
 
     Prints a table of each group and writes `report.html`. `at_once` cases run at the
@@ -301,18 +337,24 @@ def run_cases(
     console.print(summary(outcomes), soft_wrap=False)
     took = time.perf_counter() - begin
     write_report(results, path=folder / "report.html", texts=texts, took=took)
-    rows = [row.verdict for outcome in outcomes for row in outcome.rows]
+    row_verdicts = [row.verdict for outcome in outcomes for row in outcome.rows]
+    not_covered: list[_NotCovered] = [
+        {"id": name, "reason": reason} for name, reason in texts.not_covered
+    ]
     return {
         "passed": _ids_of(outcomes, PASS),
         "failed": _ids_of(outcomes, FAIL),
         "reported": _ids_of(outcomes, REPORTED),
-        "verdicts": {v: rows.count(v) for v in (PASS, REFUSED, REPORTED, FAIL)},
+        "verdicts": {
+            verdict: row_verdicts.count(verdict)
+            for verdict in (PASS, REFUSED, REPORTED, FAIL)
+        },
         "cases": [
             _plain(outcome, group.title)
             for group, of_group in results
             for outcome in of_group
         ],
-        "not_covered": [{"id": n, "reason": why} for n, why in texts.not_covered],
+        "not_covered": not_covered,
         "took_s": round(took, 1),
         "files": ["report.html"],
     }
@@ -342,7 +384,7 @@ def _is_named(case: Case, names: list[str]) -> bool:
     return any(id_.startswith(name) for id_ in ids for name in names)
 
 
-def _plain(outcome: Outcome, group: str) -> dict[str, Any]:
+def _plain(outcome: Outcome, group: str) -> CaseResult:
     case = outcome.case
     return {
         "id": case.id,

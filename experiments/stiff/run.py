@@ -1,10 +1,9 @@
 """`experiments run stiff`: stiff and extreme cases through every solver."""
 
 from pathlib import Path
-from typing import Any
 
 from ..harness.case import Group
-from ..harness.report import PageTexts, run_cases
+from ..harness.report import CasesResult, PageTexts, run_cases
 from . import contrasts, extremes, inputs, radiation
 
 
@@ -27,7 +26,7 @@ _PAGE = PageTexts(
 )
 
 
-def run(folder: Path, cases: str | None = None) -> dict[str, Any]:
+def run(folder: Path, cases: str | None = None) -> CasesResult:
     """Run the cases whose ids begin so, such as "S01,V21", or all; write the page."""
     groups = (Group("Stiff and extreme cases", _CASES),)
     return run_cases(groups, cases, folder, _PAGE)

@@ -63,14 +63,13 @@ def shaded(
         facing = np.abs(vectors @ fine.frame[2]) / np.linalg.norm(vectors, axis=1)
         light = _DARKEST + (1 - _DARKEST) * facing
         colours[seen.pixel[samples]] = np.rint(light[:, None] * np.array(colour))
-    shape = (fine.height, fine.width)
     is_body = np.zeros(fine.height * fine.width, bool)
     is_body[seen.pixel] = True
     # A pixel is of the body if any of its samples is.
     blocks = is_body.reshape(camera.height, _SAMPLES, camera.width, _SAMPLES)
-    return averaged(colours.reshape(*shape, 3), _SAMPLES), np.asarray(
-        blocks.any(axis=(1, 3))
-    )
+    samples_of_rows = colours.reshape(fine.height, fine.width, 3)
+    picture = averaged(samples_of_rows, _SAMPLES)
+    return picture, np.asarray(blocks.any(axis=(1, 3)))
 
 
 def blended(

@@ -1,10 +1,9 @@
 """`experiments run verification`: every published case that can be expressed here."""
 
 from pathlib import Path
-from typing import Any
 
 from ..harness.case import Case, Group
-from ..harness.report import PageTexts, run_cases
+from ..harness.report import CasesResult, PageTexts, run_cases
 from . import bars, contacts, radiation, round_and_square, steady_bodies, walls
 
 
@@ -43,7 +42,7 @@ _PAGE = PageTexts(
 _AT_ONCE = 2
 
 
-def run(folder: Path, cases: str | None = None) -> dict[str, Any]:
+def run(folder: Path, cases: str | None = None) -> CasesResult:
     """Run the cases whose ids begin so, such as "S01,V21", or all; write the page."""
     return run_cases(_GROUPS, names=cases, folder=folder, texts=_PAGE, at_once=_AT_ONCE)
 

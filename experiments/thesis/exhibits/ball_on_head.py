@@ -165,9 +165,10 @@ def _textures(run: _BallOnHead) -> Image.Image:
     voxelized = "voxelized texture of the head"
     conduction = "conduction texture T_Head"
     at_start = run.celsius(HEAD, 0)
-    limits = (float(at_start.min()), float(run.celsius(BALL, 0).max()))
+    low = float(at_start.min())
+    high = float(run.celsius(BALL, 0).max())
     tiles = [
-        Tile(_texture(run.head, values, limits), f"{letter} {name}", note)
+        Tile(_texture(run.head, values, (low, high)), f"{letter} {name}", note)
         for letter, name, values, note in (
             ("(a)", voxelized, at_start, "0 s"),
             ("(b)", conduction, run.conduction_texture(0), "of the ball, 0 s"),
@@ -176,7 +177,7 @@ def _textures(run: _BallOnHead) -> Image.Image:
             ("(e)", voxelized, run.celsius(HEAD, 2), last),
         )
     ]
-    bar = colour_bar(*limits, "temperature [°C]; grey: no contact")
+    bar = colour_bar(low, high, "temperature [°C]; grey: no contact")
     title = "Textures of the head along z, from above, with the nose downwards"
     return sheet(tiles, bar, title, columns=len(tiles))
 
