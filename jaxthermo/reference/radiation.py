@@ -24,7 +24,8 @@ def between_plates(
     Source: Incropera et al., eq. 13.19.
     """
     resistance = 1 / float(emissivity_hot) + 1 / float(emissivity_cold) - 1
-    return STEFAN_BOLTZMANN * (float(hot) ** 4 - float(cold) ** 4) / resistance
+    gap = float(hot) ** 4 - float(cold) ** 4
+    return STEFAN_BOLTZMANN * gap / resistance
 
 
 def between_spheres(
@@ -84,7 +85,8 @@ _BISECTIONS = 80
 def _antiderivative(ratio: HostFloat) -> HostFloat:
     # The antiderivative of 4/(1 - r^4), r = T / T_s.
     with np.errstate(divide="ignore"):
-        logarithm = np.log(np.abs((1.0 + ratio) / (1.0 - ratio)))
+        quotient = (1.0 + ratio) / (1.0 - ratio)
+        logarithm = np.log(np.abs(quotient))
     return np.asarray(logarithm + 2.0 * np.arctan(ratio))
 
 

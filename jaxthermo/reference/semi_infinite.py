@@ -20,7 +20,8 @@ def host(x: Quantity) -> HostFloat:
 
 
 def _scaled_depth(depth: Quantity, time: Quantity, diffusivity: Quantity) -> HostFloat:
-    return np.asarray(host(depth) / (2.0 * np.sqrt(host(diffusivity) * host(time))))
+    diffusion_length = np.sqrt(host(diffusivity) * host(time))
+    return np.asarray(host(depth) / (2.0 * diffusion_length))
 
 
 def surface_step(
@@ -38,7 +39,8 @@ def surface_step(
     Source: Carslaw and Jaeger, 2.4.
     """
     z = _scaled_depth(depth, time, diffusivity)
-    return np.asarray(host(surface) + (host(initial) - host(surface)) * erf(z))
+    step = host(initial) - host(surface)
+    return np.asarray(host(surface) + step * erf(z))
 
 
 def surface_flux(
@@ -58,9 +60,11 @@ def surface_flux(
     Source: Carslaw and Jaeger, 2.9.
     """
     z = _scaled_depth(depth, time, diffusivity)
-    depth_scale = 2.0 * np.sqrt(host(diffusivity) * host(time) / np.pi) * np.exp(-z * z)
+    diffusion_length = np.sqrt(host(diffusivity) * host(time) / np.pi)
+    depth_scale = 2.0 * diffusion_length * np.exp(-z * z)
     gradient = host(heat_flux) / host(conductivity)
-    return np.asarray(host(initial) + gradient * (depth_scale - host(depth) * erfc(z)))
+    heated_depth = depth_scale - host(depth) * erfc(z)
+    return np.asarray(host(initial) + gradient * heated_depth)
 
 
 def surface_convection(
@@ -84,10 +88,11 @@ def surface_convection(
     length = np.sqrt(host(diffusivity) * host(time)) / host(conductivity)
     # The textbook form, with exp(h x/k + h^2 alpha t/k^2) erfc, overflows: exp(-z^2) is
     # taken out of erfc, and the scaled function stays finite at any h.
-    rise = erfc(z) - np.exp(-z * z) * erfcx(
-        z + host(heat_transfer_coefficient) * length
-    )
-    return np.asarray(host(initial) + (host(ambient) - host(initial)) * rise)
+    surface_depth = z + host(heat_transfer_coefficient) * length
+    surface_lag = np.exp(-z * z) * erfcx(surface_depth)
+    rise = erfc(z) - surface_lag
+    excess = host(ambient) - host(initial)
+    return np.asarray(host(initial) + excess * rise)
 
 
 def perfect_contact(
@@ -105,7 +110,9 @@ def perfect_contact(
     """
     e_a = float(effusivity_a)
     e_b = float(effusivity_b)
-    return (e_a * float(temperature_a) + e_b * float(temperature_b)) / (e_a + e_b)
+    weighted = e_a * float(temperature_a)
+    weighted += e_b * float(temperature_b)
+    return weighted / (e_a + e_b)
 
 
 class ContactSurfaces(NamedTuple):
@@ -139,7 +146,9 @@ def contact_surfaces(
     checked against a Crank-Nicolson run of 8000 cells.
     """
     h_c = float(contact_conductance)
-    rate = h_c * (1.0 / float(effusivity_a) + 1.0 / float(effusivity_b))
+    inverse_effusivity = 1.0 / float(effusivity_a)
+    inverse_effusivity += 1.0 / float(effusivity_b)
+    rate = h_c * inverse_effusivity
     # As a half-space in a fluid, with 1/e_A + 1/e_B in place of its 1/e.
     decay = erfcx(rate * np.sqrt(host(time)))
     shared = perfect_contact(
@@ -148,8 +157,10 @@ def contact_surfaces(
         effusivity_a=effusivity_a,
         effusivity_b=effusivity_b,
     )
-    surface_a = np.asarray(shared + (float(temperature_a) - shared) * decay)
-    surface_b = np.asarray(shared + (float(temperature_b) - shared) * decay)
+    excess_a = float(temperature_a) - shared
+    excess_b = float(temperature_b) - shared
+    surface_a = np.asarray(shared + excess_a * decay)
+    surface_b = np.asarray(shared + excess_b * decay)
     heat_flux = np.asarray(h_c * (surface_a - surface_b))
     return ContactSurfaces(
         surface_a=surface_a, surface_b=surface_b, heat_flux=heat_flux
