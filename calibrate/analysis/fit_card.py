@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import jax.numpy as jnp
 import numpy as np
@@ -112,12 +112,28 @@ def _origin(config: CalibrationConfig, result: Mapping[str, Any]) -> dict[str, s
     }
 
 
+class _CardCheck(TypedDict):
+    """What `calibrate check` prints of a card and a scene."""
+
+    card: str
+    scene: str | None
+    numbers: Mapping[str, float]
+    """Dimensionless numbers of the scene [-]."""
+    ranges: dict[str, str]
+    """Range of the card in words, by number."""
+    outside: Sequence[str]
+    """Sentences on what is outside the ranges."""
+    error_percent: dict[str, float]
+    """Largest error of the default and of the fitted weights [%]."""
+    valid: bool
+
+
 def check_card(
     card_path: str | Path,
     scene_path: Path,
     overrides: tuple[str, ...],
     log: Callable[[str], None],
-) -> dict[str, Any]:
+) -> _CardCheck:
     """Run a scene on every voxel, with the card's structure, and with its weights."""
     card = load_card(card_path)
     config = _with_structure(load_config(scene_path, overrides), card)

@@ -2,7 +2,7 @@
 
 import warnings
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,7 +14,7 @@ from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.run.solution import RESULTS
 
-from ..config.fit_record import TruthRecord
+from ..config.fit_record import ReferenceErrors, TruthCase, TruthErrors, TruthRecord
 from ..config.loader import scene_config
 from ..config.schema import CalibrationConfig, FullVolumeReference, RefinedReference
 from ..problem.build import Calibration
@@ -35,7 +35,7 @@ class Truth:
     references: dict[str, TruthReference]
     """By the name of the case."""
     calibration: Calibration
-    default: dict[str, dict[str, Any]]
+    default: dict[str, TruthErrors]
     """Errors of the start values by case, as plain values."""
 
     @classmethod
@@ -56,7 +56,7 @@ class Truth:
         reference = config.reference
         true = reference.set if isinstance(reference, FullVolumeReference) else {}
         references = dict(calibration.references)
-        default: dict[str, dict[str, Any]] = {}
+        default: dict[str, TruthErrors] = {}
         truth = cls(
             settings=config.truth,
             references=references,
@@ -84,7 +84,7 @@ class Truth:
 
         None, with a warning, if a run with the fitted values fails.
         """
-        cases: dict[str, Any] = {}
+        cases: dict[str, dict[str, TruthCase]] = {}
         for group, problem in self._problems.items():
             cases[group] = {}
             for name in (case.name for case in problem.cases):
@@ -96,10 +96,11 @@ class Truth:
                     text = f"case {name}: no error against finer voxels: {error}"
                     warnings.warn(text, stacklevel=2)
                     return None
+                own_error = self.references[name].own_error
                 cases[group][name] = {
                     "default": self.default[name],
                     "fitted": fitted,
-                    "reference": self.references[name].own_error.as_dict(),
+                    "reference": cast(ReferenceErrors, own_error.as_dict()),
                 }
         record: Any = {
             "refinement": self.settings.refinement,
@@ -122,7 +123,7 @@ class Truth:
             problems["held_out"] = held_out
         return problems
 
-    def _error(self, name: str, z: Float[np.ndarray, " p"]) -> dict[str, Any]:
+    def _error(self, name: str, z: Float[np.ndarray, " p"]) -> TruthErrors:
         problem, case = next(
             (problem, case)
             for problem in self._problems.values()
@@ -150,7 +151,7 @@ class Truth:
             count=self.settings.points,
             seed=self.settings.seed,
         )
-        return error.as_dict()
+        return cast(TruthErrors, error.as_dict())
 
 
 def _named(log: Log, name: str) -> Log:

@@ -19,7 +19,7 @@ _REMEDY = "run `calibrate fit` again"
 _FORBID = ConfigDict(extra="forbid")
 
 
-class _CaseErrors(TypedDict, total=False):
+class CaseErrors(TypedDict, total=False):
     """Errors of one case at its saved times."""
 
     times_s: list[float]
@@ -40,8 +40,8 @@ class _ErrorPair(TypedDict):
 class CasePair(TypedDict):
     """Errors by case, with the start values and with the fitted values."""
 
-    default: dict[str, _CaseErrors]
-    fitted: dict[str, _CaseErrors]
+    default: dict[str, CaseErrors]
+    fitted: dict[str, CaseErrors]
 
 
 class ErrorGroups(TypedDict):
@@ -122,20 +122,52 @@ class Verdict(TypedDict):
     truth: NotRequired[TruthVerdict | None]
 
 
-class _TruthCase(TypedDict):
+class ReferenceErrors(TypedDict):
+    """Estimated error of a reference at the saved times; None where not finite."""
+
+    rms_kelvin: list[float | None]
+    rms_percent: list[float | None]
+    order: NotRequired[list[float | None]]
+    """Observed order of convergence."""
+    times_s: NotRequired[list[float | None]]
+    is_bound: list[bool]
+    differences_kelvin: NotRequired[list[list[float]]]
+    """Differences of each run from the next coarser one, by saved time."""
+    worst_rms_kelvin: float
+
+
+class TruthErrors(TypedDict, total=False):
+    """Errors against finer voxels at the saved times; None for an infinite one."""
+
+    times_s: list[float]
+    rms_kelvin: list[float | None]
+    rms_percent: list[float | None]
+    p99_kelvin: list[float | None]
+    bias_kelvin: list[float | None]
+    lost_fraction: list[float | None]
+    worst_rms_kelvin: float | None
+    worst_rms_percent: float | None
+    worst_p99_kelvin: float | None
+    worst_bias_kelvin: float | None
+    worst_lost_fraction: float | None
+    reference_lost_fraction: float
+    remarks: list[str]
+
+
+class TruthCase(TypedDict):
     """Errors of a case against finer voxels, and the error of these."""
 
-    default: dict[str, Any]
-    fitted: dict[str, Any]
-    reference: dict[str, Any]
+    default: TruthErrors
+    fitted: TruthErrors
+    reference: ReferenceErrors
 
 
-class _TruthGroups(TypedDict):
+class TruthGroups(TypedDict):
     """Errors against finer voxels of cases fitted to and held out."""
 
     __pydantic_config__ = _FORBID  # type: ignore[misc]
-    train: dict[str, _TruthCase]
-    held_out: NotRequired[dict[str, _TruthCase]]
+    train: dict[str, TruthCase]
+    held_out: NotRequired[dict[str, TruthCase]]
 
 
 class _Cost(TypedDict):
@@ -156,7 +188,7 @@ class TruthRecord(TypedDict):
     refinement: float
     structure: str
     points: int
-    cases: _TruthGroups
+    cases: TruthGroups
     cost: list[_Cost]
 
 

@@ -1,6 +1,6 @@
 """Candidates of a plan: a pitch, a structure and a solver for all bodies of a scene."""
 
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, NotRequired, TypedDict
 
 from jaxthermo.config.card_file import load_card
 from jaxthermo.config.schema.scene import SceneConfig
@@ -15,6 +15,12 @@ Method = Literal["super_time_stepping", "forward_euler", "trbdf2"]
 FAMILIES: tuple[Family, ...] = ("full_volume", "aggregate", "octree", "shell_over_core")
 _WORDS = {"full_volume": "full volume", "shell_over_core": "shell over a core"}
 _METHOD_WORDS = {"super_time_stepping": "RKL2", "trbdf2": "TR-BDF2"}
+
+
+class _SolverEntry(TypedDict):
+    kind: Method
+    dt: NotRequired[float]
+    """Time step [s]."""
 
 
 class Candidate(NamedTuple):
@@ -52,7 +58,7 @@ class Candidate(NamedTuple):
         blocks = {"factor": self.factor} if has_blocks else {}
         return {"kind": self.family, **blocks}
 
-    def solver(self, end: float) -> dict[str, Any]:
+    def solver(self, end: float) -> _SolverEntry:
         """Entry `solver` of a scene's file for a run of `end` seconds."""
         if not self.steps:
             return {"kind": self.method}

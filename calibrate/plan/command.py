@@ -6,8 +6,9 @@ import sys
 import textwrap
 import time
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TypedDict, cast
 
 from rich.console import Console
 
@@ -24,10 +25,11 @@ from jaxthermo.provenance import processor, provenance
 from jaxthermo.report.table import Cell, Table
 from jaxthermo.timing import Spread
 
-from ..problem.reference import program_hash
+from ..config.fit_record import ReferenceErrors
+from ..problem.reference import RunCost, program_hash
 from .candidate import pitches_of
 from .search import Choice, Watch, search
-from .trial import Tolerance, Trial
+from .trial import Tolerance, Trial, TrialRecord
 
 
 _SCENE = "scene.yaml"
@@ -126,14 +128,45 @@ def _key(scene: SceneConfig, tolerance: Tolerance) -> str:
     return hashlib.sha256(json.dumps(inputs).encode()).hexdigest()[:16]
 
 
-def _earlier_plan(folder: Path, key: str) -> dict[str, Any] | None:
+class _ReferenceRecord(TypedDict):
+    """The reference of a plan, in `plan.json`."""
+
+    refinement: float
+    own_error: ReferenceErrors
+    cost: RunCost
+
+
+class _PlanRecord(TypedDict):
+    """`plan.json` without its signature."""
+
+    key: str
+    """Hash of what the plan depends on."""
+    config: Mapping[str, object]
+    """The scene as plain values."""
+    tolerance: Mapping[str, float | None]
+    words: list[str]
+    """The plan in sentences."""
+    chosen: TrialRecord | None
+    miss: str | None
+    """Reason why no candidate is chosen."""
+    run_time_s: Mapping[str, float] | None
+    """Median and range of the chosen candidate's time."""
+    reference: _ReferenceRecord
+    trials: list[TrialRecord]
+    wall_s: float
+    cpu_s: float
+    provenance: Mapping[str, object]
+
+
+def _earlier_plan(folder: Path, key: str) -> _PlanRecord | None:
     """An earlier plan of the same scene, tolerance, program and processor."""
     try:
-        record = read_record(
+        content = read_record(
             folder / _PLAN, format_name=_KIND, version=_VERSION, remedy="plan again"
         )
     except InputError:  # missing or damaged
         return None
+    record = cast(_PlanRecord, content)
     complete = record["chosen"] is None or (folder / _SCENE).is_file()
     return record if record["key"] == key and complete else None
 
@@ -145,7 +178,7 @@ def _search(
     key: str,
     folder: Path,
     path: Path,
-) -> dict[str, Any]:
+) -> _PlanRecord:
     clock = time.perf_counter()
     cpu = time.process_time()
     pitches = pitches_of(scene)
@@ -169,7 +202,7 @@ def _search(
     console.print(_table(choice, pitches).rich())
     words = _words(choice, pitches)
     best = choice.best
-    record = {
+    record: _PlanRecord = {
         "key": key,
         "config": resolved(scene),
         "tolerance": tolerance._asdict(),
@@ -196,7 +229,7 @@ def _search(
     else:
         # An earlier plan's scene would pass for one of this tolerance.
         (folder / _SCENE).unlink(missing_ok=True)
-    write_json(folder / _PLAN, signed(_KIND, _VERSION, record))
+    write_json(folder / _PLAN, signed(_KIND, _VERSION, dict(record)))
     return record
 
 
@@ -204,10 +237,11 @@ def _words(choice: Choice, pitches: tuple[float, ...]) -> list[str]:
     """Sentences on the chosen model and on the reference that it was compared with."""
     finest = choice.reference
     cost = finest.cost
+    own_kelvin = finest.own_error["worst_rms_kelvin"]
     reference = (
         f"The reference has {cost['nodes']:,} nodes in blocks of 2^3 voxels of "
         f"{_millimetres(cost['pitch_m'])}, and is itself off by about "
-        f"{finest.own_percent:.2g} % ({finest.own_error['worst_rms_kelvin']:.2g} K)."
+        f"{finest.own_percent:.2g} % ({own_kelvin:.2g} K)."
     )
     if finest.excess > 0.5:
         reference += (

@@ -1,8 +1,8 @@
 """Trials of a plan: references in ever finer voxels, and candidates."""
 
 import math
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, TypedDict, cast
 
 import jax
 import numpy as np
@@ -17,10 +17,12 @@ from jaxthermo.integrate.run.solution import RESULTS, Observation, run_result
 from jaxthermo.integrate.run.solution_file import StoredSolution
 from jaxthermo.timing import Spread, interleaved
 
+from ..config.fit_record import ReferenceErrors
 from ..config.schema import RefinedReference
 from ..problem.reference import (
     COARSENING,
     Log,
+    RunCost,
     coarser_difference,
     refined_reference,
 )
@@ -104,24 +106,46 @@ class Reference(NamedTuple):
     refinement: float
     points: TruthPoints
     """Its temperatures at points of the meshes."""
-    own_error: dict[str, Any]
+    own_error: ReferenceErrors
     """Its own error, as of `DiscretizationError`."""
     excess: float
     """That error over the tolerance [-]."""
-    cost: dict[str, Any]
+    cost: RunCost
     coarser: tuple[tuple[Candidate, float], ...]
     """Blocks from which its error follows, and their errors over the tolerance [-]."""
 
     @property
     def own_percent(self) -> float:
         """Largest of its own errors at the saved times [%]."""
-        return max(e for e in self.own_error["rms_percent"] if e is not None)
+        percents = self.own_error["rms_percent"]
+        return max(percent for percent in percents if percent is not None)
 
     @property
     def allowed(self) -> float:
         """Largest error of a candidate over the tolerance, with the reference's."""
         # Where finer references are too much, the plan says so.
         return math.sqrt(1 - min(self.excess, MAX_OWN_ERROR) ** 2)
+
+
+class TrialRecord(TypedDict):
+    """A trial in `plan.json`; the fields of `Measured`, and its errors."""
+
+    candidate: Mapping[str, object]
+    """Fields of the candidate."""
+    error: float
+    nodes: int
+    fragments: int
+    steps: int
+    stages: int
+    stable_step: float | None
+    """Largest stable explicit step [s]; None if there is no limit."""
+    run_time: float
+    memory: int
+    excess: float
+    """Error over the tolerance [-]."""
+    error_percent: float
+    error_kelvin: float
+    reference_refinement: float
 
 
 class Trial(NamedTuple):
@@ -152,16 +176,21 @@ class Trial(NamedTuple):
         return float(self.error.worst_rms_kelvin)
 
     @property
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> TrialRecord:
         """Plain values for `plan.json`."""
-        plain = self.measured._asdict() | {
-            "candidate": self.measured.candidate._asdict()
-        }
-        if not np.isfinite(self.measured.stable_step):
-            plain["stable_step"] = None
+        measured = self.measured
+        is_limited = np.isfinite(measured.stable_step)
         return {
-            **plain,
-            "excess": self.measured.error,
+            "candidate": measured.candidate._asdict(),
+            "error": measured.error,
+            "nodes": measured.nodes,
+            "fragments": measured.fragments,
+            "steps": measured.steps,
+            "stages": measured.stages,
+            "stable_step": measured.stable_step if is_limited else None,
+            "run_time": measured.run_time,
+            "memory": measured.memory,
+            "excess": measured.error,
             "error_percent": self.percent,
             "error_kelvin": self.kelvin,
             "reference_refinement": self.refinement,
@@ -213,7 +242,7 @@ class Bench:
         return Reference(
             refinement=refinement,
             points=truth_points(refined.solution, _POINTS),
-            own_error=own_error.as_dict(),
+            own_error=cast(ReferenceErrors, own_error.as_dict()),
             excess=excess,
             cost=refined.costs[0],
             coarser=tuple(coarser),

@@ -276,7 +276,7 @@ class ParameterSet:
         pairs = zip(self.parameters, arrays, strict=True)
         return jnp.concatenate([v[1:] if p.first_is_fixed else v for p, v in pairs])
 
-    def coordinates(self, values: dict[str, Any]) -> Float[Array, " p"]:
+    def coordinates(self, values: Mapping[str, Any]) -> Float[Array, " p"]:
         """Coordinates of values by parameter name."""
         arrays = [jnp.atleast_1d(p.coordinate(values[p.name])) for p in self.parameters]
         return jnp.concatenate(arrays)

@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple, NotRequired, TypedDict, cast
 
 import numpy as np
 from jaxtyping import Bool
@@ -55,15 +55,30 @@ _COST_VERSION = 1
 _REMEDY = "it is run again"
 
 
+class RunCost(TypedDict):
+    """Cost of a run, as plain values."""
+
+    refinement: NotRequired[float]
+    """Pitch of the judged scene over that of the run, if it was chosen by that [-]."""
+    structure: str
+    pitch_m: list[float]
+    nodes: int
+    steps: int
+    time_error_kelvin: float | None
+    memory_bytes: int
+    run_time_s: float
+    """Time when it was run."""
+    warnings: list[str]
+    cached: NotRequired[bool]
+
+
 class TruthReference(NamedTuple):
     """A run of finer voxels, its own error and its cost."""
 
     solution: StoredSolution
     own_error: DiscretizationError
-    costs: tuple[dict[str, Any], ...]
-    """Costs of the run and of the two coarser ones as plain values: `refinement`,
-    `pitch_m`, `nodes`, `steps`, `memory_bytes`, `run_time_s` when it was run, `cached`,
-    and the `warnings` that it gave."""
+    costs: tuple[RunCost, ...]
+    """Costs of the run and of the two coarser ones."""
 
     def read_at(
         self, surfaces: tuple[SolvedSurface, ...]
@@ -125,10 +140,10 @@ def on_every_voxel(config: SceneConfig) -> SceneConfig:
 def _with_bodies(config: SceneConfig, bodies: tuple[BodyConfig, ...]) -> SceneConfig:
     # Name, camera, image, solver and truth do not affect the reference and would only
     # spoil its place in the cache.
-    changes: dict[str, Any] = {"bodies": bodies, "name": None}
-    for key in ("camera", "image", "solver", "truth"):
-        changes[key] = type(config).model_fields[key].default
-    return config.model_copy(update=changes)
+    fields = type(config).model_fields
+    ignored = ("camera", "image", "solver", "truth")
+    defaults = {key: fields[key].default for key in ignored}
+    return config.model_copy(update={"bodies": bodies, "name": None, **defaults})
 
 
 def full_volume_run(config: SceneConfig, step: float, log: Log) -> StoredSolution:
@@ -276,7 +291,7 @@ def _runs(
     refinement: float | None,
     log: Log,
     factors: tuple[float, ...],
-) -> list[tuple[StoredSolution, dict[str, Any]]]:
+) -> list[tuple[StoredSolution, RunCost]]:
     runs = []
     for factor in factors:
         pitches_m = tuple(pitch * factor for pitch in pitches)
@@ -336,7 +351,7 @@ def _with_pitches(
 
 def _stored_run(
     config: SceneConfig, step: float | None, log: Callable[[], None]
-) -> tuple[StoredSolution, dict[str, Any]]:
+) -> tuple[StoredSolution, RunCost]:
     """A run and its cost, from the cache if it is there.
 
     Explicit steps of `step` times the stable one, or with a controlled error in time.
@@ -350,19 +365,20 @@ def _stored_run(
         # Files of the cache that cannot be read are written anew.
         if path.is_file():
             with contextlib.suppress(InputError):
-                cost = read_record(
+                record = read_record(
                     path.with_suffix(".json"),
                     format_name=_COST,
                     version=_COST_VERSION,
                     remedy=_REMEDY,
                 )
-                return load_solution(path), {**cost, "cached": True}
+                cached_cost = cast(RunCost, {**record, "cached": True})
+                return load_solution(path), cached_cost
     log()
     clock = time.perf_counter()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         solution = _run(config, step)
-    cost: dict[str, Any] = {
+    cost: RunCost = {
         "structure": config.bodies[0].structure.kind,
         "pitch_m": [surface.geometry.pitch for surface in solution.surfaces],
         "nodes": solution.receipt.nodes,
@@ -377,7 +393,7 @@ def _stored_run(
         path.parent.mkdir(parents=True, exist_ok=True)
         remove_leftovers(path.parent)
         save_solution(path, solution)
-        write_json(path.with_suffix(".json"), signed(_COST, _COST_VERSION, cost))
+        write_json(path.with_suffix(".json"), signed(_COST, _COST_VERSION, dict(cost)))
     stored = StoredSolution(
         solution.times,
         surface_temperature=solution.surface_temperature,

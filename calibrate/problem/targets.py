@@ -33,6 +33,7 @@ from jaxthermo.physics.term import AbstractTerm
 from jaxthermo.physics.time_varying import just_before
 from jaxthermo.scene.scene import Scene, SolvedSurface
 
+from ..config.fit_record import CaseErrors
 from .clusters import view_clusters
 from .frame_values import AS_GIVEN, FrameValues
 
@@ -56,7 +57,7 @@ class CaseError(NamedTuple):
         """Error of the case: the largest over the times [%]."""
         return max(self.percent)
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> CaseErrors:
         """Values for `fit.json`."""
         return {
             "times_s": list(self.times),

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict
 
 from jaxthermo.arrays import precision
 from jaxthermo.config.loader import config_hash, load_config, resolved
@@ -20,8 +20,16 @@ from jaxthermo.integrate.run.plan import Plan, plan_once
 from jaxthermo.scene.scene import Body, Scene
 from jaxthermo.voxels.grid import VoxelGrid
 
-from ..config.schema import AbsoluteReference
+from ..config.schema import AbsoluteReference, Changes
 from ..problem.reference import program_hash, reference_key
+
+
+class _Head(TypedDict):
+    id: str
+    choice: dict[str, str]
+    """Label by axis."""
+    load: str
+    set: Changes
 
 
 @dataclass(frozen=True)
@@ -80,7 +88,7 @@ class Case:
         return json.dumps(plain, sort_keys=True, default=str)
 
     @property
-    def head(self) -> dict[str, Any]:
+    def head(self) -> _Head:
         """First fields of the case's row."""
         return {
             "id": self.id,

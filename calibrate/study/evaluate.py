@@ -6,7 +6,7 @@ A row holds plain values. A case that cannot be run is a row too, with the reaso
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import equinox as eqx
 import jax
@@ -31,17 +31,19 @@ from jaxthermo.integrate.run.surface_reading import SurfaceReading
 from jaxthermo.parallel.batch import from_first_device, over_devices
 from jaxthermo.parallel.devices import mesh_of
 
-from ..problem.reference import Log, absolute_reference
+from ..config.fit_record import ReferenceErrors
+from ..problem.reference import Log, RunCost, absolute_reference
 from .case import Case, build_case, loop_size, plan_case
 from .picture import difference_picture
+from .rows import Row
 
 
 class Truth(NamedTuple):
     """A reference at points, with its own error and its costs."""
 
     points: TruthPoints
-    own_error: dict[str, Any]
-    costs: tuple[dict[str, Any], ...]
+    own_error: ReferenceErrors
+    costs: tuple[RunCost, ...]
 
 
 def find_truth(case: Case, log: Log) -> Truth:
@@ -69,12 +71,9 @@ def _found(request: _Request) -> Truth:
     reference = absolute_reference(case.config, settings=case.truth, log=request.log)
     settings = case.truth
     points = truth_points(reference.solution, count=settings.points, seed=settings.seed)
-    return Truth(
-        points=points, own_error=reference.own_error.as_dict(), costs=reference.costs
-    )
+    own_error = cast(ReferenceErrors, reference.own_error.as_dict())
+    return Truth(points=points, own_error=own_error, costs=reference.costs)
 
-
-Row = dict[str, Any]
 
 MAX_TOGETHER = 16
 """Largest number of cases in one program."""

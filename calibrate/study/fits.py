@@ -7,12 +7,12 @@ program; an interrupted one continues.
 import hashlib
 import json
 from pathlib import Path
-from typing import Any
 
 from jaxthermo.config.card_file import load_card
 from jaxthermo.errors import InputError
 
 from ..config.loader import calibration_hash, load_calibration
+from ..config.schema import Changes
 from ..problem.reference import program_hash
 from ..run import fit_config
 from .config import SweepConfig
@@ -68,6 +68,6 @@ def _overrides(config: SweepConfig, choice: Choice) -> tuple[str, ...]:
     assert choice.fit is not None
     # The fitted scene has the choice's structure, pitch and solver too.
     changes = {**config.set, **choice.set}
-    scene: dict[str, Any] = {f"set.{key}": v for key, v in changes.items()}
+    scene: Changes = {f"set.{key}": value for key, value in changes.items()}
     overrides = scene | choice.fit.set
     return tuple(f"{key}={json.dumps(value)}" for key, value in overrides.items())

@@ -7,16 +7,16 @@ import json
 import statistics
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxthermo.timing import Spread, ratio_of
 
+from ..config.schema import Changes
+from .rows import Row
 
-Row = dict[str, Any]
-"""A line of rows.jsonl, times.jsonl or rivals.jsonl."""
 
 Measure = Literal["rms_percent", "rms_kelvin", "p99_percent", "p99_kelvin"]
 
@@ -60,7 +60,7 @@ class Point:
     """File with its differences under the worst load."""
     words: str | None = None
     """Structure with its sizes in millimetres."""
-    set: dict[str, Any] | None = None
+    set: Changes | None = None
     """Changes of the scene by dotted key."""
     loads: tuple[str, ...] = ()
     models: dict[str, str] | None = None

@@ -11,6 +11,7 @@ from scipy.stats import qmc
 
 from jaxthermo.errors import InputError
 
+from ..config.schema import Changes
 from .case import Case, changed_config
 from .config import (
     Axis,
@@ -33,7 +34,7 @@ class Choice(NamedTuple):
 
     labels: tuple[tuple[str, str], ...]
     """Label by the name of the axis."""
-    set: dict[str, Any]
+    set: Changes
     """All changes by dotted key."""
     fit: FitValue | None = None
     """Fit whose weights it has; the last one if several axes have fits."""
@@ -43,7 +44,7 @@ class _Value(NamedTuple):
     """A value of an axis: its label, its changes, and a fit."""
 
     label: str
-    set: dict[str, Any]
+    set: Changes
     fit: FitValue | None = None
 
 
@@ -91,15 +92,19 @@ def choices(config: SweepConfig) -> list[Choice]:
 
 
 def _named(axes: Mapping[str, Axis], point: Mapping[str, Any]) -> Iterator[Choice]:
-    lists = []
-    for name, axis in axes.items():
-        named = point.get(name)
-        listed = named if isinstance(named, list | tuple) else [named]
-        named_labels = [text_of(label) for label in listed]
-        values = _values_of(axis)
-        lists.append([v for v in values if named is None or v.label in named_labels])
-    for combination in itertools.product(*lists):
+    named_values = (_named_values(axes[name], point.get(name)) for name in axes)
+    for combination in itertools.product(*named_values):
         yield _choice(tuple(axes), combination)
+
+
+def _named_values(axis: Axis, names: Any) -> list[_Value]:
+    """Values of an axis with one of some labels; all of them for None."""
+    values = _values_of(axis)
+    if names is None:
+        return values
+    listed_names = names if isinstance(names, list | tuple) else [names]
+    labels = [text_of(name) for name in listed_names]
+    return [value for value in values if value.label in labels]
 
 
 def _at(axes: Mapping[str, Axis], unit: Float[np.ndarray, "n a"]) -> list[Choice]:
@@ -126,7 +131,7 @@ def _choice(names: tuple[str, ...], values: tuple[_Value, ...]) -> Choice:
     labels = tuple(
         (name, value.label) for name, value in zip(names, values, strict=True)
     )
-    changes: dict[str, Any] = {}
+    changes: Changes = {}
     for value in values:
         changes |= value.set
     fits = [value.fit for value in values if value.fit is not None]

@@ -15,7 +15,8 @@ from jaxthermo.atomic import remove_leftovers, replacing
 from jaxthermo.errors import InputError
 
 
-_Row = dict[str, Any]
+Row = dict[str, Any]
+"""A line of rows.jsonl, times.jsonl or rivals.jsonl, of any version."""
 
 _CLAIM = "config_hash.txt"
 _SUPERSEDED = "superseded.jsonl"
@@ -62,7 +63,7 @@ class Rows:
         """
         self.path = path
         self._program = program
-        self.by_id: dict[str, _Row] = {}
+        self.by_id: dict[str, Row] = {}
         try:
             # A file of its own: the one with the rows may be replaced.
             self._lock = (path.parent / f".{path.stem}.lock").open("w")
@@ -109,7 +110,7 @@ class Rows:
             self._rewrite()
         return len(failed)
 
-    def append(self, rows: Sequence[_Row]) -> None:
+    def append(self, rows: Sequence[Row]) -> None:
         """Add rows, and wait until they are on the disk.
 
         Raises:

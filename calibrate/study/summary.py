@@ -1,7 +1,7 @@
 """The results of a sweep: a line for each choice, as table, page and `result.json`."""
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NotRequired, TypedDict, cast
 
 from jaxthermo.atomic import write_json
 from jaxthermo.provenance import processor, provenance
@@ -18,8 +18,9 @@ from .config import (
     resolved,
     to_yaml,
 )
+from .rows import Row
 from .sweep import Sweep, median_loop, worst_percent
-from .tuning import sections as tuning_sections
+from .tuning import Tuning, sections as tuning_sections
 
 
 _COLUMNS = (
@@ -34,41 +35,93 @@ _COLUMNS = (
 )
 
 
-def lines(sweep: Sweep) -> list[dict[str, Any]]:
+class _LoopTimes(TypedDict, total=False):
+    """Times of the slowest load [s]; none if a load was not timed."""
+
+    loop_s: float
+    loop_min_s: float
+    loop_max_s: float
+    full_volume_loop_s: float
+
+
+class _ChoiceLine(_LoopTimes):
+    """A choice in `result.json`; with failed loads it has a label and reasons only."""
+
+    choice: dict[str, str]
+    """Label by axis."""
+    failed: list[str]
+    """Reason by load."""
+    rms_percent: float | None
+    """Largest error of all saved times and loads [%]; None for an infinite one."""
+    rms_kelvin: float
+    p99_kelvin: float
+    lost_fraction: float
+    nodes: int
+    steps: int
+    energy_residual: float
+
+
+class _CaseCounts(TypedDict):
+    all: int
+    finished: int
+    failed: int
+    timed: int
+
+
+class _SweepResult(TypedDict):
+    """`result.json` as far as the page shows it."""
+
+    program_hash: str
+    config_hash: str
+    commit: NotRequired[str]
+    processor: str
+    cases: _CaseCounts
+    choices: list[_ChoiceLine]
+    fit: NotRequired[Tuning]
+
+
+def lines(sweep: Sweep) -> list[_ChoiceLine]:
     """Choices with their errors and times over all loads, the smallest error first."""
-    lines = []
+    lines: list[_ChoiceLine] = []
     for names, cases in sweep.choices.items():
         rows = [sweep.rows[case.id] for case in cases if case.id in sweep.rows]
         if not rows:
             continue
         failed = [f"{r['load']}: {r['failed']}" for r in rows if "failed" in r]
-        line: dict[str, Any] = {"choice": dict(names), "failed": failed}
-        if not failed:
-            errors = [row["error"] for row in rows]
-            line |= {
-                "rms_percent": worst_percent(rows),
-                "rms_kelvin": _largest(errors, "worst_rms_kelvin"),
-                "p99_kelvin": _largest(errors, "worst_p99_kelvin"),
-                "lost_fraction": _largest(errors, "worst_lost_fraction"),
-                "nodes": max(row["nodes"] for row in rows),
-                "steps": max(row["steps"] for row in rows),
-                # Rows of earlier versions have none.
-                "energy_residual": max(r.get("energy_residual", 0.0) for r in rows),
-                **_run_times([sweep.times.get(case.id) for case in cases]),
-            }
+        choice = dict(names)
+        if failed:
+            failed_line = {"choice": choice, "failed": failed}
+            lines.append(cast(_ChoiceLine, failed_line))
+            continue
+        errors = [row["error"] for row in rows]
+        # Rows of earlier versions have none.
+        residuals = [row.get("energy_residual", 0.0) for row in rows]
+        times = [sweep.times.get(case.id) for case in cases]
+        line: _ChoiceLine = {
+            "choice": choice,
+            "failed": failed,
+            "rms_percent": worst_percent(rows),
+            "rms_kelvin": _largest(errors, "worst_rms_kelvin"),
+            "p99_kelvin": _largest(errors, "worst_p99_kelvin"),
+            "lost_fraction": _largest(errors, "worst_lost_fraction"),
+            "nodes": max(row["nodes"] for row in rows),
+            "steps": max(row["steps"] for row in rows),
+            "energy_residual": max(residuals),
+            **_run_times(times),
+        }
         lines.append(line)
     return sorted(lines, key=_rank)
 
 
-def _rank(line: dict[str, Any]) -> tuple[bool, float]:
+def _rank(line: _ChoiceLine) -> tuple[bool, float]:
     return bool(line["failed"]), line.get("rms_percent") or float("inf")
 
 
-def _largest(errors: Sequence[dict[str, Any]], name: str) -> float:
+def _largest(errors: Sequence[Row], name: str) -> float:
     return max(error[name] or 0.0 for error in errors)
 
 
-def _run_times(rows: list[dict[str, Any] | None]) -> dict[str, float]:
+def _run_times(rows: list[Row | None]) -> _LoopTimes:
     timed = [row for row in rows if row is not None and "failed" not in row]
     if len(timed) < len(rows) or not timed:
         return {}
@@ -96,24 +149,28 @@ def table(sweep: Sweep, limit: int | None = None) -> Table:
     )
 
 
-def _row(line: dict[str, Any]) -> list[str | Cell]:
+def _row(line: _ChoiceLine) -> list[str | Cell]:
     names = [*line["choice"].values()]
     if line["failed"]:
         reason = Cell(line["failed"][0], wraps=True, columns=len(_COLUMNS))
         return [*names, reason]
-    time = "" if "loop_s" not in line else _seconds(line["loop_s"])
-    full = "" if "loop_s" not in line else _seconds(line["full_volume_loop_s"])
-    percent = line["rms_percent"]
+    loop = ""
+    full_volume = ""
+    if "loop_s" in line and "full_volume_loop_s" in line:
+        loop = _seconds(line["loop_s"])
+        full_volume = _seconds(line["full_volume_loop_s"])
+    error = line["rms_percent"]
+    percent = "infinite" if error is None else f"{error:.3g}"
     return [
         *names,
-        "infinite" if percent is None else f"{percent:.3g}",
+        percent,
         f"{line['rms_kelvin']:.3g}",
         f"{line['p99_kelvin']:.3g}",
         f"{line['nodes']:,}",
         f"{line['steps']:,}",
         f"{line['energy_residual']:.0e}",
-        time,
-        full,
+        loop,
+        full_volume,
     ]
 
 
@@ -121,7 +178,7 @@ def _seconds(value: float) -> str:
     return f"{value:.3g} s" if value >= 1 else f"{1e3 * value:.3g} ms"
 
 
-def write_results(sweep: Sweep, fit: dict[str, Any] | None = None) -> None:
+def write_results(sweep: Sweep, fit: Tuning | None = None) -> None:
     """Write `result.json` and `report.html` into the folder of a sweep.
 
     Args:
@@ -149,10 +206,10 @@ def write_results(sweep: Sweep, fit: dict[str, Any] | None = None) -> None:
         **({} if fit is None else {"fit": fit}),
     }
     write_json(sweep.folder / "result.json", result)
-    _write_page(sweep, result)
+    _write_page(sweep, cast(_SweepResult, result))
 
 
-def goals_table(config: SweepConfig, lines: Sequence[dict[str, Any]]) -> list[Table]:
+def goals_table(config: SweepConfig, lines: Sequence[Mapping[str, Any]]) -> list[Table]:
     """Smallest error within the nodes of each goal; no table without goals.
 
     Args:
@@ -196,7 +253,7 @@ def _seed(config: SweepConfig) -> int | None:
     return None
 
 
-def _write_page(sweep: Sweep, result: dict[str, Any]) -> None:
+def _write_page(sweep: Sweep, result: _SweepResult) -> None:
     counts = result["cases"]
     config = sweep.config
     own_errors = [row["own_error"] for row in sweep.rows.values() if "own_error" in row]

@@ -15,11 +15,11 @@ from jaxthermo.parallel.devices import check_devices, check_shared
 from ..problem.reference import program_hash
 from .case import Case
 from .config import OptunaSampling, SweepConfig, load_sweep, sweep_hash, to_yaml
-from .evaluate import MAX_TOGETHER, Row, find_truth
+from .evaluate import MAX_TOGETHER, find_truth
 from .fits import check_fit, with_fit
 from .points import Choice, Study, cases_of, choices
 from .pool import Pool, Task, open_pool
-from .rows import Rows, claim_folder
+from .rows import Row, Rows, claim_folder
 from .times import time_case
 
 

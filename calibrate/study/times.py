@@ -36,7 +36,7 @@ from jaxthermo.timing import Spans, interleaved, ratio_of, timed_call
 from ..config.fit_record import SpeedRatio, Speedup
 from ..problem.reference import on_every_voxel
 from .case import Case, build_case, plan_case
-from .evaluate import Row
+from .rows import Row
 
 
 _MAX_CALLS = 3

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal, NotRequired, TypedDict
 
 import altair as alt
 import numpy as np
@@ -32,10 +32,53 @@ _FITTED = "#b3261e"
 _START = "#868d99"
 _LEVELS = 12
 """Number of lines of a contour."""
+_OPTIMA: tuple[Literal["start", "sweep", "fit"], ...] = ("start", "sweep", "fit")
 _RUNS = "a run of one case; a derivative along one value counts as a run, too"
 
 
-def compare_with_fit(sweep: Sweep, log: Log) -> dict[str, Any]:
+class _Optimum(TypedDict):
+    values: dict[str, float]
+    """Value by axis."""
+    rms_percent: float | None
+    """Error with these values [%]; None for an infinite one."""
+
+
+class _FoundOptimum(_Optimum):
+    runs: int
+    """Number of runs that it took."""
+
+
+class Tuning(TypedDict):
+    """A sweep compared with a fit of the same numbers, in `result.json`."""
+
+    sweep: _FoundOptimum
+    fit: _FoundOptimum
+    start: _Optimum
+    times_fewer_runs: float
+    fit_ended: str
+    fit_steps: int
+
+
+class _Mark(TypedDict):
+    """An optimum in a chart."""
+
+    x: float
+    y: NotRequired[float]
+    error: float | None
+    mark: str
+    text: NotRequired[str]
+
+
+class _LinePoint(TypedDict):
+    """A point of a line in a chart of one value."""
+
+    x: float
+    error: float
+    line: str
+    text: str
+
+
+def compare_with_fit(sweep: Sweep, log: Log) -> Tuning:
     """Run the fit that a sweep names, and judge its values like those of the sweep.
 
     Raises:
@@ -53,16 +96,30 @@ def compare_with_fit(sweep: Sweep, log: Log) -> dict[str, Any]:
         result = json.loads(done.read_text(encoding="utf-8"))
     else:
         result = fit_config(comparison.calibration, out=folder, report=False)
-    values = {axis: result["parameters"][name]["value"] for axis, name in names.items()}
-    start = {axis: result["parameters"][n]["initial"] for axis, n in names.items()}
+    parameters = result["parameters"]
+    values = {axis: parameters[name]["value"] for axis, name in names.items()}
+    start = {axis: parameters[name]["initial"] for axis, name in names.items()}
     runs = _fit_runs(result) * len(config.train)
     errors = grid_errors(sweep)
     best = min(errors, key=lambda values: errors[values])
     swept = len(sweep.cases)
+    fitted_percent = _judged(sweep, values)
+    start_percent = _judged(sweep, start)
     return {
-        "sweep": {"values": dict(best), "rms_percent": errors[best], "runs": swept},
-        "fit": {"values": values, "rms_percent": _judged(sweep, values), "runs": runs},
-        "start": {"values": start, "rms_percent": _judged(sweep, start)},
+        "sweep": {
+            "values": dict(best),
+            "rms_percent": errors[best],
+            "runs": swept,
+        },
+        "fit": {
+            "values": values,
+            "rms_percent": fitted_percent,
+            "runs": runs,
+        },
+        "start": {
+            "values": start,
+            "rms_percent": start_percent,
+        },
         "times_fewer_runs": swept / runs,
         "fit_ended": result["ended"],
         "fit_steps": len(result["steps"]),
@@ -118,18 +175,19 @@ def grid_errors(sweep: Sweep) -> dict[tuple[tuple[str, float], ...], float]:
     return errors
 
 
-def sections(sweep: Sweep, tuning: dict[str, Any]) -> list[page.Section]:
+def sections(sweep: Sweep, tuning: Tuning) -> list[page.Section]:
     """Curves, contour and the table of both optima, for the page of a sweep."""
     page_sections: list[page.Section] = [page.heading("Optimum by sweep and by fit")]
     rows = []
-    for optimum in ("start", "sweep", "fit"):
-        row = tuning[optimum]
-        listed = [f"{row['values'][axis]:.4g}" for axis in sweep.config.axes]
-        error = row["rms_percent"]
+    for name in _OPTIMA:
+        optimum = tuning[name]
+        values = optimum["values"]
+        axis_cells = [f"{values[axis]:.4g}" for axis in sweep.config.axes]
+        error = optimum["rms_percent"]
         percent = "infinite" if error is None else f"{error:.3g}"
-        rows.append(
-            [optimum, *listed, percent, f"{row['runs']:,}" if "runs" in row else ""]
-        )
+        # The start takes no search.
+        runs = "" if name == "start" else f"{tuning[name]['runs']:,}"
+        rows.append([name, *axis_cells, percent, runs])
     page_sections.append(Table(["", *sweep.config.axes, "error %", "runs"], rows))
     page_sections.append(
         f"The fit took {tuning['fit']['runs']} runs and the sweep "
@@ -153,12 +211,13 @@ def sections(sweep: Sweep, tuning: dict[str, Any]) -> list[page.Section]:
     return page_sections
 
 
-def _axis(sweep: Sweep, name: str) -> dict[str, Any]:
+def _scale(sweep: Sweep, name: str) -> alt.Scale:
+    """Scale of an axis of the sweep, from end to end."""
     axis = sweep.config.axes[name]
     is_log = isinstance(axis, RangeAxis) and axis.log
     ends = list(axis.between) if isinstance(axis, RangeAxis) else []
-    scale = alt.Scale(type="log" if is_log else "linear", domain=ends, nice=False)
-    return {"type": "quantitative", "title": name, "scale": scale}
+    scale_type = "log" if is_log else "linear"
+    return alt.Scale(type=scale_type, domain=ends, nice=False)
 
 
 def _grid(
@@ -179,33 +238,37 @@ def _grid(
     return axes, table
 
 
-def _curve(sweep: Sweep, tuning: dict[str, Any], axis: str) -> Chart:
+def _curve(sweep: Sweep, tuning: Tuning, axis: str) -> Chart:
     """Error over one value, with the second one at that of start, sweep and fit."""
     names = list(sweep.config.axes)
     column = names.index(axis)
     values, table = _grid(sweep)
-    points = []
-    for name, line in _lines(
-        names, column=column, values=values, table=table, tuning=tuning
-    ):
-        points += [
-            {
+    curves = _lines(names, column=column, values=values, table=table, tuning=tuning)
+    points: list[_LinePoint] = []
+    for name, errors in curves:
+        for x, percent in zip(values[column], errors, strict=True):
+            if not np.isfinite(percent):
+                continue
+            point: _LinePoint = {
                 "x": float(x),
-                "error": float(y),
+                "error": float(percent),
                 "line": name,
-                "text": f"{x:.4g}: {y:.4g} %",
+                "text": f"{x:.4g}: {percent:.4g} %",
             }
-            for x, y in zip(values[column], line, strict=True)
-            if np.isfinite(y)
-        ]
-    marks = [
-        {"x": tuning[w]["values"][axis], "error": tuning[w]["rms_percent"], "mark": w}
-        for w in ("start", "sweep", "fit")
-    ]
+            points.append(point)
+    marks: list[_Mark] = []
+    for name in _OPTIMA:
+        optimum = tuning[name]
+        mark: _Mark = {
+            "x": optimum["values"][axis],
+            "error": optimum["rms_percent"],
+            "mark": name,
+        }
+        marks.append(mark)
     error = alt.Y("error:Q", title="error of the worst load [%]")
     lines = alt.Chart(alt.Data(values=points)).mark_line(strokeWidth=2)
     lines = lines.encode(
-        alt.X("x:Q", **_without_type(_axis(sweep, axis))),
+        alt.X("x:Q", title=axis, scale=_scale(sweep, axis)),
         error,
         alt.Color("line:N", title=None, scale=_line_scale(points)),
         description="text:N",
@@ -221,38 +284,33 @@ def _lines(
     column: int,
     values: list[np.ndarray],
     table: Float[np.ndarray, "..."],
-    tuning: dict[str, Any],
+    tuning: Tuning,
 ) -> list[tuple[str, np.ndarray]]:
     """Errors along one axis, with the second value near each optimum."""
     if len(names) == 1:
         return [("sweep", table)]
     other_values = values[1 - column]
     nearest: dict[int, list[str]] = {}
-    for optimum in ("start", "sweep", "fit"):
+    for optimum in _OPTIMA:
         at = tuning[optimum]["values"][names[1 - column]]
         distance = np.abs(np.log(other_values / at) if at > 0 else other_values - at)
         # Two optima nearest to one value share a line.
         nearest.setdefault(int(distance.argmin()), []).append(optimum)
-    return [
-        (
-            f"{names[1 - column]} = {other_values[n]:.3g} ({', '.join(whose)})",
-            np.take(table, n, axis=1 - column),
-        )
-        for n, whose in nearest.items()
-    ]
+    lines = []
+    for index, optima in nearest.items():
+        value = f"{names[1 - column]} = {other_values[index]:.3g}"
+        errors = np.take(table, index, axis=1 - column)
+        lines.append((f"{value} ({', '.join(optima)})", errors))
+    return lines
 
 
-def _line_scale(points: list[dict[str, Any]]) -> alt.Scale:
+def _line_scale(points: list[_LinePoint]) -> alt.Scale:
     names = list(dict.fromkeys(point["line"] for point in points))
     colours = [_START, _SWEPT, _FITTED] if len(names) > 1 else [_SWEPT]
     return alt.Scale(domain=names, range=colours[: len(names)])
 
 
-def _without_type(axis: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in axis.items() if key != "type"}
-
-
-def _optima(marks: list[dict[str, Any]], x: alt.X, y: alt.Y) -> alt.Chart:
+def _optima(marks: list[_Mark], x: alt.X, y: alt.Y) -> alt.Chart:
     for mark in marks:
         mark["text"] = f"{mark['mark']}: {mark['error']:.4g} %"
     chart = alt.Chart(alt.Data(values=marks)).mark_point(
@@ -270,7 +328,7 @@ def _optima(marks: list[dict[str, Any]], x: alt.X, y: alt.Y) -> alt.Chart:
     )
 
 
-def _contour(sweep: Sweep, tuning: dict[str, Any]) -> Chart:
+def _contour(sweep: Sweep, tuning: Tuning) -> Chart:
     """Error over two values: lines of equal error, even in its logarithm."""
     names = list(sweep.config.axes)
     (first, second), table = _grid(sweep)
@@ -281,32 +339,37 @@ def _contour(sweep: Sweep, tuning: dict[str, Any]) -> Chart:
         for number, path in enumerate(find_contours(table, level)):
             steps = zip(path.T, (first, second), strict=True)
             x, y = (np.interp(i, np.arange(len(v)), v).tolist() for i, v in steps)
-            head = {
-                "error": level,
-                "text": f"{level:.3g} %",
-                "line": f"{level} {number}",
-            }
-            pairs = enumerate(zip(x, y, strict=True))
-            lines += [{**head, "x": a, "y": b, "order": n} for n, (a, b) in pairs]
+            for order, (x_value, y_value) in enumerate(zip(x, y, strict=True)):
+                point = {
+                    "error": level,
+                    "text": f"{level:.3g} %",
+                    "line": f"{level} {number}",
+                    "x": x_value,
+                    "y": y_value,
+                    "order": order,
+                }
+                lines.append(point)
     scale = alt.Scale(type="log", scheme="viridis", domain=[levels[0], levels[-1]])
     contour = alt.Chart(alt.Data(values=lines)).mark_line(strokeWidth=1.6)
     contour = contour.encode(
-        alt.X("x:Q", **_without_type(_axis(sweep, names[0]))),
-        alt.Y("y:Q", **_without_type(_axis(sweep, names[1]))),
+        alt.X("x:Q", title=names[0], scale=_scale(sweep, names[0])),
+        alt.Y("y:Q", title=names[1], scale=_scale(sweep, names[1])),
         alt.Color("error:Q", title="error [%]", scale=scale),
         detail="line:N",
         order="order:Q",
         description="text:N",
     )
-    marks = [
-        {
-            "x": tuning[w]["values"][names[0]],
-            "y": tuning[w]["values"][names[1]],
-            "error": tuning[w]["rms_percent"],
-            "mark": w,
+    marks: list[_Mark] = []
+    for name in _OPTIMA:
+        optimum = tuning[name]
+        values = optimum["values"]
+        mark: _Mark = {
+            "x": values[names[0]],
+            "y": values[names[1]],
+            "error": optimum["rms_percent"],
+            "mark": name,
         }
-        for w in ("start", "sweep", "fit")
-    ]
+        marks.append(mark)
     optima = _optima(marks, alt.X("x:Q"), alt.Y("y:Q"))
     chart = alt.layer(contour, optima)
     chart = chart.resolve_scale(color="independent", shape="independent")
