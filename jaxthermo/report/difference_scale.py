@@ -53,8 +53,13 @@ class DifferenceScale:
     def colour(self, position: Float[np.ndarray, "*n"]) -> UInt8[np.ndarray, "*n 3"]:
         """The sRGB colours at positions along the scale."""
         table = np.asarray(_ANCHORS, float)
-        channels = [np.interp(position, table[:, 0], c) for c in table[:, 1:].T]
-        return np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
+        anchor_position = table[:, 0]
+        channels = [
+            np.interp(position, anchor_position, anchor_channel)
+            for anchor_channel in table[:, 1:].T
+        ]
+        colours = np.stack(channels, axis=-1)
+        return np.rint(colours).astype(np.uint8)
 
     def picture(
         self, kelvin: Float[np.ndarray, "h w"], body: Bool[np.ndarray, "h w"]
@@ -67,31 +72,44 @@ class DifferenceScale:
     def ticks(self) -> list[float]:
         """Zero, the ends, and tenths and hundredths of the ends away from zero [K]."""
         down = self.limit / np.array([100.0, 10.0, 1.0])
-        up = [float(value) for value in down[self.position(down) > _MIN_TICK_DISTANCE]]
-        return [*(-value for value in up[::-1]), 0.0, *up]
+        is_apart = self.position(down) > _MIN_TICK_DISTANCE
+        up = [float(value) for value in down[is_apart]]
+        negative = [-value for value in reversed(up)]
+        return [*negative, 0.0, *up]
 
 
 def nice_limit(largest: float) -> float:
     """The smallest of 1, 2, 5 x 10^n that is not below the largest difference [K]."""
-    decade = 10.0 ** np.floor(np.log10(max(largest, 1e-6)))
-    # With a tolerance for rounding: 0.3 / 0.1 is above 3.
-    reached = (f for f in (1.0, 2.0, 5.0) if largest <= f * decade * (1 + 1e-9))
-    return float(next(reached, 10.0) * decade)
+    exponent = np.floor(np.log10(max(largest, 1e-6)))
+    decade = 10.0**exponent
+    for factor in (1.0, 2.0, 5.0):
+        limit = factor * decade
+        # With a tolerance for rounding: 0.3 / 0.1 is above 3.
+        if largest <= limit * (1 + 1e-9):
+            return float(limit)
+    return float(10.0 * decade)
 
 
 def difference_bar(scale: DifferenceScale, title: str) -> ColourBar:
     """The colour bar of a scale, under a title that names the unit."""
     ticks = np.asarray(scale.ticks())
     positions = (scale.position(ticks) + 1) / 2
+    labelled = []
+    for position, tick in zip(positions, ticks, strict=True):
+        labelled.append((float(position), _signed(tick)))
+    along = np.linspace(-1.0, 1.0, 512)
     return ColourBar(
-        colours=scale.colour(np.linspace(-1.0, 1.0, 512)),
-        ticks=tuple(
-            (float(p), _signed(t)) for p, t in zip(positions, ticks, strict=True)
-        ),
+        colours=scale.colour(along),
+        ticks=tuple(labelled),
         title=title,
     )
 
 
 def _signed(value: float) -> str:
-    sign = "" if value == 0 else "+" if value > 0 else "-"
+    if value == 0:
+        sign = ""
+    elif value > 0:
+        sign = "+"
+    else:
+        sign = "-"
     return f"{sign}{abs(value):g}"

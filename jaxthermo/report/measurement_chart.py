@@ -119,7 +119,7 @@ def measurement_chart(
         panels.append(lines.properties(width=_WIDTH, height=height))
     below = "lines: means; bands: from the lowest to the highest" if spread else ""
     head = alt.TitleParams(title or "measurements", subtitle=below, anchor="start")
-    return alt.vconcat(*panels, title=head)
+    return alt.VConcatChart(vconcat=panels, title=head)
 
 
 class _Channels(NamedTuple):

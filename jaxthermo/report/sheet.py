@@ -49,9 +49,16 @@ class Legend:
 def scale_ticks(low: float, high: float) -> tuple[tuple[float, str], ...]:
     """Ticks at round values of a scale, as `ColourBar.ticks`."""
     values = nice_ticks(low, high)
-    decimals = decimals_of(values[1] - values[0]) if len(values) > 1 else 1
+    decimals = 1
+    if len(values) > 1:
+        step = values[1] - values[0]
+        decimals = decimals_of(step)
     span = max(high - low, 1e-9)
-    return tuple(((value - low) / span, label(value, decimals)) for value in values)
+    ticks = []
+    for value in values:
+        position = (value - low) / span
+        ticks.append((position, label(value, decimals)))
+    return tuple(ticks)
 
 
 def sheet(
@@ -61,95 +68,128 @@ def sheet(
     if columns is None:
         rows = math.ceil(len(tiles) / _MAX_COLUMNS)
         columns = math.ceil(len(tiles) / rows)
-    text = max(11, min(28, tiles[0].pixels.shape[0] // 22))
-    grid = contact_sheet([_framed(tile, text) for tile in tiles], columns)
-    font = ImageFont.load_default(size=round(1.25 * text))
+    tile_height = tiles[0].pixels.shape[0]
+    text = max(11, min(28, tile_height // 22))
+    framed = [_framed(tile, text) for tile in tiles]
+    grid = contact_sheet(framed, columns)
+    title_size = round(1.25 * text)
+    font = ImageFont.load_default(size=title_size)
     title = drawable(title)
     head = 3 * text
     foot = 6 * text
     small = ImageFont.load_default(size=text)
     below = small.getlength(bar.title)
     if isinstance(bar, Legend):
-        below = max(below, sum(_entry_widths(bar, small, text)))
-    needed = math.ceil(max(font.getlength(title), below)) + 2 * text
+        legend_width = sum(_entry_widths(bar, small, text))
+        below = max(below, legend_width)
+    text_width = max(font.getlength(title), below)
+    needed = math.ceil(text_width) + 2 * text
     width = max(grid.width, needed)
-    picture = Image.new("RGB", (width, grid.height + head + foot), PAPER)
-    picture.paste(grid, ((width - grid.width) // 2, head))
+    grid_bottom = head + grid.height
+    height = grid_bottom + foot
+    picture = Image.new("RGB", (width, height), PAPER)
+    grid_left = (width - grid.width) // 2
+    picture.paste(grid, (grid_left, head))
     draw = ImageDraw.Draw(picture)
-    draw.text((width / 2, head / 2), title, fill=INK, font=font, anchor="mm")
+    title_centre = (width / 2, head / 2)
+    draw.text(title_centre, title, fill=INK, font=font, anchor="mm")
     if isinstance(bar, Legend):
-        _draw_legend(picture, legend=bar, top=grid.height + head, text=text)
+        _draw_legend(picture, legend=bar, top=grid_bottom, text=text)
     else:
-        _draw_bar(picture, bar=bar, top=grid.height + head, text=text)
+        _draw_bar(picture, bar=bar, top=grid_bottom, text=text)
     return picture
 
 
 def enlarged(pixels: Pixels, edge: int) -> UInt8[np.ndarray, "H W 3"]:
     """Whole pixels repeated until the longer edge is about `edge` [px]."""
-    factor = max(1, round(edge / max(pixels.shape[:2])))
-    return pixels.repeat(factor, axis=0).repeat(factor, axis=1)
+    longer_edge = max(pixels.shape[:2])
+    factor = max(1, round(edge / longer_edge))
+    rows = pixels.repeat(factor, axis=0)
+    return rows.repeat(factor, axis=1)
 
 
 def _framed(tile: Tile, text: int) -> Image.Image:
     # `text` is the height of the label's letters [px].
     height, width = tile.pixels.shape[:2]
     font = ImageFont.load_default(size=text)
-    small = ImageFont.load_default(size=max(10, round(0.85 * text)))
+    note_size = max(10, round(0.85 * text))
+    small = ImageFont.load_default(size=note_size)
     heading = drawable(tile.label)
     note = drawable(tile.note)
-    text_width = max(font.getlength(heading), small.getlength(note))
+    heading_width = font.getlength(heading)
+    note_width = small.getlength(note)
+    text_width = max(heading_width, note_width)
     # The canvas grows with its texts: long labels must not overlap the next tile.
     across = max(width + 2, math.ceil(text_width) + text)
-    below = round(3.2 * text) if tile.note else 2 * text
-    image = Image.new("RGB", (across, height + 2 + below), PAPER)
-    left = (across - width - 2) // 2
-    draw = ImageDraw.Draw(image)
-    draw.rectangle((left, 0, left + width + 1, height + 1), outline=FRAME)
-    image.paste(Image.fromarray(np.ascontiguousarray(tile.pixels)), (left + 1, 1))
-    middle = across / 2
     base = height + 2
-    draw.text((middle, base + text), heading, fill=INK, font=font, anchor="mm")
-    note_at = (middle, base + round(2.3 * text))
+    below = 2 * text
+    if tile.note:
+        below = round(3.2 * text)
+    image = Image.new("RGB", (across, base + below), PAPER)
+    left = (across - width - 2) // 2
+    right = left + width + 1
+    draw = ImageDraw.Draw(image)
+    draw.rectangle((left, 0, right, height + 1), outline=FRAME)
+    picture = Image.fromarray(np.ascontiguousarray(tile.pixels))
+    image.paste(picture, (left + 1, 1))
+    middle = across / 2
+    heading_at = (middle, base + text)
+    draw.text(heading_at, heading, fill=INK, font=font, anchor="mm")
+    note_base = base + round(2.3 * text)
+    note_at = (middle, note_base)
     draw.text(note_at, note, fill=FAINT, font=small, anchor="mm")
     return image
 
 
 def _draw_bar(picture: Image.Image, bar: ColourBar, top: int, text: int) -> None:
     font = ImageFont.load_default(size=text)
-    width = min(round(0.7 * picture.width), 60 * text)
+    available_width = round(0.7 * picture.width)
+    width = min(available_width, 60 * text)
     left = (picture.width - width) // 2
     height = round(1.1 * text)
     draw = ImageDraw.Draw(picture)
     middle = picture.width / 2
-    draw.text((middle, top + 0.9 * text), bar.title, fill=INK, font=font, anchor="mm")
+    title_at = (middle, top + 0.9 * text)
+    draw.text(title_at, bar.title, fill=INK, font=font, anchor="mm")
     y = top + 2 * text
-    index = np.rint(np.linspace(0, len(bar.colours) - 1, width)).astype(int)
-    strip = np.repeat(bar.colours[index][None], height, axis=0)
-    picture.paste(Image.fromarray(np.ascontiguousarray(strip)), (left, y))
+    last = len(bar.colours) - 1
+    colour_position = np.linspace(0, last, width)
+    index = np.rint(colour_position).astype(int)
+    row = bar.colours[index]
+    strip = np.repeat(row[None], height, axis=0)
+    strip_picture = Image.fromarray(np.ascontiguousarray(strip))
+    picture.paste(strip_picture, (left, y))
     bottom = y + height
-    draw.rectangle((left - 1, y - 1, left + width, bottom), outline=FRAME)
+    frame = (left - 1, y - 1, left + width, bottom)
+    draw.rectangle(frame, outline=FRAME)
     for position, tick_label in bar.ticks:
         x = left + position * (width - 1)
-        draw.line((x, bottom, x, bottom + text // 2), fill=FAINT)
+        tick_end = bottom + text // 2
+        draw.line((x, bottom, x, tick_end), fill=FAINT)
         label_at = (x, bottom + 1.2 * text)
         draw.text(label_at, tick_label, fill=INK, font=font, anchor="mm")
 
 
 def _entry_widths(legend: Legend, font, text: int) -> list[float]:
     # A square, its meaning, and the space to the next one.
-    return [3.2 * text + font.getlength(meaning) for meaning, _ in legend.entries]
+    square_and_space = 3.2 * text
+    return [square_and_space + font.getlength(meaning) for meaning, _ in legend.entries]
 
 
 def _draw_legend(picture: Image.Image, legend: Legend, top: int, text: int) -> None:
     font = ImageFont.load_default(size=text)
     draw = ImageDraw.Draw(picture)
-    at = (picture.width / 2, top + 0.9 * text)
-    draw.text(at, legend.title, fill=INK, font=font, anchor="mm")
+    title_at = (picture.width / 2, top + 0.9 * text)
+    draw.text(title_at, legend.title, fill=INK, font=font, anchor="mm")
     widths = _entry_widths(legend, font, text)
-    x = (picture.width - sum(widths)) / 2 + text
+    margin = (picture.width - sum(widths)) / 2
+    x = margin + text
     y = top + 3 * text
+    square_top = y - 0.6 * text
+    square_bottom = y + 0.6 * text
     for (meaning, colour), width in zip(legend.entries, widths, strict=True):
-        box = (x, y - 0.6 * text, x + 1.2 * text, y + 0.6 * text)
+        box = (x, square_top, x + 1.2 * text, square_bottom)
         draw.rectangle(box, fill=colour, outline=FRAME)
-        draw.text((x + 1.7 * text, y), meaning, fill=INK, font=font, anchor="lm")
+        meaning_at = (x + 1.7 * text, y)
+        draw.text(meaning_at, meaning, fill=INK, font=font, anchor="lm")
         x += width
