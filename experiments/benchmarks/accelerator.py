@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import jax
 import jax.numpy as jnp
@@ -24,6 +24,7 @@ from jaxthermo.timing import interleaved
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import END, START, STEEL, standard_scene
+from ..harness.present import Rows
 from ..thesis.resolution import FULL, TABLE_TIMES
 from .loops import loop_of
 from .scaling_model import STEP_BYTES
@@ -46,13 +47,19 @@ _PARAMETERS = (1, 2, 4, 8)
 _CAMERA = jt.Camera((1.6, 0.6, 0.4), (0.0, 0.0, 0.25), width=640, height=480)
 
 
+class _Result(TypedDict):
+    device: str
+    copy_bytes_per_s: float
+    measurements: Rows
+
+
 def run(
     folder: Path,
     height: int = 250,
     shape: tuple[int, int, int] = _THESIS_SHAPE,
     repeats: int = 7,
     copied: int = 2**28,
-) -> dict[str, Any]:
+) -> _Result:
     """Times of all of them, and the card's or processor's name.
 
     Args:

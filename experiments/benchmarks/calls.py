@@ -8,16 +8,16 @@ All take turns with numba's explicit loop of the full volume of the same voxels.
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
 import jaxthermo as jt
-from jaxthermo.timing import interleaved, ratio_of
+from jaxthermo.timing import Spread, interleaved, ratio_of
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import END, HEIGHT, SAVE_AT, START, thesis_meshes
-from ..harness.present import show, table_of
+from ..harness.present import Rows, show, table_of
 from ..harness.timing import ratio_text, timing_of
 from .loops import NUMBA, loop_of, numba_explicit
 
@@ -36,12 +36,28 @@ _PEER = f"{NUMBA}, explicit full volume"
 _OURS = _LOOP, _AGAIN, _OTHER, _SIMULATE
 
 
+class _Row(TypedDict):
+    """Times of every call of one structure."""
+
+    structure: str
+    nodes: int
+    spans_s: dict[str, list[float]]
+
+
+class _Result(TypedDict):
+    mesh: str
+    height: int
+    peer_steps: int
+    rows: list[_Row]
+    measurements: Rows
+
+
 def run(
     folder: Path,
     height: int = 250,
     repeats: int = 7,
     factors: tuple[int, ...] = (3, 4, 6, 8),
-) -> dict[str, Any]:
+) -> _Result:
     """Times of the calls of each structure, and their ratios.
 
     Args:
@@ -54,7 +70,7 @@ def run(
     grid = jt.voxelize(mesh, HEIGHT / height)
     full = jt.FullVolume(grid)
     peer = numba_explicit(_scene(full, 0), END, SAVE_AT)
-    structures: dict[str, Any] = {
+    structures: dict[str, jt.Aggregate | jt.FullVolume] = {
         f"aggregate x{factor}": jt.Aggregate(grid, factor) for factor in factors
     }
     structures["full volume"] = full
@@ -66,7 +82,7 @@ def run(
         }
     # The peer once a round, beside all structures: it takes seconds.
     spans = interleaved(calls, repeats)
-    rows = [
+    rows: list[_Row] = [
         {
             "structure": label,
             "nodes": structure.node_count,
@@ -87,8 +103,13 @@ def run(
     ]
     show(table_of(rows, columns, f"{name}, {height} high, {END:g} s, this host"))
     measured = [measurement for row in rows for measurement in _measurements(row)]
-    result = {"mesh": name, "height": height, "peer_steps": peer.steps, "rows": rows}
-    return {**result, "measurements": plain_rows(measured)}
+    return {
+        "mesh": name,
+        "height": height,
+        "peer_steps": peer.steps,
+        "rows": rows,
+        "measurements": plain_rows(measured),
+    }
 
 
 def _scene(structure: Any, number: int) -> jt.Scene:
@@ -123,11 +144,11 @@ def _calls(structure: Any, repeats: int) -> dict[str, Callable[[], Any]]:
     }
 
 
-def _over(row: dict[str, Any], above: str, below: str) -> list[float]:
+def _over(row: _Row, above: str, below: str) -> Spread:
     return ratio_of(row["spans_s"][above], row["spans_s"][below])
 
 
-def _measurements(row: dict[str, Any]) -> list[Measurement]:
+def _measurements(row: _Row) -> list[Measurement]:
     label = row["structure"]
     spans = row["spans_s"]
     peer = spans[_PEER]

@@ -15,7 +15,7 @@ import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import IO, NamedTuple, TypedDict
 
 import jax
 import jax.numpy as jnp
@@ -32,8 +32,8 @@ from jaxthermo.scene.compile.on_devices import on_devices
 
 from ..harness.measurement import Measurement, plain_rows, time_unit
 from ..harness.meshes import STEEL
-from ..harness.present import show, table_of
-from .scaling_model import on_paper
+from ..harness.present import Rows, show, table_of
+from .scaling_model import PaperRow, on_paper
 
 
 QUICK = {"shape": (24, 56, 24), "repeats": 2, "steps": 6}
@@ -56,6 +56,30 @@ class _Arrangement(NamedTuple):
     processes: int
 
 
+class _Reply(TypedDict, total=False):
+    """What a process reports: its lattice when it is ready, then each turn's time."""
+
+    lattice_bytes: int
+    step_s: float
+
+
+class _Row(TypedDict):
+    """Times of one arrangement."""
+
+    scene: str
+    arrangement: str
+    devices: int
+    processes: int
+    step_s: list[float]
+    lattice_bytes: int
+
+
+class _Result(TypedDict):
+    rows: list[_Row]
+    on_paper: list[PaperRow]
+    measurements: Rows
+
+
 _ALONE = _Arrangement("one device", 1, 1)
 _ARRANGEMENTS = (
     _ALONE,
@@ -71,7 +95,7 @@ def run(
     repeats: int = 5,
     steps: int = 20,
     scenes: Sequence[str] = tuple(_TERMS),
-) -> dict[str, Any]:
+) -> _Result:
     """Time of an explicit step or a stage of RKL2, and the lattice that a process has.
 
     Args:
@@ -100,7 +124,7 @@ def run(
     return {"rows": results, "on_paper": paper, "measurements": measurements}
 
 
-def _show_paper(rows: list[dict[str, Any]]) -> None:
+def _show_paper(rows: list[PaperRow]) -> None:
     columns = [
         ("voxels", "{voxels:.0e}"),
         ("machine", "{machine}"),
@@ -119,13 +143,14 @@ def _time(seconds: float) -> str:
     return f"{factor * seconds:.3g} {unit}"
 
 
-def _measurements(results: list[dict[str, Any]]) -> list[Measurement]:
+def _measurements(results: list[_Row]) -> list[Measurement]:
     measurements = []
-    alone = {}
+    references = [row for row in results if row["arrangement"] == _ALONE.name]
+    alone_by_scene = {row["scene"]: row for row in references}
     for row in results:
-        if row["arrangement"] == _ALONE.name:
-            alone = row
+        if row in references:
             continue
+        alone = alone_by_scene[row["scene"]]
         share = row["lattice_bytes"] / alone["lattice_bytes"]
         is_pair = row["processes"] == 2
         name = f"{row['scene']}: {row['arrangement']}"
@@ -159,7 +184,7 @@ class _Worker(NamedTuple):
         self.turns.write(words + "\n")
         self.turns.flush()
 
-    def result(self) -> dict[str, Any]:
+    def reply(self) -> _Reply:
         # Libraries may print besides.
         for line in self.results:
             if line.startswith("{"):
@@ -169,7 +194,7 @@ class _Worker(NamedTuple):
 
 def _measured(
     surface: str, shape: Sequence[int], repeats: int, steps: int
-) -> list[dict[str, Any]]:
+) -> list[_Row]:
     with ExitStack() as stack:
         workers = {}
         for arrangement in _ARRANGEMENTS:
@@ -187,7 +212,7 @@ def _measured(
                 for process in range(arrangement.processes)
             ]
         ready = {
-            arrangement: [worker.result() for worker in processes]
+            arrangement: [worker.reply() for worker in processes]
             for arrangement, processes in workers.items()
         }
         spans: dict[_Arrangement, list[float]] = {
@@ -198,7 +223,7 @@ def _measured(
                 for worker in processes:
                     worker.begin("go")
                 spans[arrangement].append(
-                    max(worker.result()["step_s"] for worker in processes)
+                    max(worker.reply()["step_s"] for worker in processes)
                 )
         for processes in workers.values():
             for worker in processes:

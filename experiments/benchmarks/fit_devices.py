@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import equinox as eqx
 import jax
@@ -34,6 +34,7 @@ from jaxthermo.timing import interleaved
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import END, STEEL, standard_scene
+from ..harness.present import Rows
 from .steps import STRUCTURES
 
 
@@ -53,12 +54,30 @@ _VALUES = {
 """Values that are fitted, in the order in which they are added."""
 
 
+class _Times(TypedDict):
+    """Times of every call on one and on two devices."""
+
+    wall_s: dict[str, list[float]]
+    processor_s: dict[str, list[float]]
+
+
+class _Row(_Times):
+    name: str
+    values: int
+
+
+class _Result(TypedDict):
+    devices: int
+    rows: list[_Row]
+    measurements: Rows
+
+
 def run(
     folder: Path,
     height: int = 250,
     repeats: int = 15,
     counts: tuple[int, ...] = (2, 4, 8),
-) -> dict[str, Any]:
+) -> _Result:
     """Times on one and on two devices.
 
     Args:
@@ -80,7 +99,7 @@ def run(
     return {"devices": _DEVICES, "rows": rows, "measurements": plain_rows(measured)}
 
 
-def _measurements(row: dict[str, Any]) -> list[Measurement]:
+def _measurements(row: _Row) -> list[Measurement]:
     name = row["name"]
     wall = row["wall_s"]
     processor = row["processor_s"]
@@ -100,11 +119,11 @@ def _measurements(row: dict[str, Any]) -> list[Measurement]:
     ]
 
 
-def _measure(height: int, repeats: int, counts: list[int]) -> list[dict[str, Any]]:
+def _measure(height: int, repeats: int, counts: list[int]) -> list[_Row]:
     provide_devices(_DEVICES)
     scene, mesh_name = standard_scene(STEEL, STRUCTURES[_BLOCKS], height)
     label = f"{mesh_name}, {height} high, {_BLOCKS}"
-    rows = []
+    rows: list[_Row] = []
     for count in counts:
         problem = _problem(scene, count)
         with precision(problem.dtype.name):
@@ -112,14 +131,9 @@ def _measure(height: int, repeats: int, counts: list[int]) -> list[dict[str, Any
             names = {"Jacobian": f"Jacobian of {count} values"}
             if count == counts[0]:
                 names["run"] = "run without derivatives"
-            rows += [
-                {
-                    "name": f"{label}: {name}",
-                    "values": count,
-                    **_timed(calls[key], repeats),
-                }
-                for key, name in names.items()
-            ]
+            for key, name in names.items():
+                times = _timed(calls[key], repeats)
+                rows.append({"name": f"{label}: {name}", "values": count, **times})
     return rows
 
 
@@ -159,7 +173,7 @@ def _calls(problem: Problem) -> dict[str, _Calls]:
     return calls_by_task
 
 
-def _timed(calls: _Calls, repeats: int) -> dict[str, Any]:
+def _timed(calls: _Calls, repeats: int) -> _Times:
     """Wall times in turn, and those of the processor [s]."""
     processor: dict[str, list[float]] = {name: [] for name in calls}
 

@@ -8,7 +8,7 @@ stand for.
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from jaxthermo.voxels.grid import VoxelGrid
 from ..front.linear_body import Run
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import HEIGHT, START, STEEL, thesis_meshes
+from ..harness.present import Rows
 from .loops import NUMBA, largest_difference, loop_of, numba_explicit, numba_rkl2
 
 
@@ -50,9 +51,25 @@ class _Method(NamedTuple):
     peer: Callable[[jt.Scene], Run]
 
 
+class _Row(TypedDict):
+    """Times of one task in one body."""
+
+    body: str
+    what: str
+    nodes: int
+    evaluations: int
+    step_s: Spans
+    largest_difference_K: float
+
+
+class _Result(TypedDict):
+    rows: list[_Row]
+    measurements: Rows
+
+
 def run(
     folder: Path, height: int = 548, repeats: int = 5, work: float = 2.5e8
-) -> dict[str, Any]:
+) -> _Result:
     """Times of an explicit step and of a stage of RKL2 in both bodies.
 
     Args:
@@ -106,14 +123,14 @@ def _methods(stable: float, count: int) -> dict[str, _Method]:
 
 def _measured(
     label: str, grid: VoxelGrid, repeats: int, work: float
-) -> tuple[list[Measurement], list[dict[str, Any]]]:
+) -> tuple[list[Measurement], list[_Row]]:
     scene = _scene(jt.FullVolume(grid))
     nodes = grid.solid_count
     count = int(np.clip(work / nodes, _FEWEST, _MOST))
     stable = plan_run(scene, t1=1.0, save_at=None, solver=jt.ForwardEuler()).stable_step
     assert stable is not None
-    rows = []
-    results = []
+    rows: list[Measurement] = []
+    results: list[_Row] = []
     for task, method in _methods(stable, count).items():
         plan = plan_run(scene, t1=method.end, save_at=None, solver=method.solver)
         peer = method.peer(scene)
@@ -135,15 +152,22 @@ def _measured(
             largest_difference(own_plan, peer) for own_plan in (plan, inside)
         )
         spans = _per_step(interleaved(calls, repeats), method.steps)
-        row = {"body": label, "what": task, "nodes": nodes}
         cells = len(grid.fragment_area)
         note = (
             f"{nodes:,} nodes, {cells:,} surface cells; all surfaces agree to "
             f"{difference:.1g} K"
         )
         rows += _rows(f"{label}: {task}", spans, note)
-        row |= {"evaluations": method.steps, "step_s": spans}
-        results.append({**row, "largest_difference_K": difference})
+        results.append(
+            {
+                "body": label,
+                "what": task,
+                "nodes": nodes,
+                "evaluations": method.steps,
+                "step_s": spans,
+                "largest_difference_K": difference,
+            }
+        )
     return rows, results
 
 

@@ -8,7 +8,7 @@ takes weights, by explicit steps from checkpoints within a stated memory.
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import jax
 import jax.numpy as jnp
@@ -16,10 +16,11 @@ import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.host_memory import readable_bytes
-from jaxthermo.timing import interleaved, ratio_of, timed_call
+from jaxthermo.timing import Spread, interleaved, ratio_of, timed_call
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import END, HEIGHT, START, thesis_meshes
+from ..harness.present import Rows
 
 
 QUICK = {"height": 32, "repeats": 2}
@@ -53,7 +54,26 @@ def _scene(make, grid, values) -> jt.Scene:
     return jt.Scene((jt.Body(structure, material, temperature=START),), terms)
 
 
-def _measure(make, grid, repeats: int) -> dict[str, Any]:
+class _Costs(TypedDict):
+    """Costs of a run and of its gradient, which is among them."""
+
+    steps: int
+    compile_s: dict[str, float]
+    times_s: dict[str, list[float]]
+    ratio: Spread
+    temporary_bytes: int | None
+    gradient: list[float]
+
+
+class _Result(TypedDict):
+    mesh: str
+    height: int
+    budget_bytes: int
+    runs: dict[str, _Costs]
+    measurements: Rows
+
+
+def _measure(make, grid, repeats: int) -> _Costs:
     stable = jt.compile_scene(_scene(make, grid, _VALUES), 1, END).stable_step
     # Fixed while tracing: a step that followed the values would need its own gradient.
     dt = 0.9 * float(stable)
@@ -83,7 +103,7 @@ def _measure(make, grid, repeats: int) -> dict[str, Any]:
     }
 
 
-def run(folder: Path, height: int = 128, repeats: int = 3) -> dict[str, Any]:
+def run(folder: Path, height: int = 128, repeats: int = 3) -> _Result:
     """Times of both, their ratio, memory and the gradient, for each structure."""
     name, mesh = next(iter(thesis_meshes().items()))
     grid = jt.voxelize(mesh, HEIGHT / height)
@@ -96,11 +116,16 @@ def run(folder: Path, height: int = 128, repeats: int = 3) -> dict[str, Any]:
         _measurement(f"{label}, {structure_name}", row)
         for structure_name, row in rows.items()
     ]
-    result = {"mesh": name, "height": height, "budget_bytes": _MEMORY, "runs": rows}
-    return {**result, "measurements": plain_rows(measured)}
+    return {
+        "mesh": name,
+        "height": height,
+        "budget_bytes": _MEMORY,
+        "runs": rows,
+        "measurements": plain_rows(measured),
+    }
 
 
-def _measurement(name: str, row: dict[str, Any]) -> Measurement:
+def _measurement(name: str, row: _Costs) -> Measurement:
     memory = readable_bytes(row["temporary_bytes"] or 0)
     return Measurement(
         name=f"{name}: reverse-mode gradient",

@@ -7,7 +7,7 @@ slope of the logarithms from 1 million nodes on.
 
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 import altair as alt
 import numpy as np
@@ -36,9 +36,27 @@ _FIRST = 2
 """Steps of a call to compare with: memory is new to the first, which takes its time."""
 
 
-def run(folder: Path, height: int = _ACROSS[-1], repeats: int = 5) -> dict[str, Any]:
+class _Row(TypedDict):
+    """Times of a ball in one form."""
+
+    form: str
+    across: int
+    nodes: int
+    step_s: list[float]
+    node_ns: float
+
+
+class _Result(TypedDict):
+    rows: list[_Row]
+    growth: dict[str, float | None]
+    charts: dict[str, str]
+    measurements: Rows
+    files: list[str]
+
+
+def run(folder: Path, height: int = _ACROSS[-1], repeats: int = 5) -> _Result:
     """Times of balls up to so many voxels across, their growth, and a chart."""
-    rows = []
+    rows: list[_Row] = []
     for across in _ACROSS:
         if across <= height:
             rows += _measured(across, repeats)
@@ -60,13 +78,13 @@ def run(folder: Path, height: int = _ACROSS[-1], repeats: int = 5) -> dict[str, 
     }
 
 
-def _measurement(row: dict[str, Any]) -> Measurement:
+def _measurement(row: _Row) -> Measurement:
     nodes = row["nodes"]
     name = f"{row['form']}: step over its {nodes:,} nodes"
     return Measurement(name, "s", [span / nodes for span in row["step_s"]])
 
 
-def _measured(across: int, repeats: int) -> Rows:
+def _measured(across: int, repeats: int) -> list[_Row]:
     ball = jt.shapes.sphere(_RADIUS)
     grid = jt.voxelize(ball, 2 * _RADIUS / across, "dominant_axis")
     forms = {"stencil": jt.FullVolume(grid)}
@@ -79,7 +97,7 @@ def _measured(across: int, repeats: int) -> Rows:
         calls[form] = partial(conduct, count + _FIRST)
         calls[f"{form}, first steps"] = partial(conduct, _FIRST)
     spans = interleaved(calls, repeats)
-    rows = []
+    rows: list[_Row] = []
     for form in forms:
         step = (np.array(spans[form]) - spans[f"{form}, first steps"]) / count
         rows.append(
@@ -94,7 +112,7 @@ def _measured(across: int, repeats: int) -> Rows:
     return rows
 
 
-def _growth(rows: Rows, form: str) -> float | None:
+def _growth(rows: list[_Row], form: str) -> float | None:
     """Power of the number of nodes that the time grows with, beyond the caches."""
     large = [r for r in rows if r["form"] == form and r["nodes"] >= _BEYOND_CACHE]
     if len(large) < 2:
@@ -103,7 +121,7 @@ def _growth(rows: Rows, form: str) -> float | None:
     return float(np.polyfit(logs[:, 0], logs[:, 1], 1)[0])
 
 
-def _chart(rows: Rows) -> Chart:
+def _chart(rows: list[_Row]) -> Chart:
     points = [
         {**row, "text": "{form}, {nodes:,} nodes: {node_ns:.2f} ns".format_map(row)}
         for row in rows

@@ -9,7 +9,7 @@ textbook's step is that of a periodic box.
 
 import inspect
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypedDict
 
 import jax
 import jax.numpy as jnp
@@ -28,6 +28,7 @@ from jaxthermo.flow.lattice import MAGIC, flow_rates, textbook_step
 from jaxthermo.timing import Spans, interleaved
 
 from ..harness.measurement import Measurement, plain_rows
+from ..harness.present import Rows
 from .loops import NUMBA
 
 
@@ -168,7 +169,15 @@ def _run_of(shape: tuple[int, int], kernels: str | None) -> Callable[[], Any]:
     return steps
 
 
-def run(shape: tuple[int, int] = _SHAPE, repeats: int = 7) -> dict[str, Any]:
+class _Result(TypedDict):
+    shape: list[int]
+    step_s: Spans
+    updates_per_s: dict[str, float]
+    largest_difference: float
+    measurements: Rows
+
+
+def run(shape: tuple[int, int] = _SHAPE, repeats: int = 7) -> _Result:
     """Time per step of each, and the lattice updates per second."""
     f = np.zeros((9, shape[0] + 2, shape[1] + 2), np.float32)
     out = f.copy()

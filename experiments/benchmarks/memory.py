@@ -17,7 +17,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import jax
 import numpy as np
@@ -30,7 +30,7 @@ from jaxthermo.integrate.run.simulate import run_plan
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import STEEL
-from ..harness.present import show, table_of
+from ..harness.present import Rows, show, table_of
 
 
 QUICK = {"height": 48, "solvers": ("explicit",)}
@@ -57,9 +57,32 @@ _TERMS = (
 )
 
 
+class _Sizes(TypedDict):
+    """Size of a run, and its memory as it was forecast and measured."""
+
+    nodes: int
+    fragments: int
+    values: int
+    forecast_bytes: int
+    measured_bytes: int
+    search_bytes: int
+    ratio: float
+    value_bytes: float
+
+
+class _Row(_Sizes):
+    structure: str
+    solver: str
+
+
+class _Result(TypedDict):
+    rows: list[_Row]
+    measurements: Rows
+
+
 def run(
     folder: Path, height: int = 160, solvers: Sequence[str] = tuple(_SOLVERS)
-) -> dict[str, Any]:
+) -> _Result:
     """Table of forecasts and measurements for a ball of so many voxels across.
 
     Raises:
@@ -91,18 +114,19 @@ def run(
     return {"rows": rows, "measurements": plain_rows(map(_measurement, rows))}
 
 
-def _measurement(row: dict[str, Any]) -> Measurement:
-    sizes = (readable_bytes(row[f"{name}_bytes"]) for name in ("forecast", "measured"))
+def _measurement(row: _Row) -> Measurement:
+    forecast = readable_bytes(row["forecast_bytes"])
+    peak = readable_bytes(row["measured_bytes"])
     return Measurement(
         f"{row['structure']}, {row['solver']}: forecast over or under measured",
         "%",
         [100 * abs(row["ratio"] - 1)],
         bound=_MOST_OFF,
-        note="{} forecast, {} measured".format(*sizes),
+        note=f"{forecast} forecast, {peak} measured",
     )
 
 
-def _in_new_process(structure: str, solver: str, height: int) -> dict[str, Any]:
+def _in_new_process(structure: str, solver: str, height: int) -> _Row:
     command = [sys.executable, "-m", __name__, structure, solver, str(height)]
     # Without stored results, and with arrays that are given back when they are freed.
     settings = {"JAXTHERMO_CACHE": "off", "MALLOC_MMAP_THRESHOLD_": str(2**18)}
@@ -114,7 +138,7 @@ def _in_new_process(structure: str, solver: str, height: int) -> dict[str, Any]:
     return json.loads(done.stdout.splitlines()[-1])
 
 
-def measured(structure: str, solver: str, height: int) -> dict[str, Any]:
+def measured(structure: str, solver: str, height: int) -> _Row:
     """Forecast and measurement of one run in this process [bytes]."""
     _ran(_scene(structure, height), solver)
     _clear()
@@ -129,7 +153,7 @@ def _scene(structure: str, height: int) -> jt.Scene:
     return jt.Scene((body,), _TERMS)
 
 
-def _ran(scene: jt.Scene, solver: str) -> dict[str, Any]:
+def _ran(scene: jt.Scene, solver: str) -> _Sizes:
     resident_before = _memory("VmRSS")
     _reset_peak()
     saves = np.linspace(0, _END, _SAVES + 1)[1:].tolist()

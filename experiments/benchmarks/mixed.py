@@ -8,7 +8,7 @@ these two alone, in turn, over more steps and more often, for they hardly differ
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict
 
 import equinox as eqx
 import jax
@@ -27,7 +27,7 @@ from jaxthermo.scene.compile.program import Compiled
 from jaxthermo.timing import Spans, interleaved, ratio_of, timed_call
 
 from ..harness.measurement import Measurement, plain_rows
-from ..harness.present import show, table_of
+from ..harness.present import Rows, show, table_of
 from ..harness.timing import ratio_text
 
 
@@ -126,9 +126,29 @@ def _idle_runners(scene: jt.Scene, dt: float) -> dict[str, Runner]:
     }
 
 
+class _Costs(TypedDict):
+    """Shares of the mechanisms, ratios with their spread, and times of a step [ms]."""
+
+    over_conduction: dict[str, float]
+    shares: dict[str, float]
+    idle_over_bare: dict[str, float]
+    step_ms: dict[str, float]
+
+
+class _Result(_Costs):
+    steps: int
+    dt_s: float
+    build_s: float
+    set_up_s: float
+    nodes: int
+    fragments: int
+    step_s: Spans
+    measurements: Rows
+
+
 def run(
     folder: Path, config: Path = _CONFIG, height: int | None = None, repeats: int = 5
-) -> dict[str, Any]:
+) -> _Result:
     """Times, ratios with their spread, and shares; `height` in voxels."""
     overrides = ()
     if height is not None:
@@ -186,10 +206,9 @@ def _measurements(scene: jt.Scene, times: Spans) -> list[Measurement]:
     ]
 
 
-def _results(scene: jt.Scene, times: Spans) -> dict[str, Any]:
+def _results(scene: jt.Scene, times: Spans) -> _Costs:
     def ratio(above: np.ndarray, below: np.ndarray) -> dict[str, float]:
-        values = ratio_of(above, below)
-        return dict(zip(("median", "low", "high"), values, strict=True))
+        return ratio_of(above, below)._asdict()
 
     arrays = {name: np.array(term_spans) for name, term_spans in times.items()}
     conduction = _conduction(scene, times)
@@ -209,9 +228,7 @@ def _results(scene: jt.Scene, times: Spans) -> dict[str, Any]:
     }
 
 
-def _show(
-    scene: jt.Scene, results: dict[str, Any], built: float, set_up: float
-) -> None:
+def _show(scene: jt.Scene, results: _Costs, built: float, set_up: float) -> None:
     percent = {name: f"{100 * x:.0f} %" for name, x in results["shares"].items()}
     columns = [
         ("", "{name}"),
@@ -225,9 +242,9 @@ def _show(
     title = f"{len(scene.bodies)} bodies, {_STEPS} steps, this host"
     show(table_of(rows, columns, title))
     console = open_console()
-    for comparison, key in (
-        ("the scene over the sum of conduction", "over_conduction"),
-        ("one body with idle terms over the bare loop", "idle_over_bare"),
+    for comparison, ratio in (
+        ("the scene over the sum of conduction", results["over_conduction"]),
+        ("one body with idle terms over the bare loop", results["idle_over_bare"]),
     ):
-        console.print(f"{comparison}: {ratio_text([*results[key].values()])}")
+        console.print(f"{comparison}: {ratio_text([*ratio.values()])}")
     console.print(f"built in {built:.1f} s, compiled and set up in {set_up:.1f} s")

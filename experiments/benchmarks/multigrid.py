@@ -10,7 +10,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from statistics import median
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NotRequired, TypedDict
 
 import jax
 import jax.numpy as jnp
@@ -34,7 +34,7 @@ from jaxthermo.physics.conduction import assemble_uniform
 from jaxthermo.timing import Spread, timed_call
 
 from ..harness.measurement import Measurement, plain_rows
-from ..harness.present import named, show, table_of
+from ..harness.present import Rows, named, show, table_of
 from ..harness.timing import timing_of
 
 
@@ -71,6 +71,36 @@ class _Solved(NamedTuple):
     values: np.ndarray
     iterations: int
     seconds: float
+
+
+class _SolverRow(TypedDict):
+    """Iterations, relative residual and times of one solver."""
+
+    iterations: int
+    residual: float
+    solve_s: dict[str, float]
+    spans_s: list[float]
+
+
+class _Comparison(TypedDict):
+    """All solvers of one system."""
+
+    solvers: dict[str, _SolverRow]
+    compile_s: float
+    pyamg_set_up_s: float
+    stable_steps: float | None
+    chosen: str
+    faster_than_the_faster_peer: float
+    iterations_at_half: NotRequired[int]
+
+
+class _Result(TypedDict):
+    height: int
+    dtype: str
+    steps: dict[str, _Comparison]
+    solid_voxels: int
+    lattice: list[int]
+    measurements: Rows
 
 
 def _system(height: int, dt: float | None) -> _System:
@@ -169,7 +199,7 @@ def _scipy(system: _System, preconditioner: Any) -> _Solved:
     return _Solved(x, len(iterations), took)
 
 
-def _compare(system: _System, dt: float | None, repeats: int) -> dict[str, Any]:
+def _compare(system: _System, dt: float | None, repeats: int) -> _Comparison:
     """Times, iterations and true residuals of one system."""
     stable = float(1 / system.network.max_rate())
     # As the solvers select it: for a short step the diagonal is good enough.
@@ -202,7 +232,7 @@ def _compare(system: _System, dt: float | None, repeats: int) -> dict[str, Any]:
     def residual(x: np.ndarray) -> float:
         return float(np.linalg.norm(b - system.matrix @ x) / np.linalg.norm(b))
 
-    rows = {
+    rows: dict[str, _SolverRow] = {
         name: {
             "iterations": solved.iterations,
             "residual": residual(solved.values),
@@ -222,10 +252,17 @@ def _compare(system: _System, dt: float | None, repeats: int) -> dict[str, Any]:
     }
 
 
-def run(folder: Path, height: int = 128, repeats: int = 3) -> dict[str, Any]:
+def run(folder: Path, height: int = 128, repeats: int = 3) -> _Result:
     """Every step at `height` voxels, and how iterations grow from half of it."""
-    result: dict[str, Any] = {"height": height, "dtype": "float64", "steps": {}}
-    measured = []
+    result: _Result = {
+        "height": height,
+        "dtype": "float64",
+        "steps": {},
+        "solid_voxels": 0,
+        "lattice": [],
+        "measurements": [],
+    }
+    measured: list[Measurement] = []
     with jax.enable_x64(True):
         for name, dt in _STEPS.items():
             system = _system(height, dt)
@@ -237,11 +274,17 @@ def run(folder: Path, height: int = 128, repeats: int = 3) -> dict[str, Any]:
             result["solid_voxels"] = system.matrix.shape[0]
             result["lattice"] = list(system.m.shape)
             measured.append(_measurement(name, comparison))
-            _show(name, comparison, result)
-    return {**result, "measurements": plain_rows(measured)}
+            _show(
+                name,
+                comparison=comparison,
+                height=height,
+                voxels=result["solid_voxels"],
+            )
+    result["measurements"] = plain_rows(measured)
+    return result
 
 
-def _measurement(name: str, comparison: dict[str, Any]) -> Measurement:
+def _measurement(name: str, comparison: _Comparison) -> Measurement:
     """The solver that is selected beside the faster one of scipy."""
     selected = comparison["chosen"]
     solvers = comparison["solvers"]
@@ -250,8 +293,10 @@ def _measurement(name: str, comparison: dict[str, Any]) -> Measurement:
         (solver for solver in spans if solver.startswith("scipy")),
         key=lambda solver: median(spans[solver]),
     )
-    counts = (solvers[solver]["iterations"] for solver in (selected, peer))
-    note = "{}; {} iterations, the peer {}".format(selected.split(", ")[1], *counts)
+    preconditioner = selected.split(", ")[1]
+    iterations = solvers[selected]["iterations"]
+    peer_iterations = solvers[peer]["iterations"]
+    note = f"{preconditioner}; {iterations} iterations, the peer {peer_iterations}"
     return Measurement(
         name=f"figurine: {name}",
         unit="s",
@@ -262,8 +307,8 @@ def _measurement(name: str, comparison: dict[str, Any]) -> Measurement:
     )
 
 
-def _show(name: str, comparison: dict[str, Any], result: dict[str, Any]) -> None:
-    size = f"{result['height']} high, {result['solid_voxels']} voxels"
+def _show(name: str, comparison: _Comparison, height: int, voxels: int) -> None:
+    size = f"{height} high, {voxels} voxels"
     columns = [
         ("", "{name}"),
         ("solve (fastest-slowest)", lambda row: Spread(**row["solve_s"]).text()),

@@ -9,7 +9,7 @@ loops are timed in turn.
 import bisect
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
 
@@ -18,12 +18,12 @@ from jaxthermo.geometry.shapes import figurine
 from jaxthermo.integrate.explicit import RKL2Stepper
 from jaxthermo.integrate.run.plan import Plan, plan_run
 from jaxthermo.integrate.run.simulate import run_plan
-from jaxthermo.timing import interleaved, ratio_of
+from jaxthermo.timing import Spread, interleaved, ratio_of
 from jaxthermo.voxels.grid import VoxelGrid
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import END, HEIGHT, SAVE_AT, START, STEEL, thesis_meshes
-from ..harness.present import show, table_of
+from ..harness.present import Rows, show, table_of
 from ..harness.timing import ratio_text
 from .loops import loop_of
 
@@ -45,11 +45,40 @@ class _Choice(NamedTuple):
     """Against the full volume in short steps [%]."""
 
 
-def run(folder: Path, height: int = 250, repeats: int = 7) -> dict[str, Any]:
+class _Description(TypedDict):
+    """The steps that a structure takes, and its error [%]."""
+
+    nodes: int
+    steps: int
+    stages: int
+    error: float
+
+
+class _Compared(TypedDict):
+    """Both structures at one error, their times and the ratio of these."""
+
+    own_error: float
+    octree: _Description
+    full: _Description
+    times_s: dict[str, list[float]]
+    ratio: Spread
+
+
+class _Row(_Compared):
+    mesh: str
+
+
+class _Result(TypedDict):
+    height: int
+    rows: list[_Row]
+    measurements: Rows
+
+
+def run(folder: Path, height: int = 250, repeats: int = 7) -> _Result:
     """Times at one error of a statue, and of the figurine if that is another one."""
     meshes = dict([next(iter(thesis_meshes().items()))])
     meshes.setdefault("figurine", figurine(HEIGHT))
-    rows = []
+    rows: list[_Row] = []
     for name, mesh in meshes.items():
         grid = jt.voxelize(mesh, HEIGHT / height)
         rows.append({"mesh": name, **_compared(grid, repeats)})
@@ -81,7 +110,7 @@ def _plan(scene: jt.Scene, steps: int) -> Plan:
     return plan_run(scene, t1=END, save_at=SAVE_AT, solver=solver)
 
 
-def _compared(grid: VoxelGrid, repeats: int) -> dict[str, Any]:
+def _compared(grid: VoxelGrid, repeats: int) -> _Compared:
     scenes = {"octree": _scene(jt.Octree(grid)), "full": _scene(jt.FullVolume(grid))}
     truth = run_plan(_plan(scenes["full"], _CONVERGED))
 
@@ -103,13 +132,14 @@ def _compared(grid: VoxelGrid, repeats: int) -> dict[str, Any]:
     spans = interleaved(calls, repeats)
     return {
         "own_error": converged_error,
-        **{name: _described(choice) for name, choice in choices.items()},
+        "octree": _described(choices["octree"]),
+        "full": _described(choices["full"]),
         "times_s": spans,
         "ratio": ratio_of(spans["full"], spans["octree"]),
     }
 
 
-def _described(choice: _Choice) -> dict[str, Any]:
+def _described(choice: _Choice) -> _Description:
     plan = choice.plan
     assert isinstance(plan.stepper, RKL2Stepper)
     return {
@@ -120,7 +150,7 @@ def _described(choice: _Choice) -> dict[str, Any]:
     }
 
 
-def _measurement(row: dict[str, Any]) -> Measurement:
+def _measurement(row: _Row) -> Measurement:
     octree = row["octree"]
     full = row["full"]
     spans = row["times_s"]

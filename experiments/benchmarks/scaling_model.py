@@ -9,7 +9,7 @@ that more devices than N* = b n^(1/3) W / (8 B) gain nothing; blocks in place of
 sections would send 24 (n / N)^(2/3) bytes.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypedDict
 
 
 STEP_BYTES = 9
@@ -30,6 +30,19 @@ class Machine(NamedTuple):
     """Bandwidth into and out of each device [B/s]."""
     latency: float
     """[s]"""
+
+
+class PaperRow(TypedDict):
+    """Times of a step of a cube on one machine, and the devices that they are for."""
+
+    voxels: float
+    machine: str
+    fewest: int
+    step_on_fewest_s: float
+    useful: int
+    step_on_useful_s: float
+    planes_s: float
+    blocks_s: float
 
 
 MACHINES = (
@@ -82,9 +95,9 @@ def block_time(voxels: float, devices: float | int, machine: Machine) -> float:
     return 24 * (voxels / devices) ** (2 / 3) / machine.network + machine.latency
 
 
-def on_paper(sizes: tuple[float, ...] = (1e9, 1e12)) -> list[dict[str, Any]]:
+def on_paper(sizes: tuple[float, ...] = (1e9, 1e12)) -> list[PaperRow]:
     """Rows for each size and machine, on the fewest devices and on the most useful."""
-    rows = []
+    rows: list[PaperRow] = []
     for voxels in sizes:
         for machine in MACHINES:
             fewest = fewest_devices(voxels, machine)

@@ -5,7 +5,7 @@ simple form is the change of the temperatures, computed by itself and added.
 """
 
 from functools import partial
-from typing import Any
+from typing import TypedDict
 
 import jax
 import jax.numpy as jnp
@@ -17,6 +17,7 @@ from jaxthermo.network.stencil import Stencil, solid_degree
 from jaxthermo.timing import Spans, interleaved
 
 from ..harness.measurement import Measurement, plain_rows
+from ..harness.present import Rows
 from .loops import NUMBA
 
 
@@ -87,7 +88,16 @@ def _numba_steps(state: np.ndarray, next_state: np.ndarray, degree: np.ndarray) 
         _numba_step(next_state, state, degree, np.float32(0.1))
 
 
-def run(shape: tuple[int, int, int] = _SHAPE, repeats: int = 5) -> dict[str, Any]:
+class _Result(TypedDict):
+    shape: list[int]
+    solid_share: float
+    step_s: Spans
+    lattice_voxels_per_s: dict[str, float]
+    largest_difference: float
+    measurements: Rows
+
+
+def run(shape: tuple[int, int, int] = _SHAPE, repeats: int = 5) -> _Result:
     """Time per step of each, and the largest difference of their results."""
     solid = _body(shape)
     network = _network(solid)

@@ -11,7 +11,7 @@ step besides makes what its steps share, products with the length of the step.
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import equinox as eqx
 import jax
@@ -35,11 +35,11 @@ from jaxthermo.network.network import AbstractNetwork
 from jaxthermo.physics.conduction import assemble_uniform
 from jaxthermo.scene.compile.program import Program
 from jaxthermo.structures.structure import AbstractStructure
-from jaxthermo.timing import interleaved, ratio_of
+from jaxthermo.timing import Spread, interleaved, ratio_of
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import END, SAVE_AT, STEEL, standard_scene
-from ..harness.present import show, table_of
+from ..harness.present import Rows, show, table_of
 from ..harness.timing import ratio_text, timing_of
 from .loops import only_first
 
@@ -61,9 +61,32 @@ _MOST = 4000
 _PRODUCTS = 10
 
 
-def run(folder: Path, height: int = 250, repeats: int = 7) -> dict[str, Any]:
+class _Costs(TypedDict):
+    """Times of every call of one structure, and how many times as long they take."""
+
+    nodes: int
+    links: int
+    surface_cells: int
+    spans_s: dict[str, list[float]]
+    links_over_conduction: Spread
+    scipy_over_conduction: Spread
+    reading_s: list[float]
+
+
+class _Row(_Costs):
+    structure: str
+
+
+class _Result(TypedDict):
+    mesh: str
+    height: int
+    rows: list[_Row]
+    measurements: Rows
+
+
+def run(folder: Path, height: int = 250, repeats: int = 7) -> _Result:
     """Times of a step, and of what is in it, for each structure."""
-    rows = []
+    rows: list[_Row] = []
     name = ""
     for label, structure in STRUCTURES.items():
         scene, name = standard_scene(STEEL, structure, height)
@@ -85,11 +108,15 @@ def run(folder: Path, height: int = 250, repeats: int = 7) -> dict[str, Any]:
     ]
     show(table_of(rows, columns, f"{name}, {height} high, this host"))
     measured = [measurement for row in rows for measurement in _measurements(row)]
-    result = {"mesh": name, "height": height, "rows": rows}
-    return {**result, "measurements": plain_rows(measured)}
+    return {
+        "mesh": name,
+        "height": height,
+        "rows": rows,
+        "measurements": plain_rows(measured),
+    }
 
 
-def _measurements(row: dict[str, Any]) -> list[Measurement]:
+def _measurements(row: _Row) -> list[Measurement]:
     label = row["structure"]
     spans = row["spans_s"]
     step = spans["step"]
@@ -128,7 +155,7 @@ def _measurements(row: dict[str, Any]) -> list[Measurement]:
     ]
 
 
-def _measured(scene: jt.Scene, repeats: int) -> dict[str, Any]:
+def _measured(scene: jt.Scene, repeats: int) -> _Costs:
     plan = plan_run(scene, t1=END, save_at=SAVE_AT, solver=jt.ForwardEuler())
     program = plan.compiled.program
     receipt = plan.compiled.receipt

@@ -3,7 +3,7 @@
 import multiprocessing
 import time
 from concurrent.futures import ProcessPoolExecutor
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 import trimesh
@@ -13,6 +13,7 @@ from jaxthermo.timing import interleaved, timed_call
 
 from ..harness.measurement import Measurement, plain_rows
 from ..harness.meshes import thesis_meshes
+from ..harness.present import Rows
 
 
 QUICK = {"height": 100, "repeats": 2}
@@ -50,7 +51,16 @@ def _peer(mesh: jt.Mesh, pitch: float) -> tuple[int, float]:
     return timed_call(fill)
 
 
-def run(height: int = _CELLS, repeats: int = 5) -> dict[str, Any]:
+class _Result(TypedDict):
+    mesh: str
+    faces: int
+    shape: list[int]
+    processor_time_s: dict[str, float | list[float]]
+    solid_voxels: dict[str, int]
+    measurements: Rows
+
+
+def run(height: int = _CELLS, repeats: int = 5) -> _Result:
     """Times of both for the Happy Buddha, or what stands in for it."""
     mesh = next(iter(thesis_meshes().values()))
     pitch = float(np.ptp(mesh.bounds[:, 2])) / height

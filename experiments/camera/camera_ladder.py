@@ -3,10 +3,9 @@
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict
 
 import numpy as np
-from jaxtyping import Bool, Float
 from scipy.ndimage import binary_erosion
 
 import jaxthermo as jt
@@ -24,7 +23,7 @@ from jaxthermo.report.difference_scale import (
 )
 from jaxthermo.report.sheet import Tile, sheet
 
-from ..harness.present import Rows, colour_bar, publish, table_of, thermal_tile
+from ..harness.present import colour_bar, publish, table_of, thermal_tile
 
 
 QUICK = {"height": 40}
@@ -136,7 +135,27 @@ def _frame_time(solution: jt.Solution, camera: jt.Camera, rung: _Rung) -> float:
     return float(np.median(times))
 
 
-def run(folder: Path, height: int = 110) -> dict[str, Any]:
+class _Row(TypedDict):
+    """Mean temperature of a rung, and its difference from the one before it."""
+
+    name: str
+    note: str
+    mean_K: float
+    change_mean_K: float
+    change_rms_K: float
+    change_max_K: float
+    frame_ms: float
+
+
+class _Result(TypedDict):
+    height_voxels: int
+    size_px: list[int]
+    rungs: list[_Row]
+    seed: int
+    files: list[str]
+
+
+def run(folder: Path, height: int = 110) -> _Result:
     """Frames of a figurine of `height` voxels, rung by rung: `report.html`."""
     solution, camera = _scene(height)
     rungs = list(_rungs())
@@ -149,16 +168,23 @@ def run(folder: Path, height: int = 110) -> dict[str, Any]:
     columns = np.flatnonzero(on_body.any(0))
     cut = slice(max(0, int(columns[0]) - _AROUND), int(columns[-1]) + _AROUND)
     inside = np.asarray(binary_erosion(on_body, iterations=_MARGIN), bool)
-    rows = [
-        _row(
-            rung,
-            kelvin=kelvin[n],
-            previous_kelvin=kelvin[n - 1] if n else None,
-            inside=inside,
+    rows: list[_Row] = []
+    previous_kelvin = kelvin[0]
+    for rung, rung_kelvin in zip(rungs, kelvin, strict=True):
+        # That of the first rung is zero.
+        change = (rung_kelvin - previous_kelvin)[inside]
+        rows.append(
+            {
+                "name": rung.name,
+                "note": rung.note,
+                "mean_K": float(rung_kelvin[inside].mean()),
+                "change_mean_K": float(change.mean()),
+                "change_rms_K": float(np.sqrt(np.mean(change**2))),
+                "change_max_K": float(np.abs(change).max()),
+                "frame_ms": _frame_time(solution, camera, rung),
+            }
         )
-        | {"frame_ms": _frame_time(solution, camera, rung)}
-        for n, rung in enumerate(rungs)
-    ]
+        previous_kelvin = rung_kelvin
     write_png(
         folder / "rungs.png",
         _frames(rungs, kelvin=kelvin, on_body=on_body, inside=inside, cut=cut),
@@ -174,24 +200,6 @@ def run(folder: Path, height: int = 110) -> dict[str, Any]:
         "rungs": rows,
         "seed": 0,
         "files": ["report.html", "rungs.png", "differences.png"],
-    }
-
-
-def _row(
-    rung: _Rung,
-    kelvin: Float[np.ndarray, "h w"],
-    previous_kelvin: Float[np.ndarray, "h w"] | None,
-    inside: Bool[np.ndarray, "h w"],
-) -> dict[str, Any]:
-    """The rung's mean, and its difference from the one before it."""
-    row = {"name": rung.name, "note": rung.note, "mean_K": float(kelvin[inside].mean())}
-    if previous_kelvin is None:
-        return row | {"change_mean_K": 0.0, "change_rms_K": 0.0, "change_max_K": 0.0}
-    change = (kelvin - previous_kelvin)[inside]
-    return row | {
-        "change_mean_K": float(change.mean()),
-        "change_rms_K": float(np.sqrt(np.mean(change**2))),
-        "change_max_K": float(np.abs(change).max()),
     }
 
 
@@ -224,7 +232,7 @@ def _differences(rungs, kelvin, on_body, inside, cut):
     return sheet(tiles, bar, "The change that each makes")
 
 
-def _sections(rows: Rows, folder: Path) -> list[page.Section]:
+def _sections(rows: list[_Row], folder: Path) -> list[page.Section]:
     columns = [
         ("rung", "{name}"),
         ("", "{note}"),
