@@ -2,6 +2,7 @@
 
 import functools
 from copy import copy
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -37,7 +38,7 @@ camera: {width: 40, height: 30}
 """A config of a scene that is built and run in no time."""
 TRUTH = {"weights.within": 1.7, "weights.between": 0.6}
 ERRORS = {"default": 2.0, "fitted": 1.0}
-RESULT = {
+RESULT: Any = {
     "name": "one",
     "verdict": {"pays": True, "words": "the fit pays", "times": 0, "worse": 0},
     "parameters": {

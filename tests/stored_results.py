@@ -1,6 +1,7 @@
 """Small results of all kinds, as the commands store them."""
 
 import json
+from typing import Any
 
 from calibrating import RESULT
 
@@ -57,7 +58,8 @@ def fit(folder, value, error: float | None = 0.1, **changes):
     folder.mkdir(parents=True)
     row = {**RESULT["parameters"]["weights.within"], "value": value}
     rows = {"weights.within": {**row, "standard_error": error}}
-    write_fit(folder / "fit.json", {**RESULT, "parameters": rows, **changes})
+    result: Any = {**RESULT, "parameters": rows, **changes}
+    write_fit(folder / "fit.json", result)
     return folder
 
 

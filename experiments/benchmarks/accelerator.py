@@ -22,9 +22,8 @@ from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.solvers import AbstractSolver
 from jaxthermo.timing import interleaved
 
-from ..harness.measurement import Measurement, plain_rows
+from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
 from ..harness.meshes import END, START, STEEL, standard_scene
-from ..harness.present import Rows
 from ..thesis.resolution import FULL, TABLE_TIMES
 from .loops import loop_of
 from .scaling_model import STEP_BYTES
@@ -50,7 +49,7 @@ _CAMERA = jt.Camera((1.6, 0.6, 0.4), (0.0, 0.0, 0.25), width=640, height=480)
 class _Result(TypedDict):
     device: str
     copy_bytes_per_s: float
-    measurements: Rows
+    measurements: list[PlainMeasurement]
 
 
 def run(

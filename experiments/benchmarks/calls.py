@@ -15,9 +15,9 @@ import numpy as np
 import jaxthermo as jt
 from jaxthermo.timing import Spread, interleaved, ratio_of
 
-from ..harness.measurement import Measurement, plain_rows
+from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
 from ..harness.meshes import END, HEIGHT, SAVE_AT, START, thesis_meshes
-from ..harness.present import Rows, show, table_of
+from ..harness.present import show, table_of
 from ..harness.timing import ratio_text, timing_of
 from .loops import NUMBA, loop_of, numba_explicit
 
@@ -49,7 +49,7 @@ class _Result(TypedDict):
     height: int
     peer_steps: int
     rows: list[_Row]
-    measurements: Rows
+    measurements: list[PlainMeasurement]
 
 
 def run(

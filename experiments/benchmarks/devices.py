@@ -30,9 +30,9 @@ from jaxthermo.parallel.meeting import Group, free_port
 from jaxthermo.parallel.processes import join, watching_others
 from jaxthermo.scene.compile.on_devices import on_devices
 
-from ..harness.measurement import Measurement, plain_rows, time_unit
+from ..harness.measurement import Measurement, PlainMeasurement, plain_rows, time_unit
 from ..harness.meshes import STEEL
-from ..harness.present import Rows, show, table_of
+from ..harness.present import show, table_of
 from .scaling_model import PaperRow, on_paper
 
 
@@ -77,7 +77,7 @@ class _Row(TypedDict):
 class _Result(TypedDict):
     rows: list[_Row]
     on_paper: list[PaperRow]
-    measurements: Rows
+    measurements: list[PlainMeasurement]
 
 
 _ALONE = _Arrangement("one device", 1, 1)

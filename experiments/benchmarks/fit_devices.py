@@ -32,9 +32,8 @@ from jaxthermo.parallel.batch import on_every_device, on_first_device
 from jaxthermo.parallel.devices import mesh_of, provide_devices
 from jaxthermo.timing import interleaved
 
-from ..harness.measurement import Measurement, plain_rows
+from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
 from ..harness.meshes import END, STEEL, standard_scene
-from ..harness.present import Rows
 from .steps import STRUCTURES
 
 
@@ -69,7 +68,7 @@ class _Row(_Times):
 class _Result(TypedDict):
     devices: int
     rows: list[_Row]
-    measurements: Rows
+    measurements: list[PlainMeasurement]
 
 
 def run(

@@ -18,9 +18,8 @@ from jaxthermo.timing import Spans, interleaved
 from jaxthermo.voxels.grid import VoxelGrid
 
 from ..front.linear_body import Run
-from ..harness.measurement import Measurement, plain_rows
+from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
 from ..harness.meshes import HEIGHT, START, STEEL, thesis_meshes
-from ..harness.present import Rows
 from .loops import NUMBA, largest_difference, loop_of, numba_explicit, numba_rkl2
 
 
@@ -64,7 +63,7 @@ class _Row(TypedDict):
 
 class _Result(TypedDict):
     rows: list[_Row]
-    measurements: Rows
+    measurements: list[PlainMeasurement]
 
 
 def run(

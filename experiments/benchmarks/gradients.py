@@ -18,9 +18,8 @@ import jaxthermo as jt
 from jaxthermo.host_memory import readable_bytes
 from jaxthermo.timing import Spread, interleaved, ratio_of, timed_call
 
-from ..harness.measurement import Measurement, plain_rows
+from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
 from ..harness.meshes import END, HEIGHT, START, thesis_meshes
-from ..harness.present import Rows
 
 
 QUICK = {"height": 32, "repeats": 2}
@@ -70,7 +69,7 @@ class _Result(TypedDict):
     height: int
     budget_bytes: int
     runs: dict[str, _Costs]
-    measurements: Rows
+    measurements: list[PlainMeasurement]
 
 
 def _measure(make, grid, repeats: int) -> _Costs:

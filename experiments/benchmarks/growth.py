@@ -16,8 +16,7 @@ import jaxthermo as jt
 from jaxthermo.report.chart import Chart, LogAxis, legend, write_chart
 from jaxthermo.timing import interleaved
 
-from ..harness.measurement import Measurement, plain_rows
-from ..harness.present import Rows
+from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
 from .steps import conduction_of
 
 
@@ -50,7 +49,7 @@ class _Result(TypedDict):
     rows: list[_Row]
     growth: dict[str, float | None]
     charts: dict[str, str]
-    measurements: Rows
+    measurements: list[PlainMeasurement]
     files: list[str]
 
 

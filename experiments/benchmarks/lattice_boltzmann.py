@@ -27,8 +27,7 @@ from jaxthermo.flow.flow import (
 from jaxthermo.flow.lattice import MAGIC, flow_rates, textbook_step
 from jaxthermo.timing import Spans, interleaved
 
-from ..harness.measurement import Measurement, plain_rows
-from ..harness.present import Rows
+from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
 from .loops import NUMBA
 
 
@@ -174,7 +173,7 @@ class _Result(TypedDict):
     step_s: Spans
     updates_per_s: dict[str, float]
     largest_difference: float
-    measurements: Rows
+    measurements: list[PlainMeasurement]
 
 
 def run(shape: tuple[int, int] = _SHAPE, repeats: int = 7) -> _Result:

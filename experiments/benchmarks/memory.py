@@ -28,9 +28,9 @@ from jaxthermo.host_memory import readable_bytes
 from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.run.simulate import run_plan
 
-from ..harness.measurement import Measurement, plain_rows
+from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
 from ..harness.meshes import STEEL
-from ..harness.present import Rows, show, table_of
+from ..harness.present import show, table_of
 
 
 QUICK = {"height": 48, "solvers": ("explicit",)}
@@ -77,7 +77,7 @@ class _Row(_Sizes):
 
 class _Result(TypedDict):
     rows: list[_Row]
-    measurements: Rows
+    measurements: list[PlainMeasurement]
 
 
 def run(

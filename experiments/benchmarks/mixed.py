@@ -26,8 +26,8 @@ from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.compile.program import Compiled
 from jaxthermo.timing import Spans, interleaved, ratio_of, timed_call
 
-from ..harness.measurement import Measurement, plain_rows
-from ..harness.present import Rows, show, table_of
+from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
+from ..harness.present import show, table_of
 from ..harness.timing import ratio_text
 
 
@@ -143,7 +143,7 @@ class _Result(_Costs):
     nodes: int
     fragments: int
     step_s: Spans
-    measurements: Rows
+    measurements: list[PlainMeasurement]
 
 
 def run(

@@ -33,8 +33,8 @@ from jaxthermo.network.network import AbstractNetwork
 from jaxthermo.physics.conduction import assemble_uniform
 from jaxthermo.timing import Spread, timed_call
 
-from ..harness.measurement import Measurement, plain_rows
-from ..harness.present import Rows, named, show, table_of
+from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
+from ..harness.present import named, show, table_of
 from ..harness.timing import timing_of
 
 
@@ -100,7 +100,7 @@ class _Result(TypedDict):
     steps: dict[str, _Comparison]
     solid_voxels: int
     lattice: list[int]
-    measurements: Rows
+    measurements: list[PlainMeasurement]
 
 
 def _system(height: int, dt: float | None) -> _System:

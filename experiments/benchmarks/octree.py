@@ -21,9 +21,9 @@ from jaxthermo.integrate.run.simulate import run_plan
 from jaxthermo.timing import Spread, interleaved, ratio_of
 from jaxthermo.voxels.grid import VoxelGrid
 
-from ..harness.measurement import Measurement, plain_rows
+from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
 from ..harness.meshes import END, HEIGHT, SAVE_AT, START, STEEL, thesis_meshes
-from ..harness.present import Rows, show, table_of
+from ..harness.present import show, table_of
 from ..harness.timing import ratio_text
 from .loops import loop_of
 
@@ -71,7 +71,7 @@ class _Row(_Compared):
 class _Result(TypedDict):
     height: int
     rows: list[_Row]
-    measurements: Rows
+    measurements: list[PlainMeasurement]
 
 
 def run(folder: Path, height: int = 250, repeats: int = 7) -> _Result:

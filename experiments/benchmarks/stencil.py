@@ -16,8 +16,7 @@ from jaxthermo.network.network import AbstractNetwork
 from jaxthermo.network.stencil import Stencil, solid_degree
 from jaxthermo.timing import Spans, interleaved
 
-from ..harness.measurement import Measurement, plain_rows
-from ..harness.present import Rows
+from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
 from .loops import NUMBA
 
 
@@ -94,7 +93,7 @@ class _Result(TypedDict):
     step_s: Spans
     lattice_voxels_per_s: dict[str, float]
     largest_difference: float
-    measurements: Rows
+    measurements: list[PlainMeasurement]
 
 
 def run(shape: tuple[int, int, int] = _SHAPE, repeats: int = 5) -> _Result:

@@ -37,9 +37,9 @@ from jaxthermo.scene.compile.program import Program
 from jaxthermo.structures.structure import AbstractStructure
 from jaxthermo.timing import Spread, interleaved, ratio_of
 
-from ..harness.measurement import Measurement, plain_rows
+from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
 from ..harness.meshes import END, SAVE_AT, STEEL, standard_scene
-from ..harness.present import Rows, show, table_of
+from ..harness.present import show, table_of
 from ..harness.timing import ratio_text, timing_of
 from .loops import only_first
 
@@ -81,7 +81,7 @@ class _Result(TypedDict):
     mesh: str
     height: int
     rows: list[_Row]
-    measurements: Rows
+    measurements: list[PlainMeasurement]
 
 
 def run(folder: Path, height: int = 250, repeats: int = 7) -> _Result:

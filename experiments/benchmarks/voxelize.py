@@ -11,9 +11,8 @@ import trimesh
 import jaxthermo as jt
 from jaxthermo.timing import interleaved, timed_call
 
-from ..harness.measurement import Measurement, plain_rows
+from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
 from ..harness.meshes import thesis_meshes
-from ..harness.present import Rows
 
 
 QUICK = {"height": 100, "repeats": 2}
@@ -57,7 +56,7 @@ class _Result(TypedDict):
     shape: list[int]
     processor_time_s: dict[str, float | list[float]]
     solid_voxels: dict[str, int]
-    measurements: Rows
+    measurements: list[PlainMeasurement]
 
 
 def run(height: int = _CELLS, repeats: int = 5) -> _Result:

@@ -9,7 +9,7 @@ For each folder, of all its Python files:
 - A *vague name* is a variable, an argument or a field whose name is a pronoun or an
   adjective of VAGUE: it does not say what the value is.
 - A *parallel assignment* is `a, b = x, y`, unless it exchanges values.
-- A *splat* is `call(*values)` of a tuple or list that the same function built.
+- A *splat* is `call(*values)` of a tuple or list that the same function wrote out.
 - A *named lambda* is a lambda that is assigned to a name, annotated or not.
 - An *untyped record* is `dict[str, Any]`, under whatever name.
 - An *exploded line* is one that only an added trailing comma keeps apart.
@@ -105,7 +105,8 @@ def splats(function: ast.AST) -> Iterator[ast.Starred]:
     for node in ast.walk(function):
         match node:
             case ast.Assign(
-                targets=[ast.Name(id=name)], value=ast.Tuple() | ast.List()
+                targets=[ast.Name(id=name)],
+                value=ast.Tuple(elts=[_, *_]) | ast.List(elts=[_, *_]),
             ):
                 gathered.add(name)
     for node in ast.walk(function):

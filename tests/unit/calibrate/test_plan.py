@@ -153,17 +153,29 @@ def test_a_body_of_given_voxels_has_no_other_pitch():
 @pytest.mark.parametrize("excess", [0.0, 0.3, 0.5])
 def test_a_candidate_may_have_what_the_reference_leaves_of_the_tolerance(excess):
     points: Any = None
+    empty: Any = {}
     reference = Reference(
-        refinement=1.0, points=points, own_error={}, excess=excess, cost={}, coarser=()
+        refinement=1.0,
+        points=points,
+        own_error=empty,
+        excess=excess,
+        cost=empty,
+        coarser=(),
     )
     assert math.hypot(reference.allowed, excess) == pytest.approx(1.0)
 
 
 def test_a_reference_that_cannot_be_refined_leaves_as_much_as_one_half_off():
     points: Any = None
+    empty: Any = {}
     allowed = [
         Reference(
-            refinement=1.0, points=points, own_error={}, excess=e, cost={}, coarser=()
+            refinement=1.0,
+            points=points,
+            own_error=empty,
+            excess=e,
+            cost=empty,
+            coarser=(),
         ).allowed
         for e in (0.5, 0.9, 3.0)
     ]

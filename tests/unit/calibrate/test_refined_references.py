@@ -89,7 +89,7 @@ def truth(default, fitted, reference, is_bound=(False, False)):
 
 def test_kelvin_and_the_references_own_error_are_in_the_verdict():
     errors = truth([0.4, 0.3], [0.2, 0.25], [0.02, 0.05])
-    verdict = judge(ERRORS, FAST, is_of_weights=True, truth=errors)
+    verdict: Any = judge(ERRORS, FAST, is_of_weights=True, truth=errors)
     assert verdict["pays"] and verdict["truth"]["worse"] == 0
     assert (
         "against voxels 2 times as fine the error goes from 0.400 K (4.00 %) to 0.250 "
@@ -97,7 +97,7 @@ def test_kelvin_and_the_references_own_error_are_in_the_verdict():
     )
     assert "too much to tell" not in verdict["words"]
     # Without finer voxels nothing is said of them.
-    plain = judge(ERRORS, FAST, is_of_weights=True)
+    plain: Any = judge(ERRORS, FAST, is_of_weights=True)
     assert plain["truth"] is None and "finer" not in plain["words"]
 
 
@@ -241,7 +241,7 @@ def test_a_run_is_made_once_and_is_as_fine_as_asked(tmp_path, monkeypatch):
     path.write_text(SPHERE)
     settings = RefinedReference(points=500)
     config = load_config(path, ("bodies.0.surface_map={kind: linear, at: voxel}",))
-    first = refined_reference(config, settings, said.append)
+    first: Any = refined_reference(config, settings, said.append)
     assert said == [f"running full volume of {h} mm" for h in ("12.5", "25", "50")]
     pitches = [cost["pitch_m"] for cost in first.costs]
     np.testing.assert_allclose(pitches, [[0.0125], [0.025], [0.05]], rtol=1e-3)
@@ -249,7 +249,7 @@ def test_a_run_is_made_once_and_is_as_fine_as_asked(tmp_path, monkeypatch):
     assert [first.solution.surfaces[0].geometry.pitch] == pitches[0]
     # A camera, a solver or the structure that is judged is no reason to run it again.
     same = ("camera.width=90", "solver=forward_euler", "bodies.0.structure=octree")
-    second = refined_reference(load_config(path, same), settings, said.append)
+    second: Any = refined_reference(load_config(path, same), settings, said.append)
     assert len(said) == 3 and all(cost["cached"] for cost in second.costs)
     for first_cost, second_cost in zip(first.costs, second.costs, strict=True):
         assert first_cost | {"cached": True} == second_cost
@@ -258,7 +258,7 @@ def test_a_run_is_made_once_and_is_as_fine_as_asked(tmp_path, monkeypatch):
     )
     # Finer voxels share runs: those of the coarser ones are there.
     finer = RefinedReference(refinement=4, points=500)
-    third = refined_reference(config, finer, said.append)
+    third: Any = refined_reference(config, finer, said.append)
     assert [cost["cached"] for cost in third.costs] == [False, True, True]
     # A file without its cost is written anew.
     for cost_path in tmp_path.rglob("*.json"):
@@ -277,7 +277,7 @@ def test_a_fit_reports_the_errors_against_finer_voxels(tmp_path, monkeypatch):
     (tmp_path / "scene.yaml").write_text(SPHERE)
     (tmp_path / "fit.yaml").write_text(FIT)
     out = tmp_path / "out"
-    result = fit_config(tmp_path / "fit.yaml", out, report=False)
+    result: Any = fit_config(tmp_path / "fit.yaml", out, report=False)
     truth_result = result["truth"]
     assert set(truth_result["cases"]) == {"train", "held_out"}
     for group in truth_result["cases"].values():
@@ -288,7 +288,7 @@ def test_a_fit_reports_the_errors_against_finer_voxels(tmp_path, monkeypatch):
             assert all(0 < kelvin < 5 for kelvin in case["reference"]["rms_kelvin"])
     assert len(truth_result["cost"]) == 6
     assert "against voxels 2 times as fine" in result["verdict"]["words"]
-    stored = read_fit(out / "fit.json")
+    stored: Any = read_fit(out / "fit.json")
     assert json.loads(json.dumps(result["truth"])) == stored["truth"]
     assert any("references of finer voxels took 6 runs" in s for s in summary(stored))
     # A run with fitted values that fails does not cost the fit.
@@ -302,7 +302,8 @@ def test_a_fit_reports_the_errors_against_finer_voxels(tmp_path, monkeypatch):
     with pytest.warns(UserWarning, match="case \\+x: no error .*: it diverged"):
         result = fit_config(tmp_path / "fit.yaml", tmp_path / "other", report=False)
     assert result["truth"] is None and result["verdict"]["truth"] is None
-    assert read_fit(tmp_path / "other" / "fit.json")["truth"] is None
+    stored = read_fit(tmp_path / "other" / "fit.json")
+    assert stored["truth"] is None
     # What fails before is said before.
     monkeypatch.setattr(Truth, "_error", lambda *_: _raise(error))
     with pytest.raises(InputError, match=r"^case \+x: it diverged$"):
@@ -321,7 +322,9 @@ def test_a_fit_to_finer_voxels_lessens_the_errors_against_them(tmp_path, monkeyp
     (tmp_path / "scene.yaml").write_text(SPHERE.replace("high: 8", "high: 12"))
     (tmp_path / "fit.yaml").write_text(FIT)
     steps = ("reference=truth", "set={solver: {kind: forward_euler, dt: 0.5}}")
-    result = fit_config(tmp_path / "fit.yaml", tmp_path / "out", steps, report=False)
+    result: Any = fit_config(
+        tmp_path / "fit.yaml", tmp_path / "out", steps, report=False
+    )
     assert result["reference"] == "truth"
     assert len(result["truth"]["cost"]) == 6
     for group, cases in result["truth"]["cases"].items():

@@ -76,8 +76,17 @@ def stored(record, case, lost=(), **offsets):
 
 
 def reference() -> Truth:
-    own_error = {"worst_rms_kelvin": 0.02, "is_bound": [False], "rms_kelvin": [0.02]}
-    cost = {"pitch_m": [0.002], "nodes": 5000, "memory_bytes": 2**20, "run_time_s": 2.0}
+    own_error: Any = {
+        "worst_rms_kelvin": 0.02,
+        "is_bound": [False],
+        "rms_kelvin": [0.02],
+    }
+    cost: Any = {
+        "pitch_m": [0.002],
+        "nodes": 5000,
+        "memory_bytes": 2**20,
+        "run_time_s": 2.0,
+    }
     lost = np.arange(len(RANGE)) == 0
     expected = AtPoints(np.stack([RANGE] * 3), lost)
     points = TruthPoints(

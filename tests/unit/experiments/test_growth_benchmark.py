@@ -1,6 +1,7 @@
 """`experiments run growth`: times of small balls, and the power they grow with."""
 
 import json
+from typing import Any
 
 import pytest
 
@@ -19,7 +20,7 @@ def test_small_balls_have_times_and_a_page(tmp_path):
 
 
 def test_the_growth_is_the_power_of_the_nodes_from_a_million_on():
-    def row(nodes, power):
+    def row(nodes, power) -> Any:
         return {"form": "links", "nodes": nodes, "node_ns": nodes ** (power - 1)}
 
     small = [row(10_000, 3.0)]

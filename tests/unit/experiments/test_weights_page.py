@@ -1,6 +1,7 @@
 """Charts of a sweep over two weights: a known bowl, its optimum and lines of error."""
 
 import math
+from typing import Any
 
 import pytest
 
@@ -32,7 +33,7 @@ def swept(folder) -> Sweep:
     return sweep
 
 
-FOUND = {
+FOUND: Any = {
     "sweep": {
         "values": {"within": 1.0, "between": 2.0},
         "rms_percent": 0.5,
@@ -80,7 +81,7 @@ def test_failed_choices_are_left_out_and_listed_last(tmp_path):
     case = sweep.cases[12]
     sweep.rows[case.id] = {**case.head, "failed": "diverged"}
     assert len(grid_errors(sweep)) == 24
-    choice_lines = lines(sweep)
+    choice_lines: Any = lines(sweep)
     assert choice_lines[-1]["failed"] == ["as given: diverged"]
     assert [line["rms_percent"] for line in choice_lines[:-1]] == sorted(
         line["rms_percent"] for line in choice_lines[:-1]
