@@ -44,7 +44,7 @@ def folder(tmp_path):
     return example_folder
 
 
-def write(path: Path, data: dict[str, Any]) -> Path:
+def write(path, data):
     path.write_text(write_yaml(data))
     return path
 
@@ -60,7 +60,7 @@ def load_scene(folder: Path, text: str, *overrides: str) -> None:
     assert stopped.value.code == 0
 
 
-def load_calibration_block(folder: Path, data: dict[str, Any]) -> None:
+def load_calibration_block(folder, data):
     for frames in data.get("reference", {}).get("frames", ()):
         for file in frames["files"]:
             (folder / file).touch()
@@ -69,7 +69,7 @@ def load_calibration_block(folder: Path, data: dict[str, Any]) -> None:
         assert scene_config(config, case.set).bodies
 
 
-def load_sweep_block(folder: Path, data: dict[str, Any]) -> None:
+def load_sweep_block(folder, data):
     config = load_sweep(write(folder / "sweep.yaml", data))
     sweep_choices = choices(config)
     assert len(sweep_choices) == 20
@@ -79,14 +79,14 @@ def load_sweep_block(folder: Path, data: dict[str, Any]) -> None:
     )
 
 
-def load_body_part(folder: Path, body_section: dict[str, Any]) -> None:
+def load_body_part(folder, body_section):
     scene = {**SCENE, "bodies": [{**BODY, **body_section}]}
     assert load_config(write(folder / "part.yaml", scene), find_meshes=False)
 
 
 @pytest.mark.parametrize("page", WITH_CONFIGS, ids=name)
 def test_blocks_of_a_page_load(page, folder, capsys):
-    calibration: dict[str, Any] = {}
+    calibration = {}
     for text in blocks(page, "yaml"):
         data = parse_yaml(text, "page")
         if "bodies" in data:
@@ -103,7 +103,7 @@ def test_blocks_of_a_page_load(page, folder, capsys):
             load_body_part(folder, data)
 
 
-def scene_with(setting: dict[str, Any]) -> dict[str, Any] | None:
+def scene_with(setting):
     """A scene with the setting where it belongs, None for a setting of other files."""
     scene = copy.deepcopy(SCENE)
     ((key, value),) = setting.items()

@@ -6,7 +6,6 @@ import math
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -105,12 +104,12 @@ def fit_at(z: list[float]) -> Fit:
     )
 
 
-def parameter(value: float, error: float | None, **fields: Any) -> dict[str, Any]:
+def parameter(value, error, **fields):
     defaults = {"initial": 1.0, "verdict": "fine", "with": [], "unit": ""}
     return {"value": value, "standard_error": error, **defaults, **fields}
 
 
-def error(*percent: float) -> dict[str, Any]:
+def error(*percent):
     return {
         "times_s": [30.0 * (n + 1) for n in range(len(percent))],
         "rms_percent": list(percent),
@@ -119,9 +118,7 @@ def error(*percent: float) -> dict[str, Any]:
     }
 
 
-def result_of(
-    parameters: dict[str, Any], held_out: bool = True, **fields: Any
-) -> dict[str, Any]:
+def result_of(parameters, held_out=True, **fields):
     def both(case):
         return {
             "default": {case: error(4.0, 3.0)},
@@ -167,7 +164,7 @@ def result_of(
 ONE = {"weights.between": parameter(0.8, 0.1)}
 
 
-def bars(parameters: dict[str, Any]) -> list[dict[str, Any]]:
+def bars(parameters):
     charts = parameter_charts(result_of(parameters))
     return [row for chart in charts for row in chart.to_dict()["data"]["values"]]
 

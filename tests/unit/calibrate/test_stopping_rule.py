@@ -39,6 +39,31 @@ def then(*steps, done=False):
     )
 
 
+def after_second_refresh(*steps, done=False):
+    """Return the action after a failed trial, an exact Jacobian and these steps."""
+    return then(
+        refreshed(),
+        accepted(0.5),
+        rejected(0.5),
+        refreshed(0.5),
+        *steps,
+        done=done,
+    )
+
+
+def after_standstill(*steps, done=False):
+    """Return the action after two trials that left the loss as it was, and these."""
+    return then(
+        refreshed(),
+        accepted(0.5),
+        accepted(0.3),
+        accepted(0.3),
+        accepted(0.3),
+        *steps,
+        done=done,
+    )
+
+
 def test_a_fit_begins_with_an_exact_jacobian_and_then_tries():
     assert then() == "refresh"
     assert then(refreshed()) == "try"
@@ -59,11 +84,10 @@ def test_a_trial_that_fails_by_a_kept_jacobian_asks_for_an_exact_one():
 
 
 def test_a_refresh_is_no_trial_and_two_trials_follow_it():
-    history = [refreshed(), accepted(0.5), rejected(0.5), refreshed(0.5)]
-    assert then(*history, rejected(0.5)) == "try"
-    assert then(*history, rejected(0.5), rejected(0.5)) == "end"
-    assert then(*history, accepted(0.49995), accepted(0.4999)) == "end"
-    assert then(*history, rejected(0.5), accepted(0.4)) == "try"
+    assert after_second_refresh(rejected(0.5)) == "try"
+    assert after_second_refresh(rejected(0.5), rejected(0.5)) == "end"
+    assert after_second_refresh(accepted(0.49995), accepted(0.4999)) == "end"
+    assert after_second_refresh(rejected(0.5), accepted(0.4)) == "try"
 
 
 def test_long_trials_are_not_the_last():
@@ -74,22 +98,25 @@ def test_long_trials_are_not_the_last():
 
 @pytest.mark.parametrize("done", [False, True])
 def test_it_does_not_end_by_a_jacobian_of_other_points(done):
-    still = [refreshed(), accepted(0.5), accepted(0.3), accepted(0.3), accepted(0.3)]
-    assert then(*still, done=done) == "refresh"
+    assert after_standstill(done=done) == "refresh"
     assert (
-        then(*still, refreshed(0.3), accepted(0.3), accepted(0.3), done=done) == "end"
+        after_standstill(refreshed(0.3), accepted(0.3), accepted(0.3), done=done)
+        == "end"
     )
 
 
 def test_it_does_not_refresh_again_where_the_last_refresh_was_not_worth_it():
     """Of four numbers: worth three times the tolerance."""
-    history = [refreshed(), accepted(0.5), rejected(0.5), refreshed(0.5)]
     for loss, action in ((0.499, "end"), (0.498, "refresh")):
-        assert then(*history, accepted(loss), rejected(loss)) == action
-        assert then(*history, accepted(loss), accepted(loss), accepted(loss)) == action
-        assert then(*history, accepted(loss), done=True) == "end"
+        assert after_second_refresh(accepted(loss), rejected(loss)) == action
         assert (
-            then(*history, accepted(loss), accepted(loss - 1e-5), done=True) == action
+            after_second_refresh(accepted(loss), accepted(loss), accepted(loss))
+            == action
+        )
+        assert after_second_refresh(accepted(loss), done=True) == "end"
+        assert (
+            after_second_refresh(accepted(loss), accepted(loss - 1e-5), done=True)
+            == action
         )
 
 

@@ -17,8 +17,9 @@ from tests.imaging import at_start, block, metal
 def test_parts_of_a_frame_add_up_to_the_whole():
     body = block((0.04, 0.04, 0.04), 330.0, metal(parts_of_image.PAINT, 0.6))
     bare = jt.Coating(parts_of_image.SHINY, on=jt.Side((1.0, 0.0, 0.0)))
-    terms = jt.Surroundings(268.0, ground=303.0), jt.Sun((-1.0, 0.5, -1.0), 800.0)
-    solution = at_start((replace(body, coatings=(bare,)),), *terms)
+    surroundings = jt.Surroundings(268.0, ground=303.0)
+    sun = jt.Sun((-1.0, 0.5, -1.0), 800.0)
+    solution = at_start((replace(body, coatings=(bare,)),), surroundings, sun)
     camera = jt.Camera((0.14, -0.1, 0.08), (0.0, 0.0, 0.0), width=40, height=30)
     frame = parts_of_image.separate(solution, camera)
     errors = {name: parts.sum_error for name, parts in frame.bands.items()}

@@ -4,7 +4,6 @@ import csv
 import json
 from concurrent.futures.process import BrokenProcessPool
 from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
@@ -120,8 +119,13 @@ def test_an_option_that_one_of_them_does_not_take_runs_none(monkeypatch, tmp_pat
 
 
 def test_results_of_this_commit_and_size_are_kept(monkeypatch, tmp_path):
-    origin: dict[str, Any] = {"commit": "abc", "processor": "one", "date": "today"}
-    origin |= {"device": "cpu", "versions": {"jax": "1"}}
+    origin = {
+        "commit": "abc",
+        "processor": "one",
+        "date": "today",
+        "device": "cpu",
+        "versions": {"jax": "1"},
+    }
     monkeypatch.setattr(benchmark_group, "provenance", lambda: dict(origin))
     (tmp_path / "steps").mkdir()
     stored = {**result_of(FAST), **origin, "quick": False}

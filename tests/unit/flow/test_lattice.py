@@ -109,9 +109,10 @@ def test_mass_is_conserved_over_many_steps(dtype):
 
 def test_float32_is_as_precise_as_the_deviation_from_rest():
     """Speeds far below the precision of populations near 1."""
-    speeds = []
-    for dtype in ("float32", "float64"):
+
+    def speeds(dtype):
         program = flow_program(box((12, 12), 0.05), dtype)
         _, state = vortices(12, 1e-6, program)
-        speeds.append(np.asarray(fields(program, after(program, state, 12)).x, float))
-    np.testing.assert_allclose(*speeds, atol=1e-11)
+        return np.asarray(fields(program, after(program, state, 12)).x, float)
+
+    np.testing.assert_allclose(speeds("float32"), speeds("float64"), atol=1e-11)

@@ -30,10 +30,9 @@ SIDE = jt.OrthographicCamera(
 )
 
 
-def cube(pitch=0.01, size=0.1, **kwargs):
+def cube(pitch=0.01, size=0.1, temperature: Any = 300.0, **kwargs):
     grid = jt.voxelize(jt.shapes.box((size, size, size)), pitch)
-    options: dict[str, Any] = {"temperature": 300.0} | kwargs
-    return jt.Body(jt.FullVolume(grid), METAL, **options)
+    return jt.Body(jt.FullVolume(grid), METAL, temperature=temperature, **kwargs)
 
 
 @pytest.fixture(scope="module")

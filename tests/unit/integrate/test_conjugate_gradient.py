@@ -1,7 +1,5 @@
 """Conjugate gradients that stop in kelvin: solutions, reports and derivatives."""
 
-from typing import Any
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -44,9 +42,9 @@ def _solve(weight, vector, kelvin, tolerance, start=None, max_iterations=2000):
         return (r[0] / d,)
 
     fixed = jax.lax.stop_gradient(diagonal)
-    options: dict[str, Any] = {"preconditioner": jax.tree_util.Partial(scale, fixed)}
-    if start is not None:
-        options["start"] = (start,)
+    preconditioner = jax.tree_util.Partial(scale, fixed)
+    start_option = {} if start is None else {"start": (start,)}
+    options = {"preconditioner": preconditioner, **start_option}
     measure = ResidualNorm(1.0 if kelvin is None else kelvin)
     solver = ConjugateGradient(
         measure, tolerance, relative=kelvin is None, max_iterations=max_iterations
@@ -81,7 +79,7 @@ def test_corrections_measure_the_error_where_the_preconditioner_is_good():
         lx.positive_semidefinite_tag,
     )
     solver = ConjugateGradient(CorrectionNorm(), 1e-9)
-    options: dict[str, Any] = {"preconditioner": exact}
+    options = {"preconditioner": exact}
     solution = lx.linear_solve(
         operator, (vector,), solver, options=options, throw=False
     )

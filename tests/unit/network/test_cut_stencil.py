@@ -102,7 +102,10 @@ def test_the_derivative_by_conductivity_and_capacity_is_the_difference_quotient(
     step = 1e-5
     structures = jax.jit(jax.value_and_grad(after, argnums=(0, 1)))
     actual = structures(k, heat)[1]
-    value = lambda *given: structures(*given)[0]
+
+    def value(conductivity, heat_capacity):
+        return structures(conductivity, heat_capacity)[0]
+
     quotient = (
         (value(k * (1 + step), heat) - value(k * (1 - step), heat)) / (2 * step * k),
         (value(k, heat * (1 + step)) - value(k, heat * (1 - step))) / (2 * step * heat),

@@ -160,7 +160,10 @@ def _scene(structure):
 @pytest.mark.slow
 def test_it_is_nearer_to_the_full_volume(slanted):
     times = [60.0, 240.0]
-    run = lambda structure: jt.simulate(_scene(structure), 240.0, times)
+
+    def run(structure):
+        return jt.simulate(_scene(structure), 240.0, times)
+
     reference = run(jt.FullVolume(slanted))
     plain, corrected = (
         surface_error(run(_structure(slanted, "core", w)), reference).rms_percent

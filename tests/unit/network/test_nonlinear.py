@@ -180,7 +180,9 @@ def test_the_stable_step_is_needed():
         state = network.state_of(jnp.array([9.999, 10.001]))
         return network.euler_step(state, stable_steps / network.max_rate())
 
-    gap = lambda steps: float(np.diff(after(network, jnp.asarray(steps)))[0])
+    def gap(stable_steps):
+        return float(np.diff(after(network, jnp.asarray(stable_steps)))[0])
+
     # Of two nodes the gap falls by 1 - 2 dt rate.
     assert gap(1.0) == pytest.approx(-gap(0.0), rel=2e-4)
     assert abs(gap(1.05)) > abs(gap(0.0))
@@ -200,7 +202,10 @@ def test_gradients_of_a_run_are_finite_differences():
             Property([290.0, 350.0], values[3:]),
         )
         network = _varying(structure, steel)
-        step = lambda _, state: network.euler_step(state, jnp.asarray(2.0))
+
+        def step(_, state):
+            return network.euler_step(state, jnp.asarray(2.0))
+
         end = jax.lax.fori_loop(0, 8, step, network.state_of(start))
         return (network.temperature(end) ** 2).mean()
 

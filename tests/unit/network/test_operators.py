@@ -166,7 +166,10 @@ def test_two_materials_take_the_harmonic_mean(mixed):
 def test_series_with_an_insulator_has_value_and_gradient(first, second):
     single = np.array(1.0)
     half = np.array(0.5)
-    link = lambda k: series(single, half, k, half, jnp.array(second))
+
+    def link(conductivity):
+        return series(single, half, conductivity, half, jnp.array(second))
+
     value, slope = jax.value_and_grad(link)(jnp.array(first))
     assert float(value) == 0.0
     # 1 / (1 / 2 k1 + 1 / 2 k2) -> 2 k1 for k1 << k2.

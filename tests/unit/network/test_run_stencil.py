@@ -133,7 +133,10 @@ def test_several_states_at_once():
     fast, plain = both(WHOLE)
     states = jnp.asarray(np.random.default_rng(4).normal(size=(3, WHOLE.solid_count)))
     dts = jnp.array([0.1, 0.2, 0.3])
-    step = lambda structure: jax.vmap(structure.euler_step)(states, dts)
+
+    def step(structure):
+        return jax.vmap(structure.euler_step)(states, dts)
+
     np.testing.assert_allclose(step(fast), step(plain), rtol=1e-11, atol=1e-11)
 
 

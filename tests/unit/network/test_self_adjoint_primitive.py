@@ -83,18 +83,26 @@ def _weights(case):
 
 def _chain(case, plain):
     """A number that depends on all of a few changes, in a loop."""
-    if plain:
-        change = lambda s, f: case.operator.change(s, f, case.layout)
-        step = lambda s, f: case.operator.step(s, f, case.layout)
-    else:
-        change = lambda s, f: conduct(case.operator, s, f, case.layout)
-        step = lambda s, f: conduct_step(case.operator, s, f, case.layout)
+    operator = case.operator
+
+    def change(state, factors):
+        if plain:
+            return operator.change(state, factors, case.layout)
+        return conduct(operator, state, factors, case.layout)
+
+    def step(state, factors):
+        if plain:
+            return operator.step(state, factors, case.layout)
+        return conduct_step(operator, state, factors, case.layout)
 
     def run(scale, state, arguments):
         factors = case.factors(scale * arguments)
         state = jnp.where(jnp.asarray(case.nodes), state, 0)
-        unit = lambda _, s: step(s, factors) + change(s * s, factors) / 10
-        end = jax.lax.fori_loop(0, 3, unit, state)
+
+        def advance(_, state):
+            return step(state, factors) + change(state * state, factors) / 10
+
+        end = jax.lax.fori_loop(0, 3, advance, state)
         return (_weights(case) * (end + end**2)).sum()
 
     return run
@@ -179,7 +187,10 @@ def test_derivatives_map_over_a_batch(case):
 
 def test_the_gradient_is_the_central_difference(case):
     results = jax.jit(jax.value_and_grad(_chain(case, plain=False)))
-    run = lambda scale: results(scale, case.state, case.conductance)
+
+    def run(scale):
+        return results(scale, case.state, case.conductance)
+
     step = 1e-5
     difference = (run(1 + step)[0] - run(1 - step)[0]) / (2 * step)
     np.testing.assert_allclose(run(1.0)[1], difference, rtol=1e-7)
@@ -187,9 +198,11 @@ def test_the_gradient_is_the_central_difference(case):
 
 def test_the_operator_is_its_own_transpose(case):
     inside = jnp.where(jnp.asarray(case.nodes), _weights(case), 0)
-    change = lambda state: conduct(
-        case.operator, state, case.factors(case.conductance), case.layout
-    )
+    factors = case.factors(case.conductance)
+
+    def change(state):
+        return conduct(case.operator, state, factors, case.layout)
+
     first = (inside * change(case.state)).sum()
     second = (case.state * change(inside)).sum()
     assert float(jnp.abs(first)) > 0.1
@@ -198,8 +211,10 @@ def test_the_operator_is_its_own_transpose(case):
 
 def test_a_node_without_neighbours_passes_its_cotangent_on():
     case = _uniform()
-    step = lambda s: conduct_step(
-        case.operator, s, case.factors(case.conductance), case.layout
-    )
+    factors = case.factors(case.conductance)
+
+    def step(state):
+        return conduct_step(case.operator, state, factors, case.layout)
+
     _, pull = jax.vjp(step, case.state)
     assert pull(_weights(case))[0][1, 1, 1] == _weights(case)[1, 1, 1]

@@ -55,17 +55,18 @@ def ball(cells: Cells, voxels: int = 11, material=jt.materials["copper"]) -> jt.
 SMALL = Case(jt.Scene((ball("dominant_axis"),), TERMS), 20.0, [5.0, 20.0])
 
 
-def check(solution: jt.Solution, other: jt.Solution) -> None:
-    apart = np.abs(np.asarray(solution.surface_temperature - other.surface_temperature))
-    assert other.surface_temperature.min() < 299.9
+def check(solution: jt.Solution, expected: jt.Solution) -> None:
+    expected_temperature = expected.surface_temperature
+    apart = np.abs(np.asarray(solution.surface_temperature - expected_temperature))
+    assert expected_temperature.min() < 299.9
     assert apart.max() <= ROUNDING, apart.max()
     assert np.abs(np.asarray(solution.energy.residual_relative)).max() < 1e-5
 
 
 def equal(case: Case, solver: AbstractSolver) -> None:
     """A run on four devices is that on one."""
-    one = jt.simulate(*case, solver=solver)
-    check(jt.simulate(*case, solver=solver, devices=4), one)
+    expected = jt.simulate(*case, solver=solver)
+    check(jt.simulate(*case, solver=solver, devices=4), expected)
 
 
 def finished(plan: Plan, progress) -> jt.Solution:
@@ -86,43 +87,54 @@ def resumed(case: Case) -> None:
     straight = {count: finished(plan, begin_run(plan)) for count, plan in plans.items()}
     check(straight[4], straight[1])
     path = Path("checkpoint.npz")
-    for before, after in ((4, 1), (1, 4)):
-        plan = plans[before]
-        other = plans[after]
+    for saving_count, resuming_count in ((4, 1), (1, 4)):
+        plan = plans[saving_count]
+        resumed_plan = plans[resuming_count]
         progress = next(iter(run_segments(plan, begin_run(plan), 0.0)))
         save_checkpoint(path, plan, progress, "key")
-        kept = load_checkpoint(path, other, begin_run(other), "key")
-        assert kept is not None and kept.steps_taken == 2, kept
-        assert len(kept.state.theta[0].sharding.device_set) == after
-        check(finished(other, kept), straight[1])
+        loaded = load_checkpoint(path, resumed_plan, begin_run(resumed_plan), "key")
+        assert loaded is not None and loaded.steps_taken == 2, loaded
+        assert len(loaded.state.theta[0].sharding.device_set) == resuming_count
+        check(finished(resumed_plan, loaded), straight[1])
 
 
 def networks_equal(cells: Cells) -> None:
     """Stencils of every kind have the values of one device, and nothing elsewhere."""
-    one = cast(jt.FullVolume, ball(cells).structure)
-    both = (one, replace(one, devices=4))
+    undivided = cast(jt.FullVolume, ball(cells).structure)
+    structures = (undivided, replace(undivided, devices=4))
     random = np.random.default_rng(0)
-    values = random.normal(size=one.node_count).astype(np.float32)
-    number = random.integers(0, 2, one.node_count).astype(np.int32)
-    by_material = lambda *made: lambda own: materials_network(own, number, made, *AT)
-    kinds = (
-        lambda own: material_network(own, STEEL, *AT),
-        by_material(STEEL, LAYERED),
-        lambda own: material_network(own, LAYERED, *AT),
-        by_material(STEEL, jt.materials["copper"]),
+    values = random.normal(size=undivided.node_count).astype(np.float32)
+    number = random.integers(0, 2, undivided.node_count).astype(np.int32)
+
+    def network_of(structure, materials):
+        if len(materials) == 1:
+            return material_network(structure, materials[0], *AT)
+        return materials_network(structure, number, materials, *AT)
+
+    stencil_materials = (
+        (STEEL,),
+        (STEEL, LAYERED),
+        (LAYERED,),
+        (STEEL, jt.materials["copper"]),
     )
-    # Cut voxels correct the stencils of all kinds alike.
-    for make in kinds if cells == "dominant_axis" else kinds[:2]:
-        networks = [(own, make(own)) for own in both]
-        found = [evaluated(*each, values) for each in networks]
-        for name, first, second in zip(LAWS, *found, strict=True):
+    if cells == "crossings":
+        # Cut voxels correct all these stencils alike.
+        stencil_materials = stencil_materials[:2]
+    for materials in stencil_materials:
+        networks = [
+            (structure, network_of(structure, materials)) for structure in structures
+        ]
+        expected, actual = (
+            evaluated(structure, network, values) for structure, network in networks
+        )
+        for name, first, second in zip(LAWS, expected, actual, strict=True):
             # Sums are in another order.
             rtol = 1e-6 if name in ("stored", "total_capacity") else 0
             np.testing.assert_allclose(first, second, rtol, err_msg=name)
-        nodes = np.arange(one.node_count)[::3]
+        nodes = np.arange(undivided.node_count)[::3]
         first, second = (
-            network.capacity_at(tuple(map(jnp.asarray, own.address_of(nodes))))
-            for own, network in networks
+            network.capacity_at(tuple(map(jnp.asarray, structure.address_of(nodes))))
+            for structure, network in networks
         )
         np.testing.assert_array_equal(first, second)
 
@@ -143,39 +155,49 @@ def evaluated(structure, network, values) -> list[np.ndarray]:
     """All laws of a network at these values of the nodes; states by node."""
     host = structure.state_of(values)
     state = jnp.asarray(host) if network.mesh is None else spread(network.mesh, host)
-    # One program: each costs a second.
-    every = lambda *given: [law(*given) for law in LAWS.values()]
-    found = [np.asarray(each) for each in jax.jit(every)(network, state)]
-    for each in found:
-        assert np.count_nonzero(each) <= structure.node_count
-    return [structure.node_values(each) if each.ndim else each for each in found]
+
+    # One program, which compiles sooner than one for each law.
+    @jax.jit
+    def evaluate(network, state):
+        return [law(network, state) for law in LAWS.values()]
+
+    laws = [np.asarray(law) for law in evaluate(network, state)]
+    for law in laws:
+        assert np.count_nonzero(law) <= structure.node_count
+    return [structure.node_values(law) if law.ndim else law for law in laws]
 
 
 def batches_equal() -> None:
     """Members of batches of any size have the results of one device, and no others."""
     mesh = mesh_of(4)
-    law = lambda x, k: jnp.sin(k * x).sum()
-    given = on_every_device(mesh, {"factor": jnp.float32(3.0), "law": law})
 
-    def part(own, given):
+    def law(x, factor):
+        return jnp.sin(factor * x).sum()
+
+    constants = on_every_device(mesh, {"factor": jnp.float32(3.0), "law": law})
+
+    def evaluate(members, constants):
         # A device has two members at most, and those of the padding are no others.
-        assert len(own) <= 2
-        rows = jax.vmap(lambda x: given["law"](x, given["factor"]))(own)
-        return (rows, own), given["factor"]
+        assert len(members) <= 2
+        factor = constants["factor"]
+        rows = jax.vmap(lambda x: constants["law"](x, factor))(members)
+        return (rows, members), factor
+
+    def first_row(constants):
+        row = constants["law"](jnp.ones(3), constants["factor"])
+        return {"x": jnp.asarray(row), "b": jnp.asarray(True)}
 
     for count in (1, 5, 8):
         batch = jnp.arange(3.0 * count, dtype=jnp.float32).reshape(count, 3)
-        run = lambda mesh, batch: eqx.filter_jit(over_devices)(mesh, part, batch, given)
-        (rows, same_batch), factor = from_first_device(mesh, run(mesh, batch))
+        sharded = eqx.filter_jit(over_devices)(mesh, evaluate, batch, constants)
+        (rows, same_batch), factor = from_first_device(mesh, sharded)
         alone = jax.vmap(lambda x: law(x, jnp.float32(3.0)))(batch)
         assert rows.shape == (count,) and float(factor) == 3.0
         np.testing.assert_array_equal(rows, alone)
         np.testing.assert_array_equal(same_batch, batch)
-    first = lambda given: {"x": given["law"](jnp.ones(3), given["factor"]), "b": True}
-    array = lambda given: jax.tree.map(jnp.asarray, first(given))
-    found = eqx.filter_jit(on_first_device)(mesh, array, given)
-    assert len(found["x"].sharding.device_set) == 4 and bool(found["b"])
-    np.testing.assert_allclose(found["x"], 3 * np.sin(3.0), rtol=1e-6)
+    row = eqx.filter_jit(on_first_device)(mesh, first_row, constants)
+    assert len(row["x"].sharding.device_set) == 4 and bool(row["b"])
+    np.testing.assert_allclose(row["x"], 3 * np.sin(3.0), rtol=1e-6)
 
 
 def refused() -> None:

@@ -27,12 +27,12 @@ AS_USERS_RUN = {
 """Whatever flags a process has: their fusions are what is looked at here."""
 
 
-def combined(stepped, other, weight):
-    return other + weight * (stepped - other)
+def combined(stepped, previous, weight):
+    return previous + weight * (stepped - previous)
 
 
-def step(stencil, state, other):
-    return combined(stencil.euler_step(state, DT), other, WEIGHT)
+def step(stencil, state, previous):
+    return combined(stencil.euler_step(state, DT), previous, WEIGHT)
 
 
 def only_ends_wait(voxels: int) -> None:
@@ -41,22 +41,22 @@ def only_ends_wait(voxels: int) -> None:
     Where sections have no more than two planes, all of them are ends.
     """
     grid = jt.voxelize(jt.shapes.sphere(0.05), 0.1 / voxels, "dominant_axis")
-    one = jt.FullVolume(grid)
-    four = replace(one, devices=4)
+    undivided = jt.FullVolume(grid)
+    divided = replace(undivided, devices=4)
     random = np.random.default_rng(0)
-    values = random.normal(size=(2, one.node_count)).astype(np.float32)
-    states = [jnp.asarray(one.state_of(each)) for each in values]
-    given = material_network(one, STEEL, 300.0, jnp.float32), *states
-    alone = jax.jit(step).lower(*given).compile(AS_USERS_RUN)(*given)
-    network = material_network(four, STEEL, 300.0, jnp.float32)
+    values = random.normal(size=(2, undivided.node_count)).astype(np.float32)
+    network = material_network(undivided, STEEL, 300.0, jnp.float32)
+    state, previous = (jnp.asarray(undivided.state_of(nodes)) for nodes in values)
+    program = jax.jit(step).lower(network, state, previous).compile(AS_USERS_RUN)
+    expected = undivided.node_values(np.asarray(program(network, state, previous)))
+    network = material_network(divided, STEEL, 300.0, jnp.float32)
     assert isinstance(network, ShardedStencil)
-    states = [spread(network.devices, four.state_of(each)) for each in values]
+    states = [spread(network.devices, divided.state_of(nodes)) for nodes in values]
     is_thin = len(states[0]) <= 4 * 4
     for form in (apply_after_exchange, apply_overlapping_exchange):
         program = _program(form, network, states)
-        found = np.asarray(program(network.base, *states))
-        expected = one.node_values(np.asarray(alone))
-        np.testing.assert_array_equal(four.node_values(found), expected)
+        actual = divided.node_values(np.asarray(program(network.base, *states)))
+        np.testing.assert_array_equal(actual, expected)
         text = program.as_text()
         assert text is not None
         assert _waits(text, states[0]) == (form is apply_after_exchange or is_thin)
@@ -65,31 +65,32 @@ def only_ends_wait(voxels: int) -> None:
 
 
 def _program(form, network, states):
-    own = lambda base, state, other: form(
-        step, base, state, next_planes(state), (other,)
-    )
-    run = partial(on_each_device, network.devices, own)
+    def step_section(base, state, previous):
+        return form(step, base, state, next_planes(state), (previous,))
+
+    run = partial(on_each_device, network.devices, step_section)
     return jax.jit(run).lower(network.base, *states).compile(AS_USERS_RUN)
 
 
 def no_copy(network: ShardedStencil, states: list[jax.Array]) -> None:
     """Two stages, as of RKL2, that exchange their buffers copy no lattice."""
-    stage = lambda before, last: network.combined_step(
-        last, DT, combined, before, WEIGHT
-    )
 
-    def two(_, pair):
-        before, last = pair
-        new = stage(before, last)
-        return new, stage(last, new)
+    def stage(previous, state):
+        return network.combined_step(state, DT, combined, previous, WEIGHT)
+
+    def two_stages(_, pair):
+        previous, state = pair
+        stepped = stage(previous, state)
+        return stepped, stage(state, stepped)
 
     @partial(jax.jit, donate_argnums=0)
     def stages(pair, count):
-        return jax.lax.fori_loop(0, count, two, pair)
+        return jax.lax.fori_loop(0, count, two_stages, pair)
 
     text = stages.lower(tuple(states), jnp.int32(3)).compile(AS_USERS_RUN).as_text()
     assert text is not None
-    loop = next(each for each in text.split("\n}") if "collective-permute(" in each)
+    computations = text.split("\n}")
+    loop = next(body for body in computations if "collective-permute(" in body)
     assert not re.search(rf"= {_section(states[0])}\S* copy\(", loop), loop
 
 
@@ -103,10 +104,11 @@ def _waits(text: str, state: jax.Array) -> bool:
     line = re.compile(r"%(\S+) = (\S+) ([\w-]+)\((.*)")
     waiting = {}
     computed = []
-    for name, kind, operation, rest in line.findall(text[text.index("ENTRY") :]):
-        needs = [waiting.get(each, False) for each in re.findall(r"%([\w.-]+)", rest)]
+    for name, section, operation, operands in line.findall(text[text.index("ENTRY") :]):
+        operand_names = re.findall(r"%([\w.-]+)", operands)
+        needs = [waiting.get(operand, False) for operand in operand_names]
         waiting[name] = operation.startswith("collective-permute") or any(needs)
-        if re.match(_section(state), kind) and operation == "fusion":
+        if re.match(_section(state), section) and operation == "fusion":
             computed.append(waiting[name])
     assert any(computed)
     return all(computed)

@@ -45,9 +45,10 @@ def _step(scene):
     todo = plan_run(scene, 2.0, None, jt.ForwardEuler())
     arrays, static = eqx.partition(todo.compiled.program, eqx.is_array)
     now = jnp.zeros((), todo.dtype)
-    step = lambda arrays, state: todo.stepper.step(
-        eqx.combine(arrays, static), state, now, now
-    )
+
+    def step(arrays, state):
+        return todo.stepper.step(eqx.combine(arrays, static), state, now, now)
+
     return jax.make_jaxpr(step)(arrays, initial_state(todo)), arrays
 
 

@@ -101,8 +101,10 @@ def test_terms_bring_what_the_half_cells_conduct_at_any_biot_number(further):
 
 
 def test_what_is_not_linear_goes_by_cells(ball):
-    program = lambda *terms: compile_scene(_scene([jt.Aggregate(ball)], terms)).program
-    load_type = lambda *terms: type(program(*terms).surface)
+    def load_type(*terms):
+        compiled = compile_scene(_scene([jt.Aggregate(ball)], terms))
+        return type(compiled.program.surface)
+
     assert load_type(TERMS[0], TERMS[2]) is _LinearSurfaceLoad
     assert load_type(TERMS[0], jt.Surroundings(280.0)) is SurfaceLoad
     assert load_type(jt.Convection(lambda time: 1.0 + time, 280.0)) is SurfaceLoad

@@ -149,9 +149,10 @@ def _wind_equations(scene):
     compiled = compile_scene(scene, 1, 5.0)
     arrays, static = eqx.partition(compiled.program, eqx.is_array)
     now = jnp.zeros(())
-    step = lambda arrays, states: add_loads(
-        eqx.combine(arrays, static), states, states, now, now
-    )
+
+    def step(arrays, states):
+        return add_loads(eqx.combine(arrays, static), states, states, now, now)
+
     jaxpr = jax.make_jaxpr(step)(arrays, compiled.state)
     scopes = [str(e.source_info.name_stack) for e in _equations(jaxpr.jaxpr)]
     return sum("wind" in scope for scope in scopes)

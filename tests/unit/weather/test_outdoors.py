@@ -43,8 +43,8 @@ def write_epw(path, days=(20, 21, 22), **changes):
     return path
 
 
-def made(weather, start=START, duration=DAY, **options) -> dict[str, Any]:
-    terms = jt.outdoors(MUNICH, start, duration, weather, **options)
+def made(weather, start=START, duration=DAY, **options):
+    terms: Any = jt.outdoors(MUNICH, start, duration, weather, **options)
     return {term.name: term for term in terms}
 
 

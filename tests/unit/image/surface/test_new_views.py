@@ -113,17 +113,22 @@ def test_a_view_is_that_of_all_layers_and_all_pairs(surfaces, turn):
     position, depth = view_camera.points(pixel, layers.depth[front])
     np.testing.assert_allclose(view.depth, depth, rtol=1e-12)
     first = 0
-    expected = []
+    rows = []
+    fragments = []
+    weights = []
     for number, surface in enumerate(surfaces):
         on_body = view.body == number
         geometry = surface.geometry
         local = geometry.placed.to_body(position[on_body])
         cells = cells_of(geometry, 2 * geometry.pitch)
         pairs = cells.weighted(local, view.normal[on_body])
-        row = np.flatnonzero(on_body)[pairs.owner]
-        expected.append((row, pairs.fragment + first, pairs.weight))
+        rows.append(np.flatnonzero(on_body)[pairs.owner])
+        fragments.append(pairs.fragment + first)
+        weights.append(pairs.weight)
         first += len(geometry.fragment_area)
-    row, fragment, weight = map(np.concatenate, zip(*expected, strict=True))
+    row = np.concatenate(rows)
+    fragment = np.concatenate(fragments)
+    weight = np.concatenate(weights)
     size = len(pixel), first
     total = np.bincount(row, weight, len(pixel))
     assert (total > 0).all()
