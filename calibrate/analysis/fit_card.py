@@ -113,7 +113,7 @@ def _origin(config: CalibrationConfig, result: Mapping[str, Any]) -> dict[str, s
 
 
 class _CardCheck(TypedDict):
-    """What `calibrate check` prints of a card and a scene."""
+    """Check of a card against a scene, as `calibrate check` prints it."""
 
     card: str
     scene: str | None

@@ -57,7 +57,7 @@ class _Arrangement(NamedTuple):
 
 
 class _Reply(TypedDict, total=False):
-    """What a process reports: its lattice when it is ready, then each turn's time."""
+    """Report of a process: its lattice when it is ready, then each turn's time."""
 
     lattice_bytes: int
     step_s: float

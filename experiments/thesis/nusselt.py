@@ -62,7 +62,7 @@ def tabulated() -> list[dict[str, str]]:
 
 
 class Knot(TypedDict):
-    """What the local number does at a Reynolds number of the table."""
+    """Local Nusselt number at one Reynolds number of the table."""
 
     Re: float
     average: float

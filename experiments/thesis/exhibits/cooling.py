@@ -154,7 +154,7 @@ def _wind(average: str = AVERAGES[0].name) -> jt.Wind:
 
 
 class _SideOrder(TypedDict):
-    """How the temperatures around the side follow the local number at one time."""
+    """Temperatures around the side against the local number, at one time."""
 
     time_s: float
     mean_K: float

@@ -99,7 +99,7 @@ class FrameRow(TypedDict):
     table_6_1_step_s: list[float]
     """Largest stable steps at the voxels of table 6.1."""
     one_step: FrameTimes
-    """Of one explicit step a frame."""
+    """Frames a second at one explicit step for each."""
     live: FrameTimes
     """At the rate of the live view."""
 
@@ -212,7 +212,7 @@ _FramesShown = TypedDict(
 
 
 class FrameNumbers(TypedDict):
-    """What the text says of the frames; most of it at the highest resolution."""
+    """Numbers of the text on frames, most of them at the highest resolution."""
 
     mesh: str
     rows: Sequence[FrameRow]

@@ -80,7 +80,7 @@ class StepShares(TypedDict):
 
 
 class ShareNumbers(TypedDict):
-    """What the text says of the shares."""
+    """Numbers of the text on shares of time."""
 
     heights: list[int]
     """Voxels along up, of the coarsest and of the finest full volume."""

@@ -34,6 +34,7 @@ from jaxthermo.report.sheet import Tile, enlarged, sheet
 from ...harness.present import colour_bar
 from ..exhibit import Finding, Verdict, exhibit
 from ..line_chart import HEIGHT, SHADES, WIDTH
+from ..wake_numbers import DistanceRow, FitNumbers, FlowNumbers
 
 
 # Cells across the narrow channel, the thesis' being 300. In the reduced size the
@@ -101,44 +102,6 @@ class Tail(NamedTuple):
     x: Float[np.ndarray, " n"]
     """Distance from the rear [diameters]."""
     ratio: Float[np.ndarray, " n"]
-
-
-class FitNumbers(TypedDict):
-    """A family of curves fitted to a wake."""
-
-    parameters: dict[str, str]
-    """Each parameter with its standard error, in words."""
-    values: list[float]
-    rms: float
-    largest: float
-
-
-FlowNumbers = TypedDict(
-    "FlowNumbers",
-    {
-        "channel": str,
-        "speed": float,
-        "Re": float,
-        "strouhal": float | None,
-        "bubble": float,
-        "tail_0.9": float,
-        "tail_0.8": float,
-        "read_to": float,
-        "last": float,
-        "fastest": float,
-        "slowest": float,
-        "fits": dict[str, FitNumbers],
-    },
-)
-"""Numbers of a flow; lengths in diameters, speeds over the undisturbed one."""
-
-
-class DistanceRow(TypedDict):
-    """Distances of two normalized curves."""
-
-    speeds: list[float]
-    rms: float
-    largest: float
 
 
 class _SpeedPoint(TypedDict):

@@ -53,7 +53,13 @@ def truth(default, fitted, reference, is_bound=(False, False)):
             "remarks": ["body 0 has the voxels of the reference"],
         }
 
-    own_error = {**times, "rms_kelvin": reference, "is_bound": list(is_bound)}
+    own_error = {
+        **times,
+        "rms_kelvin": reference,
+        "rms_percent": [10 * kelvin for kelvin in reference],
+        "is_bound": list(is_bound),
+        "worst_rms_kelvin": max(reference),
+    }
     case = {"default": error(default), "fitted": error(fitted), "reference": own_error}
     run = {
         "case": "+x",
