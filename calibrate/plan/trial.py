@@ -72,7 +72,7 @@ class Tolerance(NamedTuple):
     memory: float | None = None
     """Largest peak memory [bytes]; None for no limit."""
 
-    def affords(self, run_time: float, memory: float) -> bool:
+    def affords(self, run_time: float, memory: float | int) -> bool:
         """True if a time [s] and a memory [bytes] are within the limits."""
         in_time = self.run_time is None or run_time <= self.run_time
         return in_time and (self.memory is None or memory <= self.memory)
