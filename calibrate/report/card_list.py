@@ -18,9 +18,10 @@ _DASH = "\N{EN DASH}"
 
 
 def card_table(cards: Mapping[str, AbstractCard]) -> Table:
-    """A row for each card by its name: structure, errors and that of their reference.
+    """A row for each card: its structure, its errors, and the reference's error.
 
-    Errors are in kelvin against finer voxels where the fit had them.
+    Errors are in kelvin, against finer voxels, where the fit measured them so; else in
+    percent.
     """
     columns = ["weights:", "structure", "error", "held out", "reference"]
     rows = [
@@ -36,7 +37,7 @@ def card_table(cards: Mapping[str, AbstractCard]) -> Table:
 
 
 def range_table(cards: Mapping[str, AbstractCard]) -> Table:
-    """A row for each geometry with surface cells and ranges, which its cards share."""
+    """A row for each geometry: the surface cells and ranges that its cards share."""
     rows = (
         (
             ", ".join(card.geometry),
@@ -55,15 +56,15 @@ def about_cards(cards: Mapping[str, AbstractCard]) -> list[str]:
         return ["No cards are part of this package."]
     first = next(iter(cards.values()))
     return [
-        "Errors are the largest over the saved times: those with weights of 1, to "
-        "those with the card's. In kelvin they are root mean squares over the surface, "
-        "against finer voxels, which are off themselves by about what is under "
-        "`reference`; in percent they are against the reference that was fitted to, "
-        "over its range.",
+        "Each error is the largest over the saved times: first with weights of 1, "
+        "then with the card's weights. Errors in kelvin are root mean squares over the "
+        "surface, compared with finer voxels, whose own error is about the one under "
+        "`reference`. Errors in percent are compared with the reference of the fit "
+        "and divided by its range.",
         "A card holds in the ranges, on the geometry and with the surface cells that "
-        f"it was fitted with, under {', '.join(first.mechanisms)}. A factor of "
-        f"{first.tolerance:g} beyond counts as inside; `jaxthermo simulate` and "
-        "`calibrate check` warn elsewhere. V/A/pitch is the body's volume over its "
+        f"it was fitted with, under {', '.join(first.mechanisms)}. Values outside by a "
+        f"factor of at most {first.tolerance:g} count as inside; beyond it `jaxthermo "
+        "simulate` and `calibrate check` warn. V/A/pitch is the body's volume over its "
         "surface, in voxels.",
         "Made by `make cards` from configs/cards.",
     ]

@@ -29,18 +29,18 @@ _Modes = Float[Array | np.ndarray, "*m"]
 
 
 class _StepWeights(NamedTuple):
-    """Weights of a step of decoupled modes."""
+    """Weights of the three contributions to the state of a mode after a step."""
 
     decay: Any
-    """exp(-h), of the modes at the start of the step."""
+    """exp(-h), the weight of the mode's state at the start of the step."""
     constant: Any
-    """step phi_1, of the load at the start of the step."""
+    """step phi_1, the weight of the load at the start of the step."""
     ramp: Any
-    """step phi_2, of the change of the load over the step."""
+    """step phi_2, the weight of the load's change over the step."""
 
 
 def step_weights(xp: Any, rates: _Modes, step: Any) -> _StepWeights:
-    """Weights of steps of these lengths [s], by `xp`, numpy or jax.numpy."""
+    """Weights of steps of given lengths [s], computed by `xp`: numpy or jax.numpy."""
     h = rates * step
     is_small = xp.abs(h) < _SERIES_LIMIT
     # Both branches are differentiated: neither may divide by 0.
@@ -66,7 +66,7 @@ class Schedule(NamedTuple):
     step: Float[Array | np.ndarray, " i"]
     """Length of each step [s]."""
     knot: Int[Array | np.ndarray, " i"]
-    """Last knot at or before the start of each step; the next ends it or is later."""
+    """Last knot at or before the start of each step; the step ends by the next one."""
     begin: Float[Array | np.ndarray, " i"]
     """Fraction of the way between the two knots at the start of each step [-]."""
     end: Float[Array | np.ndarray, " i"]
@@ -170,17 +170,17 @@ def traced_run(
     from_start = (saved < 0)[:, None]
     index = jnp.maximum(saved, 0)
     state = jnp.where(from_start, start[None], states[index])
-    # Nothing has acted on the surface at the start.
+    # No load has acted on the surface at the start.
     return state, jnp.where(from_start, 0, u1[index])
 
 
 def doubled(times: Sequence[float]) -> tuple[float, ...]:
-    """Knots at increasing times, each but the first and the last twice [s]."""
+    """Knots at increasing times [s]: the inner ones occur twice, so loads may jump."""
     inner = [t for t in times[1:-1] for _ in range(2)]
     return (times[0], *inner, *times[-1:]) if len(times) > 1 else tuple(times)
 
 
 def is_left(knots: Float[np.ndarray, " q"]) -> Bool[np.ndarray, " q"]:
-    """True for knots with the load before them: the first of a pair, and the last."""
+    """True for knots that end an interval: the first of each pair, and the last."""
     following = np.append(knots[1:], knots[-1])
     return following == knots

@@ -1,4 +1,4 @@
-"""Position of the sun at a place and time, by the library pvlib (an extra)."""
+"""Position of the sun at a place and time, computed by pvlib (an extra)."""
 
 import importlib.util
 import math
@@ -14,7 +14,7 @@ from ..errors import InputError
 from ..physics.radiation.source_motion import DirectionTable
 
 
-# An extra: the package must work without it.
+# pvlib is an extra: the package must be importable without it.
 _pvlib: Any = lazy_loader.load("pvlib")
 
 _REFRACTION_AT_HORIZON = 0.5667  # [deg]
@@ -25,7 +25,7 @@ _LONGEST_PATH = 366 * 86400.0  # [s]
 @final
 @dataclass(frozen=True)
 class Place:
-    """A place on the earth, and how the scene lies there; z of the scene is up.
+    """A place on the earth and the direction of north in the scene, whose z points up.
 
     Raises:
         InputError: for a latitude, longitude or altitude that does not exist.
@@ -71,10 +71,10 @@ class Place:
 
 
 def require_pvlib(purpose: str) -> None:
-    """Refuse to go on without the extra.
+    """Check that pvlib is installed.
 
     Raises:
-        InputError: without the package pvlib, naming the purpose and the remedy.
+        InputError: if it is not, with the purpose and the remedy.
     """
     if importlib.util.find_spec("pvlib") is None:
         raise InputError(
@@ -120,9 +120,9 @@ def sun_position(place: Place, seconds: Float[np.ndarray, " t"]) -> _SunPosition
     return _SunPosition(np.radians(zenith), np.radians(azimuth))
 
 
-def rays(site: Place, sun: _SunPosition) -> Float[np.ndarray, "t 3"]:
-    """Unit vectors in which sunlight travels; upward while the sun is down."""
-    north, east = site.axes
+def rays(place: Place, sun: _SunPosition) -> Float[np.ndarray, "t 3"]:
+    """Unit vectors along which sunlight travels; upward while the sun is down."""
+    north, east = place.axes
     level = np.cos(sun.azimuth)[:, None] * north + np.sin(sun.azimuth)[:, None] * east
     up = np.array([0.0, 0.0, 1.0])
     return -(np.sin(sun.zenith)[:, None] * level + sun.height[:, None] * up)
@@ -131,7 +131,7 @@ def rays(site: Place, sun: _SunPosition) -> Float[np.ndarray, "t 3"]:
 def _directions_of_rays(
     place: Place, times: list[datetime]
 ) -> Float[np.ndarray, "t 3"]:
-    """Unit vectors [x, y, z] in which sunlight travels, one for each time.
+    """Unit vectors along which sunlight travels, one for each time.
 
     Raises:
         InputError: without the package pvlib, or for a time without a zone.
@@ -141,10 +141,10 @@ def _directions_of_rays(
 
 
 def instant(time: datetime) -> float:
-    """A date and time with a zone since 1970-01-01 UTC [s].
+    """Seconds from 1970-01-01 UTC to a date and time with a time zone [s].
 
     Raises:
-        InputError: without a zone.
+        InputError: for a time without a zone.
     """
     if time.utcoffset() is None:
         raise InputError(
@@ -168,8 +168,8 @@ def sun_path(
         every: interval of the table [s].
 
     Raises:
-        InputError: without the package pvlib, for a start without a zone, or a
-            duration or interval that is not positive.
+        InputError: without the package pvlib, for a start without a time zone, and
+            for a duration or an interval that is not positive.
     """
     if not (0 < every < math.inf and 0 < duration <= _LONGEST_PATH):
         raise InputError(

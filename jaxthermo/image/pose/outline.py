@@ -1,4 +1,4 @@
-"""Outlines in an image: where a surface ends, or one behind it begins."""
+"""Outlines in an image: where a surface ends or another one begins behind it."""
 
 from typing import NamedTuple
 
@@ -9,17 +9,19 @@ from scipy.ndimage import distance_transform_edt
 from ..surface.view import View
 
 
-# Depth between neighbours beyond the planes through both, over the distance between
-# their rays: a step of a surface, not its slope.
 _MAX_STEP = 3.0
-# Cosine between ray and normal below which a surface is seen edge-on.
+"""Largest depth of a pixel off its neighbour's plane, over the distance of their rays.
+
+Beyond it the surface has a step between the pixels, and not only a slope.
+"""
 _MIN_COSINE = 0.15
+"""Cosine between ray and normal below which a surface is seen edge-on."""
 
 
 def outline_distance(view: View) -> Float[np.ndarray, "h w"]:
-    """Distance of each pixel to the nearest at an outline [pixels]; 0 without a body.
+    """Distance from each pixel to the nearest outline [pixels]; 0 where no body is.
 
-    Near an outline another pose of the camera shows another surface, or none.
+    A pixel near an outline shows another surface, or none, once the camera moves.
     """
     width, height = view.camera.size
     shape = (height, width)
@@ -63,21 +65,21 @@ class _Planes(NamedTuple):
     """Steps of the rays per metre of depth."""
 
     def at(self, window: tuple[slice, ...]) -> "_Planes":
-        """The pixels of some rows and columns."""
+        """Select the pixels in a window of rows and columns."""
         return _Planes(*(values[window] for values in self))
 
 
 def _is_edge(first: _Planes, second: _Planes) -> Bool[np.ndarray, "_ _"]:
-    """Pairs of pixels with different bodies, or neither near the other's plane."""
+    """True for pairs that show two bodies, or a step in the surface of one."""
     with np.errstate(invalid="ignore", divide="ignore"):
-        # Without a body there is no plane, and nothing compares.
+        # A pixel without a body has no plane: its NaN is near nothing.
         near_first = _off_plane(first, second) <= _MAX_STEP
         near_second = _off_plane(second, first) <= _MAX_STEP
     return (first.body != second.body) | ~(near_first | near_second)
 
 
 def _off_plane(pixels: _Planes, neighbours: _Planes) -> Float[np.ndarray, "_ _"]:
-    """Depth of neighbours beyond planes of pixels, over the distance of the rays."""
+    """Depth of neighbours off the planes of pixels, over the distance of their rays."""
     depth = pixels.depth[..., None]
     point = pixels.origin + depth * pixels.step
     along_normal = _dot(pixels.normal, point - neighbours.origin)

@@ -45,7 +45,7 @@ def planned(run_scene):
     return plan_run(run_scene, t1=END, save_at=SAVES, solver=jt.ForwardEuler(dt=0.07))
 
 
-def same(actual, expected):
+def assert_equal_trees(actual, expected):
     assert jax.tree.structure(actual) == jax.tree.structure(expected)
     for a, b in zip(jax.tree.leaves(actual), jax.tree.leaves(expected), strict=True):
         assert np.asarray(a).dtype == np.asarray(b).dtype
@@ -53,7 +53,7 @@ def same(actual, expected):
 
 
 def values(solution):
-    """What was computed; the rest of a solution is the scene's."""
+    """Computed quantities of a solution, without what belongs to the scene."""
     return (
         solution.times,
         solution.surface_temperature,
@@ -62,9 +62,9 @@ def values(solution):
     )
 
 
-def run_on(todo, progress, seconds=1.0):
+def run_on(plan, progress, seconds=1.0):
     """The last progress of a run."""
-    return [progress, *run_segments(todo, progress, seconds)][-1]
+    return [progress, *run_segments(plan, progress, seconds)][-1]
 
 
 @pytest.mark.parametrize(
@@ -79,39 +79,37 @@ def test_segments_are_one_long_run(dtype, seconds):
     run_scene = scene(dtype)
     expected = jt.simulate(run_scene, END, SAVES, solver=jt.ForwardEuler(dt=0.07))
     with precision(dtype):
-        todo = planned(run_scene)
-        progress = run_on(todo, compile_segments(todo, begin_run(todo)), seconds)
-        solution = finish_run(todo, progress)
-    assert progress.steps_done(todo) == todo.steps == expected.run.steps
-    same(values(solution), values(expected))
+        plan = planned(run_scene)
+        progress = run_on(plan, compile_segments(plan, begin_run(plan)), seconds)
+        solution = finish_run(plan, progress)
+    assert progress.steps_done(plan) == plan.steps == expected.run.steps
+    assert_equal_trees(values(solution), values(expected))
 
 
 def test_position_within_the_run():
-    run_scene = scene()
-    todo = planned(run_scene)
-    fresh = begin_run(todo)
+    plan = planned(scene())
+    fresh = begin_run(plan)
     at = [
-        (progress.steps_done(todo), progress.time_reached(todo))
-        for progress in (fresh, *run_segments(todo, fresh))
+        (progress.steps_done(plan), progress.time_reached(plan))
+        for progress in (fresh, *run_segments(plan, fresh))
     ]
     assert at[0] == (0, 0.0)
     steps, times = np.array(at).T
     assert (np.diff(steps) > 0).all() and (np.diff(times) > 0).all()
     # After its last saved time a run would have nothing to show.
-    assert at[-1] == (todo.steps, 11.0)
+    assert at[-1] == (plan.steps, 11.0)
     assert 4.0 in times
 
 
 def test_compiling_takes_no_step():
-    run_scene = scene()
-    todo = planned(run_scene)
-    fresh = begin_run(todo)
+    plan = planned(scene())
+    fresh = begin_run(plan)
     start = [np.array(theta) for theta in fresh.state.theta]
-    compiled = compile_segments(todo, fresh)
-    assert compiled.steps_done(todo) == 0
-    same(list(compiled.state.theta), start)
-    done = run_on(todo, compiled)
-    assert compile_segments(todo, done) is done
+    compiled = compile_segments(plan, fresh)
+    assert compiled.steps_done(plan) == 0
+    assert_equal_trees(list(compiled.state.theta), start)
+    done = run_on(plan, compiled)
+    assert compile_segments(plan, done) is done
 
 
 # Checkpoints of float64 are written and read by default in test_time_error.
@@ -120,22 +118,21 @@ def test_compiling_takes_no_step():
 )
 @pytest.mark.parametrize("stop", [1, 3, 5, None])
 def test_a_checkpoint_goes_on_where_it_was(tmp_path, dtype, stop):
-    run_scene = scene(dtype)
     path = tmp_path / "checkpoint.npz"
     with precision(dtype):
-        todo = planned(run_scene)
-        progress = [*islice(run_segments(todo, begin_run(todo)), stop)][-1]
-        save_checkpoint(path, plan=todo, progress=progress, key="key")
-        loaded = load_checkpoint(path, plan=todo, fresh=begin_run(todo), key="key")
+        plan = planned(scene(dtype))
+        progress = [*islice(run_segments(plan, begin_run(plan)), stop)][-1]
+        save_checkpoint(path, plan=plan, progress=progress, key="key")
+        loaded = load_checkpoint(path, plan=plan, fresh=begin_run(plan), key="key")
         assert loaded is not None
         assert (loaded.interval, loaded.steps_taken) == (
             progress.interval,
             progress.steps_taken,
         )
-        same(loaded, progress)
-        straight = finish_run(todo, run_on(todo, begin_run(todo)))
-        resumed = finish_run(todo, run_on(todo, loaded))
-    same(values(resumed), values(straight))
+        assert_equal_trees(loaded, progress)
+        straight = finish_run(plan, run_on(plan, begin_run(plan)))
+        resumed = finish_run(plan, run_on(plan, loaded))
+    assert_equal_trees(values(resumed), values(straight))
     assert [p.name for p in tmp_path.iterdir()] == ["checkpoint.npz"]
 
 
@@ -144,77 +141,67 @@ class Checkpoint(NamedTuple):
     plan: Plan
     fresh: RunProgress
 
+    def load(self, name="checkpoint.npz", key="key"):
+        """Progress in a file of the checkpoint's folder."""
+        path = self.path.parent / name
+        return load_checkpoint(path, plan=self.plan, fresh=self.fresh, key=key)
+
 
 @pytest.fixture
 def checkpoint(tmp_path):
     """A checkpoint, and the start of the run that it belongs to."""
-    run_scene = scene()
     path = tmp_path / "checkpoint.npz"
-    todo = planned(run_scene)
-    progress = next(iter(run_segments(todo, begin_run(todo))))
-    save_checkpoint(path, plan=todo, progress=progress, key="key")
-    fresh = begin_run(todo)
-    assert load_checkpoint(path, plan=todo, fresh=fresh, key="key") is not None
-    return Checkpoint(path, todo, fresh)
+    plan = planned(scene())
+    progress = next(iter(run_segments(plan, begin_run(plan))))
+    save_checkpoint(path, plan=plan, progress=progress, key="key")
+    saved = Checkpoint(path=path, plan=plan, fresh=begin_run(plan))
+    assert saved.load() is not None
+    return saved
 
 
-def test_no_checkpoint(tmp_path, checkpoint):
-    _, todo, fresh = checkpoint
-    assert (
-        load_checkpoint(tmp_path / "none.npz", plan=todo, fresh=fresh, key="key")
-        is None
-    )
-    assert load_checkpoint(tmp_path, plan=todo, fresh=fresh, key="key") is None
+def test_no_checkpoint(checkpoint):
+    assert checkpoint.load("none.npz") is None
+    assert checkpoint.load(".") is None
 
 
 def test_a_checkpoint_of_another_config(checkpoint):
-    path, todo, fresh = checkpoint
-    assert load_checkpoint(path, plan=todo, fresh=fresh, key="other") is None
+    assert checkpoint.load(key="other") is None
 
 
 def test_a_checkpoint_of_another_shape(checkpoint):
-    path, *_ = checkpoint
-    todo = planned(scene(cells=8))
-    assert load_checkpoint(path, plan=todo, fresh=begin_run(todo), key="key") is None
+    plan = planned(scene(cells=8))
+    shorter_bar = checkpoint._replace(plan=plan, fresh=begin_run(plan))
+    assert shorter_bar.load() is None
 
 
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.3, 0.9, 0.999])
 def test_a_checkpoint_cut_short(checkpoint, share):
-    path, todo, fresh = checkpoint
-    content = path.read_bytes()
-    path.write_bytes(content[: int(share * len(content))])
-    assert load_checkpoint(path, plan=todo, fresh=fresh, key="key") is None
+    content = checkpoint.path.read_bytes()
+    checkpoint.path.write_bytes(content[: int(share * len(content))])
+    assert checkpoint.load() is None
 
 
 def test_a_checkpoint_with_a_flipped_bit_anywhere_is_refused_or_whole(checkpoint):
-    path, todo, fresh = checkpoint
-    intact = load_checkpoint(path, plan=todo, fresh=fresh, key="key")
-    content = bytearray(path.read_bytes())
+    intact = checkpoint.load()
+    content = bytearray(checkpoint.path.read_bytes())
     for byte in np.random.default_rng(5).integers(0, len(content), 60):
         content[byte] ^= 16
-        path.write_bytes(content)
-        damaged = load_checkpoint(path, plan=todo, fresh=fresh, key="key")
+        checkpoint.path.write_bytes(content)
+        damaged = checkpoint.load()
         if damaged is not None:
-            same(damaged, intact)
+            assert_equal_trees(damaged, intact)
         content[byte] ^= 16
 
 
 def test_a_checkpoint_of_something_else(tmp_path, checkpoint):
-    _, todo, fresh = checkpoint
     np.savez(tmp_path / "other.npz", key=np.array("key"), position=np.zeros(3, int))
-    assert (
-        load_checkpoint(tmp_path / "other.npz", plan=todo, fresh=fresh, key="key")
-        is None
-    )
+    assert checkpoint.load("other.npz") is None
     np.save(tmp_path / "array.npy", np.zeros(3))
-    assert (
-        load_checkpoint(tmp_path / "array.npy", plan=todo, fresh=fresh, key="key")
-        is None
-    )
+    assert checkpoint.load("array.npy") is None
 
 
 def test_a_failed_write_keeps_the_old_checkpoint(checkpoint, monkeypatch):
-    path, todo, fresh = checkpoint
+    path = checkpoint.path
     content = path.read_bytes()
 
     def full(*arguments, **arrays):
@@ -222,6 +209,8 @@ def test_a_failed_write_keeps_the_old_checkpoint(checkpoint, monkeypatch):
 
     monkeypatch.setattr(np.lib.format, "write_array", full)
     with pytest.raises(jt.InputError, match="No space left"):
-        save_checkpoint(path, plan=todo, progress=fresh, key="key")
+        save_checkpoint(
+            path, plan=checkpoint.plan, progress=checkpoint.fresh, key="key"
+        )
     assert path.read_bytes() == content
     assert [p.name for p in path.parent.iterdir()] == [path.name]

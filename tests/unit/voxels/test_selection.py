@@ -1,4 +1,4 @@
-"""What `on` and `within` take."""
+"""Selections of fragments and of space: the values of `on` and `within`."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def test_a_mask_chooses_what_it_marks(mask):
 
 
 def test_masks_can_be_compared_and_hashed():
-    """As static parts of a compiled program must."""
+    """Static parts of a compiled program must be comparable and hashable."""
     odd = np.arange(100) % 2 == 1
     assert FragmentMask(odd) == FragmentMask(odd.copy())
     assert FragmentMask(odd) != FragmentMask(~odd)
