@@ -66,11 +66,16 @@ def namespace(values: Any) -> Any:
     return jnp if is_traced(values) else np
 
 
+def array_namespace(values: Any) -> Any:
+    """Module of the values' arrays: jax.numpy if any is one of JAX, else numpy."""
+    on_device = any(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(values))
+    return jnp if on_device else np
+
+
 def typed_array(value: Any, dtype: Any) -> Any:
     """The value as an array of a type: of numpy, unless it is one of JAX or traced."""
     # The arrays of a scene move to the device together, at its end.
-    on_device = any(isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(value))
-    return (jnp if on_device else np).asarray(value, dtype)
+    return array_namespace(value).asarray(value, dtype)
 
 
 def device_array(value: Any, dtype: Any = None) -> Any:

@@ -32,6 +32,15 @@ def unit_vectors(vectors: Float[np.ndarray, "*n k"]) -> Float[np.ndarray, "*n k"
     return vectors / np.where(length > 0, length, 1)
 
 
+def triangle_normals(triangles: Float[np.ndarray, "f 3 3"]) -> Float[np.ndarray, "f 3"]:
+    """Normals of triangles, as long as twice the area.
+
+    They point to the side from which the corners are counter-clockwise.
+    """
+    first, second, third = np.moveaxis(triangles, 1, 0)
+    return np.cross(second - first, third - first)
+
+
 def row_dot(
     a: Float[np.ndarray, "n k"], b: Float[np.ndarray, "n k"]
 ) -> Float[np.ndarray, " n"]:

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..arrays import Samples, Scalar, is_traced
+from ..arrays import Samples, Scalar, is_traced, namespace
 from ..errors import InputError
 from ..module import Module
 
@@ -67,7 +67,7 @@ class Property(Module):
     def __call__(self, temperature: Any) -> Any:
         """Value at a temperature [K]."""
         # numpy outside of jit: its result stays a number that can be checked.
-        xp = jnp if is_traced((self, temperature)) else np
+        xp = namespace((self, temperature))
         return xp.interp(temperature, self.temperatures, self.values)
 
 

@@ -36,7 +36,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..arrays import Scalar, device_array, is_traced, typed_array
+from ..arrays import Scalar, array_namespace, device_array, namespace, typed_array
 from ..errors import InputError
 from ..material.material import Material, Property
 from ..network.link_operator import RowLayout, row_layout, row_network, series
@@ -130,7 +130,7 @@ def _table(numbers: Sequence[Any], dtype: Any) -> Float[_Values, "c *k"]:
     """Numbers, or three by axis, one row a material: on the host unless traced."""
     rows = [typed_array(number, dtype) for number in numbers]
     shape = max((row.shape for row in rows), key=len)
-    xp = jnp if any(isinstance(row, jax.Array) for row in rows) else np
+    xp = array_namespace(rows)
     return xp.stack([xp.broadcast_to(row, shape) for row in rows])
 
 
@@ -152,7 +152,7 @@ def conductivity_parts(
     if not varies or (len(materials) == 1 and not by_axis):
         return None
     table = conductivity_table(materials, reference, dtype)
-    xp = jnp if isinstance(table, jax.Array) else np
+    xp = array_namespace(table)
     squared = np.square(normal) if table.ndim == 2 else np.ones((len(normal), 1))
     columns = table if table.ndim == 2 else table[:, None]
     of_surface = normal_conductivity(table[number], normal)
@@ -244,8 +244,7 @@ def surface_conductivity(
     The material must not vary with temperature (see `Material.at`). Normals are outward
     in the body's frame; the result is a numpy array unless k is traced.
     """
-    k: Any = material.conductivity
-    by_axis = jnp.asarray(k, dtype) if is_traced(k) else np.asarray(k, dtype)
+    by_axis = namespace(material.conductivity).asarray(material.conductivity, dtype)
     return normal_conductivity(by_axis[None], normal) if by_axis.ndim else by_axis
 
 
@@ -275,7 +274,7 @@ def conductivity_at_ends(
     links = structure.links()
     if k.ndim == 1:
         return k[links.src], k[links.dst]
-    xp = jnp if isinstance(k, jax.Array) else np
+    xp = array_namespace(k)
     axes = xp.asarray(link_axes(structure), k.dtype)
     ends = [k[node] if len(k) > 1 else k for node in (links.src, links.dst)]
     return [(axes * by_axis).sum(axis=1) for by_axis in ends]

@@ -1,10 +1,10 @@
 """Surface of a scene, as it is passed to terms, and the bindings that they return."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -17,6 +17,9 @@ from ..geometry.mesh import Pose
 from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection
 from .flux_law import AbstractFluxLaw, Forcing, Values
+
+
+_Result = TypeVar("_Result")
 
 
 class Omitted(NamedTuple):
@@ -125,6 +128,35 @@ class BodySurface:
             closed = "" if self.enclosed is None else " or lies in a closed cavity"
             return self.omitted(f"all of its surface is held at a temperature{closed}")
         return acting
+
+    def searched(
+        self,
+        search: Callable[..., _Result],
+        by: tuple[Hashable, ...] | None,
+        task: str,
+        **options: Any,
+    ) -> _Result:
+        """Result of a search from all fragments through the scene, made once.
+
+        Args:
+            search: takes triangles, positions, normals, the pitch and the options.
+            by: values on which its result depends, besides the surfaces and the pitch;
+                None if they are unknown.
+            task: its name, which ends before the body.
+            options: further arguments of the search.
+        """
+        return found(
+            (self.scene_triangles, self.position, self.normal),
+            by=None if by is None else (*by, self.pitch),
+            find=lambda: search(
+                self.scene_triangles,
+                position=self.position,
+                normal=self.normal,
+                pitch=self.pitch,
+                **options,
+            ),
+            search=f"{task} body {self.body}",
+        )
 
     def cover(
         self, area: Float[Values, " s"], on: AbstractSelection | None = None

@@ -94,15 +94,15 @@ def for_jit(value: Any, dtype: Any) -> Any:
     return jax.tree.map(typed, value)
 
 
-def _stated(value: Any) -> Any:
-    # Numbers of a value, as its author wrote them.
+def stated_numbers(value: Any) -> Any:
+    """Numbers of a value, as its author wrote them; a plain function has none."""
     value = value.value if isinstance(value, Until) else value
     return value.values if isinstance(value, Table) else value
 
 
 def is_zero(value: Any) -> bool:
     """True if the value is known to be 0 at all times."""
-    stated = _stated(value)
+    stated = stated_numbers(value)
     # A fit may move a traced value away from 0.
     if callable(stated) or is_traced(stated):
         return False
@@ -138,7 +138,7 @@ def check_value(value: Any, argument: str, minimum: float = -np.inf) -> None:
     Raises:
         InputError: naming the argument.
     """
-    stated = _stated(value)
+    stated = stated_numbers(value)
     if callable(stated) or is_traced(stated):
         return
     try:
@@ -164,7 +164,7 @@ def check_temperature(
     Raises:
         InputError: naming the argument.
     """
-    stated = _stated(value)
+    stated = stated_numbers(value)
     if callable(stated):
         if end is None:
             return

@@ -265,3 +265,12 @@ def _view(eye, forward, away: np.ndarray, size: float) -> PerspectiveView:
         height=int(height),
         near=_NEAR * farthest,
     )
+
+
+def pixels_at(
+    view: OrthographicView | PerspectiveView, projected: Float[np.ndarray, "n 3"]
+) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
+    """Row and column of the pixel of each projected point; the nearest one outside."""
+    row = np.clip(projected[:, 1].astype(int), 0, view.height - 1)
+    column = np.clip(projected[:, 0].astype(int), 0, view.width - 1)
+    return row, column

@@ -67,32 +67,53 @@ def _gap_factor(gap: _Rows, gap_length: Scalar) -> _Rows:
     return 1 - s * s * (3 - 2 * s)
 
 
+class _ContactEnd(NamedTuple):
+    """One body's side of all touching pairs."""
+
+    address: Address
+    """Position of each pair's node in the state of the body."""
+    fragment: Int[Array, " p"]
+    """Fragment of each pair."""
+    half_cell: Float[Array, " p"]
+    """Conductance from the contact to the node, k A / distance [W/K]."""
+    per_capacity: Float[Array, " p"]
+    """1 / C of the node [K/J]."""
+    area_fraction: Float[Array, " p"]
+    """Contact area over the area of the fragment [-]."""
+
+    def spread(self, values: Float[Array, " p"], fragments: int) -> Float[Array, " s"]:
+        """Sums of the values of all pairs over each fragment."""
+        zero = jnp.zeros(fragments, values.dtype)
+        return zero.at[self.fragment].add(values)
+
+
 class ContactLinks(Module):
     """Touching pairs of fragments of two bodies; rows of area 0 pad the arrays."""
 
     entry: int = eqx.field(static=True)
     """Index in the energy ledger."""
     bodies: tuple[int, int] = eqx.field(static=True)
-    address: tuple[Address, Address]
-    """Position of each pair's nodes in the states of both bodies."""
-    fragment: tuple[Int[Array, " p"], Int[Array, " p"]]
-    """Fragment of each pair on both bodies."""
-    half_cell: tuple[Float[Array, " p"], Float[Array, " p"]]
-    """Conductances from the contact to the nodes, k A / distance [W/K]."""
-    per_capacity: tuple[Float[Array, " p"], Float[Array, " p"]]
-    """1 / C of the nodes [K/J]."""
-    area_fraction: tuple[Float[Array, " p"], Float[Array, " p"]]
-    """Contact area over the area of each fragment [-]."""
+    ends: tuple[_ContactEnd, _ContactEnd]
+    """Sides of the first and of the second body."""
     area: Float[Array, " p"]
     """Contact area, times the gap factor [m^2]."""
     conductance: Any
     """h_c [W/(m^2 K)], a number or a function of time."""
 
+    @property
+    def address(self) -> tuple[Address, Address]:
+        """Position of each pair's nodes in the states of both bodies."""
+        first, second = self.ends
+        return first.address, second.address
+
     def _links(self, conductance) -> Float[Array, " p"]:
-        half_a, half_b = self.half_cell
+        first, second = self.ends
         return jnp.asarray(
             _contact_conductance(
-                self.area, half_a=half_a, half_b=half_b, coefficient=conductance
+                self.area,
+                half_a=first.half_cell,
+                half_b=second.half_cell,
+                coefficient=conductance,
             )
         )
 
@@ -113,11 +134,9 @@ class ContactLinks(Module):
         """Both states after the heat of one step, and the total heat rate [W]."""
         rate = self.heat_rate(time, theta, references)
         # The same rate for both bodies: one gains exactly what the other loses.
-        rises = (-dt * rate * self.per_capacity[0], dt * rate * self.per_capacity[1])
-        first, second = (
-            added(state, address, rise)
-            for state, address, rise in zip(new, self.address, rises, strict=True)
-        )
+        a, b = self.ends
+        first = added(new[0], a.address, -dt * rate * a.per_capacity)
+        second = added(new[1], b.address, dt * rate * b.per_capacity)
         return (first, second), precise_sum(rate)
 
     def stiffness(self, end: float) -> Float[Array, " p"]:
@@ -131,18 +150,17 @@ class ContactLinks(Module):
 
         `rate` is the heat rate through each pair from the first body to the second [W].
         """
-        half = self.half_cell[side]
+        end = self.ends[side]
         sign = -1 if side == 0 else 1
+        half = end.half_cell
         difference = sign * rate / jnp.where(half > 0, half, 1)
-        zero = jnp.zeros(fragments, rate.dtype)
-        return zero.at[self.fragment[side]].add(difference * self.area_fraction[side])
+        return end.spread(difference * end.area_fraction, fragments)
 
     def fragment_heat(
         self, rate: Float[Array, " p"], side: int, fragments: int
     ) -> Float[Array, " s"]:
         """Heat rate into the fragments of body `side`, as `rate` in `excess` [W]."""
-        zero = jnp.zeros(fragments, rate.dtype)
-        return zero.at[self.fragment[side]].add(-rate if side == 0 else rate)
+        return self.ends[side].spread(-rate if side == 0 else rate, fragments)
 
 
 class Contact(AbstractPairTerm):
@@ -218,27 +236,13 @@ class Contact(AbstractPairTerm):
         return ContactLinks(
             entry=entry,
             bodies=(first, second),
-            address=(a.address, b.address),
-            fragment=(a.fragment, b.fragment),
-            half_cell=(a.half_cell, b.half_cell),
-            per_capacity=(a.per_capacity, b.per_capacity),
-            area_fraction=(a.area_fraction, b.area_fraction),
+            ends=(a, b),
             area=device_array(area, dtype),
             conductance=for_jit(self.conductance, dtype),
         )
 
 
-class _End(NamedTuple):
-    """One body's side of all pairs, with the fields of `ContactLinks`."""
-
-    address: Address
-    fragment: Int[Array, " p"]
-    half_cell: Float[Array, " p"]
-    per_capacity: Float[Array, " p"]
-    area_fraction: Float[Array, " p"]
-
-
-def _end(body: Any, fragment: np.ndarray, area: np.ndarray, dtype: Any) -> _End:
+def _end(body: Any, fragment: np.ndarray, area: np.ndarray, dtype: Any) -> _ContactEnd:
     node = body.fragment_node[fragment]
     address = body.address_of(node)
     fragment_area = body.body.structure.grid.fragment_area
@@ -247,7 +251,7 @@ def _end(body: Any, fragment: np.ndarray, area: np.ndarray, dtype: Any) -> _End:
     capacity = body.network.capacity_at(address)
     if not capacity.ndim:
         capacity = jnp.broadcast_to(capacity, fraction.shape)
-    return _End(
+    return _ContactEnd(
         address=address,
         fragment=device_array(fragment),
         half_cell=device_array(body.half_cell[fragment] * fraction),

@@ -20,7 +20,7 @@ from jaxtyping import Float, Int
 
 from ...errors import InputError
 from ...geometry.mesh import Pose
-from ...geometry.vectors import unit_vectors
+from ...geometry.vectors import row_dot, triangle_normals, unit_vectors
 from ...host_memory import require_memory
 from ...raster.fragments import DepthLayers, expected_fragments, peel
 from ...voxels.grid import VoxelGrid
@@ -149,7 +149,7 @@ def _hits_along(axis, lattice: Lattice, triangles, dominant, box, limits: Contac
     seen = (triangles.min(1) <= box[1]) & (triangles.max(1) >= box[0])
     which = np.flatnonzero(seen.all(1))
     layers = _layers(triangles[which], axis, box)
-    normals = _unit_normals(triangles[which])
+    normals = unit_vectors(triangle_normals(triangles[which]))
     # Consecutive crossings on one ray that belong to different bodies.
     count_a = len(dominant)
     of_a = which[layers.triangle] < count_a
@@ -166,7 +166,7 @@ def _hits_along(axis, lattice: Lattice, triangles, dominant, box, limits: Contac
     cosine = np.maximum(np.abs(n_a[:, axis]), np.abs(n_b[:, axis]))
     gap = distance * cosine * lattice.pitch
     hit = (gap <= limits.max_gap) & (gap >= -limits.max_overlap)
-    hit &= (n_a * n_b).sum(1) <= -_MIN_FACING_COSINE
+    hit &= row_dot(n_a, n_b) <= -_MIN_FACING_COSINE
     hit &= dominant[which[layers.triangle[at_a]]] == axis
     at_a = at_a[hit]
     at_b = at_b[hit]
@@ -204,11 +204,6 @@ def _points(layers: DepthLayers, which, axis: int, lattice: Lattice, box):
     for across, pixel in zip(pixel_axes(axis), (row, column), strict=True):
         cells[:, across] = box[0][across] + (pixel + 0.5) / _SAMPLES
     return lattice.origin + cells * lattice.pitch
-
-
-def _unit_normals(triangles):
-    a, b, c = np.moveaxis(triangles, 1, 0)
-    return unit_vectors(np.cross(b - a, c - a))
 
 
 MAX_FRAGMENT_DISTANCE = 2.0
@@ -333,7 +328,7 @@ def _on_ray(rays: _Rays, cells, normal, offset):
     for candidate in (behind - 1, behind):
         slot = np.clip(candidate, 0, len(rays.ray) - 1)
         apart = np.linalg.norm(cells - rays.position[slot], axis=1)
-        faces = (rays.outward[slot] * normal).sum(1) > 0
+        faces = row_dot(rays.outward[slot], normal) > 0
         nearer = (rays.ray[slot] == ray) & faces & (apart < distance)
         fragment = np.where(nearer, rays.fragment[slot], fragment)
         distance = np.where(nearer, apart, distance)

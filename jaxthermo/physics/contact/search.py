@@ -9,6 +9,7 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from jaxtyping import Float, Int
 
 from ...arrays import Scalar
@@ -176,8 +177,8 @@ def _overlap_in_view(a, b, axis: int, low, high, pixel: float, margin: float) ->
         b.world_fragments, axis=axis, low=low, high=high, pixel=pixel
     )
     # Points within the margin of each other lie in the same pixel or in neighbours.
-    near_a = _dilated(near_a, np.minimum)
-    far_a = _dilated(far_a, np.maximum)
+    near_a = scipy.ndimage.minimum_filter(near_a, size=3)
+    far_a = scipy.ndimage.maximum_filter(far_a, size=3)
     overlap = (near_a - margin <= far_b) & (near_b - margin <= far_a)
     return bool(overlap.any())
 
@@ -198,36 +199,13 @@ def _depths(
     return near, far
 
 
-def _dilated(depth, pick):
-    """Extreme depth of every pixel and its eight neighbours."""
-    for axis in (0, 1):
-        inner = np.moveaxis(depth, axis, 0)
-        wide = inner.copy()
-        wide[1:] = pick(wide[1:], inner[:-1])
-        wide[:-1] = pick(wide[:-1], inner[1:])
-        depth = np.moveaxis(wide, 0, axis)
-    return depth
-
-
 def _overlapping_pairs(
     lower: Float[np.ndarray, "b 3"], upper: Float[np.ndarray, "b 3"]
 ) -> Int[np.ndarray, "p 2"]:
-    """Pairs i < j of boxes with common points, by sort and sweep; corners in m."""
-    # Sorted along the axis of their largest spread, a box can only overlap those that
-    # start before it ends.
-    axis = int(np.argmax(np.ptp(lower, axis=0))) if len(lower) else 0
-    order = np.argsort(lower[:, axis], kind="stable")
-    starts = lower[order, axis]
-    ends = upper[order, axis]
-    ahead = np.searchsorted(starts, ends, side="right") - np.arange(len(order)) - 1
-    ahead = np.maximum(ahead, 0)
-    first = np.repeat(np.arange(len(order)), ahead)
-    step = np.arange(len(first)) - np.repeat(np.cumsum(ahead) - ahead, ahead)
-    pairs = np.stack([order[first], order[first + 1 + step]], axis=1)
-    i, j = pairs.T
-    meet = ((lower[i] <= upper[j]) & (lower[j] <= upper[i])).all(1)
-    meeting = np.sort(pairs[meet], axis=1)
-    return meeting[np.lexsort(meeting.T[::-1])]
+    """Pairs i < j of boxes with common points; corners in m."""
+    i, j = np.triu_indices(len(lower), k=1)
+    meet = ((lower[i] <= upper[j]) & (lower[j] <= upper[i])).all(axis=1)
+    return np.stack([i[meet], j[meet]], axis=1)
 
 
 def find_contacts(
@@ -317,12 +295,8 @@ def _near_fragments(
 
     occupied = np.zeros(block(high) + 2, bool)
     occupied[tuple(block(points_b).T)] = True
-    for axis in range(3):
-        unspread = np.moveaxis(occupied.copy(), axis, 0)
-        around = np.moveaxis(occupied, axis, 0)
-        around[1:] |= unspread[:-1]
-        around[:-1] |= unspread[1:]
-    return candidates[occupied[tuple(block(points_a[candidates]).T)]]
+    around = scipy.ndimage.maximum_filter(occupied, size=3)
+    return candidates[around[tuple(block(points_a[candidates]).T)]]
 
 
 def _merge_touches(

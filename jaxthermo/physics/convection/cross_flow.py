@@ -25,7 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...arrays import is_traced, namespace, unique_rows
+from ...arrays import array_namespace, is_traced, namespace, unique_rows
 from ...voxels.cylinders import CylinderParts
 from ..flux_law import Values
 from .air import (
@@ -74,8 +74,7 @@ def _harmonics(cosine: _Values, square: _Values | float = 1.0) -> Any:
     harmonics = [1.0, cosine]
     for _ in range(_HARMONICS - 1):
         harmonics.append(2 * cosine * harmonics[-1] - square * harmonics[-2])
-    xp = jnp if isinstance(cosine, Array) else np
-    return xp.stack(harmonics[1:])
+    return array_namespace(cosine).stack(harmonics[1:])
 
 
 def surface_harmonics(

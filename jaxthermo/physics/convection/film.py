@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ...arrays import EXACT, namespace
+from ...arrays import EXACT, array_namespace, namespace
 from ...module import Module, replaced
 from ..flux_law import AbstractFluxLaw, Forcing
 from ..time_varying import largest, smallest, value_at
@@ -95,7 +95,7 @@ def speed_table(
     values: Float[Any, "v n m"], highest: Any, speed: Callable
 ) -> _SpeedTable:
     """Table from the values at the `speed_nodes`."""
-    xp = np if isinstance(values, np.ndarray) else jnp
+    xp = array_namespace(values)
     below = 2 * values[0] - values[1]
     above = 2 * values[-1] - values[-2]
     table = xp.concatenate([below[None], values, above[None]])

@@ -25,6 +25,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jaxtyping import Array, Bool, Float
 
 from ...errors import InputError
@@ -86,32 +87,8 @@ class Pchip(Module):
 
 def pchip(x: Float[np.ndarray, " n"], y: Float[np.ndarray, "n p"]) -> Pchip:
     """Shape-preserving curve through three points (x, y) or more."""
-    width = np.diff(x)[:, None]
-    secant = np.diff(y, axis=0) / width
-    left = secant[:-1]
-    right = secant[1:]
-    left_weight = 2 * width[1:] + width[:-1]
-    right_weight = width[1:] + 2 * width[:-1]
-    # The weighted harmonic mean of the secants, and zero where they differ in sign,
-    # hold the curve within the range of the two values it joins.
-    same = left * right > 0
-    left = np.where(same, left, 1.0)
-    right = np.where(same, right, 1.0)
-    mean = (left_weight + right_weight) / (left_weight / left + right_weight / right)
-    inner = np.where(same, mean, 0.0)
-    first = _end_slope(width[0], far=width[1], secant=secant[0], next_secant=secant[1])
-    last = _end_slope(
-        width[-1], far=width[-2], secant=secant[-1], next_secant=secant[-2]
-    )
-    return Pchip(x, y, np.concatenate([first[None], inner, last[None]]))
-
-
-def _end_slope(near, far, secant, next_secant):
-    """Slope of the parabola through three points, limited to preserve the shape."""
-    slope = ((2 * near + far) * secant - near * next_secant) / (near + far)
-    slope = np.where(slope * secant > 0, slope, 0.0)
-    limited = (secant * next_secant < 0) & (np.abs(slope) > 3 * np.abs(secant))
-    return np.where(limited, 3 * secant, slope)
+    slopes = scipy.interpolate.PchipInterpolator(x, y).derivative()(x)
+    return Pchip(knots=x, values=y, slopes=slopes)
 
 
 # Added to Re under a root, so that all correlations are smooth down to Re = 0, without

@@ -7,9 +7,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...geometry.mesh import part_labels
+from ...geometry.vectors import triangle_normals
 from ...host_memory import require_memory
 from ...raster.fragments import DepthLayers
-from ...raster.views import OrthographicView, orthographic_view
+from ...raster.views import OrthographicView, orthographic_view, pixels_at
 from ...stored_findings import stored_search
 
 
@@ -88,8 +89,7 @@ def _pixels(
 ) -> tuple[Int[np.ndarray, " s"], Float[np.ndarray, " s"]]:
     """Pixel and depth of points in a view."""
     seen = view.project(position)
-    row = np.clip(seen[:, 1].astype(np.int64), 0, view.height - 1)
-    column = np.clip(seen[:, 0].astype(np.int64), 0, view.width - 1)
+    row, column = pixels_at(view, seen)
     return row * view.width + column, seen[:, 2]
 
 
@@ -120,7 +120,7 @@ def _silhouettes(
     # Exact for a long cylinder across the wind, 0.87 D for a sphere. Where a triangle
     # hides another both count, which changes the result little.
     corners = triangles @ frame[:2].T
-    area = np.maximum(-_normals(triangles) @ frame[2], 0) / 2
+    area = np.maximum(-triangle_normals(triangles) @ frame[2], 0) / 2
     total = np.maximum(np.bincount(objects, area), np.finfo(float).tiny)
 
     def mean(values: Float[np.ndarray, " f"]) -> Float[np.ndarray, " o"]:
@@ -148,13 +148,6 @@ def _silhouettes(
         across=across,
         width=np.sqrt(12 * np.maximum(mean_moment - apart, 0)),
         length=np.sqrt(12 * np.maximum(mean_moment + apart, 0)),
-    )
-
-
-def _normals(triangles: Float[np.ndarray, "f 3 3"]) -> Float[np.ndarray, "f 3"]:
-    """Outward normals, as long as twice the area."""
-    return np.cross(
-        triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     )
 
 
@@ -270,7 +263,7 @@ def _distances(
     centre, across, width, length = silhouette
     along = np.array([-across[1], across[0]])
     # A rod may be inclined to the wind: its rear is a plane through its leeward side.
-    leeward = np.maximum(_normals(triangles)[:, 2], 0)
+    leeward = np.maximum(triangle_normals(triangles)[:, 2], 0)
     on_axis = (triangles.mean(1)[:, :2] - centre) @ along
     depth = triangles.mean(1)[:, 2]
     weight = leeward / max(leeward.sum(), np.finfo(float).tiny)

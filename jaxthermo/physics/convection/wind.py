@@ -34,13 +34,12 @@ from ..flux_law import Forcing, Values
 from ..surface import Binding, BodySurface, Omitted, Surface, concatenated
 from ..term import AbstractSurfaceTerm
 from ..time_varying import (
-    Table,
-    Until,
     check_value,
     for_jit,
     is_unknown_function,
     is_zero,
     largest,
+    stated_numbers,
     value_at,
 )
 from .air import kinematic_viscosity
@@ -350,8 +349,7 @@ def _initial_value(value: Any, dtype: Any) -> Float[Values, ""]:
 
 def _known_maximum(value: Any) -> float | None:
     """Largest value at any time; None for functions of time and traced values."""
-    stated = value.value if isinstance(value, Until) else value
-    stated = stated.values if isinstance(stated, Table) else stated
+    stated = stated_numbers(value)
     if callable(stated) or is_traced(stated):
         return None
     return float(np.max(np.asarray(stated, float)))

@@ -10,19 +10,17 @@ sun is not resolved.
 from typing import Any
 
 import equinox as eqx
-import numpy as np
-from jaxtyping import Float
 from typing_extensions import override
 
 from ...arrays import TimeVarying
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux
 from ..flux_law import Forcing
-from ..surface import BodySurface, Surface
+from ..surface import Surface
 from ..term import Scale
 from ..time_varying import check_value, for_jit, is_zero, largest
 from .irradiation import AbstractRadiativeTerm, Irradiation
-from .visibility import check_directions, sky_view_of, unobstructed_view
+from .visibility import check_directions, sky_view_of
 
 
 class DiffuseSky(AbstractRadiativeTerm):
@@ -60,7 +58,7 @@ class DiffuseSky(AbstractRadiativeTerm):
 
     @override
     def irradiation(self, surface: Surface) -> tuple[Irradiation, ...]:
-        views = [self._view_factors(body) for body in surface.bodies]
+        views = [sky_view_of(body, self.occlusion) for body in surface.bodies]
         return tuple(
             self._on_all(
                 surface,
@@ -70,13 +68,6 @@ class DiffuseSky(AbstractRadiativeTerm):
             for n, strength in enumerate((self.irradiance, self.reflected))
             if not (surface.prune and is_zero(strength))
         )
-
-    def _view_factors(self, body: BodySurface) -> tuple[Float[np.ndarray, " s"], ...]:
-        """View factors to sky and ground."""
-        directions = self.occlusion
-        if directions is None:
-            return tuple(unobstructed_view(body.normal))
-        return tuple(sky_view_of(body, directions))
 
     @override
     def forcing(self, end: float | int) -> Forcing:

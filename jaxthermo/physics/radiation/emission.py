@@ -29,7 +29,7 @@ from ..surface import BodySurface, Surface
 from ..term import Scale
 from ..time_varying import check_value, for_jit, largest, smallest, value_at
 from .irradiation import AbstractRadiativeTerm, Irradiation
-from .visibility import check_directions, sky_view_of, unobstructed_view
+from .visibility import check_directions, sky_view_of
 
 
 class AbstractEmission(AbstractFluxLaw):
@@ -228,10 +228,7 @@ class Surroundings(AbstractSurroundings):
         """View factors to the surroundings at each temperature."""
         if self.ground is None and self.occlusion is None:
             return [np.ones(len(body.position))]
-        if self.occlusion is None:
-            view = unobstructed_view(body.normal)
-        else:
-            view = sky_view_of(body, self.occlusion)
+        view = sky_view_of(body, self.occlusion)
         return [view.sky + view.ground] if self.ground is None else list(view)
 
     @override

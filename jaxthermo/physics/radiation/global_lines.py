@@ -21,6 +21,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import ConvexHull, QhullError
 
 from ...geometry.mesh import Pose
+from ...geometry.vectors import triangle_normals
 from ...raster.fragments import DepthLayers, peel
 from ...raster.views import (
     OrthographicView,
@@ -47,12 +48,11 @@ def _concatenated(bodies: tuple[PatchedBody, ...]) -> _Scene:
     ends = np.cumsum([0, *(len(body.vertices) for body in bodies)])
     pairs = zip(bodies, ends, strict=False)
     faces = np.concatenate([body.faces + first for body, first in pairs])
-    a, b, c = (vertices[corner] for corner in faces.T)
     counts = [body.patches.count for body in bodies]
     return _Scene(
         vertices=vertices,
         faces=faces,
-        normal=np.cross(b - a, c - a),
+        normal=triangle_normals(vertices[faces]),
         body=np.repeat(np.arange(len(bodies)), [len(body.faces) for body in bodies]),
         first=np.cumsum([0, *counts[:-1]]),
         count=sum(counts),

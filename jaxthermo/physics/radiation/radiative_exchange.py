@@ -289,8 +289,6 @@ class Enclosure(Module):
         cells = sum(counts)
         fragments = np.flatnonzero(cell >= 0)
         target = cell[fragments]
-        patch = np.zeros(cells, np.int32)
-        patch[target] = np.asarray(self.patch)[fragments]
         weight = self.weight
         if is_traced(weight):
             empty = jnp.zeros(cells, weight.dtype)
@@ -298,14 +296,18 @@ class Enclosure(Module):
         else:
             sums = np.bincount(target, np.asarray(weight)[fragments], cells)
             weight = device_array(sums, weight.dtype)
+        # All fragments of a cell have one patch and one reference.
+        fragment = np.zeros(cells, int)
+        fragment[target] = fragments
         above = self.above
-        if above.ndim and is_traced(above):
-            above = jnp.zeros(cells, above.dtype).at[target].set(above[fragments])
-        elif above.ndim:
-            rows = np.zeros(cells, above.dtype)
-            rows[target] = np.asarray(above)[fragments]
-            above = device_array(rows)
-        return replace(self, patch=device_array(patch), weight=weight, above=above)
+        if above.ndim:
+            above = device_array(namespace(above).asarray(above)[fragment])
+        return replace(
+            self,
+            patch=device_array(np.asarray(self.patch)[fragment]),
+            weight=weight,
+            above=above,
+        )
 
 
 def _enclosure(

@@ -24,7 +24,6 @@ from typing_extensions import override
 from ...arrays import TimeVarying
 from ...constants import SOLAR_TEMPERATURE
 from ...errors import InputError
-from ...findings import found
 from ...geometry.vectors import row_dot, unit_vector, unit_vectors
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux
@@ -201,16 +200,10 @@ class AbstractSource(AbstractRadiativeTerm):
                 f"body {body.body} (or a part of it is); move it out of the body"
             )
         key = self.exposure_key
-        return found(
-            (body.scene_triangles, body.position, body.normal),
-            by=None if key is None else ("exposure", type(self), key, body.pitch),
-            find=lambda: self.exposure(
-                body.scene_triangles,
-                position=body.position,
-                normal=body.normal,
-                pitch=body.pitch,
-            ),
-            search=f"shadows of {self.name} on body {body.body}",
+        return body.searched(
+            self.exposure,
+            by=None if key is None else ("exposure", type(self), key),
+            task=f"shadows of {self.name} on",
         )
 
 

@@ -20,7 +20,6 @@ from jaxtyping import Float
 
 from ...arrays import linear_map
 from ...errors import InputError
-from ...findings import found
 from ...geometry.vectors import row_dot, tangents
 from ...host_memory import require_memory
 from ...raster.depth_buffer import depth_range
@@ -30,6 +29,7 @@ from ...raster.views import (
     half_sphere_directions,
     orthographic_view,
     perspective_views,
+    pixels_at,
     view_frame,
 )
 from ...stored_findings import stored_search
@@ -46,8 +46,8 @@ _SAMPLE_RADIUS = 0.3
 _LIFT = 0.75
 
 
-def _check_map(view: OrthographicView | PerspectiveView) -> None:
-    require_memory(view.width * view.height * 16, "a shadow map", "use a coarser pitch")
+def _check_map(view: OrthographicView | PerspectiveView, task: str) -> None:
+    require_memory(view.width * view.height * 16, task, "use a coarser pitch")
 
 
 def _lit_samples(
@@ -62,9 +62,7 @@ def _lit_samples(
     first, second = (t * _SAMPLE_RADIUS * pitch for t in tangents(normal))
     for offset in (first, -first, second, -second):
         sample = view.project(raised + offset)
-        column = np.clip(sample[:, 0].astype(int), 0, view.width - 1)
-        row = np.clip(sample[:, 1].astype(int), 0, view.height - 1)
-        lit += 0.25 * (sample[:, 2] <= nearest[row, column])
+        lit += 0.25 * (sample[:, 2] <= nearest[pixels_at(view, sample)])
     return lit
 
 
@@ -87,7 +85,7 @@ def lit_fraction(
         return lit
     # The map covers only surfaces that may be lit: a vast ground costs nothing.
     view = orthographic_view(position[facing], direction, pitch / 2)
-    _check_map(view)
+    _check_map(view, "a shadow map")
     nearest, _ = depth_range(view.project(triangles), view.width, view.height)
     raised = position[facing] + normal[facing] * _LIFT * view.pitch
     lit[facing] = _lit_samples(
@@ -113,7 +111,7 @@ def lit_fraction_from_point(
     if not len(facing):
         return lit
     for view, in_view in perspective_views(eye, position[facing], pitch / 2):
-        _check_map(view)
+        _check_map(view, "a shadow map")
         nearest = view.nearest(triangles)
         seen = facing[in_view]
         size = view.pixel * view.project(position[seen])[:, 2]
@@ -187,7 +185,7 @@ def sky_view(
     # one side, the last layer those from the other: one map for two directions.
     for upward in half_sphere_directions((directions + 1) // 2):
         view = orthographic_view(position, upward, _PIXEL * pitch)
-        require_memory(view.width * view.height * 16, "a map", "use a coarser pitch")
+        _check_map(view, "a map")
         corners = view.project(triangles)
         ends = depth_range(corners, view.width, view.height)
         cosine = normal @ upward
@@ -199,19 +197,18 @@ def sky_view(
     return _scaled(seen, sampled, unobstructed_view(normal))
 
 
-def sky_view_of(body: BodySurface, directions: int) -> _SkyView:
-    """View factors of a body's fragments to sky and ground, computed once."""
-    return found(
-        (body.scene_triangles, body.position, body.normal),
-        by=("sky_view", body.pitch, directions),
-        find=lambda: sky_view(
-            body.scene_triangles,
-            position=body.position,
-            normal=body.normal,
-            pitch=body.pitch,
-            directions=directions,
-        ),
-        search=f"view of sky and ground from body {body.body}",
+def sky_view_of(body: BodySurface, directions: int | None) -> _SkyView:
+    """View factors of a body's fragments to sky and ground, computed once.
+
+    Obstacles are detected in a number of directions; None is for none.
+    """
+    if directions is None:
+        return unobstructed_view(body.normal)
+    return body.searched(
+        sky_view,
+        by=("sky_view", directions),
+        task="view of sky and ground from",
+        directions=directions,
     )
 
 
@@ -226,8 +223,7 @@ def _sees_out(
     # point that grows as it grazes the plane. Too far away the depths say nothing.
     at = view.project(position)
     tilt = linear_map(normal, view.frame.T)
-    column = np.clip(at[:, 0].astype(int), 0, view.width - 1)
-    row = np.clip(at[:, 1].astype(int), 0, view.height - 1)
+    row, column = pixels_at(view, at)
     nearest, farthest = (end[row, column] for end in ends)
     to_middle = np.stack([column, row], axis=1) + 0.5 - at[:, :2]
     steep = np.where(np.abs(tilt[:, 2]) > 1e-9, tilt[:, 2], 1e-9)

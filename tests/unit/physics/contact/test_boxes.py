@@ -1,4 +1,4 @@
-"""Sort and sweep finds the pairs of boxes that a comparison of all finds."""
+"""Pairs of boxes against a loop over all of them."""
 
 import numpy as np
 from hypothesis import given, settings, strategies as st

@@ -116,7 +116,7 @@ def test_a_fragments_half_cell_is_shared_by_its_pairs():
         coverage_b=covered,
     )
     links = Contact(1.0).bind(pairs, ends=(side, side), entry=0, size=3)
-    for half in links.half_cell:
+    for half in (end.half_cell for end in links.ends):
         assert np.asarray(half).tolist() == [1.5, 3.0, 0.0]
 
 
