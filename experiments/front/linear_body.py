@@ -11,9 +11,8 @@ surface have rows of their own. All others have six equal links, in runs along z
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -24,13 +23,13 @@ from jaxthermo.integrate.solvers import ForwardEuler
 from jaxthermo.network.cut_stencil import CutStencil
 from jaxthermo.network.stencil import Stencil, solid_degree
 from jaxthermo.physics.run_conduction import NodeCells
+from jaxthermo.reduction.linear_system import LinearSystem, linear_system
 from jaxthermo.scene.scene import Scene, SolvedSurface
 from jaxthermo.voxels.grid import VoxelGrid
 
 
-_PROBE = 1000.0
-"""Temperature of all nodes at which linear loads are evaluated in addition to 0 [K]:
-slopes are differences, which lose few digits of float32 between values so far apart."""
+_WITHIN = (0.01, 0.5, 0.99)
+"""Fractions of an interval at which its loads are the same [-]."""
 
 
 class Run(NamedTuple):
@@ -185,12 +184,11 @@ def linear_body(
             between events.
     """
     with precision(scene.dtype):
-        return _linear_body(
-            plan_run(scene, t1=end, save_at=save_at, solver=ForwardEuler())
-        )
+        plan = plan_run(scene, t1=end, save_at=save_at, solver=ForwardEuler())
+        return _linear_body(scene, plan)
 
 
-def _linear_body(plan: Plan) -> LinearBody:
+def _linear_body(scene: Scene, plan: Plan) -> LinearBody:
     compiled = plan.compiled
     program = compiled.program
     network = program.bodies[0].network
@@ -211,13 +209,15 @@ def _linear_body(plan: Plan) -> LinearBody:
     if program.contacts or body.sources or body.surface_map.gradient is not None:
         raise InputError("rivals written by hand have surface loads only")
     theta = compiled.state[0]
-    loads = _loads(plan, theta.shape)
-    factor, offset = _readings(plan)
+    system = linear_system(scene, plan.save_times[-1])
+    loaded = np.flatnonzero((system.loss > 0) | system.heat.any(axis=1))
+    observed = [observation_time(plan, i) for i in plan.intervals if i.saved]
+    grid = plan.scene.bodies[0].structure.grid
     address = tuple(np.asarray(index) for index in body.address)
     cell = np.ravel_multi_index(address, theta.shape)
     rows = {t: n for n, t in enumerate(plan.save_times)}
     return LinearBody(
-        grid=plan.scene.bodies[0].structure.grid,
+        grid=grid,
         conductance=float(base.conductance),
         capacity=float(base.node_capacity),
         surfaces=compiled.surfaces,
@@ -226,73 +226,28 @@ def _linear_body(plan: Plan) -> LinearBody:
         intervals=tuple((i.start, i.end, rows.get(i.end, -1)) for i in plan.intervals),
         save_times=plan.save_times,
         stable_step=float(compiled.stable_step),
-        loaded=loads.cells,
-        gain=loads.gain,
-        loss=loads.loss,
+        loaded=np.flatnonzero(np.pad(grid.solid, 1))[loaded],
+        gain=_gain(system, plan, loaded),
+        loss=system.loss[loaded],
         read_cell=cell[np.asarray(body.node)],
-        read_factor=factor,
-        read_offset=offset,
+        read_factor=system.read(np.ones(len(system.capacity))),
+        read_offset=system.amplitudes(observed) @ system.direct.T,
     )
 
 
-class _Loads(NamedTuple):
-    """Linear loads of some cells."""
-
-    cells: Int[np.ndarray, " p"]
-    gain: Float[np.ndarray, "i p"]
-    """Heat rate at the reference temperature by interval [W]."""
-    loss: Float[np.ndarray, " p"]
-    """Loss per kelvin above it [W/K]."""
-
-
-def _loads(plan: Plan, shape: tuple[int, ...]) -> _Loads:
-    program = plan.compiled.program
-    if program.surface is None:
-        return _Loads(
-            cells=np.zeros(0, int),
-            gain=np.zeros((len(plan.intervals), 0)),
-            loss=np.zeros(0),
-        )
-    load = program.surface.by_cell
-    (cells,) = load.cells
-    zero = jnp.zeros(cells.node.shape, plan.dtype)
-
-    def heat(time: float, theta: Any) -> np.ndarray:
-        heat_rate = load.terms.heat(jnp.asarray(time, plan.dtype), theta)[0]
-        return np.bincount(
-            cells.node, np.asarray(heat_rate, float), len(cells.slots[0])
-        )
-
+def _gain(
+    system: LinearSystem, plan: Plan, loaded: Int[np.ndarray, " p"]
+) -> Float[np.ndarray, "i p"]:
+    """Heat rate of the loaded nodes at the reference temperature by interval [W]."""
     gain = []
     for i in plan.intervals:
-        inner = [heat(i.start + f * (i.end - i.start), zero) for f in (0.01, 0.5, 0.99)]
-        if not all(np.allclose(rates, inner[0], rtol=1e-5) for rates in inner):
+        times = [i.start + fraction * (i.end - i.start) for fraction in _WITHIN]
+        start, middle, end = system.amplitudes(times) @ system.heat[loaded].T
+        same = np.allclose([start, end], middle, rtol=1e-5)
+        if not same:
             raise InputError(
                 "rivals written by hand have loads that are constant between events: "
                 f"one changes within {i.start:g} to {i.end:g} s"
             )
-        gain.append(inner[1])
-    middle = (plan.intervals[0].start + plan.intervals[0].end) / 2
-    loss = (gain[0] - heat(middle, zero + _PROBE)) / _PROBE
-    address = tuple(np.asarray(index) for index in cells.address)
-    return _Loads(
-        cells=np.ravel_multi_index(address, shape), gain=np.stack(gain), loss=loss
-    )
-
-
-def _readings(plan: Plan) -> tuple[Any, Any]:
-    """Factor [-] and offset [K] of every fragment's temperature at the saved times."""
-    program = plan.compiled.program
-    state = plan.compiled.state[0]
-
-    def surface(time: float, level: float) -> np.ndarray:
-        uniform = jnp.full_like(state, level)
-        temperatures = program.surface_temperatures(
-            (uniform,), jnp.asarray(time, plan.dtype), [None]
-        )
-        return np.asarray(temperatures[0], float)
-
-    times = [observation_time(plan, i) for i in plan.intervals if i.saved]
-    offset = np.stack([surface(t, 0.0) for t in times])
-    factor = (surface(times[0], _PROBE) - offset[0]) / _PROBE
-    return factor, offset
+        gain.append(middle)
+    return np.stack(gain)

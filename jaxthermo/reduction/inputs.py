@@ -1,23 +1,22 @@
-"""Inputs of a linear scene: the pattern of every term, and its amplitude over time.
+"""Inputs of a linear scene: the pattern of every term, and its amplitude over time."""
 
-At a surface cell with the half cell's conductance G, exchange slopes s and weights w of
-amplitudes u, the node receives G / (G + s) (w u - s T_node), and the surface is above
-it by (w u - s T_node) / (G + s); a prescribed temperature acts on the node directly.
-See `jaxthermo.scene.compile.linear_load`.
-"""
-
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from ..errors import InputError
-from ..physics.flux_law import BoundTerm, LinearLaw
+from ..physics.flux_law import LinearLaw
 from ..physics.surface_energy_balance import SurfaceTerms
-from ..scene.compile.linear_load import EliminatedSurface, eliminate_surface
+from ..scene.compile.linear_surface import (
+    LinearSurface,
+    linear_surface,
+    nonlinear_term,
+)
 from ..scene.compile.program import Compiled, Program
 from .reduced_model import sampled
 
@@ -91,81 +90,35 @@ def _check_bodies(compiled: Compiled) -> None:
             )
 
 
-class _Law(NamedTuple):
-    """A linear law on the cells of one body, by one unit of its amplitude."""
-
-    number: int
-    ordinal: int
-    prescribed: bool
-    unit: str
-    amplitude: Any
-    weight: Float[np.ndarray, " p"]
-    """w [W per unit]."""
-    slope: Float[np.ndarray, " p"] | float
-    """s [W/K]."""
-    area: Float[np.ndarray, " p"]
-    """Effective area [m^2], or the conductance of a prescribed temperature [W/K]."""
-
-    @property
-    def key(self) -> tuple[int, bool, int]:
-        """Identity of the law on all bodies."""
-        return self.number, self.prescribed, self.ordinal
+def _normalized_surface(terms: SurfaceTerms) -> tuple[LinearSurface, list[str]]:
+    """The terms with their values in the forcings, and the units of these."""
+    nonlinear = nonlinear_term(terms)
+    if nonlinear is not None:
+        raise InputError(
+            f"reduce: {terms.names[nonlinear]} is not linear in the temperature, "
+            f"or its coefficient varies with time: {_REMEDY}"
+        )
+    surface = linear_surface(terms)
+    normalized = []
+    units = []
+    for term in surface.terms:
+        law, unit = _normalized(term.law)
+        normalized.append(term._replace(law=law))
+        units.append(unit)
+    return surface._replace(terms=tuple(normalized)), units
 
 
-def _laws(terms: SurfaceTerms) -> list[_Law]:
-    laws = []
-    seen = {}
-    by_boundary = ((False, terms.natural), (True, terms.prescribed))
-    for prescribed, numbered in by_boundary:
-        for number, term in numbered:
-            law = term.law.linear()
-            if law is None:
-                raise InputError(
-                    f"reduce: {terms.names[number]} is not linear in the temperature, "
-                    f"or its coefficient varies with time: {_REMEDY}"
-                )
-            key = number, prescribed
-            ordinal = seen.get(key, -1) + 1
-            seen[key] = ordinal
-            laws.append(
-                _normalized(
-                    law,
-                    term=term,
-                    number=number,
-                    ordinal=ordinal,
-                    prescribed=prescribed,
-                )
-            )
-    return laws
-
-
-def _normalized(
-    law: LinearLaw, term: BoundTerm, number: int, ordinal: int, prescribed: bool
-) -> _Law:
-    area = np.asarray(term.effective_area, float)
-    weight = np.asarray(law.weight, float)
-    slope = None if law.slope is None else np.asarray(law.slope, float)
-    unit = _FLUX if slope is None else _ABOVE
-    amplitude: Any = law.forcing
-    if not callable(amplitude):
-        # The value belongs to the amplitude, and not to the pattern.
-        forced = np.asarray(weight * float(amplitude))
-        weight = np.ones(()) if slope is None else slope
-        amplitude = _ratio(forced, weight)
-        if amplitude is None:
-            weight = forced
-            amplitude = 1.0
-            unit = _ONE
-    return _Law(
-        number=number,
-        ordinal=ordinal,
-        prescribed=prescribed,
-        unit=unit,
-        amplitude=amplitude,
-        weight=np.broadcast_to(weight, area.shape) * area,
-        slope=0.0 if slope is None else np.broadcast_to(slope, area.shape) * area,
-        area=area,
-    )
+def _normalized(law: LinearLaw) -> tuple[LinearLaw, str]:
+    unit = _FLUX if law.slope is None else _ABOVE
+    if callable(law.forcing):
+        return law, unit
+    # The value belongs to the amplitude, and not to the pattern.
+    forced = np.asarray(law.weight * float(law.forcing))
+    weight = np.ones(()) if law.slope is None else law.slope
+    amplitude = _ratio(forced, weight)
+    if amplitude is None:
+        return law._replace(weight=forced, forcing=1.0), _ONE
+    return law._replace(weight=weight, forcing=amplitude), unit
 
 
 def _ratio(forced: np.ndarray, weight: np.ndarray) -> float | None:
@@ -184,7 +137,8 @@ def _surface_inputs(program: Program) -> Iterator[tuple[tuple, int, Input]]:
     if program.surface is None:
         return
     load = program.surface.by_cell
-    ends = _fragment_ends(program)
+    counts = [len(excess) for excess in _no_excess(program)]
+    ends = np.cumsum([0, *counts])
     for index, cells in enumerate(load.cells):
         body = cells.body
         terms = load.terms_on(index)
@@ -192,61 +146,46 @@ def _surface_inputs(program: Program) -> Iterator[tuple[tuple, int, Input]]:
         fragments = slice(int(ends[body]), int(ends[body + 1]))
         reference = program.bodies[body].reference
         fine = program.fragment_terms.selected(fragments, acting, reference)
-        on_cells = _laws(terms)
-        on_fragments = {law.key: law for law in _laws(fine)}
-        through = _eliminated(terms, on_cells).through
-        excess = _excess(fine, list(on_fragments.values()))
+        on_cells, units = _normalized_surface(terms)
+        on_fragments, _ = _normalized_surface(fine)
         touched = any(body in contact.bodies for contact in program.contacts)
         exposed = np.asarray(program.bodies[body].exposed_fraction, float)
-        for law in on_cells:
-            heat = law.weight if law.prescribed else law.weight * through
-            nodes = np.bincount(
-                np.asarray(cells.node), heat, len(np.asarray(cells.address[0]))
-            )
-            above = [np.zeros(n) for n in np.diff(ends)]
-            above[body] = excess[law.key] * (exposed if touched else 1.0)
+        count = len(np.asarray(cells.address[0]))
+        ordinals: Counter = Counter()
+        for cell_term, fragment_term, unit in zip(
+            on_cells.terms, on_fragments.terms, units, strict=True
+        ):
+            heat = on_cells.heat(cell_term)
+            above = _no_excess(program)
+            excess = on_fragments.excess(fragment_term)
+            above[body] = excess * (exposed if touched else 1.0)
+            law_key = cell_term.number, cell_term.is_prescribed
             yield (
-                law.key,
+                (*law_key, ordinals[law_key]),
                 body,
                 Input(
-                    name=terms.names[law.number],
-                    unit=law.unit,
-                    amplitude=law.amplitude,
-                    heat=((body, cells.address, nodes),),
+                    name=terms.names[cell_term.number],
+                    unit=unit,
+                    amplitude=cell_term.law.forcing,
+                    heat=(
+                        (
+                            body,
+                            cells.address,
+                            np.bincount(np.asarray(cells.node), heat, count),
+                        ),
+                    ),
                     excess=tuple(above),
                 ),
             )
+            ordinals[law_key] += 1
 
 
-def _fragment_ends(program: Program) -> np.ndarray:
-    return np.cumsum([0, *(body.node.shape[0] for body in program.bodies)])
-
-
-def _eliminated(terms: SurfaceTerms, laws: list[_Law]) -> EliminatedSurface:
-    half_cell = np.asarray(terms.half_cell, float)
-    slope = sum(law.slope for law in laws if not law.prescribed)
-    return eliminate_surface(half_cell, slope)
-
-
-def _excess(terms: SurfaceTerms, laws: list[_Law]) -> dict[tuple, np.ndarray]:
-    """Excess of every fragment by one unit of each law [K per unit]."""
-    resistance = _eliminated(terms, laws).resistance
-    fixed = np.zeros(len(resistance), bool)
-    for law in laws:
-        fixed |= law.prescribed & (law.area > 0)
-    excess = {}
-    for law in laws:
-        if law.prescribed:
-            excess[law.key] = np.divide(
-                law.weight, law.area, out=np.zeros(len(fixed)), where=law.area > 0
-            )
-        else:
-            excess[law.key] = np.where(fixed, 0.0, law.weight * resistance)
-    return excess
+def _no_excess(program: Program) -> list[np.ndarray]:
+    """0 for every fragment, by body."""
+    return [np.zeros(body.node.shape) for body in program.bodies]
 
 
 def _sources(program: Program) -> Iterator[tuple[tuple, int, Input]]:
-    ends = _fragment_ends(program)
     for number, body in enumerate(program.bodies):
         for source in body.sources:
             capacity = np.asarray(body.network.capacity_at(source.address), float)
@@ -261,15 +200,14 @@ def _sources(program: Program) -> Iterator[tuple[tuple, int, Input]]:
                     unit=_DENSITY,
                     amplitude=amplitude if callable(amplitude) else float(amplitude),
                     heat=((number, source.address, heat),),
-                    excess=tuple(np.zeros(n) for n in np.diff(ends)),
+                    excess=tuple(_no_excess(program)),
                 ),
             )
 
 
 def _contact_inputs(program: Program) -> Iterator[tuple[tuple, int, Input]]:
     """Heat between bodies that are all at their references: a constant input."""
-    ends = _fragment_ends(program)
-    excess = [np.zeros(n) for n in np.diff(ends)]
+    excess = _no_excess(program)
     heat: list[_NodeHeat] = []
     zero = jnp.zeros(())
     for contact in program.contacts:

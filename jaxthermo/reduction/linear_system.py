@@ -9,9 +9,9 @@ R the surface map and d_j what input j adds at the surface above the nodes [K pe
 All in float64: a slow mode is a small difference of large conductances.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import equinox as eqx
@@ -22,7 +22,7 @@ from jaxtyping import Array, Float, Int
 
 from ..arrays import is_traced, precision
 from ..errors import InputError
-from ..integrate.heat_rates import pair_values
+from ..integrate.heat_rates import load_slopes, pair_values
 from ..integrate.implicit.conjugate_gradient import ConjugateGradient, ResidualNorm
 from ..integrate.implicit.jacobian import (
     ImplicitContext,
@@ -35,6 +35,7 @@ from ..scene.compile.compile import compile_scene
 from ..scene.compile.program import Compiled, Program, State
 from ..scene.scene import Scene, SolvedSurface
 from .inputs import Input, find_inputs
+from .reduced_model import sampled
 
 
 _TOLERANCE = 1e-9
@@ -82,7 +83,8 @@ class LinearSystem:
     """C, K, R and the inputs of a linear scene."""
 
     compiled: Compiled
-    context: ImplicitContext
+    context: Callable[[], ImplicitContext]
+    """Preconditioners and tolerances of the solves, prepared at the first call."""
     layout: _Layout
     inputs: tuple[Input, ...]
     dtype: str
@@ -124,6 +126,13 @@ class LinearSystem:
         return columns
 
     @cached_property
+    def loss(self) -> Nodes:
+        """Heat that every node loses by surface terms, part of K [W/K]."""
+        with precision("float64"):
+            slopes = _load_slopes(self.program, _zero(self.compiled.state))
+            return self.capacity * self.layout.pack(slopes)
+
+    @cached_property
     def direct(self) -> Float[np.ndarray, "s k"]:
         """Surface above the nodes by one unit of each input [K per unit]."""
         if not self.inputs:
@@ -156,6 +165,11 @@ class LinearSystem:
         """Area of every fragment [m^2]."""
         return np.concatenate([s.geometry.fragment_area for s in self.surfaces])
 
+    def amplitudes(self, knots: Sequence[float]) -> Float[np.ndarray, "q k"]:
+        """Amplitude of every input at knots, before a jump at the first of a pair."""
+        columns = [sampled(load.amplitude, tuple(knots)) for load in self.inputs]
+        return np.stack(columns, axis=1) if columns else np.zeros((len(knots), 0))
+
     def with_inputs(self, further: Sequence[Input]) -> "LinearSystem":
         """The system with further inputs, which get names that are not used yet."""
         inputs = list(self.inputs)
@@ -174,7 +188,7 @@ class LinearSystem:
         """K x [W]."""
         with precision("float64"):
             states = self.layout.unpack(values)
-            return self.layout.pack(_conducted(self.program, self.context, states))
+            return self.layout.pack(_conducted(self.program, self.context(), states))
 
     def solve(self, rate: float, heat: Nodes) -> Nodes:
         """Solution x of (rate C + K) x = heat, for a rate in 1/s.
@@ -186,7 +200,7 @@ class LinearSystem:
             states = self.layout.unpack(heat)
             solution, converged = _solved(
                 self.program,
-                context=self.context,
+                context=self.context(),
                 rate=jnp.asarray(float(rate)),
                 heat=states,
             )
@@ -219,15 +233,18 @@ def linear_system(scene: Scene, t1: float) -> LinearSystem:
     with precision("float64"):
         compiled = compile_scene(arranged, 1, t1)
         inputs = find_inputs(compiled, t1)
-        limit = float(compiled.stable_step)
-        context = implicit_context(
+
+    @cache
+    def context() -> ImplicitContext:
+        return implicit_context(
             arranged,
             compiled=compiled,
-            stable_step=limit,
+            stable_step=float(compiled.stable_step),
             max_dt=t1,
             tolerance=None,
             traced=False,
         )
+
     return LinearSystem(
         compiled=compiled,
         context=context,
@@ -239,6 +256,13 @@ def linear_system(scene: Scene, t1: float) -> LinearSystem:
 
 def _zero(states: State) -> State:
     return jax.tree.map(jnp.zeros_like, states)
+
+
+@eqx.filter_jit
+def _load_slopes(program: Program, states: State) -> State:
+    slopes, _ = load_slopes(program, states, jnp.zeros((), states[0].dtype))
+    pairs = zip(slopes, states, strict=True)
+    return tuple(jnp.broadcast_to(slope, state.shape) for slope, state in pairs)
 
 
 @eqx.filter_jit

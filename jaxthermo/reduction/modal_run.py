@@ -82,6 +82,10 @@ class Schedule(NamedTuple):
         end = xp.asarray(self.end, previous.dtype)[:, None]
         return previous + begin * change, previous + end * change
 
+    def at_saves(self, start: Any, ends: Any) -> np.ndarray:
+        """Rows at the saved times, of those at the ends of steps and at the start."""
+        return np.stack([start if n < 0 else ends[n] for n in self.saved])
+
 
 def schedule(knots: Sequence[float], times: Sequence[float]) -> Schedule:
     """Divide the time between knots at the saved times.

@@ -24,7 +24,7 @@ from .basis import (
 from .linear_system import LinearSystem, linear_system
 from .modal_run import Schedule, host_run, schedule
 from .reduced_file import About, LoadRange
-from .reduced_model import ReducedModel, knots_of, sampled
+from .reduced_model import ReducedModel, knots_of
 from .residual_bound import error_bound
 
 
@@ -70,9 +70,8 @@ def target_of(scene: Scene, t1: float | int, save_at: Sequence[float] | None) ->
         )
     varies = any(is_unknown_function(load.amplitude) for load in system.inputs)
     knots = knots_of(times[-1], system.compiled.breakpoints, varies)
-    columns = [sampled(load.amplitude, knots) for load in system.inputs]
-    rows = np.stack(columns, axis=1) if columns else np.zeros((len(knots), 0))
-    ranges = tuple((float(c.min()), float(c.max())) for c in columns)
+    rows = system.amplitudes(knots)
+    ranges = tuple((float(column.min()), float(column.max())) for column in rows.T)
     return Target(
         system=system,
         times=times,
@@ -92,18 +91,15 @@ def _at_saves(target: Target, modes: Projection) -> Float[np.ndarray, "t m"]:
         plan=target.plan,
         amplitudes=target.amplitudes,
     )
-    rows = [modes.start if n < 0 else states[n] for n in target.plan.saved]
-    return np.stack(rows)
+    return target.plan.at_saves(modes.start, states)
 
 
 def _span(target: Target, modes: Projection) -> Float[np.ndarray, " t"]:
     """Range of the surface at the saved times [K]."""
     _, loads = target.plan.loads(np, target.amplitudes)
     above = _at_saves(target, modes) @ modes.basis.surface.T
-    acting_loads = [
-        np.zeros(loads.shape[1]) if n < 0 else loads[n] for n in target.plan.saved
-    ]
-    above = above + np.stack(acting_loads) @ target.system.direct.T
+    acting_loads = target.plan.at_saves(np.zeros(loads.shape[1]), loads)
+    above = above + acting_loads @ target.system.direct.T
     return np.asarray(error_span(target.system.reference + above, _RANGE))
 
 
@@ -172,8 +168,7 @@ def chosen_basis(
             plan=target.plan,
             amplitudes=target.amplitudes,
         )
-        rows = np.stack([start if n < 0 else states[n] for n in target.plan.saved])
-        gap = exact - rows @ selected.T
+        gap = exact - target.plan.at_saves(start, states) @ selected.T
         return np.sqrt(np.maximum(np.einsum("ti,ij,tj->t", gap, gram, gap), 0))
 
     if size is not None:
@@ -203,7 +198,7 @@ def make_model(
     )
     missed = system.start - modes.basis.vectors @ modes.start
     begin = np.sqrt(missed @ (system.capacity * missed) / system.capacity.sum())
-    bounds = [begin if n < 0 else ends[n] for n in target.plan.saved]
+    bounds = target.plan.at_saves(begin, ends)
     fractions = errors / _span(target, modes)
     about = About(
         size=modes.basis.size,

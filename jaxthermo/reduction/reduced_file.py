@@ -6,6 +6,7 @@ with the times and loads in which they hold, and the surface that y belongs to.
 """
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -54,22 +55,32 @@ class About(NamedTuple):
     """16 digits of capacities, loads and readings."""
 
 
-class ModelFields(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class ModelFields:
     """Fields of a `ReducedModel` that its file holds."""
 
     rates: Float[np.ndarray, " m"]
+    """Decay of each mode [1/s]."""
     drive: Float[np.ndarray, "m k"]
+    """B: growth of each mode by one unit of each input [1/s per unit]."""
     start: Float[np.ndarray, " m"]
+    """Modes at time 0."""
     output: Float[np.ndarray, "s m"]
+    """C: temperature of every fragment by each mode [K]."""
     direct: Float[np.ndarray, "s k"]
+    """D: temperature of every fragment by one unit of each input [K per unit]."""
     reference: Float[np.ndarray, " s"]
+    """Temperature of each fragment at modes and inputs of 0 [K]."""
     inputs: tuple[LoadRange, ...]
     knots: tuple[float, ...]
+    """Times between which the scene's loads are linear; twice at a jump [s]."""
     amplitudes: Float[np.ndarray, "q k"]
+    """The scene's loads at the knots."""
     times: tuple[float, ...]
+    """Save times [s]."""
     surfaces: tuple[SolvedSurface, ...]
     about: About
-    dtype: str
+    dtype: str = "float32"
 
 
 class _ModelArrays(NamedTuple):

@@ -23,9 +23,9 @@ from ..physics.time_varying import (
     just_before,
     value_at,
 )
-from ..scene.scene import Scene, SolvedSurface
+from ..scene.scene import Scene
 from .modal_run import Schedule, doubled, is_left, schedule, traced_run
-from .reduced_file import About, LoadRange, ModelFields, read_model, write_model
+from .reduced_file import ModelFields, read_model, write_model
 
 
 class AbstractOffline(abc.ABC):
@@ -85,7 +85,7 @@ def _evaluate(
 
 
 @dataclass(frozen=True, eq=False)
-class ReducedModel:
+class ReducedModel(ModelFields):
     """A linear scene by a few modes, from `reduce` or `load_reduced`.
 
         dz/dt = A z + B u,    y = T_ref + C z + D u,    A = -diag(rates),
@@ -93,28 +93,6 @@ class ReducedModel:
     with loads u that are linear between knots, which it steps exactly.
     """
 
-    rates: Float[np.ndarray, " m"]
-    """Decay of each mode [1/s]."""
-    drive: Float[np.ndarray, "m k"]
-    """B: growth of each mode by one unit of each input [1/s per unit]."""
-    start: Float[np.ndarray, " m"]
-    """Modes at time 0."""
-    output: Float[np.ndarray, "s m"]
-    """C: temperature of every fragment by each mode [K]."""
-    direct: Float[np.ndarray, "s k"]
-    """D: temperature of every fragment by one unit of each input [K per unit]."""
-    reference: Float[np.ndarray, " s"]
-    """Temperature of each fragment at modes and inputs of 0 [K]."""
-    inputs: tuple[LoadRange, ...]
-    knots: tuple[float, ...]
-    """Times between which the scene's loads are linear; twice at a jump [s]."""
-    amplitudes: Float[np.ndarray, "q k"]
-    """The scene's loads at the knots."""
-    times: tuple[float, ...]
-    """Save times [s]."""
-    surfaces: tuple[SolvedSurface, ...]
-    about: About
-    dtype: str = "float32"
     offline: AbstractOffline | None = field(default=None, repr=False)
     """The scene and the basis; None for a model from a file."""
 
@@ -193,8 +171,7 @@ class ReducedModel:
         Raises:
             InputError: if the file cannot be written.
         """
-        fields = {name: getattr(self, name) for name in ModelFields._fields}
-        write_model(Path(path), ModelFields(**fields))
+        write_model(Path(path), self)
 
     def _knots(self, values: list[Any]) -> tuple[float, ...]:
         """Knots of the scene's loads and of others."""
@@ -305,4 +282,4 @@ def load_reduced(path: str | Path) -> ReducedModel:
     Raises:
         InputError: if it is missing, damaged, or of another version.
     """
-    return ReducedModel(**read_model(Path(path))._asdict())
+    return ReducedModel(**vars(read_model(Path(path))))

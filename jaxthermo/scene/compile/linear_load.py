@@ -1,12 +1,10 @@
 """Surface loads that are linear in their nodes' temperatures, summed beforehand.
 
-Where every law is w d(t) - s T_s with s constant, the balance at the surface has one
-solution for all times and temperatures. With weights w of forcings d(t), slopes s and
-the half cell's conductance G, each a sum over the terms at a cell, the node receives
+With the surface eliminated as in `LinearSurface`, the node of a cell receives
 
     q = G / (G + s) (w d(t) - s T_node),
 
-and a term with weight w_e and slope s_e contributes, with other terms j,
+to which a term with weight w_e and slope s_e contributes, with other terms j,
 
     q_e = [G (w_e d(t) - s_e T_node) + sum_j (w_e s_j - s_e w_j) d(t)] / (G + s).
 
@@ -19,7 +17,7 @@ the loop that conducts. `SurfaceLoad`, cell by cell, is the general form.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -28,7 +26,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ...arrays import Time, is_traced
+from ...arrays import Time, is_traced, namespace
 from ...module import Module, replaced
 from ...network.network import (
     AbstractNetwork,
@@ -36,9 +34,9 @@ from ...network.network import (
     inverse,
     precise_sum,
 )
-from ...physics.flux_law import LinearLaw
 from ...physics.surface_energy_balance import SurfaceTerms
 from ...physics.time_varying import value_at
+from .linear_surface import LinearTerm, linear_surface, nonlinear_term, total_slope
 from .program import Program
 from .surface_load import (
     AbstractSurfaceLoad,
@@ -151,154 +149,95 @@ def _linear_load(program: Program, load: SurfaceLoad) -> _LinearSurfaceLoad | No
     for index, cells in enumerate(load.cells):
         network = program.bodies[cells.body].network
         terms = load.terms_on(index)
-        numbered = (*terms.natural, *terms.prescribed)
-        laws = [law for _, term in numbered if (law := term.law.linear()) is not None]
         # Where conductivity varies, so does the half cell.
-        if not network.is_linear or len(laws) < len(numbered):
+        if not network.is_linear or nonlinear_term(terms) is not None:
             return None
         entries = [row[index] for row in load.entries]
         bodies.append(
-            _linear_nodes(
-                cells, network=network, terms=terms, laws=laws, entries=entries
-            )
+            _linear_nodes(cells, network=network, terms=terms, entries=entries)
         )
     return _LinearSurfaceLoad(load, tuple(bodies))
-
-
-class EliminatedSurface(NamedTuple):
-    """The balance at a surface of linear terms, solved for its temperature."""
-
-    through: Any
-    """G / (G + s) [-]: fraction of the terms' heat that goes to the node."""
-    resistance: Any
-    """1 / (G + s) [K/W]: excess of the surface over the node by their heat."""
-
-
-def eliminate_surface(half_cell: Any, slope: Any, xp: Any = np) -> EliminatedSurface:
-    """Solve the balance of half cells G and slopes s [W/K]; 0 where both are 0."""
-    total = half_cell + slope
-    safe_total = xp.where(total > 0, total, 1)
-    return EliminatedSurface(
-        through=xp.where(total > 0, half_cell, 0) / safe_total,
-        resistance=xp.where(total > 0, 1, 0) / safe_total,
-    )
-
-
-class _LinearTerm(NamedTuple):
-    """A term with a linear law on the cells of a body."""
-
-    term: int
-    forcing: int
-    """Index of its forcing."""
-    weight: Any
-    """[W per unit of the forcing]"""
-    slope: Any
-    """[W/K]; None for nothing."""
-
-
-def _weight(terms: list[_LinearTerm], forcing: int, half_cell: Any) -> Any:
-    """Heat rate of every cell by one unit of a forcing [W per unit]."""
-    acting = (term.weight for term in terms if term.forcing == forcing)
-    return sum(acting, 0 * half_cell)
-
-
-def _slope(terms: list[_LinearTerm], half_cell: Any) -> Any:
-    """Heat that every cell loses by terms [W/K]."""
-    return sum((term.slope for term in terms if term.slope is not None), 0 * half_cell)
 
 
 def _linear_nodes(
     cells: BodyCells,
     network: AbstractNetwork,
     terms: SurfaceTerms,
-    laws: list[LinearLaw],
     entries: list[int],
 ) -> _LinearNodes:
     """The balance of all cells, solved and summed by nodes."""
-    # On the host in double precision where nothing is traced: the sums over cells are
-    # then as exact as the general form in the time loop.
-    traced = is_traced((terms, laws))
     dtype = terms.half_cell.dtype
-    xp: Any = jnp if traced else np
-
-    def number(value):
-        return xp.asarray(value, dtype if traced else np.float64)
-
-    everywhere, sums = _sums(cells, network, traced)
-    forcings, linear_terms = _linear_terms(terms, laws, number)
-    half_cell = number(terms.half_cell)
-    natural = linear_terms[: len(terms.natural)]
-    prescribed = linear_terms[len(natural) :]
-    through, resistance = eliminate_surface(half_cell, _slope(natural, half_cell), xp)
-    numbers = sorted({linear_term.term for linear_term in linear_terms})
+    surface = linear_surface(terms)
+    xp = namespace(surface)
+    everywhere, sums = _sums(cells, network, traced=is_traced(surface))
+    forcings, linear_terms = _shared_forcings(surface.terms, dtype)
+    natural = [term for term in linear_terms if not term.is_prescribed]
+    prescribed = [term for term in linear_terms if term.is_prescribed]
+    zero = 0 * surface.half_cell
+    numbers = sorted({linear_term.number for linear_term in linear_terms})
     entry_forced = []
     entry_slope = []
-    for number_of_term in numbers:
-        exposed = [term for term in natural if term.term == number_of_term]
-        fixed = [term for term in prescribed if term.term == number_of_term]
+    for number in numbers:
+        exposed = [term for term in natural if term.number == number]
+        fixed = [term for term in prescribed if term.number == number]
         # At the temperature that all terms cause together, without its difference to
         # w_e d, which at large Biot numbers leaves rounding times s / G.
-        competing = [term for term in natural if term.term != number_of_term]
-        lost_here = _slope(exposed, half_cell) * resistance
-        lost_to_others = _slope(competing, half_cell) * resistance
+        competing = [term for term in natural if term.number != number]
+        lost_here = zero + total_slope(exposed) * surface.resistance
+        lost_to_others = zero + total_slope(competing) * surface.resistance
         forced = []
-        for forcing in range(len(forcings)):
-            heat = _weight(exposed, forcing, half_cell) * (through + lost_to_others)
-            heat = heat - lost_here * _weight(competing, forcing, half_cell)
-            heat = heat + _weight(fixed, forcing, half_cell)
+        for forcing in forcings:
+            heat = _weight(exposed, forcing) * (surface.through + lost_to_others)
+            heat = heat - lost_here * _weight(competing, forcing)
+            heat = zero + heat + _weight(fixed, forcing)
             forced.append(xp.asarray(heat.sum(), dtype))
         entry_forced.append(xp.stack(forced))
         slope = None
-        if any(term.slope is not None for term in (*exposed, *fixed)):
-            lost = _slope(exposed, half_cell) * through + _slope(fixed, half_cell)
-            slope = xp.asarray(sums(lost), dtype)
+        if any(term.law.slope is not None for term in (*exposed, *fixed)):
+            lost = total_slope(exposed) * surface.through + total_slope(fixed)
+            slope = xp.asarray(sums(zero + lost), dtype)
         entry_slope.append(slope)
     # All slopes of a node act on the same temperature: one array for the time loop.
     slopes = [slope for slope in entry_slope if slope is not None]
     forced_nodes = []
-    for forcing in range(len(forcings)):
-        heat = _weight(natural, forcing, half_cell) * through
-        heat = heat + _weight(prescribed, forcing, half_cell)
+    for forcing in forcings:
+        heat = _weight(natural, forcing) * surface.through
+        heat = zero + heat + _weight(prescribed, forcing)
         forced_nodes.append(xp.asarray(sums(heat), dtype))
     return _LinearNodes(
         forcings=tuple(forcings),
         forced=tuple(forced_nodes),
         slope=sum(slopes[1:], slopes[0]) if slopes else None,
         everywhere=everywhere,
-        entries=tuple(entries[term] for term in numbers),
-        names=tuple(terms.names[term] for term in numbers),
+        entries=tuple(entries[number] for number in numbers),
+        names=tuple(terms.names[number] for number in numbers),
         entry_forced=tuple(entry_forced),
         entry_slope=tuple(entry_slope),
     )
 
 
-def _linear_terms(
-    terms: SurfaceTerms, laws: list[LinearLaw], number: Callable[[Any], Any]
-) -> tuple[list[Any], list[_LinearTerm]]:
-    """Forcings, and the terms with a linear law on all cells, natural ones first."""
-    # The first forcing is 1: all constant terms share it.
-    forcings: list[Any] = [np.ones((), terms.half_cell.dtype)]
-    linear_terms = []
-    numbered = (*terms.natural, *terms.prescribed)
-    for (term, bound), law in zip(numbered, laws, strict=True):
-        area = number(bound.effective_area)
-        forcing = 0
-        weight = area * number(law.weight)
+def _weight(terms: list[LinearTerm], forcing: Any) -> Any:
+    """Heat rate of every cell by one unit of a forcing [W per unit]."""
+    return sum(term.weight for term in terms if term.law.forcing is forcing)
+
+
+def _shared_forcings(
+    terms: tuple[LinearTerm, ...], dtype: Any
+) -> tuple[list[Any], list[LinearTerm]]:
+    """Forcings, each once, and the terms that refer to them."""
+    # The first forcing is 1: all constant terms share it. Terms of one function of
+    # time, such as one air, share its forcing, too.
+    one = np.ones((), dtype)
+    forcings: list[Any] = [one]
+    sharing = []
+    for term in terms:
+        law = term.law
         if not callable(law.forcing):
-            weight = weight * number(law.forcing)
-        else:
-            # Terms of one function of time, such as one air, share its forcing.
-            same = (
-                index for index, shared in enumerate(forcings) if law.forcing is shared
-            )
-            forcing = next(same, len(forcings))
-            if forcing == len(forcings):
-                forcings.append(law.forcing)
-        slope = None if law.slope is None else area * number(law.slope)
-        linear_terms.append(
-            _LinearTerm(term=term, forcing=forcing, weight=weight, slope=slope)
-        )
-    return forcings, linear_terms
+            law = law._replace(weight=law.weight * law.forcing, forcing=one)
+        elif not any(law.forcing is forcing for forcing in forcings):
+            forcings.append(law.forcing)
+        sharing.append(term._replace(law=law))
+    return forcings, sharing
 
 
 def _sums(
