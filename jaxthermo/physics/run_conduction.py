@@ -137,35 +137,7 @@ def _voxel_runs(
     runs = lattice.runs(regular)
     links = lattice.links(cells, cut, nodes)
     node = number[cells]
-    rows = _rows(node, links)
-    layout = Runs(
-        block=_blocks(runs[:, 0], rows=node, lists=node[rows.list_row], nodes=nodes),
-        runs=runs,
-        node=node,
-        neighbour=rows.neighbour,
-        weight=rows.weight.astype(dtype),
-        volume=lattice.volumes(cells, cut).astype(dtype),
-        list_row=rows.list_row,
-        list_first=rows.list_first,
-        list_neighbour=rows.list_neighbour,
-        list_weight=rows.list_weight.astype(dtype),
-    )
-    return layout, links.sum(axis=1).astype(dtype)
-
-
-class _Rows(NamedTuple):
-    """Links of the surface as in `Runs`."""
-
-    neighbour: Int[np.ndarray, "m 6"]
-    weight: Float[np.ndarray, "m 6"]
-    list_row: Int[np.ndarray, " k"]
-    list_first: Int[np.ndarray, " k_and_1"]
-    list_neighbour: Int[np.ndarray, " l"]
-    list_weight: Float[np.ndarray, " l"]
-
-
-def _rows(node: Int[np.ndarray, " m"], links: csr_array) -> _Rows:
-    """Six links of each node, and a list of its further links."""
+    # Six links of each node, and a list of its further links.
     count = np.diff(links.indptr)
     row = np.repeat(np.arange(len(node)), count)
     rank = np.arange(len(row)) - links.indptr[row]
@@ -175,14 +147,19 @@ def _rows(node: Int[np.ndarray, " m"], links: csr_array) -> _Rows:
     neighbour[row[in_row], rank[in_row]] = links.indices[in_row]
     weight[row[in_row], rank[in_row]] = links.data[in_row]
     list_row = np.flatnonzero(count > 6)
-    return _Rows(
+    layout = Runs(
+        block=_blocks(runs[:, 0], rows=node, lists=node[list_row], nodes=nodes),
+        runs=runs,
+        node=node,
         neighbour=neighbour,
-        weight=weight,
+        weight=weight.astype(dtype),
+        volume=lattice.volumes(cells, cut).astype(dtype),
         list_row=list_row.astype(np.int32),
         list_first=np.append(0, np.cumsum(count[list_row] - 6)).astype(np.int32),
         list_neighbour=links.indices[~in_row].astype(np.int32),
-        list_weight=links.data[~in_row],
+        list_weight=links.data[~in_row].astype(dtype),
     )
+    return layout, links.sum(axis=1).astype(dtype)
 
 
 # Nodes of a block, so that its neighbouring planes stay in a cache of half a MiB.

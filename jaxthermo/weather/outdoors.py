@@ -178,7 +178,7 @@ class _Outdoors:
     def _directions(self, by_day: np.ndarray, crossings: np.ndarray) -> Any:
         """Times [s] and directions of rays by day, and one direction for each night."""
         times = np.union1d(by_day, crossings)
-        by_sun = rays(self.place, sun_position(self.place, times))
+        by_sun = rays(self.place, times)
         # At night nothing is lit. The direction is straight down then: the arcs from
         # sunset and to sunrise are right angles, where half a turn would be ambiguous.
         gaps = np.flatnonzero(np.diff(times) > 1.5 * _SEARCH)
@@ -191,13 +191,12 @@ class _Outdoors:
 
     def diffuse(self) -> DiffuseSky:
         """Daylight from sky and ground."""
-        times = self._times("direct_normal", "diffuse")
+        times = self._times(["direct_normal", "diffuse"])
         diffuse = self._at("diffuse", times)
         reflected = self.albedo * self._global(times, diffuse)
-        scene_times = times - self.first
         return DiffuseSky(
-            Table(scene_times, diffuse),
-            Table(scene_times, reflected),
+            self._table(times, diffuse),
+            self._table(times, reflected),
             occlusion=self.occlusion,
         )
 
@@ -210,19 +209,18 @@ class _Outdoors:
         names = ["air", source]
         if self.ground == "sol_air":
             names += ["direct_normal", "diffuse", "wind_speed"]
-        times = self._times(*names)
+        times = self._times(names)
         air = self._at("air", times)
         if infrared:
             sky = sky_temperature(self._at("infrared", times))
         else:
             hour = times / 3600 + self.place.longitude / 15
             sky = clear_sky_temperature(air, self._at("dew_point", times), hour)
-        scene_times = times - self.first
         ground = self._ground(times, air=air, sky=sky)
         if isinstance(ground, np.ndarray):
-            ground = Table(scene_times, ground)
+            ground = self._table(times, ground)
         return Surroundings(
-            Table(scene_times, sky), ground=ground, occlusion=self.occlusion
+            self._table(times, sky), ground=ground, occlusion=self.occlusion
         )
 
     def _ground(self, times: np.ndarray, air: np.ndarray, sky: np.ndarray) -> Any:
@@ -238,8 +236,7 @@ class _Outdoors:
 
     def wind(self) -> Wind:
         """Wind of the mean direction; its speed and the air vary."""
-        times = self._times("air", "wind_speed")
-        scene_times = times - self.first
+        times = self._times(["air", "wind_speed"])
         speed = self._at("wind_speed", times)
         # Angle from north towards east of the direction from which the wind blows.
         angle = self._at("wind_direction", times)[:, None]
@@ -252,18 +249,17 @@ class _Outdoors:
         x, y, z = unit_vector(velocity).tolist()
         return Wind(
             velocity=(x, y, z),
-            temperature=Table(scene_times, self._at("air", times)),
-            speed=Table(scene_times, speed),
+            temperature=self._table(times, self._at("air", times)),
+            speed=self._table(times, speed),
         )
 
     def convection(self) -> Convection:
         """Convection with the coefficient of the wind along a plate."""
-        times = self._times("air", "wind_speed")
-        scene_times = times - self.first
+        times = self._times(["air", "wind_speed"])
         coefficient = wind_coefficient(self._at("wind_speed", times))
         return Convection(
-            heat_transfer_coefficient=Table(scene_times, coefficient),
-            temperature=Table(scene_times, self._at("air", times)),
+            heat_transfer_coefficient=self._table(times, coefficient),
+            temperature=self._table(times, self._at("air", times)),
         )
 
     def _global(self, times: np.ndarray, diffuse: np.ndarray) -> np.ndarray:
@@ -271,7 +267,11 @@ class _Outdoors:
         height = np.maximum(sun_position(self.place, times).height, 0)
         return self._at("direct_normal", times) * height + diffuse
 
-    def _times(self, *names: str) -> Float[np.ndarray, " t"]:
+    def _table(self, times: np.ndarray, values: np.ndarray) -> Table:
+        """Values by the time of the scene."""
+        return Table(times - self.first, values)
+
+    def _times(self, names: Sequence[str]) -> Float[np.ndarray, " t"]:
         columns = (self.weather.within(n, self.first, self.last) for n in names)
         return np.unique(np.concatenate([column.times for column in columns]))
 

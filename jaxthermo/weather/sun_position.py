@@ -3,7 +3,7 @@
 import importlib.util
 import math
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from typing import Any, NamedTuple, final
 
 import lazy_loader
@@ -120,24 +120,16 @@ def sun_position(place: Place, seconds: Float[np.ndarray, " t"]) -> _SunPosition
     return _SunPosition(np.radians(zenith), np.radians(azimuth))
 
 
-def rays(place: Place, sun: _SunPosition) -> Float[np.ndarray, "t 3"]:
-    """Unit vectors along which sunlight travels; upward while the sun is down."""
+def rays(place: Place, seconds: Float[np.ndarray, " t"]) -> Float[np.ndarray, "t 3"]:
+    """Unit vectors along which sunlight travels; upward while the sun is down.
+
+    Times are as in `sun_position`.
+    """
+    sun = sun_position(place, seconds)
     north, east = place.axes
     level = np.cos(sun.azimuth)[:, None] * north + np.sin(sun.azimuth)[:, None] * east
     up = np.array([0.0, 0.0, 1.0])
     return -(np.sin(sun.zenith)[:, None] * level + sun.height[:, None] * up)
-
-
-def _directions_of_rays(
-    place: Place, times: list[datetime]
-) -> Float[np.ndarray, "t 3"]:
-    """Unit vectors along which sunlight travels, one for each time.
-
-    Raises:
-        InputError: without the package pvlib, or for a time without a zone.
-    """
-    seconds = np.array([instant(time) for time in times])
-    return rays(place, sun_position(place, seconds))
 
 
 def instant(time: datetime) -> float:
@@ -177,5 +169,4 @@ def sun_path(
             "ones, of a year at most"
         )
     times = np.linspace(0.0, duration, math.ceil(duration / every) + 1)
-    instants = [start + timedelta(seconds=float(time)) for time in times]
-    return DirectionTable(times, _directions_of_rays(place, instants))
+    return DirectionTable(times, rays(place, instant(start) + times))

@@ -12,7 +12,7 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from scipy.spatial import KDTree
 
 from ...errors import InputError
@@ -88,7 +88,7 @@ def _overlap(bodies: tuple[PlacedGrid, ...], i: int, j: int) -> Overlap | None:
     b = bodies[coarser]
     if not (_below(a.world_bounds[0], b) and _below(b.world_bounds[0], a)):
         return None
-    chunks = [centres[_inside(b, centres)] for centres in _centres_near(a, b)]
+    chunks = [centres[b.contains(centres)] for centres in _centres_near(a, b)]
     points = np.concatenate([np.zeros((0, 3)), *chunks])
     if not len(points):
         return None
@@ -125,7 +125,7 @@ def _is_within(inner: PlacedGrid, outer: PlacedGrid, is_deep: bool) -> bool:
     # surface.
     min_depth = 0.5 * inner.pitch * (1 - _ROUNDING)
     for centres in _centres_near(inner, inner):
-        if not _inside(outer, centres).all():
+        if not outer.contains(centres).all():
             return False
         if not is_deep and (_depth_below(outer, centres) < min_depth).any():
             return False
@@ -153,12 +153,6 @@ def _centres_near(
         voxels = np.argwhere(near[start : start + step]) + first
         voxels[:, 0] += start
         yield body.pose.to_world(lattice.centres(voxels))
-
-
-def _inside(
-    body: PlacedGrid, points: Float[np.ndarray, "n 3"]
-) -> Bool[np.ndarray, " n"]:
-    return body.grid.contains(body.pose.to_body(points))
 
 
 def _depth_below(

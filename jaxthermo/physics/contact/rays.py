@@ -16,7 +16,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ...errors import InputError
 from ...geometry.mesh import Pose
@@ -70,6 +70,11 @@ class PlacedGrid:
         """Lowest and highest corner of the body in the world [m]."""
         corners = self.pose.to_world(self.grid.mesh.vertices)
         return np.stack([corners.min(0), corners.max(0)])
+
+
+    def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
+        """Points of the world [m] in solid voxels of the body."""
+        return self.grid.contains(self.pose.to_body(points))
 
 
 class ContactRange(NamedTuple):
@@ -339,8 +344,8 @@ def _depth_in(body: PlacedGrid, target: PlacedGrid) -> float:
     """Depth of a body's fragments in another one [m]; 0 if all are outside."""
     # The shortest way out of its voxels along the axes of its lattice, to half a voxel.
     solid = np.pad(target.grid.solid, 1)
-    points = target.pose.to_body(body.world_fragments)
-    points = points[target.grid.contains(points)]
+    points = body.world_fragments
+    points = target.pose.to_body(points[target.contains(points)])
     if not len(points):
         return 0.0
     cells = np.floor(target.grid.lattice.to_cells(points)).astype(np.int64)
@@ -359,8 +364,7 @@ def _depth_in(body: PlacedGrid, target: PlacedGrid) -> float:
 def _fraction_inside(body: PlacedGrid, target: PlacedGrid) -> float:
     """Fraction of a body's fragments with a voxel centre inside another body."""
     voxels = body.grid.lattice.centres(body.grid.fragment_voxel)
-    points = target.pose.to_body(body.pose.to_world(voxels))
-    return float(target.grid.contains(points).mean())
+    return float(target.contains(body.pose.to_world(voxels)).mean())
 
 
 def require_shallow(a: PlacedGrid, b: PlacedGrid, threshold: float) -> None:

@@ -127,11 +127,8 @@ def film_derivatives(
     slope = inverse**2 / (2 * _HALF)
     powers = polynomial.polyvander(x, _NODES - 1)
     # All are linear in the coefficients: one product of matrices for all cells.
-    once = np.zeros_like(powers)
-    twice = np.zeros_like(powers)
-    for power in range(1, _NODES):
-        once[:, power] = power * powers[:, power - 1]
-        twice[:, power] = power * once[:, power - 1]
+    once = powers[:, :-1] @ polynomial.polyder(np.eye(_NODES))
+    twice = powers[:, :-2] @ polynomial.polyder(np.eye(_NODES), 2)
     second = twice * (slope**2)[:, None] - once * (slope * inverse)[:, None]
     cells = np.moveaxis(rows, 0, -1)
     return FilmDerivatives(

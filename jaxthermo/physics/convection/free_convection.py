@@ -74,31 +74,6 @@ def _b(prandtl, c: float):
 _CYLINDER_OVER_PLATE = _b(0.71, _CYLINDER.c) / _b(0.71, _PLATE.c)
 
 
-def _churchill_chu(
-    rayleigh: Float[Array, "*n"], prandtl: Float[Array, "*n"], shape: _Shape
-) -> Float[Array, "*n"]:
-    """Average Nusselt number of a `_PLATE` or a `_CYLINDER`."""
-    return (shape.a + _b(prandtl, shape.c) * rayleigh ** (1 / 6)) ** 2
-
-
-def _free_coefficient(
-    surface: Float[Array, "*n"],
-    ambient: Float[Array, "*n"],
-    length: Float[Array, "*n"],
-    shape: _Shape,
-) -> Float[Array, "*n"]:
-    """Mean h by the formula itself [W/(m^2 K)]: the reference of the fast form.
-
-    Temperatures T_s and T_inf are in K, the length L in m.
-    """
-    film = (surface + ambient) / 2
-    nu = air.kinematic_viscosity(film)
-    pr = air.prandtl(film)
-    buoyancy = _GRAVITY * jnp.abs(surface - ambient) / film
-    rayleigh = buoyancy * length**3 * pr / nu**2
-    return _churchill_chu(rayleigh, pr, shape) * air.conductivity(film) / length
-
-
 @jax.jit
 def _film_factors(
     film: Float[Array, " n"],

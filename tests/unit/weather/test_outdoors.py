@@ -6,12 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.errors import InputError
 from jaxthermo.weather.files import read_weather
 from jaxthermo.weather.sky import clear_sky_temperature, sol_air_temperature
+from tests.bodies import single_body_scene
 
 
 MUNICH = jt.Place(48.14, 11.58, 520.0)
@@ -65,8 +67,8 @@ def test_a_clear_day():
         sun.direction(13.2 * 3600.0)[1] > 0.3 and sun.direction(13.2 * 3600.0)[2] < -0.9
     )
     # A wind from the west blows to the east, +x.
-    np.testing.assert_allclose(wind.velocity, (1, 0, 0), atol=1e-12)
-    np.testing.assert_allclose(at(wind.temperature, 15), 299.0, atol=1e-9)
+    assert_allclose(wind.velocity, (1, 0, 0), atol=1e-12)
+    assert_allclose(at(wind.temperature, 15), 299.0, atol=1e-9)
     assert at(terms["emission"].temperature, 12) < at(wind.temperature, 12) - 10
 
 
@@ -88,9 +90,9 @@ def test_north_turns_everything():
     sun, _, _, wind = terms
     plain = made(CLEAR)["sun"].direction(9e4 / 2)
     x, y, z = sun.direction(9e4 / 2)
-    np.testing.assert_allclose((x, y, z), (plain[1], -plain[0], plain[2]), atol=1e-12)
+    assert_allclose((x, y, z), (plain[1], -plain[0], plain[2]), atol=1e-12)
     # East is -y where north is +x.
-    np.testing.assert_allclose(wind.velocity, (0, -1, 0), atol=1e-12)
+    assert_allclose(wind.velocity, (0, -1, 0), atol=1e-12)
 
 
 def test_polar_night_has_no_sun_and_polar_day_no_sunset():
@@ -107,15 +109,15 @@ def test_epw_hours_are_means_over_the_hour_before(tmp_path):
     # At +01:00, as the file: hour 13 has 130 W/m^2 for 12:00 to 13:00.
     start = datetime.fromisoformat("2026-06-21T00:00+01:00")
     terms = made(write_epw(tmp_path / "a.epw"), start)
-    np.testing.assert_allclose(at(terms["sun"].irradiance, 12.5), 130.0)
-    np.testing.assert_allclose(at(terms["wind"].temperature, 13), 273.15 + 23)
-    np.testing.assert_allclose(at(terms["wind"].speed, 13), 3.5)
-    np.testing.assert_allclose(terms["wind"].velocity, (0, 1, 0), atol=1e-12)
+    assert_allclose(at(terms["sun"].irradiance, 12.5), 130.0)
+    assert_allclose(at(terms["wind"].temperature, 13), 273.15 + 23)
+    assert_allclose(at(terms["wind"].speed, 13), 3.5)
+    assert_allclose(terms["wind"].velocity, (0, 1, 0), atol=1e-12)
     sky = at(terms["emission"].temperature, 13)
-    np.testing.assert_allclose(STEFAN_BOLTZMANN * sky**4, 350.0, rtol=1e-9)
+    assert_allclose(STEFAN_BOLTZMANN * sky**4, 350.0, rtol=1e-9)
     # The same instants in another zone.
     in_other_zone = made(tmp_path / "a.epw", START)
-    np.testing.assert_allclose(at(in_other_zone["sun"].irradiance, 13.5), 130.0)
+    assert_allclose(at(in_other_zone["sun"].irradiance, 13.5), 130.0)
 
 
 @pytest.mark.parametrize(
@@ -158,10 +160,10 @@ def test_csv(tmp_path):
     path.write_text(CSV_HEAD + "".join(rows))
     weather = read_weather(path, START)
     column = weather.columns["wind_direction"]
-    np.testing.assert_allclose(column.values, np.pi / 2)
-    np.testing.assert_allclose(column.times - START.timestamp(), np.arange(24) * 3600)
+    assert_allclose(column.values, np.pi / 2)
+    assert_allclose(column.times - START.timestamp(), np.arange(24) * 3600)
     terms = made(path, duration=23 * 3600.0, terms=("sky", "convection"))
-    np.testing.assert_allclose(
+    assert_allclose(
         np.asarray(terms["convection"].heat_transfer_coefficient.values), 5.7 + 7.6
     )
     with pytest.raises(InputError, match="there is no infrared"):
@@ -191,21 +193,20 @@ def test_sky_and_ground():
     dew = np.array([283.15])
     eps = 0.711 + 0.056 + 0.0073 - 0.013
     sky = clear_sky_temperature(air, dew, np.array([12.0]))
-    np.testing.assert_allclose(sky, 300 * eps**0.25, rtol=1e-12)
+    assert_allclose(sky, 300 * eps**0.25, rtol=1e-12)
     ground = sol_air_temperature(air, sky, np.array([1.0]), np.array([600.0]))
     emitted = 0.95 * STEFAN_BOLTZMANN * (ground**4 - sky**4)
-    np.testing.assert_allclose(emitted + 9.5 * (ground - air), 600.0, rtol=1e-9)
+    assert_allclose(emitted + 9.5 * (ground - air), 600.0, rtol=1e-9)
 
 
 def test_daylight_of_a_level_plate_and_of_the_ground():
     grid = jt.voxelize(jt.shapes.box((0.1, 0.1, 0.1)), 0.05)
     clay = jt.Material(1.0, 1900.0, 835.0, absorptivity=0.5)
-    body = jt.Body(jt.FullVolume(grid), clay, temperature=290.0)
-    scene = jt.Scene((body,), (jt.DiffuseSky(100.0, 40.0),), dtype="float64")
+    scene = single_body_scene(grid, clay, 290.0, jt.DiffuseSky(100.0, 40.0))
     solution = jt.simulate(scene, 60.0)
     # Top 0.01 m^2 of sky, bottom of ground, four sides of half each.
     expected = 0.5 * 0.01 * (100 + 40 + 4 * (50 + 20)) * 60
-    np.testing.assert_allclose(solution.energy.mechanisms["diffuse_sky"][-1], expected)
+    assert_allclose(solution.energy.mechanisms["diffuse_sky"][-1], expected)
 
 
 def test_mistakes(monkeypatch):
