@@ -1,9 +1,12 @@
-"""Small bodies for tests: bars of voxels, and bodies of given voxels."""
+"""Small bodies and scenes for tests: bars, given voxels, hollow meshes."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
+import jaxthermo as jt
+from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.geometry.shapes import box
 from jaxthermo.voxels.grid import LayerCounts, VoxelGrid
 from jaxthermo.voxels.lattice import Lattice
@@ -75,3 +78,31 @@ def slanted(pitch: float) -> VoxelGrid:
     solid = np.zeros((16, 12, 12), bool)
     solid[tuple(below.T)] = True
     return blocks(solid, pitch)
+
+
+def joined(first: Mesh, second: Mesh) -> Mesh:
+    """The surfaces of two meshes in one."""
+    return Mesh(
+        np.concatenate([first.vertices, second.vertices]),
+        np.concatenate([first.faces, second.faces + len(first.vertices)]),
+        first.name,
+    )
+
+
+def hollow(outer: Mesh, inner: Mesh) -> Mesh:
+    """A mesh with a cavity."""
+    return joined(outer, replace(inner, faces=inner.faces[:, ::-1]))
+
+
+def single_body_scene(
+    shape: Any,
+    material: Any,
+    temperature: Any,
+    *terms: Any,
+    dtype: str = "float64",
+    **options: Any,
+) -> jt.Scene:
+    """A scene of one body with terms; a grid stands for its full volume."""
+    structure = jt.FullVolume(shape) if isinstance(shape, VoxelGrid) else shape
+    body = jt.Body(structure, material, temperature=temperature)
+    return jt.Scene((body,), terms, dtype=dtype, **options)

@@ -1,12 +1,15 @@
 """Surfaces and bodies for the tests of radiation."""
 
+import jax.numpy as jnp
 import numpy as np
 
 from jaxthermo.geometry.mesh import Mesh, Pose
-from jaxthermo.geometry.shapes import sphere
+from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.physics.radiation.patches import PatchedBody, group_patches
-from jaxthermo.physics.surface import BodySurface, Surface
+from jaxthermo.physics.radiation.source import AbstractSource
+from jaxthermo.physics.surface import Binding, BodySurface, Surface
 from jaxthermo.voxels.grid import VoxelGrid
+from tests.bodies import hollow
 
 
 STANDING = Pose()
@@ -49,13 +52,35 @@ def whole(*bodies, reference=300.0):
 
 def shell(inner: float, outer: float, subdivisions: int = 3) -> Mesh:
     """A hollow sphere."""
-    hole = sphere(inner, subdivisions)
-    ball = sphere(outer, subdivisions)
-    return Mesh(
-        np.concatenate([ball.vertices, hole.vertices]),
-        np.concatenate([ball.faces, hole.faces[:, ::-1] + len(ball.vertices)]),
-        "shell",
+    return hollow(sphere(outer, subdivisions), sphere(inner, subdivisions))
+
+
+def room(inner: float, outer: float) -> Mesh:
+    """A closed cubic room, by the edges of both surfaces."""
+    return hollow(box(outer), box(inner))
+
+
+def exposure(grid: VoxelGrid, source: AbstractSource, *obstacles: Mesh) -> np.ndarray:
+    """Exposure of a body's fragments, with other meshes that cast shadows."""
+    triangles = np.concatenate([grid.mesh.triangles, *(m.triangles for m in obstacles)])
+    return source.exposure(
+        triangles, grid.fragment_position, grid.fragment_normal, grid.pitch
     )
+
+
+def check_terminator(exposed, cosine, rounding=0.0):
+    """Nothing is lit beyond the terminator, and nothing shaded far before it."""
+    assert exposed[cosine <= 0].max() == 0.0
+    lit = cosine[cosine > 0]
+    share = exposed[cosine > 0] / lit
+    # No acne: within a few degrees of the terminator rays graze the next facet.
+    assert lit[share < 1.0 - rounding].max(initial=0.0) < np.sin(np.deg2rad(5.0))
+
+
+def heat_into(binding: Binding) -> np.ndarray:
+    """Heat rate into each fragment at the reference temperature [W]."""
+    area = np.asarray(binding.effective_area)
+    return area * np.asarray(binding.law.flux(jnp.zeros(()), jnp.zeros(len(area))))
 
 
 def in_patches(grid: VoxelGrid, max_patches: int, pose=STANDING) -> PatchedBody:

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 import jaxthermo as jt
 from jaxthermo.material.material import Material
@@ -18,7 +19,7 @@ from jaxthermo.physics.conduction import (
     surface_conductivity,
 )
 from jaxthermo.reference.slab import decay_explicit_euler, sine_rate, sine_rate_of_cells
-from tests.bodies import blocks
+from tests.bodies import blocks, single_body_scene
 
 
 K = (16.0, 4.0, 1.0)
@@ -36,6 +37,22 @@ def _state(structure, values):
     return jax.device_put(state)
 
 
+def _network(structure, conductivity=K):
+    return assemble_uniform(
+        structure,
+        conductivity=conductivity,
+        volumetric_heat_capacity=HEAT,
+        dtype=jnp.float64,
+    )
+
+
+def _rates(structure, values, conductivity=K):
+    """Heat rate into each node of a body of one material [W]."""
+    state = _state(structure, values)
+    rate = _heat_rate(_network(structure, conductivity), state)
+    return np.asarray(rate)[structure.node_address()]
+
+
 @pytest.mark.parametrize("axis", range(3))
 @pytest.mark.parametrize("make", [jt.FullVolume, jt.Octree])
 def test_along_an_axis_heat_flows_by_its_conductivity(axis, make):
@@ -45,12 +62,8 @@ def test_along_an_axis_heat_flows_by_its_conductivity(axis, make):
     slope = 300.0
     grid = blocks(np.ones((cells,) * 3, bool), pitch)
     structure = make(grid, levels=1) if make is jt.Octree else make(grid)
-    network = assemble_uniform(
-        structure, conductivity=K, volumetric_heat_capacity=HEAT, dtype=jnp.float64
-    )
     centre = structure.nodes().centre[:, axis]
-    rate = np.asarray(_heat_rate(network, _state(structure, slope * centre)))
-    rate = rate[structure.node_address()]
+    rate = _rates(structure, slope * centre)
     flow = K[axis] * (cells * pitch) ** 2 * slope
     low = centre < pitch
     high = centre > (cells - 1) * pitch
@@ -66,20 +79,16 @@ def _mode_rate(cells):
     shape = tuple(int(round(cells * length / 0.04)) for length in size)
     pitch = 0.04 / cells
     structure = jt.FullVolume(blocks(np.ones(shape, bool), pitch))
-    network = assemble_uniform(
-        structure, conductivity=K, volumetric_heat_capacity=HEAT, dtype=jnp.float64
-    )
     waves = [
         np.cos(m * np.pi * (np.arange(n) + 0.5) / n)
         for m, n in zip(modes, shape, strict=True)
     ]
     mode = np.einsum("x,y,z->xyz", *waves).reshape(-1)
-    rate = np.asarray(_heat_rate(network, _state(structure, mode)))
-    rate = rate[structure.node_address()]
+    rate = _rates(structure, mode)
     capacity = HEAT * pitch**3
     decay_rate = -float(rate @ mode) / (capacity * float(mode @ mode))
     # An eigenvector: nothing but the mode itself comes of it.
-    np.testing.assert_allclose(rate, -decay_rate * capacity * mode, atol=1e-12)
+    assert_allclose(rate, -decay_rate * capacity * mode, atol=1e-12)
     rows = zip(K, size, shape, modes, strict=True)
     return decay_rate, [(k / HEAT, length, n, m) for k, length, n, m in rows]
 
@@ -94,9 +103,8 @@ def test_a_sine_mode_decays_by_the_sum_over_the_axes_to_second_order():
         assert rate == pytest.approx(discrete, rel=1e-12)
         errors.append(abs(rate - exact) / exact)
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
-    print("errors", errors, "orders", orders)
     assert errors[-1] < 5e-3
-    np.testing.assert_allclose(orders, 2.0, atol=0.05)
+    assert_allclose(orders, 2.0, atol=0.05)
 
 
 def test_a_sine_mode_between_cold_faces_runs_to_rounding():
@@ -112,8 +120,9 @@ def test_a_sine_mode_between_cold_faces_runs_to_rounding():
     def start(centre):
         return kelvin + 10.0 * np.prod(np.sin(np.pi * centre / size), axis=1)
 
-    body = jt.Body(structure, Material(K, 1e3, HEAT / 1e3), temperature=start)
-    scene = jt.Scene((body,), (jt.FixedTemperature(kelvin),), dtype="float64")
+    scene = single_body_scene(
+        structure, Material(K, 1e3, HEAT / 1e3), start, jt.FixedTemperature(kelvin)
+    )
     solution = jt.simulate(
         scene, steps * dt, [0.0, steps * dt], solver=jt.ForwardEuler(dt)
     )
@@ -147,18 +156,14 @@ def test_a_turned_body_of_a_turned_material_conducts_the_same(structure_name):
         grid = blocks(solid.transpose(turn), 0.01)
         structure = STRUCTURES[structure_name](grid)
         k = [K[axis] for axis in turn]
-        network = assemble_uniform(
-            structure, conductivity=k, volumetric_heat_capacity=HEAT, dtype=jnp.float64
-        )
         centre = np.empty_like(structure.nodes().centre)
         centre[:, turn] = structure.nodes().centre
         values = np.sin(40 * centre[:, 0]) + 9 * centre[:, 1] ** 2 - 3 * centre[:, 2]
-        rate = np.asarray(_heat_rate(network, _state(structure, values)))
-        rate = rate[structure.node_address()]
+        rate = _rates(structure, values, k)
         assert abs(rate.sum()) < 1e-12 * np.abs(rate).sum()
         rates.append(-values @ rate)
     assert rates[0] > 0.0
-    np.testing.assert_allclose(rates, rates[0], rtol=1e-10)
+    assert_allclose(rates, rates[0], rtol=1e-10)
 
 
 @pytest.mark.parametrize("structure_name", STRUCTURES)
@@ -166,34 +171,22 @@ def test_three_equal_conductivities_are_one(structure_name):
     grid = blocks(np.ones((9, 7, 8), bool), 0.01)
     structure = STRUCTURES[structure_name](grid)
     values = np.random.default_rng(0).normal(size=structure.node_count)
-    isotropic, three = (
-        _heat_rate(
-            assemble_uniform(
-                structure,
-                conductivity=k,
-                volumetric_heat_capacity=HEAT,
-                dtype=jnp.float64,
-            ),
-            _state(structure, values),
-        )
-        for k in (5.0, (5.0, 5.0, 5.0))
-    )
-    np.testing.assert_allclose(three, isotropic, rtol=1e-11, atol=1e-11)
+    isotropic = _rates(structure, values, 5.0)
+    three = _rates(structure, values, (5.0, 5.0, 5.0))
+    assert_allclose(three, isotropic, rtol=1e-11, atol=1e-11)
 
 
 def test_a_surface_conducts_by_its_normal():
     slant = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.6, 0.0, 0.8]])
     wood = Material(K, 500.0, 1600.0)
     k = surface_conductivity(wood, slant, np.float64)
-    np.testing.assert_allclose(k, [16.0, 4.0, 0.36 * 16 + 0.64 * 1], rtol=1e-14)
+    assert_allclose(k, [16.0, 4.0, 0.36 * 16 + 0.64 * 1], rtol=1e-14)
     assert isinstance(k, np.ndarray)
     plain = surface_conductivity(Material(3.0, 1.0, 1.0), slant, np.float64)
     assert plain.shape == () and plain == 3.0
     by_row = normal_conductivity(np.tile(K, (3, 1)), slant)
-    np.testing.assert_allclose(by_row, k, rtol=1e-14)
-    np.testing.assert_array_equal(
-        normal_conductivity(np.array([1.0, 2.0, 3.0]), slant), [1, 2, 3]
-    )
+    assert_allclose(by_row, k, rtol=1e-14)
+    assert_array_equal(normal_conductivity(np.array([1.0, 2.0, 3.0]), slant), [1, 2, 3])
 
 
 def test_two_layers_across_an_axis_are_in_series():
@@ -201,7 +194,7 @@ def test_two_layers_across_an_axis_are_in_series():
     first = Material((8.0, 2.0, 1.0), 1e3, 1e3)
     second = Material(4.0, 2e3, 1e3)
     table = conductivity_table((first, second), 300.0, jnp.float64)
-    np.testing.assert_array_equal(table, [[8, 2, 1], [4, 4, 4]])
+    assert_array_equal(table, [[8, 2, 1], [4, 4, 4]])
     for axis, k_first in enumerate((8.0, 2.0, 1.0)):
         shape = [1, 1, 1]
         shape[axis] = 2
@@ -221,9 +214,7 @@ def test_two_layers_across_an_axis_are_in_series():
 def test_heat_spreads_in_an_ellipsoid():
     """From a hot voxel, variances along the axes grow as 2 k t / (rho c)."""
     structure = jt.FullVolume(blocks(np.ones((25, 13, 9), bool), 0.01))
-    network = assemble_uniform(
-        structure, conductivity=K, volumetric_heat_capacity=HEAT, dtype=jnp.float64
-    )
+    network = _network(structure)
     start = np.zeros((25, 13, 9))
     start[12, 6, 4] = 1.0
     state = _state(structure, start.reshape(-1))
@@ -242,5 +233,5 @@ def test_heat_spreads_in_an_ellipsoid():
     away = centre - end_state @ centre
     spread = end_state @ away**2
     expected = [2 * k / HEAT * float(dt) * steps for k in K]
-    np.testing.assert_allclose(spread, expected, rtol=1e-6)
+    assert_allclose(spread, expected, rtol=1e-6)
     assert math.isclose(spread[0] / spread[2], K[0] / K[2], rel_tol=1e-6)

@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
@@ -11,7 +12,7 @@ from jaxthermo.physics.radiation.area_source import AreaSource
 from jaxthermo.physics.radiation.source import PointSource
 from jaxthermo.physics.surface import Binding
 from jaxthermo.voxels.voxelize import voxelize
-from tests.radiating import shell, surface_of, whole
+from tests.radiating import heat_into, shell, surface_of, whole
 
 
 NOTHING = np.zeros((0, 3, 3))
@@ -45,7 +46,7 @@ def test_far_away_it_is_a_point():
         errors.append(np.abs(exposure / expected - 1).max())
     assert errors[0] < 5e-3
     ratio = np.array(errors[:-1]) / errors[1:]
-    np.testing.assert_allclose(ratio, 4.0, rtol=0.02)
+    assert_allclose(ratio, 4.0, rtol=0.02)
 
 
 def test_a_panel_in_a_hollow_ball_loses_nothing():
@@ -71,7 +72,7 @@ def test_penumbra_of_an_edge():
     free = panel.exposure(NOTHING, points, normal, 0.01)
     lit = panel.exposure(blind, points, normal, 0.01)
     assert (lit[x < -0.27] == 0).all()
-    np.testing.assert_allclose(lit[x > 0.27], free[x > 0.27], rtol=1e-12)
+    assert_allclose(lit[x > 0.27], free[x > 0.27], rtol=1e-12)
     # The blind's edge at x = 0 halfway down hides of the panel what is left of -x.
     inside = np.abs(x) < 0.24
     edge = -x[inside]
@@ -85,7 +86,7 @@ def test_penumbra_of_an_edge():
         ).exposure(NOTHING, points[inside][[i]], UP, 0.01)[0]
         for i, e in enumerate(edge.tolist())
     ]
-    np.testing.assert_allclose(lit[inside], seen, atol=0.1 * free.max())
+    assert_allclose(lit[inside], seen, atol=0.1 * free.max())
 
 
 def test_no_surface_receives_more_than_the_source_radiates():
@@ -94,7 +95,7 @@ def test_no_surface_receives_more_than_the_source_radiates():
     points = np.stack([0.1 + 0 * depth, 0.2 + 0 * depth, depth], axis=1)
     exposure = panel.exposure(NOTHING, points, np.repeat(UP, 3, axis=0), 0.01)
     assert (exposure <= np.pi * (1 + 1e-12)).all()
-    np.testing.assert_allclose(exposure, np.pi, rtol=2e-3)
+    assert_allclose(exposure, np.pi, rtol=2e-3)
 
 
 def test_a_grey_panel_radiates_by_its_temperature():
@@ -119,9 +120,7 @@ def test_what_is_absorbed():
     )
     (binding,) = panel.bind(whole(surface_of(grid)))
     assert isinstance(binding, Binding)
-    time = jnp.asarray(0.0)
-    theta = jnp.zeros(len(grid.fragment_area))
-    heat = float((binding.effective_area * binding.law.flux(time, theta)).sum())
+    heat = heat_into(binding).sum()
     top = grid.fragment_position[:, 2] > 0.049
     free = panel.exposure(
         NOTHING, grid.fragment_position[top], grid.fragment_normal[top], 0.02
@@ -135,10 +134,10 @@ def test_patches_make_up_the_rectangle_whatever_its_normal(normal):
     panel = AreaSource((1.0, 2.0, 3.0), normal, (0.3, 0.5), radiance=1.0, patches=3)
     patches = panel.patch_corners()
     assert patches.shape == (9, 4, 3)
-    np.testing.assert_allclose(patches.mean((0, 1)), [1.0, 2.0, 3.0], atol=1e-12)
+    assert_allclose(patches.mean((0, 1)), [1.0, 2.0, 3.0], atol=1e-12)
     area = np.cross(patches[:, 1] - patches[:, 0], patches[:, 3] - patches[:, 0])
     unit = np.array(normal) / np.linalg.norm(normal)
-    np.testing.assert_allclose(area.sum(0), 0.15 * unit, atol=1e-12)
+    assert_allclose(area.sum(0), 0.15 * unit, atol=1e-12)
 
 
 @pytest.mark.parametrize(

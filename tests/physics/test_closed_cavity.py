@@ -5,11 +5,12 @@ import functools
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.scene.compile.compile import compile_scene
-from tests.radiating import shell, surface_of, whole
+from tests.radiating import room, shell, surface_of, whole
 
 
 METAL = jt.Material(20.0, density=2000.0, specific_heat=500.0, emissivity=0.8)
@@ -80,18 +81,18 @@ def test_an_open_inside_is_like_the_outside(name):
 
 def test_shadows_keep_the_sun_out_in_any_case():
     opened, closed = (from_outside("sun", inside) for inside in ("open", "closed"))
-    np.testing.assert_array_equal(opened, closed)
+    assert_array_equal(opened, closed)
 
 
 @pytest.mark.parametrize("name", EVERYWHERE)
 def test_what_is_on_the_surface_itself_acts_inside_too(name):
     where = acts_on(EVERYWHERE[name])
-    np.testing.assert_array_equal(where, INNER if name == "named" else True)
+    assert_array_equal(where, INNER if name == "named" else True)
 
 
 def test_a_lamp_inside_lights_it():
     lamp = jt.PointSource((0.01, 0.0, 0.02), 5.0)
-    np.testing.assert_array_equal(acts_on(lamp), INNER)
+    assert_array_equal(acts_on(lamp), INNER)
 
 
 def told(receipt):
@@ -153,13 +154,9 @@ def test_a_body_in_the_cavity_of_another_is_enclosed():
             assert any("closed cavity" in o.why for o in receipt.left_out)
 
 
-def room(inner, outer, pitch=0.01):
-    """A closed cubic room."""
-    hole = jt.shapes.box((inner,) * 3)
-    block = jt.shapes.box((outer,) * 3)
-    faces = np.concatenate([block.faces, hole.faces[:, ::-1] + len(block.vertices)])
-    vertices = np.concatenate([block.vertices, hole.vertices])
-    return jt.voxelize(jt.Mesh(vertices, faces, "room"), pitch)
+def walls(outer):
+    """A room of 4 cm, by its outer edge."""
+    return jt.voxelize(room(0.04, outer), 0.01)
 
 
 def in_a_room(around, position, *terms):
@@ -176,7 +173,7 @@ def in_a_room(around, position, *terms):
 def test_a_body_close_to_the_walls_is_enclosed(gap):
     """Half a voxel or less from the wall, on which its next voxel then lies."""
     position = (0.005 - gap, 0.0, 0.0)
-    receipt = in_a_room(room(0.04, 0.06), position, FROM_OUTSIDE["convection"])
+    receipt = in_a_room(walls(0.06), position, FROM_OUTSIDE["convection"])
     assert {surface_part.bodies[0] for surface_part in receipt.parts} == {1}
     assert receipt.warnings == ()
 
@@ -190,7 +187,7 @@ def test_a_body_close_to_the_walls_is_enclosed(gap):
 )
 def test_cavities_that_are_open_in_the_voxels_are_told(term):
     """Walls of half a voxel."""
-    around = room(0.04, 0.05)
+    around = walls(0.05)
     assert around.opened_area == pytest.approx(6 * 0.04**2)
     warnings = in_a_room(around, (0.0, 0.0, 0.0), term).warnings
     (line,) = [line for line in warnings if "cavities" in line]
@@ -199,12 +196,12 @@ def test_cavities_that_are_open_in_the_voxels_are_told(term):
         "and open in its voxels: walls thinner than a voxel let air and radiation "
         "through; use a finer pitch"
     )
-    assert room(0.04, 0.06).opened_area == 0.0
+    assert walls(0.06).opened_area == 0.0
 
 
 @pytest.mark.slow
 def test_what_does_not_come_from_outside_needs_no_warning():
-    receipt = in_a_room(room(0.04, 0.05), (0.0, 0.0, 0.0), EVERYWHERE["flux"])
+    receipt = in_a_room(walls(0.05), (0.0, 0.0, 0.0), EVERYWHERE["flux"])
     assert receipt.warnings == ()
 
 
@@ -228,7 +225,7 @@ def test_radiation_crosses_a_cavity(max_patches):
     if max_patches > 6:
         assert heat[INNER & ~hot].sum() == pytest.approx(exact, rel=0.02)
     emitted = STEFAN_BOLTZMANN * np.where(hot, 400.0, 300.0) ** 4
-    np.testing.assert_allclose(net[~INNER], -emitted[~INNER], rtol=1e-9)
+    assert_allclose(net[~INNER], -emitted[~INNER], rtol=1e-9)
 
 
 def test_anything_else_is_refused():

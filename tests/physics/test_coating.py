@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from jaxthermo.integrate.heat_rates import evaluate_rates
@@ -63,15 +64,15 @@ def test_each_fragment_may_have_its_own_and_so_may_materials():
     upper = GRID.fragment_position[:, 2] >= 0
     expected = np.where(top, 0.5, np.where(upper, 0.7, 0.3))
     body = body_of(jt.Coating(0.5, on=TOP), material=materials)
-    np.testing.assert_allclose(surface_property(body, "emissivity", float), expected)
+    assert_allclose(surface_property(body, "emissivity", float), expected)
 
 
 def test_the_surface_of_a_solution_has_it():
     body = body_of(jt.Coating(0.9, on=TOP))
     (surface,) = compile_scene(jt.Scene((body,), TERMS)).surfaces
     top = TOP.select(GRID.fragment_position, GRID.fragment_normal)
-    np.testing.assert_allclose(surface.emissivity, np.where(top, 0.9, 0.3), rtol=1e-7)
-    np.testing.assert_allclose(surface.absorptivity, np.where(top, 0.9, 0.5), rtol=1e-7)
+    assert_allclose(surface.emissivity, np.where(top, 0.9, 0.3), rtol=1e-7)
+    assert_allclose(surface.absorptivity, np.where(top, 0.9, 0.5), rtol=1e-7)
 
 
 def test_its_gradient_is_that_of_a_finite_difference():

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from jaxthermo.reference.slab import slab_convection
-from tests.bodies import bar, depth, on_top
+from tests.bodies import bar, depth, on_top, single_body_scene
 
 
 CONDUCTIVITY = 1.0
@@ -21,9 +22,8 @@ def voxel():
 
 
 def _cooled_voxel(voxel, material, t1, dt):
-    body = jt.Body(jt.FullVolume(voxel), material, temperature=400.0)
     term = jt.Convection(50.0, 300.0)
-    scene = jt.Scene((body,), (term,), dtype="float64")
+    scene = single_body_scene(voxel, material, 400.0, term)
     solution = jt.simulate(scene, t1, solver=jt.ForwardEuler(dt=dt))
     return float(solution.mean_temperature[0, 0])
 
@@ -38,7 +38,6 @@ def test_lumped_body_cools_exponentially(voxel):
         - exact
         for n in (100, 200)
     ]
-    print("lumped errors", errors)
     assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.02)
     assert 2 * errors[1] - errors[0] == pytest.approx(0.0, abs=2e-3)
 
@@ -55,10 +54,14 @@ def test_half_a_cell_is_in_series_with_the_fluid(voxel):
 def _slab(cells, biot=1.0, fourier=0.2):
     grid = bar(cells, HALF_THICKNESS / cells)
     h = biot * CONDUCTIVITY / HALF_THICKNESS
-    body = jt.Body(jt.FullVolume(grid), SOLID, temperature=1.0)
     # From 1 to 0, the temperatures of the closed form.
-    terms = (jt.Convection(h, 0.0, on=FRONT),)
-    scene = jt.Scene((body,), terms, dtype="float64", allow_extreme_temperatures=True)
+    scene = single_body_scene(
+        grid,
+        SOLID,
+        1.0,
+        jt.Convection(h, 0.0, on=FRONT),
+        allow_extreme_temperatures=True,
+    )
     end = float(fourier * HALF_THICKNESS**2 / SOLID.diffusivity)
     # At a cell Fourier number of 1/8 the error in time falls with that in space.
     step = (HALF_THICKNESS / cells) ** 2 / (8 * SOLID.diffusivity)
@@ -74,14 +77,12 @@ def slab_errors():
 
 
 def test_slab_follows_its_series(slab_errors):
-    print("V04 largest errors at 10, 20, 40 cells", slab_errors)
     assert slab_errors[1] < 2e-3
 
 
 def test_slab_converges_at_second_order(slab_errors):
     orders = np.log2(np.array(slab_errors[:-1]) / slab_errors[1:])
-    print("V04 orders", orders)
-    np.testing.assert_allclose(orders, 2.0, atol=0.1)
+    assert_allclose(orders, 2.0, atol=0.1)
 
 
 # By default half cells conduct at any Biot number: test_linear_load.
@@ -100,16 +101,15 @@ def test_large_biot_is_a_fixed_surface_temperature():
             jt.FixedTemperature(300.0, on=FRONT),
         )
     ]
-    np.testing.assert_allclose(
+    assert_allclose(
         means[0].surface_temperature, means[1].surface_temperature, atol=1e-5
     )
     assert float(means[0].mean_temperature[0, 0]) < 390.0
 
 
 def test_coefficient_that_depends_on_time(voxel):
-    body = jt.Body(jt.FullVolume(voxel), NO_RESISTANCE, temperature=400.0)
     ramp = jt.Table([0.0, 1000.0], [0.0, 100.0])
-    scene = jt.Scene((body,), (jt.Convection(ramp, 300.0),), dtype="float64")
+    scene = single_body_scene(voxel, NO_RESISTANCE, 400.0, jt.Convection(ramp, 300.0))
     dt = 5.0
     steps = 200
     solution = jt.simulate(scene, 1000.0, solver=jt.ForwardEuler(dt=dt))

@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
@@ -13,7 +14,7 @@ from jaxthermo.physics.radiation.emission import _Emission
 from jaxthermo.physics.surface_energy_balance import SurfaceTerms
 from jaxthermo.reference.radiation import radiation_temperature
 from jaxthermo.scene.compile.compile import compile_scene
-from tests.bodies import bar
+from tests.bodies import bar, single_body_scene
 
 
 AREA = 0.06
@@ -30,9 +31,14 @@ def voxel():
 
 
 def _scene(voxel, start, surroundings, dtype="float64", material=ALUMINIUM):
-    body = jt.Body(voxel, material, temperature=start)
-    terms = (jt.Surroundings(surroundings),)
-    return jt.Scene((body,), terms, dtype=dtype, allow_extreme_temperatures=True)
+    return single_body_scene(
+        voxel,
+        material,
+        start,
+        jt.Surroundings(surroundings),
+        dtype=dtype,
+        allow_extreme_temperatures=True,
+    )
 
 
 @pytest.mark.parametrize(
@@ -51,10 +57,9 @@ def test_cube_cools_from_a_thousand_kelvin(voxel, dtype):
         area=AREA, emissivity=0.9,
     )  # fmt: skip
     mean = np.asarray(solution.mean_temperature)[:, 0]
-    print("V14 errors", mean - exact, "K")
     listed = [934.667745, 778.764437, 677.388833, 513.013603, 425.566551]
-    np.testing.assert_allclose(exact, listed, atol=1e-6)
-    np.testing.assert_allclose(mean, exact, atol=0.1)
+    assert_allclose(exact, listed, atol=1e-6)
+    assert_allclose(mean, exact, atol=0.1)
 
 
 def test_stable_step_is_that_of_the_hottest_surface(voxel):
@@ -123,8 +128,7 @@ def _radiating_wall(cells):
     """
     grid = bar(cells, 0.1 / cells)
     material = jt.Material(55.6, density=1e3, specific_heat=1e2, emissivity=0.98)
-    body = jt.Body(jt.FullVolume(grid), material, temperature=1000.0)
-    scene = jt.Scene((body,), (jt.Surroundings(300.0),), dtype="float64")
+    scene = single_body_scene(grid, material, 1000.0, jt.Surroundings(300.0))
     surface = compile_scene(scene).program.fragment_terms
     node = 1000.0
     flux = 0.0
@@ -139,7 +143,7 @@ def _radiating_wall(cells):
 def test_a_radiating_wall_is_exact_at_any_pitch():
     """V20a (NAFEMS T2): the surface between node and surroundings is solved for."""
     surface = np.array([_radiating_wall(cells) for cells in (2, 4, 8)])
-    np.testing.assert_allclose(surface, 927.00395, rtol=0, atol=1e-5)
+    assert_allclose(surface, 927.00395, rtol=0, atol=1e-5)
 
 
 @pytest.mark.parametrize(

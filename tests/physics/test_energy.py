@@ -2,15 +2,18 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 import jaxthermo as jt
 from jaxthermo.geometry.shapes import sphere
 from jaxthermo.voxels.voxelize import voxelize
-from tests.bodies import blocks
+from tests.bodies import blocks, single_body_scene
 
 
 METAL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.8)
 OTHER = jt.Material(2.0, density=2000.0, specific_heat=900.0, emissivity=0.5)
+RIGHT = jt.Region((0.0, -1.0, -1.0), (1.0, 1.0, 1.0))
+PAINTED = jt.MaterialMap(METAL, ((RIGHT, OTHER),))
 TOLERANCE = {"float32": 1e-5, "float64": 1e-12}
 
 
@@ -41,14 +44,16 @@ def _everything():
     ],
 )
 def test_all_mechanisms_at_once(ball, dtype, stencil, painted, solver):
-    region = jt.Region((0.0, -1.0, -1.0), (1.0, 1.0, 1.0))
-    material = jt.MaterialMap(METAL, ((region, OTHER),)) if painted else METAL
-    body = jt.Body(jt.FullVolume(ball, stencil=stencil), material, temperature=293.15)
-    scene = jt.Scene((body,), _everything(), dtype=dtype)
+    scene = single_body_scene(
+        jt.FullVolume(ball, stencil=stencil),
+        PAINTED if painted else METAL,
+        293.15,
+        *_everything(),
+        dtype=dtype,
+    )
     run = jt.simulate(scene, 180.0, save_at=[10.0, 60.0, 180.0], solver=solver)
     energy = run.energy
     residual = np.asarray(energy.residual_relative)
-    print("residual", dtype, stencil, painted, run.run.steps, "steps", residual)
     assert list(energy.mechanisms) == [
         "sun", "emission", "convection", "heat_flux", "heat_flux#2", "fixed_temperature"
     ]  # fmt: skip
@@ -61,15 +66,14 @@ def test_all_mechanisms_at_once(ball, dtype, stencil, painted, solver):
     [pytest.param("float32", False, marks=pytest.mark.slow), ("float64", True)],
 )
 def test_insulated_body_evens_out_to_its_mean(ball, dtype, painted):
-    region = jt.Region((0.0, -1.0, -1.0), (1.0, 1.0, 1.0))
-    material = jt.MaterialMap(METAL, ((region, OTHER),)) if painted else METAL
 
     def hot(p):
         return 300.0 + 200.0 * (p[:, 2] > 0.02) + 30.0 * (p[:, 0] > 0)
 
     structure = jt.FullVolume(ball)
-    body = jt.Body(structure, material, temperature=hot)
-    scene = jt.Scene((body,), dtype=dtype)
+    scene = single_body_scene(
+        structure, PAINTED if painted else METAL, hot, dtype=dtype
+    )
     solution = jt.simulate(scene, 20000.0, save_at=[0.0, 20000.0])
     nodes = structure.nodes()
     materials = [METAL, OTHER] if painted else [METAL, METAL]
@@ -78,11 +82,10 @@ def test_insulated_body_evens_out_to_its_mean(ball, dtype, painted):
     mean = (weight * hot(nodes.centre)).sum() / weight.sum()
     surface = np.asarray(solution.surface_temperature, float)
     error = np.abs(surface[-1] - mean).max()
-    print("C11", dtype, painted, "equilibrium error", error, "K")
     assert np.ptp(surface[0]) > 190.0
     bound = {"float64": 1e-9, "float32": 1e-6 * mean}[dtype]
     assert error < bound
-    np.testing.assert_allclose(solution.mean_temperature[:, 0], mean, atol=bound)
+    assert_allclose(solution.mean_temperature[:, 0], mean, atol=bound)
     assert abs(float(solution.energy.residual_relative[-1])) < TOLERANCE[dtype]
 
 
@@ -94,17 +97,17 @@ def test_islands_keep_their_temperature_to_the_bit(dtype, stencil):
     solid = np.zeros((5, 5, 5), bool)
     solid[0, 0, 0] = solid[4, 4, 4] = solid[0, 4, 0] = True
     grid = blocks(solid, 0.01)
-    body = jt.Body(
+    scene = single_body_scene(
         jt.FullVolume(grid, stencil=stencil),
         METAL,
-        temperature=lambda p: 300.0 + 1e3 * p.sum(axis=1),
+        lambda p: 300.0 + 1e3 * p.sum(axis=1),
+        dtype=dtype,
     )
-    scene = jt.Scene((body,), dtype=dtype)
     solution = jt.simulate(
         scene, 10.0, save_at=[0.0, 10.0], solver=jt.ForwardEuler(dt=0.1)
     )
     surface = np.asarray(solution.surface_temperature)
-    np.testing.assert_array_equal(surface[0], surface[1])
+    assert_array_equal(surface[0], surface[1])
     assert len(np.unique(surface)) == 3
     assert solution.run.stable_step == np.inf
 

@@ -2,10 +2,10 @@
 
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
@@ -22,7 +22,9 @@ from jaxthermo.reference.view_factor import (
 )
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.voxels.voxelize import voxelize
-from tests.radiating import UPRIGHT, in_patches, moved, surface_of, whole
+from tests.bodies import single_body_scene
+from tests.radiating import UPRIGHT, in_patches, moved, room, surface_of, whole
+from tests.slopes import check_gradient
 
 
 def side(patched, axis, sign, first=0):
@@ -58,7 +60,6 @@ def test_perpendicular_plates():
     exact = perpendicular_rectangles(1.0, 2.0, 1.0)
     assert exact == pytest.approx(0.2329, abs=5e-5)
     factor = from_floor_to_wall(views, bodies)
-    print("F", factor, "error", factor / exact - 1, sampling)
     assert factor == pytest.approx(exact, rel=0.01)
     assert sampling.error <= 0.01 and sampling.directions <= 4096
 
@@ -71,26 +72,15 @@ def test_the_estimate_holds_however_plates_are_turned(seed):
     views, sampling = refined_view_factors(bodies, 0.01)
     exact = perpendicular_rectangles(1.0, 2.0, 1.0)
     error = from_floor_to_wall(views, bodies) / exact - 1
-    print("error", error, sampling)
     # The estimate bounds the error itself: no factor of safety is missing.
     assert abs(error) <= sampling.error <= 0.01
     assert sampling.directions < 4096
 
 
-@pytest.fixture(scope="module")
-def room():
-    """A closed cubic room of 1 m in one body."""
-    inner = jt.shapes.box((1.0, 1.0, 1.0))
-    outer = jt.shapes.box((1.4, 1.4, 1.4))
-    faces = np.concatenate([outer.faces, inner.faces[:, ::-1] + len(outer.vertices)])
-    mesh = jt.Mesh(np.concatenate([outer.vertices, inner.vertices]), faces, "room")
-    return voxelize(mesh, 0.1)
-
-
 @pytest.mark.slow
-def test_the_walls_of_a_closed_room(room):
+def test_the_walls_of_a_closed_room():
     """One concave body alone: parallel and perpendicular squares, and nothing else."""
-    body = in_patches(room, 200)
+    body = in_patches(voxelize(room(1.0, 1.4), 0.1), 200)
     views, sampling = refined_view_factors((body,), 0.01)
     inside = np.abs(body.patches.centre).max(1) < 0.6
     assert views.outside[inside].sum() == 0.0
@@ -102,7 +92,6 @@ def test_the_walls_of_a_closed_room(room):
 
     across = total((0, 1), (0, -1))
     adjacent = total((0, 1), (2, 1))
-    print("across", across, "beside", adjacent, sampling)
     assert across == pytest.approx(parallel_rectangles(1.0, 1.0, 1.0), rel=0.01)
     exact = perpendicular_rectangles(1.0, 1.0, 1.0)
     assert adjacent == pytest.approx(exact, rel=0.01)
@@ -165,8 +154,9 @@ METAL = jt.Material(20.0, density=2000.0, specific_heat=500.0, emissivity=0.8)
 
 def test_the_receipt_has_the_estimate():
     """A convex body alone needs no more than the first directions."""
-    body = jt.Body(jt.FullVolume(CUBE), METAL, temperature=300.0)
-    scene = jt.Scene((body,), (jt.RadiativeExchange(290.0, max_patches=6),))
+    scene = single_body_scene(
+        CUBE, METAL, 300.0, jt.RadiativeExchange(290.0, max_patches=6), dtype="float32"
+    )
     notes = compile_scene(scene).receipt.notes
     (note,) = [note for note in notes if note.startswith("emission")]
     assert note.startswith("emission: view factors from 32 directions, with an ")
@@ -210,11 +200,11 @@ def test_a_convex_body_between_sky_and_ground():
     area = ball.fragment_area
     up = np.bincount(patch, area * (1 + ball.fragment_normal[:, 2]) / 2)
     up /= np.bincount(patch, area)
-    np.testing.assert_allclose(enclosure.from_surroundings, up, rtol=1e-9)
+    assert_allclose(enclosure.from_surroundings, up, rtol=1e-9)
     ground = np.asarray(enclosure.from_ground)
-    np.testing.assert_allclose(ground, 1 - up, rtol=1e-9, atol=1e-12)
+    assert_allclose(ground, 1 - up, rtol=1e-9, atol=1e-12)
     exact = STEFAN_BOLTZMANN * (up * 250.0**4 + (1 - up) * 350.0**4 - 300.0**4)
-    np.testing.assert_allclose(net_flux(term, surface), exact[patch], rtol=1e-7)
+    assert_allclose(net_flux(term, surface), exact[patch], rtol=1e-7)
 
 
 def test_one_temperature_everywhere_is_at_rest():
@@ -224,7 +214,7 @@ def test_one_temperature_everywhere_is_at_rest():
     assert np.abs(net_flux(same, lower, upper)).max() < 1e-9
     plain = jt.RadiativeExchange(280.0, max_patches=24, directions=8)
     split = jt.RadiativeExchange(280.0, ground=280.0, max_patches=24, directions=8)
-    np.testing.assert_allclose(
+    assert_allclose(
         net_flux(split, lower, upper), net_flux(plain, lower, upper), rtol=1e-10
     )
 
@@ -257,7 +247,8 @@ def test_gradients_by_sky_and_ground():
         area=area, between=factor, outside=area - factor.sum(1), visible=visible
     )
 
-    def heat(sky, ground):
+    def heat(temperatures):
+        sky, ground = temperatures
         enclosure = _enclosure(
             views,
             patch=np.arange(2),
@@ -271,12 +262,8 @@ def test_gradients_by_sky_and_ground():
         )
         return enclosure.net(jnp.asarray(0.0), jnp.array([10.0, -5.0])) @ np.ones(2)
 
-    value_and_slopes = jax.jit(jax.value_and_grad(heat, argnums=(0, 1)))
     at = np.array([260.0, 310.0])
-    slopes = value_and_slopes(*at)[1]
-    for slope, step in zip(slopes, 1e-2 * np.eye(2), strict=True):
-        ends = [value_and_slopes(*(at + sign * step))[0] for sign in (1, -1)]
-        assert float(slope) == pytest.approx(float(ends[0] - ends[1]) / 2e-2, rel=1e-6)
+    _, slopes = check_gradient(heat, at, step=1e-2, rtol=1e-6)(at)
     assert float(slopes[0]) > 0 and float(slopes[1]) > 0
 
 

@@ -4,13 +4,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from jaxthermo.errors import InputError
 from jaxthermo.physics.heat_source import HeatSource, VolumeBinding
 from jaxthermo.physics.surface import Omitted
 from jaxthermo.voxels.selection import Everything, FragmentMask, Region, Side
-from tests.bodies import bar, blocks, depth, on_top
+from tests.bodies import bar, blocks, depth, on_top, single_body_scene
 
 
 PITCH = 0.01
@@ -89,7 +90,7 @@ def test_everything_is_the_volume_of_the_nodes(grid):
     for structure_name in ("full", "octree", "aggregate", "core"):
         structure = STRUCTURES[structure_name](grid)
         share = _bound(HeatSource(1.0), structure).volume
-        np.testing.assert_allclose(share, structure.nodes().volume, rtol=1e-12)
+        assert_allclose(share, structure.nodes().volume, rtol=1e-12)
 
 
 def test_what_does_nothing_is_left_out(grid):
@@ -108,15 +109,12 @@ def test_an_insulated_body_warms_at_q_over_rho_c(grid):
     material = jt.Material(16.0, density=8e3, specific_heat=500.0)
     kelvin = 300.0
     for structure_name in ("full", "octree"):
-        body = jt.Body(
-            STRUCTURES[structure_name](grid),
-            material,
-            temperature=kelvin,
+        scene = single_body_scene(
+            STRUCTURES[structure_name](grid), material, kelvin, HeatSource(density)
         )
-        scene = jt.Scene((body,), (HeatSource(density),), dtype="float64")
         solution = jt.simulate(scene, 20.0, [10.0, 20.0], solver=jt.ForwardEuler())
         exact = kelvin + density / (8e3 * 500.0) * np.array([10.0, 20.0])
-        np.testing.assert_allclose(solution.mean_temperature[:, 0], exact, rtol=1e-13)
+        assert_allclose(solution.mean_temperature[:, 0], exact, rtol=1e-13)
         assert float(np.ptp(solution.surface_temperature[-1])) < 1e-10
         total = density * grid.solid_count * grid.voxel_volume * 20.0
         assert float(solution.energy.mechanisms["heat_source"][-1]) == pytest.approx(
@@ -133,19 +131,18 @@ def test_a_slab_with_cold_faces_has_a_parabola():
     q = 2e6
     cold = 300.0
     line = bar(cells, pitch)
-    body = jt.Body(jt.FullVolume(line), jt.Material(k, 1e3, 1e2), temperature=cold)
     ends = [
         jt.FixedTemperature(cold, on=jt.Side(normal=(sign, 0.0, 0.0)))
         for sign in (-1.0, 1.0)
     ]
-    scene = jt.Scene((body,), (HeatSource(q), *ends), dtype="float64")
+    scene = single_body_scene(
+        line, jt.Material(k, 1e3, 1e2), cold, HeatSource(q), *ends
+    )
     solution = jt.simulate(scene, 60.0, solver=jt.ForwardEuler())
     x = depth(line)
     length = cells * pitch
     exact = cold + q / (2 * k) * (length * x - x**2) + q * pitch**2 / (8 * k)
-    np.testing.assert_allclose(
-        solution.surface_temperature[-1][on_top(line)], exact, rtol=1e-9
-    )
+    assert_allclose(solution.surface_temperature[-1][on_top(line)], exact, rtol=1e-9)
 
 
 def test_functions_of_time_are_kept(grid):

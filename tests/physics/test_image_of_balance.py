@@ -6,11 +6,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN as SIGMA
 from jaxthermo.image.surface.view import compute_view
 from tests.imaging import apparent, at_start, block, metal, on_body, radiosity
+from tests.radiating import room
 
 
 def seen_radiosity(solution):
@@ -71,7 +73,7 @@ def test_power_that_leaves_the_surface_is_that_of_the_ledger(name):
     leaving = radiosity(solution)
     seen, fragment = seen_radiosity(solution)
     assert len(set(fragment)) > 20
-    np.testing.assert_allclose(seen, leaving[fragment], rtol=1e-12)
+    assert_allclose(seen, leaving[fragment], rtol=1e-12)
     net = leaving - sum(irradiation(solution))
     first = 0
     for number, surface in enumerate(solution.surfaces):
@@ -92,8 +94,8 @@ def test_a_grey_sphere_reflects_the_surroundings_of_the_exchange():
     image = jt.render(solution, FRONT, band=None)
     expected = (0.5 * (320.0**4 + 250.0**4)) ** 0.25
     assert expected == pytest.approx(291.2546, abs=1e-4)
-    np.testing.assert_allclose(apparent(image)[on_body(image)], expected, atol=1e-3)
-    np.testing.assert_allclose(apparent(image)[~on_body(image)], 250.0, atol=1e-3)
+    assert_allclose(apparent(image)[on_body(image)], expected, atol=1e-3)
+    assert_allclose(apparent(image)[~on_body(image)], 250.0, atol=1e-3)
 
 
 def test_a_sphere_between_sky_and_ground():
@@ -110,7 +112,7 @@ def test_a_sphere_between_sky_and_ground():
 
     normal = body.structure.grid.fragment_normal
     exact = SIGMA * closed_form(normal[:, 2])
-    np.testing.assert_allclose(radiosity(solution), exact, rtol=1e-12)
+    assert_allclose(radiosity(solution), exact, rtol=1e-12)
     # On the image, the normal of the sphere itself at the point that a pixel shows.
     image = jt.render(solution, FRONT, band=None)
     visible = on_body(image)
@@ -122,8 +124,8 @@ def test_a_sphere_between_sky_and_ground():
     assert np.sqrt((error**2).mean()) < 0.5 and np.abs(error).max() < 2.0
     # The background is the scene's: the camera looks along the horizon.
     behind = apparent(image)
-    np.testing.assert_allclose(behind[0, 0], sky, atol=1e-3)
-    np.testing.assert_allclose(behind[-1, 0], ground, atol=1e-3)
+    assert_allclose(behind[0, 0], sky, atol=1e-3)
+    assert_allclose(behind[-1, 0], ground, atol=1e-3)
 
 
 def test_a_block_in_exchange_with_sky_and_ground():
@@ -137,19 +139,12 @@ def test_a_block_in_exchange_with_sky_and_ground():
     up = body.structure.grid.fragment_normal[:, 2]
     back = (1 + up) / 2 * sky**4 + (1 - up) / 2 * ground**4
     exact = SIGMA * 0.5 * (kelvin**4 + back)
-    np.testing.assert_allclose(radiosity(solution), exact, rtol=1e-9)
+    assert_allclose(radiosity(solution), exact, rtol=1e-9)
     image = jt.render(solution, FRONT, band=None)
     side = (0.5 * kelvin**4 + 0.25 * (sky**4 + ground**4)) ** 0.25
-    np.testing.assert_allclose(apparent(image)[20, 20], side, atol=1e-6)
-    np.testing.assert_allclose(apparent(image)[0, 0], sky, atol=1e-6)
-    np.testing.assert_allclose(apparent(image)[-1, 0], ground, atol=1e-6)
-
-
-def hollow_box(outer, inner):
-    shells = [jt.shapes.box((size,) * 3) for size in (outer, inner)]
-    vertices = np.concatenate([shell.vertices for shell in shells])
-    inside = shells[1].faces[:, ::-1] + len(shells[0].vertices)
-    return jt.Mesh(vertices, np.concatenate([shells[0].faces, inside]))
+    assert_allclose(apparent(image)[20, 20], side, atol=1e-6)
+    assert_allclose(apparent(image)[0, 0], sky, atol=1e-6)
+    assert_allclose(apparent(image)[-1, 0], ground, atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -164,7 +159,7 @@ def hollow_box(outer, inner):
 )
 def test_an_isothermal_enclosure_shows_its_temperature(name, emissivity):
     """Seen from inside, through its own exchange, with other surroundings outside."""
-    grid = jt.voxelize(hollow_box(0.12, 0.08), 0.01)
+    grid = jt.voxelize(room(0.08, 0.12), 0.01)
     body = jt.Body(jt.FullVolume(grid), metal(emissivity), temperature=350.0)
     outside = {
         "exchange": (EXCHANGES["exchange"], LIGHTS[0]),
@@ -176,7 +171,7 @@ def test_an_isothermal_enclosure_shows_its_temperature(name, emissivity):
     )
     image = jt.render(solution, inside, band=None)
     assert on_body(image).all()
-    np.testing.assert_allclose(apparent(image), 350.0, atol=1e-3)
+    assert_allclose(apparent(image), 350.0, atol=1e-3)
 
 
 @pytest.mark.slow
@@ -189,7 +184,7 @@ def test_isothermal_surroundings_hide_a_body(name):
     neighbour = block((0.02, 0.02, 0.02), 300.0, metal(0.1), at=(0.1, 0.0, 0.0))
     bodies = ball(300.0, 0.5), neighbour
     image = jt.render(at_start(bodies, term), FRONT, band=None)
-    np.testing.assert_allclose(apparent(image), 300.0, atol=1e-3)
+    assert_allclose(apparent(image), 300.0, atol=1e-3)
 
 
 def _facing_plates(n, side, gap, emissivities, kelvins, around):
@@ -243,8 +238,8 @@ def test_without_radiation_a_surface_shows_its_own_temperature():
     """What is not in the heat balance is not in the image; the air is behind it."""
     image = jt.render(at_start((BALL,), jt.Convection(10.0, 280.0)), FRONT, band=None)
     visible = on_body(image)
-    np.testing.assert_allclose(apparent(image)[visible], 320.0, atol=1e-9)
-    np.testing.assert_allclose(apparent(image)[~visible], 280.0, atol=1e-9)
+    assert_allclose(apparent(image)[visible], 320.0, atol=1e-9)
+    assert_allclose(apparent(image)[~visible], 280.0, atol=1e-9)
 
 
 def test_what_a_surface_held_at_a_temperature_reflects():
@@ -252,7 +247,7 @@ def test_what_a_surface_held_at_a_temperature_reflects():
     body = block((0.04, 0.04, 0.04), 300.0, metal(0.4))
     leaving = radiosity(at_start((body,), held, jt.Surroundings(250.0)))
     expected = 0.4 * SIGMA * 300.0**4 + 0.6 * SIGMA * 250.0**4
-    np.testing.assert_allclose(leaving, expected, rtol=1e-12)
+    assert_allclose(leaving, expected, rtol=1e-12)
 
 
 @pytest.mark.slow

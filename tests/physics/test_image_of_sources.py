@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN as SIGMA
@@ -20,7 +21,7 @@ def test_a_surface_without_absorption_reflects_all():
     )
     normal = body.structure.grid.fragment_normal
     expected = SIGMA * 250.0**4 + 500.0 * np.maximum(normal[:, 0], 0)
-    np.testing.assert_allclose(radiosity(solution), expected, rtol=1e-12)
+    assert_allclose(radiosity(solution), expected, rtol=1e-12)
 
 
 def test_sources_are_seen_where_nothing_hides_them():
@@ -44,13 +45,13 @@ def test_sources_are_seen_where_nothing_hides_them():
     lit = np.abs(radiance / 90.0 - 1) < 1e-6
     # Pixels of 5 mm: the panel has 16 x 8 of them, the lamp's disc pi 4^2.
     assert lit.sum() == 16 * 8 and lit[6:14, 22:38].all()
-    np.testing.assert_allclose(depth[lit], 0.5, rtol=1e-6)
+    assert_allclose(depth[lit], 0.5, rtol=1e-6)
     disc = np.abs(radiance / (0.02 / (np.pi * 0.02**2)) - 1) < 1e-5
     assert disc.sum() == pytest.approx(np.pi * 16, abs=4) and disc[30, 50]
     # The second lamp is behind the block, and the sun outside of parallel rays.
     assert np.asarray(image.object_id)[30, 30] == 0
     background = ~lit & ~disc & (np.asarray(image.object_id) < 0)
-    np.testing.assert_allclose(radiance[background], sky, rtol=1e-5)
+    assert_allclose(radiance[background], sky, rtol=1e-5)
     # Past the block to the sun, 32 minutes of arc wide: its disc sends the irradiance.
     at_sun = jt.Camera(
         (0.074, -0.39, 0.0),
@@ -92,7 +93,7 @@ def test_a_source_that_ends_at_a_saved_time_is_seen_there(dtype):
     solver = jt.ForwardEuler(dt=0.05)
     solution = jt.simulate(scene, 0.35, [0.25, 0.3, 0.35], solver=solver)
     sources = [np.asarray(solution.reflected_sources(k)) for k in (-3, -2, -1)]
-    np.testing.assert_array_equal(sources[0], sources[1])
+    assert_array_equal(sources[0], sources[1])
     assert sources[0].any() and not sources[2].any()
     camera = jt.OrthographicCamera(
         (0.0, -0.5, 0.0), (0.02, 0.0, 0.0), 0.1, width=20, height=20
@@ -134,6 +135,6 @@ def test_a_radiation_of_the_user_heats_and_is_seen():
     solution = jt.simulate(scene, dt, solver=jt.ForwardEuler(dt=dt))
     grid = body.structure.grid
     lit = 600.0 * (1 + grid.fragment_normal[:, 2]) / 2
-    np.testing.assert_allclose(solution.reflected(-1), 0.7 * lit, rtol=1e-12)
+    assert_allclose(solution.reflected(-1), 0.7 * lit, rtol=1e-12)
     heat = solution.energy.mechanisms["glow"][-1]
     assert float(heat) == pytest.approx(dt * 0.3 * grid.fragment_area @ lit, rel=1e-12)

@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 import jaxthermo as jt
 from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.run.segments import begin_run, finish_run, run_segments
 from jaxthermo.scene.motion import Motion, PoseTable
+from tests.bodies import single_body_scene
 
 
 METAL = jt.Material(200.0, density=2000.0, specific_heat=500.0, emissivity=0.5)
@@ -36,7 +38,7 @@ def solution(scene):
 
 def test_heat_flows_from_when_they_meet(scene, solution):
     swapped = np.asarray(solution.energy.contacts["contact 0-1"])
-    np.testing.assert_array_equal(swapped[:2], 0.0)
+    assert_array_equal(swapped[:2], 0.0)
     assert swapped[2] < -1.0
     assert solution.receipt.snapshots == 3
     # From then on it is the run of two that touch from the start.
@@ -48,9 +50,7 @@ def test_heat_flows_from_when_they_meet(scene, solution):
         scene.terms, dtype="float64",
     )  # fmt: skip
     alone = jt.simulate(touching, 10.0, solver=jt.ForwardEuler())
-    np.testing.assert_allclose(
-        solution.mean_temperature[2], alone.mean_temperature[0], rtol=1e-9
-    )
+    assert_allclose(solution.mean_temperature[2], alone.mean_temperature[0], rtol=1e-9)
     assert np.abs(solution.energy.residual_relative).max() < 1e-12
 
 
@@ -58,7 +58,7 @@ def test_segments_follow_the_motion(scene, solution):
     todo = plan_run(scene, t1=20.0, save_at=SAVES, solver=jt.ForwardEuler())
     *_, progress = run_segments(todo, begin_run(todo))
     surface = finish_run(todo, progress).surface_temperature
-    np.testing.assert_array_equal(surface, solution.surface_temperature)
+    assert_array_equal(surface, solution.surface_temperature)
 
 
 @pytest.mark.slow
@@ -71,12 +71,10 @@ def test_a_sun_that_travels_brings_what_the_angles_say():
         return (float(np.sin(angle)), 0.0, -float(np.cos(angle)))
 
     plate = jt.voxelize(jt.shapes.box((0.06, 0.06, 0.01)), 0.01)
-    body = jt.Body(jt.FullVolume(plate), METAL, temperature=300.0)
-    only_top = jt.Scene((body,), (jt.Sun(direction, 1000.0),), dtype="float64")
+    only_top = single_body_scene(plate, METAL, 300.0, jt.Sun(direction, 1000.0))
     heat = jt.simulate(only_top, half_day, [half_day]).energy.mechanisms["sun"][0]
     # The top takes the cosine, the four edges' lit one the sine.
     area = 0.06 * 0.06
     edge = 0.06 * 0.01
     exact = 0.5 * 1000.0 * half_day * 2 / np.pi * (area + edge)
-    print("travelling sun", float(heat), "exact", exact)
     assert float(heat) == pytest.approx(exact, rel=2e-4)

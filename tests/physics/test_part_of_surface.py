@@ -6,12 +6,13 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 import jaxthermo as jt
 from jaxthermo.integrate.heat_rates import evaluate_rates
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.compile.program import Compiled
-from tests.radiating import surface_of, whole
+from tests.radiating import room, surface_of, whole
 
 
 RATES = eqx.filter_jit(evaluate_rates)
@@ -50,9 +51,7 @@ def test_two_parts_are_the_whole(make):
         assert first.any() and not first[~selected].any() and not second.any()
         assert not upper.acting[len(selected) :].any()
         half, nothing = np.split(np.asarray(everywhere.effective_area), 2)
-        np.testing.assert_array_equal(
-            first + np.split(lower.effective_area, 2)[0], half
-        )
+        assert_array_equal(first + np.split(lower.effective_area, 2)[0], half)
         assert nothing.any()
     assert [binding for binding in on_upper if isinstance(binding, jt.Omitted)] == [
         jt.Omitted("`on` is on another body", 1)
@@ -88,7 +87,7 @@ def test_parts_have_surroundings_of_their_own():
         sigma * area[~selected].sum() * (300.0**4 - 400.0**4),
     ]
     assert acting.names == ("emission", "emission#2")
-    np.testing.assert_allclose(rates, exact, rtol=1e-6)
+    assert_allclose(rates, exact, rtol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -122,14 +121,13 @@ def test_no_surface_emits_twice(terms, message):
 @pytest.mark.slow
 def test_what_takes_no_part_in_the_exchange_reflects():
     """In a reflecting room a body receives what it emits, whatever is outside."""
-    room = jt.voxelize(_room(0.06, 0.08), 0.01)
+    around = jt.voxelize(room(0.06, 0.08), 0.01)
     ball = jt.voxelize(jt.shapes.box((0.02, 0.02, 0.02)), 0.01)
-    surface = whole(surface_of(ball), surface_of(room, body=1))
+    surface = whole(surface_of(ball), surface_of(around, body=1))
     # The ball at 400 K in a room of 250 K.
     kelvin = np.repeat([400.0, 250.0], surface.counts)
     alone = replace(EXCHANGE, on=jt.Everything(0))
     with_room, only = (_received(term, surface, kelvin) for term in (EXCHANGE, alone))
-    print("without and with the room", only, with_room)
     assert with_room[0] < -1.0 and with_room[1] > 0.0
     assert only[1] == 0.0
     # A perfect mirror is replaced by an absorptivity of 1e-6.
@@ -142,15 +140,6 @@ def _received(term, surface, kelvin) -> list[float]:
     net = term.enclosure(surface)[0].net(jnp.zeros(()), jnp.asarray(kelvin - 300.0))
     heat = surface.apart(binding.effective_area * np.asarray(net))
     return [float(rates.sum()) for rates in heat]
-
-
-def _room(inner: float, outer: float) -> jt.Mesh:
-    hole, block = (jt.shapes.box((edge, edge, edge)) for edge in (inner, outer))
-    return jt.Mesh(
-        np.concatenate([block.vertices, hole.vertices]),
-        np.concatenate([block.faces, hole.faces[:, ::-1] + len(block.vertices)]),
-        "room",
-    )
 
 
 PLATE = jt.voxelize(jt.shapes.box((0.02, 0.06, 0.06)), 0.02)
@@ -182,7 +171,6 @@ def test_a_surface_of_fixed_temperature_radiates_like_any_other():
     above = jnp.asarray(np.repeat([300.0, 0.0], len(area)))
     net = np.asarray(enclosure.net(jnp.zeros(()), above)).reshape(2, -1)
     exact = 0.8 * net @ area
-    print("found", rates, "exact", exact)
     emitted = [rates["emission", number] for number in (0, 1)]
     # Body 1 is a metal, whose surface is at the temperature of its nodes to 1e-4.
     assert emitted == pytest.approx(exact, rel=1e-3)

@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from jaxthermo.arrays import is_traced
 from jaxthermo.constants import STEFAN_BOLTZMANN
@@ -45,40 +46,36 @@ def lost_by(factor, area, emissivity, kelvin):
     return -area * flux_of(exchange, emissivity, jnp.asarray(kelvin - 300.0))
 
 
-def test_v24_endless_plates():
-    factor = np.array([[0.0, 1.0], [1.0, 0.0]])
-    area = np.ones(2)
+SPHERES = between_spheres(
+    0.05, outer=0.1, hot=400.0, cold=300.0, emissivity_inner=0.8, emissivity_outer=0.5
+)
+PLATES = between_plates(400.0, cold=300.0, emissivity_hot=0.8, emissivity_cold=0.5)
+FACING = np.array([[0.0, 1.0], [1.0, 0.0]])
+SHARE = (0.05 / 0.1) ** 2
+
+
+@pytest.mark.parametrize(
+    ("factor", "area", "exact", "listed"),
+    [
+        (FACING, np.ones(2), PLATES, 441.0291215),
+        (
+            np.array([[0.0, 1.0], [SHARE, 1 - SHARE]]),
+            4 * np.pi * np.array([0.05, 0.1]) ** 2,
+            SPHERES,
+            20.78300772,
+        ),
+    ],
+    ids=["endless plates", "concentric spheres"],
+)
+def test_v24(factor, area, exact, listed):
     lost = lost_by(
         factor,
         area=area,
         emissivity=np.array([0.8, 0.5]),
         kelvin=np.array([400.0, 300.0]),
     )
-    exact = between_plates(400.0, cold=300.0, emissivity_hot=0.8, emissivity_cold=0.5)
-    assert exact == pytest.approx(441.0291215, rel=1e-9)
-    np.testing.assert_allclose(lost, [exact, -exact], rtol=1e-12)
-
-
-def test_v24_concentric_spheres():
-    share = (0.05 / 0.1) ** 2
-    factor = np.array([[0.0, 1.0], [share, 1 - share]])
-    area = 4 * np.pi * np.array([0.05, 0.1]) ** 2
-    lost = lost_by(
-        factor,
-        area=area,
-        emissivity=np.array([0.8, 0.5]),
-        kelvin=np.array([400.0, 300.0]),
-    )
-    exact = between_spheres(
-        0.05,
-        outer=0.1,
-        hot=400.0,
-        cold=300.0,
-        emissivity_inner=0.8,
-        emissivity_outer=0.5,
-    )
-    assert exact == pytest.approx(20.78300772, rel=1e-9)
-    np.testing.assert_allclose(lost, [exact, -exact], rtol=1e-12)
+    assert exact == pytest.approx(listed, rel=1e-9)
+    assert_allclose(lost, [exact, -exact], rtol=1e-12)
 
 
 @pytest.mark.slow
@@ -97,27 +94,16 @@ def test_v24_concentric_spheres_of_voxels():
     theta, grey = (np.repeat(v, (n, outer_count)) for v in ([100.0, 0.0], [0.8, 0.5]))
     flux = np.asarray(flux_of(exchange, grey, jnp.asarray(theta)))
     lost = -flux[:n] @ inner.fragment_area
-    exact = between_spheres(
-        0.05,
-        outer=0.1,
-        hot=400.0,
-        cold=300.0,
-        emissivity_inner=0.8,
-        emissivity_outer=0.5,
-    )
-    print("V24 spheres of voxels, error", lost / exact - 1)
-    assert lost == pytest.approx(exact, rel=0.01)
+    assert lost == pytest.approx(SPHERES, rel=0.01)
     gained = flux[n:] @ outer.fragment_area
     assert gained == pytest.approx(lost, rel=1e-12)
 
 
 def test_mirrors_exchange_nothing():
-    factor = np.array([[0.0, 1.0], [1.0, 0.0]])
-    area = np.ones(2)
     mirrors = lost_by(
-        factor, area=area, emissivity=np.zeros(2), kelvin=np.array([400.0, 300.0])
+        FACING, area=np.ones(2), emissivity=np.zeros(2), kelvin=np.array([400.0, 300.0])
     )
-    np.testing.assert_array_equal(mirrors, 0.0)
+    assert_array_equal(mirrors, 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -185,7 +171,7 @@ def test_equal_temperatures_exchange_nothing(scene):
         theta = jnp.full(len(scene[2]), kelvin, jnp.float32)
         flux = np.asarray(flux_of(exchange, np.float32(0.6), theta))
         scale = 0.6 * STEFAN_BOLTZMANN * ((300.0 + kelvin) ** 4 - 300.0**4)
-        np.testing.assert_allclose(flux, 0.0, atol=2e-6 * scale)
+        assert_allclose(flux, 0.0, atol=2e-6 * scale)
 
 
 def test_a_convex_body_alone_emits_to_the_surroundings():
@@ -195,7 +181,7 @@ def test_a_convex_body_alone_emits_to_the_surroundings():
     theta = np.random.default_rng(0).uniform(0.0, 50.0, len(ball.fragment_area))
     flux = flux_of(exchange, 0.7, jnp.asarray(theta))
     exact = 0.7 * STEFAN_BOLTZMANN * (280.0**4 - (300.0 + theta) ** 4)
-    np.testing.assert_allclose(flux, exact, rtol=1e-9)
+    assert_allclose(flux, exact, rtol=1e-9)
 
 
 def test_a_millikelvin_in_float32(scene):
@@ -203,7 +189,7 @@ def test_a_millikelvin_in_float32(scene):
     theta = jnp.zeros(count, jnp.float32).at[: count // 2].set(1e-3)
     flux = np.asarray(flux_of(made(scene, 1.0, "float32"), np.float32(1), theta), float)
     wide = flux_of(made(scene, 1.0), 1.0, jnp.asarray(theta, float))
-    np.testing.assert_allclose(flux, np.asarray(wide), rtol=1e-5, atol=1e-9)
+    assert_allclose(flux, np.asarray(wide), rtol=1e-5, atol=1e-9)
 
 
 def test_agrees_with_the_plain_radiosity_equations(scene):
@@ -219,7 +205,7 @@ def test_agrees_with_the_plain_radiosity_equations(scene):
     radiosity = np.linalg.solve(reflecting, emitted + (1 - grey) * sky)
     lost = views.area * (emitted - grey * (views.factor @ radiosity + sky))
     rates = np.bincount(patch, np.asarray(flux) * area)
-    np.testing.assert_allclose(rates, -lost, rtol=1e-9, atol=1e-12)
+    assert_allclose(rates, -lost, rtol=1e-9, atol=1e-12)
 
 
 def test_gradients(scene):
@@ -262,11 +248,11 @@ def test_it_is_a_module_that_jit_takes(scene):
     exchange = made(scene, 0.6)
     theta = jnp.asarray(theta_of(scene))
     jitted = eqx.filter_jit(flux_of)(exchange, 0.6, theta)
-    np.testing.assert_allclose(jitted, flux_of(exchange, 0.6, theta), rtol=1e-10)
+    assert_allclose(jitted, flux_of(exchange, 0.6, theta), rtol=1e-10)
 
 
 def test_emissivity_zero_leaves_nothing_singular():
-    exchange = of_patches(np.array([[0.0, 1.0], [1.0, 0.0]]), np.ones(2), np.zeros(2))
+    exchange = of_patches(FACING, np.ones(2), np.zeros(2))
     # Not multiplied by the emissivity: irradiation less emission itself is finite.
     net = np.asarray(flux_of(exchange, 1.0, jnp.asarray([50.0, 0.0])))
     flux = 1e-6 * net

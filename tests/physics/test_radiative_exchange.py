@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from jaxthermo.reference.view_factor import parallel_rectangles
@@ -41,7 +42,6 @@ def test_what_a_hot_plate_sends_a_cold_one_gets():
     def rise(run):
         return float(run.mean_temperature[0, 1]) - 300.0
 
-    print("rise near", rise(near), "far", rise(far))
     assert rise(near) > 20 * rise(far) > 0
     for run in (near, far):
         assert np.abs(run.energy.residual_relative).max() < 1e-12
@@ -58,9 +58,7 @@ def test_a_convex_body_sees_only_its_surroundings():
 
     alone = run(jt.RadiativeExchange(290.0))
     plain = run(jt.Surroundings(290.0))
-    np.testing.assert_allclose(
-        alone.surface_temperature, plain.surface_temperature, rtol=1e-7
-    )
+    assert_allclose(alone.surface_temperature, plain.surface_temperature, rtol=1e-7)
     assert float(plain.mean_temperature[0, 0]) < 399.9
 
 
@@ -72,7 +70,7 @@ def test_where_all_is_at_one_temperature_nothing_flows():
         20.0,
         solver=jt.ForwardEuler(),
     )
-    np.testing.assert_allclose(run.surface_temperature, 350.0, atol=1e-9)
+    assert_allclose(run.surface_temperature, 350.0, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -95,6 +93,5 @@ def test_the_first_heat_between_two_squares_is_that_of_their_view_factor(dtype):
     factor = parallel_rectangles(width, width, GAP)
     exact = 5.670374419e-8 * hot**4 * width * width * factor * end
     got = float(energy.bodies[1].mechanisms["emission"][0])
-    print("two squares", got, "exact", exact)
     # The edges of the plates see each other's too, by a little.
     assert got == pytest.approx(exact, rel=0.05)

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from jaxthermo.reference.semi_infinite import surface_flux, surface_step
-from tests.bodies import bar, depth, on_top
+from tests.bodies import bar, depth, on_top, single_body_scene
 
 
 CONDUCTIVITY = 45.0
@@ -26,9 +27,8 @@ def fine_bar():
 def prescribed():
     """V01 at 20.6 cells per diffusion length, x = 1 cm on a node."""
     grid = bar(165, 0.01 / 7.5)
-    body = jt.Body(jt.FullVolume(grid), STEEL, temperature=START)
     term = jt.FixedTemperature(HELD, on=HOT_END)
-    scene = jt.Scene((body,), (term,), dtype="float64")
+    scene = single_body_scene(grid, STEEL, START, term)
     return grid, jt.simulate(scene, 60.0)
 
 
@@ -38,7 +38,6 @@ def test_prescribed_surface_everywhere_within_a_thousandth_of_the_step(prescribe
     exact = surface_step(
         depth(grid), 60.0, initial=START, surface=HELD, diffusivity=STEEL.diffusivity
     )
-    print("V01 largest error", np.abs(temperature - exact).max(), "K")
     assert np.abs(temperature - exact).max() < 1e-3 * (HELD - START)
 
 
@@ -47,13 +46,11 @@ def test_prescribed_surface_at_one_centimetre(prescribed):
     node = on_top(grid)[7]
     assert depth(grid)[7] == pytest.approx(0.01)
     celsius = float(solution.surface_temperature[0, node]) - 273.15
-    print("V01 T(1 cm, 60 s)", celsius)
     assert celsius == pytest.approx(83.726865, abs=0.08)
 
 
 def _with_flux(grid, material, start, times):
-    body = jt.Body(jt.FullVolume(grid), material, temperature=start)
-    scene = jt.Scene((body,), (jt.HeatFlux(3.2e5, on=HOT_END),), dtype="float64")
+    scene = single_body_scene(grid, material, start, jt.HeatFlux(3.2e5, on=HOT_END))
     solution = jt.simulate(scene, times[-1], save_at=times)
     return np.asarray(solution.surface_temperature)[:, on_top(grid)]
 
@@ -72,15 +69,13 @@ def test_heated_first_node_is_at_half_a_cell(fine_bar, heated):
         conductivity=CONDUCTIVITY,
         diffusivity=STEEL.diffusivity,
     )
-    print("V02 errors at the first node", heated[:, 0] - exact, "K")
     assert np.abs(heated[:, 0] - exact).max() < 0.2
 
 
 def test_heated_surface_half_a_cell_further_out(fine_bar, heated):
     half_cell = 3.2e5 * fine_bar.pitch / (2 * 45.0)
     surface = heated[:, 0] + half_cell - 273.15
-    print("V02 surface", surface, "C")
-    np.testing.assert_allclose(surface, [48.416629, 109.86127, 240.11426], atol=0.2)
+    assert_allclose(surface, [48.416629, 109.86127, 240.11426], atol=0.2)
 
 
 def test_holman_4_2(fine_bar):
@@ -92,5 +87,4 @@ def test_holman_4_2(fine_bar):
         - 273.15
     )
     assert depth(fine_bar)[37] == pytest.approx(0.025)
-    print("Holman 4.2", celsius)
     assert celsius == pytest.approx(79.313554, abs=0.02)

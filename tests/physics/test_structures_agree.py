@@ -4,10 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from jaxthermo.reference.slab import slab_convection
-from tests.bodies import blocks
+from tests.bodies import blocks, single_body_scene
 
 
 pytestmark = pytest.mark.slow
@@ -42,9 +43,14 @@ def grid():
 
 def _absorbed(structure, dtype="float64"):
     """Heat from a sun that also casts shadows, alone and together with the air."""
-    body = jt.Body(structure, METAL, temperature=300.0)
-    terms = (jt.Sun((-1.0, -0.3, -0.5), 900.0), jt.Convection(8.0, 290.0))
-    scene = jt.Scene((body,), terms, dtype=dtype)
+    scene = single_body_scene(
+        structure,
+        METAL,
+        300.0,
+        jt.Sun((-1.0, -0.3, -0.5), 900.0),
+        jt.Convection(8.0, 290.0),
+        dtype=dtype,
+    )
     solution = jt.simulate(scene, 6.0, solver=jt.ForwardEuler(0.5))
     mechanisms = solution.energy.mechanisms
     assert abs(float(solution.energy.residual_relative[0])) < 1e-11
@@ -70,17 +76,16 @@ def test_a_hot_spot_evens_out_to_the_same_mean(grid, structure_name):
     flux = jt.Until(2e4, 5.0)
     spot = jt.Region((-1.0, -1.0, 0.10), (0.03, 0.03, 1.0))
     material = jt.Material(400.0, density=1000.0, specific_heat=400.0)
-    body = jt.Body(structure, material, temperature=300.0)
-    scene = jt.Scene((body,), (jt.HeatFlux(flux, on=spot),), dtype="float64")
+    scene = single_body_scene(structure, material, 300.0, jt.HeatFlux(flux, on=spot))
     solution = jt.simulate(scene, 600.0, [5.0, 600.0])
     area = grid.fragment_area[spot.contains(grid.fragment_position)].sum()
     volume = grid.solid_count * PITCH**3
     rise = 2e4 * 5.0 * area / (4e5 * volume)
     mean = np.asarray(solution.mean_temperature)[:, 0]
-    np.testing.assert_allclose(mean, 300.0 + rise, rtol=1e-12)
+    assert_allclose(mean, 300.0 + rise, rtol=1e-12)
     surface = np.asarray(solution.surface_temperature)
     assert np.ptp(surface[0]) > 1.0
-    np.testing.assert_allclose(surface[1], 300.0 + rise, rtol=0, atol=1e-6 * rise)
+    assert_allclose(surface[1], 300.0 + rise, rtol=0, atol=1e-6 * rise)
 
 
 SOLID = jt.Material(conductivity=1.0, density=1000.0, specific_heat=1000.0)
@@ -99,9 +104,13 @@ def _cooled(make, cells, biot_length, on):
     """Convected at Bi 1 from temperature 1 to 0, up to Fo 0.2."""
     grid = _cube(cells)
     h = SOLID.conductivity / biot_length
-    body = jt.Body(make(grid), SOLID, temperature=1.0)
-    terms = (jt.Convection(h, 0.0, on=on),)
-    scene = jt.Scene((body,), terms, dtype="float64", allow_extreme_temperatures=True)
+    scene = single_body_scene(
+        make(grid),
+        SOLID,
+        1.0,
+        jt.Convection(h, 0.0, on=on),
+        allow_extreme_temperatures=True,
+    )
     end = 0.2 * biot_length**2 / SOLID.diffusivity
     step = (SIZE / cells) ** 2 / (8 * SOLID.diffusivity)
     return grid, jt.simulate(scene, end, solver=jt.ForwardEuler(dt=step))
@@ -143,22 +152,11 @@ def test_slab_at_the_order_of_the_structure(structure_name):
         [_slab_errors(make, cells) for cells in (8, 16, 32)]
     )
     orders = [np.log2(e[:-1] / e[1:]).round(2).tolist() for e in (surface, mean)]
-    print(
-        "V04",
-        structure_name,
-        "surface",
-        surface,
-        "mean",
-        mean,
-        "orders",
-        orders,
-        uneven,
-    )
     assert uneven[-1] < (1e-4 if structure_name == "aggregate" else 2.5e-3)
     assert mean[-1] < 2e-4
     assert mean[0] / mean[-1] > 4**1.9
     if structure_name == "aggregate":
-        np.testing.assert_allclose(orders[0], 2.0, atol=0.2)
+        assert_allclose(orders[0], 2.0, atol=0.2)
 
 
 CUBE = {"face": 0.581445, "corner": 0.266333}
@@ -187,7 +185,6 @@ def test_cube_cooled_on_all_sides(structure_name):
     errors = np.abs(
         [_cube_errors(COARSE[structure_name], cells) for cells in (8, 16, 32)]
     )
-    print("V07", structure_name, "face, corner", errors.tolist())
     assert errors[-1, 0] < (4e-4 if structure_name == "aggregate" else 4.5e-3)
     assert errors[0, 0] / errors[-1, 0] > 2.5
     assert errors[-1, 1] < 0.03
@@ -203,16 +200,13 @@ def test_two_blocks_in_series(structure_name):
     metal = jt.Material(400.0, density=1000.0, specific_heat=10.0)
     steel = jt.Material(16.0, density=1000.0, specific_heat=10.0)
     right = jt.Region((half, -1.0, -1.0), (1.0, 1.0, 1.0))
-    body = jt.Body(
+    scene = single_body_scene(
         COARSE[structure_name](grid),
         jt.MaterialMap(metal, ((right, steel),)),
-        temperature=350.0,
-    )
-    terms = (
+        350.0,
         jt.FixedTemperature(400.0, on=jt.Side((-1.0, 0.0, 0.0))),
         jt.FixedTemperature(300.0, on=jt.Side((1.0, 0.0, 0.0))),
     )
-    scene = jt.Scene((body,), terms, dtype="float64")
     solution = jt.simulate(scene, 40.0, [39.0, 40.0])
     into, out = (
         float(np.diff(solution.energy.mechanisms[name])[0])
@@ -223,4 +217,3 @@ def test_two_blocks_in_series(structure_name):
     assert into == pytest.approx(
         exact, rel=0.04 if structure_name == "octree" else 1e-4
     )
-    print("two blocks", structure_name, into / exact)

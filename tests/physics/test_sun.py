@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.physics.radiation.source import Sun
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.voxels.voxelize import voxelize
+from tests.bodies import single_body_scene
+from tests.radiating import check_terminator, exposure
 
 
 METAL = jt.Material(
@@ -33,11 +36,7 @@ def ball():
 
 
 def _exposure(grid, direction, *obstacles):
-    """On the fragments of `grid`, with other bodies that cast shadows."""
-    triangles = np.concatenate([grid.mesh.triangles, *(m.triangles for m in obstacles)])
-    return Sun(direction, 1.0).exposure(
-        triangles, grid.fragment_position, grid.fragment_normal, grid.pitch
-    )
+    return exposure(grid, Sun(direction, 1.0), *obstacles)
 
 
 def _rays(angle, turn=0.3):
@@ -51,7 +50,7 @@ def _rays(angle, turn=0.3):
 def test_every_fragment_of_a_box_takes_its_cosine(plate, angle):
     rays = _rays(angle)
     cosine = np.maximum(0.0, -plate.fragment_normal @ np.array(rays))
-    np.testing.assert_allclose(_exposure(plate, rays), cosine, atol=1e-15)
+    assert_allclose(_exposure(plate, rays), cosine, atol=1e-15)
 
 
 def test_grazing_rays_bring_nothing(plate):
@@ -91,21 +90,13 @@ def test_turning_the_body_is_turning_the_sun(plate):
 def test_sphere_absorbs_its_disc(ball, rays):
     absorbed = (_exposure(ball, rays) * ball.fragment_area).sum()
     error = absorbed / (np.pi * 0.2**2) - 1
-    print("C04 sphere, error", error)
     assert abs(error) < 0.01
 
 
 @pytest.mark.parametrize("rays", [(0.0, 0.0, -1.0), (-1.0, 0.4, -0.7)])
 def test_terminator_of_a_sphere_is_at_ninety_degrees(ball, rays):
     cosine = -ball.fragment_normal @ (np.array(rays) / np.linalg.norm(rays))
-    exposure = _exposure(ball, rays)
-    assert exposure[cosine <= 0].max() == 0.0
-    share = exposure[cosine > 0] / cosine[cosine > 0]
-    lit = cosine[cosine > 0]
-    darkest = lit[share < 1.0].max(initial=0.0)
-    print("C04 acne up to", 90 - np.rad2deg(np.arccos(darkest)), "degrees from it")
-    # No acne: within a few degrees of the terminator rays graze the next facet.
-    assert darkest < np.sin(np.deg2rad(5.0))
+    check_terminator(_exposure(ball, rays), cosine)
 
 
 @pytest.mark.parametrize("angle", [0.0, 30.0, 60.0])
@@ -117,10 +108,9 @@ def test_shadow_of_a_plate_over_a_plate(plate, cover, angle):
     above = cover.mesh.moved((0.03, 0.01, 0.01 + gap + 0.01))
     top = plate.fragment_normal[:, 2] > 0.9
     cosine = -rays[2]
-    exposure = _exposure(plate, rays, above)[top]
+    dark = 1.0 - _exposure(plate, rays, above)[top] / cosine
     x = plate.fragment_position[top, 0]
     y = plate.fragment_position[top, 1]
-    dark = 1.0 - exposure / cosine
     low = 0.03 - 0.03 - (gap + 0.02) * slope
     high = 0.03 + 0.03 - gap * slope
     expected = (min(high, 0.1) - max(low, -0.1)) * 0.08
@@ -141,7 +131,7 @@ def test_shadow_of_a_plate_over_a_plate(plate, cover, angle):
 def test_no_light_under_a_body_that_stands_on_another(plate, cover, angle):
     rays = _rays(angle, turn=0.0)
     standing = cover.mesh.moved((0.0, 0.0, 0.02))
-    exposure = _exposure(plate, rays, standing)
+    lit_share = _exposure(plate, rays, standing)
     x = plate.fragment_position[:, 0]
     y = plate.fragment_position[:, 1]
     top = plate.fragment_normal[:, 2] > 0.9
@@ -150,9 +140,9 @@ def test_no_light_under_a_body_that_stands_on_another(plate, cover, angle):
     edge = 0.5 * PITCH * (1 / -rays[2] + 1)
     dark = top & (abs(y) < 0.04) & (x < 0.03) & (x > edge - reach)
     assert dark.sum() >= 40
-    assert exposure[dark].max() == 0.0
+    assert lit_share[dark].max() == 0.0
     lit = top & ((abs(y) > 0.05) | (x > 0.04))
-    np.testing.assert_allclose(exposure[lit], -rays[2], atol=1e-15)
+    assert_allclose(lit_share[lit], -rays[2], atol=1e-15)
 
 
 def _two(plate, cover, height):
@@ -181,14 +171,13 @@ def test_body_in_another_one_s_shadow_has_no_sun_in_its_program(plate, cover):
 
 
 def test_switched_off_at_an_exact_time(plate):
-    body = jt.Body(jt.FullVolume(plate), METAL, temperature=300.0)
     sun = jt.Sun((0.0, 0.0, -1.0), jt.Until(1000.0, 7.3))
-    scene = jt.Scene((body,), (sun,), dtype="float64")
+    scene = single_body_scene(plate, METAL, 300.0, sun)
     saves = [5.0, 7.3, 11.0]
     energy = jt.simulate(scene, 11.0, saves, solver=jt.ForwardEuler()).energy
     watts = 0.6 * 1000.0 * 0.2 * 0.2
     expected = watts * np.array([5.0, 7.3, 7.3])
-    np.testing.assert_allclose(energy.mechanisms["sun"], expected, rtol=1e-13)
+    assert_allclose(energy.mechanisms["sun"], expected, rtol=1e-13)
 
 
 def test_directions_are_checked():

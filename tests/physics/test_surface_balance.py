@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
@@ -12,7 +13,7 @@ from jaxthermo.physics.boundary import Exchange, ImposedFlux
 from jaxthermo.physics.flux_law import bound
 from jaxthermo.physics.radiation.emission import _Emission
 from jaxthermo.physics.surface_energy_balance import SurfaceTerms
-from tests.bodies import bar
+from tests.bodies import bar, single_body_scene
 
 
 INSULATION = jt.Material(0.03, density=30.0, specific_heat=1000.0, emissivity=0.9)
@@ -24,9 +25,13 @@ AIR = 290.0
 
 def _at_rest(pitch, cells=2):
     """Surface temperature and solution of an insulated bar at rest in sun and air."""
-    body = jt.Body(jt.FullVolume(bar(cells, pitch)), INSULATION, temperature=AIR)
-    terms = (jt.HeatFlux(FLUX, on=FRONT), jt.Convection(H, AIR, on=FRONT))
-    scene = jt.Scene((body,), terms, dtype="float64")
+    scene = single_body_scene(
+        bar(cells, pitch),
+        INSULATION,
+        AIR,
+        jt.HeatFlux(FLUX, on=FRONT),
+        jt.Convection(H, AIR, on=FRONT),
+    )
     # Euler steps end at rest to rounding, RKL2 only to the error that it is given.
     solution = jt.simulate(scene, 2e6, solver=jt.ForwardEuler())
     normal = bar(cells, pitch).fragment_normal
@@ -155,16 +160,17 @@ def test_fragments_of_a_corner_do_not_share_their_half_cells():
 
 
 def test_two_holds_of_one_body_share_nothing():
-    body = jt.Body(jt.FullVolume(bar(3, 0.1)), INSULATION, temperature=300.0)
     behind = jt.Side((-1.0, 0.0, 0.0))
-    terms = (
+    scene = single_body_scene(
+        bar(3, 0.1),
+        INSULATION,
+        300.0,
         jt.FixedTemperature(500.0, on=behind),
         jt.FixedTemperature(350.0, on=FRONT),
     )
-    scene = jt.Scene((body,), terms, dtype="float64")
     surface = np.asarray(
         jt.simulate(scene, 10.0, solver=jt.ForwardEuler()).surface_temperature
     )[0]
     normal = bar(3, 0.1).fragment_normal[:, 0]
-    np.testing.assert_allclose(surface[normal > 0.9], 350.0)
-    np.testing.assert_allclose(surface[normal < -0.9], 500.0)
+    assert_allclose(surface[normal > 0.9], 350.0)
+    assert_allclose(surface[normal < -0.9], 500.0)

@@ -7,7 +7,6 @@ both would meet would not tell them apart.
 from dataclasses import replace
 from typing import Any
 
-import jax
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -16,6 +15,8 @@ from scipy.sparse.linalg import expm_multiply
 
 import jaxthermo as jt
 from jaxthermo.reference.slab import slab_convection
+from tests.bodies import single_body_scene
+from tests.slopes import check_gradient
 
 
 pytestmark = pytest.mark.filterwarnings("ignore:body 0 represents")
@@ -57,8 +58,7 @@ def ball_error(surface_cells, cells, biot):
     """Largest RMS of the surface over the times, by area; and the energy residual."""
     mesh = jt.shapes.sphere(1.0, subdivisions=6 if cells > 12 else 5)
     grid = jt.voxelize(mesh, 1.0001 / cells, surface_cells)
-    body = jt.Body(jt.FullVolume(grid), UNIT, temperature=HOT)
-    scene = jt.Scene((body,), (jt.Convection(biot, AIR),), dtype="float64")
+    scene = single_body_scene(grid, UNIT, HOT, jt.Convection(biot, AIR))
     solver = jt.SuperTimeStepping(0.0025 / (cells / 6) ** 2)
     solution = jt.simulate(scene, TIMES[-1], save_at=TIMES, solver=solver)
     temperature = excess(solution.surface_temperature)
@@ -134,8 +134,7 @@ def box_error(surface_cells):
     """Surface of a box of 14.0 x 11.4 x 19.8 voxels against a product of slabs."""
     size = np.array([0.14, 0.114, 0.198])
     grid = jt.voxelize(jt.shapes.box(tuple(size.tolist())), 0.01, surface_cells)
-    body = jt.Body(jt.FullVolume(grid), UNIT, temperature=HOT)
-    scene = jt.Scene((body,), (jt.Convection(10.0, AIR),), dtype="float64")
+    scene = single_body_scene(grid, UNIT, HOT, jt.Convection(10.0, AIR))
     end = 0.2 * 0.1**2
     solver = jt.SuperTimeStepping(end / 50)
     solution = jt.simulate(scene, end, save_at=[end], solver=solver)
@@ -161,8 +160,7 @@ def turned(mesh, degrees):
 
 
 def steady_surface(grid, conductivity, *terms):
-    body = jt.Body(jt.FullVolume(grid), conductor(conductivity), temperature=AIR)
-    solution = jt.steady(jt.Scene((body,), terms, dtype="float64"))
+    solution = jt.steady(single_body_scene(grid, conductor(conductivity), AIR, *terms))
     return np.asarray(solution.surface_temperature)[0], solution
 
 
@@ -228,17 +226,27 @@ def test_a_pipe_wall():
     assert spread["crossings"] < 0.6 < 3.0 < spread["dominant_axis"]
 
 
+def heat_between_caps(grid, along):
+    """Heat rate through a rod of conductivity 1 with 100 K between its ends [W]."""
+    up = grid.fragment_normal @ along
+    hot = jt.FixedTemperature(HOT, on=jt.FragmentMask(up > 0.9))
+    cold = jt.FixedTemperature(AIR, on=jt.FragmentMask(up < -0.9))
+    return fixed_heat(steady_surface(grid, 1.0, hot, cold)[1])
+
+
+def fixed_heat(solution):
+    """Largest heat rate of a prescribed temperature [W]."""
+    heat = solution.heat_rates.mechanisms["fixed_temperature"]
+    return float(np.abs(np.asarray(heat)).max())
+
+
 def rod_heat(surface_cells):
     """Heat through a rod of 2.06 x 2.06 voxels over the exact."""
     width = 0.0206
     length = 0.1
     grid = jt.voxelize(jt.shapes.box((width, width, length)), 0.01, surface_cells)
-    up = grid.fragment_normal[:, 2]
-    hot = jt.FixedTemperature(HOT, on=jt.FragmentMask(up > 0.9))
-    cold = jt.FixedTemperature(AIR, on=jt.FragmentMask(up < -0.9))
-    _, solution = steady_surface(grid, 1.0, hot, cold)
-    heat = np.asarray(solution.heat_rates.mechanisms["fixed_temperature"])
-    return float(np.abs(heat).max() * length / (100.0 * width**2))
+    heat = heat_between_caps(grid, [0.0, 0.0, 1.0])
+    return heat * length / (100.0 * width**2)
 
 
 # A rod at a slant is in the slice.
@@ -261,14 +269,8 @@ ROD = jt.shapes.cylinder(1.0, 8.0, sections=128)
 def test_a_rod_at_a_slant_carries_its_heat(cells, within, degrees):
     """Between its caps, over pi R^2 k dT / L; 5 and 4 % too little without slivers."""
     mesh, turn = turned(ROD, degrees)
-    along = turn[:, 2]
     grid = jt.voxelize(mesh, 1.0001 / cells, "crossings")
-    up = grid.fragment_normal @ along
-    hot = jt.FixedTemperature(HOT, on=jt.FragmentMask(up > 0.9))
-    cold = jt.FixedTemperature(AIR, on=jt.FragmentMask(up < -0.9))
-    _, solution = steady_surface(grid, 1.0, hot, cold)
-    flux = solution.heat_rates.mechanisms["fixed_temperature"]
-    heat = float(np.abs(np.asarray(flux)).max())
+    heat = heat_between_caps(grid, turn[:, 2])
     assert heat == pytest.approx(100.0 * np.pi / 8.0, rel=within)
 
 
@@ -287,7 +289,7 @@ def test_a_fin():
     surface, solution = steady_surface(grid, 180.0, base, air)
     tip = along > 0.9
     above = np.average(surface[tip], weights=grid.fragment_area[tip]) - AIR
-    heat = float(np.abs(solution.heat_rates.mechanisms["fixed_temperature"]).max())
+    heat = fixed_heat(solution)
     assert above == pytest.approx(46.61455996, rel=3e-3)
     assert heat == pytest.approx(4.37775788, rel=3e-3)
 
@@ -302,8 +304,7 @@ def test_a_long_cylinder():
     side = np.abs(grid.fragment_normal[:, 2]) < 0.5
     air = jt.Convection(10.0, AIR, on=jt.FragmentMask(side))
     stuff = jt.Material(1.0, density=1000.0, specific_heat=1000.0)
-    body = jt.Body(jt.FullVolume(grid), stuff, temperature=HOT)
-    scene = jt.Scene((body,), (air,), dtype="float64")
+    scene = single_body_scene(grid, stuff, HOT, air)
     solver = jt.SuperTimeStepping(10.0)
     solution = jt.simulate(scene, 2000.0, save_at=[2000.0], solver=solver)
     temperature = excess(solution.surface_temperature)[0]
@@ -334,8 +335,7 @@ def test_every_structure_takes_part():
     for name, make in KEPT.items():
         structure = make(grid)
         assert structure.capacity_ratio == pytest.approx(1.0, abs=1e-12), name
-        body = jt.Body(structure, UNIT, temperature=HOT)
-        scene = jt.Scene((body,), (jt.Convection(1.0, AIR),), dtype="float64")
+        scene = single_body_scene(structure, UNIT, HOT, jt.Convection(1.0, AIR))
         solution = jt.simulate(scene, 0.5, save_at=TIMES)
         assert np.abs(solution.energy.residual_relative).max() < 1e-11, name
         temperature = excess(solution.surface_temperature)
@@ -353,18 +353,12 @@ def test_derivatives_are_difference_quotients():
     grid = jt.voxelize(jt.shapes.sphere(1.0, subdivisions=3), 0.3, SURFACE_CELLS[0])
     structure = jt.FullVolume(grid)
 
-    @jax.jit
-    def surface(k, h, heat):
+    def surface(numbers):
+        k, h, heat = numbers
         material = jt.Material(k, density=1.0, specific_heat=heat)
-        body = jt.Body(structure, material, temperature=HOT)
-        scene = jt.Scene((body,), (jt.Convection(h, AIR),), dtype="float64")
+        scene = single_body_scene(structure, material, HOT, jt.Convection(h, AIR))
         solution = jt.simulate(scene, 0.1, solver=jt.ForwardEuler(0.005))
         return (solution.surface_temperature[0] * grid.fragment_area).mean()
 
     at = np.array([1.3, 2.0, 0.9])
-    slopes = jax.grad(surface, argnums=(0, 1, 2))(*at.tolist())
-    for i, value in enumerate(slopes):
-        step = np.zeros(3)
-        step[i] = 1e-5 * at[i]
-        quotient = surface(*(at + step)) - surface(*(at - step))
-        assert float(value) == pytest.approx(float(quotient / (2 * step[i])), rel=1e-6)
+    check_gradient(surface, at, step=1e-5 * at, rtol=1e-6)

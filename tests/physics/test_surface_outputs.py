@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from jaxthermo.errors import InputError
@@ -41,7 +42,7 @@ def test_the_flux_of_all_fragments_is_what_a_body_stores():
     area = np.concatenate([GRID.fragment_area] * 2)
     rate = (np.asarray(solution.heat_flux)[1] * area).reshape(2, -1).sum(axis=1)
     stored = [np.asarray(b.stored_J)[1] for b in solution.energy.bodies]
-    np.testing.assert_allclose(rate, np.array(stored) / step, rtol=1e-5)
+    assert_allclose(rate, np.array(stored) / step, rtol=1e-5)
     assert not np.asarray(solution.heat_flux)[0].any()
 
 
@@ -55,7 +56,7 @@ def test_free_convection_and_wind_give_the_coefficient_of_their_flux():
         assert h is not None and flux is not None
         assert (np.asarray(h) > 1.0).all()
         gap = 290.0 - np.asarray(solution.surface_temperature)
-        np.testing.assert_allclose(np.asarray(h) * gap, flux, rtol=1e-9)
+        assert_allclose(np.asarray(h) * gap, flux, rtol=1e-9)
     solution = jt.simulate(scene_of(jt.Surroundings(280.0, linear_within=0.5)), 1.0)
     assert not np.asarray(solution.heat_transfer_coefficient).any()
     assert (np.asarray(solution.heat_flux) < -100.0).all()

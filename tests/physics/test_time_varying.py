@@ -3,6 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from tests.bodies import blocks
@@ -52,7 +53,7 @@ def test_a_switch_at_a_landing_is_on_before_and_off_after(voxel):
     saves = [5.0, 20.0]
     solution = jt.simulate(scene, 20.0, saves, solver=jt.ForwardEuler())
     heat = np.asarray(solution.energy.mechanisms["heat_flux"])
-    np.testing.assert_allclose(heat, 0.01 * 1000.0 * 5.0, rtol=1e-12)
+    assert_allclose(heat, 0.01 * 1000.0 * 5.0, rtol=1e-12)
 
 
 def test_a_switched_zero_is_left_out(voxel):

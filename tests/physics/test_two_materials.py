@@ -3,10 +3,11 @@
 import jax
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 import jaxthermo as jt
 from jaxthermo.reference.semi_infinite import perfect_contact
-from tests.bodies import bar, depth, on_top
+from tests.bodies import bar, depth, on_top, single_body_scene
 
 
 COPPER_K = 401.0
@@ -34,13 +35,15 @@ def test_interface_of_copper_and_steel():
     steel_cells = 35
     grid = bar(copper_cells + steel_cells, pitch)
     middle = float(grid.origin[0] + copper_cells * pitch)
-    body = jt.Body(
-        jt.FullVolume(grid),
-        _painted(grid, base=COPPER, rest_material=STEEL, cells=copper_cells),
-        temperature=lambda p: np.where(p[:, 0] < middle, 373.15, 273.15),
-    )
     end = float((5 * pitch) ** 2 / STEEL.diffusivity)
-    solution = jt.simulate(jt.Scene((body,), dtype="float64"), end)
+    solution = jt.simulate(
+        single_body_scene(
+            grid,
+            _painted(grid, base=COPPER, rest_material=STEEL, cells=copper_cells),
+            lambda p: np.where(p[:, 0] < middle, 373.15, 273.15),
+        ),
+        end,
+    )
     nodes = np.asarray(solution.surface_temperature)[0, on_top(grid)]
     a = nodes[copper_cells - 1]
     b = nodes[copper_cells]
@@ -53,7 +56,6 @@ def test_interface_of_copper_and_steel():
         effusivity_a=COPPER.effusivity,
         effusivity_b=STEEL.effusivity,
     )
-    print("V11 interface", interface, "error", interface - exact, "K")
     assert exact == pytest.approx(82.93590583, abs=1e-8)
     assert interface == pytest.approx(exact, abs=0.05)
     # The far ends have not felt the contact: these are half-spaces.
@@ -65,13 +67,13 @@ def _composite(grid, solver):
     """Copper | insulation of the same diffusivity between 0 and 100 K above 300 K."""
     first = jt.Material(401.0, density=401.0, specific_heat=1e4)
     second = jt.Material(0.2, density=0.2, specific_heat=1e4)
-    body = jt.Body(
-        jt.FullVolume(grid),
+    scene = single_body_scene(
+        grid,
         _painted(grid, base=first, rest_material=second, cells=3),
-        temperature=300.0,
+        300.0,
+        jt.FixedTemperature(400.0, on=LEFT),
+        jt.FixedTemperature(300.0, on=RIGHT),
     )
-    terms = jt.FixedTemperature(400.0, on=LEFT), jt.FixedTemperature(300.0, on=RIGHT)
-    scene = jt.Scene((body,), terms, dtype="float64")
     solution = jt.simulate(scene, 200.0, save_at=[190.0, 200.0], solver=solver)
     return np.asarray(solution.surface_temperature)[:, on_top(grid)]
 
@@ -81,14 +83,13 @@ def _composite(grid, solver):
 def test_steady_composite_is_exact():
     grid = bar(9, 0.01)
     nodes = _composite(grid, jt.ForwardEuler())
-    np.testing.assert_allclose(nodes[0], nodes[1], atol=1e-10)
+    assert_allclose(nodes[0], nodes[1], atol=1e-10)
     flux = 100.0 / (0.03 / 401.0 + 0.06 / 0.2)
     x = depth(grid)
     hot = 400.0 - flux * x / 401.0
     cold = 300.0 + flux * (0.09 - x) / 0.2
     exact = np.where(x < 0.03, hot, cold)
-    print("steady composite, largest error", np.abs(nodes[1] - exact).max(), "K")
-    np.testing.assert_allclose(nodes[1] - 300.0, exact - 300.0, rtol=1e-9)
+    assert_allclose(nodes[1] - 300.0, exact - 300.0, rtol=1e-9)
 
 
 def test_an_insulator_of_no_conductivity_stops_heat_and_no_gradient():
@@ -117,7 +118,7 @@ def test_an_insulator_of_no_conductivity_stops_heat_and_no_gradient():
 
     values, slopes = jax.jit(lambda k: jax.jvp(means, (k,), (1.0 + k,)))(0.0)
     # Nothing enters a cell without conduction, not even through its own surface.
-    np.testing.assert_array_equal(values[2:4], 300.0)
+    assert_array_equal(values[2:4], 300.0)
     assert float(values[0]) > 300.0 > float(values[5])
     assert np.isfinite(slopes).all()
     reverse = jax.jit(jax.grad(lambda k: means(k).sum()))(0.0)

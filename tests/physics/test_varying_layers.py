@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from jaxthermo.material.material import Property
@@ -13,7 +14,8 @@ from jaxthermo.physics.conduction import (
     material_network,
     materials_network,
 )
-from tests.bodies import bar, blocks
+from tests.bodies import bar, blocks, single_body_scene
+from tests.slopes import check_gradient
 
 
 LOW = 300.0
@@ -116,8 +118,8 @@ def test_two_layers_with_k_of_t_are_exact_at_every_node(network):
     states = np.stack([exact, exact + np.sin(np.arange(CELLS))]) - 350.0
     exact_rate, disturbed_rate = rates_of(network, states)
     scale = flux * PITCH**2
-    np.testing.assert_allclose(exact_rate[[0, -1]], [scale, -scale], rtol=1e-9)
-    np.testing.assert_allclose(exact_rate[1:-1], 0, atol=1e-9 * scale)
+    assert_allclose(exact_rate[[0, -1]], [scale, -scale], rtol=1e-9)
+    assert_allclose(exact_rate[1:-1], 0, atol=1e-9 * scale)
     assert np.abs(disturbed_rate[1:-1]).max() > 0.01 * scale
     # Conductivities at the reference would miss it by far.
     linear = np.asarray(heat_rate(network.linear, states[0]))
@@ -131,17 +133,17 @@ def test_what_one_node_loses_the_others_gain(structure):
     states_at = jax.jit(jax.vmap(network.state_of))
     states = np.asarray(states_at(theta))
     back = np.asarray(jax.jit(jax.vmap(network.temperature))(states))
-    np.testing.assert_allclose(back, theta, rtol=1e-12, atol=1e-10)
+    assert_allclose(back, theta, rtol=1e-12, atol=1e-10)
     rates = rates_of(network, states)
     lost = np.abs(rates).sum(axis=1)
-    np.testing.assert_allclose(rates.sum(axis=1) / lost, 0, atol=1e-14)
+    assert_allclose(rates.sum(axis=1) / lost, 0, atol=1e-14)
     uniform = np.asarray(states_at(np.full((ROWS, CELLS), 31.0)))[0]
     assert np.abs(rates_of(network, np.tile(uniform, (ROWS, 1)))).max() < 1e-12
     # The state of the layer with c(T) is its heat over the capacity at 350 K.
     kelvin = np.linspace(350.0, 381.0, 100_001)
     c = np.interp(kelvin, [340, 360, 380], [400, 2e3, 600])
     heat = ((c[1:] + c[:-1]) / 2 * np.diff(kelvin)).sum() / 1200.0
-    np.testing.assert_allclose(uniform, [31.0] * 6 + [heat] * 6, rtol=1e-8)
+    assert_allclose(uniform, [31.0] * 6 + [heat] * 6, rtol=1e-8)
 
 
 def test_one_stable_step_keeps_all_temperatures_between_the_extremes(network):
@@ -188,8 +190,8 @@ def test_the_jacobian_is_the_derivative_of_the_rates(structure, by_axis):
     by_hand, exact, diagonal = map(np.asarray, both(state))
     by_hand = by_hand.reshape(state.size, -1).T
     exact = exact.reshape(state.size, -1)
-    np.testing.assert_allclose(by_hand, exact, atol=1e-9 * np.abs(exact).max())
-    np.testing.assert_allclose(diagonal.reshape(-1), -np.diag(exact), rtol=1e-9)
+    assert_allclose(by_hand, exact, atol=1e-9 * np.abs(exact).max())
+    assert_allclose(diagonal.reshape(-1), -np.diag(exact), rtol=1e-9)
     assert np.abs(exact - exact.T).max() > 0.1 * np.abs(exact).max()
 
 
@@ -201,7 +203,7 @@ def test_the_stencil_has_the_same_rates_as_the_links(structure, network):
     state[lattice.node_address()] = theta
     dense_rate = np.asarray(heat_rate(dense, state))
     row_rate = rates_of(network, theta[None])[0]
-    np.testing.assert_allclose(dense_rate[lattice.node_address()], row_rate, rtol=1e-12)
+    assert_allclose(dense_rate[lattice.node_address()], row_rate, rtol=1e-12)
 
 
 @pytest.mark.slow
@@ -219,10 +221,7 @@ def test_derivatives_by_all_conductivities(structure):
         return (jax.lax.fori_loop(0, 20, step, theta) ** 2).mean()
 
     at = np.array([4.0, 20.0, 30.0, 10.0])
-    slopes = jax.jit(jax.grad(warmth))(jnp.asarray(at))
-    steps = np.diag(1e-4 * at)
-    ends = jax.jit(jax.vmap(warmth))(jnp.asarray(np.r_[at + steps, at - steps]))
-    np.testing.assert_allclose(slopes, (ends[:4] - ends[4:]) / (2e-4 * at), rtol=1e-5)
+    check_gradient(warmth, at, step=1e-4 * at, rtol=1e-5)
 
 
 @pytest.mark.parametrize("axis", range(3))
@@ -257,7 +256,7 @@ def test_a_slanted_surface_has_the_conductivity_of_its_normal():
         materials, number=number, normal=normal, reference=LOW, dtype=jnp.float64
     )
     assert fractions is not None
-    np.testing.assert_allclose(np.asarray(fractions).sum(axis=0), 1.0, rtol=1e-12)
+    assert_allclose(np.asarray(fractions).sum(axis=0), 1.0, rtol=1e-12)
     structure = jt.FullVolume(blocks(np.ones((3, 1, 1), bool), 0.1), stencil=False)
     network = materials_network(
         structure, number=number, materials=materials, reference=LOW, dtype=jnp.float64
@@ -266,7 +265,7 @@ def test_a_slanted_surface_has_the_conductivity_of_its_normal():
     first = (0.36 * (4.0 + 0.08 * 50.0) + 0.64 * 2.0) / (0.36 * 4.0 + 0.64 * 2.0)
     expected = [first, 1.0, 20.0 / 30.0]
     relative = jax.jit(network.relative_conductivity)(theta, fractions)
-    np.testing.assert_allclose(relative, expected, rtol=1e-12)
+    assert_allclose(relative, expected, rtol=1e-12)
     assert (
         conductivity_parts(
             (RISING,),
@@ -291,13 +290,15 @@ RIGHT = jt.Region(lower=(0.0, -1.0, -1.0), upper=(1.0, 1.0, 1.0))
 
 def scene_of(structure, temperature=400.0):
     material = jt.MaterialMap(RISING, ((RIGHT, FALLING),))
-    body = jt.Body(structure, material, temperature=temperature)
-    terms = (
+    probes = [(x, 0.0, 0.0) for x in (-0.03, 0.0175, 0.0425)]
+    return single_body_scene(
+        structure,
+        material,
+        temperature,
         jt.FixedTemperature(LOW, on=jt.Side((-1.0, 0.0, 0.0))),
         jt.FixedTemperature(HIGH, on=jt.Side((1.0, 0.0, 0.0))),
+        probes=probes,
     )
-    probes = [(x, 0.0, 0.0) for x in (-0.03, 0.0175, 0.0425)]
-    return jt.Scene((body,), terms, dtype="float64", probes=probes)
 
 
 @pytest.mark.slow
@@ -319,11 +320,9 @@ def test_steady_and_implicit_steps_agree_with_explicit_ones():
         assert abs(float(solution.energy.residual_relative[-1])) < 1e-11
         ends[name] = np.asarray(jt.probe(solution))
     exact = ends["RKL2"]
-    np.testing.assert_allclose(ends["TR-BDF2"][0], exact[0], atol=0.3)
+    assert_allclose(ends["TR-BDF2"][0], exact[0], atol=0.3)
     for name, flux in ends.items():
-        np.testing.assert_allclose(
-            flux[1], jt.probe(steady)[0], atol=2e-3, err_msg=name
-        )
+        assert_allclose(flux[1], jt.probe(steady)[0], atol=2e-3, err_msg=name)
 
 
 @pytest.mark.slow
@@ -338,27 +337,23 @@ def test_gradients_of_solves_that_are_not_symmetric(name):
             (Property([LOW, HIGH], values[2:]), 9.0, 9.0), 2000.0, 400.0
         )
         materials = jt.MaterialMap(first, ((RIGHT, second),))
-        body = jt.Body(structure, materials, temperature=400.0)
-        terms = (
+        probes = [(-0.004, 0.0, 0.0), (0.012, 0.0, 0.0)]
+        scene = single_body_scene(
+            structure,
+            materials,
+            400.0,
             jt.FixedTemperature(LOW, on=jt.Side((-1.0, 0.0, 0.0))),
             jt.Convection(300.0, HIGH, on=jt.Side((1.0, 0.0, 0.0))),
+            probes=probes,
         )
-        probes = [(-0.004, 0.0, 0.0), (0.012, 0.0, 0.0)]
-        scene = jt.Scene((body,), terms, dtype="float64", probes=probes)
         if name == "steady":
             return jt.probe(jt.steady(scene, tolerance=1e-11))[0].sum()
         solver = jt.TRBDF2(dt=20.0, tolerance=1e-11)
         return jt.probe(jt.simulate(scene, 60.0, [60.0], solver=solver))[0].sum()
 
-    with jax.enable_x64(True):
-        at = jnp.array([4.0, 20.0, 30.0, 10.0])
-        slopes = np.asarray(jax.jit(jax.grad(core))(at))
-        value = jax.jit(core)
-        for n, slope in enumerate(slopes):
-            step = np.where(np.arange(4) == n, 1e-4, 0.0) * at
-            numeric = (value(at + step) - value(at - step)) / (2e-4 * at[n])
-            np.testing.assert_allclose(slope, numeric, rtol=1e-5, atol=1e-9)
-    assert np.abs(slopes).min() > 1e-3
+    at = np.array([4.0, 20.0, 30.0, 10.0])
+    value_and_slopes = check_gradient(core, at, step=1e-4 * at, rtol=1e-5, atol=1e-9)
+    assert np.abs(value_and_slopes(at)[1]).min() > 1e-3
 
 
 @pytest.mark.slow

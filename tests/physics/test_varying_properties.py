@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from jaxthermo.material.material import Property
@@ -59,7 +60,7 @@ def test_a_steady_slab_with_k_linear_in_temperature():
     gap = high - low
     total_integral = gap + rise * gap**2 / 2
     exact = low + (np.sqrt(1 + 2 * rise * fraction * total_integral) - 1) / rise
-    np.testing.assert_allclose(350.0 + theta, exact, rtol=1e-10)
+    assert_allclose(350.0 + theta, exact, rtol=1e-10)
     rate = network.heat_rate(theta)
     area = PITCH**2
     length = (cells - 1) * PITCH
@@ -86,7 +87,7 @@ def test_a_lumped_body_with_c_linear_in_temperature():
     state = jnp.asarray(q * times / (DENSITY * c0))
     exact = start + (np.sqrt(1 + 2 * rise * q * times / (DENSITY * c0)) - 1) / rise
     assert exact[-1] < 800.0
-    np.testing.assert_allclose(start + network.temperature(state), exact, rtol=1e-14)
+    assert_allclose(start + network.temperature(state), exact, rtol=1e-14)
     capacity = float(network.capacity_at((jnp.array([0]),))[0])
     assert capacity == pytest.approx(DENSITY * c0 * PITCH**3)
 
@@ -146,7 +147,6 @@ def test_a_mushy_front_moves_without_losing_heat(dtype):
     heat = np.asarray(end_state, float).sum() - np.asarray(state, float).sum()
     moved = np.abs(np.asarray(end_state, float) - np.asarray(state, float)).sum()
     drift = abs(heat) / moved
-    print("drift", dtype, drift)
     assert drift < (1e-12 if exact else 1e-4)
     mushy = np.abs(temperature + REFERENCE - 300.0) < 0.5
     # The front is in the cold half, with part of its latent heat taken up.
@@ -194,6 +194,5 @@ def test_stefan_problem():
     front = (molten + 0.5) * PITCH
     time = 12_000 * float(dt)
     exact = 2 * root * math.sqrt(2.0 / (DENSITY * C) * time)
-    print("front", front, "exact", exact, "root", root)
     assert 20 < front / PITCH < 90
     assert front == pytest.approx(exact, rel=0.01)

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.shapes import box, cylinder, sphere
@@ -24,9 +25,9 @@ def cube():
 
 def check(views):
     """Reciprocity and closure of any view factors."""
-    np.testing.assert_array_equal(views.between, views.between.T)
+    assert_array_equal(views.between, views.between.T)
     closed = views.factor.sum(1) + views.to_surroundings
-    np.testing.assert_allclose(closed, 1.0, rtol=0, atol=1e-12)
+    assert_allclose(closed, 1.0, rtol=0, atol=1e-12)
     assert views.to_surroundings.min() >= 0
     off = views.factor - np.diag(np.diag(views.factor))
     assert off.min() >= 0 and np.diag(views.factor).min() > -1e-9
@@ -50,7 +51,6 @@ def test_aligned_cubes_are_parallel_squares(cube, gap):
     n = first.patches.count
     exact = parallel_rectangles(1.0, 1.0, gap)
     between = views.between[:n, n:].sum()
-    print("gap", gap, "sizes: F error", between / exact - 1)
     assert between == pytest.approx(exact, rel=0.01)
     assert np.trace(views.factor) == pytest.approx(0.0, abs=1e-10)
 
@@ -90,18 +90,18 @@ def test_ball_in_a_hollow_ball():
     cavity[n:] = np.linalg.norm(outer.patches.centre, axis=1) < 0.11
     # Sealed: not a ray finds its way out, and the scaling must not make one.
     assert views.outside[:n].sum() == 0.0 and views.outside[cavity].sum() == 0.0
-    np.testing.assert_allclose(views.factor[:n, n:].sum(1), 1.0, atol=1e-12)
+    assert_allclose(views.factor[:n, n:].sum(1), 1.0, atol=1e-12)
     wall = views.area[cavity]
     self_factor = views.between[np.ix_(cavity, cavity)].sum() / wall.sum()
     assert self_factor == pytest.approx(1 - 0.05**2 / 0.1**2, abs=0.01)
     outside = views.outside[n:][~cavity[n:]]
-    np.testing.assert_allclose(outside, views.area[n:][~cavity[n:]], rtol=1e-10)
+    assert_allclose(outside, views.area[n:][~cavity[n:]], rtol=1e-10)
 
 
 def test_one_body_alone_sees_the_surroundings(cube):
     views = view_factors((in_patches(cube, 60),), directions=16, lines=48)
     check(views)
-    np.testing.assert_allclose(views.to_surroundings, 1.0, atol=1e-12)
+    assert_allclose(views.to_surroundings, 1.0, atol=1e-12)
 
 
 def test_balancing_restores_what_was_scaled():
@@ -111,18 +111,18 @@ def test_balancing_restores_what_was_scaled():
     outside = random.uniform(size=9)
     area = exact.sum(1) + outside
     same = _balance(exact, outside, area)
-    np.testing.assert_allclose(same.between, exact, atol=1e-12)
+    assert_allclose(same.between, exact, atol=1e-12)
     noise = random.uniform(0.95, 1.05, (9, 9))
     noisy = _balance(exact * (noise + noise.T) / 2, outside * 1.03, area)
     check(noisy)
-    np.testing.assert_allclose(noisy.between, exact, atol=0.06)
+    assert_allclose(noisy.between, exact, atol=0.06)
     apart = ~np.eye(9, dtype=bool)
-    np.testing.assert_array_equal((noisy.between == 0)[apart], (exact == 0)[apart])
+    assert_array_equal((noisy.between == 0)[apart], (exact == 0)[apart])
 
 
 def test_a_patch_that_no_line_meets_sees_the_surroundings():
     lonely = _balance(np.zeros((2, 2)), np.array([1.0, 0.0]), np.ones(2))
-    np.testing.assert_allclose(lonely.to_surroundings, 1.0)
+    assert_allclose(lonely.to_surroundings, 1.0)
 
 
 @pytest.mark.parametrize("how", [{"directions": 4}, {"lines": 2}])

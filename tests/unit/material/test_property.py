@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from jaxthermo.errors import InputError
 from jaxthermo.material.material import Material, Property
@@ -12,7 +13,7 @@ from jaxthermo.material.material import Material, Property
 def test_piecewise_linear_and_constant_outside():
     k = Property([300, 400, 500], [10, 20, 16])
     assert [k(t) for t in (0, 300, 350, 450, 900)] == [10, 10, 15, 18, 16]
-    np.testing.assert_allclose(k(np.array([320.0, 480.0])), [12.0, 16.8])
+    assert_allclose(k(np.array([320.0, 480.0])), [12.0, 16.8])
 
 
 @pytest.mark.parametrize(
@@ -46,7 +47,7 @@ def test_traced_values_and_their_derivatives():
         return Property([300.0, 400.0], values)(325.0)
 
     value = jax.jit(jax.grad(at))(jnp.array([10.0, 20.0]))
-    np.testing.assert_allclose(value, [0.75, 0.25])
+    assert_allclose(value, [0.75, 0.25])
     by_parts = jax.grad(lambda k: Property([300.0, 400.0], [k, 2 * k])(350.0))(3.0)
     assert float(by_parts) == 1.5
 
@@ -94,4 +95,4 @@ def test_three_conductivities_may_be_a_list_or_an_array():
     assert Material([1.0, 2.0, 3.0], 1.0, 1.0).conductivity == (1.0, 2.0, 3.0)
     assert Material(jnp.array([1.0, 2.0, 3.0]), 1.0, 1.0).conductivity == (1, 2, 3)
     second = jax.grad(lambda k: jnp.asarray(Material(k, 1.0, 1.0).conductivity)[1])
-    np.testing.assert_array_equal(second(jnp.array([1.0, 2.0, 3.0])), [0, 1, 0])
+    assert_array_equal(second(jnp.array([1.0, 2.0, 3.0])), [0, 1, 0])

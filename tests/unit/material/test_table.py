@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import jaxthermo
 from jaxthermo.errors import InputError
@@ -80,8 +81,8 @@ def test_traced_values_and_gradients():
     rho = jnp.asarray(8000.0)
     assert jax.jit(diffusivity)(k, rho) == 4.0e-6
     slope = jax.grad(diffusivity, argnums=(0, 1))(k, rho)
-    np.testing.assert_allclose(slope[0], 1.0 / 4.0e6)
-    np.testing.assert_allclose(slope[1], -4.0e-6 / 8000.0)
+    assert_allclose(slope[0], 1.0 / 4.0e6)
+    assert_allclose(slope[1], -4.0e-6 / 8000.0)
 
 
 def test_is_a_pytree_of_its_numbers():
@@ -109,8 +110,8 @@ def test_known_numbers():
     assert (steel.conductivity, steel.density, steel.specific_heat) == (17, 7900, 460)
     assert steel.emissivity == 0.16
     assert materials["copper"].conductivity == 401.0
-    np.testing.assert_allclose(materials["copper"].diffusivity, 1.162e-4, rtol=1e-3)
-    np.testing.assert_allclose(materials["copper"].effusivity, 3.719e4, rtol=1e-3)
+    assert_allclose(materials["copper"].diffusivity, 1.162e-4, rtol=1e-3)
+    assert_allclose(materials["copper"].effusivity, 3.719e4, rtol=1e-3)
 
 
 def test_aliases():

@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from jaxthermo.physics.boundary import Exchange, ImposedFlux
 from jaxthermo.physics.flux_law import Forcing, bound
@@ -58,12 +59,9 @@ def test_fewer_steps_leave_what_they_promise(conductivity, pitch, dtype):
     theta = jnp.asarray([-20.0, 0.0, 90.0], dtype)
     excess, heat = _solved(replace(terms, iterations=steps), theta)
     exact, all_heat = _solved(terms, theta)
-    print(conductivity, pitch, dtype, "steps", steps, "off", excess - exact)
     rounding = 40 * np.finfo(dtype).eps * 400.0
-    np.testing.assert_allclose(excess, exact, atol=_TOLERANCE[dtype] + rounding)
-    np.testing.assert_allclose(
-        heat, all_heat, rtol=1e-3 if dtype == "float32" else 1e-9
-    )
+    assert_allclose(excess, exact, atol=_TOLERANCE[dtype] + rounding)
+    assert_allclose(heat, all_heat, rtol=1e-3 if dtype == "float32" else 1e-9)
 
 
 def test_a_metal_takes_one_step_and_an_insulator_all():

@@ -11,6 +11,7 @@ import jaxthermo as jt
 from jaxthermo.errors import InputError
 from jaxthermo.native import call
 from jaxthermo.native.call import require_native
+from tests.bodies import single_body_scene
 
 
 GRID = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), pitch=0.01)
@@ -20,8 +21,9 @@ BY_AXIS = jt.Material((16.0, 16.0, 2.0), density=8000.0, specific_heat=500.0)
 
 def scene(material: Any = STEEL, **options: Any):
     structure = jt.FullVolume(GRID, kernels="numba", **options)
-    body = jt.Body(structure, material, temperature=350.0)
-    return jt.Scene((body,), (jt.Convection(10.0, 290.0),))
+    return single_body_scene(
+        structure, material, 350.0, jt.Convection(10.0, 290.0), dtype="float32"
+    )
 
 
 @pytest.mark.parametrize(

@@ -42,7 +42,6 @@ def test_two_boxes_overlap_by_a_slab(depth, turned):
     inside = frame.to_body(overlap.position)
     assert 0.1 - depth <= inside[0] <= 0.1
     line = overlap.described((0, 1))
-    print(line)
     assert line.startswith(f"bodies 0 and 1 overlap by {1e3 * depth:.3g} mm around (")
 
 

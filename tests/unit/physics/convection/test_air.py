@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from jaxthermo.physics.convection import air
 
@@ -31,7 +32,6 @@ def test_the_fits_follow_the_table_within_their_stated_errors(column, fit, error
     temperature, value = table(column)
     fitted = np.asarray(fit(jnp.asarray(temperature)))
     worst = np.abs(fitted / value - 1).max()
-    print(column, "largest relative error", worst)
     assert 0.2 * error < worst <= error
 
 
@@ -48,10 +48,10 @@ def values_and_slopes(kelvin):
 
 def test_outside_the_range_the_ends_hold_and_gradients_are_finite():
     value, slope = (np.asarray(v) for v in values_and_slopes(KELVIN))
-    np.testing.assert_array_equal(value[0], value[2])
-    np.testing.assert_array_equal(value[7], value[6])
+    assert_array_equal(value[0], value[2])
+    assert_array_equal(value[7], value[6])
     assert np.isfinite(slope).all() and not slope[[0, 1, 7]].any()
-    np.testing.assert_allclose(slope[4], (value[5] - value[3]) / 0.2, rtol=1e-6)
+    assert_allclose(slope[4], (value[5] - value[3]) / 0.2, rtol=1e-6)
 
 
 def test_prandtl_number_times_conductivity_is_viscosity_times_heat():
@@ -60,9 +60,7 @@ def test_prandtl_number_times_conductivity_is_viscosity_times_heat():
     viscosity_heat = (
         viscosity * table("cp")[1] / np.asarray(air.conductivity(jnp.array(kelvin)))
     )
-    np.testing.assert_allclose(
-        viscosity_heat, air.prandtl(jnp.array(kelvin)), rtol=3e-3
-    )
+    assert_allclose(viscosity_heat, air.prandtl(jnp.array(kelvin)), rtol=3e-3)
 
 
 def test_derivatives_of_the_film_polynomial_are_those_of_numpys_polynomials():
@@ -73,14 +71,14 @@ def test_derivatives_of_the_film_polynomial_are_those_of_numpys_polynomials():
     derivatives = air.film_derivatives(rows, film)
     argument = np.asarray(air.film_argument(jnp.asarray(2 * film))[0])
     expected = np.polynomial.polynomial.polyval(argument, rows)
-    np.testing.assert_allclose(derivatives.value, expected, rtol=1e-12, atol=1e-12)
+    assert_allclose(derivatives.value, expected, rtol=1e-12, atol=1e-12)
     # By the surface's temperature, which changes the film by half as much.
     inside = film[1:-1]
     above = air.film_derivatives(rows, inside + step / 2).value
     below = air.film_derivatives(rows, inside - step / 2).value
     slope = (above - below) / (2 * step)
     first = derivatives.first[..., 1:-1]
-    np.testing.assert_allclose(first, slope, rtol=1e-5, atol=1e-9)
+    assert_allclose(first, slope, rtol=1e-5, atol=1e-9)
     bend = (above - 2 * derivatives.value[..., 1:-1] + below) / step**2
     second = derivatives.second[..., 1:-1]
-    np.testing.assert_allclose(second, bend, rtol=1e-3, atol=1e-8)
+    assert_allclose(second, bend, rtol=1e-3, atol=1e-8)

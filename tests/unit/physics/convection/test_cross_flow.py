@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
+from numpy.testing import assert_allclose
 
 from jaxthermo.physics.convection.cross_flow import (
     _MAX_REYNOLDS,
@@ -59,7 +60,7 @@ def minima(reynolds):
 def test_the_average_around_is_the_chosen_average(exponent):
     """64 even angles integrate cosines up to the 63rd exactly."""
     local, mean = around(10.0**exponent)
-    np.testing.assert_allclose(local.mean(1) / mean, 1.0, rtol=1e-12)
+    assert_allclose(local.mean(1) / mean, 1.0, rtol=1e-12)
 
 
 def test_at_re_6071_the_average_lies_where_correlations_do():
@@ -92,13 +93,12 @@ def test_two_minima_after_the_transition(reynolds):
 
 def test_the_shape_stays_positive_everywhere():
     lowest = [float(shape(re).min()) for re in np.geomspace(0.1, 1e6, 200)]
-    print("least of the shape", min(lowest))
     assert 0.355 < min(lowest) < 0.360
 
 
 def test_the_shape_is_held_outside_its_knots():
     ends = jax.jit(_shape_coefficients)(jnp.array([0.0, 1e7]))
-    np.testing.assert_allclose(ends, cylinder_table().shape[[0, -1]], atol=1e-15)
+    assert_allclose(ends, cylinder_table().shape[[0, -1]], atol=1e-15)
 
 
 @jax.jit
@@ -124,7 +124,7 @@ def test_slopes_by_the_normal_are_finite_and_right():
     stacked = np.concatenate([forward, backward, normals])
     value, slope = (np.asarray(v) for v in by_normal(jnp.asarray(stacked)))
     rise = (value[:15] - value[15:30]) / 2e-6
-    np.testing.assert_allclose(slope[30:], rise.reshape(5, 3), atol=1e-7)
+    assert_allclose(slope[30:], rise.reshape(5, 3), atol=1e-7)
 
 
 def test_harmonics_are_cosines_on_the_side_and_vanish_on_the_ends():
@@ -133,12 +133,12 @@ def test_harmonics_are_cosines_on_the_side_and_vanish_on_the_ends():
     angle = np.linspace(0, 2 * np.pi, 50)
     side = np.stack([-np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     order = np.arange(1, 17)[:, None]
-    np.testing.assert_allclose(
+    assert_allclose(
         surface_harmonics(side, axis, wind), np.cos(order * angle), atol=1e-13
     )
     # Tilted by 60 degrees: r = 1/2, and r^k cos(k theta).
     tilted = 0.5 * side + np.sqrt(0.75) * axis
-    np.testing.assert_allclose(
+    assert_allclose(
         surface_harmonics(tilted, axis, wind),
         0.5**order * np.cos(order * angle),
         atol=1e-13,
@@ -164,8 +164,8 @@ def test_the_front_is_what_laminar_theory_gives_within_what_is_stated():
     reynolds = np.array([1e4, 3e4, 7.08e4])
     fronts = np.stack([around(re)[0][:, 0] for re in reynolds], axis=1)
     share = fronts / (0.945 * np.sqrt(reynolds))
-    np.testing.assert_allclose(share[0], [0.91, 0.82, 0.87], atol=0.01)
-    np.testing.assert_allclose(share[2], [1.00, 1.00, 1.09], atol=0.01)
+    assert_allclose(share[0], [0.91, 0.82, 0.87], atol=0.01)
+    assert_allclose(share[2], [1.00, 1.00, 1.09], atol=0.01)
 
 
 def test_doubts_are_told_where_there_are_some():

@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from jaxthermo.physics.convection.air import FILM_TEMPERATURES, film_polynomial, horner
 from jaxthermo.physics.convection.cross_flow import _mean_coefficient
@@ -95,7 +96,6 @@ def test_it_follows_the_correlation_at_each_film_temperature(average, error):
                 / np.where(air == SURFACES, np.nan, air - SURFACES)[:, None]
             )
             worst = max(worst, np.nanmax(np.abs(h / np.asarray(exact) - 1)))
-    print(average.name, "largest relative error of h", worst)
     assert 0.1 * error < worst < error
 
 
@@ -113,7 +113,7 @@ def test_the_slope_is_that_of_the_flux_and_below_the_steepest():
     above, _ = evaluated(exchange, surface + 1e-3)
     below, _ = evaluated(exchange, surface - 1e-3)
     rise = np.asarray(above - below) / 2e-3
-    np.testing.assert_allclose(slope, -rise, rtol=1e-6)
+    assert_allclose(slope, -rise, rtol=1e-6)
     assert (slope > 0).all()
     steepest = float(steepest_of(exchange, 2500.0))
     assert slope.max() <= steepest < 2 * slope.max()
@@ -131,8 +131,8 @@ def test_gradients_by_both_temperatures_are_finite_and_right():
     by_air = (heat(surface, 300 + step) - heat(surface, 300 - step)) / (2 * step)
     by_surface = (heat(surface + step) - heat(surface - step)) / (2 * step)
     slopes = with_slopes(base, jnp.asarray(surface))[1]
-    np.testing.assert_allclose(slopes[0], by_air, rtol=1e-5)
-    np.testing.assert_allclose(slopes[1], by_surface, rtol=1e-5)
+    assert_allclose(slopes[0], by_air, rtol=1e-5)
+    assert_allclose(slopes[1], by_surface, rtol=1e-5)
 
 
 def test_single_precision_keeps_small_differences():
@@ -142,7 +142,7 @@ def test_single_precision_keeps_small_differences():
     flux, _ = evaluated(single, surface, jnp.zeros((), jnp.float32))
     assert flux.dtype == jnp.float32
     exact, _ = evaluated(exchange, surface.astype(float))
-    np.testing.assert_allclose(flux, exact, rtol=2e-6)
+    assert_allclose(flux, exact, rtol=2e-6)
 
 
 def test_places_are_merged_by_their_mean_coefficient():
@@ -156,7 +156,7 @@ def test_places_are_merged_by_their_mean_coefficient():
     surface = jnp.asarray(SURFACES)
     separate, _ = evaluated(exchange, surface)
     flux, _ = evaluated(merged, surface)
-    np.testing.assert_allclose(flux, np.stack([mean(q) for q in separate]), rtol=1e-12)
+    assert_allclose(flux, np.stack([mean(q) for q in separate]), rtol=1e-12)
 
 
 def test_a_speed_table_is_exact_at_its_nodes_and_smooth_between():
@@ -166,14 +166,14 @@ def test_a_speed_table_is_exact_at_its_nodes_and_smooth_between():
     table = speed_table(values, 8.0, lambda t: t)
     at = jax.jit(jax.vmap(jax.value_and_grad(lambda t: table(t)[0, 0])))
     value, _ = at(jnp.asarray(nodes))
-    np.testing.assert_allclose(value, np.sqrt(nodes), atol=1e-12)
+    assert_allclose(value, np.sqrt(nodes), atol=1e-12)
     between = np.array([0.05, 0.4, 1.3, 7.0, -1.0, 0.0, 99.0])
     value, slope = at(jnp.asarray(np.resize(between, 25)))
     above, _ = at(jnp.asarray(np.resize(between + 1e-5, 25)))
     below, _ = at(jnp.asarray(np.resize(between - 1e-5, 25)))
-    np.testing.assert_allclose(value[:4], np.sqrt(between[:4]), rtol=1e-3)
+    assert_allclose(value[:4], np.sqrt(between[:4]), rtol=1e-3)
     rise = (above - below) / 2e-5
-    np.testing.assert_allclose(slope[:4], rise[:4], rtol=1e-5)
+    assert_allclose(slope[:4], rise[:4], rtol=1e-5)
     # Held beyond its ends, with finite slopes at them.
     assert value[4] == value[5] and value[6] == pytest.approx(np.sqrt(8.0))
     assert np.isfinite(slope).all()
@@ -198,4 +198,4 @@ def test_the_polynomial_goes_through_its_nodes():
     values = jnp.asarray(np.array([3.0, 1.0, 4.0, 1.5, 9.0]))
     rows = film_polynomial(values)
     places = np.cos((np.arange(5) + 0.5) * np.pi / 5)
-    np.testing.assert_allclose(horner(rows, jnp.asarray(places))[0], values, rtol=1e-12)
+    assert_allclose(horner(rows, jnp.asarray(places))[0], values, rtol=1e-12)

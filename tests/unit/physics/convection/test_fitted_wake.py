@@ -4,12 +4,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from wind_bodies import (
     DIAMETER,
+    behind,
     flux_at,
     law_of,
-    scene_surface,
-    surface,
     upright_cylinder,
 )
 
@@ -20,6 +20,8 @@ from jaxthermo.physics.convection.wake import FittedWake, _wake_ranges
 from jaxthermo.physics.convection.wake_geometry import wake_geometry
 from jaxthermo.physics.convection.wind import Wind
 from jaxthermo.physics.surface import Binding
+from tests.radiating import surface_of, whole
+from tests.slopes import check_gradient
 
 
 AIR = 300.0
@@ -30,15 +32,14 @@ VISCOSITY = float(kinematic_viscosity(jnp.asarray(AIR)))
 ratio = jax.jit(FittedWake())
 
 
+def ratio_at(place):
+    """Speed ratio at a distance, a distance aside and a Reynolds number."""
+    x, y, reynolds = place
+    return FittedWake()(x, y, reynolds)
+
+
 def speed_of(reynolds):
     return reynolds * VISCOSITY / DIAMETER
-
-
-def behind(shift, aside=0.0):
-    """The cylinder that far behind another of its kind, in diameters of both."""
-    grid = upright_cylinder()
-    upstream = grid.mesh.triangles - DIAMETER * np.array([shift, aside, 0.0])
-    return surface(grid, triangles=np.concatenate([grid.mesh.triangles, upstream]))
 
 
 def geometry_of(seen):
@@ -53,7 +54,7 @@ def geometry_of(seen):
 def heat(seen, wake, reynolds=100.0):
     """Heat into the whole surface [W]."""
     wind = Wind(ALONG_X, AIR, speed=speed_of(reynolds), wake=wake)
-    return float((flux_at(law_of(wind, seen), HOT, len(seen.area)) * seen.area).sum())
+    return float((flux_at(law_of(wind, seen), HOT) * seen.area).sum())
 
 
 def factor(*position, reynolds=100.0):
@@ -71,7 +72,7 @@ def test_the_ratio_is_above_zero_and_at_most_one_everywhere():
     ratios = np.asarray(ratio(*(jnp.asarray(v.ravel()) for v in (x, y, reynolds))))
     assert (ratios > 0).all() and (ratios <= 1 + 1e-12).all()
     ahead = ratios.reshape(x.shape)[x <= -1.0]
-    np.testing.assert_allclose(ahead, 1.0, rtol=1e-12)
+    assert_allclose(ahead, 1.0, rtol=1e-12)
     # Slow in the bubble, undisturbed far away.
     near = ratio(jnp.asarray(0.5), jnp.asarray(0.0), jnp.asarray(40.0))
     far = ratio(jnp.asarray(1e6), jnp.asarray(0.0), jnp.asarray(20.0))
@@ -81,16 +82,16 @@ def test_the_ratio_is_above_zero_and_at_most_one_everywhere():
 def test_a_turbulent_wake_is_that_of_the_published_law_far_away():
     x = jnp.asarray([100.0, 400.0])
     deficit = 1 - np.asarray(ratio(x, 0 * x, jnp.asarray(1e4)))
-    np.testing.assert_allclose(deficit, 0.98 * np.sqrt(1.2 / np.asarray(x)), rtol=0.02)
+    assert_allclose(deficit, 0.98 * np.sqrt(1.2 / np.asarray(x)), rtol=0.02)
     half = 0.25 * jnp.sqrt(1.2 * x)
     aside = 1 - np.asarray(ratio(x, half, jnp.asarray(1e4)))
-    np.testing.assert_allclose(aside / deficit, 0.5, atol=0.03)
+    assert_allclose(aside / deficit, 0.5, atol=0.03)
 
 
 def test_the_wake_is_smooth_in_distance_and_reynolds_number():
     """The slope never jumps: by steps of a thousandth it changes little."""
     point = jnp.asarray([0.7, 0.3, 50.0])
-    slope = jax.jit(jax.vmap(jax.grad(lambda p: FittedWake()(p[0], p[1], p[2]))))
+    slope = jax.jit(jax.vmap(jax.grad(ratio_at)))
     for axis, values in enumerate(
         (
             np.linspace(-1.5, 12.0, 4000),
@@ -107,15 +108,12 @@ def test_the_wake_is_smooth_in_distance_and_reynolds_number():
 
 
 def test_gradients_are_right():
-    at = jax.jit(lambda p: FittedWake()(p[0], p[1], p[2]))
-    point = jnp.array([2.0, 0.4, 80.0])
-    steps = np.diag([1e-6, 1e-6, 1e-4])
-    rise = [float(at(point + d) - at(point - d)) / (2 * d.max()) for d in steps]
-    np.testing.assert_allclose(jax.grad(at)(point), rise, rtol=1e-5)
+    steps = [1e-6, 1e-6, 1e-4]
+    check_gradient(ratio_at, [2.0, 0.4, 80.0], step=steps, rtol=1e-5)
 
 
 def test_one_body_is_cooled_as_without_a_wake():
-    seen = surface(upright_cylinder())
+    seen = surface_of(upright_cylinder())
     assert heat(seen, FittedWake()) == heat(seen, None)
     geometry = geometry_of(seen)
     assert geometry.behind.shape == (0, len(seen.area))
@@ -127,13 +125,11 @@ def test_places_are_behind_the_rear_and_beside_the_middle():
     # Of both cylinders, the second is the points' own.
     upstream = int(np.argmax(geometry.behind.max(1)))
     position = seen.position / DIAMETER
-    np.testing.assert_allclose(
-        geometry.behind[upstream], position[:, 0] + 4.0 - 0.5, atol=0.02
-    )
+    assert_allclose(geometry.behind[upstream], position[:, 0] + 4.0 - 0.5, atol=0.02)
     # As high as wide: it is no rod, and its wake is round.
     aside = np.hypot(position[:, 1] + 1.5, position[:, 2])
-    np.testing.assert_allclose(geometry.aside[upstream], aside, atol=0.03)
-    np.testing.assert_allclose(geometry.diameter, DIAMETER, rtol=0.01)
+    assert_allclose(geometry.aside[upstream], aside, atol=0.03)
+    assert_allclose(geometry.diameter, DIAMETER, rtol=0.01)
 
 
 def test_one_behind_another_is_cooled_less_the_nearer_it_is():
@@ -163,8 +159,8 @@ def test_a_rod_has_a_wake_along_its_length():
         )
         rod = int(np.argmin(geometry.diameter))
         rear = 0.05 + shear[0, 2] * np.minimum(points[:, 2], 0.25)
-        np.testing.assert_allclose(geometry.behind[rod], (0.5 - rear) / 0.1, atol=0.06)
-        np.testing.assert_allclose(geometry.aside[rod], [1.0, 0.0, 2.0], atol=0.06)
+        assert_allclose(geometry.behind[rod], (0.5 - rear) / 0.1, atol=0.06)
+        assert_allclose(geometry.aside[rod], [1.0, 0.0, 2.0], atol=0.06)
 
 
 def test_heat_transfer_is_continuous_as_it_moves_out_of_the_wake():
@@ -189,12 +185,11 @@ def test_heat_transfer_is_continuous_as_it_moves_out_of_the_wake():
 @pytest.mark.slice
 def test_a_gusty_wind_has_the_wake_of_each_moment():
     seen = behind(4.0)
-    count = len(seen.area)
     top = speed_of(200.0)
     gusts = jt.Table([0.0, 1.0], [0.0, top])
     law = law_of(Wind(ALONG_X, AIR, speed=gusts, wake=FittedWake()), seen)
     for reynolds in (15.0, 55.0, 120.0):
-        gusty = flux_at(law, HOT, count, time=reynolds / 200.0)
+        gusty = flux_at(law, HOT, time=reynolds / 200.0)
         total = float((gusty * seen.area).sum())
         assert total == pytest.approx(heat(seen, FittedWake(), reynolds), rel=5e-3)
 
@@ -204,14 +199,14 @@ def test_the_receipt_names_what_no_wake_was_computed_for():
 
     def notes(reynolds, body=seen):
         wind = Wind(ALONG_X, AIR, speed=speed_of(reynolds), wake=FittedWake())
-        (binding,) = wind.bind(scene_surface(body))
+        (binding,) = wind.bind(whole(body))
         assert isinstance(binding, Binding)
         return [note for _, note in binding.notes if "the wake is" in note]
 
     assert notes(20.0) == notes(100.0) == []
     assert "below 10, where none was computed" in notes(2.0)[0]
     assert "computed up to 150, from 300 on" in notes(5e3)[0]
-    assert notes(5e3, surface(upright_cylinder())) == []
+    assert notes(5e3, surface_of(upright_cylinder())) == []
     assert [wake_range.regime for wake_range in _wake_ranges()] == [
         "steady",
         "shedding",

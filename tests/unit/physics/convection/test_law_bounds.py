@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from wind_bodies import law_of, surface, upright_cylinder
+from wind_bodies import cells_of, law_of, upright_cylinder
 
 from jaxthermo.physics.convection.free_convection import FreeConvection
 from jaxthermo.physics.convection.wind import Wind
@@ -18,6 +18,7 @@ from jaxthermo.physics.surface_energy_balance import (
     SurfaceTerms,
 )
 from jaxthermo.physics.time_varying import Table
+from tests.radiating import surface_of
 
 
 REACH = Forcing(highest=450.0, lowest=230.0)
@@ -32,7 +33,7 @@ TERMS = {
 
 @pytest.fixture(scope="module")
 def side():
-    return surface(upright_cylinder())
+    return surface_of(upright_cylinder())
 
 
 @eqx.filter_jit
@@ -46,14 +47,10 @@ def _flux_and_curvature(law, time, kelvin):
         return jax.jvp(flux, (theta,), (jnp.ones_like(theta),))[1]
 
     def flux_and_bend(theta):
-        theta = jnp.full(law_places(law), theta)
+        theta = jnp.full(cells_of(law), theta)
         return flux(theta), jax.jvp(slope, (theta,), (jnp.ones_like(theta),))[1]
 
     return jax.lax.map(flux_and_bend, kelvin - law.reference)
-
-
-def law_places(law):
-    return max(np.shape(leaf)[-1] for leaf in jax.tree.leaves(law) if np.ndim(leaf))
 
 
 @pytest.mark.parametrize("name", list(TERMS))
@@ -66,7 +63,6 @@ def test_no_flux_and_no_curvature_is_above_its_bound(side, name):
     flux, bend = (np.abs(np.stack(rows)) for rows in zip(*evaluated, strict=True))
     max_flux = float(law.max_flux(REACH, END))
     curvature = float(law.curvature(REACH, END))
-    print(name, "flux", flux.max() / max_flux, "curvature", bend.max() / curvature)
     assert 0.2 * max_flux < flux.max() < max_flux
     assert 0.02 * curvature < bend.max() < curvature
 
@@ -86,7 +82,7 @@ def _excess(terms, theta):
 @pytest.mark.parametrize("conductivity", [400.0, 0.2])
 def test_few_steps_are_as_good_as_all(side, name, conductivity):
     law = law_of(TERMS[name], side)
-    area = np.full(law_places(law), 1e-6)
+    area = np.full(cells_of(law), 1e-6)
     half_cell = area * conductivity / 5e-4
     full = SurfaceTerms(
         names=(name,),
@@ -98,6 +94,5 @@ def test_few_steps_are_as_good_as_all(side, name, conductivity):
     theta = jnp.linspace(REACH.lowest, REACH.highest, len(area)) - law.reference
     few = replace(full, iterations=steps)
     off = np.abs(_excess(few, theta) - _excess(full, theta)).max()
-    print(name, conductivity, "steps", steps, "off", off)
     assert steps < MAX_ITERATIONS
     assert off < _TOLERANCE["float64"] + 1e-11

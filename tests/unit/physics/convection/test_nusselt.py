@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from jaxthermo.errors import InputError
 from jaxthermo.physics.convection.nusselt import AVERAGES, cylinder_table, named_average
@@ -28,7 +29,7 @@ def values(reynolds, prandtl=0.7):
 def test_values_of_the_library_ht():
     """At Re 6071, Pr 0.7, as its own tests have them (`test_conv_external.py`)."""
     averages = values([6071.0])[0][:2, 0]
-    np.testing.assert_allclose(averages, [40.63709, 40.38327], atol=6e-6)
+    assert_allclose(averages, [40.63709, 40.38327], atol=6e-6)
 
 
 @pytest.mark.parametrize(
@@ -38,13 +39,13 @@ def test_values_of_the_library_ht():
 def test_values_of_the_tabulated_correlations(reynolds, churchill, sanitjai):
     """Evaluated independently at Pr 0.71."""
     averages = values([reynolds], 0.71)[0][:2, 0]
-    np.testing.assert_allclose(averages, [churchill, sanitjai], rtol=4e-6)
+    assert_allclose(averages, [churchill, sanitjai], rtol=4e-6)
 
 
 def test_the_profile_is_the_tables_average_at_its_knots():
     knots = cylinder_table()
     profile = values(knots.reynolds, 0.71)[0][2]
-    np.testing.assert_allclose(profile, knots.average, rtol=1e-14)
+    assert_allclose(profile, knots.average, rtol=1e-14)
     # Between them it stays near the straight line in log-log.
     between = np.geomspace(1.0, 2.19e5, 400)
     straight = np.interp(np.log(between), np.log(knots.reynolds), np.log(knots.average))
@@ -54,9 +55,7 @@ def test_the_profile_is_the_tables_average_at_its_knots():
 def test_how_far_the_three_part():
     """By 2 % at Re 1000 and by 1.29 at 2.19e5, where two of them are extrapolated."""
     averages = values([1000.0, 2.19e5], 0.71)[0]
-    np.testing.assert_allclose(
-        averages.max(0) / averages.min(0), [1.024, 1.286], atol=1e-3
-    )
+    assert_allclose(averages.max(0) / averages.min(0), [1.024, 1.286], atol=1e-3)
 
 
 def test_slopes_are_finite_and_right():
@@ -67,7 +66,7 @@ def test_slopes_are_finite_and_right():
     below, _ = values(low)
     slope = values(reynolds)[1]
     rise = (above - below) / (reynolds + step - low)
-    np.testing.assert_allclose(slope, rise, rtol=2e-3)
+    assert_allclose(slope, rise, rtol=2e-3)
     assert (slope > 0).all() and (slope < 100).all()
 
 

@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from hypothesis import given, settings, strategies as st
+from numpy.testing import assert_allclose
 from scipy.interpolate import PchipInterpolator
 
 from jaxthermo.physics.convection.nusselt import pchip
@@ -27,7 +28,7 @@ def test_it_is_scipys_curve(y, gap):
     y = np.round(np.array(y), 3)
     at = np.linspace(x[0], x[-1], 101)
     interpolated = np.asarray(rows_at(pchip(x, y[:, None]), jnp.asarray(at)))[:, 0]
-    np.testing.assert_allclose(interpolated, PchipInterpolator(x, y)(at), atol=1e-10)
+    assert_allclose(interpolated, PchipInterpolator(x, y)(at), atol=1e-10)
 
 
 def test_beyond_the_ends_it_is_constant_and_its_slope_continuous_inside():
@@ -36,6 +37,6 @@ def test_beyond_the_ends_it_is_constant_and_its_slope_continuous_inside():
     value_and_slope = jax.jit(jax.vmap(jax.value_and_grad(lambda s: curve(s)[0])))
     at = jnp.asarray([-5.0, *(x[1:3] - 1e-9), *(x[1:3] + 1e-9), 9.0])
     value, slope = value_and_slope(at)
-    np.testing.assert_allclose(value[jnp.array([0, 5])], [0.0, 4.0])
-    np.testing.assert_allclose(slope[1:3], slope[3:5], rtol=1e-6)
+    assert_allclose(value[jnp.array([0, 5])], [0.0, 4.0])
+    assert_allclose(slope[1:3], slope[3:5], rtol=1e-6)
     assert float(slope[0]) == float(slope[5]) == 0.0

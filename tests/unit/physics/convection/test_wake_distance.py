@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from jaxthermo.geometry import shapes
 from jaxthermo.physics.convection.wake_geometry import upstream_wakes
@@ -51,8 +52,8 @@ def test_the_distance_is_from_the_rear_of_what_is_upstream(gap):
     distance = distance_of(triangles)
     # Off the middle the rear lies farther upstream, and the front farther down.
     expected = gap + SIDE[:, 0] + 0.1 - np.sqrt(0.05**2 - SIDE[:, 1] ** 2)
-    np.testing.assert_allclose(distance[MIDDLE], expected[MIDDLE] / 0.1, atol=0.1)
-    np.testing.assert_allclose(distance[FRONT], gap / 0.1, atol=0.05)
+    assert_allclose(distance[MIDDLE], expected[MIDDLE] / 0.1, atol=0.1)
+    assert_allclose(distance[FRONT], gap / 0.1, atol=0.05)
     assert np.isfinite(distance).all()
     # The one upstream is in no wake, nor is anything in a wind the other way.
     first = distance_of(triangles, SIDE + upstream)
@@ -63,7 +64,7 @@ def test_the_distance_is_from_the_rear_of_what_is_upstream(gap):
 def test_the_last_of_several_objects_counts_by_its_own_size():
     triangles = scene((-0.3, 0.0, 0.0), (-0.8, 0.0, 0.0), size=2.0)
     distance = distance_of(triangles)
-    np.testing.assert_allclose(distance[FRONT], 0.15 / 0.2, atol=0.05)
+    assert_allclose(distance[FRONT], 0.15 / 0.2, atol=0.05)
 
 
 def test_objects_are_told_apart_within_one_set_of_points():
@@ -82,4 +83,4 @@ def test_the_wind_may_blow_any_way():
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     triangles = scene((-0.35, 0.0, 0.0), FAR) @ turn.T
     distance = distance_of(triangles, SIDE @ turn.T, turn @ ALONG_X)
-    np.testing.assert_allclose(distance[FRONT], 2.5, atol=0.06)
+    assert_allclose(distance[FRONT], 2.5, atol=0.06)

@@ -1,15 +1,16 @@
 """Surfaces for the tests of wind and free convection."""
 
 import functools
+from dataclasses import replace
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxthermo.geometry import shapes
-from jaxthermo.geometry.mesh import Pose
-from jaxthermo.physics.surface import BodySurface, Surface
 from jaxthermo.voxels.voxelize import voxelize
+from tests.radiating import surface_of, whole
 
 
 DIAMETER = 0.1
@@ -22,38 +23,17 @@ def upright_cylinder():
     return voxelize(shapes.cylinder(DIAMETER / 2, HEIGHT), DIAMETER / 20)
 
 
-def surface(grid, pose=None, triangles=None, dtype=np.float64, **changes):
-    """The whole surface of a body as terms see it."""
-    pose = pose or Pose()
-    count = len(grid.fragment_area)
-    fields = {
-        "body": 0,
-        "grid": grid,
-        "pose": pose,
-        "position": pose.to_world(grid.fragment_position),
-        "normal": pose.rotate(grid.fragment_normal),
-        "area": grid.fragment_area.astype(dtype),
-        "exposed_fraction": np.ones(count),
-        "natural": np.ones(count, bool),
-        "half_cell": np.ones(count),
-        "emissivity": np.ones(()),
-        "absorptivity": np.ones(()),
-        "scene_triangles": pose.to_world(grid.mesh.triangles)
-        if triangles is None
-        else triangles,
-        "dtype": np.dtype(dtype),
-    }
-    return BodySurface(**{**fields, **changes})
-
-
-def scene_surface(body, reference=300.0):
-    """The surface of a scene with one body."""
-    return Surface((body,), (reference,))
+def behind(shift, aside=0.0):
+    """The cylinder that far behind another of its kind, in diameters of both."""
+    seen = surface_of(upright_cylinder())
+    upstream = seen.scene_triangles - DIAMETER * np.array([shift, aside, 0.0])
+    triangles = np.concatenate([seen.scene_triangles, upstream])
+    return replace(seen, scene_triangles=triangles)
 
 
 def law_of(term, seen, reference=300.0):
     """The law of a term's only binding."""
-    (binding,) = term.bind(scene_surface(seen, reference))
+    (binding,) = term.bind(whole(seen, reference=reference))
     return binding.law
 
 
@@ -63,8 +43,13 @@ def flux_and_slope(law, theta, time):
     return law.flux(time, theta), law.slope(time, theta)
 
 
-def flux_at(law, temperature, count, time=0.0):
+def cells_of(law):
+    """Number of cells of a law."""
+    return max(np.shape(leaf)[-1] for leaf in jax.tree.leaves(law) if np.ndim(leaf))
+
+
+def flux_at(law, temperature, time=0.0):
     """Heat flux into every cell, all at one temperature [W/m^2]."""
     reference = float(law.reference)
-    theta = jnp.asarray(np.full(count, temperature - reference))
+    theta = jnp.asarray(np.full(cells_of(law), temperature - reference))
     return np.asarray(flux_and_slope(law, theta, jnp.asarray(np.float64(time)))[0])

@@ -5,6 +5,7 @@ import pickle
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
+from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from jaxthermo.errors import InputError
@@ -28,7 +29,7 @@ def test_a_direction_turns_at_a_constant_rate():
     for time in (0.0, 1.0, 30.0, 89.0, 90.0):
         angle = np.radians(time)
         expected = (np.cos(angle), 0.0, -np.sin(angle))
-        np.testing.assert_allclose(table(time), expected, atol=1e-15)
+        assert_allclose(table(time), expected, atol=1e-15)
     assert table(-1.0) == table(0.0) and table(91.0) == table(90.0)
 
 

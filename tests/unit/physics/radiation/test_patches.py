@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.shapes import box
@@ -25,11 +26,11 @@ def test_no_more_than_asked_for_and_nothing_lost(hollow, max_patches):
     patches = in_patches(hollow, max_patches).patches
     # Six more for the cavity, which has patches of its own.
     assert 6 <= patches.count <= max_patches + 6
-    np.testing.assert_array_equal(np.unique(patches.patch), np.arange(patches.count))
+    assert_array_equal(np.unique(patches.patch), np.arange(patches.count))
     assert patches.area.sum() == pytest.approx(hollow.fragment_area.sum(), rel=1e-12)
     moment = patches.area @ patches.centre
     expected = hollow.fragment_area @ hollow.fragment_position
-    np.testing.assert_allclose(moment, expected, rtol=1e-12, atol=1e-12)
+    assert_allclose(moment, expected, rtol=1e-12, atol=1e-12)
 
 
 def test_a_patch_faces_one_way(hollow):
@@ -48,13 +49,11 @@ def test_points_near_fragments_are_in_their_patches(block, seed):
     patches = in_patches(grid, int(random.integers(6, 100))).patches
     position = grid.fragment_position
     normal = grid.fragment_normal
-    np.testing.assert_array_equal(patches.patch_of(position, normal), patches.patch)
+    assert_array_equal(patches.patch_of(position, normal), patches.patch)
     # Anywhere on the fragment's own square, above or below by rounding.
     shift = random.uniform(-0.0049, 0.0049, position.shape) * (np.abs(normal) < 0.5)
     off = shift + normal * random.uniform(-1e-12, 1e-12, (len(position), 1))
-    np.testing.assert_array_equal(
-        patches.patch_of(position + off, normal), patches.patch
-    )
+    assert_array_equal(patches.patch_of(position + off, normal), patches.patch)
 
 
 def test_where_no_fragment_is_the_nearest_patch_of_that_side(hollow):

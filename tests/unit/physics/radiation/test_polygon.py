@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
+from numpy.testing import assert_allclose
 
 from jaxthermo.physics.radiation.area_source import polygon_view_factor
 from jaxthermo.reference.view_factor import element_to_rectangle
@@ -59,7 +60,7 @@ def test_half_below_the_horizon():
     floor = np.random.default_rng(0).uniform(0.1, 2.0, (50, 3)) * [1.0, 1.0, 0.0]
     up = np.tile([0.0, 0.0, 1.0], (50, 1))
     cut, exact = (polygon_view_factor(floor, up, w) for w in (wall, above))
-    np.testing.assert_allclose(cut, exact, atol=1e-14)
+    assert_allclose(cut, exact, atol=1e-14)
     assert (exact > 0.01).any()
 
 
