@@ -32,9 +32,9 @@ VISCOSITY = float(kinematic_viscosity(jnp.asarray(AIR)))
 ratio = jax.jit(FittedWake())
 
 
-def ratio_at(place):
+def ratio_at(point):
     """Speed ratio at a distance, a distance aside and a Reynolds number."""
-    x, y, reynolds = place
+    x, y, reynolds = point
     return FittedWake()(x, y, reynolds)
 
 
