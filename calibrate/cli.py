@@ -4,9 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from jaxthermo.console.progress import terminal_progress
 from jaxthermo.console.terminal import open_console, patient_interrupt, print_line
 from jaxthermo.parallel.devices import provide_devices
 from jaxthermo.report.numbers import count
@@ -16,61 +15,22 @@ from .config.loader import load_calibration
 from .make_cards import make_cards, read_recipes
 from .report.card_list import card_words
 from .report.text_summary import parameter_table
-from .run import ProgressLog, fit_config, identify_start, parameter_rows
+from .run import fit_config, identify_start, parameter_rows
 from .show import print_fit
-from .solvers.progress import StepRecord
-
-
-class _ProgressBar(ProgressLog):
-    """Progress bar on a terminal; elsewhere a line per step."""
-
-    def __init__(self, console: Console, bar: Progress):
-        self._console = console
-        self._bar = bar
-        self._task = bar.add_task("starting", total=None, note="")
-
-    def stage(self, name: str) -> None:
-        self._bar.update(self._task, description=name, total=None, note="")
-
-    def step(self, step: StepRecord, seconds: float, max_steps: int) -> None:
-        outcome = "" if step.outcome == "accepted" else f", {step.outcome}"
-        # A fit usually converges long before its step limit: an upper bound.
-        left = seconds / step.number * (max_steps - step.number)
-        note = f"loss {step.loss:.6g}{outcome}, at most {left:.0f} s left"
-        self._bar.update(
-            self._task,
-            description="fitting",
-            total=max_steps,
-            completed=step.number,
-            note=note,
-        )
-        # A bar in a log file would be a line of control characters per step.
-        if not self._console.is_terminal:
-            print_line(
-                self._console, f"step {step.number}: loss {step.loss:.6g}{outcome}"
-            )
-
-
-def _progress(console: Console) -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=None),
-        TextColumn("{task.fields[note]}"),
-        TimeElapsedColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
 
 
 def fit(config: Path, out: Path, overrides: tuple[str, ...], devices: int = 1) -> None:
     """Run `calibrate fit`."""
     provide_devices(devices)
     console = open_console()
-    with patient_interrupt() as asked, _progress(console) as bar:
-        log = _ProgressBar(console, bar)
+    with patient_interrupt() as asked, terminal_progress(console, 0.0) as progress:
         result = fit_config(
-            config, out=out, overrides=overrides, log=log, stop=asked, devices=devices
+            config,
+            out=out,
+            overrides=overrides,
+            progress=progress,
+            stop=asked,
+            devices=devices,
         )
     print_fit(console, result)
     print_line(console, f"fit.json, card.yaml and report.html in {out}")
@@ -86,9 +46,8 @@ def identify(config: Path, overrides: tuple[str, ...]) -> None:
     """Run `calibrate identify`."""
     console = open_console()
     loaded = load_calibration(config, overrides)
-    with _progress(console) as bar:
-        log = _ProgressBar(console, bar)
-        start = identify_start(loaded, log)
+    with terminal_progress(console) as progress:
+        start = identify_start(loaded, progress.stage)
     title = f"{loaded.name}: how well the data determine the start values"
     values = np.array([v.value for v in start.identified.verdicts])
     rows = parameter_rows(start.identified, values)
@@ -106,12 +65,9 @@ def identify(config: Path, overrides: tuple[str, ...]) -> None:
 def check(card: str, scene: Path, overrides: tuple[str, ...]) -> None:
     """Run `calibrate check`."""
     console = open_console()
-    with _progress(console) as bar:
+    with terminal_progress(console) as progress:
         checked = check_card(
-            card,
-            scene_path=scene,
-            overrides=overrides,
-            log=_ProgressBar(console, bar).stage,
+            card, scene_path=scene, overrides=overrides, log=progress.stage
         )
     for name, value in checked["numbers"].items():
         span = checked["ranges"].get(name, "values that the card does not have")
@@ -132,10 +88,14 @@ def cards(
     """Run `calibrate cards`."""
     console = open_console()
     recipes = read_recipes(folder, names)
-    with patient_interrupt() as asked, _progress(console) as bar:
-        log = _ProgressBar(console, bar)
+    with patient_interrupt() as asked, terminal_progress(console, 0.0) as progress:
         fits = make_cards(
-            recipes, out=out, results=results, again=again, log=log, stop=asked
+            recipes,
+            out=out,
+            results=results,
+            again=again,
+            progress=progress,
+            stop=asked,
         )
         for name, card, result in fits:
             words = card_words(card)

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from jaxthermo.config.card_file import load_card, write_card
 from jaxthermo.config.messages import close_match
 from jaxthermo.config.strict_yaml import read_yaml
+from jaxthermo.console.progress import SILENT, Progress
 from jaxthermo.console.results_folder import results_folder
 from jaxthermo.errors import InputError
 from jaxthermo.structures.weights import FitCard
@@ -20,7 +21,7 @@ from jaxthermo.structures.weights import FitCard
 from .config.fit_record import FitRecord
 from .config.loader import calibration_hash, load_calibration, scene_config
 from .config.schema import CalibrationConfig
-from .run import ProgressLog, fit_config
+from .run import fit_config
 
 
 class _Recipe(NamedTuple):
@@ -103,7 +104,7 @@ def make_cards(
     out: Path,
     results: Path,
     again: bool = False,
-    log: ProgressLog | None = None,
+    progress: Progress = SILENT,
     stop: Callable[[], bool] = lambda: False,
 ) -> Iterator[tuple[str, FitCard, FitRecord | None]]:
     """Fit the cards one by one, each written to `out` when it is finished.
@@ -115,7 +116,7 @@ def make_cards(
         out: folder for the cards.
         results: folder for the fits' results.
         again: True to fit those that are up to date as well.
-        log: receives the progress.
+        progress: receives the progress.
         stop: called before every step; if it returns True, all ends, and the same
             call continues later.
 
@@ -138,7 +139,7 @@ def make_cards(
             recipe.body,
             out=folder,
             overrides=recipe.overrides,
-            log=log,
+            progress=progress,
             stop=stop,
             report=False,
         )

@@ -1,6 +1,6 @@
 """A calibration from its config to its results folder."""
 
-from collections.abc import Callable
+from collections.abc import Callable, ItemsView
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,6 +13,7 @@ from jaxthermo.arrays import precision
 from jaxthermo.atomic import replacing
 from jaxthermo.config.card_file import write_card
 from jaxthermo.config.strict_yaml import write_yaml
+from jaxthermo.console.progress import SILENT, Progress
 from jaxthermo.console.results_folder import results_folder
 from jaxthermo.parallel.devices import check_devices
 from jaxthermo.provenance import provenance
@@ -24,9 +25,9 @@ from .analysis.truth import Truth
 from .analysis.verdict import judge
 from .config.fit_record import (
     Advice,
-    CaseGroups,
-    ErrorGroups,
     FitRecord,
+    Group,
+    Pair,
     ParameterRow,
     write_fit,
 )
@@ -35,7 +36,7 @@ from .config.schema import CalibrationConfig, shown_unit_of, unit_of
 from .problem.build import Calibration
 from .problem.parameters import ParameterSet
 from .problem.problem import Case, Problem
-from .problem.reference import program_hash
+from .problem.reference import Log, program_hash
 from .problem.targets import CaseError
 from .report.page import write_report
 from .solvers.cameras import build_aligned
@@ -50,21 +51,11 @@ _CHECKPOINT = "state.npz"
 _CHECKPOINT_HASH = "state.txt"
 
 
-class ProgressLog:
-    """Receiver of a calibration's progress; this one ignores it."""
-
-    def stage(self, name: str) -> None:
-        """Called before each slow stage."""
-
-    def step(self, step: StepRecord, seconds: float, max_steps: int) -> None:
-        """Called after each step, with the seconds that all steps took so far."""
-
-
 def fit_config(
     path: Path,
     out: Path,
     overrides: tuple[str, ...] = (),
-    log: ProgressLog | None = None,
+    progress: Progress = SILENT,
     stop: Callable[[], bool] = lambda: False,
     report: bool = True,
     devices: int = 1,
@@ -75,7 +66,7 @@ def fit_config(
         path: of the config.
         out: folder; a fit that was interrupted there is continued.
         overrides: "a.b=c" each.
-        log: receives the progress.
+        progress: receives the progress.
         stop: called before every step; if it returns True, the fit ends with the best
             so far.
         report: False to leave out the page and the advice on further cases.
@@ -86,20 +77,23 @@ def fit_config(
             shared by so many devices.
     """
     check_devices(devices)
-    log = ProgressLog() if log is None else log
     config = load_calibration(path, overrides)
+    settings = config.fit
+
+    def tell(step: StepRecord) -> None:
+        progress.reach(step.number, f"step {step.number}: {step.outcome_words}")
+
     with results_folder(out) as folder:
-        calibration = build_aligned(config, log.stage)
+        calibration = build_aligned(config, progress.stage)
         # Before the fit, so that references that cannot be run are reported at once.
-        truth = Truth.prepare(config, calibration, log.stage)
+        truth = Truth.prepare(config, calibration, progress.stage)
         _discard_old_checkpoint(folder, config)
-        log.stage("compiling")
-        settings = config.fit
+        progress.stage("compiling")
         start = None
         fitting = Fitting(calibration.train, settings, devices=devices)
         # A checkpoint is later than any start.
         if settings.starts > 1 and not (folder / _CHECKPOINT).exists():
-            log.stage(f"searching from {settings.starts} starts")
+            progress.stage(f"searching from {settings.starts} starts")
             points = start_points(
                 settings.starts,
                 size=calibration.train.parameters.size,
@@ -107,18 +101,17 @@ def fit_config(
                 seed=settings.seed,
             )
             start = fitting.best_start(points, stop)
+        # A fit usually converges long before its step limit: an upper bound.
+        progress.stage("fitting", settings.max_steps)
         fit = fitting.run(
-            start=start,
-            checkpoint=folder / _CHECKPOINT,
-            log=lambda step, seconds: log.step(step, seconds, config.fit.max_steps),
-            stop=stop,
+            start=start, checkpoint=folder / _CHECKPOINT, log=tell, stop=stop
         )
         result = _conclude(
             config,
             calibration=calibration,
             truth=truth,
             fit=fit,
-            log=log,
+            log=progress.stage,
             advise=report,
         )
         # The results are complete only with the config that made them.
@@ -128,7 +121,7 @@ def fit_config(
         card = make_card(config, calibration=calibration, fit=fit, result=result)
         write_card(folder / "card.yaml", card)
         if report:
-            log.stage("drawing the report")
+            progress.stage("drawing the report")
             write_report(folder, calibration=calibration, fit=fit, result=result)
         # An interrupted fit continues from its checkpoint.
         if fit.ended != "interrupted":
@@ -153,22 +146,15 @@ def _conclude(
     calibration: Calibration,
     truth: Truth | None,
     fit: Fit,
-    log: ProgressLog,
+    log: Log,
     advise: bool,
 ) -> FitRecord:
     train = calibration.train
-    errors: _Errors = {
-        "train": {
-            "default": _case_errors(train.cases, fit.initial_errors),
-            "fitted": _case_errors(train.cases, fit.errors),
-        }
-    }
-    if calibration.held_out is not None:
-        log.stage("evaluating the held-out cases")
-        points = [np.zeros_like(fit.z), fit.z]
-        default, fitted = _errors_at(calibration.held_out, points)
-        errors["held_out"] = {"default": default, "fitted": fitted}
+    errors = _errors_by_group(calibration, fit, log)
+    by_case = _summed_up(errors, lambda cases: {n: e.as_json() for n, e in cases})
     sd = residual_sd(fit.residual, len(fit.z), train.known_sd)
+    # Without a Jacobian there are too many values for a row each.
+    judged = fit.jacobian is not None
     scatter = None
     if fit.jacobian is not None:
         scatter = train.scatter(fit.jacobian, fit.residual)
@@ -178,19 +164,17 @@ def _conclude(
     advice: list[Advice] = []
     if advise:
         advice = rank_experiments(
-            config, calibration=calibration, fit=fit, sd=sd, log=log.stage
+            config, calibration=calibration, fit=fit, sd=sd, log=log
         )
-    log.stage("timing")
-    case = train.cases[0]
-    with precision(train.dtype.name):
-        z = jnp.asarray(fit.z, train.dtype)
-        scene = train.parameters.insert(case.scene, z)
+    log("timing")
     # The first case stands for all of them.
+    case = train.cases[0]
     speed = measure_speed(
-        calibration.configs[case.name], default=case.scene, fitted=scene
+        calibration.configs[case.name],
+        default=case.scene,
+        fitted=calibration.scene_at(case.name, fit.z),
     )
-    against_truth = None if truth is None else truth.judge(fit.z, log.stage)
-    by_case = _errors_by_case(errors)
+    against_truth = None if truth is None else truth.judge(fit.z, log)
     verdict = judge(
         by_case,
         speedup=speed,
@@ -198,8 +182,6 @@ def _conclude(
         truth=against_truth,
     )
     start = np.asarray(train.parameters.flat_values(np.zeros_like(fit.z)), float)
-    # Without a Jacobian there are too many values for a row each.
-    judged = fit.jacobian is not None
     if judged:
         rows = parameter_rows(identified, start)
     else:
@@ -210,7 +192,7 @@ def _conclude(
         parameters=rows,
         loss={"initial": fit.initial_loss, "final": fit.loss},
         ended=fit.ended,
-        error_percent=_largest_errors(errors),
+        error_percent=_summed_up(errors, lambda cases: max(e.worst for _, e in cases)),
         errors=by_case,
         truth=against_truth,
         # Digits beyond these would only make the file longer.
@@ -218,16 +200,7 @@ def _conclude(
         singular_values=identified.singular_values.tolist(),
         advice=advice,
         speedup=speed,
-        steps=[
-            {
-                "step": step.number,
-                "loss": step.loss,
-                "accepted": step.accepted,
-                "jacobian_computed": step.exact,
-                "values": list(step.values) if judged else [],
-            }
-            for step in fit.steps
-        ],
+        steps=[step.as_json(with_values=judged) for step in fit.steps],
         run_time_s={
             "fit": fit.step_seconds,
             "one_run": fit.run_seconds,
@@ -241,9 +214,44 @@ def _conclude(
     )
 
 
+_CaseErrors = dict[str, CaseError]
+
+
+def _errors_by_group(
+    calibration: Calibration, fit: Fit, log: Log
+) -> dict[Group, Pair[_CaseErrors]]:
+    cases = calibration.train.cases
+    errors: dict[Group, Pair[_CaseErrors]] = {
+        "train": {
+            "default": _case_errors(cases, fit.initial_errors),
+            "fitted": _case_errors(cases, fit.errors),
+        }
+    }
+    if calibration.held_out is not None:
+        log("evaluating the held-out cases")
+        points = [np.zeros_like(fit.z), fit.z]
+        default, fitted = _errors_at(calibration.held_out, points)
+        errors["held_out"] = {"default": default, "fitted": fitted}
+    return errors
+
+
+def _summed_up(
+    errors: dict[Group, Pair[_CaseErrors]],
+    value: Callable[[ItemsView[str, CaseError]], Any],
+) -> Any:
+    """A value of the errors of all cases, with the start and the fitted values."""
+    return {
+        group: {
+            "default": value(pair["default"].items()),
+            "fitted": value(pair["fitted"].items()),
+        }
+        for group, pair in errors.items()
+    }
+
+
 def _case_errors(
     cases: tuple[Case, ...], errors: tuple[Float[np.ndarray, " t"], ...]
-) -> dict[str, CaseError]:
+) -> _CaseErrors:
     return {
         case.name: case.target.case_error(case_errors)
         for case, case_errors in zip(cases, errors, strict=True)
@@ -252,7 +260,7 @@ def _case_errors(
 
 def _errors_at(
     problem: Problem, points: list[Float[np.ndarray, " p"]]
-) -> list[dict[str, CaseError]]:
+) -> list[_CaseErrors]:
     # One compiled program for all points.
     errors = []
     step_tables = None
@@ -271,15 +279,15 @@ class _StartJudgement(NamedTuple):
     """Judgement of how well the data determine the start values of a fit."""
 
     identified: Identified
-    errors: dict[str, CaseError]
+    errors: _CaseErrors
     """Error of each case by its name."""
     noise_is_known: bool
 
 
-def identify_start(config: CalibrationConfig, log: ProgressLog) -> _StartJudgement:
+def identify_start(config: CalibrationConfig, log: Log) -> _StartJudgement:
     """Judge the start values of a fit, before anything is fitted."""
-    problem = build_aligned(config, log.stage).train
-    log.stage("computing derivatives")
+    problem = build_aligned(config, log).train
+    log("computing derivatives")
     z = np.zeros(problem.parameters.size)
     with precision(problem.dtype.name):
         at = jnp.asarray(z, problem.dtype)
@@ -291,7 +299,7 @@ def identify_start(config: CalibrationConfig, log: ProgressLog) -> _StartJudgeme
             batch=problem.batch(),
         )
         rows = np.asarray(rows, float)
-    log.stage("evaluating the start")
+    log("evaluating the start")
     errors = _errors_at(problem, [z])[0]
     sd = problem.known_sd
     if sd is None:
@@ -306,32 +314,6 @@ def identify_start(config: CalibrationConfig, log: ProgressLog) -> _StartJudgeme
         errors=errors,
         noise_is_known=problem.known_sd is not None,
     )
-
-
-_Errors = dict[str, dict[str, dict[str, CaseError]]]
-"""Errors by "train" or "held_out", then by "default" or "fitted", then by case."""
-
-
-def _errors_by_case(errors: _Errors) -> CaseGroups:
-    groups: Any = {
-        group: {
-            values: {name: error.as_json() for name, error in cases.items()}
-            for values, cases in pair.items()
-        }
-        for group, pair in errors.items()
-    }
-    return groups
-
-
-def _largest_errors(errors: _Errors) -> ErrorGroups:
-    groups: Any = {
-        group: {
-            values: max(error.worst for error in cases.values())
-            for values, cases in pair.items()
-        }
-        for group, pair in errors.items()
-    }
-    return groups
 
 
 def _fits_weights(parameters: ParameterSet) -> bool:

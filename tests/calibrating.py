@@ -8,9 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxthermo as jt
+from calibrate.problem.frame_data import frame_target
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
-from calibrate.problem.targets import surface_target
+from calibrate.problem.targets import render_frames, surface_target
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.integrate.run.solution_file import StoredSolution
 from tests.bodies import blocks
@@ -52,13 +53,30 @@ RESULT: Any = {
     "error_percent": {"train": ERRORS},
     "errors": {"train": {"default": {}, "fitted": {}}},
     "advice": [],
-    "speedup": {},
+    "speedup": {
+        "times_faster": None, "min": None, "max": None,
+        "default": {"times_faster": None, "min": None, "max": None},
+        "nodes": {}, "steps": {}, "run_time_s": {},
+    },
     "steps": [],
     "run_time_s": {"fit": 1.0, "one_run": 0.1, "compile": 1},
     "reference": "full_volume",
     "versions": {"jaxthermo": "0.1"},
 }  # fmt: skip
 """Results of a fit, as `fit.json` has them."""
+
+
+FAST: Any = {"times_faster": 5.0, "min": 4.0, "max": 6.0}
+"""Run time of a full volume over that of a structure."""
+
+
+def errors_of(default, fitted, group="train") -> Any:
+    """Errors [%] of a case at two times, as `fit.json` has them."""
+    case_errors = {
+        values: {"+x": {"times_s": [30.0, 60.0], "rms_percent": percent}}
+        for values, percent in (("default", default), ("fitted", fitted))
+    }
+    return {group: case_errors}
 
 
 def scene(side, dtype="float64", weights=None):
@@ -69,6 +87,53 @@ def scene(side, dtype="float64", weights=None):
     body = jt.Body(structure, METAL, temperature=300.0)
     terms = (jt.HeatFlux(2e4, on=jt.Side(side)), jt.Convection(30.0, 300.0))
     return jt.Scene((body,), terms, dtype=dtype)
+
+
+def seen_block(
+    temperature, surroundings, conductivity=16.0, coefficient=30.0, emissivity=0.8
+):
+    """A block of fine voxels over a core that radiates, and is heated from one side."""
+    structure = jt.ShellOverCore(blocks(np.ones((6, 6, 6), bool), 0.01), factor=2)
+    metal = jt.Material(conductivity, 8000.0, 500.0, emissivity=emissivity)
+    body = jt.Body(structure, metal, temperature=temperature)
+    terms = (
+        jt.HeatFlux(2e4, on=jt.Side((1.0, 0.0, 0.0))),
+        jt.Convection(coefficient, 300.0),
+        jt.Surroundings(surroundings),
+    )
+    return jt.Scene((body,), terms, dtype="float64")
+
+
+def camera_of_block(width, height):
+    """A camera that sees three sides of the block."""
+    return jt.Camera(
+        position=(0.16, -0.11, 0.11),
+        look_at=(0.03, 0.03, 0.03),
+        width=width,
+        height=height,
+    )
+
+
+def frames_of(view, scene, solution, times, quantity="temperature"):
+    """Frames of a run at its save times, on the host."""
+    frames = render_frames(
+        view, scene=scene, solution=solution, times=times, quantity=quantity
+    )
+    return np.asarray(frames, float)
+
+
+def target_of(view, frames, times, quantity="temperature", masks=(), moving=None):
+    """Frames with a noise of 50 mK as the data of a fit."""
+    return frame_target(
+        times,
+        views=(view,),
+        frames=[frames],
+        noise=0.05,
+        quantity=quantity,
+        masks=masks,
+        dtype=jnp.float64,
+        moving=moving,
+    )
 
 
 @functools.cache

@@ -12,11 +12,12 @@ from jaxtyping import Array, Float
 
 from jaxthermo.accuracy.surface_error import error_span
 from jaxthermo.arrays import precision
+from jaxthermo.config.schema.image import CameraConfig
 from jaxthermo.integrate.run.parametric_run import ParametricRun, ParametricSolution
 from jaxthermo.scene.scene import Scene
 
 from ..config.fit_record import Advice
-from ..config.schema import CalibrationConfig, CandidateConfig
+from ..config.schema import CalibrationConfig
 from ..problem.build import Calibration
 from ..problem.frame_source import camera_views
 from ..problem.problem import trace
@@ -42,18 +43,25 @@ def rank_experiments(
     ranking: list[Advice] = []
 
     def add(description: str, rows: Float[np.ndarray, "p r"]) -> None:
-        gain = information_gain(jacobian, further=rows, sd=1.0)
+        gain = information_gain(jacobian, further=rows)
         ranking.append({"what": description, "gain_nats": gain})
+
+    def rows_per_time(
+        scene: Scene, times: tuple[float, ...], cameras: tuple[CameraConfig, ...] = ()
+    ) -> list[Float[np.ndarray, "p r"]]:
+        measure = _measurement(
+            calibration, cameras=cameras, scene=scene, times=times, sd=sd
+        )
+        return _rows_per_time(
+            calibration, fit=fit, scene=scene, times=times, measure=measure
+        )
 
     for candidate in config.candidates:
         log(f"{candidate.name}: information it would add")
-        scene = calibration.scenes[candidate.name]
-        times = calibration.configs[candidate.name].time.save_times
-        measure = _measurement(
-            calibration, candidate=candidate, scene=scene, times=times, sd=sd
-        )
-        rows = _rows_per_time(
-            calibration, fit=fit, scene=scene, times=times, measure=measure
+        rows = rows_per_time(
+            calibration.scenes[candidate.name],
+            times=calibration.configs[candidate.name].time.save_times,
+            cameras=candidate.views,
         )
         add(candidate.name, np.concatenate(rows, 1))
     for case in calibration.train.cases:
@@ -61,20 +69,14 @@ def rank_experiments(
         # The middle of every span between save times, the first from 0.
         ends = np.array([0.0, *case.run.save_times])
         times = tuple((0.5 * (ends[1:] + ends[:-1])).tolist())
-        measure = _measurement(
-            calibration, candidate=None, scene=case.scene, times=times, sd=sd
-        )
-        rows_per_time = _rows_per_time(
-            calibration, fit=fit, scene=case.scene, times=times, measure=measure
-        )
-        for time, rows in zip(times, rows_per_time, strict=True):
+        for time, rows in zip(times, rows_per_time(case.scene, times), strict=True):
             add(f"{case.name}, saved at {time:g} s too", rows)
     return sorted(ranking, key=lambda entry: -entry["gain_nats"])
 
 
 def _measurement(
     calibration: Calibration,
-    candidate: CandidateConfig | None,
+    cameras: tuple[CameraConfig, ...],
     scene: Scene,
     times: tuple[float, ...],
     sd: float,
@@ -83,7 +85,6 @@ def _measurement(
     target = calibration.train.cases[0].target
     cases = len(calibration.train.cases)
     if isinstance(target, FrameTarget):
-        cameras = () if candidate is None else candidate.views
         views = camera_views(cameras, scene) if cameras else target.views
 
         def pixels(scene: Scene, solution: ParametricSolution) -> Float[Array, "t r"]:

@@ -19,6 +19,14 @@ from jaxthermo.scene.dimensionless_groups import scene_numbers
 from jaxthermo.structures.extrapolation import extrapolations, range_words
 from jaxthermo.structures.weights import ConductionWeights, FitCard
 
+from ..config.fit_record import (
+    FitRecord,
+    ReferenceErrors,
+    TruthErrors,
+    TruthRecord,
+    each_group,
+    number_of,
+)
 from ..config.frame_names import is_of_frames
 from ..config.schema import CalibrationConfig
 from ..problem.build import Calibration
@@ -35,15 +43,15 @@ def make_card(
     config: CalibrationConfig,
     calibration: Calibration,
     fit: Fit,
-    result: Mapping[str, Any],
+    result: FitRecord,
 ) -> FitCard:
     """Card of a fit; in a scene of several bodies, with the weights of the first."""
     problem = calibration.train
     first = problem.cases[0]
+    fitted = calibration.scene_at(first.name, fit.z)
+    weights = fitted.bodies[0].structure.weights
     with precision(problem.dtype.name):
-        z = jnp.asarray(fit.z, problem.dtype)
-        weights = problem.parameters.insert(first.scene, z).bodies[0].structure.weights
-        values = problem.parameters.values(z)
+        values = problem.parameters.values(jnp.asarray(fit.z, problem.dtype))
     arrays = {name: np.asarray(value, float) for name, value in vars(weights).items()}
     # Lists belong to the body that was fitted, not to others that take the card.
     coefficients = {
@@ -53,8 +61,7 @@ def make_card(
         and np.ndim(value) == 0
         and not is_of_frames(name)
     }
-    ends = {name: config.time.last for name, config in calibration.configs.items()}
-    numbers = [scene_numbers(case.scene, ends[case.name]) for case in problem.cases]
+    numbers = calibration.numbers(problem)
     # Each mechanism once, in the order of the cases.
     mechanisms = [name for c in problem.cases for name in mechanism_names(c.scene)]
     bodies = [calibration.configs[case.name].bodies[0] for case in problem.cases]
@@ -69,35 +76,42 @@ def make_card(
         },
         mechanisms=tuple(dict.fromkeys(mechanisms)),
         geometry=dict(body.geometry for body in bodies),
-        error_percent=result["error_percent"],
-        error_kelvin=_truth_errors(result["truth"]),
+        error_percent={
+            group: {"default": errors["default"], "fitted": errors["fitted"]}
+            for group, errors in each_group(result["error_percent"])
+        },
+        error_kelvin=_truth_errors(result.get("truth")),
         surface_cells=first.scene.bodies[0].structure.grid.surface_cells,
         origin=_origin(config, result),
     )
 
 
-def _truth_errors(truth: Mapping[str, Any] | None) -> dict[str, dict[str, float]]:
+def _truth_errors(truth: TruthRecord | None) -> dict[str, dict[str, float]]:
     # Largest of all cases and saved times.
     if truth is None:
         return {}
     return {
         group: {
-            model: max(case[model]["worst_rms_kelvin"] for case in cases.values())
+            model: max(_worst_kelvin(case[model]) for case in cases.values())
             for model in ("default", "fitted", "reference")
         }
-        for group, cases in truth["cases"].items()
+        for group, cases in each_group(truth["cases"])
     }
 
 
-def _origin(config: CalibrationConfig, result: Mapping[str, Any]) -> dict[str, str]:
+def _worst_kelvin(errors: TruthErrors | ReferenceErrors) -> float:
+    return number_of(errors.get("worst_rms_kelvin"))
+
+
+def _origin(config: CalibrationConfig, result: FitRecord) -> dict[str, str]:
     speed = result["speedup"]
 
     def names(entries: Sequence[Any]) -> str:
         return "; ".join(entry.name for entry in entries)
 
     # Times are left out: the same config makes the same card.
-    def pair(key: str) -> str:
-        return f"{speed[key]['fitted']} for {speed[key]['full_volume']}"
+    def pair(counts: Mapping[str, int]) -> str:
+        return f"{counts['fitted']} for {counts['full_volume']}"
 
     return {
         "scene": config.scene.name,
@@ -105,9 +119,10 @@ def _origin(config: CalibrationConfig, result: Mapping[str, Any]) -> dict[str, s
         "held_out": names(config.held_out),
         "reference": result["reference"],
         "fitted": names(config.parameters),
-        "nodes": pair("nodes"),
-        "steps": pair("steps"),
-        **{name: result[f"{name}_hash"] for name in ("config", "program")},
+        "nodes": pair(speed["nodes"]),
+        "steps": pair(speed["steps"]),
+        "config": result["config_hash"],
+        "program": result["program_hash"],
         **result["versions"],
     }
 
@@ -115,8 +130,6 @@ def _origin(config: CalibrationConfig, result: Mapping[str, Any]) -> dict[str, s
 class _CardCheck(TypedDict):
     """Check of a card against a scene, as `calibrate check` prints it."""
 
-    card: str
-    scene: str | None
     numbers: Mapping[str, float]
     """Dimensionless numbers of the scene [-]."""
     ranges: dict[str, str]
@@ -166,8 +179,6 @@ def check_card(
         percent = surface_error(solution, reference).rms_percent
         errors[name] = float(np.asarray(percent).max())
     return {
-        "card": card.name,
-        "scene": config.name,
         "numbers": numbers,
         "ranges": {name: range_words(card, name) for name in card.ranges},
         "outside": warnings,

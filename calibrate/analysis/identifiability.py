@@ -216,10 +216,11 @@ def residual_sd(
 
 
 def information_gain(
-    jacobian: Float[np.ndarray, "p r"], further: Float[np.ndarray, "p q"], sd: float
+    jacobian: Float[np.ndarray, "p r"], further: Float[np.ndarray, "p q"]
 ) -> float:
-    """Half the increase of log det(J^T J / s^2) that further data would add [nats].
+    """Half the increase of log det J^T J that further data would add [nats].
 
+    Residuals are in their standard deviations.
     D-optimality: the volume of the confidence region shrinks by the factor exp(gain).
 
     Source: Pukelsheim, Optimal Design of Experiments (SIAM 2006), chapter 6.
@@ -227,8 +228,8 @@ def information_gain(
     rows = np.asarray(jacobian, float)
     added = np.asarray(further, float)
     # A unit prior keeps the gain for a dead parameter finite.
-    information = rows @ rows.T / sd**2 + np.eye(len(rows))
-    increased = information + added @ added.T / sd**2
+    information = rows @ rows.T + np.eye(len(rows))
+    increased = information + added @ added.T
     return float(
         0.5 * (np.linalg.slogdet(increased)[1] - np.linalg.slogdet(information)[1])
     )

@@ -4,12 +4,10 @@ import warnings
 from dataclasses import dataclass
 from typing import Any, cast
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from jaxthermo.accuracy.truth_error import truth_error
-from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.run.solution import RESULTS
@@ -18,7 +16,6 @@ from ..config.fit_record import ReferenceErrors, TruthCase, TruthErrors, TruthRe
 from ..config.loader import scene_config
 from ..config.schema import CalibrationConfig, FullVolumeReference, RefinedReference
 from ..problem.build import Calibration
-from ..problem.problem import Problem
 from ..problem.reference import (
     Log,
     TruthReference,
@@ -85,7 +82,7 @@ class Truth:
         None, with a warning, if a run with the fitted values fails.
         """
         cases: dict[str, dict[str, TruthCase]] = {}
-        for group, problem in self._problems.items():
+        for group, problem in self.calibration.problems.items():
             cases[group] = {}
             for name in (case.name for case in problem.cases):
                 log(f"{name}: comparing the fitted values with finer voxels")
@@ -115,23 +112,8 @@ class Truth:
         }
         return record
 
-    @property
-    def _problems(self) -> dict[str, Problem]:
-        held_out = self.calibration.held_out
-        problems = {"train": self.calibration.train}
-        if held_out is not None:
-            problems["held_out"] = held_out
-        return problems
-
     def _error(self, name: str, z: Float[np.ndarray, " p"]) -> TruthErrors:
-        problem, case = next(
-            (problem, case)
-            for problem in self._problems.values()
-            for case in problem.cases
-            if case.name == name
-        )
-        with precision(problem.dtype.name):
-            scene = problem.parameters.insert(case.scene, jnp.asarray(z, problem.dtype))
+        scene = self.calibration.scene_at(name, z)
         # As `jaxthermo simulate` runs it, with its error in time controlled.
         config = self.calibration.configs[name]
         solution = simulate(

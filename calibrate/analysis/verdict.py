@@ -4,12 +4,21 @@ The verdicts on single parameters tell how well the data determine them; a fit o
 determined weights may still run slower than the full volume, or be worse at late times.
 """
 
-from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from typing import NamedTuple
 
 from jaxthermo.report.numbers import padded
 
-from ..config.fit_record import TruthVerdict, Verdict
+from ..config.fit_record import (
+    ErrorsByCase,
+    Group,
+    SpeedRatio,
+    TruthRecord,
+    TruthVerdict,
+    Verdict,
+    each_group,
+    number_of,
+)
 
 
 _SAME = 1.001
@@ -18,11 +27,10 @@ _MAX_NAMED = 4
 """Times named in the sentence; all of them are in the table of errors."""
 
 
-class _TimeErrors(NamedTuple):
+class TimeErrors(NamedTuple):
     """Errors of one case at one saved time, with the start values and the fitted."""
 
-    group: str
-    """"train" or "held_out"."""
+    group: Group
     case: str
     time: float
     """[s]"""
@@ -37,30 +45,25 @@ class _TimeErrors(NamedTuple):
         return self.fitted > _SAME * self.default
 
 
-def time_errors(errors: Mapping[str, Any]) -> Iterator[_TimeErrors]:
+def time_errors(errors: ErrorsByCase) -> Iterator[TimeErrors]:
     """Every saved time of every case, in the order of `fit.json`."""
-    for group, cases in errors.items():
+    for group, cases in each_group(errors):
         for case, fitted in cases["fitted"].items():
-            for time, default_percent, fitted_percent in zip(
-                fitted["times_s"],
-                cases["default"][case]["rms_percent"],
-                fitted["rms_percent"],
-                strict=True,
-            ):
-                yield _TimeErrors(
+            default = cases["default"][case]
+            for n, time in enumerate(fitted["times_s"]):
+                yield TimeErrors(
                     group=group,
                     case=case,
                     time=time,
-                    default=default_percent,
-                    fitted=fitted_percent,
+                    default=number_of(default["rms_percent"][n]),
+                    fitted=number_of(fitted["rms_percent"][n]),
                 )
 
 
-class _TruthTime(NamedTuple):
+class TruthTime(NamedTuple):
     """Errors against finer voxels of one case at one saved time."""
 
-    group: str
-    """"train" or "held_out"."""
+    group: Group
     case: str
     time: float
     """[s]"""
@@ -86,32 +89,32 @@ class _TruthTime(NamedTuple):
         return self.fitted > _SAME * self.default + 2 * self.reference
 
 
-def truth_times(truth: Mapping[str, Any]) -> Iterator[_TruthTime]:
+def truth_times(truth: TruthRecord) -> Iterator[TruthTime]:
     """Every saved time of every case, in the order of `fit.json`."""
-    for group, cases in truth["cases"].items():
+    for group, cases in each_group(truth["cases"]):
         for case, errors in cases.items():
             default = errors["default"]
             fitted = errors["fitted"]
             reference = errors["reference"]
             for n, time in enumerate(fitted["times_s"]):
-                yield _TruthTime(
+                yield TruthTime(
                     group=group,
                     case=case,
                     time=time,
-                    default=default["rms_kelvin"][n],
-                    fitted=fitted["rms_kelvin"][n],
+                    default=number_of(default["rms_kelvin"][n]),
+                    fitted=number_of(fitted["rms_kelvin"][n]),
                     default_percent=default["rms_percent"][n],
                     fitted_percent=fitted["rms_percent"][n],
-                    reference=reference["rms_kelvin"][n],
+                    reference=number_of(reference["rms_kelvin"][n]),
                     is_bound=reference["is_bound"][n],
                 )
 
 
 def judge(
-    errors: Mapping[str, Any],
-    speedup: Mapping[str, Any],
+    errors: ErrorsByCase,
+    speedup: SpeedRatio,
     is_of_weights: bool,
-    truth: Mapping[str, Any] | None = None,
+    truth: TruthRecord | None = None,
 ) -> Verdict:
     """Judge a fit.
 
@@ -129,7 +132,7 @@ def judge(
     """
     rows = list(time_errors(errors))
     worse = [row for row in rows if row.is_worse]
-    slow = is_of_weights and not speedup["min"] > 1
+    slow = is_of_weights and not number_of(speedup["min"]) > 1
     words = [_error_words(rows, worse)]
     if is_of_weights:
         words.append(_speed_words(speedup))
@@ -152,7 +155,7 @@ def judge(
     }
 
 
-def _truth_numbers(rows: list[_TruthTime], worse: int) -> TruthVerdict:
+def _truth_numbers(rows: list[TruthTime], worse: int) -> TruthVerdict:
     # The error of a fit is that of its worst time.
     worst_default = max(rows, key=lambda row: row.default)
     worst_fitted = max(rows, key=lambda row: row.fitted)
@@ -170,7 +173,7 @@ def _truth_numbers(rows: list[_TruthTime], worse: int) -> TruthVerdict:
     }
 
 
-def _truth_words(numbers: Mapping[str, Any], refinement: float) -> str:
+def _truth_words(numbers: TruthVerdict, refinement: float) -> str:
     def error(kelvin: float, percent: float | None) -> str:
         relative = "" if percent is None else f" ({padded(percent)} %)"
         return f"{padded(kelvin)} K{relative}"
@@ -195,7 +198,7 @@ def _truth_words(numbers: Mapping[str, Any], refinement: float) -> str:
     return text
 
 
-def _error_words(rows: list[_TimeErrors], worse: list[_TimeErrors]) -> str:
+def _error_words(rows: list[TimeErrors], worse: list[TimeErrors]) -> str:
     if not worse:
         return f"no error is larger than before, at {len(rows)} of {len(rows)} times"
     # The largest increases first.
@@ -211,12 +214,12 @@ def _error_words(rows: list[_TimeErrors], worse: list[_TimeErrors]) -> str:
     )
 
 
-def _speed_words(speedup: Mapping[str, Any]) -> str:
-    ratio = (
-        f"{speedup['times_faster']:.3g} ({speedup['min']:.3g} to {speedup['max']:.3g})"
-    )
-    if speedup["min"] > 1:
+def _speed_words(speedup: SpeedRatio) -> str:
+    low = number_of(speedup["min"])
+    high = number_of(speedup["max"])
+    ratio = f"{speedup['times_faster']:.3g} ({low:.3g} to {high:.3g})"
+    if low > 1:
         return f"a run is {ratio} times as fast as the full volume's"
-    if speedup["max"] < 1:
+    if high < 1:
         return f"a run is SLOWER than the full volume's, {ratio} times as fast"
     return f"a run is NOT clearly faster than the full volume's, {ratio} times as fast"

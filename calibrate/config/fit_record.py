@@ -1,7 +1,9 @@
 """`fit.json`: the schema of a fit's results, their file and its damage."""
 
+import math
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NotRequired, cast
+from typing import Any, Generic, Literal, NotRequired, Required, TypeVar, cast
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from typing_extensions import TypedDict
@@ -17,9 +19,13 @@ _VERSION = 1
 _REMEDY = "run `calibrate fit` again"
 # Keys that a text has no words for.
 _FORBID = ConfigDict(extra="forbid")
+_T = TypeVar("_T")
+
+Group = Literal["train", "held_out"]
+"""Cases that are fitted to, or those of the validation."""
 
 
-class CaseErrors(TypedDict, total=False):
+class CaseErrors(TypedDict):
     """Errors of one case at its saved times."""
 
     times_s: list[float]
@@ -30,34 +36,31 @@ class CaseErrors(TypedDict, total=False):
     worst_percent: float | None
 
 
-class _ErrorPair(TypedDict):
-    """Largest errors with the start values and with the fitted values [%]."""
+class Pair(TypedDict, Generic[_T]):
+    """Something with the start values and with the fitted values."""
 
-    default: float
-    fitted: float
-
-
-class CasePair(TypedDict):
-    """Errors by case, with the start values and with the fitted values."""
-
-    default: dict[str, CaseErrors]
-    fitted: dict[str, CaseErrors]
+    default: _T
+    fitted: _T
 
 
-class ErrorGroups(TypedDict):
-    """Largest errors of the cases that were fitted to, and of those held out."""
+class _Groups(TypedDict, Generic[_T]):
+    """Something of the cases that were fitted to, and of those held out."""
 
     __pydantic_config__ = _FORBID  # type: ignore[misc]
-    train: _ErrorPair
-    held_out: NotRequired[_ErrorPair]
+    train: _T
+    held_out: NotRequired[_T]
 
 
-class CaseGroups(TypedDict):
-    """Errors of the cases that were fitted to, and of those held out."""
+def each_group(groups: _Groups[_T]) -> Iterator[tuple[Group, _T]]:
+    """_Groups that a record has, by their names."""
+    yield "train", groups["train"]
+    if "held_out" in groups:
+        yield "held_out", groups["held_out"]
 
-    __pydantic_config__ = _FORBID  # type: ignore[misc]
-    train: CasePair
-    held_out: NotRequired[CasePair]
+
+def number_of(value: float | None) -> float:
+    """Number in a record, where one that is not finite is None."""
+    return math.nan if value is None else value
 
 
 # No class: `with` is a word of Python.
@@ -78,6 +81,10 @@ ParameterRow = TypedDict(
 )
 
 
+ErrorsByCase = _Groups[Pair[dict[str, CaseErrors]]]
+"""Errors by the name of the case."""
+
+
 class _Loss(TypedDict):
     initial: float
     final: float
@@ -96,7 +103,7 @@ class Advice(TypedDict):
     gain_nats: float
 
 
-class TruthVerdict(TypedDict, total=False):
+class TruthVerdict(TypedDict):
     """Errors against finer voxels at the worst times, and those of the reference."""
 
     times: int
@@ -139,9 +146,9 @@ class ReferenceErrors(TypedDict):
 class TruthErrors(TypedDict, total=False):
     """Errors against finer voxels at the saved times; None for an infinite one."""
 
-    times_s: list[float]
-    rms_kelvin: list[float | None]
-    rms_percent: list[float | None]
+    times_s: Required[list[float]]
+    rms_kelvin: Required[list[float | None]]
+    rms_percent: Required[list[float | None]]
     p99_kelvin: list[float | None]
     bias_kelvin: list[float | None]
     lost_fraction: list[float | None]
@@ -151,23 +158,13 @@ class TruthErrors(TypedDict, total=False):
     worst_bias_kelvin: float | None
     worst_lost_fraction: float | None
     reference_lost_fraction: float
-    remarks: list[str]
+    remarks: Required[list[str]]
 
 
-class TruthCase(TypedDict):
+class TruthCase(Pair[TruthErrors]):
     """Errors of a case against finer voxels, and the error of these."""
 
-    default: TruthErrors
-    fitted: TruthErrors
     reference: ReferenceErrors
-
-
-class TruthGroups(TypedDict):
-    """Errors against finer voxels of cases fitted to and held out."""
-
-    __pydantic_config__ = _FORBID  # type: ignore[misc]
-    train: dict[str, TruthCase]
-    held_out: NotRequired[dict[str, TruthCase]]
 
 
 class _Cost(TypedDict):
@@ -188,11 +185,11 @@ class TruthRecord(TypedDict):
     refinement: float
     structure: str
     points: int
-    cases: TruthGroups
+    cases: _Groups[dict[str, TruthCase]]
     cost: list[_Cost]
 
 
-class SpeedRatio(TypedDict, total=False):
+class SpeedRatio(TypedDict):
     """Run time of the full volume over that of a structure: median and range."""
 
     times_faster: float | None
@@ -200,20 +197,22 @@ class SpeedRatio(TypedDict, total=False):
     max: float | None
 
 
-class Speedup(SpeedRatio, total=False):
+class Speedup(SpeedRatio):
     """Run times of the full volume, the start values and the fitted values."""
 
     default: SpeedRatio
     nodes: dict[str, int]
     steps: dict[str, int]
-    solver: dict[str, str]
+    solver: NotRequired[dict[str, str]]
     run_time_s: dict[str, list[float]]
 
 
-class _Step(TypedDict, total=False):
-    step: int
-    loss: float
-    accepted: bool
+class Step(TypedDict, total=False):
+    """A step of a fit."""
+
+    step: Required[int]
+    loss: Required[float]
+    accepted: Required[bool]
     jacobian_computed: bool
     values: list[float]
 
@@ -225,12 +224,13 @@ class _Shown(TypedDict):
     parameters: dict[str, ParameterRow]
     loss: _Loss
     ended: str
-    error_percent: ErrorGroups
-    errors: CaseGroups
+    error_percent: _Groups[Pair[float]]
+    """Largest errors [%]."""
+    errors: ErrorsByCase
     truth: NotRequired[TruthRecord | None]
     advice: list[Advice]
     speedup: Speedup
-    steps: list[_Step]
+    steps: list[Step]
     run_time_s: _Times
     reference: str
 

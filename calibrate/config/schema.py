@@ -107,7 +107,7 @@ class CaseConfig(Model):
     set: Changes = {}
 
 
-class CandidateConfig(CaseConfig):
+class _CandidateConfig(CaseConfig):
     """A run without data, as a candidate for a further measurement."""
 
     views: tuple[CameraConfig, ...] = ()
@@ -124,15 +124,12 @@ class FullVolumeReference(KindModel):
     """Changes in all of them, such as the true values of the parameters."""
 
 
-class RefinedReference(Model):
-    """Runs of the same scenes in finer voxels, from which truth errors are measured.
+class _FinerRuns(Model):
+    """Runs in fine voxels, once and cached, from which truth errors are measured.
 
-    They are run once and cached, with two coarser runs each, from which their own error
-    is estimated.
+    Their own error is estimated from two coarser runs each.
     """
 
-    refinement: Annotated[Number, Field(ge=1, le=64)] = 2.0
-    """Pitch of the judged scene over that of the reference."""
     structure: StructureConfig = FullVolume()
     """Structure of the reference."""
     surface_cells: Literal["crossings", "dominant_axis"] = "crossings"
@@ -143,7 +140,18 @@ class RefinedReference(Model):
     """Seed of the random points."""
 
 
-class AbsoluteReference(Model):
+class RefinedReference(_FinerRuns):
+    """Runs of the same scenes in finer voxels, from which truth errors are measured.
+
+    They are run once and cached, with two coarser runs each, from which their own error
+    is estimated.
+    """
+
+    refinement: Annotated[Number, Field(ge=1, le=64)] = 2.0
+    """Pitch of the judged scene over that of the reference."""
+
+
+class AbsoluteReference(_FinerRuns):
     """One run of fine voxels under each load, the reference of all choices.
 
     It is run once and cached, with two coarser runs, from which its own error is
@@ -154,16 +162,8 @@ class AbsoluteReference(Model):
     """Number of voxels along z of the first body; others have the same pitch."""
     pitch: PositiveLength | None = None
     """Edge of a voxel of all bodies [m], instead of their number."""
-    structure: StructureConfig = FullVolume()
-    """Structure of the reference."""
-    surface_cells: Literal["crossings", "dominant_axis"] = "crossings"
-    """Surface of the reference's voxels, by default that of second order."""
     dtype: Literal["float32", "float64"] = "float32"
     """Precision of the reference, whatever that of the judged scene is."""
-    points: Annotated[Whole, Field(ge=100, le=10_000_000)] = 10_000
-    """Number of points on the meshes at which temperatures are compared."""
-    seed: Annotated[Whole, Field(ge=0)] = 0
-    """Seed of the random points."""
 
     exactly_one: ClassVar = (("voxels_high", "pitch"),)
 
@@ -182,31 +182,34 @@ class SolutionReference(KindModel):
     """Files by the names of the cases."""
 
 
-_Quantity = Literal["temperature", "radiance"]
-_Noise = Annotated[Number, Field(gt=0)]
-_Margin = Annotated[Number, Field(ge=0, le=1000)]
+class FramesConfig(KindModel):
+    """Frames of cameras, whatever their source."""
+
+    views: tuple[CameraConfig, ...] = ()
+    """Cameras; the scene's by default."""
+    quantity: Literal["temperature", "radiance"] = "temperature"
+    noise: Annotated[Number, Field(gt=0)] = 0.05
+    """Standard deviation of a pixel [K or W/(m^2 sr)], known to the fit."""
+    reflected_temperature: Temperature | None = None
+    """Black surroundings that surfaces reflect [K]; those of the terms by default."""
+    margin: Annotated[Number, Field(ge=0, le=1000)] = 3.0
+    """Distance from outlines within which pixels are not compared where the poses of
+    cameras are fitted [pixels]."""
+    align: Flag = True
+    """Find poses by the outlines first: the background has to be the scene's."""
 
 
-class SimulatedFrames(KindModel):
+class SimulatedFrames(FramesConfig):
     """Frames of runs with other values, made at the start, with noise."""
 
     kind: Literal["simulated_frames"] = "simulated_frames"
     set: Changes = {}
     """The truth: other parameters, a finer resolution, another structure."""
-    views: tuple[CameraConfig, ...] = ()
-    """Cameras; the scene's by default."""
-    quantity: _Quantity = "temperature"
-    noise: _Noise = 0.05
-    """Standard deviation of a pixel [K or W/(m^2 sr)]; added, and known to the fit."""
     noiseless: Flag = False
     """Do not add the noise, though the fit assumes it."""
     samples: Annotated[Whole, Field(ge=1, le=8)] = 1
     """Rays along each axis of a pixel, the mean of which a detector measures."""
     seed: Annotated[Whole, Field(ge=0)] = 0
-    reflected_temperature: Temperature | None = None
-    """Black surroundings that surfaces reflect [K]; those of the terms by default."""
-    margin: _Margin = 3.0
-    align: Flag = True
 
 
 class FramesOfCase(Model):
@@ -219,7 +222,7 @@ class FramesOfCase(Model):
     """Mask of these frames, instead of that of all."""
 
 
-class FlirConfig(Model, builds="FlirCalibration"):
+class _FlirConfig(Model, builds="FlirCalibration"):
     """Constants between temperatures and counts, which each file of a camera has."""
 
     r1: Annotated[Number, Field(gt=0)]
@@ -229,7 +232,7 @@ class FlirConfig(Model, builds="FlirCalibration"):
     r2: Annotated[Number, Field(gt=0)]
 
 
-class MeasuredFrames(KindModel):
+class MeasuredFrames(FramesConfig):
     """EXR files of temperature or radiance, or TIFF, PNG, CSV or NPY of temperature.
 
     The JPEG files of FLIR cameras have a unit and constants of their own.
@@ -237,22 +240,12 @@ class MeasuredFrames(KindModel):
 
     kind: Literal["frames"] = "frames"
     frames: Annotated[tuple[FramesOfCase, ...], NotEmpty]
-    views: tuple[CameraConfig, ...] = ()
-    quantity: _Quantity = "temperature"
     unit: Literal["kelvin", "centikelvin", "celsius", "counts"] = "kelvin"
     """Unit of temperatures in the files; of counts `flir` has the constants."""
-    flir: FlirConfig | None = None
-    noise: _Noise = 0.05
+    flir: _FlirConfig | None = None
     mask: FoundPath | None = None
     """PNG, NPY or EXR of the frames' size; pixels that are 0 there, or not a number,
     are not compared."""
-    reflected_temperature: Temperature | None = None
-    """Black surroundings that surfaces reflect [K]; those of the terms by default."""
-    margin: _Margin = 3.0
-    """Distance from outlines within which pixels are not compared where the poses of
-    cameras are fitted [pixels]."""
-    align: Flag = True
-    """Find poses by the outlines first: the background has to be the scene's."""
 
     def mistakes(self) -> list[Mistake]:
         """A unit that does not fit the other values."""
@@ -365,7 +358,7 @@ class CalibrationConfig(Model):
     train: Annotated[tuple[CaseConfig, ...], NotEmpty]
     held_out: tuple[CaseConfig, ...] = ()
     """Cases for validation only."""
-    candidates: tuple[CandidateConfig, ...] = ()
+    candidates: tuple[_CandidateConfig, ...] = ()
     """Possible further measurements, ranked by the information they would add."""
     reference: _ReferenceConfig = FullVolumeReference()
     truth: RefinedReference | None = None
@@ -385,8 +378,7 @@ class CalibrationConfig(Model):
                         ((group, n, "name"), f"'{case.name}' is there twice")
                     )
                 seen.append(case.name)
-        is_of_frames = isinstance(self.reference, SimulatedFrames | MeasuredFrames)
-        if self.truth is not None and is_of_frames:
+        if self.truth is not None and isinstance(self.reference, FramesConfig):
             message = "needs a `reference` of runs: full_volume, truth or solution"
             mistakes.append((("truth",), message))
         moves = any(is_of_camera(p.name) for p in self.parameters)

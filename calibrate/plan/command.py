@@ -12,24 +12,24 @@ from typing import TypedDict, cast
 
 from rich.console import Console
 
+from jaxthermo.__main__ import main as run_jaxthermo
 from jaxthermo.archive import read_record, signed
 from jaxthermo.atomic import replacing, write_json
-from jaxthermo.cli.simulate import simulate
 from jaxthermo.config.loader import config_hash, load_config, resolved, to_yaml
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.config.types.quantities import NUMBER, Unit, to_si
+from jaxthermo.console.progress import terminal_progress
 from jaxthermo.console.results_folder import results_folder
 from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
 from jaxthermo.provenance import processor, provenance
 from jaxthermo.report.table import Cell, Table
-from jaxthermo.timing import Spread
 
 from ..config.fit_record import ReferenceErrors
 from ..problem.reference import RunCost, program_hash
 from .candidate import pitches_of
-from .search import Choice, Watch, search
-from .trial import Tolerance, Trial, TrialRecord
+from .search import Choice, search
+from .trial import Tolerance, TrialRecord
 
 
 _SCENE = "scene.yaml"
@@ -119,7 +119,7 @@ def plan(
         sys.exit(_NOTHING_MEETS_IT)
     print_line(console, f"jaxthermo simulate {folder / _SCENE}")
     if run:
-        simulate(folder / _SCENE, folder / "run", ())
+        run_jaxthermo(["simulate", str(folder / _SCENE), "--out", str(folder / "run")])
 
 
 def _key(scene: SceneConfig, tolerance: Tolerance) -> str:
@@ -182,17 +182,11 @@ def _search(
     clock = time.perf_counter()
     cpu = time.process_time()
     pitches = pitches_of(scene)
-
     try:
-        with console.status("planning") as spinner, warnings.catch_warnings():
+        with terminal_progress(console) as progress, warnings.catch_warnings():
             # Coarse candidates warn of their voxels; the planned run has its own.
             warnings.simplefilter("ignore")
-            watch = Watch(
-                stage=lambda text: spinner.update(text),
-                line=lambda text: print_line(console, text),
-                trial=lambda trial: print_line(console, _trial_words(trial, pitches)),
-            )
-            choice = search(scene, tolerance=tolerance, watch=watch)
+            choice = search(scene, tolerance=tolerance, progress=progress)
     except KeyboardInterrupt:
         raise KeyboardInterrupt(
             "stopped; the same command goes on from the references that are finished"
@@ -207,7 +201,7 @@ def _search(
         "config": resolved(scene),
         "tolerance": tolerance._asdict(),
         "words": words,
-        "chosen": None if best is None else best.as_dict,
+        "chosen": None if best is None else best.as_json(),
         "miss": None if best else _miss(choice, tolerance, pitches),
         "run_time_s": None if choice.time is None else choice.time._asdict(),
         "reference": {
@@ -215,7 +209,7 @@ def _search(
             "own_error": choice.reference.own_error,
             "cost": choice.reference.cost,
         },
-        "trials": [trial.as_dict for trial in choice.trials],
+        "trials": [trial.as_json() for trial in choice.trials],
         "wall_s": wall_s,
         "cpu_s": cpu_s,
         "provenance": provenance(config_hash(scene)),
@@ -252,15 +246,15 @@ def _words(choice: Choice, pitches: tuple[float, ...]) -> list[str]:
     measured = choice.best.measured
     model = _sentence(measured.candidate.words(pitches))
     best_words = (
-        f"{model}: {_error_words(choice.best)} in {choice.time.text()} on "
-        f"{processor()}; {measured.nodes:,} nodes, {measured.memory / 2**20:.3g} MiB."
+        f"{model}: {choice.best.error_words()} in {choice.time.text()} on "
+        f"{processor()}; {measured.nodes:,} nodes, {choice.best.memory_words()}."
     )
     rivals = [t for t in choice.trials if t is not choice.best and t.is_within]
     next_best = min(rivals, key=lambda t: t.measured.run_time, default=None)
     compared = f"{len(choice.trials)} candidates were run"
     if next_best is not None:
         compared += (
-            f"; the next within the tolerance took {_milliseconds(next_best)} "
+            f"; the next within the tolerance took {next_best.time_words()} "
             f"({next_best.measured.candidate.words(pitches)})"
         )
     return [best_words, reference, f"{compared}."]
@@ -270,17 +264,10 @@ def _miss(choice: Choice, tolerance: Tolerance, pitches: tuple[float, ...]) -> s
     near = choice.nearest
     return (
         f"no model is within {tolerance.words()}: the nearest, "
-        f"{near.measured.candidate.words(pitches)}, has {_error_words(near)} in "
-        f"{_milliseconds(near)} and {near.measured.memory / 2**20:.3g} MiB, "
+        f"{near.measured.candidate.words(pitches)}, has {near.error_words()} in "
+        f"{near.time_words()} and {near.memory_words()}, "
         f"{near.measured.error / near.allowed:.3g} times the tolerance with the error "
         "of the reference: allow more, or give a finer mesh"
-    )
-
-
-def _trial_words(trial: Trial, pitches: tuple[float, ...]) -> str:
-    return (
-        f"{trial.measured.candidate.words(pitches)}: {_error_words(trial)}, "
-        f"{_milliseconds(trial)}"
     )
 
 
@@ -291,22 +278,14 @@ def _table(choice: Choice, pitches: tuple[float, ...]) -> Table:
             trial.measured.candidate.words(pitches),
             Cell(f"{trial.percent:.3g} %", trial.is_within, is_number=True),
             f"{trial.kelvin:.3g} K",
-            _milliseconds(trial),
+            trial.time_words(),
             f"{trial.measured.nodes:,}",
-            f"{trial.measured.memory / 2**20:.3g} MiB",
+            trial.memory_words(),
         ]
         for trial in ordered[:_LISTED]
     ]
     columns = ("model", "error", "", "time", "nodes", "memory")
     return Table(columns, rows, title="candidates, the fastest first")
-
-
-def _error_words(trial: Trial) -> str:
-    return f"{trial.percent:.2g} % ({trial.kelvin:.2g} K)"
-
-
-def _milliseconds(trial: Trial) -> str:
-    return Spread.of([trial.measured.run_time]).text().partition(" (")[0]
 
 
 def _millimetres(pitches: list[float]) -> str:

@@ -9,12 +9,12 @@ until no other one is expected to be faster.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
-from typing import NamedTuple
 
 from jaxthermo.config.schema.scene import SceneConfig
+from jaxthermo.console.progress import Progress
 from jaxthermo.errors import InputError
 from jaxthermo.timing import Spread
 
@@ -61,17 +61,6 @@ _ALIKE = 1.4
 _REPEATS = 7
 
 
-class Watch(NamedTuple):
-    """Receivers of the progress of a search."""
-
-    stage: Callable[[str], None]
-    """Called with the name of a stage that begins."""
-    line: Callable[[str], None]
-    """Called with a line of results."""
-    trial: Callable[[Trial], None]
-    """Called with a candidate that was run."""
-
-
 @dataclass(frozen=True, eq=False)
 class Choice:
     """Outcome of a search."""
@@ -89,19 +78,19 @@ class Choice:
 def search(
     scene: SceneConfig,
     tolerance: Tolerance,
-    watch: Watch,
+    progress: Progress,
 ) -> Choice:
     """Search for the fastest model of a scene within a tolerance.
 
     Args:
         scene: config of the scene; its pitches, structures and solver are replaced.
         tolerance: of the error, the time and the memory.
-        watch: receives the progress.
+        progress: receives the progress.
 
     Raises:
         InputError: if the scene has no finer voxels, or nothing can be run.
     """
-    return _Search(scene, tolerance, watch).run()
+    return _Search(scene, tolerance, progress).run()
 
 
 class _Search:
@@ -109,11 +98,11 @@ class _Search:
         self,
         scene: SceneConfig,
         tolerance: Tolerance,
-        watch: Watch,
+        progress: Progress,
     ):
         self.bench = Bench(scene, pitches_of(scene), tolerance)
         self.tolerance = tolerance
-        self.watch = watch
+        self.progress = progress
         self.cards = cards_of(scene)
         self.trials: list[Trial] = []
         self.failed: set[Candidate] = set()
@@ -148,7 +137,7 @@ class _Search:
         except InputError as error:
             if refinement == first:
                 raise
-            self.watch.line(f"no finer reference: {error}")
+            self.progress.line(f"no finer reference: {error}")
             self.reference = self._find_reference(refinement / 2)
         while self.reference.excess > limit and self._refine():
             pass
@@ -161,7 +150,7 @@ class _Search:
         try:
             self.reference = self._find_reference(refinement)
         except InputError as error:
-            self.watch.line(f"no finer reference: {error}")
+            self.progress.line(f"no finer reference: {error}")
             return False
         return True
 
@@ -170,12 +159,12 @@ class _Search:
         return self.volume * (refinement / 2) ** 3 <= _MOST_NODES
 
     def _announce(self, text: str) -> None:
-        self.watch.stage(f"reference: {text}")
+        self.progress.stage(f"reference: {text}")
 
     def _find_reference(self, refinement: float) -> Reference:
         reference = self.bench.reference(refinement, self._announce)
         about = f"reference of {reference.cost['nodes']:,} nodes"
-        self.watch.line(f"{about}: off by {reference.excess:.2g} of the tolerance")
+        self.progress.line(f"{about}: off by {reference.excess:.2g} of the tolerance")
         return reference
 
     def _probe(self) -> None:
@@ -201,18 +190,18 @@ class _Search:
 
     def _try(self, candidate: Candidate) -> None:
         words = candidate.words(self.bench.pitches)
-        self.watch.stage(words)
+        self.progress.stage(words)
         try:
             trial = self.bench.run(candidate, self.reference)
         except InputError as error:
             self.failed.add(candidate)
-            self.watch.line(f"{words}: {error}")
+            self.progress.line(f"{words}: {error}")
             return
         if not self._meets_all(trial):
             # Only those that may win are timed again.
             trial = trial._replace(loop=None)
         self.trials.append(trial)
-        self.watch.trial(trial)
+        self.progress.line(trial.words(self.bench.pitches))
 
     def _next(self) -> Candidate | None:
         """Candidate that is expected to be the fastest within the tolerance, if any."""
@@ -289,7 +278,7 @@ class _Search:
         if within:
             limit = _ALIKE * within[0].measured.run_time
             alike = [trial for trial in within if trial.measured.run_time <= limit]
-            self.watch.stage("timing the fastest again")
+            self.progress.stage("timing the fastest again")
             times = loop_times(alike, repeats=_REPEATS, dtype=self.bench.scene.dtype)
             pairs = zip(alike, times, strict=True)
             best, time = min(pairs, key=lambda pair: pair[1].median)

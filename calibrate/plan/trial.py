@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, TypedDict, cast
+from typing import Any, NamedTuple, cast
 
 import jax
 import numpy as np
@@ -11,7 +11,7 @@ from jaxthermo.accuracy.truth_error import TruthError, TruthPoints, truth_points
 from jaxthermo.arrays import precision
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.run.plan import Plan, plan_run
+from jaxthermo.integrate.run.plan import Plan
 from jaxthermo.integrate.run.simulate import make_solution
 from jaxthermo.integrate.run.solution import RESULTS, Observation, run_result
 from jaxthermo.integrate.run.solution_file import StoredSolution
@@ -26,7 +26,7 @@ from ..problem.reference import (
     coarser_difference,
     refined_reference,
 )
-from ..study.case import build_case
+from ..study.case import build_case, plan_case
 from ..study.times import Loop, compiled_loop
 from .candidate import Candidate
 from .predict import Measured
@@ -127,25 +127,8 @@ class Reference(NamedTuple):
         return math.sqrt(1 - min(self.excess, MAX_OWN_ERROR) ** 2)
 
 
-class TrialRecord(TypedDict):
-    """A trial in `plan.json`; the fields of `Measured`, and its errors."""
-
-    candidate: Mapping[str, object]
-    """Fields of the candidate."""
-    error: float
-    nodes: int
-    fragments: int
-    steps: int
-    stages: int
-    stable_step: float | None
-    """Largest stable explicit step [s]; None if there is no limit."""
-    run_time: float
-    memory: int
-    excess: float
-    """Error over the tolerance [-]."""
-    error_percent: float
-    error_kelvin: float
-    reference_refinement: float
+TrialRecord = Mapping[str, object]
+"""A trial in `plan.json`."""
 
 
 class Trial(NamedTuple):
@@ -175,22 +158,31 @@ class Trial(NamedTuple):
         """Largest root mean square of the saved times [K]."""
         return float(self.error.worst_rms_kelvin)
 
-    @property
-    def as_dict(self) -> TrialRecord:
-        """Plain values for `plan.json`."""
-        measured = self.measured
-        is_limited = np.isfinite(measured.stable_step)
+    def error_words(self) -> str:
+        """Errors in words."""
+        return f"{self.percent:.2g} % ({self.kelvin:.2g} K)"
+
+    def time_words(self) -> str:
+        """Run time in words."""
+        return Spread.of([self.measured.run_time]).text().partition(" (")[0]
+
+    def memory_words(self) -> str:
+        """Peak memory in words."""
+        return f"{self.measured.memory / 2**20:.3g} MiB"
+
+    def words(self, pitches: tuple[float, ...]) -> str:
+        """Candidate, error and time; `pitches` are those of the scene's file [m]."""
+        model = self.measured.candidate.words(pitches)
+        return f"{model}: {self.error_words()}, {self.time_words()}"
+
+    def as_json(self) -> TrialRecord:
+        """Values for `plan.json`: the fields of `Measured`, and the errors."""
+        stable_step = self.measured.stable_step
         return {
-            "candidate": measured.candidate._asdict(),
-            "error": measured.error,
-            "nodes": measured.nodes,
-            "fragments": measured.fragments,
-            "steps": measured.steps,
-            "stages": measured.stages,
-            "stable_step": measured.stable_step if is_limited else None,
-            "run_time": measured.run_time,
-            "memory": measured.memory,
-            "excess": measured.error,
+            **self.measured._asdict(),
+            "candidate": self.measured.candidate._asdict(),
+            "stable_step": stable_step if np.isfinite(stable_step) else None,
+            "excess": self.measured.error,
             "error_percent": self.percent,
             "error_kelvin": self.kelvin,
             "reference_refinement": self.refinement,
@@ -224,7 +216,8 @@ class Bench:
                 "--kelvin instead"
             )
         excess = self.tolerance.excess(
-            float(own_error.rms_percent.max()), float(own_error.rms_kelvin.max())
+            float(own_error.rms_percent.max()),
+            kelvin=float(own_error.rms_kelvin.max()),
         )
         # At a time without a difference there is no ratio.
         differs = own_error.rms_kelvin > 0
@@ -275,14 +268,8 @@ class Bench:
             InputError: if it cannot be built or fails.
         """
         config = candidate.applied(self.scene, self.pitches)
-        scene = build_case(config).scene
+        plan = plan_case(config, build_case(config).scene)
         with precision(config.dtype):
-            plan = plan_run(
-                scene,
-                t1=config.time.end,
-                save_at=config.time.save_times,
-                solver=config.solver.build(),
-            )
             loop = compiled_loop(plan)
             surface = _surface(plan, loop.run())
             error = reference.points.error(surface)

@@ -23,7 +23,7 @@ def align_cameras(
     """Poses of the cameras that are fitted, by their numbers, at the start values."""
     with precision(scene.dtype):
         z = np.zeros(parameters.size, scene.dtype)
-        poses = np.asarray(parameters.poses(z, len(case_frames.views)), float)
+        poses = parameters.start_poses(len(case_frames.views))
         warm = parameters.insert(scene, z)
         solution = run(warm, run.step_table(warm))
         reflected = parameters.frame_values(z).reflected

@@ -1,10 +1,11 @@
 """From a config to a least-squares problem: scenes, data and parameters."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 
 from jaxthermo.accuracy.surface_error import check_surfaces
 from jaxthermo.arrays import precision
@@ -12,9 +13,11 @@ from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.integrate.run.solution_file import StoredSolution, load_solution
+from jaxthermo.scene.dimensionless_groups import scene_numbers
 from jaxthermo.scene.scene import Scene
 
 from ..config import schema
+from ..config.fit_record import Group
 from ..config.frame_names import (
     REFLECTED,
     check_frame_names,
@@ -25,6 +28,7 @@ from ..config.frame_names import (
 from ..config.loader import scene_config
 from ..config.schema import (
     CalibrationConfig,
+    FramesConfig,
     ParameterConfig,
     default_bounds,
     value_in_si,
@@ -32,7 +36,7 @@ from ..config.schema import (
 from .aligned_cameras import align_cameras, started_at
 from .alignment import Aligned
 from .frame_data import FitsPoses, frame_target
-from .frame_source import CaseFrames, FramesConfig, case_frames, start_surfaces
+from .frame_source import CaseFrames, case_frames, start_surfaces
 from .parameters import (
     Parameter,
     ParameterSet,
@@ -70,14 +74,32 @@ class Calibration:
     references: dict[str, TruthReference]
     """Runs of finer voxels by the name of the case, where cases are fitted to them."""
 
+    @property
+    def problems(self) -> dict[Group, Problem]:
+        """Problems by the group of their cases."""
+        problems: dict[Group, Problem] = {"train": self.train}
+        if self.held_out is not None:
+            problems["held_out"] = self.held_out
+        return problems
+
+    def scene_at(self, name: str, z: Float[np.ndarray, " p"]) -> Scene:
+        """Scene of a case with the values of the coordinates z."""
+        with precision(self.train.dtype.name):
+            values = jnp.asarray(z, self.train.dtype)
+            return self.parameters.insert(self.scenes[name], values)
+
+    def numbers(self, problem: Problem) -> list[dict[str, float]]:
+        """Dimensionless numbers of a problem's cases."""
+        ends = {name: config.time.last for name, config in self.configs.items()}
+        return [scene_numbers(case.scene, ends[case.name]) for case in problem.cases]
+
     def without_cameras(self) -> Problem | None:
         """Problem of all other parameters with still cameras; None without any."""
         parameters = [p for p in self.parameters.parameters if not is_of_camera(p.name)]
         if not parameters:
             return None
         count = self.train.cases[0].target.camera_count
-        start = np.zeros(self.parameters.size)
-        poses = np.asarray(self.parameters.poses(start, count), float)
+        poses = self.parameters.start_poses(count)
         cases = []
         for case in self.train.cases:
             assert isinstance(case.target, FrameTarget)
@@ -109,102 +131,156 @@ def build(config: CalibrationConfig, log: Log) -> Calibration:
     Cameras whose poses are fitted are aligned with the outlines of bodies in the
     frames.
     """
-    cases = (*config.train, *config.held_out, *config.candidates)
-    configs = {case.name: scene_config(config, case.set) for case in cases}
-    log("building the scenes")
-    scenes = _build_scenes(configs)
-    if isinstance(config.reference, schema.TruthRuns):
-        # Finer voxels have their nodes elsewhere: only the surface is common.
-        scenes = {name: read_at_surface(scene) for name, scene in scenes.items()}
-    parameters = _build_parameters(config, scenes[config.train[0].name])
-    # Values and bounds come from the first case, but every case needs the paths.
-    for scene in scenes.values():
-        parameters.check(scene)
+    return _Builder(config, log).build()
 
-    frames_by_case: dict[str, CaseFrames] = {}
 
-    def frames(case: schema.CaseConfig) -> CaseFrames:
-        # The alignment of cameras needs those of the first case before the fit does.
-        if case.name not in frames_by_case:
-            frames_by_case[case.name] = case_frames(
-                config,
-                case=case,
-                case_scene=configs[case.name],
-                scene=scenes[case.name],
-                log=log,
+class _Builder:
+    # Frames and references of a case are read once, whoever asks for them first.
+    def __init__(self, config: CalibrationConfig, log: Log):
+        cases = (*config.train, *config.held_out, *config.candidates)
+        self.config = config
+        self.log = log
+        self.configs = {case.name: scene_config(config, case.set) for case in cases}
+        log("building the scenes")
+        self.scenes = _build_scenes(self.configs)
+        if isinstance(config.reference, schema.TruthRuns):
+            # Finer voxels have their nodes elsewhere: only the surface is common.
+            self.scenes = {n: read_at_surface(s) for n, s in self.scenes.items()}
+        self.parameters = _build_parameters(config, self.scenes[config.train[0].name])
+        # Values and bounds come from the first case, but every case needs the paths.
+        for scene in self.scenes.values():
+            self.parameters.check(scene)
+        self.references: dict[str, TruthReference] = {}
+        self.read_frames: dict[str, CaseFrames] = {}
+
+    def build(self) -> Calibration:
+        config = self.config
+        aligned = self.align()
+        self.parameters = started_at(self.parameters, aligned)
+        train = self.problem(config.train, aligned)
+        held_out = self.problem(config.held_out, aligned) if config.held_out else None
+        return Calibration(
+            parameters=self.parameters,
+            configs=self.configs,
+            scenes=self.scenes,
+            train=train,
+            held_out=held_out,
+            references=self.references,
+        )
+
+    def align(self) -> dict[int, Aligned]:
+        """Poses of cameras by the frames of the first case."""
+        reference = self.config.reference
+        case = self.config.train[0]
+        has_frames = isinstance(reference, FramesConfig)
+        if not (self.parameters.moves_cameras and has_frames and reference.align):
+            return {}
+        frames = self.frames(case)
+        check_frame_names(self.parameters.paths, len(frames.views))
+        self.log("aligning the cameras")
+        return align_cameras(
+            frames,
+            scene=self.scenes[case.name],
+            run=self.run(case),
+            parameters=self.parameters,
+        )
+
+    def problem(
+        self, cases: tuple[schema.CaseConfig, ...], aligned: Mapping[int, Aligned]
+    ) -> Problem:
+        built_cases = [
+            Case(
+                name=case.name,
+                scene=self.scenes[case.name],
+                run=self.run(case),
+                target=self.target(case),
             )
-        return frames_by_case[case.name]
-
-    aligned = _align(
-        config,
-        configs=configs,
-        scenes=scenes,
-        parameters=parameters,
-        frames=frames,
-        log=log,
-    )
-    parameters = started_at(parameters, aligned)
-    references: dict[str, TruthReference] = {}
-
-    def problem(cases: tuple[schema.CaseConfig, ...]) -> Problem:
-        problem_cases = []
-        for case in cases:
-            case_scene = configs[case.name]
-            scene = scenes[case.name]
-            run = ParametricRun(case_scene.time.save_times, case_scene.solver.build())
-            builder = _TargetBuilder(
-                config=config,
-                case=case,
-                case_scene=case_scene,
-                scene=scene,
-                references=references,
-                parameters=parameters,
-                frames=frames,
-                log=log,
-            )
-            problem_cases.append(
-                Case(name=case.name, scene=scene, run=run, target=builder.build())
-            )
+            for case in cases
+        ]
         return Problem(
-            parameters=parameters,
-            cases=tuple(problem_cases),
-            time_norm=config.fit.time_norm,
+            parameters=self.parameters,
+            cases=tuple(built_cases),
+            time_norm=self.config.fit.time_norm,
             aligned=aligned,
         )
 
-    train = problem(config.train)
-    held_out = problem(config.held_out) if config.held_out else None
-    return Calibration(
-        parameters=parameters,
-        configs=configs,
-        scenes=scenes,
-        train=train,
-        held_out=held_out,
-        references=references,
-    )
+    def run(self, case: schema.CaseConfig) -> ParametricRun:
+        config = self.configs[case.name]
+        return ParametricRun(config.time.save_times, config.solver.build())
+
+    def frames(self, case: schema.CaseConfig) -> CaseFrames:
+        if case.name not in self.read_frames:
+            self.read_frames[case.name] = case_frames(
+                self.config,
+                case=case,
+                case_scene=self.configs[case.name],
+                scene=self.scenes[case.name],
+                log=self.log,
+            )
+        return self.read_frames[case.name]
+
+    def target(self, case: schema.CaseConfig) -> AbstractTarget:
+        """Data of a case, from the reference that the config names."""
+        config = self.configs[case.name]
+        scene = self.scenes[case.name]
+
+        def announce(stage: str) -> None:
+            self.log(f"{case.name}: {stage}")
+
+        with precision(scene.dtype):
+            match self.config.reference:
+                case schema.FullVolumeReference() as reference:
+                    truth = scene_config(self.config, case.set, reference.set)
+                    solution = full_volume_run(truth, step=reference.step, log=announce)
+                    return _surface(scene, solution)
+                case schema.TruthRuns():
+                    assert self.config.truth is not None
+                    finer = refined_reference(
+                        config, settings=self.config.truth, log=announce
+                    )
+                    self.references[case.name] = finer
+                    solution, unknown = finer.read_at(start_surfaces(scene))
+                    dtype = jnp.dtype(scene.dtype)
+                    return surface_target(solution, dtype=dtype, unknown=unknown)
+                case schema.SolutionReference(files=files):
+                    if case.name not in files:
+                        text = "reference: files: there is none for the case"
+                        raise InputError(f"{text} {case.name}")
+                    path = files[case.name]
+                    stored = load_solution(path)
+                    times = config.time.save_times
+                    return _surface(scene, stored.at_times(times, path))
+                case schema.SimulatedFrames() | schema.MeasuredFrames():
+                    return self.compared(self.frames(case), scene)
+
+    def compared(self, frames: CaseFrames, scene: Scene) -> FrameTarget:
+        """Frames as data, away from outlines where poses are fitted."""
+        moving = None
+        settings = frames.settings
+        if self.parameters.moves_cameras:
+            moving = FitsPoses(
+                surfaces=frames.surfaces,
+                terms=scene.terms,
+                poses=self.parameters.start_poses(len(frames.views)),
+                margin=settings.margin,
+            )
+        return frame_target(
+            frames.times,
+            views=frames.views,
+            frames=frames.frames,
+            noise=settings.noise,
+            quantity=settings.quantity,
+            masks=frames.masks,
+            dtype=jnp.dtype(scene.dtype),
+            band=frames.band,
+            reflected=settings.reflected_temperature,
+            moving=moving,
+        )
 
 
-def _align(
-    config: CalibrationConfig,
-    configs: Mapping[str, SceneConfig],
-    scenes: Mapping[str, Scene],
-    parameters: ParameterSet,
-    frames: Callable[[schema.CaseConfig], CaseFrames],
-    log: Log,
-) -> dict[int, Aligned]:
-    """Poses of cameras by the frames of the first case."""
-    reference = config.reference
-    case = config.train[0]
-    has_frames = isinstance(reference, FramesConfig)
-    if not (parameters.moves_cameras and has_frames and reference.align):
-        return {}
-    first_frames = frames(case)
-    check_frame_names(parameters.paths, len(first_frames.views))
-    log("aligning the cameras")
-    run = ParametricRun(first_frames.times, configs[case.name].solver.build())
-    return align_cameras(
-        first_frames, scene=scenes[case.name], run=run, parameters=parameters
-    )
+def _surface(scene: Scene, reference: StoredSolution) -> AbstractTarget:
+    check_surfaces(start_surfaces(scene), reference.surfaces)
+    return surface_target(reference, jnp.dtype(scene.dtype))
 
 
 def _build_scenes(configs: Mapping[str, SceneConfig]) -> dict[str, Scene]:
@@ -323,81 +399,3 @@ def _value_count(config: ParameterConfig, path: Path, scene: Scene) -> int:
     # Links between levels have one value for each pair of neighbouring levels.
     levels = int(structure.nodes().level.max()) + 1
     return max(levels - 1, 1) if path[-1] == "between" else levels
-
-
-@dataclass
-class _TargetBuilder:
-    # The data of one case, from the reference that the config names.
-    config: CalibrationConfig
-    case: schema.CaseConfig
-    case_scene: SceneConfig
-    scene: Scene
-    references: dict[str, TruthReference]
-    parameters: ParameterSet
-    frames: Callable[[schema.CaseConfig], CaseFrames]
-    log: Log
-
-    def build(self) -> AbstractTarget:
-        name = self.case.name
-        with precision(self.scene.dtype):
-            match self.config.reference:
-                case schema.FullVolumeReference() as reference:
-                    truth = scene_config(self.config, self.case.set, reference.set)
-                    solution = full_volume_run(
-                        truth, step=reference.step, log=self._announce
-                    )
-                    return self._surface(solution)
-                case schema.TruthRuns():
-                    return self._finer_surface()
-                case schema.SolutionReference(files=files):
-                    if name not in files:
-                        text = "reference: files: there is none for the case"
-                        raise InputError(f"{text} {name}")
-                    path = files[name]
-                    times = self.case_scene.time.save_times
-                    return self._surface(load_solution(path).at_times(times, path))
-                case schema.SimulatedFrames() | schema.MeasuredFrames():
-                    return self._compared(self.frames(self.case))
-
-    def _announce(self, stage: str) -> None:
-        self.log(f"{self.case.name}: {stage}")
-
-    def _surface(self, reference: StoredSolution) -> AbstractTarget:
-        check_surfaces(start_surfaces(self.scene), reference.surfaces)
-        return surface_target(reference, jnp.dtype(self.scene.dtype))
-
-    def _finer_surface(self) -> AbstractTarget:
-        assert self.config.truth is not None
-        reference = refined_reference(
-            self.case_scene, settings=self.config.truth, log=self._announce
-        )
-        self.references[self.case.name] = reference
-        surface, unknown = reference.read_at(start_surfaces(self.scene))
-        dtype = jnp.dtype(self.scene.dtype)
-        return surface_target(surface, dtype=dtype, unknown=unknown)
-
-    def _compared(self, case_frames: CaseFrames) -> FrameTarget:
-        moving = None
-        settings = case_frames.settings
-        parameters = self.parameters
-        if parameters.moves_cameras:
-            start = np.zeros(parameters.size)
-            poses = np.asarray(parameters.poses(start, len(case_frames.views)), float)
-            moving = FitsPoses(
-                surfaces=case_frames.surfaces,
-                terms=self.scene.terms,
-                poses=poses,
-                margin=settings.margin,
-            )
-        return frame_target(
-            case_frames.times,
-            views=case_frames.views,
-            frames=case_frames.frames,
-            noise=settings.noise,
-            quantity=settings.quantity,
-            masks=case_frames.masks,
-            dtype=jnp.dtype(self.scene.dtype),
-            band=case_frames.band,
-            reflected=settings.reflected_temperature,
-            moving=moving,
-        )

@@ -30,12 +30,11 @@ from jaxthermo.scene.scene import Scene, SolvedSurface
 from ..config import schema
 from ..config.frame_names import is_of_camera
 from ..config.loader import scene_config
-from ..config.schema import CalibrationConfig
+from ..config.schema import CalibrationConfig, FramesConfig
 from .frame_data import Masks, check_frames
 from .targets import render_frames, view_of
 
 
-FramesConfig = schema.SimulatedFrames | schema.MeasuredFrames
 _CHANNELS = {
     "temperature": ("apparent_temperature_K", "apparent_temperature"),
     "radiance": ("radiance",),

@@ -305,6 +305,10 @@ class ParameterSet:
         """Poses of that many cameras."""
         return poses_at(self._by_path(z), cameras, jnp.asarray(z).dtype)
 
+    def start_poses(self, cameras: int) -> Float[np.ndarray, "v 6"]:
+        """Poses of that many cameras at the start values, on the host."""
+        return np.asarray(self.poses(np.zeros(self.size), cameras), float)
+
     def _by_path(self, z: Coordinates) -> dict[str, Values]:
         values = self.values(z)
         return {n: values[p.name] for p in self.parameters for n in p.paths}

@@ -163,23 +163,26 @@ def full_volume_run(config: SceneConfig, step: float, log: Log) -> StoredSolutio
 
 
 def refined_reference(
-    config: SceneConfig, settings: RefinedReference, log: Log
+    config: SceneConfig, settings: RefinedReference | AbsoluteReference, log: Log
 ) -> TruthReference:
     """Run a scene in finer voxels and in two coarser ones, or load the runs.
 
     Temperatures are those of the surface itself, and the error in time is controlled.
+    An absolute reference is equal for all scenes that differ in voxels, structure,
+    surface map, precision and solver only.
 
     Raises:
         InputError: if the scene has no finer voxels, or a run fails.
     """
-    pitches = _refined_pitches(config, settings)
-    return _reference(
+    runs = _runs(
         config,
         settings=settings,
-        pitches=pitches,
-        refinement=settings.refinement,
         log=log,
+        factors=(1.0, COARSENING, COARSENING**2),
     )
+    solutions, costs = zip(*runs, strict=True)
+    error = discretization_error(*solutions, count=settings.points, seed=settings.seed)
+    return TruthReference(solution=solutions[0], own_error=error, costs=costs)
 
 
 def coarser_difference(
@@ -189,42 +192,12 @@ def coarser_difference(
 
     Errors and remarks are those of `refined_reference`.
     """
-    pitches = _refined_pitches(config, settings)
     # The coarser one first: it fails sooner where nothing can be run.
     (coarser, _), (finer, _) = _runs(
-        config,
-        settings=settings,
-        pitches=pitches,
-        refinement=settings.refinement,
-        log=log,
-        factors=(COARSENING, 1.0),
+        config, settings=settings, log=log, factors=(COARSENING, 1.0)
     )
     return truth_error(
         coarser, reference=finer, count=settings.points, seed=settings.seed
-    )
-
-
-def _refined_pitches(
-    config: SceneConfig, settings: RefinedReference
-) -> tuple[float, ...]:
-    return tuple(
-        voxel_pitch(number, body) / settings.refinement
-        for number, body in enumerate(config.bodies)
-    )
-
-
-def absolute_reference(
-    config: SceneConfig, settings: AbsoluteReference, log: Log
-) -> TruthReference:
-    """Run a scene in voxels of a given size and in two coarser ones, or load the runs.
-
-    Equal for all scenes that differ in voxels, structure, surface map, precision and
-    solver only. Errors and remarks are those of `refined_reference`.
-    """
-    pitches = _absolute_pitches(config, settings)
-    config = config.model_copy(update={"dtype": settings.dtype})
-    return _reference(
-        config, settings=settings, pitches=pitches, refinement=None, log=log
     )
 
 
@@ -262,36 +235,22 @@ def voxel_pitch(number: int, body: BodyConfig) -> float:
     return height / float(body.voxels_high or 1)
 
 
-def _reference(
-    config: SceneConfig,
-    settings: RefinedReference | AbsoluteReference,
-    pitches: tuple[float, ...],
-    refinement: float | None,
-    log: Log,
-) -> TruthReference:
-    """Runs in voxels of these edges [m], of twice and four times as long ones."""
-    factors = 1.0, COARSENING, COARSENING**2
-    runs = _runs(
-        config,
-        settings=settings,
-        pitches=pitches,
-        refinement=refinement,
-        log=log,
-        factors=factors,
-    )
-    solutions, costs = zip(*runs, strict=True)
-    error = discretization_error(*solutions, count=settings.points, seed=settings.seed)
-    return TruthReference(solution=solutions[0], own_error=error, costs=costs)
-
-
 def _runs(
     config: SceneConfig,
     settings: RefinedReference | AbsoluteReference,
-    pitches: tuple[float, ...],
-    refinement: float | None,
     log: Log,
     factors: tuple[float, ...],
 ) -> list[tuple[StoredSolution, RunCost]]:
+    """Runs in voxels whose edges are those of the settings times each factor."""
+    refinement = None
+    if isinstance(settings, AbsoluteReference):
+        pitches = _absolute_pitches(config, settings)
+        config = config.model_copy(update={"dtype": settings.dtype})
+    else:
+        refinement = settings.refinement
+        pitches = [
+            voxel_pitch(n, body) / refinement for n, body in enumerate(config.bodies)
+        ]
     runs = []
     for factor in factors:
         pitches_m = tuple(pitch * factor for pitch in pitches)

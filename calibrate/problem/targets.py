@@ -307,18 +307,29 @@ class FrameTarget(AbstractTarget):
         if values.views:
             assert values.poses is not None
             seen = values.views[view].at(values.poses[view], seen.camera)
+        pixels = self._pixels(
+            seen, scene=scene, solution=solution, times=self.times, reflected=reflected
+        )
+        return pixels if values.views else pixels[:, self.indices[view]]
+
+    def _pixels(
+        self,
+        view: View,
+        scene: Scene,
+        solution: ParametricSolution,
+        times: tuple[float, ...],
+        reflected: Scalar | None,
+    ) -> Float[Array, "t p"]:
         frames = render_frames(
-            seen,
+            view,
             scene=scene,
             solution=solution,
-            times=self.times,
+            times=times,
             quantity=self.quantity,
             band=self.band,
             reflected=reflected,
         )
-        if values.views:
-            return frames[:, 0]
-        return frames.reshape(len(frames), -1)[:, self.indices[view]]
+        return frames.reshape(len(frames), -1)
 
     def measure(
         self,
@@ -330,18 +341,15 @@ class FrameTarget(AbstractTarget):
         """Pixels of bodies in any views [standard deviations of the noise]."""
         rows = []
         for view in views:
-            frames = render_frames(
+            pixels = self._pixels(
                 view,
                 scene=scene,
                 solution=solution,
                 times=times,
-                quantity=self.quantity,
-                band=self.band,
                 reflected=self.reflected,
             )
             # There are no data, and so no mask, of a view that is only proposed.
-            indices = np.flatnonzero(body_mask(view))
-            rows.append(frames.reshape(len(frames), -1)[:, indices])
+            rows.append(pixels[:, np.flatnonzero(body_mask(view))])
         return jnp.concatenate(rows, axis=1) / self.noise
 
 

@@ -1,7 +1,7 @@
 """Charts of a fit: its loss, its values with error bars, errors, correlations."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import altair as alt
@@ -9,7 +9,7 @@ import altair as alt
 from jaxthermo.report.chart import POINT_AREA, Chart, LogAxis, legend
 from jaxthermo.report.numbers import is_finite
 
-from .text_summary import Result
+from ..config.fit_record import CaseErrors, FitRecord, Pair
 
 
 MAX_CHARTED = 48
@@ -44,7 +44,7 @@ def _is_positive(value: float | None) -> bool:
     return value is not None and math.isfinite(value) and value > 0
 
 
-def loss_chart(result: Result) -> Chart | None:
+def loss_chart(result: FitRecord) -> Chart | None:
     """Loss at the best point by step; None if it is nowhere above 0."""
     outcomes = ["not accepted", "accepted"]
     history = [(0, result["loss"]["initial"], "accepted")]
@@ -76,7 +76,7 @@ def loss_chart(result: Result) -> Chart | None:
     return alt.layer(line, dots).properties(width=_WIDTH, height=240)
 
 
-def parameter_charts(result: Result) -> list[Chart]:
+def parameter_charts(result: FitRecord) -> list[Chart]:
     """Start and value with its standard error, one chart per unit."""
     groups: dict[tuple[str, bool], list[_Point]] = {}
     for name, row in list(result["parameters"].items())[:MAX_CHARTED]:
@@ -189,7 +189,7 @@ def _value_row(row: _Point, logarithmic: bool, limits: tuple[float, float]) -> _
     }
 
 
-def error_chart(errors: Mapping[str, Any], title: str) -> Chart | None:
+def error_chart(errors: Pair[dict[str, CaseErrors]], title: str) -> Chart | None:
     """Error over saved time, a frame per case; None if none is above 0."""
     points = [
         {
@@ -199,7 +199,10 @@ def error_chart(errors: Mapping[str, Any], title: str) -> Chart | None:
             "error": percent,
             "text": f"{case}, {values}, {time:g} s: {percent:.3g} %, {kelvin:.3g} K",
         }
-        for values, cases in errors.items()
+        for values, cases in (
+            ("default", errors["default"]),
+            ("fitted", errors["fitted"]),
+        )
         for case, error in cases.items()
         for time, percent, kelvin in zip(
             error["times_s"], error["rms_percent"], error["rms_kelvin"], strict=True
@@ -232,7 +235,7 @@ def error_chart(errors: Mapping[str, Any], title: str) -> Chart | None:
     return lines.properties(width=width, height=220).facet(frame, columns=columns)
 
 
-def correlation_chart(result: Result) -> Chart:
+def correlation_chart(result: FitRecord) -> Chart:
     """Correlation of the values' errors, -1 to 1, a cell per pair."""
     names = list(result["parameters"])[:MAX_CHARTED]
     table = result["correlation"]

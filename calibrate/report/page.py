@@ -11,10 +11,16 @@ from jaxthermo.report import page
 from jaxthermo.report.chart import Chart, chart_svg
 from jaxthermo.report.numbers import padded
 from jaxthermo.report.table import Table, prose
-from jaxthermo.scene.dimensionless_groups import scene_numbers
 
+from ..config.fit_record import (
+    CaseErrors,
+    FitRecord,
+    Group,
+    Pair,
+    each_group,
+    number_of,
+)
 from ..problem.build import Calibration
-from ..problem.problem import Problem
 from ..problem.targets import FrameTarget
 from ..solvers.fit import Fit
 from .charts import (
@@ -28,7 +34,6 @@ from .pictures import difference_picture, frame_picture, run_both, values_of_bot
 from .text_summary import (
     GROUPS,
     MEANING,
-    Result,
     about_standard_errors,
     definition,
     error_title,
@@ -50,13 +55,14 @@ _NUMBERS = {
     "voxels_across": "V / A over the pitch",
     "heating": "heating: flux times V / A over k [K]",
 }
+_MACHINE = ("device", "processor", "commit")
 _MAX_VIEWS = 4
 """Views of frames that have pictures."""
 _Sections = list[page.Section]
 
 
 def write_report(
-    folder: Path, calibration: Calibration, fit: Fit, result: Result
+    folder: Path, calibration: Calibration, fit: Fit, result: FitRecord
 ) -> None:
     """Write `report.html` into an existing folder."""
     sections = [
@@ -81,18 +87,18 @@ def _drawn(chart: Chart | None, otherwise: str) -> page.Section:
     return page.paragraph(otherwise, True) if chart is None else chart_svg(chart)
 
 
-def _errors(result: Result) -> _Sections:
+def _errors(result: FitRecord) -> _Sections:
     unit = error_unit(result)
     # Frames may show radiances, whose errors are not in kelvin.
     columns = ["case", "role", f"default [{unit}]", f"fitted [{unit}]"]
     columns += [] if is_frames(result) else ["default [K]", "fitted [K]"]
     rows: list[list[str]] = []
     charts: _Sections = []
-    for group, errors in result["errors"].items():
+    for group, errors in each_group(result["errors"]):
         for case in errors["fitted"]:
             pair = (errors["default"][case], errors["fitted"][case])
-            percent = [padded(e["worst_percent"]) for e in pair]
-            kelvin = [padded(max(e["rms_kelvin"])) for e in pair]
+            percent = [padded(number_of(e["worst_percent"])) for e in pair]
+            kelvin = [padded(max(map(number_of, e["rms_kelvin"]))) for e in pair]
             rows.append([case, GROUPS[group], *percent, *kelvin][: len(columns)])
         title = f"Error over time of the cases {GROUPS[group]}"
         chart = error_chart(errors, error_title(result))
@@ -101,11 +107,12 @@ def _errors(result: Result) -> _Sections:
     return [page.heading("Errors"), Table(columns, rows, left=(0, 1)), details, *charts]
 
 
-def _truth(result: Result) -> _Sections:
+def _truth(result: FitRecord) -> _Sections:
     table = truth_table(result)
-    if table is None:
+    truth = result.get("truth")
+    if table is None or truth is None:
         return []
-    note = page.paragraph(truth_definition(result), note=True)
+    note = page.paragraph(truth_definition(truth), note=True)
     runs = [
         [
             run["case"],
@@ -116,50 +123,43 @@ def _truth(result: Result) -> _Sections:
             f"{run['run_time_s']:.3g}",
             "yes" if run["cached"] else "no",
         ]
-        for run in result["truth"]["cost"]
+        for run in truth["cost"]
     ]
     columns = ["case", "pitch [mm]", "nodes", "steps", "memory", "run [s]", "cached"]
     cost = page.details("Reference runs of finer voxels", Table(columns, runs))
     return [page.heading("Errors against finer voxels"), table, note, cost]
 
 
-def _pictures(calibration: Calibration, fit: Fit, result: Result) -> _Sections:
+def _pictures(calibration: Calibration, fit: Fit, result: FitRecord) -> _Sections:
     sections: _Sections = [page.heading("Spatial distribution of the error")]
-    sections += _worst_case(
-        "train",
-        problem=calibration.train,
-        calibration=calibration,
-        fit=fit,
-        result=result,
-    )
-    if (held_out := calibration.held_out) is not None:
+    errors = dict(each_group(result["errors"]))
+    for group in calibration.problems:
         sections += _worst_case(
-            "held_out",
-            problem=held_out,
-            calibration=calibration,
-            fit=fit,
-            result=result,
+            group, errors=errors[group], calibration=calibration, fit=fit
         )
     return sections
 
 
 def _worst_case(
-    group: str, problem: Problem, calibration: Calibration, fit: Fit, result: Result
+    group: Group,
+    errors: Pair[dict[str, CaseErrors]],
+    calibration: Calibration,
+    fit: Fit,
 ) -> _Sections:
-    errors = result["errors"][group]
+    problem = calibration.problems[group]
     fitted = errors["fitted"]
-    name = max(fitted, key=lambda case: fitted[case]["worst_percent"])
-    worst = {
-        label: int(np.argmax(cases[name]["rms_percent"]))
-        for label, cases in errors.items()
-    }
+    name = max(fitted, key=lambda case: number_of(fitted[case]["worst_percent"]))
+
+    def worst_time(cases: dict[str, CaseErrors]) -> int:
+        return int(np.argmax(list(map(number_of, cases[name]["rms_percent"]))))
+
     case = next(case for case in problem.cases if case.name == name)
     solutions = run_both(problem, case=case, z=fit.z)
     label = f"{name}, {GROUPS[group]}"
     try:
         if isinstance(case.target, FrameTarget):
             views = range(min(len(case.target.views), _MAX_VIEWS))
-            time = worst["fitted"]
+            time = worst_time(fitted)
             values = values_of_both(problem, case=case, z=fit.z)
             images = [
                 frame_picture(
@@ -170,7 +170,7 @@ def _worst_case(
             moment = "after the fit"
         else:
             camera = calibration.configs[name].camera
-            times = sorted(set(worst.values()))
+            times = sorted({worst_time(errors["default"]), worst_time(fitted)})
             images = [
                 difference_picture(
                     case, camera=camera, solutions=solutions, times=times
@@ -187,7 +187,7 @@ def _worst_case(
     return [text, *(page.embedded(png, label) for png in images)]
 
 
-def _parameters(result: Result) -> _Sections:
+def _parameters(result: FitRecord) -> _Sections:
     number = len(result["parameters"])
     table = parameter_table(result["parameters"], "")
     sections: _Sections = [page.heading("Parameters"), table]
@@ -204,7 +204,7 @@ def _parameters(result: Result) -> _Sections:
     return [*sections, *map(chart_svg, parameter_charts(result)), note]
 
 
-def _identifiability(result: Result) -> _Sections:
+def _identifiability(result: FitRecord) -> _Sections:
     parameters = result["parameters"]
     sections: _Sections = [page.heading("Identifiability")]
     if not result["correlation"]:
@@ -236,7 +236,7 @@ def _identifiability(result: Result) -> _Sections:
     return [*sections, page.heading("Correlations"), text, chart]
 
 
-def _experiments(result: Result) -> _Sections:
+def _experiments(result: FitRecord) -> _Sections:
     if not result["advice"]:
         return []
     text = (
@@ -249,12 +249,9 @@ def _experiments(result: Result) -> _Sections:
 
 def _ranges(calibration: Calibration) -> _Sections:
     # Weights are valid for scenes with similar dimensionless numbers.
-    groups = {"train": calibration.train, "held_out": calibration.held_out}
-    ends = {name: config.time.last for name, config in calibration.configs.items()}
     scene_groups = {
-        GROUPS[group]: [scene_numbers(c.scene, ends[c.name]) for c in problem.cases]
-        for group, problem in groups.items()
-        if problem is not None
+        GROUPS[group]: calibration.numbers(problem)
+        for group, problem in calibration.problems.items()
     }
     rows = [
         [words, *(_span([n[name] for n in group]) for group in scene_groups.values())]
@@ -271,13 +268,13 @@ def _span(values: list[float]) -> str:
     return low if high == low else f"{low} to {high}"
 
 
-def _origin(result: Result) -> _Sections:
+def _origin(result: FitRecord) -> _Sections:
     pairs = [
         ("reference", result["reference"].replace("_", " ")),
         ("config", result["config_hash"]),
         ("program", result["program_hash"]),
         ("seed", str(result["seed"])),
-        *((k, result[k]) for k in ("device", "processor", "commit") if k in result),
+        *((k, str(result.get(k))) for k in _MACHINE if k in result),
         *result["versions"].items(),
     ]
     config = page.pre(json.dumps(result["config"], indent=2))

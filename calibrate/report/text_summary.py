@@ -1,17 +1,23 @@
 """A fit in sentences and tables, for the terminal and for the page."""
 
-from collections.abc import Mapping
-from typing import Any
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TypeVar
 
 from jaxthermo.host_memory import readable_bytes
 from jaxthermo.report.numbers import count, is_finite, padded
 from jaxthermo.report.table import Cell, Table
 
-from ..analysis.verdict import time_errors, truth_times
+from ..analysis.verdict import TimeErrors, TruthTime, time_errors, truth_times
+from ..config.fit_record import (
+    FitRecord,
+    ParameterRow,
+    TruthRecord,
+    each_group,
+    number_of,
+)
 
 
-Result = Mapping[str, Any]
-"""Content of `fit.json`, a `FitRecord`."""
 GROUPS = {"train": "fitted to", "held_out": "held out"}
 """Groups of cases in words."""
 
@@ -28,6 +34,7 @@ MEANING = {
     "which it acts",
 }
 
+_AnyTime = TypeVar("_AnyTime", TimeErrors, TruthTime)
 _IS_GOOD = {"fine": True, "dead": False, "flat": False, "not pinned": False}
 _MAX_NOISE_RATIO = 2.0
 """Error over the noise, beyond which standard errors from noise are too small."""
@@ -43,28 +50,28 @@ _ENDED = {
 }
 
 
-def is_frames(result: Result) -> bool:
+def is_frames(result: FitRecord) -> bool:
     """True if pixels were fitted, whose errors are relative to their noise."""
     return "frames" in result["reference"]
 
 
-def error_unit(result: Result) -> str:
+def error_unit(result: FitRecord) -> str:
     """Unit of an error."""
     return "% of the noise" if is_frames(result) else "%"
 
 
-def error_title(result: Result) -> str:
+def error_title(result: FitRecord) -> str:
     """Title of an error's axis."""
     return f"RMS error [{error_unit(result)}]"
 
 
-def _error_words(percent: float, result: Result) -> str:
+def _error_words(percent: float, result: FitRecord) -> str:
     if is_frames(result):
         return f"{padded(percent / 100)} times the noise"
     return f"{padded(percent)} %"
 
 
-def definition(result: Result) -> str:
+def definition(result: FitRecord) -> str:
     """Definition of the error."""
     if is_frames(result):
         return (
@@ -80,7 +87,7 @@ def definition(result: Result) -> str:
     )
 
 
-def about_standard_errors(result: Result) -> str:
+def about_standard_errors(result: FitRecord) -> str:
     """Origin of the standard errors, and a warning where they are too small."""
     if not is_frames(result):
         return (
@@ -110,68 +117,70 @@ def about_standard_errors(result: Result) -> str:
     return text
 
 
-def summary(result: Result) -> list[str]:
+def summary(result: FitRecord) -> list[str]:
     """Sentences on data, errors, course of the fit and speed."""
     errors = [
         f"Largest error of the cases {GROUPS[group]}: "
         f"{_error_words(errors['default'], result)} before, "
         f"{_error_words(errors['fitted'], result)} after ({_change(**errors)})."
-        for group, errors in result["error_percent"].items()
+        for group, errors in each_group(result["error_percent"])
     ]
     verdict = f"Verdict: {result['verdict']['words']}."
     cost = _truth_cost(result)
     return [_data(result), *errors, _course(result), *_speed(result), *cost, verdict]
 
 
-def time_table(result: Result, title: str = "") -> Table:
+def time_table(result: FitRecord, title: str = "") -> Table:
     """Errors at every saved time of every case, default and fitted."""
     unit = error_unit(result)
     columns = ["case", "role", "time [s]", f"default [{unit}]", f"fitted [{unit}]"]
-    rows = []
-    last = None
-    for row in time_errors(result["errors"]):
-        # A case is named once.
-        case = (row.case, GROUPS[row.group])
-        named = ("", "") if case == last else case
-        last = case
-        fitted = padded(row.fitted)
-        words = f"{fitted}, more" if row.is_worse else fitted
-        cell = Cell(words, not row.is_worse, is_number=True)
-        rows.append([*named, f"{row.time:g}", padded(row.default), cell])
+    rows = _time_rows(time_errors(result["errors"]), lambda row: [])
     return Table(columns, rows, title=title, left=(0, 1))
 
 
-def truth_table(result: Result, title: str = "") -> Table | None:
+def _time_rows(
+    times: Iterable[_AnyTime], further: Callable[[_AnyTime], Sequence[str | Cell]]
+) -> list[list[str | Cell]]:
+    """Case, time and both errors by row; `further` gives the cells that follow."""
+    rows = []
+    last_case = None
+    for row in times:
+        # A case is named once.
+        case = (row.case, GROUPS[row.group])
+        named = ("", "") if case == last_case else case
+        last_case = case
+        fitted = padded(row.fitted)
+        words = f"{fitted}, more" if row.is_worse else fitted
+        cell = Cell(words, not row.is_worse, is_number=True)
+        numbers = [f"{row.time:g}", padded(row.default), cell]
+        rows.append([*named, *numbers, *further(row)])
+    return rows
+
+
+def truth_table(result: FitRecord, title: str = "") -> Table | None:
     """Errors against finer voxels at every saved time; None if there are none."""
     truth = result.get("truth")
     if truth is None:
         return None
     columns = ["case", "role", "time [s]", "default [K]", "fitted [K]"]
     columns += ["default [%]", "fitted [%]", "own error [K]"]
-    rows = []
-    last = None
-    for row in truth_times(truth):
-        case = (row.case, GROUPS[row.group])
-        named = ("", "") if case == last else case
-        last = case
-        fitted = padded(row.fitted)
-        reference = padded(row.reference)
-        words = f"{fitted}, more" if row.is_worse else fitted
-        cell = Cell(words, not row.is_worse, is_number=True)
-        numbers = [f"{row.time:g}", padded(row.default), cell]
-        numbers += [_percent(row.default_percent), _percent(row.fitted_percent)]
-        mark = f"bound {reference}" if row.is_bound else reference
-        rows.append([*named, *numbers, Cell(mark, is_number=True)])
+    rows = _time_rows(truth_times(truth), _truth_cells)
     return Table(columns, rows, title=title, left=(0, 1))
+
+
+def _truth_cells(row: TruthTime) -> list[str | Cell]:
+    reference = padded(row.reference)
+    mark = f"bound {reference}" if row.is_bound else reference
+    percents = [_percent(row.default_percent), _percent(row.fitted_percent)]
+    return [*percents, Cell(mark, is_number=True)]
 
 
 def _percent(value: float | None) -> str:
     return _DASH if value is None else padded(value)
 
 
-def truth_definition(result: Result) -> str:
+def truth_definition(truth: TruthRecord) -> str:
     """Definition of the errors against finer voxels."""
-    truth = result["truth"]
     structure = truth["structure"].replace("_", " ")
     return (
         "Root mean square over points spread evenly over the mesh of the difference in "
@@ -184,7 +193,7 @@ def truth_definition(result: Result) -> str:
     )
 
 
-def _truth_cost(result: Result) -> list[str]:
+def _truth_cost(result: FitRecord) -> list[str]:
     """Cost of the reference runs of finer voxels, and remarks on them."""
     truth = result.get("truth")
     if truth is None:
@@ -194,7 +203,8 @@ def _truth_cost(result: Result) -> list[str]:
     seconds = sum(run["run_time_s"] for run in runs)
     largest = max(runs, key=lambda run: run["memory_bytes"])
     new_seconds = sum(run["run_time_s"] for run in runs if not run["cached"])
-    cases = [case for group in truth["cases"].values() for case in group.values()]
+    groups = (cases for _, cases in each_group(truth["cases"]))
+    cases = [case for group in groups for case in group.values()]
     remarks = [r for case in cases for r in case["fitted"]["remarks"]]
     for run in runs:
         # The two coarser runs only tell how far this one is off.
@@ -209,8 +219,10 @@ def _truth_cost(result: Result) -> list[str]:
     ]
 
 
-def _data(result: Result) -> str:
-    cases = {group: list(cases["fitted"]) for group, cases in result["errors"].items()}
+def _data(result: FitRecord) -> str:
+    cases = {
+        group: list(pair["fitted"]) for group, pair in each_group(result["errors"])
+    }
     data = "frames" if is_frames(result) else "reference runs"
     values = sum(row.get("count", 1) for row in result["parameters"].values())
     train = cases["train"]
@@ -232,7 +244,7 @@ def _change(default: float, fitted: float) -> str:
     return f"{fitted / default:.2f} times MORE"
 
 
-def _course(result: Result) -> str:
+def _course(result: FitRecord) -> str:
     seconds = result["run_time_s"]
     loss = result["loss"]
     # In runs, which is a measure that does not depend on the machine.
@@ -246,9 +258,9 @@ def _course(result: Result) -> str:
     )
 
 
-def _speed(result: Result) -> list[str]:
+def _speed(result: FitRecord) -> list[str]:
     speed = result["speedup"]
-    if not is_finite(speed.get("times_faster")):
+    if not is_finite(speed["times_faster"]):
         return []
     runs = count(len(speed["run_time_s"]["fitted"]), "warm run")
     nodes = speed["nodes"]
@@ -263,7 +275,7 @@ def _speed(result: Result) -> list[str]:
 
 
 def parameter_table(
-    parameters: Mapping[str, Mapping[str, Any]], title: str, is_fitted: bool = True
+    parameters: Mapping[str, ParameterRow], title: str, is_fitted: bool = True
 ) -> Table:
     """Values, standard errors and verdicts."""
     columns = ["parameter", "start", "standard error", "verdict"]
@@ -280,7 +292,7 @@ def parameter_table(
             ratio = padded(row["value"] / start) if start else _DASH
             cells += [f"{_digits(row['value'], 4)} {unit}".strip(), ratio]
         # More digits of an error say nothing.
-        two_digits = _digits(error, 2) if is_finite(error) else _DASH
+        two_digits = _digits(number_of(error), 2) if is_finite(error) else _DASH
         related = f" with {', '.join(row['with'])}" if row["with"] else ""
         cells += [two_digits, marked(row["verdict"], related)]
         rows.append(cells)
@@ -292,12 +304,14 @@ def _digits(value: float, number: int) -> str:
     return f"{value:#.{number}g}".removesuffix(".")
 
 
-def _parameter_name(name: str, row: Mapping[str, Any]) -> str:
+def _parameter_name(name: str, row: ParameterRow) -> str:
     # A field of thousands of values has one row.
     number = row.get("count", 1)
     if number == 1:
         return name
-    return f"{name}: median of {number:,}, {row['min']:.3g} to {row['max']:.3g}"
+    low = row.get("min", math.nan)
+    high = row.get("max", math.nan)
+    return f"{name}: median of {number:,}, {low:.3g} to {high:.3g}"
 
 
 def marked(verdict: str, remark: str = "") -> Cell:
@@ -305,7 +319,7 @@ def marked(verdict: str, remark: str = "") -> Cell:
     return Cell(verdict + remark, _IS_GOOD.get(verdict))
 
 
-def experiment_table(result: Result, limit: int | None = None) -> Table:
+def experiment_table(result: FitRecord, limit: int | None = None) -> Table:
     """Experiments that might be added, the most informative first."""
     entries = result["advice"][:limit]
     rows = [[e["what"], f"{e['gain_nats']:.2f}"] for e in entries]

@@ -27,7 +27,7 @@ from jaxthermo.report.numbers import count
 from ..config.schema import FitConfig
 from ..problem.problem import Problem, RunDiagnostics, StepTables, refine_steps
 from .levenberg_marquardt import jacobian_rows, restart
-from .progress import Progress, StepRecord, load_progress, next_action
+from .progress import FitState, StepRecord, load_progress, next_action
 from .search import (
     REVERSE_METHODS,
     Objective,
@@ -69,8 +69,6 @@ class Fit:
 
 MAX_JUDGED = 200
 """Coordinates up to which the final Jacobian is kept, to judge the values by."""
-_StepLog = Callable[[StepRecord, float], None]
-"""Called after every step, with the seconds that all steps took so far."""
 
 
 class Fitting:
@@ -118,7 +116,7 @@ class Fitting:
         *,
         start: Float[np.ndarray, " p"] | None = None,
         checkpoint: Path | None = None,
-        log: _StepLog | None = None,
+        log: Callable[[StepRecord], None] | None = None,
         stop: Callable[[], bool] = lambda: False,
         noise: Float[np.ndarray, " r"] | None = None,
     ) -> Fit:
@@ -147,7 +145,7 @@ class Fitting:
             objective = self._seen_from(objective, z)
             beginning = self._begin(objective, z)
             objective = beginning.objective
-            progress = Progress(
+            progress = FitState(
                 z=z,
                 solver_state=self._search.start(z),
                 step_tables=objective.step_tables,
@@ -253,11 +251,11 @@ class Fitting:
         self,
         advance: Callable[..., Any],
         objective: Objective,
-        progress: Progress,
+        progress: FitState,
         checkpoint: Path | None,
-        log: _StepLog | None,
+        log: Callable[[StepRecord], None] | None,
         stop: Callable[[], bool],
-    ) -> tuple[Progress, str]:
+    ) -> tuple[FitState, str]:
         # A loss is about the error to the power of the norm.
         tolerance = self.settings.tolerance * self.problem.time_norm
         size = self.problem.parameters.size
@@ -302,7 +300,7 @@ class Fitting:
                 refresh=refresh,
             )
             steps = [*steps, record]
-            progress = Progress(
+            progress = FitState(
                 z=z,
                 solver_state=state,
                 step_tables=step_tables,
@@ -313,7 +311,7 @@ class Fitting:
             if checkpoint is not None:
                 progress.save(checkpoint)
             if log is not None:
-                log(record, seconds)
+                log(record)
 
     def _evaluate(
         self, z: Float[Array, " p"], objective: Objective
@@ -340,7 +338,7 @@ class Fitting:
     def _finish(
         self,
         objective: Objective,
-        progress: Progress,
+        progress: FitState,
         start: Float[Array, " p"],
         first: Array,
     ) -> Fit:

@@ -19,6 +19,7 @@ from jaxtyping import Array, Float
 from jaxthermo.archive import read_archive, write_archive
 from jaxthermo.errors import InputError
 
+from ..config.fit_record import Step
 from ..problem.problem import StepTables
 
 
@@ -46,6 +47,23 @@ class StepRecord:
     """The step tried no other point, but computed the Jacobian at the best one."""
 
     @property
+    def outcome_words(self) -> str:
+        """Loss, and the outcome of a step that found no better point."""
+        if self.outcome == "accepted":
+            return f"loss {self.loss:.6g}"
+        return f"loss {self.loss:.6g}, {self.outcome}"
+
+    def as_json(self, with_values: bool) -> Step:
+        """Values for `fit.json`."""
+        return {
+            "step": self.number,
+            "loss": self.loss,
+            "accepted": self.accepted,
+            "jacobian_computed": self.exact,
+            "values": list(self.values) if with_values else [],
+        }
+
+    @property
     def outcome(self) -> str:
         """Outcome in words."""
         if self.refresh:
@@ -53,7 +71,7 @@ class StepRecord:
         return "accepted" if self.accepted else "not accepted"
 
 
-class Progress(NamedTuple):
+class FitState(NamedTuple):
     """State of a fit between two steps."""
 
     z: Float[Array, " p"]
@@ -81,11 +99,11 @@ class Progress(NamedTuple):
         )
 
 
-def _arrays(progress: Progress) -> Any:
+def _arrays(progress: FitState) -> Any:
     return (progress.z, progress.solver_state, progress.step_tables)
 
 
-def load_progress(path: Path, start: Progress) -> Progress:
+def load_progress(path: Path, start: FitState) -> FitState:
     """Read the state that an earlier process saved, or return the start."""
     if not path.exists():
         return start
@@ -101,7 +119,7 @@ def load_progress(path: Path, start: Progress) -> Progress:
         raise InputError(
             f"{path}: of another fit ({type(error).__name__}); {_REMEDY}"
         ) from error
-    return Progress(
+    return FitState(
         z=z,
         solver_state=state,
         step_tables=tables,

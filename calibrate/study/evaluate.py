@@ -32,7 +32,7 @@ from jaxthermo.parallel.batch import from_first_device, over_devices
 from jaxthermo.parallel.devices import mesh_of
 
 from ..config.fit_record import ReferenceErrors
-from ..problem.reference import Log, RunCost, absolute_reference
+from ..problem.reference import Log, RunCost, refined_reference
 from .case import Case, build_case, loop_size, plan_case
 from .picture import difference_picture
 from .rows import Row
@@ -68,7 +68,7 @@ class _Request:
 @lru_cache(maxsize=16)
 def _found(request: _Request) -> Truth:
     case = request.case
-    reference = absolute_reference(case.config, settings=case.truth, log=request.log)
+    reference = refined_reference(case.config, settings=case.truth, log=request.log)
     settings = case.truth
     points = truth_points(reference.solution, count=settings.points, seed=settings.seed)
     own_error = cast(ReferenceErrors, reference.own_error.as_dict())

@@ -40,6 +40,10 @@ class SilentProgress(Progress):
     """Progress that is not shown; a subclass may react to some of it."""
 
 
+SILENT = SilentProgress()
+"""Progress that is told to nobody."""
+
+
 @final
 class _TerminalProgress(Progress):
     """A bar on a terminal; in a pipe a line at an interval."""
@@ -70,7 +74,7 @@ class _TerminalProgress(Progress):
         is_due = time.monotonic() - self._last_line >= self._interval
         if is_due or done == self._total:
             self._last_line = time.monotonic()
-            self.line(f"{self._name}: {note or f'{done} of {self._total}'}")
+            self.line(note or f"{self._name}: {done} of {self._total}")
 
     @override
     def advance(self, count: int = 1) -> None:

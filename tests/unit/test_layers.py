@@ -123,6 +123,8 @@ def test_lower_packages_do_not_know_the_higher_ones():
             assert "import calibrate" not in text and "import experiments" not in text
         if path.is_relative_to(ROOT / "calibrate"):
             assert "import experiments" not in text and "from experiments" not in text
+        if not path.is_relative_to(ROOT / "jaxthermo"):
+            assert "jaxthermo.cli" not in text
 
 
 def test_public_names_resolve():

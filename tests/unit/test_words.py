@@ -25,7 +25,7 @@ MAX_UNTYPED_RECORDS = {"jaxthermo": 41, "calibrate": 12, "experiments": 70, "tes
 MAX_SPLATS = {"jaxthermo": 4, "calibrate": 0, "experiments": 1, "tests": 0}
 LONG_FUNCTIONS = {
     "jaxthermo": ["plan_run", "make_programs", "compute"],
-    "calibrate": ["_conclude"],
+    "calibrate": [],
     "experiments": ["_loops"],
     "tests": [],
 }

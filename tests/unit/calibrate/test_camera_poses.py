@@ -13,23 +13,21 @@ from calibrate.config.frame_names import check_frame_names, pose_numbers
 from calibrate.config.loader import load_calibration
 from calibrate.config.schema import shown_unit_of, value_in_si
 from calibrate.problem.alignment import Aligned
-from calibrate.problem.frame_data import FitsPoses, frame_target
+from calibrate.problem.frame_data import FitsPoses
 from calibrate.problem.frame_source import _read_mask
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
-from calibrate.problem.targets import render_frames, view_of
+from calibrate.problem.targets import view_of
 from calibrate.solvers.cameras import build_aligned
 from calibrate.solvers.fit import Fitting
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.scene.compile.compile import compile_scene
-from tests.bodies import blocks
+from tests.calibrating import camera_of_block, frames_of, seen_block, target_of
 
 
 CONFIG = Path(__file__).parents[3] / "configs" / "calibration" / "camera-pose.yaml"
 SAVES = (20.0, 60.0)
-CAMERA = jt.Camera(
-    position=(0.16, -0.11, 0.11), look_at=(0.03, 0.03, 0.03), width=40, height=32
-)
+CAMERA = camera_of_block(40, 32)
 FITTED = ParameterSet(
     (
         Parameter(name="material.emissivity", start=(0.8,), lower=0.1, upper=1.0),
@@ -51,35 +49,19 @@ FITTED = ParameterSet(
 @pytest.fixture(scope="module")
 def problem():
     """A block that is warm on one side, and a camera that is not where it is given."""
-    structure = jt.ShellOverCore(blocks(np.ones((6, 6, 6), bool), 0.01), factor=2)
-    metal = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.8)
-    body = jt.Body(structure, metal, temperature=350.0)
-    terms = (
-        jt.HeatFlux(2e4, on=jt.Side((1.0, 0.0, 0.0))),
-        jt.Convection(30.0, 300.0),
-        jt.Surroundings(220.0),
-    )
-    scene = jt.Scene((body,), terms, dtype="float64")
+    scene = seen_block(temperature=350.0, surroundings=220.0)
     run = ParametricRun(SAVES, jt.ForwardEuler(dt=2.0))
     surfaces = compile_scene(scene, 1, 1.0).surfaces
     view = view_of(surfaces, scene, CAMERA)
     solution = run(scene, run.step_table(scene))
-    frames = np.asarray(
-        render_frames(
-            view, scene=scene, solution=solution, times=SAVES, quantity="temperature"
-        )
+    frames = frames_of(view, scene, solution, SAVES)
+    moving = FitsPoses(
+        surfaces=surfaces,
+        terms=scene.terms,
+        poses=FITTED.start_poses(1),
+        margin=2.0,
     )
-    poses = np.asarray(FITTED.poses(np.zeros(FITTED.size), 1))
-    target = frame_target(
-        SAVES,
-        views=(view,),
-        frames=[frames],
-        noise=0.05,
-        quantity="temperature",
-        masks=[],
-        dtype=jnp.float64,
-        moving=FitsPoses(surfaces=surfaces, terms=terms, poses=poses, margin=2.0),
-    )
+    target = target_of(view, frames, SAVES, moving=moving)
     return Problem(FITTED, (Case(name="one", scene=scene, run=run, target=target),))
 
 

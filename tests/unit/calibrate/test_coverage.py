@@ -1,24 +1,21 @@
 """Intervals of 95 % hold the truth as often as they say, of frames with 50 mK noise."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jaxthermo as jt
 from calibrate.analysis.identifiability import identify
 from calibrate.config.schema import FitConfig
-from calibrate.problem.frame_data import frame_target
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
-from calibrate.problem.targets import render_frames, view_of
+from calibrate.problem.targets import view_of
 from calibrate.solvers.fit import Fitting
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.scene.compile.compile import compile_scene
-from tests.bodies import blocks
+from tests.calibrating import camera_of_block, frames_of, seen_block, target_of
 
 
 SAVES = (20.0, 60.0, 120.0)
-NOISE = 0.05
 WIDE = 1.96
 TRUTH = {
     "material.conductivity": 16.0,
@@ -27,21 +24,17 @@ TRUTH = {
 }
 START = (11.0, 40.0, 0.6)
 BOUNDS = ((1.0, 1000.0), (1.0, 1000.0), (0.05, 1.0))
-CAMERA = jt.Camera(
-    position=(0.16, -0.11, 0.11), look_at=(0.03, 0.03, 0.03), width=20, height=16
-)
+CAMERA = camera_of_block(20, 16)
 
 
-def _scene(conductivity, h, emissivity):
-    structure = jt.ShellOverCore(blocks(np.ones((6, 6, 6), bool), 0.01), factor=2)
-    metal = jt.Material(conductivity, 8000.0, 500.0, emissivity=emissivity)
-    body = jt.Body(structure, metal, temperature=350.0)
-    terms = (
-        jt.HeatFlux(2e4, on=jt.Side((1.0, 0.0, 0.0))),
-        jt.Convection(h, 300.0),
-        jt.Surroundings(220.0),
+def _scene(conductivity, coefficient, emissivity):
+    return seen_block(
+        temperature=350.0,
+        surroundings=220.0,
+        conductivity=conductivity,
+        coefficient=coefficient,
+        emissivity=emissivity,
     )
-    return jt.Scene((body,), terms, dtype="float64")
 
 
 @pytest.fixture(scope="module")
@@ -53,21 +46,8 @@ def fitting():
     run = ParametricRun(SAVES, jt.ForwardEuler(dt=2.0))
     solution = run(true, run.step_table(start))
     view = view_of(compile_scene(true, 1, 1.0).surfaces, true, CAMERA)
-    frames = np.asarray(
-        render_frames(
-            view, scene=true, solution=solution, times=SAVES, quantity="temperature"
-        ),
-        float,
-    )
-    target = frame_target(
-        SAVES,
-        views=(view,),
-        frames=[frames],
-        noise=NOISE,
-        quantity="temperature",
-        masks=[],
-        dtype=jnp.float64,
-    )
+    frames = frames_of(view, true, solution, SAVES)
+    target = target_of(view, frames, SAVES)
     fitted = tuple(
         Parameter(name, (value,), *bounds)
         for name, value, bounds in zip(TRUTH, START, BOUNDS, strict=True)

@@ -78,6 +78,6 @@ def test_a_run_that_sees_more_gains_more():
     blind = _rows(5, 2)
     seeing = _rows(6, 2)
     blind[1] = 0.0
-    gains = [information_gain(have, further, 1.0) for further in (blind, seeing)]
+    gains = [information_gain(have, further) for further in (blind, seeing)]
     assert 0 < gains[0] < gains[1]
-    assert information_gain(have, np.zeros((2, 5)), 1.0) == pytest.approx(0.0)
+    assert information_gain(have, np.zeros((2, 5))) == pytest.approx(0.0)

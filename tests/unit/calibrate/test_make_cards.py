@@ -47,7 +47,7 @@ def fitted(monkeypatch):
     names = []
     state = {"ended": "converged"}
 
-    def fit(path, out, overrides, log, stop, report):
+    def fit(path, out, overrides, progress, stop, report):
         config = load_calibration(path, overrides)
         names.append(config.name)
         out.mkdir(parents=True, exist_ok=True)

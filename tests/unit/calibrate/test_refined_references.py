@@ -23,16 +23,10 @@ from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.solution_file import StoredSolution
 from jaxthermo.report.table import Cell
 from jaxthermo.scene.scene import BodyGeometry, SolvedSurface
-from tests.calibrating import RESULT, SPHERE
+from tests.calibrating import FAST, RESULT, SPHERE, errors_of
 
 
-FAST = {"times_faster": 5.0, "min": 4.0, "max": 6.0}
-ERRORS = {
-    "train": {
-        model: {"+x": {"times_s": [30.0, 60.0], "rms_percent": percent}}
-        for model, percent in (("default", [4.0, 3.0]), ("fitted", [2.0, 1.0]))
-    }
-}
+ERRORS = errors_of([4.0, 3.0], fitted=[2.0, 1.0])
 FIT = """
 scene: scene.yaml
 train: [{name: "+x"}]
@@ -42,7 +36,7 @@ truth: {points: 500}
 """
 
 
-def truth(default, fitted, reference, is_bound=(False, False)):
+def truth(default, fitted, reference, is_bound=(False, False)) -> Any:
     times = {"times_s": [30.0, 60.0]}
 
     def error(kelvin):
@@ -67,23 +61,18 @@ def truth(default, fitted, reference, is_bound=(False, False)):
         "nodes": 1000,
         "steps": 20,
         "memory_bytes": 2**20,
+        "run_time_s": 3.0,
+        "cached": True,
+        "refinement": 2.0,
+        "warnings": ["thin walls"],
     }
-    cost = [
-        {
-            **run,
-            "run_time_s": 3.0,
-            "cached": True,
-            "refinement": 2.0,
-            "warnings": ["thin walls"],
-        },
-        {
-            **run,
-            "run_time_s": 0.5,
-            "cached": False,
-            "refinement": 1.0,
-            "warnings": ["very thin walls"],
-        },
-    ]
+    coarser = {
+        "run_time_s": 0.5,
+        "cached": False,
+        "refinement": 1.0,
+        "warnings": ["very thin walls"],
+    }
+    cost = [run, run | coarser]
     return {
         "refinement": 2.0,
         "structure": "full_volume",
@@ -122,7 +111,7 @@ def test_bounds_are_marked_in_the_table_and_the_verdict():
     errors = truth(
         [0.4, 0.3], fitted=[0.2, 0.35], reference=[0.02, 0.01], is_bound=(True, False)
     )
-    table = truth_table({"truth": errors})
+    table = truth_table(RESULT | {"truth": errors})
     assert table is not None
     first, second = table.rows
     assert list(first[:4]) == ["+x", "fitted to", "30", "0.400"]
@@ -133,12 +122,12 @@ def test_bounds_are_marked_in_the_table_and_the_verdict():
     assert marks == [True, False]
     words = judge(ERRORS, FAST, is_of_weights=True, truth=errors)["words"]
     assert "off by at most about 0.0200 K" in words
-    assert truth_table({"truth": None}) is None
+    assert truth_table(RESULT | {"truth": None}) is None
 
 
 def test_the_cost_is_told_and_shared_voxels_are_noted(tmp_path):
     errors = truth([0.4, 0.3], [0.2, 0.25], [0.02, 0.05])
-    cost, remark, warning = _truth_cost({"truth": errors})
+    cost, remark, warning = _truth_cost(RESULT | {"truth": errors})
     assert "2 runs, 0.5 s now and 3 s before this fit (1 from the cache)" in cost
     assert "1,000 nodes and takes about 1.0 MiB" in cost
     assert remark == "Note: body 0 has the voxels of the reference."

@@ -6,6 +6,7 @@ import math
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -104,12 +105,12 @@ def fit_at(z: list[float]) -> Fit:
     )
 
 
-def parameter(value, error, **fields):
+def parameter(value, error, **fields) -> Any:
     defaults = {"initial": 1.0, "verdict": "fine", "with": [], "unit": ""}
     return {"value": value, "standard_error": error, **defaults, **fields}
 
 
-def error(*percent):
+def error(*percent) -> Any:
     return {
         "times_s": [30.0 * (n + 1) for n in range(len(percent))],
         "rms_percent": list(percent),
@@ -118,7 +119,7 @@ def error(*percent):
     }
 
 
-def result_of(parameters, held_out=True, **fields):
+def result_of(parameters, held_out=True, **fields) -> Any:
     def both(case):
         return {
             "default": {case: error(4.0, 3.0)},
@@ -221,12 +222,13 @@ def test_the_loss_begins_before_the_first_step():
 def test_nothing_above_zero_has_no_logarithmic_chart():
     nothing = result_of(ONE, loss={"initial": 0.0, "final": 0.0}, steps=[])
     assert loss_chart(nothing) is None
-    still = {way: {"a": error(0.0, math.nan)} for way in ("default", "fitted")}
+    still: Any = {way: {"a": error(0.0, math.nan)} for way in ("default", "fitted")}
     assert error_chart(still, "%") is None
 
 
 def test_every_case_has_a_frame_with_both_lines():
-    errors = {w: {c: error(1.0, 2.0) for c in "abcd"} for w in ("default", "fitted")}
+    cases = {name: error(1.0, 2.0) for name in "abcd"}
+    errors: Any = {"default": cases, "fitted": cases}
     chart = error_chart(errors, "%")
     assert chart is not None
     spec = chart.to_dict()

@@ -9,28 +9,28 @@ from calibrate.solvers.progress import StepRecord, next_action
 SIZE = 4
 
 
-def refreshed(loss=1.0):
+def step(loss, accepted, length=0.0, exact=True, refresh=False):
     return StepRecord(
         number=1,
         loss=loss,
-        accepted=True,
-        length=0.0,
+        accepted=accepted,
+        length=length,
         values=(),
-        exact=True,
-        refresh=True,
+        exact=exact,
+        refresh=refresh,
     )
+
+
+def refreshed(loss=1.0):
+    return step(loss, accepted=True, refresh=True)
 
 
 def accepted(loss, exact=False):
-    return StepRecord(
-        number=1, loss=loss, accepted=True, length=0.1, values=(), exact=exact
-    )
+    return step(loss, accepted=True, length=0.1, exact=exact)
 
 
 def rejected(loss, exact=False, length=0.01):
-    return StepRecord(
-        number=1, loss=loss, accepted=False, length=length, values=(), exact=exact
-    )
+    return step(loss, accepted=False, length=length, exact=exact)
 
 
 def then(*steps, done=False):

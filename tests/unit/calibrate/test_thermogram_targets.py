@@ -1,7 +1,6 @@
 """Frames: what a pixel shows goes with every value; data must fit the camera."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import PIL.Image
 import pytest
@@ -9,7 +8,6 @@ from pydantic import ValidationError
 
 import jaxthermo as jt
 from calibrate.config.schema import MeasuredFrames, SimulatedFrames
-from calibrate.problem.frame_data import frame_target
 from calibrate.problem.frame_source import _detected, _measured
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
@@ -21,12 +19,11 @@ from jaxthermo.image.surface.visible import world_meshes
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.scene.compile.compile import compile_scene
 from tests.bodies import blocks
+from tests.calibrating import camera_of_block, frames_of, seen_block, target_of
 
 
 SAVES = (4.0, 8.0)
-CAMERA = jt.Camera(
-    position=(0.16, -0.11, 0.11), look_at=(0.03, 0.03, 0.03), width=14, height=12
-)
+CAMERA = camera_of_block(14, 12)
 FITTED = ParameterSet(
     (
         Parameter("material.conductivity", (16.0,), 0.0),
@@ -39,15 +36,7 @@ FITTED = ParameterSet(
 
 @pytest.fixture(scope="module")
 def scene():
-    structure = jt.ShellOverCore(blocks(np.ones((6, 6, 6), bool), 0.01), factor=2)
-    metal = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.8)
-    body = jt.Body(structure, metal, temperature=300.0)
-    terms = (
-        jt.HeatFlux(2e4, on=jt.Side((1.0, 0.0, 0.0))),
-        jt.Convection(30.0, 300.0),
-        jt.Surroundings(260.0),
-    )
-    return jt.Scene((body,), terms, dtype="float64")
+    return seen_block(temperature=300.0, surroundings=260.0)
 
 
 @pytest.fixture(scope="module")
@@ -108,29 +97,12 @@ def test_a_pixel_of_a_detector_shows_the_mean_of_its_rays():
     assert ((covered > 0) & (covered < 1)).sum() > 10
 
 
-def _target(view, frames, mask=None, times=SAVES):
-    return frame_target(
-        times,
-        views=(view,),
-        frames=[frames],
-        noise=0.05,
-        quantity="radiance",
-        masks=[mask],
-        dtype=jnp.float64,
-    )
-
-
 def test_residuals_count_standard_deviations(scene, view):
     """Data off by one standard deviation everywhere: the squares sum to 1."""
     run = ParametricRun(SAVES)
     solution = run(scene, run.step_table(scene))
-    frames = np.asarray(
-        render_frames(
-            view, scene=scene, solution=solution, times=SAVES, quantity="radiance"
-        ),
-        float,
-    )
-    target = _target(view, frames + 0.05)
+    frames = frames_of(view, scene, solution, SAVES, "radiance")
+    target = target_of(view, frames + 0.05, SAVES, "radiance")
     rows = np.asarray(target.residual(scene, solution))
     assert (rows**2).sum() == pytest.approx(1.0)
     assert target.known_sd == pytest.approx(1 / np.sqrt(rows.size))
@@ -150,7 +122,7 @@ def test_residuals_count_standard_deviations(scene, view):
 )
 def test_frames_that_do_not_fit_are_refused(view, frames, mask, message):
     with pytest.raises(jt.InputError, match=message):
-        _target(view, frames, mask)
+        target_of(view, frames, SAVES, masks=[mask])
 
 
 def test_frames_of_cameras_are_read_in_their_unit(scene, view, tmp_path):

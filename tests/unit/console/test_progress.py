@@ -22,7 +22,7 @@ def told(console: Console, interval: float) -> None:
 def test_a_pipe_gets_lines_at_an_interval_or_none():
     text = io.StringIO()
     told(Console(file=text), interval=0.0)
-    lines = ["steps: 2 s of 4 s", "steps: 3 of 4", "a result", "rest: 3 of 3"]
+    lines = ["2 s of 4 s", "steps: 3 of 4", "a result", "rest: 3 of 3"]
     assert text.getvalue().splitlines() == lines
     text = io.StringIO()
     told(Console(file=text), interval=float("inf"))
