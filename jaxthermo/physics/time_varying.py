@@ -202,28 +202,21 @@ def just_before(time: Any, dtype: Any = None) -> Any:
 
 def largest(value: Any, end: float | int) -> Any:
     """The largest value in [0, end] [s]; functions are sampled 1025 times."""
-    # On the host where nothing is traced: single operations on a device are slow.
-    if isinstance(value, Table):
-        return namespace(value.values).max(_float(value.values))
     if isinstance(value, Until):
         # The value is 0 after the end.
         highest = largest(value.value, end)
         return namespace(highest).maximum(highest, 0.0)
-    if callable(value):
-        return jnp.max(_sampled(value, end))
-    return _float(value)
+    values = _sampled(value, end)
+    # Constant values of several cells stay apart.
+    return values.max() if callable(value) else values
 
 
 def smallest(value: Any, end: float | int) -> Any:
     """The smallest value in [0, end] [s]; functions are sampled as by `largest`."""
-    if isinstance(value, Table):
-        return namespace(value.values).min(_float(value.values))
     if isinstance(value, Until):
         lowest = smallest(value.value, end)
         return namespace(lowest).minimum(lowest, 0.0)
-    if callable(value):
-        return jnp.min(_sampled(value, end))
-    return _float(value).min()
+    return _sampled(value, end).min()
 
 
 def cooling_bound(value: Any, end: float | int) -> Any:
@@ -233,10 +226,10 @@ def cooling_bound(value: Any, end: float | int) -> Any:
     return namespace(lowest).where(lowest < 0, 0.0, np.inf)
 
 
-def _sampled(value: Any, end: float | int) -> Float[Array, " k"]:
-    # The sampling includes both ends; a narrow peak may be missed.
-    return jax.vmap(lambda t: value_at(value, t))(jnp.linspace(0.0, end, 1025))
-
-
-def _float(values: Any) -> Any:
-    return namespace(values).asarray(values, float)
+def _sampled(value: Any, end: float | int) -> Float[Any, "..."]:
+    if callable(value) and not isinstance(value, Table):
+        # The sampling includes both ends; a narrow peak may be missed.
+        return jax.vmap(lambda t: value_at(value, t))(jnp.linspace(0.0, end, 1025))
+    # On the host where nothing is traced: single operations on a device are slow.
+    numbers = stated_numbers(value)
+    return namespace(numbers).asarray(numbers, float)

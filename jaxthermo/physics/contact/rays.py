@@ -71,7 +71,6 @@ class PlacedGrid:
         corners = self.pose.to_world(self.grid.mesh.vertices)
         return np.stack([corners.min(0), corners.max(0)])
 
-
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
         """Points of the world [m] in solid voxels of the body."""
         return self.grid.contains(self.pose.to_body(points))

@@ -167,39 +167,36 @@ class Wind(AbstractSurfaceTerm):
         if is_zero(self.strength):
             return (Omitted("the air stands still"),)
         covers = [body.cover(body.area, self.on) for body in surface.bodies]
-        omitted = tuple(cover for cover in covers if isinstance(cover, Omitted))
-        if len(omitted) == len(covers):
-            return omitted
-        flows = [
-            None if isinstance(cover, Omitted) else self._flow(body)
-            for body, cover in zip(surface.bodies, covers, strict=True)
-        ]
+        flows = {
+            n: self._flow(body, cooled=cover[1])
+            for n, (body, cover) in enumerate(zip(surface.bodies, covers, strict=True))
+            if not isinstance(cover, Omitted)
+        }
+        if not flows:
+            return tuple(cover for cover in covers if isinstance(cover, Omitted))
         nodes = _SPEED_NODES
-        if any(flow is not None and flow.has_fitted_wakes for flow in flows):
+        if any(flow.has_fitted_wakes for flow in flows.values()):
             nodes = _WAKE_SPEED_NODES
+        tables = {n: self._coefficients(flow, nodes) for n, flow in flows.items()}
+        notes = [
+            (flow.surface.body, note)
+            for flow in flows.values()
+            for note in self._notes(flow)
+        ]
         # One law for all bodies: their coefficients differ from fragment to fragment.
-        tables = []
-        notes = []
-        for body, cover, flow in zip(surface.bodies, covers, flows, strict=True):
-            if isinstance(cover, Omitted) or flow is None:
-                tables.append(None)
-                continue
-            tables.append(self._coefficients(flow, nodes))
-            _, cooled = cover
-            notes += [(body.body, note) for note in self._notes(flow, cooled)]
         law = FilmExchange(
             coefficients=self._joined(tables, surface),
             temperature=for_jit(self.temperature, surface.dtype),
         )
         return surface.bind(law, covers, notes=tuple(notes))
 
-    def _joined(self, tables: list[Any], surface: Surface) -> Any:
+    def _joined(self, tables: dict[int, Any], surface: Surface) -> Any:
         """Coefficients of all fragments, with 0 on bodies without any."""
-        lead = next(table.shape[:-1] for table in tables if table is not None)
+        lead = next(iter(tables.values())).shape[:-1]
         coefficients = concatenated(
             [
-                np.zeros((*lead, count), surface.dtype) if table is None else table
-                for table, count in zip(tables, surface.counts, strict=True)
+                tables[n] if n in tables else np.zeros((*lead, count), surface.dtype)
+                for n, count in enumerate(surface.counts)
             ]
         )
         speed = self.strength
@@ -208,8 +205,9 @@ class Wind(AbstractSurfaceTerm):
         highest = for_jit(_table_limit(speed), surface.dtype)
         return speed_table(coefficients, highest, for_jit(speed, surface.dtype))
 
-    def _notes(self, flow: "_Flow", cooled: Bool[np.ndarray, " s"]) -> tuple[str, ...]:
+    def _notes(self, flow: "_Flow") -> tuple[str, ...]:
         """Validity notes for the receipt, as far as the Reynolds numbers are known."""
+        cooled = flow.cooled
         air = _initial_value(self.temperature, float)
         speed = _known_maximum(self.strength)
         if speed is None or is_traced(air) or not cooled.any():
@@ -254,9 +252,10 @@ class Wind(AbstractSurfaceTerm):
             return np.ones(len(groups.diameter))
         return wake_speed_ratio(self.wake, groups.behind)
 
-    def _flow(self, surface: BodySurface) -> "_Flow":
+    def _flow(self, surface: BodySurface, cooled: Bool[np.ndarray, " s"]) -> "_Flow":
         wakes = self._wakes(surface)
-        return _Flow(surface, wakes=wakes, groups=self._groups(surface, wakes))
+        groups = self._groups(surface, wakes)
+        return _Flow(surface, cooled=cooled, wakes=wakes, groups=groups)
 
     def _wakes(self, surface: BodySurface) -> Wakes | WakeGeometry:
         count = len(surface.position)
@@ -322,6 +321,8 @@ class _Flow(NamedTuple):
     """Flow around one body."""
 
     surface: BodySurface
+    cooled: Bool[np.ndarray, " s"]
+    """Fragments that the wind cools."""
     wakes: Wakes | WakeGeometry
     groups: FlowGroups
 
