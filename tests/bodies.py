@@ -94,6 +94,19 @@ def hollow(outer: Mesh, inner: Mesh) -> Mesh:
     return joined(outer, replace(inner, faces=inner.faces[:, ::-1]))
 
 
+def body_at(
+    shape: Any,
+    material: Any,
+    temperature: Any,
+    at: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    **options: Any,
+) -> jt.Body:
+    """A body at a place in the world; a grid stands for its full volume."""
+    structure = jt.FullVolume(shape) if isinstance(shape, VoxelGrid) else shape
+    pose = jt.Pose(at)
+    return jt.Body(structure, material, temperature=temperature, pose=pose, **options)
+
+
 def single_body_scene(
     shape: Any,
     material: Any,
@@ -102,7 +115,6 @@ def single_body_scene(
     dtype: str = "float64",
     **options: Any,
 ) -> jt.Scene:
-    """A scene of one body with terms; a grid stands for its full volume."""
-    structure = jt.FullVolume(shape) if isinstance(shape, VoxelGrid) else shape
-    body = jt.Body(structure, material, temperature=temperature)
+    """A scene of one body with terms; the body is as by `body_at`."""
+    body = body_at(shape, material, temperature)
     return jt.Scene((body,), terms, dtype=dtype, **options)

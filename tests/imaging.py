@@ -5,6 +5,7 @@ import numpy as np
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN as SIGMA
 from jaxthermo.scene.scene import per_fragment
+from tests.bodies import body_at
 
 
 def metal(emissivity, absorptivity=None):
@@ -19,8 +20,7 @@ def metal(emissivity, absorptivity=None):
 
 def block(size, kelvin, material, at=(0.0, 0.0, 0.0), pitch=0.01):
     grid = jt.voxelize(jt.shapes.box(size), pitch)
-    pose = jt.Pose(translation=at)
-    return jt.Body(jt.FullVolume(grid), material, temperature=kelvin, pose=pose)
+    return body_at(grid, material, kelvin, at=at)
 
 
 def at_start(bodies, *terms):

@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.scene.compile.compile import compile_scene
+from tests.bodies import body_at
 from tests.radiating import room, shell, surface_of, whole
 
 
@@ -33,7 +34,7 @@ EVERYWHERE = {
 
 
 def compiled(term, inside="closed", **options):
-    body = jt.Body(jt.FullVolume(GRID), METAL, temperature=320.0, inside=inside)
+    body = body_at(GRID, METAL, 320.0, inside=inside)
     return compile_scene(jt.Scene((body,), (term,), dtype="float64"), **options)
 
 
@@ -52,7 +53,7 @@ TOGETHER = tuple(name for name in FROM_OUTSIDE if name != "surroundings")
 @functools.cache
 def acting(names, inside):
     """Fragments on which each term acts, of some in one scene."""
-    body = jt.Body(jt.FullVolume(GRID), METAL, temperature=320.0, inside=inside)
+    body = body_at(GRID, METAL, 320.0, inside=inside)
     terms = tuple(FROM_OUTSIDE[name] for name in names)
     scene = jt.Scene((body,), terms, dtype="float64")
     where = np.zeros((len(names), len(INNER)), bool)
@@ -125,24 +126,10 @@ def test_heat_leaves_through_the_outside_only():
 @pytest.mark.slow
 def test_a_body_in_the_cavity_of_another_is_enclosed():
     ball = jt.voxelize(jt.shapes.sphere(0.03, 2), 0.01)
-    around = jt.Body(
-        jt.FullVolume(GRID), METAL, temperature=320.0, pose=jt.Pose((1.0, 0.0, 0.0))
-    )
     for inside, distance in (("closed", 1.01), ("open", 1.01), ("closed", 1.5)):
         bodies = (
-            jt.Body(
-                jt.FullVolume(ball),
-                METAL,
-                temperature=300.0,
-                pose=jt.Pose((distance, 0.0, 0.0)),
-            ),
-            jt.Body(
-                around.structure,
-                METAL,
-                temperature=320.0,
-                pose=around.pose,
-                inside=inside,
-            ),
+            body_at(ball, METAL, 300.0, at=(distance, 0.0, 0.0)),
+            body_at(GRID, METAL, 320.0, at=(1.0, 0.0, 0.0), inside=inside),
         )
         terms = (FROM_OUTSIDE["convection"],)
         receipt = compile_scene(jt.Scene(bodies, terms)).receipt
@@ -163,8 +150,8 @@ def in_a_room(around, position, *terms):
     """Receipt of a cube of 3 cm in a room."""
     box = jt.voxelize(jt.shapes.box((0.03, 0.03, 0.03)), 0.01)
     bodies = tuple(
-        jt.Body(jt.FullVolume(g), METAL, temperature=300.0, pose=jt.Pose(p))
-        for g, p in ((box, position), (around, (0.0, 0.0, 0.0)))
+        body_at(grid, METAL, 300.0, at=place)
+        for grid, place in ((box, position), (around, (0.0, 0.0, 0.0)))
     )
     return compile_scene(jt.Scene(bodies, terms)).receipt
 

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import jaxthermo as jt
 from jaxthermo.reference.semi_infinite import contact_surfaces, perfect_contact
-from tests.bodies import bar
+from tests.bodies import bar, body_at
 from tests.slopes import check_gradient
 
 
@@ -24,11 +24,11 @@ _bar = functools.cache(bar)
 def _scene(contact, pitch=1e-3, cells=(165, 35), dtype="float64"):
     """A hot copper bar and a cold steel one, end to end at x = 0."""
     bodies = tuple(
-        jt.Body(
-            jt.FullVolume(_bar(count, pitch)),
+        body_at(
+            _bar(count, pitch),
             material,
-            temperature=COLD + start,
-            pose=jt.Pose(translation=(side * count * pitch / 2, 0.0, 0.0)),
+            COLD + start,
+            at=(side * count * pitch / 2, 0.0, 0.0),
         )
         for count, material, start, side in zip(
             cells, (COPPER, STEEL), (100.0, 0.0), (-1.0, 1.0), strict=True
@@ -130,11 +130,8 @@ def test_boxes_in_contact_move_toward_each_other_and_apart_stay():
 
     def means(distance):
         bodies = tuple(
-            jt.Body(
-                jt.FullVolume(grid),
-                stuff,
-                temperature=295.15 + side * 80.0,
-                pose=jt.Pose(translation=(side * distance / 2, 0.0, 0.0)),
+            body_at(
+                grid, stuff, 295.15 + side * 80.0, at=(side * distance / 2, 0.0, 0.0)
             )
             for side in (1, -1)
         )

@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN as SIGMA
 from jaxthermo.image.surface.view import compute_view
+from tests.bodies import body_at
 from tests.imaging import apparent, at_start, block, metal, on_body, radiosity
 from tests.radiating import room
 
@@ -276,16 +277,12 @@ def test_occlusion_reaches_the_image():
 def test_pixels_have_gradients_through_the_exchange():
     """With respect to an emissivity and the surroundings, by central differences."""
     grid = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), 0.01)
-    aside = jt.Pose(translation=(0.0, 0.07, 0.0))
 
     def pixel(values):
         emissivity, around = values
-        bodies = tuple(
-            jt.Body(jt.FullVolume(grid), metal(eps), temperature=kelvin, pose=pose)
-            for eps, kelvin, pose in (
-                (emissivity, 300.0, jt.Pose()),
-                (0.9, 500.0, aside),
-            )
+        bodies = (
+            body_at(grid, metal(emissivity), 300.0),
+            body_at(grid, metal(0.9), 500.0, at=(0.0, 0.07, 0.0)),
         )
         term = jt.RadiativeExchange(around, max_patches=30, directions=8)
         scene = jt.Scene(bodies, (term,), dtype="float64")

@@ -8,7 +8,7 @@ import jaxthermo as jt
 from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.run.segments import begin_run, finish_run, run_segments
 from jaxthermo.scene.motion import Motion, PoseTable
-from tests.bodies import single_body_scene
+from tests.bodies import body_at, single_body_scene
 
 
 METAL = jt.Material(200.0, density=2000.0, specific_heat=500.0, emissivity=0.5)
@@ -42,13 +42,8 @@ def test_heat_flows_from_when_they_meet(scene, solution):
     assert swapped[2] < -1.0
     assert solution.receipt.snapshots == 3
     # From then on it is the run of two that touch from the start.
-    touching = jt.Scene(
-        (scene.bodies[0], jt.Body(
-            jt.FullVolume(GRID), METAL, temperature=400.0,
-            pose=jt.Pose((0.04, 0.0, 0.0)),
-        )),
-        scene.terms, dtype="float64",
-    )  # fmt: skip
+    bodies = (scene.bodies[0], body_at(GRID, METAL, 400.0, at=(0.04, 0.0, 0.0)))
+    touching = jt.Scene(bodies, scene.terms, dtype="float64")
     alone = jt.simulate(touching, 10.0, solver=jt.ForwardEuler())
     assert_allclose(solution.mean_temperature[2], alone.mean_temperature[0], rtol=1e-9)
     assert np.abs(solution.energy.residual_relative).max() < 1e-12

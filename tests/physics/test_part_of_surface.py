@@ -12,6 +12,7 @@ import jaxthermo as jt
 from jaxthermo.integrate.heat_rates import evaluate_rates
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.compile.program import Compiled
+from tests.bodies import body_at
 from tests.radiating import room, surface_of, whole
 
 
@@ -67,8 +68,7 @@ def entries(compiled: Compiled) -> dict[tuple[str | int, ...], float]:
 
 
 def body(x=0.0, kelvin=400.0, material=METAL, grid=GRID) -> jt.Body:
-    pose = jt.Pose((x, 0.0, 0.0))
-    return jt.Body(jt.FullVolume(grid), material, temperature=kelvin, pose=pose)
+    return body_at(grid, material, kelvin, at=(x, 0.0, 0.0))
 
 
 def test_parts_have_surroundings_of_their_own():

@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from jaxthermo.reference.view_factor import parallel_rectangles
+from tests.bodies import body_at, single_body_scene
 
 
 METAL = jt.Material(50.0, density=2000.0, specific_heat=500.0, emissivity=0.8)
@@ -18,12 +19,7 @@ GAP = 0.03
 
 def _facing(gap, hot=500.0, cold=300.0, surroundings=300.0, dtype="float64"):
     bodies = tuple(
-        jt.Body(
-            PLATE,
-            METAL,
-            temperature=start,
-            pose=jt.Pose((height, 0.0, 0.0)),
-        )
+        body_at(PLATE, METAL, start, at=(height, 0.0, 0.0))
         for start, height in ((hot, 0.0), (cold, 0.02 + gap))
     )
     return jt.Scene(
@@ -51,10 +47,8 @@ def test_what_a_hot_plate_sends_a_cold_one_gets():
 
 @pytest.mark.slow
 def test_a_convex_body_sees_only_its_surroundings():
-    body = jt.Body(jt.FullVolume(GRID), METAL, temperature=400.0)
-
     def run(term):
-        return jt.simulate(jt.Scene((body,), (term,), dtype="float64"), 20.0)
+        return jt.simulate(single_body_scene(PLATE, METAL, 400.0, term), 20.0)
 
     alone = run(jt.RadiativeExchange(290.0))
     plain = run(jt.Surroundings(290.0))

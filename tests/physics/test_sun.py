@@ -9,7 +9,7 @@ from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.physics.radiation.source import Sun
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.voxels.voxelize import voxelize
-from tests.bodies import single_body_scene
+from tests.bodies import body_at, single_body_scene
 from tests.radiating import check_terminator, exposure
 
 
@@ -69,8 +69,9 @@ def test_box_absorbs_what_its_projected_area_catches(plate):
     rays = _rays(35.0)
     faces = np.array([0.2 * 0.02, 0.2 * 0.02, 0.2 * 0.2])
     exact = 1000.0 * 2.0 * 0.6 * (np.abs(rays) @ faces)
-    body = jt.Body(jt.FullVolume(plate), METAL, temperature=300.0)
-    assert _absorbed((body,), rays) == pytest.approx(exact, rel=1e-12)
+    assert _absorbed((body_at(plate, METAL, 300.0),), rays) == pytest.approx(
+        exact, rel=1e-12
+    )
 
 
 def test_turning_the_body_is_turning_the_sun(plate):
@@ -146,9 +147,8 @@ def test_no_light_under_a_body_that_stands_on_another(plate, cover, angle):
 
 
 def _two(plate, cover, height):
-    below = jt.Body(jt.FullVolume(plate), METAL, temperature=300.0)
-    pose = jt.Pose(translation=(0.0, 0.0, height))
-    return below, jt.Body(jt.FullVolume(cover), METAL, temperature=300.0, pose=pose)
+    above = body_at(cover, METAL, 300.0, at=(0.0, 0.0, height))
+    return body_at(plate, METAL, 300.0), above
 
 
 @pytest.mark.slow

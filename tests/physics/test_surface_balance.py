@@ -148,13 +148,14 @@ def test_stiffness_is_the_slope_of_the_heat_rate():
 
 def test_fragments_of_a_corner_do_not_share_their_half_cells():
     """A voxel convects through one face only: the others are no way out."""
-    body = jt.Body(jt.FullVolume(bar(1, 0.1)), INSULATION, temperature=400.0)
-    held = jt.Scene((body,), (jt.FixedTemperature(300.0, on=FRONT),), dtype="float64")
-    blown = jt.Scene((body,), (jt.Convection(1e9, 300.0, on=FRONT),), dtype="float64")
-    solutions = [
-        jt.simulate(s, 5e3, solver=jt.ForwardEuler(100.0)) for s in (held, blown)
-    ]
-    means = [float(s.mean_temperature[0, 0]) for s in solutions]
+    cube = bar(1, 0.1)
+    held = jt.FixedTemperature(300.0, on=FRONT)
+    blown = jt.Convection(1e9, 300.0, on=FRONT)
+    means = []
+    for term in (held, blown):
+        scene = single_body_scene(cube, INSULATION, 400.0, term)
+        solution = jt.simulate(scene, 5e3, solver=jt.ForwardEuler(100.0))
+        means.append(float(solution.mean_temperature[0, 0]))
     assert means[0] == pytest.approx(means[1], rel=1e-7)
     assert means[0] < 390.0
 

@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose
 
 import jaxthermo as jt
 from jaxthermo.errors import InputError
-from tests.bodies import bar
+from tests.bodies import bar, body_at
 
 
 CLAY = jt.Material(1.0, 2000.0, 1000.0, emissivity=0.8)
@@ -26,8 +26,8 @@ def scene_of(*terms, bodies=None, outputs=BOTH):
 def test_the_flux_of_all_fragments_is_what_a_body_stores():
     """Wind, sun, emission and contact: the sum of q A is the change of heat."""
     bodies = tuple(
-        jt.Body(jt.FullVolume(GRID), CLAY, temperature=t, pose=jt.Pose((x, 0.0, 0.0)))
-        for t, x in ((350.0, 0.0), (320.0, 0.04))
+        body_at(GRID, CLAY, kelvin, at=(x, 0.0, 0.0))
+        for kelvin, x in ((350.0, 0.0), (320.0, 0.04))
     )
     scene = scene_of(
         jt.Wind((3.0, 0.0, 0.0), 290.0),
