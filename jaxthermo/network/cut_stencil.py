@@ -26,6 +26,7 @@ from .network import (
     AbstractNetwork,
     Address,
     inverse,
+    listed_or_default,
     precise_sum,
 )
 
@@ -170,13 +171,12 @@ def _capacity_at(
     network: CutStencil, address: Address, shape: tuple[int, ...]
 ) -> Float[Array, " m"]:
     """Capacities of some nodes [J/K], searched among those of the surface."""
-    # An array of the whole lattice would be as large as a state.
-    surface_cell = _flat_index(network._inner_address, shape)
-    cell = _flat_index(address, shape)
-    index = jnp.searchsorted(surface_cell, cell).clip(max=len(surface_cell) - 1)
-    cut_capacity = network.links.node_capacity[index]
-    whole_capacity = network.base.capacity_at(address)
-    return jnp.where(surface_cell[index] == cell, cut_capacity, whole_capacity)
+    return listed_or_default(
+        _flat_index(address, shape),
+        listed=_flat_index(network._inner_address, shape),
+        values=network._inner(network.links.node_capacity),
+        default=network.base.capacity_at(address),
+    )
 
 
 def _flat_index(address: Address, shape: tuple[int, ...]) -> Int[Array, " m"]:

@@ -152,6 +152,18 @@ def _gathered(values: Float[Array, "..."], address: Address) -> Float[Array, "*m
     return values[address]
 
 
+def listed_or_default(
+    index: Int[Array, " m"],
+    listed: Int[Array, " p"],
+    values: Float[Array, " p"],
+    default: Float[Array | float, "*#m"],
+) -> Float[Array, " m"]:
+    """Values of an increasing list of indices at some of them, else a default."""
+    # Searched: an array of all indices would be as large as a state.
+    place = jnp.searchsorted(listed, index).clip(max=len(listed) - 1)
+    return jnp.where(listed[place] == index, values[place], default)
+
+
 @partial(jax.jit, inline=True)
 def precise_sum(values: Float[Array, "..."]) -> Float[Array, ""]:
     """Sum with about one rounding error, whatever the length."""

@@ -14,7 +14,7 @@ from typing_extensions import override
 
 from ..arrays import taken
 from ..native.runs import Runs, conducted
-from .network import AbstractNetwork, Address, precise_sum
+from .network import AbstractNetwork, Address, listed_or_default, precise_sum
 from .self_adjoint_primitive import Operator, computed_once, conduct
 
 
@@ -89,12 +89,12 @@ class RunStencil(AbstractNetwork):
 
     @override
     def capacity_at(self, address: Address) -> Float[Array, "*m"]:
-        # Searched: an array of all nodes would be as large as a state.
-        rows = self.runs.node
-        nodes = address[0].astype(jnp.int32)
-        index = jnp.searchsorted(rows, nodes).clip(max=len(rows) - 1)
-        volume = jnp.where(rows[index] == nodes, self.runs.volume[index], 1)
-        return self.whole_capacity * volume
+        return self.whole_capacity * listed_or_default(
+            address[0].astype(jnp.int32),
+            listed=self.runs.node,
+            values=self.runs.volume,
+            default=1.0,
+        )
 
     @override
     def max_rate(self) -> Float[Array, ""]:

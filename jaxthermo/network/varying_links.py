@@ -112,6 +112,12 @@ class LinkHalves(Module):
             (cosine_squared * values for cosine_squared, values in pairs), 0 * self.area
         )
 
+    def project_at(
+        self, nodes: Int[Array, " e"], by_axis: list[Float[Array, " n"]]
+    ) -> Float[Array, " e"]:
+        """Values of a node of each link along it, from those along the axes."""
+        return self.project([values[nodes] for values in by_axis])
+
 
 class VaryingLinks(AbstractDerivedNetwork):
     """Links of several materials, or of an orthotropic one, with k(T)."""
@@ -164,10 +170,8 @@ class VaryingLinks(AbstractDerivedNetwork):
                 series = 1 / (links.to_src * k_dst + links.to_dst * k_src)
                 first = k_dst * series
                 second = k_src * series
-            src_slope = links.project([axis_slope[links.src] for axis_slope in slope])
-            dst_slope = links.project([axis_slope[links.dst] for axis_slope in slope])
-            by_src.append(links.area * first * src_slope)
-            by_dst.append(links.area * second * dst_slope)
+            by_src.append(links.area * first * links.project_at(links.src, slope))
+            by_dst.append(links.area * second * links.project_at(links.dst, slope))
         jacobian = _LinkJacobian(
             base=self.base,
             address=self.address,
@@ -231,8 +235,8 @@ class VaryingLinks(AbstractDerivedNetwork):
 
     def _rises(self, links: LinkHalves, number, by_axis, face):
         # F at the face above that of the first node, and below that of the second.
-        at_src = links.project([integral[links.src] for integral in by_axis])
-        at_dst = links.project([integral[links.dst] for integral in by_axis])
+        at_src = links.project_at(links.src, by_axis)
+        at_dst = links.project_at(links.dst, by_axis)
         src_face = links.project(self.integrals.of(number[links.src], face))
         dst_face = links.project(self.integrals.of(number[links.dst], face))
         return src_face - at_src, at_dst - dst_face
@@ -290,17 +294,11 @@ class VaryingLinks(AbstractDerivedNetwork):
                 (links.src, links.dst, links.to_src, links.to_dst),
                 (links.dst, links.src, links.to_dst, links.to_src),
             ):
-                highest_conductivity = links.project(
-                    [conductivity[end] for conductivity in high]
-                )
+                highest_conductivity = links.project_at(end, high)
                 conductance = links.area * highest_conductivity / length
                 if not same:
-                    lowest_conductivity = links.project(
-                        [conductivity[end] for conductivity in low]
-                    )
-                    beyond = links.project(
-                        [conductivity[far_end] for conductivity in high]
-                    )
+                    lowest_conductivity = links.project_at(end, low)
+                    beyond = links.project_at(far_end, high)
                     series = beyond / (d_other * lowest_conductivity + d_end * beyond)
                     conductance = links.area * highest_conductivity * series
                 total = total.at[end].add(conductance)

@@ -9,9 +9,9 @@ import pytest
 from jaxthermo.geometry import shapes
 from jaxthermo.network.cut_stencil import CutStencil
 from jaxthermo.network.stencil import Stencil
-from jaxthermo.physics.conduction import _assemble_mixed, assemble_uniform
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.voxels.voxelize import voxelize
+from tests.networks import one_material, outputs_at_nodes, state_of, two_materials
 
 
 HEAT = 4e6
@@ -22,34 +22,9 @@ def network(conductivity, stencil, mixed=False):
     """Network of one material, or of two, one with three times the conductivity."""
     structure = FullVolume(GRID, stencil=stencil)
     if not mixed:
-        return structure, assemble_uniform(structure, conductivity, HEAT, jnp.float64)
-    painted = np.arange(structure.node_count, dtype=np.int32) % 2
-    k = jnp.array(conductivity)
-    conductivities = jnp.stack([k, 3 * k])
-    heat = jnp.array([HEAT] * 2)
-    return structure, _assemble_mixed(structure, painted, conductivities, heat)
-
-
-@eqx.filter_jit
-def all_of(operator, state, address, dt):
-    step = operator.euler_step(state, dt)
-    return {
-        "heat_rate": operator.heat_rate(state)[address],
-        "face_heat_rate": operator.face_heat_rate(state)[address],
-        "euler_step": step[address],
-        "diagonal": operator.diagonal()[address],
-        "capacity": operator.capacity_at(address),
-        "max_rate": operator.max_rate(),
-        "total_capacity": operator.total_capacity(),
-        "stored": operator.stored(step),
-    }
-
-
-def values_of(structure, operator, theta):
-    address = tuple(jnp.asarray(a) for a in structure.node_address())
-    state = np.zeros(structure.state_shape)
-    state[structure.node_address()] = theta
-    return all_of(operator, jnp.asarray(state), address, jnp.array(0.1))
+        return structure, one_material(structure, conductivity, HEAT)
+    k = np.array(conductivity)
+    return structure, two_materials(structure, [k, 3 * k], HEAT)
 
 
 @pytest.mark.parametrize("mixed", [False, True])
@@ -58,8 +33,8 @@ def test_every_operator_is_that_of_the_links(conductivity, mixed):
     theta = np.random.default_rng(1).normal(size=GRID.solid_count)
     fast = network(conductivity, True, mixed)
     assert type(fast[1]) is CutStencil
-    actual = values_of(*fast, theta)
-    expected = values_of(*network(conductivity, False, mixed), theta)
+    actual = outputs_at_nodes(*fast, theta)
+    expected = outputs_at_nodes(*network(conductivity, False, mixed), theta)
     for name, exact in expected.items():
         np.testing.assert_allclose(
             actual[name], exact, rtol=1e-11, atol=1e-9, err_msg=name
@@ -73,8 +48,7 @@ def test_every_operator_is_that_of_the_links(conductivity, mixed):
 
 def test_cells_without_a_node_stay_at_zero():
     structure, operator = network(16.0, True)
-    state = np.zeros(structure.state_shape)
-    state[structure.node_address()] = 1.0 + np.arange(structure.node_count)
+    state = state_of(structure, 1.0 + np.arange(structure.node_count))
     networks = eqx.filter_jit(
         lambda network, *at: (network.euler_step(*at), network.capacity())
     )
@@ -87,13 +61,11 @@ def test_cells_without_a_node_stay_at_zero():
 
 def test_the_derivative_by_conductivity_and_capacity_is_the_difference_quotient():
     structure, _ = network(16.0, True)
-    state = np.zeros(structure.state_shape)
     rng = np.random.default_rng(2)
-    state[structure.node_address()] = rng.normal(size=structure.node_count)
-    initial = jnp.asarray(state)
+    initial = state_of(structure, rng.normal(size=structure.node_count))
 
     def after(k, heat):
-        operator = assemble_uniform(structure, k, heat, jnp.float64)
+        operator = one_material(structure, k, heat)
         stepped = operator.euler_step(initial, jnp.array(2.0))
         return (operator.euler_step(stepped, jnp.array(2.0)) ** 2).sum()
 
@@ -118,6 +90,6 @@ def test_a_body_of_whole_voxels_has_the_plain_stencil():
     for end, operator in ((0.0, Stencil), (0.004, CutStencil)):
         grid = voxelize(shapes.box((0.04, 0.03, 0.05 + end)), 0.01)
         structure = FullVolume(grid, stencil=True)
-        actual = assemble_uniform(structure, jnp.asarray(16.0), HEAT, jnp.float64)
+        actual = one_material(structure, jnp.asarray(16.0), HEAT)
         assert type(actual) is operator
         assert grid.cut is not None and grid.cut.is_empty == (end == 0.0)

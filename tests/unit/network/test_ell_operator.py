@@ -9,6 +9,7 @@ from hypothesis import given, settings
 
 from jaxthermo import arrays
 from jaxthermo.network.link_operator import LinkNetwork, row_layout, row_network
+from tests.networks import outputs_of
 
 
 NODES = 40
@@ -45,16 +46,8 @@ def list_start(request):
         yield
 
 
-@jax.jit
 def _all_of(network, state):
-    """Everything that rows and pairs both say, from one program."""
-    return {
-        "heat_rate": network.heat_rate(state),
-        "euler_step": network.euler_step(state, jnp.array(0.01)),
-        "diagonal": network.diagonal(),
-        "max_rate": network.max_rate(),
-        "stored": network.stored(state),
-    }
+    return outputs_of(network, state, (jnp.arange(NODES),), jnp.array(0.01))
 
 
 @settings(max_examples=4, deadline=None)
@@ -103,7 +96,7 @@ def test_a_hub_keeps_the_rest_of_its_neighbours_in_the_list(monkeypatch):
 def test_nodes_without_any_link():
     none = np.zeros(0, np.int32)
     pairs, rows = _both(none, none, 0)
-    state = np.arange(NODES, dtype=float)
+    state = jnp.arange(NODES, dtype=float)
     actual = _all_of(rows, state)
     expected = _all_of(pairs, state)
     np.testing.assert_array_equal(actual["heat_rate"], 0.0)

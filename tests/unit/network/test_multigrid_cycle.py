@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 
 from jaxthermo.network import multigrid
-from jaxthermo.network.link_operator import LinkNetwork
 from jaxthermo.network.multigrid import hierarchy, jacobi
 from jaxthermo.network.multigrid_cycle import _SMOOTHED_RANGE, dense_solve, level
 from jaxthermo.network.stencil import HeterogeneousStencil
@@ -16,6 +15,7 @@ from jaxthermo.physics.conduction import _assemble_mixed, assemble_uniform
 from jaxthermo.structures.kinds.full import FullVolume
 from jaxthermo.structures.kinds.groups import Octree
 from tests.bodies import blocks
+from tests.networks import pairs_of, state_of
 
 
 SHAPE = (7, 6, 9)
@@ -43,13 +43,7 @@ def _network(form):
     network = assemble_uniform(structure, k, 1.0, np.float64)
     if form != "links":
         return structure, network
-    links = structure.links()
-    return structure, LinkNetwork(
-        src=jnp.asarray(links.src),
-        dst=jnp.asarray(links.dst),
-        conductance=jnp.full(len(links.src), 2.0),
-        node_capacity=jnp.ones(structure.node_count),
-    )
+    return structure, pairs_of(structure, 2.0, node_capacity=1.0)
 
 
 _cycles = jax.jit(lambda levels, m, states: jax.vmap(levels.cycle(m))(states))
@@ -72,12 +66,6 @@ def _matrix(call, operand, m, structure):
     return columns
 
 
-def _state(structure, values):
-    state = np.zeros(structure.state_shape)
-    state[structure.node_address()] = values
-    return jax.device_put(state)
-
-
 @pytest.fixture(
     params=[
         "stencil",
@@ -97,7 +85,7 @@ def body(request, monkeypatch):
 def test_the_cycle_is_symmetric_positive_and_near_the_inverse(body):
     structure, network = body
     random = np.random.default_rng(0)
-    m = _state(structure, 10.0 ** random.uniform(-4, 1, structure.node_count))
+    m = state_of(structure, 10.0 ** random.uniform(-4, 1, structure.node_count))
     levels = hierarchy(structure, network)
     assert len(levels.networks) > 1
     actual = _matrix(_cycles, levels, m, structure)
@@ -152,7 +140,7 @@ def test_a_body_that_nothing_holds_stays_finite_and_solved(dtype):
     network = assemble_uniform(structure, 1.0, 1.0, dtype)
     nothing = np.zeros(structure.state_shape, dtype)
     values = np.random.default_rng(1).normal(size=24)
-    expected = np.asarray(_state(structure, values)).astype(dtype)
+    expected = np.asarray(state_of(structure, values)).astype(dtype)
     actual = _solved_again(network, nothing, expected)
     gap = np.asarray(actual - expected)[structure.node_address()]
     assert np.ptp(gap) < (2e-3 if dtype == np.float32 else 1e-9)
@@ -162,8 +150,8 @@ def test_the_smoother_is_chebyshevs():
     """1 - x q(x) on the smoothed range is no larger than 1 / T_2 of its middle."""
     structure = FullVolume(blocks(np.ones((6, 6, 6), bool)))
     network = assemble_uniform(structure, 1.0, 1.0, np.float64)
-    unit = _state(structure, np.random.default_rng(0).normal(size=216))
-    nothing = _state(structure, np.zeros(216))
+    unit = state_of(structure, np.random.default_rng(0).normal(size=216))
+    nothing = state_of(structure, np.zeros(216))
     first, second, smoothed, by_hand = _smoothed(network, nothing, unit)
     x = np.linspace(2 / _SMOOTHED_RANGE, 2, 101)
     left = np.abs(1 - x * (float(first) - float(second) * x))
@@ -175,5 +163,5 @@ def test_the_smoother_is_chebyshevs():
 def test_without_links_one_sweep_of_the_smoother_is_exact():
     structure = FullVolume(blocks(np.ones((1, 1, 1), bool)))
     network = assemble_uniform(structure, 1.0, 1.0, np.float64)
-    smoothed = _smoothed(network, _state(structure, 4.0), _state(structure, 2.0))[2]
+    smoothed = _smoothed(network, state_of(structure, 4.0), state_of(structure, 2.0))[2]
     np.testing.assert_allclose(smoothed.sum(), 0.5)

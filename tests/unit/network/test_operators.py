@@ -1,6 +1,7 @@
 """All conduction operators agree, are symmetric and lose no heat."""
 
 import math
+from typing import Any
 
 import equinox as eqx
 import hypothesis.strategies as st
@@ -10,125 +11,70 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from jaxthermo.network.link_operator import LinkNetwork
+from jaxthermo.network.link_operator import RowNetwork
 from jaxthermo.network.network import precise_sum
-from jaxthermo.physics.conduction import _assemble_mixed, assemble_uniform, series
+from jaxthermo.network.stencil import HeterogeneousStencil, Stencil, solid_degree
+from jaxthermo.physics.conduction import _assemble_mixed, series
 from jaxthermo.structures.kinds.full import FullVolume
 from tests.bodies import blocks
+from tests.networks import (
+    one_material,
+    outputs_at_nodes,
+    pairs_of,
+    rates_by_hand,
+    state_of,
+    two_materials,
+)
 
 
 K = 16.0
+K_BY_AXIS = (16.0, 2.0, 0.5)
 HEAT = 4e6
 PITCH = 0.01
 SHAPE = (4, 3, 5)
 """One shape for every random body: nothing is compiled twice."""
+COUNT = 36
 
 
-def _solid(seed, count=36):
+def _solid(seed, count=COUNT):
     """`count` of the 60 cells, so that arrays of nodes have one shape, too."""
     order = np.random.default_rng(seed).permutation(int(np.prod(SHAPE)))
     return (order < count).reshape(SHAPE)
 
 
-@eqx.filter_jit
-def _all_of(network, state, address, dt):
-    """Everything a network can say, from one program."""
-    return {
-        "heat_rate": network.heat_rate(state),
-        "euler_step": network.euler_step(state, dt),
-        "diagonal": network.diagonal()[address],
-        "capacity": network.capacity_at(address),
-        "max_rate": network.max_rate(),
-        "total_capacity": network.total_capacity(),
-        "stored": network.stored(state),
-    }
-
-
-def _operator(solid, which):
+def _operator(solid, which, k: Any = K):
     """A stencil, rows, both of two materials that are the same, or plain pairs."""
     structure = FullVolume(blocks(solid, PITCH), stencil=which in (0, 2))
     if which < 2:
-        return structure, assemble_uniform(structure, K, HEAT, jnp.float64)
+        return structure, one_material(structure, k, HEAT)
     if which == 4:
-        return structure, _pairs(structure)
-    painted = np.arange(structure.node_count, dtype=np.int32) % 2
-    conductivities = jnp.array([K, K])
-    heat = jnp.array([HEAT, HEAT])
-    return structure, _assemble_mixed(structure, painted, conductivities, heat)
+        return structure, pairs_of(structure, K * PITCH, HEAT * PITCH**3)
+    return structure, two_materials(structure, [k, k], HEAT)
 
 
-def _pairs(structure):
-    links = structure.links()
-    count = structure.node_count
-    return LinkNetwork(
-        src=jax.device_put(links.src),
-        dst=jax.device_put(links.dst),
-        conductance=jax.device_put(np.full(len(links.src), K * PITCH)),
-        node_capacity=jax.device_put(np.full(count, HEAT * PITCH**3)),
-    )
-
-
-def _address(structure):
-    return tuple(jax.device_put(a) for a in structure.node_address())
-
-
-def _state(structure, values):
-    state = np.zeros(structure.state_shape)
-    state[structure.node_address()] = values
-    return jax.device_put(state)
-
-
-def _values(structure, state):
-    return np.asarray(state)[structure.node_address()]
-
-
-def _by_hand(solid, values):
-    """Conduction into every node [W], and the conductances of each, one by one."""
-    cells = [tuple(c) for c in np.argwhere(solid)]
-    number = {cell: n for n, cell in enumerate(cells)}
-    rate = np.zeros(len(cells))
-    diagonal = np.zeros(len(cells))
-    for cell, n in number.items():
-        for axis in range(3):
-            for sign in (-1, 1):
-                neighbour = number.get(
-                    tuple(np.add(cell, sign * np.eye(3, dtype=int)[axis]))
-                )
-                if neighbour is not None:
-                    rate[n] += K * PITCH * (values[neighbour] - values[n])
-                    diagonal[n] += K * PITCH
-    return rate, diagonal
-
-
-@pytest.mark.parametrize("which", range(5))
-@settings(max_examples=5, deadline=None)
-@given(seed=st.integers(0, 2**32 - 1), count=st.sampled_from([6, 36, 60]))
-def test_every_operator_is_the_one_by_hand_symmetric_and_conserving(which, seed, count):
+def _check_by_hand(which, k, seed, count):
     solid = _solid(seed, count)
-    structure, network = _operator(solid, which)
+    structure, network = _operator(solid, which, k)
     values, neighbours = np.random.default_rng(seed + 1).normal(size=(2, count))
-    rate, diagonal = _by_hand(solid, values)
+    conductances = PITCH * np.broadcast_to(k, 3)
+    rate, diagonal = rates_by_hand(solid, values, conductances)
     node = HEAT * PITCH**3
-    dt = 0.1
     expected = {
         "heat_rate": rate,
-        "euler_step": values + dt * rate / node,
+        "euler_step": values + 0.1 * rate / node,
         "diagonal": diagonal,
         "capacity": node,
         "max_rate": diagonal.max() / node,
         "total_capacity": node * count,
         "stored": node * values.sum(),
     }
-    state = _state(structure, values)
-    address = _address(structure)
-    actual = _all_of(network, state, address, jnp.array(dt))
+    actual = outputs_at_nodes(structure, network, values)
     for name, exact in expected.items():
-        of_nodes = name in ("heat_rate", "euler_step")
-        number = _values(structure, actual[name]) if of_nodes else actual[name]
-        np.testing.assert_allclose(number, exact, rtol=1e-12, atol=1e-12, err_msg=name)
-    rates = _values(structure, actual["heat_rate"])
-    again = _all_of(network, _state(structure, neighbours), address, jnp.array(dt))
-    back = _values(structure, again["heat_rate"])
+        np.testing.assert_allclose(
+            actual[name], exact, rtol=1e-12, atol=1e-12, err_msg=name
+        )
+    rates = np.asarray(actual["heat_rate"])
+    back = np.asarray(outputs_at_nodes(structure, network, neighbours)["heat_rate"])
     scale = np.abs(rates).sum()
     assert abs(neighbours @ rates - values @ back) <= 1e-13 * scale
     assert abs(rates.sum()) <= 1e-14 * scale
@@ -136,13 +82,55 @@ def test_every_operator_is_the_one_by_hand_symmetric_and_conserving(which, seed,
 
 
 @pytest.mark.parametrize("which", range(5))
-def test_empty_cells_stay_at_zero(which):
-    structure, network = _operator(_solid(3), which)
-    state = _state(structure, np.arange(structure.node_count) + 1.0)
-    actual = _all_of(network, state, _address(structure), jnp.array(0.1))
-    stepped = actual["euler_step"]
-    only_nodes = _state(structure, _values(structure, stepped))
-    np.testing.assert_array_equal(stepped, only_nodes)
+@settings(max_examples=5, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), count=st.sampled_from([6, 36, 60]))
+def test_every_operator_is_the_one_by_hand_symmetric_and_conserving(which, seed, count):
+    _check_by_hand(which, K, seed=seed, count=count)
+
+
+@pytest.mark.parametrize("which", range(4))
+@settings(max_examples=3, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_operators_of_three_conductivities_are_those_by_hand(which, seed):
+    _check_by_hand(which, K_BY_AXIS, seed=seed, count=COUNT)
+
+
+@pytest.mark.parametrize(
+    ("which", "k"), [*((which, K) for which in range(5)), (0, K_BY_AXIS)]
+)
+def test_empty_cells_stay_at_zero(which, k):
+    structure, network = _operator(_solid(3), which, k)
+    state = state_of(structure, np.arange(structure.node_count) + 1.0)
+    stepped = eqx.filter_jit(network.euler_step)(state, jnp.array(0.1))
+    at_nodes = np.asarray(stepped)[structure.node_address()]
+    np.testing.assert_array_equal(stepped, state_of(structure, at_nodes))
+
+
+def test_which_operator_has_three_conductivities():
+    operators = [type(_operator(_solid(0), n, K_BY_AXIS)[1]) for n in range(4)]
+    assert operators == [Stencil, RowNetwork, HeterogeneousStencil, RowNetwork]
+
+
+def test_degrees_by_axis_add_up():
+    solid = _solid(7)
+    packed = solid_degree(solid, bits=2)
+    split = sum((packed >> (2 * axis)) & 3 for axis in range(3))
+    np.testing.assert_array_equal(split, solid_degree(solid))
+
+
+def test_the_derivative_reaches_each_axis():
+    """d(- u . rate)/d k_i = pitch * sum of the squared differences along axis i."""
+    structure = FullVolume(blocks(np.ones(SHAPE, bool), PITCH))
+    values = np.random.default_rng(2).normal(size=SHAPE)
+    state = state_of(structure, values.reshape(-1))
+
+    def dissipated(k):
+        network = one_material(structure, k, HEAT)
+        return -(state * network.heat_rate(state)).sum()
+
+    actual = jax.jit(jax.grad(dissipated))(np.array(K_BY_AXIS))
+    exact = [PITCH * (np.diff(values, axis=a) ** 2).sum() for a in range(3)]
+    np.testing.assert_allclose(actual, exact, rtol=1e-12)
 
 
 @pytest.mark.parametrize("mixed", [False, True])
@@ -153,12 +141,10 @@ def test_two_materials_take_the_harmonic_mean(mixed):
     network = _assemble_mixed(
         structure, material, jnp.array([401.0, 0.2]), jnp.array([1e6, 2e6])
     )
-    state = _state(structure, [1.0, 0.0])
-    address = _address(structure)
-    actual = _all_of(network, state, address, jnp.array(0.1))
-    rate = _values(structure, actual["heat_rate"])
+    actual = outputs_at_nodes(structure, network, [1.0, 0.0])
     conductance = 2 * 401.0 * 0.2 / 401.2 * PITCH
-    np.testing.assert_allclose(rate, [-conductance, conductance], rtol=1e-14)
+    expected = [-conductance, conductance]
+    np.testing.assert_allclose(actual["heat_rate"], expected, rtol=1e-14)
     np.testing.assert_allclose(actual["capacity"], [1e6 * PITCH**3, 2e6 * PITCH**3])
 
 
@@ -187,10 +173,10 @@ def test_series_of_unequal_lengths_is_a_sum_of_resistances():
 def test_thin_bodies(stencil, shape):
     solid = np.ones(shape, bool)
     structure = FullVolume(blocks(solid, PITCH), stencil=stencil)
-    network = assemble_uniform(structure, K, HEAT, jnp.float64)
+    network = one_material(structure, K, HEAT)
     values = np.arange(structure.node_count) * 1.0
-    rate, _ = _by_hand(solid, values)
-    actual = _values(structure, network.heat_rate(_state(structure, values)))
+    rate, _ = rates_by_hand(solid, values, [K * PITCH] * 3)
+    actual = network.heat_rate(state_of(structure, values))[structure.node_address()]
     np.testing.assert_allclose(actual, rate, rtol=1e-14)
     assert structure.link_count == solid.size - 1
 
