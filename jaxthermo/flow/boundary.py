@@ -25,10 +25,10 @@ from .lattice import (
 )
 
 
-UPWARD = tuple(i for i, (_, y) in enumerate(VELOCITIES) if y > 0)
-DOWNWARD = tuple(i for i, (_, y) in enumerate(VELOCITIES) if y < 0)
-RIGHTWARD = tuple(i for i, (x, _) in enumerate(VELOCITIES) if x > 0)
-LEFTWARD = tuple(i for i, (x, _) in enumerate(VELOCITIES) if x < 0)
+_UPWARD = tuple(i for i, (_, y) in enumerate(VELOCITIES) if y > 0)
+_DOWNWARD = tuple(i for i, (_, y) in enumerate(VELOCITIES) if y < 0)
+_RIGHTWARD = tuple(i for i, (x, _) in enumerate(VELOCITIES) if x > 0)
+_LEFTWARD = tuple(i for i, (x, _) in enumerate(VELOCITIES) if x < 0)
 
 # Pressure that the outlet tends to, 0, and how fast: waves as long as the channel and
 # longer see a wall of constant pressure, shorter ones pass. Poinsot and Lele (1992)
@@ -56,10 +56,10 @@ def filled_ends(
     """
     last = f[0].shape[1] - 2
     if entering is None:
-        changes = {i: ((0, 0), f[i][:, last : last + 1]) for i in RIGHTWARD}
-        changes |= {i: ((0, last + 1), f[i][:, 1:2]) for i in LEFTWARD}
+        changes = {i: ((0, 0), f[i][:, last : last + 1]) for i in _RIGHTWARD}
+        changes |= {i: ((0, last + 1), f[i][:, 1:2]) for i in _LEFTWARD}
     else:
-        column = {i: 0 if i in RIGHTWARD else last + 1 for i in entering}
+        column = {i: 0 if i in _RIGHTWARD else last + 1 for i in entering}
         changes = {i: ((0, column[i]), new[:, None]) for i, new in entering.items()}
     f, read = written(f, changes, outlet or ())
     return f, Outlet(*read) if read else None
@@ -70,8 +70,8 @@ def filled_walls(f: Populations, walls: str, ends: str) -> Populations:
     top = f[0].shape[0] - 2
     changes = {}
     for group, frame, inner, opposite in (
-        (UPWARD, 0, 1, top),
-        (DOWNWARD, top + 1, top, 1),
+        (_UPWARD, 0, 1, top),
+        (_DOWNWARD, top + 1, top, 1),
     ):
         for i in group:
             ahead = VELOCITIES[i][0]
@@ -104,7 +104,7 @@ def inlet(
     """Populations that enter at the inlet: bounced back from a wall that moves in."""
     rows = len(profile)
     entering = {}
-    for i in RIGHTWARD:
+    for i in _RIGHTWARD:
         # The flow that enters is then exactly that of the profile.
         to = np.clip(np.arange(rows + 2) - 1 + VELOCITIES[i][1], 0, rows - 1)
         entering[i] = _next_to_inlet(f, i) + 6 * WEIGHTS[i] * speed * profile[to]
@@ -113,12 +113,12 @@ def inlet(
 
 def tracer_inlet(g: Populations) -> dict[int, Float[Array, " n"]]:
     """Populations of a temperature of 0 at the inlet."""
-    return {i: -_next_to_inlet(g, i) for i in RIGHTWARD}
+    return {i: -_next_to_inlet(g, i) for i in _RIGHTWARD}
 
 
 def tracer_outlet(g: Populations) -> dict[int, Float[Array, " n"]]:
     """Populations of a temperature without a gradient along x at the outlet."""
-    return {i: g[i][:, -2] for i in LEFTWARD}
+    return {i: g[i][:, -2] for i in _LEFTWARD}
 
 
 def first_outlet(speed: Float[Array, ""], profile: Float[Array, " _"]) -> Outlet:
@@ -173,7 +173,7 @@ def outlet_step(
     next_moments = Moments(even, next_outlet.x, next_outlet.y)
     column = {
         i: f[i][1:-1, -2] + equilibrium(i, next_moments) - equilibrium(i, near)
-        for i in LEFTWARD
+        for i in _LEFTWARD
     }
     return next_outlet, {i: jnp.pad(new, 1, mode="edge") for i, new in column.items()}
 

@@ -19,7 +19,7 @@ _ENDS = ("open", "periodic")
 
 MAX_MACH = 0.15
 """Largest Mach number: errors of compressibility grow with its square."""
-MAX_CELL_REYNOLDS = 12.0
+_MAX_CELL_REYNOLDS = 12.0
 """Largest Reynolds number of one cell, beyond which runs became unstable (at 17)."""
 _MAX_VISCOSITY = 1.0
 
@@ -123,10 +123,10 @@ def _check_numbers(channel: Channel) -> None:
             if highest
             else f"Channel(speed={speed:g}): give a finite speed of at least 0"
         )
-    if highest / viscosity > MAX_CELL_REYNOLDS:
+    if highest / viscosity > _MAX_CELL_REYNOLDS:
         raise InputError(
             f"Channel(viscosity={viscosity:g}): the Reynolds number of a cell is "
-            f"{highest / viscosity:.3g}, above {MAX_CELL_REYNOLDS:g}: use more cells "
+            f"{highest / viscosity:.3g}, above {_MAX_CELL_REYNOLDS:g}: use more cells "
             "across the body, or a higher viscosity"
         )
 

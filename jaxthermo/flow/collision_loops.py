@@ -4,6 +4,8 @@ All rows of all populations in one pass, in threads: `collided` and `collided_tr
 of `lattice`.
 """
 
+from collections.abc import Sequence
+from itertools import chain
 from typing import Any
 
 import jax.numpy as jnp
@@ -13,46 +15,34 @@ from ..native.call import called
 from .lattice import WEIGHTS, Populations, Rates
 
 
-_FlowAndTracer = tuple[Populations, Populations]
-
 # Constants of the equilibrium; the loops get them in the type of the populations.
 _CONSTANTS = (WEIGHTS[0], WEIGHTS[1], WEIGHTS[5], 0.5, 1.0, 3.0, 4.5, 1.5)
 
 
 def collided_into(
-    target: Populations, read: Populations, rates: Rates, force: Any = None
-) -> Populations:
+    target: Sequence[Populations],
+    read: Sequence[Populations],
+    rates: Sequence[Rates],
+    force: Any = None,
+) -> tuple[Populations, ...]:
     """`target` with the populations that arrive in its inner cells, after a collision.
 
-    Populations have a frame of one cell; rates and force are those of `collided`.
+    Args:
+        target: arrays of a flow, and of its tracer if it has one, with a frame.
+        read: populations before, likewise.
+        rates: those of the flow and of the tracer.
+        force: on the flow, see `collided`.
     """
-    numbers = _numbers(target[0].dtype, rates, force)
-    loop = "flow_loops.collide"
-    return tuple(called(loop, [*target], numbers, *read, *target, in_place=9))
-
-
-def both_collided_into(
-    target: _FlowAndTracer,
-    read: _FlowAndTracer,
-    rates: tuple[Rates, Rates],
-    force: Any = None,
-) -> _FlowAndTracer:
-    """Collide a flow and its tracer in one call, see `collided_into`."""
     # In one call: XLA copies arrays that one reads and another fills in the next step.
-    dtype = target[0][0].dtype
-    flow_rates, tracer_rates = rates
-    targets = [*target[0], *target[1]]
+    targets = list(chain(*target))
+    dtype = targets[0].dtype
+    numbers = [_numbers(dtype, rates[0], force)]
+    numbers += [_numbers(dtype, tracer_rates) for tracer_rates in rates[1:]]
+    loop = "flow_loops.collide_both" if rates[1:] else "flow_loops.collide"
     out = called(
-        "flow_loops.collide_both",
-        targets,
-        _numbers(dtype, flow_rates, force),
-        _numbers(dtype, tracer_rates),
-        *read[0],
-        *read[1],
-        *targets,
-        in_place=18,
+        loop, targets, *numbers, *chain(*read), *targets, in_place=len(targets)
     )
-    return tuple(out[:9]), tuple(out[9:])
+    return tuple(tuple(out[n : n + 9]) for n in range(0, len(out), 9))
 
 
 def _numbers(dtype: Any, rates: Rates, force: Any = None) -> Float[Array, "12"]:

@@ -28,7 +28,7 @@ from .boundary import (
     tracer_outlet,
 )
 from .channel import Channel
-from .collision_loops import both_collided_into, collided_into
+from .collision_loops import collided_into
 from .lattice import (
     VELOCITIES,
     Moments,
@@ -213,16 +213,18 @@ def _moved_in_loops(
     """As `_moved`, in loops that numba compiles."""
     rates = flow_rates(program.viscosity, program.magic)
     if read[1] is None or target[1] is None or program.diffusivity is None:
-        return collided_into(
-            target[0], read=read[0], rates=rates, force=program.force
-        ), None
+        (flow,) = collided_into(
+            [target[0]], read=[read[0]], rates=[rates], force=program.force
+        )
+        return flow, None
     thermal = tracer_rates(program.diffusivity, program.magic)
-    return both_collided_into(
-        (target[0], target[1]),
-        read=(read[0], read[1]),
-        rates=(rates, thermal),
+    flow, heat = collided_into(
+        [target[0], target[1]],
+        read=[read[0], read[1]],
+        rates=[rates, thermal],
         force=program.force,
     )
+    return flow, heat
 
 
 @_moved_in_loops.defjvp

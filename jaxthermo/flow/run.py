@@ -26,7 +26,7 @@ from .flow import (
 )
 
 
-STRIDE = 20
+_STRIDE = 20
 """Steps from one sample of forces and means to the next."""
 
 _SEGMENT = 5e7
@@ -107,8 +107,8 @@ def simulate_flow(
     arrays = _ARRAYS if channel.diffusivity is None else _ARRAYS_WITH_HEAT
     needed = arrays * cells * np.dtype(dtype).itemsize
     require_memory(needed, "a flow", "use fewer cells")
-    samples = -(-steps // STRIDE)
-    segments = max(2, round(samples * STRIDE * cells / _SEGMENT))
+    samples = -(-steps // _STRIDE)
+    segments = max(2, round(samples * _STRIDE * cells / _SEGMENT))
     samples_per_segment = -(-samples // segments)
     with precision(dtype):
         program = flow_program(channel, dtype, kernels)
@@ -140,10 +140,10 @@ def _run(
     for number in range(segments):
         weight = jnp.asarray(float(number >= first), program.viscosity.dtype)
         state, total, sample = advance_in_place(
-            program, state, total, weight, samples=samples_per_segment, stride=STRIDE
+            program, state, total, weight, samples=samples_per_segment, stride=_STRIDE
         )
         samples.append(_on_host(sample))
-        done = (number + 1) * samples_per_segment * STRIDE
+        done = (number + 1) * samples_per_segment * _STRIDE
         if not np.isfinite(samples[-1].force).all() or not _is_finite(state):
             raise InputError(
                 f"simulate_flow: the flow became unstable before step {done}: use a "
@@ -151,7 +151,7 @@ def _run(
             )
         if progress is not None:
             left = (time.perf_counter() - clock) * (segments / (number + 1) - 1)
-            all_steps = segments * samples_per_segment * STRIDE
+            all_steps = segments * samples_per_segment * _STRIDE
             progress(FlowProgress(steps=done, of=all_steps, seconds_left=left))
     force = np.concatenate([sample.force for sample in samples])
     mean = jax.tree.map(lambda a: np.asarray(a / total.count), total)
@@ -160,7 +160,7 @@ def _run(
         last=_on_host(fields(program, state)),
         mean=mean.fields,
         link_heat=mean.heat,
-        step=STRIDE * np.arange(1, segments * samples_per_segment + 1),
+        step=_STRIDE * np.arange(1, segments * samples_per_segment + 1),
         drag=force[:, 0],
         lift=force[:, 1],
         heat=np.concatenate([sample.heat for sample in samples]),

@@ -259,7 +259,12 @@ def _behind_bubble(profile: WakeProfile) -> WakeProfile:
     reversed_flow = profile.x[middle & (profile.ratio < 0)]
     start = reversed_flow.max(initial=0.0)
     is_behind = profile.x > start
-    return WakeProfile(profile.reynolds, *(values[is_behind] for values in profile[1:]))
+    return WakeProfile(
+        profile.reynolds,
+        x=profile.x[is_behind],
+        y=profile.y[is_behind],
+        ratio=profile.ratio[is_behind],
+    )
 
 
 # Far behind a cylinder a turbulent wake has the deficit 0.98 (c D / x)^(1/2) and half
