@@ -12,7 +12,7 @@ from jaxtyping import Float
 from jaxthermo.arrays import precision
 from jaxthermo.atomic import replacing
 from jaxthermo.config.card_file import write_card
-from jaxthermo.config.strict_yaml import write_yaml
+from jaxthermo.config.loader import resolved, to_yaml
 from jaxthermo.console.progress import SILENT, Progress
 from jaxthermo.console.results_folder import results_folder
 from jaxthermo.parallel.devices import check_devices
@@ -31,7 +31,7 @@ from .config.fit_record import (
     ParameterRow,
     write_fit,
 )
-from .config.loader import calibration_hash, load_calibration, plain
+from .config.loader import calibration_hash, load_calibration
 from .config.schema import CalibrationConfig, shown_unit_of, unit_of
 from .problem.build import Calibration
 from .problem.parameters import ParameterSet
@@ -116,7 +116,7 @@ def fit_config(
         )
         # The results are complete only with the config that made them.
         with replacing(folder / "config.yaml") as target:
-            target.write_text(write_yaml(plain(config)), encoding="utf-8")
+            target.write_text(to_yaml(config), encoding="utf-8")
         write_fit(folder / "fit.json", result)
         card = make_card(config, calibration=calibration, fit=fit, result=result)
         write_card(folder / "card.yaml", card)
@@ -207,7 +207,7 @@ def _conclude(
             "compile": fit.compile_seconds,
         },
         reference=config.reference.kind,
-        config=plain(config),
+        config=resolved(config),
         program_hash=program_hash(),
         **provenance(calibration_hash(config), config.fit.seed),
         by_clusters=scatter is not None,

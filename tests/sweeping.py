@@ -2,6 +2,10 @@
 
 from pathlib import Path
 
+from calibrate.study.case import Case
+from calibrate.study.config import load_sweep
+from calibrate.study.points import cases_of, choices
+
 
 BALL = """
 bodies:
@@ -38,6 +42,12 @@ def sweep_file(folder: Path, text: str = SWEEP) -> Path:
     path = folder / "sweep.yaml"
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def sweep_cases(folder: Path, text: str = SWEEP) -> list[Case]:
+    """Cases of all choices of a sweep."""
+    config = load_sweep(sweep_file(folder, text))
+    return [case for choice in choices(config) for case in cases_of(config, choice)]
 
 
 TUNED = """

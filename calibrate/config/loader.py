@@ -9,7 +9,12 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from jaxthermo.config.loader import load_config, mesh_folders, with_overrides
+from jaxthermo.config.loader import (
+    load_config,
+    mesh_folders,
+    resolved,
+    with_overrides,
+)
 from jaxthermo.config.messages import described, in_file
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.config.strict_yaml import read_yaml
@@ -38,25 +43,31 @@ def load_calibration(
         raise InputError(described(error, partial(in_file, path))) from error
 
 
-def scene_config(config: CalibrationConfig, *changes: Mapping[str, Any]) -> SceneConfig:
-    """Config of the scene with the changes of all cases, then those given, in order."""
+def changed_config(
+    path: Path, *changes: Mapping[str, Any], find_meshes: bool = True
+) -> SceneConfig:
+    """Scene in a file with changes by dotted key, later ones over earlier ones.
+
+    Raises:
+        InputError: for a change that the scene cannot have.
+    """
     # As overrides, so that mistakes are reported as those of the command line.
     texts = [
         f"{key}={json.dumps(value)}"
-        for change in (config.set, *changes)
+        for change in changes
         for key, value in change.items()
     ]
-    return load_config(config.scene, texts)
+    return load_config(path, texts, find_meshes=find_meshes)
 
 
-def plain(config: CalibrationConfig) -> dict[str, Any]:
-    """Config as plain values, with files by their names."""
-    return config.model_dump(mode="json", exclude_none=True)
+def scene_config(config: CalibrationConfig, *changes: Mapping[str, Any]) -> SceneConfig:
+    """Config of the scene with the changes of all cases, then those given, in order."""
+    return changed_config(config.scene, config.set, *changes)
 
 
 def calibration_hash(config: CalibrationConfig) -> str:
     """Hash of the config and of the scene's file [16 hex digits]."""
-    values = plain(config)
+    values = resolved(config)
     # The content counts, not the folder, so that a copied calibration is the same.
     values["scene"] = hashlib.sha256(Path(config.scene).read_bytes()).hexdigest()
     text = json.dumps(values, sort_keys=True)

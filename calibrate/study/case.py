@@ -9,11 +9,10 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from pathlib import Path
 from typing import Any, NamedTuple, TypedDict
 
 from jaxthermo.arrays import precision
-from jaxthermo.config.loader import config_hash, load_config, resolved
+from jaxthermo.config.loader import config_hash, resolved
 from jaxthermo.config.schema.body import BodyConfig
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.integrate.run.plan import Plan, plan_once
@@ -112,22 +111,6 @@ def _kinds(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_kinds(item) for item in value]
     return value if isinstance(value, str | bool | type(None)) else "number"
-
-
-def changed_config(
-    path: Path, *changes: Mapping[str, Any], find_meshes: bool = True
-) -> SceneConfig:
-    """Scene in a file with changes by dotted key, later ones over earlier ones.
-
-    Raises:
-        InputError: for a change that the scene cannot have.
-    """
-    texts = [
-        f"{key}={json.dumps(value)}"
-        for change in changes
-        for key, value in change.items()
-    ]
-    return load_config(path, texts, find_meshes=find_meshes)
 
 
 _VOXELS = ("mesh", "shape", "solid", "pitch", "voxels_high", "surface_cells")

@@ -11,8 +11,9 @@ from scipy.stats import qmc
 
 from jaxthermo.errors import InputError
 
+from ..config.loader import changed_config
 from ..config.schema import Changes
-from .case import Case, changed_config
+from .case import Case
 from .config import (
     Axis,
     FitValue,

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 from PIL import Image
 
-from calibrate.config.loader import load_calibration
+from calibrate.config.loader import changed_config, load_calibration
 from calibrate.make_cards import read_recipes
 from calibrate.problem.build import Calibration, build
 from calibrate.problem.parameters import ParameterSet
@@ -24,7 +24,6 @@ from calibrate.problem.problem import Problem
 from calibrate.problem.targets import CaseError
 from calibrate.report.pictures import difference_picture
 from calibrate.solvers.fit import Fitting
-from calibrate.study.case import changed_config
 from jaxthermo.arrays import precision
 from jaxthermo.config.card_file import load_card
 from jaxthermo.config.shipped_cards import SCHEME, shipped_cards

@@ -19,13 +19,11 @@ from calibrate.solvers.search import (
     residuals,
     start_points,
 )
-from calibrate.study.config import load_sweep
 from calibrate.study.evaluate import evaluate_group, find_truth
-from calibrate.study.points import cases_of, choices
 from jaxthermo.parallel.batch import on_every_device
 from jaxthermo.parallel.devices import mesh_of
 from tests.calibrating import BETWEEN, WITHIN, twin
-from tests.sweeping import SWEEP, sweep_file
+from tests.sweeping import sweep_cases
 
 
 # Rounding of a run in float64.
@@ -133,11 +131,7 @@ def starts() -> None:
 
 def cases() -> None:
     """Three cases of one shape have the same errors on four devices as on one."""
-    config = load_sweep(sweep_file(Path(), SWEEP))
-    all_cases = [
-        case for choice in choices(config) for case in cases_of(config, choice)
-    ]
-    load_cases = [case for case in all_cases if case.load == "+x"]
+    load_cases = [case for case in sweep_cases(Path()) if case.load == "+x"]
     truths = {"+x": find_truth(load_cases[0], lambda _: None)}
     on_one, on_four = (evaluate_group(load_cases, truths, devices=n) for n in (1, 4))
     assert [evaluated.row["together"] for evaluated in on_four] == [3, 3, 3]

@@ -43,6 +43,10 @@ def blocks(refinement, factor, steps=36):
     return Candidate(refinement, "aggregate", factor, steps=steps)
 
 
+def predictor(runs, errors=()):
+    return Predictor(runs=runs, errors=errors, end=END, volume=VOLUME, area=AREA)
+
+
 KNOWN = [
     law(run)
     for run in (
@@ -56,9 +60,7 @@ KNOWN = [
     "candidate", [blocks(2.0, 6, 24), blocks(1.0, 6), blocks(2.0, 10, 18)]
 )
 def test_a_candidate_between_known_ones_is_predicted(candidate):
-    forecast = Predictor(
-        runs=KNOWN, errors=[], end=END, volume=VOLUME, area=AREA
-    ).forecast(candidate)
+    forecast = predictor(KNOWN).forecast(candidate)
     true = law(candidate)
     assert forecast.error == pytest.approx(true.error, rel=0.25)
     assert forecast.run_time == pytest.approx(true.run_time, rel=0.3)
@@ -67,11 +69,9 @@ def test_a_candidate_between_known_ones_is_predicted(candidate):
 
 def test_a_run_corrects_the_predictions_nearby_and_not_far_away():
     candidate = blocks(2.0, 6)
-    plain = Predictor(runs=KNOWN, errors=[], end=END, volume=VOLUME, area=AREA)
+    plain = predictor(KNOWN)
     twice = law(candidate)._replace(error=2 * law(candidate).error)
-    corrected = Predictor(
-        runs=[*KNOWN, twice], errors=[], end=END, volume=VOLUME, area=AREA
-    )
+    corrected = predictor([*KNOWN, twice])
     near = candidate._replace(steps=40)
     far = blocks(0.5, 32, 8)
 
@@ -84,14 +84,8 @@ def test_a_run_corrects_the_predictions_nearby_and_not_far_away():
 
 def test_an_error_without_a_run_counts():
     fine = blocks(2.0, 2, 2000)
-    plain = Predictor(runs=KNOWN[:3], errors=[], end=END, volume=VOLUME, area=AREA)
-    told = Predictor(
-        runs=KNOWN[:3],
-        errors=[(fine, law(fine).error)],
-        end=END,
-        volume=VOLUME,
-        area=AREA,
-    )
+    plain = predictor(KNOWN[:3])
+    told = predictor(KNOWN[:3], [(fine, law(fine).error)])
 
     def off(p):
         return abs(math.log(p.forecast(fine).error / law(fine).error))
@@ -150,33 +144,24 @@ def test_a_body_of_given_voxels_has_no_other_pitch():
         pitches_of(scene.model_copy(update={"bodies": (body,)}))
 
 
-@pytest.mark.parametrize("excess", [0.0, 0.3, 0.5])
-def test_a_candidate_may_have_what_the_reference_leaves_of_the_tolerance(excess):
+def allowed(excess):
+    """Largest error of a candidate, over the tolerance, with such a reference."""
     points: Any = None
     empty: Any = {}
-    reference = Reference(
+    return Reference(
         refinement=1.0,
         points=points,
         own_error=empty,
         excess=excess,
         cost=empty,
         coarser=(),
-    )
-    assert math.hypot(reference.allowed, excess) == pytest.approx(1.0)
+    ).allowed
+
+
+@pytest.mark.parametrize("excess", [0.0, 0.3, 0.5])
+def test_a_candidate_may_have_what_the_reference_leaves_of_the_tolerance(excess):
+    assert math.hypot(allowed(excess), excess) == pytest.approx(1.0)
 
 
 def test_a_reference_that_cannot_be_refined_leaves_as_much_as_one_half_off():
-    points: Any = None
-    empty: Any = {}
-    allowed = [
-        Reference(
-            refinement=1.0,
-            points=points,
-            own_error=empty,
-            excess=e,
-            cost=empty,
-            coarser=(),
-        ).allowed
-        for e in (0.5, 0.9, 3.0)
-    ]
-    assert allowed == [allowed[0]] * 3
+    assert allowed(0.5) == allowed(0.9) == allowed(3.0)

@@ -37,7 +37,7 @@ from calibrate.report.pictures import (
 from calibrate.report.text_summary import MEANING, summary
 from calibrate.solvers.fit import Fit
 from jaxthermo.arrays import precision
-from tests.calibrating import SPHERE
+from tests.calibrating import RESULT, SPHERE
 
 
 SMALL = 60
@@ -127,17 +127,14 @@ def result_of(parameters, held_out=True, **fields) -> Any:
         }
 
     errors = {"train": both("+x")} | ({"held_out": both("+z")} if held_out else {})
-    return {
+    result = {
         "name": "a < b",
         "verdict": {"pays": True, "words": "it pays < c", "times": 2, "worse": 0},
         "parameters": parameters,
-        "loss": {"initial": 2.0, "final": 1.0},
-        "ended": "converged",
         "error_percent": {g: {"default": 4.0, "fitted": 2.0} for g in errors},
         "errors": errors,
         "correlation": np.eye(len(parameters)).tolist(),
         "singular_values": [1.0] * len(parameters),
-        "advice": [],
         "speedup": {
             "times_faster": 3.0,
             "min": 2.0,
@@ -151,15 +148,13 @@ def result_of(parameters, held_out=True, **fields) -> Any:
             {"step": 1, "loss": 1.0, "accepted": True, "values": [1.0]},
             {"step": 2, "loss": 1.0, "accepted": False, "values": [1.0]},
         ],
-        "run_time_s": {"fit": 1.0, "compile": 2.0, "one_run": 0.1},
-        "reference": "full_volume",
         "config": {"scene": "scene.yaml"},
         "config_hash": "0123",
         "program_hash": "4567",
         "seed": 0,
         "versions": {"jaxthermo": "0", "jax": "1"},
-        **fields,
     }
+    return RESULT | result | fields
 
 
 ONE = {"weights.between": parameter(0.8, 0.1)}

@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 
 from calibrate.study.case import build_case, loop_size, plan_case
-from calibrate.study.config import load_sweep
 from calibrate.study.evaluate import evaluate, evaluate_group, find_truth
-from calibrate.study.points import cases_of, choices
 from calibrate.study.rows import Rows, claim_folder
 from calibrate.study.sweep import groups
 from calibrate.study.times import time_case
@@ -17,17 +15,12 @@ from jaxthermo.accuracy.truth_error import truth_error, truth_points
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.run.solution import Solution
-from tests.sweeping import SWEEP, sweep_file
-
-
-def cases(folder, text=SWEEP):
-    config = load_sweep(sweep_file(folder, text))
-    return [case for choice in choices(config) for case in cases_of(config, choice)]
+from tests.sweeping import SWEEP, sweep_cases
 
 
 def test_cases_in_one_program_have_the_errors_that_they_have_alone(tmp_path):
     """Other weights, and so other stable steps and numbers of steps."""
-    load_cases = [case for case in cases(tmp_path) if case.load == "+x"]
+    load_cases = [case for case in sweep_cases(tmp_path) if case.load == "+x"]
     truths = {"+x": find_truth(load_cases[0], lambda _: None)}
     together = [evaluated.row for evaluated in evaluate_group(load_cases, truths)]
     assert [row["together"] for row in together] == [3, 3, 3]
@@ -49,7 +42,7 @@ def test_a_case_that_fails_is_a_row_and_does_not_end_the_others(tmp_path):
     text = SWEEP.replace("[0.8, 1, 1.25]", "[1]").replace(
         "\ntruth", "\n  step: {key: solver.dt, values: [auto, 1000 s]}\ntruth"
     )
-    load_cases = [case for case in cases(tmp_path, text) if case.load == "+x"]
+    load_cases = [case for case in sweep_cases(tmp_path, text) if case.load == "+x"]
     truths = {"+x": find_truth(load_cases[0], lambda _: None)}
     good, bad = (evaluated.row for evaluated in evaluate_group(load_cases, truths))
     assert "error" in good and "failed" not in good
@@ -61,7 +54,7 @@ def test_groups_hold_cases_of_one_shape_and_load(tmp_path):
     text = SWEEP.replace(
         "\ntruth", "\n  high: {key: bodies.0.voxels_high, values: [8, 9]}\ntruth"
     )
-    all_cases = cases(tmp_path, text)
+    all_cases = sweep_cases(tmp_path, text)
     grouped = list(groups(all_cases))
     assert [len(group) for group in grouped] == [3, 3, 3, 3]
     for group in grouped:
@@ -75,7 +68,7 @@ def test_cases_of_another_material_have_another_reference(tmp_path):
     material = "{conductivity: 16, density: 8000, specific_heat: 500, absorptivity: 1}"
     steel = f"{{label: other, set: {{bodies.0.material: {material}}}}}"
     text = SWEEP.replace("\ntruth", f"\n  made: [{{label: own}}, {steel}]\ntruth")
-    load_cases = [case for case in cases(tmp_path, text) if case.load == "+x"]
+    load_cases = [case for case in sweep_cases(tmp_path, text) if case.load == "+x"]
     assert len({case.shape_key for case in load_cases}) == 1
     grouped = list(groups(load_cases))
     assert [len(group) for group in grouped] == [3, 3]
@@ -95,9 +88,9 @@ def test_a_full_volume_of_the_references_voxels_has_no_error_but_that_of_its_ste
         "kind: {key: bodies.0.structure, values: [full_volume, "
         "{kind: aggregate, factor: 2}]}",
     )
-    load_cases = [case for case in cases(tmp_path, text) if case.load == "+x"]
+    load_cases = [case for case in sweep_cases(tmp_path, text) if case.load == "+x"]
     assert all(case.shares_voxels for case in load_cases)
-    assert not any(case.shares_voxels for case in cases(tmp_path))
+    assert not any(case.shares_voxels for case in sweep_cases(tmp_path))
     full, blocks = (evaluate(c, find_truth(c, lambda _: None)).row for c in load_cases)
     assert full["error"]["worst_rms_percent"] < 0.5
     assert blocks["error"]["worst_rms_percent"] > 1
@@ -105,7 +98,7 @@ def test_a_full_volume_of_the_references_voxels_has_no_error_but_that_of_its_ste
 
 
 def test_points_of_a_reference_judge_as_the_reference_itself(tmp_path):
-    case = cases(tmp_path)[0]
+    case = sweep_cases(tmp_path)[0]
     coarse, fine = (
         case.config.model_copy(
             update={"bodies": (body.model_copy(update={"voxels_high": high}),)}
@@ -133,7 +126,7 @@ def _simulated(config, span):
 
 
 def test_a_time_is_measured_in_turn_with_the_full_volume(tmp_path):
-    row = time_case(cases(tmp_path)[0], 2)
+    row = time_case(sweep_cases(tmp_path)[0], 2)
     assert len(row["loop_s"]) == len(row["full_volume_loop_s"]) == 2
     assert min(row["loop_s"] + row["full_volume_loop_s"] + row["call_s"]) > 0
     assert row["full_volume"]["timed_fraction"] == 1.0
@@ -143,7 +136,7 @@ def test_a_time_is_measured_in_turn_with_the_full_volume(tmp_path):
 
 def test_loads_that_differ_in_numbers_only_have_loops_of_one_size(tmp_path):
     """Other weights have other stable steps; a controlled error, no size at all."""
-    all_cases = cases(tmp_path)
+    all_cases = sweep_cases(tmp_path)
     plans = [
         plan_case(case.config, build_case(case.config).scene) for case in all_cases
     ]
@@ -156,7 +149,7 @@ def test_loads_that_differ_in_numbers_only_have_loops_of_one_size(tmp_path):
         "\ntruth",
         "\n  solver: [{label: adaptive, set: {solver: error_control}}]\ntruth",
     )
-    case = cases(tmp_path, controlled)[0]
+    case = sweep_cases(tmp_path, controlled)[0]
     plan = plan_case(case.config, build_case(case.config).scene)
     assert plan.control is not None and loop_size(plan) is None
 
