@@ -9,10 +9,9 @@ from jaxtyping import Bool, Float
 
 from jaxthermo.console.terminal import open_console
 from jaxthermo.image.colour.palette import apply_palette, palette_table
-from jaxthermo.image.colour.ticks import decimals_of, label, nice_ticks
 from jaxthermo.report import page
 from jaxthermo.report.difference_scale import BACKGROUND
-from jaxthermo.report.sheet import ColourBar, Tile
+from jaxthermo.report.sheet import ColourBar, Tile, scale_ticks
 from jaxthermo.report.table import Cell, Table
 
 
@@ -93,8 +92,4 @@ def thermal_tile(
 
 def colour_bar(low: float, high: float, title: str, palette: str = "iron") -> ColourBar:
     """The scale of a palette with round numbers between its ends."""
-    ticks = nice_ticks(low, high)
-    span = max(high - low, 1e-9)
-    decimals = decimals_of(ticks[1] - ticks[0]) if len(ticks) > 1 else 1
-    marks = tuple(((t - low) / span, label(t, decimals)) for t in ticks)
-    return ColourBar(palette_table(palette), marks, title)
+    return ColourBar(palette_table(palette), scale_ticks(low, high), title)

@@ -11,6 +11,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
 from PIL import Image
 
 from jaxthermo.report.chart import Chart
@@ -30,13 +31,28 @@ class Verdict(StrEnum):
     """A mesh is missing."""
 
 
+def judged(reproduced: bool, different: bool = False) -> Verdict:
+    """The verdict on a statement that holds, holds with a difference, or does not."""
+    if reproduced:
+        return Verdict.REPRODUCED
+    return Verdict.DIFFERENT if different else Verdict.CONTRADICTED
+
+
+def rms(values: np.ndarray, weights: np.ndarray | None = None) -> float:
+    """Root mean square, weighted by areas if there are any."""
+    return float(np.sqrt(np.average(values**2, weights=weights)))
+
+
+Numbers = Mapping[str, Any]
+"""Nested values that the text of an exhibit quotes and shows as tables."""
+
+
 class Finding(NamedTuple):
     """Everything that one measurement of an exhibit gives."""
 
     verdict: Verdict
     """Verdict of the exhibit, and of each of its claims that has none in `claims`."""
-    numbers: Mapping[str, Any]
-    """Nested values that the text of the exhibit quotes and shows as tables."""
+    numbers: Numbers
     pictures: Mapping[str, Image.Image | Chart] = {}
     """Pictures and charts by the names of their files, without the ending."""
     claims: Mapping[str, Verdict] = {}

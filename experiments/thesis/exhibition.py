@@ -160,12 +160,14 @@ def store(finding: Finding) -> tuple[dict[str, Any], Arrays]:
     files: Arrays = {}
     for name, picture in finding.pictures.items():
         if isinstance(picture, Image.Image):
+            file = f"{name}.png"
             stream = io.BytesIO()
             picture.save(stream, "PNG", optimize=True)
-            files[f"{name}.png"] = np.frombuffer(stream.getvalue(), np.uint8)
+            content = stream.getvalue()
         else:
-            svg = chart_svg(picture).encode("utf-8")
-            files[f"{name}.svg"] = np.frombuffer(svg, np.uint8)
+            file = f"{name}.svg"
+            content = chart_svg(picture).encode("utf-8")
+        files[file] = np.frombuffer(content, np.uint8)
     row = {
         "verdict": str(finding.verdict),
         "claims": {claim: str(verdict) for claim, verdict in finding.claims.items()},

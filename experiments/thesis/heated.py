@@ -26,6 +26,7 @@ from jaxthermo.structures.structure import AbstractStructure
 
 from ..harness.present import colour_bar
 from .bodies import buddha, levels_at
+from .exhibit import rms
 
 
 QUICK_HEIGHT = 125
@@ -120,16 +121,10 @@ def difference(run: Heated, full: Heated) -> Difference:
     """Compare the surfaces of two runs."""
     # Not over the span: single voxels that touch nothing are a hundred kelvin warm.
     area = full.structure.grid.fragment_area
-    kelvin = rms(run.surface - full.surface, area)
-    rise = rms(full.surface - START, area)
-    return Difference(kelvin.tolist(), (100 * kelvin / rise).tolist())
-
-
-def rms(
-    values: Float[np.ndarray, "*t s"], area: Float[np.ndarray, " s"]
-) -> Float[np.ndarray, "*t"]:
-    """Root mean square over an area."""
-    return np.sqrt(np.average(values**2, axis=-1, weights=area))
+    kelvin = [rms(error, area) for error in run.surface - full.surface]
+    rises = [rms(rise, area) for rise in full.surface - START]
+    percent = [100 * error / rise for error, rise in zip(kelvin, rises, strict=True)]
+    return Difference(kelvin, percent)
 
 
 class _View(NamedTuple):

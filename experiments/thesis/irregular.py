@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 import jaxthermo as jt
+from jaxthermo.structures.kinds.shell import cover_count
 from jaxthermo.voxels.lattice import pixel_axes
 
 from .bodies import HEIGHT, buddha
@@ -87,21 +88,6 @@ def _inside_only(copies: _Copies, grid: jt.VoxelGrid) -> _Copies:
     return _Copies(copies.centre[is_inside], copies.level[is_inside])
 
 
-def cover_count(copies: _Copies, grid: jt.VoxelGrid) -> Int[np.ndarray, "x y z"]:
-    """Number of cubes that cover each voxel of the lattice."""
-    # As in `IrregularMultiLevel.cover_count`, but cubes may stick out of the lattice.
-    shape = np.array(grid.lattice.shape)
-    change = np.zeros(shape + 1, np.int32)
-    size = 1 << copies.level
-    low = np.rint(copies.centre - size[:, None] / 2).astype(int)
-    for far in np.ndindex(2, 2, 2):
-        end = np.clip(low + np.array(far) * size[:, None], 0, shape)
-        np.add.at(change, tuple(end.T), (-1) ** sum(far))
-    for axis in range(3):
-        np.cumsum(change, axis=axis, out=change)
-    return change[:-1, :-1, :-1]
-
-
 class Reading(NamedTuple):
     """Cells of one reading."""
 
@@ -146,7 +132,7 @@ def _reading(copies: _Copies, grid: jt.VoxelGrid) -> Reading:
     return Reading(
         levels=int(copies.level.max()) + 1,
         cells=len(copies.level),
-        count=cover_count(copies, grid),
+        count=cover_count(copies.centre, copies.level, grid.lattice.shape),
     )
 
 

@@ -4,7 +4,6 @@ import csv
 import functools
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypedDict
 
 import jax
 import jax.numpy as jnp
@@ -13,6 +12,8 @@ from jaxtyping import Float
 
 from jaxthermo.physics.convection.cross_flow import local_nusselt
 from jaxthermo.physics.convection.nusselt import cylinder_table, profile
+
+from .exhibit import Numbers
 
 
 _DATA = Path(__file__).with_name("data") / "nu_local_cylinder.csv"
@@ -61,22 +62,7 @@ def tabulated() -> list[dict[str, str]]:
         return list(csv.DictReader(lines))
 
 
-class Knot(TypedDict):
-    """Local Nusselt number at one Reynolds number of the table."""
-
-    Re: float
-    average: float
-    average_mismatch: float
-    """Relative error of the mean around the cylinder [-]."""
-    front_over_sqrt_Re: float
-    rear_over_front: float
-    minima_deg: list[float]
-    off_data_of_average: float | None
-    """Largest distance from the published points; None where there are none."""
-    recalled: bool
-
-
-def measure_knots() -> list[Knot]:
+def measure_knots() -> list[Numbers]:
     """Each knot: how the average holds, the minima, the distance from the data."""
     table = cylinder_table()
     columns = zip(table.reynolds, table.average, table.recalled, strict=True)
@@ -86,7 +72,7 @@ def measure_knots() -> list[Knot]:
     ]
 
 
-def _knot(reynolds: float, average: float, *, recalled: bool) -> Knot:
+def _knot(reynolds: float, average: float, *, recalled: bool) -> Numbers:
     local = local_number(DEGREES, reynolds)
     is_minimum = (local[1:-1] < local[:-2]) & (local[1:-1] <= local[2:])
     errors = [

@@ -7,7 +7,7 @@ the whole box of the full volume, and every texel of the packed layers along x, 
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from typing import TypedDict
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from ..benchmarks.mixed import Runner, scene_runner
 from ..benchmarks.steps import conduction_call
 from ..harness.timing import Spread, interleaved, ratio_of
 from .bodies import required_statue
+from .exhibit import Numbers
 from .sunlit import Sunlit
 
 
@@ -57,40 +58,8 @@ _SCENE_WORK = 5e5
 _MAX_SCENE_STEPS = 60
 
 
-class Counts(TypedDict):
-    """Occupied and allocated counts of a mesh at one resolution."""
-
-    mesh: str
-    height_voxels: int
-    lattice_shape: list[int]
-    box: int
-    """Cells of the whole lattice."""
-    body: int
-    """Solid voxels."""
-    shell: int
-    shell_of_body: float
-    shell_of_box: float
-    irregular: int
-    irregular_levels: int
-    irregular_of_body: float
-    irregular_of_box: float
-    layers_peeled: list[int]
-    """Layers along x, y and z."""
-    layers_packed: list[int]
-    """Layers along x, y and z."""
-    fragments: int
-    texels_occupied: int
-    texels_peeled: int
-    texels_shell: int
-    texels_irregular: int
-    texels_shell_of_box: float
-    texels_irregular_of_box: float
-    fill: float
-    """Occupied texels over those of the packed layers [-]."""
-
-
 @cache
-def counts(mesh_name: str, height: int) -> Counts:
+def counts(mesh_name: str, height: int) -> Numbers:
     """Occupied and allocated counts of a mesh so many voxels high, by its name."""
     grid = _body(mesh_name, height).grid
     box = grid.lattice.cells
@@ -135,7 +104,7 @@ def _body(mesh_name: str, height: int) -> Sunlit:
     return Sunlit(required_statue(mesh_name).mesh, height)
 
 
-class StepTimes(TypedDict):
+class StepTimes(NamedTuple):
     """Times of a step of conduction at one resolution, by structure."""
 
     mesh: str
@@ -145,7 +114,11 @@ class StepTimes(TypedDict):
     step_s: dict[str, list[float]]
     """Every repeat."""
     times_faster: dict[str, Spread]
-    """Median, lowest and highest ratio of the full volume's time to that of each."""
+    """Ratio of the full volume's time to that of each."""
+
+    def median(self, structure: str) -> float:
+        """Median time of a step of a structure [s]."""
+        return float(np.median(self.step_s[structure]))
 
 
 @cache
@@ -164,15 +137,15 @@ def step_times(mesh_name: str, height: int) -> StepTimes:
     }
     spans = interleaved(calls, _REPEATS, there_and_back=True)
     step = {name: np.array(spans[name]) / steps[name] for name in BUILDS}
-    return {
-        "mesh": mesh_name,
-        "height": height,
-        "nodes": nodes,
-        "step_s": {name: times.tolist() for name, times in step.items()},
-        "times_faster": {
+    return StepTimes(
+        mesh=mesh_name,
+        height=height,
+        nodes=nodes,
+        step_s={name: times.tolist() for name, times in step.items()},
+        times_faster={
             name: ratio_of(step[FULL], times) for name, times in step.items()
         },
-    }
+    )
 
 
 def timed_runner(scene: jt.Scene) -> Runner:
@@ -197,33 +170,19 @@ def errors(mesh_name: str, height: int) -> dict[str, float]:
     }
 
 
-TimeRow = TypedDict(
-    "TimeRow",
-    {
-        "height": int,
-        "structure": str,
-        "nodes": int,
-        "step_ms": float,
-        "times faster": float,
-        "error_percent": float | None,
-    },
-)
-"""A line of the table of times, under the headings that the page shows."""
-
-
 def time_table(
     times: Sequence[StepTimes],
     error_percent: Mapping[int, Mapping[str, float]],
-) -> list[TimeRow]:
+) -> list[Numbers]:
     """Nodes, time of a step, speed and error of each structure at each height."""
     return [
         {
-            "height": row["height"],
+            "height": row.height,
             "structure": name,
-            "nodes": row["nodes"][name],
-            "step_ms": 1e3 * float(np.median(row["step_s"][name])),
-            "times faster": row["times_faster"][name][0],
-            "error_percent": error_percent.get(row["height"], {}).get(name),
+            "nodes": row.nodes[name],
+            "step_ms": 1e3 * row.median(name),
+            "times faster": row.times_faster[name].median,
+            "error_percent": error_percent.get(row.height, {}).get(name),
         }
         for row in times
         for name in BUILDS

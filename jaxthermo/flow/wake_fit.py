@@ -86,7 +86,7 @@ FAMILIES = (
 )
 
 
-class _Fit(NamedTuple):
+class FamilyFit(NamedTuple):
     """Parameters of a curve, their standard errors, and its deviations."""
 
     values: Float[np.ndarray, " k"]
@@ -119,7 +119,7 @@ def _solution(residual: Callable, guess: Array, points: Any) -> _Solution:
 
 def _least_squares(
     residual: Callable, guess: Float[np.ndarray, " k"], points: Any
-) -> _Fit:
+) -> FamilyFit:
     """Fit of the parameters of `residual`, a function of them and of the points."""
     with precision("float64"):
         solution = _solution(
@@ -127,7 +127,7 @@ def _least_squares(
         )
         deviation = np.asarray(solution.residual)
         errors = _standard_errors(np.asarray(solution.slope), deviation)
-    return _Fit(
+    return FamilyFit(
         values=np.asarray(solution.values),
         errors=errors,
         rms=float(np.sqrt(np.mean(deviation**2))),
@@ -153,7 +153,7 @@ def _standard_errors(
 
 def fit_family(
     family: Family, x: Float[np.ndarray, " n"], ratio: Float[np.ndarray, " n"]
-) -> _Fit:
+) -> FamilyFit:
     """Curve of a family through u / U at distances x, all parameters positive."""
     points = (np.asarray(x, float), np.asarray(ratio, float))
     fit = _least_squares(_residual(family.curve), np.log(family.guess), points)

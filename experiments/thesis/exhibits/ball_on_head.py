@@ -20,7 +20,7 @@ from jaxthermo.voxels.lattice import pixel_axes
 from ...harness.meshes import mesh_files
 from ...harness.present import colour_bar, thermal_tile
 from ..bodies import CONFIGS, planck
-from ..exhibit import Finding, Verdict, exhibit
+from ..exhibit import Finding, exhibit, judged
 
 
 TIMES = (0.0, 0.05, 2.0)
@@ -102,7 +102,7 @@ def ball_on_cool_head(quick: bool) -> Finding:
     is_right = is_flow and imbalance <= _MAX_IMBALANCE and warmed[2] > warmed[1] > 0
     half = height // 2
     return Finding(
-        Verdict.REPRODUCED if is_right else Verdict.CONTRADICTED,
+        judged(is_right),
         {
             "height_voxels": height,
             "half_height_voxels": half,
@@ -207,6 +207,10 @@ def _frames(run: _BallOnHead) -> Image.Image:
         image = jt.render(run.solution, camera, time)
         celsius = np.asarray(image.temperature) - ZERO_CELSIUS
         body = np.asarray(image.object_id) >= 0
-        tiles.append(thermal_tile(celsius, body, _SCALE, f"{TIMES[time]:g} s"))
+        tiles.append(
+            thermal_tile(
+                values=celsius, body=body, limits=_SCALE, name=f"{TIMES[time]:g} s"
+            )
+        )
     bar = colour_bar(*_SCALE, "temperature [°C]; the ball is above the scale")
     return sheet(tiles, bar, "A hot ball on a cool head")

@@ -1,7 +1,7 @@
 """5.3: two blocks in contact, against the closed form of two half-spaces."""
 
 from collections.abc import Sequence
-from typing import NamedTuple, TypedDict
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import erfcx
@@ -19,8 +19,8 @@ from ...verification.contacts import (
     resisted,
     two_bars,
 )
-from ..exhibit import Finding, Verdict, exhibit
-from ..line_chart import log_chart, point
+from ..exhibit import Finding, Numbers, exhibit, judged
+from ..line_chart import ALONE, CurvePoint, log_chart
 
 
 _TIMES = (0.1, 0.3, 1.0, 3.0, 10.0)
@@ -57,7 +57,7 @@ def _blocks_in_contact(_: bool) -> Finding:
         and overlap.elsewhere <= _MAX_IMBALANCE
     )
     return Finding(
-        Verdict.REPRODUCED if is_right else Verdict.CONTRADICTED,
+        judged(is_right),
         {
             "rows": rows,
             "worst_percent": worst,
@@ -83,23 +83,7 @@ def bonded_heat_through(time: float) -> float:
     return 2 * float(np.sqrt(time / np.pi) * STEEL.effusivity) * INTERFACE
 
 
-class _ContactRow(TypedDict):
-    """Temperatures and heat of two bars a time after they touch."""
-
-    contact: str
-    time_s: float
-    copper_C: float
-    steel_C: float
-    exact_C: list[float]
-    """Exact temperatures of both faces."""
-    heat_J_m2: float
-    heat_exact_J_m2: float
-    swap: float
-    """Difference between the heat lost and gained, over the heat [-]."""
-    error_percent: dict[str, float]
-
-
-def _contact_row(name: str, time: float) -> _ContactRow:
+def _contact_row(name: str, time: float) -> Numbers:
     is_bonded = name == _BONDED
     contact = jt.bonded if is_bonded else jt.Contact(CONDUCTANCE)
     bars = two_bars(contact, _FINE, time)
@@ -166,16 +150,23 @@ def offset_blocks() -> _Overlap:
     )
 
 
-def _chart(rows: Sequence[_ContactRow]) -> Chart:
+def _chart(rows: Sequence[Numbers]) -> Chart:
     curves = {_BONDED: bonded_heat_through, _RESISTING: heat_through}
     points = [
-        point(f"closed form, {name}", time, exact(time) / 1e3)
+        CurvePoint(curve=f"closed form, {name}", x=time, y=exact(time) / 1e3)
         for name, exact in curves.items()
         for time in _TIMES
     ]
     for row in rows:
         heat = row["heat_J_m2"] / 1e3
         text = f"{row['contact']}, {row['time_s']:g} s: {heat:.4g}"
-        points.append(point("found", row["time_s"], heat, text, mark=True))
+        points.append(
+            CurvePoint(curve="found", x=row["time_s"], y=heat, text=text, marks=ALONE)
+        )
     y_title = "heat through the contact [kJ/m²]"
-    return log_chart(points, "time [s]", y_title, "Copper at 100 °C on steel at 0 °C")
+    return log_chart(
+        points=points,
+        x_title="time [s]",
+        y_title=y_title,
+        title="Copper at 100 °C on steel at 0 °C",
+    )

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence, Set
 from functools import cache
 from itertools import combinations
-from typing import Any, NamedTuple, TypedDict
+from typing import Any, NamedTuple
 
 import numpy as np
 from PIL import Image
@@ -21,8 +21,8 @@ from jaxthermo.report.chart import Chart
 from jaxthermo.report.sheet import Legend, Tile, sheet
 
 from ...harness.timing import timed_call
-from ..exhibit import Finding, Verdict, exhibit
-from ..line_chart import log_chart, point
+from ..exhibit import Finding, Numbers, exhibit, judged
+from ..line_chart import CurvePoint, log_chart
 from ..shaded import camera_on, in_world, shaded
 
 
@@ -70,7 +70,7 @@ def _pairs_left_out(quick: bool) -> Finding:
     left = [row["after_views"] for row in rows]
     is_right = lost == 0 < touching and sharper > 0
     return Finding(
-        Verdict.REPRODUCED if is_right else Verdict.CONTRADICTED,
+        judged(is_right),
         {
             "rows": rows,
             "lost": lost,
@@ -115,21 +115,7 @@ def _is_shallow(a: PlacedGrid, b: PlacedGrid) -> bool:
     return True
 
 
-class PruningRow(TypedDict):
-    """Numbers of pairs that each stage leaves, and times."""
-
-    bodies: int
-    possible: int
-    after_boxes: int
-    after_views: int
-    touching: int
-    lost: int
-    broad_s: float
-    search_s: float
-    search_of_all_pairs_s: float
-
-
-def measure_pruning(count: int) -> tuple[PruningRow, _Pairs]:
+def measure_pruning(count: int) -> tuple[Numbers, _Pairs]:
     """Numbers of pairs after boxes, after views and after the search, with times."""
     bodies = _box_scene(count)
     # Once before the clock, for what is compiled.
@@ -144,7 +130,7 @@ def measure_pruning(count: int) -> tuple[PruningRow, _Pairs]:
     # The slow reference: every pair is searched, so that none can be lost.
     all_pairs = set(combinations(range(len(bodies)), 2))
     expected, slow_time = timed_call(lambda: touching(all_pairs))
-    row: PruningRow = {
+    row = {
         "bodies": len(bodies),
         "possible": broad.possible,
         "after_boxes": broad.overlapping_boxes,
@@ -183,8 +169,18 @@ def _picture(pairs: _Pairs) -> Image.Image:
 
 def _chart(rows: Sequence[Mapping[str, Any]]) -> Chart:
     points = [
-        point(name, row["bodies"], row[key], f"{row['bodies']} boxes: {row[key]} pairs")
+        CurvePoint(
+            curve=name,
+            x=row["bodies"],
+            y=row[key],
+            text=f"{row['bodies']} boxes: {row[key]} pairs",
+        )
         for key, name in _STAGES.items()
         for row in rows
     ]
-    return log_chart(points, "boxes in the scene", "pairs", "Pairs left to search")
+    return log_chart(
+        points=points,
+        x_title="boxes in the scene",
+        y_title="pairs",
+        title="Pairs left to search",
+    )

@@ -7,7 +7,7 @@ Nusselt numbers are of the round rod's diameter or the square one's width, in ai
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple, TypedDict
+from typing import NamedTuple
 
 import altair as alt
 import jax.numpy as jnp
@@ -21,12 +21,12 @@ from jaxthermo.flow.measures import mean_nusselt, nusselt_shape
 from jaxthermo.flow.run import FlowRun, simulate_flow
 from jaxthermo.flow.wake_runs import PRANDTL, wake_channel, wake_run, wake_setup
 from jaxthermo.physics.convection.nusselt import churchill_bernstein
-from jaxthermo.report.chart import Chart, legend
+from jaxthermo.report.chart import Chart
 from jaxthermo.report.sheet import Tile, enlarged, sheet
 
 from ...harness.present import colour_bar, thermal_tile
-from ..exhibit import Finding, Verdict, exhibit
-from ..line_chart import HEIGHT, SHADES, WIDTH, angle_axis
+from ..exhibit import Finding, Numbers, Verdict, exhibit, judged, rms
+from ..line_chart import DOT, SHADES, angle_axis, curve, curve_chart
 from ..nusselt import local_number, mean_number
 
 
@@ -63,7 +63,7 @@ class RoundRod(NamedTuple):
     @property
     def rms(self) -> float:
         """RMS difference around the rod over the mean of the flow [-]."""
-        return float(np.sqrt(np.mean((self.closure - self.flow) ** 2))) / self.flow_mean
+        return rms(self.closure - self.flow) / self.flow_mean
 
 
 class SquareRod(NamedTuple):
@@ -102,14 +102,15 @@ def _number_and_flow(quick: bool) -> Finding:
     passes = 2.0 if quick else 3.0
     rounds: list[RoundRod] = []
     squares: list[SquareRod] = []
-    rows: list[dict[str, float | str]] = []
+    rows = []
     for reynolds in (20.0,) if quick else (20.0, 40.0):
         for cells in lattices:
             rod = _round_rod(reynolds, cells, passes)
             box = _square_rod(reynolds, cells, passes)
+            lattice = {"Re": reynolds, "cells": cells}
             rows += [
-                {"Re": reynolds, "cells": cells, **row}
-                for row in (*_round_rows(rod), *_square_rows(box))
+                {**lattice, "what": name, "flow": flow, "closure": closure}
+                for name, flow, closure in (*_round_rows(rod), *_square_rows(box))
             ]
         # Of the finest lattice.
         rounds.append(rod)
@@ -125,25 +126,11 @@ def _number_and_flow(quick: bool) -> Finding:
     )
 
 
-class ClosureNumbers(TypedDict):
-    """Largest errors of the number in place of a flow [-], and where they are."""
-
-    round_rms: float
-    round_mean: float
-    square_worst: float
-    square_face: str
-    square_reynolds: float
-    square_total: float
-    updates: int
-    """Updates of cells in the run of the last round rod."""
-    errors: list[dict[str, str | float]]
-
-
 def judge(
     rounds: Sequence[RoundRod], squares: Sequence[SquareRod]
-) -> tuple[Verdict, ClosureNumbers]:
+) -> tuple[Verdict, Numbers]:
     """Verdict on the number in place of the flow, with the largest errors."""
-    rms = max(rod.rms for rod in rounds)
+    round_rms = max(rod.rms for rod in rounds)
     mean = max((rod.closure_mean / rod.flow_mean - 1 for rod in rounds), key=abs)
     worst, face, reynolds = max(
         (
@@ -154,14 +141,12 @@ def judge(
         key=lambda item: abs(item[0]),
     )
     total = max((box.mean_error for box in squares), key=abs)
-    if max(rms, abs(mean)) >= _MAX_ERROR:
-        verdict = Verdict.CONTRADICTED
-    else:
-        holds = max(abs(worst), abs(total)) < _MAX_ERROR
-        verdict = Verdict.REPRODUCED if holds else Verdict.DIFFERENT
+    round_holds = max(round_rms, abs(mean)) < _MAX_ERROR
+    square_holds = max(abs(worst), abs(total)) < _MAX_ERROR
+    verdict = judged(round_holds and square_holds, different=round_holds)
     height, width = rounds[-1].run.channel.shape
     return verdict, {
-        "round_rms": rms,
+        "round_rms": round_rms,
         "round_mean": mean,
         "square_worst": worst,
         "square_face": face,
@@ -261,68 +246,43 @@ def _hit_places(solid: Bool[np.ndarray, "y x"]) -> tuple[np.ndarray, np.ndarray]
     )
 
 
-class _RodRow(TypedDict):
-    """A Nusselt number in the flow, and the one in its place."""
-
-    what: str
-    flow: float
-    closure: float
+_Row = tuple[str, float, float]
+"""Name of a Nusselt number, that of the flow, and the one in its place."""
 
 
-def _round_rows(rod: RoundRod) -> list[_RodRow]:
+def _round_rows(rod: RoundRod) -> list[_Row]:
     rows = [
-        ("mean", rod.flow_mean, rod.closure_mean),
-        ("Churchill-Bernstein", rod.flow_mean, rod.correlation_mean),
+        ("round rod, mean", rod.flow_mean, rod.closure_mean),
+        ("round rod, Churchill-Bernstein", rod.flow_mean, rod.correlation_mean),
     ]
     for degrees in FACES.values():
         index = int(np.flatnonzero(degrees == DEGREES)[0])
-        rows.append((f"{degrees:g}°", rod.flow[index], rod.closure[index]))
-    return [
-        {"what": f"round rod, {where}", "flow": flow, "closure": closure}
-        for where, flow, closure in rows
-    ]
-
-
-def _square_rows(box: SquareRod) -> list[_RodRow]:
-    flow, closure = box.means
-    rows: list[_RodRow] = [
-        {"what": "square rod, mean", "flow": flow, "closure": closure}
-    ]
-    for face in FACES:
-        rows.append(
-            {
-                "what": f"square rod, {face}",
-                "flow": box.flow[face],
-                "closure": box.closure[face],
-            }
-        )
+        name = f"round rod, {degrees:g}°"
+        rows.append((name, rod.flow[index], rod.closure[index]))
     return rows
 
 
+def _square_rows(box: SquareRod) -> list[_Row]:
+    rows = [
+        (f"square rod, {face}", box.flow[face], box.closure[face]) for face in FACES
+    ]
+    return [("square rod, mean", *box.means), *rows]
+
+
 def _chart(rounds: Sequence[RoundRod]) -> Chart:
-    names = [f"Re {rod.reynolds:g}" for rod in rounds]
-    scale = alt.Scale(domain=names, range=[*SHADES[1:5:2]][: len(names)])
-    layers = []
-    for numbers in ("closure", "flow"):
-        points = [
-            {"angle": float(degrees), "value": float(value), "Re": name}
-            for rod, name in zip(rounds, names, strict=True)
-            for degrees, value in zip(DEGREES, getattr(rod, numbers), strict=True)
-            # Points every 15 degrees, which one can tell from the line.
-            if numbers == "closure" or degrees % 15 == 0
-        ]
-        layers.append(
-            alt.Chart(alt.Data(values=points)).encode(
-                x=angle_axis(),
-                y=alt.Y("value:Q", title="local Nusselt number"),
-                color=alt.Color("Re:N", scale=scale, sort=names, legend=legend()),
-            )
-        )
-    closure, flow = layers
-    dots = flow.mark_point(filled=True, size=60, opacity=1)
-    chart = alt.layer(closure.mark_line(strokeWidth=2), dots)
-    title = "Round rod in air: number and flow"
-    return chart.properties(width=WIDTH, height=HEIGHT, title=title)
+    points = []
+    for rod in rounds:
+        name = f"Re {rod.reynolds:g}"
+        points += curve(name, DEGREES, rod.closure)
+        # Dots every 15 degrees, which one can tell from the line.
+        points += curve(name, DEGREES, rod.flow, every=5, marks=DOT)
+    return curve_chart(
+        points=points,
+        x=angle_axis(),
+        y=alt.Y("y:Q", title="local Nusselt number"),
+        title="Round rod in air: number and flow",
+        colours=SHADES[1:5:2],
+    )
 
 
 def _picture(round_run: FlowRun, square_run: FlowRun) -> Image.Image:
@@ -344,4 +304,4 @@ def _air(run: FlowRun, name: str) -> Tile:
         enlarged(values[window][::-1, :, None], _EDGE)[..., 0]
         for values in (np.asarray(run.mean.temperature, float), solid)
     )
-    return thermal_tile(temperature, ~body, (0.0, 1.0), name)
+    return thermal_tile(values=temperature, body=~body, limits=(0.0, 1.0), name=name)

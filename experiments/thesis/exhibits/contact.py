@@ -1,41 +1,45 @@
-"""5.3: areas of contact by resolution and threshold, and the textures behind them."""
+"""5.3: areas of contact by resolution and threshold, and the textures behind them.
+
+The thesis compares depths texel by texel: a texel of A is in contact if B, rendered
+along the same axis into A's pixels, has a depth within a threshold of its own. The
+library follows 4 x 4 rays for each voxel through both bodies, and requires that the
+surfaces face each other, for a distance normal to them. Closed forms judge both.
+"""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Bool
 from PIL import Image
 
+import jaxthermo as jt
+from jaxthermo.geometry.shapes import box, cylinder, sphere
 from jaxthermo.physics.contact.rays import PlacedGrid
+from jaxthermo.physics.contact.search import find_contacts
+from jaxthermo.raster.fragments import DepthLayers, peel
 from jaxthermo.report.chart import Chart
 from jaxthermo.report.sheet import Legend, Tile, enlarged, sheet
+from jaxthermo.voxels.lattice import pixel_axes
 from jaxthermo.voxels.textures import depth_colours, packed_images
 
-from ..contact import (
-    BALL,
-    BALL_VOXEL,
-    COARSE,
-    CYLINDERS,
-    FIXED,
-    SHOWN,
-    ContactRow,
-    Touching,
-    ball_on_plate,
-    by_resolution,
-    by_threshold,
-    cap_area,
-    contact_areas,
-    rendered,
-    touching_texels,
-    two_cylinders,
-)
-from ..exhibit import Finding, Verdict, exhibit
-from ..line_chart import log_chart, point
+from ..exhibit import Finding, Numbers, exhibit, judged
+from ..line_chart import ALONE, CurvePoint, log_chart
 from ..shaded import BODIES, box_corners, camera_on, in_world, shaded, with_box
 
 
+# Voxels across: the coarse resolution of the thesis.
+_COARSE = 16
+# Voxels across in pictures.
+_SHOWN = 64
+# Threshold that stays at all resolutions [radii]: convergence shows only there.
+_FIXED = 1 / 16
+_CYLINDERS = "cylinders"
+_BALL = "ball on a plate"
+_BALL_VOXEL = "ball on a plate, within a voxel"
+_THRESHOLDS = (1 / 64, 1 / 32, _FIXED, 1 / 8, 1 / 4)
 # Voxels across.
-_QUICK = (8, COARSE, 32, SHOWN)
+_QUICK = (8, _COARSE, 32, _SHOWN)
 _FULL = (*_QUICK, 128, 256)
 # Largest error of an area at the finest resolution [%].
 _MAX_ERROR_PERCENT = 2.0
@@ -51,28 +55,35 @@ _LEGEND = Legend(
 )
 
 
+class Touching(NamedTuple):
+    """Two bodies that touch, as voxels."""
+
+    a: PlacedGrid
+    b: PlacedGrid
+
+
 @exhibit("figure-5.4", "5.3, figure 5.4")
 def _areas_of_contact(quick: bool) -> Finding:
     """Find the contact of two cylinders and of a ball on a plate."""
     resolutions = _QUICK if quick else _FULL
     rows = by_resolution(resolutions)
     thresholds = by_threshold()
-    lens = [row for row in rows if row["case"] == CYLINDERS]
-    disc = [row for row in rows if row["case"] == BALL]
-    within_voxel = [row for row in rows if row["case"] == BALL_VOXEL]
+    lens = [row for row in rows if row["case"] == _CYLINDERS]
+    disc = [row for row in rows if row["case"] == _BALL]
+    within_voxel = [row for row in rows if row["case"] == _BALL_VOXEL]
     worst = max(
         abs(row["error_percent"][method])
         for row in (lens[-1], disc[-1])
         for method in _METHODS
     )
-    grid = two_cylinders(SHOWN).a.grid
-    coarse = next(row for row in disc if row["voxels_across"] == COARSE)
+    grid = two_cylinders(_SHOWN).a.grid
+    coarse = next(row for row in disc if row["voxels_across"] == _COARSE)
     # Of a plate thinner than the threshold.
-    thin = contact_areas(ball_on_plate(SHOWN, FIXED, FIXED / 2), FIXED)
+    thin = contact_areas(ball_on_plate(_SHOWN, _FIXED, _FIXED / 2), _FIXED)
     two_sided = coarse["texels_b"] / coarse["texels_a"]
     return Finding(
         # Areas are found, but hang on a threshold.
-        Verdict.DIFFERENT if worst < _MAX_ERROR_PERCENT else Verdict.CONTRADICTED,
+        judged(False, different=worst < _MAX_ERROR_PERCENT),
         {
             "by_resolution": rows,
             "by_threshold": thresholds,
@@ -82,12 +93,12 @@ def _areas_of_contact(quick: bool) -> Finding:
             "compared": len(grid.fragment_area) / grid.solid_count,
             "two_sided": two_sided,
             "two_sided_difference": abs(two_sided - 1),
-            "thin_plate_over_exact": thin.texels_b / cap_area(FIXED),
+            "thin_plate_over_exact": thin.texels_b / cap_area(_FIXED),
         },
         {
             "figure-5.4": _cylinder_textures(),
             "figure-5.4-plate": _plate_textures(
-                sorted({COARSE, SHOWN, resolutions[-1]})
+                sorted({_COARSE, _SHOWN, resolutions[-1]})
             ),
             "figure-5.4-error": _error_chart(lens + disc),
             "figure-5.4-threshold": _threshold_chart(thresholds),
@@ -95,42 +106,55 @@ def _areas_of_contact(quick: bool) -> Finding:
     )
 
 
-def _error_chart(rows: Sequence[ContactRow]) -> Chart:
+def _error_chart(rows: Sequence[Numbers]) -> Chart:
     points = [
-        point(
-            f"{row['case']}, {method}",
-            row["voxels_across"],
-            abs(row["error_percent"][key]),
-            f"{row['voxels_across']} voxels: {row['error_percent'][key]:+.2g} %",
+        CurvePoint(
+            curve=f"{row['case']}, {method}",
+            x=row["voxels_across"],
+            y=abs(row["error_percent"][key]),
+            text=f"{row['voxels_across']} voxels: {row['error_percent'][key]:+.2g} %",
         )
         for row in rows
         for key, method in _METHODS.items()
     ]
     title = "Area of contact against the closed form"
-    return log_chart(points, "voxels across", "error of the area [%]", title)
+    return log_chart(
+        points=points,
+        x_title="voxels across",
+        y_title="error of the area [%]",
+        title=title,
+    )
 
 
-def _threshold_chart(rows: Sequence[ContactRow]) -> Chart:
+def _threshold_chart(rows: Sequence[Numbers]) -> Chart:
     closed_forms = []
     by_rays = []
     for row in rows:
         threshold = row["threshold"]
         text = f"{row['case']}: {row['rays']:.4f}"
         closed_forms.append(
-            point(f"{row['case']}, closed form", threshold, row["exact"])
+            CurvePoint(curve=f"{row['case']}, closed form", x=threshold, y=row["exact"])
         )
-        by_rays.append(point("found by rays", threshold, row["rays"], text, mark=True))
+        by_rays.append(
+            CurvePoint(
+                curve="found by rays",
+                x=threshold,
+                y=row["rays"],
+                text=text,
+                marks=ALONE,
+            )
+        )
     return log_chart(
-        closed_forms + by_rays,
-        "threshold of depth / radius",
-        "area of contact / radius²",
-        "Area of contact over the threshold",
+        points=closed_forms + by_rays,
+        x_title="threshold of depth / radius",
+        y_title="area of contact / radius²",
+        title="Area of contact over the threshold",
     )
 
 
 def _cylinder_textures() -> Image.Image:
     """The steps of the figure, from the bodies to the texture of A."""
-    touching = two_cylinders(SHOWN)
+    touching = two_cylinders(_SHOWN)
     a, b = touching
     grid = a.grid
     height = grid.lattice.to_cells(grid.fragment_position)[:, 2]
@@ -146,7 +170,7 @@ def _cylinder_textures() -> Image.Image:
         Tile(enlarged(of_b[::-1, ::-1], _EDGE), "B in the box of A", "depth, first"),
         _texture_tile(a, texels, "texture T_A"),
     ]
-    title = f"Two cylinders in contact, {SHOWN} voxels across"
+    title = f"Two cylinders in contact, {_SHOWN} voxels across"
     return sheet(tiles, _LEGEND, title, columns=4)
 
 
@@ -174,8 +198,193 @@ def _plate_textures(resolutions: Sequence[int]) -> Image.Image:
     """The texture of a plate under a ball, at several resolutions."""
     tiles = []
     for voxels in resolutions:
-        ball, plate = ball_on_plate(voxels, FIXED)
-        texels = touching_texels(plate, ball, FIXED)
+        ball, plate = ball_on_plate(voxels, _FIXED)
+        texels = touching_texels(plate, ball, _FIXED)
         tiles.append(_texture_tile(plate, texels, f"{voxels} voxels across the ball"))
     title = "Texture of a plate under a ball, within 1/16 of its radius"
     return sheet(tiles, _LEGEND, title)
+
+
+def ball_on_plate(
+    voxels: int, max_threshold: float, thickness: float | None = None
+) -> Touching:
+    """A ball of radius 1 on a plate, both of voxels of which so many are its diameter.
+
+    Args:
+        voxels: across the ball.
+        max_threshold: largest one that the plate is wide enough for.
+        thickness: of the plate; thicker than the threshold if None.
+    """
+    pitch = 2.0 / voxels
+    # The facets stay well under a voxel.
+    mesh = sphere(1.0, min(int(np.log2(voxels)) + 1, 7))
+    width = 2.2 * float(np.sqrt(2 * max_threshold)) + 4 * pitch
+    thickness = 4 * pitch + max_threshold if thickness is None else thickness
+    plate = _grid(box((width, width, thickness)), pitch)
+    # Off the lattice's symmetry, where errors of opposite fragments would cancel.
+    position = (0.013 * pitch, 0.21 * pitch, -float(mesh.bounds[0, 2]))
+    return Touching(
+        PlacedGrid(_grid(mesh, pitch), jt.Pose(position), "ball"),
+        PlacedGrid(plate, jt.Pose((0.0, 0.0, -thickness / 2)), "plate"),
+    )
+
+
+def cap_area(threshold: float) -> float:
+    """Area of a plane that is nearer than a threshold to a unit ball on it."""
+    return float(np.pi * (1 - (1 - threshold) ** 2))
+
+
+_OFFSET = 0.9
+"""Distance of the axes of two cylinders along x, over the radius."""
+_CYLINDER_HEIGHT = 0.6
+
+
+def two_cylinders(voxels: int) -> Touching:
+    """Upright cylinders of radius 1, B on top of A and moved along x."""
+    pitch = 2.0 / voxels
+    grid = _grid(cylinder(1.0, _CYLINDER_HEIGHT, 512), pitch)
+    # Off the symmetry of A's lattice by fractions of a voxel.
+    position = (_OFFSET + 0.013 * pitch, 0.21 * pitch, _CYLINDER_HEIGHT)
+    return Touching(
+        PlacedGrid(grid, jt.Pose(), "A"), PlacedGrid(grid, jt.Pose(position), "B")
+    )
+
+
+def lens_area(touching: Touching) -> float:
+    """Area that two circles of radius 1 have in common."""
+    x, y, _ = touching.b.pose.translation
+    half = float(np.hypot(x, y)) / 2
+    return float(2 * (np.arccos(half) - half * np.sqrt(1 - half * half)))
+
+
+def _grid(mesh: jt.Mesh, pitch: float) -> jt.VoxelGrid:
+    # One fragment a texel, as the thesis stores them.
+    return jt.voxelize(mesh, pitch, "dominant_axis")
+
+
+def rendered(a: PlacedGrid, b: PlacedGrid, axis: int) -> DepthLayers:
+    """Depth layers of B in the pixels of A's lattice along an axis, in cells."""
+    lattice = a.grid.lattice
+    corners = lattice.to_cells(a.pose.to_body(b.pose.to_world(b.grid.mesh.vertices)))
+    row_axis, column_axis = pixel_axes(axis)
+    frame = corners[b.grid.mesh.faces][..., [column_axis, row_axis, axis]]
+    return peel(
+        np.ascontiguousarray(frame), lattice.shape[column_axis], lattice.shape[row_axis]
+    )
+
+
+def touching_texels(
+    a: PlacedGrid, b: PlacedGrid, threshold: float
+) -> Bool[np.ndarray, " s"]:
+    """Texels of A with a depth of B within a threshold [m] of theirs (5.3)."""
+    grid = a.grid
+    is_touching = np.zeros(len(grid.fragment_area), bool)
+    cells = grid.lattice.to_cells(grid.fragment_position)
+    within = threshold / a.pitch
+    for axis in range(3):
+        layers = rendered(a, b, axis)
+        texels = np.flatnonzero(grid.fragment_axis == axis)
+        if not len(layers.depth) or not len(texels):
+            continue
+        row, column = (
+            np.floor(cells[texels, across]).astype(np.int64)
+            for across in pixel_axes(axis)
+        )
+        depth = cells[texels, axis]
+        low = min(depth.min(), layers.depth.min()) - within
+        # Pixel and depth as one number, which B's layers are sorted by.
+        span = max(depth.max(), layers.depth.max()) + within - low + 1
+        of_b = layers.pixel * span + (layers.depth - low)
+        of_a = (row * layers.width + column) * span + (depth - low)
+        first = np.searchsorted(of_b, of_a - within, "left")
+        is_touching[texels] = np.searchsorted(of_b, of_a + within, "right") > first
+    return is_touching
+
+
+class Areas(NamedTuple):
+    """Area of contact in square radii, by texels of either body and by rays."""
+
+    texels_a: float
+    """Texels of A in contact times the square of a voxel's edge, as in the thesis."""
+    texels_b: float
+    """Texels of B in contact times the square of a voxel's edge."""
+    rays: float
+    """The library's area, one for both bodies."""
+
+
+def contact_areas(touching: Touching, threshold: float) -> Areas:
+    """Areas of contact within a threshold [radii]."""
+    a, b = touching
+    return Areas(
+        texels_a=float(touching_texels(a, b, threshold).sum()) * a.pitch**2,
+        texels_b=float(touching_texels(b, a, threshold).sum()) * a.pitch**2,
+        rays=float(find_contacts(a, b, threshold).area.sum()),
+    )
+
+
+def _row(
+    case: str,
+    *,
+    voxels: int,
+    threshold: float,
+    exact: float,
+    areas: Areas,
+) -> Numbers:
+    error_percent = {
+        name: 100 * (area / exact - 1) for name, area in areas._asdict().items()
+    }
+    return {
+        "case": case,
+        "voxels_across": voxels,
+        "threshold": threshold,
+        "exact": exact,
+        **areas._asdict(),
+        "error_percent": error_percent,
+    }
+
+
+def _ball_row(
+    case: str, touching: Touching, *, voxels: int, threshold: float
+) -> Numbers:
+    return _row(
+        case,
+        voxels=voxels,
+        threshold=threshold,
+        exact=cap_area(threshold),
+        areas=contact_areas(touching, threshold),
+    )
+
+
+def by_resolution(resolutions: Sequence[int]) -> list[Numbers]:
+    """Areas of all cases within one voxel and within a fixed threshold."""
+    rows = []
+    for voxels in resolutions:
+        pitch = 2.0 / voxels
+        rows.append(_cylinder_row(voxels, pitch))
+        ball = ball_on_plate(voxels, max(pitch, _FIXED))
+        for case, threshold in ((_BALL, _FIXED), (_BALL_VOXEL, pitch)):
+            row = _ball_row(case, ball, voxels=voxels, threshold=threshold)
+            rows.append(row)
+    return rows
+
+
+def _cylinder_row(voxels: int, threshold: float) -> Numbers:
+    touching = two_cylinders(voxels)
+    return _row(
+        _CYLINDERS,
+        voxels=voxels,
+        threshold=threshold,
+        exact=lens_area(touching),
+        areas=contact_areas(touching, threshold),
+    )
+
+
+def by_threshold() -> list[Numbers]:
+    """Areas at the resolution of pictures within several thresholds."""
+    ball = ball_on_plate(_SHOWN, max(_THRESHOLDS))
+    rows = []
+    for threshold in _THRESHOLDS:
+        row = _ball_row(_BALL, ball, voxels=_SHOWN, threshold=threshold)
+        rows.append(row)
+        rows.append(_cylinder_row(_SHOWN, threshold))
+    return rows

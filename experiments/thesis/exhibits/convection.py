@@ -1,7 +1,6 @@
 """5.4: the local Nusselt number around a cylinder, and the choice of its average."""
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import altair as alt
 import jax
@@ -12,8 +11,8 @@ from jaxtyping import Float
 from jaxthermo.physics.convection.nusselt import AVERAGES, profile
 from jaxthermo.report.chart import Chart, LogAxis
 
-from ..exhibit import Finding, Verdict, exhibit
-from ..line_chart import HEIGHT, SHADES, WIDTH, angle_axis
+from ..exhibit import Finding, Numbers, Verdict, exhibit
+from ..line_chart import DOT, SHADES, CurvePoint, angle_axis, curve, curve_chart
 from ..nusselt import (
     DEGREES,
     FAST,
@@ -53,58 +52,52 @@ def _local_nusselt_number(_: bool) -> Finding:
         {
             "local-fast": _local_chart(FAST, fast_title),
             "local-slow": _local_chart(_SLOW, "Slow flow, Pr 0.71"),
-            "local-shape": _curves(
-                _SHAPES,
-                lambda re: local_number(DEGREES, re) / mean_number(re),
+            "local-shape": _chart(
+                _curves(_SHAPES, over_mean=True),
                 "local over average Nusselt number",
-            ).properties(
-                width=WIDTH, height=HEIGHT, title="The shape by Reynolds number"
+                "The shape by Reynolds number",
             ),
         },
     )
 
 
+def _curves(numbers: Sequence[float], *, over_mean: bool = False) -> list[CurvePoint]:
+    """A line of the local number for each Reynolds number."""
+    points = []
+    for reynolds in numbers:
+        scale = mean_number(reynolds) if over_mean else 1.0
+        local = local_number(DEGREES, reynolds) / scale
+        points += curve(_name(reynolds), DEGREES, local)
+    return points
+
+
 def _local_chart(numbers: Sequence[float], title: str) -> Chart:
     """Curves of the local Nusselt number and the points they were made from."""
     text = "Re {Re}, {theta_deg} degrees: Nu {Nu}, {provenance}"
-    points = [
-        {
-            "Re": _name(float(row["Re"])),
-            "angle": float(row["theta_deg"]),
-            "value": float(row["Nu"]),
-            "text": text.format_map(row),
-        }
+    dots = [
+        CurvePoint(
+            curve=_name(float(row["Re"])),
+            x=float(row["theta_deg"]),
+            y=float(row["Nu"]),
+            text=text.format_map(row),
+            marks=DOT,
+        )
         for row in tabulated()
         # The computed ones stand every five degrees, which is more than one can see.
         if float(row["Re"]) in numbers
         and (row["provenance"] != "computed" or float(row["theta_deg"]) % 15 == 0)
     ]
-    curves = _curves(
-        numbers, lambda re: local_number(DEGREES, re), "local Nusselt number"
-    )
-    dots = curves.mark_point(filled=True, size=38, opacity=1)
-    dots = dots.encode(description="text:N").properties(data=alt.Data(values=points))
-    return alt.layer(curves, dots).properties(width=WIDTH, height=HEIGHT, title=title)
+    return _chart([*_curves(numbers), *dots], "local Nusselt number", title)
 
 
-def _curves(
-    numbers: Sequence[float],
-    values: Callable[[float], Float[np.ndarray, " a"]],
-    y_title: str,
-) -> alt.Chart:
-    """A line for each Reynolds number over the angle from the front."""
-    lines = [
-        {"Re": _name(reynolds), "angle": float(degrees), "value": float(value)}
-        for reynolds in numbers
-        for degrees, value in zip(DEGREES, values(reynolds), strict=True)
-    ]
-    names = [_name(reynolds) for reynolds in numbers]
-    scale = alt.Scale(domain=names, range=[*SHADES, "#7a7f89"][: len(names)])
-    chart = alt.Chart(alt.Data(values=lines)).mark_line(strokeWidth=2)
-    return chart.encode(
+def _chart(points: Sequence[CurvePoint], y_title: str, title: str) -> Chart:
+    return curve_chart(
+        points=points,
         x=angle_axis(),
-        y=alt.Y("value:Q", title=y_title),
-        color=alt.Color("Re:N", title="Re", scale=scale, sort=None),
+        y=alt.Y("y:Q", title=y_title),
+        title=title,
+        colours=(*SHADES, "#7a7f89"),
+        legend_title="Re",
     )
 
 
@@ -133,7 +126,7 @@ def _averages(reynolds: Sequence[float]) -> Float[np.ndarray, "correlations re"]
         return np.asarray(_all_averages(np.asarray(reynolds, float)))
 
 
-def measure_averages() -> list[dict[str, Any]]:
+def measure_averages() -> list[Numbers]:
     """The three averages at each Reynolds number, and those out of their range."""
     return [
         {
@@ -157,19 +150,19 @@ def _average_chart() -> Chart:
     """The averages over Churchill and Bernstein's."""
     reynolds = np.geomspace(1.0, 2.5e5, 241)
     numbers = _averages(reynolds.tolist())
-    points = [
-        {"Re": float(re), "share": float(number / base), "label": average.name}
-        for average, row in zip(AVERAGES, numbers, strict=True)
-        for re, number, base in zip(reynolds, row, numbers[0], strict=True)
+    points = []
+    for average, row in zip(AVERAGES, numbers, strict=True):
         # Far below its range a correlation says nothing.
-        if re >= average.min_reynolds / 20 or average.nusselt is profile
-    ]
-    x = LogAxis([row["Re"] for row in points], "Reynolds number")
-    scale = alt.Scale(domain=[a.name for a in AVERAGES], range=list(_COLOURS))
-    y_scale = alt.Scale(zero=False)
-    chart = alt.Chart(alt.Data(values=points)).mark_line(strokeWidth=2)
-    return chart.encode(
-        x=alt.X(**x.channel("Re")),
-        y=alt.Y("share:Q", title="average over churchill_bernstein", scale=y_scale),
-        color=alt.Color("label:N", title=None, scale=scale, sort=None),
-    ).properties(width=WIDTH, height=300, title="Three averages")
+        lowest = 0.0 if average.nusselt is profile else average.min_reynolds / 20
+        is_shown = reynolds >= lowest
+        share = row / numbers[0]
+        points += curve(average.name, reynolds[is_shown], share[is_shown])
+    x = LogAxis(reynolds.tolist(), "Reynolds number")
+    y_title = "average over churchill_bernstein"
+    return curve_chart(
+        points=points,
+        x=alt.X(**x.channel("x")),
+        y=alt.Y("y:Q", title=y_title, scale=alt.Scale(zero=False)),
+        title="Three averages",
+        colours=_COLOURS,
+    )

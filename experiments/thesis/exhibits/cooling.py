@@ -1,15 +1,15 @@
 """5.4: bodies in wind cool by the direction of their normals."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypedDict
+from typing import Any
 
 import altair as alt
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from PIL import Image
+from scipy.stats import rankdata
 
 import jaxthermo as jt
 from jaxthermo.geometry.shapes import cylinder
@@ -22,8 +22,8 @@ from jaxthermo.voxels.cylinders import cylinder_parts
 
 from ...harness.present import colour_bar, thermal_tile
 from ..bodies import buddha
-from ..exhibit import Finding, Verdict, exhibit
-from ..line_chart import HEIGHT, SHADES, WIDTH, angle_axis
+from ..exhibit import Finding, Numbers, exhibit, judged
+from ..line_chart import LINE_AND_DOT, SHADES, angle_axis, curve, curve_chart
 from ..nusselt import local_number
 
 
@@ -50,41 +50,48 @@ def _cooling_by_normal(quick: bool) -> Finding:
     """Cool a cylinder and the statue in wind."""
     height = 60 if quick else 160
     across = 24 if quick else 48
-    drum = cylinder_in_wind(across)
     statue = _InWind(buddha().name, buddha().grid(height))
-    runs = {case.name: case.run(_wind()) for case in (drum, statue)}
-    orders = {
-        case.name: _cooled_order(case, runs[case.name]) for case in (drum, statue)
-    }
-    choices = _compare_choices(drum, runs[drum.name])
-    by_wind = choices[0]["side_range_K"]
-    by_fixed = choices[-1]["side_range_K"]
-    weakest = {
-        name: max(row["rank_correlation"] for row in order["order"])
-        for name, order in orders.items()
-    }
-    follows = weakest[drum.name] <= _ORDERED and by_fixed < 0.1 * by_wind
-    if follows:
-        verdict = Verdict.REPRODUCED
-    else:
-        is_reversed = weakest[drum.name] > 0
-        verdict = Verdict.CONTRADICTED if is_reversed else Verdict.DIFFERENT
+    cases = {"cylinder": cylinder_in_wind(across), "statue": statue}
+    runs = {word: case.run(_wind()) for word, case in cases.items()}
+    numbers: dict[str, Numbers] = {}
+    weakest = {}
     pictures: dict[str, Image.Image | Chart] = {}
-    for word, case in (("cylinder", drum), ("statue", statue)):
-        name = f"figure-5.8-{word}"
-        pictures[name] = _cooling_sheet(case, runs[case.name])
-        pictures[f"{name}-angle"] = _cooling_chart(orders[case.name], case.name)
+    for word, case in cases.items():
+        solution = runs[word]
+        order = _side_order(case, solution)
+        weakest[word] = max(row["rank_correlation"] for row in order)
+        sectors = case.by_sector(solution.surface_temperature)
+        local = case.local_numbers()
+        numbers[case.name] = numbers[word] = {
+            "speed_m_s": _SPEED,
+            "Re": case.reynolds,
+            "times_s": _SAVED,
+            "sector_middle_deg": _MIDDLE,
+            "temperature_K": sectors,
+            "local_number": local,
+            "largest_number_deg": _MIDDLE[local.argmax()],
+            "smallest_number_deg": _MIDDLE[local.argmin()],
+            "order": order,
+        }
+        pictures[f"figure-5.8-{word}"] = _cooling_sheet(case, solution)
+        pictures[f"figure-5.8-{word}-angle"] = _cooling_chart(sectors, case.name)
+    choices = _compare_choices(cases["cylinder"], runs["cylinder"])
+    by_wind, *_, by_fixed = (row["side_range_K"] for row in choices.values())
+    on_cylinder = weakest["cylinder"]
+    order = numbers["cylinder"]["order"]
     return Finding(
-        verdict,
+        judged(
+            on_cylinder <= _ORDERED and by_fixed < 0.1 * by_wind,
+            different=on_cylinder <= 0,
+        ),
         {
-            **orders,
-            "statue": orders[statue.name],
+            **numbers,
             "mesh": statue.name,
             "sizes": [across, height],
-            "weakest_on_cylinder": weakest[drum.name],
-            "weakest_on_statue": weakest[statue.name],
-            "peak": max(orders[drum.name]["order"], key=lambda row: row["range_K"]),
-            "choices": choices,
+            "weakest_on_cylinder": on_cylinder,
+            "weakest_on_statue": weakest["statue"],
+            "peak": max(order, key=lambda row: row["range_K"]),
+            "choices": [{"name": name, **row} for name, row in choices.items()],
             "ranges_K": [by_fixed, by_wind],
         },
         pictures,
@@ -153,82 +160,33 @@ def _wind(average: str = AVERAGES[0].name) -> jt.Wind:
     return jt.Wind((_SPEED, 0.0, 0.0), _AIR, average=average)
 
 
-class _SideOrder(TypedDict):
-    """Temperatures around the side against the local number, at one time."""
-
-    time_s: float
-    mean_K: float
-    range_K: float
-    correlation: float
-    rank_correlation: float
-    coldest_deg: float
-    warmest_deg: float
-
-
-class _CooledOrder(TypedDict):
-    """Temperatures of a side by angle beside the local numbers there."""
-
-    speed_m_s: float
-    Re: float
-    times_s: list[float]
-    sector_middle_deg: list[float]
-    temperature_K: list[list[float]]
-    local_number: list[float]
-    largest_number_deg: float
-    smallest_number_deg: float
-    order: list[_SideOrder]
-    """One row for each saved time after the start."""
-
-
-class _ChoiceRow(TypedDict):
-    """Temperatures with one choice of the heat transfer."""
-
-    name: str
-    mean_K: float
-    side_lowest_K: float
-    side_highest_K: float
-    side_range_K: float
-
-
-def _cooled_order(case: _InWind, solution: jt.Solution) -> _CooledOrder:
-    """Temperatures of the side by angle, and how they follow the local number."""
-    sectors = case.by_sector(solution.surface_temperature)
+def _side_order(case: _InWind, solution: jt.Solution) -> list[dict[str, float]]:
+    """Correlation of the side's temperatures with the local number, at each time."""
     local = case.local_numbers()
-    return {
-        "speed_m_s": _SPEED,
-        "Re": case.reynolds,
-        "times_s": list(_SAVED),
-        "sector_middle_deg": _MIDDLE.tolist(),
-        "temperature_K": sectors.tolist(),
-        "local_number": local.tolist(),
-        "largest_number_deg": float(_MIDDLE[local.argmax()]),
-        "smallest_number_deg": float(_MIDDLE[local.argmin()]),
-        # At the start the side is even.
-        "order": [
+    sectors = case.by_sector(solution.surface_temperature)
+    rows = []
+    # At the start the side is even.
+    for index in range(1, len(_SAVED)):
+        kelvin = sectors[index]
+        rows.append(
             {
-                "time_s": time,
+                "time_s": _SAVED[index],
                 "mean_K": float(solution.mean_temperature[index, 0]),
-                "range_K": float(np.ptp(sectors[index])),
-                "correlation": _correlation(sectors[index], local),
-                "rank_correlation": _correlation(_ranks(sectors[index]), _ranks(local)),
-                "coldest_deg": float(_MIDDLE[sectors[index].argmin()]),
-                "warmest_deg": float(_MIDDLE[sectors[index].argmax()]),
+                "range_K": float(np.ptp(kelvin)),
+                "correlation": _correlation(kelvin, local),
+                "rank_correlation": _correlation(rankdata(kelvin), rankdata(local)),
+                "coldest_deg": float(_MIDDLE[kelvin.argmin()]),
+                "warmest_deg": float(_MIDDLE[kelvin.argmax()]),
             }
-            for index, time in enumerate(_SAVED)
-            if time > 0
-        ],
-    }
-
-
-def _ranks(values: np.ndarray) -> np.ndarray:
-    return np.argsort(np.argsort(values))
+        )
+    return rows
 
 
 def _correlation(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.corrcoef(a, b)[0, 1])
 
 
-def _compare_choices(case: _InWind, first: jt.Solution) -> list[_ChoiceRow]:
+def _compare_choices(case: _InWind, first: jt.Solution) -> dict[str, dict[str, float]]:
     """Temperatures by the average of the wind, and by a fixed h."""
     # Of as much heat as the wind takes at first, spread evenly.
     h = _mean_coefficient(case)
@@ -236,18 +194,15 @@ def _compare_choices(case: _InWind, first: jt.Solution) -> list[_ChoiceRow]:
     runs |= {average.name: case.run(_wind(average.name)) for average in AVERAGES[1:]}
     runs[f"fixed h = {h:.1f} W/m²K"] = case.run(jt.Convection(h, _AIR))
     time = _SAVED.index(_COMPARED)
-    rows = []
+    rows = {}
     for name, solution in runs.items():
         side = case.by_sector(solution.surface_temperature)[time]
-        rows.append(
-            {
-                "name": name,
-                "mean_K": float(solution.mean_temperature[time, 0]),
-                "side_lowest_K": float(side.min()),
-                "side_highest_K": float(side.max()),
-                "side_range_K": float(np.ptp(side)),
-            }
-        )
+        rows[name] = {
+            "mean_K": float(solution.mean_temperature[time, 0]),
+            "side_lowest_K": float(side.min()),
+            "side_highest_K": float(side.max()),
+            "side_range_K": float(np.ptp(side)),
+        }
     return rows
 
 
@@ -278,7 +233,11 @@ def _cooling_sheet(case: _InWind, solution: jt.Solution) -> Image.Image:
     high = max(float(np.quantile(kelvin[body], 0.995)) for kelvin, body, _ in shots)
     tiles = [
         thermal_tile(
-            kelvin, body, (low, high), f"{time:g} s", f"surface mean {mean:.1f} K"
+            values=kelvin,
+            body=body,
+            limits=(low, high),
+            name=f"{time:g} s",
+            note=f"surface mean {mean:.1f} K",
         )
         for time, (kelvin, body, mean) in zip(_SAVED[1:], shots, strict=True)
     ]
@@ -287,21 +246,17 @@ def _cooling_sheet(case: _InWind, solution: jt.Solution) -> Image.Image:
     return sheet(tiles, bar, title, columns=len(tiles))
 
 
-def _cooling_chart(order: Mapping[str, Any], name: str) -> Chart:
+def _cooling_chart(sectors: Float[np.ndarray, "t a"], name: str) -> Chart:
     """Temperature of the side less its mean by angle, at the saved times."""
-    points = [
-        {"time": f"{time:g} s", "angle": angle, "T": value - float(np.mean(sectors))}
-        for time, sectors in zip(order["times_s"], order["temperature_K"], strict=True)
-        for angle, value in zip(order["sector_middle_deg"], sectors, strict=True)
-        # At the start the side is even.
-        if time > 0
-    ]
-    names = list(dict.fromkeys(row["time"] for row in points))
-    scale = alt.Scale(domain=names, range=list(SHADES[: len(names)]))
-    base = alt.Chart(alt.Data(values=points)).encode(
+    points = []
+    # At the start the side is even.
+    for time, kelvin in zip(_SAVED[1:], sectors[1:], strict=True):
+        excess = kelvin - kelvin.mean()
+        points += curve(f"{time:g} s", _MIDDLE, excess, marks=LINE_AND_DOT)
+    return curve_chart(
+        points=points,
         x=angle_axis(),
-        y=alt.Y("T:Q", title="temperature less the side's mean [K]"),
-        color=alt.Color("time:N", title=None, sort=None, scale=scale),
+        y=alt.Y("y:Q", title="temperature less the side's mean [K]"),
+        title=f"{name} by angle",
+        colours=SHADES,
     )
-    layers = alt.layer(base.mark_line(strokeWidth=2), base.mark_point(filled=True))
-    return layers.properties(width=WIDTH, height=HEIGHT, title=f"{name} by angle")

@@ -1,7 +1,7 @@
 """6.1 and 6.3: cells of cubes, voxels and times over the resolution, and table 6.1."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, TypedDict
+from typing import Any
 
 import numpy as np
 
@@ -13,8 +13,8 @@ from jaxthermo.report.numbers import significant
 from jaxthermo.structures.partition.assignment import nested_cells, voxel_depth
 
 from ..bodies import buddha, required_statue
-from ..exhibit import Finding, Verdict, exhibit
-from ..line_chart import log_chart, point
+from ..exhibit import Finding, Numbers, Verdict, exhibit, judged
+from ..line_chart import ALONE, CurvePoint, log_chart
 from ..resolution import (
     BUILDS,
     FULL,
@@ -25,7 +25,6 @@ from ..resolution import (
     TABLE_TIMES,
     TABLE_VOXELS,
     TEN,
-    Counts,
     StepTimes,
     counts,
     errors,
@@ -63,40 +62,13 @@ def _cells_of_cubes(quick: bool) -> Finding:
     claimed = numbers["slope_claimed_there"]
     is_quadratic = abs(slope - 2) < abs(slope - claimed)
     return Finding(
-        Verdict.CONTRADICTED if is_quadratic else Verdict.DIFFERENT,
+        judged(False, different=not is_quadratic),
         numbers,
         {"cubes": _cube_chart(numbers["rows"])},
     )
 
 
-class CubeRow(TypedDict):
-    """Cells of a cube."""
-
-    side_voxels: int
-    full_volume: int
-    levels: int
-    shell: int
-    cells: int
-    """Irregular cells of all levels."""
-    cells_over_shell: float
-    cells_over_n2: float
-    cells_over_n2_log2_n: float
-
-
-class CubeCounts(TypedDict):
-    """Cells of cubes, and the powers of the side that they grow with."""
-
-    rows: list[CubeRow]
-    slope_fitted: float
-    slope_of_the_largest: float
-    """Between the two largest cubes."""
-    slope_claimed_there: float
-    slope_of_the_largest_is_2: bool
-    growth_beyond_n2: float
-    growth_beyond_n2_claimed: float
-
-
-def count_cubes(powers: Sequence[int]) -> CubeCounts:
+def count_cubes(powers: Sequence[int]) -> Numbers:
     """Cells of cubes with n = 2^p voxels a side, and which law they follow.
 
     The level l of a cube has about 6 (n / 2^l)^2 cells, so the sum is 4/3 of the shell
@@ -122,7 +94,7 @@ def count_cubes(powers: Sequence[int]) -> CubeCounts:
     }
 
 
-def _count_cells(side: int) -> CubeRow:
+def _count_cells(side: int) -> Numbers:
     grid = jt.voxelize(box((1.0, 1.0, 1.0)), 1.0 / side)
     levels = nested_cells(voxel_depth(grid))
     cells = sum(len(level) for level in levels)
@@ -138,7 +110,7 @@ def _count_cells(side: int) -> CubeRow:
     }
 
 
-def _cube_chart(rows: Sequence[CubeRow]) -> Chart:
+def _cube_chart(rows: Sequence[Numbers]) -> Chart:
     side = np.array([row["side_voxels"] for row in rows], float)
     cells = np.array([row["cells"] for row in rows], float)
     law = side**2 * np.log(side)
@@ -149,12 +121,14 @@ def _cube_chart(rows: Sequence[CubeRow]) -> Chart:
         "n² log n, as claimed": cells[-1] * law / law[-1],
     }
     points = [
-        point(curve, n, value, f"{curve}: {value:,.0f}")
+        CurvePoint(curve=curve, x=n, y=value, text=f"{curve}: {value:,.0f}")
         for curve, values in curves.items()
         for n, value in zip(side, values, strict=True)
     ]
     title = "C05: cells of a cube of side n"
-    return log_chart(points, "voxels along an edge", "cells", title)
+    return log_chart(
+        points=points, x_title="voxels along an edge", y_title="cells", title=title
+    )
 
 
 @exhibit("figure-6.8", "6.3, figure 6.8")
@@ -178,10 +152,11 @@ def _step_times(name: str, quick: bool) -> Finding:
     else:
         with_error = [height for height in heights if height <= HIGHEST_WITH_ERROR]
     error_percent = {height: errors(name, height) for height in with_error}
-    last = times[-1]["times_faster"]
-    is_ordered = last[SHELL][0] > last[IRREGULAR][0] > 1
+    last = times[-1].times_faster
+    shell = last[SHELL].median
+    irregular = last[IRREGULAR].median
     return Finding(
-        Verdict.REPRODUCED if is_ordered else Verdict.CONTRADICTED,
+        judged(shell > irregular > 1),
         {
             "times": times,
             "error_percent": error_percent,
@@ -189,8 +164,8 @@ def _step_times(name: str, quick: bool) -> Finding:
                 structure: power_of_time(times, structure) for structure in BUILDS
             },
             "highest": heights[-1],
-            "shell_times_faster": last[SHELL][0],
-            "irregular_times_faster": last[IRREGULAR][0],
+            "shell_times_faster": shell,
+            "irregular_times_faster": irregular,
             "processor": processor(),
             "table": time_table(times, error_percent),
         },
@@ -201,27 +176,36 @@ def _step_times(name: str, quick: bool) -> Finding:
 def power_of_time(times: Sequence[StepTimes], structure: str) -> float:
     """Power of the resolution that the time grows with between the last two."""
     coarse, fine = times[-2:]
-    coarse_step = np.median(coarse["step_s"][structure])
-    fine_step = np.median(fine["step_s"][structure])
-    ratio = fine_step / coarse_step
-    return float(np.log(ratio) / np.log(fine["height"] / coarse["height"]))
+    ratio = fine.median(structure) / coarse.median(structure)
+    return float(np.log(ratio) / np.log(fine.height / coarse.height))
 
 
 def _time_chart(name: str, times: Sequence[StepTimes]) -> Chart:
     points = []
     for structure in BUILDS:
         for row in times:
-            step = 1e3 * float(np.median(row["step_s"][structure]))
-            text = f"{structure}, {row['height']} voxels high: {significant(step)} ms"
-            points.append(point(structure, row["height"], step, text))
+            step = 1e3 * row.median(structure)
+            text = f"{structure}, {row.height} voxels high: {significant(step)} ms"
+            points.append(CurvePoint(curve=structure, x=row.height, y=step, text=text))
     if name == _BUDDHA:
         for structure, seconds in TABLE_TIMES.items():
             text = f"{structure}, thesis: {1e3 * seconds:g} ms"
             points.append(
-                point(structure, TABLE_HEIGHT, 1e3 * seconds, text, mark=True)
+                CurvePoint(
+                    curve=structure,
+                    x=TABLE_HEIGHT,
+                    y=1e3 * seconds,
+                    text=text,
+                    marks=ALONE,
+                )
             )
     y_title = "time of a step of conduction [ms]"
-    return log_chart(points, "voxels along up", y_title, f"{name}: time of a step")
+    return log_chart(
+        points=points,
+        x_title="voxels along up",
+        y_title=y_title,
+        title=f"{name}: time of a step",
+    )
 
 
 @exhibit("figure-6.9", "6.3, figure 6.9")
@@ -237,53 +221,40 @@ def voxels_of_the_head(quick: bool) -> Finding:
     numbers, picture = _stored_voxels(_PLANCK, quick)
     bodies = _compared_bodies(numbers["highest"])
     statue, head, smaller = bodies.values()
+    head_layers = sum(head["layers_packed"])
+    statue_layers = sum(statue["layers_packed"])
     has_fewer = smaller["shell"] < statue["shell"]
-    is_simpler = sum(head["layers_packed"]) < sum(statue["layers_packed"])
+    is_simpler = head_layers < statue_layers
     comparison = {
-        "head_layers": sum(head["layers_packed"]),
-        "statue_layers": sum(statue["layers_packed"]),
+        "head_layers": head_layers,
+        "statue_layers": statue_layers,
         "smaller_shell": smaller["shell"],
         "head_shell": head["shell"],
         "statue_shell": statue["shell"],
         "full_volume_ratio": head["body"] / statue["body"],
     }
-    holds = has_fewer and is_simpler
     return Finding(
         Verdict.DIFFERENT,
         {**numbers, "compared": bodies, "comparison": comparison},
         {"compression_max_planck": picture},
-        {"C26": Verdict.DIFFERENT if holds else Verdict.CONTRADICTED},
+        {"C26": judged(False, different=has_fewer and is_simpler)},
     )
 
 
-class _StoredVoxels(TypedDict):
-    """Counts of a body at all resolutions."""
-
-    rows: list[Counts]
-    first: Counts
-    """At the coarsest resolution."""
-    last: Counts
-    """At the finest resolution."""
-    highest: int
-    """Voxels along up at the finest resolution."""
-    between_10_and_25_percent: list[str]
-    """Resolutions at which the irregular levels store that much of the body."""
-
-
-def _stored_voxels(name: str, quick: bool) -> tuple[_StoredVoxels, Chart]:
+def _stored_voxels(name: str, quick: bool) -> tuple[Numbers, Chart]:
     required_statue(name)
     heights = _QUICK_COUNTED if quick else _HEIGHTS
     rows = [counts(name, height) for height in heights]
     within = [
         row["height_voxels"] for row in rows if 0.10 <= row["irregular_of_body"] <= 0.25
     ]
-    numbers = _StoredVoxels(
-        rows=rows,
-        first=rows[0],
-        last=rows[-1],
-        highest=rows[-1]["height_voxels"],
-        between_10_and_25_percent=[str(height) for height in within],
-    )
+    numbers = {
+        "rows": rows,
+        "first": rows[0],
+        "last": rows[-1],
+        "highest": heights[-1],
+        "between_10_and_25_percent": [str(height) for height in within],
+    }
     return numbers, _compression_chart(name, rows)
 
 
@@ -293,46 +264,42 @@ def _compression_chart(name: str, rows: Sequence[Mapping[str, Any]]) -> Chart:
         for row in rows:
             fraction = row[key]
             text = f"{curve}: {fraction:.1%}"
-            points.append(point(curve, row["height_voxels"], fraction, text))
+            points.append(
+                CurvePoint(curve=curve, x=row["height_voxels"], y=fraction, text=text)
+            )
     title = f"{name}: compression over the resolution"
-    return log_chart(points, "voxels along up", "stored, as a fraction", title)
-
-
-class _ComparedBody(TypedDict):
-    """Counts by which two bodies are compared."""
-
-    box: int
-    body: int
-    layers_peeled: list[int]
-    layers_packed: list[int]
-    shell: int
-    irregular: int
-    texels_shell: int
-
-
-def _compared(row: Counts) -> _ComparedBody:
-    return _ComparedBody(
-        box=row["box"],
-        body=row["body"],
-        layers_peeled=row["layers_peeled"],
-        layers_packed=row["layers_packed"],
-        shell=row["shell"],
-        irregular=row["irregular"],
-        texels_shell=row["texels_shell"],
+    return log_chart(
+        points=points,
+        x_title="voxels along up",
+        y_title="stored, as a fraction",
+        title=title,
     )
 
 
-def _compared_bodies(height: int) -> dict[str, _ComparedBody]:
+_COMPARED = (
+    "box",
+    "body",
+    "layers_peeled",
+    "layers_packed",
+    "shell",
+    "irregular",
+    "texels_shell",
+)
+"""Counts by which two bodies are compared."""
+
+
+def _compared_bodies(height: int) -> dict[str, Numbers]:
     """Both bodies as high, and Max Planck in a box of as many cells."""
     statue = counts(_BUDDHA, height)
     head = counts(_PLANCK, height)
     smaller_height = round(height * (statue["box"] / head["box"]) ** (1 / 3))
-    smaller = counts(_PLANCK, smaller_height)
-    return {
-        f"{_BUDDHA}, {height} high": _compared(statue),
-        f"{_PLANCK}, {height} high": _compared(head),
-        f"{_PLANCK}, {smaller_height} high: as many cells": _compared(smaller),
+    smaller_name = f"{_PLANCK}, {smaller_height} high: as many cells"
+    bodies = {
+        f"{_BUDDHA}, {height} high": statue,
+        f"{_PLANCK}, {height} high": head,
+        smaller_name: counts(_PLANCK, smaller_height),
     }
+    return {name: {key: row[key] for key in _COMPARED} for name, row in bodies.items()}
 
 
 @exhibit("table-6.1", "6.3, table 6.1")
@@ -344,7 +311,7 @@ def _voxels_and_times(quick: bool) -> Finding:
     times = step_times(name, height)
     error_height = min(height, HIGHEST_WITH_ERROR)
     error_percent = errors(name, error_height)
-    faster = {structure: times["times_faster"][structure][0] for structure in BUILDS}
+    faster = {name: ratio.median for name, ratio in times.times_faster.items()}
     thesis = {
         structure: TABLE_TIMES[FULL] / TABLE_TIMES[structure] for structure in BUILDS
     }
@@ -355,7 +322,7 @@ def _voxels_and_times(quick: bool) -> Finding:
         for structure in BUILDS
     }
     is_ordered = faster[SHELL] > faster[IRREGULAR] > 1
-    in_order = Verdict.DIFFERENT if is_ordered else Verdict.CONTRADICTED
+    in_order = judged(False, different=is_ordered)
     both_near = is_near[SHELL] and is_near[IRREGULAR]
     return Finding(
         in_order,
@@ -375,36 +342,19 @@ def _voxels_and_times(quick: bool) -> Finding:
             "texels": _texel_counts(count),
         },
         claims={
-            "C07": Verdict.REPRODUCED if is_near[TEN] else Verdict.DIFFERENT,
+            "C07": judged(is_near[TEN], different=True),
             "C08": Verdict.REPRODUCED if both_near else in_order,
         },
     )
 
 
-_TableRow = TypedDict(
-    "_TableRow",
-    {
-        "structure": str,
-        "voxels, thesis": str,
-        "occupied here": int,
-        "of the body": float,
-        "time, thesis_ms": float,
-        "time of a step here_ms": float,
-        "of a node_ns": float,
-        "times faster": float,
-        "error_percent": float,
-    },
-)
-"""A line of table 6.1, under the headings that the page shows."""
-
-
 def _table_6_1(
-    count: Counts, times: StepTimes, error_percent: Mapping[str, float]
-) -> list[_TableRow]:
-    rows: list[_TableRow] = []
+    count: Numbers, times: StepTimes, error_percent: Mapping[str, float]
+) -> list[Numbers]:
+    rows: list[Numbers] = []
     for structure in BUILDS:
-        step = float(np.median(times["step_s"][structure]))
-        nodes = times["nodes"][structure]
+        step = times.median(structure)
+        nodes = times.nodes[structure]
         rows.append(
             {
                 "structure": structure,
@@ -414,14 +364,14 @@ def _table_6_1(
                 "time, thesis_ms": 1e3 * TABLE_TIMES[structure],
                 "time of a step here_ms": 1e3 * step,
                 "of a node_ns": 1e9 * step / nodes,
-                "times faster": times["times_faster"][structure][0],
+                "times faster": times.times_faster[structure].median,
                 "error_percent": error_percent.get(structure, 0.0),
             }
         )
     return rows
 
 
-def _texel_counts(count: Counts) -> dict[str, int]:
+def _texel_counts(count: Numbers) -> dict[str, int]:
     """Counts that the shell's number of table 6.1 may be."""
     layers = "/".join(map(str, count["layers_packed"]))
     # Layers along the file's x, y, z: y is up, 225 x 550 x 225.

@@ -1,7 +1,5 @@
 """Chapter 3: bodies as cylinders, of which the thesis takes the convection."""
 
-from typing import Any
-
 import numpy as np
 from jaxtyping import Float, UInt8
 from PIL import Image, ImageDraw, ImageFont
@@ -13,7 +11,7 @@ from jaxthermo.raster.views import OrthographicView
 from jaxthermo.voxels.cylinders import CylinderParts, cylinder_parts
 
 from ...harness.meshes import thesis_meshes, voxels_high
-from ..exhibit import Finding, Verdict, exhibit
+from ..exhibit import Finding, Numbers, Verdict, exhibit
 
 
 # Hues of the parts, told apart side by side; a body with more than eight repeats them.
@@ -37,7 +35,7 @@ def _bodies_as_cylinders(quick: bool) -> Finding:
     """Divide bodies into the cylinders that stand for them in wind."""
     height = 60 if quick else 160
     pictures = {}
-    rows: list[dict[str, Any]] = []
+    rows: list[Numbers] = []
     for name, mesh in {"figurine": figurine(), **thesis_meshes()}.items():
         grid = voxels_high(mesh, height)
         division = cylinder_parts(grid)

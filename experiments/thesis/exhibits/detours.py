@@ -15,7 +15,7 @@ from jaxthermo.geometry.shapes import sphere
 from jaxthermo.report.sheet import Tile, sheet
 from jaxthermo.structures.structure import AbstractStructure
 
-from ..exhibit import Finding, Verdict, exhibit
+from ..exhibit import Finding, Verdict, exhibit, judged
 from ..slices import Slice, level_legend
 
 
@@ -123,7 +123,7 @@ def _shortest_paths(_: bool) -> Finding:
         paths={name: path.points for name, path in paths.items()},
     )
     return Finding(
-        Verdict.REPRODUCED if is_ordered and is_shorter else Verdict.DIFFERENT,
+        judged(is_ordered and is_shorter, different=True),
         {
             "length_over_full_volume": length_ratio,
             "resistance_over_full_volume": {

@@ -1,7 +1,7 @@
 """Chapter 3: how nodes, memory and time of the whole method grow on a body."""
 
 from collections.abc import Mapping, Sequence
-from typing import Literal, NamedTuple, TypedDict
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -14,8 +14,8 @@ from jaxthermo.report.numbers import significant
 from ...benchmarks.mixed import Runner, step_spans
 from ...harness.meshes import START, STEEL
 from ..bodies import buddha
-from ..exhibit import Finding, Verdict, exhibit
-from ..line_chart import Point, log_chart, point
+from ..exhibit import Finding, Numbers, Verdict, exhibit, judged
+from ..line_chart import CurvePoint, log_chart
 from ..resolution import BUILDS, FULL, IRREGULAR, SHELL, timed_runner
 
 
@@ -67,8 +67,13 @@ def _order_of_growth(quick: bool) -> Finding:
         }
         for name in names
     }
-    nodes_over_shell = columns[IRREGULAR]["nodes"] / columns[SHELL]["nodes"]
-    over_shell = fitted_power(heights, nodes_over_shell)
+    step_ms = {name: 1e3 * columns[name]["step_s"] for name in names}
+    nodes = {name: columns[name]["nodes"] for name in names}
+    over_shell = fitted_power(heights, nodes[IRREGULAR] / nodes[SHELL])
+    # Irregular nodes, were they the shell's times a logarithm, from the first on.
+    law = nodes[SHELL] * np.log(heights)
+    scale = nodes[IRREGULAR][0] / law[0]
+    nodes["shell's times log n, as claimed"] = scale * law
     logarithm = fitted_power(heights, np.log(heights))
     surface = fitted_power(heights, columns[FULL]["surface_cells"])
     box = fitted_power(heights, columns[FULL]["box"])
@@ -80,10 +85,7 @@ def _order_of_growth(quick: bool) -> Finding:
             "heights": heights,
             "rows": rows,
             "powers": {
-                name: {
-                    key: [power.power, power.error]
-                    for key, power in by_quantity.items()
-                }
+                name: {key: [*power] for key, power in by_quantity.items()}
                 for name, by_quantity in powers.items()
             },
             "texts": {
@@ -101,8 +103,8 @@ def _order_of_growth(quick: bool) -> Finding:
             "processor": processor(),
         },
         {
-            "growth_nodes": _chart(rows, "nodes", "nodes", scale=1.0),
-            "growth_time": _chart(rows, "step_s", "time of a step [ms]", scale=1e3),
+            "growth_nodes": _chart(heights, nodes, "nodes"),
+            "growth_time": _chart(heights, step_ms, "time of a step [ms]"),
         },
     )
 
@@ -111,7 +113,7 @@ def verdict_of_growth(powers: Mapping[str, Power]) -> Verdict:
     """Verdict from the powers of irregular levels: nearer to n² than to n³ or not."""
     # Whatever the logarithm, and of what is counted: times vary.
     holds = all(powers[quantity].power < 2.5 for quantity in ("nodes", "memory"))
-    return Verdict.DIFFERENT if holds else Verdict.CONTRADICTED
+    return judged(False, different=holds)
 
 
 def is_without_logarithm(over_shell: Power, logarithm: Power) -> bool:
@@ -125,24 +127,7 @@ def fitted_power(sizes: np.ndarray, values: np.ndarray) -> Power:
     return Power(float(line[0]), float(np.sqrt(covariance[0, 0])))
 
 
-class _GrowthRow(TypedDict):
-    """Size and time of a structure at one resolution."""
-
-    structure: str
-    height: int
-    """Voxels along up."""
-    box: int
-    """Cells of the whole lattice."""
-    surface_cells: int
-    nodes: int
-    memory_bytes: int
-    step_s: float
-    stable_step_s: float
-    second_s: float
-    """Time of a simulated second [s]."""
-
-
-def _rows_at(height: int, names: Sequence[str]) -> list[_GrowthRow]:
+def _rows_at(height: int, names: Sequence[str]) -> list[Numbers]:
     """Size and time of each structure at one resolution; the times in turn."""
     grid = buddha().grid(height)
     runners = {}
@@ -178,30 +163,20 @@ def _held_bytes(runner: Runner) -> int:
     return sum(np.asarray(array).nbytes for array in arrays)
 
 
-def _chart(
-    rows: Sequence[_GrowthRow],
-    key: Literal["nodes", "memory_bytes", "step_s", "second_s"],
-    title: str,
-    scale: float,
-) -> Chart:
-    points = []
-    for name in dict.fromkeys(row["structure"] for row in rows):
-        for row in (row for row in rows if row["structure"] == name):
-            value = scale * row[key]
-            text = f"{name}, {row['height']} high: {significant(value)}"
-            points.append(point(name, row["height"], value, text))
-    if key == "nodes":
-        points += _claimed_points(rows)
-    return log_chart(points, "voxels along up", title, f"Chapter 3: {title}")
-
-
-def _claimed_points(rows: Sequence[_GrowthRow]) -> list[Point]:
-    """Irregular nodes, were they the shell's times a logarithm, from the first on."""
-    shell = [row for row in rows if row["structure"] == SHELL]
-    irregular = [row for row in rows if row["structure"] == IRREGULAR]
-    law = [row["nodes"] * np.log(row["height"]) for row in shell]
-    scale = irregular[0]["nodes"] / law[0]
-    return [
-        point("shell's times log n, as claimed", row["height"], scale * value)
-        for row, value in zip(shell, law, strict=True)
+def _chart(heights: np.ndarray, values: Mapping[str, np.ndarray], title: str) -> Chart:
+    points = [
+        CurvePoint(
+            curve=name,
+            x=height,
+            y=value,
+            text=f"{name}, {height} high: {significant(value)}",
+        )
+        for name, curve in values.items()
+        for height, value in zip(heights.tolist(), curve.tolist(), strict=True)
     ]
+    return log_chart(
+        points=points,
+        x_title="voxels along up",
+        y_title=title,
+        title=f"Chapter 3: {title}",
+    )

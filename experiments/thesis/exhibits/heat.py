@@ -8,7 +8,7 @@ import jaxthermo as jt
 from jaxthermo.report.sheet import Tile, sheet
 
 from ..bodies import AXES, HEIGHT, buddha, levels_at
-from ..exhibit import Finding, Verdict, exhibit
+from ..exhibit import Finding, Verdict, exhibit, judged, rms
 from ..heated import (
     END,
     QUICK_HEIGHT,
@@ -17,7 +17,6 @@ from ..heated import (
     difference,
     difference_sheet,
     heated,
-    rms,
     thermal_sheet,
 )
 from ..irregular import (
@@ -64,7 +63,7 @@ def _heat_by_structure(quick: bool) -> Finding:
     falls = all(worst[coarse] > worst[fine] for coarse, fine in pairwise(worst))
     letters = dict(zip(times, "abcd", strict=True))
     return Finding(
-        Verdict.REPRODUCED if falls else Verdict.DIFFERENT,
+        judged(falls, different=True),
         {
             "mesh": buddha().name,
             "height_voxels": height,
@@ -86,7 +85,7 @@ def _heat_by_structure(quick: bool) -> Finding:
         },
         {
             "figure-5.2": thermal_sheet(
-                runs,
+                runs=runs,
                 label=lambda time: f"({letters[time]}) {time:.0f} s",
                 views=("front",),
                 columns=2,
@@ -109,9 +108,8 @@ def _heat_by_levels(quick: bool) -> Finding:
     depth = int(np.max(runs[_HUNDRED].structure.nodes().level)) + 1
     falls = worst[_SHELL] > worst[_TEN] > worst[_HUNDRED]
     is_filled = levels_at(height, 100) >= depth
-    verdict = Verdict.DIFFERENT if is_filled else Verdict.REPRODUCED
     return Finding(
-        verdict if falls else Verdict.CONTRADICTED,
+        judged(falls and not is_filled, different=falls),
         {
             "mesh": buddha().name,
             "height_voxels": height,
@@ -122,7 +120,7 @@ def _heat_by_levels(quick: bool) -> Finding:
             "nodes": {name: run.structure.node_count for name, run in runs.items()},
         },
         {
-            "figure-6.1": thermal_sheet(runs, label=_iterations),
+            "figure-6.1": thermal_sheet(runs=runs, label=_iterations),
             "figure-6.1-difference": difference_sheet(
                 {name: runs[name] for name in (_SHELL, _TEN)},
                 full,
@@ -199,7 +197,7 @@ def _irregular_and_full(quick: bool) -> Finding:
     runs = {_NESTED: nested, _FULL: full}
     title = f"Difference after {_ITERATIONS_6_3} iterations"
     return Finding(
-        Verdict.REPRODUCED if is_worse else Verdict.DIFFERENT,
+        judged(is_worse, different=True),
         {
             "mesh": buddha().name,
             "height_voxels": height,
@@ -211,7 +209,7 @@ def _irregular_and_full(quick: bool) -> Finding:
             "at_the_end_K": by_place,
         },
         {
-            "figure-6.3": thermal_sheet(runs, label=_iterations),
+            "figure-6.3": thermal_sheet(runs=runs, label=_iterations),
             "figure-6.3-difference": difference_sheet({_NESTED: nested}, full, title),
         },
     )
@@ -222,9 +220,9 @@ def _error_in(run: Heated, full: Heated, is_there: np.ndarray) -> dict[str, floa
     area = full.structure.grid.fragment_area[is_there]
     expected = full.surface[-1][is_there]
     error = run.surface[-1][is_there] - expected
-    kelvin = float(rms(error, area))
+    kelvin = rms(error, area)
     return {
         "mean": float(np.average(error, weights=area)),
         "rms": kelvin,
-        "percent": 100 * kelvin / float(rms(expected - START, area)),
+        "percent": 100 * kelvin / rms(expected - START, area),
     }

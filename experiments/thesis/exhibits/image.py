@@ -19,7 +19,7 @@ from jaxthermo.report.sheet import sheet
 
 from ...harness.present import colour_bar, thermal_tile
 from ..bodies import buddha
-from ..exhibit import Finding, Verdict, exhibit
+from ..exhibit import Finding, Numbers, exhibit, judged
 
 
 PAINT = 0.9
@@ -114,13 +114,9 @@ def _image_of_heat_and_reflections(quick: bool) -> Finding:
     paint = next(row for row in means if row["band"] == _ALL)
     camera_numbers = _known_numbers()
     is_exact = max(sum_error.values()) <= _ROUNDING
-    if not is_exact:
-        verdict = Verdict.CONTRADICTED
-    else:
-        is_source = of_source[LONG] >= 0.5
-        verdict = Verdict.REPRODUCED if is_source else Verdict.DIFFERENT
+    is_source = is_exact and of_source[LONG] >= 0.5
     return Finding(
-        verdict,
+        judged(is_source, different=is_exact),
         {
             "mesh": buddha().name,
             "height_voxels": height,
@@ -230,11 +226,11 @@ def _radiance_sheet(frame: Frame) -> Image.Image:
     high = float(np.percentile(radiances[_TOTAL][frame.body], 99.8))
     tiles = [
         thermal_tile(
-            values,
-            frame.body,
-            (0.0, high),
-            name,
-            f"paint {values[frame.paint].mean():.3g}, "
+            values=values,
+            body=frame.body,
+            limits=(0.0, high),
+            name=name,
+            note=f"paint {values[frame.paint].mean():.3g}, "
             f"patch {values[frame.shiny].mean():.3g}",
         )
         for name, values in radiances.items()
@@ -266,11 +262,11 @@ def _reading_sheet(frame: Frame, read: _Readings) -> Image.Image:
     high = float(np.percentile(read.frames[ITSELF][frame.body], 99.5))
     tiles = [
         thermal_tile(
-            values,
-            frame.body,
-            (low, high),
-            name,
-            f"paint {values[frame.paint].mean():.1f} K, "
+            values=values,
+            body=frame.body,
+            limits=(low, high),
+            name=name,
+            note=f"paint {values[frame.paint].mean():.1f} K, "
             f"patch {values[frame.shiny].mean():.1f} K",
         )
         for name, values in read.frames.items()
@@ -280,7 +276,7 @@ def _reading_sheet(frame: Frame, read: _Readings) -> Image.Image:
     return sheet(tiles, bar, title, columns=len(tiles))
 
 
-def mean_radiances(frame: Frame) -> list[dict[str, Any]]:
+def mean_radiances(frame: Frame) -> list[Numbers]:
     """Means of the radiances on paint and patch, a row for each band."""
     return [
         {

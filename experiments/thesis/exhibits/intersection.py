@@ -14,13 +14,14 @@ from PIL import Image, ImageDraw
 
 import jaxthermo as jt
 from jaxthermo.geometry.shapes import sphere
+from jaxthermo.geometry.vectors import unit_vectors
 from jaxthermo.raster.fragments import peel
 from jaxthermo.report.chart import Chart
 from jaxthermo.report.sheet import Legend, Tile, sheet
 from jaxthermo.voxels.lattice import pixel_axes
 
-from ..exhibit import Finding, Verdict, exhibit
-from ..line_chart import log_chart, point
+from ..exhibit import Finding, exhibit, judged
+from ..line_chart import CurvePoint, log_chart
 from ..shaded import (
     BODIES,
     BOX,
@@ -66,7 +67,7 @@ def _intersection_of_balls(_: bool) -> Finding:
     slope = np.polyfit(np.log(_RAYS), np.log([*worst.values()]), 1)[0]
     is_right = worst[_FINE] < min(_MAX_ERROR_PERCENT, worst[_COARSE])
     return Finding(
-        Verdict.REPRODUCED if is_right else Verdict.CONTRADICTED,
+        judged(is_right),
         {
             "exact_volume_m3": balls.volume,
             "exact_areas_m2": balls.areas,
@@ -188,6 +189,7 @@ def bounds_along(balls: _Balls, axis: int, rays: int) -> Bounds:
     bounding = np.flatnonzero(within[1 - body, np.arange(len(body))] > 0)
     row, column = np.divmod(layers.pixel[bounding], rays)
     cell = (high - low) / rays
+    a, b, c = np.moveaxis(triangles[layers.triangle[bounding]], 1, 0)
     position = np.empty((len(bounding), 3))
     position[:, axis] = layers.depth[bounding]
     position[:, column_axis] = low[column_axis] + (column + 0.5) * cell[column_axis]
@@ -196,16 +198,10 @@ def bounds_along(balls: _Balls, axis: int, rays: int) -> Bounds:
         axis=axis,
         position=position,
         body=body[bounding],
-        normal=_normals(triangles[layers.triangle[bounding]]),
+        normal=unit_vectors(np.cross(b - a, c - a)),
         enters=layers.entering[bounding],
         cell=cell,
     )
-
-
-def _normals(triangles: Float[np.ndarray, "k 3 3"]) -> Float[np.ndarray, "k 3"]:
-    a, b, c = np.moveaxis(triangles, 1, 0)
-    vector = np.cross(b - a, c - a)
-    return vector / np.linalg.norm(vector, axis=1, keepdims=True)
 
 
 def _inside(balls: _Balls, body: int) -> jt.Mesh:
@@ -334,9 +330,19 @@ def _errors(balls: _Balls, bounds: Sequence[Bounds]) -> dict[str, float]:
 
 def _error_chart(errors: Mapping[int, Mapping[str, float]]) -> Chart:
     points = [
-        point(name, rays, abs(error), f"{name}, {rays} rays: {error:+.2g} %")
+        CurvePoint(
+            curve=name,
+            x=rays,
+            y=abs(error),
+            text=f"{name}, {rays} rays: {error:+.2g} %",
+        )
         for rays, by_name in errors.items()
         for name, error in by_name.items()
     ]
     x_title = "rays along an edge of the box"
-    return log_chart(points, x_title, "error against the closed form [%]", "Two balls")
+    return log_chart(
+        points=points,
+        x_title=x_title,
+        y_title="error against the closed form [%]",
+        title="Two balls",
+    )

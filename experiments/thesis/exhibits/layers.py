@@ -1,7 +1,6 @@
 """Chapter 4 and 6.3: depth layers of bodies, and how often a surface is stored."""
 
 from collections.abc import Mapping, Sequence
-from typing import TypedDict
 
 import numpy as np
 from jaxtyping import Int, UInt8
@@ -12,6 +11,7 @@ from jaxthermo.geometry.mesh import Pose
 from jaxthermo.geometry.shapes import figurine, sphere
 from jaxthermo.image.colour.preview import draw_preview
 from jaxthermo.image.surface.camera import frame_all
+from jaxthermo.raster.fragments import DepthLayers
 from jaxthermo.report.layer_sheets import depth_bar, normal_legend
 from jaxthermo.report.sheet import Legend, Tile, enlarged, sheet
 from jaxthermo.report.voxel_sheet import voxel_view
@@ -20,7 +20,7 @@ from jaxthermo.voxels.surface import face_axes, surface_voxels
 from jaxthermo.voxels.textures import AXIS_COLOURS, layer_images
 
 from ..bodies import AXES, WAYS, Statue, buddha, planck
-from ..exhibit import Finding, Verdict, exhibit
+from ..exhibit import Finding, Numbers, Verdict, exhibit, judged
 from ..slicing import slice_voxels
 
 
@@ -64,7 +64,7 @@ def _slices_and_peeling(_: bool) -> Finding:
     title = "From left to right: mesh, large and small voxels"
     is_same = all(row["same_voxels"] for row in numbers.values())
     return Finding(
-        Verdict.REPRODUCED if is_same else Verdict.CONTRADICTED,
+        judged(is_same),
         {**numbers, "is_same": is_same},
         {"figure-4.1": sheet(tiles, legend, title, columns=3)},
     )
@@ -81,9 +81,8 @@ def _compare_peeling(grid: jt.VoxelGrid) -> dict[str, float | bool]:
         height, width, depth = shape[row_axis], shape[column_axis], shape[axis]
         seen = np.ascontiguousarray(corners[..., [column_axis, row_axis, axis]])
         sliced = slice_voxels(seen[_may_cover(seen)], width, height, depth)
-        row, column = np.divmod(layers.pixel, width)
-        slab = np.floor(layers.depth).astype(int)
-        peeled = set(zip(column.tolist(), row.tolist(), slab.tolist(), strict=True))
+        cells = _cells(layers, axis)[:, [column_axis, row_axis, axis]]
+        peeled = {tuple(cell) for cell in cells.tolist()}
         same_voxels = same_voxels and sliced == peeled
         slice_passes += depth
         # One more, in which nothing is drawn, ends the peeling.
@@ -101,6 +100,17 @@ def _compare_peeling(grid: jt.VoxelGrid) -> dict[str, float | bool]:
         "occupied_of_layers": occupied / peel_texels,
         "same_voxels": same_voxels,
     }
+
+
+def _cells(layers: DepthLayers, axis: int) -> Int[np.ndarray, "n 3"]:
+    """Cells of the lattice that the layers along an axis cross."""
+    row_axis, column_axis = pixel_axes(axis)
+    cells = np.zeros((len(layers.pixel), 3), np.int64)
+    rows, columns = np.divmod(layers.pixel, layers.width)
+    cells[:, row_axis] = rows
+    cells[:, column_axis] = columns
+    cells[:, axis] = np.floor(layers.depth)
+    return cells
 
 
 def _may_cover(triangles: np.ndarray) -> np.ndarray:
@@ -128,7 +138,7 @@ def _voxelized_textures(quick: bool) -> Finding:
     for name in AXES:
         pictures[f"figure-4.3-{name}"] = _normal_textures(images, name)
     return Finding(
-        Verdict.REPRODUCED if peeled == _PEELED else Verdict.DIFFERENT,
+        judged(peeled == _PEELED, different=True),
         {
             "mesh": statue.name,
             "thesis": _PEELED,
@@ -164,24 +174,18 @@ def _layer_counts(grid: jt.VoxelGrid) -> tuple[_Layers, _Layers]:
     return (peeled[x], peeled[y], peeled[z]), (packed[x], packed[y], packed[z])
 
 
+def _layer_numbers(peeled: _Layers, packed: _Layers) -> Numbers:
+    return {"peeled": peeled, "packed": packed, "sums": [sum(peeled), sum(packed)]}
+
+
 def _fraction_beyond(grid: jt.VoxelGrid, axis: str, layer: int) -> float:
     """Fraction of the fragments of a view in this layer and those behind it [-]."""
     layers = peel_axes(grid.mesh, grid.lattice)[AXES[axis]]
     return float(np.mean(layers.layer >= layer))
 
 
-class _LayerRow(TypedDict):
-    """Layers of a body at one resolution, along the thesis' x, y and z."""
-
-    mesh: str
-    lattice: str
-    peeled: list[int]
-    packed: list[int]
-    packed_over_peeled: float
-
-
-def _layers_by_height(statue: Statue, heights: Sequence[int]) -> list[_LayerRow]:
-    rows: list[_LayerRow] = []
+def _layers_by_height(statue: Statue, heights: Sequence[int]) -> list[Numbers]:
+    rows: list[Numbers] = []
     for height in heights:
         grid = statue.grid(height, "dominant_axis")
         peeled, packed = _layer_counts(grid)
@@ -221,7 +225,7 @@ def _two_views_of_a_sphere(_: bool) -> Finding:
     title = "First layers of a sphere along x and z"
     is_half = max(abs(fraction - 0.5) for fraction in fractions) < 0.02
     return Finding(
-        Verdict.REPRODUCED if is_half else Verdict.CONTRADICTED,
+        judged(is_half),
         {"shared": fractions, "exact": 0.5},
         {"figure-4.4": sheet(tiles, legend, title)},
     )
@@ -287,12 +291,10 @@ def _packed_textures(_: bool) -> Finding:
     is_half = abs(ratio - 0.5) <= 0.1
     is_reproduced = is_half and packed == _PACKED
     return Finding(
-        Verdict.REPRODUCED if is_reproduced else Verdict.DIFFERENT,
+        judged(is_reproduced, different=True),
         {
             "mesh": statue.name,
-            "peeled": peeled,
-            "packed": packed,
-            "sums": [sum(peeled), sum(packed)],
+            **_layer_numbers(peeled, packed),
             "with_a_texel": _layers_with_a_texel(grid),
             "ratio": ratio,
             "ratio_thesis": sum(_PACKED) / sum(_PEELED),
@@ -301,7 +303,7 @@ def _packed_textures(_: bool) -> Finding:
         {"figure-4.6": _packing_steps(grid)},
         {
             "C09": _storage_verdict(stored),
-            "C10": Verdict.REPRODUCED if is_half else Verdict.CONTRADICTED,
+            "C10": judged(is_half),
         },
     )
 
@@ -350,16 +352,8 @@ def _storage(grid: jt.VoxelGrid) -> dict[str, float]:
     Args:
         grid: voxelized with `surface_cells="dominant_axis"`.
     """
-    peeled_cells: list[Int[np.ndarray, "n 3"]] = []
-    for axis, layers in enumerate(peel_axes(grid.mesh, grid.lattice)):
-        row_axis, column_axis = pixel_axes(axis)
-        cells = np.zeros((len(layers.pixel), 3), np.int64)
-        rows, columns = np.divmod(layers.pixel, layers.width)
-        cells[:, row_axis] = rows
-        cells[:, column_axis] = columns
-        cells[:, axis] = np.floor(layers.depth)
-        peeled_cells.append(cells)
-    peeled = np.concatenate(peeled_cells)
+    views = peel_axes(grid.mesh, grid.lattice)
+    peeled = np.concatenate([_cells(views[axis], axis) for axis in range(3)])
     position = grid.lattice.to_cells(grid.fragment_position)
     texels = np.floor(position).astype(np.int64)
     shell = {tuple(voxel) for voxel in surface_voxels(grid.solid).tolist()}
@@ -389,10 +383,9 @@ def _storage_verdict(stored: Mapping[str, float]) -> Verdict:
     """Verdict on "each piece of surface once" for a body."""
     twice = stored["stored_twice"]
     area_error = abs(stored["area_over_the_mesh"] - 1)
-    if area_error > _MAX_AREA_ERROR or twice >= _MAX_STORED_TWICE:
-        return Verdict.CONTRADICTED
+    is_near = area_error <= _MAX_AREA_ERROR and twice < _MAX_STORED_TWICE
     is_exact = twice < 1e-3 and stored["shell_voxels_without_a_texel"] < 1e-3
-    return Verdict.REPRODUCED if is_exact else Verdict.DIFFERENT
+    return judged(is_near and is_exact, different=is_near)
 
 
 @exhibit("section-6.3-layers", "6.3")
@@ -410,21 +403,15 @@ def _layers_of_two_bodies(quick: bool) -> Finding:
         {
             "mesh": statue.name,
             "planck": {
-                "peeled": head_peeled,
-                "packed": head_packed,
-                "sums": [sum(head_peeled), sum(head_packed)],
+                **_layer_numbers(head_peeled, head_packed),
                 "is_closed": head.mesh.is_watertight,
             },
-            "buddha": {
-                "peeled": peeled,
-                "packed": packed,
-                "sums": [sum(peeled), sum(packed)],
-            },
+            "buddha": _layer_numbers(peeled, packed),
             "thesis": {"planck": _PLANCK_6_3, "buddha": _BUDDHA_6_3},
             "by_height": table,
             "some_height_has_it": any(
                 list(_BUDDHA_6_3) in (row["peeled"], row["packed"]) for row in table
             ),
         },
-        claims={"C26": Verdict.REPRODUCED if has_fewer else Verdict.CONTRADICTED},
+        claims={"C26": judged(has_fewer)},
     )

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import TypedDict
 
 import numpy as np
 from jaxtyping import Bool, Int
@@ -14,7 +13,7 @@ from jaxthermo.structures.structure import AbstractStructure
 
 from ...harness.meshes import HEIGHT, SAVE_AT, START, STEEL, voxels_high
 from ..bodies import buddha, required_statue
-from ..exhibit import Finding, Verdict, exhibit
+from ..exhibit import Finding, Numbers, exhibit, judged, rms
 from ..sunlit import SUN, SUNSET, Sunlit
 
 
@@ -44,16 +43,6 @@ _SAME = 1e-6
 _TIME_CONSTANTS = 40.0
 
 
-class _StructureRow(TypedDict):
-    """Capacity and mean of a structure."""
-
-    capacity: float
-    """Capacity over the body's [-]."""
-    rise_K: float
-    met: bool | None
-    """None where the capacity differs, so that the mean must."""
-
-
 @exhibit("section-5.2-equilibrium", "5.2")
 def mean_at_equilibrium(_: bool) -> Finding:
     """Find the mean temperature of an insulated body long after the sun."""
@@ -63,7 +52,7 @@ def mean_at_equilibrium(_: bool) -> Finding:
         body = buddha()
     grid = voxels_high(body.mesh, _EVEN_HEIGHT)
     _unit, full_rise = _capacity_and_rise(grid, jt.FullVolume)
-    rows: dict[str, _StructureRow] = {}
+    rows: dict[str, Numbers] = {}
     for name, build in _STRUCTURES.items():
         capacity, rise = _capacity_and_rise(grid, build)
         # The same heat in another capacity must end at another mean.
@@ -81,7 +70,7 @@ def _judged(
 ) -> Finding:
     verdicts = [bool(row["met"]) for row in rows.values() if row["met"] is not None]
     return Finding(
-        Verdict.REPRODUCED if all(verdicts) else Verdict.CONTRADICTED,
+        judged(all(verdicts)),
         {
             **numbers,
             "all_met": all(verdicts),
@@ -118,8 +107,7 @@ def holes_in_limbs(_: bool) -> Finding:
         # Levels from both sides meet in the middle of what is thinner.
         is_filled = thick <= 2 * levels
         filled, hollow = (
-            float(np.sqrt(np.average(error[region] ** 2, weights=area[region])))
-            for region in (is_filled, ~is_filled)
+            rms(error[region], area[region]) for region in (is_filled, ~is_filled)
         )
         rows[str(levels)] = {
             "where they meet_K": filled,

@@ -13,13 +13,13 @@ from jaxthermo.image.radiance.draw import draw
 from jaxthermo.image.surface.camera import frame_all
 from jaxthermo.image.surface.occlusion import screen_space_occlusion
 from jaxthermo.image.surface.view import compute_view
+from jaxthermo.image.surface.visible import visible_points
 from jaxthermo.physics.radiation.visibility import DEFAULT_DIRECTIONS, sky_view
-from jaxthermo.raster.fragments import peel
 from jaxthermo.report.sheet import sheet
 
 from ...harness.present import colour_bar, thermal_tile
 from ...harness.timing import timed_call
-from ..exhibit import Finding, Verdict, exhibit
+from ..exhibit import Finding, Verdict, exhibit, rms
 
 
 # Height of the figurine [m].
@@ -88,7 +88,7 @@ def _ambient_occlusion(quick: bool) -> Finding:
             "view_factor_min": float(visible.min()),
             "warmer_mean_K": float(warmer @ area / area.sum()),
             "warmer_max_K": float(warmer.max()),
-            "screen_less_rays_rms": _rms((screen - rays)[body]),
+            "screen_less_rays_rms": rms((screen - rays)[body]),
             "ball_on_plane": _ball_on_plane(),
         },
         {
@@ -105,17 +105,27 @@ def _cooled(structure: jt.FullVolume, directions: int | None) -> jt.Solution:
     return jt.simulate(jt.Scene((body,), (term,)), _COOLING)
 
 
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
-
-
 def _view_factors(rays: Pixels, screen: Pixels, body: Flags) -> Image.Image:
     palette = "white-hot"
     limits = (0.0, 1.0)
     note = f"{DEFAULT_DIRECTIONS} directions"
     tiles = [
-        thermal_tile(rays, body, limits, "rays", note, palette),
-        thermal_tile(screen, body, limits, "screen space", "8 slices", palette),
+        thermal_tile(
+            values=rays,
+            body=body,
+            limits=limits,
+            name="rays",
+            note=note,
+            palette=palette,
+        ),
+        thermal_tile(
+            values=screen,
+            body=body,
+            limits=limits,
+            name="screen space",
+            note="8 slices",
+            palette=palette,
+        ),
     ]
     bar = colour_bar(0.0, 1.0, "view factor to the surroundings", palette)
     return sheet(tiles, bar, "Ambient occlusion of the figurine")
@@ -127,8 +137,16 @@ def _temperatures(off: Pixels, on: Pixels, body: Flags) -> Image.Image:
     low, high = (float(end) for end in np.quantile(temperatures, [0.002, 0.998]))
     hollow = "even the hollow inside sees sky and ground"
     tiles = [
-        thermal_tile(off, body, (low, high), "off", hollow),
-        thermal_tile(on, body, (low, high), "on", "what is hidden sees itself"),
+        thermal_tile(
+            values=off, body=body, limits=(low, high), name="off", note=hollow
+        ),
+        thermal_tile(
+            values=on,
+            body=body,
+            limits=(low, high),
+            name="on",
+            note="what is hidden sees itself",
+        ),
     ]
     title = "surface temperature [\N{DEGREE SIGN}C]"
     bar = colour_bar(to_celsius(low), to_celsius(high), title)
@@ -137,15 +155,15 @@ def _temperatures(off: Pixels, on: Pixels, body: Flags) -> Image.Image:
 
 def _difference(warmer: Pixels, body: Flags) -> Image.Image:
     top = float(np.quantile(warmer[body], 0.998))
-    tile = thermal_tile(warmer, body, (0.0, top), "on less off")
+    tile = thermal_tile(values=warmer, body=body, limits=(0.0, top), name="on less off")
     bar = colour_bar(0.0, top, "warmer with occlusion [K]")
     return sheet([tile], bar, "What occlusion changes")
 
 
 def _ball_on_plane() -> dict[str, float]:
     """Both kinds of occlusion on a plane under a ball of 1 m, against 1 - (R/d)^3."""
-    floor = box((8.0, 8.0, 0.2)).triangles - np.array([0.0, 0.0, 0.1])
-    ball = sphere(1.0, 4).triangles + np.array([0.0, 0.0, 1.0])
+    floor = box((8.0, 8.0, 0.2)).moved((0.0, 0.0, -0.1))
+    ball = sphere(1.0, 4).moved((0.0, 0.0, 1.0))
     size = 256
     camera = jt.OrthographicCamera(
         position=(0.0, 0.0, 10.0),
@@ -155,25 +173,26 @@ def _ball_on_plane() -> dict[str, float]:
         width=size,
         height=size,
     )
-    triangles = np.concatenate([ball, floor])
-    corners, parent = camera.to_raster(triangles)
-    layers = peel(corners, *camera.size)
-    front = layers.layer == 0
-    pixel = layers.pixel[front]
-    point, depth = camera.points(pixel, layers.depth[front])
-    a, b, c = np.moveaxis(triangles[parent[layers.triangle[front]]], 1, 0)
-    normal = unit_vectors(np.cross(b - a, c - a))
-    depths = np.full((size, size), np.inf)
-    depths.reshape(-1)[pixel] = depth
-    normals = np.zeros((size, size, 3))
-    normals.reshape(-1, 3)[pixel] = normal
-    screen = screen_space_occlusion(depths, normals, camera, 4.0).reshape(-1)[pixel]
-    view = sky_view(triangles, point, normal, 0.05)
+    bodies = (ball, floor)
+    seen = visible_points(tuple((m.vertices, m.faces) for m in bodies), camera)
+    area = np.concatenate([mesh.area_vectors for mesh in bodies])
+    first_face = np.array([0, len(ball.faces)])
+    normal = unit_vectors(area[seen.face + first_face[seen.body]])
+    depths = np.full(size * size, np.inf)
+    depths[seen.pixel] = seen.depth
+    normals = np.zeros((size * size, 3))
+    normals[seen.pixel] = normal
+    screen = screen_space_occlusion(
+        depths.reshape(size, size), normals.reshape(size, size, 3), camera, 4.0
+    ).reshape(-1)[seen.pixel]
+    triangles = np.concatenate([mesh.triangles for mesh in bodies])
+    view = sky_view(triangles, seen.position, normal, 0.05)
     rays = view.sky + view.ground
-    plane = (normal[:, 2] > 0.99) & (np.abs(point[:, 2]) < 1e-3)
-    exact = 1 - (1 + point[plane, 0] ** 2 + point[plane, 1] ** 2) ** -1.5
+    x, y, z = seen.position.T
+    plane = (normal[:, 2] > 0.99) & (np.abs(z) < 1e-3)
+    exact = 1 - (1 + x[plane] ** 2 + y[plane] ** 2) ** -1.5
     return {
-        "rays_rms": _rms(rays[plane] - exact),
-        "screen_rms": _rms(screen[plane] - exact),
-        "screen_less_rays_rms": _rms(screen - rays),
+        "rays_rms": rms(rays[plane] - exact),
+        "screen_rms": rms(screen[plane] - exact),
+        "screen_less_rays_rms": rms(screen - rays),
     }

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple, NotRequired, TypedDict
+from typing import NamedTuple
 
 from calibrate.study.case import Case, build_case, plan_case
 from calibrate.study.front import Point, points_of
@@ -15,8 +15,8 @@ from jaxthermo.timing import Spread
 
 from ...harness.present import from_to
 from ..bodies import CONFIGS
-from ..exhibit import Finding, Verdict, exhibit
-from ..line_chart import log_chart, point
+from ..exhibit import Finding, Numbers, Verdict, exhibit
+from ..line_chart import ALONE, LINE_AND_DOT, CurvePoint, log_chart
 
 
 _SWEEP = CONFIGS / "sweeps" / "parameters.yaml"
@@ -141,18 +141,7 @@ def _words(labels: Mapping[str, str]) -> str:
     return f"{structure}, {height} voxels high, {solver}"
 
 
-class _ChoiceRow(TypedDict):
-    """A choice of structure, resolution and solver; only named where there is none."""
-
-    choice: str
-    error_percent: NotRequired[float]
-    error_K: NotRequired[float]
-    nodes: NotRequired[int | None]
-    steps: NotRequired[int | None]
-    work: NotRequired[int]
-
-
-def _row(swept: Swept, choice: Point | None) -> _ChoiceRow:
+def _row(swept: Swept, choice: Point | None) -> Numbers:
     if choice is None:
         return {"choice": "none of these"}
     return {
@@ -180,17 +169,17 @@ def _chart(swept: Swept) -> Chart:
         # No more curves than colours: blocks of all sizes are one, without a line.
         is_block = name.startswith("blocks")
         points.append(
-            point(
-                "blocks" if is_block else name,
-                swept.work[choice.name],
-                _error(choice),
-                f"{_words(choice.choice)}: {_error(choice):.3g} %",
-                mark=is_block,
+            CurvePoint(
+                curve="blocks" if is_block else name,
+                x=swept.work[choice.name],
+                y=_error(choice),
+                text=f"{_words(choice.choice)}: {_error(choice):.3g} %",
+                marks=ALONE if is_block else LINE_AND_DOT,
             )
         )
     return log_chart(
-        points,
-        "work: evaluations of all nodes",
-        "largest error [% of the surface's range]",
-        "Error and work of structures on the figurine",
+        points=points,
+        x_title="work: evaluations of all nodes",
+        y_title="largest error [% of the surface's range]",
+        title="Error and work of structures on the figurine",
     )

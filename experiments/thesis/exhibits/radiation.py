@@ -1,9 +1,7 @@
 """5.1: fluxes of bodies and sources, shadows, and table 5.1."""
 
 from collections.abc import Callable, Sequence
-from typing import TypedDict
 
-import altair as alt
 import numpy as np
 from jaxtyping import Float
 
@@ -15,9 +13,10 @@ from jaxthermo.physics.radiation.patches import PatchedBody, group_patches
 from jaxthermo.physics.radiation.source import AbstractSource
 from jaxthermo.physics.radiation.view_factors import DEFAULT_DIRECTIONS, view_factors
 from jaxthermo.reference.view_factor import element_to_rectangle, parallel_rectangles
-from jaxthermo.report.chart import Chart, LogAxis
+from jaxthermo.report.chart import Chart
 
-from ..exhibit import Finding, Verdict, exhibit
+from ..exhibit import Finding, Numbers, Verdict, exhibit, judged
+from ..line_chart import DOT, CurvePoint, curve, log_chart
 
 
 # The thesis' 100 K of difference [K]; what it gets of it [W/m^2] at which distance [m].
@@ -82,7 +81,7 @@ def _radiation_of_neighbours(_: bool) -> Finding:
     rows = measure_neighbours()
     gap = ten_percent_gap()
     return Finding(
-        Verdict.CONTRADICTED if gap > 0.5 else Verdict.REPRODUCED,
+        judged(gap <= 0.5),
         {"rows": rows, "ten_percent_up_to_sizes": gap},
         {"neighbours": neighbour_chart(rows)},
     )
@@ -140,45 +139,29 @@ def _patched(cube: jt.VoxelGrid, shift: float) -> PatchedBody:
 
 def neighbour_chart(rows: Sequence[dict[str, float]]) -> Chart:
     """Flux over the gap by the closed form and by voxels, with the thesis' two."""
-    gaps = np.geomspace(rows[0]["gap_sizes"], rows[-1]["gap_sizes"], 60).tolist()
-    line = [
-        {"gap": gap, "flux": _EXCESS * parallel_rectangles(1.0, 1.0, gap)}
-        for gap in gaps
-    ]
+    gaps = np.geomspace(rows[0]["gap_sizes"], rows[-1]["gap_sizes"], 60)
+    exact = [_EXCESS * parallel_rectangles(1.0, 1.0, gap) for gap in gaps.tolist()]
+    points = curve("closed form", gaps, exact)
     text = "{gap_sizes:g} sizes: {flux_of_voxels_W_m2:.4g} W/m^2"
-    dots = [
-        {
-            "gap": row["gap_sizes"],
-            "flux": row["flux_of_voxels_W_m2"],
-            "text": text.format_map(row),
-        }
-        for row in rows
-    ]
+    for row in rows:
+        points.append(
+            CurvePoint(
+                curve="voxels",
+                x=row["gap_sizes"],
+                y=row["flux_of_voxels_W_m2"],
+                text=text.format_map(row),
+                marks=DOT,
+            )
+        )
     # The two fluxes that the thesis compares with each other.
-    levels = [
-        {"flux": _SUN, "text": "sun on the ground, 1000"},
-        {"flux": _THESIS_FLUX, "text": "thesis at 10 m, 31.15"},
-    ]
-    across = LogAxis(gaps, "gap between two cubes [sizes of one]")
-    up = LogAxis([_SUN, line[-1]["flux"]], "net flux onto the facing side [W/m²]")
-    x = alt.X(**across.channel("gap"))
-    y = alt.Y(**up.channel("flux"))
-    on_levels = alt.Chart(alt.Data(values=levels))
-    marks = alt.Chart(alt.Data(values=dots)).mark_point(
-        filled=True, size=70, opacity=1, color="#c1272d"
+    points += curve("sun on the ground, 1000", gaps[[0, -1]], [_SUN] * 2)
+    points += curve("thesis at 10 m, 31.15", gaps[[0, -1]], [_THESIS_FLUX] * 2)
+    return log_chart(
+        points=points,
+        x_title="gap between two cubes [sizes of one]",
+        y_title="net flux onto the facing side [W/m²]",
+        title="A black cube 100 K hotter",
     )
-    chart = alt.layer(
-        on_levels.mark_rule(strokeDash=[5, 4], color="#7a808c").encode(y=y),
-        on_levels.mark_text(align="right", dx=-6, dy=-7, fontSize=12).encode(
-            y=y, x=alt.value(640), text="text:N"
-        ),
-        alt.Chart(alt.Data(values=line))
-        .mark_line(color="#20242c", strokeWidth=2)
-        .encode(x=x, y=y),
-        marks.encode(x=x, y=y, description="text:N"),
-    )
-    title = "A black cube 100 K hotter: line, closed form; points, voxels"
-    return chart.properties(width=640, height=380, title=title)
 
 
 @exhibit("equation-3", "5.1, equation 3")
@@ -200,7 +183,7 @@ def light_and_shadow(_: bool) -> Finding:
     ]
     is_met = all(check["passes"] for check in checks)
     return Finding(
-        Verdict.DIFFERENT if is_met else Verdict.CONTRADICTED,
+        judged(False, different=is_met),
         {
             "checks": checks,
             "worst": max(checks, key=lambda check: abs(check["error"])),
@@ -210,18 +193,7 @@ def light_and_shadow(_: bool) -> Finding:
     )
 
 
-class _Check(TypedDict):
-    """A computed value beside the exact one."""
-
-    what: str
-    found: float
-    exact: float
-    error: float
-    """Relative error [-]."""
-    passes: bool
-
-
-def _check(quantity: str, computed: float, exact: float) -> _Check:
+def _check(quantity: str, computed: float, exact: float) -> Numbers:
     error = computed / exact - 1
     return {
         "what": quantity,
@@ -263,7 +235,7 @@ def _terminator(
     }
 
 
-def _hollow() -> list[_Check]:
+def _hollow() -> list[Numbers]:
     """A lamp and a panel in a hollow ball: all they send out is caught."""
     hole = sphere(_RADIUS, 3)
     hull = sphere(1.2 * _RADIUS, 3)
@@ -281,7 +253,7 @@ def _hollow() -> list[_Check]:
     ]
 
 
-def _panel() -> _Check:
+def _panel() -> Numbers:
     """A14: a black plate, 2 x 2 m at 1000 degC, 1 m above an element."""
     plate = jt.AreaSource((0, 0, 1.0), (0, 0, -1.0), (2.0, 2.0), temperature=1273.15)
     up = np.array([[0.0, 0.0, 1.0]])
@@ -291,7 +263,7 @@ def _panel() -> _Check:
     return _check("hot plate over an element, A14 [W/m²]", irradiance, exact)
 
 
-def _shadow(degrees: float) -> _Check:
+def _shadow(degrees: float) -> Numbers:
     """Light on a plate of 40 x 40 voxels, 3 cm below a box 2 cm thick."""
     plate = jt.voxelize(box((0.4, 0.4, 0.02)), _PITCH)
     cover = box((0.12, 0.16, 0.02)).moved((0.03, 0.01, 0.05))
@@ -348,7 +320,7 @@ def _heating_rates(quick: bool) -> Finding:
     equal = [f"{r['ours_K_s']:.2e}" == f"{r['thesis_K_s']:.2e}" for r in rates.values()]
     farthest = max(rates, key=lambda name: abs(rates[name]["reference_over_ours"]))
     return Finding(
-        Verdict.REPRODUCED if all(equal) else Verdict.CONTRADICTED,
+        judged(all(equal)),
         {
             "rates": rates,
             "equal": sum(equal),

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple, TypedDict
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,10 +15,10 @@ from jaxthermo.report.chart import Chart
 from jaxthermo.report.numbers import significant
 
 from ...harness.meshes import mesh_files
-from ...harness.timing import interleaved
+from ...harness.timing import Spread, interleaved
 from ..bodies import CONFIGS, buddha
-from ..exhibit import Finding, Verdict, exhibit
-from ..line_chart import log_chart, point
+from ..exhibit import Finding, Numbers, Verdict, exhibit
+from ..line_chart import ALONE, CurvePoint, log_chart
 from ..resolution import FULL, IRREGULAR, SHELL, TABLE_HEIGHT, TABLE_TIMES, TEN
 
 
@@ -73,7 +73,7 @@ def _view(structure: str, height: int) -> _View:
     return _View(session, LiveCamera(session.config, session.surfaces))
 
 
-class FrameTimes(TypedDict):
+class FrameTimes(NamedTuple):
     """Times of the frames of a structure."""
 
     step_s: list[float]
@@ -85,8 +85,18 @@ class FrameTimes(TypedDict):
     simulated_a_second: float
     """Simulated seconds a second."""
 
+    @property
+    def speed(self) -> float:
+        """Median of the frames a second."""
+        return self.frames_a_second[0]
 
-class FrameRow(TypedDict):
+    @property
+    def step_ms(self) -> float:
+        """Median time of the steps of a frame [ms]."""
+        return 1e3 * float(np.median(self.step_s))
+
+
+class FrameRow(NamedTuple):
     """Frames of a structure at one resolution."""
 
     structure: str
@@ -118,22 +128,22 @@ def _rows_at(height: int) -> list[FrameRow]:
         stable_steps[name] = stable
         view.session.set_rate(stable * STEPS_A_SECOND)
     one_step = _timed(views, stable_steps)
-    rows: list[FrameRow] = []
+    rows = []
     for name, view in views.items():
         receipt = view.session.plan.compiled.receipt
         camera = view.camera.camera
         rows.append(
-            {
-                "structure": name,
-                "height": height,
-                "nodes": receipt.nodes,
-                "fragments": receipt.fragments,
-                "pixels": f"{camera.width} x {camera.height}",
-                "stable_step_s": stable_steps[name],
-                "table_6_1_step_s": _table_steps(view.session, height),
-                "one_step": one_step[name],
-                "live": live[name],
-            }
+            FrameRow(
+                structure=name,
+                height=height,
+                nodes=receipt.nodes,
+                fragments=receipt.fragments,
+                pixels=f"{camera.width} x {camera.height}",
+                stable_step_s=stable_steps[name],
+                table_6_1_step_s=_table_steps(view.session, height),
+                one_step=one_step[name],
+                live=live[name],
+            )
         )
     return rows
 
@@ -147,21 +157,17 @@ def _timed(
         calls[f"{name}: step"] = partial(view.step, frames[name])
         calls[f"{name}: picture"] = view.picture
     spans = interleaved(calls, _FRAMES)
-    times: dict[str, FrameTimes] = {}
+    times = {}
     for name in views:
         step = np.array(spans[f"{name}: step"])
         picture = np.array(spans[f"{name}: picture"])
-        rate = 1 / (step + picture)
-        times[name] = {
-            "step_s": step.tolist(),
-            "picture_s": picture.tolist(),
-            "frames_a_second": [
-                float(np.median(rate)),
-                float(np.min(rate)),
-                float(np.max(rate)),
-            ],
-            "simulated_a_second": frames[name] * float(np.median(rate)),
-        }
+        rate = Spread.of(1 / (step + picture))
+        times[name] = FrameTimes(
+            step_s=step.tolist(),
+            picture_s=picture.tolist(),
+            frames_a_second=[*rate],
+            simulated_a_second=frames[name] * rate.median,
+        )
     return times
 
 
@@ -179,144 +185,83 @@ def _table_steps(session: LiveSession, height: int) -> list[float]:
     ]
 
 
-_ComparedRow = TypedDict(
-    "_ComparedRow",
-    {
-        "structure": str,
-        "step, thesis_ms": float,
-        "frames a second, thesis at most": float,
-        "here, one step": float,
-        "simulated s / s, thesis": float,
-        "thesis, in copper": float,
-        "here": float,
-    },
-)
-"""A structure of table 6.1 and here, under the headings that the page shows."""
+def summary(rows: Sequence[FrameRow]) -> Numbers:
+    """Numbers of the text, most of them at the highest resolution.
 
-_FramesShown = TypedDict(
-    "_FramesShown",
-    {
-        "height": int,
-        "structure": str,
-        "nodes": int,
-        "one step_ms": float,
-        "picture_ms": float,
-        "frames a second": float,
-        "simulated s / s": float,
-        "live: steps_ms": float,
-        "live: frames a second": float,
-        "live: simulated s / s": float,
-    },
-)
-"""Frames of a structure, under the headings that the page shows."""
-
-
-class FrameNumbers(TypedDict):
-    """Numbers of the text on frames, most of them at the highest resolution."""
-
-    mesh: str
-    rows: Sequence[FrameRow]
-    highest: int
-    """Voxels along up of the highest resolution."""
-    pixels: str
-    processor: str
-    frames_a_second: dict[str, float]
-    """With one explicit step a frame, by structure."""
-    live_frames_a_second: dict[str, float]
-    """At the live view's rate, by structure."""
-    steps_a_second: float
-    live_frame_s: float
-    """Simulated time of a frame of the live view."""
-    fluent: dict[str, int]
-    """Structures that are fast enough for the live view, by resolution."""
-    structures: int
-    thesis_simulated: list[float]
-    """Simulated seconds a second of the thesis' full volume: ours, and of copper."""
-    live_simulated: float
-    beside_table_6_1: list[_ComparedRow]
-    frames: list[_FramesShown]
-
-
-def summary(rows: Sequence[FrameRow]) -> FrameNumbers:
-    """Numbers of the text, from the rows of all resolutions."""
-    heights = list(dict.fromkeys(row["height"] for row in rows))
-    last = [row for row in rows if row["height"] == heights[-1]]
+    `fluent` counts the structures that are fast enough for the live view.
+    """
+    heights = list(dict.fromkeys(row.height for row in rows))
+    last = [row for row in rows if row.height == heights[-1]]
     full = last[-1]
+    thesis_step = TABLE_TIMES[FULL]
     fluent = {
         f"{height} voxels": sum(
-            _speed(row["one_step"]) >= STEPS_A_SECOND
-            for row in rows
-            if row["height"] == height
+            row.one_step.speed >= STEPS_A_SECOND for row in rows if row.height == height
         )
         for height in heights
     }
-    thesis_simulated = {
-        row["structure"]: [
-            step / TABLE_TIMES[row["structure"]] for step in row["table_6_1_step_s"]
-        ]
-        for row in last
-    }
+    beside_table_6_1 = []
+    for row in last:
+        seconds = TABLE_TIMES[row.structure]
+        simulated, of_copper = (step / seconds for step in row.table_6_1_step_s)
+        beside_table_6_1.append(
+            {
+                "structure": row.structure,
+                "step, thesis_ms": 1e3 * seconds,
+                "frames a second, thesis at most": 1 / seconds,
+                "here, one step": row.one_step.speed,
+                "simulated s / s, thesis": simulated,
+                "thesis, in copper": of_copper,
+                "here": row.one_step.simulated_a_second,
+            }
+        )
     return {
         "mesh": buddha().name,
         "rows": rows,
         "highest": heights[-1],
-        "pixels": full["pixels"],
+        "pixels": full.pixels,
         "processor": processor(),
-        "frames_a_second": {row["structure"]: _speed(row["one_step"]) for row in last},
-        "live_frames_a_second": {row["structure"]: _speed(row["live"]) for row in last},
+        "frames_a_second": {row.structure: row.one_step.speed for row in last},
+        "live_frames_a_second": {row.structure: row.live.speed for row in last},
         "steps_a_second": STEPS_A_SECOND,
         "live_frame_s": _RATE / STEPS_A_SECOND,
         "fluent": fluent,
         "structures": len(last),
-        "thesis_simulated": thesis_simulated[FULL],
-        "live_simulated": full["live"]["simulated_a_second"],
-        "beside_table_6_1": [
-            {
-                "structure": row["structure"],
-                "step, thesis_ms": 1e3 * TABLE_TIMES[row["structure"]],
-                "frames a second, thesis at most": 1 / TABLE_TIMES[row["structure"]],
-                "here, one step": _speed(row["one_step"]),
-                "simulated s / s, thesis": thesis_simulated[row["structure"]][0],
-                "thesis, in copper": thesis_simulated[row["structure"]][1],
-                "here": row["one_step"]["simulated_a_second"],
-            }
-            for row in last
-        ],
+        "thesis_simulated": [step / thesis_step for step in full.table_6_1_step_s],
+        "live_simulated": full.live.simulated_a_second,
+        "beside_table_6_1": beside_table_6_1,
         "frames": [
             {
-                "height": row["height"],
-                "structure": row["structure"],
-                "nodes": row["nodes"],
-                "one step_ms": _milliseconds(row["one_step"]["step_s"]),
-                "picture_ms": _milliseconds(row["one_step"]["picture_s"]),
-                "frames a second": _speed(row["one_step"]),
-                "simulated s / s": row["one_step"]["simulated_a_second"],
-                "live: steps_ms": _milliseconds(row["live"]["step_s"]),
-                "live: frames a second": _speed(row["live"]),
-                "live: simulated s / s": row["live"]["simulated_a_second"],
+                "height": row.height,
+                "structure": row.structure,
+                "nodes": row.nodes,
+                "one step_ms": row.one_step.step_ms,
+                "picture_ms": 1e3 * float(np.median(row.one_step.picture_s)),
+                "frames a second": row.one_step.speed,
+                "simulated s / s": row.one_step.simulated_a_second,
+                "live: steps_ms": row.live.step_ms,
+                "live: frames a second": row.live.speed,
+                "live: simulated s / s": row.live.simulated_a_second,
             }
             for row in rows
         ],
     }
-
-
-def _speed(times: FrameTimes) -> float:
-    """Median of the frames a second."""
-    return float(times["frames_a_second"][0])
-
-
-def _milliseconds(spans: Sequence[float]) -> float:
-    return 1e3 * float(np.median(spans))
 
 
 def _chart(rows: Sequence[FrameRow]) -> Chart:
     points = []
     for name, seconds in TABLE_TIMES.items():
-        for row in (row for row in rows if row["structure"] == name):
-            speed = _speed(row["one_step"])
-            text = f"{name}, {row['height']} high: {significant(speed)} a second"
-            points.append(point(name, row["height"], speed, text))
+        for row in (row for row in rows if row.structure == name):
+            speed = row.one_step.speed
+            text = f"{name}, {row.height} high: {significant(speed)} a second"
+            points.append(CurvePoint(curve=name, x=row.height, y=speed, text=text))
         text = f"{name}, thesis: at most {significant(1 / seconds)} a second"
-        points.append(point(name, TABLE_HEIGHT, 1 / seconds, text, mark=True))
+        points.append(
+            CurvePoint(
+                curve=name, x=TABLE_HEIGHT, y=1 / seconds, text=text, marks=ALONE
+            )
+        )
     title = "C27: one step and its picture"
-    return log_chart(points, "voxels along up", "frames a second", title)
+    return log_chart(
+        points=points, x_title="voxels along up", y_title="frames a second", title=title
+    )

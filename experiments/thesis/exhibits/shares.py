@@ -1,7 +1,7 @@
 """6.3: what the time of a step is spent on, over the resolution."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypedDict
+from typing import Any, NamedTuple
 
 import altair as alt
 import numpy as np
@@ -15,7 +15,7 @@ from ...benchmarks.mixed import Runner
 from ...harness.meshes import START, STEEL
 from ...harness.timing import interleaved, timed_call
 from ..bodies import buddha
-from ..exhibit import Finding, Verdict, exhibit
+from ..exhibit import Finding, Numbers, Verdict, exhibit, judged
 from ..line_chart import COLOURS
 from ..resolution import BUILDS, FULL, IRREGULAR, timed_runner
 
@@ -63,7 +63,7 @@ def _shares_of_a_step(quick: bool) -> Finding:
     )
 
 
-class StepShares(TypedDict):
+class StepShares(NamedTuple):
     """Times of one structure at one resolution."""
 
     structure: str
@@ -79,41 +79,21 @@ class StepShares(TypedDict):
     """Shares of a step by mechanism [-]."""
 
 
-class ShareNumbers(TypedDict):
-    """Numbers of the text on shares of time."""
-
-    heights: list[int]
-    """Voxels along up, of the coarsest and of the finest full volume."""
-    conduction: list[float]
-    """Shares of conduction in these two [-]."""
-    conduction_irregular: float
-    shares: dict[str, float]
-    """Shares in the finest full volume [-]."""
-    picture_steps: float
-    """Steps in the time of a picture."""
-    voxelization_steps: float
-    """Steps in the time of a voxelization."""
-
-
-def judge(rows: Sequence[StepShares]) -> tuple[Verdict, ShareNumbers]:
+def judge(rows: Sequence[StepShares]) -> tuple[Verdict, Numbers]:
     """Verdict on conduction as what takes most of a step, and its numbers."""
-    full = [row for row in rows if row["structure"] == FULL]
+    full = [row for row in rows if row.structure == FULL]
     last = full[-1]
-    shares = last["of_step"]
-    picture = last["picture_s"]
+    shares = last.of_step
+    picture = last.picture_s
     assert picture is not None
-    if shares[_CONDUCTION] > 0.5:
-        verdict = Verdict.REPRODUCED
-    else:
-        leads = max(shares, key=shares.__getitem__) == _CONDUCTION
-        verdict = Verdict.DIFFERENT if leads else Verdict.CONTRADICTED
-    return verdict, {
-        "heights": [full[0]["height"], last["height"]],
-        "conduction": [row["of_step"][_CONDUCTION] for row in (full[0], last)],
-        "conduction_irregular": rows[-1]["of_step"][_CONDUCTION],
+    leads = max(shares, key=shares.__getitem__) == _CONDUCTION
+    return judged(shares[_CONDUCTION] > 0.5, different=leads), {
+        "heights": [full[0].height, last.height],
+        "conduction": [row.of_step[_CONDUCTION] for row in (full[0], last)],
+        "conduction_irregular": rows[-1].of_step[_CONDUCTION],
         "shares": shares,
-        "picture_steps": picture / last["step_s"],
-        "voxelization_steps": last["voxelization_s"] / last["step_s"],
+        "picture_steps": picture / last.step_s,
+        "voxelization_steps": last.voxelization_s / last.step_s,
     }
 
 
@@ -154,16 +134,16 @@ def _times(name: str, height: int, *, by_mechanism: bool) -> StepShares:
         lambda: [jt.voxelize(grid.mesh, grid.pitch) for grid in grids]
     )
     receipt = runners["step"].compiled.receipt
-    return {
-        "structure": name,
-        "height": height,
-        "nodes": receipt.nodes,
-        "fragments": receipt.fragments,
-        "voxelization_s": voxelization,
-        "step_s": fastest["step"],
-        "picture_s": fastest.get("picture"),
-        "of_step": shares_of(fastest, by_mechanism=by_mechanism),
-    }
+    return StepShares(
+        structure=name,
+        height=height,
+        nodes=receipt.nodes,
+        fragments=receipt.fragments,
+        voxelization_s=voxelization,
+        step_s=fastest["step"],
+        picture_s=fastest.get("picture"),
+        of_step=shares_of(fastest, by_mechanism=by_mechanism),
+    )
 
 
 def _without(scene: jt.Scene, term_type: type) -> Runner:
@@ -197,8 +177,8 @@ def shares_of(spans: Mapping[str, float], *, by_mechanism: bool) -> dict[str, fl
 def _chart(rows: Sequence[StepShares]) -> Chart:
     values = []
     for row in rows:
-        scene = f"{row['structure']}, {row['height']} high"
-        for name, share in row["of_step"].items():
+        scene = f"{row.structure}, {row.height} high"
+        for name, share in row.of_step.items():
             values.append(
                 {
                     "scene": scene,
@@ -208,7 +188,7 @@ def _chart(rows: Sequence[StepShares]) -> Chart:
                     "text": f"{scene}: {name} {share:.0%}",
                 }
             )
-    used = [name for name in _PARTS if any(name in row["of_step"] for row in rows)]
+    used = [name for name in _PARTS if any(name in row.of_step for row in rows)]
     colours = [COLOURS[_PARTS.index(name)] for name in used]
     colour = alt.Scale(domain=used, range=colours)
     percent = alt.Scale(domain=[0, 100])

@@ -8,10 +8,11 @@ no-slip walls and the parabola of a long one at the inlet, and the fastest flow 
 """
 
 import math
-from collections.abc import Sequence
-from functools import cache
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
 from itertools import combinations
-from typing import Literal, NamedTuple, TypedDict
+from typing import NamedTuple
 
 import altair as alt
 import jax
@@ -23,18 +24,17 @@ from PIL import Image
 import jaxthermo as jt
 from jaxthermo.flow.measures import centreline, recirculation_length, strouhal
 from jaxthermo.flow.run import FlowRun
-from jaxthermo.flow.wake_fit import FAMILIES, Family, fit_family, tail_length
+from jaxthermo.flow.wake_fit import FAMILIES, FamilyFit, fit_family, tail_length
 from jaxthermo.flow.wake_runs import disturbed_state
 from jaxthermo.geometry import shapes
 from jaxthermo.image.colour.palette import apply_palette
 from jaxthermo.native.call import native_kernels
-from jaxthermo.report.chart import Chart, legend
+from jaxthermo.report.chart import Chart
 from jaxthermo.report.sheet import Tile, enlarged, sheet
 
 from ...harness.present import colour_bar
-from ..exhibit import Finding, Verdict, exhibit
-from ..line_chart import HEIGHT, SHADES, WIDTH
-from ..wake_numbers import DistanceRow, FitNumbers, FlowNumbers
+from ..exhibit import Finding, Numbers, Verdict, exhibit, judged, rms
+from ..line_chart import SHADES, CurvePoint, curve, curve_chart
 
 
 # Cells across the narrow channel, the thesis' being 300. In the reduced size the
@@ -60,6 +60,8 @@ _PAIR_SPEED = 0.157
 _AIR = 300.0
 _HOT = 350.0
 _GAPS = (1.0, 2.0, 5.0, 10.0, 20.0)
+# Speeds that end a tail, over the undisturbed one.
+_LEVELS = (0.9, 0.8)
 # Deviation, in undisturbed speeds, up to which a function fits, and curves are one.
 _GOOD_FIT = 0.03
 _ONE_CURVE = 0.03
@@ -95,130 +97,102 @@ class Setup(NamedTuple):
 SETUPS = (Setup("narrow", 1.0), *(Setup("wide", speed) for speed in _SPEEDS))
 
 
-class Tail(NamedTuple):
-    """Mean speed behind the cylinder over the undisturbed one."""
+@dataclass(frozen=True, eq=False)
+class Wake:
+    """A flow, and the mean speed behind its cylinder over the undisturbed one."""
 
     setup: Setup
+    run: FlowRun
     x: Float[np.ndarray, " n"]
     """Distance from the rear [diameters]."""
     ratio: Float[np.ndarray, " n"]
 
+    @cached_property
+    def bubble(self) -> float:
+        """Length of the recirculation [diameters]."""
+        return recirculation_length(self.run)
 
-class _SpeedPoint(TypedDict):
-    """A point of a curve of mean speeds."""
+    @cached_property
+    def strouhal(self) -> float | None:
+        """Strouhal number by the undisturbed speed; None of a steady flow."""
+        frequency = strouhal(self.run)
+        return None if np.isnan(frequency) else frequency / 1.5
 
-    curve: str
-    x: float
-    """Distance behind the cylinder [diameters]."""
-    u: float
-    """Mean speed over the undisturbed one [-]."""
+    @cached_property
+    def fits(self) -> dict[str, FamilyFit]:
+        """Families of curves fitted to the wake behind the recirculation."""
+        behind = self.x > self.bubble
+        return {
+            family.name: fit_family(family, self.x[behind], self.ratio[behind])
+            for family in FAMILIES
+        }
+
+    @property
+    def fastest(self) -> float:
+        """Largest mean speed along the channel over the undisturbed one."""
+        return float(self.run.mean.x.max() / (1.5 * self.run.channel.speed))
+
+    def tail(self, level: float) -> float:
+        """Distance from which on the speed stays above a level; or infinite."""
+        return tail_length(self.x, self.ratio, level)
+
+    def numbers(self) -> dict[str, float | str | None]:
+        """Frequency, bubble, speeds and lengths of the tail."""
+        return {
+            "channel": self.setup.channel,
+            "speed": self.setup.speed,
+            "Re": self.setup.reynolds,
+            "strouhal": self.strouhal,
+            "bubble": self.bubble,
+            **{f"tail_{level:g}": self.tail(level) for level in _LEVELS},
+            "read_to": float(self.x[-1]),
+            "last": float(self.ratio[-1]),
+            "fastest": self.fastest,
+            "slowest": float(self.ratio.min()),
+        }
 
 
-class _WakeFlow(NamedTuple):
-    """One flow with what is measured of it."""
-
-    setup: Setup
-    run: FlowRun
-    tail: Tail
-    row: FlowNumbers
-
-
-@cache
-def _wake_flow(setup: Setup, quick: bool) -> _WakeFlow:
-    run = compute_flow(setup, _QUICK_CELLS if quick else _CELLS)
-    tail = tail_of(setup, run)
-    return _WakeFlow(setup=setup, run=run, tail=tail, row=measure_flow(tail, run))
-
-
-def _narrow_and_wide(quick: bool) -> tuple[_WakeFlow, _WakeFlow]:
-    """The fastest flow in both channels."""
-    return _wake_flow(SETUPS[0], quick), _wake_flow(SETUPS[1], quick)
-
-
-def _four_speeds(quick: bool) -> tuple[_WakeFlow, ...]:
-    """The flows in the wide channel, the fastest first."""
-    return tuple(_wake_flow(setup, quick) for setup in SETUPS[1:])
-
-
-def compute_flow(setup: Setup, height: int) -> FlowRun:
+def compute_wake(setup: Setup, height: int) -> Wake:
     """The flow of a set-up, with a narrow channel of `height` cells."""
     channel = setup.flow(height)
     steps = round(_PASSES * channel.shape[1] / _LATTICE_SPEED)
-    return jt.simulate_flow(
+    run = jt.simulate_flow(
         channel, steps, start=disturbed_state, kernels=native_kernels()
+    )
+    middle = centreline(run)
+    is_read = middle.at < middle.at[-1] - _OUTLET
+    # The undisturbed speed in the middle is 1.5 of the mean.
+    return Wake(
+        setup=setup, run=run, x=middle.at[is_read], ratio=middle.ratio[is_read] / 1.5
     )
 
 
-def tail_of(setup: Setup, flow: FlowRun) -> Tail:
-    """The middle of the wake, without what lies next to the outlet."""
-    line = centreline(flow)
-    is_read = line.at < line.at[-1] - _OUTLET
-    # The undisturbed speed in the middle is 1.5 of the mean.
-    return Tail(setup, x=line.at[is_read], ratio=line.ratio[is_read] / 1.5)
+def _cells(quick: bool) -> int:
+    return _QUICK_CELLS if quick else _CELLS
 
 
-def measure_flow(tail: Tail, flow: FlowRun) -> FlowNumbers:
-    """Numbers of a flow, and the families of curves fitted to its wake."""
-    bubble = recirculation_length(flow)
-    behind = tail.x > bubble
-    fits: dict[str, FitNumbers] = {}
-    for family in FAMILIES:
-        fit = fit_family(family, tail.x[behind], tail.ratio[behind])
-        named_values = zip(family.parameters, fit.values, fit.errors, strict=True)
-        parameters = {
-            name: _with_error(value, error) for name, value, error in named_values
-        }
-        fits[family.name] = {
-            "parameters": parameters,
-            "values": fit.values.tolist(),
-            "rms": fit.rms,
-            "largest": fit.largest,
-        }
-    frequency = strouhal(flow)
-    mean_speed = flow.mean.x / (1.5 * flow.channel.speed)
-    return {
-        "channel": tail.setup.channel,
-        "speed": tail.setup.speed,
-        "Re": tail.setup.reynolds,
-        "strouhal": None if np.isnan(frequency) else frequency / 1.5,
-        "bubble": bubble,
-        "tail_0.9": tail_length(tail.x, tail.ratio),
-        "tail_0.8": tail_length(tail.x, tail.ratio, 0.8),
-        "read_to": float(tail.x[-1]),
-        "last": float(tail.ratio[-1]),
-        "fastest": float(mean_speed.max()),
-        "slowest": float(tail.ratio.min()),
-        "fits": fits,
-    }
+@cache
+def _wake(setup: Setup, quick: bool) -> Wake:
+    return compute_wake(setup, _cells(quick))
 
 
-def _with_error(value: float, error: float) -> str:
-    """A parameter with its standard error, unless that is as large as itself."""
-    if not np.isfinite(error) or error > value:
-        return "not determined"
-    return f"{value:.3g} ± {error:.1g}"
-
-
-def _flow_rows(flows: Sequence[_WakeFlow]) -> list[dict[str, object]]:
-    """Frequency, bubble, speeds and lengths of the tail, of each flow."""
-    return [
-        {name: value for name, value in flow.row.items() if name != "fits"}
-        for flow in flows
-    ]
+def _four_speeds(quick: bool) -> list[Wake]:
+    """The flows in the wide channel, the fastest first."""
+    return [_wake(setup, quick) for setup in SETUPS[1:]]
 
 
 @exhibit("figure-5.7", "5.4, figure 5.7")
 def _flow_around_a_cylinder(quick: bool) -> Finding:
     """Compute a flow that sheds vortices, and cool a second cylinder behind it."""
-    _, wide = _narrow_and_wide(quick)
+    wide = _wake(SETUPS[1], quick)
     pairs = measure_pair()
     factors = [row["factor"] for row in pairs]
-    tiles = _speed_tiles(wide, "", edge=600)
+    tiles = speed_tiles(wide.run, "", edge=600)
     return Finding(
         Verdict.REPRODUCED,
         {
-            "cells": _QUICK_CELLS if quick else _CELLS,
-            "strouhal": wide.row["strouhal"],
+            "cells": _cells(quick),
+            "strouhal": wide.strouhal,
             "pairs": pairs,
             "factors": [min(factors), max(factors)],
         },
@@ -249,34 +223,28 @@ def measure_pair() -> list[dict[str, float]]:
 @exhibit("figure-6.4", "6.2, figure 6.4")
 def two_pipes(quick: bool) -> Finding:
     """Compare the tails in a narrow and in a wide pipe."""
-    narrow, wide = flows = _narrow_and_wide(quick)
-    longer = {
-        level: is_longer(wide.row[level], narrow.row[level])
-        for level in ("tail_0.8", "tail_0.9")
-    }
-    if all(longer.values()):
-        verdict = Verdict.REPRODUCED
-    else:
-        is_end_longer = longer["tail_0.9"]
-        verdict = Verdict.DIFFERENT if is_end_longer else Verdict.CONTRADICTED
+    narrow, wide = (_wake(setup, quick) for setup in SETUPS[:2])
+    flows = {"narrow": narrow, "wide": wide}
+    is_end_longer, is_middle_longer = (
+        is_longer(wide.tail(level), narrow.tail(level)) for level in _LEVELS
+    )
     tiles = [
-        *_speed_tiles(narrow, "800 x 300, ", edge=600),
-        *_speed_tiles(wide, "800 x 600, ", edge=600),
+        *speed_tiles(narrow.run, "800 x 300, ", edge=600),
+        *speed_tiles(wide.run, "800 x 600, ", edge=600),
     ]
+    numbers = {name: flow.numbers() for name, flow in flows.items()}
     return Finding(
-        verdict,
+        judged(is_end_longer and is_middle_longer, is_end_longer),
         {
-            "cells": _QUICK_CELLS if quick else _CELLS,
-            **dict(zip(("narrow", "wide"), _flow_rows(flows), strict=True)),
-            "rows": _flow_rows(flows),
+            "cells": _cells(quick),
+            **numbers,
+            "rows": [*numbers.values()],
             "lengths": {
-                flow.setup.channel: {
-                    level: _length(flow, level) for level in ("tail_0.8", "tail_0.9")
-                }
-                for flow in flows
+                name: {f"tail_{level:g}": _length(flow, level) for level in _LEVELS}
+                for name, flow in flows.items()
             },
-            "fastest": max(flow.row["fastest"] for flow in flows),
-            "slowest": min(flow.row["slowest"] for flow in flows),
+            "fastest": max(flow.fastest for flow in flows.values()),
+            "slowest": float(min(flow.ratio.min() for flow in flows.values())),
         },
         {"pipes": _speed_sheet(tiles, "Figure 6.4: pipes of two widths")},
     )
@@ -287,47 +255,49 @@ def is_longer(wide: float, narrow: float) -> bool:
     return math.isfinite(narrow) and wide > narrow
 
 
-def _length(flow: _WakeFlow, level: Literal["tail_0.8", "tail_0.9"]) -> str:
-    length = flow.row[level]
-    if np.isfinite(length):
-        return f"{length:.2f}"
-    return f"more than {flow.tail.x[-1]:.1f}"
+def _length(flow: Wake, level: float) -> str:
+    length = flow.tail(level)
+    return f"{length:.2f}" if math.isfinite(length) else f"more than {flow.x[-1]:.1f}"
 
 
 @exhibit("figure-6.5", "6.2, figure 6.5")
 def convergent_functions(quick: bool) -> Finding:
     """Fit families of functions to the five wakes."""
-    flows = tuple(_wake_flow(setup, quick) for setup in SETUPS)
-    rms = {
-        flow.setup: {name: fit["rms"] for name, fit in flow.row["fits"].items()}
-        for flow in flows
-    }
-    best = max(min(by_family.values()) for by_family in rms.values())
+    flows = [_wake(setup, quick) for setup in SETUPS]
+    best = max(min(fit.rms for fit in flow.fits.values()) for flow in flows)
     return Finding(
-        Verdict.DIFFERENT if best <= _GOOD_FIT else Verdict.CONTRADICTED,
+        judged(False, different=best <= _GOOD_FIT),
         {
-            "cells": _QUICK_CELLS if quick else _CELLS,
+            "cells": _cells(quick),
             "rms": {
-                family.name: max(by_family[family.name] for by_family in rms.values())
+                family.name: max(flow.fits[family.name].rms for flow in flows)
                 for family in FAMILIES
             },
             "best_of_each": best,
             "fits": [
                 {
                     "flow": f"{flow.setup.channel}, {flow.setup.speed:g}",
-                    "family": name,
-                    "parameters, lengths in D": ", ".join(
-                        f"{key} {text}" for key, text in fit["parameters"].items()
-                    ),
-                    "rms": fit["rms"],
-                    "largest": fit["largest"],
+                    "family": family.name,
+                    "parameters, lengths in D": _parameters(family.parameters, fit),
+                    "rms": fit.rms,
+                    "largest": fit.largest,
                 }
                 for flow in flows
-                for name, fit in flow.row["fits"].items()
+                for family, fit in zip(FAMILIES, flow.fits.values(), strict=True)
             ],
         },
-        {"wake_fits": fit_chart(flows[1].row, flows[1].tail)},
+        {"wake_fits": fit_chart(flows[1])},
     )
+
+
+def _parameters(names: Sequence[str], fit: FamilyFit) -> str:
+    """Each parameter with its standard error, unless that is as large as itself."""
+    texts = []
+    for name, value, error in zip(names, fit.values, fit.errors, strict=True):
+        is_determined = error <= value < np.inf
+        number = f"{value:.3g} ± {error:.1g}" if is_determined else "not determined"
+        texts.append(f"{name} {number}")
+    return ", ".join(texts)
 
 
 @exhibit("figure-6.6", "6.2, figure 6.6")
@@ -336,16 +306,16 @@ def _four_winds(quick: bool) -> Finding:
     flows = _four_speeds(quick)
     tiles = []
     for letter, flow in zip("abcd", flows, strict=True):
-        tiles += _speed_tiles(flow, f"({letter}) {flow.setup.speed:g} m/s, ", edge=500)
-    strouhal_by_speed = {flow.setup.speed: flow.row["strouhal"] for flow in flows}
+        name = f"({letter}) {flow.setup.speed:g} m/s, "
+        tiles += speed_tiles(flow.run, name, edge=500)
     return Finding(
         Verdict.NOT_REPRODUCIBLE,
         {
-            "cells": _QUICK_CELLS if quick else _CELLS,
-            "strouhal": strouhal_by_speed,
-            "shedding": [f"{s:g}" for s, n in strouhal_by_speed.items() if n],
-            "steady": [f"{s:g}" for s, n in strouhal_by_speed.items() if not n],
-            "rows": _flow_rows(flows),
+            "cells": _cells(quick),
+            "strouhal": {flow.setup.speed: flow.strouhal for flow in flows},
+            "shedding": [f"{flow.setup.speed:g}" for flow in flows if flow.strouhal],
+            "steady": [f"{flow.setup.speed:g}" for flow in flows if not flow.strouhal],
+            "rows": [flow.numbers() for flow in flows],
         },
         {"speeds": _speed_sheet(tiles, "Figure 6.6: four speeds in the wide pipe")},
     )
@@ -355,67 +325,56 @@ def _four_winds(quick: bool) -> Finding:
 def _normalized_wakes(quick: bool) -> Finding:
     """Compare the normalized curves of four speeds."""
     flows = _four_speeds(quick)
-    tails = [flow.tail for flow in flows]
-    pairs = measure_collapse(tails)
+    pairs = measure_collapse({flow.setup.speed: flow.ratio for flow in flows})
     distances = [row["rms"] for row in pairs]
-    stretched = stretched_distances([tail.ratio for tail in tails])
-    ends = [flow.row["last"] for flow in flows]
-    is_one_curve = max(*distances, *stretched) <= _ONE_CURVE
+    stretched = [row["stretched from 0 to 1"] for row in pairs]
+    ends = [float(flow.ratio[-1]) for flow in flows]
     return Finding(
-        Verdict.REPRODUCED if is_one_curve else Verdict.CONTRADICTED,
+        judged(max(*distances, *stretched) <= _ONE_CURVE),
         {
-            "cells": _QUICK_CELLS if quick else _CELLS,
-            "pairs": [
-                {**row, "stretched from 0 to 1": distance}
-                for row, distance in zip(pairs, stretched, strict=True)
-            ],
+            "cells": _cells(quick),
+            "pairs": pairs,
             "nearest": min(distances),
             "farthest": max(distances),
             "stretched": max(stretched),
             "ends": [min(ends), max(ends)],
         },
-        {"normalized": tail_chart([flow.row for flow in flows], tails)},
+        {"normalized": tail_chart(flows)},
     )
 
 
-def measure_collapse(tails: Sequence[Tail]) -> list[DistanceRow]:
-    """Distances of each two of the normalized curves."""
-    return [
-        {
-            "speeds": [a.setup.speed, b.setup.speed],
-            "rms": float(np.sqrt(np.mean((a.ratio - b.ratio) ** 2))),
-            "largest": float(np.abs(a.ratio - b.ratio).max()),
-        }
-        for a, b in combinations(tails, 2)
-    ]
+def measure_collapse(curves: Mapping[float, np.ndarray]) -> list[Numbers]:
+    """Distances of each two of the normalized curves, which have a speed each.
+
+    Also when each is stretched from its lowest value to its last.
+    """
+    rows = []
+    for (speed_a, a), (speed_b, b) in combinations(curves.items(), 2):
+        stretched_a, stretched_b = (
+            (ratio - ratio.min()) / (ratio[-1] - ratio.min()) for ratio in (a, b)
+        )
+        rows.append(
+            {
+                "speeds": [speed_a, speed_b],
+                "rms": rms(a - b),
+                "largest": float(np.abs(a - b).max()),
+                "stretched from 0 to 1": rms(stretched_a - stretched_b),
+            }
+        )
+    return rows
 
 
-def stretched_distances(ratios: Sequence[np.ndarray]) -> list[float]:
-    """RMS distances of curves, each stretched from its lowest value to its last."""
-    above = [ratio - ratio.min() for ratio in ratios]
-    curves = [curve / curve[-1] for curve in above]
-    return [float(np.sqrt(np.mean((a - b) ** 2))) for a, b in combinations(curves, 2)]
-
-
-def _speed_tiles(flow: _WakeFlow, name: str, edge: int) -> list[Tile]:
+def speed_tiles(flow: FlowRun, name: str, edge: int) -> list[Tile]:
     """Pictures of the speed at one moment, and of its mean, of about an edge [px]."""
-    return [
-        Tile(enlarged(tile.pixels, edge), f"{name}{tile.label}")
-        for tile in speed_tiles(flow.run)
-    ]
-
-
-def speed_tiles(flow: FlowRun) -> list[Tile]:
-    """Pictures of the speed at one moment, and of its mean, a pixel each cell."""
     body = flow.channel.body.mask(flow.channel.shape)
     top = 1.5 * float(flow.channel.speed)
     tiles = []
-    for name, field in (("one moment", flow.last), ("mean", flow.mean)):
+    for label, field in (("one moment", flow.last), ("mean", flow.mean)):
         relative = np.asarray(field.speed, float) / top
         colours = apply_palette(relative, 0.0, 1.3, "white-hot")
         colours[body] = (170, 60, 50)
         # The lattice counts rows upwards.
-        tiles.append(Tile(np.ascontiguousarray(colours[::-1]), name))
+        tiles.append(Tile(enlarged(colours[::-1], edge), f"{name}{label}"))
     return tiles
 
 
@@ -425,53 +384,35 @@ def _speed_sheet(tiles: list[Tile], title: str) -> Image.Image:
     return sheet(tiles, bar, title, columns=2)
 
 
-def tail_chart(rows: Sequence[FlowNumbers], tails: Sequence[Tail]) -> Chart:
+def tail_chart(flows: Sequence[Wake]) -> Chart:
     """Figure 6.7: normalized mean speeds by the distance."""
     points = []
-    for row, tail in zip(rows, tails, strict=True):
-        name = f"{row['channel']}, {row['speed']:g} (Re {row['Re']:g})"
-        points += _points(name, tail.x[::3], tail.ratio[::3])
+    for flow in flows:
+        setup = flow.setup
+        name = f"{setup.channel}, {setup.speed:g} (Re {setup.reynolds:g})"
+        points += curve(name, flow.x, flow.ratio, every=3)
     return _chart(points, SHADES, "Figure 6.7: normalized speeds")
 
 
-def fit_chart(row: FlowNumbers, tail: Tail) -> Chart:
+def fit_chart(flow: Wake) -> Chart:
     """Figure 6.5: one curve and the families fitted to it."""
-    points = _points("computed", tail.x[::3], tail.ratio[::3])
-    behind = tail.x[tail.x > row["bubble"]][::3]
+    points = curve("computed", flow.x, flow.ratio, every=3)
+    behind = flow.x[flow.x > flow.bubble][::3]
     for family in FAMILIES:
-        curve = _fitted_curve(family, row["fits"][family.name]["values"], behind)
-        points += _points(family.name, behind, curve)
+        with jax.ensure_compile_time_eval():
+            parameters = jnp.asarray(flow.fits[family.name].values.tolist())
+            speeds = family.curve(parameters, jnp.asarray(behind, parameters.dtype))
+        points += curve(family.name, behind, np.asarray(speeds))
     return _chart(points, ("#111111", *SHADES[1:]), "Figure 6.5: f(x) = v, fitted")
 
 
-def _points(
-    name: str, x: Float[np.ndarray, " n"], speed: Float[np.ndarray, " n"]
-) -> list[_SpeedPoint]:
-    return [
-        {"curve": name, "x": float(distance), "u": float(value)}
-        for distance, value in zip(x, speed, strict=True)
-    ]
-
-
-def _chart(points: Sequence[_SpeedPoint], colours: Sequence[str], title: str) -> Chart:
+def _chart(points: Sequence[CurvePoint], colours: Sequence[str], title: str) -> Chart:
     """Speeds behind the cylinder by distance, a line for each curve."""
-    names = list(dict.fromkeys(row["curve"] for row in points))
-    colour = alt.Scale(domain=names, range=list(colours[: len(names)]))
-    # Curves that lie on each other are both seen.
-    dashes = [[7, 5] if number % 2 else [1, 0] for number in range(len(names))]
-    dash = alt.Scale(domain=names, range=dashes)
-    chart = alt.Chart(alt.Data(values=points)).mark_line()
-    return chart.encode(
+    return curve_chart(
+        points=points,
         x=alt.X("x:Q", title="distance behind the cylinder [diameters]"),
-        y=alt.Y("u:Q", title="mean speed over the undisturbed one"),
-        color=alt.Color("curve:N", scale=colour, sort=names, legend=legend()),
-        strokeDash=alt.StrokeDash("curve:N", scale=dash, sort=names),
-    ).properties(width=WIDTH, height=HEIGHT, title=title)
-
-
-def _fitted_curve(
-    family: Family, values: Sequence[float], x: Float[np.ndarray, " n"]
-) -> Float[np.ndarray, " n"]:
-    with jax.ensure_compile_time_eval():
-        parameters = jnp.asarray(values)
-        return np.asarray(family.curve(parameters, jnp.asarray(x, parameters.dtype)))
+        y=alt.Y("y:Q", title="mean speed over the undisturbed one"),
+        title=title,
+        colours=colours,
+        dashed=True,
+    )

@@ -32,8 +32,8 @@ from jaxthermo.report.chart import Chart
 
 from ...harness.meshes import mesh_files
 from ..bodies import CONFIGS, buddha, levels_at
-from ..exhibit import Finding, Verdict, exhibit
-from ..line_chart import log_chart, point
+from ..exhibit import Finding, exhibit, judged
+from ..line_chart import ALONE, CurvePoint, log_chart
 
 
 _SHELL = "single shell"
@@ -132,13 +132,9 @@ def _tuned_weights(quick: bool) -> Finding:
         ]
         for setting in gains
     }
-    if min(gains[_BY_HAND]) > 0 and len(near[_BY_HAND]) == len(tuned):
-        verdict = Verdict.REPRODUCED
-    else:
-        is_better = min(gains[_FITTED]) > 0
-        verdict = Verdict.DIFFERENT if is_better else Verdict.CONTRADICTED
+    is_tuned = min(gains[_BY_HAND]) > 0 and len(near[_BY_HAND]) == len(tuned)
     return Finding(
-        verdict,
+        judged(is_tuned, different=min(gains[_FITTED]) > 0),
         {
             **{name: result.numbers() for name, result in tuned.items()},
             "mesh": buddha().name,
@@ -280,15 +276,21 @@ def _tuning_chart(name: str, tuned: _Tuned) -> Chart:
     for group, words in _GROUPS.items():
         for row in tuned.curve:
             text = f"{row['factor']:.3g}: {row[group]:.3g} %"
-            points.append(point(words, row["factor"], row[group], text))
+            points.append(
+                CurvePoint(curve=words, x=row["factor"], y=row[group], text=text)
+            )
     for group, words in _GROUPS.items():
         error = tuned.worst[_FITTED][group]
-        points.append(point(words, tuned.fitted_factor, error, _FITTED, mark=True))
+        points.append(
+            CurvePoint(
+                curve=words, x=tuned.fitted_factor, y=error, text=_FITTED, marks=ALONE
+            )
+        )
     return log_chart(
-        points,
-        "one factor of all conductances",
-        "largest error [% of the range]",
-        f"{name}: tuned by hand, and all weights",
+        points=points,
+        x_title="one factor of all conductances",
+        y_title="largest error [% of the range]",
+        title=f"{name}: tuned by hand, and all weights",
     )
 
 

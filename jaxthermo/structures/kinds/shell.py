@@ -149,20 +149,9 @@ class IrregularMultiLevel(AbstractBuiltStructure):
 
     def cover_count(self) -> Int[np.ndarray, "x y z"]:
         """Number of nodes that cover each voxel of the lattice."""
-        # Each cube adds +-1 at its eight corners, with alternating sign; running sums
-        # along x, y and z then fill the cubes, whatever their size.
-        grid = self.grid
         nodes = self.built.nodes
-        change = np.zeros(np.array(grid.solid.shape) + 1, np.int16)
-        size = 1 << nodes.level
-        low = grid.lattice.to_cells(nodes.centre) - size[:, None] / 2
-        corner = np.rint(low).astype(int)
-        for far in np.ndindex(2, 2, 2):
-            end = corner + np.array(far) * size[:, None]
-            np.add.at(change, tuple(end.T), np.int16((-1) ** sum(far)))
-        for axis in range(3):
-            np.cumsum(change, axis=axis, out=change)
-        return change[:-1, :-1, :-1]
+        centre = self.grid.lattice.to_cells(nodes.centre)
+        return cover_count(centre, level=nodes.level, shape=self.grid.solid.shape)
 
     def coverage(self) -> _Coverage:
         """Overlap, cracks and outside parts relative to the body."""
@@ -177,6 +166,31 @@ class IrregularMultiLevel(AbstractBuiltStructure):
             crack=(len(inside) - covered) / solid,
             outside=(total - within) / solid,
         )
+
+
+def cover_count(
+    centre: Float[np.ndarray, "n 3"],
+    level: Int[np.ndarray, " n"],
+    shape: tuple[int, ...],
+) -> Int[np.ndarray, "x y z"]:
+    """Number of cubes that cover each voxel of a lattice, out of which they may stick.
+
+    Args:
+        centre: of cubes of 2^level voxels an edge [voxels from the lowest corner].
+        level: of each cube.
+        shape: of the lattice [voxels].
+    """
+    # Each cube adds +-1 at its eight corners, with alternating sign; running sums
+    # along x, y and z then fill the cubes, whatever their size.
+    change = np.zeros(np.array(shape) + 1, np.int16)
+    size = 1 << level
+    low = np.rint(centre - size[:, None] / 2).astype(int)
+    for far in np.ndindex(2, 2, 2):
+        end = np.clip(low + np.array(far) * size[:, None], 0, shape)
+        np.add.at(change, tuple(end.T), np.int16((-1) ** sum(far)))
+    for axis in range(3):
+        np.cumsum(change, axis=axis, out=change)
+    return change[:-1, :-1, :-1]
 
 
 def _build_nested(grid: VoxelGrid, levels: int | None, keep_capacity: bool) -> Built:

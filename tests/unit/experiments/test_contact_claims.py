@@ -3,9 +3,14 @@
 import numpy as np
 import pytest
 
-from experiments.thesis import bodies, contact
+from experiments.thesis import bodies
 from experiments.thesis.bodies import planck
-from experiments.thesis.exhibits import ball_on_head as hat, blocks, broad_phase
+from experiments.thesis.exhibits import (
+    ball_on_head as hat,
+    blocks,
+    broad_phase,
+    contact,
+)
 from experiments.thesis.exhibits.ball_on_head import BALL, HEAD, ball_on_head
 from experiments.thesis.exhibits.intersection import bounds_along, pictures, two_balls
 from experiments.verification.contacts import resisted

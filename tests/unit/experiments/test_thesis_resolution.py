@@ -7,7 +7,7 @@ import pytest
 
 from experiments.thesis import bodies, resolution
 from experiments.thesis.exhibits import counting, wake
-from experiments.thesis.line_chart import log_chart, point
+from experiments.thesis.line_chart import ALONE, CurvePoint, log_chart
 from jaxthermo.errors import InputError
 
 
@@ -85,14 +85,18 @@ def test_stretched_curves_of_one_shape_are_one():
     def curve(end, low):
         return low + (end - low) * (1 - np.exp(-x)) / (1 - np.exp(-8))
 
-    (same,) = wake.stretched_distances([curve(0.9, -0.2), curve(0.7, -0.1)])
+    def stretched_distance(a, b):
+        (row,) = wake.measure_collapse({1.0: a, 0.5: b})
+        return row["stretched from 0 to 1"]
+
+    same = stretched_distance(curve(0.9, -0.2), curve(0.7, -0.1))
     assert same == pytest.approx(0, abs=1e-12)
-    (apart,) = wake.stretched_distances([curve(0.9, -0.2), x])
-    assert apart > 0.1
+    assert stretched_distance(curve(0.9, -0.2), x) > 0.1
 
 
 def test_a_chart_has_lines_and_points_that_stand_alone():
-    points = [point("a", 1, 2), point("a", 10, 20), point("b", 5, 5, "b", mark=True)]
+    alone = CurvePoint("b", 5, 5, "b", ALONE)
+    points = [CurvePoint("a", 1, 2), CurvePoint("a", 10, 20), alone]
     found = log_chart(points, "x", "y", "title").to_dict()
     kinds = [layer["mark"]["type"] for layer in found["layer"]]
     assert kinds == ["line", "point", "point"]

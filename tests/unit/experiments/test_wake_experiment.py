@@ -8,7 +8,7 @@ import pytest
 from experiments.benchmarks import lattice_boltzmann
 from experiments.thesis.exhibition import plain
 from experiments.thesis.exhibits import wake
-from experiments.thesis.exhibits.wake import SETUPS, Setup, Tail, measure_pair
+from experiments.thesis.exhibits.wake import SETUPS, Setup, measure_pair
 
 
 def test_the_setups_are_the_thesis_channels_at_its_size():
@@ -20,12 +20,10 @@ def test_the_setups_are_the_thesis_channels_at_its_size():
 
 def test_curves_apart_are_not_one_curve():
     x = np.linspace(0.1, 10.0, 50)
-    tails = [Tail(Setup("wide", s), x, 1 - np.exp(-x / (1 + s))) for s in (1.0, 0.5)]
+    tails = {s: 1 - np.exp(-x / (1 + s)) for s in (1.0, 0.5)}
     (row,) = wake.measure_collapse(tails)
     assert row["speeds"] == [1.0, 0.5]
-    assert row["largest"] == pytest.approx(
-        np.abs(np.subtract(*[t.ratio for t in tails])).max()
-    )
+    assert row["largest"] == pytest.approx(np.abs(np.subtract(*tails.values())).max())
     assert 0 < row["rms"] < row["largest"]
 
 
@@ -36,18 +34,21 @@ def test_the_second_cylinder_takes_less_heat_the_nearer_it_is():
     assert 0.2 < factors[0] < 1.0 and max(factors) < 1.0
 
 
+def layers(chart) -> list[dict]:
+    return chart.to_dict()["layer"]
+
+
 @pytest.mark.slow
 def test_a_flow_is_measured_drawn_and_charted():
-    setup = Setup("narrow", 0.4)
-    flow = wake.compute_flow(setup, 45)
-    tail = wake.tail_of(setup, flow)
-    row = wake.measure_flow(tail, flow)
-    json.dumps(plain(row), allow_nan=False)
-    assert row["fits"]["power"]["rms"] < 0.1 and row["fastest"] > 1.0
-    assert wake.tail_chart([row], [tail]).to_dict()["mark"]["type"] == "line"
-    curves = {p["curve"] for p in wake.fit_chart(row, tail).to_dict()["data"]["values"]}
+    flow = wake.compute_wake(Setup("narrow", 0.4), 45)
+    json.dumps(plain([flow.numbers(), flow.fits]), allow_nan=False)
+    assert flow.fits["power"].rms < 0.1 and flow.fastest > 1.0
+    (curve,) = layers(wake.tail_chart([flow]))
+    assert curve["mark"]["type"] == "line"
+    (fitted,) = layers(wake.fit_chart(flow))
+    curves = {point["curve"] for point in fitted["data"]["values"]}
     assert curves == {"computed", "exponential", "power", "confined", "remainder"}
-    tiles = wake.speed_tiles(flow)
+    tiles = wake.speed_tiles(flow.run, "", edge=120)
     assert [tile.pixels.shape for tile in tiles] == 2 * [(45, 120, 3)]
 
 
