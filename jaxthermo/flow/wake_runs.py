@@ -46,13 +46,13 @@ class WakeSetup(NamedTuple):
     """Duration, in times that the inlet's flow takes from end to end."""
 
 
-STEADY_SETUP = WakeSetup(
+_STEADY_SETUP = WakeSetup(
     cells=16, height=60.0, upstream=18.0, downstream=15.0, passes=4.0
 )
-SHEDDING_SETUP = WakeSetup(
+_SHEDDING_SETUP = WakeSetup(
     cells=16, height=40.0, upstream=14.0, downstream=22.0, passes=6.0
 )
-HEATED_SETUP = WakeSetup(
+_HEATED_SETUP = WakeSetup(
     cells=16, height=30.0, upstream=10.0, downstream=8.0, passes=6.0
 )
 """For the heat transfer, which needs no long wake."""
@@ -105,8 +105,8 @@ def wake_setup(
 ) -> WakeSetup:
     """Set-up of the flow at a Reynolds number; `cells` is None for its own lattice."""
     sheds = reynolds > max(STEADY_REYNOLDS)
-    setup = SHEDDING_SETUP if sheds else STEADY_SETUP
-    setup = HEATED_SETUP if heated else setup
+    setup = _SHEDDING_SETUP if sheds else _STEADY_SETUP
+    setup = _HEATED_SETUP if heated else setup
     return setup if cells is None else setup._replace(cells=cells)
 
 
@@ -151,16 +151,7 @@ def write_profiles(path: Path, profiles: Iterable[WakeProfile]) -> None:
     """Write profiles as a CSV file."""
     lines = ["Re,x_over_D_from_rear,y_over_D,u_over_U"]
     for profile in profiles:
-        for x, y, ratio in zip(*profile[1:], strict=True):
+        for x, y, ratio in zip(profile.x, profile.y, profile.ratio, strict=True):
             lines.append(f"{profile.reynolds:g},{x:.4g},{y:.4g},{ratio:.5f}")
     with replacing(path) as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def read_profiles(path: Path) -> tuple[WakeProfile, ...]:
-    """Profiles from a CSV file."""
-    rows = np.loadtxt(path, delimiter=",", skiprows=1)
-    return tuple(
-        WakeProfile(float(re), *rows[rows[:, 0] == re, 1:].T)
-        for re in np.unique(rows[:, 0])
-    )

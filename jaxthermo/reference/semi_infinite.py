@@ -115,7 +115,7 @@ def perfect_contact(
     return weighted / (e_a + e_b)
 
 
-class ContactSurfaces(NamedTuple):
+class _ContactSurfaces(NamedTuple):
     """Two half-spaces in contact through a resistance."""
 
     surface_a: HostFloat
@@ -134,7 +134,7 @@ def contact_surfaces(
     effusivity_a: Scalar,
     effusivity_b: Scalar,
     contact_conductance: Scalar,
-) -> ContactSurfaces:
+) -> _ContactSurfaces:
     """Surface temperatures [K] and heat flux for a contact with a resistance.
 
     T_sA = T_s + (T_A - T_s) w, T_sB = T_s + (T_B - T_s) w, q'' = h_c (T_sA - T_sB),
@@ -162,6 +162,6 @@ def contact_surfaces(
     surface_a = np.asarray(shared + excess_a * decay)
     surface_b = np.asarray(shared + excess_b * decay)
     heat_flux = np.asarray(h_c * (surface_a - surface_b))
-    return ContactSurfaces(
+    return _ContactSurfaces(
         surface_a=surface_a, surface_b=surface_b, heat_flux=heat_flux
     )

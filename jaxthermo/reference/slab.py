@@ -39,9 +39,7 @@ def _weights(z: np.ndarray) -> np.ndarray:
     return 4.0 * np.sin(z) / (2.0 * z + np.sin(2.0 * z))
 
 
-def slab_convection(
-    position: Quantity, fourier: Quantity, biot: Scalar, terms: int = _TERMS
-) -> HostFloat:
+def slab_convection(position: Quantity, fourier: Quantity, biot: Scalar) -> HostFloat:
     """Excess temperature of a slab in a fluid over the initial excess [-].
 
     theta = (T - T_inf)/(T_i - T_inf) = sum_n C_n exp(-z_n^2 Fo) cos(z_n x*),
@@ -51,23 +49,21 @@ def slab_convection(
     for 60 terms, Bi = h L / k and the half-thickness L. Also valid for a slab of
     thickness L with an insulated back at x* = 0. Source: Carslaw and Jaeger, 3.11.
     """
-    z = _eigenvalues(biot, terms)
+    z = _eigenvalues(biot)
     x = host(position)[..., None]
     decay = np.exp(-z * z * host(fourier)[..., None])
     terms_of_series = _weights(z) * decay * np.cos(z * x)
     return np.asarray(np.sum(terms_of_series, axis=-1))
 
 
-def slab_convection_mean(
-    fourier: Quantity, biot: Scalar, terms: int = _TERMS
-) -> HostFloat:
+def slab_convection_mean(fourier: Quantity, biot: Scalar) -> HostFloat:
     """Mean of `slab_convection` over the thickness [-].
 
     theta_mean = sum_n C_n exp(-z_n^2 Fo) sin(z_n)/z_n
 
     Arguments and source are the same.
     """
-    z = _eigenvalues(biot, terms)
+    z = _eigenvalues(biot)
     decay = np.exp(-z * z * host(fourier)[..., None])
     terms_of_series = _weights(z) * decay * np.sin(z) / z
     return np.asarray(np.sum(terms_of_series, axis=-1))

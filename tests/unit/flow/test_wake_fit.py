@@ -14,7 +14,6 @@ from jaxthermo.flow.wake_runs import (
     STEADY_REYNOLDS,
     WakeProfile,
     WakeSetup,
-    read_profiles,
     wake_profile,
     wake_run,
     wake_setup,
@@ -30,6 +29,16 @@ TRUE = {
     "confined": (1.1, 2.5, 0.6, 20.0),
     "remainder": (1.3, 4.0, 0.25),
 }
+
+
+def read_profiles(path: Path) -> tuple[WakeProfile, ...]:
+    """Profiles from a CSV file."""
+    rows = np.loadtxt(path, delimiter=",", skiprows=1)
+    profiles = []
+    for reynolds in np.unique(rows[:, 0]):
+        x, y, ratio = rows[rows[:, 0] == reynolds, 1:].T
+        profiles.append(WakeProfile(float(reynolds), x=x, y=y, ratio=ratio))
+    return tuple(profiles)
 
 
 @pytest.mark.parametrize("family", FAMILIES, ids=lambda family: family.name)
