@@ -18,14 +18,14 @@ from jaxthermo.accuracy.truth_error import TruthPoints, truth_points
 from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
 from jaxthermo.findings import on_device
-from jaxthermo.integrate.run.plan import (
-    Plan,
-    StepTable,
-    initial_state,
-    save_intervals,
-    step_table,
+from jaxthermo.integrate.run.plan import Plan, step_table
+from jaxthermo.integrate.run.simulate import (
+    FirstLoop,
+    first_loop,
+    make_solution,
+    run_plan,
+    take_steps,
 )
-from jaxthermo.integrate.run.simulate import make_solution, run_plan, take_steps
 from jaxthermo.integrate.run.solution import RESULTS, Observation, Solution
 from jaxthermo.integrate.run.surface_reading import SurfaceReading
 from jaxthermo.parallel.batch import from_first_device, over_devices
@@ -160,29 +160,15 @@ def _shape(plan: Plan) -> Any:
     if plan.control is not None or moves or not plan.intervals:
         return object()
     with precision(plan.scene.dtype):
-        arrays, static = eqx.partition(_arguments(plan), eqx.is_array)
+        arrays, static = eqx.partition(_loop(plan), eqx.is_array)
     leaves, tree = jax.tree.flatten(arrays)
     shapes = tuple((leaf.shape, str(leaf.dtype)) for leaf in leaves)
     # Functions and texts in the program are compared as they are.
     return (shapes, str(tree), str(jax.tree.leaves(static)))
 
 
-class _Arguments(NamedTuple):
-    """Arguments of `take_steps`."""
-
-    stepper: Any
-    program: Any
-    state: Any
-    table: StepTable
-
-
-def _arguments(plan: Plan) -> _Arguments:
-    return _Arguments(
-        stepper=plan.stepper,
-        program=plan.compiled.program,
-        state=initial_state(plan),
-        table=on_device(step_table(plan, save_intervals(plan.intervals))),
-    )
+def _loop(plan: Plan) -> FirstLoop:
+    return first_loop(plan, on_device(step_table(plan)))
 
 
 def _run(
@@ -195,7 +181,7 @@ def _run(
             if len(plans) == 1:
                 solutions = [run_plan(plans[0])]
             else:
-                rows = _together([_arguments(plan) for plan in plans], devices)
+                rows = _together([_loop(plan) for plan in plans], devices)
                 solutions = [
                     make_solution(plan, jax.tree.map(lambda a, n=n: a[n], rows))
                     for n, plan in enumerate(plans)
@@ -218,9 +204,9 @@ def _run(
     return evaluated
 
 
-def _together(arguments: list[_Arguments], devices: int) -> Observation:
+def _together(loops: list[FirstLoop], devices: int) -> Observation:
     """Observations of runs that differ in numbers, along a new first axis."""
-    pairs = [eqx.partition(values, eqx.is_array) for values in arguments]
+    pairs = [eqx.partition(loop, eqx.is_array) for loop in loops]
     static = pairs[0][1]
     flat = [jax.tree.leaves(arrays) for arrays, _ in pairs]
     tree = jax.tree.structure(pairs[0][0])
@@ -251,8 +237,8 @@ def _mapped(
 ) -> Observation:
     # One function for all batches: the next one of this shape is not compiled again.
     def run_case(varying: list[jax.Array]) -> Observation:
-        arguments = eqx.combine(jax.tree.unflatten(tree, varying), static)
-        return take_steps(**arguments._asdict())[1]
+        loop = eqx.combine(jax.tree.unflatten(tree, varying), static)
+        return take_steps(loop.arguments, loop.theta)[1]
 
     axes = [0 if varies else None for varies in differs]
 

@@ -22,13 +22,17 @@ from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.integrate.run.plan import (
     Plan,
     StepTable,
-    initial_state,
     plan_run,
-    save_intervals,
     step_table,
 )
-from jaxthermo.integrate.run.simulate import run_plan, simulate, take_steps
+from jaxthermo.integrate.run.simulate import (
+    first_loop,
+    run_plan,
+    simulate,
+    take_steps,
+)
 from jaxthermo.integrate.solvers import ForwardEuler
+from jaxthermo.integrate.stepper import LoopArguments
 from jaxthermo.provenance import processor
 from jaxthermo.scene.scene import Scene
 from jaxthermo.timing import Spans, interleaved, ratio_of, timed_call
@@ -151,7 +155,7 @@ def compiled_loop(plan: Plan) -> Loop:
         jax.block_until_ready(complete_run())
         return Loop(complete_run, plan=plan, compile_s=time.perf_counter() - clock)
     with precision(plan.scene.dtype):
-        table = step_table(plan, save_intervals(plan.intervals))
+        table = step_table(plan)
         run = _compiled(plan, table)
     compile_s = time.perf_counter() - clock
     return Loop(lambda: run(table), plan=plan, compile_s=compile_s)
@@ -159,19 +163,18 @@ def compiled_loop(plan: Plan) -> Loop:
 
 def _compiled(plan: Plan, table: StepTable) -> Callable[[StepTable], Any]:
     """Compile the loop for any table of this shape."""
-    program = plan.compiled.program
-    state = initial_state(plan)
-    jax.block_until_ready((program, state))
+    first = first_loop(plan, table)
+    jax.block_until_ready((first.arguments.program, first.theta))
 
     # A new function object, whose program is not in the cache of jit.
-    def loop(stepper: Any, program: Any, state: Any, table: StepTable) -> Any:
-        return take_steps(stepper, program=program, state=state, table=table)
+    def loop(arguments: LoopArguments, theta: Any) -> Any:
+        return take_steps(arguments, theta)
 
-    compiled = eqx.filter_jit(loop).lower(plan.stepper, program, state, table).compile()
+    compiled = eqx.filter_jit(loop).lower(first.arguments, first.theta).compile()
 
     def run(table: StepTable) -> Any:
         with precision(plan.scene.dtype):
-            return compiled(plan.stepper, program, state, table)[1]
+            return compiled(first.arguments._replace(steps=table), first.theta)[1]
 
     return run
 
@@ -200,7 +203,7 @@ def _full_volume(key: _FullKey) -> Loop:
         plan = plan_run(
             scene, t1=span.end, save_at=span.save_times, solver=ForwardEuler()
         )
-        table = step_table(plan, save_intervals(plan.intervals))
+        table = step_table(plan)
         run = _compiled(plan, table)
     compile_s = time.perf_counter() - clock
     no_steps = _shortened(table, 0)

@@ -11,11 +11,10 @@ import jaxthermo as jt
 from jaxthermo.integrate.run.plan import (
     Plan,
     StepTable,
-    initial_state,
-    save_intervals,
     step_table,
 )
-from jaxthermo.integrate.run.simulate import run_plan, take_steps_in_place
+from jaxthermo.integrate.run.simulate import first_loop, run_plan, take_steps
+from jaxthermo.integrate.stepper import in_place
 from jaxthermo.timing import timed_call
 
 from ..front.linear_body import LinearBody, Run, linear_body
@@ -37,13 +36,15 @@ def loop_of(plan: Plan, steps: int | None = None) -> Callable[[], Any]:
 
     All of them, or so many of the first length, in a program that is the same for all.
     """
-    table = step_table(plan, save_intervals(plan.intervals))
+    table = step_table(plan)
     table = table if steps is None else only_first(table, steps)
-    program = plan.compiled.program
-    # The loop uses up its state: each call makes one, as a run does.
-    return lambda: take_steps_in_place(
-        plan.stepper, program=program, state=initial_state(plan), table=table
-    )
+
+    def run() -> Any:
+        # The loop uses up its state: each call makes one, as a run does.
+        loop = first_loop(plan, table)
+        return in_place(take_steps, loop.theta)(loop.arguments, loop.theta)
+
+    return run
 
 
 def numba_explicit(scene: jt.Scene, end: float, save_at=None) -> Run:

@@ -24,10 +24,9 @@ from jaxthermo.integrate.run.plan import (
     StepTable,
     initial_state,
     plan_run,
-    save_intervals,
     step_table,
 )
-from jaxthermo.integrate.run.simulate import take_steps
+from jaxthermo.integrate.run.simulate import first_loop, take_steps
 from jaxthermo.integrate.run.solution import Observation, observe
 from jaxthermo.integrate.stepper import RunState
 from jaxthermo.network.link_operator import LinkNetwork
@@ -162,17 +161,14 @@ def _measured(scene: jt.Scene, repeats: int) -> _Costs:
     network = program.bodies[0].network
     start = initial_state(plan)
     count = int(np.clip(_WORK / receipt.nodes, 20, _MOST)) // 2 * 2
-    table = step_table(plan, save_intervals(plan.intervals))
+    table = step_table(plan)
     none = only_first(table, 0)
     many = only_first(table, count)
-    loop = eqx.filter_jit(
-        lambda program, state, table: take_steps(
-            plan.stepper, program=program, state=state, table=table
-        )
-    )
+    loop = eqx.filter_jit(take_steps)
+    arguments, theta = first_loop(plan, table)
 
     def run_of(table: StepTable) -> Callable[[], Any]:
-        return lambda: loop(program, start, table)
+        return lambda: loop(arguments._replace(steps=table), theta)
 
     # Other states each time, or a compiler would read the surface once for all.
     saved = jnp.asarray(SAVE_AT, plan.dtype)

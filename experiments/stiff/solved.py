@@ -11,14 +11,12 @@ import jaxthermo as jt
 from jaxthermo.arrays import precision
 from jaxthermo.integrate.implicit.jacobian import LINEAR_TOLERANCE
 from jaxthermo.integrate.run.plan import (
-    initial_state,
     plan_run,
-    save_intervals,
-    step_table,
 )
-from jaxthermo.integrate.run.simulate import make_solution, take_steps_in_place
+from jaxthermo.integrate.run.simulate import first_loop, make_solution, take_steps
 from jaxthermo.integrate.run.solution import result_name
 from jaxthermo.integrate.solvers import AbstractSolver
+from jaxthermo.integrate.stepper import in_place
 
 from ..harness.case import PASS, REPORTED, Check, Row, attempt, refusal
 
@@ -190,18 +188,17 @@ def run_nodes(
     with precision(scene.dtype):
         plan = plan_run(scene, t1=method.end, save_at=save_at, solver=method.solver)
         program = plan.compiled.program
-        steps = step_table(plan, save_intervals(plan.intervals))
 
-        def take_steps():
-            return jax.block_until_ready(
-                take_steps_in_place(plan.stepper, program, initial_state(plan), steps)
-            )
+        def run():
+            loop = first_loop(plan)
+            compiled = in_place(take_steps, loop.theta)
+            return jax.block_until_ready(compiled(loop.arguments, loop.theta))
 
         # The first of two equal runs compiles as well: the second tells how much.
         begin = time.perf_counter()
-        take_steps()
+        run()
         compiled = time.perf_counter()
-        state, observations = take_steps()
+        state, observations = run()
         run_time = time.perf_counter() - compiled
         solution = make_solution(plan, observations)
         nodes = []

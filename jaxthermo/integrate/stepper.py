@@ -3,7 +3,7 @@
 import abc
 from collections.abc import Callable
 from functools import cache
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -56,6 +56,25 @@ class AbstractStepper(Module):
         """Return the state one step later, with the ledger updated."""
 
 
+class LoopArguments(NamedTuple):
+    """Arguments of a loop over steps that are not overwritten.
+
+    These are all but the temperatures: the other arrays of a state are small, and
+    shared by several runs.
+    """
+
+    stepper: AbstractStepper
+    program: Program
+    ledger: Ledger
+    solver_state: Any
+    steps: Any
+    """A `StepTable`, or the `Span` of one segment."""
+
+    def start(self, theta: State) -> RunState:
+        """Return the state at the start of the loop."""
+        return RunState(theta, self.ledger, self.solver_state)
+
+
 _FEW_VALUES = 2**16
 """Size of a state that the caches of a core hold: copying it costs less than compiling
 a step several times."""
@@ -80,7 +99,7 @@ _GRAPHS = {
 @cache
 def jit_in_place(function: Callable[..., Any], as_graph: bool = False) -> Any:
     """Compile a loop over steps, which overwrites all arguments but the first."""
-    options: dict[str, Any] = {"compiler_options": _GRAPHS} if as_graph else {}
+    options = {"compiler_options": _GRAPHS} if as_graph else {}
     return eqx.filter_jit(function, donate="all-except-first", **options)
 
 

@@ -24,13 +24,8 @@ from ..config.loader import load_config
 from ..config.schema.scene import SceneConfig
 from ..errors import InputError
 from ..integrate.ledger import empty_ledger
-from ..integrate.run.plan import (
-    Interval,
-    Plan,
-    initial_state,
-    observation_time,
-    plan_run,
-)
+from ..integrate.run.plan import Plan, initial_state, observation_time, plan_run
+from ..integrate.run.schedule import Interval
 from ..integrate.run.segments import take_segment
 from ..integrate.run.solution import irradiance_at, observe
 from ..integrate.solvers import ForwardEuler, SuperTimeStepping

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from ..accuracy.surface_error import error_span
 from ..archive import arrays_checksum
 from ..errors import InputError
-from ..integrate.run.plan import checked_save_times
+from ..integrate.run.schedule import checked_save_times
 from ..physics.time_varying import is_unknown_function
 from ..scene.scene import Scene
 from .basis import (

@@ -17,12 +17,9 @@ from jaxthermo.arrays import precision
 from jaxthermo.integrate.implicit import adaptive
 from jaxthermo.integrate.implicit.jacobian import LINEAR_TOLERANCE
 from jaxthermo.integrate.run.plan import (
-    initial_state,
     plan_run,
-    save_intervals,
-    step_table,
 )
-from jaxthermo.integrate.run.simulate import make_solution, take_steps
+from jaxthermo.integrate.run.simulate import first_loop, make_solution, take_steps
 from jaxthermo.integrate.run.solution import RESULTS
 from tests.bodies import blocks
 
@@ -167,8 +164,8 @@ def run(case: Drawn):
         solver, end = _solver(case, scene)
         todo = plan_run(scene, t1=end, save_at=None, solver=solver)
         program = todo.compiled.program
-        layout = step_table(todo, save_intervals(todo.intervals))
-        state, seen = _RUN(todo.stepper, program, initial_state(todo), layout)
+        loop = first_loop(todo)
+        state, seen = _RUN(loop.arguments, loop.theta)
         solution = make_solution(todo, seen)
     nodes = [
         np.asarray(theta, float)[body.structure.node_address()]

@@ -223,26 +223,22 @@ class _AbstractKrylov(lx.AbstractLinearSolver):
         last = jax.lax.while_loop(unfinished, iterate, first)
         # Recomputed: in float32 the recurrence's residual may be far too small.
         r = _add_scaled(vector, -1.0, operator.mv(last.y))
+        limit = 2 * goal(last)
         residual = self.norm.after_step(r, lambda: precondition(r))
-
-        def above_rounding() -> Float[Array, ""]:
-            floor = _ROUNDINGS * float(jnp.finfo(dtype).eps)
-
-            def excess(residual: Array, magnitude: Array) -> Array:
-                return jnp.maximum(jnp.abs(residual) - floor * magnitude, 0)
-
-            above = jax.tree.map(excess, r, options["magnitude"](last.y))
-            correction = max_abs(precondition(r))
-            is_rounding = self.norm.initial(above) <= 2 * goal(last)
-            return jnp.where(
-                is_rounding & (correction <= 2 * goal(last)), correction, residual
-            )
-
         if self.rounding:
             # Evaluated only where the residual does not meet the tolerance anyway.
-            met = residual <= 2 * goal(last)
-            residual = jax.lax.cond(met, lambda: residual, above_rounding)
-        converged = residual <= 2 * goal(last)
+            residual = jax.lax.cond(
+                residual <= limit,
+                lambda: residual,
+                lambda: self._above_rounding(
+                    r,
+                    residual=residual,
+                    magnitude=options["magnitude"](last.y),
+                    correction=max_abs(precondition(r)),
+                    limit=limit,
+                ),
+            )
+        converged = residual <= limit
 
         def better() -> Any:
             # Where rounding exceeds the operator the start may be the better answer,
@@ -261,6 +257,25 @@ class _AbstractKrylov(lx.AbstractLinearSolver):
             converged, lx.RESULTS.successful, lx.RESULTS.max_steps_reached
         )
         return y, result, {"iterations": last.count, "residual": residual}
+
+    def _above_rounding(
+        self,
+        residual_vector: Any,
+        residual: Float[Array, ""],
+        magnitude: Any,
+        correction: Float[Array, ""],
+        limit: Float[Array, ""],
+    ) -> Float[Array, ""]:
+        """Return the correction instead of a residual that is rounding."""
+        dtype = correction.dtype
+        floor = _ROUNDINGS * float(jnp.finfo(dtype).eps)
+
+        def excess(values: Array, size: Array) -> Array:
+            return jnp.maximum(jnp.abs(values) - floor * size, 0)
+
+        above = jax.tree.map(excess, residual_vector, magnitude)
+        is_rounding = self.norm.initial(above) <= limit
+        return jnp.where(is_rounding & (correction <= limit), correction, residual)
 
     @override
     def assume_full_rank(self):

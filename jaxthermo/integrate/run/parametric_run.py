@@ -26,10 +26,9 @@ from .plan import (
     StepTable,
     initial_state,
     plan_run,
-    save_intervals,
     step_table,
 )
-from .simulate import take_fixed_steps, take_steps
+from .simulate import first_loop, take_fixed_steps, take_steps
 
 
 class ParametricSolution(NamedTuple):
@@ -88,7 +87,7 @@ class ParametricRun:
             )
             if len(plan.compiled.programs) > 1:
                 raise InputError("a fit needs bodies that stay where they are")
-            return step_table(plan, save_intervals(plan.intervals))
+            return step_table(plan)
 
     def stable_step(self, scene: Scene) -> Float[Array, ""]:
         """Return the largest stable explicit step of a scene, traced or not [s]."""
@@ -123,13 +122,11 @@ class ParametricRun:
                     reverse_memory=memory,
                 )
             compiled = plan.compiled
-            state = initial_state(plan)
             if memory is not None:
-                rows = take_fixed_steps(plan, state)
+                rows = take_fixed_steps(plan, initial_state(plan))
             else:
-                _, rows = take_steps(
-                    plan.stepper, program=compiled.program, state=state, table=table
-                )
+                loop = first_loop(plan, table)
+                _, rows = take_steps(loop.arguments, loop.theta)
             return ParametricSolution(
                 surface_temperature=rows.surface_temperature,
                 stable_step=jnp.asarray(compiled.stable_step),

@@ -1,8 +1,7 @@
 """The plan of a run: when to step, by which solver; nothing has been run yet."""
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import jax
@@ -11,12 +10,12 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ...arrays import is_traced
-from ...errors import InputError, require, shortened
+from ...errors import InputError, require
 from ...findings import found, values_of
 from ...module import replaced
 from ...physics.time_varying import just_before
 from ...scene.compile.compile import compile_scene
-from ...scene.compile.memory import with_memory_of
+from ...scene.compile.memory import Method, with_memory_of
 from ...scene.compile.on_devices import placed_on_devices
 from ...scene.compile.program import Compiled, Program
 from ...scene.scene import Scene
@@ -24,7 +23,6 @@ from ..explicit import RKL2Stepper, stage_count
 from ..implicit.adaptive import AdaptiveStepper
 from ..ledger import empty_ledger
 from ..solvers import (
-    MAX_REFINED_EVENTS,
     AbstractSolver,
     ErrorControl,
     ForwardEuler,
@@ -32,119 +30,13 @@ from ..solvers import (
     select_solver,
 )
 from ..stepper import AbstractStepper, RunState
-
-
-_MAX_INTERVAL_STEPS = 2**31 - 1
-"""Steps of one interval: the loop counts them in 32 bits."""
-
-_FIRST_STEPS_AFTER_EVENT = 4
-"""Smallest number of steps after an event in the first pass of several."""
-
-
-@dataclass(frozen=True)
-class Interval:
-    """Equal steps from `start` to `end` [s]."""
-
-    start: float
-    end: float
-    steps: int
-    saved: bool
-    """True if `end` is a save time."""
-
-    @property
-    def dt(self) -> float:
-        """Length of one step [s]."""
-        return (self.end - self.start) / self.steps
-
-
-def checked_save_times(t1: float | int, save_at) -> tuple[float, ...]:
-    """Return the checked save times [s]; the end time alone if none are given."""
-    number = not isinstance(t1, str | type(None)) and np.ndim(t1) == 0
-    if not number or not math.isfinite(t1) or t1 < 0:
-        raise InputError(f"t1={t1!r}: give an end time of at least 0 s")
-    try:
-        listed = (t1,) if save_at is None else tuple(save_at)
-        times = () if isinstance(save_at, str) else tuple(float(t) for t in listed)
-    except (TypeError, ValueError):
-        raise InputError(
-            f"save_at={shortened(save_at)}: give a list of times in seconds, such as "
-            "[30.0, 60.0]"
-        ) from None
-    if not times:
-        raise InputError("save_at is empty: give at least one time, or leave it out")
-    # Negated, so that NaN is refused too.
-    if any(not b > a for a, b in zip(times, times[1:], strict=False)):
-        raise InputError(f"save_at={list(times)}: the times must increase")
-    if not (times[0] >= 0 and times[-1] <= t1):
-        raise InputError(f"save_at={list(times)}: the times must lie in [0, {t1:g}] s")
-    return times
-
-
-def _schedule(
-    t1: float | int,
-    saves: tuple[float, ...],
-    event_times: tuple[float, ...],
-    max_dt: float,
-    min_steps: int = 1,
-) -> tuple[Interval, ...]:
-    """Divide a run into intervals that end at save times, event times and the end.
-
-    Events are times that a step must end at, such as breakpoints of the terms' values;
-    those outside (0, t1) are ignored. The longest step `max_dt` may be infinite.
-    """
-    if not max_dt > 0:
-        raise InputError(
-            f"the largest stable step is {max_dt:g} s: check the materials and terms "
-            "for values far out of range"
-        )
-    ends = sorted({*saves, *(t for t in event_times if 0 < t < t1), t1} - {0.0})
-    intervals = []
-    start = 0.0
-    for end in ends:
-        # A quotient that exceeds a whole number by rounding must not cost a step more.
-        steps = max(min_steps, math.ceil((end - start) / max_dt * (1 - 1e-9)))
-        if steps > _MAX_INTERVAL_STEPS:
-            raise InputError(
-                f"{end - start:g} s take {steps:.2g} steps of {max_dt:.3g} s, the "
-                "largest stable step: simulate a shorter time, or use a coarser pitch"
-            )
-        intervals.append(
-            Interval(start=start, end=end, steps=steps, saved=end in saves)
-        )
-        start = end
-    return tuple(intervals)
-
-
-def _more_after_events(
-    intervals: tuple[Interval, ...], event_times: tuple[float, ...]
-) -> tuple[Interval, ...]:
-    # What is switched changes fast at first, and may be saved soon.
-    if len(event_times) > MAX_REFINED_EVENTS:
-        return intervals
-    switched = {0.0, *event_times}
-
-    def refined(interval: Interval) -> Interval:
-        if interval.start not in switched:
-            return interval
-        steps = max(interval.steps, _FIRST_STEPS_AFTER_EVENT)
-        return replace(interval, steps=steps)
-
-    return tuple(map(refined, intervals))
-
-
-def save_intervals(
-    intervals: tuple[Interval, ...],
-) -> tuple[tuple[Interval, ...], ...]:
-    """Group intervals by the save time that they lead to, the rest in a last group."""
-    # Only the end of a group is observed: thousands of event times cost no memory.
-    groups: list[tuple[Interval, ...]] = []
-    group: list[Interval] = []
-    for interval in intervals:
-        group.append(interval)
-        if interval.saved:
-            groups.append(tuple(group))
-            group = []
-    return tuple([*groups, tuple(group)] if group else groups)
+from .schedule import (
+    Interval,
+    checked_save_times,
+    more_after_events,
+    save_intervals,
+    schedule,
+)
 
 
 class Plan(NamedTuple):
@@ -204,103 +96,165 @@ def plan_run(
     saves = checked_save_times(t1, save_at)
     # Steps after the last saved time would be in no result: the run ends there, and
     # its solver and its bounds of temperatures are those of that time.
-    requested_end = t1
-    t1 = saves[-1]
-    requested_solver = ErrorControl() if solver is None else solver
-    control = requested_solver if isinstance(requested_solver, ErrorControl) else None
-    selected = None if isinstance(requested_solver, ErrorControl) else requested_solver
-    arranged = scene if selected is None else selected.arranged(scene)
-    method = ForwardEuler.method if selected is None else selected.method
-    compiled = compile_scene(
-        arranged, saves=len(saves), end=t1, prune=prune, method=method
+    end = saves[-1]
+    choice = _compiled_for(
+        ErrorControl() if solver is None else solver,
+        scene=scene,
+        saves=saves,
+        prune=prune,
+        control_error=control_error,
     )
-    limit = compiled.stable_step
-    stable_step = None if is_traced(limit) else float(limit)
-    reason = "as given"
-    note = None
-    if control is not None and not (control_error and t1 > 0):
-        control = None
-    elif control is not None and is_traced((scene, compiled)):
-        # To repeat a run until a condition holds takes known numbers.
-        control = None
-        note = "error in time not estimated: values are traced"
-    if selected is None:
-        # The selection needs the stable step, and so a compiled scene; an implicit
-        # solver arranges the bodies differently, which takes a second compilation.
-        selected, reason = _selected(
-            control, program=compiled.program, stable_step=stable_step, t1=t1
-        )
-        arranged = selected.arranged(scene)
-        if arranged is not scene:
-            method = selected.method
-            compiled = compile_scene(
-                arranged, saves=len(saves), end=t1, prune=prune, method=method
-            )
-    if t1 < requested_end:
+    scene = choice.scene
+    compiled = choice.compiled
+    if end < t1:
         compiled = _with_note(
             compiled,
-            f"the run stops at the last saved time, {t1:g} s: nothing up to its end, "
-            f"{requested_end:g} s, would be saved",
+            f"the run stops at the last saved time, {end:g} s: nothing up to its end, "
+            f"{t1:g} s, would be saved",
         )
-    if note is not None:
-        compiled = _with_note(compiled, note)
+    if choice.note is not None:
+        compiled = _with_note(compiled, choice.note)
     # Poses and source positions are recomputed at `starts`, so steps end there too.
-    max_dt = selected.max_dt(stable_step, t1, compiled.program.sampled)
+    solver = choice.solver
+    max_dt = solver.max_dt(choice.stable_step, end, compiled.program.sampled)
     event_times = (*compiled.breakpoints, *compiled.starts)
-    min_steps = selected.min_steps(len({*saves, *event_times}))
-    intervals = _schedule(
-        t1, saves=saves, event_times=event_times, max_dt=max_dt, min_steps=min_steps
+    min_steps = solver.min_steps(len({*saves, *event_times}))
+    intervals = schedule(
+        end, saves=saves, event_times=event_times, max_dt=max_dt, min_steps=min_steps
     )
-    if control is not None and selected.dt is not None:
-        intervals = _more_after_events(intervals, event_times)
+    if choice.control is not None and solver.dt is not None:
+        intervals = more_after_events(intervals, event_times)
     # Stages and multigrid follow the longest step taken, which may be far shorter
     # than the longest allowed.
-    longest = max((i.dt for i in intervals), default=max_dt)
-    if control is not None and isinstance(selected, SuperTimeStepping):
-        assert stable_step is not None
-        # All passes, each with steps half as long, run in one program.
-        fixed = RKL2Stepper(stage_count(longest, stable_step))
-        stepper = fixed.for_any_step(stable_step, compiled.receipt.dtype)
-    else:
-        stepper = selected.stepper(
-            arranged,
-            compiled=compiled,
-            stable_step=stable_step,
-            max_dt=longest,
-            traced=is_traced(scene),
-        )
-    if stepper.method != method:
+    stepper = _stepper(choice, max((i.dt for i in intervals), default=max_dt))
+    if stepper.method != choice.method:
         compiled = with_memory_of(
-            compiled, scene=arranged, saves=len(saves), method=stepper.method
+            compiled, scene=scene, saves=len(saves), method=stepper.method
         )
-    checkpoints = None
-    if reverse_memory is not None:
-        size = sum(x.size * x.dtype.itemsize for x in jax.tree.leaves(compiled.start))
-        checkpoints = reverse_memory // size
-        if checkpoints < 1:
-            raise InputError(
-                f"simulate: reverse_memory={reverse_memory} bytes is less than one "
-                f"state of {size} bytes; give more memory, or leave it out to store "
-                "every state"
-            )
+    checkpoints = _checkpoints(reverse_memory, compiled)
     if isinstance(stepper, AdaptiveStepper):
         stepper = replace(stepper, checkpoints=checkpoints)
     programs, stepper = placed_on_devices(
-        (compiled.programs, stepper), arranged, compiled.program
+        (compiled.programs, stepper), scene, compiled.program
     )
-    compiled = replaced(compiled, programs=programs)
     return Plan(
-        scene=arranged,
-        compiled=compiled,
+        scene=scene,
+        compiled=replaced(compiled, programs=programs),
         intervals=intervals,
         save_times=saves,
-        stable_step=stable_step,
-        solver=selected,
+        stable_step=choice.stable_step,
+        solver=solver,
         stepper=stepper,
-        solver_reason=reason,
+        solver_reason=choice.reason,
         checkpoints=checkpoints,
-        control=control,
+        control=choice.control,
     )
+
+
+class _Choice(NamedTuple):
+    """The solver of a run, and the scene compiled for it."""
+
+    solver: AbstractSolver
+    reason: str
+    """Why this solver was selected."""
+    scene: Scene
+    """The scene, its bodies arranged as the solver runs fast."""
+    compiled: Compiled
+    method: Method
+    """Kind of steps for which its memory was forecast."""
+    stable_step: float | None
+    """Largest stable explicit step [s]; None if it is traced."""
+    control: ErrorControl | None
+    """Error that the run is repeated for; None for a run of one pass."""
+    note: str | None
+    """Note for the receipt."""
+
+
+def _compiled_for(
+    solver: AbstractSolver,
+    scene: Scene,
+    saves: tuple[float, ...],
+    prune: bool,
+    control_error: bool,
+) -> _Choice:
+    """Compile a scene for its solver, or for the one that error control selects."""
+    end = saves[-1]
+    compiled_with: AbstractSolver = ForwardEuler()
+    if not isinstance(solver, ErrorControl):
+        compiled_with = solver
+    arranged = compiled_with.arranged(scene)
+
+    def compile_arranged(arranged: Scene, solver: AbstractSolver) -> Compiled:
+        return compile_scene(
+            arranged, saves=len(saves), end=end, prune=prune, method=solver.method
+        )
+
+    compiled = compile_arranged(arranged, compiled_with)
+    limit = compiled.stable_step
+    stable_step = None if is_traced(limit) else float(limit)
+    choice = _Choice(
+        solver=solver,
+        reason="as given",
+        scene=arranged,
+        compiled=compiled,
+        method=compiled_with.method,
+        stable_step=stable_step,
+        control=None,
+        note=None,
+    )
+    if not isinstance(solver, ErrorControl):
+        return choice
+    if control_error and end > 0:
+        # To repeat a run until a condition holds takes known numbers.
+        if is_traced((scene, compiled)):
+            note = "error in time not estimated: values are traced"
+            choice = choice._replace(note=note)
+        else:
+            choice = choice._replace(control=solver)
+    # The selection needs the stable step, and so a compiled scene; an implicit solver
+    # arranges the bodies differently, which takes a second compilation.
+    selected, reason = _selected(
+        choice.control, program=compiled.program, stable_step=stable_step, t1=end
+    )
+    choice = choice._replace(solver=selected, reason=reason)
+    arranged = selected.arranged(scene)
+    if arranged is scene:
+        return choice
+    return choice._replace(
+        scene=arranged,
+        compiled=compile_arranged(arranged, selected),
+        method=selected.method,
+    )
+
+
+def _stepper(choice: _Choice, longest: float) -> AbstractStepper:
+    """Return the stepper of a run whose longest step is known [s]."""
+    if choice.control is not None and isinstance(choice.solver, SuperTimeStepping):
+        assert choice.stable_step is not None
+        # All passes, each with steps half as long, run in one program.
+        fixed = RKL2Stepper(stage_count(longest, choice.stable_step))
+        return fixed.for_any_step(choice.stable_step, choice.compiled.receipt.dtype)
+    return choice.solver.stepper(
+        choice.scene,
+        compiled=choice.compiled,
+        stable_step=choice.stable_step,
+        max_dt=longest,
+        traced=is_traced(choice.scene),
+    )
+
+
+def _checkpoints(reverse_memory: int | None, compiled: Compiled) -> int | None:
+    """Return the number of states that fit into the memory; None for all."""
+    if reverse_memory is None:
+        return None
+    size = sum(x.size * x.dtype.itemsize for x in jax.tree.leaves(compiled.start))
+    checkpoints = reverse_memory // size
+    if checkpoints < 1:
+        raise InputError(
+            f"simulate: reverse_memory={reverse_memory} bytes is less than one state "
+            f"of {size} bytes; give more memory, or leave it out to store every state"
+        )
+    return checkpoints
 
 
 def plan_once(
@@ -413,11 +367,16 @@ class StepTable(NamedTuple):
 
 def step_table(
     plan: Plan,
-    groups: tuple[tuple[Interval, ...], ...],
+    groups: tuple[tuple[Interval, ...], ...] | None = None,
     min_rows: int = 0,
     min_columns: int = 0,
 ) -> StepTable:
-    """Tabulate the steps of save intervals, of at least the given shape."""
+    """Tabulate the steps of save intervals, of at least the given shape.
+
+    `groups` are the save intervals; None for all those of the plan.
+    """
+    if groups is None:
+        groups = save_intervals(plan.intervals)
     rows = max(len(groups), min_rows)
     columns = max(min_columns, *(len(group) for group in groups))
     table = np.zeros((3, rows, columns))

@@ -6,16 +6,16 @@ together take exactly the steps that `simulate` takes, in as many passes.
 
 import time
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from ...parallel.processes import agreed
 from ...scene.compile.program import Program, State
-from ..ledger import Ledger
-from ..stepper import AbstractStepper, RunState, in_place
-from .plan import Interval, Plan, initial_state, observation_time
+from ..stepper import LoopArguments, RunState, in_place
+from .plan import Plan, initial_state, observation_time
+from .schedule import Interval
 from .simulate import Span, advance, make_solution
 from .solution import Observation, Solution, observe
 from .time_error import Passes, of_pass
@@ -86,12 +86,12 @@ def take_segment(
 ) -> RunState:
     """Take `steps` more steps of an interval, in place of the temperatures."""
     # Arrays, not Python numbers: the next segment must not compile again.
-    constants = _SegmentConstants(
+    arguments = LoopArguments(
         stepper=plan.stepper,
         program=_program_of(plan, interval),
         ledger=state.ledger,
         solver_state=state.solver_state,
-        span=Span(
+        steps=Span(
             start=jnp.asarray(interval.start, plan.dtype),
             dt=jnp.asarray(interval.dt, plan.dtype),
             steps=jnp.asarray(steps, jnp.int32),
@@ -99,27 +99,15 @@ def take_segment(
         ),
     )
     run = in_place(_advance_all, state.theta)
-    return jax.block_until_ready(run(constants, state.theta))
+    return jax.block_until_ready(run(arguments, state.theta))
 
 
-class _SegmentConstants(NamedTuple):
-    """Arguments of a segment that are not overwritten: all but the temperatures."""
-
-    stepper: AbstractStepper
-    program: Program
-    ledger: Ledger
-    solver_state: Any
-    span: Span
-
-
-def _advance_all(constants: _SegmentConstants, theta: State) -> RunState:
-    # Only the temperatures are donated: the other arrays of a state are small, and
-    # shared.
+def _advance_all(arguments: LoopArguments, theta: State) -> RunState:
     return advance(
-        constants.stepper,
-        program=constants.program,
-        state=RunState(theta, constants.ledger, constants.solver_state),
-        span=constants.span,
+        arguments.stepper,
+        program=arguments.program,
+        state=arguments.start(theta),
+        span=arguments.steps,
     )
 
 

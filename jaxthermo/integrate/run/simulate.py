@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import equinox.internal as eqxi
@@ -20,9 +20,15 @@ from ...scene.compile.on_devices import on_devices
 from ...scene.compile.program import Program, State
 from ...scene.scene import Scene
 from ..implicit.newton_stage import SolverStatistics
-from ..ledger import Energy, Ledger, energies, in_order
+from ..ledger import Energy, energies, in_order
 from ..solvers import AbstractSolver
-from ..stepper import AbstractStepper, RunState, in_place, is_copied_fast
+from ..stepper import (
+    AbstractStepper,
+    LoopArguments,
+    RunState,
+    in_place,
+    is_copied_fast,
+)
 from .plan import (
     Plan,
     StepTable,
@@ -32,6 +38,7 @@ from .plan import (
     program_groups,
     saved_numbers,
     step_blocks,
+    step_table,
 )
 from .solution import (
     RESULTS,
@@ -132,11 +139,14 @@ def run_plan(plan: Plan, takes_steps: bool = True) -> Solution:
         observations = []
         # One block, or one for each snapshot of bodies and sources that move.
         for block in blocks:
-            constants = RunConstants.of(
-                running.stepper, block.program, state, block.table
+            arguments = LoopArguments(
+                stepper=running.stepper,
+                program=block.program,
+                ledger=state.ledger,
+                solver_state=state.solver_state,
+                steps=block.table,
             )
-            run = in_place(take_all_steps, state.theta)
-            state, rows = run(constants, state.theta)
+            state, rows = in_place(take_steps, state.theta)(arguments, state.theta)
             observations.append(rows)
         rows = _saved_rows(observations, [block.saved_rows for block in blocks])
         if plan.control is None or not takes_steps:
@@ -145,44 +155,46 @@ def run_plan(plan: Plan, takes_steps: bool = True) -> Solution:
     return make_solution(of_pass(plan, passes.number), passes.rows, passes.error)
 
 
-class RunConstants(NamedTuple):
-    """Arguments of a run that are not overwritten: all but the temperatures."""
-
-    stepper: AbstractStepper
-    program: Program
-    ledger: Ledger
-    solver_state: Any
-    table: StepTable
-
-    @classmethod
-    def of(
-        cls,
-        stepper: AbstractStepper,
-        program: Program,
-        state: RunState,
-        table: StepTable,
-    ) -> "RunConstants":
-        """Return the constants of a run that starts from a state."""
-        return cls(stepper, program, state.ledger, state.solver_state, table)
-
-
-def take_all_steps(
-    constants: RunConstants, theta: State
-) -> tuple[RunState, Observation]:
+def take_steps(arguments: LoopArguments, theta: State) -> tuple[RunState, Observation]:
     """Take all steps of a table; observe the end of each save interval.
 
-    It is compiled as one program that overwrites the temperatures `theta`, which are
-    large; the other arrays are shared by several runs.
+    A run compiles it as one program that overwrites the temperatures `theta`, see
+    `in_place`.
+
+    Returns:
+        The state at the end, and the observations, one per row.
     """
-    take_interval = steps_of(constants.stepper, constants.program)
+    take_interval = steps_of(arguments.stepper, arguments.program)
 
     def save_interval(state: RunState, row: StepTable):
         spans = Span(start=row.start, dt=row.dt, steps=row.steps)
         state, _ = jax.lax.scan(take_interval, state, spans)
-        return state, observe(constants.program, state, row.observation_time)
+        return state, observe(arguments.program, state, row.observation_time)
 
-    start = RunState(theta, constants.ledger, constants.solver_state)
-    return jax.lax.scan(save_interval, start, constants.table)
+    return jax.lax.scan(save_interval, arguments.start(theta), arguments.steps)
+
+
+class FirstLoop(NamedTuple):
+    """What `take_steps` is called with at the start of a run."""
+
+    arguments: LoopArguments
+    theta: State
+
+
+def first_loop(plan: Plan, table: StepTable | None = None) -> FirstLoop:
+    """Return what `take_steps` is called with at the start of a run.
+
+    `table` has its steps; None for those of a plan with one program.
+    """
+    state = initial_state(plan)
+    arguments = LoopArguments(
+        stepper=plan.stepper,
+        program=plan.compiled.program,
+        ledger=state.ledger,
+        solver_state=state.solver_state,
+        steps=step_table(plan) if table is None else table,
+    )
+    return FirstLoop(arguments, state.theta)
 
 
 class Span(NamedTuple):
@@ -255,26 +267,6 @@ def advance(
 ) -> RunState:
     """Take the steps of one span, see `steps_of`."""
     return steps_of(stepper, program, checkpoints)(state, span)[0]
-
-
-def take_steps(
-    stepper: AbstractStepper, program: Program, state: RunState, table: StepTable
-) -> tuple[RunState, Observation]:
-    """Take all steps of a table within another program; see `take_all_steps`.
-
-    Returns:
-        The state at the end, and the observations, one per row.
-    """
-    constants = RunConstants.of(stepper, program, state, table)
-    return take_all_steps(constants, state.theta)
-
-
-def take_steps_in_place(
-    stepper: AbstractStepper, program: Program, state: RunState, table: StepTable
-) -> tuple[RunState, Observation]:
-    """`take_steps` in one program, which overwrites the temperatures of the state."""
-    constants = RunConstants.of(stepper, program, state, table)
-    return in_place(take_all_steps, state.theta)(constants, state.theta)
 
 
 def compile_plan(plan: Plan) -> None:

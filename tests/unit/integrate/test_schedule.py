@@ -10,7 +10,11 @@ from hypothesis import given
 
 import jaxthermo as jt
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.run.plan import _schedule, checked_save_times, save_intervals
+from jaxthermo.integrate.run.schedule import (
+    checked_save_times,
+    save_intervals,
+    schedule,
+)
 
 
 TIMES = st.lists(
@@ -21,7 +25,7 @@ TIMES = st.lists(
 @given(saves=TIMES, events=TIMES, later=st.floats(0.0, 10.0), dt=st.floats(1e-2, 1e4))
 def test_lands_on_every_stop_with_steps_under_the_limit(saves, events, later, dt):
     t1 = saves[-1] + later
-    intervals = _schedule(t1, saves=tuple(saves), event_times=tuple(events), max_dt=dt)
+    intervals = schedule(t1, saves=tuple(saves), event_times=tuple(events), max_dt=dt)
     ends = [i.end for i in intervals]
     stops = {*saves, t1, *(k for k in events if k < t1)}
     assert ends == sorted(stops)
@@ -34,35 +38,35 @@ def test_lands_on_every_stop_with_steps_under_the_limit(saves, events, later, dt
 
 @given(st.integers(1, 10**6), st.sampled_from([0.1, 0.3, 0.7, 1e-3, 1 / 3]))
 def test_a_whole_number_of_steps_costs_no_step_more(steps, dt):
-    (interval,) = _schedule(steps * dt, saves=(steps * dt,), event_times=(), max_dt=dt)
+    (interval,) = schedule(steps * dt, saves=(steps * dt,), event_times=(), max_dt=dt)
     assert interval.steps == steps
 
 
 def test_an_infinite_limit_is_one_step():
-    (interval,) = _schedule(5.0, saves=(5.0,), event_times=(), max_dt=math.inf)
+    (interval,) = schedule(5.0, saves=(5.0,), event_times=(), max_dt=math.inf)
     assert (interval.steps, interval.dt) == (1, 5.0)
 
 
 def test_time_zero_needs_no_step():
-    assert _schedule(0.0, saves=(0.0,), event_times=(1.0,), max_dt=0.1) == ()
+    assert schedule(0.0, saves=(0.0,), event_times=(1.0,), max_dt=0.1) == ()
 
 
 def test_knots_beyond_the_end_or_before_the_start_are_not_stops():
-    intervals = _schedule(
+    intervals = schedule(
         2.0, saves=(2.0,), event_times=(-1.0, 0.0, 2.0, 3.0), max_dt=1.0
     )
     assert [(i.start, i.end) for i in intervals] == [(0.0, 2.0)]
 
 
 def test_the_end_is_reached_though_it_is_not_saved():
-    intervals = _schedule(3.0, saves=(1.0,), event_times=(), max_dt=1.0)
+    intervals = schedule(3.0, saves=(1.0,), event_times=(), max_dt=1.0)
     assert [(i.end, i.saved) for i in intervals] == [(1.0, True), (3.0, False)]
 
 
 def test_more_steps_than_can_be_counted_are_refused_with_the_limit():
     """S03: 10 um of diamond for three minutes."""
     with pytest.raises(InputError, match=r"1\.49e-08 s.*coarser"):
-        _schedule(180.0, saves=(180.0,), event_times=(), max_dt=1.49e-8)
+        schedule(180.0, saves=(180.0,), event_times=(), max_dt=1.49e-8)
 
 
 @pytest.mark.parametrize(
@@ -106,7 +110,7 @@ def test_a_run_stops_at_its_last_saved_time():
 
 
 def test_save_intervals_end_at_saves_and_keep_every_interval():
-    intervals = _schedule(
+    intervals = schedule(
         10.0, saves=(4.0, 8.0), event_times=(1.0, 2.0, 5.0, 9.0), max_dt=1.0
     )
     groups = save_intervals(intervals)

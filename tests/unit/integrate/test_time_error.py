@@ -18,7 +18,7 @@ from jaxthermo.integrate.run.segments import (
     finish_run,
     run_segments,
 )
-from jaxthermo.integrate.run.simulate import run_plan, take_all_steps
+from jaxthermo.integrate.run.simulate import run_plan, take_steps
 from jaxthermo.integrate.run.time_error import Passes, of_pass
 from jaxthermo.integrate.stepper import jit_in_place
 from tests.bodies import bar
@@ -120,7 +120,7 @@ def test_the_error_is_below_its_estimate(controlled):
 
 def _programs() -> int:
     as_graph = jax.default_backend() == "gpu"
-    return jit_in_place(take_all_steps, as_graph)._cached._cache_size()
+    return jit_in_place(take_steps, as_graph)._cached._cache_size()
 
 
 def test_a_smaller_error_takes_more_steps_in_the_same_program(controlled):

@@ -8,13 +8,8 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo import findings, host_memory
-from jaxthermo.integrate.run.plan import (
-    initial_state,
-    plan_run,
-    save_intervals,
-    step_table,
-)
-from jaxthermo.integrate.run.simulate import RunConstants, take_all_steps
+from jaxthermo.integrate.run.plan import plan_run
+from jaxthermo.integrate.run.simulate import first_loop, take_steps
 from jaxthermo.integrate.stepper import jit_in_place
 from jaxthermo.scene.compile import compile as compile_module
 from jaxthermo.scene.compile.memory import forecast_memory
@@ -80,12 +75,10 @@ def test_the_forecast_is_that_of_the_arrays(structure_name, method):
     )
     assert plan.stepper.method == method
     measured = sum(_kept().values())
-    state = initial_state(plan)
-    table = step_table(plan, save_intervals(plan.intervals))
-    constants = RunConstants.of(plan.stepper, plan.compiled.program, state, table)
-    lowered = jit_in_place(take_all_steps).lower(constants, state.theta)
+    loop = first_loop(plan)
+    lowered = jit_in_place(take_steps).lower(loop.arguments, loop.theta)
     report = lowered.compile().compiled.memory_analysis()
-    size = sum(theta.nbytes for theta in state.theta)
+    size = sum(theta.nbytes for theta in loop.theta)
     # The state at the start is overwritten: it is the one at the end.
     assert report.alias_size_in_bytes >= size
     steps = size + report.temp_size_in_bytes
