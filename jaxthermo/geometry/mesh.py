@@ -348,6 +348,11 @@ class Pose(Module):
                 f"Pose(rotation={shortened(rotation)}): give a 3 x 3 rotation matrix"
             )
 
+    @property
+    def key(self) -> tuple[tuple, tuple]:
+        """Its numbers, by which equal poses are recognized."""
+        return self.translation, self.rotation
+
     def to_world(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
         """Transform points from the body to the world [m]."""
         return self.rotate(points) + np.asarray(self.translation, float)

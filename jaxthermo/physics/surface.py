@@ -14,6 +14,7 @@ from ..arrays import Scalar, is_traced, namespace, typed_array
 from ..errors import InputError
 from ..findings import found, is_finding
 from ..geometry.mesh import Pose
+from ..voxels.cavities import Cavities
 from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection
 from .flux_law import AbstractFluxLaw, Forcing, Values
@@ -295,3 +296,90 @@ def concatenated(values: Sequence[Any], axis: int = -1) -> Any:
     if len(values) == 1:
         return values[0]
     return namespace(values).concatenate(values, axis)
+
+
+class _PlacedSurface(NamedTuple):
+    """Surface of a body in the world [m]."""
+
+    position: Float[np.ndarray, "s 3"]
+    normal: Float[np.ndarray, "s 3"]
+    triangles: Float[np.ndarray, "f 3 3"]
+
+
+def placed_surface(grid: VoxelGrid, pose: Pose) -> _PlacedSurface:
+    """Surface of a body in the world, the same arrays at the same pose."""
+    mesh = grid.mesh
+    return found(
+        (grid,),
+        ("placed_surface", pose.key),
+        lambda: _PlacedSurface(
+            pose.to_world(grid.fragment_position),
+            pose.rotate(grid.fragment_normal),
+            pose.to_world(mesh.vertices[mesh.faces]),
+        ),
+    )
+
+
+def scene_triangles(placed: list[_PlacedSurface]) -> Float[np.ndarray, "f 3 3"]:
+    """Triangles of all bodies [m]; the same array in every run, for shadows."""
+    triangles = tuple(surface.triangles for surface in placed)
+    if len(triangles) == 1:
+        return triangles[0]
+    return found(triangles, "triangles", lambda: np.concatenate(triangles))
+
+
+def enclosed_fragments(
+    grids: tuple[VoxelGrid, ...], poses: tuple[Pose, ...], inside: tuple[str, ...]
+) -> list[Bool[np.ndarray, " _"] | None]:
+    """Fragments of each body in a closed cavity, of its own or another body.
+
+    Args:
+        grids: of the bodies.
+        poses: of the bodies.
+        inside: "open" for each body whose cavities are open to the outside.
+    """
+    return found(
+        grids,
+        ("enclosed", tuple(pose.key for pose in poses), inside),
+        lambda: _enclosed(grids, poses, inside),
+    )
+
+
+def _enclosed(
+    grids: tuple[VoxelGrid, ...], poses: tuple[Pose, ...], inside: tuple[str, ...]
+) -> list[Bool[np.ndarray, " _"] | None]:
+    enclosed: list[Bool[np.ndarray, " _"] | None] = [None] * len(grids)
+    for number, around in enumerate(grids):
+        if inside[number] == "open" or around.cavities is None:
+            continue
+        for other_number, grid in enumerate(grids):
+            faced = grid.fragment_cavity
+            if other_number != number:
+                faced = _surrounding(
+                    around.cavities,
+                    around=poses[number],
+                    grid=grid,
+                    pose=poses[other_number],
+                )
+            is_inside = faced > 0
+            previous = enclosed[other_number]
+            if previous is not None:
+                is_inside = previous | is_inside
+            if is_inside.any():
+                enclosed[other_number] = is_inside
+    return enclosed
+
+
+def _surrounding(
+    cavities: Cavities, around: Pose, grid: VoxelGrid, pose: Pose
+) -> Int[np.ndarray, " s"]:
+    """Cavity of another body in which each fragment is, 0 or -1 for none."""
+    # The voxels of a wall may cover a fragment that is closer to it than a voxel. Half
+    # a voxel further inside its own body, the fragment is outside of them.
+    faced = np.full(len(grid.fragment_area), -1)
+    for depth in (0.5, 0.0, -0.5):
+        solid = np.flatnonzero(faced < 0)
+        inward = depth * grid.pitch * grid.fragment_normal[solid]
+        position = pose.to_world(grid.fragment_position[solid] - inward)
+        faced[solid] = cavities.at(around.to_body(position))
+    return faced

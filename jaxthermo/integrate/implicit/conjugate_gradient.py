@@ -241,16 +241,9 @@ class _AbstractKrylov(lx.AbstractLinearSolver):
         converged = residual <= limit
 
         def better() -> Any:
-            # Where rounding exceeds the operator the start may be the better answer,
-            # by what the preconditioner would still change.
+            # Where rounding exceeds the operator the start may be the better answer.
             residuals = jax.tree.map(lambda a, b: jnp.stack([a, b]), r, first.residual)
-            end_correction, start_correction = jax.lax.map(
-                lambda residual: max_abs(precondition(residual)), residuals
-            )
-            end_is_better = end_correction <= start_correction
-            return jax.tree.map(
-                lambda end, start: jnp.where(end_is_better, end, start), last.y, y
-            )
+            return _with_smaller_correction(precondition, residuals, (last.y, y))
 
         y = jax.lax.cond(converged, lambda: last.y, better)
         result = lx.RESULTS.where(
@@ -280,6 +273,21 @@ class _AbstractKrylov(lx.AbstractLinearSolver):
     @override
     def assume_full_rank(self):
         return True
+
+
+def _with_smaller_correction(
+    precondition: _Map, residuals: Any, answers: tuple[Any, Any]
+) -> Any:
+    """Return the one of two answers that the preconditioner would change less.
+
+    `residuals` has the residuals of both along a new first axis.
+    """
+    first_correction, second_correction = jax.lax.map(
+        lambda residual: max_abs(precondition(residual)), residuals
+    )
+    first_is_better = first_correction <= second_correction
+    first, second = answers
+    return jax.tree.map(lambda a, b: jnp.where(first_is_better, a, b), first, second)
 
 
 class ConjugateGradient(_AbstractKrylov):

@@ -72,7 +72,7 @@ def find_overlaps(
     overlaps = {}
     for i, j in combinations(range(len(bodies)), 2):
         poses = (bodies[i].pose, bodies[j].pose)
-        key = (i, j, *((pose.translation, pose.rotation) for pose in poses))
+        key = (i, j, *(pose.key for pose in poses))
         if key not in cache:
             cache[key] = _overlap(bodies, i, j)
         if cache[key] is not None:

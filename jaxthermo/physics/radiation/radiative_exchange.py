@@ -179,7 +179,7 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractSurroundings):
         self, bodies: tuple[BodySurface, ...], areas: list[Float[np.ndarray, " _"]]
     ) -> "_SampledViews":
         options = (self.max_patches, self.directions, self.error, self.max_directions)
-        poses = tuple((b.pose.translation, b.pose.rotation) for b in bodies)
+        poses = tuple(b.pose.key for b in bodies)
         return found(
             tuple(b.grid for b in bodies),
             by=("view_factors", options, poses, tuple(digest(area) for area in areas)),

@@ -34,10 +34,10 @@ from .memory import Method, check_memory
 from .program import Compiled, Omission, Part, Program, Receipt
 from .program_builder import (
     Ledger,
+    ProgramBuilder,
     bind_volumes,
     breakpoints_of,
     ledger_entries,
-    make_programs,
 )
 from .snapshots import Snapshot, take_snapshots
 
@@ -110,8 +110,8 @@ def _compile(
     )
     volumes, unheated = bind_volumes(scene)
     ledger = ledger_entries(names, snapshots=snapshots, volumes=volumes, prune=prune)
-    programs, accuracy = make_programs(
-        scene,
+    builder = ProgramBuilder(
+        scene=scene,
         prepared=prepared,
         snapshots=snapshots,
         volumes=volumes,
@@ -119,6 +119,7 @@ def _compile(
         temperatures=temperatures,
         end=float(end),
     )
+    programs, accuracy = builder.programs()
     first = snapshots[0]
     structures = [body.structure for body in scene.bodies]
     surfaces = first.surface.bodies

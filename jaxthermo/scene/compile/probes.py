@@ -87,8 +87,6 @@ def bind_probes(
         InputError: for a point farther than a voxel from every body, or inside a body
             whose structure has no nodes there.
     """
-    if not scene.probes:
-        return ()
     positions = np.array([probe.position for probe in scene.probes])
     points = [body.body.pose.at(0.0).to_body(positions) for body in prepared]
     located = [

@@ -1,5 +1,7 @@
 """From snapshots of a scene to programs, alike but for their numbers."""
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import jax.numpy as jnp
@@ -32,18 +34,15 @@ from .snapshots import PairKey, Snapshot, acting
 from .surface_load import AbstractSurfaceLoad, body_cells, surface_load
 
 
-# Nodes that heat sources reach, by the numbers of the term and of the body.
-_Volumes = dict[tuple[int, int], VolumeBinding]
+Volumes = dict[tuple[int, int], VolumeBinding]
+"""Nodes that heat sources reach, by the numbers of the term and of the body."""
 
 Ledger = dict[tuple[int, ...], str]
 """Mechanisms in the energy ledger, in its order, by the numbers of the term and of its
 body, or of both its bodies; the same at all snapshots."""
 
-# Entry of each term on each body in the ledger; -1 where it has none.
-_Rows = tuple[tuple[int, ...], ...]
 
-
-def bind_volumes(scene: Scene) -> tuple[_Volumes, list[tuple[int, Omitted]]]:
+def bind_volumes(scene: Scene) -> tuple[Volumes, list[tuple[int, Omitted]]]:
     """Nodes that volume terms heat, and the numbers of terms that heat none."""
     bindings = {}
     omitted = []
@@ -60,7 +59,7 @@ def bind_volumes(scene: Scene) -> tuple[_Volumes, list[tuple[int, Omitted]]]:
 
 
 def ledger_entries(
-    names: tuple[str, ...], snapshots: list[Snapshot], volumes: _Volumes, prune: bool
+    names: tuple[str, ...], snapshots: list[Snapshot], volumes: Volumes, prune: bool
 ) -> Ledger:
     """An entry for every body that a term acts on, in the order of the terms."""
     first = snapshots[0]
@@ -86,101 +85,227 @@ def breakpoints_of(scene: Scene, ledger: Ledger) -> tuple[float, ...]:
     return tuple(sorted({time for value in values for time in breakpoints(value)}))
 
 
-def make_programs(
-    scene: Scene,
-    prepared: tuple[PreparedBody, ...],
-    snapshots: list[Snapshot],
-    volumes: _Volumes,
-    ledger: Ledger,
-    temperatures: Forcing | None,
-    end: float,
-) -> tuple[tuple[Program, ...], tuple[str, ...]]:
-    """The program of each snapshot, all with arrays of the same shapes, and notes.
+@dataclass(frozen=True, eq=False)
+class ProgramBuilder:
+    """What the programs of all snapshots of a scene are made from."""
 
-    The notes for the receipt state the accuracy of an exchange.
-    """
-    entry = {key: n for n, key in enumerate(ledger)}
-    mechanism = {key[0]: name for key, name in ledger.items()}
-    names = {n: mechanism[n] for n, _ in snapshots[0].bindings}
-    rows = tuple(
-        tuple(entry.get((n, body.number), -1) for body in prepared) for n in names
-    )
-    terms = [_fragment_terms(snapshot, names) for snapshot in snapshots]
-    iterations = max(
-        _iterations(
-            fragment_terms,
-            surface=snapshot.surface,
-            prepared=prepared,
-            rows=rows,
-            temperatures=temperatures,
-            end=end,
+    scene: Scene
+    prepared: tuple[PreparedBody, ...]
+    snapshots: list[Snapshot]
+    volumes: Volumes
+    ledger: Ledger
+    temperatures: Forcing | None
+    """Bounds of all temperatures up to the end; None if they are not known."""
+    end: float
+    """End of the run [s]."""
+
+    @property
+    def _dtype(self) -> Any:
+        return self.snapshots[0].surface.dtype
+
+    @cached_property
+    def _entry(self) -> dict[tuple[int, ...], int]:
+        return {key: n for n, key in enumerate(self.ledger)}
+
+    @cached_property
+    def _names(self) -> dict[int, str]:
+        """Names of the terms on the surface, by their number in the scene."""
+        mechanism = {key[0]: name for key, name in self.ledger.items()}
+        return {n: mechanism[n] for n, _ in self.snapshots[0].bindings}
+
+    @cached_property
+    def _rows(self) -> tuple[tuple[int, ...], ...]:
+        """Entry of each of these terms on each body in the ledger; -1 for none."""
+        return tuple(
+            tuple(self._entry.get((n, body.number), -1) for body in self.prepared)
+            for n in self._names
         )
-        for fragment_terms, snapshot in zip(terms, snapshots, strict=True)
-    )
-    used = _used_terms(scene, ledger)
-    values = [value for term in used for value in term.values]
-    exchange = next((t for t in used if isinstance(t, AbstractExchangeTerm)), None)
-    # Cells must be the same at all snapshots: they go by where a term ever acts.
-    acting_fragments = acting(snapshots)
-    counts = _pair_counts(snapshots)
-    touched = {number for key in counts for number in key[1:]}
-    dtype = snapshots[0].surface.dtype
-    bodies = [
-        _body(body, entry=entry, volumes=volumes, dtype=dtype) for body in prepared
-    ]
-    # Areas of fragments and nodes of probes do not change as bodies move.
-    probes = bind_probes(scene, prepared, dtype)
-    areas = [body.grid.fragment_area for body in snapshots[0].surface.bodies]
-    outputs = surface_heat(scene, areas, tuple(names))
-    programs = []
-    accuracies = []
-    for snapshot, snapshot_terms in zip(snapshots, terms, strict=True):
-        surface = snapshot.surface
-        fine = None
-        if exchange is not None:
-            fine, accuracy = exchange.enclosure(surface)
-            accuracies.append(accuracy)
-        fragment_terms = replaced(snapshot_terms, iterations=iterations)
-        load, enclosure = _surface_load(
-            fragment_terms,
-            surface=surface,
-            prepared=prepared,
-            acting_fragments=acting_fragments,
-            fine=fine,
-            rows=rows,
-            entry_count=len(ledger),
+
+    @cached_property
+    def _acting(self) -> list[Bool[np.ndarray, " s"]]:
+        # Cells must be the same at all snapshots: they go by where a term ever acts.
+        return acting(self.snapshots)
+
+    def programs(self) -> tuple[tuple[Program, ...], tuple[str, ...]]:
+        """The program of each snapshot, all with arrays of the same shapes, and notes.
+
+        The notes for the receipt state the accuracy of an exchange.
+        """
+        terms = [self._fragment_terms(snapshot) for snapshot in self.snapshots]
+        iterations = max(
+            self._iterations(snapshot_terms, snapshot.surface)
+            for snapshot_terms, snapshot in zip(terms, self.snapshots, strict=True)
         )
-        exposed = [body.exposed_fraction for body in surface.bodies]
-        program = Program(
-            bodies=tuple(
-                replaced(body, exposed_fraction=exposed[n]) if n in touched else body
-                for n, body in enumerate(bodies)
+        used = _used_terms(self.scene, self.ledger)
+        values = [value for term in used for value in term.values]
+        exchange = next((t for t in used if isinstance(t, AbstractExchangeTerm)), None)
+        sizes = _pair_counts(self.snapshots)
+        touched = {number for key in sizes for number in key[1:]}
+        bodies = [self._body(body) for body in self.prepared]
+        # Areas of fragments and nodes of probes do not change as bodies move.
+        probes = ()
+        if self.scene.probes:
+            probes = bind_probes(self.scene, self.prepared, self._dtype)
+        surfaces = self.snapshots[0].surface.bodies
+        areas = [body.grid.fragment_area for body in surfaces]
+        outputs = surface_heat(self.scene, areas, tuple(self._names))
+        programs = []
+        accuracies = []
+        for snapshot, snapshot_terms in zip(self.snapshots, terms, strict=True):
+            surface = snapshot.surface
+            fine = None
+            if exchange is not None:
+                fine, accuracy = exchange.enclosure(surface)
+                accuracies.append(accuracy)
+            fragment_terms = replaced(snapshot_terms, iterations=iterations)
+            load, enclosure = self._surface_load(fragment_terms, surface, fine)
+            exposed = [body.exposed_fraction for body in surface.bodies]
+            program = Program(
+                bodies=tuple(
+                    replaced(body, exposed_fraction=exposed[n])
+                    if n in touched
+                    else body
+                    for n, body in enumerate(bodies)
+                ),
+                surface=load,
+                fragment_terms=fragment_terms,
+                contacts=tuple(
+                    self._contact(key, snapshot.pairs.get(key), size)
+                    for key, size in sizes.items()
+                ),
+                enclosure=enclosure,
+                fine_enclosure=fine,
+                probes=probes,
+                surface_heat=outputs,
+                entries=tuple((name, key[1:]) for key, name in self.ledger.items()),
+                sampled=any(is_unknown_function(value) for value in values),
+            )
+            programs.append(program)
+        # Linear sums are made on the host, in double precision.
+        if all(program.fragment_terms.is_linear for program in programs):
+            programs = linear_programs(programs) or programs
+        return tuple(programs), _accuracy_notes(exchange, accuracies)
+
+    def _fragment_terms(self, snapshot: Snapshot) -> SurfaceTerms:
+        """The terms on the fragments of all bodies, by their number in the scene."""
+        order = {number: k for k, number in enumerate(self._names)}
+
+        def numbered(bindings):
+            return tuple(
+                (order[number], bound(binding.effective_area, binding.law))
+                for number, binding in bindings
+            )
+
+        # Where a temperature is prescribed, that term holds the half cell.
+        half_cells = [
+            body.half_cell
+            if body.natural.all()
+            else body.half_cell * body.natural.astype(body.dtype)
+            for body in snapshot.surface.bodies
+        ]
+        return SurfaceTerms(
+            names=tuple(self._names.values()),
+            half_cell=concatenated(half_cells),
+            natural=numbered(snapshot.natural),
+            prescribed=numbered(snapshot.prescribed),
+            radiating=numbered(snapshot.radiating),
+        )
+
+    def _surface_load(
+        self, terms: SurfaceTerms, surface: Surface, fine: Enclosure | None
+    ) -> tuple[AbstractSurfaceLoad | None, Enclosure | None]:
+        """The load on surface cells, and the radiation between them."""
+        # By term, and by body.
+        masks = [surface.apart(is_acting) for is_acting in self._acting]
+        # Fragments of one cell must be in one patch of the radiative exchange.
+        groups: list = [None] * len(self.prepared)
+        if fine is not None:
+            groups = surface.apart(np.asarray(fine.patch))
+        cells = []
+        cell = []
+        for n, body in enumerate(self.prepared):
+            body_masks = [mask[n] for mask in masks]
+            cells_of_body, cell_of_fragment = body_cells(body, body_masks, groups[n])
+            cells.append(cells_of_body)
+            cell.append(cell_of_fragment)
+        load, joined = surface_load(
+            terms,
+            cells=tuple(cells),
+            cell=cell,
+            references=surface.references,
+            entries=self._rows,
+            entry_count=len(self.ledger),
+        )
+        if fine is None or load is None:
+            return load, None
+        return load, fine.coarsened(joined, load.counts)
+
+    def _iterations(self, terms: SurfaceTerms, surface: Surface) -> int:
+        """Newton iterations that every body needs at most; linear laws need none."""
+        iterations = []
+        start = 0
+        for n, count in enumerate(surface.counts):
+            cells = slice(start, start + count)
+            start = cells.stop
+            acting_terms = {k for k, row in enumerate(self._rows) if row[n] >= 0}
+            body_terms = terms
+            if len(surface.counts) > 1 or len(acting_terms) < len(self._rows):
+                reference = surface.references[n]
+                body_terms = terms.selected(cells, acting_terms, reference)
+            if body_terms.is_linear:
+                continue
+            if not self.prepared[n].network.is_linear:
+                return MAX_ITERATIONS
+            iterations.append(body_terms.newton_iterations(self.temperatures, self.end))
+        return max(iterations, default=MAX_ITERATIONS)
+
+    def _contact(
+        self, key: PairKey, pairs: ContactPairs | None, size: int
+    ) -> ContactLinks:
+        number, *numbers = key
+        term = self.scene.terms[number]
+        first, second = (self.prepared[body] for body in numbers)
+        assert isinstance(term, AbstractPairTerm)
+        if pairs is None:
+            counts = (len(body.fragment_node) for body in (first, second))
+            pairs = ContactPairs.none(*counts)
+        return term.bind(pairs, (first, second), self._entry[key], size)
+
+    def _body(self, body: PreparedBody) -> BodyProgram:
+        structure = body.body.structure
+        address, node = structure.found("surface_nodes", lambda: _surface_nodes(body))
+        return BodyProgram(
+            network=body.network,
+            reference=typed_array(body.reference, self._dtype),
+            sources=tuple(
+                self._volume_load(key, binding, body)
+                for key, binding in self.volumes.items()
+                if key[1] == body.number
             ),
-            surface=load,
-            fragment_terms=fragment_terms,
-            contacts=tuple(
-                _contact(
-                    scene,
-                    prepared=prepared,
-                    key=key,
-                    pairs=snapshot.pairs.get(key),
-                    entry=entry,
-                    size=size,
-                )
-                for key, size in counts.items()
-            ),
-            enclosure=enclosure,
-            fine_enclosure=fine,
-            probes=probes,
-            surface_heat=outputs,
-            entries=tuple((name, key[1:]) for key, name in ledger.items()),
-            sampled=any(is_unknown_function(value) for value in values),
+            address=address,
+            node=node,
+            # Bodies that never touch anything need no array of ones.
+            exposed_fraction=np.ones((), self._dtype),
+            surface_map=body.surface_map,
+            conductivity_parts=body.conductivity_parts,
         )
-        programs.append(program)
-    # Linear sums are made on the host, in double precision.
-    if all(program.fragment_terms.is_linear for program in programs):
-        programs = linear_programs(programs) or programs
-    return tuple(programs), _accuracy_notes(exchange, accuracies)
+
+    def _volume_load(
+        self, key: tuple[int, int], binding: VolumeBinding, body: PreparedBody
+    ) -> VolumeLoad:
+        dtype = self._dtype
+        nodes = np.flatnonzero(binding.volume)
+        sections = body.section_places(nodes)
+        reached = np.zeros(len(sections.address[0]), dtype)
+        reached[sections.places] = binding.volume[nodes]
+        return VolumeLoad(
+            entry=self._entry[key],
+            address=sections.address,
+            rise=jnp.asarray(reached) / body.network.capacity_at(sections.address),
+            mesh=body.network.mesh,
+            volume=np.asarray(reached.sum(dtype=float), dtype),
+            heat_rate_density=for_jit(binding.heat_rate_density, dtype),
+        )
 
 
 def _accuracy_notes(
@@ -195,159 +320,11 @@ def _accuracy_notes(
     )
 
 
-def _fragment_terms(snapshot: Snapshot, names: dict[int, str]) -> SurfaceTerms:
-    """The terms on the fragments of all bodies, named by their number in the scene."""
-    order = {number: k for k, number in enumerate(names)}
-
-    def numbered(bindings):
-        return tuple(
-            (order[number], bound(binding.effective_area, binding.law))
-            for number, binding in bindings
-        )
-
-    # Where a temperature is prescribed, that term holds the half cell.
-    half_cells = [
-        body.half_cell
-        if body.natural.all()
-        else body.half_cell * body.natural.astype(body.dtype)
-        for body in snapshot.surface.bodies
-    ]
-    return SurfaceTerms(
-        names=tuple(names.values()),
-        half_cell=concatenated(half_cells),
-        natural=numbered(snapshot.natural),
-        prescribed=numbered(snapshot.prescribed),
-        radiating=numbered(snapshot.radiating),
-    )
-
-
-def _surface_load(
-    terms: SurfaceTerms,
-    surface: Surface,
-    prepared: tuple[PreparedBody, ...],
-    acting_fragments: list[Bool[np.ndarray, " s"]],
-    fine: Enclosure | None,
-    rows: _Rows,
-    entry_count: int,
-) -> tuple[AbstractSurfaceLoad | None, Enclosure | None]:
-    """The load on surface cells, and the radiation between them."""
-    # By term, and by body.
-    masks = [surface.apart(is_acting) for is_acting in acting_fragments]
-    # Fragments of one cell must be in one patch of the radiative exchange.
-    groups: list = [None] * len(prepared)
-    if fine is not None:
-        groups = surface.apart(np.asarray(fine.patch))
-    cells = []
-    cell = []
-    for n, body in enumerate(prepared):
-        body_masks = [mask[n] for mask in masks]
-        cells_of_body, cell_of_fragment = body_cells(body, body_masks, groups[n])
-        cells.append(cells_of_body)
-        cell.append(cell_of_fragment)
-    load, joined = surface_load(
-        terms,
-        cells=tuple(cells),
-        cell=cell,
-        references=surface.references,
-        entries=rows,
-        entry_count=entry_count,
-    )
-    if fine is None or load is None:
-        return load, None
-    return load, fine.coarsened(joined, load.counts)
-
-
-def _iterations(
-    terms: SurfaceTerms,
-    surface: Surface,
-    prepared: tuple[PreparedBody, ...],
-    rows: _Rows,
-    temperatures: Forcing | None,
-    end: float,
-) -> int:
-    """Newton iterations that every body needs at most; linear laws need none."""
-    iterations = []
-    start = 0
-    for n, count in enumerate(surface.counts):
-        cells = slice(start, start + count)
-        start = cells.stop
-        acting_terms = {k for k, row in enumerate(rows) if row[n] >= 0}
-        body_terms = terms
-        if len(surface.counts) > 1 or len(acting_terms) < len(rows):
-            reference = surface.references[n]
-            body_terms = terms.selected(cells, acting_terms, reference)
-        if body_terms.is_linear:
-            continue
-        if not prepared[n].network.is_linear:
-            return MAX_ITERATIONS
-        iterations.append(body_terms.newton_iterations(temperatures, end))
-    return max(iterations, default=MAX_ITERATIONS)
-
-
-def _contact(
-    scene: Scene,
-    prepared: tuple[PreparedBody, ...],
-    key: PairKey,
-    pairs: ContactPairs | None,
-    entry: dict[tuple[int, ...], int],
-    size: int,
-) -> ContactLinks:
-    term = scene.terms[key[0]]
-    first = prepared[key[1]]
-    second = prepared[key[2]]
-    assert isinstance(term, AbstractPairTerm)
-    if pairs is None:
-        pairs = ContactPairs.none(len(first.fragment_node), len(second.fragment_node))
-    return term.bind(pairs, (first, second), entry[key], size)
-
-
-def _body(
-    body: PreparedBody,
-    entry: dict[tuple[int, ...], int],
-    volumes: _Volumes,
-    dtype: Any,
-) -> BodyProgram:
-    structure = body.body.structure
-    address, node = structure.found("surface_nodes", lambda: _surface_nodes(body))
-    return BodyProgram(
-        network=body.network,
-        reference=typed_array(body.reference, dtype),
-        sources=tuple(
-            _volume_load(entry[key], binding=binding, body=body, dtype=dtype)
-            for key, binding in volumes.items()
-            if key[1] == body.number
-        ),
-        address=address,
-        node=node,
-        # Bodies that never touch anything need no array of ones.
-        exposed_fraction=np.ones((), dtype),
-        surface_map=body.surface_map,
-        conductivity_parts=body.conductivity_parts,
-    )
-
-
 def _surface_nodes(body: PreparedBody) -> tuple[Address, Int[Array, " s"]]:
     """Position of the surface nodes, and the index of each fragment's node."""
     nodes, node = np.unique(body.fragment_node, return_inverse=True)
     address, rank = body.ordered_address(nodes)
     return address, device_array(rank[node.reshape(-1)].astype(np.int32))
-
-
-def _volume_load(
-    entry: int, binding: VolumeBinding, body: PreparedBody, dtype: Any
-) -> VolumeLoad:
-    nodes = np.flatnonzero(binding.volume)
-    sections = body.section_places(nodes)
-    reached = np.zeros(len(sections.address[0]), dtype)
-    reached[sections.places] = binding.volume[nodes]
-    return VolumeLoad(
-        entry=entry,
-        address=sections.address,
-        rise=jnp.asarray(reached) / body.network.capacity_at(sections.address),
-        mesh=body.network.mesh,
-        volume=np.asarray(reached.sum(dtype=float), dtype),
-        heat_rate_density=for_jit(binding.heat_rate_density, dtype),
-    )
 
 
 def _pair_counts(snapshots: list[Snapshot]) -> dict[PairKey, int]:

@@ -16,12 +16,20 @@ from jaxtyping import Bool, Float, Int
 from ...errors import InputError, located
 from ...findings import found
 from ...geometry.mesh import Pose
-from ...physics.contact.overlap import Overlap
+from ...physics.contact.overlap import Overlap, find_overlaps
 from ...physics.contact.rays import PlacedGrid
-from ...physics.contact.search import ContactPairs
+from ...physics.contact.search import ContactPairs, contacts_between
 from ...physics.flux_law import Forcing
 from ...physics.radiation.irradiation import AbstractRadiativeTerm, Irradiation
-from ...physics.surface import Binding, BodySurface, Omitted, Surface
+from ...physics.surface import (
+    Binding,
+    BodySurface,
+    Omitted,
+    Surface,
+    enclosed_fragments,
+    placed_surface,
+    scene_triangles,
+)
 from ...physics.term import (
     AbstractExchangeTerm,
     AbstractPairTerm,
@@ -32,13 +40,6 @@ from ...voxels.grid import VoxelGrid
 from ...voxels.selection import FragmentMask
 from ..scene import Scene
 from .bodies import PreparedBody, surface_property
-from .placement import (
-    enclosed_fragments,
-    overlaps_of,
-    placed_surface,
-    scene_triangles,
-    touching,
-)
 
 
 # Bindings with the number of their term in the scene.
@@ -100,7 +101,7 @@ def take_snapshots(
             PlacedGrid(body.structure.grid, pose, f"body {index}")
             for index, (body, pose) in enumerate(zip(scene.bodies, poses, strict=True))
         )
-        overlaps = overlaps_of(placed, clear_pairs)
+        overlaps = _overlaps(placed, clear_pairs)
         contacts = _find_contacts(scene, placed)
         surface = Surface(
             bodies=_body_surfaces(
@@ -172,7 +173,11 @@ def _body_surfaces(
         for body, pose in zip(scene.bodies, poses, strict=True)
     ]
     shadow = scene_triangles(placed)
-    enclosed = enclosed_fragments(scene, poses)
+    enclosed = enclosed_fragments(
+        tuple(body.structure.grid for body in scene.bodies),
+        poses=poses,
+        inside=tuple(body.inside for body in scene.bodies),
+    )
     surfaces = []
     for index, (body, pose) in enumerate(zip(scene.bodies, poses, strict=True)):
         grid = body.structure.grid
@@ -291,7 +296,7 @@ def _find_contacts(scene: Scene, placed: tuple[PlacedGrid, ...]) -> _Contacts:
     joined_by: dict[tuple[int, int], int] = {}
     omitted = []
     for number, term in terms:
-        touches = touching(placed, term.max_gap)
+        touches = _touching(placed, term.max_gap)
         joined = {key: pair for key, pair in touches.items() if term.connects(*key)}
         if not joined:
             omitted.append((number, "no bodies touch"))
@@ -314,6 +319,33 @@ def _find_contacts(scene: Scene, placed: tuple[PlacedGrid, ...]) -> _Contacts:
                 covered_so_far = 0 if covered[body] is None else covered[body]
                 covered[body] = np.minimum(covered_so_far + coverage, 1)
     return _Contacts(pairs=pairs, covered=covered, unpaired=tuple(omitted))
+
+
+# Contacts and overlaps depend on voxels and poses alone: they are computed once for all
+# runs, and again for a body that moved.
+def _touching(
+    placed: tuple[PlacedGrid, ...], max_gap: Any
+) -> dict[tuple[int, int], ContactPairs]:
+    gap = None if max_gap is None else float(max_gap)
+    return found(
+        tuple(body.grid for body in placed),
+        by=("contacts", tuple(body.pose.key for body in placed), gap),
+        find=lambda: contacts_between(placed, gap),
+        search="contacts of bodies",
+    )
+
+
+def _overlaps(
+    placed: tuple[PlacedGrid, ...], clear_pairs: dict
+) -> dict[tuple[int, int], Overlap]:
+    if len(placed) == 1:
+        return {}
+    return found(
+        tuple(body.grid for body in placed),
+        by=("overlaps", tuple(body.pose.key for body in placed)),
+        find=lambda: find_overlaps(placed, clear_pairs),
+        search="overlaps of bodies",
+    )
 
 
 class _BoundTerms(NamedTuple):

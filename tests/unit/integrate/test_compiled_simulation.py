@@ -16,8 +16,8 @@ from jaxthermo.findings import findings_size, forget_findings
 from jaxthermo.integrate.implicit import jacobian
 from jaxthermo.integrate.run import surface_reading
 from jaxthermo.network import multigrid
-from jaxthermo.physics import conduction
-from jaxthermo.scene.compile import placement, probes
+from jaxthermo.physics import conduction, surface
+from jaxthermo.scene.compile import probes, snapshots
 from tests.bodies import blocks
 
 
@@ -218,9 +218,9 @@ def test_a_body_that_moved_costs_its_contacts_and_nothing_of_its_structure(count
     # Of its own, so that nothing is known of it.
     structure = jt.Aggregate(blocks(np.ones((4, 4, 8), bool), 0.01), factor=2)
     calls, count = counted
-    count(placement, "contacts_between")
+    count(snapshots, "contacts_between")
     count(conduction, "row_layout")
-    count(placement, "_enclosed")
+    count(surface, "_enclosed")
 
     def pair(gap, k=16.0):
         lower = make_scene(structure, k).bodies[0]
