@@ -7,6 +7,7 @@ from typing import Any, TypedDict
 import jax.numpy as jnp
 import numpy as np
 
+from jaxthermo.accuracy.error_records import ReferenceErrors, TruthErrors
 from jaxthermo.accuracy.surface_error import surface_error
 from jaxthermo.arrays import precision
 from jaxthermo.config.card_file import load_card
@@ -21,8 +22,6 @@ from jaxthermo.structures.weights import ConductionWeights, FitCard
 
 from ..config.fit_record import (
     FitRecord,
-    ReferenceErrors,
-    TruthErrors,
     TruthRecord,
     each_group,
     number_of,

@@ -2,17 +2,18 @@
 
 import warnings
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
+from jaxthermo.accuracy.error_records import TruthErrors
 from jaxthermo.accuracy.truth_error import truth_error
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.run.solution import RESULTS
 
-from ..config.fit_record import ReferenceErrors, TruthCase, TruthErrors, TruthRecord
+from ..config.fit_record import TruthCase, TruthRecord
 from ..config.loader import scene_config
 from ..config.schema import CalibrationConfig, FullVolumeReference, RefinedReference
 from ..problem.build import Calibration
@@ -97,7 +98,7 @@ class Truth:
                 cases[group][name] = {
                     "default": self.default[name],
                     "fitted": fitted,
-                    "reference": cast(ReferenceErrors, own_error.as_dict()),
+                    "reference": own_error.as_dict(),
                 }
         record: Any = {
             "refinement": self.settings.refinement,
@@ -133,7 +134,7 @@ class Truth:
             count=self.settings.points,
             seed=self.settings.seed,
         )
-        return cast(TruthErrors, error.as_dict())
+        return error.as_dict()
 
 
 def _named(log: Log, name: str) -> Log:

@@ -8,6 +8,7 @@ from typing import Any, Generic, Literal, NotRequired, Required, TypeVar, cast
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from typing_extensions import TypedDict
 
+from jaxthermo.accuracy.error_records import ReferenceErrors, TruthErrors
 from jaxthermo.archive import read_record, signed
 from jaxthermo.atomic import write_json
 from jaxthermo.config.messages import dotted, explain
@@ -127,38 +128,6 @@ class Verdict(TypedDict):
     worse: int
     """Number of times at which the error is larger than before."""
     truth: NotRequired[TruthVerdict | None]
-
-
-class ReferenceErrors(TypedDict):
-    """Estimated error of a reference at the saved times; None where not finite."""
-
-    rms_kelvin: list[float | None]
-    rms_percent: list[float | None]
-    order: NotRequired[list[float | None]]
-    """Observed order of convergence."""
-    times_s: NotRequired[list[float | None]]
-    is_bound: list[bool]
-    differences_kelvin: NotRequired[list[list[float]]]
-    """Differences of each run from the next coarser one, by saved time."""
-    worst_rms_kelvin: float
-
-
-class TruthErrors(TypedDict, total=False):
-    """Errors against finer voxels at the saved times; None for an infinite one."""
-
-    times_s: Required[list[float]]
-    rms_kelvin: Required[list[float | None]]
-    rms_percent: Required[list[float | None]]
-    p99_kelvin: list[float | None]
-    bias_kelvin: list[float | None]
-    lost_fraction: list[float | None]
-    worst_rms_kelvin: float | None
-    worst_rms_percent: float | None
-    worst_p99_kelvin: float | None
-    worst_bias_kelvin: float | None
-    worst_lost_fraction: float | None
-    reference_lost_fraction: float
-    remarks: Required[list[str]]
 
 
 class TruthCase(Pair[TruthErrors]):

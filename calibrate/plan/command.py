@@ -13,6 +13,7 @@ from typing import TypedDict, cast
 from rich.console import Console
 
 from jaxthermo.__main__ import main as run_jaxthermo
+from jaxthermo.accuracy.error_records import ReferenceErrors
 from jaxthermo.archive import read_record, signed
 from jaxthermo.atomic import replacing, write_json
 from jaxthermo.config.loader import config_hash, load_config, resolved, to_yaml
@@ -25,7 +26,6 @@ from jaxthermo.errors import InputError
 from jaxthermo.provenance import processor, provenance
 from jaxthermo.report.table import Cell, Table
 
-from ..config.fit_record import ReferenceErrors
 from ..problem.reference import RunCost, program_hash
 from .candidate import pitches_of
 from .search import Choice, search

@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
+from jaxthermo.accuracy.error_records import ReferenceErrors
 from jaxthermo.accuracy.truth_error import TruthError, TruthPoints, truth_points
 from jaxthermo.arrays import precision
 from jaxthermo.config.schema.scene import SceneConfig
@@ -17,7 +18,6 @@ from jaxthermo.integrate.run.solution import RESULTS, Observation, run_result
 from jaxthermo.integrate.run.solution_file import StoredSolution
 from jaxthermo.timing import Spread, interleaved
 
-from ..config.fit_record import ReferenceErrors
 from ..config.schema import RefinedReference
 from ..problem.reference import (
     COARSENING,
@@ -235,7 +235,7 @@ class Bench:
         return Reference(
             refinement=refinement,
             points=truth_points(refined.solution, _POINTS),
-            own_error=cast(ReferenceErrors, own_error.as_dict()),
+            own_error=own_error.as_dict(),
             excess=excess,
             cost=refined.costs[0],
             coarser=tuple(coarser),

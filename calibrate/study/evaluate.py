@@ -6,7 +6,7 @@ A row holds plain values. A case that cannot be run is a row too, with the reaso
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh
 
+from jaxthermo.accuracy.error_records import ReferenceErrors
 from jaxthermo.accuracy.truth_error import TruthPoints, truth_points
 from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
@@ -31,7 +32,6 @@ from jaxthermo.integrate.run.surface_reading import SurfaceReading
 from jaxthermo.parallel.batch import from_first_device, over_devices
 from jaxthermo.parallel.devices import mesh_of
 
-from ..config.fit_record import ReferenceErrors
 from ..problem.reference import Log, RunCost, refined_reference
 from .case import Case, build_case, loop_size, plan_case
 from .picture import difference_picture
@@ -71,7 +71,7 @@ def _found(request: _Request) -> Truth:
     reference = refined_reference(case.config, settings=case.truth, log=request.log)
     settings = case.truth
     points = truth_points(reference.solution, count=settings.points, seed=settings.seed)
-    own_error = cast(ReferenceErrors, reference.own_error.as_dict())
+    own_error = reference.own_error.as_dict()
     return Truth(points=points, own_error=own_error, costs=reference.costs)
 
 

@@ -1,13 +1,12 @@
 """The error of a run by itself, from two coarser ones: Richardson extrapolation."""
 
-from typing import Any
-
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.optimize import root_scalar
 
 from ..errors import InputError
 from ..module import Module
+from .error_records import ReferenceErrors, finite_numbers
 from .surface_error import AnySolution
 from .truth_error import truth_error
 
@@ -44,17 +43,17 @@ class DiscretizationError(Module):
         """Largest `rms_kelvin` of the saved times [K]."""
         return float(self.rms_kelvin.max())
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> ReferenceErrors:
         """Return all numbers as plain types for JSON; None for what is not finite."""
-        columns = ("times", "rms_kelvin", "rms_percent", "order")
-        numbers: dict[str, Any] = {}
-        for name in columns:
-            values = getattr(self, name)
-            numbers[name] = [float(v) if np.isfinite(v) else None for v in values]
-        numbers["times_s"] = numbers.pop("times")
-        numbers["is_bound"] = self.is_bound.tolist()
-        numbers["differences_kelvin"] = self.differences.tolist()
-        return {**numbers, "worst_rms_kelvin": self.worst_rms_kelvin}
+        return ReferenceErrors(
+            rms_kelvin=finite_numbers(self.rms_kelvin),
+            rms_percent=finite_numbers(self.rms_percent),
+            order=finite_numbers(self.order),
+            times_s=finite_numbers(self.times),
+            is_bound=self.is_bound.tolist(),
+            differences_kelvin=self.differences.tolist(),
+            worst_rms_kelvin=self.worst_rms_kelvin,
+        )
 
 
 def discretization_error(

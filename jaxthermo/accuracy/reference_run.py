@@ -1,13 +1,14 @@
 """A finer run in a file, with which a run is compared as its bodies are known."""
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import InputError
 from ..integrate.run.solution_file import StoredSolution, load_solution
 from ..scene.scene import SolvedSurface
+from .error_records import ReferenceComparison
 from .surface_error import AnySolution
 from .truth_error import TruthError, truth_error
 
@@ -71,15 +72,15 @@ class ReferenceRun(NamedTuple):
             solution, reference=self.solution, count=self.points, seed=self.seed
         )
 
-    def summary(self, solution: AnySolution) -> dict[str, Any]:
+    def summary(self, solution: AnySolution) -> ReferenceComparison:
         """Return the error of a run and the comparison as plain types for JSON."""
-        return {
-            "reference": str(self.path),
-            "points": self.points,
-            "seed": self.seed,
-            "pitch_m": [surface.geometry.pitch for surface in solution.surfaces],
-            "reference_pitch_m": [
+        return ReferenceComparison(
+            reference=str(self.path),
+            points=self.points,
+            seed=self.seed,
+            pitch_m=[surface.geometry.pitch for surface in solution.surfaces],
+            reference_pitch_m=[
                 surface.geometry.pitch for surface in self.solution.surfaces
             ],
             **self.error(solution).as_dict(),
-        }
+        )

@@ -1,6 +1,6 @@
 """The error of a run against a finer one, at points of the mesh that both stand for."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
@@ -15,6 +15,7 @@ from ..integrate.run.solution_file import StoredSolution
 from ..integrate.run.surface_reading import SurfaceReading, surface_reading
 from ..module import Module
 from ..scene.scene import SolvedSurface
+from .error_records import TruthErrors, finite_number, finite_numbers
 from .surface_error import (
     AnySolution,
     PerTime,
@@ -36,8 +37,6 @@ _MAX_PITCH_RATIO = 0.501
 
 _STORED_POSITIONS = 200
 """Number of fragments by whose positions two runs on the same voxels are recognized."""
-
-_COLUMNS = ("rms_kelvin", "rms_percent", "p99_kelvin", "bias_kelvin", "lost_fraction")
 
 _Number = Float[Array | np.ndarray, ""] | np.floating
 
@@ -158,16 +157,23 @@ class TruthError(Module):
         """Largest `lost_fraction` of the saved times [-]."""
         return self.lost_fraction.max()
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> TruthErrors:
         """Return all numbers as plain types for JSON; None for an infinite one."""
-        numbers: dict[str, Any] = {"times_s": np.asarray(self.times, float).tolist()}
-        for name in _COLUMNS:
-            values = np.asarray(getattr(self, name), float).tolist()
-            numbers[name] = [v if np.isfinite(v) else None for v in values]
-            worst = float(getattr(self, f"worst_{name}"))
-            numbers[f"worst_{name}"] = worst if np.isfinite(worst) else None
-        numbers["reference_lost_fraction"] = float(self.reference_lost_fraction)
-        return {**numbers, "remarks": list(self.remarks)}
+        return TruthErrors(
+            times_s=np.asarray(self.times, float).tolist(),
+            rms_kelvin=finite_numbers(self.rms_kelvin),
+            worst_rms_kelvin=finite_number(self.worst_rms_kelvin),
+            rms_percent=finite_numbers(self.rms_percent),
+            worst_rms_percent=finite_number(self.worst_rms_percent),
+            p99_kelvin=finite_numbers(self.p99_kelvin),
+            worst_p99_kelvin=finite_number(self.worst_p99_kelvin),
+            bias_kelvin=finite_numbers(self.bias_kelvin),
+            worst_bias_kelvin=finite_number(self.worst_bias_kelvin),
+            lost_fraction=finite_numbers(self.lost_fraction),
+            worst_lost_fraction=finite_number(self.worst_lost_fraction),
+            reference_lost_fraction=float(self.reference_lost_fraction),
+            remarks=list(self.remarks),
+        )
 
 
 def truth_points(

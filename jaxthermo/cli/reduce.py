@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 from rich.console import Console
 
+from ..accuracy.error_records import finite_number
 from ..accuracy.truth_error import TruthError, truth_error
 from ..arrays import precision
 from ..atomic import replacing, write_json
@@ -216,12 +217,13 @@ def _lines(model: ReducedModel, check: _Check | None, online: list[float]) -> li
         f"most {significant(max(about.residual_bound_kelvin))} K RMS over the volume",
     ]
     if check is not None:
-        error = check.error.as_dict()
+        error = check.error
+        percent = finite_number(error.worst_rms_percent)
         full = check.full
         ratio = statistics.median(full.loop_s) / statistics.median(online)
         lines.append(
-            f"against the full run: {significant(error['worst_rms_kelvin'])} K"
-            f"{_percent(error['worst_rms_percent'])} RMS at the worst time; its "
+            f"against the full run: {significant(float(error.worst_rms_kelvin))} K"
+            f"{_percent(percent)} RMS at the worst time; its "
             f"{full.steps} steps of {full.solver} take {_in_words(full.loop_s)}, "
             f"{significant(ratio)} times as long"
         )
