@@ -2,8 +2,6 @@
 
 import math
 import re
-from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -19,6 +17,7 @@ from ..integrate.run.solution import Solution
 from ..report.numbers import count
 from ..report.table import Table
 from ..scene.scene import Scene
+from ..structures.report import StructureReport
 from .summary import peak_memory
 
 
@@ -27,7 +26,7 @@ _CAPACITY_TOLERANCE = 1e-6
 
 
 def log_scene(
-    console: Console, scene: Scene, plan: Plan, structures: list[Mapping[str, Any]]
+    console: Console, scene: Scene, plan: Plan, structures: list[StructureReport]
 ) -> None:
     """Print the bodies, with their `structure_report`, the receipt, and the steps."""
     for body, report in zip(scene.bodies, structures, strict=True):
@@ -83,7 +82,7 @@ def log_receipt(console: Console, plan: Plan) -> None:
     print_line(console, f"geometry: {snapshots}; state in {receipt.dtype}")
 
 
-def _structure_lines(report: Mapping[str, Any]) -> list[str]:
+def _structure_lines(report: StructureReport) -> list[str]:
     name = re.sub(r"(?<!^)(?=[A-Z])", " ", report["kind"]).lower()
     factor = report["options"].get("factor")
     if factor is not None:

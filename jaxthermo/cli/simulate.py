@@ -1,9 +1,8 @@
 """`jaxthermo simulate`: read a config, run its scene, write the results."""
 
 import time
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from rich.console import Console
 
@@ -51,7 +50,7 @@ from ..scene.compile.on_devices import on_devices
 from ..scene.dimensionless_groups import body_numbers
 from ..scene.scene import Scene
 from ..structures.extrapolation import extrapolations
-from ..structures.report import structure_report
+from ..structures.report import StructureReport, structure_report
 from .frame_names import FRAMES, earlier_frames
 from .frame_outputs import NO_EXTRAS, OUTPUTS_OF_FRAMES, Extras
 from .frames import FrameCamera, write_frames
@@ -134,7 +133,7 @@ class _Planned(NamedTuple):
 
     scene: Scene
     plan: Plan
-    structures: list[Mapping[str, Any]]
+    structures: list[StructureReport]
     """`structure_report` of each body."""
     warnings: list[str]
 
@@ -149,9 +148,7 @@ def _planned(console: Console, config: SceneConfig, devices: int) -> _Planned:
             solver=config.solver.build(),
             control_error=True,
         )
-        structures: list[Mapping[str, Any]] = [
-            structure_report(body.structure) for body in scene.bodies
-        ]
+        structures = [structure_report(body.structure) for body in scene.bodies]
         warnings = [*plan.compiled.receipt.warnings, *_card_warnings(config, scene)]
     log_scene(console, scene=scene, plan=plan, structures=structures)
     for warning in warnings:

@@ -17,6 +17,7 @@ from ..integrate.run.solution import RESULTS, Solution
 from ..provenance import provenance
 from ..report.columns import write_columns
 from ..scene.scene import Scene
+from ..structures.report import StructureReport
 
 
 def peak_memory() -> int:
@@ -81,7 +82,7 @@ def summarize(
     scene: Scene,
     solution: Solution,
     times: dict[str, float],
-    structures: Sequence[Mapping[str, Any]],
+    structures: Sequence[StructureReport],
     warnings: list[str],
 ) -> dict[str, Any]:
     """All results of a finished run except its fields, in plain types.

@@ -1,9 +1,8 @@
 """`jaxthermo voxelize`: the voxels of a mesh at a pitch, without a simulation."""
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, cast, get_args
+from typing import cast, get_args
 
 from ..atomic import replacing
 from ..config.types.quantities import LENGTH, to_si
@@ -16,7 +15,7 @@ from ..image.colour.annotate import write_png
 from ..report.layer_sheets import write_layer_sheets
 from ..report.table import Table
 from ..report.voxel_sheet import voxel_sheet
-from ..voxels.grid import voxel_report
+from ..voxels.grid import VoxelReport, voxel_report
 from ..voxels.represented import Represented
 from ..voxels.voxelize import SurfaceCells, voxelize as make_voxels
 
@@ -45,17 +44,18 @@ def voxelize(
     with results_folder(out) as folder:
         with status(console, "voxelizing"):
             grid = make_voxels(loaded, edge, cast(SurfaceCells, surface_cells))
-            facts = {"mesh": describe_mesh(loaded), **voxel_report(grid)}
+            report = voxel_report(grid)
+            facts = {"mesh": describe_mesh(loaded), **report}
             with replacing(folder / "voxels.json") as path:
                 path.write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
             write_png(folder / "voxels.png", voxel_sheet(grid))
             sheets = write_layer_sheets(grid, folder)
-        for line in _lines(facts, grid.represented):
+        for line in _lines(report, grid.represented):
             print_line(console, line)
         columns = ("depth layers along", "in the file", "peeled", "packed")
         rows = [
             (axis, row["file_axis"], str(row["peeled"]), str(row["packed"]))
-            for axis, row in facts["layers"].items()
+            for axis, row in report["layers"].items()
         ]
         console.print(Table(columns, rows, left=(), framed=False).rich())
         print_line(
@@ -65,28 +65,29 @@ def voxelize(
         )
 
 
-def _lines(facts: Mapping[str, Any], represented: Represented | None) -> list[str]:
-    shape = " x ".join(str(n) for n in facts["lattice_shape"])
-    why_not = facts["ratios_not_applied_because"]
+def _lines(report: VoxelReport, represented: Represented | None) -> list[str]:
+    shape = " x ".join(str(n) for n in report["lattice_shape"])
+    why_not = report["ratios_not_applied_because"]
     scaling = (
         f"areas and volumes as counted: {why_not}"
         if why_not
-        else f"scaled to the mesh: areas by {facts['area_ratio']:.4f}, "
-        f"volumes by {facts['volume_ratio']:.4f}"
+        else f"scaled to the mesh: areas by {report['area_ratio']:.4f}, "
+        f"volumes by {report['volume_ratio']:.4f}"
     )
-    thin = facts["thin_parts"]["thinner_than_a_voxel"]
-    lost = facts["thin_parts"]["lost_for_want_of_a_voxel"]
+    thin = report["thin_parts"]["thinner_than_a_voxel"]
+    lost = report["thin_parts"]["lost_for_want_of_a_voxel"]
     lines = [
-        f"{facts['solid_voxels']:,} solid voxels of {facts['pitch_m'] * 1e3:.4g} mm in "
-        f"{shape} ({100 * facts['solid_share_of_lattice']:.0f} %)",
-        f"{facts['surface_voxels']:,} surface voxels, "
-        f"{facts['surface_links']:,} links, {facts['fragments']:,} surface fragments",
+        f"{report['solid_voxels']:,} solid voxels of "
+        f"{report['pitch_m'] * 1e3:.4g} mm in "
+        f"{shape} ({100 * report['solid_share_of_lattice']:.0f} %)",
+        f"{report['surface_voxels']:,} surface voxels, "
+        f"{report['surface_links']:,} links, {report['fragments']:,} surface fragments",
         *([] if represented is None else [represented.described()]),
         scaling,
         f"under one voxel thick: {thin['area_m2'] * 1e4:.4g} cm^2 of surface; "
         f"lost: {lost['area_m2'] * 1e4:.4g} cm^2",
     ]
-    for thin_part in facts["thin_parts"]["largest_places"][:3]:
+    for thin_part in report["thin_parts"]["largest_places"][:3]:
         x, y, z = thin_part["centre_m"]
         area = thin_part["area_m2"] * 1e4
         line = f"  {area:.3g} cm^2 around ({x:.4g}, {y:.4g}, {z:.4g}) m"

@@ -2,55 +2,96 @@
 
 from dataclasses import fields
 from math import prod
-from typing import Any
+from typing import Any, NotRequired
 
 import numpy as np
+from typing_extensions import TypedDict
 
 from .kinds.shell import IrregularMultiLevel
 from .structure import AbstractStructure
 
 
+class _ArrayBytes(TypedDict):
+    """Size of the arrays that a solver reads, in float32 and int32 [bytes]."""
+
+    state: int
+    capacity: int
+    links: int
+    fragments: int
+    total: int
+
+
+class _Level(TypedDict):
+    """The nodes of one level."""
+
+    level: int
+    nodes: int
+    volume_m3: float
+
+
+class StructureReport(TypedDict):
+    """Counts, memory and capacity of a structure."""
+
+    kind: str
+    options: dict[str, Any]
+    pitch_m: float
+    solid_voxels: int
+    nodes: int
+    links: int
+    fragments: int
+    bytes_float32: _ArrayBytes
+    capacity_ratio: float
+    """Heat capacity of the nodes over that of the body [-]."""
+    levels: list[_Level]
+    build_time_s: float | None
+    share_of_body_volume: NotRequired[dict[str, float]]
+    """Overlap and cracks of cells on several lattices."""
+
+
 def structure_report(
     structure: AbstractStructure, build_time: float | None = None
-) -> dict[str, Any]:
+) -> StructureReport:
     """Counts, memory and capacity of every level; with the time to build it [s]."""
     nodes = structure.nodes()
     init = [f.name for f in fields(structure) if f.init]
     options = [name for name in init if name not in ("grid", "weights")]
     counts = np.bincount(nodes.level)
     volumes = np.bincount(nodes.level, nodes.volume)
-    report = {
-        "kind": type(structure).__name__,
-        "options": {name: getattr(structure, name) for name in options},
-        "pitch_m": float(structure.grid.pitch),
-        "solid_voxels": structure.grid.solid_count,
-        "nodes": structure.node_count,
-        "links": structure.link_count,
-        "fragments": len(structure.grid.fragment_area),
-        "bytes_float32": _bytes(structure),
-        "capacity_ratio": structure.capacity_ratio,
-        "levels": [
-            {"level": level, "nodes": int(count), "volume_m3": float(volume)}
+    report = StructureReport(
+        kind=type(structure).__name__,
+        options={name: getattr(structure, name) for name in options},
+        pitch_m=float(structure.grid.pitch),
+        solid_voxels=structure.grid.solid_count,
+        nodes=structure.node_count,
+        links=structure.link_count,
+        fragments=len(structure.grid.fragment_area),
+        bytes_float32=_bytes(structure),
+        capacity_ratio=structure.capacity_ratio,
+        levels=[
+            _Level(level=level, nodes=int(count), volume_m3=float(volume))
             for level, (count, volume) in enumerate(zip(counts, volumes, strict=True))
         ],
-        "build_time_s": build_time,
-    }
+        build_time_s=build_time,
+    )
     if isinstance(structure, IrregularMultiLevel):
         report["share_of_body_volume"] = structure.coverage()._asdict()
     return report
 
 
-def _bytes(structure: AbstractStructure) -> dict[str, int]:
-    """Size of the arrays that a solver reads, in float32 and int32 [bytes]."""
+def _bytes(structure: AbstractStructure) -> _ArrayBytes:
     shape = structure.state_shape
     as_stencil = len(shape) == 3
     # Per node a state and a capacity; per link two node indices and a conductance; per
     # fragment a node and an area. A stencil has a state and a byte of open faces for
     # each cell of its lattice, and neither capacities nor links.
-    sizes = {
-        "state": 4 * prod(shape),
-        "capacity": 0 if as_stencil else 4 * structure.node_count,
-        "links": prod(shape) if as_stencil else 12 * structure.link_count,
-        "fragments": 8 * len(structure.grid.fragment_area),
-    }
-    return {**sizes, "total": sum(sizes.values())}
+    state = 4 * prod(shape)
+    capacity = 0 if as_stencil else 4 * structure.node_count
+    links = prod(shape) if as_stencil else 12 * structure.link_count
+    fragments = 8 * len(structure.grid.fragment_area)
+    return _ArrayBytes(
+        state=state,
+        capacity=capacity,
+        links=links,
+        fragments=fragments,
+        total=state + capacity + links + fragments,
+    )

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -12,9 +12,9 @@ from ..geometry.mesh import Mesh, connected_labels, part_volumes
 from .cavities import Cavities, find_cavities
 from .cut_voxels import CutVoxels
 from .lattice import Lattice
-from .represented import Represented, represented
+from .represented import Represented, RepresentedReport, represented
 from .surface import surface_links, surface_voxels
-from .thin_parts import ThinParts
+from .thin_parts import ThinParts, ThinRegion
 
 
 # Smaller fractions of a body's surface are not told to face a cavity that is open.
@@ -228,58 +228,111 @@ def _cavity_area(mesh: Mesh) -> float:
     return float(area[is_cavity].sum())
 
 
-def voxel_report(grid: VoxelGrid) -> dict[str, Any]:
-    """Counts, layers, true areas and volumes, and thin parts; units in the keys.
+class _LayerReport(TypedDict):
+    """Depth layers along one axis."""
 
-    Axes have z up; `file_axis` is the name of each in the mesh file.
-    """
+    file_axis: str
+    """Name of the axis in the mesh file."""
+    peeled: int
+    packed: int
+
+
+class _ThinArea(TypedDict):
+    """Surface on thin parts."""
+
+    fragments: int
+    area_m2: float
+
+
+class _ThinReport(TypedDict):
+    """Parts of less than a voxel's thickness."""
+
+    thinner_than_a_voxel: _ThinArea
+    lost_for_want_of_a_voxel: _ThinArea
+    largest_places: list[ThinRegion]
+
+
+class _ClosedMeshReport(TypedDict, total=False):
+    """Part of the report of a closed mesh."""
+
+    represented: RepresentedReport
+
+
+class VoxelReport(_ClosedMeshReport):
+    """Counts, layers, true areas and volumes, and thin parts; units in the keys."""
+
+    pitch_m: float
+    lattice_shape: list[int]
+    lattice_origin_m: list[float]
+    solid_voxels: int
+    solid_share_of_lattice: float
+    surface_voxels: int
+    surface_links: int
+    fragments: int
+    layers: dict[str, _LayerReport]
+    area_m2: dict[str, float]
+    volume_m3: dict[str, float | None]
+    surface_cells: str
+    area_ratio: float
+    volume_ratio: float
+    ratios_applied: bool
+    ratios_not_applied_because: str | None
+    thin_parts: _ThinReport
+
+
+def voxel_report(grid: VoxelGrid) -> VoxelReport:
+    """Report of a grid as plain types; axes have z up."""
     surface = surface_voxels(grid.solid)
     counts = zip(grid.layers.peeled, grid.layers.packed, grid.mesh.axes, strict=True)
     thin = grid.thin
-    watertight = grid.mesh.is_watertight
-    true = {} if grid.represented is None else grid.represented.as_dict()
-    return {
-        "pitch_m": grid.pitch,
-        "lattice_shape": list(grid.lattice.shape),
-        "lattice_origin_m": [float(c) for c in grid.origin],
-        "solid_voxels": grid.solid_count,
-        "solid_share_of_lattice": grid.solid_count / grid.lattice.cells,
-        "surface_voxels": len(surface),
-        "surface_links": len(surface_links(surface, grid.lattice.shape)),
-        "fragments": len(grid.fragment_area),
-        "layers": {
-            axis: {"file_axis": name, "peeled": peeled, "packed": packed}
+    volume = grid.mesh.volume if grid.mesh.is_watertight else None
+    closed: _ClosedMeshReport = {}
+    if grid.represented is not None:
+        closed = {"represented": grid.represented.as_dict()}
+    return VoxelReport(
+        pitch_m=grid.pitch,
+        lattice_shape=list(grid.lattice.shape),
+        lattice_origin_m=[float(c) for c in grid.origin],
+        solid_voxels=grid.solid_count,
+        solid_share_of_lattice=grid.solid_count / grid.lattice.cells,
+        surface_voxels=len(surface),
+        surface_links=len(surface_links(surface, grid.lattice.shape)),
+        fragments=len(grid.fragment_area),
+        layers={
+            axis: _LayerReport(file_axis=name, peeled=peeled, packed=packed)
             for axis, (peeled, packed, name) in zip("xyz", counts, strict=True)
         },
-        "area_m2": {
+        area_m2={
             "mesh": grid.mesh.area,
             "fragments_unscaled": float(grid.fragment_area.sum() / grid.area_ratio),
         },
-        "volume_m3": {
-            "mesh": grid.mesh.volume if watertight else None,
-            "voxels_unscaled": grid.size * grid.pitch**3,
-        },
-        "surface_cells": grid.surface_cells,
-        **({"represented": true} if true else {}),
-        "area_ratio": grid.area_ratio,
-        "volume_ratio": grid.volume_ratio,
-        "ratios_applied": not grid.unscaled_because,
-        "ratios_not_applied_because": grid.unscaled_because or None,
-        "thin_parts": {
-            "thinner_than_a_voxel": {
-                "fragments": thin.thin_fragments,
-                "area_m2": thin.thin_area,
-            },
-            "lost_for_want_of_a_voxel": {
-                "fragments": thin.lost_fragments,
-                "area_m2": thin.lost_area,
-            },
-            "largest_places": [_finite(region) for region in thin.regions],
-        },
-    }
+        volume_m3={"mesh": volume, "voxels_unscaled": grid.size * grid.pitch**3},
+        surface_cells=grid.surface_cells,
+        **closed,
+        area_ratio=grid.area_ratio,
+        volume_ratio=grid.volume_ratio,
+        ratios_applied=not grid.unscaled_because,
+        ratios_not_applied_because=grid.unscaled_because or None,
+        thin_parts=_ThinReport(
+            thinner_than_a_voxel=_ThinArea(
+                fragments=thin.thin_fragments, area_m2=thin.thin_area
+            ),
+            lost_for_want_of_a_voxel=_ThinArea(
+                fragments=thin.lost_fragments, area_m2=thin.lost_area
+            ),
+            largest_places=[_finite(region) for region in thin.regions],
+        ),
+    )
 
 
-def _finite(region: dict) -> dict:
+def _finite(region: ThinRegion) -> ThinRegion:
     # JSON has no infinity, which stands for an unknown thickness (no far side).
     thickness = region["thickness_m"]
-    return {**region, "thickness_m": thickness if np.isfinite(thickness) else None}
+    if thickness is not None and not np.isfinite(thickness):
+        thickness = None
+    return ThinRegion(
+        centre_m=region["centre_m"],
+        thickness_m=thickness,
+        area_m2=region["area_m2"],
+        lost_share=region["lost_share"],
+    )

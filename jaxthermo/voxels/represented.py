@@ -5,7 +5,7 @@ centres; the smallest one is that of the narrowest neck, where the body is wider
 sides, or else its widest: the ends of a ball are no section that heat passes.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypedDict
 
 import numpy as np
 from jaxtyping import Float
@@ -40,6 +40,16 @@ class _Pair(NamedTuple):
         return f"{100 * (1 + self.error):.2f} %"
 
 
+class RepresentedReport(TypedDict):
+    """True and represented values, with units in the keys."""
+
+    volume_m3: dict[str, float]
+    area_m2: dict[str, float]
+    smallest_section_m2: dict[str, float]
+    smallest_section_across: str
+    """Axis of the mesh that the smallest section is normal to."""
+
+
 class Represented(NamedTuple):
     """Quantities of a closed mesh and of its voxels."""
 
@@ -67,14 +77,14 @@ class Represented(NamedTuple):
         pairs = (self.volume, self.area, self.smallest_section)
         return any(abs(pair.error) > MAX_DIFFERENCE for pair in pairs)
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> RepresentedReport:
         """Plain types, with units in the keys."""
-        return {
-            "volume_m3": self.volume._asdict(),
-            "area_m2": self.area._asdict(),
-            "smallest_section_m2": self.smallest_section._asdict(),
-            "smallest_section_across": "xyz"[self.section_axis],
-        }
+        return RepresentedReport(
+            volume_m3=self.volume._asdict(),
+            area_m2=self.area._asdict(),
+            smallest_section_m2=self.smallest_section._asdict(),
+            smallest_section_across="xyz"[self.section_axis],
+        )
 
 
 def represented(

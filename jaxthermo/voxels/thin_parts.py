@@ -1,6 +1,7 @@
 """Thin parts: surface with less than one voxel behind it, and what is lost of it."""
 
 from dataclasses import dataclass, field
+from typing import TypedDict
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -8,6 +9,17 @@ from jaxtyping import Bool, Float, Int
 
 # Thin fragments within a cube of this many cells per edge are one region.
 _REGION = 8
+
+
+class ThinRegion(TypedDict):
+    """A part of the surface with less than a voxel behind it."""
+
+    centre_m: list[float]
+    thickness_m: float | None
+    """None where a ray meets no far side."""
+    area_m2: float
+    lost_share: float
+    """Fraction of the area without any voxel [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,8 +32,8 @@ class ThinParts:
     lost_fragments: int
     lost_area: float
     """Area of the fragments without a solid voxel nearby [m^2]."""
-    regions: tuple[dict, ...]
-    """Largest thin regions: centre [m], thickness [m], area [m^2], lost fraction."""
+    regions: tuple[ThinRegion, ...]
+    """Largest thin regions."""
     thin_voxel: Int[np.ndarray, "t 3"] = field(
         default_factory=lambda: np.zeros((0, 3), np.int64)
     )
@@ -51,12 +63,12 @@ class ThinParts:
         for block in np.argsort(-total)[:max_regions]:
             members = np.flatnonzero(thin)[inverse == block]
             regions.append(
-                {
-                    "centre_m": [round(float(c), 6) for c in position[members].mean(0)],
-                    "thickness_m": round(float(thickness[members].min()), 9),
-                    "area_m2": float(total[block]),
-                    "lost_share": float(gone[block] / total[block]),
-                }
+                ThinRegion(
+                    centre_m=[round(float(c), 6) for c in position[members].mean(0)],
+                    thickness_m=round(float(thickness[members].min()), 9),
+                    area_m2=float(total[block]),
+                    lost_share=float(gone[block] / total[block]),
+                )
             )
         return cls(
             thin_fragments=int(thin.sum()),

@@ -175,7 +175,7 @@ def take_steps(arguments: LoopArguments, theta: State) -> tuple[RunState, Observ
 
 
 class FirstLoop(NamedTuple):
-    """What `take_steps` is called with at the start of a run."""
+    """Arguments and temperatures of `take_steps` at the start of a run."""
 
     arguments: LoopArguments
     theta: State

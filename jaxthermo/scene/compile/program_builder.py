@@ -87,7 +87,7 @@ def breakpoints_of(scene: Scene, ledger: Ledger) -> tuple[float, ...]:
 
 @dataclass(frozen=True, eq=False)
 class ProgramBuilder:
-    """What the programs of all snapshots of a scene are made from."""
+    """Bodies, snapshots and ledger from which the programs of a scene are made."""
 
     scene: Scene
     prepared: tuple[PreparedBody, ...]
