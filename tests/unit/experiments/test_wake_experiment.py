@@ -34,19 +34,15 @@ def test_the_second_cylinder_takes_less_heat_the_nearer_it_is():
     assert 0.2 < factors[0] < 1.0 and max(factors) < 1.0
 
 
-def layers(chart) -> list[dict]:
-    return chart.to_dict()["layer"]
-
-
 @pytest.mark.slow
 def test_a_flow_is_measured_drawn_and_charted():
     flow = wake.compute_wake(Setup("narrow", 0.4), 45)
     json.dumps(plain([flow.numbers(), flow.fits]), allow_nan=False)
     assert flow.fits["power"].rms < 0.1 and flow.fastest > 1.0
-    (curve,) = layers(wake.tail_chart([flow]))
+    (curve,) = wake.tail_chart([flow]).to_dict()["layer"]
     assert curve["mark"]["type"] == "line"
-    (fitted,) = layers(wake.fit_chart(flow))
-    curves = {point["curve"] for point in fitted["data"]["values"]}
+    points = wake.fit_chart(flow).to_dict()["data"]["values"]
+    curves = {point["curve"] for point in points}
     assert curves == {"computed", "exponential", "power", "confined", "remainder"}
     tiles = wake.speed_tiles(flow.run, "", edge=120)
     assert [tile.pixels.shape for tile in tiles] == 2 * [(45, 120, 3)]
