@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxthermo.arrays import precision
-from jaxthermo.atomic import replacing
+from jaxthermo.atomic import write_text
 from jaxthermo.config.card_file import write_card
 from jaxthermo.config.loader import resolved, to_yaml
 from jaxthermo.console.progress import SILENT, Progress
@@ -115,8 +115,7 @@ def fit_config(
             advise=report,
         )
         # The results are complete only with the config that made them.
-        with replacing(folder / "config.yaml") as target:
-            target.write_text(to_yaml(config), encoding="utf-8")
+        write_text(folder / "config.yaml", to_yaml(config))
         write_fit(folder / "fit.json", result)
         card = make_card(config, calibration=calibration, fit=fit, result=result)
         write_card(folder / "card.yaml", card)
@@ -137,8 +136,7 @@ def _discard_old_checkpoint(folder: Path, config: CalibrationConfig) -> None:
     text = f"{calibration_hash(config)} {program_hash(with_calibrate=True)}"
     if checkpoint.exists() and (not marker.exists() or marker.read_text() != text):
         checkpoint.unlink()
-    with replacing(marker) as target:
-        target.write_text(text, encoding="utf-8")
+    write_text(marker, text)
 
 
 def _conclude(

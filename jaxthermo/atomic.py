@@ -83,9 +83,17 @@ def replacing(path: str | Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
+def write_text(path: str | Path, text: str) -> None:
+    """Write a text in UTF-8, in one step.
+
+    Raises:
+        InputError: when the folder is missing, cannot be written or is full.
+    """
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
 def write_json(path: Path, content: dict[str, Any]) -> None:
     """Write plain types as indented JSON, in one step."""
-    with replacing(path) as temporary:
-        # NaN would be written as a word that other readers of JSON refuse.
-        text = json.dumps(content, indent=2, allow_nan=False)
-        temporary.write_text(text + "\n", encoding="utf-8")
+    # NaN would be written as a word that other readers of JSON refuse.
+    write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")

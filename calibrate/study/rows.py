@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from jaxthermo.atomic import remove_leftovers, replacing
+from jaxthermo.atomic import remove_leftovers, replacing, write_text
 from jaxthermo.errors import InputError
 
 
@@ -44,8 +44,7 @@ def claim_folder(folder: Path, config_hash: str) -> None:
         )
     remove_leftovers(folder)
     if owner is None:
-        with replacing(path) as temporary:
-            temporary.write_text(config_hash + "\n", encoding="utf-8")
+        write_text(path, config_hash + "\n")
 
 
 class Rows:

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from jaxthermo.atomic import replacing
+from jaxthermo.atomic import replacing, write_text
 from jaxthermo.errors import InputError
 from jaxthermo.parallel.devices import check_devices, check_shared
 
@@ -102,8 +102,7 @@ def run_sweep(
         sweep.cases = list(
             _fitted_cases(path, sweep=sweep, all_choices=all_choices, log=log)
         )
-    with replacing(folder / "config.yaml") as temporary:
-        temporary.write_text(to_yaml(config), encoding="utf-8")
+    write_text(folder / "config.yaml", to_yaml(config))
     try:
         _errors(path, sweep=sweep, options=options, log=log)
         if options.times:

@@ -22,8 +22,8 @@ from ..physics.contact.search import contacts_between
 from ..report.layer_sheets import contact_texture_sheet
 from ..report.numbers import count
 from ..voxels.grid import VoxelGrid
-from .frame_names import CONTACTS, earlier_frames, frame_names
-from .frames import chosen_frames, finished_config
+from .frame_names import CONTACTS, earlier_frames
+from .frames import SavedTime, chosen_frames, finished_config
 
 
 # Minimum range of the colour scale [K]: a single temperature would have no colours.
@@ -34,6 +34,7 @@ _QUANTITY = "surface temperature where bodies touch [\N{DEGREE SIGN}C]"
 class _Texture(NamedTuple):
     """Contacts at one saved time, and the temperatures there."""
 
+    time: SavedTime
     area: float
     """Contact area of all pairs of bodies [m^2]."""
     values: list[Float[np.ndarray, " s"]]
@@ -56,26 +57,20 @@ def render_contacts(run: Path, out: Path | None, overrides: tuple[str, ...]) -> 
     target = out or run
     with precision(config.dtype):
         stored = load_solution(run / "solution.npz")
-        indices = chosen_frames(config, stored.times)
+        chosen = chosen_frames(config, stored.times)
         with status(console, "voxelizing"):
             grids = [body.build_grid() for body in config.bodies]
             _check_unchanged(run, grids, stored)
         with status(console, "finding contacts"):
             textures = [
-                _texture(contacts, grids=grids, stored=stored, k=k) for k in indices
+                _texture(contacts, grids=grids, stored=stored, time=time)
+                for time in chosen
             ]
         if not any(texture.area for texture in textures):
             raise InputError(f"{run}: no bodies touch at the times of the frames")
         with results_folder(target) as folder:
-            _write(
-                config,
-                grids=grids,
-                stored=stored,
-                indices=indices,
-                textures=textures,
-                folder=folder / CONTACTS,
-            )
-    sheets = count(len(indices), "sheet")
+            _write(config, grids=grids, textures=textures, folder=folder / CONTACTS)
+    sheets = count(len(chosen), "sheet")
     print_line(console, f"{sheets} of contact textures in {target / CONTACTS}")
 
 
@@ -95,11 +90,10 @@ def _texture(
     contacts: list[Contact],
     grids: list[VoxelGrid],
     stored: StoredSolution,
-    k: int,
+    time: SavedTime,
 ) -> _Texture:
-    time = float(stored.times[k])
     placed = tuple(
-        PlacedGrid(grid, surface.geometry.pose.at(time), f"body {n}")
+        PlacedGrid(grid, surface.geometry.pose.at(time.seconds), f"body {n}")
         for n, (grid, surface) in enumerate(zip(grids, stored.surfaces, strict=True))
     )
     covered = [np.zeros(len(grid.fragment_area), bool) for grid in grids]
@@ -111,19 +105,18 @@ def _texture(
                 covered[a] |= pairs.coverage_a > 0
                 covered[b] |= pairs.coverage_b > 0
     ends = np.cumsum([len(flags) for flags in covered])[:-1]
-    kelvin = np.split(np.asarray(stored.surface_temperature[k], float), ends)
+    surface_kelvin = np.asarray(stored.surface_temperature[time.index], float)
+    kelvin = np.split(surface_kelvin, ends)
     values = [
         np.where(touched, temperature - ZERO_CELSIUS, np.nan)
         for touched, temperature in zip(covered, kelvin, strict=True)
     ]
-    return _Texture(area, values)
+    return _Texture(time=time, area=area, values=values)
 
 
 def _write(
     config: SceneConfig,
     grids: list[VoxelGrid],
-    stored: StoredSolution,
-    indices: list[int],
     textures: list[_Texture],
     folder: Path,
 ) -> None:
@@ -134,14 +127,13 @@ def _write(
     low = float(np.nanmin(all_values))
     high = float(np.nanmax(all_values))
     spare = max(0.0, _MIN_RANGE - (high - low)) / 2
-    names = frame_names(np.asarray(stored.times, float).tolist())
     earlier = earlier_frames(prepare_folder(folder))
     written = set()
-    for k, texture in zip(indices, textures, strict=True):
+    for texture in textures:
         if not texture.area:
             continue
         title = (
-            f"{config.name or 'contact'}, {time_label(float(stored.times[k]))}: "
+            f"{config.name or 'contact'}, {time_label(texture.time.seconds)}: "
             f"{texture.area * 1e4:.4g} cm^2 in contact"
         )
         bodies = [
@@ -155,7 +147,7 @@ def _write(
             title=title,
             palette=config.image.palette,
         )
-        path = folder / f"{names[k]}.png"
+        path = folder / f"{texture.time.name}.png"
         write_png(path, image)
         written.add(path)
     for path in earlier - written:

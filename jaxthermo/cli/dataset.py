@@ -14,7 +14,7 @@ from jaxtyping import Float
 from rich.console import Console
 
 from ..arrays import precision
-from ..atomic import replacing, write_json
+from ..atomic import write_json, write_text
 from ..config.camera_framing import build_camera
 from ..config.dataset_file import load_dataset
 from ..config.loader import to_yaml
@@ -38,7 +38,6 @@ from ..integrate.run.solution import RESULTS
 from ..integrate.run.solution_file import StoredSolution, load_solution
 from ..report.numbers import count
 from .dataset_plan import DatasetPlan, plan_dataset
-from .frame_names import frame_names
 from .frames import FrameCamera, chosen_frames
 from .simulate import CHECKPOINT, CONFIG, run_plan
 
@@ -161,8 +160,7 @@ def _claim(folder: Path, plan: DatasetPlan) -> None:
                 f"--out {folder}: has frames of another dataset, or of another state "
                 "of its files; name another folder, or remove it"
             )
-    with replacing(folder / "dataset.yaml") as path:
-        path.write_text(to_yaml(plan.config), encoding="utf-8")
+    write_text(folder / "dataset.yaml", to_yaml(plan.config))
     write_json(mark, expected)
     for name in (_LABELS, *_IMAGES):
         if name != "parts":
@@ -196,8 +194,7 @@ def _stored(console: Console, config: SceneConfig, run_folder: Path) -> StoredSo
     solution = run_folder / "solution.npz"
     if solution.is_file():
         return load_solution(solution)
-    with replacing(run_folder / CONFIG) as path:
-        path.write_text(to_yaml(config), encoding="utf-8")
+    write_text(run_folder / CONFIG, to_yaml(config))
     with status(console, "building the scene"):
         scene = config.build()
         plan = plan_run(
@@ -220,11 +217,10 @@ def _write_view(
 ):
     """Write the frames of a variation in a view; yields after each of them."""
     config = plan.scene(number, view)
-    stems = frame_names(np.asarray(stored.times, float).tolist())
     variation = plan.variations[number]
     names = {
-        k: f"{variation.name}_c{view:04d}_{stems[k]}"
-        for k in chosen_frames(config, stored.times)
+        time.index: f"{variation.name}_c{view:04d}_{time.name}"
+        for time in chosen_frames(config, stored.times)
     }
     if all((folder / _LABELS / f"{name}.json").is_file() for name in names.values()):
         for _ in names:

@@ -5,7 +5,7 @@ import sys
 from itertools import takewhile
 from pathlib import Path
 
-from ..atomic import replacing
+from ..atomic import write_text
 from ..config.messages import close_match
 from ..config.strict_yaml import parse_yaml
 from ..errors import InputError
@@ -37,8 +37,7 @@ def example(name: str | None, out: Path | None) -> None:
         return
     if out.exists():
         raise InputError(f"--out {out}: exists already; name another file")
-    with replacing(out) as temporary:
-        temporary.write_text(texts[name], encoding="utf-8")
+    write_text(out, texts[name])
     sys.stdout.write(f"{out}\n")
 
 

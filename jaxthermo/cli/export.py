@@ -17,8 +17,7 @@ from ..image.files.textures import BodyTextures, write_textures
 from ..image.files.vtu import write_pvd
 from ..integrate.run.solution_file import StoredSolution, load_solution
 from ..report.numbers import count
-from .frame_names import frame_names
-from .frames import chosen_frames, finished_config
+from .frames import SavedTime, chosen_frames, finished_config
 
 
 class _Run(NamedTuple):
@@ -26,9 +25,7 @@ class _Run(NamedTuple):
 
     config: SceneConfig
     stored: StoredSolution
-    indices: list[int]
-    stems: list[str]
-    """Stems of the file names, one for every saved time."""
+    times: list[SavedTime]
 
     @property
     def names(self) -> list[str]:
@@ -39,8 +36,9 @@ class _Run(NamedTuple):
     def scale(self) -> tuple[float, float]:
         """Ends of the colour scale [K]: of the config, or of what is exported."""
         image = self.config.image
+        indices = [time.index for time in self.times]
         return temperature_scale(
-            self.stored, indices=self.indices, low=image.low, high=image.high
+            self.stored, indices=indices, low=image.low, high=image.high
         )
 
 
@@ -60,37 +58,35 @@ def export(
     target = out or run / format
     with precision(config.dtype), status(console, "exporting"):
         stored = load_solution(run / "solution.npz")
-        indices = chosen_frames(config, stored.times)
-        stems = frame_names(np.asarray(stored.times, float).tolist())
+        times = chosen_frames(config, stored.times)
         with results_folder(target) as folder:
-            data = _Run(config=config, stored=stored, indices=indices, stems=stems)
-            written = _WRITERS[format](data, folder)
+            written = _WRITERS[format](_Run(config, stored, times), folder)
     print_line(console, f"{count(written, 'file')} in {target}")
 
 
 def _write_vtu(run: _Run, folder: Path) -> int:
     files = []
-    for k in run.indices:
-        name = f"surface_{run.stems[k]}.vtu"
-        write_vtu(folder / name, run.stored, k)
-        files.append((float(run.stored.times[k]), name))
+    for time in run.times:
+        name = f"surface_{time.name}.vtu"
+        write_vtu(folder / name, run.stored, time.index)
+        files.append((time.seconds, name))
     write_pvd(folder / "surface.pvd", files)
     return len(files) + 1
 
 
 def _write_glb(run: _Run, folder: Path) -> int:
     low, high = run.scale
-    for k in run.indices:
+    for time in run.times:
         write_glb(
-            folder / f"{run.stems[k]}.glb",
+            folder / f"{time.name}.glb",
             run.stored,
-            k,
+            time.index,
             names=run.names,
             low=low,
             high=high,
             palette=run.config.image.palette,
         )
-    return len(run.indices)
+    return len(run.times)
 
 
 def _write_texture(run: _Run, folder: Path) -> int:
@@ -101,17 +97,16 @@ def _write_texture(run: _Run, folder: Path) -> int:
     for n, rows in enumerate(body_rows(stored)):
         geometry = stored.surfaces[n].geometry
         kelvin = np.asarray(stored.surface_temperature, float)[:, rows]
-        frames = [(run.stems[k], kelvin[k]) for k in run.indices]
+        frames = [(time.name, kelvin[time.index]) for time in run.times]
         body = BodyTextures(name=run.names[n], geometry=geometry, low=low, high=high)
         page = write_textures(
             folder, body=body, frames=frames, palette=run.config.image.palette
         )
         written += len(page["files"])
-        for k, entry in zip(run.indices, page["textures"], strict=True):
+        for time, entry in zip(run.times, page["textures"], strict=True):
             written += len(entry["files"])
-            time = float(stored.times[k])
-            pose = geometry.pose.at(time)
-            entry["time_s"] = time
+            pose = geometry.pose.at(time.seconds)
+            entry["time_s"] = time.seconds
             entry["pose"] = {
                 "translation_m": list(pose.translation),
                 "rotation": [list(row) for row in pose.rotation],

@@ -1,10 +1,10 @@
 """The picture of a frame, and the files that `image.files` names."""
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypedDict
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import UInt8
 from PIL import Image as Pictures
 from PIL.Image import Image as Picture
 
@@ -32,6 +32,16 @@ _ENDINGS = {"centikelvin": "_centikelvin.png"}
 """Endings of file names that differ from the name of their kind."""
 
 
+class _Colours(TypedDict):
+    """Colours of a frame, as `picture` and `coloured` take them."""
+
+    low: float
+    high: float
+    samples: int
+    palette: str
+    quantity: str
+
+
 class Frame(NamedTuple):
     """A frame with everything that its files, pictures and measurements need."""
 
@@ -41,8 +51,6 @@ class Frame(NamedTuple):
     samples: int
     """Samples of each pixel along each axis."""
     pixels: Image
-    mask: Float[np.ndarray, "h w"]
-    """Fraction of each pixel that bodies cover."""
     scale: tuple[float, float]
     """Ends of the colours [K]."""
     measurements: tuple[AbstractMeasurement, ...]
@@ -63,19 +71,12 @@ class Frame(NamedTuple):
         """
         measurements = build(config.image.measurements)
         pixels = coarsen(image, samples)
-        mask = covered_fraction(pixels)
-        readings = measure(
-            pixels,
-            measurements=measurements,
-            quantity=config.image.quantity,
-            mask=mask,
-        )
+        readings = measure(pixels, measurements, config.image.quantity)
         return cls(
             config=config,
             fine=image,
             samples=samples,
             pixels=pixels,
-            mask=mask,
             scale=scale,
             measurements=measurements,
             readings=readings,
@@ -89,17 +90,24 @@ class Frame(NamedTuple):
         kelvin = shown_temperature(self.pixels, self.config.image.quantity)
         return saturated_pixels(kelvin)
 
-    def picture(self) -> Picture:
-        """The frame in false colours with its scale, time and measurements."""
+    @property
+    def _colours(self) -> _Colours:
         settings = self.config.image
         low, high = self.scale
-        drawn = picture(
-            self.fine,
+        return _Colours(
             low=low,
             high=high,
             samples=self.samples,
             palette=settings.palette,
             quantity=settings.quantity,
+        )
+
+    def picture(self) -> Picture:
+        """The frame in false colours with its scale, time and measurements."""
+        settings = self.config.image
+        drawn = picture(
+            self.fine,
+            **self._colours,
             title=self.config.name or "",
             gain=self._gain,
         )
@@ -108,29 +116,17 @@ class Frame(NamedTuple):
             self.pixels,
             measurements=self.measurements,
             quantity=settings.quantity,
-            mask=self.mask,
-            decimals=end_decimals(low, high),
+            decimals=end_decimals(*self.scale),
         )
 
     def tile(self) -> UInt8[np.ndarray, "h w 3"]:
         """The frame in false colours with marks alone, for a sheet of one scale."""
-        settings = self.config.image
-        low, high = self.scale
-        colours = coloured(
-            self.fine,
-            low=low,
-            high=high,
-            samples=self.samples,
-            palette=settings.palette,
-            quantity=settings.quantity,
-        )
-        drawn = Pictures.fromarray(colours)
+        drawn = Pictures.fromarray(coloured(self.fine, **self._colours))
         draw_marks(
             drawn,
             self.pixels,
             measurements=self.measurements,
-            quantity=settings.quantity,
-            mask=self.mask,
+            quantity=self.config.image.quantity,
         )
         return np.asarray(drawn)
 
@@ -141,7 +137,8 @@ class Frame(NamedTuple):
         if settings.gain == "linear":
             return None
         kelvin = shown_temperature(self.pixels, settings.quantity)
-        return plateau_gain(kelvin, self.mask >= 1, *self.scale)
+        filled = covered_fraction(self.pixels) >= 1
+        return plateau_gain(kelvin, filled, *self.scale)
 
     def write(self, stem: Path, drawn: Picture | None = None) -> list[Path]:
         """Write the files that the config names.
@@ -161,7 +158,7 @@ class Frame(NamedTuple):
             match file_kind:
                 case "exr":
                     header = {"config": to_yaml(self.config)}
-                    write_exr(path, image=self.pixels, header=header, mask=self.mask)
+                    write_exr(path, self.pixels, header)
                 case "png":
                     write_png(path, self.picture() if drawn is None else drawn)
                 case "centikelvin":

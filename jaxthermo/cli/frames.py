@@ -130,22 +130,34 @@ class FrameCamera:
         )
 
 
+class SavedTime(NamedTuple):
+    """A saved time of a run that becomes a frame."""
+
+    index: int
+    seconds: float
+    name: str
+    """Name of its files, without the ending."""
+
+
 def chosen_frames(
     config: SceneConfig, times: Float[Array | np.ndarray, " t"]
-) -> list[int]:
-    """Indices of the saved times [s] that become frames.
+) -> list[SavedTime]:
+    """Saved times [s] that become frames.
 
     Raises:
         InputError: for a time that was not saved.
     """
-    if config.image.frames is None:
-        return list(range(len(times)))
     saved = np.asarray(times, float)
+    seconds = saved.tolist()
+    numbers = range(len(seconds))
+    choices = list(map(SavedTime, numbers, seconds, frame_names(seconds)))
+    if config.image.frames is None:
+        return choices
     indices = [int(np.abs(saved - time).argmin()) for time in config.image.frames]
     for k, time in zip(indices, config.image.frames, strict=True):
         if not np.isclose(saved[k], time, rtol=1e-5):
             raise InputError(f"image.frames: {time:g} s is not a saved time")
-    return indices
+    return [choices[k] for k in indices]
 
 
 def _scale(config: SceneConfig, images: Iterator[Image]) -> tuple[float, float]:
@@ -207,26 +219,24 @@ def write_frames(
         folder: of the run.
         extras: animation and contact sheet.
     """
-    indices = chosen_frames(config, stored.times)
-
+    chosen = chosen_frames(config, stored.times)
     # Drawn twice, for the scale and for the file: a long run would fill the memory.
-    scale = _scale(config, (camera.draw(stored, k) for k in indices))
-    images = map(camera.detector(stored), indices)
-    times = np.asarray(stored.times, float).tolist()
+    scale = _scale(config, (camera.draw(stored, time.index) for time in chosen))
+    draw = camera.detector(stored)
+    images = (draw(time.index) for time in chosen)
     frames = prepare_folder(folder / FRAMES)
-    names = frame_names(times)
     earlier = earlier_frames(frames) | earlier_outputs(folder)
     written, lines = write_outputs(
         config,
         frames=(Frame.of(config, image, scale, camera.samples) for image in images),
-        times=[times[k] for k in indices],
+        times=[time.seconds for time in chosen],
         folder=folder,
-        stems=[frames / names[k] for k in indices],
+        stems=[frames / time.name for time in chosen],
         extras=extras,
     )
     for path in earlier - written:
         path.unlink(missing_ok=True)
-    return _Drawn(len(indices), lines)
+    return _Drawn(len(chosen), lines)
 
 
 def render(

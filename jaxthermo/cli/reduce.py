@@ -14,7 +14,7 @@ from rich.console import Console
 from ..accuracy.error_records import finite_number
 from ..accuracy.truth_error import TruthError, truth_error
 from ..arrays import precision
-from ..atomic import replacing, write_json
+from ..atomic import write_json, write_text
 from ..config.loader import config_hash, load_config, resolved, to_yaml
 from ..config.schema.scene import SceneConfig
 from ..config.types.quantities import NUMBER, to_si
@@ -76,8 +76,7 @@ def reduce(
         for name in _RESULTS:
             (folder / name).unlink(missing_ok=True)
         model.save(folder / _MODEL)
-        with replacing(folder / "config.yaml") as path:
-            path.write_text(to_yaml(scene_config), encoding="utf-8")
+        write_text(folder / "config.yaml", to_yaml(scene_config))
         # With a check, they were measured alternately with the full run.
         online = checked.online_loop_s if checked else _run_times([_online(model)])[0]
         summary = _summary(scene_config, model=model, check=checked, online=online)

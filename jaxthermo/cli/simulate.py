@@ -8,7 +8,7 @@ from rich.console import Console
 
 from .. import __version__
 from ..arrays import precision
-from ..atomic import replacing, write_json
+from ..atomic import write_json, write_text
 from ..config.card_file import load_card
 from ..config.loader import config_hash, load_config, to_yaml
 from ..config.schema.image import ImageConfig, PinholeConfig
@@ -208,8 +208,7 @@ def _run_simulation(
         # results of an earlier run must not be mistaken for this one's.
         _remove_results(out, _RESULT_FILES)
         prepare_folder(out / FRAMES)
-        with replacing(out / CONFIG) as path:
-            path.write_text(to_yaml(config), encoding="utf-8")
+        write_text(out / CONFIG, to_yaml(config))
         solution, times = run_plan(console, config=config, plan=plan, out=out)
         if solution.result != RESULTS.successful:
             raise InputError(RESULTS[solution.result])

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import cast, get_args
 
-from ..atomic import replacing
+from ..atomic import write_text
 from ..config.types.quantities import LENGTH, to_si
 from ..console.results_folder import results_folder
 from ..console.terminal import open_console, print_line, status
@@ -46,8 +46,7 @@ def voxelize(
             grid = make_voxels(loaded, edge, cast(SurfaceCells, surface_cells))
             report = voxel_report(grid)
             facts = {"mesh": describe_mesh(loaded), **report}
-            with replacing(folder / "voxels.json") as path:
-                path.write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
+            write_text(folder / "voxels.json", json.dumps(facts, indent=2) + "\n")
             write_png(folder / "voxels.png", voxel_sheet(grid))
             sheets = write_layer_sheets(grid, folder)
         for line in _lines(report, grid.represented):

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..archive import write_archive
-from ..atomic import replacing
+from ..atomic import write_text
 from ..errors import InputError
 from ..structures.weights import ConductionWeights, FitCard
 from .card_content import FORMAT, LISTS, REMEDY, card_checksum, read_card
@@ -48,8 +48,7 @@ def write_card(path: Path, card: FitCard) -> None:
         "mechanisms": list(card.mechanisms),
     }
     plain["checksum"] = card_checksum(plain, arrays)
-    with replacing(path) as temporary:
-        temporary.write_text(write_yaml(plain), encoding="utf-8")
+    write_text(path, write_yaml(plain))
 
 
 def load_card(path: str | Path) -> FitCard:

@@ -26,7 +26,7 @@ import optimistix
 from jaxtyping import Array, Float
 
 from ..arrays import precision
-from ..atomic import replacing
+from ..atomic import write_text
 from ..physics.convection.wake import NO_REMAINDER, PARAMETERS, mean_wake
 from .wake_runs import WakeProfile
 
@@ -304,5 +304,4 @@ def write_fits(path: Path, fits: tuple[WakeFit, ...]) -> None:
     for name, value in zip(PARAMETERS, _TURBULENT, strict=True):
         ends = f"turbulent,{low:g},{high:g},{low:g}"
         lines.append(f"{ends},{name},{value:.5g},,0,,,Schlichting (recalled)")
-    with replacing(path) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(lines) + "\n")

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ..atomic import replacing
+from ..atomic import write_text
 from .body import RoundBody
 from .channel import Channel
 from .flow import FlowProgram, FlowState, initial_state
@@ -153,5 +153,4 @@ def write_profiles(path: Path, profiles: Iterable[WakeProfile]) -> None:
     for profile in profiles:
         for x, y, ratio in zip(profile.x, profile.y, profile.ratio, strict=True):
             lines.append(f"{profile.reynolds:g},{x:.4g},{y:.4g},{ratio:.5f}")
-    with replacing(path) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(lines) + "\n")

@@ -10,7 +10,7 @@ from typing import Any
 import altair as alt
 import vl_convert
 
-from ..atomic import replacing
+from ..atomic import replacing, write_text
 from ..image.colour.ticks import nice_ticks
 from .templates import Html
 
@@ -88,8 +88,7 @@ def write_chart(chart: Chart, path: Path) -> Html:
     """Write `path`.svg and `path`.png; return the SVG, with tooltips."""
     svg = chart_svg(chart)
     png = vl_convert.vegalite_to_png(_styled(chart).to_json(), scale=2)
-    with replacing(path.with_suffix(".svg")) as temporary:
-        temporary.write_text(svg, encoding="utf-8")
+    write_text(path.with_suffix(".svg"), svg)
     with replacing(path.with_suffix(".png")) as temporary:
         temporary.write_bytes(png)
     return svg

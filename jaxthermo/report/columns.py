@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..atomic import replacing
+from ..atomic import write_text
 
 
 def write_columns(
@@ -19,8 +19,7 @@ def write_columns(
     writer.writerow(["time_s", *columns])
     rows = zip(times, *columns.values(), strict=True)
     writer.writerows([_number(value) for value in row] for row in rows)
-    with replacing(path) as temporary:
-        temporary.write_text(text.getvalue(), encoding="utf-8")
+    write_text(path, text.getvalue())
 
 
 def _number(value: float) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from ..atomic import replacing
+from ..atomic import write_text
 from .table import Table
 from .templates import STYLE, Html, render
 
@@ -30,8 +30,7 @@ def write_page(path: Path, title: str, sections: Sequence[Section]) -> None:
     Raises:
         InputError: if the file cannot be written.
     """
-    with replacing(path) as temporary:
-        temporary.write_text(_document(title, sections), encoding="utf-8")
+    write_text(path, _document(title, sections))
 
 
 def _html(section: Section) -> Html:

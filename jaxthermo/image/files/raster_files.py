@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float, UInt8, UInt16
 from PIL import Image as Pictures, PngImagePlugin
 
-from ...atomic import replacing
+from ...atomic import replacing, write_text
 from ...errors import InputError
 from ..colour.frame_values import QUANTITIES, shown_temperature
 from ..radiance.image import Image
@@ -146,8 +146,7 @@ def write_csv(
         [f"# {name}", " ".join(value.split())] for name, value in head.items()
     )
     _write_table(text, kelvin)
-    with replacing(path) as temporary:
-        temporary.write_text(text.getvalue(), encoding="utf-8")
+    write_text(path, text.getvalue())
 
 
 def _write_table(text: io.StringIO, kelvin: Float[np.ndarray, "h w"]) -> None:

@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 from PIL import Image
 from scipy.sparse import csr_array
 
-from ...atomic import replacing
+from ...atomic import write_text
 from ...errors import InputError
 from ...geometry.mesh import Pose
 from ...scene.scene import BodyGeometry
@@ -284,8 +284,7 @@ def _write_obj(path: Path, atlas: _Atlas) -> None:
         "f " + " ".join("/".join(map(str, corner)) for corner in face)
         for face in indices.tolist()
     ]
-    with replacing(path) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def _write_glb(

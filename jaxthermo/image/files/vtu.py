@@ -11,7 +11,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...atomic import replacing
+from ...atomic import write_text
 
 
 _TYPES = {"f4": "Float32", "f8": "Float64", "i4": "Int32", "i8": "Int64", "u1": "UInt8"}
@@ -62,8 +62,7 @@ def write_triangles(
         "</UnstructuredGrid>",
         "</VTKFile>",
     ]
-    with replacing(path) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def _section(name: str, arrays: Mapping[str, np.ndarray], also: str = "") -> list[str]:
@@ -100,5 +99,4 @@ def write_pvd(path: str | Path, files: Sequence[tuple[float, str]]) -> None:
         "</Collection>",
         "</VTKFile>",
     ]
-    with replacing(path) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(lines) + "\n")
