@@ -12,7 +12,7 @@ from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
-from jaxthermo.atomic import write_text
+from jaxthermo.atomic import replacing
 from jaxthermo.console.terminal import open_console
 from jaxthermo.errors import InputError
 from jaxthermo.provenance import processor, provenance
@@ -151,5 +151,6 @@ def _write(folder: Path, done: Sequence[Finished], quick: bool) -> dict[str, Any
     }
     head = {"experiment": NAME, "result": body, "quick": quick}
     result = {**head, **origin, "host": processor()}
-    write_text(folder / "result.json", json.dumps(result, indent=2) + "\n")
+    with replacing(folder / "result.json") as path:
+        path.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
     return result

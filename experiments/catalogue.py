@@ -14,7 +14,7 @@ from typing import Any
 
 import jax
 
-from jaxthermo.atomic import write_text
+from jaxthermo.atomic import replacing
 from jaxthermo.errors import InputError
 from jaxthermo.provenance import processor, provenance
 
@@ -263,7 +263,8 @@ def run(
                 row["bound"] = None
         result["versions"] |= peer_versions()
         _write_page(experiment, folder, result)
-    write_text(folder / "result.json", json.dumps(result, indent=2) + "\n")
+    with replacing(folder / "result.json") as path:
+        path.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
     return result
 
 

@@ -6,7 +6,8 @@ f faces, k raster fragments, l levels, t saved times, b bodies, h w pixels, p po
 
 import contextlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Any
 
 import jax
@@ -150,6 +151,12 @@ def added(
         indices_are_sorted=is_sorted,
         unique_indices=is_unique,
     )
+
+
+def consecutive(sizes: Iterable[int]) -> list[slice]:
+    """Slices of these sizes, one after the other."""
+    ends = list(accumulate(sizes, initial=0))
+    return [slice(start, stop) for start, stop in pairwise(ends)]
 
 
 def members(group: Int[np.ndarray, " k"], groups: int) -> Int[np.ndarray, "m g"]:

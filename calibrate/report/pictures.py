@@ -12,7 +12,10 @@ from PIL import Image
 from jaxthermo.arrays import precision
 from jaxthermo.config.camera_framing import build_camera
 from jaxthermo.image.colour.palette import apply_palette
-from jaxthermo.image.colour.ticks import decimals_of, label, nice_ticks, time_label
+from jaxthermo.image.colour.ticks import (
+    scale_ticks,
+    time_label,
+)
 from jaxthermo.image.radiance.draw import draw
 from jaxthermo.integrate.run.parametric_run import ParametricSolution
 from jaxthermo.report.difference_scale import (
@@ -219,12 +222,10 @@ def _frame_sheet(
         colours[~mask] = BACKGROUND
         note = f"{frame[mask].min():.4g} to {frame[mask].max():.4g} {unit}"
         tiles.append(Tile(_close_up(colours, mask), name, note))
-    ticks = nice_ticks(low, high, 6)
-    decimals = decimals_of(ticks[1] - ticks[0]) if len(ticks) > 1 else 1
     ramp = np.linspace(low, high, 512)[None]
     bar = ColourBar(
         colours=apply_palette(ramp, low=low, high=high, name=_PALETTE)[0],
-        ticks=tuple(((t - low) / (high - low), label(t, decimals)) for t in ticks),
+        ticks=scale_ticks(low, high, 6),
         title=words,
     )
     return sheet(tiles, bar, "data and fitted model")

@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import quote
 
 from calibrate.study.front import MEASURES, Cost, Measure, Point, Row, front
-from jaxthermo.atomic import write_text
+from jaxthermo.atomic import replacing
 from jaxthermo.host_memory import readable_bytes
 from jaxthermo.report import page
 from jaxthermo.report.chart import write_chart
@@ -299,7 +299,8 @@ def _write_csv(path: Path, findings: Findings) -> None:
     writer = csv.DictWriter(text, axes, restval="", lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
-    write_text(path, text.getvalue())
+    with replacing(path) as temporary:
+        temporary.write_text(text.getvalue(), encoding="utf-8")
 
 
 def _csv_row(point: Point, on_front: bool, is_rival: bool) -> Row:

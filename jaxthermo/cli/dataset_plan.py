@@ -16,7 +16,7 @@ from ..config.schema.body import BodyConfig
 from ..config.schema.dataset import DatasetConfig, OrbitConfig
 from ..config.schema.image import CameraConfig, PinholeConfig
 from ..config.schema.scene import SceneConfig
-from ..errors import InputError
+from ..errors import InputError, located
 from ..image.surface.visible import visible_points
 
 
@@ -196,11 +196,7 @@ def _check_views(plan: DatasetPlan) -> None:
             world = start if time == 0 else None
             world = world or tuple(_world(body, time) for body in config.bodies)
             for number, view in enumerate(plan.views):
-                try:
+                moment = f" at {time:g} s" if moves else ""
+                name = "orbit" if plan.config.orbit is not None else "views"
+                with located(f"{name}.{number}, {variation.name}{moment}"):
                     visible_points(world, build_camera(view, triangles))
-                except InputError as error:
-                    moment = f" at {time:g} s" if moves else ""
-                    name = "orbit" if plan.config.orbit is not None else "views"
-                    raise InputError(
-                        f"{name}.{number}, {variation.name}{moment}: {error}"
-                    ) from error

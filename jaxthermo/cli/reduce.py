@@ -20,7 +20,7 @@ from ..config.schema.scene import SceneConfig
 from ..config.types.quantities import NUMBER, to_si
 from ..console.results_folder import results_folder
 from ..console.terminal import open_console, print_line, status
-from ..errors import InputError
+from ..errors import InputError, located
 from ..integrate.run.plan import Plan, plan_run
 from ..integrate.run.simulate import run_plan
 from ..integrate.run.solution import Solution
@@ -100,10 +100,8 @@ def _check_own_folder(config: Path, folder: Path) -> None:
 def _fraction(tolerance: str | None) -> float | None:
     if tolerance is None:
         return None
-    try:
+    with located("--tolerance"):
         value = to_si(tolerance, NUMBER)
-    except InputError as error:
-        raise InputError(f"--tolerance: {error}") from error
     if not 0 < value < 1:
         raise InputError(f"--tolerance {tolerance}: give a part of the range, as 0.1%")
     return value

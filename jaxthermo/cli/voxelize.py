@@ -8,7 +8,7 @@ from ..atomic import write_text
 from ..config.types.quantities import LENGTH, to_si
 from ..console.results_folder import results_folder
 from ..console.terminal import open_console, print_line, status
-from ..errors import InputError
+from ..errors import InputError, located
 from ..geometry.load import load_mesh
 from ..geometry.mesh import describe_mesh, mesh_summary
 from ..image.colour.annotate import write_png
@@ -98,10 +98,8 @@ def _lines(report: VoxelReport, represented: Represented | None) -> list[str]:
 
 
 def _length(option: str, text: str) -> float:
-    try:
+    with located(option):
         value = to_si(text, LENGTH)
-    except InputError as error:
-        raise InputError(f"{option}: {error}") from error
     # A length has no sign for the parser of units.
     if value <= 0.0:
         raise InputError(f"{option}: must be more than 0, got '{text}'")

@@ -42,10 +42,10 @@ def triangle_normals(triangles: Float[np.ndarray, "f 3 3"]) -> Float[np.ndarray,
 
 
 def row_dot(
-    a: Float[np.ndarray, "n k"], b: Float[np.ndarray, "n k"]
-) -> Float[np.ndarray, " n"]:
+    a: Float[np.ndarray, "*n k"], b: Float[np.ndarray, "*n k"]
+) -> Float[np.ndarray, "*n"]:
     """Scalar product of each row with the same row of the other array."""
-    return np.einsum("ij,ij->i", a, b)
+    return np.einsum("...i,...i->...", a, b)
 
 
 def tangents(

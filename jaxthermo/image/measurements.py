@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Int
 from skimage.draw import line
 from typing_extensions import override
 
-from ..errors import InputError
+from ..errors import InputError, located
 
 
 _Coordinate: TypeAlias = float | int | str
@@ -262,23 +262,16 @@ def read_temperatures(
     filled_count = int(filled.sum())
     readings = dict[str, Reading]()
     for name, measurement in zip(names_of(measurements), measurements, strict=True):
-        try:
+        with located(f"measurement '{name}'"):
             rows, columns = measurement.pixels(kelvin)
-        except InputError as error:
-            raise InputError(f"measurement '{name}': {error}") from error
-        inside = filled[rows, columns]
-        values = kelvin[rows, columns][inside]
-        fraction = len(values) / filled_count if filled_count else 0.0
-        if not len(values):
-            readings[name] = Reading(
-                min=math.nan, mean=math.nan, max=math.nan, pixels=0, fraction=fraction
-            )
-            continue
+        values = kelvin[rows, columns][filled[rows, columns]]
+        # Without a pixel there is no temperature.
+        seen = values if len(values) else np.array([math.nan])
         readings[name] = Reading(
-            min=float(values.min()),
-            mean=float(values.mean()),
-            max=float(values.max()),
+            min=float(seen.min()),
+            mean=float(seen.mean()),
+            max=float(seen.max()),
             pixels=len(values),
-            fraction=fraction,
+            fraction=len(values) / filled_count if filled_count else 0.0,
         )
     return readings

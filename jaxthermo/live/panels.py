@@ -4,7 +4,7 @@ import html
 from typing import NamedTuple
 
 from ..image.colour.palette import palette_table
-from ..image.colour.ticks import decimals_of, label, nice_ticks, time_label, to_celsius
+from ..image.colour.ticks import scale_ticks, time_label, to_celsius
 
 
 # Colours of a bar: a browser interpolates between them.
@@ -16,17 +16,13 @@ def temperature_bar(low: float, high: float, palette: str, title: str) -> str:
     table = palette_table(palette)
     rows = [table[round(k * 255 / (_STOPS - 1))] for k in range(_STOPS)]
     stops = ",".join(f"rgb({r},{g},{b})" for r, g, b in rows)
-    low_end = to_celsius(low)
-    high_end = to_celsius(high)
-    ticks = nice_ticks(low_end, high_end, 7)
-    decimals = decimals_of(ticks[1] - ticks[0]) if len(ticks) > 1 else 1
-    span = max(high_end - low_end, 1e-9)
+    ticks = scale_ticks(to_celsius(low), to_celsius(high), 7)
     marks = "".join(
-        f'<div style="position:absolute;left:{100 * (tick - low_end) / span:.2f}%;'
+        f'<div style="position:absolute;left:{100 * position:.2f}%;'
         'transform:translateX(-50%);text-align:center;line-height:1.1">'
         '<div style="width:1px;height:5px;margin:0 auto;background:currentColor">'
-        f"</div>{label(tick, decimals)}</div>"
-        for tick in ticks
+        f"</div>{text}</div>"
+        for position, text in ticks
     )
     return (
         '<div style="padding:0.4em 1.2em 0.2em;font-size:0.8em">'

@@ -11,9 +11,10 @@ import numpy as np
 from jaxtyping import Float, Int, UInt8
 from scipy.sparse import csr_array
 
+from ..arrays import consecutive
 from ..geometry.mesh import Mesh
 from ..geometry.sample import mesh_sample
-from ..geometry.vectors import unit_vector
+from ..geometry.vectors import row_dot, unit_vector
 from ..image.colour.palette import apply_palette
 from ..image.surface.facets import smooth_normals
 from ..image.surface.view import smooth_weights
@@ -44,8 +45,7 @@ class SurfacePoints:
     @property
     def rows(self) -> list[slice]:
         """Rows of each body's points among all points."""
-        ends = np.cumsum([0, *(len(points) for points in self.position)]).tolist()
-        return [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        return consecutive(len(points) for points in self.position)
 
     def temperature(self, fragments: Float[np.ndarray, " s"]) -> Float[np.ndarray, "p"]:
         """Temperature of every point [K], from those of the fragments."""
@@ -73,8 +73,7 @@ def surface_points(
         )
         weights.append(smooth_weights(points, normal, geometry))
         position.append(points.astype(np.float32))
-    joined = weights[0] if len(weights) == 1 else block_matrix(weights)
-    single = csr_array(joined, dtype=np.float32)
+    single = csr_array(block_matrix(weights), dtype=np.float32)
     return SurfacePoints(tuple(position), single, _OVERLAP * edge)
 
 
@@ -107,6 +106,6 @@ def point_on_ray(
     ahead = unit_vector(direction)
     offset = world - origin
     depth = offset @ ahead
-    away = np.einsum("ij,ij->i", offset, offset) - depth**2
+    away = row_dot(offset, offset) - depth**2
     near = np.flatnonzero((away < radius**2) & (depth > 0))
     return int(near[depth[near].argmin()]) if len(near) else None

@@ -9,15 +9,16 @@ from PIL.Image import Image as Picture
 
 from ..errors import InputError
 from ..image.colour.frame_values import QUANTITIES
-from ..image.colour.palette import palette_table
 from ..image.colour.picture import coloured
 from ..image.colour.ticks import time_label, to_celsius
 from ..image.radiance.image import Image
-from .sheet import ColourBar, Tile, scale_ticks, sheet
+from .sheet import Tile, colour_bar, even_columns, sheet
 
 
 _MAX_TILES = 48
 """Largest number of frames on a sheet: more are too small to be read."""
+# Width of a sheet over its height.
+_SHEET_RATIO = 1.5
 # Longer edge of a frame on a sheet [pixels].
 _MAX_EDGE = 640
 # Longer edge of a sheet [pixels].
@@ -100,24 +101,15 @@ def tile_sheet(
         title: above the frames.
     """
     height, width = tiles[0].shape[:2]
-    columns = _columns(len(tiles), height / width)
+    columns = even_columns(len(tiles), height / width, _SHEET_RATIO)
     edge = min(_MAX_EDGE, _MAX_SHEET // columns)
     labelled = [
         Tile(_smaller(tile, edge), time_label(time))
         for tile, time in zip(tiles, times, strict=True)
     ]
-    bar = ColourBar(
-        colours=palette_table(palette),
-        ticks=scale_ticks(to_celsius(low), to_celsius(high)),
-        title=f"{QUANTITIES[quantity]} [\N{DEGREE SIGN}C]",
-    )
+    words = f"{QUANTITIES[quantity]} [\N{DEGREE SIGN}C]"
+    bar = colour_bar(to_celsius(low), to_celsius(high), words, palette)
     return sheet(labelled, bar=bar, title=title, columns=columns)
-
-
-def _columns(count: int, tall: float) -> int:
-    # About 3 : 2, without nearly empty rows.
-    columns = min(max(round(np.sqrt(1.5 * count * tall)), 1), count)
-    return -(-count // -(-count // columns))
 
 
 def _smaller(pixels: UInt8[np.ndarray, "h w 3"], edge: int) -> UInt8[np.ndarray, "..."]:

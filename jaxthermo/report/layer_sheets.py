@@ -1,6 +1,5 @@
 """Sheets of depth layers and of contact textures, each with its legend."""
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,8 +10,7 @@ from PIL import Image
 from ..arrays import Scalar
 from ..image.colour.annotate import write_png
 from ..image.colour.contact_texture import contact_images
-from ..image.colour.palette import palette_table
-from ..image.colour.ticks import decimals_of, label, nice_ticks
+from ..image.colour.ticks import scale_ticks
 from ..voxels.grid import VoxelGrid
 from ..voxels.textures import (
     AXIS_COLOURS,
@@ -21,7 +19,15 @@ from ..voxels.textures import (
     normal_colours,
 )
 from .numbers import count
-from .sheet import ColourBar, Legend, Tile, enlarged, scale_ticks, sheet
+from .sheet import (
+    ColourBar,
+    Legend,
+    Tile,
+    colour_bar,
+    enlarged,
+    even_columns,
+    sheet,
+)
 
 
 # Approximate longer edge of an enlarged small layer [px]: one voxel is one pixel.
@@ -61,28 +67,20 @@ def write_layer_sheets(grid: VoxelGrid, folder: Path) -> list[Path]:
             bar = _legend(content)
         path = folder / f"layers_{name}.png"
         title = f"{grid.mesh.name}: {_TITLES[content].format(axis=axis)}"
-        write_png(path, sheet(tiles, bar=bar, title=title, columns=_columns(tiles)))
+        tall = max(tile.pixels.shape[0] for tile in tiles)
+        wide = max(tile.pixels.shape[1] for tile in tiles)
+        columns = even_columns(len(tiles), tall / wide, _SHEET_RATIO)
+        write_png(path, sheet(tiles, bar=bar, title=title, columns=columns))
         paths.append(path)
     return paths
-
-
-def _columns(tiles: list[Tile]) -> int:
-    tall = max(tile.pixels.shape[0] for tile in tiles)
-    wide = max(tile.pixels.shape[1] for tile in tiles)
-    ratio = _SHEET_RATIO * len(tiles) * tall / wide
-    columns = max(1, round(math.sqrt(ratio)))
-    # The tiles are spread evenly over the rows, so that no row is nearly empty.
-    return math.ceil(len(tiles) / math.ceil(len(tiles) / columns))
 
 
 def depth_bar(grid: VoxelGrid, axis: str, quantity: str) -> ColourBar:
     """The scale of the depths of layers along an axis of the lattice [mm]."""
     depth = 1e3 * grid.pitch * grid.lattice.shape["xyz".index(axis)]
-    ticks = nice_ticks(0.0, depth)
-    decimals = decimals_of(ticks[1] - ticks[0])
     return ColourBar(
         colours=depth_colours(np.linspace(0.0, 1.0, 256)),
-        ticks=tuple((tick / depth, label(tick, decimals)) for tick in ticks),
+        ticks=scale_ticks(0.0, depth),
         title=f"{quantity} [mm]; dark: no surface",
     )
 
@@ -172,9 +170,5 @@ def contact_texture_sheet(
         tiles += _contact_tiles(
             name, grid=grid, values=values, low=low, high=high, palette=palette
         )
-    bar = ColourBar(
-        colours=palette_table(palette),
-        ticks=scale_ticks(low, high),
-        title=f"{quantity}; grey: no contact",
-    )
+    bar = colour_bar(low, high, f"{quantity}; grey: no contact", palette)
     return sheet(tiles, bar=bar, title=title)

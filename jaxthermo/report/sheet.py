@@ -9,7 +9,8 @@ from PIL import Image, ImageDraw, ImageFont
 
 from ..image.colour.annotate import contact_sheet
 from ..image.colour.canvas import FAINT, FRAME, INK, PAPER, drawable
-from ..image.colour.ticks import decimals_of, label, nice_ticks
+from ..image.colour.palette import palette_table
+from ..image.colour.ticks import scale_ticks
 
 
 Pixels = UInt8[np.ndarray, "h w 3"]
@@ -46,19 +47,22 @@ class Legend:
     title: str = ""
 
 
-def scale_ticks(low: float, high: float) -> tuple[tuple[float, str], ...]:
-    """Ticks at round values of a scale, as `ColourBar.ticks`."""
-    values = nice_ticks(low, high)
-    decimals = 1
-    if len(values) > 1:
-        step = values[1] - values[0]
-        decimals = decimals_of(step)
-    span = max(high - low, 1e-9)
-    ticks = []
-    for value in values:
-        position = (value - low) / span
-        ticks.append((position, label(value, decimals)))
-    return tuple(ticks)
+def colour_bar(low: float, high: float, title: str, palette: str = "iron") -> ColourBar:
+    """The scale of a palette with round numbers between its ends."""
+    return ColourBar(palette_table(palette), scale_ticks(low, high), title)
+
+
+def even_columns(count: int, tall: float, ratio: float) -> int:
+    """Columns of a sheet that is about `ratio` times as wide as high.
+
+    Args:
+        count: of the tiles.
+        tall: height of a tile over its width.
+        ratio: width of the sheet over its height.
+    """
+    columns = max(1, round(math.sqrt(ratio * count * tall)))
+    # The tiles are spread evenly over the rows, so that no row is nearly empty.
+    return math.ceil(count / math.ceil(count / columns))
 
 
 def sheet(

@@ -126,18 +126,16 @@ def _view(grid: VoxelGrid, faces: _Faces, camera: Camera) -> UInt8[np.ndarray, "
     )
     corners = faces.triangles.reshape(-1, 6, 3)[ahead].reshape(-1, 3)
     triangles = np.arange(len(corners)).reshape(-1, 3)
-    visible = visible_points(((corners, triangles),), camera.finer(_SAMPLES))
+    fine = camera.finer(_SAMPLES)
+    visible = visible_points(((corners, triangles),), fine)
     face = ahead[visible.face // 2]
     # Size of a sample at the depth of its point.
     sample = camera.field_of_view / (_SAMPLES * camera.height) * visible.depth
     light = _SHADES[faces.axis[face]] * _outlines(
         grid, faces=faces, face=face, visible=visible, sample=sample
     )
-    width, height = (_SAMPLES * edge for edge in camera.size)
-    colours = np.empty((height * width, 3))
-    colours[:] = _BACKGROUND
-    colours[visible.pixel] = np.array(_COLOURS)[faces.kind[face]] * light[:, None]
-    return averaged(colours.reshape(height, width, 3), _SAMPLES)
+    colours = np.array(_COLOURS)[faces.kind[face]] * light[:, None]
+    return averaged(fine.frame_of(visible.pixel, colours, _BACKGROUND), _SAMPLES)
 
 
 def _outlines(

@@ -7,7 +7,7 @@ from jaxtyping import UInt8
 from PIL import Image, ImageDraw
 
 from ...geometry.mesh import Mesh, Pose
-from ...geometry.vectors import unit_vectors
+from ...geometry.vectors import row_dot, unit_vectors
 from ..surface.camera import AbstractCamera
 from ..surface.facets import smooth_normals
 from ..surface.visible import VisiblePoints, visible_points
@@ -65,9 +65,7 @@ def draw_preview(
 def _shaded(
     bodies: Sequence[tuple[Mesh, Pose]], visible: VisiblePoints, camera: AbstractCamera
 ) -> UInt8[np.ndarray, "h w 3"]:
-    width, height = camera.size
-    colours = np.empty((height * width, 3), np.uint8)
-    colours[:] = _BACKGROUND
+    colours = np.empty(visible.position.shape, np.uint8)
     to_eye = unit_vectors(np.asarray(camera.position) - visible.position)
     for number, (mesh, pose) in enumerate(bodies):
         on_body = np.flatnonzero(visible.body == number)
@@ -75,12 +73,12 @@ def _shaded(
         normal = smooth_normals(
             mesh.vertices, faces=mesh.faces, face=visible.face[on_body], points=point
         )
-        facing = np.einsum("pi,pi->p", pose.rotate(normal), to_eye[on_body])
+        facing = row_dot(pose.rotate(normal), to_eye[on_body])
         # A face that is wound the wrong way round is lit from both sides.
         light = 0.2 + 0.8 * np.abs(facing)[:, None]
         base = np.array(_BODIES[number % len(_BODIES)])
-        colours[visible.pixel[on_body]] = np.rint(light * base)
-    return colours.reshape(height, width, 3)
+        colours[on_body] = np.rint(light * base)
+    return camera.frame_of(visible.pixel, colours, _BACKGROUND)
 
 
 def _draw_numbers(

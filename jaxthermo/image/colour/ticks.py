@@ -49,6 +49,16 @@ def decimals_of(step: float) -> int:
     return _MAX_DECIMALS
 
 
+def scale_ticks(
+    low: float, high: float, max_ticks: int = 8
+) -> tuple[tuple[float, str], ...]:
+    """Ticks at round values of a scale: position from 0 to 1, and label of each."""
+    values = nice_ticks(low, high, max_ticks)
+    decimals = decimals_of(values[1] - values[0]) if len(values) > 1 else 1
+    span = max(high - low, 1e-9)
+    return tuple(((value - low) / span, label(value, decimals)) for value in values)
+
+
 def end_decimals(low: float, high: float) -> int:
     """Decimals that show an end of a scale to 1 % of its span, at least 1."""
     if high <= low:

@@ -12,7 +12,7 @@ import lazy_loader
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...errors import InputError, shortened
+from ...errors import InputError, located, shortened
 from ..radiance.thermography import FlirCalibration
 
 
@@ -108,10 +108,8 @@ def read_flir(path: str | Path) -> FlirThermogram:
         ) from error
     constants = {name: raw[f"planck_{name}"] for name in ("r1", "b", "f", "o", "r2")}
     humidity = raw["relative_humidity"]
-    try:
+    with located(str(path)):
         calibration = FlirCalibration(**{k: float(v) for k, v in constants.items()})
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
     return FlirThermogram(
         counts=np.asarray(counts, np.int64),
         calibration=calibration,

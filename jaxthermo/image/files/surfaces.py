@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.sparse import csr_array
 
+from ...arrays import consecutive
 from ...errors import InputError
 from ...findings import found
 from ...geometry.refine import refine_edges
@@ -80,9 +81,7 @@ _MIN_RANGE = 0.1
 
 def body_rows(solution: _Solved) -> list[slice]:
     """Fragments of every body in arrays of all of them."""
-    sizes = [len(s.geometry.fragment_area) for s in solution.surfaces]
-    ends = np.cumsum([0, *sizes]).tolist()
-    return [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    return consecutive(len(s.geometry.fragment_area) for s in solution.surfaces)
 
 
 def temperature_scale(

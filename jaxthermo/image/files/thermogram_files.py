@@ -14,7 +14,7 @@ from jaxtyping import Float
 from PIL import Image as Pictures, UnidentifiedImageError
 
 from ...constants import ZERO_CELSIUS
-from ...errors import InputError
+from ...errors import InputError, located
 from ..radiance.thermography import FlirCalibration
 from .exr import read_channel
 from .flir_file import read_flir
@@ -87,10 +87,8 @@ def read_thermogram(
 def _from_counts(
     path: str | Path, calibration: FlirCalibration, counts: np.ndarray
 ) -> Float[np.ndarray, "h w"]:
-    try:
+    with located(str(path)):
         return np.asarray(calibration.temperature(counts))
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
 
 
 def _numbers(path: Path, channel: str) -> Float[np.ndarray, "h w"]:

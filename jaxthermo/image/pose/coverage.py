@@ -48,9 +48,9 @@ def coverage(
         InputError: if the camera is inside a body or sees none.
     """
     width, height = camera.size
-    visible = visible_points(bodies, camera.finer(samples))
-    fine = np.zeros((height * samples, width * samples))
-    fine.reshape(-1)[visible.pixel] = 1
+    fine_camera = camera.finer(samples)
+    visible = visible_points(bodies, fine_camera)
+    fine = fine_camera.frame_of(visible.pixel, np.ones(len(visible.pixel)), 0)
     down, right = (_edges(covered, samples) for covered in (fine, fine.T))
     slope = np.stack([-np.diff(right, axis=0).T, -np.diff(down, axis=0)])
     row, column = np.divmod(visible.pixel, width * samples)

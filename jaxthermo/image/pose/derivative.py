@@ -24,7 +24,7 @@ from jaxtyping import Array, Float, Int
 from scipy.linalg import expm, expm_frechet
 from scipy.sparse import csr_array
 
-from ...geometry.vectors import tangents, unit_vectors
+from ...geometry.vectors import row_dot, tangents, unit_vectors
 from ...scene.scene import SolvedSurface
 from ..surface.background import Background
 from ..surface.camera import AbstractCamera
@@ -195,8 +195,8 @@ def _on_planes(
         first = geometry.vertices[geometry.faces[visible.face[on_body], 0]]
         corner[on_body] = geometry.placed.to_world(first)
     origin, step = camera.rays(visible.pixel)
-    ahead = np.einsum("pj,pj->p", flat, step)
-    depth = np.einsum("pj,pj->p", flat, corner - origin) / ahead
+    ahead = row_dot(flat, step)
+    depth = row_dot(flat, corner - origin) / ahead
     # Seen edge-on a plane has its points anywhere.
     sane = np.abs(depth - visible.depth) < 0.1 * np.abs(visible.depth)
     depth = np.where(sane, depth, visible.depth)
@@ -226,7 +226,7 @@ def _point_motion(
         moved[:, :, number] = ray_point @ (axes.T @ change).T
         moved[:, :, 3 + number] = axes[number]
     across = np.einsum("pj,pjm->pm", flat, moved)
-    across /= np.einsum("pj,pj->p", flat, direction)[:, None]
+    across /= row_dot(flat, direction)[:, None]
     return moved - direction[:, :, None] * across[:, None]
 
 
@@ -271,8 +271,8 @@ def _weight_slopes(
     )
     away = local[row] - position
     square = radius[row] ** 2
-    fade = np.maximum(1 - np.einsum("nj,nj->n", away, away) / square, 0)
-    cosine = np.maximum(np.einsum("nj,nj->n", body_normal[row], fragment_normal), 0)
+    fade = np.maximum(1 - row_dot(away, away) / square, 0)
+    cosine = np.maximum(row_dot(body_normal[row], fragment_normal), 0)
     unnormalized = (fade * cosine) ** 2 * area
     count = len(local)
     total = np.bincount(row, unnormalized, count)
@@ -280,8 +280,8 @@ def _weight_slopes(
     total = np.where(total > 0, total, np.inf)[row]
     slopes = []
     for tangent, bend in zip(direction, turned, strict=True):
-        closer = -2 * np.einsum("nj,nj->n", away, tangent[row]) / square
-        turn = np.einsum("nj,nj->n", bend[row], fragment_normal)
+        closer = -2 * row_dot(away, tangent[row]) / square
+        turn = row_dot(bend[row], fragment_normal)
         slope = 2 * fade * cosine * area * (closer * cosine + fade * turn)
         all_slopes = np.bincount(row, slope, count)[row]
         slopes.append((slope - unnormalized * all_slopes / total) / total)

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import distance_transform_edt
 
+from ...geometry.vectors import row_dot
 from ..surface.view import View
 
 
@@ -23,24 +24,17 @@ def outline_distance(view: View) -> Float[np.ndarray, "h w"]:
 
     A pixel near an outline shows another surface, or none, once the camera moves.
     """
-    width, height = view.camera.size
-    shape = (height, width)
-    origin, step = view.camera.rays()
-    body = np.full(height * width, -1)
-    depth = np.full(height * width, np.inf)
-    normal = np.zeros((height * width, 3))
-    body[view.pixel] = view.body
-    depth[view.pixel] = view.depth
-    normal[view.pixel] = view.normal
-    facing = np.abs(np.einsum("pi,pi->p", normal, step))
-    facing /= np.linalg.norm(step, axis=1)
-    outline = ((body < 0) | (facing < _MIN_COSINE)).reshape(shape)
+    geometry = view.geometry_frames(float)
+    origin, step = (rays.reshape(geometry.normal.shape) for rays in view.camera.rays())
+    facing = np.abs(row_dot(geometry.normal, step))
+    facing /= np.linalg.norm(step, axis=-1)
+    outline = (geometry.object_id < 0) | (facing < _MIN_COSINE)
     image = _Planes(
-        body=body.reshape(shape),
-        depth=depth.reshape(shape),
-        normal=normal.reshape(height, width, 3),
-        origin=origin.reshape(height, width, 3),
-        step=step.reshape(height, width, 3),
+        body=geometry.object_id,
+        depth=geometry.depth,
+        normal=geometry.normal,
+        origin=origin,
+        step=step,
     )
     for axis in (0, 1):
         low = [slice(None)] * 2
@@ -82,12 +76,8 @@ def _off_plane(pixels: _Planes, neighbours: _Planes) -> Float[np.ndarray, "_ _"]
     """Depth of neighbours off the planes of pixels, over the distance of their rays."""
     depth = pixels.depth[..., None]
     point = pixels.origin + depth * pixels.step
-    along_normal = _dot(pixels.normal, point - neighbours.origin)
-    expected = along_normal / _dot(pixels.normal, neighbours.step)
+    along_normal = row_dot(pixels.normal, point - neighbours.origin)
+    expected = along_normal / row_dot(pixels.normal, neighbours.step)
     same_depth = neighbours.origin + depth * neighbours.step
     between = np.linalg.norm(same_depth - point, axis=-1)
     return np.abs(neighbours.depth - expected) / between
-
-
-def _dot(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    return np.einsum("...i,...i->...", first, second)

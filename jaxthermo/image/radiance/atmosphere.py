@@ -11,7 +11,7 @@ from ...errors import InputError
 from ...physics.term import AbstractTerm
 from ..surface.view import View
 from .band import Band
-from .effect import AbstractPathEffect, lines_of_sight
+from .effect import AbstractPathEffect
 from .radiometry import Values, black_radiance
 
 
@@ -86,7 +86,7 @@ class Atmosphere(AbstractPathEffect):
     def prepared(self, view: View, terms: tuple[AbstractTerm, ...], xp: Any) -> Any:
         if self.transmissivity is not None:
             return xp.asarray(self.transmissivity)
-        distance = lines_of_sight(view).distance
+        distance = view.sight.distance
         return transmissivity(
             xp.asarray(distance),
             temperature=self.temperature,

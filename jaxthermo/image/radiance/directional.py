@@ -15,8 +15,8 @@ from ...physics.radiation.diffuse_sky import DiffuseSky
 from ...physics.radiation.source import AbstractSource, Sun
 from ...physics.term import AbstractTerm
 from ...physics.time_varying import is_zero
-from ..surface.view import View
-from .effect import AbstractSurfaceEffect, Horizon, LinesOfSight, lines_of_sight
+from ..surface.view import LinesOfSight, View
+from .effect import AbstractSurfaceEffect, Horizon
 from .radiometry import PixelRadiation
 
 
@@ -43,8 +43,7 @@ class AngularEmissivity(AbstractSurfaceEffect):
 
     @override
     def prepared(self, view: View, terms: tuple[AbstractTerm, ...], xp: Any) -> Any:
-        cosine = lines_of_sight(view).cosine
-        return 1 - (1 - cosine) ** self.exponent
+        return 1 - (1 - view.sight.cosine) ** self.exponent
 
     @override
     def apply(
@@ -95,7 +94,7 @@ class SpecularReflection(AbstractSurfaceEffect):
 
     @override
     def prepared(self, view: View, terms: tuple[AbstractTerm, ...], xp: Any) -> _Lobes:
-        sight = lines_of_sight(view)
+        sight = view.sight
         rows = [lobe for term in terms for lobe in self._lobes(term, sight)]
         lobes = np.array(rows).reshape(len(rows), len(sight.cosine))
         above = _above_horizon(np.arcsin(sight.mirror[:, 2].clip(-1, 1)), self.exponent)

@@ -7,12 +7,11 @@ camera that act on surfaces and along the line of sight.
 import dataclasses
 import math
 from typing import Any, NamedTuple
-from weakref import WeakKeyDictionary
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 from scipy.sparse import csr_array
 
 from ...arrays import is_traced
@@ -56,24 +55,8 @@ def means(weights: csr_array | MovingWeights, values: Values) -> Values:
 def _temperature_at_pixels(view: View, kelvin: Float[Values, " s"]) -> Values:
     """Surface temperatures of fragments [K], interpolated to the pixels [p]."""
     if isinstance(kelvin, np.ndarray):
-        return _weights(view, kelvin.dtype) @ kelvin
+        return view.typed_weights(kelvin.dtype) @ kelvin
     return means(view.weights, kelvin[:, None])[:, 0]
-
-
-# By view, with which they are released: half the memory traffic in float32.
-_typed_weights: WeakKeyDictionary[View, dict[np.dtype, csr_array]] = WeakKeyDictionary()
-
-
-def _weights(view: View, dtype: np.dtype) -> csr_array:
-    """Weights of the view in a type."""
-    typed = _typed_weights.setdefault(view, {})
-    if dtype not in typed:
-        weights = view.weights
-        # Points that move have their values of JAX.
-        assert isinstance(weights, csr_array)
-        entries = weights.data.astype(dtype), weights.indices, weights.indptr
-        typed[dtype] = csr_array(entries, shape=weights.shape)
-    return typed[dtype]
 
 
 def _property_at_pixels(
@@ -96,7 +79,7 @@ def irradiation_at_pixels(
     """Radiation on fragments to pixels, both in W/m^2, see `facets`."""
     facets = view.facets
     on_host = isinstance(values, np.ndarray)
-    weights = _weights(view, values.dtype) if on_host else view.weights
+    weights = view.typed_weights(values.dtype) if on_host else view.weights
     plain = means(weights, values)
     if facets is None:
         return plain
@@ -128,42 +111,6 @@ def _filled(view: View, values: Any, background: Any, dtype: Any, xp: Any) -> Va
     blank = xp.broadcast_to(blank, (height * width, *values.shape[1:]))
     image = _replaced(blank, view.pixel, xp.asarray(values, dtype))
     return image.reshape(height, width, *values.shape[1:])
-
-
-class _GeometryFrames(NamedTuple):
-    """Geometry that a view shows, the same at all times."""
-
-    depth: Float[Array | np.ndarray, "h w"]
-    object_id: Int[Array | np.ndarray, "h w"]
-    normal: Float[Array | np.ndarray, "h w 3"]
-    part_id: Int[Array | np.ndarray, "h w"] | None
-
-
-_frames: WeakKeyDictionary[View, dict[np.dtype, _GeometryFrames]] = WeakKeyDictionary()
-
-
-def _geometry_frames(view: View, dtype: Any) -> _GeometryFrames:
-    """Depth, body and normal of every pixel, kept as long as the view."""
-    frames = _frames.setdefault(view, {})
-    pixel_type = np.dtype(dtype)
-    if pixel_type not in frames:
-        depth = _filled(view, values=view.depth, background=np.inf, dtype=dtype, xp=np)
-        body = _filled(view, values=view.body, background=-1, dtype=np.int32, xp=np)
-        normal = _filled(view, values=view.normal, background=0, dtype=dtype, xp=np)
-        part_id = None
-        if view.part_id is not None:
-            part_id = _filled(
-                view, values=view.part_id, background=-1, dtype=np.int32, xp=np
-            )
-        geometry = _GeometryFrames(
-            depth=depth, object_id=body, normal=normal, part_id=part_id
-        )
-        for image in geometry:
-            # Frames of all times share them.
-            if image is not None:
-                np.asarray(image).flags.writeable = False
-        frames[pixel_type] = geometry
-    return frames[pixel_type]
 
 
 class _PixelSurface(NamedTuple):
@@ -320,7 +267,7 @@ def draw(
             view, values=values, background=background, dtype=surface.dtype, xp=xp
         )
 
-    geometry = _geometry_frames(view, surface.dtype)
+    geometry = view.geometry_frames(surface.dtype)
     image = Image(
         time=time,
         temperature=frame(surface, view.background.of(*behind)),

@@ -8,7 +8,6 @@ An image is made with a tuple of effects; what is not in it costs nothing.
 import abc
 import math
 from typing import Any, ClassVar, NamedTuple
-from weakref import WeakKeyDictionary
 
 import equinox as eqx
 import jax
@@ -20,7 +19,6 @@ from ...arrays import is_traced, plain_numbers
 from ...errors import InputError, require
 from ...module import Module
 from ...physics.term import AbstractTerm
-from ..surface.camera import OrthographicCamera
 from ..surface.view import View
 from .band import Band
 from .radiometry import PixelRadiation, Values
@@ -167,66 +165,17 @@ def in_order(effects: Any, argument: str = "effects=") -> Effects:
 NO_EFFECTS = Effects()
 
 
-# By view, with which they are released: a frame in it needs them again.
-_prepared: WeakKeyDictionary[View, dict[Any, Any]] = WeakKeyDictionary()
-
-
 def prepared_for(
     effect: _AbstractViewEffect, view: View, terms: tuple[AbstractTerm, ...], dtype: Any
 ) -> Any:
     """Arrays of an effect in a view, in the type of its pixels, computed once."""
 
-    def typed(arrays: Any) -> Any:
+    def prepare(xp: Any) -> Any:
+        arrays = effect.prepared(view, terms, xp)
         return jax.tree.map(lambda array: array.astype(dtype), arrays)
 
     if is_traced(effect):
-        return typed(effect.prepared(view, terms, jnp))
+        return prepare(jnp)
     leaves, structure = jax.tree.flatten(effect)
     values = tuple(np.asarray(leaf, float).tobytes() for leaf in leaves)
-    by_content = _prepared.setdefault(view, {})
-    key = structure, values, np.dtype(dtype)
-    if key not in by_content:
-        by_content[key] = typed(effect.prepared(view, terms, np))
-    return by_content[key]
-
-
-class LinesOfSight(NamedTuple):
-    """Geometry of the p pixels of a view that show a body."""
-
-    point: Float[np.ndarray, "p 3"]
-    """Surface points in the world [m]."""
-    towards: Float[np.ndarray, "p 3"]
-    """Unit vectors to the camera."""
-    distance: Float[np.ndarray, " p"]
-    """Distance of the camera [m]; from the image plane of an orthographic one."""
-    cosine: Float[np.ndarray, " p"]
-    """Cosine of the angle from the normal, not negative."""
-    mirror: Float[np.ndarray, "p 3"]
-    """Unit vectors along which light comes that a mirror would send to the camera."""
-
-
-_known: WeakKeyDictionary[View, LinesOfSight] = WeakKeyDictionary()
-
-
-def lines_of_sight(view: View) -> LinesOfSight:
-    """Lines of sight of a view, kept as long as the view."""
-    if view not in _known:
-        _known[view] = _computed(view)
-    return _known[view]
-
-
-def _computed(view: View) -> LinesOfSight:
-    origin, step = view.camera.rays(view.pixel)
-    length = np.linalg.norm(step, axis=1)
-    point = origin + step * view.depth[:, None]
-    towards = -step / length[:, None]
-    along = np.einsum("ij,ij->i", towards, view.normal)
-    # A smooth normal may look away from the camera at an outline.
-    cosine = np.clip(along, 0, 1)
-    mirror = 2 * cosine[:, None] * view.normal - towards
-    mirror /= np.linalg.norm(mirror, axis=1)[:, None]
-    parallel = isinstance(view.camera, OrthographicCamera)
-    distance = view.depth if parallel else view.depth * length
-    return LinesOfSight(
-        point=point, towards=towards, distance=distance, cosine=cosine, mirror=mirror
-    )
+    return view.once((structure, values, np.dtype(dtype)), lambda: prepare(np))

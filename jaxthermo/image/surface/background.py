@@ -89,9 +89,7 @@ def compute_background(
     sources = [(n, t) for n, t in enumerate(terms) if isinstance(t, AbstractSource)]
     if ground is sky and not sources:
         return Background(None, ())
-    width, height = camera.size
-    nearest = np.full(width * height, np.inf)
-    nearest[pixel] = depth
+    nearest = camera.frame_of(pixel, depth, np.inf).ravel()
     visible = []
     for number, source in sources:
         # Without a cone of directions every ray is searched.

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Shaped
 from typing_extensions import override
 
 from ...arrays import linear_map, plain_numbers
@@ -137,6 +137,19 @@ class AbstractCamera(eqx.Module):
         self, direction: Float[np.ndarray, "3"], angle: float
     ) -> Int[np.ndarray, " p"]:
         """Pixels with rays within `angle` [rad] of a unit vector; perhaps some more."""
+
+    def frame_of(
+        self,
+        pixel: Int[np.ndarray, " p"],
+        values: Shaped[np.ndarray, "p *k"],
+        background: float | tuple[int, ...],
+    ) -> Shaped[np.ndarray, "h w *k"]:
+        """Image of values at some pixels, with a background at all others."""
+        frame = np.full(
+            (self.height * self.width, *values.shape[1:]), background, values.dtype
+        )
+        frame[pixel] = values
+        return frame.reshape(self.height, self.width, *values.shape[1:])
 
     def finer(self, samples: int) -> "AbstractCamera":
         """Same view with `samples` times as many pixels along both axes."""

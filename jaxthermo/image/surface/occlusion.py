@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...errors import InputError
-from ...geometry.vectors import unit_vectors
+from ...geometry.vectors import row_dot, unit_vectors
 from .camera import AbstractCamera
 
 
@@ -145,10 +145,6 @@ def _axes(camera: AbstractCamera):
     return unit_vectors(spans[0]), lambda depth: near + grows * (depth - depths[0])
 
 
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.einsum("hwi,hwi->hw", a, b)
-
-
 def _across(along: np.ndarray, back: np.ndarray) -> np.ndarray:
     return unit_vectors(along - (back @ along)[..., None] * back)
 
@@ -156,8 +152,8 @@ def _across(along: np.ndarray, back: np.ndarray) -> np.ndarray:
 def _tilt(normal: np.ndarray, back: np.ndarray, side: np.ndarray):
     # The length of the projected normal and its angle to the direction to the eye; a
     # normal that points away is taken for tangential.
-    ahead = _dot(normal, back)
-    sideways = _dot(normal, side)
+    ahead = row_dot(normal, back)
+    sideways = row_dot(normal, side)
     return np.hypot(ahead, sideways), np.arctan2(sideways, np.maximum(ahead, 0.0))
 
 

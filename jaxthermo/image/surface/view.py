@@ -4,8 +4,10 @@ The temperature of a pixel is a weighted mean of the fragments within two voxels
 weights depend on the view only: a frame costs one sparse product.
 """
 
-from dataclasses import dataclass, fields
-from typing import Any, NamedTuple
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import Any, NamedTuple, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -13,16 +15,19 @@ from jaxtyping import Float, Int
 from scipy.sparse import csr_array
 
 from ...findings import found
+from ...geometry.vectors import row_dot
 from ...physics.term import AbstractTerm
 from ...scene.scene import BodyGeometry, SolvedSurface
 from ...stored_findings import stored
 from .background import Background, compute_background
-from .camera import AbstractCamera
+from .camera import AbstractCamera, OrthographicCamera
 from .facets import FacetShading, facet_shading, joined_shadings, smooth_normals
 from .occlusion import screen_space_occlusion
 from .visible import VisiblePoints, visible_points, world_meshes
 from .weights import CHUNK, MovingWeights, block_matrix, cells_of
 
+
+_T = TypeVar("_T")
 
 SMOOTHING_RADIUS = 2.0
 """Radius of the weights [voxels]; from 1.4 it includes a fragment of any surface."""
@@ -72,6 +77,30 @@ def _block_weights(
     return csr_array((np.ones(len(points)), nearest, starts), size)
 
 
+class LinesOfSight(NamedTuple):
+    """Geometry of the p pixels of a view that show a body."""
+
+    point: Float[np.ndarray, "p 3"]
+    """Surface points in the world [m]."""
+    towards: Float[np.ndarray, "p 3"]
+    """Unit vectors to the camera."""
+    distance: Float[np.ndarray, " p"]
+    """Distance of the camera [m]; from the image plane of an orthographic one."""
+    cosine: Float[np.ndarray, " p"]
+    """Cosine of the angle from the normal, not negative."""
+    mirror: Float[np.ndarray, "p 3"]
+    """Unit vectors along which light comes that a mirror would send to the camera."""
+
+
+class _GeometryFrames(NamedTuple):
+    """Geometry that a view shows, the same at all times."""
+
+    depth: Float[np.ndarray, "h w"]
+    object_id: Int[np.ndarray, "h w"]
+    normal: Float[np.ndarray, "h w 3"]
+    part_id: Int[np.ndarray, "h w"] | None
+
+
 @dataclass(frozen=True, eq=False)
 class View:
     """Time-independent data of the p pixels that show a body."""
@@ -96,6 +125,63 @@ class View:
     """Number of the part within its body, -1 where it has none; None without any."""
     part_names: tuple[tuple[str, ...], ...] = ()
     """Names of the parts of every body."""
+    _results: dict[Hashable, Any] = field(init=False, repr=False, default_factory=dict)
+
+    def once(self, key: Hashable, compute: Callable[[], _T]) -> _T:
+        """Result of `compute`, which all frames of the view share."""
+        if key not in self._results:
+            self._results[key] = compute()
+        return self._results[key]
+
+    def typed_weights(self, dtype: np.dtype) -> csr_array:
+        """Weights in a type: half the memory traffic in float32."""
+        weights = self.weights
+        # Points that move have their values of JAX.
+        assert isinstance(weights, csr_array)
+
+        def typed() -> csr_array:
+            entries = weights.data.astype(dtype), weights.indices, weights.indptr
+            return csr_array(entries, shape=weights.shape)
+
+        return self.once(("weights", dtype), typed)
+
+    def geometry_frames(self, dtype: np.typing.DTypeLike) -> _GeometryFrames:
+        """Depth, body, normal and part of every pixel, which cannot be changed."""
+        pixel_type = np.dtype(dtype)
+        return self.once(("frames", pixel_type), lambda: self._frames(pixel_type))
+
+    def _frames(self, dtype: np.dtype) -> _GeometryFrames:
+        def frame(values: np.ndarray, background: float) -> np.ndarray:
+            image = self.camera.frame_of(self.pixel, values, background)
+            image.flags.writeable = False
+            return image
+
+        part_id = self.part_id
+        return _GeometryFrames(
+            depth=frame(self.depth.astype(dtype), np.inf),
+            object_id=frame(self.body.astype(np.int32), -1),
+            normal=frame(self.normal.astype(dtype), 0),
+            part_id=None if part_id is None else frame(part_id.astype(np.int32), -1),
+        )
+
+    @cached_property
+    def sight(self) -> LinesOfSight:
+        """Lines of sight of the pixels."""
+        origin, step = self.camera.rays(self.pixel)
+        length = np.linalg.norm(step, axis=1)
+        towards = -step / length[:, None]
+        # A smooth normal may look away from the camera at an outline.
+        cosine = np.clip(row_dot(towards, self.normal), 0, 1)
+        mirror = 2 * cosine[:, None] * self.normal - towards
+        mirror /= np.linalg.norm(mirror, axis=1)[:, None]
+        parallel = isinstance(self.camera, OrthographicCamera)
+        return LinesOfSight(
+            point=origin + step * self.depth[:, None],
+            towards=towards,
+            distance=self.depth if parallel else self.depth * length,
+            cosine=cosine,
+            mirror=mirror,
+        )
 
 
 def at_time(
@@ -234,15 +320,9 @@ def _view_geometry(
 def _open_fraction(
     geometry: _ViewGeometry, camera: AbstractCamera, radius: float
 ) -> Float[np.ndarray, " p"]:
-    width, height = camera.size
-    depth = np.full(height * width, np.inf)
-    normal = np.zeros((height * width, 3))
-    depth[geometry.pixel] = geometry.depth
-    normal[geometry.pixel] = geometry.normal
-    shape = (height, width)
     open_fraction = screen_space_occlusion(
-        depth.reshape(shape),
-        normal=normal.reshape(height, width, 3),
+        camera.frame_of(geometry.pixel, geometry.depth, np.inf),
+        normal=camera.frame_of(geometry.pixel, geometry.normal, 0),
         camera=camera,
         radius=radius,
     )
