@@ -6,6 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+from PIL import Image
+
 from jaxthermo.__main__ import main
 
 
@@ -83,6 +86,11 @@ def files(folder: Path) -> set[str]:
     """Everything below a folder, hidden files too."""
     paths = (p.relative_to(folder) for p in folder.rglob("*") if not p.is_dir())
     return {str(path) for path in paths}
+
+
+def pixels(path: Path) -> np.ndarray:
+    """Pixels of a picture."""
+    return np.asarray(Image.open(path))
 
 
 def frame_files(names: set[str] = FRAMES) -> set[str]:

@@ -16,3 +16,15 @@ def finished(tmp_path_factory):
     out = folder / "out"
     succeed("simulate", scene_file(folder), "--out", out)
     return out
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """The file of the small scene."""
+    return scene_file(tmp_path)
+
+
+@pytest.fixture
+def out(tmp_path):
+    """A folder for results, which is not there yet."""
+    return tmp_path / "out"

@@ -54,12 +54,11 @@ image: {samples: 1}
 
 
 @pytest.mark.slow
-def test_all_of_them_together(tmp_path):
+def test_all_of_them_together(tmp_path, out):
     np.save(tmp_path / "parts.npy", np.arange(64).reshape(4, 4, 4) % 2)
     cube = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), 0.01)
     np.save(tmp_path / "hot.npy", cube.fragment_normal[:, 0] > 0.9)
     scene = scene_file(tmp_path, SCENE)
-    out = tmp_path / "out"
     succeed("simulate", scene, "--out", out)
     assert load_config(out / "config.yaml") == load_config(scene)
     summary = json.loads((out / "summary.json").read_text())

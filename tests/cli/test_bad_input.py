@@ -62,10 +62,9 @@ def content(damage, file_type):
 
 @pytest.mark.parametrize("file_type", KINDS)
 @pytest.mark.parametrize("damage", ["empty", "junk", "cut", "no faces"])
-def test_a_file_that_is_no_mesh(tmp_path, damage, file_type):
+def test_a_file_that_is_no_mesh(tmp_path, out, damage, file_type):
     mesh = tmp_path / f"bad.{file_type}"
     mesh.write_bytes(content(damage, file_type))
-    out = tmp_path / "out"
     err = refused_voxelize(mesh, out)
     assert str(mesh) in err
     assert not out.exists()
@@ -116,8 +115,7 @@ def sphere(tmp_path):
 @pytest.mark.parametrize(
     ("pitch", "message"), [("50 cm", "pitch"), ("100 nm", "memory"), ("1e-300 m", "")]
 )
-def test_a_pitch_beyond_reason(tmp_path, sphere, pitch, message):
-    out = tmp_path / "out"
+def test_a_pitch_beyond_reason(tmp_path, out, sphere, pitch, message):
     err = refused_voxelize(sphere, out, pitch)
     assert message in err
     scene = mesh_scene(tmp_path, sphere)
@@ -126,10 +124,9 @@ def test_a_pitch_beyond_reason(tmp_path, sphere, pitch, message):
     assert not out.exists() or files(out) == set()
 
 
-def test_a_scene_too_large_for_the_memory(tmp_path, monkeypatch):
+def test_a_scene_too_large_for_the_memory(scene, out, monkeypatch):
     monkeypatch.setattr("jaxthermo.host_memory.available_bytes", lambda: 60_000)
-    out = tmp_path / "out"
-    err = refused("simulate", scene_file(tmp_path), "--out", out)
+    err = refused("simulate", scene, "--out", out)
     assert "memory" in err and "coarser pitch" in err
     assert not out.exists()
 
@@ -150,7 +147,7 @@ def test_a_config_that_is_a_picture(tmp_path):
     assert "not a text file" in refused("simulate", path)
 
 
-def test_seven_mistakes_are_seven_lines(tmp_path):
+def test_seven_mistakes_are_seven_lines(tmp_path, out):
     text = """
 bodies:
   - shape: {kind: ball, radius: 1 cm}
@@ -162,7 +159,6 @@ time: {end: 10, save_at: [20]}
 image: {palette: sunset}
 """
     scene = scene_file(tmp_path, text)
-    out = tmp_path / "out"
     err = refused("simulate", scene, "--out", out, lines=7)
     for where in (
         "bodies.0.shape",
@@ -208,17 +204,15 @@ image: {palette: sunset}
         ("bodies.0.structure={kind: partition, labels: block.yaml}", "numpy.save"),
     ],
 )
-def test_an_override_beyond_reason(tmp_path, change, message):
-    out = tmp_path / "out"
-    err = refused("simulate", scene_file(tmp_path), "--out", out, "--set", change)
+def test_an_override_beyond_reason(scene, out, change, message):
+    err = refused("simulate", scene, "--out", out, "--set", change)
     assert message in err
     assert not out.exists()
 
 
-def test_the_stable_step_is_told(tmp_path):
-    out = tmp_path / "out"
+def test_the_stable_step_is_told(scene, out):
     step = "solver.dt=100"
-    err = refused("simulate", scene_file(tmp_path), "--out", out, "--set", step)
+    err = refused("simulate", scene, "--out", out, "--set", step)
     assert "100" in err and "stable step of this scene is 2." in err
 
 
@@ -282,9 +276,8 @@ FAR = "{region: {lower: [1, 1, 1], upper: [2, 2, 2]}}"
          ("block.yaml", "write it with numpy.save")),
     ],
 )  # fmt: skip
-def test_a_scene_beyond_physics(tmp_path, change, messages):
+def test_a_scene_beyond_physics(tmp_path, out, change, messages):
     scene = scene_file(tmp_path, STACKED)
-    out = tmp_path / "out"
     err = refused("simulate", scene, "--out", out, "--set", change)
     assert all(message in err for message in messages), err
     assert not out.exists()
@@ -313,30 +306,28 @@ def test_a_wind_beyond_what_was_measured_is_a_note(tmp_path):
 
 @pytest.mark.parametrize("below", ["", "below", "below/it"])
 @pytest.mark.parametrize("command", ["simulate", "voxelize"])
-def test_out_is_a_file_or_below_one(tmp_path, sphere, command, below):
+def test_out_is_a_file_or_below_one(tmp_path, scene, sphere, command, below):
     file = tmp_path / "taken"
     file.write_text("mine")
     if command == "simulate":
-        err = refused("simulate", scene_file(tmp_path), "--out", file / below)
+        err = refused("simulate", scene, "--out", file / below)
     else:
         err = refused_voxelize(sphere, file / below)
     assert "--out" in err
     assert file.read_text() == "mine"
 
 
-def test_out_with_a_file_where_frames_go(tmp_path):
-    out = tmp_path / "out"
+def test_out_with_a_file_where_frames_go(scene, out):
     out.mkdir()
     (out / "frames").write_text("mine")
-    err = refused("simulate", scene_file(tmp_path), "--out", out)
+    err = refused("simulate", scene, "--out", out)
     assert "is a file" in err
     assert files(out) == {"frames"}
 
 
-def test_out_with_a_folder_where_a_file_goes(tmp_path):
-    out = tmp_path / "out"
+def test_out_with_a_folder_where_a_file_goes(scene, out):
     (out / "summary.json").mkdir(parents=True)
-    err = refused("simulate", scene_file(tmp_path), "--out", out)
+    err = refused("simulate", scene, "--out", out)
     assert "is a folder" in err
     assert files(out) == set()
 

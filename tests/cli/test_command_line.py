@@ -92,12 +92,11 @@ def test_render_changes_only_what_is_drawn(command, tmp_path):
     assert (status, "only camera and image" in err) == (2, True)
 
 
-def test_voxelize_leaves_its_facts(command, tmp_path, monkeypatch):
+def test_voxelize_leaves_its_facts(command, tmp_path, out, monkeypatch):
     monkeypatch.setattr("jaxthermo.report.voxel_sheet._EDGE", 80)
     mesh = tmp_path / "tetrahedron.obj"
     corners = "v 0 0 0\nv 9 0 0\nv 0 9 0\nv 0 0 9\n"
     mesh.write_text(corners + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
-    out = tmp_path / "out"
 
     def voxelize(*options):
         return command("voxelize", mesh, "--pitch", "0.5mm", "--unit", "mm", *options)

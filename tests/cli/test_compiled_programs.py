@@ -4,7 +4,7 @@ import logging
 
 import jax
 import pytest
-from cli_runs import run, scene_file
+from cli_runs import run
 
 from jaxthermo.findings import forget_findings
 
@@ -46,16 +46,14 @@ def programs(monkeypatch):
 # Long: as JAX forgets every program, so do the tests that follow in this process.
 @pytest.mark.slow
 @pytest.mark.slice
-def test_a_preview_compiles_nothing(programs, tmp_path):
-    out = tmp_path / "out"
-    assert not programs("simulate", scene_file(tmp_path), "--preview", "--out", out)
+def test_a_preview_compiles_nothing(programs, scene, out):
+    assert not programs("simulate", scene, "--preview", "--out", out)
 
 
 @pytest.mark.slow
 @pytest.mark.slice
-def test_only_a_run_compiles_its_time_loop(programs, tmp_path):
-    path = scene_file(tmp_path)
-    out = tmp_path / "out"
+def test_only_a_run_compiles_its_time_loop(programs, scene, out):
+    path = scene
     explained = programs("simulate", path, "--explain")
     simulated = programs("simulate", path, "--out", out)
     drawn = programs("render", out, "--set", "camera.width=50")

@@ -5,8 +5,7 @@ import shutil
 
 import numpy as np
 import pytest
-from cli_runs import SCENE, files, refused, run, succeed
-from PIL import Image
+from cli_runs import SCENE, files, pixels, refused, run, succeed
 
 import jaxthermo as jt
 import jaxthermo.cli.dataset as command
@@ -53,7 +52,7 @@ def dataset(tmp_path_factory):
 
 
 def grey(folder, channel, name):
-    return np.asarray(Image.open(folder / channel / f"{name}.png"))
+    return pixels(folder / channel / f"{name}.png")
 
 
 def test_all_files_are_there(dataset):
@@ -117,9 +116,8 @@ def test_the_weather_changes_what_is_seen(dataset):
     assert labels["time_s"] == 5 and labels["view"] == 0
 
 
-def test_interrupted_it_goes_on_to_the_same_files(dataset, tmp_path, monkeypatch):
+def test_interrupted_it_goes_on_to_the_same_files(dataset, out, monkeypatch):
     config, finished_folder = dataset
-    out = tmp_path / "out"
     real = command._write_images
     drawn = []
 

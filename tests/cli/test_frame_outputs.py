@@ -11,9 +11,9 @@ from cli_runs import (
     RESULTS,
     files,
     frame_files,
+    pixels,
     refused,
     run,
-    scene_file,
     sets,
     succeed,
 )
@@ -48,17 +48,15 @@ def test_all_kinds_of_files_have_the_same_temperatures(finished, tmp_path):
     ends = (".csv", "_centikelvin.png", ".tiff")
     assert files(tmp_path) == {f"frames/{name}{end}" for name in FRAMES for end in ends}
     path = tmp_path / "frames/t000012.00s"
-    kelvin = np.asarray(Image.open(path.with_name(path.name + ".tiff")))
+    kelvin = pixels(path.with_name(path.name + ".tiff"))
     assert kelvin.shape == (48, 64) and 279 < kelvin.min() < kelvin.max() < 500
-    counts = np.asarray(Image.open(path.with_name(path.name + "_centikelvin.png")))
+    counts = pixels(path.with_name(path.name + "_centikelvin.png"))
     np.testing.assert_allclose(counts * 0.01, kelvin, rtol=0, atol=0.0051)
     table = np.loadtxt(path.with_name(path.name + ".csv"), delimiter=",")
     np.testing.assert_allclose(table, kelvin, rtol=0, atol=5.1e-4)
 
 
-def test_what_is_above_16_bits_is_said(tmp_path):
-    scene = scene_file(tmp_path)
-    out = tmp_path / "out"
+def test_what_is_above_16_bits_is_said(scene, out):
     changes = sets(
         "bodies.0.temperature=900",
         "image.files=[centikelvin]",
@@ -66,7 +64,7 @@ def test_what_is_above_16_bits_is_said(tmp_path):
     )
     told = succeed("simulate", scene, "--out", out, *changes)
     assert "pixels above 655.35 K in the centikelvin files" in told
-    counts = np.asarray(Image.open(out / "frames/t000005.00s_centikelvin.png"))
+    counts = pixels(out / "frames/t000005.00s_centikelvin.png")
     assert counts.max() == 65535
 
 
@@ -85,8 +83,8 @@ def test_measurements_are_on_the_frames_in_a_table_and_in_a_chart(finished, tmp_
     # It reflects the sun in the first frame, and not in the others.
     warm = [float(row["Is1_fraction"]) for row in rows]
     assert 0 < warm[0] <= 1 and warm[1:] == [0, 0]
-    plain = np.asarray(Image.open(finished / "frames/t000005.00s.png"))
-    drawn = np.asarray(Image.open(tmp_path / "frames/t000005.00s.png"))
+    plain = pixels(finished / "frames/t000005.00s.png")
+    drawn = pixels(tmp_path / "frames/t000005.00s.png")
     assert drawn.shape[1] == plain.shape[1] and len(drawn) > len(plain)
 
 
@@ -116,7 +114,7 @@ def test_an_animation_says_its_speed(finished, tmp_path, options, ending):
         with Image.open(tmp_path / f"animation.{ending}") as animation:
             assert getattr(animation, "n_frames", 1) == 3
             first = np.asarray(animation.convert("RGB")).astype(int)
-        still = np.asarray(Image.open(finished / "frames/t000005.00s.png"))
+        still = pixels(finished / "frames/t000005.00s.png")
         assert np.abs(first - still).mean() < 2
 
 
@@ -136,9 +134,7 @@ def test_later_frames_take_the_place_of_all_outputs(finished, tmp_path):
     assert files(folder) == RESULTS | frame_files() | {"notes.csv"}
 
 
-def test_a_run_writes_them_and_the_next_one_removes_them(tmp_path):
-    scene = scene_file(tmp_path)
-    out = tmp_path / "out"
+def test_a_run_writes_them_and_the_next_one_removes_them(scene, out):
     changes = sets(MEASUREMENTS)
     told = succeed(
         "simulate", scene, "--out", out, *changes, "--contact-sheet", "--animate"
@@ -177,13 +173,11 @@ def test_a_run_writes_them_and_the_next_one_removes_them(tmp_path):
         ),
     ],
 )
-def test_mistakes_are_refused_by_explain(tmp_path, change, message):
-    scene = scene_file(tmp_path)
+def test_mistakes_are_refused_by_explain(scene, change, message):
     assert message in refused("simulate", scene, "--explain", "--set", change)
 
 
-def test_explain_names_measurements_on_the_background(tmp_path):
-    scene = scene_file(tmp_path)
+def test_explain_names_measurements_on_the_background(scene):
     out = succeed("simulate", scene, "--explain", "--set", MEASUREMENTS)
     notes = [line for line in out.splitlines() if "measurement" in line]
     assert notes == [
@@ -191,14 +185,14 @@ def test_explain_names_measurements_on_the_background(tmp_path):
     ]
 
 
-def test_explain_refuses_a_camera_that_sees_nothing(tmp_path):
+def test_explain_refuses_a_camera_that_sees_nothing(scene):
     away = "camera.look_at=[9, 9, 9]"
-    code, _, err = run("simulate", scene_file(tmp_path), "--explain", "--set", away)
+    code, _, err = run("simulate", scene, "--explain", "--set", away)
     assert code == 2 and "sees no body" in err and err.count("\n") == 1
 
 
 def test_options_of_animations_are_checked_before_any_work(
-    finished, tmp_path, monkeypatch
+    finished, tmp_path, scene, out, monkeypatch
 ):
     for options, message in [
         (["--animate", "avi"], 'Choose from: "apng", "gif", "mp4"'),
@@ -216,8 +210,6 @@ def test_options_of_animations_are_checked_before_any_work(
         return None if name == "av" else find(name)
 
     monkeypatch.setattr(importlib.util, "find_spec", missing)
-    scene = scene_file(tmp_path)
-    out = tmp_path / "out"
     err = refused("simulate", scene, "--out", out, "--animate", "mp4")
     assert 'pip install "jaxthermo[video]"' in err
     assert not out.exists() and not (tmp_path / "n").exists()
@@ -227,8 +219,7 @@ def test_the_gain_by_the_histogram_changes_the_pictures_alone(finished, tmp_path
     render(finished, "--set", "image.gain=plateau", "--out", tmp_path)
     for name in FRAMES:
         plain, drawn = (
-            np.asarray(Image.open(folder / f"frames/{name}.png"))
-            for folder in (finished, tmp_path)
+            pixels(folder / f"frames/{name}.png") for folder in (finished, tmp_path)
         )
         assert plain.shape == drawn.shape and (plain != drawn).any()
     for channel in ("temperature_K", "apparent_temperature_K"):

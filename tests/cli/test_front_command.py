@@ -21,9 +21,8 @@ def front(*arguments: object) -> tuple[object, str, str]:
 
 
 @pytest.mark.slow
-def test_a_front_has_rivals_that_are_not_measured_again(tmp_path):
+def test_a_front_has_rivals_that_are_not_measured_again(tmp_path, out):
     config = sweep_file(tmp_path, FINE)
-    out = tmp_path / "out"
     code, said, err = front(config, "--out", out)
     assert code == 0, err
     result = json.loads((out / "result.json").read_text())["result"]
@@ -59,7 +58,7 @@ def test_a_sweep_without_times_has_no_front_but_a_page(tmp_path):
     assert "2 % (1 K) not timed: blocks of 50 mm from 25 mm voxels, fitted" in page
 
 
-def test_choices_of_several_materials_have_a_front_each(tmp_path):
+def test_choices_of_several_materials_have_a_front_each(tmp_path, out):
     sweep_file(tmp_path).rename(tmp_path / "config.yaml")
     config = (tmp_path / "config.yaml").read_text()
     dense = "{label: dense, set: {bodies.0.material.density: 9000}}"
@@ -75,7 +74,6 @@ def test_choices_of_several_materials_have_a_front_each(tmp_path):
             named = material + within
             rows += [row(named, at, 2.0, set=changes) | head for at in ("+x", "+z")]
     append_rows(tmp_path / "rows.jsonl", rows)
-    out = tmp_path / "out"
     code, said, err = front(tmp_path, "--out", out)
     assert code == 0, err
     assert said.index("own:") < said.index("dense:")

@@ -7,7 +7,7 @@ import sys
 
 import jax
 import pytest
-from cli_runs import RESULTS, files, frame_files, run, scene_file, sets
+from cli_runs import RESULTS, files, frame_files, run, sets
 
 from jaxthermo.__main__ import main
 
@@ -38,9 +38,7 @@ def refused(size, *arguments):
     return err
 
 
-def test_no_space_for_the_solution(finished, tmp_path):
-    scene = scene_file(tmp_path)
-    out = tmp_path / "out"
+def test_no_space_for_the_solution(finished, scene, out):
     size = (finished / "solution.npz").stat().st_size
     for left in (size // 2, size - 1):
         assert "solution.npz" in refused(left, "simulate", scene, "--out", out)
@@ -48,9 +46,7 @@ def test_no_space_for_the_solution(finished, tmp_path):
 
 
 @pytest.mark.slow
-def test_no_space_for_the_frames_leaves_all_the_rest(finished, tmp_path):
-    scene = scene_file(tmp_path)
-    out = tmp_path / "out"
+def test_no_space_for_the_frames_leaves_all_the_rest(finished, scene, out):
     changes = sets("camera={width: 128, height: 96}")
     size = 2 * (finished / "solution.npz").stat().st_size
     assert ".exr" in refused(size, "simulate", scene, "--out", out, *changes)

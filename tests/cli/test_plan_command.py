@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from cli_runs import SCENE, run, scene_file
+from cli_runs import SCENE, run
 
 from calibrate.__main__ import main
 from jaxthermo.config.loader import load_config
@@ -34,9 +34,10 @@ def test_a_wrong_option_is_one_line(options, message, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.slice
-def test_a_plan_is_a_scene_within_the_tolerance_and_is_kept(tmp_path, monkeypatch):
+def test_a_plan_is_a_scene_within_the_tolerance_and_is_kept(
+    tmp_path, scene, monkeypatch
+):
     monkeypatch.setenv("JAXTHERMO_CACHE", str(tmp_path / "cache"))
-    scene = scene_file(tmp_path)
     out = tmp_path / "plan"
 
     def plan(*options):

@@ -31,15 +31,14 @@ camera: {width: 64, height: 48}
 """
 
 
-def test_a_preview_neither_voxelizes_nor_runs(tmp_path, monkeypatch):
+def test_a_preview_neither_voxelizes_nor_runs(scene, out, monkeypatch):
     def refuse(*arguments, **options):
         raise AssertionError("a preview needs no voxels")
 
     # The package first: its name is looked up in the module, and put back afterwards.
     monkeypatch.setattr(jt, "voxelize", refuse)
     monkeypatch.setattr("jaxthermo.voxels.voxelize.voxelize", refuse)
-    out = tmp_path / "out"
-    text = succeed("simulate", scene_file(tmp_path), "--preview", "--out", out)
+    text = succeed("simulate", scene, "--preview", "--out", out)
     assert files(out) == {"preview.png"}
     with Image.open(out / "preview.png") as image:
         assert image.size[0] == 64
@@ -47,10 +46,9 @@ def test_a_preview_neither_voxelizes_nor_runs(tmp_path, monkeypatch):
     assert f"{out / 'preview.png'}: nothing was simulated" in text
 
 
-def test_a_preview_of_a_wrong_camera_leaves_nothing(tmp_path):
-    out = tmp_path / "out"
+def test_a_preview_of_a_wrong_camera_leaves_nothing(scene, out):
     code, _, err = run(
-        "simulate", scene_file(tmp_path), "--preview", "--out", out,
+        "simulate", scene, "--preview", "--out", out,
         "--set", "camera.position=[0.01, 0, 0]",
     )  # fmt: skip
     assert code == 2 and "inside body 0" in err and not out.exists()
@@ -79,8 +77,7 @@ def test_contact_textures_hold_the_temperatures_where_bodies_touch():
 
 
 @pytest.mark.slow
-def test_contact_textures_and_occlusion_of_a_run(tmp_path):
-    out = tmp_path / "out"
+def test_contact_textures_and_occlusion_of_a_run(tmp_path, out):
     succeed("simulate", scene_file(tmp_path, PAIR), "--out", out)
     run_files = files(out)
     text = succeed("render", out, "--contacts", "--set", "image.frames=[2]")
@@ -94,10 +91,8 @@ def test_contact_textures_and_occlusion_of_a_run(tmp_path):
     assert plain.shape == occluded.shape and np.abs(occluded - plain).max() > 3
 
 
-def test_occlusion_is_not_counted_twice(tmp_path):
+def test_occlusion_is_not_counted_twice(scene):
     text = "image.occlusion=2 cm"
     twice = "terms.2.occlusion=64"
-    code, _, err = run(
-        "simulate", scene_file(tmp_path), "--preview", "--set", text, "--set", twice
-    )
+    code, _, err = run("simulate", scene, "--preview", "--set", text, "--set", twice)
     assert code == 2 and "would hide the surroundings twice, after terms.2" in err

@@ -37,9 +37,8 @@ def test_a_column_for_every_probe(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.slice
-def test_a_run_with_probes_leaves_their_file(tmp_path):
+def test_a_run_with_probes_leaves_their_file(tmp_path, out):
     scene = scene_file(tmp_path, WIRED + "surface_outputs: [heat_flux]\n")
-    out = tmp_path / "out"
     succeed("simulate", scene, "--out", out)
     assert "probes.csv" in files(out)
     summary = json.loads((out / "summary.json").read_text())

@@ -80,10 +80,9 @@ def test_two_processes_write_the_results_of_one(tmp_path):
 
 
 @pytest.mark.parametrize("lost", [0, 1])
-def test_a_lost_process_ends_the_other_and_one_goes_on(tmp_path, lost):
+def test_a_lost_process_ends_the_other_and_one_goes_on(tmp_path, out, lost):
     # Twenty thousand short steps: long enough to be killed.
     scene = scene_file(tmp_path, 0.001)
-    out = tmp_path / "out"
     processes = start_both(scene, out)
     assert kill(processes[lost], 0.0, (out / "checkpoint-1.npz").exists)
     err = errors_of(processes[1 - lost], 60)

@@ -69,10 +69,9 @@ def same_arrays(path, expected_path):
             np.testing.assert_array_equal(a[name], b[name], name)
 
 
-def test_an_interrupted_run_goes_on_and_ends_the_same(tmp_path, stop_at, uninterrupted):
-    scene = scene_file(tmp_path)
-    out = tmp_path / "out"
-
+def test_an_interrupted_run_goes_on_and_ends_the_same(
+    scene, out, stop_at, uninterrupted
+):
     first_segments = stop_at(10)
     code, _, err = simulate(scene, out)
     assert code == 130
@@ -101,8 +100,7 @@ def test_an_interrupted_run_goes_on_and_ends_the_same(tmp_path, stop_at, uninter
     assert next(energies).read_text() == next(energies).read_text()
 
 
-def test_a_stop_at_the_last_step_loses_nothing(tmp_path, stop_at, uninterrupted):
-    scene = scene_file(tmp_path)
+def test_a_stop_at_the_last_step_loses_nothing(tmp_path, scene, stop_at, uninterrupted):
     stop_at(1000)
     assert simulate(scene, tmp_path / "out").status == 130
     segments = stop_at(None)
@@ -122,10 +120,8 @@ OTHERS = {
 
 @pytest.mark.parametrize("damage", [*OTHERS, "cut", "junk", "empty"])
 def test_a_checkpoint_that_does_not_fit_is_ignored(
-    tmp_path, stop_at, uninterrupted, damage
+    scene, out, stop_at, uninterrupted, damage
 ):
-    scene = scene_file(tmp_path)
-    out = tmp_path / "out"
     stop_at(1)
     changes = [OTHERS[damage]] if damage in OTHERS else []
     assert simulate(scene, out, *sets(*changes)).status == 130
@@ -172,9 +168,7 @@ def goes_on_to_the_same(scene, out, uninterrupted, steps=STEPS):
         assert (out / name).read_bytes() == (uninterrupted / name).read_bytes()
 
 
-def test_a_run_that_is_killed_goes_on_and_ends_the_same(tmp_path, uninterrupted):
-    out = tmp_path / "out"
-    scene = scene_file(tmp_path)
+def test_a_run_that_is_killed_goes_on_and_ends_the_same(scene, out, uninterrupted):
     delay = np.random.default_rng(7).uniform(0, 1)
     process = start(KILLED, 0.0, 0.3, "simulate", scene, "--out", out, *STEPS)
     assert kill(process, delay, (out / "checkpoint.npz").exists)
@@ -201,10 +195,8 @@ def long(tmp_path_factory):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("moment", range(20))
-def test_killed_at_any_moment_it_ends_the_same(tmp_path, long, moment):
+def test_killed_at_any_moment_it_ends_the_same(scene, out, long, moment):
     uninterrupted, seconds = long
-    out = tmp_path / "out"
-    scene = scene_file(tmp_path)
     delay = np.random.default_rng(moment).uniform(0, seconds)
     kill(start_long(scene, out), delay, lambda: True)
     goes_on_to_the_same(scene, out, uninterrupted, steps=MANY_STEPS)
@@ -220,20 +212,18 @@ def test_what_a_killed_process_left_behind_is_removed(tmp_path):
     assert files(tmp_path) == {running.name, users.name}
 
 
-def test_a_second_interrupt_does_not_wait(tmp_path, monkeypatch):
+def test_a_second_interrupt_does_not_wait(scene, out, monkeypatch):
     def interrupt_twice(done: int) -> None:
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGINT)
 
     call_at_each_segment(monkeypatch, interrupt_twice)
-    scene = scene_file(tmp_path)
-    out = tmp_path / "out"
     code, _, err = run("simulate", scene, "--out", out, *STEPS)
     assert (code, err) == (130, "jaxthermo: interrupted\n")
     assert files(out) == {"config.yaml"}
 
 
-def test_checkpoints_are_written_on_the_way(tmp_path, stop_at, monkeypatch):
+def test_checkpoints_are_written_on_the_way(scene, out, stop_at, monkeypatch):
     monkeypatch.setattr(command, "_CHECKPOINT_EVERY", 0.0)
     saved = []
     save = command.save_checkpoint
@@ -244,8 +234,6 @@ def test_checkpoints_are_written_on_the_way(tmp_path, stop_at, monkeypatch):
 
     monkeypatch.setattr(command, "save_checkpoint", noted)
     segments = stop_at(None)
-    scene = scene_file(tmp_path)
-    out = tmp_path / "out"
     assert run("simulate", scene, "--out", out, *STEPS)[0] == 0
     assert len(saved) == len(segments) > 3
     assert files(out) == RESULTS | frame_files()

@@ -30,10 +30,9 @@ COARSE = ("camera={width: 32, height: 24}", "image.samples=1")
          {"sun", "wind", "contact", "emission"}),
     ],
 )  # fmt: skip
-def test_it_runs(tmp_path, name, changes, mechanisms):
+def test_it_runs(out, name, changes, mechanisms):
     options = sets(*changes, *COARSE)
     scene = SCENES / f"{name}.yaml"
-    out = tmp_path / "out"
     succeed("simulate", scene, "--out", out, *options)
     summary = json.loads((out / "summary.json").read_text())
     assert set(summary["receipt"]["included"]) == {"conduction", *mechanisms}

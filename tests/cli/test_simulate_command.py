@@ -7,14 +7,23 @@ import shutil
 import numpy as np
 import OpenEXR
 import pytest
-from cli_runs import RESULTS, SCENE, files, frame_files, run, scene_file, sets, succeed
-from PIL import Image
+from cli_runs import (
+    RESULTS,
+    SCENE,
+    files,
+    frame_files,
+    pixels,
+    run,
+    scene_file,
+    sets,
+    succeed,
+)
 
 import jaxthermo as jt
 from jaxthermo.cli.report import _structure_lines
 from jaxthermo.config.loader import config_hash, load_config, resolved
 from jaxthermo.image.colour.palette import palette_names
-from jaxthermo.image.files.exr import _exr_channels
+from jaxthermo.image.files.exr import _exr_channels, read_exr
 from jaxthermo.image.surface.camera import frame_all
 
 
@@ -54,8 +63,7 @@ def test_it_leaves_its_results_and_nothing_else(finished):
     assert files(finished) == RESULTS | frame_files()
 
 
-def test_the_terminal_tells_what_ran(tmp_path):
-    scene = scene_file(tmp_path)
+def test_the_terminal_tells_what_ran(tmp_path, scene):
     out = succeed("simulate", scene, "--out", tmp_path / "[red] :smile:")
     lines = out.splitlines()
     assert lines[0].startswith("box: 12 faces, watertight")
@@ -98,8 +106,8 @@ def test_the_summary_carries_the_config_and_its_hash(finished, summary):
     assert summary["config_hash"] == config_hash(config)
 
 
-def test_the_resolved_config_is_the_config_that_was_given(finished, tmp_path):
-    config = load_config(scene_file(tmp_path))
+def test_the_resolved_config_is_the_config_that_was_given(finished, scene):
+    config = load_config(scene)
     assert load_config(finished / "config.yaml") == config
 
 
@@ -163,9 +171,7 @@ def test_frames_are_those_of_the_library(finished, solved):
 
 
 def test_the_frame_carries_its_time_and_config(finished, tmp_path):
-    with OpenEXR.File(str(finished / "frames/t000012.00s.exr"), True) as file:
-        # A copy: closing the file empties its header.
-        header = dict(file.header())
+    _, header = read_exr(finished / "frames/t000012.00s.exr")
     assert header["time_s"] == "12"
     (tmp_path / "from_frame.yaml").write_text(header["config"])
     config = load_config(tmp_path / "from_frame.yaml")
@@ -173,9 +179,7 @@ def test_the_frame_carries_its_time_and_config(finished, tmp_path):
 
 
 def test_the_pictures_share_one_scale_of_body_pixels(finished):
-    pictures = [
-        np.asarray(Image.open(p)) for p in sorted(finished.glob("frames/*.png"))
-    ]
+    pictures = [pixels(p) for p in sorted(finished.glob("frames/*.png"))]
     assert len(pictures) == 3
     # The bar and its numbers, right of the image and over the line with the time.
     bars = [picture[:48, 64:] for picture in pictures]
@@ -191,9 +195,7 @@ def test_the_pictures_share_one_scale_of_body_pixels(finished):
         ("{kind: single_shell, capacity: own}", ["65 %"]),
     ],
 )
-def test_the_terminal_and_the_summary_tell_the_structure(tmp_path, structure, told):
-    out = tmp_path / "out"
-    scene = scene_file(tmp_path)
+def test_the_terminal_and_the_summary_tell_the_structure(scene, out, structure, told):
     change = f"bodies.0.structure={structure}"
     text = succeed("simulate", scene, "--out", out, "--set", change)
     summary = json.loads((out / "summary.json").read_text())
@@ -249,8 +251,8 @@ def test_two_bodies_one_of_two_materials_in_float64(tmp_path):
         assert stored["surface_temperature"].dtype == np.float64
         emissivity = stored["body1_emissivity"]
     assert set(emissivity.tolist()) == {0.9, 0.93}
-    with OpenEXR.File(str(out / "frames/t000020.00s.exr"), True) as file:
-        assert set(np.unique(file.channels()["object_id"].pixels)) == {-1, 0, 1}
+    channels, _ = read_exr(out / "frames/t000020.00s.exr")
+    assert set(np.unique(channels["object_id"])) == {-1, 0, 1}
 
 
 def test_overrides_an_orthographic_camera_and_few_frames(tmp_path):
@@ -268,8 +270,8 @@ def test_overrides_an_orthographic_camera_and_few_frames(tmp_path):
     assert summary["config"]["name"] == "shade"
     assert summary["receipt"]["included"] == ["conduction", "emission"]
     assert summary["times_s"] == [5, 12, 20]
-    with OpenEXR.File(str(out / "frames/t000012.00s.exr"), True) as file:
-        assert file.channels()["depth_m"].pixels.shape == (30, 40)
+    channels, _ = read_exr(out / "frames/t000012.00s.exr")
+    assert channels["depth_m"].shape == (30, 40)
 
 
 def test_every_palette_draws(finished, tmp_path):
@@ -277,7 +279,7 @@ def test_every_palette_draws(finished, tmp_path):
     for palette in palette_names():
         options = sets(f"image.palette={palette}", "image.frames=[5]")
         succeed("render", finished, "--out", tmp_path / palette, *options)
-        picture = np.asarray(Image.open(tmp_path / palette / "frames/t000005.00s.png"))
+        picture = pixels(tmp_path / palette / "frames/t000005.00s.png")
         looks.add(picture[:48, :64].tobytes())
     assert len(looks) == len(palette_names())
 
@@ -316,9 +318,7 @@ def test_the_resolved_config_can_be_run_again_in_its_own_folder(finished, tmp_pa
     assert files(out) == RESULTS | frame_files()
 
 
-def test_a_run_that_blows_up_is_told_and_leaves_no_results(tmp_path):
-    scene = scene_file(tmp_path)
-    out = tmp_path / "out"
+def test_a_run_that_blows_up_is_told_and_leaves_no_results(scene, out):
     term = "terms.0={kind: heat_flux, heat_flux: -1e38}"
     code, _, err = run("simulate", scene, "--out", out, "--set", term)
     assert (code, err.count("\n")) == (2, 1)

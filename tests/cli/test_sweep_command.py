@@ -80,8 +80,7 @@ def test_a_sweep_leaves_rows_times_pictures_and_a_result(alone):
 
 @pytest.mark.slow
 @pytest.mark.slice
-def test_a_sweep_that_was_killed_goes_on_with_the_same_rows(alone, tmp_path):
-    out = tmp_path / "out"
+def test_a_sweep_that_was_killed_goes_on_with_the_same_rows(alone, tmp_path, out):
     config = sweep_file(tmp_path)
     process = start(COMMAND, "sweep", config, "--out", out, *SERIAL)
     path = out / "rows.jsonl"
@@ -122,12 +121,11 @@ def test_an_axis_that_names_nothing_is_one_line(tmp_path, old, new, message):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_failed_case_is_a_row_that_is_run_again_on_request(tmp_path):
+def test_a_failed_case_is_a_row_that_is_run_again_on_request(tmp_path, out):
     text = SWEEP.replace("[0.8, 1, 1.25]", "[1]").replace(
         "\ntruth", "\n  step: {key: solver.dt, values: [auto, 1000 s]}\ntruth"
     )
     path = sweep_file(tmp_path, text)
-    out = tmp_path / "out"
     code, said, _ = sweep(path, "--out", out, "--no-times")
     assert code == 0 and "2 cases failed" in said and "too long" in said
     failed = [row for row in rows(out).values() if "failed" in row]
@@ -141,9 +139,10 @@ def test_a_failed_case_is_a_row_that_is_run_again_on_request(tmp_path):
     assert (out / "rows.jsonl").stat().st_mtime_ns > stamp and len(rows(out)) == 4
 
 
-def test_devices_are_of_one_process_and_share_cases_of_one_shape(tmp_path, monkeypatch):
+def test_devices_are_of_one_process_and_share_cases_of_one_shape(
+    tmp_path, out, monkeypatch
+):
     path = sweep_file(tmp_path)
-    out = tmp_path / "out"
     code, _, err = run(
         "sweep", path, "--out", out, "--workers", 2, "--devices", 2, main=main
     )
@@ -158,19 +157,17 @@ def test_devices_are_of_one_process_and_share_cases_of_one_shape(tmp_path, monke
     assert not out.exists()
 
 
-def test_an_unreachable_scheduler_is_one_line(tmp_path, monkeypatch):
+def test_an_unreachable_scheduler_is_one_line(tmp_path, out, monkeypatch):
     monkeypatch.setattr("calibrate.study.pool._WAIT_S", 1.0)
     path = sweep_file(tmp_path)
-    out = tmp_path / "out"
     address = "tcp://127.0.0.1:9"
     code, _, err = sweep(path, "--out", out, "--no-times", "--scheduler", address)
     assert code == 2 and err.count("\n") == 1 and "cannot be reached" in err
 
 
-def test_a_full_disk_is_one_line_and_rows_are_kept(alone, tmp_path):
+def test_a_full_disk_is_one_line_and_rows_are_kept(alone, tmp_path, out):
     """Files may not grow beyond the rows of all cases but the last ones."""
     path = sweep_file(tmp_path)
-    out = tmp_path / "out"
     with largest_file((alone / "rows.jsonl").stat().st_size - 100):
         code, _, err = sweep(path, "--out", out, "--no-times")
     assert code == 2 and err.count("\n") == 1, err
@@ -181,10 +178,9 @@ def test_a_full_disk_is_one_line_and_rows_are_kept(alone, tmp_path):
 
 
 @pytest.mark.slow
-def test_tuning_by_hand_stands_beside_a_fit(tmp_path):
+def test_tuning_by_hand_stands_beside_a_fit(tmp_path, out):
     (tmp_path / "fit.yaml").write_text(FIT)
     path = sweep_file(tmp_path, TUNED)
-    out = tmp_path / "out"
     code, said, err = sweep(path, "--out", out, "--no-times")
     assert (code, err) == (0, "") and "best by fit: within" in said
     comparison = json.loads((out / "result.json").read_text())["fit"]
@@ -200,11 +196,10 @@ def test_tuning_by_hand_stands_beside_a_fit(tmp_path):
     assert (out / "fit" / "fit.json").stat().st_mtime_ns == stamp
 
 
-def test_a_fit_of_something_else_is_one_line(tmp_path):
+def test_a_fit_of_something_else_is_one_line(tmp_path, out):
     (tmp_path / "fit.yaml").write_text(FIT.replace(", {name: weights.between}", ""))
     text = TUNED.replace("count: 5", "count: 2")
     path = sweep_file(tmp_path, text)
-    out = tmp_path / "out"
     code, _, err = sweep(path, "--out", out, "--no-times")
     assert code == 2 and err.count("\n") == 1
     assert "the axis between is no range of a value that is fitted" in err

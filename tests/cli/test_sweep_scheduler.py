@@ -60,9 +60,8 @@ def without_failures(out: Path) -> bool:
 
 
 @pytest.mark.slow
-def test_forty_cases_killed_at_ten_random_moments(alone, tmp_path):
+def test_forty_cases_killed_at_ten_random_moments(alone, tmp_path, out):
     path = sweep_file(tmp_path, FORTY)
-    out = tmp_path / "out"
     # The duration of a whole sweep here, on a busy machine or on an idle one.
     clock = time.monotonic()
     assert start_sweep(path, tmp_path / "timed").wait(300) == 0
@@ -82,18 +81,16 @@ def test_forty_cases_killed_at_ten_random_moments(alone, tmp_path):
 
 
 @pytest.mark.slow
-def test_two_local_processes_give_the_rows_of_one(alone, tmp_path):
+def test_two_local_processes_give_the_rows_of_one(alone, tmp_path, out):
     path = sweep_file(tmp_path, FORTY)
-    out = tmp_path / "out"
     process = start_sweep(path, out, "--no-times", "--workers", 2)
     assert process.wait(300) == 0
     same_errors(errors(out), errors(alone))
 
 
 @pytest.mark.slow
-def test_an_interrupt_keeps_rows_and_says_how_to_go_on(tmp_path):
+def test_an_interrupt_keeps_rows_and_says_how_to_go_on(tmp_path, out):
     path = sweep_file(tmp_path, FORTY)
-    out = tmp_path / "out"
     words = ["sweep", str(path), "--out", str(out), "--no-times", "--workers", "2"]
     process = subprocess.Popen(
         [sys.executable, "-c", COMMAND, *words],
@@ -182,9 +179,8 @@ def sweep_on(address: str, path: Path, out: Path) -> subprocess.Popen:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("is_killed", [False, True])
-def test_a_scheduler_with_two_workers_even_if_one_dies(alone, tmp_path, is_killed):
+def test_a_scheduler_with_two_workers_even_if_one_dies(alone, tmp_path, out, is_killed):
     path = sweep_file(tmp_path, FORTY)
-    out = tmp_path / "out"
     with cluster(tmp_path) as (address, _, workers):
         process = sweep_on(address, path, out)
         if is_killed:
@@ -196,9 +192,8 @@ def test_a_scheduler_with_two_workers_even_if_one_dies(alone, tmp_path, is_kille
 
 
 @pytest.mark.slow
-def test_a_scheduler_that_dies_is_one_line_and_rows_are_kept(alone, tmp_path):
+def test_a_scheduler_that_dies_is_one_line_and_rows_are_kept(alone, tmp_path, out):
     path = sweep_file(tmp_path, FORTY)
-    out = tmp_path / "out"
     with cluster(tmp_path) as (address, scheduler, _):
         process = sweep_on(address, path, out)
         wait_for(lambda: (out / "rows.jsonl").exists() and len(rows(out)) > 0)

@@ -46,10 +46,8 @@ def test_a_reference_that_is_not_there_is_named_with_its_key(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.slice
-def test_a_run_is_compared_with_a_finer_one(tmp_path):
-    scene = scene_file(tmp_path)
+def test_a_run_is_compared_with_a_finer_one(tmp_path, scene, out):
     fine = tmp_path / "fine"
-    out = tmp_path / "out"
     succeed("simulate", scene, "--out", fine, "--set", "bodies.0.voxels_high=24")
     truth = f"truth={{reference: {fine / 'solution.npz'}, points: 2000}}"
     said = succeed("simulate", scene, "--out", out, "--set", truth)

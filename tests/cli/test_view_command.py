@@ -40,8 +40,8 @@ BY_SOFTWARE = (
         (("play", "no-run"), "has no config.yaml"),
     ],
 )
-def test_a_mistake_is_one_line(arguments, words, tmp_path):
-    config = scene_file(tmp_path)
+def test_a_mistake_is_one_line(arguments, words, scene):
+    config = scene
     named = [config if word == "CONFIG" else word for word in arguments]
     assert words in refused(*named)
     # No thread of a server is left.

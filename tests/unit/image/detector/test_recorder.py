@@ -40,7 +40,7 @@ def test_a_pixel_is_the_mean_of_its_samples():
     expected = values.reshape(4, 2, 6, 2).mean(axis=(1, 3))
     np.testing.assert_allclose(block_means(values, 2), expected, rtol=1e-14)
     traced = block_means(jnp.asarray(values), 2)
-    np.testing.assert_allclose(np.asarray(traced), expected, rtol=1e-14)
+    np.testing.assert_allclose(traced, expected, rtol=1e-14)
 
 
 @pytest.mark.parametrize("samples", [1, 2, 3])
@@ -70,7 +70,7 @@ def test_blur_keeps_energy_constants_and_is_the_same_in_jax(samples):
     blurred = integrate_pixels(values, samples, 1.2)
     assert blurred.sum() * samples**2 == pytest.approx(values.sum(), rel=1e-4)
     traced = integrate_pixels(jnp.asarray(values), samples, 1.2)
-    np.testing.assert_allclose(np.asarray(traced), blurred, rtol=1e-12, atol=1e-14)
+    np.testing.assert_allclose(traced, blurred, rtol=1e-12, atol=1e-14)
     constant = integrate_pixels(np.full((10 * samples, 8 * samples), 3.0), samples, 2.0)
     np.testing.assert_allclose(constant, 3.0, rtol=1e-14)
 
@@ -153,7 +153,7 @@ def test_a_bolometer_follows_a_ramp_with_its_time_constant():
         # y = L - slope tau (1 - exp(-t / tau)) from y = L at the start.
         behind = slope * tau * (1 - math.exp(-time / tau))
         expected = 50.0 + slope * time - behind
-        np.testing.assert_allclose(np.asarray(image.radiance), expected, rtol=1e-12)
+        np.testing.assert_allclose(image.radiance, expected, rtol=1e-12)
 
 
 def test_a_bolometer_forgets_what_was_long_ago():
@@ -167,7 +167,7 @@ def test_a_bolometer_forgets_what_was_long_ago():
     lag = in_order((jt.BolometerLag(0.01),))
     image = Recording(reaching, times, lag).frame(99)
     assert min(drawn) == 98
-    np.testing.assert_allclose(np.asarray(image.radiance), 149.0 - 0.01, rtol=1e-12)
+    np.testing.assert_allclose(image.radiance, 149.0 - 0.01, rtol=1e-12)
 
 
 def test_noise_on_a_sky_without_radiance_has_a_temperature_still():
@@ -190,7 +190,7 @@ def test_frames_in_order_are_drawn_once_and_as_if_alone():
     assert drawn == [0, 2, 1, 3, 4]
     for k, radiance in zip((0, 2, 3, 4), in_turn, strict=True):
         alone = Recording(reaching, times, lag).frame(k).radiance
-        np.testing.assert_allclose(radiance, np.asarray(alone), rtol=1e-12)
+        np.testing.assert_allclose(radiance, alone, rtol=1e-12)
     # Back in time nothing later is remembered.
     again = np.asarray(detector.frame(2).radiance)
     np.testing.assert_array_equal(again, in_turn[1])

@@ -45,7 +45,7 @@ def test_an_apng_is_exact(tmp_path, ending):
     decoded, durations = frames_of(path)
     assert durations == [250.0] * 3
     for pixels, original in zip(decoded, pictures(), strict=True):
-        np.testing.assert_array_equal(pixels, np.asarray(original))
+        np.testing.assert_array_equal(pixels, original)
 
 
 @pytest.mark.parametrize("palette", ["iron", "rainbow", "white-hot"])

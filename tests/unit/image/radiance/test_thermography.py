@@ -46,7 +46,7 @@ def test_object_temperature_is_the_inverse(band):
     np.testing.assert_allclose(inverse, kelvin, rtol=1e-10)
     traced = jax.jit(lambda r: jt.object_temperature(r, **path, band=band))
     on_device = traced(radiance)
-    np.testing.assert_allclose(np.asarray(on_device), kelvin, rtol=1e-10)
+    np.testing.assert_allclose(on_device, kelvin, rtol=1e-10)
 
 
 def test_derivatives_of_the_measured_temperature():
