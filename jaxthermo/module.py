@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import equinox as eqx
 
+from .arrays import plain_numbers
+
 
 class _Fields(NamedTuple):
     """Fields of a class, and functions for new modules of it."""
@@ -71,6 +73,11 @@ class _QuickMeta(type(eqx.Module)):
         for check in fields.checks:
             check(module)
         return module
+
+
+def static_numbers(default: Any) -> Any:
+    """Static field of plain numbers, which compiled programs take as constants."""
+    return eqx.field(static=True, converter=plain_numbers, default=default)
 
 
 class Module(eqx.Module):

@@ -3,15 +3,14 @@
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-import equinox as eqx
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from ..arrays import linear_map, plain_numbers
+from ..arrays import linear_map
 from ..errors import InputError, require, shortened
-from ..module import Module
+from ..module import Module, static_numbers
 
 
 @dataclass(frozen=True)
@@ -321,14 +320,10 @@ def _are_finite(numbers: Any, shape: tuple[int, ...]) -> bool:
 class Pose(Module):
     """Rigid placement of a body in the world: x -> rotation x + translation."""
 
-    translation: tuple[float, float, float] = eqx.field(
-        static=True, converter=plain_numbers, default=(0.0, 0.0, 0.0)
-    )
+    translation: tuple[float, float, float] = static_numbers((0.0, 0.0, 0.0))
     """Position of the body's origin in the world [m]."""
-    rotation: tuple[tuple[float, float, float], ...] = eqx.field(
-        static=True,
-        converter=plain_numbers,
-        default=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    rotation: tuple[tuple[float, float, float], ...] = static_numbers(
+        ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     )
     """Rows of a rotation matrix [-]."""
 

@@ -13,6 +13,7 @@ from typing_extensions import override
 from ..arrays import plain_numbers
 from ..errors import InputError
 from ..geometry.vectors import unit_vector
+from ..module import static_numbers
 
 
 class AbstractSelection(eqx.Module):
@@ -109,10 +110,8 @@ class Side(_AbstractOnOneBody):
     """Fragments of a body whose normal is within `half_angle` [rad] of `normal`."""
 
     normal: tuple[float, float, float] = eqx.field(static=True, converter=plain_numbers)
-    body: int = eqx.field(static=True, default=0, converter=plain_numbers)
-    half_angle: float = eqx.field(
-        static=True, default=float(np.pi / 4), converter=plain_numbers
-    )
+    body: int = static_numbers(0)
+    half_angle: float = static_numbers(float(np.pi / 4))
 
     def __check_init__(self):
         unit_vector(self.normal, "Side(normal=)")
@@ -137,7 +136,7 @@ class Region(_AbstractOnOneBody, AbstractSpace):
 
     lower: tuple[float, float, float] = eqx.field(static=True, converter=plain_numbers)
     upper: tuple[float, float, float] = eqx.field(static=True, converter=plain_numbers)
-    body: int = eqx.field(static=True, default=0, converter=plain_numbers)
+    body: int = static_numbers(0)
 
     def __check_init__(self):
         try:
@@ -160,7 +159,7 @@ class Region(_AbstractOnOneBody, AbstractSpace):
 class Everything(_AbstractOnOneBody, AbstractSpace):
     """Whole body."""
 
-    body: int = eqx.field(static=True, default=0, converter=plain_numbers)
+    body: int = static_numbers(0)
 
     @override
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:

@@ -2,7 +2,6 @@
 
 import math
 from functools import lru_cache
-from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -11,8 +10,9 @@ from jaxtyping import Float
 from scipy.sparse import csr_array
 from typing_extensions import override
 
-from ...arrays import plain_numbers, product
+from ...arrays import array_namespace, plain_numbers, product
 from ...errors import InputError
+from ...module import static_numbers
 from ..radiance.band import Band
 from ..radiance.effect import AbstractBlur, AbstractDetectorEffect
 from ..radiance.image import block_means
@@ -52,11 +52,11 @@ class DiffractionBlur(AbstractBlur):
         InputError: for values that are not positive.
     """
 
-    f_number: float = eqx.field(static=True, converter=plain_numbers, default=1.0)
+    f_number: float = static_numbers(1.0)
     """N, focal length over aperture [-]."""
-    pixel_pitch: float = eqx.field(static=True, converter=plain_numbers, default=12e-6)
+    pixel_pitch: float = static_numbers(12e-6)
     """Distance of the detector's pixels [m]."""
-    wavelength: float = eqx.field(static=True, converter=plain_numbers, default=10e-6)
+    wavelength: float = static_numbers(10e-6)
     """[m]"""
 
     def __check_init__(self):
@@ -122,7 +122,7 @@ def _non_negative(name: str, values: dict[str, float]) -> None:
 
 
 def _added(radiance: Values, noise: Float[np.ndarray, "h w"]) -> Values:
-    xp: Any = np if isinstance(radiance, np.ndarray) else jnp
+    xp = array_namespace(radiance)
     return xp.maximum(radiance + noise.astype(radiance.dtype), _LEAST_RADIANCE)
 
 
@@ -136,11 +136,9 @@ class DetectorNoise(AbstractDetectorEffect):
 
     rank = 40
 
-    netd: float = eqx.field(static=True, converter=plain_numbers, default=0.05)
+    netd: float = static_numbers(0.05)
     """Noise equivalent temperature difference [K]: 0.03 to 0.06 of uncooled cameras."""
-    reference_temperature: float = eqx.field(
-        static=True, converter=plain_numbers, default=300.0
-    )
+    reference_temperature: float = static_numbers(300.0)
     """Temperature of the black surface for which `netd` holds [K]."""
     seed: int = eqx.field(static=True, default=0)
     """Seed; frames of one time and seed have the same noise."""
@@ -165,13 +163,11 @@ class FixedPatternNoise(AbstractDetectorEffect):
 
     rank = 41
 
-    netd: float = eqx.field(static=True, converter=plain_numbers, default=0.02)
+    netd: float = static_numbers(0.02)
     """Standard deviation over the pixels [K]."""
-    columns: float = eqx.field(static=True, converter=plain_numbers, default=0.0)
+    columns: float = static_numbers(0.0)
     """Standard deviation over the columns [K]."""
-    reference_temperature: float = eqx.field(
-        static=True, converter=plain_numbers, default=300.0
-    )
+    reference_temperature: float = static_numbers(300.0)
     """Temperature of the black surface for which both deviations hold [K]."""
     seed: int = eqx.field(static=True, default=0)
     """Seed: one for each camera."""
@@ -238,7 +234,7 @@ class Counts(AbstractDetectorEffect):
     def apply(
         self, radiance: Float[Values, "h w"], time: float, band: Band | None
     ) -> Float[Values, "h w"]:
-        xp: Any = np if isinstance(radiance, np.ndarray) else jnp
+        xp = array_namespace(radiance)
         kelvin = np.array([self.low, self.high])
         ends = black_radiance(kelvin, None) if band is None else band.radiance(kelvin)
         low, high = (np.asarray(end, radiance.dtype) for end in ends)

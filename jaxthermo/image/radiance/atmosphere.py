@@ -7,11 +7,10 @@ import numpy as np
 from jaxtyping import Float
 from typing_extensions import override
 
-from ...errors import InputError
 from ...physics.term import AbstractTerm
 from ..surface.view import View
 from .band import Band
-from .effect import AbstractPathEffect
+from .effect import AbstractPathEffect, check_range
 from .radiometry import Values, black_radiance
 
 
@@ -70,17 +69,9 @@ class Atmosphere(AbstractPathEffect):
     """Transmissivity of the whole path [-], instead of that by the distance."""
 
     def __check_init__(self):
-        for name, low, high in (
-            ("temperature", 150, 400),
-            ("relative_humidity", 0, 1),
-            ("transmissivity", 0, 1),
-        ):
-            value = getattr(self, name)
-            if isinstance(value, int | float) and not low <= value <= high:
-                unit = "K" if name == "temperature" else "a fraction"
-                raise InputError(
-                    f"Atmosphere({name}={value!r}): give {low} to {high}, {unit}"
-                )
+        check_range(self, "temperature", 150, 400, ", K")
+        for name in ("relative_humidity", "transmissivity"):
+            check_range(self, name, 0, 1, ", a fraction")
 
     @override
     def prepared(self, view: View, terms: tuple[AbstractTerm, ...], xp: Any) -> Any:

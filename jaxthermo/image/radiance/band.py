@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import Numbers
+from ...arrays import Numbers, array_namespace
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from .response import BANDS, checked_response
@@ -97,7 +97,7 @@ class Band:
 
     def slope(self, temperature: Any) -> Float[_Values, "..."]:
         """Derivative dL/dT at temperatures [K], in W/(m^2 sr K)."""
-        xp: Any = jnp if isinstance(temperature, jax.Array) else np
+        xp = array_namespace(temperature)
         return self._sums(xp.asarray(temperature), xp)[1]
 
     def temperature(self, radiance: Any) -> Float[_Values, "..."]:

@@ -4,19 +4,18 @@ import math
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 from typing_extensions import override
 
-from ...arrays import plain_numbers
 from ...errors import InputError
+from ...module import static_numbers
 from ...physics.radiation.diffuse_sky import DiffuseSky
 from ...physics.radiation.source import AbstractSource, Sun
 from ...physics.term import AbstractTerm
 from ...physics.time_varying import is_zero
 from ..surface.view import LinesOfSight, View
-from .effect import AbstractSurfaceEffect, Horizon
+from .effect import AbstractSurfaceEffect, Horizon, check_range
 from .radiometry import PixelRadiation
 
 
@@ -32,14 +31,11 @@ class AngularEmissivity(AbstractSurfaceEffect):
 
     rank = 0
 
-    exponent: float = eqx.field(static=True, converter=plain_numbers, default=5.0)
+    exponent: float = static_numbers(5.0)
     """Exponent [-]; a larger one keeps the emissivity up to larger angles."""
 
     def __check_init__(self):
-        if not 1 <= self.exponent <= 100:
-            raise InputError(
-                f"AngularEmissivity(exponent={self.exponent!r}): give 1 to 100"
-            )
+        check_range(self, "exponent", 1, 100)
 
     @override
     def prepared(self, view: View, terms: tuple[AbstractTerm, ...], xp: Any) -> Any:
@@ -79,18 +75,12 @@ class SpecularReflection(AbstractSurfaceEffect):
 
     fraction: Any = 0.5
     """s, fraction of the reflected radiation in the lobe [-]."""
-    exponent: float = eqx.field(static=True, converter=plain_numbers, default=20.0)
+    exponent: float = static_numbers(20.0)
     """n, 5 for satin to 1000 for a polished surface [-]."""
 
     def __check_init__(self):
-        if isinstance(self.fraction, int | float) and not 0 <= self.fraction <= 1:
-            raise InputError(
-                f"SpecularReflection(fraction={self.fraction!r}): give 0 to 1"
-            )
-        if not 1 <= self.exponent <= 1e5:
-            raise InputError(
-                f"SpecularReflection(exponent={self.exponent!r}): give 1 to 100000"
-            )
+        check_range(self, "fraction", 0, 1)
+        check_range(self, "exponent", 1, 100000)
 
     @override
     def prepared(self, view: View, terms: tuple[AbstractTerm, ...], xp: Any) -> _Lobes:

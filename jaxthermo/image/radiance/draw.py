@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.sparse import csr_array
 
-from ...arrays import is_traced
+from ...arrays import array_namespace, namespace
 from ...physics.radiation.irradiation import Irradiance
 from ...physics.radiation.source import AbstractSource
 from ...physics.term import AbstractTerm
@@ -83,7 +83,7 @@ def irradiation_at_pixels(
     plain = means(weights, values)
     if facets is None:
         return plain
-    xp: Any = np if on_host else jnp
+    xp = array_namespace(values)
     local_mean = means(facets.local_mean, values)
     share = xp.asarray(facets.share, values.dtype)[:, :, None]
     joined, alone = (
@@ -131,7 +131,7 @@ def _lambertian(
     band: Band | None,
 ) -> _PixelSurface:
     """Surfaces that emit and reflect alike in all directions."""
-    xp: Any = np if isinstance(kelvin, np.ndarray) else jnp
+    xp = array_namespace(kelvin)
     surface = _temperature_at_pixels(view, kelvin)
     seen = _property_at_pixels(view, surfaces=surfaces, field="emissivity", xp=xp)
     back: Any = xp.zeros_like(surface)
@@ -175,7 +175,7 @@ def _directional(
     effects: Effects,
 ) -> _PixelSurface:
     """Surfaces whose radiation depends on the direction."""
-    xp: Any = np if isinstance(kelvin, np.ndarray) else jnp
+    xp = array_namespace(kelvin)
     surface = _temperature_at_pixels(view, kelvin)
     seen = _property_at_pixels(view, surfaces=surfaces, field="emissivity", xp=xp)
     absorptivity = _property_at_pixels(
@@ -236,7 +236,7 @@ def draw(
     load_time = time if load_time is None else load_time
     # Derivatives need JAX, which otherwise would compile a program for every view.
     inputs = temperature, received, load_time, terms, surfaces, effects, view.weights
-    xp: Any = jnp if is_traced(inputs) else np
+    xp = namespace(inputs)
     kelvin = xp.asarray(temperature)
     if received is not None:
         received = Irradiance(*(xp.asarray(values) for values in received))
@@ -293,7 +293,7 @@ def draw(
 
 def _with_source(image: Image, source: VisibleSource, strength: Values) -> Image:
     """The frame with a source in front; without it where it is switched off."""
-    xp: Any = np if isinstance(strength, np.ndarray) else jnp
+    xp = array_namespace(strength)
     radiance = strength * xp.asarray(source.radiance, image.radiance.dtype)
     where = np.divmod(source.pixel, image.radiance.shape[1])
 

@@ -9,15 +9,14 @@ import abc
 import math
 from typing import Any, ClassVar, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ...arrays import is_traced, plain_numbers
+from ...arrays import is_traced
 from ...errors import InputError, require
-from ...module import Module
+from ...module import Module, static_numbers
 from ...physics.term import AbstractTerm
 from ..surface.view import View
 from .band import Band
@@ -29,6 +28,21 @@ class _AbstractEffect(Module):
 
     rank: ClassVar[int]
     """Effects of lower rank act first, whatever their order in the tuple."""
+
+
+def check_range(
+    effect: _AbstractEffect, name: str, low: int, high: int, unit: str = ""
+) -> None:
+    """Refuse a plain number of an effect beyond its range.
+
+    Raises:
+        InputError: for less than `low` or more than `high`.
+    """
+    value = getattr(effect, name)
+    if isinstance(value, int | float) and not low <= value <= high:
+        raise InputError(
+            f"{type(effect).__name__}({name}={value!r}): give {low} to {high}{unit}"
+        )
 
 
 class _AbstractViewEffect(_AbstractEffect):
@@ -88,7 +102,7 @@ class BolometerLag(_AbstractEffect):
 
     rank = 30
 
-    time_constant: float = eqx.field(static=True, converter=plain_numbers, default=0.01)
+    time_constant: float = static_numbers(0.01)
     """tau [s], 7 to 15 ms of uncooled cameras."""
 
     def __check_init__(self):

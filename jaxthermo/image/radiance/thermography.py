@@ -13,10 +13,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
-from ...arrays import is_traced
+from ...arrays import array_namespace, is_traced
 from ...errors import InputError
 from .atmosphere import transmissivity as air_transmissivity
 from .band import LONG_WAVE, Band
@@ -32,10 +31,6 @@ def _black_radiance(temperature: Any, band: Band | None) -> Any:
     # Exact, where images on the host look it up in a table.
     kelvin = _array(temperature)
     return black_radiance(kelvin, None) if band is None else band.radiance(kelvin)
-
-
-def _module(*values: Any) -> Any:
-    return jnp if any(isinstance(value, jax.Array) for value in values) else np
 
 
 def _check_fraction(name: str, value: Any, above: bool = False) -> None:
@@ -150,7 +145,7 @@ class FlirCalibration:
     def counts(self, temperature: Any) -> Any:
         """Counts S of a black surface at temperatures [K]."""
         kelvin = _array(temperature)
-        exp = _module(kelvin).exp
+        exp = array_namespace(kelvin).exp
         return self.r1 / (self.r2 * (exp(self.b / kelvin) - self.f)) - self.o
 
     def temperature(self, counts: Any) -> Any:
@@ -165,7 +160,7 @@ class FlirCalibration:
                 f"FlirCalibration: counts of {-self.o:g} and less are no temperature: "
                 "check the offset O, or mask such pixels"
             )
-        log = _module(signal).log
+        log = array_namespace(signal).log
         return self.b / log(self.r1 / (self.r2 * signal) + self.f)
 
     def object_temperature(
@@ -202,7 +197,7 @@ class FlirCalibration:
         _check_fraction(f"{prefix}emissivity", emissivity, above=True)
         _check_fraction(f"{prefix}window_transmissivity", window_transmissivity, True)
         _check_fraction(f"{prefix}relative_humidity", relative_humidity)
-        xp = _module(distance, air_temperature, relative_humidity)
+        xp = array_namespace((distance, air_temperature, relative_humidity))
         half = _array(distance) / 2
         passed = air_transmissivity(
             half,

@@ -13,6 +13,7 @@ from typing_extensions import override
 from ...arrays import linear_map, plain_numbers
 from ...errors import InputError
 from ...geometry.vectors import unit_vector
+from ...module import static_numbers
 from ...raster.views import clip_half_space
 
 
@@ -195,13 +196,11 @@ class Camera(AbstractCamera):
         static=True, converter=plain_numbers
     )
     """Point in the centre of the image [m]."""
-    up: tuple[float, float, float] = eqx.field(
-        static=True, converter=plain_numbers, default=(0.0, 0.0, 1.0)
-    )
-    field_of_view: float = eqx.field(static=True, converter=plain_numbers, default=0.6)
+    up: tuple[float, float, float] = static_numbers((0.0, 0.0, 1.0))
+    field_of_view: float = static_numbers(0.6)
     """Angle from the top to the bottom of the image [rad]."""
-    width: int = eqx.field(static=True, converter=plain_numbers, default=640)
-    height: int = eqx.field(static=True, converter=plain_numbers, default=480)
+    width: int = static_numbers(640)
+    height: int = static_numbers(480)
 
     def __check_init__(self):
         self._check_view()
@@ -287,11 +286,9 @@ class OrthographicCamera(AbstractCamera):
     """Point in the centre of the image [m]."""
     view_height: float = eqx.field(static=True, converter=plain_numbers)
     """Length from the top to the bottom of the image [m]."""
-    up: tuple[float, float, float] = eqx.field(
-        static=True, converter=plain_numbers, default=(0.0, 0.0, 1.0)
-    )
-    width: int = eqx.field(static=True, converter=plain_numbers, default=640)
-    height: int = eqx.field(static=True, converter=plain_numbers, default=480)
+    up: tuple[float, float, float] = static_numbers((0.0, 0.0, 1.0))
+    width: int = static_numbers(640)
+    height: int = static_numbers(480)
 
     def __check_init__(self):
         self._check_view()
