@@ -57,20 +57,20 @@ def render_contacts(run: Path, out: Path | None, overrides: tuple[str, ...]) -> 
     target = out or run
     with precision(config.dtype):
         stored = load_solution(run / "solution.npz")
-        chosen = chosen_frames(config, stored.times)
+        frame_times = chosen_frames(config, stored.times)
         with status(console, "voxelizing"):
             grids = [body.build_grid() for body in config.bodies]
             _check_unchanged(run, grids, stored)
         with status(console, "finding contacts"):
             textures = [
                 _texture(contacts, grids=grids, stored=stored, time=time)
-                for time in chosen
+                for time in frame_times
             ]
         if not any(texture.area for texture in textures):
             raise InputError(f"{run}: no bodies touch at the times of the frames")
         with results_folder(target) as folder:
             _write(config, grids=grids, textures=textures, folder=folder / CONTACTS)
-    sheets = count(len(chosen), "sheet")
+    sheets = count(len(frame_times), "sheet")
     print_line(console, f"{sheets} of contact textures in {target / CONTACTS}")
 
 

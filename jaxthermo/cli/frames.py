@@ -219,24 +219,24 @@ def write_frames(
         folder: of the run.
         extras: animation and contact sheet.
     """
-    chosen = chosen_frames(config, stored.times)
+    frame_times = chosen_frames(config, stored.times)
     # Drawn twice, for the scale and for the file: a long run would fill the memory.
-    scale = _scale(config, (camera.draw(stored, time.index) for time in chosen))
+    scale = _scale(config, (camera.draw(stored, time.index) for time in frame_times))
     draw = camera.detector(stored)
-    images = (draw(time.index) for time in chosen)
+    images = (draw(time.index) for time in frame_times)
     frames = prepare_folder(folder / FRAMES)
     earlier = earlier_frames(frames) | earlier_outputs(folder)
     written, lines = write_outputs(
         config,
         frames=(Frame.of(config, image, scale, camera.samples) for image in images),
-        times=[time.seconds for time in chosen],
+        times=[time.seconds for time in frame_times],
         folder=folder,
-        stems=[frames / time.name for time in chosen],
+        stems=[frames / time.name for time in frame_times],
         extras=extras,
     )
     for path in earlier - written:
         path.unlink(missing_ok=True)
-    return _Drawn(len(chosen), lines)
+    return _Drawn(len(frame_times), lines)
 
 
 def render(

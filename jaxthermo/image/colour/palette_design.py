@@ -36,63 +36,16 @@ for _name in [key for key in sys.modules if key.startswith("matplotlib")]:
 
 _BAKED = Path(__file__).with_name("palettes.json")
 
-# (position, r, g, b) anchors, sRGB 0-255. The order of colours is that of thermal
-# cameras; the values are not.
-_IRON = (
-    (0.00, 4, 2, 12),
-    (0.10, 30, 4, 78),
-    (0.22, 88, 6, 132),
-    (0.36, 156, 18, 140),
-    (0.50, 212, 48, 92),
-    (0.62, 238, 94, 32),
-    (0.75, 251, 152, 10),
-    (0.87, 255, 212, 58),
-    (0.95, 255, 243, 160),
-    (1.00, 255, 255, 244),
-)
-_RAINBOW = (
-    (0.00, 42, 10, 92),
-    (0.12, 36, 44, 190),
-    (0.27, 20, 130, 235),
-    (0.40, 24, 200, 196),
-    (0.52, 70, 205, 70),
-    (0.64, 200, 222, 40),
-    (0.76, 252, 190, 24),
-    (0.88, 240, 80, 20),
-    (1.00, 170, 10, 30),
-)
-# Bezier control points (J', a', b') in CAM16-UCS: blue-black, violet, red, orange, pale
-# yellow. One polynomial is smooth everywhere, so that no band of colour stands out.
-_EMBER = (
-    (5.0, 1.5, -9.6),
-    (14.0, 5.0, -33.9),
-    (34.0, 44.8, -24.9),
-    (50.0, 59.1, 21.2),
-    (66.0, 23.6, 40.0),
-    (84.0, -8.3, 33.7),
-    (97.0, -4.6, 6.1),
-)
-# Night blue, blue, grey, gold, cream: blue and yellow, which most of the colour-blind
-# tell apart.
-_ARCTIC = (
-    (7.1, 1.5, -10.7),
-    (19.0, 4.4, -30.6),
-    (38.6, -4.7, -34.7),
-    (60.2, -13.5, -25.5),
-    (71.9, 2.0, 22.0),
-    (84.8, 7.3, 36.7),
-    (96.1, -4.7, 9.7),
-)
-# Black, dark red, red, orange, pale yellow, as of a body that begins to glow.
-_LAVA = (
-    (6.9, 5.0, 0.0),
-    (11.5, 17.9, 1.7),
-    (27.2, 31.9, 10.0),
-    (45.8, 47.8, 21.2),
-    (65.1, 27.8, 30.1),
-    (83.5, -4.1, 29.9),
-    (97.0, -3.0, 6.8),
-)
+_DESIGN = json.loads(Path(__file__).with_suffix(".json").read_text())
+# (position, r, g, b) of each palette, sRGB 0-255. The order of colours is that of
+# thermal cameras; the values are not.
+_ANCHORS = _DESIGN["anchors"]
+# Bezier control points (J', a', b') in CAM16-UCS. One polynomial is smooth everywhere,
+# so that no band of colour stands out. Ember: blue-black, violet, red, orange, pale
+# yellow. Arctic: night blue, blue, grey, gold, cream, which most of the colour-blind
+# tell apart. Lava: black, dark red, red, orange, pale yellow, as of a body that begins
+# to glow.
+_CONTROLS = _DESIGN["controls"]
 
 
 def _through_anchors(anchors) -> Float[np.ndarray, "256 3"]:
@@ -144,13 +97,13 @@ def _displayed(ucs: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
 def _build_palettes() -> dict[str, UInt8[np.ndarray, "256 3"]]:
     grey = np.repeat(np.linspace(0.0, 1.0, ENTRIES)[:, None], 3, axis=1)
     tables = {
-        "iron": _through_anchors(_IRON),
-        "ember": _displayed(_even_ucs(_EMBER)),
+        "iron": _through_anchors(_ANCHORS["iron"]),
+        "ember": _displayed(_even_ucs(_CONTROLS["ember"])),
         "white-hot": grey,
         "black-hot": grey[::-1],
-        "rainbow": _through_anchors(_RAINBOW),
-        "arctic": _displayed(_even_ucs(_ARCTIC)),
-        "lava": _displayed(_even_ucs(_LAVA)),
+        "rainbow": _through_anchors(_ANCHORS["rainbow"]),
+        "arctic": _displayed(_even_ucs(_CONTROLS["arctic"])),
+        "lava": _displayed(_even_ucs(_CONTROLS["lava"])),
     }
     return {k: np.rint(255.0 * v).astype(np.uint8) for k, v in tables.items()}
 

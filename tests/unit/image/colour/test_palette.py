@@ -36,8 +36,7 @@ EVEN = ("ember", "arctic", "lava")
 
 @pytest.mark.parametrize("name", EVEN)
 def test_even_palettes_take_equal_steps_and_brighten(name):
-    controls = getattr(palette_design, f"_{name.upper()}")
-    ucs = palette_design._even_ucs(controls)
+    ucs = palette_design._even_ucs(palette_design._CONTROLS[name])
     step = np.linalg.norm(np.diff(ucs, axis=0), axis=1)
     assert step.std() / step.mean() < 1e-3
     assert (np.diff(ucs[:, 0]) > 0.3 * step).all()
