@@ -32,17 +32,8 @@ def shown_temperature(image: Image, quantity: str) -> Float[np.ndarray, "h w"]:
     return kelvin
 
 
-def covered_fraction(image: Image, samples: int = 1) -> Float[np.ndarray, "h w"]:
-    """Fraction of each pixel that bodies cover [-]: 0 in the background, 1 inside.
-
-    Args:
-        image: the frame.
-        samples: pixels of the image along each axis, not coarsened yet, that become
-            one pixel.
-    """
-    if samples == 1 and image.coverage is not None:
+def covered_fraction(image: Image) -> Float[np.ndarray, "h w"]:
+    """Fraction of each pixel that bodies cover [-]: 0 in the background, 1 inside."""
+    if image.coverage is not None:
         return np.asarray(image.coverage, float)
-    on_body = np.asarray(image.object_id) >= 0
-    height, width = on_body.shape
-    blocks = on_body.reshape(height // samples, samples, width // samples, samples)
-    return blocks.mean(axis=(1, 3))
+    return (np.asarray(image.object_id) >= 0).astype(float)

@@ -77,13 +77,10 @@ class _Cells(NamedTuple):
     size: tuple[int, int]
 
 
-def build_atlas(geometry: BodyGeometry, texel: float | None = None) -> _Atlas:
-    """Make the atlas of a body.
+def build_atlas(geometry: BodyGeometry) -> _Atlas:
+    """Make the atlas of a body, whose texels are as long as the edges of its voxels.
 
-    Args:
-        geometry: of the body.
-        texel: length of a texel [m]; the voxels' edge if None. Where the atlas would be
-            larger than 8192 texels they are longer.
+    Where the atlas would be larger than 8192 texels they are longer.
 
     Raises:
         InputError: for more triangles than such a texture has room for.
@@ -92,7 +89,7 @@ def build_atlas(geometry: BodyGeometry, texel: float | None = None) -> _Atlas:
     faces = geometry.faces
     triangles = vertices[faces]
     longest = np.linalg.norm(np.roll(triangles, -1, 1) - triangles, axis=-1).max(axis=1)
-    length = texel or geometry.pitch
+    length = geometry.pitch
     while (cells := _packed(np.ceil(longest / length).astype(int))) is None:
         if length > longest.max():
             raise InputError(

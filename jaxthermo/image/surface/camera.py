@@ -143,7 +143,7 @@ class AbstractCamera(eqx.Module):
         self,
         pixel: Int[np.ndarray, " p"],
         values: Shaped[np.ndarray, "p *k"],
-        background: float | tuple[int, ...],
+        background: float | int | tuple[int, ...],
     ) -> Shaped[np.ndarray, "h w *k"]:
         """Image of values at some pixels, with a background at all others."""
         frame = np.full(

@@ -47,9 +47,6 @@ def screen_space_occlusion(
     normal: Float[np.ndarray, "h w 3"],
     camera: AbstractCamera,
     radius: float,
-    *,
-    slices: int = _SLICES,
-    steps: int = _STEPS,
 ) -> Float[np.ndarray, "h w"]:
     """Visible fraction of the cosine-weighted hemisphere; 1 in the background.
 
@@ -58,8 +55,6 @@ def screen_space_occlusion(
         normal: outward normal in the world.
         camera: of the image.
         radius: largest distance of occluders [m].
-        slices: number of slices per pixel.
-        steps: number of steps on either side of a slice.
 
     Raises:
         InputError: if the radius is not positive or the image not the camera's.
@@ -82,10 +77,10 @@ def screen_space_occlusion(
     middle = float(np.median(sight.pixel[hit]))
     # The same shifts [pixels] for all pixels, which makes them array operations; points
     # beyond the radius are excluded one by one in `_horizon`.
-    shift = radius / middle * (np.arange(1, steps + 1) / steps) ** 1.5
+    shift = radius / middle * (np.arange(1, _STEPS + 1) / _STEPS) ** 1.5
     open_part = np.zeros(hit.shape)
     hemisphere = np.zeros(hit.shape)
-    for turn in np.pi * (np.arange(slices) + 0.5) / slices:
+    for turn in np.pi * (np.arange(_SLICES) + 0.5) / _SLICES:
         direction = np.array([np.cos(turn), np.sin(turn)])
         side = _across(direction @ sight.axes, sight.back)
         length, angle = _tilt(normal, sight.back, side)

@@ -151,7 +151,7 @@ class View:
         return self.once(("frames", pixel_type), lambda: self._frames(pixel_type))
 
     def _frames(self, dtype: np.dtype) -> _GeometryFrames:
-        def frame(values: np.ndarray, background: float) -> np.ndarray:
+        def frame(values: np.ndarray, background: float | int) -> np.ndarray:
             image = self.camera.frame_of(self.pixel, values, background)
             image.flags.writeable = False
             return image

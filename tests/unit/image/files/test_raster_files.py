@@ -11,6 +11,7 @@ from jaxthermo.image.colour.frame_values import covered_fraction, shown_temperat
 from jaxthermo.image.colour.picture import picture
 from jaxthermo.image.files.exr import read_exr, write_exr
 from jaxthermo.image.files.raster_files import write_centikelvin, write_csv, write_tiff
+from jaxthermo.image.radiance.image import coarsen
 
 
 KELVIN = 280.0 + np.random.default_rng(3).uniform(0.0, 60.0, (5, 7))
@@ -96,7 +97,7 @@ def test_a_folder_that_is_not_there(tmp_path, write):
 def test_the_mask_is_the_fraction_that_bodies_cover(tmp_path):
     body = np.array([[0, 0, -1, -1], [1, -1, -1, -1]])
     fine = frame(np.full((2, 4), 300.0), body=body)
-    mask = covered_fraction(fine, 2)
+    mask = covered_fraction(coarsen(fine, 2))
     assert mask.tolist() == [[0.75, 0.0]]
     assert covered_fraction(fine).tolist() == (body >= 0).tolist()
     coarse = frame([[300.0, 300.0]], body=[[0, -1]])
