@@ -16,11 +16,11 @@ from ..config.types.model import build
 from ..console.results_folder import prepare_folder, results_folder
 from ..console.terminal import open_console, print_line, status
 from ..errors import InputError
+from ..image.detector.recorder import Moment, Recorder
 from ..image.measurements import AbstractMeasurement, Isotherm, names_of
 from ..image.radiance.effect import in_order
 from ..image.radiance.image import Image
 from ..image.radiance.radiometry import apparent_temperature
-from ..image.render import Moment, Recorder
 from ..image.surface.view import View, at_time
 from ..integrate.run.solution_file import StoredSolution, load_solution
 from ..physics.radiation.irradiation import Irradiance
