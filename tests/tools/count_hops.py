@@ -12,7 +12,8 @@ It prints counts of a scene of eight nodes with sun, convection and surroundings
 - the files of jaxthermo that `compile_scene` enters, by `sys.setprofile`: those of
   which any function runs, the file of `compile_scene` included. What earlier calls
   have stored is forgotten, and nothing is read from the user's cache;
-- the files that a frame of the solution enters in the same way, by `render`;
+- the files that a frame of the solution enters in the same way, by `render`: in a new
+  view, and in the same view again. Modules are imported before;
 
 and of a fit of one weight of blocks:
 
@@ -200,10 +201,15 @@ def main() -> None:
     print(f"compile_scene: {len(compiling)} files")
     print("  " + "\n  ".join(compiling))
     solution = jt.simulate(scene, 1.0)
-    camera = jt.Camera((0.1, 0.02, 0.03), (0.0, 0.0, 0.0), width=16, height=12)
-    drawing = entered_files(lambda: jt.render(solution, camera))
-    print(f"a frame: {len(drawing)} files")
-    print("  " + "\n  ".join(drawing))
+    first, second = (
+        jt.Camera((0.1, 0.02, z), (0.0, 0.0, 0.0), width=16, height=12)
+        for z in (0.04, 0.03)
+    )
+    jt.render(solution, first)
+    for view in ("a new view", "the same view again"):
+        drawing = entered_files(lambda: jt.render(solution, second))
+        print(f"a frame in {view}: {len(drawing)} files")
+        print("  " + "\n  ".join(drawing))
     for goal, hops in hops_of_a_weight().items():
         print(f"{len(hops) - 1} hops of a fitted weight, {goal}:")
         print("  " + "\n  ".join(hops))
