@@ -7,7 +7,6 @@ the same command goes on with the missing frames.
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypedDict
 
 import numpy as np
 from jaxtyping import Float
@@ -24,7 +23,15 @@ from ..console.results_folder import prepare_folder, results_folder
 from ..console.terminal import open_console, print_line, status
 from ..errors import InputError
 from ..image.files.exr import write_exr
-from ..image.files.labels import camera_matrices, coco, instances, run_lengths
+from ..image.files.labels import (
+    FrameLabels,
+    InstanceLabels,
+    PartLabels,
+    camera_matrices,
+    coco,
+    instances,
+    run_lengths,
+)
 from ..image.files.raster_files import (
     centikelvin,
     grey_levels,
@@ -51,46 +58,6 @@ _DARK = 0.5
 _BRIGHT = 99.5
 # Largest number of bodies in an 8-bit mask.
 _BODIES = 255
-
-
-class _PartLabels(TypedDict):
-    """A visible part of a body in a frame."""
-
-    part: int
-    name: str
-    box: list[int]
-    """Left, top, width and height [pixels]."""
-    area: int
-    """Number of visible pixels."""
-
-
-class _InstanceLabels(TypedDict):
-    """A visible body in a frame."""
-
-    body: int
-    category: str
-    box: list[int]
-    """Left, top, width and height [pixels]."""
-    area: int
-    """Number of visible pixels."""
-    is_cut: bool
-    """True if the edge of the image cuts the body."""
-    segmentation: Any
-    """Mask in COCO's run lengths."""
-    parts: list[_PartLabels]
-
-
-class _FrameLabels(TypedDict):
-    """Labels of a frame that follow from its image."""
-
-    width: int
-    height: int
-    low_K: float
-    """Temperature of black in the 8-bit image [K]."""
-    high_K: float
-    """Temperature of white in the 8-bit image [K]."""
-    saturated_pixels: int
-    instances: list[_InstanceLabels]
 
 
 def dataset(
@@ -252,7 +219,7 @@ def _write_view(
 
 def _write_images(
     plan: DatasetPlan, image: Image, folder: Path, name: str, config: SceneConfig
-) -> _FrameLabels:
+) -> FrameLabels:
     """Write the files of a frame; returns its labels."""
     kelvin = np.asarray(image.apparent_temperature, float)
     body = np.asarray(image.object_id)
@@ -274,7 +241,7 @@ def _write_images(
     exact = folder / "radiometric" / f"{name}.exr"
     write_exr(exact, image, {"config": to_yaml(config)})
     labelled = [
-        _InstanceLabels(
+        InstanceLabels(
             body=instance.number,
             category=plan.categories[instance.number],
             box=list(instance.box),
@@ -286,7 +253,7 @@ def _write_images(
         for instance in instances(body)
     ]
     height, width = kelvin.shape
-    return _FrameLabels(
+    return FrameLabels(
         width=width,
         height=height,
         low_K=low,
@@ -310,7 +277,7 @@ def _numbered(number: np.ndarray) -> np.ndarray:
     return (number + 1).astype(dtype)
 
 
-def _parts(image: Image, body: int) -> list[_PartLabels]:
+def _parts(image: Image, body: int) -> list[PartLabels]:
     """Visible parts of a body, with their boxes."""
     if image.part_id is None or not image.part_names[body]:
         return []
@@ -319,7 +286,7 @@ def _parts(image: Image, body: int) -> list[_PartLabels]:
     )
     names = image.part_names[body]
     return [
-        _PartLabels(
+        PartLabels(
             part=part.number,
             name=names[part.number],
             box=list(part.box),

@@ -1,7 +1,7 @@
 """Labels of a frame for detector networks: boxes and masks of COCO, camera matrices."""
 
 import math
-from typing import Any, NamedTuple, NotRequired, TypedDict
+from typing import NamedTuple, NotRequired, TypedDict
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -57,6 +57,52 @@ class _RunLengths(TypedDict):
     """Height and width [pixels]."""
 
 
+class PartLabels(TypedDict):
+    """A visible part of a body in a frame."""
+
+    part: int
+    name: str
+    box: list[int]
+    """Left, top, width and height [pixels]."""
+    area: int
+    """Number of visible pixels."""
+
+
+class InstanceLabels(TypedDict):
+    """A visible body in a frame."""
+
+    body: int
+    category: str
+    box: list[int]
+    """Left, top, width and height [pixels]."""
+    area: int
+    """Number of visible pixels."""
+    is_cut: bool
+    """True if the edge of the image cuts the body."""
+    segmentation: _RunLengths
+    parts: list[PartLabels]
+
+
+class FrameLabels(TypedDict):
+    """Labels of a frame that follow from its image."""
+
+    width: int
+    height: int
+    low_K: float
+    """Temperature of black in the 8-bit image [K]."""
+    high_K: float
+    """Temperature of white in the 8-bit image [K]."""
+    saturated_pixels: int
+    instances: list[InstanceLabels]
+
+
+class LabelledFrame(FrameLabels):
+    """Labels of a frame with the name of its file."""
+
+    file: str
+    """Path of the image in the folder of the dataset."""
+
+
 def run_lengths(mask: Bool[np.ndarray, "h w"]) -> _RunLengths:
     """Mask in the uncompressed run-length encoding of COCO: columns first, from 0."""
     flat = mask.ravel(order="F")
@@ -104,18 +150,37 @@ def camera_matrices(camera: AbstractCamera) -> _CameraMatrices:
     return matrices
 
 
-def coco(
-    frames: list[dict[str, Any]], categories: list[str], description: str
-) -> dict[str, Any]:
+class _Annotation(TypedDict):
+    """A visible body in the format of COCO."""
+
+    id: int
+    image_id: int
+    category_id: int
+    bbox: list[int]
+    area: int
+    segmentation: _RunLengths
+    iscrowd: int
+
+
+class _Coco(TypedDict):
+    """Annotations of a dataset in the format of COCO's object detection."""
+
+    info: dict[str, str]
+    images: list[dict[str, int | str]]
+    annotations: list[_Annotation]
+    categories: list[dict[str, int | str]]
+
+
+def coco(frames: list[LabelledFrame], categories: list[str], description: str) -> _Coco:
     """Annotations of all frames in the format of COCO's object detection.
 
     Args:
-        frames: metadata with `file`, `width`, `height` and `instances`.
+        frames: labels of the frames.
         categories: names of the classes, numbered from 1.
         description: of the dataset.
     """
-    images = []
-    annotations = []
+    images: list[dict[str, int | str]] = []
+    annotations: list[_Annotation] = []
     for number, frame in enumerate(frames, start=1):
         size = {"width": frame["width"], "height": frame["height"]}
         images.append({"id": number, "file_name": frame["file"], **size})
