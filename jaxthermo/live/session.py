@@ -49,7 +49,7 @@ _MAX_ROWS = 400
 _MAX_BYTES = 2**26
 
 
-class Change(NamedTuple):
+class _Change(NamedTuple):
     """A scene with other values, planned but not in use yet."""
 
     values: Mapping[str, str]
@@ -181,7 +181,7 @@ class LiveSession(AbstractLiveRun):
                     return
                 budget -= self._take(due)
 
-    def prepare(self, changes: Mapping[str, str | None]) -> Change:
+    def prepare(self, changes: Mapping[str, str | None]) -> _Change:
         """Plan the scene with other values, as YAML by their paths in the config.
 
         None stands for what the config gives itself.
@@ -205,7 +205,7 @@ class LiveSession(AbstractLiveRun):
                 scene = config.scene(self.scene.bodies, config.build_terms())
             return self._planned(values, config=config, scene=scene, restarts=restarts)
 
-    def use(self, change: Change) -> None:
+    def use(self, change: _Change) -> None:
         """Go on with other values; with other bodies from the start."""
         now = self.time
         self._in_use = change
@@ -243,7 +243,7 @@ class LiveSession(AbstractLiveRun):
         config: SceneConfig,
         scene: Scene,
         restarts: bool,
-    ) -> Change:
+    ) -> _Change:
         longest = self._rate / STEPS_A_SECOND
         configured_solver = config.solver.build()
         end = config.time.last
@@ -260,7 +260,7 @@ class LiveSession(AbstractLiveRun):
             intervals=tuple(_finer(i, longest) for i in plan.intervals)
         )
         signature = _signature((plan.stepper, plan.compiled.program))
-        return Change(
+        return _Change(
             values=values,
             config=config,
             scene=scene,

@@ -50,16 +50,16 @@ def write_measurement_chart(
     readings: Mapping[str, Sequence[Reading]],
     title: str = "",
 ) -> None:
-    """Write `path`.svg and `path`.png; arguments as of `measurement_chart`."""
+    """Write `path`.svg and `path`.png; arguments as of `_measurement_chart`."""
     write_chart(
-        measurement_chart(
+        _measurement_chart(
             times, measurements=measurements, readings=readings, title=title
         ),
         path,
     )
 
 
-def measurement_chart(
+def _measurement_chart(
     times: Sequence[float],
     measurements: Mapping[str, AbstractMeasurement],
     readings: Mapping[str, Sequence[Reading]],

@@ -13,7 +13,7 @@ from PIL import Image
 
 from jaxthermo.image.colour.palette import palette_table
 from jaxthermo.image.files.exr import read_exr
-from jaxthermo.image.files.surfaces import vertex_mesh
+from jaxthermo.image.files.surfaces import _vertex_mesh
 from jaxthermo.integrate.run.solution_file import load_solution
 
 
@@ -26,7 +26,7 @@ def exported(finished, out, format, *options):
 def vertices(finished):
     """Mesh of the block and its temperatures at the last saved time."""
     stored = load_solution(finished / "solution.npz")
-    mesh = vertex_mesh(stored.surfaces[0].geometry)
+    mesh = _vertex_mesh(stored.surfaces[0].geometry)
     return mesh, mesh.values(np.asarray(stored.surface_temperature[-1]))
 
 

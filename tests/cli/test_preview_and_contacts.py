@@ -8,6 +8,7 @@ from PIL import Image
 
 import jaxthermo as jt
 from jaxthermo.cli.contacts import _texture
+from jaxthermo.cli.frames import SavedTime
 from jaxthermo.integrate.run.solution_file import StoredSolution
 from jaxthermo.scene.scene import SolvedSurface, body_geometry
 
@@ -68,7 +69,8 @@ def test_contact_textures_hold_the_temperatures_where_bodies_touch():
     count = len(grid.fragment_area)
     kelvin = 300.0 + np.arange(2.0 * count)[None]
     stored = StoredSolution(jnp.zeros(1), jnp.asarray(kelvin), surfaces)
-    texture = _texture([jt.Contact(1e3)], [grid, grid], stored, 0)
+    start = SavedTime(index=0, seconds=0.0, name="start")
+    texture = _texture([jt.Contact(1e3)], [grid, grid], stored, start)
     assert texture.area == pytest.approx(0.04 * 0.04)
     up = grid.fragment_normal[:, 2]
     for body, side in enumerate((up > 0.9, up < -0.9)):

@@ -3,7 +3,7 @@
     moment of a scene -> image before the lens -> optics -> lag -> noise -> counts
 
 A `Recorder` has a camera with its band and effects, and draws moments. A detector
-turns images into frames in the order of time, a `Recording` in any order.
+turns images into frames in the order of time, a `_Recording` in any order.
 """
 
 from collections.abc import Callable
@@ -102,7 +102,7 @@ class _Detector:
         return pixels.with_radiance(radiance)
 
 
-class Recording:
+class _Recording:
     """Frames of saved times, in any order.
 
     With a lag a frame depends on earlier ones: frames in order are drawn once each.
@@ -212,9 +212,9 @@ class Recorder:
         """The frame of a moment, with a lag after that of the last call."""
         return self._detector.frame(self.before_lens(moment), float(moment.time))
 
-    def recording(self, moment: Callable[[int], Moment], times: Any) -> Recording:
+    def recording(self, moment: Callable[[int], Moment], times: Any) -> _Recording:
         """Frames of saved times [s], from their moments by index."""
-        return Recording(
+        return _Recording(
             lambda index: self.before_lens(moment(index)),
             times=times,
             effects=self.effects,

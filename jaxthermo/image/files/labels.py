@@ -96,7 +96,7 @@ class FrameLabels(TypedDict):
     instances: list[InstanceLabels]
 
 
-class LabelledFrame(FrameLabels):
+class _LabelledFrame(FrameLabels):
     """Labels of a frame with the name of its file."""
 
     file: str
@@ -171,7 +171,9 @@ class _Coco(TypedDict):
     categories: list[dict[str, int | str]]
 
 
-def coco(frames: list[LabelledFrame], categories: list[str], description: str) -> _Coco:
+def coco(
+    frames: list[_LabelledFrame], categories: list[str], description: str
+) -> _Coco:
     """Annotations of all frames in the format of COCO's object detection.
 
     Args:

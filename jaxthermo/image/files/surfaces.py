@@ -49,7 +49,7 @@ class _VertexMesh(NamedTuple):
         return (self.weights @ fragments).astype(np.float32)
 
 
-def vertex_mesh(
+def _vertex_mesh(
     geometry: BodyGeometry, longest_edge: float | None = None
 ) -> _VertexMesh:
     """Mesh of a body with the weights of its vertices.
@@ -161,7 +161,7 @@ def _mesh(geometry: BodyGeometry) -> _VertexMesh:
     """Mesh of a body, the same at all times and poses."""
     arrays = geometry.vertices, geometry.faces, geometry.fragment_position
     key = "vertex_mesh", float(geometry.pitch)
-    return found(arrays, key, lambda: vertex_mesh(geometry))
+    return found(arrays, key, lambda: _vertex_mesh(geometry))
 
 
 def _fields(solution: _Solved, index: int) -> Iterator[tuple[str, list[Any]]]:

@@ -77,7 +77,7 @@ class _Cells(NamedTuple):
     size: tuple[int, int]
 
 
-def build_atlas(geometry: BodyGeometry) -> _Atlas:
+def _build_atlas(geometry: BodyGeometry) -> _Atlas:
     """Make the atlas of a body, whose texels are as long as the edges of its voxels.
 
     Where the atlas would be larger than 8192 texels they are longer.
@@ -244,7 +244,7 @@ def write_textures(
     Raises:
         InputError: if a file cannot be written, or has no room for the triangles.
     """
-    atlas = build_atlas(body.geometry)
+    atlas = _build_atlas(body.geometry)
     mesh = f"{body.name}.obj"
     _write_obj(folder / mesh, atlas)
     pages: list[_FrameFiles] = []

@@ -5,7 +5,7 @@ another pose the ray is another one, and meets the plane of the triangle elsewhe
 
     dx = do + z dd - d n.(do + z dd) / n.d
 
-The temperature there follows from the weights of the fragments (`fragment_cells`),
+The temperature there follows from the weights of the fragments (`weights`),
 whose slopes along the surface are exact, with those of the interpolated normal. The
 weights (1 - r^2/R^2)^2 and the squared cosines go to 0 with their slopes, so that the
 derivative is continuous where a fragment comes within the radius, in each triangle;

@@ -37,7 +37,7 @@ from .radiometry import (
 )
 
 
-def means(weights: csr_array | MovingWeights, values: Values) -> Values:
+def _means(weights: csr_array | MovingWeights, values: Values) -> Values:
     """Weighted means of the fragments of each row, [s, k] to [p, k]."""
     if isinstance(weights, MovingWeights):
         return weights.means(jnp.asarray(values))
@@ -56,7 +56,7 @@ def _temperature_at_pixels(view: View, kelvin: Float[Values, " s"]) -> Values:
     """Surface temperatures of fragments [K], interpolated to the pixels [p]."""
     if isinstance(kelvin, np.ndarray):
         return view.typed_weights(kelvin.dtype) @ kelvin
-    return means(view.weights, kelvin[:, None])[:, 0]
+    return _means(view.weights, kelvin[:, None])[:, 0]
 
 
 def _property_at_pixels(
@@ -68,26 +68,26 @@ def _property_at_pixels(
     moving = isinstance(view.weights, MovingWeights)
     if moving or any(np.ndim(number) for number in numbers):
         fragments = per_fragment(surfaces, field, xp)
-        return means(view.weights, fragments[:, None])[:, 0]
+        return _means(view.weights, fragments[:, None])[:, 0]
     # A body of one number has it everywhere.
     return xp.stack([xp.asarray(number) for number in numbers])[view.body]
 
 
-def irradiation_at_pixels(
+def _irradiation_at_pixels(
     view: View, values: Float[Values, "s k"]
 ) -> Float[Values, "p k"]:
     """Radiation on fragments to pixels, both in W/m^2, see `facets`."""
     facets = view.facets
     on_host = isinstance(values, np.ndarray)
     weights = view.typed_weights(values.dtype) if on_host else view.weights
-    plain = means(weights, values)
+    plain = _means(weights, values)
     if facets is None:
         return plain
     xp = array_namespace(values)
-    local_mean = means(facets.local_mean, values)
+    local_mean = _means(facets.local_mean, values)
     share = xp.asarray(facets.share, values.dtype)[:, :, None]
     joined, alone = (
-        (share * means(corner_weights, values)[facets.corner]).sum(axis=1)
+        (share * _means(corner_weights, values)[facets.corner]).sum(axis=1)
         for corner_weights in (facets.joined, facets.alone)
     )
     scale = xp.minimum(local_mean / xp.where(alone > 0, alone, 1), 1)
@@ -145,7 +145,7 @@ def _lambertian(
         )
         hidden = view.open_fraction is not None
         rows = xp.stack([reflected, lit] if hidden else [reflected], axis=1)
-        back, *lit_pixels = irradiation_at_pixels(view, rows).T
+        back, *lit_pixels = _irradiation_at_pixels(view, rows).T
         if hidden:
             # Sources have their own shadows: what is hidden is thermal radiation, and
             # what hides it is as warm as the surface, as in `Surroundings`.
@@ -187,7 +187,7 @@ def _directional(
     if received is not None:
         inside = within_band(received, band, xp)
         rows = xp.concatenate([inside.thermal[None], inside.sources])
-        thermal, *lit = irradiation_at_pixels(view, rows.T).T
+        thermal, *lit = _irradiation_at_pixels(view, rows.T).T
         sources = xp.stack(lit) if lit else sources
         if view.open_fraction is not None:
             open_fraction = xp.asarray(view.open_fraction, surface.dtype)

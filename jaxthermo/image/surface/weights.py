@@ -75,7 +75,7 @@ class _RunningCall(NamedTuple):
     weight: Float[Array, " n"]
 
 
-class FragmentCells:
+class _FragmentCells:
     """Fragments sorted into flat cells, whose width is the radius of the weights."""
 
     def __init__(self, geometry: BodyGeometry, radius: float):
@@ -299,7 +299,7 @@ def _pair_weights(
     fragments: Float[Array, "7 s"],
     radius: Float[Array, ""] | float,
 ) -> tuple[Int[Array, " n"], Float[Array, " n"]]:
-    """Slots of the fragments of pairs, and their weights: `FragmentCells.weighted`.
+    """Slots of the fragments of pairs, and their weights: `_FragmentCells.weighted`.
 
     Columns are positions, normals and, of fragments, areas. A pair belongs to one of
     the nine runs of successive slots of its point; `base` plus the number of the pair
@@ -318,7 +318,7 @@ def _pair_weights(
     return slot, (fade * jnp.maximum(cosine, 0)) ** 2 * fragments[6][slot]
 
 
-def cells_of(geometry: BodyGeometry, radius: float) -> FragmentCells:
+def cells_of(geometry: BodyGeometry, radius: float) -> _FragmentCells:
     """Cells of a body's fragments, the same for all views and poses of it."""
     arrays = (
         geometry.fragment_position,
@@ -326,7 +326,7 @@ def cells_of(geometry: BodyGeometry, radius: float) -> FragmentCells:
         geometry.fragment_area,
     )
     key = "fragment_cells", radius
-    return found(arrays, key, lambda: FragmentCells(geometry, radius))
+    return found(arrays, key, lambda: _FragmentCells(geometry, radius))
 
 
 def block_matrix(blocks: list[csr_array]) -> csr_array:

@@ -6,7 +6,7 @@ from PIL import Image
 
 from jaxthermo.image.measurements import Box, Isotherm, Reading, Spot
 from jaxthermo.report.measurement_chart import (
-    measurement_chart,
+    _measurement_chart,
     write_measurement_chart,
 )
 
@@ -28,7 +28,7 @@ READINGS = {
 
 
 def described(names):
-    chart = measurement_chart(TIMES, {name: EACH[name] for name in names}, READINGS)
+    chart = _measurement_chart(TIMES, {name: EACH[name] for name in names}, READINGS)
     chart_data = chart.to_dict()
     # Data of the only part are above it.
     return [

@@ -8,7 +8,7 @@ import pytest
 
 import jaxthermo as jt
 from jaxthermo.image.detector.effects import integrate_pixels
-from jaxthermo.image.detector.recorder import Recording
+from jaxthermo.image.detector.recorder import _Recording
 from jaxthermo.image.radiance.band import LONG_WAVE
 from jaxthermo.image.radiance.effect import in_order
 from jaxthermo.image.radiance.image import Image, block_means
@@ -31,7 +31,7 @@ def flat(radiance: np.ndarray, time: float = 0.0) -> Image:
 
 def seen(radiance: np.ndarray, *effects, time: float = 0.0) -> np.ndarray:
     chain = in_order(effects)
-    image = Recording(lambda k: flat(radiance, time), [time], chain).frame(0)
+    image = _Recording(lambda k: flat(radiance, time), [time], chain).frame(0)
     return np.asarray(image.radiance)
 
 
@@ -149,7 +149,7 @@ def test_a_bolometer_follows_a_ramp_with_its_time_constant():
     frames = [flat(np.full((2, 2), 50.0 + slope * t), t) for t in times]
     lag = in_order((jt.BolometerLag(tau),))
     for k, time in enumerate(times):
-        image = Recording(frames.__getitem__, times, lag).frame(k)
+        image = _Recording(frames.__getitem__, times, lag).frame(k)
         # y = L - slope tau (1 - exp(-t / tau)) from y = L at the start.
         behind = slope * tau * (1 - math.exp(-time / tau))
         expected = 50.0 + slope * time - behind
@@ -165,7 +165,7 @@ def test_a_bolometer_forgets_what_was_long_ago():
         return flat(np.full((2, 2), 50.0 + k), times[k])
 
     lag = in_order((jt.BolometerLag(0.01),))
-    image = Recording(reaching, times, lag).frame(99)
+    image = _Recording(reaching, times, lag).frame(99)
     assert min(drawn) == 98
     np.testing.assert_allclose(image.radiance, 149.0 - 0.01, rtol=1e-12)
 
@@ -185,11 +185,11 @@ def test_frames_in_order_are_drawn_once_and_as_if_alone():
         return flat(np.full((2, 2), 50.0 + 3 * k**2), times[k])
 
     lag = in_order((jt.BolometerLag(0.2),))
-    detector = Recording(reaching, times, lag)
+    detector = _Recording(reaching, times, lag)
     in_turn = [np.asarray(detector.frame(k).radiance) for k in (0, 2, 3, 4)]
     assert drawn == [0, 2, 1, 3, 4]
     for k, radiance in zip((0, 2, 3, 4), in_turn, strict=True):
-        alone = Recording(reaching, times, lag).frame(k).radiance
+        alone = _Recording(reaching, times, lag).frame(k).radiance
         np.testing.assert_allclose(radiance, alone, rtol=1e-12)
     # Back in time nothing later is remembered.
     again = np.asarray(detector.frame(2).radiance)

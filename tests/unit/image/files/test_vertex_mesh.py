@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.image.files.surfaces import vertex_mesh
-from jaxthermo.image.files.textures import build_atlas
+from jaxthermo.image.files.surfaces import _vertex_mesh
+from jaxthermo.image.files.textures import _build_atlas
 
 
 BODIES = {
@@ -42,7 +42,7 @@ def seen(solution, point, normal):
 
 def test_vertices_have_the_temperatures_of_the_image(uneven):
     geometry = uneven.surfaces[0].geometry
-    mesh = vertex_mesh(geometry)
+    mesh = _vertex_mesh(geometry)
     pose = geometry.placed
     kelvin = mesh.values(np.asarray(uneven.surface_temperature[-1]))
     corners = mesh.vertices[mesh.faces]
@@ -64,7 +64,7 @@ def test_sides_of_a_crease_have_vertices_of_their_own():
     grid = jt.voxelize(BODIES["box"], 0.01)
     body = jt.Body(jt.FullVolume(grid), jt.materials["copper"], temperature=300.0)
     surface = jt.simulate(jt.Scene((body,)), 0.0).surfaces[0]
-    mesh = vertex_mesh(surface.geometry)
+    mesh = _vertex_mesh(surface.geometry)
     at_corner = np.isclose(mesh.vertices, [0.03, 0.04, 0.025]).all(axis=1)
     assert at_corner.sum() == 3
     np.testing.assert_allclose(mesh.normals[at_corner].sum(axis=0), 1, atol=1e-12)
@@ -87,7 +87,7 @@ def sampled(image, uv):
 
 def test_a_texture_has_the_temperatures_of_the_image(uneven):
     geometry = uneven.surfaces[0].geometry
-    atlas = build_atlas(geometry)
+    atlas = _build_atlas(geometry)
     fragments = np.asarray(uneven.surface_temperature[-1])
     image = atlas.texture(fragments)
     # No texel belongs to two triangles.
@@ -117,8 +117,8 @@ def test_a_texture_has_the_temperatures_of_the_image(uneven):
 
 def test_corners_of_triangles_are_at_texels(uneven):
     geometry = uneven.surfaces[0].geometry
-    atlas = build_atlas(geometry)
-    mesh = vertex_mesh(geometry, longest_edge=1.0)
+    atlas = _build_atlas(geometry)
+    mesh = _vertex_mesh(geometry, longest_edge=1.0)
     fragments = np.asarray(uneven.surface_temperature[-1])
     corners = sampled(atlas.texture(fragments), atlas.uv.reshape(-1, 2))
     np.testing.assert_allclose(

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.image.radiance.draw import irradiation_at_pixels, means
+from jaxthermo.image.radiance.draw import _irradiation_at_pixels, _means
 from jaxthermo.image.surface.view import View, compute_view
 from jaxthermo.scene.scene import SolvedSurface, body_geometry
 
@@ -38,7 +38,7 @@ def ball():
 
 
 def received(view: View, values: np.ndarray) -> np.ndarray:
-    return np.asarray(irradiation_at_pixels(view, values[:, None])[:, 0])
+    return np.asarray(_irradiation_at_pixels(view, values[:, None])[:, 0])
 
 
 def points(view: View) -> np.ndarray:
@@ -49,7 +49,7 @@ def points(view: View) -> np.ndarray:
 def test_a_ball_of_facets_reflects_like_a_ball(ball):
     view, beam = ball
     shaded = received(view, beam)
-    plain = means(view.weights, beam[:, None])[:, 0]
+    plain = _means(view.weights, beam[:, None])[:, 0]
     out = points(view)
     exact = out / np.linalg.norm(out, axis=1, keepdims=True) @ TO_SUN
     lit = exact > 0.25
@@ -113,5 +113,5 @@ def test_the_facets_of_several_bodies_are_their_own(ball):
 @pytest.mark.slow
 def test_under_derivatives_they_are_the_same(ball):
     view, beam = ball
-    traced = irradiation_at_pixels(view, jnp.asarray(beam)[:, None])
+    traced = _irradiation_at_pixels(view, jnp.asarray(beam)[:, None])
     np.testing.assert_allclose(traced[:, 0], received(view, beam), atol=1e-12)

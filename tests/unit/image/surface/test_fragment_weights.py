@@ -11,8 +11,8 @@ from jaxthermo.arrays import linear_map
 from jaxthermo.image.surface import weights as module
 from jaxthermo.image.surface.weights import (
     CHUNK,
-    FragmentCells,
     Neighbours,
+    _FragmentCells,
     block_matrix,
     cells_of,
 )
@@ -62,7 +62,7 @@ def test_pairs_are_at_least_those_within_the_radius():
     grid = jt.voxelize(jt.shapes.box((0.04, 0.03, 0.02)), 0.005)
     geometry = geometry_of(grid)
     points = np.random.default_rng(5).uniform(-0.05, 0.05, (300, 3))
-    owner, fragment, _ = FragmentCells(geometry, 0.01).pairs(points)
+    owner, fragment, _ = _FragmentCells(geometry, 0.01).pairs(points)
     actual = set(zip(owner.tolist(), fragment.tolist(), strict=True))
     assert len(actual) == len(owner)
     away = np.linalg.norm(points[:, None] - geometry.fragment_position, axis=-1)
@@ -131,9 +131,9 @@ def test_without_a_table_of_cells_they_are_the_same(monkeypatch):
     far = 1e3 * points[:100]
     points = np.concatenate([points, far, -far])
     normals = np.concatenate([normals, normals[:100], normals[:100]])
-    by_table = FragmentCells(geometry, 0.02).means(points, normals)
+    by_table = _FragmentCells(geometry, 0.02).means(points, normals)
     monkeypatch.setattr(module, "_MAX_CELLS", 0)
-    by_search = FragmentCells(geometry, 0.02).means(points, normals)
+    by_search = _FragmentCells(geometry, 0.02).means(points, normals)
     assert by_table.nnz > 0 and abs(by_table - by_search).max() == 0
     assert (np.diff(by_table.indptr)[500:] == 0).all()
 
