@@ -9,9 +9,10 @@ from jaxtyping import Bool, Float
 
 from jaxthermo.console.terminal import open_console
 from jaxthermo.image.colour.palette import apply_palette, palette_table
+from jaxthermo.image.colour.ticks import scale_ticks
 from jaxthermo.report import page
 from jaxthermo.report.difference_scale import BACKGROUND
-from jaxthermo.report.sheet import ColourBar, Tile, scale_ticks
+from jaxthermo.report.sheet import ColourBar, Tile
 from jaxthermo.report.table import Cell, Table
 
 
