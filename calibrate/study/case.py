@@ -7,9 +7,9 @@ import hashlib
 import json
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import Any, NamedTuple, TypedDict
+from typing import Any, Generic, NamedTuple, TypedDict, TypeVar
 
 from jaxthermo.arrays import precision
 from jaxthermo.config.loader import config_hash, resolved
@@ -21,6 +21,17 @@ from jaxthermo.voxels.grid import VoxelGrid
 
 from ..config.schema import AbsoluteReference, Changes
 from ..problem.reference import program_hash, reference_key
+
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True)
+class Keyed(Generic[_T]):
+    """A value that a cache finds by its key alone."""
+
+    key: str
+    value: _T = field(compare=False)
 
 
 class _Head(TypedDict):
@@ -131,21 +142,6 @@ class _Bodies(NamedTuple):
     structures_s: float
 
 
-class _Key:
-    # Configs by their values, since a model with a mapping in it has no hash.
-    def __init__(self, configs: tuple[BodyConfig, ...], fields: tuple[str, ...] = ()):
-        self.configs = configs
-        plain = [resolved(config) for config in configs]
-        selected = [{k: v for k, v in p.items() if k in (fields or p)} for p in plain]
-        self.text = json.dumps(selected, default=str)
-
-    def __eq__(self, key: object) -> bool:
-        return isinstance(key, _Key) and self.text == key.text
-
-    def __hash__(self) -> int:
-        return hash(self.text)
-
-
 def build_case(config: SceneConfig) -> _Built:
     """Build a scene.
 
@@ -153,7 +149,8 @@ def build_case(config: SceneConfig) -> _Built:
         InputError: for files or values that cannot be used.
     """
     # Choices of one resolution, and the loads of a choice, differ in little.
-    built = _bodies(_Key(tuple(config.bodies)))
+    key = json.dumps([resolved(body) for body in config.bodies], default=str)
+    built = _bodies(Keyed(key, tuple(config.bodies)))
     clock = time.perf_counter()
     scene = config.scene(built.bodies, config.build_terms())
     structures_s = built.structures_s + time.perf_counter() - clock
@@ -174,25 +171,32 @@ def plan_case(config: SceneConfig, scene: Scene) -> Plan:
         return plan_once(scene, t1=span.end, save_at=span.save_times, solver=solver)
 
 
+def has_fixed_steps(plan: Plan) -> bool:
+    """False where a run controls its error in time, or something moves."""
+    return plan.control is None and len(plan.compiled.programs) == 1
+
+
 def loop_size(plan: Plan) -> tuple[int, ...] | None:
     """Sizes that are equal for plans whose loops take the same time.
 
     Loads that differ in numbers only have loops of one size. None where the run itself
-    finds what it takes: its error in time is controlled, or something moves.
+    finds what it takes.
     """
-    if plan.control is not None or len(plan.compiled.programs) > 1:
+    if not has_fixed_steps(plan):
         return None
     receipt = plan.compiled.receipt
     return (receipt.nodes, receipt.links, receipt.memory_bytes, plan.steps)
 
 
 @lru_cache(maxsize=2)
-def _bodies(key: _Key) -> _Bodies:
+def _bodies(configs: Keyed[tuple[BodyConfig, ...]]) -> _Bodies:
     bodies = []
     voxels_s = 0.0
     structures_s = 0.0
-    for config in key.configs:
-        grid, seconds = _grid(_Key((config,), _VOXELS))
+    for config in configs.value:
+        plain = resolved(config)
+        sizes = {name: plain[name] for name in _VOXELS if name in plain}
+        grid, seconds = _grid(Keyed(json.dumps(sizes, default=str), config))
         clock = time.perf_counter()
         bodies.append(config.build(grid))
         voxels_s += seconds
@@ -201,7 +205,7 @@ def _bodies(key: _Key) -> _Bodies:
 
 
 @lru_cache(maxsize=3)
-def _grid(key: _Key) -> tuple[VoxelGrid, float]:
+def _grid(config: Keyed[BodyConfig]) -> tuple[VoxelGrid, float]:
     clock = time.perf_counter()
-    grid = key.configs[0].build_grid()
+    grid = config.value.build_grid()
     return grid, time.perf_counter() - clock

@@ -1,25 +1,15 @@
 """`experiments sweep` on a terminal: progress with the time left, and a table."""
 
 import os
-import time
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeRemainingColumn,
-)
-from typing_extensions import override
-
+from jaxthermo.console.progress import terminal_progress
 from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
 from jaxthermo.parallel.devices import provide_devices
 
 from .summary import table, write_results
-from .sweep import Log, Options, run_sweep
+from .sweep import Options, run_sweep
 from .tuning import compare_with_fit
 
 
@@ -27,39 +17,6 @@ _MAX_LINES = 40
 """Largest number of choices listed on a terminal."""
 _INTERVAL_S = 30.0
 """Interval of the lines that replace a progress bar in a pipe [s]."""
-
-
-class _Bar(Log):
-    # A bar on a terminal; in a pipe a line now and then.
-    def __init__(self, console: Console, bar: Progress):
-        self._console = console
-        self._bar = bar
-        self._task = bar.add_task("starting", total=None)
-        self._done = 0
-        self._total: int | None = None
-        self._last_line = time.monotonic()
-
-    @override
-    def stage(self, text: str, done: int = 0, total: int | None = None) -> None:
-        self._done = done
-        self._total = total
-        self._bar.reset(self._task, description=text, total=total, completed=done)
-
-    @override
-    def advance(self, count: int) -> None:
-        self._done += count
-        self._bar.advance(self._task, count)
-        if not self._console.is_terminal and (
-            time.monotonic() - self._last_line > _INTERVAL_S
-            or self._done == self._total
-        ):
-            self._last_line = time.monotonic()
-            name = self._bar.tasks[0].description
-            self.line(f"{name}: {self._done} of {self._total}")
-
-    @override
-    def line(self, text: str) -> None:
-        print_line(self._console, text)
 
 
 def sweep(config: Path, out: Path, overrides: tuple[str, ...], options: Options) -> int:
@@ -73,23 +30,12 @@ def sweep(config: Path, out: Path, overrides: tuple[str, ...], options: Options)
         )
     provide_devices(options.devices)
     console = open_console()
-    progress = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=None),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        TextColumn("left"),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
-    with progress as bar:
-        log = _Bar(console, bar)
+    with terminal_progress(console, _INTERVAL_S) as progress:
         result = run_sweep(
-            config, folder=out, overrides=overrides, options=options, log=log
+            config, folder=out, overrides=overrides, options=options, progress=progress
         )
         compared = result.config.compare_with_fit is not None
-        fit = compare_with_fit(result, log) if compared else None
+        fit = compare_with_fit(result, progress) if compared else None
     write_results(result, fit)
     console.print(table(result, _MAX_LINES).rich(), soft_wrap=False)
     if fit is not None:

@@ -189,19 +189,9 @@ class SweepConfig(Model):
         mistakes: list[Mistake] = []
         if not self.axes:
             mistakes.append((("axes",), "an empty sweep: give an axis at least"))
-        names = [load.name for load in self.loads]
-        mistakes += [
-            (("loads", i), f"'{name}' is there twice")
-            for i, name in enumerate(names)
-            if name in names[:i]
-        ]
+        mistakes += _repeated([load.name for load in self.loads], ("loads",))
         for name, axis in self.axes.items():
-            axis_labels = _labels(axis)
-            mistakes += [
-                (("axes", name, i), f"'{label}' is there twice")
-                for i, label in enumerate(axis_labels)
-                if label in axis_labels[:i]
-            ]
+            mistakes += _repeated(_labels(axis), ("axes", name))
             in_grid = isinstance(self.sampling, GridSampling | ListSampling)
             if in_grid and isinstance(axis, RangeAxis) and axis.count is None:
                 message = "missing: how many values a grid has of it"
@@ -220,18 +210,23 @@ class SweepConfig(Model):
                     mistakes.append((where, f"names no axis; there are {axes}"))
                     continue
                 axis_labels = _labels(self.axes[name])
-                named = (
-                    point_labels if isinstance(point_labels, list) else [point_labels]
-                )
                 mistakes += [
                     (
                         where,
                         f"the axis has no '{label}'; it has {', '.join(axis_labels)}",
                     )
-                    for label in map(text_of, named)
+                    for label in labels_of(point_labels)
                     if label not in axis_labels
                 ]
         return mistakes
+
+
+def _repeated(names: list[str], path: tuple[str, ...]) -> list[Mistake]:
+    return [
+        ((*path, i), f"'{name}' is there twice")
+        for i, name in enumerate(names)
+        if name in names[:i]
+    ]
 
 
 def text_of(value: Any) -> str:
@@ -239,32 +234,39 @@ def text_of(value: Any) -> str:
     return value if isinstance(value, str) else json.dumps(value)
 
 
+def labels_of(values: Any) -> list[str]:
+    """Labels of a plain value, or of several in a list."""
+    return [text_of(v) for v in (values if isinstance(values, list) else [values])]
+
+
 def _labels(axis: Axis) -> list[str]:
-    """Labels of the values that an axis lists; those of a range in a grid."""
+    return [value.label for value in values_of(axis)]
+
+
+def values_of(axis: Axis) -> Sequence[AxisValue]:
+    """Values that an axis lists; those of a range in a grid, none without a count."""
     match axis:
-        case ListAxis(values=values):
-            return [text_of(value) for value in values]
-        case RangeAxis():
-            return [text_of(value) for value in range_values(axis)]
-    return [value.label for value in axis]
+        case ListAxis(key=key, values=values):
+            return [_value(key, value) for value in values]
+        case RangeAxis(count=count):
+            steps = range(count or 0)
+            return [value_within(axis, i / (len(steps) - 1)) for i in steps]
+    return axis
 
 
-def range_values(axis: RangeAxis) -> list[float]:
-    """Values of a range in a grid, of six digits; none without a count."""
-    if axis.count is None:
-        return []
-    steps = [i / (axis.count - 1) for i in range(axis.count)]
-    return [value_within(axis, step) for step in steps]
-
-
-def value_within(axis: RangeAxis, position: float) -> float:
+def value_within(axis: RangeAxis, position: float) -> AxisValue:
     """Value of a range at a position from 0 to 1, of six digits."""
     low, high = axis.between
     value = low + (high - low) * position
     if axis.log:
         value = low * (high / low) ** position
     # Six digits: a label is the value, and tells two of them apart.
-    return float(f"{value:.6g}")
+    return _value(axis.key, float(f"{value:.6g}"))
+
+
+def _value(key: str, value: Any) -> AxisValue:
+    # Not checked: the label may be as long as the value.
+    return AxisValue.model_construct(label=text_of(value), set={key: value})
 
 
 def load_sweep(

@@ -33,7 +33,7 @@ from jaxthermo.parallel.batch import from_first_device, over_devices
 from jaxthermo.parallel.devices import mesh_of
 
 from ..problem.reference import Log, RunCost, refined_reference
-from .case import Case, build_case, loop_size, plan_case
+from .case import Case, Keyed, build_case, has_fixed_steps, loop_size, plan_case
 from .picture import difference_picture
 from .rows import Row
 
@@ -48,28 +48,15 @@ class Truth(NamedTuple):
 
 def find_truth(case: Case, log: Log) -> Truth:
     """Run the reference of a case with two coarser ones, or load them."""
-    return _found(_Request(case, case.truth_key, log))
-
-
-class _Request:
-    # One for all choices under a load: only the key counts.
-    def __init__(self, case: Case, key: str, log: Log):
-        self.case = case
-        self.key = key
-        self.log = log
-
-    def __eq__(self, request: object) -> bool:
-        return isinstance(request, _Request) and self.key == request.key
-
-    def __hash__(self) -> int:
-        return hash(self.key)
+    # One for all choices under a load.
+    return _truth(Keyed(case.truth_key, (case, log)))
 
 
 @lru_cache(maxsize=16)
-def _found(request: _Request) -> Truth:
-    case = request.case
-    reference = refined_reference(case.config, settings=case.truth, log=request.log)
+def _truth(request: Keyed[tuple[Case, Log]]) -> Truth:
+    case, log = request.value
     settings = case.truth
+    reference = refined_reference(case.config, settings=settings, log=log)
     points = truth_points(reference.solution, count=settings.points, seed=settings.seed)
     own_error = reference.own_error.as_dict()
     return Truth(points=points, own_error=own_error, costs=reference.costs)
@@ -118,7 +105,7 @@ def evaluate_group(
         try:
             waiting.append((number, _plan(case)))
         except Exception as error:
-            evaluated[number] = _failed(case, error)
+            evaluated[number] = failed(case, error)
     for batch in _batches(waiting):
         members = [planned for _, planned in batch]
         results = _run(members, truths, devices)
@@ -127,7 +114,8 @@ def evaluate_group(
     return [evaluated[number] for number in range(len(cases))]
 
 
-def _failed(case: Case, error: Exception) -> Evaluated:
+def failed(case: Case, error: BaseException) -> Evaluated:
+    """The row of a case that cannot be run, with the reason."""
     # One case of many must not end the others, whatever went wrong in it.
     lines = str(error).strip().splitlines() or [""]
     error_type = "" if isinstance(error, InputError) else f"{type(error).__name__}: "
@@ -156,8 +144,7 @@ def _batches(
 
 def _shape(plan: Plan) -> Any:
     """Equal for plans that differ in numbers only; never for those that run alone."""
-    moves = len(plan.compiled.programs) > 1
-    if plan.control is not None or moves or not plan.intervals:
+    if not has_fixed_steps(plan) or not plan.intervals:
         return object()
     with precision(plan.scene.dtype):
         arrays, static = eqx.partition(_loop(plan), eqx.is_array)
@@ -187,7 +174,7 @@ def _run(
                     for n, plan in enumerate(plans)
                 ]
     except Exception as error:
-        return [_failed(planned.case, error) for planned in batch]
+        return [failed(planned.case, error) for planned in batch]
     seconds = (time.perf_counter() - clock) / len(batch)
     evaluated = []
     readings: dict[Any, SurfaceReading] = {}
@@ -200,7 +187,7 @@ def _run(
             judged.row["took_s"] += planned.seconds + seconds
             evaluated.append(judged)
         except Exception as error:
-            evaluated.append(_failed(planned.case, error))
+            evaluated.append(failed(planned.case, error))
     return evaluated
 
 

@@ -81,11 +81,6 @@ class Point:
         return getattr(self, cost)
 
 
-def _key_of(choice: dict[str, str]) -> str:
-    """Text that is equal for equal choices."""
-    return json.dumps(choice, sort_keys=True)
-
-
 def errors_of(error: Row) -> dict[Measure, float]:
     """Largest errors of a row over its saved times; infinite where one is not finite.
 
@@ -120,15 +115,21 @@ def points_of(
         loads: names of all loads.
     """
     timed = {row["id"]: row for row in times if row.get("loop_s")}
-    groups: dict[str, list[Row]] = {}
-    for row in rows:
-        if "failed" not in row:
-            groups.setdefault(_key_of(row["choice"]), []).append(row)
     return [
         _point(group, [timed.get(row["id"]) for row in group])
-        for group in groups.values()
-        if {row["load"] for row in group} == loads
+        for group in _groups(rows, loads)
     ]
+
+
+def _groups(rows: Sequence[Row], loads: set[str]) -> list[list[Row]]:
+    """Rows of each choice, or rival, that has one under every load."""
+    groups: dict[str, dict[str, Row]] = {}
+    for row in rows:
+        if "failed" not in row:
+            key = json.dumps([row.get("name"), row["choice"]], sort_keys=True)
+            # A row measured again replaces the one before.
+            groups.setdefault(key, {})[row["load"]] = row
+    return [list(group.values()) for group in groups.values() if set(group) == loads]
 
 
 def _point(rows: list[Row], times: list[Row | None]) -> Point:
@@ -139,7 +140,7 @@ def _point(rows: list[Row], times: list[Row | None]) -> Point:
     slowest = max(timed, key=lambda row: statistics.median(row["loop_s"]), default={})
     full = slowest.get("full_volume_loop_s")
     own_errors = [
-        v for row in rows for v in row["own_error"].get("rms_percent", ()) if v
+        v for row in rows for v in row.get("own_error", {}).get("rms_percent", ()) if v
     ]
     choice = rows[0]["choice"]
     return Point(
@@ -183,22 +184,11 @@ def _label(axis: str, value: str) -> str:
 
 def rivals_of(rows: Sequence[Row], loads: set[str]) -> list[Point]:
     """Points of the rivals that have a row under every load."""
-    groups: dict[str, list[Row]] = {}
-    for row in rows:
-        key = f"{row['name']} {_key_of(row['choice'])}"
-        groups.setdefault(key, []).append(row)
-    rivals = []
-    for group in groups.values():
-        # A row measured again replaces the one before.
-        latest = list({row["load"]: row for row in group}.values())
-        if {row["load"] for row in latest} == loads:
-            rivals.append(_rival(latest))
-    return rivals
+    return [_rival(group) for group in _groups(rows, loads)]
 
 
 def _rival(rows: list[Row]) -> Point:
-    completed = [{"own_error": {}, **row} for row in rows]
-    point = _point(completed, [*rows])
+    point = _point(rows, [*rows])
     labels = [_label(axis, value) for axis, value in point.choice.items()]
     offline = [row["offline_s"] for row in rows if row.get("offline_s") is not None]
     models = {row["load"]: row["model"] for row in rows if row.get("model")}

@@ -2,7 +2,7 @@
 
 import importlib
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,17 +16,17 @@ from ..config.schema import Changes
 from .case import Case
 from .config import (
     Axis,
+    AxisValue,
     FitValue,
-    ListAxis,
     ListSampling,
     OptunaSampling,
     RandomSampling,
     RangeAxis,
     SobolSampling,
     SweepConfig,
-    range_values,
-    text_of,
+    labels_of,
     value_within,
+    values_of,
 )
 
 
@@ -39,24 +39,6 @@ class Choice(NamedTuple):
     """All changes by dotted key."""
     fit: FitValue | None = None
     """Fit whose weights it has; the last one if several axes have fits."""
-
-
-class _Value(NamedTuple):
-    """A value of an axis: its label, its changes, and a fit."""
-
-    label: str
-    set: Changes
-    fit: FitValue | None = None
-
-
-def _values_of(axis: Axis) -> list[_Value]:
-    """Values that an axis lists; those of a range in a grid."""
-    match axis:
-        case ListAxis(key=key, values=values):
-            return [_Value(text_of(value), {key: value}) for value in values]
-        case RangeAxis(key=key):
-            return [_Value(text_of(v), {key: v}) for v in range_values(axis)]
-    return [_Value(value.label, dict(value.set), value.fit) for value in axis]
 
 
 def choices(config: SweepConfig) -> list[Choice]:
@@ -98,13 +80,12 @@ def _named(axes: Mapping[str, Axis], point: Mapping[str, Any]) -> Iterator[Choic
         yield _choice(tuple(axes), combination)
 
 
-def _named_values(axis: Axis, names: Any) -> list[_Value]:
+def _named_values(axis: Axis, names: Any) -> Sequence[AxisValue]:
     """Values of an axis with one of some labels; all of them for None."""
-    values = _values_of(axis)
+    values = values_of(axis)
     if names is None:
         return values
-    listed_names = names if isinstance(names, list | tuple) else [names]
-    labels = [text_of(name) for name in listed_names]
+    labels = labels_of(names)
     return [value for value in values if value.label in labels]
 
 
@@ -120,15 +101,14 @@ def _at(axes: Mapping[str, Axis], unit: Float[np.ndarray, "n a"]) -> list[Choice
     return choices
 
 
-def _value_at(axis: Axis, position: float) -> _Value:
+def _value_at(axis: Axis, position: float) -> AxisValue:
     if isinstance(axis, RangeAxis):
-        value = value_within(axis, position)
-        return _Value(text_of(value), {axis.key: value})
-    listed = _values_of(axis)
+        return value_within(axis, position)
+    listed = values_of(axis)
     return listed[min(int(position * len(listed)), len(listed) - 1)]
 
 
-def _choice(names: tuple[str, ...], values: tuple[_Value, ...]) -> Choice:
+def _choice(names: tuple[str, ...], values: tuple[AxisValue, ...]) -> Choice:
     labels = tuple(
         (name, value.label) for name, value in zip(names, values, strict=True)
     )
@@ -204,10 +184,10 @@ class Study:
             asked.append((trial, _choice(tuple(self._axes), values)))
         return asked
 
-    def _suggested(self, trial: Any, name: str, axis: Axis) -> _Value:
+    def _suggested(self, trial: Any, name: str, axis: Axis) -> AxisValue:
         if isinstance(axis, RangeAxis):
             return _value_at(axis, trial.suggest_float(name, 0.0, 1.0))
-        listed = {value.label: value for value in _values_of(axis)}
+        listed = {value.label: value for value in values_of(axis)}
         return listed[trial.suggest_categorical(name, list(listed))]
 
     def tell(self, trial: Any, error: float | None, work: float) -> None:

@@ -19,7 +19,7 @@ from jaxthermo.host_memory import available_bytes
 
 from ..problem.reference import program_hash
 from .case import Case
-from .evaluate import Evaluated, Truth, evaluate_group
+from .evaluate import Evaluated, Truth, evaluate_group, failed
 
 
 _LIBRARY = "distributed"
@@ -179,10 +179,7 @@ def _result(future: Any, task: Task) -> list[Evaluated]:
     if isinstance(error, InputError):
         raise error
     # A worker that was killed several times over the same task ran out of memory.
-    reason = f"{type(error).__name__}: {str(error).splitlines()[0]}"
-    return [
-        Evaluated({**case.head, "failed": reason[:500]}, None) for case in task.cases
-    ]
+    return [failed(case, error) for case in task.cases]
 
 
 def _lost() -> InputError:

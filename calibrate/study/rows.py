@@ -6,7 +6,7 @@ A process that is killed while it writes leaves half a line, which the next one 
 import fcntl
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -47,6 +47,15 @@ def claim_folder(folder: Path, config_hash: str) -> None:
         write_text(path, config_hash + "\n")
 
 
+def finished_rows(content: bytes) -> Iterator[Row]:
+    """Rows in the content of a file, without lines that were cut off."""
+    for line in content.splitlines():
+        with suppress(ValueError, RecursionError):
+            row = json.loads(line)
+            if isinstance(row, dict):
+                yield row
+
+
 class Rows:
     """Rows in a file of JSON lines, the last one of each id."""
 
@@ -85,15 +94,13 @@ class Rows:
         content = self.path.read_bytes() if self.path.exists() else b""
         finished = content[: content.rfind(b"\n") + 1]
         superseded = []
-        for line in finished.splitlines():
-            with suppress(ValueError):
-                row = json.loads(line)
-                if not isinstance(row, dict) or "id" not in row:
-                    continue
-                if row.get("program") == self._program:
-                    self.by_id[row["id"]] = row
-                else:
-                    superseded.append(row)
+        for row in finished_rows(finished):
+            if "id" not in row:
+                continue
+            if row.get("program") == self._program:
+                self.by_id[row["id"]] = row
+            else:
+                superseded.append(row)
         if superseded:
             with (self.path.parent / _SUPERSEDED).open("a", encoding="utf-8") as file:
                 file.writelines(json.dumps(row) + "\n" for row in superseded)

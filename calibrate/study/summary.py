@@ -1,12 +1,15 @@
 """The results of a sweep: a line for each choice, as table, page and `result.json`."""
 
+import statistics
 from collections.abc import Mapping, Sequence
 from typing import Any, NotRequired, TypedDict, cast
 
 from jaxthermo.atomic import write_json
 from jaxthermo.provenance import processor, provenance
 from jaxthermo.report import page
+from jaxthermo.report.numbers import seconds
 from jaxthermo.report.table import Cell, Table
+from jaxthermo.timing import Spread
 
 from ..problem.reference import program_hash
 from .case import Case
@@ -19,7 +22,7 @@ from .config import (
     to_yaml,
 )
 from .rows import Row
-from .sweep import Sweep, median_loop, worst_percent
+from .sweep import Sweep, worst_percent
 from .tuning import Tuning, sections as tuning_sections
 
 
@@ -125,13 +128,13 @@ def _run_times(rows: list[Row | None]) -> _LoopTimes:
     timed = [row for row in rows if row is not None and "failed" not in row]
     if len(timed) < len(rows) or not timed:
         return {}
-    slowest = max(timed, key=lambda row: median_loop(row) or 0.0)
-    full = sorted(slowest["full_volume_loop_s"])
+    slowest = max(timed, key=lambda row: statistics.median(row["loop_s"]))
+    loop = Spread.of(slowest["loop_s"])
     return {
-        "loop_s": median_loop(slowest) or 0.0,
-        "loop_min_s": min(slowest["loop_s"]),
-        "loop_max_s": max(slowest["loop_s"]),
-        "full_volume_loop_s": full[len(full) // 2],
+        "loop_s": loop.median,
+        "loop_min_s": loop.low,
+        "loop_max_s": loop.high,
+        "full_volume_loop_s": statistics.median_high(slowest["full_volume_loop_s"]),
     }
 
 
@@ -157,8 +160,8 @@ def _row(line: _ChoiceLine) -> list[str | Cell]:
     loop = ""
     full_volume = ""
     if "loop_s" in line and "full_volume_loop_s" in line:
-        loop = _seconds(line["loop_s"])
-        full_volume = _seconds(line["full_volume_loop_s"])
+        loop = seconds(line["loop_s"])
+        full_volume = seconds(line["full_volume_loop_s"])
     error = line["rms_percent"]
     percent = "infinite" if error is None else f"{error:.3g}"
     return [
@@ -172,10 +175,6 @@ def _row(line: _ChoiceLine) -> list[str | Cell]:
         loop,
         full_volume,
     ]
-
-
-def _seconds(value: float) -> str:
-    return f"{value:.3g} s" if value >= 1 else f"{1e3 * value:.3g} ms"
 
 
 def write_results(sweep: Sweep, fit: Tuning | None = None) -> None:

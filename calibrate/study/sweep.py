@@ -1,6 +1,5 @@
 """A sweep from its config to its rows: errors in parallel, then times one by one."""
 
-import statistics
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
@@ -9,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxthermo.atomic import replacing, write_text
+from jaxthermo.console.progress import Progress
 from jaxthermo.errors import InputError
 from jaxthermo.parallel.devices import check_devices, check_shared
 
@@ -38,19 +38,6 @@ class Options:
         return open_pool(self.workers, scheduler=self.scheduler, devices=self.devices)
 
 
-class Log:
-    """Progress of a sweep; this one is silent."""
-
-    def stage(self, text: str, done: int = 0, total: int | None = None) -> None:
-        """Begin a stage of `total` cases; `done` of them are finished."""
-
-    def advance(self, count: int) -> None:
-        """Count finished cases of the stage."""
-
-    def line(self, text: str) -> None:
-        """Show a line about a result or a failure."""
-
-
 @dataclass
 class Sweep:
     """A sweep in its folder, with its rows so far."""
@@ -75,7 +62,11 @@ class Sweep:
 
 
 def run_sweep(
-    path: Path, folder: Path, overrides: Sequence[str], options: Options, log: Log
+    path: Path,
+    folder: Path,
+    overrides: Sequence[str],
+    options: Options,
+    progress: Progress,
 ) -> Sweep:
     """Run the missing cases of a sweep.
 
@@ -85,7 +76,7 @@ def run_sweep(
         KeyboardInterrupt: with the way to continue.
     """
     config = load_sweep(path, overrides)
-    log.stage("reading the config")
+    progress.stage("reading the config")
     all_choices = choices(config)
     for choice in all_choices:
         check_fit(config, choice)
@@ -100,13 +91,13 @@ def run_sweep(
     claim_folder(folder, sweep.hash)
     if any(choice.fit is not None for choice in all_choices):
         sweep.cases = list(
-            _fitted_cases(path, sweep=sweep, all_choices=all_choices, log=log)
+            _fitted_cases(path, sweep=sweep, all_choices=all_choices, progress=progress)
         )
     write_text(folder / "config.yaml", to_yaml(config))
     try:
-        _errors(path, sweep=sweep, options=options, log=log)
+        _errors(path, sweep=sweep, options=options, progress=progress)
         if options.times:
-            _times(sweep, options=options, log=log)
+            _times(sweep, options=options, progress=progress)
     except KeyboardInterrupt:
         done = len(sweep.rows)
         count = _count(sweep)
@@ -129,12 +120,12 @@ def _check_devices(sweep: Sweep, devices: int) -> None:
 
 
 def _fitted_cases(
-    path: Path, sweep: Sweep, all_choices: list[Choice], log: Log
+    path: Path, sweep: Sweep, all_choices: list[Choice], progress: Progress
 ) -> Iterator[Case]:
     """Cases of choices, with the weights of their fits."""
     for choice in all_choices:
         if choice.fit is not None:
-            log.stage(f"fit of {', '.join(label for _, label in choice.labels)}")
+            progress.stage(f"fit of {', '.join(label for _, label in choice.labels)}")
         fitted = with_fit(sweep.config, choice=choice, folder=sweep.folder)
         yield from _cases(path, config=sweep.config, choice=fitted)
 
@@ -155,13 +146,15 @@ def _cases(path: Path, config: SweepConfig, choice: Choice) -> list[Case]:
         raise InputError("\n".join(f"{path}: {line}" for line in lines)) from error
 
 
-def _errors(path: Path, sweep: Sweep, options: Options, log: Log) -> None:
+def _errors(path: Path, sweep: Sweep, options: Options, progress: Progress) -> None:
     rows = Rows(sweep.folder / "rows.jsonl", program_hash())
     try:
         if options.retry and (dropped := rows.drop_failed()):
-            log.line(f"{dropped} failed cases are run again")
+            progress.line(f"{dropped} failed cases are run again")
         sweep.rows = rows.by_id
-        evaluator = _Evaluator(sweep=sweep, rows=rows, options=options, log=log)
+        evaluator = _Evaluator(
+            sweep=sweep, rows=rows, options=options, progress=progress
+        )
         sampling = sweep.config.sampling
         if isinstance(sampling, OptunaSampling):
             evaluator.study(path, sampling)
@@ -177,7 +170,7 @@ class _Evaluator:
     sweep: Sweep
     rows: Rows
     options: Options
-    log: Log
+    progress: Progress
 
     def run(self, cases: Sequence[Case]) -> None:
         missing = [case for case in cases if case.id not in self.rows.by_id]
@@ -185,24 +178,26 @@ class _Evaluator:
             return
         self._find_truths(missing)
         done = len(cases) - len(missing)
-        self.log.stage("errors", done=done, total=len(cases))
+        self.progress.stage("errors", done=done, total=len(cases))
         with self.options.open_pool() as pool:
             self._run(cases, pool)
 
     def _find_truths(self, missing: Iterable[Case]) -> None:
         # In this process, one after the other: each may fill the memory.
         for case in {case.truth_key: case for case in missing}.values():
-            self.log.stage(f"reference of {case.load}")
+            self.progress.stage(f"reference of {case.load}")
             find_truth(case, partial(self._announce, case.load))
 
     def _announce(self, load: str, text: str) -> None:
-        self.log.line(f"reference of {load}: {text}")
+        self.progress.line(f"reference of {load}: {text}")
 
     def _run(self, cases: Sequence[Case], pool: Pool) -> None:
         tasks = []
         for group in groups(cases):
             if any(case.id not in self.rows.by_id for case in group):
-                truths = {case.load: find_truth(case, self.log.line) for case in group}
+                truths = {
+                    case.load: find_truth(case, self.progress.line) for case in group
+                }
                 tasks.append(Task(group, truths))
         pictures = self.sweep.folder / "pictures"
         pictures.mkdir(exist_ok=True)
@@ -217,10 +212,10 @@ class _Evaluator:
                     row = {**row, "picture": f"pictures/{case.id}.png"}
                 else:
                     names = ", ".join(label for _, label in case.names)
-                    self.log.line(f"{names}, {case.load}: failed: {row['failed']}")
+                    self.progress.line(f"{names}, {case.load}: failed: {row['failed']}")
                 new_rows.append(row)
             self.rows.append(new_rows)
-            self.log.advance(len(new_rows))
+            self.progress.advance(len(new_rows))
 
     def study(self, path: Path, sampling: OptunaSampling) -> None:
         config = self.sweep.config
@@ -237,7 +232,7 @@ class _Evaluator:
                 batch_cases = [case for _, of_choice in cases for case in of_choice]
                 self._find_truths(c for c in batch_cases if c.id not in self.rows.by_id)
                 # Progress counts cases.
-                self.log.stage(
+                self.progress.stage(
                     "errors", done=loads * requested, total=loads * sampling.count
                 )
                 requested += len(batch)
@@ -276,7 +271,7 @@ def _work(rows: Sequence[Row]) -> float:
     return max(float(row.get("nodes", 0)) * row.get("steps", 0) for row in rows)
 
 
-def _times(sweep: Sweep, options: Options, log: Log) -> None:
+def _times(sweep: Sweep, options: Options, progress: Progress) -> None:
     finished = [c for c in sweep.cases if "error" in sweep.rows.get(c.id, {})]
     # Choices of one resolution and load share their full volume and their voxels.
     finished.sort(key=_voxels)
@@ -286,13 +281,13 @@ def _times(sweep: Sweep, options: Options, log: Log) -> None:
             rows.drop_failed()
         sweep.times = rows.by_id
         count = sum(case.id in rows.by_id for case in finished)
-        log.stage("times", done=count, total=len(finished))
+        progress.stage("times", done=count, total=len(finished))
         for alike in _alike(finished, sweep.rows):
             missing = [case for case in alike if case.id not in rows.by_id]
             if missing:
                 timed = _timed(alike[0], sweep.config.repeats)
                 rows.append([_time_of(case, alike[0], timed) for case in missing])
-                log.advance(len(missing))
+                progress.advance(len(missing))
     finally:
         rows.close()
 
@@ -331,8 +326,3 @@ def _timed(case: Case, repeats: int) -> Row:
     except Exception as error:
         # A case that cannot be timed must not end the sweep.
         return {**case.head, "failed": f"{type(error).__name__}: {error}"[:500]}
-
-
-def median_loop(row: Row | None) -> float | None:
-    """Run time of a case [s]: the median of its loop."""
-    return None if row is None or "failed" in row else statistics.median(row["loop_s"])

@@ -39,7 +39,7 @@ from jaxthermo.timing import Spans, interleaved, ratio_of, timed_call
 
 from ..config.fit_record import SpeedRatio, Speedup
 from ..problem.reference import on_every_voxel
-from .case import Case, build_case, plan_case
+from .case import Case, Keyed, build_case, has_fixed_steps, plan_case
 from .rows import Row
 
 
@@ -100,7 +100,8 @@ def time_case(case: Case, repeats: int) -> Row:
     first_call = planned + timed_call(call)[1]
     loop = compiled_loop(plan)
     loop.seconds()
-    full = _full_volume(_FullKey(config))
+    full_config = on_every_voxel(config)
+    full = _full_volume(Keyed(full_config.model_dump_json(), full_config))
     spans = interleaved({"loop": loop.run, "full": full.run}, repeats, warm_up=False)
     calls = [timed_call(call)[1] for _ in range(min(repeats, _MAX_CALLS))]
     return {
@@ -146,12 +147,8 @@ def compiled_loop(plan: Plan) -> Loop:
     all of its passes and the decisions between them.
     """
     clock = time.perf_counter()
-    if plan.control is not None or len(plan.compiled.programs) > 1:
-
-        def complete_run() -> Any:
-            with precision(plan.scene.dtype):
-                return run_plan(plan).surface_temperature
-
+    if not has_fixed_steps(plan):
+        complete_run = partial(_run, plan)
         jax.block_until_ready(complete_run())
         return Loop(complete_run, plan=plan, compile_s=time.perf_counter() - clock)
     with precision(plan.scene.dtype):
@@ -179,25 +176,11 @@ def _compiled(plan: Plan, table: StepTable) -> Callable[[StepTable], Any]:
     return run
 
 
-class _FullKey:
-    """Config of a full volume by the content that decides its run."""
-
-    def __init__(self, config: SceneConfig):
-        self.config = on_every_voxel(config)
-        self.text = self.config.model_dump_json()
-
-    def __eq__(self, key: object) -> bool:
-        return isinstance(key, _FullKey) and self.text == key.text
-
-    def __hash__(self) -> int:
-        return hash(self.text)
-
-
 @lru_cache(maxsize=1)
-def _full_volume(key: _FullKey) -> Loop:
+def _full_volume(config: Keyed[SceneConfig]) -> Loop:
     """Warm explicit loop of the full volume, with all or some of its steps."""
-    scene = build_case(key.config).scene
-    span = key.config.time
+    scene = build_case(config.value).scene
+    span = config.value.time
     clock = time.perf_counter()
     with precision(scene.dtype):
         plan = plan_run(
@@ -245,14 +228,17 @@ _MAX_REPEATED_SECONDS = 20.0
 def measure_speed(config: SceneConfig, default: Scene, fitted: Scene) -> Speedup:
     """Time the compiled loops of a case, with its surface read at the saved times."""
     full = on_every_voxel(config).build()
-    end = config.time.end
-    saves = config.time.save_times
+    span = config.time
     solver = config.solver.build()
+    runs = {
+        "full_volume": (full, ForwardEuler()),
+        "default": (default, solver),
+        "fitted": (fitted, solver),
+    }
     with precision(config.dtype):
         plans = {
-            "full_volume": plan_run(full, t1=end, save_at=saves, solver=ForwardEuler()),
-            "default": plan_run(default, t1=end, save_at=saves, solver=solver),
-            "fitted": plan_run(fitted, t1=end, save_at=saves, solver=solver),
+            name: plan_run(scene, t1=span.end, save_at=span.save_times, solver=stepper)
+            for name, (scene, stepper) in runs.items()
         }
         calls = {name: partial(_run, planned) for name, planned in plans.items()}
         # The first runs compile.
@@ -275,4 +261,5 @@ def _ratios(spans: Spans, name: str) -> SpeedRatio:
 
 
 def _run(planned: Plan) -> Any:
-    return run_plan(planned).surface_temperature
+    with precision(planned.scene.dtype):
+        return run_plan(planned).surface_temperature

@@ -2,13 +2,14 @@
 
 import json
 from collections.abc import Mapping
-from typing import Any, Literal, NotRequired, TypedDict
+from typing import Any, Literal, TypedDict
 
 import altair as alt
 import numpy as np
 from jaxtyping import Float
 from skimage.measure import find_contours
 
+from jaxthermo.console.progress import Progress
 from jaxthermo.errors import InputError
 from jaxthermo.report import page
 from jaxthermo.report.chart import POINT_AREA, Chart, chart_svg
@@ -20,7 +21,7 @@ from ..run import fit_config
 from .config import RangeAxis, text_of
 from .evaluate import evaluate, find_truth
 from .points import Choice, cases_of
-from .sweep import Log, Sweep, worst_percent
+from .sweep import Sweep, worst_percent
 
 
 _WIDTH = 520
@@ -63,10 +64,10 @@ class _Mark(TypedDict):
     """An optimum in a chart."""
 
     x: float
-    y: NotRequired[float]
+    y: float
     error: float | None
     mark: str
-    text: NotRequired[str]
+    text: str
 
 
 class _LinePoint(TypedDict):
@@ -78,7 +79,7 @@ class _LinePoint(TypedDict):
     text: str
 
 
-def compare_with_fit(sweep: Sweep, log: Log) -> Tuning:
+def compare_with_fit(sweep: Sweep, progress: Progress) -> Tuning:
     """Run the fit that a sweep names, and judge its values like those of the sweep.
 
     Raises:
@@ -86,7 +87,7 @@ def compare_with_fit(sweep: Sweep, log: Log) -> Tuning:
     """
     comparison = sweep.config.compare_with_fit
     assert comparison is not None
-    log.stage("fit")
+    progress.stage("fit")
     config = load_calibration(comparison.calibration)
     names = _parameters(sweep, config.parameters)
     folder = sweep.folder / "fit"
@@ -244,27 +245,17 @@ def _curve(sweep: Sweep, tuning: Tuning, axis: str) -> Chart:
     column = names.index(axis)
     values, table = _grid(sweep)
     curves = _lines(names, column=column, values=values, table=table, tuning=tuning)
-    points: list[_LinePoint] = []
-    for name, errors in curves:
-        for x, percent in zip(values[column], errors, strict=True):
-            if not np.isfinite(percent):
-                continue
-            point: _LinePoint = {
-                "x": float(x),
-                "error": float(percent),
-                "line": name,
-                "text": f"{x:.4g}: {percent:.4g} %",
-            }
-            points.append(point)
-    marks: list[_Mark] = []
-    for name in _OPTIMA:
-        optimum = tuning[name]
-        mark: _Mark = {
-            "x": optimum["values"][axis],
-            "error": optimum["rms_percent"],
-            "mark": name,
+    points: list[_LinePoint] = [
+        {
+            "x": float(x),
+            "error": float(percent),
+            "line": name,
+            "text": f"{x:.4g}: {percent:.4g} %",
         }
-        marks.append(mark)
+        for name, errors in curves
+        for x, percent in zip(values[column], errors, strict=True)
+        if np.isfinite(percent)
+    ]
     error = alt.Y("error:Q", title="error of the worst load [%]")
     lines = alt.Chart(alt.Data(values=points)).mark_line(strokeWidth=2)
     lines = lines.encode(
@@ -273,7 +264,7 @@ def _curve(sweep: Sweep, tuning: Tuning, axis: str) -> Chart:
         alt.Color("line:N", title=None, scale=_line_scale(points)),
         description="text:N",
     )
-    optima = _optima(marks, alt.X("x:Q"), alt.Y("error:Q"))
+    optima = _optima(tuning, axis, axis).encode(y=alt.Y("error:Q"))
     chart = alt.layer(lines, optima)
     chart = chart.resolve_scale(color="independent", shape="independent")
     return chart.properties(width=_WIDTH, height=_HEIGHT)
@@ -310,18 +301,29 @@ def _line_scale(points: list[_LinePoint]) -> alt.Scale:
     return alt.Scale(domain=names, range=colours[: len(names)])
 
 
-def _optima(marks: list[_Mark], x: alt.X, y: alt.Y) -> alt.Chart:
-    for mark in marks:
-        mark["text"] = f"{mark['mark']}: {mark['error']:.4g} %"
+def _optima(tuning: Tuning, across: str, up: str) -> alt.Chart:
+    """The optima by their values on two axes."""
+    marks: list[_Mark] = []
+    for name in _OPTIMA:
+        values = tuning[name]["values"]
+        error = tuning[name]["rms_percent"]
+        mark: _Mark = {
+            "x": values[across],
+            "y": values[up],
+            "error": error,
+            "mark": name,
+            "text": f"{name}: {error:.4g} %",
+        }
+        marks.append(mark)
     chart = alt.Chart(alt.Data(values=marks)).mark_point(
         filled=True, size=1.6 * POINT_AREA, opacity=1, stroke="white", strokeWidth=1.5
     )
-    names = [mark["mark"] for mark in marks]
+    names = list(_OPTIMA)
     shapes = alt.Scale(domain=names, range=["circle", "square", "diamond"])
     colours = alt.Scale(domain=names, range=[_START, _SWEPT, _FITTED])
     return chart.encode(
-        x,
-        y,
+        alt.X("x:Q"),
+        alt.Y("y:Q"),
         alt.Shape("mark:N", title="optimum", scale=shapes),
         alt.Color("mark:N", title="optimum", scale=colours),
         description="text:N",
@@ -359,18 +361,6 @@ def _contour(sweep: Sweep, tuning: Tuning) -> Chart:
         order="order:Q",
         description="text:N",
     )
-    marks: list[_Mark] = []
-    for name in _OPTIMA:
-        optimum = tuning[name]
-        values = optimum["values"]
-        mark: _Mark = {
-            "x": values[names[0]],
-            "y": values[names[1]],
-            "error": optimum["rms_percent"],
-            "mark": name,
-        }
-        marks.append(mark)
-    optima = _optima(marks, alt.X("x:Q"), alt.Y("y:Q"))
-    chart = alt.layer(contour, optima)
+    chart = alt.layer(contour, _optima(tuning, names[0], names[1]))
     chart = chart.resolve_scale(color="independent", shape="independent")
     return chart.properties(width=_WIDTH, height=_WIDTH)

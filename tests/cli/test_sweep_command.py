@@ -8,8 +8,9 @@ import jax
 import pytest
 from typing_extensions import override
 
-from calibrate.study.sweep import Log, Options, run_sweep
+from calibrate.study.sweep import Options, run_sweep
 from experiments.__main__ import main
+from jaxthermo.console.progress import SilentProgress
 from jaxthermo.errors import InputError
 from tests.cli.cli_runs import files, run
 from tests.cli.killing import kill, start
@@ -153,7 +154,7 @@ def test_devices_are_of_one_process_and_share_cases_of_one_shape(
     ):
         monkeypatch.setattr(jax, "device_count", lambda count=device_count: count)
         with pytest.raises(InputError, match=f"^devices={devices}: .*{message}"):
-            run_sweep(path, out, (), Options(devices=devices), Log())
+            run_sweep(path, out, (), Options(devices=devices), SilentProgress())
     assert not out.exists()
 
 
@@ -205,7 +206,7 @@ def test_a_fit_of_something_else_is_one_line(tmp_path, out):
     assert "the axis between is no range of a value that is fitted" in err
 
 
-class _Counting(Log):
+class _Counting(SilentProgress):
     """Counts finished cases of each stage of errors."""
 
     def __init__(self) -> None:
@@ -213,13 +214,13 @@ class _Counting(Log):
         self.total = 0
 
     @override
-    def stage(self, text, done=0, total=None):
-        if text == "errors":
+    def stage(self, name, total=None, done=0):
+        if name == "errors":
             assert done == self.done
             self.total = total
 
     @override
-    def advance(self, count):
+    def advance(self, count=1):
         self.done += count
 
 
@@ -228,9 +229,9 @@ def test_a_study_tells_how_many_cases_are_done(tmp_path):
     text = SWEEP.replace("values: [0.8, 1, 1.25]", "between: [0.5, 2], log: true")
     study = "\nsampling: {kind: optuna, count: 3, batch: 2, seed: 1}\ntruth"
     config = sweep_file(tmp_path, text.replace("\ntruth", study))
-    log = _Counting()
+    progress = _Counting()
     options = Options(times=False)
-    result = run_sweep(config, tmp_path / "out", (), options, log)
-    assert log.done == log.total == len(result.rows) == 6
-    again = run_sweep(config, tmp_path / "out", (), options, Log())
+    result = run_sweep(config, tmp_path / "out", (), options, progress)
+    assert progress.done == progress.total == len(result.rows) == 6
+    again = run_sweep(config, tmp_path / "out", (), options, SilentProgress())
     assert again.rows == result.rows
