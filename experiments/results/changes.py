@@ -1,7 +1,7 @@
 """Changes between plain values, and the noise below which there is none."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
 from typing import Any, NamedTuple, TypeGuard
 
@@ -41,12 +41,28 @@ class Change(NamedTuple):
     new: Any
     note: str = ""
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """Plain values; a value that is absent has no key."""
         return {k: v for k, v in self._asdict().items() if v not in (ABSENT, "")}
 
 
-def flatten(value: Any, prefix: str = "", named: bool = False) -> dict[str, Any]:
+class Pair(NamedTuple):
+    """Values of one key in two results."""
+
+    key: str
+    old: Any
+    new: Any
+
+
+def pairs(
+    old: Mapping[str, Any], new: Mapping[str, Any], keys: Sequence[str] | None = None
+) -> Iterator[Pair]:
+    """Values by the keys of both, or by some keys; ABSENT for a missing one."""
+    for key in {**old, **new} if keys is None else keys:
+        yield Pair(key, old=old.get(key, ABSENT), new=new.get(key, ABSENT))
+
+
+def flatten(value: Any, prefix: str = "", named: bool = False) -> dict[str, object]:
     """Leaves of nested values by their dotted keys.
 
     A list of numbers, such as a direction, is one leaf.
@@ -63,7 +79,7 @@ def flatten(value: Any, prefix: str = "", named: bool = False) -> dict[str, Any]
         pairs = zip(_keys(value, named), value, strict=True)
     else:
         return {prefix: value}
-    leaves: dict[str, Any] = {}
+    leaves: dict[str, object] = {}
     for key, item in pairs:
         leaves |= flatten(
             item, prefix=f"{prefix}.{key}" if prefix else str(key), named=named
@@ -102,11 +118,7 @@ def _is_spread(value: Any) -> bool:
 
 def differences(old: Any, new: Any) -> Iterator[Change]:
     """Leaves that differ at all, by their dotted keys as in `--set`."""
-    a = flatten(old)
-    b = flatten(new)
-    for key in {**a, **b}:
-        left = a.get(key, ABSENT)
-        right = b.get(key, ABSENT)
+    for key, left, right in pairs(flatten(old), flatten(new)):
         # A number may be written as 1 and as 1.0.
         if left != right or isinstance(left, bool) != isinstance(right, bool):
             yield Change(key, old=left, new=right)
@@ -119,19 +131,35 @@ def differ(
     return abs(new - old) > max(relative * max(abs(old), abs(new)), absolute)
 
 
-def time_change(
+def number_changes(
+    key: str,
+    old: Any,
+    new: Any,
+    relative: float = ROUNDING,
+    absolute: Number = 0.0,
+    unit: str = "",
+) -> Iterator[Change]:
+    """Change of a number beyond its noise, or of what is no number, if any."""
+    if not is_number(old) or not is_number(new):
+        if old != new:
+            yield Change(key, old=old, new=new)
+    elif differ(old, new, relative=relative, absolute=absolute):
+        yield Change(key=key, old=old, new=new, note=f"{new - old:+.3g}{unit}")
+
+
+def time_changes(
     key: str, old: Sequence[Number], new: Sequence[Number]
-) -> Change | None:
+) -> Iterator[Change]:
     """Change of a time [s] or a ratio that was measured several times, if any.
 
     The ranges of both must not overlap; a time measured once must change by half.
     """
     if not old or not new:
-        return None
+        return
     old_spread = Spread.of(old)
     new_spread = Spread.of(new)
     if old_spread.median <= 0 or new_spread.median <= 0:
-        return None
+        return
     ratio = new_spread.median / old_spread.median
     if min(len(old), len(new)) == 1:
         beyond = max(ratio, 1 / ratio) > _MAX_SINGLE_RATIO
@@ -143,9 +171,8 @@ def time_change(
             f"{ratio:.3g} times; ranges {old_spread.low:.3g}-{old_spread.high:.3g} and "
             f"{new_spread.low:.3g}-{new_spread.high:.3g}"
         )
-    if not beyond:
-        return None
-    return Change(key=key, old=old_spread.median, new=new_spread.median, note=note)
+    if beyond:
+        yield Change(key=key, old=old_spread.median, new=new_spread.median, note=note)
 
 
 def plain_changes(old: Any, new: Any) -> Iterator[Change]:
@@ -153,52 +180,46 @@ def plain_changes(old: Any, new: Any) -> Iterator[Change]:
 
     Numbers to rounding, times by their spread, everything else exactly.
     """
-    a = flatten(old, named=True)
-    b = flatten(new, named=True)
-    for key in {**a, **b}:
-        left = a.get(key, ABSENT)
-        right = b.get(key, ABSENT)
-        if change := _leaf_change(key, old=left, new=right):
-            yield change
+    for key, left, right in pairs(flatten(old, named=True), flatten(new, named=True)):
+        if left != right:
+            yield from _leaf_changes(key, old=left, new=right)
 
 
-def _leaf_change(key: str, old: Any, new: Any) -> Change | None:
-    if old == new:
-        return None
-    if ABSENT in (old, new):
-        return Change(key, old=old, new=new)
-    if _is_spread(old) and _is_spread(new):
-        return time_change(key, old=_samples(old), new=_samples(new))
-    if _is_time(key) and is_number(old) and is_number(new):
-        return time_change(key, old=[old], new=[new])
-    if isinstance(old, list) and isinstance(new, list):
-        if _is_time(key) and _is_numbers(old) and _is_numbers(new):
-            return time_change(key, old=old, new=new)
+def _leaf_changes(key: str, old: Any, new: Any) -> Iterator[Change]:
+    old_samples = _samples(key, old)
+    new_samples = _samples(key, new)
+    if old_samples and new_samples:
+        yield from time_changes(key, old=old_samples, new=new_samples)
+    elif isinstance(old, list) and isinstance(new, list):
         if len(old) != len(new):
-            return Change(key, old=f"{len(old)} values", new=f"{len(new)} values")
-        return _list_change(key, old=old, new=new)
-    if is_number(old) and is_number(new):
-        return Change(key, old=old, new=new) if differ(old, new) else None
-    return Change(key, old=old, new=new)
+            yield Change(key, old=f"{len(old)} values", new=f"{len(new)} values")
+        else:
+            yield from _list_changes(key, old=old, new=new)
+    elif not is_number(old) or not is_number(new) or differ(old, new):
+        yield Change(key, old=old, new=new)
 
 
-def _samples(spread: dict[str, Number]) -> list[Number]:
-    names = next(names for names in _MEDIAN_AND_RANGE if set(names) <= set(spread))
-    return [spread[name] for name in names]
+def _samples(key: str, value: Any) -> list[Number]:
+    """Values of a measured time, by its range, alone or repeated; none for others."""
+    if _is_spread(value):
+        names = next(names for names in _MEDIAN_AND_RANGE if set(names) <= set(value))
+        return [value[name] for name in names]
+    values = value if isinstance(value, list) else [value]
+    return values if _is_time(key) and _is_numbers(values) else []
 
 
-def _list_change(key: str, old: list[Number], new: list[Number]) -> Change | None:
+def _list_changes(key: str, old: list[Number], new: list[Number]) -> Iterator[Change]:
     # The value that changed most stands for all.
     noise = ROUNDING * max(map(abs, [*old, *new]))
     sizes = [abs(b - a) for a, b in zip(old, new, strict=True)]
     n = sizes.index(max(sizes))
-    change = Change(
-        key=f"{key}.{n}",
-        old=old[n],
-        new=new[n],
-        note=f"the largest of {len(old)} values",
-    )
-    return change if sizes[n] > noise else None
+    if sizes[n] > noise:
+        yield Change(
+            key=f"{key}.{n}",
+            old=old[n],
+            new=new[n],
+            note=f"the largest of {len(old)} values",
+        )
 
 
 # A name that ends in the unit of a time, or says that it is measured by one.

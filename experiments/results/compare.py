@@ -1,13 +1,24 @@
 """`experiments compare`: changes between two results beyond noise."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
+from calibrate.study.rows import Row
 from jaxthermo.errors import InputError
 
-from .changes import ABSENT, Change, differ, differences, plain_changes, time_change
-from .read import NOT_AS_WRITTEN, Kind, Result, Row
+from .changes import (
+    ABSENT,
+    Change,
+    differ,
+    differences,
+    is_number,
+    number_changes,
+    pairs,
+    plain_changes,
+    time_changes,
+)
+from .read import NOT_AS_WRITTEN, Kind, Result
 from .run_changes import run_changes
 
 
@@ -32,7 +43,7 @@ class Comparison(NamedTuple):
     remarks: tuple[str, ...]
     """Reasons why some values could not be compared."""
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """Plain values for JSON."""
         return {
             "kind": self.kind,
@@ -85,56 +96,54 @@ def compare(old: Result, new: Result) -> Comparison:
 def _fit_changes(old: Result, new: Result) -> Iterator[Change | str]:
     a = old.content
     b = new.content
-    if a["ended"] != b["ended"]:
-        yield Change("ended", old=a["ended"], new=b["ended"])
+    yield from _exact_changes("ended", old=a["ended"], new=b["ended"])
     yield from _parameter_changes(a["parameters"], b["parameters"])
-    for group in {**a["error_percent"], **b["error_percent"]}:
-        old_errors = a["error_percent"].get(group, {})
-        new_errors = b["error_percent"].get(group, {})
-        for values in ("default", "fitted"):
-            yield from _number_change(
-                f"error_percent.{group}.{values}",
-                old=old_errors.get(values, ABSENT),
-                new=new_errors.get(values, ABSENT),
+    for group, *group_errors in pairs(a["error_percent"], b["error_percent"]):
+        errors = ({} if values is ABSENT else values for values in group_errors)
+        for name, left, right in pairs(*errors, keys=("default", "fitted")):
+            yield from number_changes(
+                f"error_percent.{group}.{name}",
+                old=left,
+                new=right,
+                relative=_FIT_ROUNDING,
             )
-    yield from _number_change(
-        "loss.final", old=a["loss"]["final"], new=b["loss"]["final"]
+    yield from number_changes(
+        "loss.final",
+        old=a["loss"]["final"],
+        new=b["loss"]["final"],
+        relative=_FIT_ROUNDING,
     )
-    pays = a["verdict"]["pays"]
-    if pays != b["verdict"]["pays"]:
-        yield Change("verdict.pays", old=pays, new=b["verdict"]["pays"])
-    if all("times_faster" in c["speedup"] for c in (a, b)):
-        change = time_change(
-            "speedup.times_faster",
-            old=_speedups(a["speedup"]),
-            new=_speedups(b["speedup"]),
+    yield from _exact_changes(
+        "verdict.pays", old=a["verdict"]["pays"], new=b["verdict"]["pays"]
+    )
+    speedups = (a["speedup"], b["speedup"])
+    if all("times_faster" in speedup for speedup in speedups):
+        first, second = (
+            [
+                speedup[name]
+                for name in ("min", "times_faster", "max")
+                if name in speedup
+            ]
+            for speedup in speedups
         )
-        if change:
-            yield change
+        yield from time_changes("speedup.times_faster", old=first, new=second)
     for key in ("fit", "one_run", "compile"):
-        change = time_change(
+        yield from time_changes(
             f"run_time_s.{key}", old=[a["run_time_s"][key]], new=[b["run_time_s"][key]]
         )
-        if change:
-            yield change
 
 
-def _speedups(speedup: dict[str, Any]) -> list[float]:
-    names = ("min", "times_faster", "max")
-    return [speedup[name] for name in names if name in speedup]
+def _exact_changes(key: str, old: object, new: object) -> Iterator[Change]:
+    if old != new:
+        yield Change(key, old=old, new=new)
 
 
-def _parameter_changes(a: dict[str, Any], b: dict[str, Any]) -> Iterator[Change]:
-    for name in {**a, **b}:
-        if name not in a or name not in b:
-            yield Change(
-                f"parameters.{name}",
-                old=a.get(name, {"value": ABSENT})["value"],
-                new=b.get(name, {"value": ABSENT})["value"],
-            )
+def _parameter_changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[Change]:
+    for name, old, new in pairs(a, b):
+        if ABSENT in (old, new):
+            left, right = (p if p is ABSENT else p["value"] for p in (old, new))
+            yield Change(f"parameters.{name}", old=left, new=right)
             continue
-        old = a[name]
-        new = b[name]
         errors = [row["standard_error"] for row in (old, new)]
         # Both values are uncertain; without standard errors only rounding is noise.
         noise = 0.0 if None in errors else math.hypot(*errors)
@@ -146,35 +155,25 @@ def _parameter_changes(a: dict[str, Any], b: dict[str, Any]) -> Iterator[Change]
             yield Change(
                 key=f"parameters.{name}", old=old["value"], new=new["value"], note=note
             )
-        if old["verdict"] != new["verdict"]:
-            key = f"parameters.{name}.verdict"
-            yield Change(key, old=old["verdict"], new=new["verdict"])
-
-
-def _number_change(key: str, old: Any, new: Any) -> Iterator[Change]:
-    if ABSENT in (old, new):
-        if old is not new:
-            yield Change(key, old=old, new=new)
-    elif differ(old, new, _FIT_ROUNDING):
-        yield Change(key=key, old=old, new=new, note=f"{new - old:+.3g}")
+        yield from _exact_changes(
+            f"parameters.{name}.verdict", old=old["verdict"], new=new["verdict"]
+        )
 
 
 def _sweep_changes(old: Result, new: Result) -> Iterator[Change | str]:
     a = {_case_name(row): row for row in old.rows}
     b = {_case_name(row): row for row in new.rows}
-    for name in a.keys() - b.keys():
-        yield Change(name, old="a row", new=ABSENT)
-    for name in b.keys() - a.keys():
-        yield Change(name, old=ABSENT, new="a row")
-    for name in (name for name in a if name in b):
-        yield from _row_changes(name, old=a[name], new=b[name])
-        change = time_change(
+    for name, left, right in pairs(a, b):
+        if ABSENT in (left, right):
+            rows = (row if row is ABSENT else "a row" for row in (left, right))
+            yield Change(name, *rows)
+            continue
+        yield from _row_changes(name, old=left, new=right)
+        yield from time_changes(
             f"{name}: loop [s]",
-            old=old.times.get(a[name]["id"], []),
-            new=new.times.get(b[name]["id"], []),
+            old=old.times.get(left["id"], []),
+            new=new.times.get(right["id"], []),
         )
-        if change:
-            yield change
 
 
 def _case_name(row: Row) -> str:
@@ -193,20 +192,18 @@ _ERRORS = {
 
 
 def _row_changes(name: str, old: Row, new: Row) -> Iterator[Change]:
-    old_failure = old.get("failed", ABSENT)
-    new_failure = new.get("failed", ABSENT)
-    if old_failure != new_failure:
-        yield Change(f"{name}: failed", old=old_failure, new=new_failure)
-    for key in ("nodes", "links", "steps"):
-        a = old.get(key)
-        b = new.get(key)
-        if a != b and a is not None and b is not None:
-            yield Change(f"{name}: {key}", old=a, new=b)
-    for key, rounding in _ERRORS.items():
-        a = (old.get("error") or {}).get(key)
-        b = (new.get("error") or {}).get(key)
-        if a is not None and b is not None and differ(a, b, absolute=rounding):
-            yield Change(key=f"{name}: {key}", old=a, new=b, note=f"{b - a:+.3g}")
+    yield from _exact_changes(
+        f"{name}: failed", old.get("failed", ABSENT), new.get("failed", ABSENT)
+    )
+    for key, a, b in pairs(old, new, keys=("nodes", "links", "steps")):
+        if not {a, b} & {None, ABSENT}:
+            yield from _exact_changes(f"{name}: {key}", old=a, new=b)
+    errors = (row.get("error") or {} for row in (old, new))
+    for key, a, b in pairs(*errors, keys=tuple(_ERRORS)):
+        if is_number(a) and is_number(b):
+            yield from number_changes(
+                f"{name}: {key}", old=a, new=b, absolute=_ERRORS[key]
+            )
 
 
 def _plain_changes(old: Result, new: Result) -> Iterator[Change | str]:
@@ -216,7 +213,7 @@ def _plain_changes(old: Result, new: Result) -> Iterator[Change | str]:
         yield from _sweep_changes(old, new)
 
 
-def _numbers_of(result: Result) -> dict[str, Any]:
+def _numbers_of(result: Result) -> dict[str, object]:
     return {k: v for k, v in result.body.items() if k not in _NOT_NUMBERS}
 
 

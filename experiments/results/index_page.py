@@ -1,7 +1,7 @@
 """`experiments report`: one page of all results in a folder."""
 
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from itertools import islice
 from pathlib import Path
@@ -10,13 +10,14 @@ from urllib.parse import quote
 
 from PIL import Image
 
+from calibrate.study.rows import Row
 from jaxthermo.errors import InputError
 from jaxthermo.report import page
 from jaxthermo.report.numbers import count, seconds, significant
 from jaxthermo.report.table import Table, prose
 
 from .changes import is_number
-from .read import NOT_AS_WRITTEN, Damaged, Kind, Result, Row
+from .read import NOT_AS_WRITTEN, Damaged, Kind, Result
 
 
 _INDEX = "index.html"
@@ -123,7 +124,7 @@ def _run_truth(result: Result) -> str:
     return _error_words(error, "error against the truth")
 
 
-def _error_words(error: dict[str, Any], subject: str) -> str:
+def _error_words(error: Mapping[str, Any], subject: str) -> str:
     percent = error.get("worst_rms_percent")
     relative = "" if percent is None else f", {significant(percent)} %"
     return f"{subject}: {significant(error['worst_rms_kelvin'])} K{relative}"
@@ -230,7 +231,8 @@ def _thumbnail(folder: Path) -> bytes:
     """A small picture of a result, as a PNG; empty if it has none that can be read."""
     # The last frame of a run, else the picture that comes first by its name.
     frames = sorted(folder.glob("frames/*.png"))[-1:]
-    for file in [*frames, *sorted(folder.glob("*.png")), *_first_picture(folder)]:
+    pictures = sorted(folder.glob("pictures/*.png"))[:1]
+    for file in [*frames, *sorted(folder.glob("*.png")), *pictures]:
         with suppress(OSError, ValueError), Image.open(file) as image:
             small = image.convert("RGB")
             small.thumbnail((_PICTURE_WIDTH, _PICTURE_WIDTH))
@@ -238,7 +240,3 @@ def _thumbnail(folder: Path) -> bytes:
             small.save(stream, "PNG", optimize=True)
             return stream.getvalue()
     return b""
-
-
-def _first_picture(folder: Path) -> list[Path]:
-    return sorted(folder.glob("pictures/*.png"))[:1]

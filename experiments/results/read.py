@@ -2,19 +2,19 @@
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from calibrate.config.fit_record import read_fit
+from calibrate.study.rows import Row, finished_rows
 from jaxthermo.archive import check_regular, read_record
 from jaxthermo.errors import InputError
 
 
 Kind = Literal["run", "fit", "sweep", "experiment", "reduced model", "plan"]
-Row = dict[str, Any]
 
 NOT_AS_WRITTEN = (KeyError, TypeError, ValueError, IndexError, AttributeError)
 """Errors of a program that reads values of another form than it expects."""
@@ -40,7 +40,7 @@ class Result:
 
     kind: Kind
     file: Path
-    content: dict[str, Any]
+    content: Mapping[str, Any]
     """Content of the file."""
     rows: tuple[Row, ...] = ()
     """Rows of a sweep or an experiment, the last one of each id."""
@@ -53,12 +53,12 @@ class Result:
         return self.file.parent
 
     @property
-    def body(self) -> dict[str, Any]:
+    def body(self) -> Mapping[str, Any]:
         """Values of the result; those of an experiment are in its entry `result`."""
         return self.content["result"] if self.kind == "experiment" else self.content
 
     @property
-    def config(self) -> dict[str, Any]:
+    def config(self) -> Mapping[str, Any]:
         """The resolved config; empty if it has none."""
         config = self.body.get("config")
         return config if isinstance(config, dict) else {}
@@ -167,13 +167,13 @@ def _read(file: Path) -> Result:
     )
 
 
-def _kind(file: Path, content: dict[str, Any]) -> Literal[Kind]:
+def _kind(file: Path, content: Mapping[str, Any]) -> Literal[Kind]:
     if file.name == "summary.json":
         return "reduced model" if content.get("kind") == "reduced model" else "run"
     return "sweep" if content.get("experiment", "sweep") == "sweep" else "experiment"
 
 
-def _read_json(file: Path) -> dict[str, Any]:
+def _read_json(file: Path) -> Mapping[str, Any]:
     check_regular(file, f"name what {_MAKERS}")
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
@@ -190,12 +190,5 @@ def _read_json(file: Path) -> dict[str, Any]:
 def _read_rows(file: Path) -> tuple[Row, ...]:
     if not file.exists():
         return ()
-    rows = {}
-    for line in file.read_bytes().splitlines():
-        try:
-            row = json.loads(line)
-        except (ValueError, RecursionError):
-            continue  # cut off: the command that wrote it computes it again
-        if isinstance(row, dict) and "id" in row:
-            rows[row["id"]] = row
-    return tuple(rows.values())
+    rows = finished_rows(file.read_bytes())
+    return tuple({row["id"]: row for row in rows if "id" in row}.values())

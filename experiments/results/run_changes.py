@@ -1,6 +1,6 @@
 """Changes between two runs of `jaxthermo simulate`, beyond noise."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,16 @@ from jaxthermo.accuracy.truth_error import truth_error
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.solution_file import StoredSolution, load_solution
 
-from .changes import ABSENT, ROUNDING, Change, Number, differ, is_number, time_change
+from .changes import (
+    ABSENT,
+    ROUNDING,
+    Change,
+    Number,
+    differ,
+    number_changes,
+    pairs,
+    time_changes,
+)
 from .read import Result
 
 
@@ -26,20 +35,16 @@ def run_changes(old: Result, new: Result) -> Iterator[Change | str]:
     """Counts, surface temperatures, probes, energies and times that changed."""
     a = old.content
     b = new.content
-    for key in _COUNTS:
-        left = a.get(key, ABSENT)
-        right = b.get(key, ABSENT)
+    for key, left, right in pairs(a, b, keys=_COUNTS):
         if left != right:
             yield Change(key, old=left, new=right)
     yield from _surface_changes(old, new)
     yield from _truth_changes(a.get("truth_error"), b.get("truth_error"))
-    yield from _probe_changes(a, b)
+    yield from _probe_changes(a.get("probes", {}), b.get("probes", {}))
     yield from _energy_changes(a, b)
     for key in _TIMES:
         if key in a and key in b:
-            change = time_change(key, old=[a[key]], new=[b[key]])
-            if change:
-                yield change
+            yield from time_changes(key, old=[a[key]], new=[b[key]])
     left = a.get("peak_memory_bytes", 0)
     right = b.get("peak_memory_bytes", 0)
     if differ(left, right, relative=_MEMORY_ROUNDING):
@@ -88,7 +93,9 @@ def _solution_changes(
         yield Change(key=name, old=0.0, new=rms[worst], note=note)
 
 
-def _summary_changes(old: dict[str, Any], new: dict[str, Any]) -> Iterator[Change]:
+def _summary_changes(
+    old: Mapping[str, Any], new: Mapping[str, Any]
+) -> Iterator[Change]:
     for index, (a, b) in enumerate(zip(old["bodies"], new["bodies"], strict=False)):
         for name in ("min", "mean", "max"):
             yield from _temperature_change(
@@ -112,58 +119,47 @@ def _temperature_change(
 
 
 def _truth_changes(old: Any, new: Any) -> Iterator[Change]:
-    if (old is None) != (new is None):
-        yield Change(
-            "truth_error.worst_rms_kelvin",
-            old=ABSENT if old is None else old["worst_rms_kelvin"],
-            new=ABSENT if new is None else new["worst_rms_kelvin"],
+    names = ("worst_rms_kelvin", "worst_p99_kelvin", "worst_lost_fraction")
+    # An error that only one of them has is one change.
+    compared = names[:1] if None in (old, new) else names
+    for name, a, b in pairs(old or {}, new or {}, keys=compared):
+        yield from number_changes(
+            f"truth_error.{name}",
+            old=a,
+            new=b,
+            absolute=_kelvin_noise(300.0) if "kelvin" in name else 0.0,
         )
-    if old is None or new is None:
-        return
-    for name in ("worst_rms_kelvin", "worst_p99_kelvin", "worst_lost_fraction"):
-        a = old[name]
-        b = new[name]
-        noise = _kelvin_noise(300.0) if "kelvin" in name else 0.0
-        if differ(a, b, absolute=noise):
-            yield Change(key=f"truth_error.{name}", old=a, new=b, note=f"{b - a:+.3g}")
 
 
-def _probe_changes(old: dict[str, Any], new: dict[str, Any]) -> Iterator[Change]:
-    a = old.get("probes", {})
-    b = new.get("probes", {})
-    for name in {**a, **b}:
+def _probe_changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[Change]:
+    for name, a, b in pairs(old, new):
         key = f"probes.{name} [K]"
-        if name in a and name in b:
-            yield from _temperature_change(
-                key, old=a[name]["temperature_K"], new=b[name]["temperature_K"]
-            )
+        if ABSENT in (a, b):
+            yield Change(key, *(p if p is ABSENT else "a probe" for p in (a, b)))
         else:
-            yield Change(
-                key,
-                old="a probe" if name in a else ABSENT,
-                new="a probe" if name in b else ABSENT,
+            yield from _temperature_change(
+                key, old=a["temperature_K"], new=b["temperature_K"]
             )
 
 
-def _energy_changes(old: dict[str, Any], new: dict[str, Any]) -> Iterator[Change]:
+def _energy_changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[Change]:
     a = _energies(old)
     b = _energies(new)
     # Small terms of the balance are differences of its large ones.
     values = (v for terms in (a, b) for row in terms.values() for v in row)
     scale = max(map(abs, values), default=0)
     for name in {**a, **b}:
-        first = (a.get(name) or [ABSENT])[-1]
-        second = (b.get(name) or [ABSENT])[-1]
-        key = f"energy.{name}, at the end"
-        if not is_number(first) or not is_number(second):
-            yield Change(key, old=first, new=second)
-        elif differ(first, second, absolute=ROUNDING * scale):
-            yield Change(
-                key=key, old=first, new=second, note=f"{second - first:+.3g} J"
-            )
+        first, second = ((terms.get(name) or [ABSENT])[-1] for terms in (a, b))
+        yield from number_changes(
+            f"energy.{name}, at the end",
+            old=first,
+            new=second,
+            absolute=ROUNDING * scale,
+            unit=" J",
+        )
 
 
-def _energies(content: dict[str, Any]) -> dict[str, list[Number]]:
+def _energies(content: Mapping[str, Any]) -> dict[str, list[Number]]:
     """Terms of the energy balance at the saved times [J]."""
     energy = content.get("energy", {})
     return {name: row for name, row in energy.items() if name.endswith("_J")}
