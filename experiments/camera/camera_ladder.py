@@ -60,6 +60,16 @@ class _Rung(NamedTuple):
     effects: tuple[Any, ...] = ()
     quantity: str = "apparent_temperature"
 
+    def recording(self, solution: jt.Solution, camera: jt.Camera) -> Iterator[Image]:
+        """All frames, drawn this way."""
+        return jt.frames(
+            solution,
+            camera,
+            band=self.band,
+            samples=self.samples,
+            effects=self.effects,
+        )
+
 
 _EFFECTS: tuple[tuple[str, str, Any], ...] = (
     ("angle", "emissivity by the angle", jt.AngularEmissivity()),
@@ -115,19 +125,11 @@ def _scene(height: int) -> tuple[jt.Solution, jt.Camera]:
     return solution, camera
 
 
-def _drawn(solution: jt.Solution, camera: jt.Camera, rung: _Rung) -> Image:
-    """The last frame, drawn after the one before it, as in a recording."""
-    options = {"band": rung.band, "samples": rung.samples, "effects": rung.effects}
-    *_, last = jt.frames(solution, camera, **options)
-    return last
-
-
 def _frame_time(solution: jt.Solution, camera: jt.Camera, rung: _Rung) -> float:
     """Median time of one frame of a recording with the geometry known [ms]."""
-    options = {"band": rung.band, "samples": rung.samples, "effects": rung.effects}
     times = []
     for _ in range(_RUNS):
-        recording = jt.frames(solution, camera, **options)
+        recording = rung.recording(solution, camera)
         next(recording)
         begin = time.perf_counter()
         _ = next(recording).apparent_temperature
@@ -159,7 +161,8 @@ def run(folder: Path, height: int = 110) -> _Result:
     """Frames of a figurine of `height` voxels, rung by rung: `report.html`."""
     solution, camera = _scene(height)
     rungs = list(_rungs())
-    images = [_drawn(solution, camera, rung) for rung in rungs]
+    # The last frame, drawn after the one before it.
+    images = [list(rung.recording(solution, camera))[-1] for rung in rungs]
     kelvin = [
         np.asarray(getattr(image, rung.quantity), float)
         for image, rung in zip(images, rungs, strict=True)

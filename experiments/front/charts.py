@@ -6,9 +6,11 @@ requests.
 
 import html
 import json
+import math
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
+from itertools import cycle
+from typing import TypedDict
 
 import altair as alt
 
@@ -36,6 +38,7 @@ _HUES = (
 )
 _RIVAL_SHAPES = ("cross", "diamond", "triangle-up", "triangle-down", "square")
 _RIVAL_COLOUR = "#d1352b"
+_MARK_COLOUR = "#5a606c"
 _BLACK = "#14171d"
 _NUMBER_SIZE = 16.0
 """Width and height of the number of a point [pixels]."""
@@ -56,6 +59,20 @@ Marks = Sequence[tuple[str, float]]
 """Vertical lines with a text at a run time [s]."""
 
 
+class _Dot(TypedDict):
+    """A point in a chart."""
+
+    cost: float
+    error: float
+    text: str
+    """Text of its tooltip."""
+    label: str
+    """Label on the first axis of the sweep."""
+    kind: str
+    number: str
+    """Number on the front; empty for other points."""
+
+
 def error_against(
     cost: Cost,
     points: Sequence[Point],
@@ -72,127 +89,103 @@ def error_against(
     best = front(points, cost=cost, error=error)
     label, scale = _COSTS[cost]
 
-    def row(point: Point, **fields: str) -> dict[str, Any]:
-        return _row(point, cost=cost, error=error, scale=scale) | fields
+    def dot(point: Point, number: str = "") -> _Dot:
+        return {
+            "cost": (point.cost(cost) or 0.0) * scale,
+            "error": point.errors[error],
+            "text": sentence(point),
+            "label": _label(point),
+            "kind": point.kind,
+            "number": number,
+        }
 
-    beaten = [row(p) for p in points if p not in best]
-    front_rows = [row(p, number=str(n)) for n, p in enumerate(best, 1)]
-    rival_rows = [row(p, rival=p.kind) for p in rivals]
-    marked = [{"cost": at * scale, "text": text} for text, at in marks]
-    all_rows = [*beaten, *front_rows, *rival_rows]
-    across = LogAxis([r["cost"] for r in (*all_rows, *marked)], label)
-    up = LogAxis([r["error"] for r in all_rows], _ERROR_TITLES[error])
+    beaten = [dot(p) for p in points if p not in best]
+    on_front = [dot(p, str(n)) for n, p in enumerate(best, 1)]
+    beside = [dot(p) for p in rivals]
+    lines = [{"cost": at * scale, "text": text} for text, at in marks]
+    dots = [*beaten, *on_front, *beside]
+    across = LogAxis([d["cost"] for d in (*dots, *lines)], label)
+    up = LogAxis([d["error"] for d in dots], _ERROR_TITLES[error])
     x = alt.X(**across.channel("cost"))
-    y = alt.Y(**up.channel("error"))
-    layers = [_dots(beaten, x=x, y=y), _front_line(front_rows, x=x, y=y)]
-    layers.append(_chosen(front_rows, x=x, y=y, paint=_paint(points)))
-    if rival_rows:
-        layers.append(_rivals(rival_rows, x=x, y=y))
-    if marked:
-        layers += _marks(marked, x)
-    separate = _apart(front_rows, across=across, up=up)
-    layers.append(_numbers(separate, x=x, y=y))
-    chart = alt.layer(*layers).resolve_scale(color="independent", shape="shared")
+
+    def drawn(rows: Sequence[_Dot]) -> alt.Chart:
+        y = alt.Y(**up.channel("error"))
+        return alt.Chart(alt.Data(values=rows)).encode(x=x, y=y)
+
+    tip = alt.Description("text:N")
+    grey = drawn(beaten).encode(tip)
+    coloured = drawn(on_front).encode(tip, color=_colour(points, best))
+    layers = [
+        grey.mark_point(filled=True, color=_GREY, size=POINT_AREA * 0.55, opacity=0.9),
+        # A step: between two points the smallest error is that of the cheaper one.
+        drawn(on_front).mark_line(
+            interpolate="step-after", color=_BLACK, strokeWidth=1.5, opacity=0.75
+        ),
+        coloured.mark_point(filled=True, size=POINT_AREA * 1.6, opacity=1),
+    ]
+    if beside:
+        shaped = drawn(beside).encode(tip, shape=_shape(rivals))
+        layers.append(
+            shaped.mark_point(
+                size=POINT_AREA * 0.8, stroke=_RIVAL_COLOUR, strokeWidth=1.8, opacity=1
+            )
+        )
+    if lines:
+        base = alt.Chart(alt.Data(values=lines)).encode(x=x)
+        named = base.encode(y=alt.value(0), text="text:N")
+        layers += [
+            base.mark_rule(strokeDash=[4, 4], color=_MARK_COLOUR),
+            named.mark_text(
+                angle=270,
+                align="right",
+                baseline="bottom",
+                dx=-6,
+                dy=-3,
+                color=_MARK_COLOUR,
+            ),
+        ]
+    numbers = drawn(_apart(on_front, across=across, up=up)).encode(text="number:N")
+    layers.append(numbers.mark_text(dx=11, dy=-9, fontSize=12, color=_BLACK))
+    chart = alt.LayerChart(layer=layers)
+    chart = chart.resolve_scale(color="independent", shape="shared")
     return chart.properties(width=_WIDTH, height=_HEIGHT, title=title)
 
 
-def point_text(point: Point) -> str:
-    """The text of a point's tooltip, which is the same in all charts."""
-    return sentence(point)
-
-
 def _is_shown(point: Point, cost: Cost, error: Measure) -> bool:
-    value = point.cost(cost)
-    finite = 0 < point.errors[error] < float("inf")
-    return finite and value is not None and value > 0
-
-
-def _row(point: Point, cost: Cost, error: Measure, scale: float) -> dict[str, Any]:
-    return {
-        "cost": (point.cost(cost) or 0.0) * scale,
-        "error": point.errors[error],
-        "text": point_text(point),
-        "label": _label(point),
-    }
+    return (point.cost(cost) or 0) > 0 and 0 < point.errors[error] < math.inf
 
 
 def _label(point: Point) -> str:
     return str(next(iter(point.choice.values()), ""))
 
 
-def _data(rows: list[dict[str, Any]]) -> alt.Chart:
-    return alt.Chart(alt.Data(values=rows))
-
-
-def _dots(rows: list[dict[str, Any]], x: alt.X, y: alt.Y) -> alt.Chart:
-    base = _data(rows).mark_point(
-        filled=True, color=_GREY, size=POINT_AREA * 0.55, opacity=0.9
-    )
-    return base.encode(x=x, y=y, description="text:N")
-
-
-def _front_line(rows: list[dict[str, Any]], x: alt.X, y: alt.Y) -> alt.Chart:
-    # A step: between two points the smallest error is that of the cheaper one.
-    line = _data(rows).mark_line(
-        interpolate="step-after", color=_BLACK, strokeWidth=1.5, opacity=0.75
-    )
-    return line.encode(x=x, y=y)
-
-
-def _paint(points: Sequence[Point]) -> dict[str, str]:
+def _colour(points: Sequence[Point], best: Sequence[Point]) -> alt.Color:
     """A colour for each label of the first axis, the same in all charts."""
-    labels = list(dict.fromkeys(_label(point) for point in points))
-    return {label: _HUES[n % len(_HUES)] for n, label in enumerate(labels)}
+    labels = list(dict.fromkeys(map(_label, points)))
+    hues = dict(zip(labels, cycle(_HUES), strict=False))
+    on_front = list(dict.fromkeys(map(_label, best)))
+    scale = alt.Scale(domain=on_front, range=[hues[label] for label in on_front])
+    return alt.Color("label:N", scale=scale, sort=None, legend=legend("on the front"))
 
 
-def _chosen(
-    rows: list[dict[str, Any]], x: alt.X, y: alt.Y, paint: dict[str, str]
-) -> alt.Chart:
-    labels = list(dict.fromkeys(row["label"] for row in rows))
-    scale = alt.Scale(domain=labels, range=[paint[label] for label in labels])
-    colour = alt.Color("label:N", scale=scale, sort=None, legend=legend("on the front"))
-    dots = _data(rows).mark_point(filled=True, size=POINT_AREA * 1.6, opacity=1)
-    return dots.encode(x=x, y=y, color=colour, description="text:N")
+def _shape(rivals: Sequence[Point]) -> alt.Shape:
+    kinds = list(dict.fromkeys(rival.kind for rival in rivals))
+    scale = alt.Scale(domain=kinds, range=list(_RIVAL_SHAPES[: len(kinds)]))
+    return alt.Shape("kind:N", scale=scale, sort=None, legend=legend("beside it"))
 
 
-def _apart(
-    rows: list[dict[str, Any]], across: LogAxis, up: LogAxis
-) -> list[dict[str, Any]]:
+def _apart(dots: Sequence[_Dot], across: LogAxis, up: LogAxis) -> list[_Dot]:
     """Points whose numbers do not cover each other; of a crowd the first one."""
-    separate: list[dict[str, Any]] = []
-    for row in rows:
+    separate: list[_Dot] = []
+    for dot in dots:
         near = (
-            _WIDTH * across.distance(row["cost"], placed["cost"]) < _NUMBER_SIZE
-            and _HEIGHT * up.distance(row["error"], placed["error"]) < _NUMBER_SIZE
+            _WIDTH * across.distance(dot["cost"], placed["cost"]) < _NUMBER_SIZE
+            and _HEIGHT * up.distance(dot["error"], placed["error"]) < _NUMBER_SIZE
             for placed in separate
         )
         if not any(near):
-            separate.append(row)
+            separate.append(dot)
     return separate
-
-
-def _numbers(rows: list[dict[str, Any]], x: alt.X, y: alt.Y) -> alt.Chart:
-    text = _data(rows).mark_text(dx=11, dy=-9, fontSize=12, color=_BLACK)
-    return text.encode(x=x, y=y, text="number:N")
-
-
-def _rivals(rows: list[dict[str, Any]], x: alt.X, y: alt.Y) -> alt.Chart:
-    names = list(dict.fromkeys(row["rival"] for row in rows))
-    scale = alt.Scale(domain=names, range=list(_RIVAL_SHAPES[: len(names)]))
-    shape = alt.Shape("rival:N", scale=scale, sort=None, legend=legend("beside it"))
-    dots = _data(rows).mark_point(
-        size=POINT_AREA * 0.8, stroke=_RIVAL_COLOUR, strokeWidth=1.8, opacity=1
-    )
-    return dots.encode(x=x, y=y, shape=shape, description="text:N")
-
-
-def _marks(rows: list[dict[str, Any]], x: alt.X) -> list[alt.Chart]:
-    base = _data(rows)
-    rule = base.mark_rule(strokeDash=[4, 4], color="#5a606c").encode(x=x)
-    text = base.mark_text(
-        angle=270, align="right", baseline="bottom", dx=-6, dy=-3, color="#5a606c"
-    )
-    return [rule, text.encode(x=x, y=alt.value(0), text="text:N")]
 
 
 _MARK = re.compile(

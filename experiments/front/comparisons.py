@@ -3,13 +3,13 @@
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import jax
 import jax.numpy as jnp
 
 from calibrate.study.case import Case, build_case, loop_size, plan_case
-from calibrate.study.front import Point, fastest_within, front
+from calibrate.study.front import Measure, Point, fastest_within, front
 from calibrate.study.times import compiled_loop
 from jaxthermo.arrays import precision
 from jaxthermo.reduction.reduced_model import ReducedModel, load_reduced
@@ -42,6 +42,25 @@ class _Pair:
     rival: Point
 
 
+class _PlainPoint(TypedDict):
+    """A choice or a rival in `result.json`."""
+
+    name: str
+    choice: dict[str, str]
+    errors: dict[Measure, float]
+
+
+class PlainComparison(TypedDict):
+    """A comparison in `result.json`."""
+
+    tolerance_percent: float
+    choice: _PlainPoint
+    rival: _PlainPoint
+    load: str
+    times_faster: dict[str, float]
+    spans_s: dict[str, Spans]
+
+
 @dataclass(frozen=True)
 class Comparison:
     """A pair that was timed, under the load where the ratio is smallest."""
@@ -64,7 +83,7 @@ class Comparison:
             f"{ratio_text(self.ratio)} times as fast as {self.pair.rival.name}"
         )
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> PlainComparison:
         """Plain types for `result.json`."""
         return {
             "tolerance_percent": self.pair.tolerance,
@@ -76,7 +95,7 @@ class Comparison:
         }
 
 
-def _plain(point: Point) -> dict[str, Any]:
+def _plain(point: Point) -> _PlainPoint:
     return {"name": point.name, "choice": point.choice, "errors": point.errors}
 
 
@@ -92,41 +111,33 @@ def pairs(
     fastest reduced model within its error are timed too. Reduced models are timed at
     each tolerance.
     """
-    rival_kinds = list(dict.fromkeys(rival.kind for rival in rivals))
-    found_pairs = []
-    for tolerance in tolerances:
-        choice = fastest_within(points, tolerance)
-        if choice is None:
-            continue
-        for rival_kind in rival_kinds:
-            kind_rivals = [rival for rival in rivals if rival.kind == rival_kind]
-            rival = fastest_within(kind_rivals, tolerance)
-            if rival is not None and rival_kind != TWELVE_STEPS.name:
-                found_pairs.append(_Pair(tolerance, choice=choice, rival=rival))
-    for rival in rivals:
-        if rival.kind != TWELVE_STEPS.name:
-            continue
-        error = rival.errors["rms_percent"]
-        for candidates in (points, models):
-            choice = fastest_within(candidates, error)
-            if choice is not None:
-                found_pairs.append(_Pair(error, choice=choice, rival=rival))
-    for tolerance in tolerances:
-        model = fastest_within(models, tolerance)
-        rival = fastest_within(rivals, tolerance)
-        if model is not None and rival is not None:
-            found_pairs.append(_Pair(tolerance, choice=model, rival=rival))
-    for choice in _thinned(front(points)):
-        error = choice.errors["rms_percent"]
-        rival = fastest_within(rivals, error)
-        if rival is not None:
+    found_pairs: list[_Pair] = []
+
+    def add(error: float, choices: Sequence[Point], opponents: Sequence[Point]) -> None:
+        """Add the fastest choice and the fastest rival within an error [%]."""
+        choice = fastest_within(choices, error)
+        rival = fastest_within(opponents, error)
+        if choice is not None and rival is not None:
             found_pairs.append(_Pair(error, choice=choice, rival=rival))
+
+    by_kind: dict[str, list[Point]] = {}
+    for rival in rivals:
+        by_kind.setdefault(rival.kind, []).append(rival)
+    twelve_steps = by_kind.pop(TWELVE_STEPS.name, [])
+    for tolerance in tolerances:
+        for of_kind in by_kind.values():
+            add(tolerance, choices=points, opponents=of_kind)
+    for rival in twelve_steps:
+        for candidates in (points, models):
+            add(rival.errors["rms_percent"], choices=candidates, opponents=[rival])
+    for tolerance in tolerances:
+        add(tolerance, choices=models, opponents=rivals)
+    best = front(points)
+    # Of a long front every second choice, or fewer.
+    step = -(-len(best) // _MAX_POINTS) or 1
+    for choice in best[::step]:
+        add(choice.errors["rms_percent"], choices=[choice], opponents=rivals)
     return found_pairs
-
-
-def _thinned(points: Sequence[Point]) -> list[Point]:
-    step = -(-len(points) // _MAX_POINTS)
-    return list(points[:: step or 1])
 
 
 def time_pairs(
@@ -160,10 +171,9 @@ def time_pairs(
             for n in numbers:
                 rival = pairs[n].rival
                 log(f"timing {pairs[n].choice.name} and {rival.name}, {load}")
-                setting = rivals.setting(rival.kind, rival.choice)
                 calls: dict[str, Call] = {
                     "choice": loop,
-                    "rival": rivals.run(setting, load).call,
+                    "rival": rivals.run(rival, load).call,
                 }
                 count = _enough(calls.values(), repeats)
                 spans[n][load] = interleaved(calls, count, there_and_back=True)

@@ -39,8 +39,6 @@ class _Arrays(NamedTuple):
 class _Steps(NamedTuple):
     """Steps of each interval; the coefficients of RKL2 are those of `explicit`."""
 
-    dt: np.ndarray
-    """Length of a step [s]."""
     steps: np.ndarray
     """Number of steps."""
     row: np.ndarray
@@ -139,7 +137,6 @@ def _steps(body: LinearBody, dt: float, rkl2: bool) -> _Steps:
     )
     mu, nu, a = (single_precision(rows) for rows in table)
     return _Steps(
-        dt=single_precision(lengths),
         steps=steps,
         row=row,
         stages=count,
@@ -245,7 +242,7 @@ def _loops(threads: _Threads) -> tuple[Any, Any]:
     def euler(arrays, plan, initial, surface):
         last = initial.copy()
         out = np.zeros_like(initial)
-        for i in range(len(plan.dt)):
+        for i in range(len(plan.steps)):
             dt, g = plan.weight[i]
             for _ in range(plan.steps[i]):
                 conduct(arrays.runs, last, out, g)
@@ -261,7 +258,7 @@ def _loops(threads: _Threads) -> tuple[Any, Any]:
         last = np.zeros_like(zero)
         change = np.zeros_like(zero)
         following = np.zeros_like(zero)
-        for i in range(len(plan.dt)):
+        for i in range(len(plan.steps)):
             dt, g = plan.weight[i]
             gain = arrays.gain[i]
             for _ in range(plan.steps[i]):

@@ -5,6 +5,7 @@ rows are added to `rivals.jsonl` in the sweep's folder, where `experiments run
 front` shows them with the time to make them, `offline_s`, apart from their run time.
 """
 
+import statistics
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,8 @@ from typing import Any
 from calibrate.study.case import Case, build_case
 from calibrate.study.config import load_sweep, resolved
 from calibrate.study.evaluate import find_truth
-from calibrate.study.front import Point, Row, points_of
+from calibrate.study.front import Point, points_of
+from calibrate.study.rows import Row
 from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
 from jaxthermo.provenance import processor
@@ -149,6 +151,6 @@ def _words(row: Row) -> str:
     return (
         f"{row['nodes']} vectors of {row['choice']['of']}: "
         f"{significant(error['worst_rms_kelvin'])} K ({significant(percent)} %) in "
-        f"{seconds(sorted(row['loop_s'])[len(row['loop_s']) // 2])}, made in "
+        f"{seconds(statistics.median(row['loop_s']))}, made in "
         f"{seconds(row['offline_s'])}"
     )

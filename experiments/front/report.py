@@ -11,10 +11,10 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 from urllib.parse import quote
 
-from calibrate.study.front import MEASURES, Cost, Measure, Point, Row, front
+from calibrate.study.front import MEASURES, Cost, Measure, Point, front
 from jaxthermo.atomic import replacing
 from jaxthermo.host_memory import readable_bytes
 from jaxthermo.report import page
@@ -23,8 +23,8 @@ from jaxthermo.report.numbers import seconds, significant
 from jaxthermo.report.table import Cell, Table, prose
 from jaxthermo.timing import Spread
 
-from .charts import Marks, error_against, numbered, point_text, tooltips
-from .comparisons import Comparison
+from .charts import Marks, error_against, numbered, tooltips
+from .comparisons import Comparison, PlainComparison
 from .rivals import SweepFolder
 from .wording import error_text, ratio_text, sentence, time_text
 
@@ -73,6 +73,33 @@ _TITLES: dict[Measure, str] = {
 }
 
 
+class _FrontPoint(TypedDict):
+    """A choice of a front in `result.json`."""
+
+    sentence: str
+    choice: dict[str, str]
+    errors: dict[Measure, float]
+    loop_s: dict[str, float] | None
+    full_volume_times_faster: dict[str, float] | None
+    nodes: int
+    memory_bytes: int
+
+
+class FrontResult(TypedDict):
+    """A front and its rivals in `result.json`."""
+
+    front: list[_FrontPoint]
+    comparisons: list[PlainComparison]
+    remarks: list[str]
+    processors: list[str]
+    files: list[str]
+
+
+def plain_spread(spread: Spread | None) -> dict[str, float] | None:
+    """Values of a spread by their names."""
+    return None if spread is None else spread._asdict()
+
+
 @dataclass(frozen=True)
 class Findings:
     """Content of a report."""
@@ -84,7 +111,7 @@ class Findings:
     points: list[Point]
     rivals: list[Point]
     comparisons: list[Comparison]
-    config: dict[str, Any]
+    config: Mapping[str, object]
 
     @property
     def processors(self) -> list[str]:
@@ -101,12 +128,12 @@ class Findings:
 def write_report(findings: Findings, out: Path) -> list[str]:
     """Write page, charts and table into a folder; return the names of the files."""
     all_points = [*findings.points, *findings.rivals]
-    texts = list(dict.fromkeys(point_text(p) for p in all_points))
+    texts = list(dict.fromkeys(sentence(p) for p in all_points))
     pictures = {}
     for point in all_points:
         picture = findings.folder.picture(point.picture)
         if picture is not None:
-            pictures[point_text(point)] = picture
+            pictures[sentence(point)] = picture
     files: list[str] = []
 
     def chart(
@@ -160,7 +187,7 @@ def write_report(findings: Findings, out: Path) -> list[str]:
     return [*files, "front.csv", "report.html"]
 
 
-def write_contents(path: Path, title: str, fronts: Mapping[str, Any]) -> None:
+def write_contents(path: Path, title: str, fronts: Mapping[str, FrontResult]) -> None:
     """Write a page with a link to the page of each of several fronts, by name."""
     cards = []
     for name, front_result in fronts.items():
@@ -214,8 +241,7 @@ def _rival_sections(findings: Findings) -> list[page.Section]:
                 note=True,
             )
         )
-    listed = Table(_COLUMNS, [_cells(p) for p in _by_time(findings.rivals)])
-    sections.append(page.details("All runs of rivals and reduced models", listed))
+    sections.append(_listed("All runs of rivals and reduced models", findings.rivals))
     return sections
 
 
@@ -262,12 +288,15 @@ def _by_time(points: Sequence[Point]) -> list[Point]:
     return sorted(points, key=lambda p: (p.time_s is None, p.time_s or 0.0))
 
 
+def _listed(title: str, points: Sequence[Point]) -> page.Section:
+    """All points, folded."""
+    return page.details(title, Table(_COLUMNS, [_cells(p) for p in _by_time(points)]))
+
+
 def _all_sections(findings: Findings) -> list[page.Section]:
-    listed = Table(_COLUMNS, [_cells(p) for p in _by_time(findings.points)])
-    title = f"All {len(findings.points)} choices"
     sections: list[page.Section] = [
         page.heading("All rows"),
-        page.details(title, listed),
+        _listed(f"All {len(findings.points)} choices", findings.points),
     ]
     if failed := findings.folder.failed:
         rows = [
@@ -303,15 +332,15 @@ def _write_csv(path: Path, findings: Findings) -> None:
         temporary.write_text(text.getvalue(), encoding="utf-8")
 
 
-def _csv_row(point: Point, on_front: bool, is_rival: bool) -> Row:
+def _csv_row(point: Point, on_front: bool, is_rival: bool) -> dict[str, object]:
     return {
         "name": point.name,
         "is_rival": is_rival,
         "on_front": on_front,
         **point.errors,
         "own_error_percent": point.own_error_percent,
-        **_columns(point.time, "loop_s"),
-        **_columns(point.ratio, "full_volume_times_faster"),
+        **_spread_columns("loop_s", point.time),
+        **_spread_columns("full_volume_times_faster", point.ratio),
         "call_s": point.call_s,
         "known_set_up_s": point.known_set_up_s,
         "compile_s": point.compile_s,
@@ -324,12 +353,8 @@ def _csv_row(point: Point, on_front: bool, is_rival: bool) -> Row:
     }
 
 
-def _columns(spread: Spread | None, name: str) -> dict[str, float | None]:
-    values = (None,) * 3 if spread is None else spread
-    return {
-        f"{name}_{key}": value
-        for key, value in zip(Spread._fields, values, strict=True)
-    }
+def _spread_columns(name: str, spread: Spread | None) -> dict[str, float | None]:
+    return {f"{name}_{key}": getattr(spread, key, None) for key in Spread._fields}
 
 
 _FULL_VOLUME_MS = 55.0
@@ -345,16 +370,13 @@ _TIMES = {
 
 def _full_time(points: Sequence[Point]) -> float | None:
     """Time of the slowest explicit loop of a full volume that was timed [s]."""
+    kinds = [kind for _, kind in _TIMES.values()]
     times = [
         p.time.median * p.ratio.median
         for p in points
-        if p.time is not None and p.ratio is not None and _structure(p) in _kinds()
+        if p.time is not None and p.ratio is not None and _structure(p) in kinds
     ]
     return max(times, default=None)
-
-
-def _kinds() -> set[str]:
-    return {kind for _, kind in _TIMES.values()}
 
 
 def _structure(point: Point) -> str | None:

@@ -9,8 +9,7 @@ import base64
 import importlib
 import json
 import statistics
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -20,7 +19,8 @@ import numpy as np
 from calibrate.problem.reference import on_every_voxel
 from calibrate.study.case import Case, build_case
 from calibrate.study.evaluate import find_truth
-from calibrate.study.front import Row, errors_of
+from calibrate.study.front import Point, errors_of
+from calibrate.study.rows import Row, finished_rows
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.solution_file import StoredSolution
@@ -84,11 +84,7 @@ class _Setting(NamedTuple):
     def choice(self) -> dict[str, str]:
         """Labels in the form of a sweep's choice."""
         steps = "stable steps" if self.steps is None else f"{self.steps} steps"
-        return {"voxels": _voxels(self.voxels_high), "steps": steps}
-
-
-def _voxels(high: int) -> str:
-    return f"{high} high"
+        return {"voxels": f"{self.voxels_high} high", "steps": steps}
 
 
 TWELVE_STEPS = _Setting(solver=_RKL2, voxels_high=250, steps=12, cells="dominant_axis")
@@ -121,8 +117,7 @@ class Rivals:
         self._path = path
         self._log = log
         self._known = {row["id"]: row for row in _read_rows(path) if "id" in row}
-        self.rows: list[Row] = []
-        self.settings: dict[tuple[str, str], _Setting] = {}
+        self._rows: dict[tuple[_Setting, str], Row] = {}
         # Settings of one height are run under all loads, one after the other.
         self._body = lru_cache(maxsize=len(cases))(self._body_of)
         self._layout = cache(self._fastest_layout)
@@ -134,9 +129,14 @@ class Rivals:
             ) from error
 
     @property
+    def rows(self) -> list[Row]:
+        """Rows of all rivals that were run, or read from the file."""
+        return list(self._rows.values())
+
+    @property
     def tried(self) -> str:
         """Range of the tried voxels, in words."""
-        heights = [setting.voxels_high for setting in self.settings.values()]
+        heights = [setting.voxels_high for setting, _ in self._rows]
         if not heights:
             return "none: the reference is too coarse"
         return f"{min(heights)} to {max(heights)} voxels high"
@@ -182,80 +182,65 @@ class Rivals:
                 if self._measure_height(high, (_RKL2,)) <= tolerance:
                     break
         if TWELVE_STEPS.voxels_high in self.heights and len(self.heights) > 1:
-            self._measure([TWELVE_STEPS])
+            self._error(TWELVE_STEPS)
 
-    def _measure_height(self, high: int, solvers: Iterable[str]) -> float:
+    def _measure_height(self, high: int, solvers: Collection[str]) -> float:
         """Measure rivals in voxels of one size; return RKL2's smallest error [%]."""
         self._log(f"rivals: full volumes {high} voxels high")
-        counts = self._useful_counts(high)
-        settings = [_Setting(_RKL2, voxels_high=high, steps=count) for count in counts]
+        smallest = min(self._useful_errors(high))
         if _EXPLICIT in solvers:
-            settings.append(_Setting(_EXPLICIT, high))
+            self._error(_Setting(_EXPLICIT, high))
         if _SCIPY in solvers:
-            settings += [
-                _Setting(_SCIPY, voxels_high=high, steps=count)
-                for count in _SCIPY_COUNTS
-            ]
-        errors = self._measure(settings)
-        return min(errors[: len(counts)])
+            for count in _SCIPY_COUNTS:
+                self._error(_Setting(_SCIPY, voxels_high=high, steps=count))
+        return smallest
 
     def _is_fast(self, solver: str, high: int) -> bool:
         """False if coarser voxels have shown that a kind of rival takes too long."""
-        # From the finest voxels so far: in coarse ones the time is that of calls.
-        heights = {s.voxels_high for s in self.settings.values() if s.solver == solver}
-        if not heights:
+        times = [
+            (setting.voxels_high, min(row["loop_s"]))
+            for (setting, _), row in self._rows.items()
+            if setting.name == solver
+        ]
+        if not times:
             return True
-        last = max(heights)
-        rows = [row for row in self.rows if row["name"] == solver]
-        last_rows = [row for row in rows if row["choice"]["voxels"] == _voxels(last)]
-        fastest = min(min(row["loop_s"]) for row in last_rows)
+        # From the finest voxels so far: in coarse ones the time is that of calls.
+        last = max(voxels_high for voxels_high, _ in times)
+        fastest = min(seconds for voxels_high, seconds in times if voxels_high == last)
         return fastest * (high / last) ** _COST_ORDER < _MAX_S
 
-    def _useful_counts(self, high: int) -> list[int]:
-        """Numbers of steps up to the first that hardly changes the largest error."""
-        counts = []
-        last = np.inf
+    def _useful_errors(self, high: int) -> list[float]:
+        """Errors of RKL2 up to the number of steps that hardly changes them [%]."""
+        errors: list[float] = []
         alike = 0
         for count in _COUNTS:
-            counts.append(count)
-            setting = _Setting(_RKL2, voxels_high=high, steps=count)
-            rows = (self._row(setting, load) for load in self._cases)
-            error = max(errors_of(row["error"])["rms_percent"] for row in rows)
+            error = self._error(_Setting(_RKL2, voxels_high=high, steps=count))
+            last = errors[-1] if errors else np.inf
+            errors.append(error)
             # Two counts may have equally many steps in the decisive interval.
             alike = alike + 1 if abs(last - error) < _ENOUGH * error else 0
             if alike == 2:
                 break
-            last = error
-        return counts
+        return errors
 
-    def _measure(self, settings: Sequence[_Setting]) -> list[float]:
-        """Measure settings under all loads; return the largest error of each [%]."""
-        errors: dict[_Setting, list[float]] = {setting: [] for setting in settings}
-        for load in self._cases:
-            for setting in settings:
-                row = self._row(setting, load)
-                self.rows.append(row)
-                errors[setting].append(errors_of(row["error"])["rms_percent"])
-        for setting in settings:
-            self.settings[setting.name, fingerprint(setting.choice)] = setting
-        return [max(load_errors) for load_errors in errors.values()]
-
-    def setting(self, name: str, choice: dict[str, str]) -> _Setting:
-        """The setting of a measured row."""
-        return self.settings[name, fingerprint(choice)]
+    def _error(self, setting: _Setting) -> float:
+        """Largest error of a rival under all loads [%]."""
+        rows = [self._row(setting, load) for load in self._cases]
+        return max(errors_of(row["error"])["rms_percent"] for row in rows)
 
     def _row(self, setting: _Setting, load: str) -> Row:
-        case = self._case(load, high=setting.voxels_high, cells=setting.cells)
-        identity = [case.id, *setting, program_hash(_SOURCES)]
-        key = fingerprint(identity)
-        if key not in self._known:
-            row = {"id": key, **self._measured(setting, load=load, case=case)}
-            append_rows(self._path, [row])
-            self._known[key] = row
-        return self._known[key]
+        if (setting, load) not in self._rows:
+            case = self._case(load, high=setting.voxels_high, cells=setting.cells)
+            key = fingerprint([case.id, *setting, program_hash(_SOURCES)])
+            row = self._known.get(key)
+            if row is None:
+                row = {"id": key, **self._measured(setting, load=load, case=case)}
+                append_rows(self._path, [row])
+            self._rows[setting, load] = row
+        return self._rows[setting, load]
 
     def _measured(self, setting: _Setting, load: str, case: Case) -> Row:
-        body = self.body(load, high=setting.voxels_high, cells=setting.cells)
+        body = self._body(load, setting.voxels_high, setting.cells)
         timed, run = self._timed(setting, load)
         truth = find_truth(case, self._log)
         solution = StoredSolution(
@@ -298,13 +283,18 @@ class Rivals:
         spans = times[best]
         return {"loop_s": spans, "threads": used}, run
 
-    def run(self, setting: _Setting, load: str) -> Run:
-        """A rival that is ready to run under a load, in its fastest form."""
+    def run(self, rival: Point, load: str) -> Run:
+        """A measured rival that is ready to run under a load, in its fastest form."""
+        setting = next(
+            setting
+            for setting, _ in self._rows
+            if (setting.name, setting.choice) == (rival.kind, rival.choice)
+        )
         threads = self._row(setting, load)["threads"]
         return self._made(setting, load=load, threads=threads)
 
     def _made(self, setting: _Setting, load: str, threads: _Threads) -> Run:
-        body = self.body(load, high=setting.voxels_high, cells=setting.cells)
+        body = self._body(load, setting.voxels_high, setting.cells)
         span = body.save_times[-1]
         if setting.solver == _SCIPY:
             return scipy_run(body, span / (setting.steps or 1))
@@ -313,10 +303,6 @@ class Rivals:
             return self._numba.explicit_run(body, threads)
         dt = span / setting.steps
         return self._numba.rkl2_run(body, dt=dt, threads=threads)
-
-    def body(self, load: str, high: int, cells: _Cells = "crossings") -> LinearBody:
-        """Arrays of a full volume under a load."""
-        return self._body(load, high, cells)
 
     def _case(self, load: str, high: int, cells: _Cells) -> Case:
         case = self._cases[load]
@@ -331,7 +317,7 @@ class Rivals:
 
     def _fastest_layout(self, high: int, cells: _Cells) -> str:
         """Layout of the state with which RKL2 is faster, in one thread."""
-        body = self.body(next(iter(self._cases)), high=high, cells=cells)
+        body = self._body(next(iter(self._cases)), high, cells)
         dt = body.save_times[-1] / _COUNTS[0]
         seconds = {}
         for layout in ("compact", "dense"):
@@ -361,11 +347,6 @@ class SweepFolder(NamedTuple):
     failed: list[Row]
     times: list[Row]
     rivals: list[Row]
-
-    @property
-    def loads(self) -> set[str]:
-        """Names of all loads."""
-        return {row["load"] for row in (*self.rows, *self.failed)}
 
     def picture(self, name: str | None) -> str | None:
         """A picture of a row as base64; None without one."""
@@ -400,18 +381,11 @@ def read_folder(path: Path) -> SweepFolder:
 def _read_rows(path: Path) -> list[Row]:
     """Rows of a file, the last one of each id; none if there is no file."""
     try:
-        text = path.read_text(encoding="utf-8") if path.is_file() else ""
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"{path}: {reason}") from error
-    rows: dict[Any, Row] = {}
-    for number, line in enumerate(text.splitlines()):
-        # The last line may be cut off, or being written.
-        with suppress(json.JSONDecodeError):
-            row = json.loads(line)
-            if isinstance(row, dict):
-                rows[row.get("id", number)] = row
-    return list(rows.values())
+        content = path.read_bytes() if path.is_file() else b""
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from error
+    rows = enumerate(finished_rows(content))
+    return list({row.get("id", number): row for number, row in rows}.values())
 
 
 def append_rows(path: Path, rows: Iterable[Row]) -> None:

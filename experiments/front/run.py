@@ -30,7 +30,7 @@ from .comparisons import (
     pairs,
     time_pairs,
 )
-from .report import Findings, write_contents, write_report
+from .report import Findings, FrontResult, plain_spread, write_contents, write_report
 from .rivals import Rivals, SweepFolder, read_folder
 from .wording import sentence, structure_words
 
@@ -87,40 +87,28 @@ def run(folder: Path, config: Path | None = None) -> dict[str, Any]:
     cases = SweepCases(sweep_config)
     head = {"config": resolved(sweep_config), "sweep": str(source)}
     title = f"Error against run time: {sweep_config.scene.stem.replace('-', ' ')}"
+    measured = partial(_front, console, cases=cases, rows=rows)
     problems = _problems(cases, _points(cases, rows))
     if len(problems) == 1:
-        ((_, points),) = problems.items()
+        (points,) = problems.values()
         # Rivals of other commands belong to one problem.
         added_rivals = rivals_of(rows.rivals, set(cases.loads))
-        result = _front(
-            console,
-            cases=cases,
-            rows=rows,
-            points=points,
-            added_rivals=added_rivals,
-            folder=folder,
-            title=title,
+        result = measured(
+            points=points, added_rivals=added_rivals, folder=folder, title=title
         )
         return {**head, **result}
-    fronts = {}
-    files: list[str] = []
+    fronts: dict[str, FrontResult] = {}
     for name, points in problems.items():
         print_line(console, f"{name}:")
         subfolder = folder / name.replace("/", "-")
         subfolder.mkdir(parents=True, exist_ok=True)
-        result = _front(
-            console,
-            cases=cases,
-            rows=rows,
-            points=points,
-            added_rivals=[],
-            folder=subfolder,
-            title=f"{title}, {name}",
+        result = measured(
+            points=points, added_rivals=[], folder=subfolder, title=f"{title}, {name}"
         )
-        own_files = [f"{subfolder.name}/{file}" for file in result["files"]]
-        fronts[name] = {**result, "files": own_files}
-        files += own_files
+        result["files"] = [f"{subfolder.name}/{file}" for file in result["files"]]
+        fronts[name] = result
     write_contents(folder / "report.html", title=title, fronts=fronts)
+    files = [file for result in fronts.values() for file in result["files"]]
     return {**head, "fronts": fronts, "files": [*files, "report.html"]}
 
 
@@ -157,7 +145,7 @@ def _front(
     added_rivals: Sequence[Point],
     folder: Path,
     title: str,
-) -> dict[str, Any]:
+) -> FrontResult:
     """The front of one problem and its rivals, printed and as a page."""
     models = [rival for rival in added_rivals if rival.models is not None]
     compared = _compare_with_rivals(
@@ -176,12 +164,23 @@ def _front(
         config=resolved(cases.config),
     )
     files = write_report(findings, folder)
-    for number, point in enumerate(front(points), 1):
+    for number, point in enumerate(findings.best, 1):
         print_line(console, f"{number}. {sentence(point)}")
     for comparison in compared.comparisons:
         print_line(console, comparison.sentence())
     return {
-        "front": [_plain(point) for point in front(points)],
+        "front": [
+            {
+                "sentence": sentence(point),
+                "choice": point.choice,
+                "errors": point.errors,
+                "loop_s": plain_spread(point.time),
+                "full_volume_times_faster": plain_spread(point.ratio),
+                "nodes": point.nodes,
+                "memory_bytes": point.memory_bytes,
+            }
+            for point in findings.best
+        ],
         "comparisons": [pair.as_dict() for pair in compared.comparisons],
         "remarks": [compared.remark],
         "processors": findings.processors,
@@ -275,17 +274,3 @@ def _about(cases: SweepCases, rows: SweepFolder, points: Sequence[Point]) -> str
         text += f", which itself is off by about {max(own_errors):.2g} %"
     cases_of_points = [case for point in points for case in cases(point).values()]
     return " ".join([f"{text}.", *about_reference(cases_of_points)])
-
-
-def _plain(point: Point) -> dict[str, Any]:
-    return {
-        "sentence": sentence(point),
-        "choice": point.choice,
-        "errors": point.errors,
-        "loop_s": None if point.time is None else point.time._asdict(),
-        "full_volume_times_faster": (
-            None if point.ratio is None else point.ratio._asdict()
-        ),
-        "nodes": point.nodes,
-        "memory_bytes": point.memory_bytes,
-    }

@@ -4,7 +4,12 @@ from collections.abc import Mapping
 from typing import Any
 
 from calibrate.study.front import Point
-from jaxthermo.report.numbers import seconds, significant, with_range
+from jaxthermo.report.numbers import (
+    seconds,
+    seconds_with_range,
+    significant,
+    with_range,
+)
 from jaxthermo.timing import Spread
 
 
@@ -15,10 +20,7 @@ def ratio_text(ratio: Spread | None) -> str:
 
 def time_text(time: Spread | None) -> str:
     """A run time with its spread, "13 (12-15) ms"; a dash if it is not known."""
-    if time is None:
-        return "-"
-    unit, scale = ("s", 1.0) if time.median >= 1 else ("ms", 1e3)
-    return f"{with_range(*(scale * value for value in time))} {unit}"
+    return "-" if time is None else seconds_with_range(*time)
 
 
 def error_text(point: Point) -> str:

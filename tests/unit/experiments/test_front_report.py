@@ -44,8 +44,8 @@ def sweep(tmp_path) -> Path:
 
 def test_the_page_is_one_file_with_everything(sweep, tmp_path):
     folder = read_folder(sweep)
-    points = points_of(folder.rows, folder.times, folder.loads)
-    rivals = rivals_of(folder.rivals, folder.loads)
+    points = points_of(folder.rows, folder.times, {"+x"})
+    rivals = rivals_of(folder.rivals, {"+x"})
     out = tmp_path / "out"
     out.mkdir()
     findings = Findings(
@@ -80,7 +80,7 @@ def test_the_page_is_one_file_with_everything(sweep, tmp_path):
 
 def test_without_a_known_cost_there_is_no_chart(sweep):
     folder = read_folder(sweep)
-    points = points_of(folder.rows, [], folder.loads)
+    points = points_of(folder.rows, [], {"+x"})
     assert error_against("time_s", points) is None
     assert error_against("nodes", points) is not None
 
