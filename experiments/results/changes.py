@@ -13,6 +13,10 @@ class _Absent(Enum):
 
     ABSENT = "absent"
 
+    def __bool__(self) -> bool:
+        """False, like an empty value."""
+        return False
+
 
 ABSENT = _Absent.ABSENT
 Number = int | float
@@ -60,6 +64,11 @@ def pairs(
     """Values by the keys of both, or by some keys; ABSENT for a missing one."""
     for key in {**old, **new} if keys is None else keys:
         yield Pair(key, old=old.get(key, ABSENT), new=new.get(key, ABSENT))
+
+
+def presence(value: object, words: str) -> object:
+    """Words for a value that a result has; ABSENT for one that it has not."""
+    return ABSENT if value is ABSENT else words
 
 
 def flatten(value: Any, prefix: str = "", named: bool = False) -> dict[str, object]:

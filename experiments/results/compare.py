@@ -16,6 +16,7 @@ from .changes import (
     number_changes,
     pairs,
     plain_changes,
+    presence,
     time_changes,
 )
 from .read import NOT_AS_WRITTEN, Kind, Result
@@ -98,9 +99,11 @@ def _fit_changes(old: Result, new: Result) -> Iterator[Change | str]:
     b = new.content
     yield from _exact_changes("ended", old=a["ended"], new=b["ended"])
     yield from _parameter_changes(a["parameters"], b["parameters"])
-    for group, *group_errors in pairs(a["error_percent"], b["error_percent"]):
-        errors = ({} if values is ABSENT else values for values in group_errors)
-        for name, left, right in pairs(*errors, keys=("default", "fitted")):
+    errors = pairs(a["error_percent"], b["error_percent"])
+    for group, old_errors, new_errors in errors:
+        for name, left, right in pairs(
+            old_errors or {}, new_errors or {}, keys=("default", "fitted")
+        ):
             yield from number_changes(
                 f"error_percent.{group}.{name}",
                 old=left,
@@ -165,8 +168,9 @@ def _sweep_changes(old: Result, new: Result) -> Iterator[Change | str]:
     b = {_case_name(row): row for row in new.rows}
     for name, left, right in pairs(a, b):
         if ABSENT in (left, right):
-            rows = (row if row is ABSENT else "a row" for row in (left, right))
-            yield Change(name, *rows)
+            yield Change(
+                name, old=presence(left, "a row"), new=presence(right, "a row")
+            )
             continue
         yield from _row_changes(name, old=left, new=right)
         yield from time_changes(
@@ -196,10 +200,11 @@ def _row_changes(name: str, old: Row, new: Row) -> Iterator[Change]:
         f"{name}: failed", old.get("failed", ABSENT), new.get("failed", ABSENT)
     )
     for key, a, b in pairs(old, new, keys=("nodes", "links", "steps")):
-        if not {a, b} & {None, ABSENT}:
+        if is_number(a) and is_number(b):
             yield from _exact_changes(f"{name}: {key}", old=a, new=b)
-    errors = (row.get("error") or {} for row in (old, new))
-    for key, a, b in pairs(*errors, keys=tuple(_ERRORS)):
+    old_errors = old.get("error") or {}
+    new_errors = new.get("error") or {}
+    for key, a, b in pairs(old_errors, new_errors, keys=tuple(_ERRORS)):
         if is_number(a) and is_number(b):
             yield from number_changes(
                 f"{name}: {key}", old=a, new=b, absolute=_ERRORS[key]

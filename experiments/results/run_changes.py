@@ -18,6 +18,7 @@ from .changes import (
     differ,
     number_changes,
     pairs,
+    presence,
     time_changes,
 )
 from .read import Result
@@ -135,7 +136,7 @@ def _probe_changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[C
     for name, a, b in pairs(old, new):
         key = f"probes.{name} [K]"
         if ABSENT in (a, b):
-            yield Change(key, *(p if p is ABSENT else "a probe" for p in (a, b)))
+            yield Change(key, old=presence(a, "a probe"), new=presence(b, "a probe"))
         else:
             yield from _temperature_change(
                 key, old=a["temperature_K"], new=b["temperature_K"]
