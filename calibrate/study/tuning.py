@@ -1,8 +1,6 @@
 """Tuning by a sweep and by a fit: errors over one or two numbers, optima and costs."""
 
-import json
-from collections.abc import Mapping
-from typing import Any, Literal, TypedDict
+from typing import Literal, TypedDict
 
 import altair as alt
 import numpy as np
@@ -15,6 +13,7 @@ from jaxthermo.report import page
 from jaxthermo.report.chart import POINT_AREA, Chart, chart_svg
 from jaxthermo.report.table import Table
 
+from ..config.fit_record import FitRecord, read_fit
 from ..config.loader import load_calibration
 from ..config.schema import ParameterConfig
 from ..run import fit_config
@@ -94,7 +93,7 @@ def compare_with_fit(sweep: Sweep, progress: Progress) -> Tuning:
     done = folder / "fit.json"
     # Finished by an earlier run of this sweep, whose config has the fit's hash.
     if done.is_file():
-        result = json.loads(done.read_text(encoding="utf-8"))
+        result = read_fit(done)
     else:
         result = fit_config(comparison.calibration, out=folder, report=False)
     parameters = result["parameters"]
@@ -145,7 +144,7 @@ def _parameters(sweep: Sweep, fitted: tuple[ParameterConfig, ...]) -> dict[str, 
     return parameters
 
 
-def _fit_runs(result: Mapping[str, Any]) -> int:
+def _fit_runs(result: FitRecord) -> int:
     """Number of runs of each case in a fit."""
     size = len(result["parameters"])
     # The start with its Jacobian, one trial a step, and later Jacobians.
