@@ -149,7 +149,7 @@ def _fit_runs(result: FitRecord) -> int:
     size = len(result["parameters"])
     # The start with its Jacobian, one trial a step, and later Jacobians.
     steps = result["steps"]
-    return 1 + size + sum(1 + size * bool(s["jacobian_computed"]) for s in steps)
+    return 1 + size + sum(1 + size * bool(s.get("jacobian_computed")) for s in steps)
 
 
 def _judged(sweep: Sweep, values: dict[str, float]) -> float | None:

@@ -44,7 +44,7 @@ class Comparison(NamedTuple):
     remarks: tuple[str, ...]
     """Reasons why some values could not be compared."""
 
-    def as_dict(self) -> dict[str, object]:
+    def as_dict(self) -> Mapping[str, Any]:
         """Plain values for JSON."""
         return {
             "kind": self.kind,
