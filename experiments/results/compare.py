@@ -120,13 +120,10 @@ def _fit_changes(old: Result, new: Result) -> Iterator[Change | str]:
         "verdict.pays", old=a["verdict"]["pays"], new=b["verdict"]["pays"]
     )
     speedups = (a["speedup"], b["speedup"])
-    if all("times_faster" in speedup for speedup in speedups):
+    # A fit without a full volume has no such ratio.
+    if all(speedup.get("times_faster") is not None for speedup in speedups):
         first, second = (
-            [
-                speedup[name]
-                for name in ("min", "times_faster", "max")
-                if name in speedup
-            ]
+            [speedup[name] for name in ("min", "times_faster", "max")]
             for speedup in speedups
         )
         yield from time_changes("speedup.times_faster", old=first, new=second)
