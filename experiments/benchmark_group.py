@@ -5,9 +5,7 @@ threads, the memory or the findings of another, and one that fails leaves the ot
 """
 
 import json
-import multiprocessing
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
@@ -18,13 +16,8 @@ from jaxthermo.errors import InputError
 from jaxthermo.provenance import processor, provenance
 
 from . import catalogue
-from .harness.measurement import (
-    Finished,
-    plain_table,
-    summary,
-    table,
-    write,
-)
+from .harness.measurement import Finished, plain_table, summary, table, write
+from .harness.processes import in_new_process
 
 
 NAME = "benchmarks"
@@ -89,8 +82,8 @@ def _ended(
     options: dict[str, Any],
 ) -> Finished:
     try:
-        result = earlier or _in_own_process(
-            experiment, folder=folder, quick=quick, options=options
+        result = earlier or in_new_process(
+            catalogue.run, experiment, folder, quick, **options
         )
     except BrokenProcessPool:
         error = "its process was killed: too little memory?"
@@ -107,18 +100,6 @@ def _ended(
         command=experiment.command,
         error=error,
     )
-
-
-def _in_own_process(
-    experiment: catalogue.Experiment,
-    folder: Path,
-    quick: bool,
-    options: dict[str, Any],
-) -> dict[str, Any]:
-    fresh = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(1, mp_context=fresh) as pool:
-        coming = pool.submit(catalogue.run, experiment, folder, quick, **options)
-        return coming.result()
 
 
 def _earlier(folder: Path, quick: bool) -> dict[str, Any] | None:

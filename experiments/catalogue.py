@@ -18,7 +18,7 @@ from jaxthermo.atomic import replacing
 from jaxthermo.errors import InputError
 from jaxthermo.provenance import processor, provenance
 
-from .harness.measurement import Finished, finished, table, write
+from .harness.measurement import Finished, Measurement, table, write
 from .harness.present import show
 
 
@@ -281,12 +281,18 @@ def finished_benchmark(
     experiment: Experiment, folder: Path, result: Mapping[str, Any]
 ) -> Finished:
     """A benchmark that has ended with a result, the whole of its `result.json`."""
-    return finished(
+    body = result["result"]
+    rows = tuple(Measurement(**row) for row in body.get("measurements", ()))
+    error = "" if rows else "no measurement in the form of this table: see result.json"
+    return Finished(
         name=experiment.name,
         about=experiment.about,
         folder=folder,
         command=experiment.command,
-        result=result,
+        rows=rows,
+        error=error,
+        charts=tuple(body.get("charts", {}).items()),
+        took_s=float(result.get("took_s", 0.0)),
     )
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -22,10 +22,10 @@ from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.solvers import AbstractSolver
 from jaxthermo.timing import interleaved
 
-from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
-from ..harness.meshes import END, START, STEEL, standard_scene
+from ..harness.measurement import MeasuredResult, Measurement, compared, plain_rows
+from ..harness.meshes import END, START, STEEL, standard_scene, statue
 from ..thesis.resolution import FULL, TABLE_TIMES
-from .loops import loop_of
+from .loops import loop_of, per_item, stable_step
 from .scaling_model import STEP_BYTES
 from .steps import STRUCTURES, conduction_call
 
@@ -46,10 +46,9 @@ _PARAMETERS = (1, 2, 4, 8)
 _CAMERA = jt.Camera((1.6, 0.6, 0.4), (0.0, 0.0, 0.25), width=640, height=480)
 
 
-class _Result(TypedDict):
+class _Result(MeasuredResult):
     device: str
     copy_bytes_per_s: float
-    measurements: list[PlainMeasurement]
 
 
 def run(
@@ -71,12 +70,13 @@ def run(
     device = jax.devices()[0]
     bandwidth, rows = _copy(copied, repeats)
     rows += _conduction(shape, repeats, bandwidth)
+    mesh, grid = statue(height)
+    name = f"{mesh}, {height} high"
     for label, structure in _STRUCTURES.items():
-        scene, mesh = standard_scene(STEEL, structure, height)
-        rows += _steps(f"{mesh}, {height} high, {label}", scene, repeats)
-    scene, mesh = standard_scene(STEEL, _STRUCTURES["blocks x4"], height)
-    rows += _jacobians(f"{mesh}, {height} high, blocks x4", scene, repeats)
-    rows += _frame(f"{mesh}, {height} high", scene, repeats)
+        rows += _steps(f"{name}, {label}", standard_scene(structure(grid)), repeats)
+    scene = standard_scene(_STRUCTURES["blocks x4"](grid))
+    rows += _jacobians(f"{name}, blocks x4", scene, repeats)
+    rows += _frame(name, scene, repeats)
     device_name = f"{device.platform}: {device.device_kind}"
     return {
         "device": device_name,
@@ -92,8 +92,8 @@ def _copy(count: int, repeats: int) -> tuple[float, list[Measurement]]:
     copy_repeatedly = jax.jit(
         lambda a: jax.lax.fori_loop(0, _TURNS, lambda _, a: a + 1.0, a)
     )
-    spans = interleaved({"copy": lambda: copy_repeatedly(values)}, repeats)["copy"]
-    copy_spans = [span / _TURNS for span in spans]
+    spans = interleaved({"copy": lambda: copy_repeatedly(values)}, repeats)
+    copy_spans = per_item(spans, {"copy": _TURNS})["copy"]
     bandwidth = 2 * 4 * count / min(copy_spans)
     note = f"{bandwidth / 1e9:.4g} GB/s read and written"
     return bandwidth, [Measurement("copy of an array", "s", copy_spans, note=note)]
@@ -109,27 +109,18 @@ def _conduction(
     for name, make in _PEERS.items():
         if find_spec(name) is not None and _has_device(name):
             calls[name] = make(shape)
-    spans = interleaved(calls, repeats)
-    step_spans = {
-        name: [s / _STEPS for s in call_spans] for name, call_spans in spans.items()
-    }
+    step_spans = per_item(interleaved(calls, repeats), dict.fromkeys(calls, _STEPS))
+    ours = step_spans.pop("ours")
     ideal = STEP_BYTES * int(np.prod(shape)) / bandwidth
     label = " x ".join(map(str, shape)) + ": step of conduction"
-    share = f"{100 * ideal / min(step_spans['ours']):.0f} % of the copy's bandwidth"
-    peers = {name: times for name, times in step_spans.items() if name != "ours"}
+    share = f"{100 * ideal / min(ours):.0f} % of the copy's bandwidth"
     if tuple(shape) == _THESIS_SHAPE:
-        peers["thesis, 9800GT"] = [TABLE_TIMES[FULL]]
+        step_spans["thesis, 9800GT"] = [TABLE_TIMES[FULL]]
     return [
-        Measurement(
-            name=label,
-            unit="s",
-            ours=step_spans["ours"],
-            peer_name="a copy",
-            peer=[ideal],
-            bound=_SHARE,
-            note=share,
+        *compared(
+            name=label, ours=ours, peers={"a copy": [ideal]}, bound=_SHARE, note=share
         ),
-        *(Measurement(label, "s", step_spans["ours"], *peer) for peer in peers.items()),
+        *compared(label, ours, step_spans),
     ]
 
 
@@ -142,28 +133,23 @@ def _steps(label: str, scene: jt.Scene, repeats: int) -> list[Measurement]:
         calls[name] = loop_of(plan, count)
         calls[f"no {name}"] = loop_of(plan, 0)
     spans = interleaved(calls, repeats)
-    # Starting a loop takes as long as many of its steps.
-    step_spans = {
-        name: [(span - min(spans[f"no {name}"])) / count for span in spans[name]]
-        for name, (_, count) in _SOLVERS.items()
-    }
     nodes = f"{run.plan.compiled.receipt.nodes:,} nodes"
     run_info = run().run
     call = f"{nodes}, {run_info.steps} steps of {run_info.solver}"
-    return [
-        *(
-            Measurement(f"{label}: {n}", "s", s, note=nodes)
-            for n, s in step_spans.items()
-        ),
-        Measurement(f"{label}: call of {END:g} s", "s", spans["call"], note=call),
-    ]
+    rows = []
+    for name, (_, count) in _SOLVERS.items():
+        # Starting a loop takes as long as many of its steps.
+        start = min(spans[f"no {name}"])
+        step_spans = [(span - start) / count for span in spans[name]]
+        rows.append(Measurement(f"{label}: {name}", "s", step_spans, note=nodes))
+    name = f"{label}: call of {END:g} s"
+    rows.append(Measurement(name, "s", spans["call"], note=call))
+    return rows
 
 
 def _jacobians(label: str, scene: jt.Scene, repeats: int) -> list[Measurement]:
     """Exact derivatives of the surface by as many parameters, over a forward run."""
-    stable = plan_run(scene, t1=END, save_at=None, solver=jt.ForwardEuler()).stable_step
-    assert stable is not None
-    solver = jt.ForwardEuler(dt=0.8 * stable)
+    solver = jt.ForwardEuler(dt=0.8 * stable_step(scene))
     body = scene.bodies[0]
     conductivity = STEEL.conductivity
     assert isinstance(conductivity, float)
@@ -176,26 +162,23 @@ def _jacobians(label: str, scene: jt.Scene, repeats: int) -> list[Measurement]:
             specific_heat=STEEL.specific_heat,
         )
         warmer = jt.Body(body.structure, material, temperature=START)
-        run = jt.simulate(jt.Scene((warmer,), scene.terms), END, solver=solver)
+        warmer_scene = jt.Scene((warmer,), scene.terms)
+        run = jt.simulate(warmer_scene, END, solver=solver)
         return run.surface_temperature[-1]
 
     calls: dict[str, Callable[[], Any]] = {}
     forward = jax.jit(surface)
     calls["forward"] = partial(forward, jnp.ones(1))
     for count in _PARAMETERS:
-        calls[str(count)] = partial(jax.jit(jax.jacfwd(surface)), jnp.ones(count))
+        jacobian = jax.jit(jax.jacfwd(surface))
+        calls[str(count)] = partial(jacobian, jnp.ones(count))
     spans = interleaved(calls, repeats)
-    return [
-        Measurement(
-            name=f"{label}: Jacobian of {count} parameter{'s' * (count > 1)}",
-            unit="s",
-            ours=spans[str(count)],
-            peer_name="a forward run",
-            peer=spans["forward"],
-            overhead=True,
-        )
-        for count in _PARAMETERS
-    ]
+    peers = {"a forward run": spans["forward"]}
+    rows = []
+    for count in _PARAMETERS:
+        name = f"{label}: Jacobian of {count} parameter{'s' * (count > 1)}"
+        rows += compared(name=name, ours=spans[str(count)], peers=peers, overhead=True)
+    return rows
 
 
 def _frame(label: str, scene: jt.Scene, repeats: int) -> list[Measurement]:
@@ -218,7 +201,8 @@ def _torch_steps(shape: tuple[int, int, int]) -> Callable[[], Any]:
 def _cupy_steps(shape: tuple[int, int, int]) -> Callable[[], Any]:
     cupy = importlib.import_module("cupy")
     a = cupy.random.rand(*(n + 2 for n in shape), dtype=cupy.float32)
-    return partial(_slices, a, cupy.zeros_like(a), cupy.cuda.Device().synchronize)
+    b = cupy.zeros_like(a)
+    return partial(_slices, a, b, cupy.cuda.Device().synchronize)
 
 
 def _slices(a: Any, b: Any, wait: Callable[[], None]) -> None:

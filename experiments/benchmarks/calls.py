@@ -13,12 +13,13 @@ from typing import Any, TypedDict
 import numpy as np
 
 import jaxthermo as jt
+from jaxthermo.report.numbers import with_range
+from jaxthermo.structures.structure import AbstractStructure
 from jaxthermo.timing import Spread, interleaved, ratio_of
 
-from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
-from ..harness.meshes import END, HEIGHT, SAVE_AT, START, thesis_meshes
+from ..harness.measurement import MeasuredResult, Measurement, compared, plain_rows
+from ..harness.meshes import END, SAVE_AT, standard_scene, statue
 from ..harness.present import show, table_of
-from ..harness.timing import ratio_text, timing_of
 from .loops import NUMBA, loop_of, numba_explicit
 
 
@@ -44,12 +45,11 @@ class _Row(TypedDict):
     spans_s: dict[str, list[float]]
 
 
-class _Result(TypedDict):
+class _Result(MeasuredResult):
     mesh: str
     height: int
     peer_steps: int
     rows: list[_Row]
-    measurements: list[PlainMeasurement]
 
 
 def run(
@@ -66,11 +66,10 @@ def run(
         repeats: of every call.
         factors: of the aggregates, in voxels along an edge of a block.
     """
-    name, mesh = next(iter(thesis_meshes().items()))
-    grid = jt.voxelize(mesh, HEIGHT / height)
+    name, grid = statue(height)
     full = jt.FullVolume(grid)
     peer = numba_explicit(_scene(full, 0), END, SAVE_AT)
-    structures: dict[str, jt.Aggregate | jt.FullVolume] = {
+    structures: dict[str, AbstractStructure] = {
         f"aggregate x{factor}": jt.Aggregate(grid, factor) for factor in factors
     }
     structures["full volume"] = full
@@ -93,13 +92,17 @@ def run(
     ]
 
     def time_of(call_name: str) -> Callable[[dict], str]:
-        return lambda row: timing_of(row["spans_s"][call_name]).text()
+        return lambda row: Spread.of(row["spans_s"][call_name]).text()
+
+    def over_last(row: dict) -> str:
+        spans_s = row["spans_s"]
+        return with_range(*ratio_of(spans_s[_PEER], spans_s[_SIMULATE]))
 
     columns = [
         ("", "{structure}"),
         ("nodes", "{nodes:,}"),
         *((call_name, time_of(call_name)) for call_name in _OURS),
-        ("numba over the last", lambda row: ratio_text(_over(row, _PEER, _SIMULATE))),
+        ("numba over the last", over_last),
     ]
     show(table_of(rows, columns, f"{name}, {height} high, {END:g} s, this host"))
     measured = [measurement for row in rows for measurement in _measurements(row)]
@@ -112,21 +115,13 @@ def run(
     }
 
 
-def _scene(structure: Any, number: int) -> jt.Scene:
-    """The standard scene with numbers of its own."""
+def _scene(structure: AbstractStructure, number: int) -> jt.Scene:
+    """The standard scene with slightly higher numbers, by the number of the scene."""
     # So little more that the runs have as many stages.
-    factor = 1 + 1e-4 * number
-    material = jt.Material(
-        16.0 * factor, density=8000.0, specific_heat=500.0, absorptivity=1.0
-    )
-    terms = (
-        jt.Sun((-1.0, 0.0, 0.0), jt.Until(5000.0 * factor, END / 2)),
-        jt.Convection(10.0 * factor, START),
-    )
-    return jt.Scene((jt.Body(structure, material, temperature=START),), terms)
+    return standard_scene(structure, factor=1 + 1e-4 * number)
 
 
-def _calls(structure: Any, repeats: int) -> dict[str, Callable[[], Any]]:
+def _calls(structure: AbstractStructure, repeats: int) -> dict[str, Callable[[], Any]]:
     """Calls of one structure, each of them to be made once more than `repeats`."""
     run = jt.compile_simulation(_scene(structure, 0), END, SAVE_AT, solver=_SOLVER)
     # Made before they are timed, and each used once.
@@ -144,41 +139,26 @@ def _calls(structure: Any, repeats: int) -> dict[str, Callable[[], Any]]:
     }
 
 
-def _over(row: _Row, above: str, below: str) -> Spread:
-    return ratio_of(row["spans_s"][above], row["spans_s"][below])
-
-
 def _measurements(row: _Row) -> list[Measurement]:
     label = row["structure"]
     spans = row["spans_s"]
-    peer = spans[_PEER]
+    peers = {_PEER: spans[_PEER]}
     call = spans[_SIMULATE]
     loop = spans[_LOOP]
-    bound = _BOUNDS.get(label)
-    rows = [
-        Measurement(
+    rows = []
+    for call_name in _OURS:
+        # The bound is that of a call with other numbers.
+        bound = _BOUNDS.get(label) if call_name == _SIMULATE else None
+        rows += compared(
             name=f"{label}: {call_name}",
-            unit="s",
             ours=spans[call_name],
-            peer_name=_PEER,
-            peer=peer,
+            peers=peers,
+            bound=bound,
         )
-        for call_name in (_LOOP, _AGAIN, _OTHER)
-    ]
     name = f"{label}: {_SIMULATE}"
     excess = np.subtract(call, loop).tolist()
     return [
         *rows,
-        Measurement(
-            name=name, unit="s", ours=call, peer_name=_PEER, peer=peer, bound=bound
-        ),
-        Measurement(
-            name=name,
-            unit="s",
-            ours=call,
-            peer_name="its loop",
-            peer=loop,
-            overhead=True,
-        ),
+        *compared(name=name, ours=call, peers={"its loop": loop}, overhead=True),
         Measurement(f"{name} less its loop", "s", excess),
     ]

@@ -30,7 +30,13 @@ from jaxthermo.parallel.meeting import Group, free_port
 from jaxthermo.parallel.processes import join, watching_others
 from jaxthermo.scene.compile.on_devices import on_devices
 
-from ..harness.measurement import Measurement, PlainMeasurement, plain_rows, time_unit
+from ..harness.measurement import (
+    MeasuredResult,
+    Measurement,
+    compared,
+    plain_rows,
+    time_unit,
+)
 from ..harness.meshes import STEEL
 from ..harness.present import show, table_of
 from .scaling_model import PaperRow, on_paper
@@ -74,10 +80,9 @@ class _Row(TypedDict):
     lattice_bytes: int
 
 
-class _Result(TypedDict):
+class _Result(MeasuredResult):
     rows: list[_Row]
     on_paper: list[PaperRow]
-    measurements: list[PlainMeasurement]
 
 
 _ALONE = _Arrangement("one device", 1, 1)
@@ -154,16 +159,12 @@ def _measurements(results: list[_Row]) -> list[Measurement]:
         share = row["lattice_bytes"] / alone["lattice_bytes"]
         is_pair = row["processes"] == 2
         name = f"{row['scene']}: {row['arrangement']}"
-        measurements.append(
-            Measurement(
-                name,
-                "s",
-                row["step_s"],
-                peer_name=_ALONE.name,
-                peer=alone["step_s"],
-                bound=_ASKED if is_pair else None,
-                note=f"{100 * share:.0f} % of the lattice in each process",
-            )
+        measurements += compared(
+            name=name,
+            ours=row["step_s"],
+            peers={_ALONE.name: alone["step_s"]},
+            bound=_ASKED if is_pair else None,
+            note=f"{100 * share:.0f} % of the lattice in each process",
         )
         if is_pair:
             percent = [100 * share]
@@ -303,10 +304,10 @@ def _plan(scene: jt.Scene, in_stages: bool, steps: int) -> tuple[Plan, int]:
     stable = plan_run(scene, t1=1.0, save_at=None, solver=jt.ForwardEuler()).stable_step
     assert stable is not None
     if not in_stages:
-        solver = jt.ForwardEuler(0.9 * stable)
-        return plan_run(
-            scene, t1=0.9 * steps * stable, save_at=None, solver=solver
-        ), steps
+        dt = 0.9 * stable
+        solver = jt.ForwardEuler(dt)
+        plan = plan_run(scene, t1=steps * dt, save_at=None, solver=solver)
+        return plan, steps
     dt = 0.9 * (steps**2 + steps - 2) / 4 * stable
     plan = plan_run(scene, t1=dt, save_at=None, solver=jt.SuperTimeStepping(dt))
     assert isinstance(plan.stepper, RKL2Stepper)

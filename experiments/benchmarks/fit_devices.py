@@ -6,9 +6,6 @@ operation is large enough. Times of all threads tell what is computed twice, whe
 programs use the processor too.
 """
 
-import json
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from functools import partial
@@ -32,8 +29,9 @@ from jaxthermo.parallel.batch import on_every_device, on_first_device
 from jaxthermo.parallel.devices import mesh_of, provide_devices
 from jaxthermo.timing import interleaved
 
-from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
-from ..harness.meshes import END, STEEL, standard_scene
+from ..harness.measurement import MeasuredResult, Measurement, compared, plain_rows
+from ..harness.meshes import END, standard_scene, statue
+from ..harness.processes import in_new_process
 from .steps import STRUCTURES
 
 
@@ -65,10 +63,9 @@ class _Row(_Times):
     values: int
 
 
-class _Result(TypedDict):
+class _Result(MeasuredResult):
     devices: int
     rows: list[_Row]
-    measurements: list[PlainMeasurement]
 
 
 def run(
@@ -85,15 +82,8 @@ def run(
         repeats: of every call.
         counts: numbers of fitted values.
     """
-    options = json.dumps([height, repeats, list(counts)])
     # Devices are made before the first computation of a process.
-    done = subprocess.run(
-        [sys.executable, "-m", __name__, options],
-        stdout=subprocess.PIPE,
-        text=True,
-        check=True,
-    )
-    rows = json.loads(done.stdout.splitlines()[-1])
+    rows = in_new_process(_measure, height, repeats, counts)
     measured = [measurement for row in rows for measurement in _measurements(row)]
     return {"devices": _DEVICES, "rows": rows, "measurements": plain_rows(measured)}
 
@@ -104,23 +94,20 @@ def _measurements(row: _Row) -> list[Measurement]:
     processor = row["processor_s"]
     peer = "one device"
     return [
-        Measurement(
-            name=name, unit="s", ours=wall["two"], peer_name=peer, peer=wall["one"]
-        ),
-        Measurement(
+        *compared(name, wall["two"], {peer: wall["one"]}),
+        *compared(
             name=f"{name}, of all threads",
-            unit="s",
             ours=processor["two"],
-            peer_name=peer,
-            peer=processor["one"],
+            peers={peer: processor["one"]},
             overhead=True,
         ),
     ]
 
 
-def _measure(height: int, repeats: int, counts: list[int]) -> list[_Row]:
+def _measure(height: int, repeats: int, counts: tuple[int, ...]) -> list[_Row]:
     provide_devices(_DEVICES)
-    scene, mesh_name = standard_scene(STEEL, STRUCTURES[_BLOCKS], height)
+    mesh_name, grid = statue(height)
+    scene = standard_scene(STRUCTURES[_BLOCKS](grid))
     label = f"{mesh_name}, {height} high, {_BLOCKS}"
     rows: list[_Row] = []
     for count in counts:
@@ -188,7 +175,3 @@ def _timed(calls: _Calls, repeats: int) -> _Times:
         "wall_s": wall,
         "processor_s": {n: spans[1:] for n, spans in processor.items()},
     }
-
-
-if __name__ == "__main__":
-    sys.stdout.write(json.dumps(_measure(*json.loads(sys.argv[1]))) + "\n")

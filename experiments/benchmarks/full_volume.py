@@ -18,9 +18,17 @@ from jaxthermo.timing import Spans, interleaved
 from jaxthermo.voxels.grid import VoxelGrid
 
 from ..front.linear_body import Run
-from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
-from ..harness.meshes import HEIGHT, START, STEEL, thesis_meshes
-from .loops import NUMBA, largest_difference, loop_of, numba_explicit, numba_rkl2
+from ..harness.measurement import MeasuredResult, Measurement, plain_rows
+from ..harness.meshes import standard_scene, statue
+from .loops import (
+    kernel_rows,
+    largest_difference,
+    loop_of,
+    numba_explicit,
+    numba_rkl2,
+    per_item,
+    stable_step,
+)
 
 
 QUICK = {"height": 60, "repeats": 2, "work": 2e7}
@@ -61,9 +69,8 @@ class _Row(TypedDict):
     largest_difference_K: float
 
 
-class _Result(TypedDict):
+class _Result(MeasuredResult):
     rows: list[_Row]
-    measurements: list[PlainMeasurement]
 
 
 def run(
@@ -77,12 +84,11 @@ def run(
         repeats: of every call.
         work: nodes times evaluations of a call.
     """
-    name, mesh = next(iter(thesis_meshes().items()))
+    name, voxels = statue(height)
     edge = _CUBE_PITCH * _CUBE
     cube = jt.voxelize(jt.shapes.box((edge, edge, edge)), _CUBE_PITCH)
-    statue = jt.voxelize(mesh, HEIGHT / height)
-    shape = " x ".join(map(str, statue.lattice.shape))
-    bodies = {f"cube, {_CUBE}^3, in cache": cube, f"{name}, {shape}": statue}
+    shape = " x ".join(map(str, voxels.lattice.shape))
+    bodies = {f"cube, {_CUBE}^3, in cache": cube, f"{name}, {shape}": voxels}
     measurements = []
     results = []
     for label, grid in bodies.items():
@@ -92,10 +98,8 @@ def run(
     return {"rows": results, "measurements": plain_rows(measurements)}
 
 
-def _scene(structure: Any) -> jt.Scene:
-    body = jt.Body(structure, STEEL, temperature=START)
-    terms = jt.Sun((-1.0, 0.0, 0.0), 5000.0), jt.Convection(10.0, START)
-    return jt.Scene((body,), terms)
+def _scene(structure: jt.FullVolume) -> jt.Scene:
+    return standard_scene(structure, sunset=None)
 
 
 def _methods(stable: float, count: int) -> dict[str, _Method]:
@@ -123,40 +127,47 @@ def _methods(stable: float, count: int) -> dict[str, _Method]:
 def _measured(
     label: str, grid: VoxelGrid, repeats: int, work: float
 ) -> tuple[list[Measurement], list[_Row]]:
-    scene = _scene(jt.FullVolume(grid))
+    scenes = {
+        "ours": _scene(jt.FullVolume(grid)),
+        "kernels": _scene(jt.FullVolume(grid, kernels="numba")),
+    }
     nodes = grid.solid_count
+    if nodes <= _MOST_LINKED:
+        scenes["links"] = _scene(jt.FullVolume(grid, stencil=False))
+    scene = scenes["ours"]
     count = int(np.clip(work / nodes, _FEWEST, _MOST))
-    stable = plan_run(scene, t1=1.0, save_at=None, solver=jt.ForwardEuler()).stable_step
-    assert stable is not None
     rows: list[Measurement] = []
     results: list[_Row] = []
-    for task, method in _methods(stable, count).items():
-        plan = plan_run(scene, t1=method.end, save_at=None, solver=method.solver)
+    for task, method in _methods(stable_step(scene), count).items():
+        plans = {
+            name: plan_run(form, t1=method.end, save_at=None, solver=method.solver)
+            for name, form in scenes.items()
+        }
         peer = method.peer(scene)
-        state = np.asarray(initial_state(plan).theta[0])
-        compiled = _scene(jt.FullVolume(grid, kernels="numba"))
-        inside = plan_run(compiled, t1=method.end, save_at=None, solver=method.solver)
+        state = np.asarray(initial_state(plans["ours"]).theta[0])
         calls = {
-            "ours": loop_of(plan),
-            "kernels": loop_of(inside),
+            **{name: loop_of(plan) for name, plan in plans.items()},
             "numba": peer.call,
             "copy": _copies(state),
         }
-        if nodes <= _MOST_LINKED:
-            linked = _scene(jt.FullVolume(grid, stencil=False))
-            calls["links"] = loop_of(
-                plan_run(linked, t1=method.end, save_at=None, solver=method.solver)
-            )
         difference = max(
-            largest_difference(own_plan, peer) for own_plan in (plan, inside)
+            largest_difference(plans[name], peer) for name in ("ours", "kernels")
         )
-        spans = _per_step(interleaved(calls, repeats), method.steps)
+        steps = {**dict.fromkeys(calls, method.steps), "copy": _COPIES}
+        spans = per_item(interleaved(calls, repeats), steps)
         cells = len(grid.fragment_area)
         note = (
             f"{nodes:,} nodes, {cells:,} surface cells; all surfaces agree to "
             f"{difference:.1g} K"
         )
-        rows += _rows(f"{label}: {task}", spans, note)
+        peers = {"copy": "copy of the state, one thread", "links": "its links"}
+        rows += kernel_rows(
+            name=f"{label}: {task}",
+            spans=spans,
+            bound=_BOUND,
+            notes={"ours": note, "kernels": note},
+            others={form: peer for form, peer in peers.items() if form in spans},
+        )
         results.append(
             {
                 "body": label,
@@ -178,57 +189,3 @@ def _copies(state: np.ndarray) -> Callable[[], None]:
             np.copyto(copy, state)
 
     return copies
-
-
-def _per_step(spans: Spans, steps: int) -> Spans:
-    counts = {"copy": _COPIES}
-    return {
-        name: [span / counts.get(name, steps) for span in call_spans]
-        for name, call_spans in spans.items()
-    }
-
-
-def _rows(name: str, spans: Spans, note: str) -> list[Measurement]:
-    ours = spans["ours"]
-    copy = "copy of the state, one thread"
-    within = f"{name}, kernels of numba"
-    peer = spans["numba"]
-    rows = [
-        Measurement(
-            name=name,
-            unit="s",
-            ours=ours,
-            peer_name=NUMBA,
-            peer=peer,
-            bound=_BOUND,
-            note=note,
-        ),
-        Measurement(
-            name=within,
-            unit="s",
-            ours=spans["kernels"],
-            peer_name=NUMBA,
-            peer=peer,
-            bound=_BOUND,
-            note=note,
-        ),
-        Measurement(
-            name=name,
-            unit="s",
-            ours=ours,
-            peer_name=copy,
-            peer=spans["copy"],
-            overhead=True,
-        ),
-    ]
-    if "links" in spans:
-        rows.append(
-            Measurement(
-                name=name,
-                unit="s",
-                ours=ours,
-                peer_name="its links",
-                peer=spans["links"],
-            )
-        )
-    return rows

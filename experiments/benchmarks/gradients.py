@@ -18,8 +18,8 @@ import jaxthermo as jt
 from jaxthermo.host_memory import readable_bytes
 from jaxthermo.timing import Spread, interleaved, ratio_of, timed_call
 
-from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
-from ..harness.meshes import END, HEIGHT, START, thesis_meshes
+from ..harness.measurement import MeasuredResult, Measurement, compared, plain_rows
+from ..harness.meshes import END, START, statue
 
 
 QUICK = {"height": 32, "repeats": 2}
@@ -64,12 +64,11 @@ class _Costs(TypedDict):
     gradient: list[float]
 
 
-class _Result(TypedDict):
+class _Result(MeasuredResult):
     mesh: str
     height: int
     budget_bytes: int
     runs: dict[str, _Costs]
-    measurements: list[PlainMeasurement]
 
 
 def _measure(make, grid, repeats: int) -> _Costs:
@@ -104,17 +103,15 @@ def _measure(make, grid, repeats: int) -> _Costs:
 
 def run(folder: Path, height: int = 128, repeats: int = 3) -> _Result:
     """Times of both, their ratio, memory and the gradient, for each structure."""
-    name, mesh = next(iter(thesis_meshes().items()))
-    grid = jt.voxelize(mesh, HEIGHT / height)
+    name, grid = statue(height)
     rows = {
         structure_name: _measure(make, grid, repeats)
         for structure_name, make in _STRUCTURES.items()
     }
     label = f"{name}, {height} high"
-    measured = [
-        _measurement(f"{label}, {structure_name}", row)
-        for structure_name, row in rows.items()
-    ]
+    measured = []
+    for structure_name, row in rows.items():
+        measured += _measurements(f"{label}, {structure_name}", row)
     return {
         "mesh": name,
         "height": height,
@@ -124,14 +121,13 @@ def run(folder: Path, height: int = 128, repeats: int = 3) -> _Result:
     }
 
 
-def _measurement(name: str, row: _Costs) -> Measurement:
+def _measurements(name: str, row: _Costs) -> list[Measurement]:
     memory = readable_bytes(row["temporary_bytes"] or 0)
-    return Measurement(
+    times = row["times_s"]
+    return compared(
         name=f"{name}: reverse-mode gradient",
-        unit="s",
-        ours=row["times_s"]["reverse"],
-        peer_name="its forward run",
-        peer=row["times_s"]["forward"],
+        ours=times["reverse"],
+        peers={"its forward run": times["forward"]},
         overhead=True,
         note=f"{row['steps']} explicit steps; {memory}; compiled in "
         f"{row['compile_s']['reverse']:.1f} s",

@@ -16,7 +16,7 @@ import jaxthermo as jt
 from jaxthermo.report.chart import Chart, LogAxis, legend, write_chart
 from jaxthermo.timing import interleaved
 
-from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
+from ..harness.measurement import MeasuredResult, Measurement, plain_rows
 from .steps import conduction_of
 
 
@@ -45,11 +45,10 @@ class _Row(TypedDict):
     node_ns: float
 
 
-class _Result(TypedDict):
+class _Result(MeasuredResult):
     rows: list[_Row]
     growth: dict[str, float | None]
     charts: dict[str, str]
-    measurements: list[PlainMeasurement]
     files: list[str]
 
 
@@ -116,8 +115,10 @@ def _growth(rows: list[_Row], form: str) -> float | None:
     large = [r for r in rows if r["form"] == form and r["nodes"] >= _BEYOND_CACHE]
     if len(large) < 2:
         return None
-    logs = np.log([(row["nodes"], row["node_ns"] * row["nodes"]) for row in large])
-    return float(np.polyfit(logs[:, 0], logs[:, 1], 1)[0])
+    nodes = np.array([row["nodes"] for row in large])
+    node_times = np.array([row["node_ns"] for row in large])
+    power, _ = np.polyfit(np.log(nodes), np.log(node_times * nodes), 1)
+    return float(power)
 
 
 def _chart(rows: list[_Row]) -> Chart:

@@ -9,7 +9,7 @@ textbook's step is that of a periodic box.
 
 import inspect
 from collections.abc import Callable
-from typing import Any, TypedDict
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -27,8 +27,8 @@ from jaxthermo.flow.flow import (
 from jaxthermo.flow.lattice import MAGIC, flow_rates, textbook_step
 from jaxthermo.timing import Spans, interleaved
 
-from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
-from .loops import NUMBA
+from ..harness.measurement import MeasuredResult, Measurement, plain_rows
+from .loops import kernel_rows, per_item
 
 
 QUICK = {"shape": (60, 160), "repeats": 2}
@@ -109,19 +109,20 @@ def _rows(f, out, symmetric, antisymmetric):
 _numba_step = numba.njit(parallel=True, fastmath=True)(inspect.unwrap(_rows))
 
 
+_RATES = flow_rates(_VISCOSITY, MAGIC)
+_EVEN_RATE = np.float32(_RATES.symmetric)
+_ODD_RATE = np.float32(_RATES.antisymmetric)
+
+
 def _numba_steps(f: np.ndarray, out: np.ndarray, steps: int) -> None:
-    rates = flow_rates(_VISCOSITY, MAGIC)
-    even_rate = np.float32(rates.symmetric)
-    odd_rate = np.float32(rates.antisymmetric)
     for _ in range(steps // 2):
-        _numba_step(f, out, even_rate, odd_rate)
-        _numba_step(out, f, even_rate, odd_rate)
+        _numba_step(f, out, _EVEN_RATE, _ODD_RATE)
+        _numba_step(out, f, _EVEN_RATE, _ODD_RATE)
 
 
 @jax.jit
 def _textbook_steps(f: jax.Array) -> jax.Array:
-    rates = flow_rates(_VISCOSITY, MAGIC)
-    return jax.lax.fori_loop(0, _STRIDE, lambda _, f: textbook_step(f, rates), f)
+    return jax.lax.fori_loop(0, _STRIDE, lambda _, f: textbook_step(f, _RATES), f)
 
 
 def _channel(shape: tuple[int, int]) -> Channel:
@@ -139,15 +140,14 @@ def _channel(shape: tuple[int, int]) -> Channel:
 
 def _difference(shape: tuple[int, int]) -> float:
     """Largest difference of a step in the inside of numba's and the textbook's loop."""
-    random = np.random.default_rng(0).uniform(-1e-2, 1e-2, (9, *shape))
-    f = np.pad(random.astype(np.float32), ((0, 0), (1, 1), (1, 1)), mode="wrap")
+    random = np.random.default_rng(0)
+    start = random.uniform(-1e-2, 1e-2, (9, *shape)).astype(np.float32)
+    f = np.pad(start, ((0, 0), (1, 1), (1, 1)), mode="wrap")
     out = f.copy()
-    rates = flow_rates(_VISCOSITY, MAGIC)
-    even_rate = np.float32(rates.symmetric)
-    odd_rate = np.float32(rates.antisymmetric)
-    _numba_step(f, out, even_rate, odd_rate)
-    plain = np.asarray(textbook_step(jnp.asarray(f[:, 1:-1, 1:-1]), rates))
-    return float(np.abs(plain - out[:, 1:-1, 1:-1]).max())
+    _numba_step(f, out, _EVEN_RATE, _ODD_RATE)
+    inside = (slice(None), slice(1, -1), slice(1, -1))
+    plain = np.asarray(textbook_step(jnp.asarray(f[inside]), _RATES))
+    return float(np.abs(plain - out[inside]).max())
 
 
 def _run_of(shape: tuple[int, int], kernels: str | None) -> Callable[[], Any]:
@@ -168,12 +168,11 @@ def _run_of(shape: tuple[int, int], kernels: str | None) -> Callable[[], Any]:
     return steps
 
 
-class _Result(TypedDict):
+class _Result(MeasuredResult):
     shape: list[int]
     step_s: Spans
     updates_per_s: dict[str, float]
     largest_difference: float
-    measurements: list[PlainMeasurement]
 
 
 def run(shape: tuple[int, int] = _SHAPE, repeats: int = 7) -> _Result:
@@ -189,12 +188,8 @@ def run(shape: tuple[int, int] = _SHAPE, repeats: int = 7) -> _Result:
         "textbook": lambda: _textbook_steps(plain),
         "copy": lambda: np.copyto(out, f),
     }
-    spans = interleaved(calls, repeats)
-    counts = {"textbook": _STRIDE, "copy": 1}
-    spans = {
-        n: [s / counts.get(n, steps) for s in call_spans]
-        for n, call_spans in spans.items()
-    }
+    counts = {**dict.fromkeys(calls, steps), "textbook": _STRIDE, "copy": 1}
+    spans = per_item(interleaved(calls, repeats), counts)
     cells = shape[0] * shape[1]
     return {
         "shape": list(shape),
@@ -207,50 +202,18 @@ def run(shape: tuple[int, int] = _SHAPE, repeats: int = 7) -> _Result:
 
 def _measurements(shape: tuple[int, int], spans: Spans) -> list[Measurement]:
     name = f"flow, {shape[1]} x {shape[0]} cells: step"
-    ours = spans["ours"]
     cells = shape[0] * shape[1]
-    kernels = spans["kernels"]
-    peer = spans["numba"]
-    note, kernels_note = (
-        f"{1e-6 * cells / float(np.median(form_spans)):.3g} million lattice updates a "
-        "second"
-        for form_spans in (ours, kernels)
-    )
-    copy = "copy of the populations, one thread"
-    kernels_name = f"{name}, kernels of numba"
+    notes = {}
+    for form in ("ours", "kernels"):
+        speed = 1e-6 * cells / float(np.median(spans[form]))
+        notes[form] = f"{speed:.3g} million lattice updates a second"
+    others = {
+        "textbook": "the textbook's step",
+        "copy": "copy of the populations, one thread",
+    }
     return [
+        *kernel_rows(name=name, spans=spans, bound=_BOUND, notes=notes, others=others),
         Measurement(
-            name=name,
-            unit="s",
-            ours=ours,
-            peer_name=NUMBA,
-            peer=peer,
-            bound=_BOUND,
-            note=note,
-        ),
-        Measurement(
-            name=kernels_name,
-            unit="s",
-            ours=kernels,
-            peer_name=NUMBA,
-            peer=peer,
-            bound=_BOUND,
-            note=kernels_note,
-        ),
-        Measurement(name, "s", ours, bound=cells / _UPDATES, note=note),
-        Measurement(
-            name=name,
-            unit="s",
-            ours=ours,
-            peer_name="the textbook's step",
-            peer=spans["textbook"],
-        ),
-        Measurement(
-            name=name,
-            unit="s",
-            ours=ours,
-            peer_name=copy,
-            peer=spans["copy"],
-            overhead=True,
+            name, "s", spans["ours"], bound=cells / _UPDATES, note=notes["ours"]
         ),
     ]

@@ -1,6 +1,6 @@
 """Time loops of a planned run, and of the same scene in numba, ready to be timed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import jax.numpy as jnp
@@ -11,21 +11,75 @@ import jaxthermo as jt
 from jaxthermo.integrate.run.plan import (
     Plan,
     StepTable,
+    plan_run,
     step_table,
 )
 from jaxthermo.integrate.run.simulate import first_loop, run_plan, take_steps
 from jaxthermo.integrate.stepper import in_place
-from jaxthermo.timing import timed_call
+from jaxthermo.timing import Spans, timed_call
 
 from ..front.linear_body import LinearBody, Run, linear_body
 from ..front.numba_loops import explicit_run, rkl2_run
+from ..harness.measurement import Measurement, compared
 
 
 NUMBA = f"numba, {numba.get_num_threads()} threads"
 """Name of the peer; XLA takes the same cores."""
 
+_COPY = "copy"
 
-def only_first(table: StepTable, count: int) -> StepTable:
+
+def kernel_rows(
+    name: str,
+    spans: Spans,
+    *,
+    bound: float,
+    notes: Mapping[str, str],
+    others: Mapping[str, str],
+) -> list[Measurement]:
+    """Our loops compared with numba's, and the first of them with others.
+
+    Args:
+        name: of what is measured.
+        spans: times of an item [s], of "numba" and of those named below.
+        bound: speed relative to numba that is required.
+        notes: on our loops "ours" and "kernels".
+        others: names of slower forms, and of "copy", which no loop is faster than.
+    """
+    labels = {"ours": name, "kernels": f"{name}, kernels of numba"}
+    rows = []
+    for form, note in notes.items():
+        numba_spans = {NUMBA: spans["numba"]}
+        rows += compared(
+            name=labels[form],
+            ours=spans[form],
+            peers=numba_spans,
+            bound=bound,
+            note=note,
+        )
+    for form, peer in others.items():
+        peers = {peer: spans[form]}
+        rows += compared(
+            name=name, ours=spans["ours"], peers=peers, overhead=form == _COPY
+        )
+    return rows
+
+
+def per_item(spans: Spans, counts: Mapping[str, int]) -> Spans:
+    """Times of an item [s] from those of calls of so many items each."""
+    return {
+        name: [span / count for span in spans[name]] for name, count in counts.items()
+    }
+
+
+def stable_step(scene: jt.Scene) -> float:
+    """The largest explicit step [s]."""
+    plan = plan_run(scene, t1=1.0, save_at=None, solver=jt.ForwardEuler())
+    assert plan.stable_step is not None
+    return plan.stable_step
+
+
+def _only_first(table: StepTable, count: int) -> StepTable:
     """So many steps in the first interval of the first save, and no others."""
     none = jnp.zeros_like(table.steps)
     return table._replace(steps=none.at[0, 0].set(count))
@@ -37,7 +91,7 @@ def loop_of(plan: Plan, steps: int | None = None) -> Callable[[], Any]:
     All of them, or so many of the first length, in a program that is the same for all.
     """
     table = step_table(plan)
-    table = table if steps is None else only_first(table, steps)
+    table = table if steps is None else _only_first(table, steps)
 
     def run() -> Any:
         # The loop uses up its state: each call makes one, as a run does.
@@ -70,4 +124,5 @@ def largest_difference(plan: Plan, peer: Run) -> float:
     """Largest difference of a plan's surface temperatures from its peer's [K]."""
     surface = np.asarray(run_plan(plan).surface_temperature, float)
     # A run without times to save has saved its end.
-    return float(np.abs(surface[-1] - peer.call()[-1]).max())
+    peer_surface = peer.call()
+    return float(np.abs(surface[-1] - peer_surface[-1]).max())

@@ -10,11 +10,7 @@ megabytes of what is measured are the interpreter's.
 
 import ctypes
 import gc
-import json
-import os
 import re
-import subprocess
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypedDict
@@ -27,10 +23,12 @@ from jaxthermo.errors import InputError
 from jaxthermo.host_memory import readable_bytes
 from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.run.simulate import run_plan
+from jaxthermo.user_cache import without_cache
 
-from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
+from ..harness.measurement import MeasuredResult, Measurement, plain_rows
 from ..harness.meshes import STEEL
 from ..harness.present import show, table_of
+from ..harness.processes import in_new_process
 
 
 QUICK = {"height": 48, "solvers": ("explicit",)}
@@ -50,6 +48,9 @@ _SOLVERS: dict[str, Callable[[], Any]] = {
     "RKL2": lambda: jt.SuperTimeStepping(dt=_END / _SAVES),
     "implicit": lambda: jt.TRBDF2(dt=_END / _SAVES),
 }
+_LIBC = ctypes.CDLL(None)
+_MMAP_THRESHOLD = -3
+"""Number of that option of `mallopt`, in malloc.h."""
 _TERMS = (
     jt.Sun((-1, 0, -0.4), 800.0),
     jt.Convection(10.0, 290.0),
@@ -75,9 +76,8 @@ class _Row(_Sizes):
     solver: str
 
 
-class _Result(TypedDict):
+class _Result(MeasuredResult):
     rows: list[_Row]
-    measurements: list[PlainMeasurement]
 
 
 def run(
@@ -90,11 +90,13 @@ def run(
     """
     if not Path("/proc/self/clear_refs").exists():
         raise InputError("memory: only Linux tells the peak of a part of a run")
-    rows = [
-        _in_new_process(structure, solver, height)
-        for structure in _STRUCTURES
-        for solver in solvers
-    ]
+    # A cache of findings would be measured as their search.
+    with without_cache():
+        rows = [
+            in_new_process(_measured, structure, solver, height)
+            for structure in _STRUCTURES
+            for solver in solvers
+        ]
 
     def size(name: str) -> Callable[[dict], str]:
         return lambda row: readable_bytes(row[name])
@@ -126,20 +128,10 @@ def _measurement(row: _Row) -> Measurement:
     )
 
 
-def _in_new_process(structure: str, solver: str, height: int) -> _Row:
-    command = [sys.executable, "-m", __name__, structure, solver, str(height)]
-    # Without stored results, and with arrays that are given back when they are freed.
-    settings = {"JAXTHERMO_CACHE": "off", "MALLOC_MMAP_THRESHOLD_": str(2**18)}
-    done = subprocess.run(
-        command, env={**os.environ, **settings}, capture_output=True, text=True
-    )
-    if done.returncode:
-        raise RuntimeError(f"{structure}, {solver}: {done.stderr[-2000:]}")
-    return json.loads(done.stdout.splitlines()[-1])
-
-
-def measured(structure: str, solver: str, height: int) -> _Row:
+def _measured(structure: str, solver: str, height: int) -> _Row:
     """Forecast and measurement of one run in this process [bytes]."""
+    # Arrays are given back to the system as soon as they are freed.
+    _LIBC.mallopt(_MMAP_THRESHOLD, 2**18)
     _ran(_scene(structure, height), solver)
     _clear()
     scene = _scene(structure, height)
@@ -182,7 +174,7 @@ def _clear() -> None:
     gc.collect()
     jt.forget_findings()
     gc.collect()
-    ctypes.CDLL(None).malloc_trim(0)
+    _LIBC.malloc_trim(0)
 
 
 def _memory(name: str) -> int:
@@ -195,8 +187,3 @@ def _memory(name: str) -> int:
 
 def _reset_peak() -> None:
     Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
-
-
-if __name__ == "__main__":
-    result = measured(sys.argv[1], sys.argv[2], int(sys.argv[3]))
-    sys.stdout.write(json.dumps(result) + "\n")

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypedDict
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -22,13 +21,15 @@ from jaxthermo.integrate.explicit import EulerStepper
 from jaxthermo.integrate.ledger import empty_ledger
 from jaxthermo.integrate.run.simulate import Span, advance
 from jaxthermo.integrate.stepper import RunState
+from jaxthermo.report.numbers import with_range
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.compile.program import Compiled
 from jaxthermo.timing import Spans, interleaved, ratio_of, timed_call
 
-from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
+from ..harness.measurement import MeasuredResult, Measurement, compared, plain_rows
 from ..harness.present import show, table_of
-from ..harness.timing import ratio_text
+from .loops import per_item
+from .steps import euler_steps
 
 
 QUICK = {"height": 24, "repeats": 2}
@@ -74,25 +75,15 @@ def _bare(body: jt.Body, dt: float, steps: int) -> Runner:
     network = compiled.program.bodies[0].network
     state = compiled.state[0]
     step = jnp.asarray(dt, state.dtype)
-
-    @eqx.filter_jit
-    def loop(network, state):
-        # Two steps a turn, as the scene's own loop, which alternates two buffers.
-        def two_steps(_, state):
-            return network.euler_step(network.euler_step(state, step), step)
-
-        return jax.lax.fori_loop(0, steps // 2, two_steps, state)
-
-    return Runner(lambda: loop(network, state), steps, compiled)
+    count = jnp.int32(steps)
+    return Runner(lambda: euler_steps(network, state, step, count), steps, compiled)
 
 
 def step_spans(runners: Mapping[str, Runner], repeats: int) -> Spans:
     """Wall times of a step of each [s], measured in turn."""
     calls = {name: runner.call for name, runner in runners.items()}
-    spans = interleaved(calls, repeats, there_and_back=True)
-    return {
-        n: [t / runners[n].steps for t in call_spans] for n, call_spans in spans.items()
-    }
+    steps = {name: runner.steps for name, runner in runners.items()}
+    return per_item(interleaved(calls, repeats, there_and_back=True), steps)
 
 
 def _runners(scene: jt.Scene, dt: float) -> dict[str, Runner]:
@@ -135,7 +126,7 @@ class _Costs(TypedDict):
     step_ms: dict[str, float]
 
 
-class _Result(_Costs):
+class _Result(_Costs, MeasuredResult):
     steps: int
     dt_s: float
     build_s: float
@@ -143,7 +134,6 @@ class _Result(_Costs):
     nodes: int
     fragments: int
     step_s: Spans
-    measurements: list[PlainMeasurement]
 
 
 def run(
@@ -181,26 +171,19 @@ def _conduction(scene: jt.Scene, times: Spans) -> np.ndarray:
 
 
 def _measurements(scene: jt.Scene, times: Spans) -> list[Measurement]:
-    scene_step = "step of a scene of everything"
-    idle = "step of a body with idle terms"
     terms = ", ".join(term.name for term in scene.terms)
-    note = f"{len(scene.bodies)} bodies; {terms}"
     return [
-        Measurement(
-            name=scene_step,
-            unit="s",
+        *compared(
+            name="step of a scene of everything",
             ours=times["scene"],
-            peer_name="conduction of its bodies",
-            peer=_conduction(scene, times).tolist(),
+            peers={"conduction of its bodies": _conduction(scene, times).tolist()},
             overhead=True,
-            note=note,
+            note=f"{len(scene.bodies)} bodies; {terms}",
         ),
-        Measurement(
-            name=idle,
-            unit="s",
+        *compared(
+            name="step of a body with idle terms",
             ours=times["one body, idle terms"],
-            peer_name="bare loop of its network",
-            peer=times["bare loop"],
+            peers={"bare loop of its network": times["bare loop"]},
             overhead=True,
         ),
     ]
@@ -246,5 +229,5 @@ def _show(scene: jt.Scene, results: _Costs, built: float, set_up: float) -> None
         ("the scene over the sum of conduction", results["over_conduction"]),
         ("one body with idle terms over the bare loop", results["idle_over_bare"]),
     ):
-        console.print(f"{comparison}: {ratio_text([*ratio.values()])}")
+        console.print(f"{comparison}: {with_range(*ratio.values())}")
     console.print(f"built in {built:.1f} s, compiled and set up in {set_up:.1f} s")

@@ -33,9 +33,8 @@ from jaxthermo.network.network import AbstractNetwork
 from jaxthermo.physics.conduction import assemble_uniform
 from jaxthermo.timing import Spread, timed_call
 
-from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
+from ..harness.measurement import MeasuredResult, Measurement, compared, plain_rows
 from ..harness.present import named, show, table_of
-from ..harness.timing import timing_of
 
 
 QUICK = {"height": 48, "repeats": 2}
@@ -94,13 +93,12 @@ class _Comparison(TypedDict):
     iterations_at_half: NotRequired[int]
 
 
-class _Result(TypedDict):
+class _Result(MeasuredResult):
     height: int
     dtype: str
     steps: dict[str, _Comparison]
     solid_voxels: int
     lattice: list[int]
-    measurements: list[PlainMeasurement]
 
 
 def _system(height: int, dt: float | None) -> _System:
@@ -130,7 +128,8 @@ def _system(height: int, dt: float | None) -> _System:
     g = np.full(len(links.src), _CONDUCTIVITY * grid.pitch)
     half = sparse.coo_array((g, (links.src, links.dst)), (n, n)).tocsr()
     k = half + half.T
-    matrix = sparse.csr_array(sparse.diags_array(k.sum(axis=1) + m) - k)
+    diagonal = sparse.diags_array(k.sum(axis=1) + m)
+    matrix = sparse.csr_array(diagonal - k)
     b = 5000.0 * np.bincount(node, shone_on, n)
     levels = hierarchy(structure, network)
     return _System(
@@ -230,13 +229,14 @@ def _compare(system: _System, dt: float | None, repeats: int) -> _Comparison:
     b = np.asarray(system.b[system.address])
 
     def residual(x: np.ndarray) -> float:
-        return float(np.linalg.norm(b - system.matrix @ x) / np.linalg.norm(b))
+        difference = b - system.matrix @ x
+        return float(np.linalg.norm(difference) / np.linalg.norm(b))
 
     rows: dict[str, _SolverRow] = {
         name: {
             "iterations": solved.iterations,
             "residual": residual(solved.values),
-            "solve_s": timing_of(spans[name])._asdict(),
+            "solve_s": Spread.of(spans[name])._asdict(),
             "spans_s": list(spans[name]),
         }
         for name, solved in last.items()
@@ -273,7 +273,7 @@ def run(folder: Path, height: int = 128, repeats: int = 3) -> _Result:
             result["steps"][name] = comparison
             result["solid_voxels"] = system.matrix.shape[0]
             result["lattice"] = list(system.m.shape)
-            measured.append(_measurement(name, comparison))
+            measured += _measurements(name, comparison)
             _show(
                 name,
                 comparison=comparison,
@@ -284,7 +284,7 @@ def run(folder: Path, height: int = 128, repeats: int = 3) -> _Result:
     return result
 
 
-def _measurement(name: str, comparison: _Comparison) -> Measurement:
+def _measurements(name: str, comparison: _Comparison) -> list[Measurement]:
     """The solver that is selected beside the faster one of scipy."""
     selected = comparison["chosen"]
     solvers = comparison["solvers"]
@@ -297,12 +297,10 @@ def _measurement(name: str, comparison: _Comparison) -> Measurement:
     iterations = solvers[selected]["iterations"]
     peer_iterations = solvers[peer]["iterations"]
     note = f"{preconditioner}; {iterations} iterations, the peer {peer_iterations}"
-    return Measurement(
+    return compared(
         name=f"figurine: {name}",
-        unit="s",
         ours=spans[selected],
-        peer_name=peer,
-        peer=spans[peer],
+        peers={peer: spans[peer]},
         note=note,
     )
 

@@ -9,7 +9,7 @@ loops are timed in turn.
 import bisect
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple, TypedDict
+from typing import NamedTuple, TypedDict
 
 import numpy as np
 
@@ -18,13 +18,13 @@ from jaxthermo.geometry.shapes import figurine
 from jaxthermo.integrate.explicit import RKL2Stepper
 from jaxthermo.integrate.run.plan import Plan, plan_run
 from jaxthermo.integrate.run.simulate import run_plan
+from jaxthermo.report.numbers import with_range
 from jaxthermo.timing import Spread, interleaved, ratio_of
 from jaxthermo.voxels.grid import VoxelGrid
 
-from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
-from ..harness.meshes import END, HEIGHT, SAVE_AT, START, STEEL, thesis_meshes
+from ..harness.measurement import MeasuredResult, Measurement, compared, plain_rows
+from ..harness.meshes import END, HEIGHT, SAVE_AT, standard_scene, thesis_meshes
 from ..harness.present import show, table_of
-from ..harness.timing import ratio_text
 from .loops import loop_of
 
 
@@ -68,10 +68,9 @@ class _Row(_Compared):
     mesh: str
 
 
-class _Result(TypedDict):
+class _Result(MeasuredResult):
     height: int
     rows: list[_Row]
-    measurements: list[PlainMeasurement]
 
 
 def run(folder: Path, height: int = 250, repeats: int = 7) -> _Result:
@@ -92,17 +91,11 @@ def run(folder: Path, height: int = 250, repeats: int = 7) -> _Result:
         ("its own error", "{own_error:.2g} %"),
         ("octree", described_in("octree")),
         ("full volume", described_in("full")),
-        ("times as fast", lambda row: ratio_text(row["ratio"])),
+        ("times as fast", lambda row: with_range(*row["ratio"])),
     ]
     show(table_of(rows, columns, f"{height} high, {END:g} s, this host"))
-    measured = [_measurement(row) for row in rows]
+    measured = [measurement for row in rows for measurement in _measurements(row)]
     return {"height": height, "rows": rows, "measurements": plain_rows(measured)}
-
-
-def _scene(structure: Any) -> jt.Scene:
-    body = jt.Body(structure, STEEL, temperature=START)
-    sun = jt.Sun((-1.0, 0.0, 0.0), jt.Until(5000.0, END / 2))
-    return jt.Scene((body,), (sun, jt.Convection(10.0, START)))
 
 
 def _plan(scene: jt.Scene, steps: int) -> Plan:
@@ -111,7 +104,10 @@ def _plan(scene: jt.Scene, steps: int) -> Plan:
 
 
 def _compared(grid: VoxelGrid, repeats: int) -> _Compared:
-    scenes = {"octree": _scene(jt.Octree(grid)), "full": _scene(jt.FullVolume(grid))}
+    scenes = {
+        "octree": standard_scene(jt.Octree(grid)),
+        "full": standard_scene(jt.FullVolume(grid)),
+    }
     truth = run_plan(_plan(scenes["full"], _CONVERGED))
 
     def error(plan: Plan) -> float:
@@ -150,18 +146,17 @@ def _described(choice: _Choice) -> _Description:
     }
 
 
-def _measurement(row: _Row) -> Measurement:
+def _measurements(row: _Row) -> list[Measurement]:
     octree = row["octree"]
     full = row["full"]
     spans = row["times_s"]
     slow = float(np.median(row["ratio"])) < _BOUND
     verdict = "; no reason to use it in place of the full volume" if slow else ""
-    return Measurement(
+    peer = f"full volume, {full['steps']} x {full['stages']} stages"
+    return compared(
         name=f"{row['mesh']}: octree at an error of {row['own_error']:.2g} %",
-        unit="s",
         ours=spans["octree"],
-        peer_name=f"full volume, {full['steps']} x {full['stages']} stages",
-        peer=spans["full"],
+        peers={peer: spans["full"]},
         bound=_BOUND,
         note=f"{octree['nodes']:,} nodes of {full['nodes']:,}, {octree['steps']} x "
         f"{octree['stages']} stages{verdict}",

@@ -5,7 +5,6 @@ simple form is the change of the temperatures, computed by itself and added.
 """
 
 from functools import partial
-from typing import TypedDict
 
 import jax
 import jax.numpy as jnp
@@ -16,8 +15,8 @@ from jaxthermo.network.network import AbstractNetwork
 from jaxthermo.network.stencil import Stencil, solid_degree
 from jaxthermo.timing import Spans, interleaved
 
-from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
-from .loops import NUMBA
+from ..harness.measurement import MeasuredResult, Measurement, plain_rows
+from .loops import kernel_rows, per_item
 
 
 QUICK = {"shape": (60, 60, 140), "repeats": 2}
@@ -33,8 +32,9 @@ _BOUND = 0.75
 def _body(shape: tuple[int, int, int]) -> np.ndarray:
     # An ellipsoid with bubbles: about as full as a statue in its box.
     x, y, z = np.meshgrid(*(np.linspace(-1, 1, n) for n in shape), indexing="ij")
-    bubbles = np.sin(9 * x) * np.sin(9 * y) * np.sin(21 * z) > 0.9
-    return (x**2 + y**2 + z**2 < 1) & ~bubbles
+    waves = np.sin(9 * x) * np.sin(9 * y) * np.sin(21 * z)
+    square = x**2 + y**2 + z**2
+    return (square < 1) & (waves <= 0.9)
 
 
 @numba.njit(parallel=True, fastmath=True)
@@ -87,13 +87,12 @@ def _numba_steps(state: np.ndarray, next_state: np.ndarray, degree: np.ndarray) 
         _numba_step(next_state, state, degree, np.float32(0.1))
 
 
-class _Result(TypedDict):
+class _Result(MeasuredResult):
     shape: list[int]
     solid_share: float
     step_s: Spans
     lattice_voxels_per_s: dict[str, float]
     largest_difference: float
-    measurements: list[PlainMeasurement]
 
 
 def run(shape: tuple[int, int, int] = _SHAPE, repeats: int = 5) -> _Result:
@@ -101,7 +100,8 @@ def run(shape: tuple[int, int, int] = _SHAPE, repeats: int = 5) -> _Result:
     solid = _body(shape)
     network = _network(solid)
     start = np.pad(solid * np.float32(1), 1)
-    start[1:-1, 1:-1, 1:-1] *= np.random.default_rng(0).random(shape, np.float32)
+    random = np.random.default_rng(0).random(shape, np.float32)
+    start[1:-1, 1:-1, 1:-1] *= random
     degree = np.asarray(network.degree)
     steps = jnp.int32(_STEPS)
     a = start.copy()
@@ -123,9 +123,8 @@ def run(shape: tuple[int, int, int] = _SHAPE, repeats: int = 5) -> _Result:
         "simple": lambda: step_ours(True),
         "copy": lambda: np.copyto(b, a),
     }
-    spans = interleaved(calls, repeats)
-    for name in ("ours", "numba", "simple"):
-        spans[name] = [span / _STEPS for span in spans[name]]
+    counts = {**dict.fromkeys(calls, _STEPS), "copy": 1}
+    spans = per_item(interleaved(calls, repeats), counts)
     cells = int(np.prod(shape))
     return {
         "shape": list(shape),
@@ -142,31 +141,14 @@ def run(shape: tuple[int, int, int] = _SHAPE, repeats: int = 5) -> _Result:
 
 def _measurements(shape: tuple[int, int, int], spans: Spans) -> list[Measurement]:
     size = " x ".join(map(str, shape))
-    name = f"ellipsoid, {size}: explicit step of conduction"
-    ours = spans["ours"]
-    copy = "copy of the state, one thread"
-    speed = np.prod(shape) / np.median(ours) / 1e9
-    note = f"{speed:.2g} billion lattice voxels a second"
-    simple = "the same from rates"
-    return [
-        Measurement(
-            name=name,
-            unit="s",
-            ours=ours,
-            peer_name=NUMBA,
-            peer=spans["numba"],
-            bound=_BOUND,
-            note=note,
-        ),
-        Measurement(
-            name=name, unit="s", ours=ours, peer_name=simple, peer=spans["simple"]
-        ),
-        Measurement(
-            name=name,
-            unit="s",
-            ours=ours,
-            peer_name=copy,
-            peer=spans["copy"],
-            overhead=True,
-        ),
-    ]
+    speed = np.prod(shape) / np.median(spans["ours"]) / 1e9
+    return kernel_rows(
+        name=f"ellipsoid, {size}: explicit step of conduction",
+        spans=spans,
+        bound=_BOUND,
+        notes={"ours": f"{speed:.2g} billion lattice voxels a second"},
+        others={
+            "simple": "the same from rates",
+            "copy": "copy of the state, one thread",
+        },
+    )

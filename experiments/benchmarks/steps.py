@@ -20,27 +20,21 @@ import numpy as np
 from scipy.sparse import csr_array, identity
 
 import jaxthermo as jt
-from jaxthermo.integrate.run.plan import (
-    StepTable,
-    initial_state,
-    plan_run,
-    step_table,
-)
-from jaxthermo.integrate.run.simulate import first_loop, take_steps
+from jaxthermo.integrate.run.plan import initial_state, plan_run
 from jaxthermo.integrate.run.solution import Observation, observe
 from jaxthermo.integrate.stepper import RunState
 from jaxthermo.network.link_operator import LinkNetwork
 from jaxthermo.network.network import AbstractNetwork
 from jaxthermo.physics.conduction import assemble_uniform
+from jaxthermo.report.numbers import with_range
 from jaxthermo.scene.compile.program import Program
 from jaxthermo.structures.structure import AbstractStructure
 from jaxthermo.timing import Spread, interleaved, ratio_of
 
-from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
-from ..harness.meshes import END, SAVE_AT, STEEL, standard_scene
+from ..harness.measurement import MeasuredResult, Measurement, compared, plain_rows
+from ..harness.meshes import END, SAVE_AT, STEEL, standard_scene, statue
 from ..harness.present import show, table_of
-from ..harness.timing import ratio_text, timing_of
-from .loops import only_first
+from .loops import loop_of, per_item
 
 
 QUICK = {"height": 48, "repeats": 3}
@@ -76,23 +70,25 @@ class _Row(_Costs):
     structure: str
 
 
-class _Result(TypedDict):
+class _Result(MeasuredResult):
     mesh: str
     height: int
     rows: list[_Row]
-    measurements: list[PlainMeasurement]
 
 
 def run(folder: Path, height: int = 250, repeats: int = 7) -> _Result:
     """Times of a step, and of what is in it, for each structure."""
+    name, grid = statue(height)
     rows: list[_Row] = []
-    name = ""
     for label, structure in STRUCTURES.items():
-        scene, name = standard_scene(STEEL, structure, height)
+        scene = standard_scene(structure(grid))
         rows.append({"structure": label, **_measured(scene, repeats)})
 
     def microseconds(key: str) -> Callable[[dict], str]:
-        return lambda row: timing_of(row["spans_s"][key]).text()
+        return lambda row: Spread.of(row["spans_s"][key]).text()
+
+    def over_conduction(key: str) -> Callable[[dict], str]:
+        return lambda row: with_range(*row[f"{key}_over_conduction"])
 
     columns = [
         ("", "{structure}"),
@@ -100,9 +96,9 @@ def run(folder: Path, height: int = 250, repeats: int = 7) -> _Result:
         ("explicit step", microseconds("step")),
         ("conduction alone", microseconds("conduction")),
         ("gathered links", microseconds("links")),
-        ("over conduction", lambda row: ratio_text(row["links_over_conduction"])),
+        ("over conduction", over_conduction("links")),
         ("scipy CSR", microseconds("scipy")),
-        ("over conduction", lambda row: ratio_text(row["scipy_over_conduction"])),
+        ("over conduction", over_conduction("scipy")),
         ("reading a cell", lambda row: f"{1e9 * np.median(row['reading_s']):.1f} ns"),
     ]
     show(table_of(rows, columns, f"{name}, {height} high, this host"))
@@ -118,38 +114,20 @@ def run(folder: Path, height: int = 250, repeats: int = 7) -> _Result:
 def _measurements(row: _Row) -> list[Measurement]:
     label = row["structure"]
     spans = row["spans_s"]
-    step = spans["step"]
     conduction = spans["conduction"]
-    nodes = f"{row['nodes']:,} nodes, {row['surface_cells']:,} surface cells"
-    step_name = f"{label}: explicit step"
-    matrix = "scipy CSR, one thread"
-    alone = "conduction alone"
-    pairs = "gathered links"
-    conduction_name = f"{label}: {alone}"
+    conduction_peers = {
+        "gathered links": spans["links"],
+        "scipy CSR, one thread": spans["scipy"],
+    }
     return [
-        Measurement(
-            name=step_name,
-            unit="s",
-            ours=step,
-            peer_name=alone,
-            peer=conduction,
+        *compared(
+            name=f"{label}: explicit step",
+            ours=spans["step"],
+            peers={"conduction alone": conduction},
             overhead=True,
-            note=nodes,
+            note=f"{row['nodes']:,} nodes, {row['surface_cells']:,} surface cells",
         ),
-        Measurement(
-            name=conduction_name,
-            unit="s",
-            ours=conduction,
-            peer_name=pairs,
-            peer=spans["links"],
-        ),
-        Measurement(
-            name=conduction_name,
-            unit="s",
-            ours=conduction,
-            peer_name=matrix,
-            peer=spans["scipy"],
-        ),
+        *compared(f"{label}: conduction alone", conduction, conduction_peers),
         Measurement(f"{label}: reading a surface cell", "s", row["reading_s"]),
     ]
 
@@ -161,18 +139,13 @@ def _measured(scene: jt.Scene, repeats: int) -> _Costs:
     network = program.bodies[0].network
     start = initial_state(plan)
     count = int(np.clip(_WORK / receipt.nodes, 20, _MOST)) // 2 * 2
-    table = step_table(plan)
-    none = only_first(table, 0)
-    many = only_first(table, count)
-    loop = eqx.filter_jit(take_steps)
-    arguments, theta = first_loop(plan, table)
-
-    def run_of(table: StepTable) -> Callable[[], Any]:
-        return lambda: loop(arguments._replace(steps=table), theta)
-
     # Other states each time, or a compiler would read the surface once for all.
     saved = jnp.asarray(SAVE_AT, plan.dtype)
-    states = jax.tree.map(lambda a: jnp.stack([a + time for time in saved]), start)
+
+    def shifted_states(values: jax.Array) -> jax.Array:
+        return jnp.stack([values + time for time in saved])
+
+    states = jax.tree.map(shifted_states, start)
     dt = jnp.asarray(plan.stable_step, plan.dtype)
     state = start.theta[0]
 
@@ -182,8 +155,8 @@ def _measured(scene: jt.Scene, repeats: int) -> _Costs:
     product = _scipy_product(scene, state)
     spans = interleaved(
         {
-            "loop": run_of(many),
-            "no steps": run_of(none),
+            "loop": loop_of(plan, count),
+            "no steps": loop_of(plan, 0),
             "reading": lambda: _observe_all(program, states, saved),
             "conduction": conduct,
             "links": _link_steps(scene, state),
@@ -193,22 +166,19 @@ def _measured(scene: jt.Scene, repeats: int) -> _Costs:
     )
     cells = program.bodies[0].node.shape[0]
     step = (np.array(spans["loop"]) - np.array(spans["no steps"])) / count
-    conduction = np.array(spans["conduction"]) / count
-    scipy = np.array(spans["scipy"]) / _PRODUCTS
-    pairs = np.array(spans["links"]) / _PRODUCTS
+    counts = {"conduction": count, "links": _PRODUCTS, "scipy": _PRODUCTS}
+    counts["reading"] = len(SAVE_AT) * cells
+    item_spans = per_item(spans, counts)
+    reading = item_spans.pop("reading")
+    conduction = item_spans["conduction"]
     return {
         "nodes": receipt.nodes,
         "links": receipt.links,
         "surface_cells": cells,
-        "spans_s": {
-            "step": step.tolist(),
-            "conduction": conduction.tolist(),
-            "links": pairs.tolist(),
-            "scipy": scipy.tolist(),
-        },
-        "links_over_conduction": ratio_of(pairs, conduction),
-        "scipy_over_conduction": ratio_of(scipy, conduction),
-        "reading_s": (np.array(spans["reading"]) / (len(SAVE_AT) * cells)).tolist(),
+        "spans_s": {"step": step.tolist(), **item_spans},
+        "links_over_conduction": ratio_of(item_spans["links"], conduction),
+        "scipy_over_conduction": ratio_of(item_spans["scipy"], conduction),
+        "reading_s": reading,
     }
 
 

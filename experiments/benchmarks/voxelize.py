@@ -1,9 +1,6 @@
 """Voxelizing beside trimesh at the same pitch, in one run; cold and warm."""
 
-import multiprocessing
 import time
-from concurrent.futures import ProcessPoolExecutor
-from typing import TypedDict
 
 import numpy as np
 import trimesh
@@ -11,8 +8,9 @@ import trimesh
 import jaxthermo as jt
 from jaxthermo.timing import interleaved, timed_call
 
-from ..harness.measurement import Measurement, PlainMeasurement, plain_rows
+from ..harness.measurement import MeasuredResult, compared, plain_rows
 from ..harness.meshes import thesis_meshes
+from ..harness.processes import in_new_process
 
 
 QUICK = {"height": 100, "repeats": 2}
@@ -28,17 +26,6 @@ def _first_call(mesh: jt.Mesh, pitch: float) -> tuple[float, float]:
     return wall, time.process_time() - processor
 
 
-def _cold(mesh: jt.Mesh, pitch: float, repeats: int) -> tuple[list[float], ...]:
-    """Wall and processor times of first calls, in fresh processes [s]."""
-    fresh = multiprocessing.get_context("spawn")
-    spans = []
-    for _ in range(repeats):
-        with ProcessPoolExecutor(1, mp_context=fresh) as pool:
-            spans.append(pool.submit(_first_call, mesh, pitch).result())
-    wall, processor = zip(*spans, strict=True)
-    return list(wall), list(processor)
-
-
 def _peer(mesh: jt.Mesh, pitch: float) -> tuple[int, float]:
     """Voxels that trimesh cuts and fills, and how long it takes [s]."""
     peer_mesh = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
@@ -50,23 +37,26 @@ def _peer(mesh: jt.Mesh, pitch: float) -> tuple[int, float]:
     return timed_call(fill)
 
 
-class _Result(TypedDict):
+class _Result(MeasuredResult):
     mesh: str
     faces: int
     shape: list[int]
     processor_time_s: dict[str, float | list[float]]
     solid_voxels: dict[str, int]
-    measurements: list[PlainMeasurement]
 
 
 def run(height: int = _CELLS, repeats: int = 5) -> _Result:
     """Times of both for the Happy Buddha, or what stands in for it."""
     mesh = next(iter(thesis_meshes().values()))
     pitch = float(np.ptp(mesh.bounds[:, 2])) / height
-    cold, cold_processor = _cold(mesh, pitch, min(repeats, 3))
+    first_calls = [
+        in_new_process(_first_call, mesh, pitch) for _ in range(min(repeats, 3))
+    ]
+    cold, cold_processor = map(list, zip(*first_calls, strict=True))
     # Processor time counts all threads: how much of the speed is parallel.
     clock = time.process_time()
-    warm = interleaved({"warm": lambda: jt.voxelize(mesh, pitch)}, repeats)["warm"]
+    spans = interleaved({"warm": lambda: jt.voxelize(mesh, pitch)}, repeats)
+    warm = spans["warm"]
     processor = (time.process_time() - clock) / (repeats + 1)
     grid = jt.voxelize(mesh, pitch)
     # Once: nothing of it is compiled, and a call takes half a minute.
@@ -75,23 +65,10 @@ def run(height: int = _CELLS, repeats: int = 5) -> _Result:
     counts = f"{grid.solid_count:,} solid voxels, of the peer {filled:,}"
     note = f"{len(mesh.faces):,} triangles; {counts}"
     name = f"{mesh.name} to {size} voxels"
-    theirs = "trimesh, filled, once"
+    peers = {"trimesh, filled, once": [span]}
     measured = [
-        Measurement(
-            name=f"{name}: first call",
-            unit="s",
-            ours=cold,
-            peer_name=theirs,
-            peer=[span],
-            note=note,
-        ),
-        Measurement(
-            name=f"{name}: further calls",
-            unit="s",
-            ours=warm,
-            peer_name=theirs,
-            peer=[span],
-        ),
+        *compared(name=f"{name}: first call", ours=cold, peers=peers, note=note),
+        *compared(f"{name}: further calls", warm, peers),
     ]
     return {
         "mesh": mesh.name,

@@ -1,8 +1,9 @@
 """A case: what is measured, the limits that it must keep, and the verdict."""
 
+import functools
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -156,14 +157,7 @@ def case(
     id_: str, title: str, source: str, requirement: str, method: str = ""
 ) -> Callable[[Measure], Case]:
     """Decorator of the function that measures a case; arguments as of `Case`."""
-    return lambda measure: Case(
-        id=id_,
-        title=title,
-        source=source,
-        requirement=requirement,
-        method=method,
-        measure=measure,
-    )
+    return functools.partial(Case, id_, title, source, requirement, method)
 
 
 @dataclass(frozen=True)
@@ -230,37 +224,38 @@ def check(case: Case) -> Outcome:
             else:
                 checks.append(item)
     except Exception as error:  # one broken case must not stop the others
-        rows.append(_broken("the case itself", error))
+        rows.append(Row("the case itself", failure=described(error)))
     shared = [Row(checks=tuple(checks))] if checks else []
     return Outcome(case, (*shared, *rows), time.perf_counter() - begin)
 
 
 def values(
-    names: Iterable[str],
-    unit: str,
-    expected: Iterable[Number],
-    computed: Iterable[float],
-    tolerance: Number | None,
+    expected: Mapping[str, Number],
+    computed: Iterable[Number],
+    *,
+    unit: str = "",
+    tolerance: Number | None = None,
+    fraction: Number | None = None,
 ) -> tuple[Check, ...]:
-    """Several numbers of one kind, with one unit and one tolerance."""
-    rows = zip(names, expected, computed, strict=True)
+    """Numbers of one unit with their expected values by name.
+
+    The tolerance is in the unit, or a fraction of each expected value.
+    """
     return tuple(
-        Check(name=n, unit=unit, expected=e, computed=float(c), tolerance=tolerance)
-        for n, e, c in rows
+        Check(
+            name=name,
+            unit=unit,
+            expected=value,
+            computed=float(number),
+            tolerance=tolerance if fraction is None else fraction * abs(value),
+        )
+        for (name, value), number in zip(expected.items(), computed, strict=True)
     )
 
 
-def relative(
-    name: str, unit: str, expected: Number, computed: Number, fraction: Number
-) -> Check:
-    """A number whose tolerance is a fraction of what is expected."""
-    return Check(
-        name=name,
-        unit=unit,
-        expected=expected,
-        computed=float(computed),
-        tolerance=fraction * abs(expected),
-    )
+def exactly(name: str, computed: Number, value: Number) -> Check:
+    """A number, or the truth of a statement as 0 or 1, that must have one value."""
+    return Check(name, float(computed), highest=value, lowest=value)
 
 
 def largest_error(checks: Iterable[Check]) -> float:
@@ -298,19 +293,14 @@ def described(error: Exception) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
-def _broken(what: str, error: Exception, solver: str = "", dtype: str = "") -> Row:
-    """A row that fails because of an exception."""
-    return Row(what, solver, dtype, failure=described(error))
-
-
 def attempt(
     what: str, measure: Callable[[], Row], solver: str = "", dtype: str = ""
 ) -> Row:
-    """The row that is measured, or one that fails because of an exception."""
+    """The row that is measured, with its names; it fails because of an exception."""
     try:
-        return measure()
+        return measure()._replace(what=what, solver=solver, dtype=dtype)
     except Exception as error:  # the rows after it must not be lost
-        return _broken(what, error=error, solver=solver, dtype=dtype)
+        return Row(what, solver, dtype, failure=described(error))
 
 
 def refusal(
@@ -326,6 +316,6 @@ def refusal(
         stated = reason in seen and "\n" not in seen
     except Exception as error:
         # Any other exception is a stack trace to the user, not a refusal.
-        return _broken(what, error=error, solver=solver, dtype=dtype)
-    check = Check(name=f"says {reason!r}", computed=float(stated), highest=1, lowest=1)
+        return Row(what, solver, dtype, failure=described(error))
+    check = exactly(f"says {reason!r}", stated, 1)
     return Row(what, solver, dtype, seen=seen, checks=(check,), if_met=REFUSED)

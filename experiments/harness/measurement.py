@@ -6,19 +6,16 @@ that saw the same state of the machine.
 
 import csv
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, TypedDict
-
-import numpy as np
+from typing import Any, NamedTuple, TypedDict, cast
 
 from jaxthermo.atomic import replacing
 from jaxthermo.report import page
 from jaxthermo.report.numbers import count, with_range
 from jaxthermo.report.table import Cell, Table
 from jaxthermo.report.templates import Html
-
-from .timing import ratio_of
+from jaxthermo.timing import Spread, ratio_of
 
 
 # Units of times, with the shortest median [s] that each is used for; then ns.
@@ -34,9 +31,8 @@ def time_unit(seconds: float) -> tuple[str, float]:
     return unit, _FACTORS[unit]
 
 
-Spread = tuple[float, float, float]
-"""Median, lowest and highest value."""
-_NO_SPREAD = (None, None, None)
+CsvRow = dict[str, str | float | bool | None]
+"""A line of the CSV file, by its columns."""
 
 
 class _Shown(NamedTuple):
@@ -62,26 +58,10 @@ class PlainMeasurement(TypedDict):
     note: str
 
 
-class MeasurementRow(TypedDict):
-    """A summary of a measurement, in the order of the columns of a CSV file."""
+class MeasuredResult(TypedDict):
+    """Measurements of a benchmark, in its result."""
 
-    name: str
-    unit: str
-    ours_median: float
-    ours_low: float
-    ours_high: float
-    peer: str
-    """Name of the peer."""
-    peer_median: float | None
-    peer_low: float | None
-    peer_high: float | None
-    ratio_median: float | None
-    ratio_low: float | None
-    ratio_high: float | None
-    ratio_of: str
-    asked: str
-    met: bool | None
-    note: str
+    measurements: list[PlainMeasurement]
 
 
 @dataclass(frozen=True)
@@ -109,9 +89,9 @@ class Measurement:
         """Ratio to the peer; None without one."""
         if not len(self.peer):
             return None
-        pair = (self.ours, self.peer) if self.overhead else (self.peer, self.ours)
-        median, low, high = ratio_of(*pair)
-        return float(median), float(low), float(high)
+        if self.overhead:
+            return ratio_of(self.ours, self.peer)
+        return ratio_of(self.peer, self.ours)
 
     @property
     def met(self) -> bool | None:
@@ -119,8 +99,8 @@ class Measurement:
         if self.bound is None:
             return None
         if self.ratio is None:
-            return _spread(self.ours)[0] <= self.bound
-        ratio = self.ratio[0]
+            return Spread.of(self.ours).median <= self.bound
+        ratio = self.ratio.median
         return ratio <= self.bound if self.overhead else ratio >= self.bound
 
     @property
@@ -145,68 +125,71 @@ class Measurement:
         unit = self.unit
         factor = 1.0
         if unit == "s":
-            unit, factor = time_unit(_spread(self.ours)[0])
-        ours, peer = (
-            with_range(*(factor * value for value in _spread(values)))
-            if len(values)
-            else ""
-            for values in (self.ours, self.peer)
-        )
-        return _Shown(unit=unit, ours=ours, peer=peer)
+            unit, factor = time_unit(Spread.of(self.ours).median)
+
+        def text(samples: Sequence[float]) -> str:
+            return with_range(*(factor * value for value in Spread.of(samples)))
+
+        peer = text(self.peer) if len(self.peer) else ""
+        return _Shown(unit=unit, ours=text(self.ours), peer=peer)
 
     def as_dict(self) -> PlainMeasurement:
-        """Plain values, for `result.json`; `measurement_of` reads them."""
-        return PlainMeasurement(
-            name=self.name,
-            unit=self.unit,
-            ours=[float(value) for value in self.ours],
-            peer_name=self.peer_name,
-            peer=[float(value) for value in self.peer],
-            bound=self.bound,
-            overhead=self.overhead,
-            note=self.note,
-        )
+        """Plain values, for `result.json`; the constructor takes them again."""
+        return cast("PlainMeasurement", asdict(self))
 
-    def as_row(self) -> MeasurementRow:
+    def as_row(self) -> CsvRow:
         """A summary, for a line of a CSV file."""
         has_peer = len(self.peer) > 0
-        ours_median, ours_low, ours_high = _spread(self.ours)
-        peer_spread = _spread(self.peer) if has_peer else _NO_SPREAD
-        peer_median, peer_low, peer_high = peer_spread
-        ratio_median, ratio_low, ratio_high = self.ratio or _NO_SPREAD
         direction = "ours / peer" if self.overhead else "peer / ours"
-        return MeasurementRow(
-            name=self.name,
-            unit=self.unit,
-            ours_median=ours_median,
-            ours_low=ours_low,
-            ours_high=ours_high,
-            peer=self.peer_name,
-            peer_median=peer_median,
-            peer_low=peer_low,
-            peer_high=peer_high,
-            ratio_median=ratio_median,
-            ratio_low=ratio_low,
-            ratio_high=ratio_high,
-            ratio_of=direction if has_peer else "",
-            asked=self.asked,
-            met=self.met,
-            note=self.note,
+        peer = Spread.of(self.peer) if has_peer else None
+        return {
+            "name": self.name,
+            "unit": self.unit,
+            **_spread_columns("ours", Spread.of(self.ours)),
+            "peer": self.peer_name,
+            **_spread_columns("peer", peer),
+            **_spread_columns("ratio", self.ratio),
+            "ratio_of": direction if has_peer else "",
+            "asked": self.asked,
+            "met": self.met,
+            "note": self.note,
+        }
+
+
+def _spread_columns(name: str, spread: Spread | None) -> CsvRow:
+    return {
+        f"{name}_{field}": None if spread is None else getattr(spread, field)
+        for field in Spread._fields
+    }
+
+
+def compared(
+    name: str,
+    ours: Sequence[float],
+    peers: Mapping[str, Sequence[float]],
+    bound: float | None = None,
+    overhead: bool = False,
+    note: str = "",
+) -> list[Measurement]:
+    """Times [s] compared with those of each peer, by the peer's name."""
+    return [
+        Measurement(
+            name=name,
+            unit="s",
+            ours=ours,
+            peer_name=peer_name,
+            peer=peer,
+            bound=bound,
+            overhead=overhead,
+            note=note,
         )
-
-
-def measurement_of(plain: PlainMeasurement) -> Measurement:
-    """The measurement that `as_dict` wrote."""
-    return Measurement(**plain)
+        for peer_name, peer in peers.items()
+    ]
 
 
 def plain_rows(rows: Iterable[Measurement]) -> list[PlainMeasurement]:
     """Measurements for the result of a benchmark, under the key "measurements"."""
     return [row.as_dict() for row in rows]
-
-
-def _spread(values: Sequence[float]) -> Spread:
-    return float(np.median(values)), float(np.min(values)), float(np.max(values))
 
 
 _PAGE = "report.html"
@@ -242,27 +225,6 @@ class Finished:
     charts: tuple[tuple[str, str], ...] = ()
     """Name and title of each SVG file in the folder."""
     took_s: float = 0.0
-
-
-def finished(
-    name: str, about: str, folder: Path, command: str, result: Mapping[str, Any]
-) -> Finished:
-    """A benchmark that has ended with a result, the whole of its `result.json`."""
-    body = result["result"]
-    rows = tuple(measurement_of(row) for row in body.get("measurements", ()))
-    error = "" if rows else "no measurement in the form of this table: see result.json"
-    charts = tuple(body.get("charts", {}).items())
-    took = float(result.get("took_s", 0.0))
-    return Finished(
-        name=name,
-        about=about,
-        folder=folder,
-        command=command,
-        rows=rows,
-        error=error,
-        charts=charts,
-        took_s=took,
-    )
 
 
 def summary(benchmarks: Sequence[Finished]) -> str:
@@ -369,32 +331,12 @@ def _write_csv(path: Path, benchmarks: Sequence[Finished]) -> None:
         writer.writerows(rows)
 
 
-class _BenchmarkRow(TypedDict):
-    """The first columns of every row."""
-
-    benchmark: str
-    command: str
-
-
-class MeasuredRow(_BenchmarkRow, MeasurementRow):
-    """A measurement of a benchmark."""
-
-
-class FailedRow(_BenchmarkRow):
-    """A benchmark without measurements."""
-
-    error: str
-
-
-def plain_table(benchmarks: Sequence[Finished]) -> list[MeasuredRow | FailedRow]:
+def plain_table(benchmarks: Sequence[Finished]) -> list[CsvRow]:
     """A mapping for each measurement, and one for each benchmark without any."""
-    rows: list[MeasuredRow | FailedRow] = []
+    rows: list[CsvRow] = []
     for benchmark in benchmarks:
-        names = _BenchmarkRow(benchmark=benchmark.name, command=benchmark.command)
-        for measurement in benchmark.rows:
-            row: MeasuredRow = {**names, **measurement.as_row()}
-            rows.append(row)
+        names: CsvRow = {"benchmark": benchmark.name, "command": benchmark.command}
+        rows += [{**names, **row.as_row()} for row in benchmark.rows]
         if benchmark.error:
-            failed: FailedRow = {**names, "error": benchmark.error}
-            rows.append(failed)
+            rows.append({**names, "error": benchmark.error})
     return rows

@@ -1,9 +1,7 @@
 """The meshes of the thesis and the standard scene, which several experiments use."""
 
 import os
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -11,13 +9,21 @@ import jaxthermo as jt
 from jaxthermo.geometry.load import load_mesh
 from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.geometry.shapes import figurine
+from jaxthermo.structures.structure import AbstractStructure
 from jaxthermo.voxels.voxelize import SurfaceCells
 
 
 # Of every body [m].
 HEIGHT = 0.5
 
-STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0, absorptivity=1.0)
+
+def _steel(factor: float | int = 1.0) -> jt.Material:
+    return jt.Material(
+        16.0 * factor, density=8000.0, specific_heat=500.0, absorptivity=1.0
+    )
+
+
+STEEL = _steel()
 
 # Of body and air [K]; times of the standard scene [s].
 START = 293.15
@@ -57,19 +63,30 @@ def voxels_high(
     return jt.voxelize(mesh, extent / height, surface_cells)
 
 
-def standard_scene(
-    material: jt.Material,
-    structure: Callable[..., Any],
-    height: int,
-    sun_until: float = 90.0,
-    surface_cells: SurfaceCells = "crossings",
-) -> tuple[jt.Scene, str]:
-    """A statue in air, in the sun from +x until a time [s]; the name of its mesh."""
+def statue(height: int) -> tuple[str, jt.VoxelGrid]:
+    """Name and voxels of the first of the meshes, so many voxels high."""
     name, mesh = next(iter(thesis_meshes().items()))
-    grid = jt.voxelize(mesh, HEIGHT / height, surface_cells)
-    body = jt.Body(structure(grid), material, temperature=START)
+    return name, jt.voxelize(mesh, HEIGHT / height)
+
+
+def standard_scene(
+    structure: AbstractStructure,
+    factor: float | int = 1.0,
+    sunset: float | None = END / 2,
+) -> jt.Scene:
+    """A body of steel in air, in the sun from +x.
+
+    Args:
+        structure: of the body.
+        factor: by which conductivity, irradiance and heat transfer coefficient are
+            multiplied, so that scenes differ only in their numbers.
+        sunset: time at which the sun goes [s]; None if it stays.
+    """
+    irradiance = 5000.0 * factor
+    sun = irradiance if sunset is None else jt.Until(irradiance, sunset)
     terms = (
-        jt.Sun((-1.0, 0.0, 0.0), jt.Until(5000.0, sun_until)),
-        jt.Convection(10.0, START),
+        jt.Sun((-1.0, 0.0, 0.0), sun),
+        jt.Convection(10.0 * factor, START),
     )
-    return jt.Scene((body,), terms), name
+    body = jt.Body(structure, _steel(factor), temperature=START)
+    return jt.Scene((body,), terms)

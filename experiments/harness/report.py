@@ -5,7 +5,7 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, NamedTuple, TypedDict
+from typing import Any, NamedTuple, Required, TypedDict, cast
 
 from jaxthermo.console.terminal import open_console
 from jaxthermo.errors import InputError
@@ -21,6 +21,7 @@ from .case import (
     Case,
     Check,
     Group,
+    Number,
     Order,
     Outcome,
     Row,
@@ -30,9 +31,16 @@ from .case import (
 
 _QUANTITY = ("quantity", "expected", "computed", "error", "tolerance", "verdict")
 _RUN = (
-    "solver", "dtype", "over [K]", "energy", "Newton", "linear", "run", "result",
+    "solver",
+    "dtype",
+    "over [K]",
+    "energy",
+    "Newton",
+    "linear",
+    "run",
+    "result",
     "verdict",
-)  # fmt: skip
+)
 # Marks what a check has not; an empty cell would look forgotten.
 _NONE = "\N{EN DASH}"
 
@@ -83,9 +91,10 @@ def write_report(
     ]
     failed = [outcome for outcome in outcomes if outcome.verdict == FAIL]
     if failed:
-        rows = [
-            [o.case.id, Cell("; ".join(_reasons(o)), False, wraps=True)] for o in failed
-        ]
+        rows = []
+        for outcome in failed:
+            reasons = "; ".join(_reasons(outcome))
+            rows.append([outcome.case.id, Cell(reasons, False, wraps=True)])
         sections.append(Table(["failed", "reason"], rows))
     sections += [page.heading("All cases"), _case_table(outcomes, True)]
     for group, of_group in results:
@@ -170,8 +179,9 @@ def _run_table(outcome: Outcome, on_page: bool) -> Table:
             scene = row.what
         solver, *cells = _run_cells(row)
         if on_page:
-            texts = (row.failure, row.seen, "; ".join(c.text for c in row.checks))
-            rows.append([solver, *cells, prose(*(text for text in texts if text))])
+            checks = "; ".join(check.text for check in row.checks)
+            texts = [text for text in (row.failure, row.seen, checks) if text]
+            rows.append([solver, *cells, prose(*texts)])
             continue
         rows.append([f"  {solver}", *cells])
         # A terminal has no room for the checks of all rows, only for those missed.
@@ -218,9 +228,10 @@ def _details(outcome: Outcome) -> list[page.Section]:
             sections.append(Table(["failed"], [[failure]]))
         if row.checks:
             verdicts = {True: PASS, False: FAIL, None: REPORTED}
-            cells = [
-                [*_check_cells(c, ""), _marked(verdicts[c.passes])] for c in row.checks
-            ]
+            cells = []
+            for check in row.checks:
+                verdict = _marked(verdicts[check.passes])
+                cells.append([*_check_cells(check, ""), verdict])
             sections.append(Table(_QUANTITY, cells))
         if row.order is not None:
             sections.append(_order_table(row.order))
@@ -254,7 +265,9 @@ def _row_reason(row: Row) -> str:
             texts.append(f"{name}: {computed}, not {expected}")
     if row.order is not None and row.order.passes is False:
         texts.append(f"order {_order_text(row.order)}")
-    return "; ".join([*texts, *([row.seen] if row.seen else [])])
+    if row.seen:
+        texts.append(row.seen)
+    return "; ".join(texts)
 
 
 def _small(value: float | None) -> str:
@@ -268,6 +281,40 @@ def _with_thousands(count: int | None) -> str:
     return "" if count is None else f"{count:,}"
 
 
+class CheckResult(TypedDict, total=False):
+    """A check, with its limits or with its expected value and error."""
+
+    name: str
+    unit: str
+    computed: Number | str
+    lowest: Number | str
+    highest: Number | str
+    expected: Number | str
+    error: Number | str
+    tolerance: Number | None
+    passes: bool | None
+
+
+class RowResult(TypedDict, total=False):
+    """The fields of a row that say something of it."""
+
+    what: str
+    solver: str
+    dtype: str
+    overshoot_K: Number | str
+    energy_residual: Number | str
+    newton: int
+    linear: int
+    compile_s: float
+    run_s: float
+    result: str
+    seen: str
+    checks: Required[list[CheckResult]]
+    order: dict[str, list[Number | str] | Number | bool | None]
+    failure: str
+    verdict: Required[str]
+
+
 class CaseResult(TypedDict):
     """A case with its outcome, in types that JSON has."""
 
@@ -279,8 +326,7 @@ class CaseResult(TypedDict):
     method: str
     verdict: str
     took_s: float
-    rows: list[dict[str, Any]]
-    """Each row has only the fields that say something of it."""
+    rows: list[RowResult]
 
 
 class _NotCovered(TypedDict):
@@ -363,7 +409,8 @@ def run_cases(
 def _select(groups: Sequence[Group], names: str | None) -> tuple[Group, ...]:
     if names is None:
         return tuple(groups)
-    requested = [name.strip().upper() for name in names.split(",") if name.strip()]
+    stripped = (name.strip() for name in names.upper().split(","))
+    requested = [name for name in stripped if name]
     cases = [case for group in groups for case in group.cases]
     listed = "there are " + "; ".join(case.id for case in cases)
     if not requested:
@@ -371,11 +418,12 @@ def _select(groups: Sequence[Group], names: str | None) -> tuple[Group, ...]:
     for name in requested:
         if not any(_is_named(case, [name]) for case in cases):
             raise InputError(f"--cases {name}: {listed}")
-    picked = (
-        Group(group.title, tuple(c for c in group.cases if _is_named(c, requested)))
-        for group in groups
-    )
-    return tuple(group for group in picked if group.cases)
+    picked = []
+    for group in groups:
+        named = tuple(case for case in group.cases if _is_named(case, requested))
+        if named:
+            picked.append(Group(group.title, named))
+    return tuple(picked)
 
 
 def _is_named(case: Case, names: list[str]) -> bool:
@@ -399,7 +447,7 @@ def _plain(outcome: Outcome, group: str) -> CaseResult:
     }
 
 
-def _plain_row(row: Row) -> dict[str, Any]:
+def _plain_row(row: Row) -> RowResult:
     fields = {name: _plain_number(value) for name, value in row._asdict().items()}
     del fields["if_met"], fields["order"]
     fields["checks"] = [
@@ -414,7 +462,8 @@ def _plain_row(row: Row) -> dict[str, Any]:
     plain = {key: value for key, value in fields.items() if value not in (None, "")}
     if row.order is not None:
         plain["order"] = _plain_fields(row.order, *_OF_AN_ORDER)
-    return {**plain, "verdict": row.verdict}
+    plain["verdict"] = row.verdict
+    return cast("RowResult", plain)
 
 
 _OF_A_VALUE = ("expected", "error", "tolerance")

@@ -10,6 +10,8 @@ import numpy as np
 
 import jaxthermo as jt
 
+from ..harness.scenes import single
+
 
 AEROGEL = jt.Material(0.013, density=100.0, specific_heat=1000.0)
 DIAMOND = jt.Material(2000.0, density=3510.0, specific_heat=508.0)
@@ -45,15 +47,6 @@ def two_halves(points: np.ndarray) -> np.ndarray:
     return np.where(points[:, 0] < 0, HOT, COLD)
 
 
-def single(
-    grid: jt.VoxelGrid, material, temperature, *terms, dtype: str = "float64"
-) -> jt.Scene:
-    """A scene of one body in its full volume; arguments as of `Body`, and terms."""
-    body = jt.Body(jt.FullVolume(grid), material, temperature=temperature)
-    # Some cases start at 0 K.
-    return jt.Scene((body,), terms, dtype=dtype, allow_extreme_temperatures=True)
-
-
 def insulated(name: str, pair, dtype: str, temperature=two_halves) -> jt.Scene:
     """A body of two materials in a pattern that exchanges heat with nothing."""
     index = np.indices(CELLS)
@@ -66,12 +59,6 @@ def insulated(name: str, pair, dtype: str, temperature=two_halves) -> jt.Scene:
     material = jt.MaterialLabels(labels[name].astype(np.int32), pair)
     grid = block(*CELLS, pitch=PITCH)
     return single(grid, material, temperature, dtype=dtype)
-
-
-def moved_along_x(grid: jt.VoxelGrid, x: float, material, temperature) -> jt.Body:
-    """A body moved along x [m]; material and temperature as of `Body`."""
-    pose = jt.Pose(translation=(x, 0.0, 0.0))
-    return jt.Body(jt.FullVolume(grid), material, temperature=temperature, pose=pose)
 
 
 def rod(cells: int, material: jt.Material, h: float) -> jt.Scene:

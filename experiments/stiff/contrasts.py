@@ -9,6 +9,7 @@ from jaxthermo.integrate.explicit import stage_count
 from jaxthermo.reference.slab import decay_crank_nicolson, decay_implicit_euler
 
 from ..harness.case import PASS, Check, Row, case, refusal
+from ..harness.scenes import full
 from .bodies import (
     AEROGEL,
     AIR,
@@ -23,13 +24,11 @@ from .bodies import (
     STEEL,
     block,
     insulated,
-    moved_along_x,
     rod,
 )
 from .solved import (
     LIMITS,
     STEPS,
-    Limits,
     Method,
     Observation,
     Ran,
@@ -38,6 +37,7 @@ from .solved import (
     every_solver,
     explicit,
     implicit,
+    implicit_limits,
     judged,
     stable_step,
     too_long,
@@ -52,21 +52,16 @@ _PATTERNS = ("laminate", "checkerboard")
 _LONGEST = 1e6
 
 
-def _backward(stable: float, ratio: float) -> Method:
-    dt = ratio * stable
-    return Method(
-        f"BackwardEuler, {ratio:g} limits",
-        solver=jt.BackwardEuler(dt=dt),
-        end=5 * dt,
-    )
-
-
 def through_all(label: str, scene: jt.Scene) -> Iterator[Row]:
     """Every solver, backward Euler up to the longest step, and the refusal."""
     stable = stable_step(scene)
-    methods = [*every_solver(stable), _backward(stable, _LONGEST)]
-    for method in methods:
-        yield judged(label, scene=scene, method=method, bounds=_BOUNDS)
+    backward, *_ = implicit_limits(stable, _LONGEST)
+    yield from judged(
+        label=label,
+        scene=scene,
+        methods=[*every_solver(stable), backward],
+        bounds=_BOUNDS,
+    )
     yield too_long(label, scene)
 
 
@@ -111,13 +106,12 @@ _SLOW = (
 )
 def _small_and_large() -> Iterator[Row]:
     for dtype in _DTYPES:
-        small = moved_along_x(
-            block(3, 3, 3, pitch=1e-5), 0.0, material=DIAMOND, temperature=400.0
-        )
-        large = moved_along_x(
-            block(3, 3, 3, pitch=1.0), 10.0, material=AEROGEL, temperature=300.0
-        )
-        scene = jt.Scene((small, large), (jt.Convection(10.0, 350.0),), dtype=dtype)
+        micrometres = block(3, 3, 3, pitch=1e-5)
+        metres = block(3, 3, 3, pitch=1.0)
+        small = full(micrometres, DIAMOND, temperature=400.0)
+        large = full(metres, AEROGEL, temperature=300.0, x=10.0)
+        air = jt.Convection(10.0, 350.0)
+        scene = jt.Scene((small, large), (air,), dtype=dtype)
         label = "10 um diamond, 1 m aerogel"
         stable = stable_step(scene)
         # The limit is that of the smallest voxel alone, to what convection adds.
@@ -136,8 +130,9 @@ def _small_and_large() -> Iterator[Row]:
         else:
             # The precision changes only what a long step makes of the contrast.
             methods = [m for m in long_steps if isinstance(m.solver, jt.BackwardEuler)]
-        for method in methods:
-            yield judged(label, scene=scene, method=method, bounds=(300.0, 400.0))
+        yield from judged(
+            label=label, scene=scene, methods=methods, bounds=(300.0, 400.0)
+        )
         if dtype == "float32":
             yield Row(
                 f"{label}, 1e4 s", solver="TRBDF2, adaptive", dtype=dtype, seen=_SLOW
@@ -155,27 +150,16 @@ def _long_steps() -> Iterator[Row]:
     for dtype in _DTYPES:
         scene = insulated("uniform", (STEEL, STEEL), dtype)
         stable = stable_step(scene)
-        methods = [
-            choose(stable, ratio)
-            for ratio in (1e-6, 1e-3, 1.0, 1e3, _LONGEST)
-            for choose in (_backward, _trapezoidal)
-        ]
+        methods: list[Method] = []
+        for ratio in (1e-6, 1e-3, 1.0, 1e3, _LONGEST):
+            backward, trapezoidal, _ = implicit_limits(stable, ratio)
+            methods += [backward, trapezoidal]
         # (1 - theta) dt <= C / sum G: positive up to two explicit limits.
-        methods.append(_trapezoidal(stable, 2.0, bounds="kept"))
-        for method in methods:
-            yield judged("a step", scene=scene, method=method, bounds=_BOUNDS)
+        _, trapezoidal, _ = implicit_limits(stable, 2.0)
+        methods.append(trapezoidal._replace(bounds="kept"))
+        yield from judged(label="a step", scene=scene, methods=methods, bounds=_BOUNDS)
     for z in (1e-6, 1.0, 1e3, 1e6):
         yield from _factors(z)
-
-
-def _trapezoidal(stable: float, ratio: float, bounds: str = "reported") -> Method:
-    dt = ratio * stable
-    return Method(
-        f"CrankNicolson, {ratio:g} limits",
-        solver=jt.CrankNicolson(dt=dt),
-        end=5 * dt,
-        bounds=bounds,
-    )
 
 
 _ROOT = float(np.sqrt(2.0))
@@ -205,25 +189,24 @@ def _factors(z: float) -> Iterator[Row]:
     # An exact mode of the cells, with their own rate of decay.
     sine = float(np.sin(np.pi * (cells - 1) / (2 * cells)))
     dt = z / (4 * float(STEEL.diffusivity) / PITCH**2 * sine**2)
-    for name, formula in _FACTORS.items():
 
-        def difference_from_formula(ran: Ran, exact: float = formula(z)) -> Observation:
-            factor = float((ran.nodes[0] - 350.0) @ mode / (50.0 * mode @ mode))
-            check = Check("off the formula", abs(factor - exact), 1e-9)
-            return Observation(seen=f"factor {factor:.9f}", checks=(check,))
+    def difference_from_formula(ran: Ran) -> Observation:
+        exact = _FACTORS[type(ran.method.solver).__name__](z)
+        factor = float((ran.nodes[0] - 350.0) @ mode / (50.0 * mode @ mode))
+        check = Check("off the formula", abs(factor - exact), 1e-9)
+        return Observation(seen=f"factor {factor:.9f}", checks=(check,))
 
-        row = judged(
-            "highest mode",
-            scene=scene,
-            method=Method(
-                f"{name}, z = {z:g}",
-                solver=getattr(jt, name)(dt=dt),
-                end=dt,
-                bounds="reported",
-            ),
-            bounds=_BOUNDS,
-            observe=difference_from_formula,
-        )
+    methods = [
+        method._replace(bounds="reported")
+        for method in implicit(dt, f"z = {z:g}", steps=1)
+    ]
+    for row in judged(
+        label="highest mode",
+        scene=scene,
+        methods=methods,
+        bounds=_BOUNDS,
+        observe=difference_from_formula,
+    ):
         # Any factor is allowed that is the formula's, and that is judged.
         yield row._replace(if_met=PASS)
 
@@ -249,7 +232,8 @@ def _biot_numbers() -> Iterator[Row]:
     )
     odd = np.arange(1, 200, 2) * np.pi / 2
     fourier = 0.5
-    series = float((2 / odd**2 * np.exp(-(odd**2) * fourier)).sum())
+    terms = 2 / odd**2 * np.exp(-(odd**2) * fourier)
+    series = float(terms.sum())
     # 160 cells: their error of second order is below 1e-5.
     yield from _slab(
         material,
@@ -272,38 +256,40 @@ def _slab(
     note = f"{steps} steps"
     label = f"Bi = {biot:g}"
 
-    def judged_by_limit(method: Method, limits: Limits = LIMITS) -> Row:
-        def mean_excess(ran: Ran) -> Observation:
-            excess = (float(ran.nodes[0].mean()) - AIR) / (START - AIR)
-            seen = f"{excess:.7f}, the limit {exact:.7f}"
-            if method.name.startswith("BackwardEuler"):
-                return Observation(f"{seen}; of first order, not judged by that")
-            check = Check("off the limit", abs(excess - exact), 1e-5)
-            return Observation(seen, checks=(check,))
-
-        return judged(
-            label,
-            scene=scene,
-            method=method,
-            bounds=(AIR, START),
-            observe=mean_excess,
-            limits=limits,
-        )
+    def mean_excess(ran: Ran) -> Observation:
+        mean = float(ran.nodes[0].mean())
+        excess = (mean - AIR) / (START - AIR)
+        seen = f"{excess:.7f}, the limit {exact:.7f}"
+        if isinstance(ran.method.solver, jt.BackwardEuler):
+            return Observation(f"{seen}; of first order, not judged by that")
+        check = Check("off the limit", abs(excess - exact), 1e-5)
+        return Observation(seen, checks=(check,))
 
     super_time_stepping = Method(
         f"SuperTimeStepping, {note}", solver=jt.SuperTimeStepping(dt=dt), end=end
     )
     # Rounding of s stages grows as s^2 (Meyer et al. 2014).
     rounding = stage_count(dt, stable) ** 2 * float(np.finfo(float).eps)
-    energy = {"float64": max(1e-12, rounding)}
-    yield judged_by_limit(super_time_stepping, Limits(LIMITS.overshoot, energy=energy))
-    for method in (*implicit(dt, note, steps), adaptive(end, error=1e-4)):
-        yield judged_by_limit(method)
+    limits = LIMITS._replace(energy={"float64": max(1e-12, rounding)})
+    bounds = (AIR, START)
+    yield from judged(
+        label=label,
+        scene=scene,
+        methods=[super_time_stepping],
+        bounds=bounds,
+        observe=mean_excess,
+        limits=limits,
+    )
+    methods = [*implicit(dt, note, steps), adaptive(end, error=1e-4)]
     # Beyond 1e5 steps explicit Euler would take longer than all others together.
-    if end / stable < 1e5:
+    is_feasible = end / stable < 1e5
+    if is_feasible:
         euler = jt.ForwardEuler(dt=stable / 2)
-        yield judged_by_limit(Method("ForwardEuler, half its limit", euler, end))
-    else:
+        methods.append(Method("ForwardEuler, half its limit", euler, end))
+    yield from judged(
+        label=label, scene=scene, methods=methods, bounds=bounds, observe=mean_excess
+    )
+    if not is_feasible:
         yield too_long(label, scene, ratio=dt / stable)
 
 
@@ -317,7 +303,7 @@ def _slab(
 def _save_times() -> Iterator[Row]:
     scene = insulated("laminate", (AEROGEL, DIAMOND), "float64")
     for method in damping(scene):
-        yield _landed(scene, method)
+        yield from _landed(scene, method)
         yield _no_time(scene, method)
     fixed_step_solvers = (
         jt.ForwardEuler,
@@ -340,14 +326,15 @@ def _save_times() -> Iterator[Row]:
         )
 
 
-def _landed(scene: jt.Scene, method: Method) -> Row:
+def _landed(scene: jt.Scene, method: Method) -> Iterator[Row]:
     """Three save times, none of them a multiple of the step."""
     end = method.end * float(np.sqrt(2.0)) / 1.5
     saves = [end / np.pi, end / 2, end]
 
     def saved_times(ran: Ran) -> Observation:
         run = ran.solution.run
-        lateness = float(np.abs(np.asarray(ran.solution.times) / saves - 1).max())
+        times = np.asarray(ran.solution.times)
+        lateness = float(np.abs(times / saves - 1).max())
         checks = [Check("off the save times", lateness, float(np.finfo(float).eps))]
         # Equal steps between save times are at most as long as the solver's step.
         longest_step = method.solver.dt
@@ -357,9 +344,9 @@ def _landed(scene: jt.Scene, method: Method) -> Row:
         return Observation(f"{run.steps} steps to 3 save times", tuple(checks))
 
     return judged(
-        "end no multiple of dt",
+        label="end no multiple of dt",
         scene=scene,
-        method=method._replace(end=end),
+        methods=[method._replace(end=end)],
         bounds=_BOUNDS,
         observe=saved_times,
         save_at=saves,
@@ -371,7 +358,8 @@ def _no_time(scene: jt.Scene, method: Method) -> Row:
     surface = np.asarray(run.surface_temperature, float)[0]
     grid = scene.bodies[0].structure.grid
     x = grid.lattice.centres(grid.fragment_voxel)[:, 0]
-    change = float(np.abs(surface - np.where(x < 0, HOT, COLD)).max())
+    start_temperature = np.where(x < 0, HOT, COLD)
+    change = float(np.abs(surface - start_temperature).max())
     return Row(
         "t1 = 0",
         solver=method.name,

@@ -15,8 +15,9 @@ from jaxthermo.geometry.mesh import Mesh, mesh_summary
 from jaxthermo.geometry.repair import repair_mesh
 from jaxthermo.integrate.run.solution import result_name
 
-from ..harness.case import Check, Row, attempt, case, refusal
-from .bodies import COLD, HOT, STEEL, block, single, two_halves
+from ..harness.case import Check, Row, attempt, case, exactly, refusal
+from ..harness.scenes import single
+from .bodies import COLD, HOT, STEEL, block, two_halves
 
 
 # Radius of the sphere and edge of a voxel [m]: 20 voxels across.
@@ -76,8 +77,8 @@ _DAMAGES = {
     "damage is reported",
 )
 def _damaged_meshes() -> Iterator[Row]:
-    for damage in _DAMAGES:
-        yield attempt(damage, lambda damage=damage: _damaged(damage))
+    for label, damage in _DAMAGES.items():
+        yield attempt(label, functools.partial(_damaged, damage))
     yield _sheet()
 
 
@@ -98,7 +99,7 @@ def _sheet() -> Row:
         represented = grid.represented
         is_off = represented is not None and represented.is_off
         is_reported = bool(grid.unscaled_because) or is_off
-        checks.append(Check("said", float(is_reported), highest=1, lowest=1))
+        checks.append(exactly("said", is_reported, 1))
     scaling = grid.unscaled_because or "scaled to the mesh's own"
     return Row(
         "a sheet of a tenth of a voxel",
@@ -108,9 +109,8 @@ def _sheet() -> Row:
     )
 
 
-def _damaged(label: str) -> Row:
+def _damaged(damage: Callable[[Mesh], Mesh]) -> Row:
     """Repaired as a file would be, voxelized, and run for a step."""
-    damage = _DAMAGES[label]
     mended = repair_mesh(damage(jt.shapes.sphere(_RADIUS, subdivisions=3)))
     grid = jt.voxelize(mended, _PITCH)
     volume = grid.body_volume / (4 / 3 * np.pi * _RADIUS**3)
@@ -119,16 +119,18 @@ def _damaged(label: str) -> Row:
     scene = jt.Scene((body,), (jt.Convection(10.0, 290.0),))
     run = jt.simulate(scene, 10.0, solver=jt.ForwardEuler(dt=1.0))
     surface = np.asarray(run.surface_temperature)
-    excess = max(float(surface.max()) - 300, 290 - float(surface.min()))
+    highest = float(surface.max())
+    lowest = float(surface.min())
+    excess = max(highest - 300, 290 - lowest)
     is_reported = bool(mended.repairs) or not mended.is_watertight
     missing = _CAP if damage is _open else 0
     checks = (
         Check("volume", volume, highest=1.02, lowest=0.98 - missing),
         Check("out of bounds", excess, highest=1e-3),
-        Check("reported", float(is_reported), highest=1, lowest=1),
+        exactly("reported", is_reported, 1),
     )
     seen = mesh_summary(mended).split(", area")[0] + f"; repaired: {mended.repairs}"
-    return Row(label, seen=seen, checks=checks)
+    return Row(seen=seen, checks=checks)
 
 
 def _scene(conductivity) -> jt.Scene:
@@ -150,17 +152,19 @@ def _proposals() -> Iterator[Row]:
             reason="positive, finite",
         )
     for solver in (jt.ForwardEuler(dt=1.0), jt.BackwardEuler(dt=1.0)):
-        name = type(solver).__name__
-        for measure in (_traced, _by_logarithm):
+        for label, measure in (
+            ("k = -1, traced", _traced),
+            ("log k, steps too long", _by_logarithm),
+        ):
             yield attempt(
-                "a fit",
-                functools.partial(measure, name, solver),
-                solver=name,
+                label,
+                functools.partial(measure, solver),
+                solver=type(solver).__name__,
                 dtype="float64",
             )
 
 
-def _traced(name: str, solver) -> Row:
+def _traced(solver) -> Row:
     """A traced k = -1, which no check can see: shown for comparison."""
 
     @eqx.filter_jit
@@ -173,20 +177,18 @@ def _traced(name: str, solver) -> Row:
     highest = float(np.asarray(surface).max())
     lowest = float(np.asarray(surface).min())
     return Row(
-        "k = -1, traced",
-        solver=name,
-        dtype="float64",
         overshoot_K=max(highest - HOT, COLD - lowest),
         result=result_name(result),
         seen="a traced k is not checked: fit its logarithm",
     )
 
 
-def _by_logarithm(name: str, solver) -> Row:
+def _by_logarithm(solver) -> Row:
     """Steps of gradient descent on log k, 1000 times too long: k stays positive."""
 
     def loss(logarithm):
-        run = jt.simulate(_scene(jnp.exp(logarithm)), 50.0, solver=solver, throw=False)
+        scene = _scene(jnp.exp(logarithm))
+        run = jt.simulate(scene, 50.0, solver=solver, throw=False)
         # A lower loss keeps more of the contrast: the best k is 0.
         return -jnp.abs(run.surface_temperature[-1] - 350.0).mean()
 
@@ -199,12 +201,11 @@ def _by_logarithm(name: str, solver) -> Row:
             value, slope = step(log_k)
             largest = max(largest, abs(float(slope)), abs(float(value)))
             # Clipped to the bounds of a fit: a factor of 1e3 about the start.
-            log_k = jnp.clip(log_k - 1e3 * slope, np.log(1.6e-2), np.log(1.6e4))
+            lowest = np.log(1.6e-2)
+            highest = np.log(1.6e4)
+            log_k = jnp.clip(log_k - 1e3 * slope, lowest, highest)
             lowest_k = min(lowest_k, float(jnp.exp(log_k)))
     return Row(
-        "log k, steps too long",
-        solver=name,
-        dtype="float64",
         checks=(
             Check("k", lowest_k, highest=np.inf, lowest=1e-3),
             Check("loss, slope", largest, highest=1e3, lowest=0.0),

@@ -13,7 +13,8 @@ from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.physics.convection.nusselt import churchill_bernstein
 
 from ..harness.case import Check, Row, attempt, case
-from .bodies import COLD, HOT, STEEL, block, single
+from ..harness.scenes import single
+from .bodies import COLD, HOT, STEEL, block
 from .solved import (
     LONG,
     Limits,
@@ -27,6 +28,7 @@ from .solved import (
     judged,
     run_nodes,
     stable_step,
+    steppers,
     too_long,
 )
 
@@ -62,18 +64,14 @@ def _from(start: float) -> Iterator[Row]:
             *(m for dt in steps for m in implicit(dt, f"{dt:g} s", steps=1)),
             adaptive(1e3, error=0.1),
         ]
-        for method in methods:
-            # Newton's steps are counted over all stages: one for backward Euler.
-            is_one_stage = method.name.startswith(("BackwardEuler", "CrankNicolson"))
-            max_newton = _MAX_NEWTON if is_one_stage else None
-            yield judged(
-                label,
-                scene=scene,
-                method=method,
-                bounds=bounds,
-                limits=_LIMITS,
-                max_newton=max_newton,
-            )
+        yield from judged(
+            label=label,
+            scene=scene,
+            methods=methods,
+            bounds=bounds,
+            limits=_LIMITS,
+            max_newton=_MAX_NEWTON,
+        )
         yield too_long(label, scene, ratio=LONG)
 
 
@@ -99,13 +97,6 @@ def _from_near_zero() -> Iterator[Row]:
 
 # Within the explicit limit [s].
 _END = 0.01
-_SOLVERS = {
-    "ForwardEuler": jt.ForwardEuler(dt=_END / 4),
-    "SuperTimeStepping": jt.SuperTimeStepping(dt=_END / 4, stages=5),
-    "BackwardEuler": jt.BackwardEuler(dt=_END / 4),
-    "CrankNicolson": jt.CrankNicolson(dt=_END / 4),
-    "TRBDF2": jt.TRBDF2(dt=_END / 4),
-}
 
 
 @case(
@@ -115,16 +106,16 @@ _SOLVERS = {
     "finite value, forward and reverse derivative, which agree to 1e-9",
 )
 def _at_zero() -> Iterator[Row]:
-    for name, solver in _SOLVERS.items():
+    for name, solver in steppers(_END / 4, stages=5).items():
         yield attempt(
             "from 0 K",
-            functools.partial(_derivatives, name, solver),
+            functools.partial(_derivatives, solver),
             solver=name,
             dtype="float64",
         )
 
 
-def _derivatives(name: str, solver) -> Row:
+def _derivatives(solver) -> Row:
     """The mean at the end and its slope by the start, forward and reverse, at 0 K."""
 
     def mean(start):
@@ -132,7 +123,8 @@ def _derivatives(name: str, solver) -> Row:
         return run.mean_temperature[-1, 0]
 
     def forward_slope(start):
-        return jax.jvp(mean, (start,), (jnp.ones_like(start),))[1]
+        _, slope = jax.jvp(mean, (start,), (jnp.ones_like(start),))
+        return slope
 
     with precision("float64"):
         start = jnp.asarray(0.0, jnp.float64)
@@ -140,9 +132,6 @@ def _derivatives(name: str, solver) -> Row:
         forward = float(jax.jit(forward_slope)(start))
     # Nothing emits at 0 K: the end moves as much as the start.
     return Row(
-        "from 0 K",
-        solver=name,
-        dtype="float64",
         seen=f"ends at {value:.4g} K, slope {forward:.6g}",
         checks=(
             Check("end", value, highest=300.0, lowest=0.0),
@@ -162,12 +151,14 @@ _GAP = 1e-3
     "as exact as the temperatures: 1.5 roundings of 300 K over the gap",
 )
 def _close_temperatures() -> Iterator[Row]:
-    yield _close("float64", "ForwardEuler")
-    for name in _SOLVERS:
-        yield _close("float32", name)
+    step = 1e-6
+    methods = [Method(name, solver, step) for name, solver in steppers(step).items()]
+    yield _close("float64", methods[0])
+    for method in methods:
+        yield _close("float32", method)
 
 
-def _close(dtype: str, name: str) -> Row:
+def _close(dtype: str, method: Method) -> Row:
     """The flux between close temperatures, of a step too short to change them."""
     # The surface lies half a voxel of metal away from its node.
     k = float(np.asarray(_METAL.conductivity))
@@ -175,11 +166,9 @@ def _close(dtype: str, name: str) -> Row:
     exact = STEFAN_BOLTZMANN * ((300 + _GAP) ** 4 - 300.0**4) / (1 + between)
     # Half a rounding of 300 K over the gap: the error of the inputs themselves.
     rounding = 0.5 * float(np.spacing(np.asarray(300.0, dtype))) / _GAP
-    dt = 1e-6
-    method = Method(name, type(_SOLVERS[name])(dt=dt), dt)
     ran = run_nodes(_cube(300.0 + _GAP, dtype), method=method)
     lost = -float(ran.solution.energy.mechanisms["emission"][-1])
-    flux = lost / (dt * 6 * (2 * _EDGE) ** 2)
+    flux = lost / (method.end * 6 * (2 * _EDGE) ** 2)
     relative_error = abs(flux / exact - 1)
     # The difference of fourth powers, which cancels in this precision.
     hot = np.asarray(300.0 + _GAP, dtype)
@@ -187,17 +176,11 @@ def _close(dtype: str, name: str) -> Row:
     naive = STEFAN_BOLTZMANN * float(hot * hot * hot * hot - cold * cold * cold * cold)
     return Row(
         f"{_GAP:g} K apart",
-        solver=name,
+        solver=method.name,
         dtype=dtype,
         seen=f"{flux:.7f} W/m^2; exact {exact:.7f}, T1^4 - T2^4 {naive:.7f}",
         checks=(Check("relative error", relative_error, max(1.5 * rounding, 1e-8)),),
     )
-
-
-_SLOPE_SOLVERS = {
-    "ForwardEuler": jt.ForwardEuler(dt=0.1),
-    "BackwardEuler": jt.BackwardEuler(dt=0.1),
-}
 
 
 def _in_air(*terms, temperature=HOT) -> jt.Scene:
@@ -232,24 +215,17 @@ def _winds() -> Iterator[Row]:
         )
     for speed in (1e-6, 1e3):
         scene = _in_wind(speed)
-        for method in damping(scene, ratio=100.0):
-            yield judged(
-                f"V = {speed:g} m/s", scene=scene, method=method, bounds=(COLD, HOT)
-            )
+        methods = damping(scene, ratio=100.0)
+        yield from judged(
+            label=f"V = {speed:g} m/s", scene=scene, methods=methods, bounds=(COLD, HOT)
+        )
     notes = jt.compile_scene(_in_wind(1e3)).receipt.notes
     yield Row(
         "V = 1000 m/s: the receipt",
         seen="; ".join(notes),
         checks=(Check("notes", len(notes), highest=np.inf, lowest=1),),
     )
-    for name, solver in _SLOPE_SOLVERS.items():
-        yield _slope(
-            "d(mean)/dV at V = 0",
-            scene_of=_in_wind,
-            value=0.0,
-            name=name,
-            solver=solver,
-        )
+    yield from _slopes("d(mean)/dV at V = 0", _in_wind, value=0.0)
 
 
 def _at_rest() -> Row:
@@ -267,30 +243,33 @@ def _at_rest() -> Row:
     return Row("Nu at Re = 0", dtype="float64", checks=checks)
 
 
-def _slope(label: str, scene_of, value: float, name: str, solver) -> Row:
-    """A derivative of the mean after a second at a value, that must be finite."""
+def _slopes(label: str, scene_of, value: float) -> Iterator[Row]:
+    """Derivatives of the mean after a second at a value, which must be finite."""
+    for solver in (jt.ForwardEuler(dt=0.1), jt.BackwardEuler(dt=0.1)):
+        yield attempt(
+            label,
+            functools.partial(_slope, scene_of, value, solver),
+            solver=type(solver).__name__,
+            dtype="float64",
+        )
 
+
+def _slope(scene_of, value: float, solver) -> Row:
     def mean_at(value):
         run = jt.simulate(scene_of(value), 1.0, solver=solver, throw=False)
         return run.mean_temperature[-1, 0]
 
-    def measure() -> Row:
-        with precision("float64"):
-            mean, slope = jax.jit(jax.value_and_grad(mean_at))(
-                jnp.asarray(value, jnp.float64)
-            )
-        return Row(
-            label,
-            solver=name,
-            dtype="float64",
-            seen=f"{float(slope):.4g}",
-            checks=(
-                Check("mean", float(mean), highest=HOT + 1e-9, lowest=COLD),
-                Check("slope", float(slope), highest=1e3, lowest=-1e3),
-            ),
+    with precision("float64"):
+        mean, slope = jax.jit(jax.value_and_grad(mean_at))(
+            jnp.asarray(value, jnp.float64)
         )
-
-    return attempt(label, measure, solver=name, dtype="float64")
+    return Row(
+        seen=f"{float(slope):.4g}",
+        checks=(
+            Check("mean", float(mean), highest=HOT + 1e-9, lowest=COLD),
+            Check("slope", float(slope), highest=1e3, lowest=-1e3),
+        ),
+    )
 
 
 def _at_equilibrium(temperature) -> jt.Scene:
@@ -315,22 +294,14 @@ def _nothing_to_exchange() -> Iterator[Row]:
     def change_from_start(ran: Ran) -> Observation:
         return Observation(checks=(Check("moved", ran.moved(COLD), 0.0),))
 
-    for method in damping(scene, ratio=100.0):
-        yield judged(
-            "all at 300 K",
-            scene=scene,
-            method=method,
-            bounds=(COLD, COLD),
-            observe=change_from_start,
-        )
-    for name, solver in _SLOPE_SOLVERS.items():
-        yield _slope(
-            "d(mean)/dT_air",
-            scene_of=_at_equilibrium,
-            value=COLD,
-            name=name,
-            solver=solver,
-        )
+    yield from judged(
+        label="all at 300 K",
+        scene=scene,
+        methods=damping(scene, ratio=100.0),
+        bounds=(COLD, COLD),
+        observe=change_from_start,
+    )
+    yield from _slopes("d(mean)/dT_air", _at_equilibrium, value=COLD)
 
 
 _PLACES = {
@@ -377,21 +348,19 @@ def _exposed(label: str, grid: jt.VoxelGrid) -> Row:
         Check("exposure of the top", brightest, highest=dark, lowest=0.0),
         Check("anywhere", float(exposure.max()), highest=1 / _LEAST**2, lowest=0.0),
     )
-    return Row(label, seen=f"top at most {brightest:.4g} 1/m^2", checks=checks)
+    return Row(seen=f"top at most {brightest:.4g} 1/m^2", checks=checks)
 
 
 def _grazed(scene: jt.Scene, method: Method) -> Row:
     """A lamp in the plane of the top: energy closes, and nothing cools."""
     ran = run_nodes(scene, method=method)
+    (nodes,) = ran.nodes
     checks = (
         Check("energy", ran.residual, 1e-12),
-        Check("cooled", COLD - float(ran.nodes[0].min()), 1e-8),
-        Check("not finite", float(not np.isfinite(ran.nodes[0]).all()), 0),
+        Check("cooled", COLD - float(nodes.min()), 1e-8),
+        Check("not finite", float(not np.isfinite(nodes).all()), 0),
     )
     return Row(
-        "a lamp that grazes",
-        solver=method.name,
-        dtype=scene.dtype,
         energy_residual=ran.residual,
         compile_s=ran.compile_s,
         run_s=ran.run_s,

@@ -1,7 +1,7 @@
 """Solvers with their steps; one scene by one: bounds, energy, effort and time."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -92,6 +92,11 @@ def implicit(dt: float, note: str, steps: int = STEPS) -> list[Method]:
     ]
 
 
+def implicit_limits(stable: float, ratio: float) -> list[Method]:
+    """The implicit solvers in steps of `ratio` stable steps [s]."""
+    return implicit(ratio * stable, f"{ratio:g} limits")
+
+
 def adaptive(end: float, error: float = 0.01) -> Method:
     """The solver that chooses its steps by their error [K], to an end [s]."""
     return Method(
@@ -102,13 +107,24 @@ def adaptive(end: float, error: float = 0.01) -> Method:
     )
 
 
+def steppers(dt: float, stages: int | None = None) -> dict[str, AbstractSolver]:
+    """All solvers in steps of `dt` [s], by the names of their classes."""
+    solvers = (
+        jt.ForwardEuler(dt=dt),
+        jt.SuperTimeStepping(dt=dt, stages=stages),
+        jt.BackwardEuler(dt=dt),
+        jt.CrankNicolson(dt=dt),
+        jt.TRBDF2(dt=dt),
+    )
+    return {type(solver).__name__: solver for solver in solvers}
+
+
 def every_solver(stable: float, ratio: float = 1e3) -> list[Method]:
     """All solvers once; the implicit ones in steps of `ratio` stable steps [s]."""
-    dt = ratio * stable
     return [
         *explicit(stable),
-        *implicit(dt, f"{ratio:g} limits"),
-        adaptive(STEPS * dt),
+        *implicit_limits(stable, ratio),
+        adaptive(STEPS * ratio * stable),
     ]
 
 
@@ -142,6 +158,7 @@ def stable_step(scene: jt.Scene) -> float:
 class Ran(NamedTuple):
     """A run with the temperatures of its nodes."""
 
+    method: Method
     solution: jt.Solution
     nodes: tuple[np.ndarray, ...]
     """Temperatures of the nodes of each body at the end [K]."""
@@ -159,9 +176,10 @@ class Ran(NamedTuple):
         """Largest excess of any node or fragment over the bounds [K]."""
         low, high = bounds
         values = [*self.nodes, np.asarray(self.solution.surface_temperature, float)]
-        ends = [end for v in values for end in (v.max() - high, low - v.min())]
+        above = [body.max() - high for body in values]
+        below = [low - body.min() for body in values]
         # Not `max`, which would lose a NaN.
-        return float(np.max([0.0, *ends]))
+        return float(np.max([0.0, *above, *below]))
 
     def moved(self, start: Any) -> float:
         """Largest change of any node since the start, node by node or uniform [K]."""
@@ -170,7 +188,8 @@ class Ran(NamedTuple):
     @property
     def residual(self) -> float:
         """Largest relative residual of the energy ledger [-]."""
-        return float(np.abs(np.asarray(self.solution.energy.residual_relative)).max())
+        residuals = np.asarray(self.solution.energy.residual_relative)
+        return float(np.abs(residuals).max())
 
 
 class Observation(NamedTuple):
@@ -209,6 +228,7 @@ def run_nodes(
             address = body.structure.node_address()
             nodes.append(float(body_program.reference) + difference[address])
     return Ran(
+        method,
         solution,
         nodes=tuple(nodes),
         compile_s=max(compiled - begin - run_time, 0.0),
@@ -219,57 +239,52 @@ def run_nodes(
 def judged(
     label: str,
     scene: jt.Scene,
-    method: Method,
+    methods: Iterable[Method],
     bounds: Bounds,
     observe: Callable[[Ran], Observation] | None = None,
     *,
     limits: Limits = LIMITS,
     max_newton: int | None = None,
     save_at: Sequence[float] | None = None,
-) -> Row:
-    """One solver on one scene, by bounds, energy and what it says of itself.
+) -> Iterator[Row]:
+    """Solvers on one scene, by bounds, energy and what they say of themselves.
 
     Args:
         label: of the scene, for the report.
         scene: without motion.
-        method: solver and end of the run.
+        methods: solvers and the ends of their runs.
         bounds: of the maximum principle.
-        observe: what else is looked at in the run.
+        observe: what else is looked at in a run.
         limits: of overshoot and energy.
-        max_newton: largest number of Newton iterations of a step.
-        save_at: times at which the run is saved [s]; its end alone if None.
+        max_newton: largest number of Newton iterations of a step of one stage.
+        save_at: times at which a run is saved [s]; its end alone if None.
     """
+    for method in methods:
 
-    def measure() -> Row:
-        ran = run_nodes(scene, method=method, save_at=save_at)
-        row = _row_of(
-            label,
-            dtype=scene.dtype,
-            method=method,
-            ran=ran,
-            bounds=bounds,
-            limits=limits,
-            max_newton=max_newton,
-        )
-        observation = Observation() if observe is None else observe(ran)
-        return row._replace(
-            seen=observation.seen, checks=(*row.checks, *observation.checks)
-        )
+        def measure(method: Method = method) -> Row:
+            ran = run_nodes(scene, method=method, save_at=save_at)
+            row = _row_of(
+                ran,
+                dtype=scene.dtype,
+                bounds=bounds,
+                limits=limits,
+                max_newton=max_newton,
+            )
+            observation = Observation() if observe is None else observe(ran)
+            return row._replace(
+                seen=observation.seen, checks=(*row.checks, *observation.checks)
+            )
 
-    return attempt(label, measure, solver=method.name, dtype=scene.dtype)
+        yield attempt(label, measure, solver=method.name, dtype=scene.dtype)
 
 
 def _row_of(
-    label: str,
-    dtype: str,
-    method: Method,
-    ran: Ran,
-    bounds: Bounds,
-    limits: Limits,
-    max_newton: int | None,
+    ran: Ran, dtype: str, bounds: Bounds, limits: Limits, max_newton: int | None
 ) -> Row:
+    method = ran.method
     over = ran.beyond(bounds)
-    effort = ran.solution.run.statistics
+    run = ran.solution.run
+    effort = run.statistics
     range_of_data = bounds[1] - bounds[0]
     overshoot = {
         "kept": Check("overshoot", over, limits.overshoot[dtype]),
@@ -277,21 +292,23 @@ def _row_of(
         "reported": Check("not finite", float(not np.isfinite(over)), 0.0),
     }[method.bounds]
     checks = [overshoot, Check("energy", ran.residual, limits.energy[dtype])]
+    newton = linear = None
     if effort is not None:
+        newton = int(effort.newton_iterations)
+        linear = int(effort.linear_iterations)
         missed = _misses_tolerance(ran, dtype=dtype, solver=method.solver)
         checks.append(Check("missed tolerance", float(missed), 0.0))
-    if effort is not None and max_newton is not None:
-        newton_per_step = int(effort.newton_iterations) / max(ran.solution.run.steps, 1)
-        checks.append(Check("Newton steps", newton_per_step, max_newton))
-        checks.append(Check("not settled", float(effort.newton_failed), 0.0))
+        # Newton's steps are counted over all stages: these solvers have one.
+        is_one_stage = isinstance(method.solver, jt.BackwardEuler | jt.CrankNicolson)
+        if max_newton is not None and is_one_stage:
+            per_step = newton / max(run.steps, 1)
+            checks.append(Check("Newton steps", per_step, max_newton))
+            checks.append(Check("not settled", float(effort.newton_failed), 0.0))
     return Row(
-        label,
-        solver=method.name,
-        dtype=dtype,
         overshoot_K=over,
         energy_residual=ran.residual,
-        newton=None if effort is None else int(effort.newton_iterations),
-        linear=None if effort is None else int(effort.linear_iterations),
+        newton=newton,
+        linear=linear,
         compile_s=ran.compile_s,
         run_s=ran.run_s,
         result=ran.result,

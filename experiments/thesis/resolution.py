@@ -13,10 +13,10 @@ import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.structures.structure import AbstractStructure
+from jaxthermo.timing import Spread, interleaved, ratio_of
 
 from ..benchmarks.mixed import Runner, scene_runner
 from ..benchmarks.steps import conduction_call
-from ..harness.timing import Spread, interleaved, ratio_of
 from .bodies import required_statue
 from .exhibit import Numbers
 from .sunlit import Sunlit

@@ -10,7 +10,8 @@ from jaxthermo.constants import ZERO_CELSIUS
 from jaxthermo.reference import semi_infinite, slab
 
 from ..harness.case import Check, Order, Row, case, converge, largest_error, values
-from .bodies import LEFT, RIGHT, Bar, bar, between, mirrored, run, single
+from ..harness.scenes import single
+from .bodies import LEFT, RIGHT, Bar, bar, between, mirrored, run
 
 
 def _surfaces(row: Bar, material, start, terms, times, solver=None) -> np.ndarray:
@@ -24,9 +25,18 @@ _STEEL = jt.Material(45.0, density=7800.0, specific_heat=460.0)
 _ROOM = ZERO_CELSIUS + 20.0
 _DEPTHS = (0.005, 0.01, 0.02, 0.05)
 # At those depths [m] after 60 s [degC].
-_STEP_RISE = semi_infinite.surface_step(
-    np.array(_DEPTHS), 60.0, initial=20.0, surface=100.0, diffusivity=_STEEL.diffusivity
-)
+_STEP_RISE = {
+    f"T({1e3 * depth:g} mm, 60 s)": float(
+        semi_infinite.surface_step(
+            depth,
+            60.0,
+            initial=20.0,
+            surface=100.0,
+            diffusivity=_STEEL.diffusivity,
+        )
+    )
+    for depth in _DEPTHS
+}
 
 
 @case(
@@ -37,8 +47,6 @@ _STEP_RISE = semi_infinite.surface_step(
     method="bar of 165 voxels of 1.33 mm; explicit",
 )
 def _step() -> Row:
-    names = tuple(f"T({1e3 * x:g} mm, 60 s)" for x in _DEPTHS)
-
     def at(pitch: float):
         row = bar(round(0.22 / pitch), pitch)
         hot = jt.FixedTemperature(ZERO_CELSIUS + 100.0, on=LEFT)
@@ -47,16 +55,15 @@ def _step() -> Row:
         )
         temperatures = between(row.depth, surface[row.along] - ZERO_CELSIUS, _DEPTHS)
         return values(
-            names,
-            unit="degC",
-            expected=_STEP_RISE.tolist(),
+            expected=_STEP_RISE,
             computed=temperatures,
+            unit="degC",
             tolerance=1e-3 * 80.0,
         )
 
     # 10, 20 and 41 cells per diffusion length; the second is what the source states.
     pitches = (0.01 / 3.5, 0.01 / 7.5, 0.01 / 15.0)
-    return converge(at, pitches, expected=2.0, shown=1)
+    return converge(measure=at, at=pitches, expected=2.0, shown=1)
 
 
 # Heat flux into the surface of V02 [W/m^2].
@@ -77,8 +84,10 @@ def _heated(depth: float, time: float, start: float, material: jt.Material) -> f
     )
 
 
+_FLUX_TIMES = (1.0, 10.0, 60.0)
 _FLUX_RISE = {
-    t: _heated(0.0, time=t, start=20.0, material=_STEEL) for t in (1.0, 10.0, 60.0)
+    f"T(0, {time:g} s)": _heated(0.0, time=time, start=20.0, material=_STEEL)
+    for time in _FLUX_TIMES
 }
 
 
@@ -90,20 +99,14 @@ _FLUX_RISE = {
     method="bar of 440 voxels of 0.5 mm, Holman's of 220 of 1 mm; explicit",
 )
 def _flux() -> Row:
-    names = tuple(f"T(0, {t:g} s)" for t in _FLUX_RISE)
-
     def at(pitch: float):
         row = bar(round(0.22 / pitch), pitch)
         surfaces = _surfaces(
-            row, material=_STEEL, start=_ROOM, terms=(_FLUX,), times=tuple(_FLUX_RISE)
+            row, material=_STEEL, start=_ROOM, terms=(_FLUX,), times=_FLUX_TIMES
         )
         temperatures = [row.end(now, LEFT) - ZERO_CELSIUS for now in surfaces]
         return values(
-            names,
-            unit="degC",
-            expected=_FLUX_RISE.values(),
-            computed=temperatures,
-            tolerance=0.2,
+            expected=_FLUX_RISE, computed=temperatures, unit="degC", tolerance=0.2
         )
 
     measured = converge(at, (0.01 / 5, 0.01 / 10, 0.01 / 20), expected=2.0)
@@ -111,30 +114,30 @@ def _flux() -> Row:
     (surface,) = _surfaces(
         row, material=_HOLMAN, start=ZERO_CELSIUS + 35.0, terms=(_FLUX,), times=(30.0,)
     )
-    (inside,) = between(row.depth, surface[row.along] - ZERO_CELSIUS, (0.025,))
+    inside = between(row.depth, surface[row.along] - ZERO_CELSIUS, (0.025,))
     exact = _heated(0.025, time=30.0, start=35.0, material=_HOLMAN)
-    holman = Check(
-        name="Holman 4.2: T(25 mm, 30 s)",
-        unit="degC",
-        expected=exact,
-        computed=inside,
-        tolerance=0.2,
-    )
-    return measured._replace(checks=(*measured.checks, holman))
+    holman = {"Holman 4.2: T(25 mm, 30 s)": exact}
+    checks = values(expected=holman, computed=inside, unit="degC", tolerance=0.2)
+    return measured._replace(checks=(*measured.checks, *checks))
 
 
 _COPPER = jt.Material(401.0, density=3.439e6, specific_heat=1.0)
 _CONVECTED_TIMES = (100.0, 500.0, 1000.0, 1500.0)
 # At those times [s], 5 cm deep [K].
-_CONVECTED = semi_infinite.surface_convection(
-    0.05,
-    np.array(_CONVECTED_TIMES),
-    initial=100.0,
-    ambient=500.0,
-    heat_transfer_coefficient=200.0,
-    conductivity=401.0,
-    diffusivity=_COPPER.diffusivity,
-).tolist()
+_CONVECTED = {
+    f"T(5 cm, {time:g} s)": float(
+        semi_infinite.surface_convection(
+            0.05,
+            time,
+            initial=100.0,
+            ambient=500.0,
+            heat_transfer_coefficient=200.0,
+            conductivity=401.0,
+            diffusivity=_COPPER.diffusivity,
+        )
+    )
+    for time in _CONVECTED_TIMES
+}
 
 
 @case(
@@ -145,22 +148,18 @@ _CONVECTED = semi_infinite.surface_convection(
     method="bar of 375 voxels of 6.7 mm; explicit",
 )
 def _convected() -> Row:
-    def at(pitch: float) -> Iterator[Check]:
+    def at(pitch: float):
         row = bar(round(2.5 / pitch), pitch)
         air = jt.Convection(200.0, 500.0, on=LEFT)
         surfaces = _surfaces(
             row, material=_COPPER, start=100.0, terms=(air,), times=_CONVECTED_TIMES
         )
-        exact_at = zip(_CONVECTED_TIMES, _CONVECTED, surfaces, strict=True)
-        for time, exact, now in exact_at:
-            (temperature,) = between(row.depth, now[row.along], (0.05,))
-            yield Check(
-                name=f"T(5 cm, {time:g} s)",
-                unit="K",
-                expected=exact,
-                computed=temperature,
-                tolerance=0.0029 * exact,
-            )
+        temperatures = [
+            between(row.depth, now[row.along], (0.05,))[0] for now in surfaces
+        ]
+        return values(
+            expected=_CONVECTED, computed=temperatures, unit="K", fraction=0.0029
+        )
 
     # 13, 29 and 63 cells per diffusion length of the last time.
     return converge(at, (0.05 / 1.5, 0.05 / 3.5, 0.05 / 7.5))
@@ -177,7 +176,8 @@ def _slab(cells: int, material, start, air: jt.Convection, times):
     for now in np.asarray(solution.surface_temperature):
         x, y = mirrored(row.depth, now[row.along])
         # The front's own surface is known too.
-        profiles.append((np.append(x, row.length), np.append(y, row.end(now, RIGHT))))
+        position = np.append(x, row.length)
+        profiles.append((position, np.append(y, row.end(now, RIGHT))))
     return profiles, np.asarray(solution.mean_temperature)[:, 0]
 
 
@@ -185,9 +185,15 @@ def _slab(cells: int, material, start, air: jt.Convection, times):
 _STUFF = jt.Material(1.0, density=1000.0, specific_heat=1000.0)
 _COLD = 300.0
 _HOT = 400.0
-_WHERE = ("centre", "half-way", "surface", "mean")
-_THETA = slab.slab_convection(np.array([0.0, 0.5, 1.0]), 0.2, 1.0).tolist()
-_THETA += [float(slab.slab_convection_mean(0.2, 1.0))]
+_CENTRE, _HALF_WAY, _SURFACE = slab.slab_convection(
+    np.array([0.0, 0.5, 1.0]), 0.2, 1.0
+).tolist()
+_THETA = {
+    "theta, centre": _CENTRE,
+    "theta, half-way": _HALF_WAY,
+    "theta, surface": _SURFACE,
+    "theta, mean": float(slab.slab_convection_mean(0.2, 1.0)),
+}
 
 
 @case(
@@ -198,18 +204,16 @@ _THETA += [float(slab.slab_convection_mean(0.2, 1.0))]
     method="bar of 20 voxels, insulated behind; explicit",
 )
 def _heisler() -> Row:
-    names = tuple(f"theta, {where}" for where in _WHERE)
-
     def at(cells: int):
         air = jt.Convection(10.0, _COLD, on=RIGHT)
         ((x, y),), (mean,) = _slab(
             cells, material=_STUFF, start=_HOT, air=air, times=(2000.0,)
         )
         temperatures = np.array([*between(x, y, (0.0, 0.05, 0.1)), mean])
-        theta = ((temperatures - _COLD) / (_HOT - _COLD)).tolist()
-        return values(names, unit="", expected=_THETA, computed=theta, tolerance=2e-3)
+        theta = (temperatures - _COLD) / (_HOT - _COLD)
+        return values(_THETA, theta, tolerance=2e-3)
 
-    return converge(at, (10, 20, 40), 1, expected=2.0, shown=1)
+    return converge(measure=at, at=(10, 20, 40), length=1, expected=2.0, shown=1)
 
 
 _FDS = jt.Material(0.1, density=100.0, specific_heat=1000.0)
@@ -237,9 +241,12 @@ def _fds_checks(cells: int) -> Iterator[Check]:
         for (time, table), (x, y) in zip(tables.items(), profiles, strict=True):
             places = _PLACES if len(table) == len(_PLACES) else (0.0, 0.1)
             temperatures = between(x, y - ZERO_CELSIUS, places)
-            names = (f"h {h:g}, {time:g} s, {1e3 * p:g} mm" for p in places)
+            expected = {
+                f"h {h:g}, {time:g} s, {1e3 * place:g} mm": celsius
+                for place, celsius in zip(places, table, strict=True)
+            }
             yield from values(
-                names, unit="degC", expected=table, computed=temperatures, tolerance=0.1
+                expected=expected, computed=temperatures, unit="degC", tolerance=0.1
             )
 
 
@@ -257,7 +264,7 @@ def _fds() -> Row:
         return largest_error(checks[: len(_PLACES)])
 
     return converge(
-        _fds_checks,
+        measure=_fds_checks,
         at=(10, 20, 40),
         length=1,
         expected=2.0,
@@ -290,7 +297,8 @@ def _decay(cells: int, solver) -> float:
     """Remaining fraction of the sine, at the node with the largest error."""
 
     def start_temperature(points: np.ndarray) -> np.ndarray:
-        return 300.0 + _AMPLITUDE * np.sin(np.pi * (points[:, 0] / _MODE_LENGTH + 0.5))
+        phase = np.pi * (points[:, 0] / _MODE_LENGTH + 0.5)
+        return 300.0 + _AMPLITUDE * np.sin(phase)
 
     row, node_temperatures = _profiles(
         cells,
@@ -330,15 +338,8 @@ def _mode() -> Row:
     checks = []
     for name, cells, solver, form in forms:
         rate = slab.sine_rate_of_cells(_MODE.diffusivity, _MODE_LENGTH, cells)
-        checks.append(
-            Check(
-                name=f"{name}, N={cells}",
-                unit="",
-                expected=form(rate, _MODE_STEP, _MODE_STEPS),
-                computed=_decay(cells, solver),
-                tolerance=1e-10,
-            )
-        )
+        expected = {f"{name}, N={cells}": form(rate, _MODE_STEP, _MODE_STEPS)}
+        checks += values(expected, [_decay(cells, solver)], tolerance=1e-10)
     # The order is that of space alone: the cells' own rate against the exact one.
     rate = slab.sine_rate(_MODE.diffusivity, _MODE_LENGTH)
     decay = slab.decay_exact(rate, _MODE_STEP * _MODE_STEPS)
@@ -363,7 +364,7 @@ def _t3() -> Row:
     def end_temperature(time):
         return ZERO_CELSIUS + 100.0 * jnp.sin(jnp.pi * time / 40.0)
 
-    def at(cells: int) -> Iterator[Check]:
+    def at(cells: int):
         row, (now,) = _profiles(
             cells,
             length=0.1,
@@ -372,16 +373,15 @@ def _t3() -> Row:
             ends=(ZERO_CELSIUS, end_temperature),
             times=(32.0,),
         )
-        (temperature,) = between(row.depth, now - ZERO_CELSIUS, (0.08,))
-        yield Check(
-            name="T(80 mm, 32 s)",
+        temperatures = between(row.depth, now - ZERO_CELSIUS, (0.08,))
+        return values(
+            expected={"T(80 mm, 32 s)": 36.603116},
+            computed=temperatures,
             unit="degC",
-            expected=36.603116,
-            computed=temperature,
             tolerance=0.1,
         )
 
-    return converge(at, (20, 40, 80), 1, expected=2.0)
+    return converge(measure=at, at=(20, 40, 80), length=1, expected=2.0)
 
 
 _SHORT = jt.Material(10.0, density=1.0, specific_heat=10.0)
@@ -414,13 +414,15 @@ def _short() -> Row:
         )
         rows = zip(_SHORT_TABLE.items(), profiles, strict=True)
         for (time, (fraction, exact)), now in rows:
-            names = (f"T({x:g} m, {time:g} s)" for x in _SHORT_PLACES)
+            expected = {
+                f"T({x:g} m, {time:g} s)": kelvin
+                for x, kelvin in zip(_SHORT_PLACES, exact, strict=True)
+            }
             temperatures = between(row.depth, now, _SHORT_PLACES)
             yield from values(
-                names,
-                unit="K",
-                expected=exact,
+                expected=expected,
                 computed=temperatures,
+                unit="K",
                 tolerance=fraction * 300.0,
             )
 

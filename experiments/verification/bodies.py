@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+import trimesh
 from jaxtyping import Bool, Float, Int
 
 import jaxthermo as jt
@@ -38,33 +39,21 @@ class Bar(NamedTuple):
 
 def bar(cells: int, pitch: float) -> Bar:
     """A bar of `cells` x 1 x 1 voxels along x, centred at the origin."""
-    grid = jt.voxelize(jt.shapes.box((cells * pitch, pitch, pitch)), pitch)
+    length = cells * pitch
+    grid = jt.voxelize(jt.shapes.box((length, pitch, pitch)), pitch)
     top = np.flatnonzero(grid.fragment_normal[:, 2] > 0.9)
     top = top[np.argsort(grid.fragment_position[top, 0])]
     return Bar(
         grid=grid,
         depth=(np.arange(cells) + 0.5) * pitch,
         along=top,
-        length=cells * pitch,
+        length=length,
     )
 
 
 def conductor(conductivity: float, emissivity: float = 0.9) -> jt.Material:
     """A material for steady states, which need only its conductivity [W/(m K)]."""
     return jt.Material(conductivity, 1000.0, 1000.0, emissivity)
-
-
-def full(grid: jt.VoxelGrid, material, start, x: float = 0.0) -> jt.Body:
-    """A body in its full volume, from a temperature [K], moved along x [m]."""
-    pose = jt.Pose((x, 0.0, 0.0))
-    return jt.Body(jt.FullVolume(grid), material, temperature=start, pose=pose)
-
-
-def single(grid: jt.VoxelGrid, material, start, *terms) -> jt.Scene:
-    """A scene of one such body, in double precision."""
-    # Some cases have surroundings at 0 K.
-    bodies = (full(grid, material, start),)
-    return jt.Scene(bodies, terms, dtype="float64", allow_extreme_temperatures=True)
 
 
 def explicit(pitch: float, material: jt.Material) -> jt.ForwardEuler:
@@ -100,14 +89,17 @@ def mirrored(
     x: Float[np.ndarray, " n"], y: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
     """A profile continued through a plane of symmetry at x = 0 by two points."""
-    return np.concatenate([-x[1::-1], x]), np.concatenate([y[1::-1], y])
+    position = np.concatenate([-x[1::-1], x])
+    value = np.concatenate([y[1::-1], y])
+    return position, value
 
 
 def layered(surface: np.ndarray, grid: jt.VoxelGrid, axis: int, sign=1) -> np.ndarray:
     """Temperatures of the voxels on one side across an axis, by the other two axes."""
     side = np.flatnonzero(sign * grid.fragment_normal[:, axis] > 0.9)
     by_cell = np.full(np.delete(grid.lattice.shape, axis), np.nan)
-    by_cell[tuple(np.delete(grid.fragment_voxel[side], axis, 1).T)] = surface[side]
+    cells = np.delete(grid.fragment_voxel[side], axis, 1)
+    by_cell[tuple(cells.T)] = surface[side]
     return by_cell
 
 
@@ -124,8 +116,8 @@ def of_blocks(
     faces = []
     for axis in range(3):
         for sign in (-1, 1):
-            open_ = ~np.roll(padded, -sign, axis)[1:-1, 1:-1, 1:-1]
-            cells = np.argwhere(solid & open_)
+            neighbour = np.roll(padded, -sign, axis)
+            cells = np.argwhere(solid & ~neighbour[1:-1, 1:-1, 1:-1])
             # In the opposite order for faces that are seen from their negative side.
             corners = np.roll(_CORNERS, axis + 1, axis=1)[::sign].copy()
             corners[:, axis] = (sign + 1) // 2
@@ -142,47 +134,14 @@ def of_blocks(
 def hollow_hemisphere(inner: float, outer: float, steps: int = 32) -> jt.Mesh:
     """The upper half of a spherical shell of two radii [m], closed by a flat ring."""
     # Steps from the pole to the ring; four times as many around.
-    rings = 4 * steps
-    turn = 2 * np.pi * np.arange(rings) / rings
-    angle = np.pi / 2 * np.arange(1, steps + 1) / steps
-    across = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-    unit = np.empty((steps, rings, 3))
-    unit[..., :2] = np.sin(angle)[:, None, None] * across
-    unit[..., 2] = np.cos(angle)[:, None]
+    angle = np.pi / 2 * np.arange(steps + 1) / steps
+    arc = np.column_stack([np.sin(angle), np.cos(angle)])
     # The cosine of a right angle is not 0 in floating point: the ring must be flat.
-    unit[-1, :, 2] = 0.0
-    unit = np.concatenate([unit.reshape(-1, 3), [[0.0, 0.0, 1.0]]])
-    cap = _cap(steps, rings)
-    corners = unit[cap]
-    volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
-    # Both spheres are widened such that each of them holds its true volume.
-    wide = float((2 * np.pi / 3 / (volume / 6)) ** (1 / 3))
-    count = len(unit)
-    last = (steps - 1) * rings
-    corner = np.arange(rings)
-    rim = last + np.stack([corner, np.roll(corner, -1)])
-    hole = count + rim
-    ring = [
-        np.stack([rim[0], hole[0], rim[1]], axis=1),
-        np.stack([rim[1], hole[0], hole[1]], axis=1),
-    ]
-    vertices = np.concatenate([outer * wide * unit, inner * wide * unit])
-    # The hollow's faces are reversed: their outside is within.
-    faces = np.concatenate([cap, cap[:, ::-1] + count, *ring])
-    return jt.Mesh(vertices, faces, "shell")
-
-
-def _cap(steps: int, rings: int) -> np.ndarray:
-    # Triangles of a hemisphere, outward; the pole is the last vertex.
-    corner = np.arange(rings)
-    next_corner = np.roll(corner, -1)
-    pole = np.full(rings, steps * rings)
-    faces = [np.stack([pole, corner, next_corner], axis=1)]
-    for step in range(steps - 1):
-        up = step * rings
-        low = up + rings
-        faces += [
-            np.stack([up + corner, low + corner, up + next_corner], axis=1),
-            np.stack([up + next_corner, low + corner, low + next_corner], axis=1),
-        ]
-    return np.concatenate(faces)
+    arc[-1, 1] = 0.0
+    # Out along the inner sphere and back along the outer one.
+    profile = np.concatenate([inner / outer * arc, arc[::-1]])
+    shell = trimesh.creation.revolve(profile, sections=4 * steps)
+    # Widened such that it holds the true volume.
+    volume = 2 * np.pi / 3 * (outer**3 - inner**3)
+    size = (volume / shell.volume) ** (1 / 3)
+    return jt.Mesh(size * shell.vertices, shell.faces, "shell")

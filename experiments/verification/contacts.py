@@ -12,7 +12,8 @@ from jaxthermo.integrate.ledger import Energy
 from jaxthermo.reference.semi_infinite import contact_surfaces, perfect_contact
 
 from ..harness.case import Check, Row, case, converge, largest_error, values
-from .bodies import LEFT, RIGHT, bar, explicit, full, run, single
+from ..harness.scenes import full, single
+from .bodies import LEFT, RIGHT, bar, explicit, run
 
 
 COPPER = jt.Material(401.0, density=8933.0, specific_heat=385.0)
@@ -90,10 +91,11 @@ def two_bars(contact: jt.Contact, per_length: int, end: float) -> TwoBars:
     cold = ZERO_CELSIUS
     # The explicit step is that of the first body, the faster one.
     bodies = (
-        full(copper.grid, material=COPPER, start=hot, x=-copper.length / 2),
-        full(steel.grid, material=STEEL, start=cold, x=steel.length / 2),
+        full(grid=copper.grid, material=COPPER, temperature=hot, x=-copper.length / 2),
+        full(grid=steel.grid, material=STEEL, temperature=cold, x=steel.length / 2),
     )
-    solution = run(jt.Scene(bodies, (contact,), dtype="float64"), (end,))
+    scene = jt.Scene(bodies, (contact,), dtype="float64")
+    solution = run(scene, (end,))
     copper_surface = np.asarray(solution.of_body(0))[0]
     steel_surface = np.asarray(solution.of_body(1))[0]
     return TwoBars(
@@ -136,10 +138,9 @@ def _perfect() -> tuple[Check, ...]:
     names = ("two bodies, copper's side", "two bodies, steel's side", "one body")
     temperatures = [*two_bars(jt.bonded, 5, 1.0).surfaces, _one_bar(5, 1.0)]
     return values(
-        names,
-        unit="degC",
-        expected=(INTERFACE,) * 3,
+        expected=dict.fromkeys(names, INTERFACE),
         computed=temperatures,
+        unit="degC",
         tolerance=0.05,
     )
 
@@ -155,24 +156,20 @@ def _resisting() -> Row:
     def at(per_length: int) -> Iterator[Check]:
         for end in (0.1, 1.0, 10.0):
             hot, cold, flux = resisted(end)
-            contact_temperatures = two_bars(
-                jt.Contact(CONDUCTANCE), per_length, end
-            ).surfaces
-            names = (f"copper, {end:g} s", f"steel, {end:g} s")
+            bars = two_bars(jt.Contact(CONDUCTANCE), per_length, end)
+            expected = {f"copper, {end:g} s": hot, f"steel, {end:g} s": cold}
             yield from values(
-                names,
+                expected=expected,
+                computed=bars.surfaces,
                 unit="degC",
-                expected=(hot, cold),
-                computed=contact_temperatures,
                 tolerance=0.002 * 100.0,
             )
-            through = CONDUCTANCE * (contact_temperatures[0] - contact_temperatures[1])
-            yield Check(
-                name=f"flux, {end:g} s",
+            through = CONDUCTANCE * (bars.copper - bars.steel)
+            yield from values(
+                expected={f"flux, {end:g} s": flux},
+                computed=[through],
                 unit="W/m^2",
-                expected=flux,
-                computed=through,
-                tolerance=0.002 * flux,
+                fraction=0.002,
             )
 
     # The flux follows from the surfaces, in another unit: the order is theirs.
@@ -180,7 +177,9 @@ def _resisting() -> Row:
     def error_of_surfaces(checks: Sequence[Check]) -> float:
         return largest_error(check for check in checks if check.unit == "degC")
 
-    return converge(at, (5, 10, 20), length=1, expected=2.0, error=error_of_surfaces)
+    return converge(
+        measure=at, at=(5, 10, 20), length=1, expected=2.0, error=error_of_surfaces
+    )
 
 
 def _two_boxes(distance: float) -> tuple[float, float]:
@@ -189,7 +188,12 @@ def _two_boxes(distance: float) -> tuple[float, float]:
     grid = jt.voxelize(jt.shapes.box((0.06, 0.06, 0.06)), 0.01)
     base = ZERO_CELSIUS + 22.0
     bodies = tuple(
-        full(grid, material=stuff, start=base + side * 80.0, x=side * distance / 2)
+        full(
+            grid=grid,
+            material=stuff,
+            temperature=base + side * 80.0,
+            x=side * distance / 2,
+        )
         for side in (1.0, -1.0)
     )
     scene = jt.Scene(bodies, (jt.Contact(CONDUCTANCE),), dtype="float64")
@@ -206,27 +210,23 @@ def _two_boxes(distance: float) -> tuple[float, float]:
 )
 def _boxes() -> Iterator[Check]:
     hot, cold = _two_boxes(0.06)
-    yield Check(
-        name="touching: the hot box cools by",
-        computed=80.0 - hot,
-        highest=80.0,
-        lowest=1.0,
-        unit="K",
-    )
-    yield Check(
-        name="touching: the cold box warms by",
-        computed=cold + 80.0,
-        highest=80.0,
-        lowest=1.0,
-        unit="K",
-    )
-    names = ("apart: excess of the hot box", "apart: excess of the cold box")
+    for name, change in (
+        ("hot box cools", 80.0 - hot),
+        ("cold box warms", cold + 80.0),
+    ):
+        yield Check(
+            name=f"touching: the {name} by",
+            computed=change,
+            highest=80.0,
+            lowest=1.0,
+            unit="K",
+        )
+    excesses = {
+        "apart: excess of the hot box": 80.0,
+        "apart: excess of the cold box": -80.0,
+    }
     yield from values(
-        names,
-        unit="K",
-        expected=(80.0, -80.0),
-        computed=_two_boxes(0.5),
-        tolerance=0.05,
+        expected=excesses, computed=_two_boxes(0.5), unit="K", tolerance=0.05
     )
 
 

@@ -26,8 +26,9 @@ from jaxthermo.reference.view_factor import (
     view_factor_to_polygon,
 )
 
-from ..harness.case import Check, case, relative, values
-from .bodies import bar, conductor, full, single
+from ..harness.case import Check, case, values
+from ..harness.scenes import full, single
+from .bodies import bar, conductor
 
 
 _X, _Y, _Z = np.eye(3)
@@ -37,8 +38,9 @@ _ORIGIN = np.zeros(3)
 def _disc(radius: float, corners: int = 8192) -> np.ndarray:
     """A polygon for a disc 1 m above an element, seen from below [m]."""
     turn = -2 * np.pi * np.arange(corners) / corners
-    rim = radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    return np.column_stack([rim, np.ones(corners)])
+    x = radius * np.cos(turn)
+    y = radius * np.sin(turn)
+    return np.column_stack([x, y, np.ones(corners)])
 
 
 def _seen(corners: np.ndarray) -> float:
@@ -53,7 +55,7 @@ def _seen(corners: np.ndarray) -> float:
     requirement="1e-6",
     method="Lambert's formula for polygons under quadrature; discs: both quadratures",
 )
-def _view_factors() -> Iterator[Check]:
+def _view_factors() -> tuple[Check, ...]:
     # 24 points along each edge leave 2e-11 at the shared one, the hardest.
     floor = rectangle_rule(_ORIGIN, first=_X, second=_Y, count=24)
     ceiling = np.array([_Z, _Z + _Y, _Z + _X + _Y, _Z + _X])
@@ -64,18 +66,15 @@ def _view_factors() -> Iterator[Check]:
     lower_disc = disc_rule(_ORIGIN, normal=_Z, radius=1.0, count=16)
     upper_disc = disc_rule(_Z, normal=-_Z, radius=1.0, count=16)
     discs = view_factor(lower_disc, upper_disc)
-    exact = (
-        ("parallel unit squares, gap 1", parallel_rectangles(1.0, 1.0, 1.0)),
-        ("unit squares that share an edge", perpendicular_rectangles(1.0, 1.0, 1.0)),
-        ("the six sides of a cube in all", 1.0),
-        ("coaxial discs, r1 = r2 = H", coaxial_discs(1.0, 1.0, 1.0)),
-        ("element under a disc, R = H", element_to_disc(1.0, 1.0)),
-    )
+    exact = {
+        "parallel unit squares, gap 1": parallel_rectangles(1.0, 1.0, 1.0),
+        "unit squares that share an edge": perpendicular_rectangles(1.0, 1.0, 1.0),
+        "the six sides of a cube in all": 1.0,
+        "coaxial discs, r1 = r2 = H": coaxial_discs(1.0, 1.0, 1.0),
+        "element under a disc, R = H": element_to_disc(1.0, 1.0),
+    }
     factors = (to_ceiling, to_wall, sides, discs, _seen(_disc(1.0)))
-    for (name, form), computed in zip(exact, factors, strict=True):
-        yield Check(
-            name=name, unit="", expected=form, computed=computed, tolerance=1e-6
-        )
+    return values(exact, factors, tolerance=1e-6)
 
 
 # Heat from the inner of two spheres [W].
@@ -92,18 +91,16 @@ _SPHERES = 20.78300772
 def _enclosures() -> Iterator[Check]:
     plates = forms.between_plates(400.0, 300.0, 0.8, 0.5)
     spheres = forms.between_spheres(0.05, 0.1, 400.0, 300.0, 0.8, 0.5)
-    yield Check(
-        name="endless plates",
+    yield from values(
+        expected={"endless plates": 441.0291215},
+        computed=[plates],
         unit="W/m^2",
-        expected=441.0291215,
-        computed=plates,
         tolerance=1e-6,
     )
-    yield Check(
-        name="concentric spheres",
+    yield from values(
+        expected={"concentric spheres": _SPHERES},
+        computed=[spheres],
         unit="W",
-        expected=_SPHERES,
-        computed=spheres,
         tolerance=1e-6,
     )
 
@@ -117,17 +114,16 @@ def _enclosures() -> Iterator[Check]:
 )
 def _sun() -> Iterator[Check]:
     angle = np.pi * (forms.SUN_RADIUS / forms.ASTRONOMICAL_UNIT) ** 2
-    for kelvin, flux in ((5772.0, 1361.1632), (5800.0, 1387.768)):
-        irradiance = forms.solar_irradiance(kelvin)
-        yield relative(
-            f"irradiance, {kelvin:.0f} K",
-            unit="W/m^2",
-            expected=flux,
-            computed=irradiance,
-            fraction=1e-6,
-        )
-    yield relative(
-        "solid angle", unit="sr", expected=6.794274e-5, computed=angle, fraction=1e-6
+    fluxes = {"irradiance, 5772 K": 1361.1632, "irradiance, 5800 K": 1387.768}
+    irradiances = map(forms.solar_irradiance, (5772.0, 5800.0))
+    yield from values(
+        expected=fluxes, computed=irradiances, unit="W/m^2", fraction=1e-6
+    )
+    yield from values(
+        expected={"solid angle": 6.794274e-5},
+        computed=[angle],
+        unit="sr",
+        fraction=1e-6,
     )
 
 
@@ -145,16 +141,12 @@ def _plates() -> tuple[Check, ...]:
     # 1e5 m stand for endless: what is beyond subtends 1e-5.
     strip = square * np.array([1e5, 1.0, 1.0])
     fluxes = [black * _seen(p) for p in (square, strip, _disc(1.0))]
-    square = 4 * element_to_rectangle(1.0, 1.0, 1.0)
-    factors = (square, element_to_strip(2.0, 1.0), element_to_disc(1.0, 1.0))
-    names = ("plate of 2 x 2 m", "endless strip of 2 m", "disc of 2 m")
-    return values(
-        names,
-        unit="kW/m^2",
-        expected=[black * f for f in factors],
-        computed=fluxes,
-        tolerance=1e-3,
-    )
+    exact = {
+        "plate of 2 x 2 m": black * 4 * element_to_rectangle(1.0, 1.0, 1.0),
+        "endless strip of 2 m": black * element_to_strip(2.0, 1.0),
+        "disc of 2 m": black * element_to_disc(1.0, 1.0),
+    }
+    return values(expected=exact, computed=fluxes, unit="kW/m^2", tolerance=1e-3)
 
 
 def _net_emission(emissivity: float, kelvin: float, around: float) -> float:
@@ -179,20 +171,12 @@ def _net_emission(emissivity: float, kelvin: float, around: float) -> float:
 def _emission() -> Iterator[Check]:
     # Stefan and Boltzmann's, as the peer has it: CODATA 2014 [W/(m^2 K^4)].
     newer = STEFAN_BOLTZMANN / 5.670367e-8
-    yield Check(
-        name="black, 400 K",
-        unit="W/m^2",
-        expected=1451.614 * newer,
-        computed=_net_emission(1.0, kelvin=400.0, around=0.0),
-        tolerance=5e-4,
-    )
-    yield Check(
-        name="0.85, 400 K among 305 K",
-        unit="W/m^2",
-        expected=816.7822 * newer,
-        computed=_net_emission(0.85, kelvin=400.0, around=305.0),
-        tolerance=5e-5,
-    )
+    black = _net_emission(1.0, kelvin=400.0, around=0.0)
+    grey = _net_emission(0.85, kelvin=400.0, around=305.0)
+    listed = {"black, 400 K": 1451.614 * newer}
+    yield from values(expected=listed, computed=[black], unit="W/m^2", tolerance=5e-4)
+    listed = {"0.85, 400 K among 305 K": 816.7822 * newer}
+    yield from values(expected=listed, computed=[grey], unit="W/m^2", tolerance=5e-5)
 
 
 _NUSSELT = {"churchill_bernstein": 40.63709, "sanitjai_goldstein": 40.38327}
@@ -207,22 +191,13 @@ _NUSSELT = {"churchill_bernstein": 40.63709, "sanitjai_goldstein": 40.38327}
 )
 def _nusselt() -> tuple[Check, ...]:
     averages = {average.name: average.nusselt for average in AVERAGES}
-    checks = []
     # Not a generator: the precision would stay switched while it waits.
     with jax.enable_x64(True):
         reynolds, prandtl = (jnp.full(64, x, jnp.float64) for x in (6071.0, 0.7))
-        cosine = jnp.asarray(np.cos(2 * np.pi * np.arange(64) / 64), jnp.float64)
-        for name, listed in _NUSSELT.items():
-            nusselt = float(averages[name](reynolds, prandtl)[0])
-            checks.append(
-                Check(
-                    name=name,
-                    unit="",
-                    expected=listed,
-                    computed=nusselt,
-                    tolerance=5e-6,
-                )
-            )
+        turn = 2 * np.pi * np.arange(64) / 64
+        cosine = jnp.asarray(np.cos(turn), jnp.float64)
+        nusselts = [float(averages[name](reynolds, prandtl)[0]) for name in _NUSSELT]
+        checks = [*values(_NUSSELT, nusselts, tolerance=5e-6)]
         for name, average in averages.items():
             mean = float(
                 local_nusselt(
@@ -272,19 +247,11 @@ def _spheres() -> Iterator[Check]:
     )
     solution = jt.steady(jt.Scene(bodies, terms, dtype="float64"))
     hot, cold = np.asarray(solution.mean_temperature)[0]
-    name = "ball at the heat of the closed form"
-    yield Check(
-        name=name, unit="K", expected=400.0, computed=float(hot), tolerance=None
-    )
+    yield from values({"ball at the heat of the closed form": 400.0}, [hot], unit="K")
     # The heat that would flow at exactly 400 and 300 K through the same exchange.
-    heat = _SPHERES * float((400.0**4 - 300.0**4) / (hot**4 - cold**4))
-    yield Check(
-        name="heat at 400 and 300 K",
-        unit="W",
-        expected=_SPHERES,
-        computed=heat,
-        tolerance=None,
-    )
+    ratio = (400.0**4 - 300.0**4) / (hot**4 - cold**4)
+    heat = _SPHERES * float(ratio)
+    yield from values({"heat at 400 and 300 K": _SPHERES}, [heat], unit="W")
 
 
 @case(
@@ -303,18 +270,16 @@ def _apparent() -> tuple[Check, ...]:
     # The frame is in double precision, and so is what is computed from it. The listed
     # temperature is that of the radiation of all wavelengths.
     with precision("float64"):
-        image = jt.render(jt.simulate(scene, 0.0, [0.0]), camera, band=None)
+        solution = jt.simulate(scene, 0.0, [0.0])
+        image = jt.render(solution, camera, band=None)
         seen = np.asarray(image.apparent_temperature)
     seen = seen[np.asarray(image.object_id) == 0]
     worst = float(seen[np.argmax(np.abs(seen - listed))])
-    return (
-        Check(
-            name="apparent temperature",
-            unit="K",
-            expected=listed,
-            computed=worst,
-            tolerance=5e-5,
-        ),
+    return values(
+        expected={"apparent temperature": listed},
+        computed=[worst],
+        unit="K",
+        tolerance=5e-5,
     )
 
 

@@ -7,7 +7,8 @@ from jaxthermo.reference.radiation import radiation_temperature, radiation_time
 from jaxthermo.reference.slab import slab_convection
 
 from ..harness.case import Row, case, converge, values
-from .bodies import bar, layered, single
+from ..harness.scenes import single
+from .bodies import bar, layered
 
 
 # Radius, or half a side [m].
@@ -15,14 +16,18 @@ _SIZE = 0.1
 _STUFF = jt.Material(1.0, density=1000.0, specific_heat=1000.0)
 _AIR = 300.0
 _HOT = 400.0
-_CYLINDER = {"axis": 0.87017424, "half-way": 0.7938029}
-_CYLINDER |= {"surface": 0.57022774, "mean": 0.71851626}
+_CYLINDER = {
+    "theta, axis": 0.87017424,
+    "theta, half-way": 0.7938029,
+    "theta, surface": 0.57022774,
+    "theta, mean": 0.71851626,
+}
 # Theta of the slab at its centre and its surface; a cube is the product of three.
 _MIDDLE, _FACE = slab_convection(np.array([0.0, 1.0]), 0.2, 1.0).tolist()
 _CUBE = {
-    "centre": _MIDDLE**3,
-    "corner": _FACE**3,
-    "middle of a face": _MIDDLE**2 * _FACE,
+    "theta, centre": _MIDDLE**3,
+    "theta, corner": _FACE**3,
+    "theta, middle of a face": _MIDDLE**2 * _FACE,
 }
 
 
@@ -32,9 +37,10 @@ def _cooled(grid: jt.VoxelGrid, exposed: np.ndarray) -> tuple[np.ndarray, float]
     air = jt.Convection(10.0, _AIR, on=jt.FragmentMask(exposed))
     scene = single(grid, _STUFF, _HOT, air)
     solution = jt.simulate(scene, 2000.0, solver=jt.ForwardEuler())
-    surface = (np.asarray(solution.surface_temperature)[0] - _AIR) / (_HOT - _AIR)
-    mean = (np.asarray(solution.mean_temperature)[0, 0] - _AIR) / (_HOT - _AIR)
-    return surface, float(mean)
+    surface = np.asarray(solution.surface_temperature)[0]
+    mean = float(solution.mean_temperature[0, 0])
+    excess = _HOT - _AIR
+    return (surface - _AIR) / excess, (mean - _AIR) / excess
 
 
 @case(
@@ -45,8 +51,6 @@ def _cooled(grid: jt.VoxelGrid, exposed: np.ndarray) -> tuple[np.ndarray, float]
     method="slice of 40 voxels per radius (20 are too few: see the errors); explicit",
 )
 def _cylinder() -> Row:
-    names = tuple(f"theta, {where}" for where in _CYLINDER)
-
     def at(cells: int):
         # A slice one voxel thick between two ends that nothing passes through.
         pitch = _SIZE / cells
@@ -58,16 +62,12 @@ def _cylinder() -> Row:
         # No node lies on the axis nor half-way: smooth fits through those around.
         is_near_axis = radius < 0.3
         is_halfway = np.abs(radius - 0.5) < 0.15
-        axis = np.polyfit(radius[is_near_axis] ** 2, theta[end][is_near_axis], 2)[-1]
-        half = np.polyfit(radius[is_halfway] - 0.5, theta[end][is_halfway], 3)[-1]
+        node_theta = theta[end]
+        near_axis = np.polyfit(radius[is_near_axis] ** 2, node_theta[is_near_axis], 2)
+        halfway = np.polyfit(radius[is_halfway] - 0.5, node_theta[is_halfway], 3)
         outside = np.average(theta[~end], weights=grid.fragment_area[~end])
-        computed = (axis, half, outside, mean)
         return values(
-            names,
-            unit="",
-            expected=_CYLINDER.values(),
-            computed=computed,
-            tolerance=5e-3,
+            _CYLINDER, (near_axis[-1], halfway[-1], outside, mean), tolerance=5e-3
         )
 
     # Voxels make steps of a round surface: no order is expected of them.
@@ -82,8 +82,6 @@ def _cylinder() -> Row:
     method="an eighth, 20 x 20 x 20 voxels; explicit",
 )
 def _cube() -> Row:
-    names = tuple(f"theta, {where}" for where in _CUBE)
-
     def at(cells: int):
         # An eighth of it: nothing passes through the three planes of symmetry.
         grid = jt.voxelize(jt.shapes.box((_SIZE, _SIZE, _SIZE)), _SIZE / cells)
@@ -96,15 +94,9 @@ def _cube() -> Row:
         # Straight lines out to the edge and along it, from the same two distances.
         edge = 1.5 * outer[-1] - 0.5 * outer[-2]
         corner = 1.5 * edge[-1] - 0.5 * edge[-2]
-        return values(
-            names,
-            unit="",
-            expected=_CUBE.values(),
-            computed=(centre, corner, middle),
-            tolerance=3e-3,
-        )
+        return values(_CUBE, (centre, corner, middle), tolerance=3e-3)
 
-    return converge(at, (10, 20, 40), 1, expected=2.0, shown=1)
+    return converge(measure=at, at=(10, 20, 40), length=1, expected=2.0, shown=1)
 
 
 # Without resistance inside: one temperature.
@@ -120,7 +112,12 @@ _COOLED = {
 _TIMES = (60.0, 300.0, 600.0, 1800.0, 3600.0)
 _TIMES += tuple(radiation_time(np.array([900.0, 700.0, 500.0, 400.0]), **_COOLED))
 _TIMES = tuple(sorted(float(time) for time in _TIMES))
-_COOLING = radiation_temperature(np.array(_TIMES), **_COOLED).tolist()
+_COOLING = {
+    f"T({time:.6g} s)": float(temperature)
+    for time, temperature in zip(
+        _TIMES, radiation_temperature(np.array(_TIMES), **_COOLED), strict=True
+    )
+}
 
 
 @case(
@@ -131,15 +128,13 @@ _COOLING = radiation_temperature(np.array(_TIMES), **_COOLED).tolist()
     method="one voxel; TR-BDF2 in steps of 5 s",
 )
 def _lumped() -> Row:
-    scene = single(bar(1, 0.1).grid, _ALUMINIUM, 1000.0, jt.Surroundings(300.0))
-    names = tuple(f"T({t:.6g} s)" for t in _TIMES)
+    cube = bar(1, 0.1).grid
+    scene = single(cube, _ALUMINIUM, 1000.0, jt.Surroundings(300.0))
 
     def at(dt: float):
         solution = jt.simulate(scene, _TIMES[-1], _TIMES, solver=jt.TRBDF2(dt))
-        temperatures = np.asarray(solution.mean_temperature)[:, 0].tolist()
-        return values(
-            names, unit="K", expected=_COOLING, computed=temperatures, tolerance=0.1
-        )
+        temperatures = np.asarray(solution.mean_temperature)[:, 0]
+        return values(expected=_COOLING, computed=temperatures, unit="K", tolerance=0.1)
 
     return converge(at, (20.0, 10.0, 5.0), expected=2.0)
 

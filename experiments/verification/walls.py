@@ -8,19 +8,9 @@ import jaxthermo as jt
 from jaxthermo.constants import ZERO_CELSIUS
 from jaxthermo.reference.radiation import sol_air_temperature
 
-from ..harness.case import Check, Row, case, converge, relative, values
-from .bodies import (
-    LEFT,
-    RIGHT,
-    Bar,
-    bar,
-    between,
-    conductor,
-    full,
-    mirrored,
-    of_blocks,
-    single,
-)
+from ..harness.case import Check, Row, case, converge, values
+from ..harness.scenes import full, single
+from .bodies import LEFT, RIGHT, Bar, bar, between, conductor, mirrored, of_blocks
 
 
 def _on_bar(row: Bar, material, *terms) -> np.ndarray:
@@ -61,9 +51,9 @@ def _wall() -> Iterator[Check]:
     bodies = (
         full(copper.grid, conductor(401.0), cold),
         full(
-            cover.grid,
+            grid=cover.grid,
             material=conductor(0.2),
-            start=cold,
+            temperature=cold,
             x=(copper.length + cover.length) / 2,
         ),
     )
@@ -76,20 +66,21 @@ def _wall() -> Iterator[Check]:
     copper_surface = np.asarray(solution.of_body(0))[0]
     cover_surface = np.asarray(solution.of_body(1))[0]
     heat = float(solution.heat_rates.mechanisms["fixed_temperature"])
-    computed = (
-        heat / pitch**2,
-        copper.end(copper_surface, RIGHT) - cold,
-        cover.end(cover_surface, LEFT) - cold,
-        cover.end(cover_surface, RIGHT) - cold,
+    temperatures = np.array(
+        [
+            copper.end(copper_surface, RIGHT),
+            cover.end(cover_surface, LEFT),
+            cover.end(cover_surface, RIGHT),
+        ]
     )
-    for (name, exact), value in zip(_composite().items(), computed, strict=True):
-        yield relative(
-            name,
-            unit="W/m^2" if name == "q" else "degC",
-            expected=exact,
-            computed=value,
-            fraction=1e-9,
-        )
+    exact = _composite()
+    flux = {"q": exact.pop("q")}
+    yield from values(
+        expected=flux, computed=[heat / pitch**2], unit="W/m^2", fraction=1e-9
+    )
+    yield from values(
+        expected=exact, computed=temperatures - cold, unit="degC", fraction=1e-9
+    )
 
 
 @case(
@@ -104,12 +95,12 @@ def _source() -> tuple[Check, ...]:
     air = jt.Convection(20.0, 300.0, on=RIGHT)
     surface = _on_bar(row, conductor(1.0), jt.HeatSource(1e4), air)
     # On cells the first node has what the centre has.
-    excesses = [float(surface[row.along[0]]) - 300.0, row.end(surface, RIGHT) - 300.0]
+    centre = float(surface[row.along[0]])
+    excesses = [centre - 300.0, row.end(surface, RIGHT) - 300.0]
     return values(
-        ("centre", "surface"),
-        unit="K",
-        expected=(100.0, 50.0),
+        expected={"centre": 100.0, "surface": 50.0},
         computed=excesses,
+        unit="K",
         tolerance=1e-6,
     )
 
@@ -121,7 +112,7 @@ def _source() -> tuple[Check, ...]:
     requirement="0.1 K",
     method="4 voxels in an insulating sleeve; steady",
 )
-def _radiating_end() -> Iterator[Check]:
+def _radiating_end() -> tuple[Check, ...]:
     row = bar(4, 0.025)
     # Surroundings act on every bare surface: a sleeve without contact covers the
     # sides. 1e-9 W/(m^2 K) leak into the sleeve, so that it has a steady state.
@@ -137,8 +128,8 @@ def _radiating_end() -> Iterator[Check]:
     terms = (hot, jt.Surroundings(300.0), jt.Contact(1e-9))
     solution = jt.steady(jt.Scene(bodies, terms, dtype="float64"))
     end = row.end(np.asarray(solution.of_body(0))[0], RIGHT)
-    yield Check(
-        name="radiating end", unit="K", expected=927.00395, computed=end, tolerance=0.1
+    return values(
+        expected={"radiating end": 927.00395}, computed=[end], unit="K", tolerance=0.1
     )
 
 
@@ -150,20 +141,19 @@ def _radiating_end() -> Iterator[Check]:
     method="40 voxels of 40 mm; steady",
 )
 def _slab_with_source() -> Row:
-    def at(cells: int) -> Iterator[Check]:
+    places = (0.0, 0.4, 0.8, 1.2)
+    exact = {f"T({x:g} m)": 300.0 + 1280.0 * (1.0 - x * x / 2.56) for x in places}
+
+    def at(cells: int) -> tuple[Check, ...]:
         row = bar(cells, 1.6 / cells)
         cold = jt.FixedTemperature(300.0, on=RIGHT)
         surface = _on_bar(row, conductor(10.0), jt.HeatSource(1e4), cold)
-        places = (0.0, 0.4, 0.8, 1.2)
-        temperatures = between(*mirrored(row.depth, surface[row.along]), places)
-        for x, now in zip(places, temperatures, strict=True):
-            exact = 300.0 + 1280.0 * (1.0 - x * x / 2.56)
-            yield relative(
-                f"T({x:g} m)", unit="K", expected=exact, computed=now, fraction=5e-4
-            )
+        depth, profile = mirrored(row.depth, surface[row.along])
+        temperatures = between(depth, profile, places)
+        return values(expected=exact, computed=temperatures, unit="K", fraction=5e-4)
 
     # Nodes of cells stand q h^2 / 8 k above the parabola: of second order.
-    return converge(at, (10, 20, 40), 1.6, expected=2.0)
+    return converge(measure=at, at=(10, 20, 40), length=1.6, expected=2.0)
 
 
 @case(
@@ -173,18 +163,19 @@ def _slab_with_source() -> Row:
     requirement="none stated; 1e-9 relative as for V13",
     method="one body of 4 and 4 voxels; steady",
 )
-def _two_metals() -> Iterator[Check]:
+def _two_metals() -> tuple[Check, ...]:
     # 40 cm of each.
     row = bar(8, 0.1)
     beyond = jt.Region(lower=(0.0, -1.0, -1.0), upper=(1.0, 1.0, 1.0))
     iron = jt.Material(80.2, 1.0, 3.5179e6)
-    metals = jt.MaterialMap(jt.Material(401.0, 1.0, 3.4392e6), ((beyond, iron),))
+    copper = jt.Material(401.0, 1.0, 3.4392e6)
+    metals = jt.MaterialMap(copper, ((beyond, iron),))
     ends = map(jt.FixedTemperature, (600.0, 0.0), (LEFT, RIGHT))
     nodes = _on_bar(row, metals, *ends)[row.along]
     # Half cells in series: the mean of both nodes by their conductivities.
     interface = (401.0 * nodes[3] + 80.2 * nodes[4]) / (401.0 + 80.2)
-    yield relative(
-        "interface", unit="K", expected=500.0, computed=interface, fraction=1e-9
+    return values(
+        expected={"interface": 500.0}, computed=[interface], unit="K", fraction=1e-9
     )
 
 
@@ -206,16 +197,14 @@ def _sol_air() -> tuple[Check, ...]:
         row.end(_on_bar(row, painted, *terms), RIGHT) - ZERO_CELSIUS
         for terms in ((air, sun), (air, sun, to_sky))
     ]
-    names = ("wall", "with 0.9 x 63 W/m^2 to the sky")
-    exact = [
-        sol_air_temperature(
-            35.0, absorbed=900.0, heat_transfer_coefficient=17.0, to_sky=sky
+    losses = {"wall": 0.0, "with 0.9 x 63 W/m^2 to the sky": 0.9 * 63.0}
+    exact = {
+        name: sol_air_temperature(
+            35.0, absorbed=900.0, heat_transfer_coefficient=17.0, to_sky=loss
         )
-        for sky in (0.0, 0.9 * 63.0)
-    ]
-    return values(
-        names, unit="degC", expected=exact, computed=temperatures, tolerance=1e-6
-    )
+        for name, loss in losses.items()
+    }
+    return values(expected=exact, computed=temperatures, unit="degC", tolerance=1e-6)
 
 
 # Of 16 x 8 x 1 voxels [m]; one watt in all goes in through x = 2 m [W/m^2].
@@ -268,7 +257,8 @@ def _gaussian(grid: jt.VoxelGrid, amplitude: float) -> Iterator[jt.HeatSource]:
     # The compliance does not depend on where in a slice the heat is released.
     x, y = (_PITCH * (np.arange(n) + 0.5) for n in grid.lattice.shape[:2])
     square = (x[:, None] - 1.0) ** 2 + (y[None] - 0.5) ** 2
-    mean = (amplitude * np.exp(-square / (2 * 0.2**2))).mean(axis=1)
+    gaussian = amplitude * np.exp(-square / (2 * 0.2**2))
+    mean = gaussian.mean(axis=1)
     left = float(grid.origin[0])
     for i, density in enumerate(mean):
         lower = (left + i * _PITCH, -9.0, -9.0)
@@ -283,14 +273,11 @@ def _gaussian(grid: jt.VoxelGrid, amplitude: float) -> Iterator[jt.HeatSource]:
     requirement="none stated; 1e-6 relative, its digits",
     method="16 x 8 x 1 voxels; steady",
 )
-def _forward() -> Iterator[Check]:
+def _forward() -> tuple[Check, ...]:
     grid = _slab()
-    for density, listed in _FORWARD.items():
-        compliance = _compliance(grid, density)
-        name = f"compliance, density {density:g}"
-        yield relative(
-            name, unit="W K", expected=listed, computed=compliance, fraction=_ROUNDING
-        )
+    compliances = [_compliance(grid, density) for density in _FORWARD]
+    listed = {f"compliance, density {x:g}": value for x, value in _FORWARD.items()}
+    return values(expected=listed, computed=compliances, unit="W K", fraction=_ROUNDING)
 
 
 @case(
@@ -300,14 +287,16 @@ def _forward() -> Iterator[Check]:
     requirement="none stated; 1e-6 relative, its digits",
     method="16 x 8 x 1 voxels, a source for each of 16 slices; steady",
 )
-def _forward_with_source() -> Iterator[Check]:
+def _forward_with_source() -> tuple[Check, ...]:
     grid = _slab()
-    for amplitude, listed in _WITH_SOURCE.items():
-        compliance = _compliance(grid, 0.5, *_gaussian(grid, amplitude))
-        name = f"compliance, amplitude {amplitude:g}"
-        yield relative(
-            name, unit="W K", expected=listed, computed=compliance, fraction=_ROUNDING
-        )
+    compliances = [
+        _compliance(grid, 0.5, *_gaussian(grid, amplitude))
+        for amplitude in _WITH_SOURCE
+    ]
+    listed = {
+        f"compliance, amplitude {x:g}": value for x, value in _WITH_SOURCE.items()
+    }
+    return values(expected=listed, computed=compliances, unit="W K", fraction=_ROUNDING)
 
 
 CASES = (

@@ -19,8 +19,8 @@ from jaxthermo.physics.contact.search import (
 )
 from jaxthermo.report.chart import Chart
 from jaxthermo.report.sheet import Legend, Tile, sheet
+from jaxthermo.timing import timed_call
 
-from ...harness.timing import timed_call
 from ..exhibit import Finding, Numbers, exhibit, judged
 from ..line_chart import CurvePoint, log_chart
 from ..shaded import camera_on, in_world, shaded

@@ -13,9 +13,9 @@ from jaxthermo.material.table import thesis_material
 from jaxthermo.provenance import processor
 from jaxthermo.report.chart import Chart
 from jaxthermo.report.numbers import significant
+from jaxthermo.timing import Spread, interleaved
 
 from ...harness.meshes import mesh_files
-from ...harness.timing import Spread, interleaved
 from ..bodies import CONFIGS, buddha
 from ..exhibit import Finding, Numbers, Verdict, exhibit
 from ..line_chart import ALONE, CurvePoint, log_chart

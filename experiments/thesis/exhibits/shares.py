@@ -10,10 +10,10 @@ import jaxthermo as jt
 from jaxthermo.image.surface.camera import frame_all
 from jaxthermo.provenance import processor
 from jaxthermo.report.chart import Chart, legend
+from jaxthermo.timing import interleaved, timed_call
 
 from ...benchmarks.mixed import Runner
 from ...harness.meshes import START, STEEL
-from ...harness.timing import interleaved, timed_call
 from ..bodies import buddha
 from ..exhibit import Finding, Numbers, Verdict, exhibit, judged
 from ..line_chart import COLOURS

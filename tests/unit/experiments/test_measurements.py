@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from experiments import benchmark_group, catalogue
-from experiments.harness.measurement import Measurement, measurement_of, plain_rows
+from experiments.harness.measurement import Measurement, plain_rows
 from jaxthermo.errors import InputError
 
 
@@ -44,7 +44,7 @@ def test_times_are_shown_in_the_unit_of_ours():
 
 def test_plain_values_give_the_same_measurement():
     plain = json.loads(json.dumps(plain_rows([FAST, PLAIN])))
-    found = [measurement_of(row) for row in plain]
+    found = [Measurement(**row) for row in plain]
     assert plain_rows(found) == plain and found[0].ratio == FAST.ratio
 
 
@@ -56,13 +56,13 @@ def result_of(*rows: Measurement, **more) -> dict:
 def made_up(monkeypatch, results):
     """Benchmarks that end with a result or an error, without being run."""
 
-    def ended(experiment, folder, quick, options):
+    def ended(function, experiment, folder, quick, **options):
         found = results[experiment.name]
         if isinstance(found, Exception):
             raise found
         return found
 
-    monkeypatch.setattr(benchmark_group, "_in_own_process", ended)
+    monkeypatch.setattr(benchmark_group, "in_new_process", ended)
     return [e for e in catalogue.EXPERIMENTS if e.name in results]
 
 

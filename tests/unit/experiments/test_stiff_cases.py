@@ -85,13 +85,7 @@ def test_a_run_out_of_bounds_or_energy_fails():
 
     def row(bounds, limits=LIMITS, ran=ran):
         return _row_of(
-            "",
-            dtype="float64",
-            method=method,
-            ran=ran,
-            bounds=bounds,
-            limits=limits,
-            max_newton=None,
+            ran, dtype="float64", bounds=bounds, limits=limits, max_newton=None
         )
 
     assert row((300.0, 400.0)).verdict == PASS
