@@ -169,7 +169,9 @@ def run(folder: Path, height: int = 110) -> _Result:
     ]
     on_body = np.asarray(images[0].object_id) >= 0
     columns = np.flatnonzero(on_body.any(0))
-    cut = slice(max(0, int(columns[0]) - _AROUND), int(columns[-1]) + _AROUND)
+    leftmost = max(0, int(columns[0]) - _AROUND)
+    rightmost = int(columns[-1]) + _AROUND
+    cut = slice(leftmost, rightmost)
     inside = np.asarray(binary_erosion(on_body, iterations=_MARGIN), bool)
     rows: list[_Row] = []
     previous_kelvin = kelvin[0]
@@ -207,7 +209,8 @@ def run(folder: Path, height: int = 110) -> _Result:
 
 
 def _frames(rungs, kelvin, on_body, inside, cut):
-    low, high = (float(q) for q in np.quantile(kelvin[2][inside], [0.001, 0.999]))
+    shown_range = np.quantile(kelvin[2][inside], [0.001, 0.999])
+    low, high = shown_range.tolist()
     tiles = [
         thermal_tile(
             k[:, cut],

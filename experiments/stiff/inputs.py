@@ -27,11 +27,10 @@ _PITCH = 0.01
 
 def _with_slivers(mesh: Mesh) -> Mesh:
     """Zero-area triangles: two corners the same, and three in a line."""
-    first = mesh.faces[0]
-    middle = mesh.vertices[first[:2]].mean(0)
-    added = np.array(
-        [[first[0], first[0], first[1]], [first[0], len(mesh.vertices), first[1]]]
-    )
+    a, b, _ = mesh.faces[0]
+    middle = mesh.vertices[[a, b]].mean(0)
+    middle_number = len(mesh.vertices)
+    added = np.array([[a, a, b], [a, middle_number, b]])
     return replace(
         mesh,
         vertices=np.concatenate([mesh.vertices, middle[None]]),

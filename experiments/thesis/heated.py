@@ -180,7 +180,8 @@ def thermal_sheet(
     tiles = []
     for name, statues in shots.items():
         strips = [strip for shot in statues for strip in (gap, _coloured(shot, high))]
-        tiles.append(Tile(np.concatenate(strips[1:], axis=1), name, " | ".join(runs)))
+        pixels = np.concatenate(strips[1:], axis=1)
+        tiles.append(Tile(pixels, name, " | ".join(runs)))
     bar = colour_bar(0.0, high, "rise of the surface temperature [K]")
     return sheet(tiles, bar, " | ".join(runs), columns or len(views))
 

@@ -74,7 +74,8 @@ def measure_knots() -> list[Numbers]:
 
 def _knot(reynolds: float, average: float, *, recalled: bool) -> Numbers:
     local = local_number(DEGREES, reynolds)
-    is_minimum = (local[1:-1] < local[:-2]) & (local[1:-1] <= local[2:])
+    inner = local[1:-1]
+    is_minimum = (inner < local[:-2]) & (inner <= local[2:])
     errors = [
         abs(np.interp(float(row["theta_deg"]), DEGREES, local) - float(row["Nu"]))
         for row in tabulated()

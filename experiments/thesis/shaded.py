@@ -107,6 +107,6 @@ def with_box(
     draw = ImageDraw.Draw(image)
     for a, b in combinations(range(8), 2):
         if np.abs(_CORNERS[a] - _CORNERS[b]).sum() == 1:
-            line = (*corners[a, :2].tolist(), *corners[b, :2].tolist())
-            draw.line(line, fill=BOX, width=1)
+            ends = corners[[a, b], :2]
+            draw.line(ends.ravel().tolist(), fill=BOX, width=1)
     return np.asarray(image)

@@ -25,27 +25,27 @@ def draw(triangle: Float[np.ndarray, "3 3"], width: int, height: int) -> _DrawnT
     """Draw one triangle (column, row, depth) of an image."""
     corners = np.round(triangle[:, :2] * SNAP).astype(np.int64)
     pixels = _covered(corners, width, height)
+    column = pixels[:, 0]
+    row = pixels[:, 1]
     if not len(pixels):
-        return _DrawnTriangle(column=pixels[:, 0], row=pixels[:, 1], depth=np.zeros(0))
+        return _DrawnTriangle(column=column, row=row, depth=np.zeros(0))
     # Barycentric weights by a linear solve, not by edge functions.
     matrix = np.column_stack([corners, np.full(3, SNAP)]) / SNAP
     centres = np.column_stack([pixels + 0.5, np.ones(len(pixels))])
     weights = np.linalg.solve(matrix.T, centres.T)
-    plane = weights.T @ triangle[:, 2]
-    return _DrawnTriangle(
-        column=pixels[:, 0],
-        row=pixels[:, 1],
-        depth=np.clip(plane, triangle[:, 2].min(), triangle[:, 2].max()),
-    )
+    corner_depth = triangle[:, 2]
+    plane = weights.T @ corner_depth
+    depth = np.clip(plane, corner_depth.min(), corner_depth.max())
+    return _DrawnTriangle(column=column, row=row, depth=depth)
 
 
 def _covered(corners: np.ndarray, width: int, height: int) -> np.ndarray:
     """Pixel centres (column, row) inside a snapped triangle, ties as in `fragments`."""
     low = np.maximum((corners.min(0) - SNAP // 2) // SNAP, 0)
     high = np.minimum((corners.max(0) + SNAP // 2) // SNAP, (width - 1, height - 1))
-    columns, rows = np.meshgrid(
-        np.arange(low[0], high[0] + 1), np.arange(low[1], high[1] + 1)
-    )
+    column_range = np.arange(low[0], high[0] + 1)
+    row_range = np.arange(low[1], high[1] + 1)
+    columns, rows = np.meshgrid(column_range, row_range)
     x = columns.ravel() * SNAP + SNAP // 2
     y = rows.ravel() * SNAP + SNAP // 2
     edges_to_the_right = np.zeros(x.shape, int)

@@ -25,6 +25,8 @@ from jaxthermo.config.loader import config_hash, load_config, resolved
 from jaxthermo.image.colour.palette import palette_names
 from jaxthermo.image.files.exr import _exr_channels, read_exr
 from jaxthermo.image.surface.camera import frame_all
+from jaxthermo.structures.report import structure_report
+from tests.bodies import blocks
 
 
 SECOND_BODY = """
@@ -225,9 +227,13 @@ def test_the_terminal_and_the_summary_tell_the_structure(scene, out, structure, 
     ],
 )
 def test_capacity_that_is_missing_or_too_much_is_told(ratio, share):
-    report = {"kind": "ShellOverCore", "nodes": 2, "links": 1, "capacity_ratio": ratio}
-    report |= {"options": {"layers": 1, "factor": 4}, "pitch_m": 0.005}
-    first, *remarks = _structure_lines({**report, "bytes_float32": {"total": 2048}})
+    grid = blocks(np.ones((8, 8, 8), bool), 0.005)
+    report = structure_report(jt.ShellOverCore(grid, factor=4))
+    report["nodes"] = 2
+    report["links"] = 1
+    report["capacity_ratio"] = ratio
+    report["bytes_float32"]["total"] = 2048
+    first, *remarks = _structure_lines(report)
     assert first == "shell over core x4 (blocks of 20 mm): 2 nodes, 1 link, 2.0 KiB"
     told = [f"the structure holds {share} of the body's heat capacity"]
     assert remarks == (told if share else [])

@@ -142,7 +142,8 @@ def offset_blocks() -> _Overlap:
     assert solution.heat_flux is not None
     pairs = find_contacts(PlacedGrid(grid), PlacedGrid(grid, pose))
     is_touching = np.concatenate([pairs.coverage_a, pairs.coverage_b]) > 0
-    rate = np.abs(np.asarray(solution.heat_flux[-1]) * np.tile(grid.fragment_area, 2))
+    area = np.tile(grid.fragment_area, 2)
+    rate = np.abs(np.asarray(solution.heat_flux[-1]) * area)
     exact = np.prod([_EDGE - offset for offset in _OFFSET])
     return _Overlap(
         area=float(pairs.area.sum() / exact),

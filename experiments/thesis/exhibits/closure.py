@@ -201,7 +201,9 @@ def _square_rod(reynolds: float, cells: int, passes: float) -> SquareRod:
     channel = wake_channel(reynolds, setup, heated=True)
     middle = channel.body.centre
     row, column = np.indices(channel.shape) + 0.5
-    off_centre = np.maximum(np.abs(column - middle[0]), np.abs(row - middle[1]))
+    off_column = np.abs(column - middle[0])
+    off_row = np.abs(row - middle[1])
+    off_centre = np.maximum(off_column, off_row)
     channel = replace(channel, body=off_centre < cells / 2)
     steps = round(passes * channel.shape[1] / float(channel.speed))
     run = simulate_flow(channel, steps, average_from=0.9)

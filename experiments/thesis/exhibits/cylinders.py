@@ -93,7 +93,8 @@ def _upright_view(
     corners = grid.mesh.triangles.reshape(-1, 3) @ frame.T
     pixel = _PIXEL * grid.pitch
     # A margin of four pixels, for outlines that are wider than the body.
-    width, height = np.ceil(np.ptp(corners, axis=0)[:2] / pixel).astype(int) + 8
+    size = np.ptp(corners, axis=0)[:2] / pixel
+    width, height = np.ceil(size).astype(int) + 8
     corner = corners.min(0) - np.array([4.0, 4.0, 0.0]) * pixel
     return OrthographicView(frame, corner, pixel, int(width), int(height))
 

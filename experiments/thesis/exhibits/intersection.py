@@ -134,7 +134,9 @@ class _Balls(NamedTuple):
     def box(self) -> Float[np.ndarray, "2 3"]:
         """Lowest and highest corner of what their bounding boxes share [m]."""
         bounds = np.stack([mesh.bounds for mesh in self.meshes])
-        return np.stack([bounds[:, 0].max(axis=0), bounds[:, 1].min(axis=0)])
+        lowest = bounds[:, 0].max(axis=0)
+        highest = bounds[:, 1].min(axis=0)
+        return np.stack([lowest, highest])
 
     @property
     def cap_heights(self) -> tuple[float, float]:
@@ -179,7 +181,8 @@ def bounds_along(balls: _Balls, axis: int, rays: int) -> Bounds:
     views = [column_axis, row_axis]
     triangles = np.concatenate([mesh.triangles for mesh in balls.meshes])
     frame = triangles[..., [*views, axis]].copy()
-    frame[..., :2] = (frame[..., :2] - low[views]) / (high - low)[views] * rays
+    size = high[views] - low[views]
+    frame[..., :2] = (frame[..., :2] - low[views]) / size * rays
     layers = peel(frame, rays, rays)
     body = (layers.triangle >= len(balls.meshes[0].faces)).astype(int)
     step = np.where(layers.entering, 1, -1)
@@ -229,10 +232,12 @@ def _blocks(bounds: Bounds) -> jt.Mesh:
     half = bounds.cell / 2
     sides = []
     for axis in range(3):
+        next_axis = (axis + 1) % 3
+        last_axis = (axis + 2) % 3
         corners = np.zeros((4, 3))
         corners[:, axis] = -np.sign(_DIRECTION[axis]) * half[axis]
-        corners[:, (axis + 1) % 3] = half[(axis + 1) % 3] * np.array([-1, 1, 1, -1])
-        corners[:, (axis + 2) % 3] = half[(axis + 2) % 3] * np.array([-1, -1, 1, 1])
+        corners[:, next_axis] = half[next_axis] * np.array([-1, 1, 1, -1])
+        corners[:, last_axis] = half[last_axis] * np.array([-1, -1, 1, 1])
         sides.append((middle[:, None] + corners).reshape(-1, 3))
     first = 4 * np.arange(3 * len(middle))[:, None]
     faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
@@ -271,7 +276,8 @@ def _rays_picture(balls: _Balls, bounds: Bounds, rays: int) -> np.ndarray:
     enters = bounds.enters[cut]
     for start, end in zip(crossings[enters], crossings[~enters], strict=True):
         line = (*at(start[along], start[up]), *at(end[along], end[up]))
-        draw.line(line, fill=_AXES[bounds.axis], width=max(1, int(_THICK / rays)))
+        width = max(1, int(_THICK / rays))
+        draw.line(line, fill=_AXES[bounds.axis], width=width)
     draw.rectangle((left, top, right, bottom), outline=BOX)
     for mesh, radius, colour in zip(balls.meshes, balls.radii, _SURFACES, strict=True):
         ball = mesh.bounds.mean(axis=0)

@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 from calibrate.study.case import Case, build_case, plan_case
 from calibrate.study.front import Point, points_of
-from calibrate.study.sweep import Log, Options, run_sweep
+from calibrate.study.sweep import Options, run_sweep
 from calibrate.study.times import time_case
+from jaxthermo.console.progress import SILENT
 from jaxthermo.report.chart import Chart
 from jaxthermo.timing import Spread
 
@@ -106,7 +107,7 @@ def _sweep(quick: bool) -> Swept:
     with TemporaryDirectory() as folder:
         overrides = _QUICK if quick else ()
         options = Options(times=False)
-        sweep = run_sweep(_SWEEP, Path(folder), overrides, options, Log())
+        sweep = run_sweep(_SWEEP, Path(folder), overrides, options, SILENT)
         rows = [sweep.rows[case.id] for case in sweep.cases]
     points = points_of(rows, [], {load.name for load in sweep.config.loads})
     work = {

@@ -257,7 +257,9 @@ def _panel() -> Numbers:
     """A14: a black plate, 2 x 2 m at 1000 degC, 1 m above an element."""
     plate = jt.AreaSource((0, 0, 1.0), (0, 0, -1.0), (2.0, 2.0), temperature=1273.15)
     up = np.array([[0.0, 0.0, 1.0]])
-    exposure = plate.exposure(np.zeros((0, 3, 3)), np.zeros((1, 3)), up, _PITCH)
+    element = np.zeros((1, 3))
+    no_obstacles = np.zeros((0, 3, 3))
+    exposure = plate.exposure(no_obstacles, element, up, _PITCH)
     exact = STEFAN_BOLTZMANN * 1273.15**4 * 4 * element_to_rectangle(1.0, 1.0, 1.0)
     irradiance = float(plate.strength * exposure[0])
     return _check("hot plate over an element, A14 [W/m²]", irradiance, exact)

@@ -22,7 +22,8 @@ STRAIGHT = Pose().rotation
 
 
 def overlaps(a, b, translation, rotation=STRAIGHT):
-    moved = Pose(tuple(float(x) for x in translation), rotation)
+    x, y, z = (float(length) for length in translation)
+    moved = Pose((x, y, z), rotation)
     return find_overlaps((PlacedGrid(a, Pose()), PlacedGrid(b, moved)))
 
 
