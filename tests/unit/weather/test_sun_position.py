@@ -2,6 +2,7 @@
 
 import importlib.util
 from datetime import UTC, datetime, timedelta, timezone
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import pytest
@@ -60,6 +61,14 @@ def test_path_over_a_leap_day():
     leap_noon = datetime(2024, 2, 29, 12, tzinfo=UTC)
     exact = directions(GOLDEN, [leap_noon])[0]
     assert_allclose(path(86400.0), exact, atol=1e-9)
+
+
+def test_path_over_a_change_of_the_clock():
+    """Zürich's clocks jumped from 2 to 3 o'clock on 31 March 2024."""
+    start = datetime(2024, 3, 30, 12, tzinfo=ZoneInfo("Europe/Zurich"))
+    path = sun_path(Place(47.4, 8.5), start, 86400.0)
+    exact = sun_path(Place(47.4, 8.5), start.astimezone(UTC), 86400.0)
+    assert_array_equal(path(86400.0), exact(86400.0))
 
 
 def test_mistakes(monkeypatch):
