@@ -154,12 +154,16 @@ def _with_surface(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     fragment_area = float(area[~lost].sum())
     voxel_volume = np.count_nonzero(solid) * lattice.pitch**3
     hidden_area = float((lattice.pitch**2 / slope[hidden]).sum())
+    true = _Sizes(area=mesh.area, volume=mesh.volume)
     unreliable = _unreliable_because(
-        mesh, area=fragment_area, volume=voxel_volume, hidden_area=hidden_area
+        mesh,
+        true=true,
+        voxelized=_Sizes(area=fragment_area, volume=voxel_volume),
+        hidden_area=hidden_area,
     )
     # True over voxelized area and volume; 1 where that would hide lost parts.
-    area_ratio = 1.0 if unreliable else mesh.area / fragment_area
-    volume_ratio = 1.0 if unreliable else mesh.volume / voxel_volume
+    area_ratio = 1.0 if unreliable else true.area / fragment_area
+    volume_ratio = 1.0 if unreliable else true.volume / voxel_volume
     packed = np.zeros(len(lost), np.int32)
     packed[~lost] = rank_in_group(fragments.ray[~lost])
     # In lattice order the solver's gathers and scatters walk memory forwards.
@@ -210,11 +214,13 @@ def _with_crossings(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     del cut_cells
     slope = patches.area
     solid_count = np.count_nonzero(solid)
-    unreliable = _unreliable_because(
-        mesh,
+    true = _Sizes(area=mesh.area, volume=mesh.volume)
+    voxelized = _Sizes(
         area=float(pitch**2 * slope[:count].sum()),
         volume=(solid_count + float((shapes.volume - 1).sum())) * pitch**3,
-        hidden_area=hidden_area,
+    )
+    unreliable = _unreliable_because(
+        mesh, true=true, voxelized=voxelized, hidden_area=hidden_area
     )
     if not unreliable:
         slope = areas_of_mesh(patches, lattice.to_cells(mesh.triangles), lattice.shape)
@@ -231,7 +237,7 @@ def _with_crossings(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     del shapes
     cut = limited(cut, solid)
     volume = (solid_count + float((cut.volume - 1).sum())) * pitch**3
-    ratios = (mesh.area / float(area.sum()), mesh.volume / volume)
+    ratios = (true.area / float(area.sum()), true.volume / volume)
     # A larger difference means lost parts, which the other parts must not stand for.
     is_scaled = [not unreliable and abs(r - 1) <= MAX_DIFFERENCE for r in ratios]
     area_ratio, volume_ratio = np.where(is_scaled, ratios, 1.0).tolist()
@@ -390,20 +396,29 @@ _MAX_RATIO = 2.0
 _MAX_OVERLAP = 2e-3
 
 
-def _unreliable_because(
-    mesh: Mesh, area: float, volume: float, hidden_area: float
-) -> str:
-    """Reason why a body's true and voxelized sizes are unreliable; empty for none.
+class _Sizes(NamedTuple):
+    """Area and volume of a body, of its mesh or of its voxels."""
 
-    The area [m^2] and the volume [m^3] are those of the voxels.
-    """
+    area: float
+    """Area of the surface [m^2]."""
+    volume: float
+    """Enclosed volume [m^3]."""
+
+
+def _unreliable_because(
+    mesh: Mesh, true: _Sizes, voxelized: _Sizes, hidden_area: float
+) -> str:
+    """Reason why true and voxelized sizes are unreliable; empty for none."""
     edges = mesh.open_edges
     if edges:
         return f"the mesh is open ({edges} open edges): it has no volume of its own"
-    overlap = hidden_area / (area + hidden_area)
+    overlap = hidden_area / (voxelized.area + hidden_area)
     if overlap > _MAX_OVERLAP:
         return f"parts overlap or touch: {overlap:.1%} of the surface lies inside"
-    ratios = {"area": mesh.area / area, "volume": mesh.volume / volume}
+    ratios = {
+        "area": true.area / voxelized.area,
+        "volume": true.volume / voxelized.volume,
+    }
     for quantity, ratio in ratios.items():
         if not 1 / _MAX_RATIO < ratio < _MAX_RATIO:
             return (
