@@ -53,7 +53,7 @@ class _Groups(TypedDict, Generic[_T]):
 
 
 def each_group(groups: _Groups[_T]) -> Iterator[tuple[Group, _T]]:
-    """_Groups that a record has, by their names."""
+    """Groups that a record has, each with its name."""
     yield "train", groups["train"]
     if "held_out" in groups:
         yield "held_out", groups["held_out"]

@@ -166,7 +166,7 @@ def _measured(
             spans=spans,
             bound=_BOUND,
             notes={"ours": note, "kernels": note},
-            others={form: peer for form, peer in peers.items() if form in spans},
+            slower_forms={form: peer for form, peer in peers.items() if form in spans},
         )
         results.append(
             {

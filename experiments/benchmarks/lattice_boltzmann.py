@@ -207,12 +207,14 @@ def _measurements(shape: tuple[int, int], spans: Spans) -> list[Measurement]:
     for form in ("ours", "kernels"):
         speed = 1e-6 * cells / float(np.median(spans[form]))
         notes[form] = f"{speed:.3g} million lattice updates a second"
-    others = {
+    slower_forms = {
         "textbook": "the textbook's step",
         "copy": "copy of the populations, one thread",
     }
     return [
-        *kernel_rows(name=name, spans=spans, bound=_BOUND, notes=notes, others=others),
+        *kernel_rows(
+            name=name, spans=spans, bound=_BOUND, notes=notes, slower_forms=slower_forms
+        ),
         Measurement(
             name, "s", spans["ours"], bound=cells / _UPDATES, note=notes["ours"]
         ),

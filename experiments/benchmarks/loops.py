@@ -35,16 +35,16 @@ def kernel_rows(
     *,
     bound: float,
     notes: Mapping[str, str],
-    others: Mapping[str, str],
+    slower_forms: Mapping[str, str],
 ) -> list[Measurement]:
-    """Our loops compared with numba's, and the first of them with others.
+    """Our loops compared with numba's, and the first of them with slower forms.
 
     Args:
         name: of what is measured.
         spans: times of an item [s], of "numba" and of those named below.
         bound: speed relative to numba that is required.
         notes: on our loops "ours" and "kernels".
-        others: names of slower forms, and of "copy", which no loop is faster than.
+        slower_forms: their names, and that of "copy", which no loop is faster than.
     """
     labels = {"ours": name, "kernels": f"{name}, kernels of numba"}
     rows = []
@@ -57,7 +57,7 @@ def kernel_rows(
             bound=bound,
             note=note,
         )
-    for form, peer in others.items():
+    for form, peer in slower_forms.items():
         peers = {peer: spans[form]}
         rows += compared(
             name=name, ours=spans["ours"], peers=peers, overhead=form == _COPY

@@ -147,7 +147,7 @@ def _measurements(shape: tuple[int, int, int], spans: Spans) -> list[Measurement
         spans=spans,
         bound=_BOUND,
         notes={"ours": f"{speed:.2g} billion lattice voxels a second"},
-        others={
+        slower_forms={
             "simple": "the same from rates",
             "copy": "copy of the state, one thread",
         },

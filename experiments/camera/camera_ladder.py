@@ -21,9 +21,9 @@ from jaxthermo.report.difference_scale import (
     difference_bar,
     nice_limit,
 )
-from jaxthermo.report.sheet import Tile, sheet
+from jaxthermo.report.sheet import Tile, colour_bar, sheet
 
-from ..harness.present import colour_bar, publish, table_of, thermal_tile
+from ..harness.present import publish, table_of, thermal_tile
 
 
 QUICK = {"height": 40}

@@ -243,8 +243,7 @@ def _gain(
     for i in plan.intervals:
         times = [i.start + fraction * (i.end - i.start) for fraction in _WITHIN]
         start, middle, end = system.amplitudes(times) @ system.heat[loaded].T
-        same = np.allclose([start, end], middle, rtol=1e-5)
-        if not same:
+        if not np.allclose([start, end], middle, rtol=1e-5):
             raise InputError(
                 "rivals written by hand have loads that are constant between events: "
                 f"one changes within {i.start:g} to {i.end:g} s"

@@ -8,11 +8,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxthermo.console.terminal import open_console
-from jaxthermo.image.colour.palette import apply_palette, palette_table
-from jaxthermo.image.colour.ticks import scale_ticks
+from jaxthermo.image.colour.palette import apply_palette
 from jaxthermo.report import page
 from jaxthermo.report.difference_scale import BACKGROUND
-from jaxthermo.report.sheet import ColourBar, Tile
+from jaxthermo.report.sheet import Tile
 from jaxthermo.report.table import Cell, Table
 
 
@@ -89,8 +88,3 @@ def thermal_tile(
     colours = apply_palette(values, *limits, palette)
     colours[~body] = BACKGROUND
     return Tile(colours, name, note)
-
-
-def colour_bar(low: float, high: float, title: str, palette: str = "iron") -> ColourBar:
-    """The scale of a palette with round numbers between its ends."""
-    return ColourBar(palette_table(palette), scale_ticks(low, high), title)

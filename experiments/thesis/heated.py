@@ -21,10 +21,9 @@ from jaxthermo.report.difference_scale import (
     difference_bar,
     nice_limit,
 )
-from jaxthermo.report.sheet import Tile, sheet
+from jaxthermo.report.sheet import Tile, colour_bar, sheet
 from jaxthermo.structures.structure import AbstractStructure
 
-from ..harness.present import colour_bar
 from .bodies import buddha, levels_at
 from .exhibit import rms
 

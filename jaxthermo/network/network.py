@@ -160,8 +160,8 @@ def listed_or_default(
 ) -> Float[Array, " m"]:
     """Values of an increasing list of indices at some of them, else a default."""
     # Searched: an array of all indices would be as large as a state.
-    place = jnp.searchsorted(listed, index).clip(max=len(listed) - 1)
-    return jnp.where(listed[place] == index, values[place], default)
+    slot = jnp.searchsorted(listed, index).clip(max=len(listed) - 1)
+    return jnp.where(listed[slot] == index, values[slot], default)
 
 
 @partial(jax.jit, inline=True)

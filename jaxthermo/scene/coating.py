@@ -2,11 +2,10 @@
 
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ..arrays import Numbers, is_traced
+from ..arrays import Numbers, is_traced, namespace
 from ..errors import InputError
 from ..module import Module
 from ..physics.flux_law import Values
@@ -89,7 +88,7 @@ class Coating(Module):
                 f"Coating(on={self.on!r}) selects no surface of its body: check its "
                 "corners or its normal, which are in the body's own frame, in metres"
             )
-        xp: Any = jnp if is_traced((values, below)) else np
+        xp = namespace((values, below))
         return xp.where(where, xp.asarray(values, below.dtype), below)
 
 

@@ -14,11 +14,11 @@ from jaxthermo.constants import ZERO_CELSIUS
 from jaxthermo.image.colour.palette import apply_palette
 from jaxthermo.physics.contact.rays import PlacedGrid
 from jaxthermo.physics.contact.search import ContactPairs, find_contacts
-from jaxthermo.report.sheet import Tile, enlarged, sheet
+from jaxthermo.report.sheet import Tile, colour_bar, enlarged, sheet
 from jaxthermo.voxels.lattice import pixel_axes
 
 from ...harness.meshes import mesh_files
-from ...harness.present import colour_bar, thermal_tile
+from ...harness.present import thermal_tile
 from ..bodies import CONFIGS, planck
 from ..exhibit import Finding, exhibit, judged
 

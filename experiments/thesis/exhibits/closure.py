@@ -22,9 +22,9 @@ from jaxthermo.flow.run import FlowRun, simulate_flow
 from jaxthermo.flow.wake_runs import PRANDTL, wake_channel, wake_run, wake_setup
 from jaxthermo.physics.convection.nusselt import churchill_bernstein
 from jaxthermo.report.chart import Chart
-from jaxthermo.report.sheet import Tile, enlarged, sheet
+from jaxthermo.report.sheet import Tile, colour_bar, enlarged, sheet
 
-from ...harness.present import colour_bar, thermal_tile
+from ...harness.present import thermal_tile
 from ..exhibit import Finding, Numbers, Verdict, exhibit, judged, rms
 from ..line_chart import DOT, SHADES, angle_axis, curve, curve_chart
 from ..nusselt import local_number, mean_number

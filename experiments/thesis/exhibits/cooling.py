@@ -17,10 +17,10 @@ from jaxthermo.image.surface.camera import frame_all
 from jaxthermo.physics.convection.air import kinematic_viscosity, prandtl
 from jaxthermo.physics.convection.nusselt import AVERAGES, churchill_bernstein
 from jaxthermo.report.chart import Chart
-from jaxthermo.report.sheet import sheet
+from jaxthermo.report.sheet import colour_bar, sheet
 from jaxthermo.voxels.cylinders import cylinder_parts
 
-from ...harness.present import colour_bar, thermal_tile
+from ...harness.present import thermal_tile
 from ..bodies import buddha
 from ..exhibit import Finding, Numbers, exhibit, judged
 from ..line_chart import LINE_AND_DOT, SHADES, angle_axis, curve, curve_chart

@@ -15,9 +15,9 @@ from jaxthermo.image.radiance.response import BANDS
 from jaxthermo.image.surface.camera import Camera, frame_all
 from jaxthermo.image.surface.view import kept_view
 from jaxthermo.physics.radiation.irradiation import Irradiance
-from jaxthermo.report.sheet import sheet
+from jaxthermo.report.sheet import colour_bar, sheet
 
-from ...harness.present import colour_bar, thermal_tile
+from ...harness.present import thermal_tile
 from ..bodies import buddha
 from ..exhibit import Finding, Numbers, exhibit, judged
 

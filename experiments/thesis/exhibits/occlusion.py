@@ -15,10 +15,10 @@ from jaxthermo.image.surface.occlusion import screen_space_occlusion
 from jaxthermo.image.surface.view import compute_view
 from jaxthermo.image.surface.visible import visible_points
 from jaxthermo.physics.radiation.visibility import DEFAULT_DIRECTIONS, sky_view
-from jaxthermo.report.sheet import sheet
+from jaxthermo.report.sheet import colour_bar, sheet
 from jaxthermo.timing import timed_call
 
-from ...harness.present import colour_bar, thermal_tile
+from ...harness.present import thermal_tile
 from ..exhibit import Finding, Verdict, exhibit, rms
 
 

@@ -30,9 +30,8 @@ from jaxthermo.geometry import shapes
 from jaxthermo.image.colour.palette import apply_palette
 from jaxthermo.native.call import native_kernels
 from jaxthermo.report.chart import Chart
-from jaxthermo.report.sheet import Tile, enlarged, sheet
+from jaxthermo.report.sheet import Tile, colour_bar, enlarged, sheet
 
-from ...harness.present import colour_bar
 from ..exhibit import Finding, Numbers, Verdict, exhibit, judged, rms
 from ..line_chart import SHADES, CurvePoint, curve, curve_chart
 

@@ -71,7 +71,7 @@ class DatasetConfig(Model):
     scene: FoundPath
     """Config file of the scene."""
     set: _Changes = {}
-    """_Changes of all variations, by dotted key as after `--set`."""
+    """Changes of all variations, by dotted key as after `--set`."""
     variations: dict[_Key, Annotated[tuple[Any, ...], si.NotEmpty]] = {}
     """Values by dotted key; every combination of them is a run."""
     ranges: dict[_Key, Annotated[tuple[Any, Any], BeforeValidator(_pair)]] = {}

@@ -39,9 +39,9 @@ class _PlaceConfig(Model, builds="Place"):
     """A place on the earth, and how the scene lies there."""
 
     latitude: Annotated[_Degrees, Field(ge=-90, le=90)]
-    """_Degrees north of the equator."""
+    """Degrees north of the equator."""
     longitude: Annotated[_Degrees, Field(ge=-180, le=180)]
-    """_Degrees east of Greenwich."""
+    """Degrees east of Greenwich."""
     altitude: Annotated[si.Length, Field(ge=-500, le=9000)] = 0.0
     """Height above the sea [m]."""
 

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...arrays import Scalar, device_array, is_traced, typed_array
+from ...arrays import Scalar, device_array, is_traced, namespace, typed_array
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError, located
 from ...network.network import AbstractNetwork, Address
@@ -207,7 +207,7 @@ def surface_property(body: Body, field: str, dtype: Any) -> Float[Values, "*s"]:
         values = material.table(field, dtype)[material.of_fragments(grid)]
     else:
         value = getattr(material, field)
-        xp: Any = jnp if is_traced(value) else np
+        xp = namespace(value)
         values = xp.asarray(value, dtype)
     for number, coating in enumerate(body.coatings):
         with located(f"coatings[{number}]"):
@@ -255,7 +255,7 @@ def temperature_bounds(
     forcings = [term.forcing(end) for term in scene.terms]
     emissivities = [jax.tree.leaves(_emissivities(body)) for body in scene.bodies]
     # Single operations on few numbers are fastest on the host.
-    xp: Any = jnp if is_traced((start, forcings, emissivities)) else np
+    xp = namespace((start, forcings, emissivities))
     highest = [reference + theta.max() for reference, theta in start]
     highest += [forcing.highest for forcing in forcings]
     lowest = [reference + theta.min() for reference, theta in start]
@@ -300,7 +300,7 @@ def check_functions(
     for n, body in enumerate(prepared):
         if callable(body.body.temperature):
             theta = body.network.temperature(jnp.asarray(body.state))
-            xp: Any = jnp if is_traced(theta) else np
+            xp = namespace(theta)
             theta = xp.asarray(theta)
             ends = xp.stack([theta.min(), theta.max()]) + body.reference
             check_temperature(ends, f"bodies[{n}]: Body(temperature=) gives")

@@ -14,13 +14,12 @@ scaled to the gradient at the node, by the conductivities at both ends of the li
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from scipy.spatial import KDTree
 
-from ...arrays import device_array, taken
+from ...arrays import array_namespace, device_array, taken
 from ...errors import InputError
 from ...findings import digest, found
 from ...module import Module
@@ -243,7 +242,7 @@ def _slope_ratio(
     src_k, dst_k = conductivity_at_ends(structure, k)
     k1 = src_k[link]
     k2 = dst_k[link]
-    xp = jnp if isinstance(k, jax.Array) else np
+    xp = array_namespace(k)
     d1 = xp.asarray(links.distance_src[link], dtype)
     d2 = xp.asarray(links.distance_dst[link], dtype)
     far_k = xp.where(is_src, k2, k1)
