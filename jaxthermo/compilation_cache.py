@@ -1,13 +1,14 @@
 """Compiled programs on disk: what one process compiled, the next one loads.
 
-JAX has such a cache. Its files are written here instead, since those of JAX are not
-atomic, have no check sum against every damage, and no limit without a further library.
-The commands switch it on; in Python `cache_compilations` does, because it is a setting
-of JAX that the whole process shares.
+JAX calls these files in place of its own, through an internal function: it offers no
+public one, and its own files have no check sum where the package zstandard or Python
+3.14 compresses them. A flipped bit in such a file gives wrong results, crashes or an
+endless loop, and no damaged file is ever written anew.
 
-A file that is damaged, or that XLA rejects, costs a compilation and nothing else. Code
-of another jaxlib or processor can crash when it is loaded, which JAX's own key does not
-rule out: both name the folder.
+The commands switch the cache on; in Python `cache_compilations` does, because it is a
+setting of JAX that the whole process shares. A file that is damaged, or that XLA
+rejects, costs a compilation and nothing else. Code of another jaxlib or processor can
+crash when it is loaded, which JAX's own key does not rule out: both name the folder.
 """
 
 import functools
@@ -25,8 +26,6 @@ from typing import Any
 import jax
 import jaxlib
 from jax._src import compilation_cache as _jax_cache
-from jax._src.compilation_cache_interface import CacheInterface
-from typing_extensions import override
 
 from . import user_cache
 from .atomic import replacing
@@ -43,16 +42,12 @@ _FORMAT = 1
 _MAX_BYTES = 512 * 1024**2
 """Size of all files together; the least recently used are removed first."""
 
-_MAX_REJECTED = 3
-"""Files that XLA rejects in one process, after which their folder is not used again."""
-
 _DIGEST_BYTES = 32
 _CPUINFO = Path("/proc/cpuinfo")
 # Variables that change what XLA compiles, or for how many threads.
 _SETTINGS = ("XLA_FLAGS", "JAX_PLATFORMS", "NPROC")
 # Files of this cache, complete or left behind by a killed process.
 _OWN_FILES = re.compile(r"\.?program-[0-9a-f]{40}(\.\d+-[0-9a-f]{8})?\.bin")
-_UNUSABLE = "unusable"
 
 
 def cache_compilations() -> Path | None:
@@ -78,7 +73,7 @@ def cache_compilations() -> Path | None:
     if open_cache is None:  # a JAX in which another function opens it
         return None
 
-    def opened(path: str) -> tuple[CacheInterface, str] | None:
+    def opened(path: str) -> tuple[Any, str] | None:
         return (files, path) if path == str(folder) else open_cache(path)
 
     _jax_cache.get_file_cache = opened
@@ -139,19 +134,19 @@ def _processor() -> str:
 
 
 def _is_usable(folder: Path) -> bool:
-    """True for an existing folder of this user alone, whose files XLA accepts."""
+    """True for a folder in which only this user can write; it is made if missing."""
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         status = folder.stat()
         # The files are machine code: nobody else may put any there.
         is_own = not hasattr(os, "getuid") or status.st_uid == os.getuid()
         shared = status.st_mode & 0o022 and sys.platform != "win32"
-        return is_own and not shared and not (folder / _UNUSABLE).exists()
+        return is_own and not shared
     except OSError:
         return False
 
 
-class ProgramFiles(CacheInterface):
+class ProgramFiles:
     """The files of one folder, as JAX's cache reads and writes them; never fails.
 
     A file is the check sum of its key and content, and the content: a program, or
@@ -159,46 +154,37 @@ class ProgramFiles(CacheInterface):
     """
 
     def __init__(self, folder: Path):
-        # JAX reports this name.
-        self._path: Any = folder
+        # JAX reports the folder by this name.
+        self._path = folder
         self._lock = threading.Lock()
-        self._given: set[str] = set()
-        self._rejected = 0
+        self._loaded_keys: set[str] = set()
         # As if the limit were reached: the first file that is written checks it.
         self._written = _MAX_BYTES
 
-    @override
     def get(self, key: str) -> bytes | None:
         """Content of a file; None if it is missing or cannot be used."""
-        if self._rejected >= _MAX_REJECTED:
-            return None
         path = self._file(key)
         content = _read(path, key)
         if not content:
             return None
         user_cache.mark_used(path)
         with self._lock:
-            self._given.add(key)
+            self._loaded_keys.add(key)
         return content
 
-    @override
     def put(self, key: str, value: bytes) -> None:
         """Write a program; JAX does so only after `get` gave none that was accepted."""
         with self._lock:
-            rejected = key in self._given
-            self._rejected += rejected
-        if self._rejected >= _MAX_REJECTED:
-            self._write(self._path / _UNUSABLE, b"")
+            is_rejected = key in self._loaded_keys
         path = self._file(key)
-        if rejected:
+        if is_rejected:
             self._write(path, _check_sum(key, b""))
         elif _read(path, key) is None and len(value) <= _MAX_BYTES / 2:
             self._write(path, _check_sum(key, value) + value)
 
     def _file(self, key: str) -> Path:
-        return (
-            self._path / f"program-{hashlib.sha256(key.encode()).hexdigest()[:40]}.bin"
-        )
+        digest = hashlib.sha256(key.encode()).hexdigest()
+        return self._path / f"program-{digest[:40]}.bin"
 
     def _write(self, path: Path, content: bytes) -> None:
         try:
