@@ -25,8 +25,7 @@ from scipy.optimize import least_squares
 
 from jaxthermo.errors import InputError
 from jaxthermo.image.pose.pose import moved_camera
-from jaxthermo.image.radiance.band import Band
-from jaxthermo.image.radiance.radiometry import black_radiance
+from jaxthermo.image.radiance.band import Band, black_radiance
 from jaxthermo.image.surface.camera import AbstractCamera
 from jaxthermo.image.surface.view import View, compute_view
 from jaxthermo.image.surface.visible import world_meshes

@@ -17,9 +17,8 @@ from jaxthermo.errors import InputError
 from jaxthermo.image.files.exr import read_channel, read_exr
 from jaxthermo.image.files.thermogram_files import read_thermogram
 from jaxthermo.image.pose.coverage import coverage
-from jaxthermo.image.radiance.band import Band
+from jaxthermo.image.radiance.band import Band, apparent_temperature
 from jaxthermo.image.radiance.image import block_means
-from jaxthermo.image.radiance.radiometry import apparent_temperature
 from jaxthermo.image.surface.camera import AbstractCamera
 from jaxthermo.image.surface.view import View
 from jaxthermo.image.surface.visible import world_meshes

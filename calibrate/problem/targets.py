@@ -23,7 +23,7 @@ from jaxthermo.errors import InputError
 from jaxthermo.image.pose.derivative import LinearizedView, blank_view, linearize_view
 from jaxthermo.image.pose.pose import moved_camera
 from jaxthermo.image.radiance.band import Band
-from jaxthermo.image.radiance.draw import draw
+from jaxthermo.image.radiance.draw import Moment, draw
 from jaxthermo.image.surface.camera import AbstractCamera
 from jaxthermo.image.surface.view import View, compute_view
 from jaxthermo.integrate.run.parametric_run import ParametricSolution
@@ -417,15 +417,14 @@ def frame_at(
     band: Band | None,
 ) -> Any:
     """Frame of fragments at temperatures [K], as "temperature" or "radiance"."""
-    image = draw(
-        view,
+    moment = Moment(
         surfaces=surfaces,
         terms=terms,
         temperature=surface,
         received=received,
         time=just_before(time),
-        band=band,
     )
+    image = draw(view, moment, band)
     return image.apparent_temperature if quantity == "temperature" else image.radiance
 
 

@@ -16,7 +16,7 @@ from jaxthermo.image.colour.ticks import (
     scale_ticks,
     time_label,
 )
-from jaxthermo.image.radiance.draw import draw
+from jaxthermo.image.radiance.draw import Moment, draw
 from jaxthermo.integrate.run.parametric_run import ParametricSolution
 from jaxthermo.report.difference_scale import (
     BACKGROUND,
@@ -100,15 +100,14 @@ def difference_picture(
         with precision(case.scene.dtype):
             at = jnp.asarray(target.times[time], surface.dtype)
             # True temperatures do not depend on what the surface reflects.
-            drawn = draw(
-                view,
+            moment = Moment(
                 surfaces=surfaces,
                 terms=case.scene.terms,
                 temperature=surface[time],
                 received=None,
                 time=at,
             )
-            return np.asarray(drawn.temperature, float)
+            return np.asarray(draw(view, moment).temperature, float)
 
     differences = {}
     for time in times:

@@ -16,12 +16,13 @@ from ..config.types.model import build
 from ..console.results_folder import prepare_folder, results_folder
 from ..console.terminal import open_console, print_line, status
 from ..errors import InputError
-from ..image.detector.recorder import Moment, Recorder
 from ..image.measurements import AbstractMeasurement, Isotherm, names_of
+from ..image.radiance.band import apparent_temperature
+from ..image.radiance.draw import Moment
 from ..image.radiance.effect import in_order
 from ..image.radiance.image import Image
-from ..image.radiance.radiometry import apparent_temperature
-from ..image.surface.view import View, at_time
+from ..image.render import Recorder
+from ..image.surface.view import View
 from ..integrate.run.solution_file import StoredSolution, load_solution
 from ..physics.radiation.irradiation import Irradiance
 from ..physics.term import AbstractTerm
@@ -69,7 +70,7 @@ class FrameCamera:
         self._view_at_start()
 
     def _view_at_start(self) -> View:
-        return self._recorder.view(*at_time(self._surfaces, self._terms, 0.0))
+        return self._recorder.view(self._surfaces, self._terms)
 
     @property
     def samples(self) -> int:

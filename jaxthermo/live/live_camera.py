@@ -10,8 +10,9 @@ from ..config.schema.scene import SceneConfig
 from ..config.types.model import build
 from ..image.colour.frame_values import QUANTITIES
 from ..image.detector.effects import Blur
-from ..image.detector.recorder import Moment, Recorder
+from ..image.radiance.draw import Moment
 from ..image.radiance.effect import Effects, in_order
+from ..image.render import Recorder
 from ..physics.time_varying import just_before
 from ..scene.scene import SolvedSurface
 from .live_run import AbstractLiveRun

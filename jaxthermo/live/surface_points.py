@@ -17,8 +17,7 @@ from ..geometry.sample import mesh_sample
 from ..geometry.vectors import row_dot, unit_vector
 from ..image.colour.palette import apply_palette
 from ..image.surface.facets import smooth_normals
-from ..image.surface.view import smooth_weights
-from ..image.surface.weights import block_matrix
+from ..image.surface.weights import block_matrix, smooth_weights
 from ..scene.scene import BodyGeometry, SolvedSurface
 
 

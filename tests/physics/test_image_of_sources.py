@@ -7,7 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN as SIGMA
-from jaxthermo.image.radiance.draw import draw
+from jaxthermo.image.radiance.draw import Moment, draw
 from jaxthermo.image.surface.view import compute_view
 from jaxthermo.physics.boundary import ImposedFlux
 from tests.imaging import at_start, block, metal, radiosity
@@ -66,11 +66,13 @@ def test_sources_are_seen_where_nothing_hides_them():
     def radiance_at(time):
         image = draw(
             view,
-            solution.surfaces,
-            terms,
-            solution.surface_temperature[0],
-            solution.irradiance(0),
-            jnp.asarray(time),
+            Moment(
+                surfaces=solution.surfaces,
+                terms=terms,
+                temperature=solution.surface_temperature[0],
+                received=solution.irradiance(0),
+                time=time,
+            ),
         )
         return np.asarray(image.radiance)
 

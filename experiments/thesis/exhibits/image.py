@@ -10,7 +10,7 @@ from PIL import Image
 import jaxthermo as jt
 from jaxthermo.arrays import precision
 from jaxthermo.image.radiance.band import LONG_WAVE, Band
-from jaxthermo.image.radiance.draw import draw
+from jaxthermo.image.radiance.draw import Moment, draw
 from jaxthermo.image.radiance.response import BANDS
 from jaxthermo.image.surface.camera import Camera, frame_all
 from jaxthermo.image.surface.view import kept_view
@@ -203,16 +203,15 @@ def _radiances(solution: jt.Solution, camera: Camera, band: Band | None) -> _Rad
     }
     by_origin = {}
     for name, (temperature, irradiance) in states.items():
-        frame = draw(
-            view,
-            solution.surfaces,
-            solution.terms,
-            temperature,
-            irradiance,
-            solution.times[-1],
-            solution.load_time(-1),
-            band,
+        moment = Moment(
+            surfaces=solution.surfaces,
+            terms=solution.terms,
+            temperature=temperature,
+            received=irradiance,
+            time=solution.times[-1],
+            load_time=solution.load_time(-1),
         )
+        frame = draw(view, moment, band)
         by_origin[name] = np.asarray(frame.radiance)
     body = np.asarray(frame.object_id) >= 0
     added = sum(by_origin[name][body] for name in states if name != _TOTAL)

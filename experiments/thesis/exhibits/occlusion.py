@@ -9,7 +9,7 @@ import jaxthermo as jt
 from jaxthermo.geometry.shapes import box, figurine, sphere
 from jaxthermo.geometry.vectors import unit_vectors
 from jaxthermo.image.colour.ticks import to_celsius
-from jaxthermo.image.radiance.draw import draw
+from jaxthermo.image.radiance.draw import Moment, draw
 from jaxthermo.image.surface.camera import frame_all
 from jaxthermo.image.surface.occlusion import screen_space_occlusion
 from jaxthermo.image.surface.view import compute_view
@@ -59,7 +59,7 @@ def _ambient_occlusion(quick: bool) -> Finding:
     def shot(values):
         # True temperatures: of what is reflected nothing is shown.
         zero = jnp.zeros((), jnp.float32)
-        return draw(scenery, occluded.surfaces, (), values, None, zero)
+        return draw(scenery, Moment(occluded.surfaces, (), values, None, zero))
 
     off, on = (
         np.asarray(shot(solution.surface_temperature[-1]).temperature, float)

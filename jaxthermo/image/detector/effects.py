@@ -13,10 +13,9 @@ from typing_extensions import override
 from ...arrays import array_namespace, plain_numbers, product
 from ...errors import InputError
 from ...module import static_numbers
-from ..radiance.band import Band
+from ..radiance.band import Band, Values, black_radiance, radiance_slope
 from ..radiance.effect import AbstractBlur, AbstractDetectorEffect
 from ..radiance.image import block_means
-from ..radiance.radiometry import Values, black_radiance, radiance_slope
 
 
 # Half width of the spot that is computed [standard deviations].

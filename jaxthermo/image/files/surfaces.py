@@ -18,7 +18,7 @@ from ...integrate.run.solution_file import StoredSolution
 from ...scene.scene import SURFACE_OUTPUTS, BodyGeometry, SolvedSurface
 from ..colour.palette import apply_palette
 from ..surface.facets import corner_normals
-from ..surface.view import smooth_weights
+from ..surface.weights import smooth_weights
 from .gltf import GltfMesh, linear_colours, write_meshes
 from .vtu import write_triangles
 

@@ -22,7 +22,7 @@ from ...geometry.mesh import Pose
 from ...scene.scene import BodyGeometry
 from ..colour.palette import apply_palette
 from ..surface.facets import corner_normals
-from ..surface.view import smooth_weights
+from ..surface.weights import smooth_weights
 from .exr import write_channels
 from .gltf import GltfMesh, write_meshes
 from .raster_files import centikelvin, grey_levels, write_grey

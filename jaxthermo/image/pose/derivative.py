@@ -29,9 +29,9 @@ from ...scene.scene import SolvedSurface
 from ..surface.background import Background
 from ..surface.camera import AbstractCamera
 from ..surface.facets import normal_slopes
-from ..surface.view import SMOOTHING_RADIUS, View, all_weights, in_bodies
+from ..surface.view import View, all_weights, in_bodies
 from ..surface.visible import VisiblePoints, visible_points, world_meshes
-from ..surface.weights import MovingWeights
+from ..surface.weights import SMOOTHING_RADIUS, MovingWeights
 from .pose import POSE_SIZE, moved_camera
 
 

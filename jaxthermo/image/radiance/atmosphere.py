@@ -7,11 +7,9 @@ import numpy as np
 from jaxtyping import Float
 from typing_extensions import override
 
-from ...physics.term import AbstractTerm
 from ..surface.view import View
-from .band import Band
+from .band import Band, Values, black_radiance
 from .effect import AbstractPathEffect, check_range
-from .radiometry import Values, black_radiance
 
 
 # FLIR's model of long-wave transmission (the constants of gtatters/Thermimage).
@@ -74,7 +72,7 @@ class Atmosphere(AbstractPathEffect):
             check_range(self, name, 0, 1, ", a fraction")
 
     @override
-    def prepared(self, view: View, terms: tuple[AbstractTerm, ...], xp: Any) -> Any:
+    def prepared(self, view: View, xp: Any) -> Any:
         if self.transmissivity is not None:
             return xp.asarray(self.transmissivity)
         distance = view.sight.distance

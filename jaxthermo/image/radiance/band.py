@@ -6,9 +6,11 @@ Planck's law, weighted by the response R of a detector to each wavelength:
 
 c1 = 2 h c^2 and c2 = h c / k (CODATA 2018). R is 1 within a band of two ends, else
 linear between the wavelengths of a table. Its inverse is the brightness temperature,
-by Newton's method on ln L over 1 / T, which is nearly a straight line.
+by Newton's method on ln L over 1 / T, which is nearly a straight line. A band of None
+stands for all wavelengths: L = sigma T^4 / pi.
 """
 
+import math
 from functools import cached_property, partial
 from typing import Any, NamedTuple
 
@@ -41,7 +43,8 @@ _LEAST = 1e-37
 _ROWS = 2**15
 _NEWTON_STEPS = 3
 
-_Values = Array | np.ndarray
+Values = Array | np.ndarray
+"""Arrays of JAX where derivatives are taken, else of numpy."""
 
 
 class Band:
@@ -89,18 +92,18 @@ class Band:
         low, high = (1e6 * self.wavelengths[end] for end in (0, -1))
         return f"Band({low:g} to {high:g} um)"
 
-    def radiance(self, temperature: Any) -> Float[_Values, "..."]:
+    def radiance(self, temperature: Any) -> Float[Values, "..."]:
         """Radiance of a black surface at temperatures [K]: L(T) [W/(m^2 sr)]."""
         if isinstance(temperature, jax.Array):
             return _radiance(self, temperature)
         return self._sums(np.asarray(temperature, float), np)[0]
 
-    def slope(self, temperature: Any) -> Float[_Values, "..."]:
+    def slope(self, temperature: Any) -> Float[Values, "..."]:
         """Derivative dL/dT at temperatures [K], in W/(m^2 sr K)."""
         xp = array_namespace(temperature)
         return self._sums(xp.asarray(temperature), xp)[1]
 
-    def temperature(self, radiance: Any) -> Float[_Values, "..."]:
+    def temperature(self, radiance: Any) -> Float[Values, "..."]:
         """Brightness temperature of radiances [W/(m^2 sr)], in K.
 
         Raises:
@@ -221,3 +224,35 @@ def _looked_up(
     numbers = np.asarray(values)
     logs = np.log(np.maximum(numbers, _LEAST), dtype=float)
     return np.asarray(np.exp(np.interp(logs, log_inputs, log_outputs)), numbers.dtype)
+
+
+def black_radiance(
+    temperature: Float[Values, "*p"], band: Band | None
+) -> Float[Values, "*p"]:
+    """Radiance of a black surface [W/(m^2 sr)], total for a band of None."""
+    if band is None:
+        radiance = STEFAN_BOLTZMANN / math.pi * temperature**4
+        on_device = isinstance(radiance, jax.Array)
+        return radiance if on_device else np.asarray(radiance)
+    if isinstance(temperature, jax.Array):
+        return band.radiance(temperature)
+    # Of tables, where no derivatives are taken.
+    return band.table.radiance(temperature)
+
+
+def radiance_slope(kelvin: float, band: Band | None) -> float:
+    """Derivative of the radiance of a black surface [W/(m^2 sr K)]."""
+    if band is None:
+        return 4 * STEFAN_BOLTZMANN / math.pi * kelvin**3
+    return float(band.slope(kelvin))
+
+
+def apparent_temperature(
+    radiance: Float[Values, "*p"], band: Band | None = None
+) -> Float[Values, "*p"]:
+    """Temperature of a black surface of the same radiance [K]."""
+    if band is None:
+        return (radiance * (math.pi / STEFAN_BOLTZMANN)) ** 0.25
+    if isinstance(radiance, jax.Array):
+        return band.temperature(radiance)
+    return band.table.temperature(radiance)

@@ -15,8 +15,7 @@ from ...physics.radiation.source import AbstractSource, Sun
 from ...physics.term import AbstractTerm
 from ...physics.time_varying import is_zero
 from ..surface.view import LinesOfSight, View
-from .effect import AbstractSurfaceEffect, Horizon, check_range
-from .radiometry import PixelRadiation
+from .effect import AbstractSurfaceEffect, Horizon, PixelRadiation, check_range
 
 
 class AngularEmissivity(AbstractSurfaceEffect):
@@ -38,7 +37,7 @@ class AngularEmissivity(AbstractSurfaceEffect):
         check_range(self, "exponent", 1, 100)
 
     @override
-    def prepared(self, view: View, terms: tuple[AbstractTerm, ...], xp: Any) -> Any:
+    def prepared(self, view: View, xp: Any) -> Any:
         return 1 - (1 - view.sight.cosine) ** self.exponent
 
     @override
@@ -83,9 +82,9 @@ class SpecularReflection(AbstractSurfaceEffect):
         check_range(self, "exponent", 1, 100000)
 
     @override
-    def prepared(self, view: View, terms: tuple[AbstractTerm, ...], xp: Any) -> _Lobes:
+    def prepared(self, view: View, xp: Any) -> _Lobes:
         sight = view.sight
-        rows = [lobe for term in terms for lobe in self._lobes(term, sight)]
+        rows = [lobe for term in view.terms for lobe in self._lobes(term, sight)]
         lobes = np.array(rows).reshape(len(rows), len(sight.cosine))
         above = _above_horizon(np.arcsin(sight.mirror[:, 2].clip(-1, 1)), self.exponent)
         sky = above - (1 + view.normal[:, 2]) / 2

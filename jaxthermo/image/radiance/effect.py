@@ -17,10 +17,8 @@ from jaxtyping import Float
 from ...arrays import is_traced
 from ...errors import InputError, require
 from ...module import Module, static_numbers
-from ...physics.term import AbstractTerm
 from ..surface.view import View
-from .band import Band
-from .radiometry import PixelRadiation, Values
+from .band import Band, Values
 
 
 class _AbstractEffect(Module):
@@ -49,7 +47,7 @@ class _AbstractViewEffect(_AbstractEffect):
     """An effect at the surface points of a view."""
 
     @abc.abstractmethod
-    def prepared(self, view: View, terms: tuple[AbstractTerm, ...], xp: Any) -> Any:
+    def prepared(self, view: View, xp: Any) -> Any:
         """Arrays of a view that hold for all its frames, of numpy or JAX (`xp`)."""
 
 
@@ -58,6 +56,36 @@ class Horizon(NamedTuple):
 
     sky: Any
     ground: Any
+
+
+class PixelRadiation(NamedTuple):
+    """Radiation at the surface points of p pixels, with q sources."""
+
+    black: Float[Values, " p"]
+    """Radiance of a black surface of their temperature [W/(m^2 sr)]."""
+    emissivity: Float[Values, " p"]
+    """Emissivity towards the camera [-]."""
+    absorptivity: Float[Values, " p"]
+    """Absorptivity of radiation of sources, as seen from the camera [-]."""
+    thermal: Float[Values, " p"]
+    """Thermal irradiance H [W/m^2]."""
+    sources: Float[Values, "q p"]
+    """Irradiance E of sources [W/m^2]."""
+    diffuse: float = 1.0
+    """Fraction of the reflected radiation that leaves in all directions alike [-]."""
+    mirrored: Any = 0.0
+    """Radiance by reflection around the mirror direction [W/(m^2 sr)]."""
+
+    @property
+    def radiance(self) -> Float[Values, " p"]:
+        """Radiance towards the camera [W/(m^2 sr)]."""
+        reflected = (1 - self.emissivity) * self.thermal
+        reflected = reflected + (1 - self.absorptivity) * self.sources.sum(0)
+        return (
+            self.emissivity * self.black
+            + reflected * (self.diffuse / math.pi)
+            + self.mirrored
+        )
 
 
 class AbstractSurfaceEffect(_AbstractViewEffect):
@@ -179,13 +207,11 @@ def in_order(effects: Any, argument: str = "effects=") -> Effects:
 NO_EFFECTS = Effects()
 
 
-def prepared_for(
-    effect: _AbstractViewEffect, view: View, terms: tuple[AbstractTerm, ...], dtype: Any
-) -> Any:
+def prepared_for(effect: _AbstractViewEffect, view: View, dtype: Any) -> Any:
     """Arrays of an effect in a view, in the type of its pixels, computed once."""
 
     def prepare(xp: Any) -> Any:
-        arrays = effect.prepared(view, terms, xp)
+        arrays = effect.prepared(view, xp)
         return jax.tree.map(lambda array: array.astype(dtype), arrays)
 
     if is_traced(effect):

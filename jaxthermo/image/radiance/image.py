@@ -7,8 +7,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .band import Band
-from .radiometry import Values, apparent_temperature
+from .band import Band, Values, apparent_temperature
 
 
 class Image(eqx.Module):

@@ -18,8 +18,7 @@ import numpy as np
 from ...arrays import array_namespace, is_traced
 from ...errors import InputError
 from .atmosphere import transmissivity as air_transmissivity
-from .band import LONG_WAVE, Band
-from .radiometry import apparent_temperature, black_radiance
+from .band import LONG_WAVE, Band, apparent_temperature, black_radiance
 
 
 def _array(value: Any) -> Any:

@@ -10,7 +10,7 @@ from ...arrays import Time, is_traced
 from ...physics.boundary import Convection
 from ...physics.convection.free_convection import FreeConvection
 from ...physics.convection.wind import Wind
-from ...physics.radiation.irradiation import AbstractRadiativeTerm
+from ...physics.radiation.emission import AbstractSurroundings
 from ...physics.radiation.source import AbstractSource
 from ...physics.term import AbstractTerm
 from ...physics.time_varying import value_at
@@ -60,11 +60,12 @@ def _number_at(value: Any, time: Time) -> Any:
     return np.asarray(value, time.dtype) if plain else value_at(value, time)
 
 
-def _horizon(terms: tuple[AbstractTerm, ...]):
+def _horizon(terms: tuple[AbstractTerm, ...]) -> tuple[Any, Any]:
     """Temperatures of sky and ground [K], each a number or a function of time."""
     for term in terms:
-        if isinstance(term, AbstractRadiativeTerm) and term.horizon is not None:
-            return term.horizon
+        if isinstance(term, AbstractSurroundings):
+            sky = term.temperature
+            return sky, sky if term.ground is None else term.ground
     # Without radiation in the balance nothing is reflected from there.
     for term in terms:
         if isinstance(term, Convection | Wind | FreeConvection) and term.on is None:

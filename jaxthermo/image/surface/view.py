@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeVar
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Array, Float, Int
 from scipy.sparse import csr_array
 
 from ...findings import found
@@ -24,57 +24,16 @@ from .camera import AbstractCamera, OrthographicCamera
 from .facets import FacetShading, facet_shading, joined_shadings, smooth_normals
 from .occlusion import screen_space_occlusion
 from .visible import VisiblePoints, visible_points, world_meshes
-from .weights import CHUNK, MovingWeights, block_matrix, cells_of
+from .weights import (
+    MovingWeights,
+    block_matrix,
+    nearest_weights,
+    smooth_weights,
+    weighted_means,
+)
 
 
 _T = TypeVar("_T")
-
-SMOOTHING_RADIUS = 2.0
-"""Radius of the weights [voxels]; from 1.4 it includes a fragment of any surface."""
-
-
-def _nearest_fragments(
-    points: Float[np.ndarray, "p 3"], geometry: BodyGeometry
-) -> Int[np.ndarray, " p"]:
-    # With any normal. Only points without a fragment in range search twice as far.
-    nearest = np.full(len(points), -1, np.int64)
-    radius = geometry.pitch
-    while (missing := np.flatnonzero(nearest < 0)).size:
-        radius *= 2
-        cells = cells_of(geometry, radius)
-        for chunk in np.array_split(missing, len(missing) // CHUNK + 1):
-            owner, fragment, _ = cells.pairs(points[chunk])
-            offset = points[chunk][owner] - geometry.fragment_position[fragment]
-            distance = np.einsum("ij,ij->i", offset, offset)
-            order = np.lexsort([distance, owner])
-            owners, first = np.unique(owner[order], return_index=True)
-            nearest[chunk[owners]] = fragment[order][first]
-    return nearest
-
-
-def smooth_weights(
-    points: Float[np.ndarray, "p 3"],
-    normals: Float[np.ndarray, "p 3"],
-    geometry: BodyGeometry,
-) -> csr_array:
-    """Weights [p, s] of a body's fragments at each point."""
-    cells = cells_of(geometry, SMOOTHING_RADIUS * geometry.pitch)
-    # Parts too thin to have fragments show the nearest ones.
-    return cells.means(
-        points,
-        normals,
-        otherwise=lambda alone: _nearest_fragments(points[alone], geometry),
-    )
-
-
-def _block_weights(
-    points: Float[np.ndarray, "p 3"], geometry: BodyGeometry
-) -> csr_array:
-    # The nearest fragment alone: the image shows the voxels.
-    nearest = _nearest_fragments(points, geometry)
-    starts = np.arange(len(points) + 1)
-    size = len(points), len(geometry.fragment_area)
-    return csr_array((np.ones(len(points)), nearest, starts), size)
 
 
 class LinesOfSight(NamedTuple):
@@ -117,6 +76,8 @@ class View:
     weights: csr_array | MovingWeights
     """Weights [p, s] of the concatenated fragments of all bodies."""
     background: Background
+    terms: tuple[AbstractTerm, ...] = ()
+    """Terms of the scene at the time of the view, for where sources are."""
     open_fraction: Float[np.ndarray, " p"] | None = None
     """Fraction of the surroundings that nothing in the image hides; None for all."""
     facets: FacetShading | None = None
@@ -133,12 +94,15 @@ class View:
             self._results[key] = compute()
         return self._results[key]
 
-    def typed_weights(self, dtype: np.dtype) -> csr_array:
-        """Weights in a type: half the memory traffic in float32."""
+    def means(self, values: Array | np.ndarray) -> Array | np.ndarray:
+        """Weighted means of fragments' values at the pixels, [s, ...] to [p, ...]."""
         weights = self.weights
-        # Points that move have their values of JAX.
-        assert isinstance(weights, csr_array)
+        if isinstance(values, np.ndarray) and isinstance(weights, csr_array):
+            return self._in_type(weights, values.dtype) @ values
+        return weighted_means(weights, values)
 
+    def _in_type(self, weights: csr_array, dtype: np.dtype) -> csr_array:
+        # Half the memory traffic in float32.
         def typed() -> csr_array:
             entries = weights.data.astype(dtype), weights.indices, weights.indptr
             return csr_array(entries, shape=weights.shape)
@@ -182,13 +146,6 @@ class View:
             cosine=cosine,
             mirror=mirror,
         )
-
-
-def at_time(
-    surfaces: tuple[SolvedSurface, ...], terms: tuple[AbstractTerm, ...], time: float
-) -> tuple[tuple[SolvedSurface, ...], tuple[AbstractTerm, ...]]:
-    """Bodies and sources at their positions at a time [s]."""
-    return tuple(s.at(time) for s in surfaces), tuple(t.at(time) for t in terms)
 
 
 def compute_view(
@@ -236,6 +193,7 @@ def compute_view(
         normal=geometry.normal,
         weights=geometry.weights,
         background=background,
+        terms=terms,
         open_fraction=geometry.open_fraction,
         facets=geometry.facets,
         part_id=_part_ids(surfaces, geometry.weights),
@@ -379,7 +337,7 @@ def all_weights(
         matrices.append(
             smooth_weights(local[on_body], rotated, geometry)
             if smooth
-            else _block_weights(local[on_body], geometry)
+            else nearest_weights(local[on_body], geometry)
         )
     if len(matrices) == 1:
         return matrices[0]
@@ -408,7 +366,7 @@ _MAX_VIEWS = 4
 
 
 class _KeptView(NamedTuple):
-    """A view, and what it was computed from."""
+    """A view of a scene in which nothing moves, and what it was computed from."""
 
     key: tuple[Any, ...]
     """Bodies but the first, terms, camera and options."""
@@ -423,13 +381,14 @@ def kept_view(
     surfaces: tuple[SolvedSurface, ...],
     terms: tuple[AbstractTerm, ...],
     camera: AbstractCamera,
+    time: float = 0.0,
     smooth: bool = True,
     occlusion: float | None = None,
 ) -> View:
-    """Compute a view as `compute_view`, or return the one that was kept.
+    """View of bodies and sources where they are at a time [s], as `compute_view`.
 
-    The last four views of a scene live as long as a solution of it. A body or a source
-    that moves is a different object at every time.
+    The last four views of a scene in which nothing moves are kept, as long as a
+    solution of it lives.
     """
     first, *further_bodies = (surface.geometry for surface in surfaces)
     radius = np.asarray(-1.0 if occlusion is None else occlusion, float).tobytes()
@@ -440,11 +399,15 @@ def kept_view(
             # The most recently used view is dropped last.
             views.append(views.pop(number))
             return entry.view
+    bodies_then = tuple(surface.at(time) for surface in surfaces)
+    terms_then = tuple(term.at(time) for term in terms)
     view = compute_view(
-        surfaces, terms=terms, camera=camera, smooth=smooth, occlusion=occlusion
+        bodies_then, terms=terms_then, camera=camera, smooth=smooth, occlusion=occlusion
     )
-    views.append(_KeptView(key, view))
-    del views[:-_MAX_VIEWS]
+    # What moves is another object at every time.
+    if _same((*bodies_then, *terms_then), (*surfaces, *terms)):
+        views.append(_KeptView(key, view))
+        del views[:-_MAX_VIEWS]
     return view
 
 

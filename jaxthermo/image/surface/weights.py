@@ -19,6 +19,9 @@ from ...findings import found
 from ...scene.scene import BodyGeometry
 
 
+SMOOTHING_RADIUS = 2.0
+"""Radius of the weights [voxels]; from 1.4 it includes a fragment of any surface."""
+
 # Points per chunk: temporaries stay in the cache, and the allocator keeps them instead
 # of returning them.
 CHUNK = 2048
@@ -329,6 +332,50 @@ def cells_of(geometry: BodyGeometry, radius: float) -> _FragmentCells:
     return found(arrays, key, lambda: _FragmentCells(geometry, radius))
 
 
+def _nearest_fragments(
+    points: Float[np.ndarray, "p 3"], geometry: BodyGeometry
+) -> Int[np.ndarray, " p"]:
+    # With any normal. Only points without a fragment in range search twice as far.
+    nearest = np.full(len(points), -1, np.int64)
+    radius = geometry.pitch
+    while (missing := np.flatnonzero(nearest < 0)).size:
+        radius *= 2
+        cells = cells_of(geometry, radius)
+        for chunk in np.array_split(missing, len(missing) // CHUNK + 1):
+            owner, fragment, _ = cells.pairs(points[chunk])
+            offset = points[chunk][owner] - geometry.fragment_position[fragment]
+            distance = np.einsum("ij,ij->i", offset, offset)
+            order = np.lexsort([distance, owner])
+            owners, first = np.unique(owner[order], return_index=True)
+            nearest[chunk[owners]] = fragment[order][first]
+    return nearest
+
+
+def smooth_weights(
+    points: Float[np.ndarray, "p 3"],
+    normals: Float[np.ndarray, "p 3"],
+    geometry: BodyGeometry,
+) -> csr_array:
+    """Weights [p, s] of a body's fragments at each point."""
+    cells = cells_of(geometry, SMOOTHING_RADIUS * geometry.pitch)
+    # Parts too thin to have fragments show the nearest ones.
+    return cells.means(
+        points,
+        normals,
+        otherwise=lambda alone: _nearest_fragments(points[alone], geometry),
+    )
+
+
+def nearest_weights(
+    points: Float[np.ndarray, "p 3"], geometry: BodyGeometry
+) -> csr_array:
+    """Weights [p, s] of the nearest fragment alone, which show the voxels."""
+    nearest = _nearest_fragments(points, geometry)
+    starts = np.arange(len(points) + 1)
+    size = len(points), len(geometry.fragment_area)
+    return csr_array((np.ones(len(points)), nearest, starts), size)
+
+
 def block_matrix(blocks: list[csr_array]) -> csr_array:
     """Block-diagonal matrix of weights."""
     if len(blocks) == 1:
@@ -363,11 +410,31 @@ class MovingWeights(eqx.Module):
     shift: Float[Array, "p 2"]
     """Distances u that the points have moved [m]."""
 
-    def means(self, values: Float[Array, "s k"]) -> Float[Array, "p k"]:
-        """Weighted means of the fragments' values at each point."""
-        moved = (self.shift[self.row] * self.slope.T).sum(axis=1)
-        contributions = (self.weight + moved)[:, None] * values[self.fragment]
-        count = len(self.shift)
-        return jax.ops.segment_sum(
-            contributions, self.row, count, indices_are_sorted=True
-        )
+    @property
+    def moved_weight(self) -> Float[Array, " n"]:
+        """Weights w(u) where the points are."""
+        return self.weight + (self.shift[self.row] * self.slope.T).sum(axis=1)
+
+
+def weighted_means(
+    weights: csr_array | MovingWeights, values: Array | np.ndarray
+) -> Array | np.ndarray:
+    """Weighted means of the fragments of each row, [s, ...] to [p, ...]."""
+    if isinstance(weights, MovingWeights):
+        row = weights.row
+        fragment = weights.fragment
+        weight = weights.moved_weight
+        count = len(weights.shift)
+        values = jnp.asarray(values)
+    elif isinstance(values, np.ndarray):
+        return (weights @ values).astype(values.dtype, copy=False)
+    else:
+        count = len(weights.indptr) - 1
+        row = np.repeat(np.arange(count), np.diff(weights.indptr))
+        fragment = weights.indices
+        weight = jnp.asarray(weights.data, values.dtype)
+    weight = weight.reshape(-1, *(1,) * (values.ndim - 1))
+    # The rows of the weights are sorted, which lets XLA sum without scattering.
+    return jax.ops.segment_sum(
+        weight * values[fragment], row, count, indices_are_sorted=True
+    )

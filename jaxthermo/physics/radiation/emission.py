@@ -145,12 +145,6 @@ class AbstractSurroundings(AbstractRadiativeTerm):
         if self.ground is not None:
             check_value(self.ground, f"{name}(ground [K])", 0.0)
 
-    @property
-    @override
-    def horizon(self) -> tuple[Any, Any]:
-        ground = self.temperature if self.ground is None else self.ground
-        return self.temperature, ground
-
     @override
     def forcing(self, end: float | int) -> Forcing:
         return either([toward(value, end) for value in self.values])

@@ -67,11 +67,6 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
         """Part of the surface that it irradiates; None for all."""
         return None
 
-    @property
-    def horizon(self) -> tuple[Any, Any] | None:
-        """Temperatures of sky and ground behind all bodies [K]; None for a source."""
-        return None
-
     @abc.abstractmethod
     def irradiation(self, surface: Surface) -> tuple[Irradiation, ...]:
         """Irradiation of all fragments, whatever other terms act there."""

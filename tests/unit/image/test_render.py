@@ -13,10 +13,12 @@ from jaxthermo.geometry.mesh import winding_number
 from jaxthermo.image.colour import picture as pictures
 from jaxthermo.image.colour.palette import BACKGROUND, apply_palette
 from jaxthermo.image.files.exr import read_exr
-from jaxthermo.image.radiance.draw import draw
+from jaxthermo.image.radiance.band import apparent_temperature, black_radiance
+from jaxthermo.image.radiance.draw import Moment, draw
+from jaxthermo.image.radiance.effect import PixelRadiation
 from jaxthermo.image.radiance.image import coarsen
-from jaxthermo.image.radiance.radiometry import apparent_temperature, leaving_radiance
-from jaxthermo.image.surface.view import _block_weights, compute_view, smooth_weights
+from jaxthermo.image.surface.view import compute_view
+from jaxthermo.image.surface.weights import nearest_weights, smooth_weights
 from jaxthermo.scene.scene import SolvedSurface, body_geometry
 from tests.imaging import apparent
 
@@ -44,18 +46,20 @@ def still():
 
 def test_apparent_temperature_of_a_grey_surface():
     """A17 of the field survey: eps 0.91 at 300 K before 250 K looks like 296.4424 K."""
-    radiance = leaving_radiance(
-        jnp.asarray(300.0),
-        emissivity=jnp.asarray(0.91),
-        reflected=0.09 * SIGMA * jnp.asarray(250.0) ** 4,
+    radiation = PixelRadiation(
+        black=black_radiance(jnp.asarray([300.0]), None),
+        emissivity=jnp.asarray([0.91]),
+        absorptivity=jnp.asarray([1.0]),
+        thermal=SIGMA * jnp.asarray([250.0]) ** 4,
+        sources=jnp.zeros((0, 1)),
     )
-    assert float(apparent_temperature(radiance)) == pytest.approx(296.4424, abs=1e-4)
+    seen = float(apparent_temperature(radiation.radiance)[0])
+    assert seen == pytest.approx(296.4424, abs=1e-4)
 
 
 def test_a_black_surface_looks_as_warm_as_it_is():
     temperature = jnp.linspace(200.0, 900.0, 7)
-    zero = jnp.zeros(7)
-    radiance = leaving_radiance(temperature, zero + 1, zero)
+    radiance = black_radiance(temperature, None)
     np.testing.assert_allclose(apparent_temperature(radiance), temperature, rtol=1e-12)
 
 
@@ -145,7 +149,7 @@ def test_smoothing_does_not_leak_through_a_sheet(plate):
 
 def test_blocks_show_the_nearest_fragment(plate):
     points, _ = _plate_points()
-    weights = _block_weights(points, plate)
+    weights = nearest_weights(points, plate)
     away = np.linalg.norm(points[:, None] - plate.fragment_position[None], axis=2)
     np.testing.assert_allclose(
         away[np.arange(len(points)), weights.indices], away.min(axis=1)
@@ -208,11 +212,13 @@ def test_pixels_have_a_gradient_with_respect_to_conductivity():
         time = solution.times[-1]
         image = draw(
             view,
-            surfaces=solution.surfaces,
-            terms=solution.terms,
-            temperature=surface,
-            received=solution.irradiance(-1),
-            time=time,
+            Moment(
+                surfaces=solution.surfaces,
+                terms=solution.terms,
+                temperature=surface,
+                received=solution.irradiance(-1),
+                time=time,
+            ),
         )
         return image.apparent_temperature[30, 30]
 

@@ -11,7 +11,7 @@ from jaxthermo.constants import STEFAN_BOLTZMANN as SIGMA
 from jaxthermo.image.pose.derivative import linearize_view
 from jaxthermo.image.pose.outline import outline_distance
 from jaxthermo.image.pose.pose import moved_camera
-from jaxthermo.image.radiance.draw import draw
+from jaxthermo.image.radiance.draw import Moment, draw
 from jaxthermo.image.surface.view import compute_view
 from jaxthermo.physics.radiation.irradiation import Irradiance
 from jaxthermo.scene.compile.compile import compile_scene
@@ -62,11 +62,13 @@ def _frame(view, surfaces, state):
     kelvin, received = state
     image = draw(
         view,
-        surfaces=surfaces,
-        terms=(),
-        temperature=kelvin,
-        received=received,
-        time=jnp.zeros(()),
+        Moment(
+            surfaces=surfaces,
+            terms=(),
+            temperature=kelvin,
+            received=received,
+            time=jnp.zeros(()),
+        ),
     )
     return image.apparent_temperature
 

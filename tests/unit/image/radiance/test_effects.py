@@ -12,7 +12,7 @@ import jaxthermo as jt
 from jaxthermo.image.radiance.atmosphere import transmissivity
 from jaxthermo.image.radiance.band import LONG_WAVE, Band
 from jaxthermo.image.radiance.directional import _above_horizon
-from jaxthermo.image.radiance.draw import draw
+from jaxthermo.image.radiance.draw import Moment, draw
 from jaxthermo.image.radiance.effect import _AbstractEffect, in_order
 from jaxthermo.image.radiance.response import BANDS
 from jaxthermo.image.surface.view import compute_view
@@ -236,11 +236,13 @@ def test_what_is_not_asked_for_is_not_in_the_program(sunlit):
         def radiance(kelvin: Any) -> Any:
             return draw(
                 view,
-                surfaces=surfaces,
-                terms=terms,
-                temperature=kelvin,
-                received=received,
-                time=sunlit.times[0],
+                Moment(
+                    surfaces=surfaces,
+                    terms=terms,
+                    temperature=kelvin,
+                    received=received,
+                    time=sunlit.times[0],
+                ),
                 effects=in_order(effects),
             ).radiance
 

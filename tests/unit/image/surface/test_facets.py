@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.image.radiance.draw import _irradiation_at_pixels, _means
+from jaxthermo.image.radiance.draw import _irradiation_at_pixels
 from jaxthermo.image.surface.view import View, compute_view
 from jaxthermo.scene.scene import SolvedSurface, body_geometry
 
@@ -49,7 +49,7 @@ def points(view: View) -> np.ndarray:
 def test_a_ball_of_facets_reflects_like_a_ball(ball):
     view, beam = ball
     shaded = received(view, beam)
-    plain = _means(view.weights, beam[:, None])[:, 0]
+    plain = view.means(beam)
     out = points(view)
     exact = out / np.linalg.norm(out, axis=1, keepdims=True) @ TO_SUN
     lit = exact > 0.25

@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 
 import jaxthermo as jt
 from jaxthermo.findings import forget_findings
-from jaxthermo.image.radiance.draw import draw
+from jaxthermo.image.radiance.draw import Moment, draw
 from jaxthermo.image.surface import view as view_module
 from jaxthermo.image.surface.view import compute_view
 from jaxthermo.image.surface.weights import CHUNK, cells_of
@@ -67,11 +67,13 @@ def test_new_views_compile_nothing(surfaces):
         )
         return draw(
             view,
-            surfaces=surfaces,
-            terms=TERMS,
-            temperature=kelvin,
-            received=received,
-            time=time,
+            Moment(
+                surfaces=surfaces,
+                terms=TERMS,
+                temperature=kelvin,
+                received=received,
+                time=time,
+            ),
         ).object_id
 
     assert (frame(0.0) == 0).sum() > CHUNK
