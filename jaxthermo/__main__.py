@@ -4,7 +4,7 @@ import sys
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import App, Parameter
 
@@ -339,6 +339,29 @@ def _example(name: str | None = None, /, *, out: Path | None = None) -> None:
     from .cli.example import example as run
 
     run(name, out)
+
+
+@app.command
+def _cache(action: Literal["show", "clear"] = "show", /, *categories: str) -> None:
+    """Show what the user's cache holds, or clear it.
+
+    It holds what earlier runs computed from geometry alone, structures, the reference
+    runs of fits, and compiled programs. JAXTHERMO_CACHE names its folder or turns it
+    off; JAXTHERMO_CACHE_GIB is the limit of its size.
+
+    Args:
+        action: show prints the number and size of files by category; clear removes
+            them.
+        categories: Categories to clear, such as reference; all by default.
+    """
+    from .cli.cache import clear_cache, show_cache
+
+    if action == "clear":
+        clear_cache(categories)
+    elif categories:
+        raise InputError("cache show: takes no categories; clear does")
+    else:
+        show_cache()
 
 
 @app.command

@@ -15,22 +15,18 @@ import functools
 import hashlib
 import os
 import platform
-import re
 import sys
 import threading
 import warnings
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import jax
 import jaxlib
 from jax._src import compilation_cache as _jax_cache
 
-from . import user_cache
-from .atomic import replacing
-from .errors import InputError
-from .user_cache import OFF
+from .memo import store
 
 
 _VARIABLE = "JAXTHERMO_COMPILATION_CACHE"
@@ -39,15 +35,10 @@ _VARIABLE = "JAXTHERMO_COMPILATION_CACHE"
 # Incremented when the meaning of the files changes.
 _FORMAT = 1
 
-_MAX_BYTES = 512 * 1024**2
-"""Size of all files together; the least recently used are removed first."""
-
 _DIGEST_BYTES = 32
 _CPUINFO = Path("/proc/cpuinfo")
 # Variables that change what XLA compiles, or for how many threads.
 _SETTINGS = ("XLA_FLAGS", "JAX_PLATFORMS", "NPROC")
-# Files of this cache, complete or left behind by a killed process.
-_OWN_FILES = re.compile(r"\.?program-[0-9a-f]{40}(\.\d+-[0-9a-f]{8})?\.bin")
 
 
 def cache_compilations() -> Path | None:
@@ -93,15 +84,17 @@ def cache_compilations() -> Path | None:
 def _folder() -> Path | None:
     """Folder of the programs of this jaxlib on this processor."""
     named = os.environ.get(_VARIABLE, "")
-    root = user_cache.cache_folder("programs")
-    if root is None or named == OFF:
+    root = store.cache_folder()
+    if root is None or named == store.OFF:
         return None
     if named:
         try:
             root = Path(named).expanduser()
         except RuntimeError:  # no such user
             return None
-    return root.absolute() / f"{version('jaxlib')}-{_machine()}"
+    return store.program_folder(
+        root.absolute(), machine=f"{version('jaxlib')}-{_machine()}"
+    )
 
 
 def _machine() -> str:
@@ -158,8 +151,6 @@ class ProgramFiles:
         self._path = folder
         self._lock = threading.Lock()
         self._loaded_keys: set[str] = set()
-        # As if the limit were reached: the first file that is written checks it.
-        self._written = _MAX_BYTES
 
     def get(self, key: str) -> bytes | None:
         """Content of a file; None if it is missing or cannot be used."""
@@ -167,7 +158,7 @@ class ProgramFiles:
         content = _read(path, key)
         if not content:
             return None
-        user_cache.mark_used(path)
+        store.mark_used(path)
         with self._lock:
             self._loaded_keys.add(key)
         return content
@@ -179,7 +170,7 @@ class ProgramFiles:
         path = self._file(key)
         if is_rejected:
             self._write(path, _check_sum(key, b""))
-        elif _read(path, key) is None and len(value) <= _MAX_BYTES / 2:
+        elif _read(path, key) is None:
             self._write(path, _check_sum(key, value) + value)
 
     def _file(self, key: str) -> Path:
@@ -187,17 +178,12 @@ class ProgramFiles:
         return self._path / f"program-{digest[:40]}.bin"
 
     def _write(self, path: Path, content: bytes) -> None:
-        try:
-            with replacing(path) as temporary:
-                temporary.write_bytes(content)
-            self._written += len(content)
-            # Seldom: it looks at every file of all processors and versions.
-            if self._written > _MAX_BYTES / 16:
-                self._written = 0
-                all_files = path.parent.parent.glob("*/*.bin")
-                user_cache.make_room(all_files, _OWN_FILES, _MAX_BYTES)
-        except (OSError, InputError):
-            return
+        def write(file: IO[bytes]) -> None:
+            file.write(content)
+
+        # A cache has a folder of programs with a folder for each machine.
+        cache_folder = path.parents[2]
+        store.write_entry(cache_folder, path=path, size=len(content), write=write)
 
 
 def _read(path: Path, key: str) -> bytes | None:

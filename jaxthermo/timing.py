@@ -9,7 +9,7 @@ import jax
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .user_cache import without_cache
+from .memo.store import without_cache
 
 
 Spans = dict[str, list[float]]

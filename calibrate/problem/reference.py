@@ -1,10 +1,9 @@
-"""Reference runs, computed once and cached.
+"""Reference runs, computed once and stored in the user's cache.
 
 They are runs of the full volume of the same voxels, and for truth errors runs of finer
 voxels with an estimate of their own error from two coarser ones.
 """
 
-import contextlib
 import functools
 import hashlib
 import time
@@ -12,34 +11,37 @@ import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple, NotRequired, TypedDict, cast
+from typing import NamedTuple, NotRequired, TypedDict
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
-import jaxthermo
 from jaxthermo.accuracy.discretization_error import (
     DiscretizationError,
     discretization_error,
 )
 from jaxthermo.accuracy.truth_error import TruthError, truth_error
-from jaxthermo.archive import read_record, signed
 from jaxthermo.arrays import precision
-from jaxthermo.atomic import remove_leftovers, write_json
 from jaxthermo.config.loader import config_hash
 from jaxthermo.config.schema.body import BodyConfig
 from jaxthermo.config.schema.material import LabelledConfig
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
-from jaxthermo.integrate.run.save_solution import save_solution
 from jaxthermo.integrate.run.simulate import simulate
 from jaxthermo.integrate.run.solution import RESULTS, Solution
-from jaxthermo.integrate.run.solution_file import StoredSolution, load_solution
+from jaxthermo.integrate.run.solution_file import (
+    BodyArrays,
+    StoredSolution,
+    body_arrays,
+    solved_surface,
+)
 from jaxthermo.integrate.run.surface_reading import surface_reading
 from jaxthermo.integrate.solvers import ForwardEuler
+from jaxthermo.memo.content_hash import code_hash
+from jaxthermo.memo.store import REFERENCE
+from jaxthermo.memo.stored import stored
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.scene import Scene, SolvedSurface
-from jaxthermo.structures.cache import cache_folder
 
 from ..config.schema import AbsoluteReference, RefinedReference
 
@@ -50,9 +52,7 @@ Log = Callable[[str], None]
 COARSENING = 2.0
 """Pitch of each coarser run, from which a reference's error follows, over the next."""
 
-_COST = "cost of a reference run"
-_COST_VERSION = 1
-_REMEDY = "it is run again"
+_CALIBRATE = Path(__file__).parents[1]
 
 
 class RunCost(TypedDict):
@@ -114,18 +114,9 @@ class TruthReference(NamedTuple):
         return stored, is_lost
 
 
-@functools.cache
 def program_hash(with_calibrate: bool = False) -> str:
     """Hash of the source code that runs scenes, and of the fits' where asked for."""
-    # A reference is computed again when the code that made it has changed.
-    folders = [Path(jaxthermo.__file__).parent]
-    if with_calibrate:
-        folders.append(Path(__file__).parents[1])
-    digest = hashlib.sha256()
-    for folder in folders:
-        for path in sorted(folder.rglob("*.py")):
-            digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
+    return (code_hash(_CALIBRATE) if with_calibrate else code_hash())[:16]
 
 
 def on_every_voxel(config: SceneConfig) -> SceneConfig:
@@ -308,6 +299,15 @@ def _with_pitches(
     return _with_bodies(config, tuple(bodies))
 
 
+class _ReferenceRun(NamedTuple):
+    """A run as it is stored."""
+
+    times: Float[np.ndarray, " t"]
+    surface_temperature: Float[np.ndarray, "t s"]
+    bodies: tuple[BodyArrays, ...]
+    cost: RunCost
+
+
 def _stored_run(
     config: SceneConfig, step: float | None, log: Callable[[], None]
 ) -> tuple[StoredSolution, RunCost]:
@@ -315,24 +315,29 @@ def _stored_run(
 
     Explicit steps of `step` times the stable one, or with a controlled error in time.
     """
-    folder = cache_folder()
-    path = None
-    if folder is not None:
-        text = f"{config_hash(config)} {step!r} {program_hash()}"
-        name = hashlib.sha256(text.encode()).hexdigest()[:32]
-        path = folder.parent / "references" / f"{name}.npz"
-        # Files of the cache that cannot be read are written anew.
-        if path.is_file():
-            with contextlib.suppress(InputError):
-                record = read_record(
-                    path.with_suffix(".json"),
-                    format_name=_COST,
-                    version=_COST_VERSION,
-                    remedy=_REMEDY,
-                )
-                cached_cost = cast(RunCost, {**record, "cached": True})
-                return load_solution(path), cached_cost
-    log()
+    is_cached = True
+
+    def compute() -> _ReferenceRun:
+        nonlocal is_cached
+        is_cached = False
+        log()
+        return _run_with_cost(config, step)
+
+    run = stored(
+        REFERENCE,
+        inputs=(config_hash(config), step),
+        compute=compute,
+        types=(_ReferenceRun, BodyArrays),
+    )
+    solution = StoredSolution(
+        run.times,
+        surface_temperature=run.surface_temperature,
+        surfaces=tuple(solved_surface(body, run.times) for body in run.bodies),
+    )
+    return solution, {**run.cost, "cached": is_cached}
+
+
+def _run_with_cost(config: SceneConfig, step: float | None) -> _ReferenceRun:
     clock = time.perf_counter()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -348,17 +353,13 @@ def _stored_run(
         # Those of coarser voxels are no warnings of the run that is judged.
         "warnings": list(dict.fromkeys(str(warning.message) for warning in caught)),
     }
-    if path is not None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        remove_leftovers(path.parent)
-        save_solution(path, solution)
-        write_json(path.with_suffix(".json"), signed(_COST, _COST_VERSION, dict(cost)))
-    stored = StoredSolution(
-        solution.times,
-        surface_temperature=solution.surface_temperature,
-        surfaces=solution.surfaces,
+    times = np.asarray(solution.times)
+    return _ReferenceRun(
+        times=times,
+        surface_temperature=np.asarray(solution.surface_temperature),
+        bodies=tuple(body_arrays(surface, times) for surface in solution.surfaces),
+        cost=cost,
     )
-    return stored, {**cost, "cached": False}
 
 
 def _run(config: SceneConfig, step: float | None) -> Solution:

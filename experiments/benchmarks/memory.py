@@ -23,7 +23,7 @@ from jaxthermo.errors import InputError
 from jaxthermo.host_memory import readable_bytes
 from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.run.simulate import run_plan
-from jaxthermo.user_cache import without_cache
+from jaxthermo.memo.store import without_cache
 
 from ..harness.measurement import MeasuredResult, Measurement, plain_rows
 from ..harness.meshes import STEEL

@@ -5,15 +5,14 @@ import json
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import jaxthermo
 from jaxthermo.atomic import replacing
 from jaxthermo.errors import InputError
+from jaxthermo.memo.content_hash import code_hash
 
 
 Row = dict[str, Any]
@@ -104,15 +103,10 @@ class Record:
             raise InputError(f"cannot write {self.path}: {error.strerror}") from error
 
 
-@cache
 def program_hash(sources: tuple[Path, ...] = ()) -> str:
     """16 hex digits of the library and of `sources`, which rows follow from."""
     # Rows that an edited program measured must not be mixed with older ones.
-    digest = hashlib.sha256()
-    library = sorted(Path(jaxthermo.__file__).parent.rglob("*.py"))
-    for path in (*library, *sources):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
+    return code_hash(*sources)[:16]
 
 
 def fingerprint(value: Any) -> str:

@@ -5,7 +5,7 @@ from jaxtyping import Float
 from skimage.measure import marching_cubes
 
 from ..errors import InputError, positive_length
-from ..stored_findings import stored_search
+from ..memo.stored import stored_search
 from .mesh import Mesh
 
 

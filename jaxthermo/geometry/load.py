@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..errors import InputError, positive_length
-from ..stored_findings import stored
+from ..memo.stored import stored
 from .mesh import Mesh
 from .repair import MAX_HOLE_EDGES, repair_mesh
 
@@ -75,7 +75,7 @@ def load_mesh(
     return stored(
         "mesh",
         inputs=(data, path.name, *size, axes, repair, max_hole_edges),
-        find=build,
+        compute=build,
         types=(Mesh,),
     )
 

@@ -12,7 +12,6 @@ any other the body's. Its diameter is that of the cylinder of its length and vol
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -20,8 +19,9 @@ from skimage import measure
 
 from ..arrays import Number, Vector
 from ..errors import InputError
+from ..findings import found
 from ..geometry.vectors import unit_vector
-from ..stored_findings import stored_search
+from ..memo.stored import stored_search
 from .grid import VoxelGrid
 
 
@@ -217,15 +217,10 @@ def _main_axis(
     return axis * np.sign(largest_component), float(ratio)
 
 
-# Every snapshot of a moving body needs its parts, which do not change.
-_CACHE: WeakKeyDictionary[VoxelGrid, CylinderParts] = WeakKeyDictionary()
-
-
 def cylinder_parts(grid: VoxelGrid) -> CylinderParts:
     """Decompose a body into cylinders; assign every surface fragment to one."""
-    if grid not in _CACHE:
-        _CACHE[grid] = _decomposed(grid)
-    return _CACHE[grid]
+    # Every snapshot of a moving body needs its parts, which do not change.
+    return found((grid,), "cylinder parts", lambda: _decomposed(grid))
 
 
 @stored_search("cylinders", (CylinderParts, Cylinder))

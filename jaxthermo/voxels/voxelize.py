@@ -10,7 +10,7 @@ from ..arrays import Scalar, rank_in_group, stable_order
 from ..errors import InputError, shortened
 from ..geometry.mesh import AnyMesh, Mesh, as_mesh
 from ..geometry.repair import repair_mesh
-from ..stored_findings import stored_search
+from ..memo.stored import stored_search
 from .cell_areas import Patches, areas_of_mesh
 from .crossings import Cells, Crossings, find_crossings
 from .cut_geometry import CellShapes, cut_voxels, sides_of, surface_shapes

@@ -253,29 +253,26 @@ def test_folders_of_others_are_not_used(tmp_path):
 
 
 def test_a_full_disk_is_no_failure(tmp_path, monkeypatch):
-    def full(path, content):
+    def full(path, mode):
         raise OSError(28, "No space left on device")
 
     files = ProgramFiles(tmp_path)
-    monkeypatch.setattr(Path, "write_bytes", full)
+    monkeypatch.setattr(Path, "open", full)
     files.put("key", b"program")
     assert files.get("key") is None
     assert not list(tmp_path.iterdir())
 
 
-def test_the_least_recently_used_go_first(tmp_path, monkeypatch):
-    monkeypatch.setattr(compilation_cache, "_MAX_BYTES", 10_000)
-    old = tmp_path / "old-jaxlib"
-    new = tmp_path / "new-jaxlib"
-    for folder in (old, new):
-        folder.mkdir()
+def test_programs_of_other_machines_go_first(tmp_path, monkeypatch):
+    monkeypatch.setenv("JAXTHERMO_CACHE_GIB", str(10_000 / 2**30))
+    old, new = (tmp_path / "programs" / name for name in ("old-jaxlib", "new-jaxlib"))
     ProgramFiles(old).put("key", bytes(4000))
     (old / "mine.bin").write_bytes(bytes(9000))
     for path in old.iterdir():
         os.utime(path, (0, 0))
     files = ProgramFiles(new)
     for n in range(3):
-        files.put(f"key{n}", bytes(3000))
+        files.put(f"key{n}", bytes(2900))
     assert [path.name for path in old.iterdir()] == ["mine.bin"]
     assert len(programs(new)) == 3
     files.put("large", bytes(6000))

@@ -14,6 +14,7 @@ import jaxthermo
 
 ROOT = Path(__file__).resolve().parents[2]
 ORDER = [
+    "memo",
     "material",
     "geometry",
     "raster",

@@ -8,7 +8,6 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -16,9 +15,9 @@ from scipy.sparse import csr_array
 
 from ...findings import found
 from ...geometry.vectors import row_dot
+from ...memo.stored import stored
 from ...physics.term import AbstractTerm
 from ...scene.scene import BodyGeometry, SolvedSurface
-from ...stored_findings import stored
 from .background import Background, compute_background
 from .camera import AbstractCamera, OrthographicCamera
 from .facets import FacetShading, facet_shading, joined_shadings, smooth_normals
@@ -180,7 +179,7 @@ def compute_view(
         )
 
     geometry = (
-        stored("view", inputs=content, find=find, types=types) if keep else find()
+        stored("view", inputs=content, compute=find, types=types) if keep else find()
     )
     background = compute_background(
         terms, camera=camera, pixel=geometry.pixel, depth=geometry.depth
@@ -373,10 +372,6 @@ class _KeptView(NamedTuple):
     view: View
 
 
-# By the geometry of the first body, with which they are released.
-_kept_views: WeakKeyDictionary[BodyGeometry, list[_KeptView]] = WeakKeyDictionary()
-
-
 def kept_view(
     surfaces: tuple[SolvedSurface, ...],
     terms: tuple[AbstractTerm, ...],
@@ -393,7 +388,8 @@ def kept_view(
     first, *further_bodies = (surface.geometry for surface in surfaces)
     radius = np.asarray(-1.0 if occlusion is None else occlusion, float).tobytes()
     key = (*further_bodies, *terms, *_identity(camera), smooth, radius)
-    views = _kept_views.setdefault(first, [])
+    # Released with the geometry of the first body.
+    views: list[_KeptView] = found((first,), "kept views", list)
     for number, entry in enumerate(views):
         if _same(entry.key, key):
             # The most recently used view is dropped last.

@@ -17,7 +17,7 @@ from scipy.spatial import KDTree
 
 from ...errors import InputError
 from ...geometry.vectors import row_dot
-from ...stored_findings import stored_search
+from ...memo.stored import stored_search
 from .rays import PlacedGrid
 
 

@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 
 from ...arrays import Scalar
 from ...errors import InputError
-from ...stored_findings import stored_search
+from ...memo.stored import stored_search
 from .rays import (
     FRAGMENT_SPACING,
     MAX_FRAGMENT_DISTANCE,

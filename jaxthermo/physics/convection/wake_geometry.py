@@ -9,9 +9,9 @@ from jaxtyping import Float, Int
 from ...geometry.mesh import part_labels
 from ...geometry.vectors import triangle_normals
 from ...host_memory import require_memory
+from ...memo.stored import stored_search
 from ...raster.fragments import DepthLayers
 from ...raster.views import OrthographicView, orthographic_view, pixels_at
-from ...stored_findings import stored_search
 
 
 # Offsets (row, column) to a pixel itself and to its neighbours, nearest first.

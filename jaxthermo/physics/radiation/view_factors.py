@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...errors import InputError
-from ...stored_findings import stored_search
+from ...memo.stored import stored_search
 from .global_lines import (
     LineSums,
     PairCone,

@@ -22,6 +22,7 @@ from ...arrays import linear_map
 from ...errors import InputError
 from ...geometry.vectors import row_dot, tangents
 from ...host_memory import require_memory
+from ...memo.stored import stored_search
 from ...raster.depth_buffer import depth_range
 from ...raster.views import (
     OrthographicView,
@@ -32,7 +33,6 @@ from ...raster.views import (
     pixels_at,
     view_frame,
 )
-from ...stored_findings import stored_search
 from ..surface import BodySurface
 
 

@@ -255,9 +255,9 @@ def test_a_run_is_made_once_and_is_as_fine_as_asked(tmp_path, monkeypatch):
     finer = RefinedReference(refinement=4, points=500)
     third: Any = refined_reference(config, finer, said.append)
     assert [cost["cached"] for cost in third.costs] == [False, True, True]
-    # A file without its cost is written anew.
-    for cost_path in tmp_path.rglob("*.json"):
-        cost_path.write_text("{")
+    # A damaged file is written anew.
+    for path_of_run in tmp_path.rglob("reference-*.bin"):
+        path_of_run.write_bytes(path_of_run.read_bytes()[:-1])
     refined_reference(config, settings, said.append)
     assert len(said) == 7
     # Loads are.

@@ -1,24 +1,17 @@
-"""The cache gives back what was built, for the same voxels only, and never fails."""
+"""Structures are read again for the same voxels and options, and for no others."""
 
-import errno
-import os
-import subprocess
-import sys
-import threading
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from jaxthermo import user_cache
+from jaxthermo.findings import forget_findings
+from jaxthermo.memo import stored
 from jaxthermo.structures import cache
-from jaxthermo.structures.cache import cache_folder, cached
+from jaxthermo.structures.cache import built_once
 from jaxthermo.structures.structure import Built, Links, Nodes
 from tests.bodies import blocks
-
-
-ROOT = Path(__file__).parents[3]
 
 
 class Builder:
@@ -58,10 +51,11 @@ def assert_same(first: Built, second: Built) -> None:
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch) -> Path:
-    """An empty cache that keeps bodies of any size."""
+    """An empty cache that keeps structures of any duration and size."""
     monkeypatch.setenv("JAXTHERMO_CACHE", str(tmp_path))
+    monkeypatch.setattr(stored, "_MIN_SECONDS", 0.0)
     monkeypatch.setattr(cache, "_MIN_VOXELS", 1)
-    return tmp_path / "structures"
+    return tmp_path / "memo"
 
 
 @pytest.fixture
@@ -71,10 +65,15 @@ def grid():
 
 def test_a_hit_gives_the_same_arrays_without_building(folder, grid):
     build = Builder()
-    first = cached("kind", grid, {"levels": None}, build)
-    again = cached("kind", blocks(np.ones((2, 3, 4), bool)), {"levels": None}, build)
+    first = built_once("kind", grid, {"levels": None}, build)
+    again = built_once(
+        "kind", blocks(np.ones((2, 3, 4), bool)), {"levels": None}, build
+    )
+    forget_findings()
+    stored_before = built_once("kind", grid, {"levels": None}, build)
     assert build.calls == 1
-    assert_same(first, again)
+    for built in (again, stored_before):
+        assert_same(first, built)
 
 
 def test_whatever_a_structure_follows_from_is_a_miss(folder, grid):
@@ -96,192 +95,26 @@ def test_whatever_a_structure_follows_from_is_a_miss(folder, grid):
         ("kind", replace(grid, fragment_position=2 * grid.fragment_position), {}),
         ("kind", replace(grid, fragment_voxel=grid.fragment_voxel[::-1]), {}),
     ]
-    cached("kind", grid, {}, build)
+    built_once("kind", grid, {}, build)
     for number, (name, body, options) in enumerate(misses):
-        cached(name, body, options, build)
+        built_once(name, body, options, build)
         assert build.calls == number + 2
     assert len(list(folder.iterdir())) == len(misses) + 1
 
 
-def test_options_of_no_known_meaning_are_a_defect(folder, grid):
-    with pytest.raises(TypeError, match="object"):
-        cached("kind", grid, {"levels": object()}, Builder())
-
-
-def test_edited_code_builds_anew(folder, grid, monkeypatch):
+def test_options_of_no_known_content_are_not_stored(folder, grid):
     build = Builder()
-    cached("kind", grid, {}, build)
-    monkeypatch.setattr(cache, "code_hash", lambda *names: "edited")
-    cached("kind", grid, {}, build)
-    assert build.calls == 2
+    for _ in range(2):
+        built_once("kind", grid, {"levels": object()}, build)
+    assert build.calls == 2 and not folder.exists()
 
 
-def test_any_damaged_byte_is_noticed(folder, grid):
-    """Flipped anywhere, the file gives the arrays that were kept, or is rebuilt."""
-    build = Builder()
-    right = cached("kind", grid, {}, build)
-    (path,) = folder.iterdir()
-    content = path.read_bytes()
-    for position in range(0, len(content), 7):
-        path.write_bytes(
-            content[:position]
-            + bytes([content[position] ^ 255])
-            + content[position + 1 :]
-        )
-        assert_same(cached("kind", grid, {}, build), right)
-    assert build.calls > 100
+def test_structures_of_one_grid_share_their_arrays(folder, grid):
+    first, second = (built_once("kind", grid, {}, Builder()) for _ in range(2))
+    assert first is second
 
 
-@pytest.mark.parametrize("content", [b"", b"not an archive", b"PK\x03\x04", None])
-def test_a_foreign_file_is_replaced(folder, grid, content):
-    build = Builder()
-    right = cached("kind", grid, {}, build)
-    (path,) = folder.iterdir()
-    if content is None:
-        np.savez(path, something=np.arange(3))
-    else:
-        path.write_bytes(content)
-    assert_same(cached("kind", grid, {}, build), right)
-    assert_same(cached("kind", grid, {}, build), right)
-    assert build.calls == 2
-
-
-def test_an_archive_of_python_objects_is_not_opened(folder, grid):
-    build = Builder()
-    cached("kind", grid, {}, build)
-    (path,) = folder.iterdir()
-    with np.load(path) as file:
-        content = dict(file)
-    content["fragment_node"] = np.array([{"any": "object"}], dtype=object)
-    np.savez(path, allow_pickle=True, **content)
-    cached("kind", grid, {}, build)
-    assert build.calls == 2
-
-
-def test_threads_at_once_all_get_the_arrays(folder, grid):
-    results = []
-    work = [
-        threading.Thread(
-            target=lambda: results.append(cached("kind", grid, {}, Builder()))
-        )
-        for _ in range(8)
-    ]
-    for thread in work:
-        thread.start()
-    for thread in work:
-        thread.join()
-    assert len(results) == 8
-    for built in results:
-        assert_same(built, Builder()())
-    assert len(list(folder.iterdir())) == 1
-
-
-def build_read_and_remove() -> None:
-    """What each of two processes does in the same folder."""
-    cache._MIN_VOXELS = 1
-    grid = blocks(np.ones((2, 3, 4), bool))
-    for n in range(40):
-        assert_same(cached("kind", grid, {"n": n % 3}, Builder()), Builder()())
-        if n % 5 == 0:
-            folder = Path(os.environ["JAXTHERMO_CACHE"], "structures")
-            for path in sorted(folder.glob("*.npz"))[:1]:
-                path.unlink(missing_ok=True)
-
-
-def test_processes_at_once_take_files_away_from_under_each_other(folder):
-    code = (
-        "from tests.unit.structures import test_structure_cache as test\n"
-        "print('ready', flush=True)\n"
-        "test.build_read_and_remove()"
-    )
-    process = subprocess.Popen(
-        [sys.executable, "-c", code], stdout=subprocess.PIPE, cwd=ROOT
-    )
-    assert process.stdout is not None
-    with process.stdout as said:
-        assert said.readline() == b"ready\n"
-        build_read_and_remove()
-    assert process.wait(60) == 0
-    assert len(list(folder.iterdir())) == 3
-
-
-def test_off_and_small_bodies_leave_nothing(tmp_path, monkeypatch, grid):
-    monkeypatch.setenv("JAXTHERMO_CACHE", str(tmp_path))
-    build = Builder()
-    cached("kind", grid, {}, build)
-    monkeypatch.setattr(cache, "_MIN_VOXELS", 1)
-    monkeypatch.setenv("JAXTHERMO_CACHE", "off")
-    cached("kind", grid, {}, build)
-    assert build.calls == 2
-    assert not list(tmp_path.iterdir())
-
-
-def test_where_structures_are_kept(monkeypatch):
-    monkeypatch.delenv("JAXTHERMO_CACHE")
-    monkeypatch.setenv("XDG_CACHE_HOME", "/var/mine")
-    assert cache_folder() == Path("/var/mine/jaxthermo/structures")
-    for unset in ("", "relative"):
-        monkeypatch.setenv("XDG_CACHE_HOME", unset)
-        monkeypatch.setenv("HOME", "/home/someone")
-        assert cache_folder() == Path("/home/someone/.cache/jaxthermo/structures")
-    monkeypatch.setenv("JAXTHERMO_CACHE", "~/there")
-    assert cache_folder() == Path("/home/someone/there/structures")
-    monkeypatch.setenv("JAXTHERMO_CACHE", "~no-such-user/there")
-    assert cache_folder() is None
-
-
-def test_a_folder_that_cannot_be_made_is_no_failure(tmp_path, monkeypatch, grid):
-    monkeypatch.setattr(cache, "_MIN_VOXELS", 1)
-    (tmp_path / "file").write_text("in the way")
-    monkeypatch.setenv("JAXTHERMO_CACHE", str(tmp_path / "file"))
-    assert_same(cached("kind", grid, {}, Builder()), Builder()())
-
-
-def test_a_full_disk_is_no_failure(folder, grid, monkeypatch):
-    def full(file, **_):
-        file.write(b"a part")
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(np, "savez", full)
-    assert_same(cached("kind", grid, {}, Builder()), Builder()())
-    assert not list(folder.iterdir())
-
-
-def test_what_was_not_used_for_longest_goes_first(folder, grid, monkeypatch):
-    build = Builder()
-    for n in range(3):
-        cached("kind", grid, {"n": n}, build)
-    # The size of each file; what is not ours is never touched.
-    size = max(path.stat().st_size for path in folder.iterdir())
-    (folder / "mine.npz").write_bytes(bytes(size))
-    left_behind = folder / f".kind-{'0' * 40}.01234567.npz"
-    left_behind.write_bytes(bytes(size))
-    for path in folder.iterdir():
-        os.utime(path, (0, 0))
-    cached("kind", grid, {"n": 0}, build)
-    assert build.calls == 3
-    monkeypatch.setattr(cache, "_MAX_BYTES", int(2.5 * size))
-    cached("kind", grid, {"n": 3}, build)
-    assert {p.name for p in folder.iterdir()} > {"mine.npz"}
-    assert len(list(folder.iterdir())) == 3 and not left_behind.exists()
-    cached("kind", grid, {"n": 0}, build)
-    cached("kind", grid, {"n": 3}, build)
-    assert build.calls == 4
-    cached("kind", grid, {"n": 1}, build)
-    assert build.calls == 5
-
-
-def test_what_would_leave_no_room_is_not_kept(folder, grid, monkeypatch):
-    monkeypatch.setattr(cache, "_MAX_BYTES", 100)
-    cached("kind", grid, {}, Builder())
+def test_small_bodies_leave_nothing(folder, grid, monkeypatch):
+    monkeypatch.setattr(cache, "_MIN_VOXELS", 25)
+    built_once("kind", grid, {}, Builder())
     assert not folder.exists()
-
-
-def test_a_file_that_another_process_removed_is_no_error(folder, grid, monkeypatch):
-    cached("kind", grid, {"n": 0}, Builder())
-    (path,) = folder.iterdir()
-    gone = path.with_name(f"kind-{'0' * 40}.npz")
-    listed = [*folder.iterdir(), gone]
-    monkeypatch.setattr(Path, "iterdir", lambda _: iter(listed))
-    user_cache.make_room(folder.iterdir(), cache._OWN_FILES, cache._MAX_BYTES)
-    assert path.exists()

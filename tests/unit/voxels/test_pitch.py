@@ -10,7 +10,7 @@ from jaxthermo import host_memory
 from jaxthermo.errors import InputError
 from jaxthermo.geometry import shapes
 from jaxthermo.geometry.mesh import Mesh
-from jaxthermo.user_cache import without_cache
+from jaxthermo.memo.store import without_cache
 from jaxthermo.voxels import lattice, voxelize as voxelize_module
 from jaxthermo.voxels.voxelize import voxelize
 

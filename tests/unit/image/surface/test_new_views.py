@@ -87,9 +87,9 @@ def test_new_views_compile_nothing(surfaces):
 def test_the_first_view_of_a_body_is_kept_for_other_processes(surfaces, monkeypatch):
     asked = []
 
-    def stored(search, inputs, find, types):
+    def stored(category, inputs, compute, types):
         asked.append(inputs[0])
-        return find()
+        return compute()
 
     monkeypatch.setattr(view_module, "stored", stored)
     forget_findings()

@@ -1,10 +1,9 @@
-"""Findings on disk: the same in the next process for the same input, never an error."""
+"""Results on disk: the same in the next process for the same input, never an error."""
 
-import re
 import subprocess
 import sys
 import threading
-import time
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -15,12 +14,14 @@ import pytest
 from scipy.sparse import csr_array
 
 import jaxthermo as jt
-from jaxthermo import stored_findings
-from jaxthermo.stored_findings import content_hash, stored, stored_search
-from jaxthermo.user_cache import cache_folder, without_cache
+from jaxthermo.memo import store, stored as stored_module
+from jaxthermo.memo.content_hash import content_hash
+from jaxthermo.memo.store import without_cache
+from jaxthermo.memo.stored import stored, stored_search
+from jaxthermo.memo.value_file import read_value
 
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 
 
 class Pair(NamedTuple):
@@ -42,8 +43,8 @@ class Record:
 def folder(tmp_path, monkeypatch) -> Path:
     """An empty cache that keeps searches of any duration."""
     monkeypatch.setenv("JAXTHERMO_CACHE", str(tmp_path))
-    monkeypatch.setattr(stored_findings, "_MIN_SECONDS", 0.0)
-    return tmp_path / "findings"
+    monkeypatch.setattr(stored_module, "_MIN_SECONDS", 0.0)
+    return tmp_path / "memo"
 
 
 class Search:
@@ -98,7 +99,9 @@ def test_what_was_found_is_read_again(folder, value):
     search = Search(value)
     for _ in range(3):
         assert_same(
-            stored("a_search", inputs=("given", 1), find=search, types=(Pair, Record)),
+            stored(
+                "a_search", inputs=("given", 1), compute=search, types=(Pair, Record)
+            ),
             value,
         )
     assert search.calls == 1
@@ -118,7 +121,7 @@ def test_whatever_a_search_starts_from_is_a_miss(folder, monkeypatch):
         stored("a_search", value, search)
     assert search.calls == len(inputs)
     stored("another", 1, search)
-    monkeypatch.setattr(stored_findings, "code_hash", lambda *names: "edited")
+    monkeypatch.setattr(stored_module, "code_hash", lambda *names: "edited")
     stored("a_search", 1, search)
     assert search.calls == len(inputs) + 2
 
@@ -156,22 +159,24 @@ def test_what_cannot_be_stored_is_found_again(folder, value):
 
 def test_any_damaged_byte_is_noticed(folder):
     search = Search(Pair(np.arange(9.0), "text"))
-    stored("a_search", inputs=1, find=search, types=(Pair,))
+    stored("a_search", inputs=1, compute=search, types=(Pair,))
     (path,) = folder.iterdir()
     intact = path.read_bytes()
     for byte in range(len(intact)):
         flipped = bytes([intact[byte] ^ 255])
         path.write_bytes(intact[:byte] + flipped + intact[byte + 1 :])
         assert_same(
-            stored("a_search", inputs=1, find=search, types=(Pair,)), search.value
+            stored("a_search", inputs=1, compute=search, types=(Pair,)), search.value
         )
     for cut in range(0, len(intact), 7):
         path.write_bytes(intact[:cut])
         assert_same(
-            stored("a_search", inputs=1, find=search, types=(Pair,)), search.value
+            stored("a_search", inputs=1, compute=search, types=(Pair,)), search.value
         )
     path.write_bytes(intact + b"more")
-    assert_same(stored("a_search", inputs=1, find=search, types=(Pair,)), search.value)
+    assert_same(
+        stored("a_search", inputs=1, compute=search, types=(Pair,)), search.value
+    )
     # A line end may be another character that ends a number as well.
     assert search.calls > len(intact)
 
@@ -179,7 +184,7 @@ def test_any_damaged_byte_is_noticed(folder):
 def test_threads_and_processes_at_once(folder):
     code = (
         "import numpy as np\n"
-        "from jaxthermo import stored_findings as s\n"
+        "from jaxthermo.memo import stored as s\n"
         "s._MIN_SECONDS = 0.0\n"
         "print('ready', flush=True)\n"
         "for n in range(60):\n"
@@ -218,7 +223,7 @@ def test_off_unwritable_and_fast_searches_store_nothing(tmp_path, monkeypatch):
     search = Search(1)
     monkeypatch.setenv("JAXTHERMO_CACHE", str(tmp_path))
     assert stored("a_search", 1, search) == 1
-    monkeypatch.setattr(stored_findings, "_MIN_SECONDS", 0.0)
+    monkeypatch.setattr(stored_module, "_MIN_SECONDS", 0.0)
     monkeypatch.setenv("JAXTHERMO_CACHE", "off")
     assert stored("a_search", 1, search) == 1
     (tmp_path / "file").write_text("in the way")
@@ -235,20 +240,6 @@ def test_nothing_is_read_where_searches_are_timed(folder):
         stored("a_search", 1, search)
     stored("a_search", 1, search)
     assert search.calls == 2
-
-
-def test_the_least_recently_used_go_first(folder, monkeypatch):
-    monkeypatch.setattr(stored_findings, "_MAX_BYTES", 100_000)
-    for n in range(4):
-        stored("a_search", n, Search(np.zeros(4000)))
-        time.sleep(0.01)
-    assert len(list(folder.iterdir())) == 3
-    last = Search(1)
-    stored("a_search", 3, last)
-    assert last.calls == 0
-    monkeypatch.setattr(stored_findings, "_MAX_FILE_BYTES", 1000)
-    stored("a_search", 9, Search(np.zeros(4000)))
-    assert len(list(folder.iterdir())) == 3
 
 
 # By default every kind of search is tested by itself.
@@ -316,21 +307,66 @@ def test_a_decorated_search_keeps_its_name(folder):
     assert calls == [3, 3]
 
 
-def test_the_code_of_every_search_is_in_the_names_of_its_findings():
-    package = Path(stored_findings.__file__).parent
-    calls = re.compile(r"^from \.+stored_findings import .*\bstored(_search)?\b", re.M)
-    sources = [path for path in package.rglob("*.py") if path.parent != package]
-    searching = {
-        path.relative_to(package).parts[0]
-        for path in sources
-        if calls.search(path.read_text(encoding="utf-8"))
-    }
-    assert {"geometry", "voxels", "physics", "image"} <= searching
-    assert searching <= set(stored_findings._SEARCHES)
-    assert all((package / name).is_dir() for name in stored_findings._SEARCHES)
+def test_a_file_with_arrays_of_objects_is_not_opened(folder):
+    """Such arrays are addresses of objects."""
+    search = Search(np.arange(9.0))
+    stored("a_search", 1, search)
+    (path,) = folder.iterdir()
+    content = path.read_bytes()[:-4].replace(b"<f8", b"|O8")
+    path.write_bytes(content + zlib.crc32(content).to_bytes(4, "little"))
+    assert_same(stored("a_search", 1, search), search.value)
+    assert search.calls == 2
 
 
-def test_a_cache_that_is_on_is_the_users_own(monkeypatch, tmp_path):
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setenv("JAXTHERMO_CACHE", "on")
-    assert cache_folder("kind") == tmp_path / "jaxthermo" / "kind"
+def test_what_is_read_owns_its_memory(folder):
+    """A part of a result does not keep the others alive, and can be a finding."""
+    arrays = [np.arange(9.0), np.arange(20)]
+    stored("a_search", 1, lambda: arrays)
+    again = stored("a_search", 1, lambda: arrays)
+    assert again is not arrays
+    for array in again:
+        assert array.base is None and array.flags.writeable
+
+
+KILLING = """
+import os, random, signal, sys, time
+from pathlib import Path
+import numpy as np
+from jaxthermo.memo import store
+from jaxthermo.memo.value_file import encode
+folder = Path(sys.argv[1])
+def write_for_ever():
+    while True:
+        for n in range(3):
+            encoded = encode(np.full(200_000, n), {})
+            path = store.result_path(folder, "numbers", f"{n:040x}")
+            store.write_entry(folder, path, encoded.size, encoded.write)
+random.seed(1)
+for _ in range(60):
+    child = os.fork()
+    if not child:
+        write_for_ever()
+    time.sleep(random.uniform(0.0, 0.02))
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no fork")
+def test_writers_that_are_killed_leave_whole_files(folder, monkeypatch):
+    subprocess.run([sys.executable, "-c", KILLING, folder.parent], check=True, cwd=ROOT)
+    entries = store.files_of(folder.parent)
+    finished = [entry for entry in entries if entry.category == "numbers"]
+    assert len(finished) == 3
+    for entry in finished:
+        with entry.path.open("rb") as file:
+            value = read_value(file, {})
+        assert_same(value, np.full(200_000, int(entry.path.stem[-1])))
+    # Others are what killed writers left behind, and go as all files do.
+    assert {entry.category for entry in entries} <= {"numbers", "unfinished"}
+    assert set(folder.iterdir()) == {entry.path for entry in entries}
+    monkeypatch.setenv("JAXTHERMO_CACHE_GIB", "1e-5")
+    stored("a_search", 1, Search(1))
+    remaining = store.files_of(folder.parent)
+    assert "numbers" not in {entry.category for entry in remaining}
+    assert sum(entry.size for entry in remaining) <= store.size_limit()

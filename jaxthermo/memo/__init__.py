@@ -1,0 +1,1 @@
+"""Results by content: what one process computed, the next one reads."""
