@@ -11,7 +11,8 @@ import jaxthermo as jt
 from calibrate.problem.frame_data import frame_target
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
-from calibrate.problem.targets import render_frames, surface_target
+from calibrate.problem.shown import Shown
+from calibrate.problem.targets import surface_target
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.integrate.run.solution_file import StoredSolution
 from tests.bodies import blocks
@@ -116,9 +117,7 @@ def camera_of_block(width, height):
 
 def frames_of(view, scene, solution, times, quantity="temperature"):
     """Frames of a run at its save times, on the host."""
-    frames = render_frames(
-        view, scene=scene, solution=solution, times=times, quantity=quantity
-    )
+    frames = Shown(quantity).frames(view, scene, solution=solution, times=times)
     return np.asarray(frames, float)
 
 
@@ -129,7 +128,7 @@ def target_of(view, frames, times, quantity="temperature", masks=(), moving=None
         views=(view,),
         frames=[frames],
         noise=0.05,
-        quantity=quantity,
+        shown=Shown(quantity),
         masks=masks,
         dtype=jnp.float64,
         moving=moving,

@@ -26,16 +26,12 @@ def align_cameras(
         poses = parameters.start_poses(len(case_frames.views))
         warm = parameters.insert(scene, z)
         solution = run(warm, run.step_table(warm))
+        shown = case_frames.shown
         reflected = parameters.frame_values(z).reflected
-        if reflected is None:
-            reflected = case_frames.settings.reflected_temperature
+        if reflected is not None:
+            shown = shown._replace(reflected=reflected)
         drawn = ShownRun.of(
-            warm,
-            solution=solution,
-            times=case_frames.times,
-            quantity=case_frames.settings.quantity,
-            band=case_frames.band,
-            reflected=reflected,
+            shown, scene=warm, solution=solution, times=case_frames.times
         )
         aligned = {}
         for number, (view, frames) in enumerate(

@@ -17,25 +17,26 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.ndimage import gaussian_filter
 from scipy.optimize import least_squares
 
 from jaxthermo.errors import InputError
 from jaxthermo.image.pose.pose import moved_camera
-from jaxthermo.image.radiance.band import Band, black_radiance
+from jaxthermo.image.radiance.band import black_radiance
+from jaxthermo.image.radiance.draw import Moment
 from jaxthermo.image.surface.camera import AbstractCamera
 from jaxthermo.image.surface.view import View, compute_view
 from jaxthermo.image.surface.visible import world_meshes
 from jaxthermo.integrate.run.parametric_run import ParametricSolution
-from jaxthermo.physics.radiation.irradiation import Irradiance
 from jaxthermo.physics.term import AbstractTerm
 from jaxthermo.scene.scene import Scene, SolvedSurface
 
 from .outlines import Outlines, fit_outlines
-from .targets import frame_at, received_at
+from .shown import Shown
 
 
 _BLURS = (16.0, 8.0, 4.0, 2.0)
@@ -54,56 +55,41 @@ _MAX_EVALUATIONS = 12
 class ShownRun(NamedTuple):
     """A run whose frames are drawn on the host."""
 
-    surfaces: tuple[SolvedSurface, ...]
-    terms: tuple[AbstractTerm, ...]
-    times: Float[Array, " t"]
-    temperature: Float[np.ndarray, "t s"]
-    """Temperature of the fragments [K]."""
-    received: tuple[Irradiance, ...]
-    """Radiation that reaches them, at each time."""
-    quantity: str
-    band: Band | None
+    shown: Shown
+    moments: tuple[Moment, ...]
+    """States at the saved times, in arrays of numpy."""
 
     @classmethod
     def of(
         cls,
+        shown: Shown,
         scene: Scene,
         solution: ParametricSolution,
         times: tuple[float, ...],
-        quantity: str,
-        band: Band | None,
-        reflected: Any,
     ) -> "ShownRun":
         """Read what frames need of a run."""
-        surface = solution.surface_temperature
-        at = jnp.asarray(times, surface.dtype)
-        rows = [
-            received_at(solution, surface=s, time=t, reflected=reflected)
-            for s, t in zip(surface, at, strict=True)
-        ]
-        return cls(
-            surfaces=solution.surfaces,
-            terms=scene.terms,
-            times=at,
-            temperature=np.asarray(surface),
-            received=tuple(Irradiance(*map(np.asarray, row)) for row in rows),
-            quantity=quantity,
-            band=band,
-        )
+        kelvin = solution.surface_temperature
+        moments = []
+        for surface, time in zip(kelvin, jnp.asarray(times, kelvin.dtype), strict=True):
+            moment = shown.moment(scene, solution, surface=surface, time=time)
+            on_host = jax.tree.map(np.asarray, (moment.temperature, moment.received))
+            temperature, received = on_host
+            moments.append(moment._replace(temperature=temperature, received=received))
+        return cls(shown, tuple(moments))
+
+    @property
+    def surfaces(self) -> tuple[SolvedSurface, ...]:
+        """Surfaces of the bodies."""
+        return self.moments[0].surfaces
+
+    @property
+    def terms(self) -> tuple[AbstractTerm, ...]:
+        """Terms of the scene."""
+        return self.moments[0].terms
 
     def frame(self, view: View, time: int) -> Float[np.ndarray, "h w"]:
         """Frame of a saved time."""
-        drawn = frame_at(
-            view,
-            surfaces=self.surfaces,
-            terms=self.terms,
-            surface=self.temperature[time],
-            received=self.received[time],
-            time=self.times[time],
-            quantity=self.quantity,
-            band=self.band,
-        )
-        return np.asarray(drawn, float)
+        return np.asarray(self.shown.frame(view, self.moments[time]), float)
 
 
 class Limits(NamedTuple):
@@ -204,8 +190,8 @@ def _sharpen(
     for source in view.background.sources:
         hidden[source.pixel] = True
     radiance = data
-    if run.quantity == "temperature":
-        radiance = np.asarray(black_radiance(data, run.band))
+    if run.shown.quantity == "temperature":
+        radiance = np.asarray(black_radiance(data, run.shown.band))
     outlines = fit_outlines(
         world_meshes(run.surfaces),
         camera=camera,

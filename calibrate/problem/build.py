@@ -269,11 +269,9 @@ class _Builder:
             views=frames.views,
             frames=frames.frames,
             noise=settings.noise,
-            quantity=settings.quantity,
+            shown=frames.shown,
             masks=frames.masks,
             dtype=jnp.dtype(scene.dtype),
-            band=frames.band,
-            reflected=settings.reflected_temperature,
             moving=moving,
         )
 

@@ -11,11 +11,11 @@ from jaxthermo.errors import InputError
 from jaxthermo.image.pose.derivative import linearize_view
 from jaxthermo.image.pose.outline import outline_distance
 from jaxthermo.image.pose.pose import moved_camera
-from jaxthermo.image.radiance.band import Band
 from jaxthermo.image.surface.view import View, compute_view
 from jaxthermo.physics.term import AbstractTerm
 from jaxthermo.scene.scene import SolvedSurface
 
+from .shown import Shown
 from .targets import FrameTarget, body_mask
 
 
@@ -45,11 +45,9 @@ def frame_target(
     views: tuple[View, ...],
     frames: list[Float[np.ndarray, "_ _ _"]],
     noise: float,
-    quantity: str,
+    shown: Shown,
     masks: Masks,
     dtype: Any,
-    band: Band | None = None,
-    reflected: float | None = None,
     moving: FitsPoses | None = None,
 ) -> FrameTarget:
     """Make a target of the frames [time, row, column] of every view of the model.
@@ -95,9 +93,7 @@ def frame_target(
         data=tuple(data),
         indices=tuple(indices),
         noise=noise,
-        quantity=quantity,
-        band=band,
-        reflected=reflected,
+        shown=shown,
         surfaces=() if moving is None else moving.surfaces,
         room=tuple(room),
     )

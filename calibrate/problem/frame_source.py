@@ -17,10 +17,10 @@ from jaxthermo.errors import InputError
 from jaxthermo.image.files.exr import read_channel, read_exr
 from jaxthermo.image.files.thermogram_files import read_thermogram
 from jaxthermo.image.pose.coverage import coverage
-from jaxthermo.image.radiance.band import Band, apparent_temperature
+from jaxthermo.image.radiance.band import apparent_temperature
 from jaxthermo.image.radiance.image import block_means
 from jaxthermo.image.surface.camera import AbstractCamera
-from jaxthermo.image.surface.view import View
+from jaxthermo.image.surface.view import View, compute_view
 from jaxthermo.image.surface.visible import world_meshes
 from jaxthermo.integrate.run.parametric_run import ParametricRun, ParametricSolution
 from jaxthermo.scene.compile.compile import compile_scene
@@ -31,7 +31,7 @@ from ..config.frame_names import is_of_camera
 from ..config.loader import scene_config
 from ..config.schema import CalibrationConfig, FramesConfig
 from .frame_data import Masks, check_frames
-from .targets import render_frames, view_of
+from .shown import Shown
 
 
 _CHANNELS = {
@@ -53,8 +53,8 @@ class CaseFrames(NamedTuple):
     frames: list[Float[np.ndarray, "_ _ _"]]
     """Frames of each view, [time, row, column] [K or W/(m^2 sr)]."""
     masks: Masks
-    band: Band | None
-    """Band of the detector; None for all wavelengths."""
+    shown: Shown
+    """Quantity of the frames, in a band."""
 
 
 def case_frames(
@@ -70,29 +70,31 @@ def case_frames(
         InputError: if there are none, or they do not fit cameras, masks or times.
     """
     settings = config.reference
+    if not isinstance(settings, schema.SimulatedFrames | schema.MeasuredFrames):
+        raise AssertionError(f"no frames in {settings.kind}")
     times = case_scene.time.save_times
     if case_scene.image.effects:
         raise InputError(
             f"{case.name}: image.effects: frames of a calibration are compared without "
             "effects of the camera: leave them out"
         )
-    band = None if case_scene.image.band is None else case_scene.image.band.build()
+    shown = Shown(
+        quantity=settings.quantity,
+        band=build(case_scene.image.band),
+        reflected=settings.reflected_temperature,
+    )
     with precision(scene.dtype):
-        masks: Masks = ()
-        match settings:
-            case schema.SimulatedFrames():
-                frames, masks = _simulated(
-                    config,
-                    case=case,
-                    case_scene=case_scene,
-                    settings=settings,
-                    band=band,
-                    log=log,
-                )
-            case schema.MeasuredFrames():
-                frames, masks = _measured(case.name, settings)
-            case _:
-                raise AssertionError(f"no frames in {settings.kind}")
+        if isinstance(settings, schema.SimulatedFrames):
+            frames, masks = _simulated(
+                config,
+                case=case,
+                case_scene=case_scene,
+                settings=settings,
+                shown=shown,
+                log=log,
+            )
+        else:
+            frames, masks = _measured(case.name, settings)
         surfaces = start_surfaces(scene)
         views = camera_views(settings.views or (case_scene.camera,), scene, surfaces)
     if len(views) != len(frames):
@@ -107,7 +109,7 @@ def case_frames(
         surfaces=surfaces,
         frames=frames,
         masks=masks,
-        band=band,
+        shown=shown,
     )
 
 
@@ -119,7 +121,9 @@ def camera_views(
     """Views of a scene's surfaces, by default those at the start."""
     surfaces = start_surfaces(scene) if surfaces is None else surfaces
     built_cameras = _built(cameras, surfaces)
-    return tuple(view_of(surfaces, scene, camera) for camera in built_cameras)
+    return tuple(
+        compute_view(surfaces, scene.terms, camera) for camera in built_cameras
+    )
 
 
 def _built(
@@ -141,7 +145,7 @@ def _simulated(
     case: schema.CaseConfig,
     case_scene: SceneConfig,
     settings: schema.SimulatedFrames,
-    band: Band | None,
+    shown: Shown,
     log: Callable[[str], None],
 ) -> tuple[list[np.ndarray], Masks]:
     truth = scene_config(config, case.set, settings.set)
@@ -162,8 +166,8 @@ def _simulated(
                 scene=scene,
                 solution=solution,
                 times=times,
-                settings=settings,
-                band=band,
+                samples=settings.samples,
+                shown=shown,
             )
             for camera in built_cameras
         ]
@@ -182,28 +186,19 @@ def _detected(
     scene: Scene,
     solution: ParametricSolution,
     times: tuple[float, ...],
-    settings: schema.SimulatedFrames,
-    band: Band | None,
+    samples: int,
+    shown: Shown,
 ) -> Float[np.ndarray, "_ _ _"]:
     """Frames of a detector whose pixels see the mean radiance of several rays."""
-    view = view_of(solution.surfaces, scene, camera.finer(settings.samples))
-    samples = settings.samples
-    rendered = render_frames(
-        view,
-        scene=scene,
-        solution=solution,
-        times=times,
-        quantity=settings.quantity if samples == 1 else "radiance",
-        band=band,
-        reflected=settings.reflected_temperature,
-    )
-    fine = np.asarray(rendered, float)
+    view = compute_view(solution.surfaces, scene.terms, camera.finer(samples))
+    rays = shown if samples == 1 else shown._replace(quantity="radiance")
+    fine = np.asarray(rays.frames(view, scene, solution=solution, times=times), float)
     if samples == 1:
         return fine
     radiance = np.stack([np.asarray(block_means(frame, samples)) for frame in fine])
-    if settings.quantity == "radiance":
+    if shown.quantity == "radiance":
         return radiance
-    return np.asarray(apparent_temperature(radiance, band), float)
+    return np.asarray(apparent_temperature(radiance, shown.band), float)
 
 
 def _unmixed_pixels(

@@ -10,32 +10,24 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
 from jaxthermo.accuracy.surface_error import AnySolution, error_span
-from jaxthermo.arrays import Scalar
-from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.errors import InputError
 from jaxthermo.image.pose.derivative import LinearizedView, blank_view, linearize_view
 from jaxthermo.image.pose.pose import moved_camera
-from jaxthermo.image.radiance.band import Band
-from jaxthermo.image.radiance.draw import Moment, draw
-from jaxthermo.image.surface.camera import AbstractCamera
 from jaxthermo.image.surface.view import View, compute_view
 from jaxthermo.integrate.run.parametric_run import ParametricSolution
-from jaxthermo.integrate.run.solution import irradiance_at
-from jaxthermo.physics.radiation.irradiation import Irradiance
 from jaxthermo.physics.term import AbstractTerm
-from jaxthermo.physics.time_varying import just_before
 from jaxthermo.scene.scene import Scene, SolvedSurface
 
 from ..config.fit_record import CaseErrors
 from .clusters import view_clusters
 from .frame_values import AS_GIVEN, FrameValues
+from .shown import Shown
 
 
 _MAX_LOST = 0.01
@@ -196,12 +188,8 @@ class FrameTarget(AbstractTarget):
     """Indices of the compared pixels of each view."""
     noise: float = eqx.field(static=True)
     """Standard deviation of a pixel [K or W/(m^2 sr)]."""
-    quantity: str = eqx.field(static=True)
-    """"temperature" as shown for an emissivity of 1, or "radiance"."""
-    band: Band | None = eqx.field(static=True, default=None)
-    """Band of the detector; None for all wavelengths."""
-    reflected: float | None = eqx.field(static=True, default=None)
-    """Temperature that surfaces reflect [K]; None for that of the heat balance."""
+    shown: Shown = eqx.field(static=True)
+    """Quantity of the frames, in a band."""
     surfaces: tuple[SolvedSurface, ...] = ()
     """Surfaces of the bodies, where the poses of cameras are fitted."""
     room: tuple[int, ...] = eqx.field(static=True, default=())
@@ -302,34 +290,16 @@ class FrameTarget(AbstractTarget):
         values: FrameValues = AS_GIVEN,
     ) -> Float[Array, "t p"]:
         """Compared pixels of a view as the model gives them."""
-        reflected = self.reflected if values.reflected is None else values.reflected
+        shown = self.shown
+        if values.reflected is not None:
+            shown = shown._replace(reflected=values.reflected)
         seen = self.views[view]
         if values.views:
             assert values.poses is not None
             seen = values.views[view].at(values.poses[view], seen.camera)
-        pixels = self._pixels(
-            seen, scene=scene, solution=solution, times=self.times, reflected=reflected
-        )
+        frames = shown.frames(seen, scene, solution=solution, times=self.times)
+        pixels = frames.reshape(len(frames), -1)
         return pixels if values.views else pixels[:, self.indices[view]]
-
-    def _pixels(
-        self,
-        view: View,
-        scene: Scene,
-        solution: ParametricSolution,
-        times: tuple[float, ...],
-        reflected: Scalar | None,
-    ) -> Float[Array, "t p"]:
-        frames = render_frames(
-            view,
-            scene=scene,
-            solution=solution,
-            times=times,
-            quantity=self.quantity,
-            band=self.band,
-            reflected=reflected,
-        )
-        return frames.reshape(len(frames), -1)
 
     def measure(
         self,
@@ -341,98 +311,10 @@ class FrameTarget(AbstractTarget):
         """Pixels of bodies in any views [standard deviations of the noise]."""
         rows = []
         for view in views:
-            pixels = self._pixels(
-                view,
-                scene=scene,
-                solution=solution,
-                times=times,
-                reflected=self.reflected,
-            )
+            frames = self.shown.frames(view, scene, solution=solution, times=times)
             # There are no data, and so no mask, of a view that is only proposed.
-            rows.append(pixels[:, np.flatnonzero(body_mask(view))])
+            rows.append(frames[:, body_mask(view)])
         return jnp.concatenate(rows, axis=1) / self.noise
-
-
-def render_frames(
-    view: View,
-    scene: Scene,
-    solution: ParametricSolution,
-    times: tuple[float, ...],
-    quantity: str,
-    band: Band | None = None,
-    reflected: Scalar | None = None,
-) -> Float[Array, "t h w"]:
-    """Whole frames of a run, as "temperature" [K] or "radiance" [W/(m^2 sr)].
-
-    With the temperature `reflected` [K] surfaces reflect a black body of it, and
-    sources, instead of the thermal radiation of the heat balance.
-    """
-
-    def frame(surface: Float[Array, " s"], time: Float[Array, ""]) -> Any:
-        received = received_at(
-            solution, surface=surface, time=time, reflected=reflected
-        )
-        return frame_at(
-            view,
-            surfaces=solution.surfaces,
-            terms=scene.terms,
-            surface=surface,
-            received=received,
-            time=time,
-            quantity=quantity,
-            band=band,
-        )
-
-    return jax.vmap(frame)(
-        solution.surface_temperature,
-        jnp.asarray(times, solution.surface_temperature.dtype),
-    )
-
-
-def received_at(
-    solution: ParametricSolution,
-    surface: Float[Array, " s"],
-    time: Float[Array, ""],
-    reflected: Scalar | None,
-) -> Irradiance:
-    """Radiation that reaches the fragments of a run, for what they reflect."""
-    # As in the picture of a solution, an event at a saved time comes after it.
-    instant = just_before(time)
-    received = irradiance_at(solution.radiation.at(time), instant, surface)
-    if reflected is None:
-        return received
-    kelvin = jnp.asarray(reflected, surface.dtype)
-    thermal = jnp.broadcast_to(STEFAN_BOLTZMANN * kelvin**4, surface.shape)
-    return received._replace(thermal=thermal)
-
-
-def frame_at(
-    view: View,
-    surfaces: tuple[SolvedSurface, ...],
-    terms: tuple[AbstractTerm, ...],
-    surface: Any,
-    received: Irradiance,
-    time: Float[Array, ""],
-    quantity: str,
-    band: Band | None,
-) -> Any:
-    """Frame of fragments at temperatures [K], as "temperature" or "radiance"."""
-    moment = Moment(
-        surfaces=surfaces,
-        terms=terms,
-        temperature=surface,
-        received=received,
-        time=just_before(time),
-    )
-    image = draw(view, moment, band)
-    return image.apparent_temperature if quantity == "temperature" else image.radiance
-
-
-def view_of(
-    surfaces: tuple[SolvedSurface, ...], scene: Scene, camera: AbstractCamera
-) -> View:
-    """View of the bodies; temperatures are smoothed over the voxels."""
-    return compute_view(surfaces, terms=scene.terms, camera=camera, smooth=True)
 
 
 def body_mask(view: View) -> Bool[np.ndarray, "h w"]:

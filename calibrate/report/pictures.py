@@ -17,6 +17,7 @@ from jaxthermo.image.colour.ticks import (
     time_label,
 )
 from jaxthermo.image.radiance.draw import Moment, draw
+from jaxthermo.image.surface.view import compute_view
 from jaxthermo.integrate.run.parametric_run import ParametricSolution
 from jaxthermo.report.difference_scale import (
     BACKGROUND,
@@ -28,7 +29,7 @@ from jaxthermo.report.sheet import ColourBar, Tile, sheet
 
 from ..problem.frame_values import FrameValues
 from ..problem.problem import Case, Problem
-from ..problem.targets import FrameTarget, SurfaceTarget, body_mask, view_of
+from ..problem.targets import FrameTarget, SurfaceTarget, body_mask
 
 
 SIDE = 440
@@ -94,7 +95,9 @@ def difference_picture(
     surfaces = next(iter(solutions.values())).surfaces
     # Bodies of a fit do not move: one view for both runs and all times.
     triangles = np.concatenate([s.geometry.triangles for s in surfaces])
-    view = view_of(surfaces, case.scene, build_camera(_resized(camera), triangles))
+    view = compute_view(
+        surfaces, case.scene.terms, build_camera(_resized(camera), triangles)
+    )
 
     def frame(surface: Any, time: int) -> _Frame:
         with precision(case.scene.dtype):
@@ -136,7 +139,7 @@ def frame_picture(
     target = case.target
     assert isinstance(target, FrameTarget)
     mask = target.mask(view)
-    unit, words = _QUANTITIES[target.quantity]
+    unit, words = _QUANTITIES[target.shown.quantity]
     data = _scatter(np.asarray(target.data[view][time], float), mask)
     frames = {}
     with precision(case.scene.dtype):

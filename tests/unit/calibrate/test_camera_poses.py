@@ -17,9 +17,9 @@ from calibrate.problem.frame_data import FitsPoses
 from calibrate.problem.frame_source import _read_mask
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
-from calibrate.problem.targets import view_of
 from calibrate.solvers.cameras import build_aligned
 from calibrate.solvers.fit import Fitting
+from jaxthermo.image.surface.view import compute_view
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.scene.compile.compile import compile_scene
 from tests.calibrating import camera_of_block, frames_of, seen_block, target_of
@@ -52,7 +52,7 @@ def problem():
     scene = seen_block(temperature=350.0, surroundings=220.0)
     run = ParametricRun(SAVES, jt.ForwardEuler(dt=2.0))
     surfaces = compile_scene(scene, 1, 1.0).surfaces
-    view = view_of(surfaces, scene, CAMERA)
+    view = compute_view(surfaces, scene.terms, CAMERA)
     solution = run(scene, run.step_table(scene))
     frames = frames_of(view, scene, solution, SAVES)
     moving = FitsPoses(

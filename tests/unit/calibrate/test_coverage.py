@@ -8,8 +8,8 @@ from calibrate.analysis.identifiability import identify
 from calibrate.config.schema import FitConfig
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
-from calibrate.problem.targets import view_of
 from calibrate.solvers.fit import Fitting
+from jaxthermo.image.surface.view import compute_view
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.scene.compile.compile import compile_scene
 from tests.calibrating import camera_of_block, frames_of, seen_block, target_of
@@ -45,7 +45,7 @@ def fitting():
     # The same steps for data and fits: what is left is noise alone.
     run = ParametricRun(SAVES, jt.ForwardEuler(dt=2.0))
     solution = run(true, run.step_table(start))
-    view = view_of(compile_scene(true, 1, 1.0).surfaces, true, CAMERA)
+    view = compute_view(compile_scene(true, 1, 1.0).surfaces, true.terms, CAMERA)
     frames = frames_of(view, true, solution, SAVES)
     target = target_of(view, frames, SAVES)
     fitted = tuple(

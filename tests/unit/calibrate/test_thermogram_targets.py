@@ -7,14 +7,16 @@ import pytest
 from pydantic import ValidationError
 
 import jaxthermo as jt
-from calibrate.config.schema import MeasuredFrames, SimulatedFrames
+from calibrate.config.schema import MeasuredFrames
 from calibrate.problem.frame_source import _detected, _measured
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
-from calibrate.problem.targets import body_mask, render_frames, view_of
+from calibrate.problem.shown import Shown
+from calibrate.problem.targets import body_mask
 from jaxthermo.image.files.exr import write_channels
 from jaxthermo.image.pose.coverage import coverage
 from jaxthermo.image.radiance.band import LONG_WAVE
+from jaxthermo.image.surface.view import compute_view
 from jaxthermo.image.surface.visible import world_meshes
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.scene.compile.compile import compile_scene
@@ -41,7 +43,7 @@ def scene():
 
 @pytest.fixture(scope="module")
 def view(scene):
-    return view_of(compile_scene(scene, 1, 1.0).surfaces, scene, CAMERA)
+    return compute_view(compile_scene(scene, 1, 1.0).surfaces, scene.terms, CAMERA)
 
 
 # By default apparent temperatures have theirs, in test_render.
@@ -56,9 +58,9 @@ def test_a_pixels_radiance_has_the_gradient_of_its_differences(scene, view):
     def radiance(z):
         changed = FITTED.insert(scene, z)
         solution = run(changed, table)
-        return render_frames(
-            view, scene=changed, solution=solution, times=SAVES, quantity="radiance"
-        )[1, row, column]
+        shown = Shown("radiance")
+        frames = shown.frames(view, changed, solution=solution, times=SAVES)
+        return frames[1, row, column]
 
     value_and_jacobian = jax.jit(lambda z: (radiance(z), jax.jacfwd(radiance)(z)))
     step = 1e-4
@@ -81,14 +83,13 @@ def test_a_pixel_of_a_detector_shows_the_mean_of_its_rays():
     scene = jt.Scene((jt.Body(structure, metal, temperature=300.0),), dtype="float64")
     run = ParametricRun((1.0,))
     solution = run(scene, run.step_table(scene))
-    settings = SimulatedFrames(samples=3)
     (frames,) = _detected(
         CAMERA,
         scene=scene,
         solution=solution,
         times=(1.0,),
-        settings=settings,
-        band=LONG_WAVE,
+        samples=3,
+        shown=Shown("temperature", LONG_WAVE),
     )
     covered = coverage(world_meshes(solution.surfaces), CAMERA, 3).fraction
     body, behind = (float(LONG_WAVE.radiance(kelvin)) for kelvin in (300.0, 293.15))
