@@ -4,7 +4,6 @@ from collections.abc import Callable, ItemsView
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -35,7 +34,6 @@ from .config.loader import calibration_hash, load_calibration
 from .config.schema import CalibrationConfig, shown_unit_of, unit_of
 from .problem.build import Calibration
 from .problem.parameters import ParameterSet
-from .problem.problem import Case, Problem
 from .problem.reference import Log, program_hash
 from .problem.targets import CaseError
 from .report.page import write_report
@@ -218,17 +216,17 @@ _CaseErrors = dict[str, CaseError]
 def _errors_by_group(
     calibration: Calibration, fit: Fit, log: Log
 ) -> dict[Group, Pair[_CaseErrors]]:
-    cases = calibration.train.cases
+    train = calibration.train
     errors: dict[Group, Pair[_CaseErrors]] = {
         "train": {
-            "default": _case_errors(cases, fit.initial_errors),
-            "fitted": _case_errors(cases, fit.errors),
+            "default": train.case_errors(fit.initial_errors),
+            "fitted": train.case_errors(fit.errors),
         }
     }
     if calibration.held_out is not None:
         log("evaluating the held-out cases")
         points = [np.zeros_like(fit.z), fit.z]
-        default, fitted = _errors_at(calibration.held_out, points)
+        default, fitted = calibration.held_out.errors_at(points)
         errors["held_out"] = {"default": default, "fitted": fitted}
     return errors
 
@@ -245,32 +243,6 @@ def _summed_up(
         }
         for group, pair in errors.items()
     }
-
-
-def _case_errors(
-    cases: tuple[Case, ...], errors: tuple[Float[np.ndarray, " t"], ...]
-) -> _CaseErrors:
-    return {
-        case.name: case.target.case_error(case_errors)
-        for case, case_errors in zip(cases, errors, strict=True)
-    }
-
-
-def _errors_at(
-    problem: Problem, points: list[Float[np.ndarray, " p"]]
-) -> list[_CaseErrors]:
-    # One compiled program for all points.
-    errors = []
-    step_tables = None
-    with precision(problem.dtype.name):
-        traced = problem.trace(problem.step_tables())
-        run = eqx.filter_jit(lambda traced, *arguments: traced(*arguments)[1])
-        for point in points:
-            z = jnp.asarray(point, problem.dtype)
-            step_tables = problem.step_tables_at(z, step_tables)
-            diagnostics = run(traced, z, step_tables, problem.views_at(z))
-            errors.append(_case_errors(problem.cases, diagnostics.host_errors()))
-    return errors
 
 
 class _StartJudgement(NamedTuple):
@@ -298,7 +270,7 @@ def identify_start(config: CalibrationConfig, log: Log) -> _StartJudgement:
         )
         rows = np.asarray(rows, float)
     log("evaluating the start")
-    errors = _errors_at(problem, [z])[0]
+    errors = problem.errors_at([z])[0]
     sd = problem.known_sd
     if sd is None:
         # The start's error, spread evenly over the residuals, stands for a remainder.

@@ -1,7 +1,7 @@
 """The least-squares problem: coordinates in, residuals of all cases out."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -12,6 +12,7 @@ import numpy as np
 from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
 from jaxthermo.image.pose.derivative import LinearizedView
 from jaxthermo.integrate.run.parametric_run import ParametricRun, with_more_steps
@@ -23,7 +24,7 @@ from ..config.frame_names import check_frame_names
 from .alignment import Aligned
 from .clusters import score_covariance
 from .parameters import Coordinates, ParameterSet
-from .targets import AbstractTarget
+from .targets import AbstractTarget, CaseError
 
 
 _MAX_TANGENT_BYTES = 2**30
@@ -245,6 +246,32 @@ class Problem:
         variance[len(variance) - len(effects) :] = effects
         variance *= sd**2
         return data_scatter + (rows[:, data:] * variance) @ rows[:, data:].T
+
+    def case_errors(
+        self, errors: tuple[Float[np.ndarray, " t"], ...]
+    ) -> dict[str, CaseError]:
+        """Errors of each case by its name, from those at its saved times."""
+        return {
+            case.name: case.target.case_error(at_times)
+            for case, at_times in zip(self.cases, errors, strict=True)
+        }
+
+    def errors_at(
+        self, points: Sequence[Float[np.ndarray, " p"]]
+    ) -> list[dict[str, CaseError]]:
+        """Errors of each case by its name, at each of some coordinates."""
+        # One compiled program for all points.
+        errors = []
+        step_tables = None
+        with precision(self.dtype.name):
+            traced = self.trace(self.step_tables())
+            run = eqx.filter_jit(lambda traced, *arguments: traced(*arguments)[1])
+            for point in points:
+                z = jnp.asarray(point, self.dtype)
+                step_tables = self.step_tables_at(z, step_tables)
+                diagnostics = run(traced, z, step_tables, self.views_at(z))
+                errors.append(self.case_errors(diagnostics.host_errors()))
+        return errors
 
     def stable_steps(self, z: Coordinates) -> Float[Array, " c"]:
         """Stability limit of each case at z [s]; infinite where the solver has none."""

@@ -1,6 +1,7 @@
 """Pictures of a fit's errors: default and fitted values compared with the data."""
 
 import io
+from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
@@ -52,8 +53,10 @@ _Frame = Float[np.ndarray, "h w"]
 _Mask = Bool[np.ndarray, "h w"]
 
 
-def run_both(problem: Problem, case: Case, z: Float[np.ndarray, " p"]) -> Solutions:
-    """Run a case with the values at the start and with those of the coordinates z."""
+def runs_at(
+    problem: Problem, case: Case, points: Mapping[str, Float[np.ndarray, " p"]]
+) -> Solutions:
+    """Run a case with the values at each of some coordinates, by name."""
     alone = Problem(problem.parameters, (case,))
     solutions = {}
     step_tables = None
@@ -63,12 +66,17 @@ def run_both(problem: Problem, case: Case, z: Float[np.ndarray, " p"]) -> Soluti
         def run(z, table):
             return case.run(problem.parameters.insert(case.scene, z), table)
 
-        for name, point in (("default", np.zeros_like(z)), ("fitted", z)):
+        for name, point in points.items():
             at = jnp.asarray(point, problem.dtype)
-            # One compiled program for both: tables differ in their values only.
+            # One compiled program for all: tables differ in their values only.
             step_tables = alone.step_tables_at(at, step_tables)
             solutions[name] = run(at, step_tables[0])
     return solutions
+
+
+def run_both(problem: Problem, case: Case, z: Float[np.ndarray, " p"]) -> Solutions:
+    """Run a case with the values at the start and with those of the coordinates z."""
+    return runs_at(problem, case, {"default": np.zeros_like(z), "fitted": z})
 
 
 def values_of_both(

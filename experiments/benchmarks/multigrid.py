@@ -126,7 +126,8 @@ def _system(height: int, dt: float | None) -> _System:
 
     links = structure.links()
     g = np.full(len(links.src), _CONDUCTIVITY * grid.pitch)
-    half = sparse.coo_array((g, (links.src, links.dst)), (n, n)).tocsr()
+    ends = (links.src, links.dst)
+    half = sparse.coo_array((g, ends), (n, n)).tocsr()
     k = half + half.T
     diagonal = sparse.diags_array(k.sum(axis=1) + m)
     matrix = sparse.csr_array(diagonal - k)

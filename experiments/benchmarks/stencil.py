@@ -31,7 +31,8 @@ _BOUND = 0.75
 
 def _body(shape: tuple[int, int, int]) -> np.ndarray:
     # An ellipsoid with bubbles: about as full as a statue in its box.
-    x, y, z = np.meshgrid(*(np.linspace(-1, 1, n) for n in shape), indexing="ij")
+    axes = [np.linspace(-1, 1, count) for count in shape]
+    x, y, z = np.meshgrid(*axes, indexing="ij")
     waves = np.sin(9 * x) * np.sin(9 * y) * np.sin(21 * z)
     square = x**2 + y**2 + z**2
     return (square < 1) & (waves <= 0.9)

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.ndimage import binary_erosion
 
 import jaxthermo as jt
+from jaxthermo.constants import ZERO_CELSIUS
 from jaxthermo.geometry.shapes import figurine
 from jaxthermo.image.colour.annotate import write_png
 from jaxthermo.image.colour.ticks import to_celsius
@@ -16,14 +17,8 @@ from jaxthermo.image.radiance.band import LONG_WAVE
 from jaxthermo.image.radiance.image import Image
 from jaxthermo.image.surface.camera import frame_all
 from jaxthermo.report import page
-from jaxthermo.report.difference_scale import (
-    DifferenceScale,
-    difference_bar,
-    nice_limit,
-)
-from jaxthermo.report.sheet import Tile, colour_bar, sheet
 
-from ..harness.present import publish, table_of, thermal_tile
+from ..harness.present import Shot, difference_sheet, publish, table_of, thermal_sheet
 
 
 QUICK = {"height": 40}
@@ -209,33 +204,32 @@ def run(folder: Path, height: int = 110) -> _Result:
 
 
 def _frames(rungs, kelvin, on_body, inside, cut):
-    shown_range = np.quantile(kelvin[2][inside], [0.001, 0.999])
-    low, high = shown_range.tolist()
-    tiles = [
-        thermal_tile(
-            k[:, cut],
-            body=on_body[:, cut],
-            limits=(low, high),
-            name=r.name,
-            note=r.note,
-        )
+    shots = [
+        Shot(k[:, cut] - ZERO_CELSIUS, on_body[:, cut], name=r.name, note=r.note)
         for k, r in zip(kelvin, rungs, strict=True)
     ]
-    title = "temperature shown [\N{DEGREE SIGN}C]"
-    bar = colour_bar(to_celsius(low), to_celsius(high), title)
-    return sheet(tiles, bar, "What a camera shows, with one thing more each time")
+    low, high = np.quantile(kelvin[2][inside], [0.001, 0.999]).tolist()
+    return thermal_sheet(
+        shots,
+        limits=(to_celsius(low), to_celsius(high)),
+        scale="temperature shown [\N{DEGREE SIGN}C]",
+        title="What a camera shows, with one thing more each time",
+    )
 
 
 def _differences(rungs, kelvin, on_body, inside, cut):
     changes = np.diff(kelvin, axis=0)
-    largest = max(float(np.quantile(np.abs(c[inside]), 0.999)) for c in changes)
-    scale = DifferenceScale(nice_limit(largest))
-    tiles = [
-        Tile(scale.picture(c[:, cut], on_body[:, cut]), r.name, r.note)
+    largest = [np.quantile(np.abs(change[inside]), 0.999) for change in changes]
+    shots = [
+        Shot(c[:, cut], on_body[:, cut], name=r.name, note=r.note)
         for c, r in zip(changes, rungs[1:], strict=True)
     ]
-    bar = difference_bar(scale, "change of the temperature shown [K]")
-    return sheet(tiles, bar, "The change that each makes")
+    return difference_sheet(
+        shots,
+        largest=float(max(largest)),
+        scale="change of the temperature shown [K]",
+        title="The change that each makes",
+    )
 
 
 def _sections(rows: list[_Row], folder: Path) -> list[page.Section]:

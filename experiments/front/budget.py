@@ -182,7 +182,9 @@ def budget_lines(
             stands_in=is_full,
             record=record,
         )
-        line["by_load"][case.load] = {name: e.as_dict() for name, e in errors.items()}
+        line["by_load"][case.load] = {
+            name: error.as_dict() for name, error in errors.items()
+        }
         line["nodes"] = row["nodes"]
         line["run_time_s"] = min(row["run_time_s"], line.get("run_time_s", np.inf))
         line["shares_voxels"] = case.shares_voxels

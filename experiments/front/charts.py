@@ -104,7 +104,8 @@ def error_against(
     beside = [dot(p) for p in rivals]
     lines = [{"cost": at * scale, "text": text} for text, at in marks]
     dots = [*beaten, *on_front, *beside]
-    costs = [*(d["cost"] for d in dots), *(at * scale for _, at in marks)]
+    costs = [dot["cost"] for dot in dots]
+    costs += [line["cost"] for line in lines]
     across = LogAxis(costs, label)
     up = LogAxis([d["error"] for d in dots], _ERROR_TITLES[error])
     x = alt.X(**across.channel("cost"))

@@ -49,7 +49,8 @@ _Intervals = tuple[tuple[float, float, int], ...]
 def step_counts(intervals: _Intervals, dt: float) -> list[int]:
     """Number of steps up to `dt` [s] in each interval."""
     spans = (end - start for start, end, _ in intervals)
-    return [max(1, int(np.ceil(span / dt * (1 - 1e-9)))) for span in spans]
+    counts = [int(np.ceil(span / dt * (1 - 1e-9))) for span in spans]
+    return [max(1, count) for count in counts]
 
 
 class _Rows(NamedTuple):
@@ -223,7 +224,10 @@ def _linear_body(scene: Scene, plan: Plan) -> LinearBody:
         surfaces=compiled.surfaces,
         reference=float(body.reference),
         start=np.asarray(theta).reshape(-1),
-        intervals=tuple((i.start, i.end, rows.get(i.end, -1)) for i in plan.intervals),
+        intervals=tuple(
+            (interval.start, interval.end, rows.get(interval.end, -1))
+            for interval in plan.intervals
+        ),
         save_times=plan.save_times,
         stable_step=float(compiled.stable_step),
         loaded=np.flatnonzero(np.pad(grid.solid, 1))[loaded],

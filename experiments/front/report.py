@@ -299,10 +299,10 @@ def _all_sections(findings: Findings) -> list[page.Section]:
         _listed(f"All {len(findings.points)} choices", findings.points),
     ]
     if failed := findings.folder.failed:
-        rows = [
-            [", ".join(map(str, row["choice"].values())), row["load"], row["failed"]]
-            for row in failed
-        ]
+        rows = []
+        for row in failed:
+            choice = ", ".join(map(str, row["choice"].values()))
+            rows.append([choice, row["load"], row["failed"]])
         table = Table(["choice", "load", "reason"], rows, left=range(3))
         sections.append(
             page.details(f"{len(failed)} cases that could not be run", table)

@@ -150,7 +150,8 @@ class Rivals:
         case = next(iter(self._cases.values()))
         finest = case.truth.voxels_high
         if finest is None:
-            height = float(np.ptp(case.config.bodies[0].build_mesh().bounds[:, 2]))
+            mesh = case.config.bodies[0].build_mesh()
+            height = float(np.ptp(mesh.bounds[:, 2]))
             finest = round(height / float(case.truth.pitch or 1))
         if case.shares_voxels and case.truth.structure.kind == "full_volume":
             return (finest,)

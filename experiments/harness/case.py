@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from jaxthermo.errors import InputError
 
@@ -83,12 +83,15 @@ class Order:
     @property
     def observed(self) -> tuple[float, ...]:
         """log(e1 / e2) / log(h1 / h2) from each size to the next."""
-        steps = pairwise(zip(self.sizes, self.errors, strict=True))
-        # An error of exactly 0 says nothing about convergence.
-        return tuple(
-            math.log(e1 / e2) / math.log(h1 / h2) if e1 > 0 and e2 > 0 else math.nan
-            for (h1, e1), (h2, e2) in steps
-        )
+        orders = []
+        for coarse, fine in pairwise(zip(self.sizes, self.errors, strict=True)):
+            h1, e1 = coarse
+            h2, e2 = fine
+            # An error of exactly 0 says nothing about convergence.
+            is_seen = e1 > 0 and e2 > 0
+            order = math.log(e1 / e2) / math.log(h1 / h2) if is_seen else math.nan
+            orders.append(order)
+        return tuple(orders)
 
     @property
     def passes(self) -> bool | None:
@@ -229,28 +232,32 @@ def check(case: Case) -> Outcome:
     return Outcome(case, (*shared, *rows), time.perf_counter() - begin)
 
 
-def values(
-    expected: Mapping[str, Number],
-    computed: Iterable[Number],
+def near(
+    name: str,
+    computed: Number,
+    expected: Number,
     *,
     unit: str = "",
     tolerance: Number | None = None,
     fraction: Number | None = None,
-) -> tuple[Check, ...]:
-    """Numbers of one unit with their expected values by name.
+) -> Check:
+    """A number with its expected value.
 
-    The tolerance is in the unit, or a fraction of each expected value.
+    The tolerance is in the unit, or a fraction of the expected value.
     """
-    return tuple(
-        Check(
-            name=name,
-            unit=unit,
-            expected=value,
-            computed=float(number),
-            tolerance=tolerance if fraction is None else fraction * abs(value),
-        )
-        for (name, value), number in zip(expected.items(), computed, strict=True)
+    if fraction is not None:
+        tolerance = fraction * abs(expected)
+    return Check(
+        name, float(computed), unit=unit, expected=expected, tolerance=tolerance
     )
+
+
+def values(
+    expected: Mapping[str, Number], computed: Iterable[Number], **limits: Any
+) -> tuple[Check, ...]:
+    """Numbers with their expected values by name; limits as of `near`."""
+    pairs = zip(expected.items(), computed, strict=True)
+    return tuple(near(name, number, value, **limits) for (name, value), number in pairs)
 
 
 def exactly(name: str, computed: Number, value: Number) -> Check:

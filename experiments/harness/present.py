@@ -2,16 +2,22 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
+from PIL import Image
 
 from jaxthermo.console.terminal import open_console
 from jaxthermo.image.colour.palette import apply_palette
 from jaxthermo.report import page
-from jaxthermo.report.difference_scale import BACKGROUND
-from jaxthermo.report.sheet import Tile
+from jaxthermo.report.difference_scale import (
+    BACKGROUND,
+    DifferenceScale,
+    difference_bar,
+    nice_limit,
+)
+from jaxthermo.report.sheet import Tile, colour_bar, sheet
 from jaxthermo.report.table import Cell, Table
 
 
@@ -76,15 +82,55 @@ def publish(folder: Path, title: str, sections: Sequence[page.Section]) -> None:
     page.write_page(folder / "report.html", title, sections)
 
 
-def thermal_tile(
-    values: Float[np.ndarray, "h w"],
-    body: Bool[np.ndarray, "h w"],
+class Shot(NamedTuple):
+    """A picture of a body whose values a sheet shows in colours."""
+
+    values: Float[np.ndarray, "h w"]
+    body: Bool[np.ndarray, "h w"]
+    """True where it shows the body; the sheet is dark elsewhere."""
+    name: str
+    note: str = ""
+
+
+def thermal_sheet(
+    shots: Sequence[Shot],
     limits: tuple[float, float],
-    name: str,
-    note: str = "",
+    *,
+    scale: str,
+    title: str,
     palette: str = "iron",
-) -> Tile:
-    """A picture in false colours where it shows the body; dark elsewhere."""
-    colours = apply_palette(values, *limits, palette)
-    colours[~body] = BACKGROUND
-    return Tile(colours, name, note)
+    columns: int | None = None,
+) -> Image.Image:
+    """Pictures in false colours under one title, with their scale below them.
+
+    Args:
+        shots: from left to right.
+        limits: ends of the scale.
+        scale: its quantity and unit.
+        title: of the sheet.
+        palette: name of the colours.
+        columns: pictures in a row; up to six if None.
+    """
+    tiles = []
+    for shot in shots:
+        colours = apply_palette(shot.values, *limits, palette)
+        colours[~shot.body] = BACKGROUND
+        tiles.append(Tile(colours, shot.name, shot.note))
+    return sheet(tiles, colour_bar(*limits, scale, palette), title, columns)
+
+
+def difference_sheet(
+    shots: Sequence[Shot],
+    largest: float,
+    *,
+    scale: str,
+    title: str,
+    columns: int | None = None,
+) -> Image.Image:
+    """Differences in blue and red on one scale, which ends near the largest."""
+    colours = DifferenceScale(nice_limit(largest))
+    tiles = [
+        Tile(colours.picture(shot.values, shot.body), shot.name, shot.note)
+        for shot in shots
+    ]
+    return sheet(tiles, difference_bar(colours, scale), title, columns)

@@ -83,7 +83,7 @@ def compare(old: Result, new: Result) -> Comparison:
             f"{old.folder} and {new.folder} cannot be compared: one of them is damaged "
             f"or of another version ({type(error).__name__}: {error})"
         ) from error
-    origin = [{k: r.content[k] for k in _ORIGIN if k in r.content} for r in (old, new)]
+    origin = [_origin(result) for result in (old, new)]
     return Comparison(
         kind=old.kind,
         names=(str(old.folder), str(new.folder)),
@@ -92,6 +92,11 @@ def compare(old: Result, new: Result) -> Comparison:
         numbers=tuple(numbers),
         remarks=tuple(remarks),
     )
+
+
+def _origin(result: Result) -> dict[str, object]:
+    content = result.content
+    return {key: content[key] for key in _ORIGIN if key in content}
 
 
 def _fit_changes(old: Result, new: Result) -> Iterator[Change | str]:

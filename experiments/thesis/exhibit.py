@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from PIL import Image
 
 from jaxthermo.report.chart import Chart
@@ -41,6 +42,19 @@ def judged(reproduced: bool, different: bool = False) -> Verdict:
 def rms(values: np.ndarray, weights: np.ndarray | None = None) -> float:
     """Root mean square, weighted by areas if there are any."""
     return float(np.sqrt(np.average(values**2, weights=weights)))
+
+
+def power(sizes: ArrayLike, values: ArrayLike) -> float:
+    """Power of the size that values grow with, by least squares of logarithms."""
+    slope, _ = np.polyfit(np.log(sizes), np.log(values), 1)
+    return float(slope)
+
+
+def imbalance(gained: float, lost: float) -> float:
+    """Relative difference of what one body gains and the other loses [-]."""
+    # No closer than rounding.
+    rounding = float(np.finfo(float).eps)
+    return max(abs(gained + lost) / abs(gained), rounding)
 
 
 Numbers = Mapping[str, Any]

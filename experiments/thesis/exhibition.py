@@ -71,7 +71,8 @@ def select(names: str | None) -> tuple[Exhibit, ...]:
     """
     if names is None:
         return all_exhibits()
-    requested = {name.strip().lower() for name in names.split(",") if name.strip()}
+    words = [name.strip().lower() for name in names.split(",")]
+    requested = {name for name in words if name}
     exhibit_names = [exhibit.name for exhibit in all_exhibits()]
     all_names = exhibit_names + [claim.id for claim in CLAIMS]
     listed = ", ".join(exhibit_names)

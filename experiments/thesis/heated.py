@@ -9,31 +9,24 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Float
 from PIL import Image
 
 import jaxthermo as jt
-from jaxthermo.image.colour.palette import apply_palette
 from jaxthermo.image.surface.camera import Camera, frame_all
-from jaxthermo.report.difference_scale import (
-    BACKGROUND,
-    DifferenceScale,
-    difference_bar,
-    nice_limit,
-)
-from jaxthermo.report.sheet import Tile, colour_bar, sheet
 from jaxthermo.structures.structure import AbstractStructure
 
+from ..harness.meshes import START
+from ..harness.present import Shot, difference_sheet, thermal_sheet
 from .bodies import buddha, levels_at
 from .exhibit import rms
+from .sunlit import Sunlit
 
 
 QUICK_HEIGHT = 125
 """Voxels along up in the reduced size."""
 END = 180.0
 """Time of 3600 iterations at 250 voxels [s]."""
-START = 293.15
-"""Temperature at the start [K]."""
 
 # Carbon steel, with a heat capacity at which the largest stable step is 0.05 s.
 _STEEL = jt.Material(50.0, density=7800.0, specific_heat=480.8, absorptivity=1.0)
@@ -47,7 +40,6 @@ _VIEWS = {
 # Of one statue in a picture [px].
 _WIDTH = 120
 _TALL = 280
-_GAP = 4
 
 
 class Heated(NamedTuple):
@@ -87,7 +79,6 @@ def _built(name: str, height: int) -> AbstractStructure:
     raise KeyError(name)
 
 
-@cache
 def heated(name: str, height: int, times: tuple[float, ...]) -> Heated:
     """The run of "full volume", "single shell", "irregular levels" or "10 levels".
 
@@ -97,14 +88,8 @@ def heated(name: str, height: int, times: tuple[float, ...]) -> Heated:
         times: saved [s].
     """
     structure = _built(name, height)
-    # All surfaces are read where the full volume's nodes are.
-    is_full = isinstance(structure, jt.FullVolume)
-    surface_map = jt.ConstantMap() if is_full else jt.FluxCorrectedMap(at="voxel")
-    body = jt.Body(structure, _STEEL, temperature=START, surface_map=surface_map)
-    scene = jt.Scene((body,), (_SUN,))
-    return Heated(
-        structure, jt.simulate(scene, times[-1], times, solver=jt.ForwardEuler())
-    )
+    statue = Sunlit(structure.grid, _STEEL, terms=(_SUN,), save_at=times)
+    return Heated(structure, statue.solve(structure))
 
 
 class Difference(NamedTuple):
@@ -126,13 +111,6 @@ def difference(run: Heated, full: Heated) -> Difference:
     return Difference(kelvin, percent)
 
 
-class _View(NamedTuple):
-    """Temperatures that a camera sees [K], and where it sees the statue."""
-
-    kelvin: Float[np.ndarray, "h w"]
-    body: Bool[np.ndarray, "h w"]
-
-
 def _cameras() -> dict[str, Camera]:
     triangles = buddha().mesh.triangles
     return {
@@ -141,12 +119,14 @@ def _cameras() -> dict[str, Camera]:
     }
 
 
-def _view(run: Heated, camera: Camera, time: int) -> _View:
+def _seen(run: Heated, camera: Camera, time: int, name: str = "") -> Shot:
+    """Rise of the temperatures that a camera sees [K]."""
     image = jt.render(run.solution, camera, time)
-    return _View(np.asarray(image.temperature), np.asarray(image.object_id) >= 0)
+    rise = np.asarray(image.temperature) - START
+    return Shot(rise, np.asarray(image.object_id) >= 0, name)
 
 
-def thermal_sheet(
+def statue_sheet(
     runs: Mapping[str, Heated],
     label: Callable[[float], str],
     views: Sequence[str] = tuple(_VIEWS),
@@ -161,55 +141,44 @@ def thermal_sheet(
         columns: pictures in a row; the number of views if None.
     """
     cameras = _cameras()
+    title = " | ".join(runs)
     times = next(iter(runs.values())).solution.times
-    shots = {
-        f"{label(float(time))}, {view}": [
-            _view(run, cameras[view], index) for run in runs.values()
-        ]
-        for index, time in enumerate(times)
-        for view in views
-    }
-    # The hottest of a hundred texels may be a spike of the shell.
-    high = max(
-        float(np.percentile(shot.kelvin[shot.body], 99.5)) - START
-        for statues in shots.values()
-        for shot in statues
+    shots = []
+    peaks = []
+    for index, time in enumerate(times):
+        for view in views:
+            statues = [_seen(run, cameras[view], index) for run in runs.values()]
+            # The hottest of a hundred texels may be a spike of the shell.
+            peaks += [np.percentile(one.values[one.body], 99.5) for one in statues]
+            values = np.hstack([statue.values for statue in statues])
+            body = np.hstack([statue.body for statue in statues])
+            name = f"{label(float(time))}, {view}"
+            shots.append(Shot(values, body, name=name, note=title))
+    return thermal_sheet(
+        shots,
+        limits=(0.0, float(max(peaks))),
+        scale="rise of the surface temperature [K]",
+        title=title,
+        columns=columns or len(views),
     )
-    gap = np.full((_TALL, _GAP, 3), 16, np.uint8)
-    tiles = []
-    for name, statues in shots.items():
-        strips = [strip for shot in statues for strip in (gap, _coloured(shot, high))]
-        pixels = np.concatenate(strips[1:], axis=1)
-        tiles.append(Tile(pixels, name, " | ".join(runs)))
-    bar = colour_bar(0.0, high, "rise of the surface temperature [K]")
-    return sheet(tiles, bar, " | ".join(runs), columns or len(views))
 
 
-def _coloured(shot: _View, high: float) -> UInt8[np.ndarray, "h w 3"]:
-    colours = apply_palette(shot.kelvin - START, 0.0, high, "iron")
-    colours[~shot.body] = BACKGROUND
-    return colours
-
-
-def difference_sheet(
+def full_volume_sheet(
     runs: Mapping[str, Heated], full: Heated, title: str
 ) -> Image.Image:
     """Structures less the full volume at the end, from three sides, on one scale."""
-    cameras = _cameras()
-    expected = {view: _view(full, camera, -1) for view, camera in cameras.items()}
-    differences = {
-        (name, view): _view(run, cameras[view], -1).kelvin - expected[view].kelvin
-        for name, run in runs.items()
-        for view in cameras
-    }
-    largest = max(
-        float(np.percentile(np.abs(values[expected[view].body]), 99.5))
-        for (_, view), values in differences.items()
+    shots = []
+    for name, run in runs.items():
+        for view, camera in _cameras().items():
+            seen = _seen(run, camera, -1, name=f"{name}, {view}")
+            expected = _seen(full, camera, -1)
+            shots.append(seen._replace(values=seen.values - expected.values))
+    sizes = [np.abs(shot.values[shot.body]) for shot in shots]
+    peaks = [np.percentile(of_body, 99.5) for of_body in sizes]
+    return difference_sheet(
+        shots,
+        largest=float(max(peaks)),
+        scale="structure less full volume [K]",
+        title=title,
+        columns=len(shots),
     )
-    scale = DifferenceScale(nice_limit(largest))
-    tiles = [
-        Tile(scale.picture(values, expected[view].body), f"{name}, {view}")
-        for (name, view), values in differences.items()
-    ]
-    bar = difference_bar(scale, "structure less full volume [K]")
-    return sheet(tiles, bar, title, columns=min(len(tiles), 9))

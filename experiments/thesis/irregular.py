@@ -170,7 +170,8 @@ def hand_of_surface(grid: jt.VoxelGrid) -> dict[str, Bool[np.ndarray, " s"]]:
     """Flags of the fragments of the whole surface and of both hands."""
     position = grid.fragment_position
     low, high = grid.mesh.bounds
-    above = position[:, 2] > low[2] + _HAND_FROM * (high[2] - low[2])
+    hand_height = low[2] + _HAND_FROM * (high[2] - low[2])
+    above = position[:, 2] > hand_height
     left = position[:, 0] > (low[0] + high[0]) / 2
     return {
         "whole surface": np.ones(len(position), bool),

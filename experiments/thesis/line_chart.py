@@ -1,11 +1,12 @@
 """Charts of curves, with axes and colours that several exhibits share."""
 
-from collections.abc import Iterable, Sequence
-from typing import Literal, NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Literal, NamedTuple
 
 import altair as alt
 
 from jaxthermo.report.chart import Chart, LogAxis, legend
+from jaxthermo.report.numbers import significant
 
 
 # Told apart without any kind of cone: Okabe and Ito (2008).
@@ -34,8 +35,34 @@ class CurvePoint(NamedTuple):
     x: float
     y: float
     text: str = ""
-    """Tooltip of its dot."""
+    """Tooltip of its dot; the curve and both values if it is empty."""
     marks: Marks = LINE_AND_DOT
+
+    @property
+    def values(self) -> dict[str, str | float]:
+        """Fields of the data of a chart."""
+        x = float(self.x)
+        y = float(self.y)
+        text = self.text or f"{self.curve}, {significant(x)}: {significant(y)}"
+        return {"curve": self.curve, "x": x, "y": y, "text": text}
+
+
+def curves(
+    rows: Iterable[Mapping[str, Any]], x: str, y: Mapping[str, str]
+) -> list[CurvePoint]:
+    """Curves of a table, by the column `x` of it.
+
+    Args:
+        rows: of the table.
+        x: name of the column that all curves have in common.
+        y: names of columns by those of their curves.
+    """
+    table = list(rows)
+    return [
+        CurvePoint(name, x=row[x], y=row[column])
+        for name, column in y.items()
+        for row in table
+    ]
 
 
 def curve(
@@ -44,11 +71,11 @@ def curve(
     y: Iterable[float],
     *,
     every: int = 1,
-    marks: Marks = LINE,
+    marks: Marks = LINE_AND_DOT,
 ) -> list[CurvePoint]:
     """Points of a curve, one of every so many."""
-    places = list(zip(x, y, strict=True))
-    return [CurvePoint(name, x=a, y=b, marks=marks) for a, b in places[::every]]
+    pairs = list(zip(x, y, strict=True))
+    return [CurvePoint(name, x=a, y=b, marks=marks) for a, b in pairs[::every]]
 
 
 def curve_chart(
@@ -81,8 +108,10 @@ def curve_chart(
         "color": alt.Color("curve:N", scale=scale, sort=names, legend=key),
     }
     if dashed:
-        dashes = [[7, 5] if number % 2 else [1, 0] for number in range(len(names))]
-        scale = alt.Scale(domain=names, range=dashes)
+        solid = [1, 0]
+        broken = [7, 5]
+        patterns = [broken if number % 2 else solid for number in range(len(names))]
+        scale = alt.Scale(domain=names, range=patterns)
         channels["strokeDash"] = alt.StrokeDash("curve:N", scale=scale, sort=names)
     styles = {
         "line": alt.MarkDef("line", strokeWidth=2),
@@ -91,11 +120,7 @@ def curve_chart(
     }
     layers = []
     for mark, style in styles.items():
-        rows = [
-            {**point._asdict(), "x": float(point.x), "y": float(point.y)}
-            for point in points
-            if mark in point.marks
-        ]
+        rows = [point.values for point in points if mark in point.marks]
         if rows:
             text = {} if mark == "line" else {"description": "text:N"}
             chart = alt.Chart(alt.Data(values=rows), mark=style)
@@ -109,7 +134,9 @@ def log_chart(
     """Curves over two logarithmic axes."""
     x = LogAxis([point.x for point in points], x_title)
     y = LogAxis([point.y for point in points], y_title)
-    return curve_chart(points, alt.X(**x.channel("x")), alt.Y(**y.channel("y")), title)
+    return curve_chart(
+        points, x=alt.X(**x.channel("x")), y=alt.Y(**y.channel("y")), title=title
+    )
 
 
 def angle_axis() -> alt.X:

@@ -76,11 +76,11 @@ def _knot(reynolds: float, average: float, *, recalled: bool) -> Numbers:
     local = local_number(DEGREES, reynolds)
     inner = local[1:-1]
     is_minimum = (inner < local[:-2]) & (inner <= local[2:])
-    errors = [
-        abs(np.interp(float(row["theta_deg"]), DEGREES, local) - float(row["Nu"]))
-        for row in tabulated()
-        if float(row["Re"]) == reynolds
-    ]
+    errors = []
+    for row in tabulated():
+        if float(row["Re"]) == reynolds:
+            interpolated = np.interp(float(row["theta_deg"]), DEGREES, local)
+            errors.append(abs(interpolated - float(row["Nu"])))
     return {
         "Re": reynolds,
         "average": average,

@@ -17,8 +17,9 @@ from jaxthermo.timing import Spread, interleaved, ratio_of
 
 from ..benchmarks.mixed import Runner, scene_runner
 from ..benchmarks.steps import conduction_call
+from ..harness.meshes import voxels_high
 from .bodies import required_statue
-from .exhibit import Numbers
+from .exhibit import Numbers, power
 from .sunlit import Sunlit
 
 
@@ -101,7 +102,7 @@ def counts(mesh_name: str, height: int) -> Numbers:
 
 @cache
 def _body(mesh_name: str, height: int) -> Sunlit:
-    return Sunlit(required_statue(mesh_name).mesh, height)
+    return Sunlit(voxels_high(required_statue(mesh_name).mesh, height))
 
 
 class StepTimes(NamedTuple):
@@ -146,6 +147,13 @@ def step_times(mesh_name: str, height: int) -> StepTimes:
             name: ratio_of(step[FULL], times) for name, times in step.items()
         },
     )
+
+
+def power_of_time(times: Sequence[StepTimes], structure: str) -> float:
+    """Power of the resolution that the time grows with between the last two."""
+    finest = times[-2:]
+    heights = [row.height for row in finest]
+    return power(heights, [row.median(structure) for row in finest])
 
 
 def timed_runner(scene: jt.Scene) -> Runner:

@@ -1,21 +1,22 @@
 """Shaded pictures of coloured meshes, and of the boxes around them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import combinations
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Float, UInt8
 from PIL import Image, ImageDraw
 
 import jaxthermo as jt
-from jaxthermo.geometry.vectors import unit_vector
+from jaxthermo.geometry.vectors import unit_vector, unit_vectors
 from jaxthermo.image.colour.canvas import averaged
 from jaxthermo.image.surface.camera import OrthographicCamera
-from jaxthermo.image.surface.visible import visible_points
+from jaxthermo.image.surface.visible import VisiblePoints, visible_points
 from jaxthermo.physics.contact.rays import PlacedGrid
 
 
 Colour = tuple[int, int, int]
+Pixels = UInt8[np.ndarray, "h w 3"]
 PAPER = (246, 247, 249)
 BODIES: tuple[Colour, Colour] = ((206, 200, 188), (150, 184, 208))
 """Colours of two bodies side by side."""
@@ -48,35 +49,39 @@ def camera_on(
     )
 
 
+def lit(
+    meshes: Sequence[jt.Mesh],
+    camera: OrthographicCamera,
+    colours: Callable[[VisiblePoints], UInt8[np.ndarray, "p 3"]],
+) -> Pixels:
+    """Meshes with a light at the camera, on paper.
+
+    Args:
+        meshes: in the world.
+        camera: that sees them.
+        colours: of the points that it sees.
+    """
+    fine = camera.finer(_SAMPLES)
+    seen = visible_points(tuple((m.vertices, m.faces) for m in meshes), fine)
+    first_face = np.cumsum([0, *(len(mesh.faces) for mesh in meshes)])
+    vectors = np.concatenate([mesh.area_vectors for mesh in meshes])
+    normal = unit_vectors(vectors[first_face[seen.body] + seen.face])
+    facing = np.abs(normal @ fine.frame[2])
+    light = _DARKEST + (1 - _DARKEST) * facing
+    shade = np.rint(light[:, None] * colours(seen)).astype(np.uint8)
+    return averaged(fine.frame_of(seen.pixel, shade, PAPER), _SAMPLES)
+
+
 def shaded(
     coloured: Sequence[tuple[jt.Mesh, Colour]], camera: OrthographicCamera
-) -> tuple[UInt8[np.ndarray, "h w 3"], Bool[np.ndarray, "h w"]]:
-    """Meshes in their colours with a light at the camera, and where there are any."""
-    fine = camera.finer(_SAMPLES)
+) -> Pixels:
+    """Meshes in a colour each, with a light at the camera, on paper."""
     meshes = [mesh for mesh, _ in coloured]
-    seen = visible_points(tuple((m.vertices, m.faces) for m in meshes), fine)
-    colours = np.empty((fine.width * fine.height, 3), np.uint8)
-    colours[:] = PAPER
-    for number, (mesh, colour) in enumerate(coloured):
-        samples = np.flatnonzero(seen.body == number)
-        vectors = mesh.area_vectors[seen.face[samples]]
-        facing = np.abs(vectors @ fine.frame[2]) / np.linalg.norm(vectors, axis=1)
-        light = _DARKEST + (1 - _DARKEST) * facing
-        colours[seen.pixel[samples]] = np.rint(light[:, None] * np.array(colour))
-    is_body = np.zeros(fine.height * fine.width, bool)
-    is_body[seen.pixel] = True
-    # A pixel is of the body if any of its samples is.
-    blocks = is_body.reshape(camera.height, _SAMPLES, camera.width, _SAMPLES)
-    samples_of_rows = colours.reshape(fine.height, fine.width, 3)
-    picture = averaged(samples_of_rows, _SAMPLES)
-    return picture, np.asarray(blocks.any(axis=(1, 3)))
+    colours = np.array([colour for _, colour in coloured], np.uint8)
+    return lit(meshes, camera, lambda seen: colours[seen.body])
 
 
-def blended(
-    over: UInt8[np.ndarray, "h w 3"],
-    under: UInt8[np.ndarray, "h w 3"],
-    opacity: float,
-) -> UInt8[np.ndarray, "h w 3"]:
+def blended(over: Pixels, under: Pixels, opacity: float) -> Pixels:
     """A picture seen through another one of this opacity [-]."""
     mixed = opacity * over.astype(float) + (1 - opacity) * under
     return np.rint(mixed).astype(np.uint8)
@@ -96,17 +101,22 @@ def in_world(body: PlacedGrid) -> jt.Mesh:
     return jt.Mesh(body.pose.to_world(mesh.vertices), mesh.faces, body.name)
 
 
+def on_picture(
+    points: Float[np.ndarray, "n 3"], camera: OrthographicCamera
+) -> Float[np.ndarray, "n 2"]:
+    """Points of the world [m] on the picture of a camera [px]."""
+    no_faces = np.zeros((0, 3), int)
+    return camera.mesh_to_raster(points, no_faces).points[:, :2]
+
+
 def with_box(
-    pixels: UInt8[np.ndarray, "h w 3"],
-    camera: OrthographicCamera,
-    box: Float[np.ndarray, "2 3"],
-) -> UInt8[np.ndarray, "h w 3"]:
+    pixels: Pixels, camera: OrthographicCamera, box: Float[np.ndarray, "2 3"]
+) -> Pixels:
     """A picture with the twelve edges of a box in the world [m]."""
-    corners, _, _ = camera.mesh_to_raster(box_corners(box), np.zeros((0, 3), int))
+    corners = on_picture(box_corners(box), camera)
     image = Image.fromarray(pixels)
     draw = ImageDraw.Draw(image)
     for a, b in combinations(range(8), 2):
         if np.abs(_CORNERS[a] - _CORNERS[b]).sum() == 1:
-            ends = corners[[a, b], :2]
-            draw.line(ends.ravel().tolist(), fill=BOX, width=1)
+            draw.line(corners[[a, b]].ravel().tolist(), fill=BOX, width=1)
     return np.asarray(image)

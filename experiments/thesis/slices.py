@@ -82,8 +82,9 @@ class Slice:
         cells = self.lattice.to_cells(points)
         across = cells[:, self.across] * self.edge
         down = (self.shape[self.up] - cells[:, self.up]) * self.edge
-        line = list(zip(across.tolist(), down.tolist(), strict=True))
-        ImageDraw.Draw(self.image).line(line, fill=_PATH, width=max(2, self.edge // 2))
+        line = np.column_stack([across, down]).ravel().tolist()
+        draw = ImageDraw.Draw(self.image)
+        draw.line(line, fill=_PATH, width=max(2, self.edge // 2))
 
     @property
     def pixels(self) -> UInt8[np.ndarray, "h w 3"]:

@@ -41,22 +41,27 @@ def draw(triangle: Float[np.ndarray, "3 3"], width: int, height: int) -> _DrawnT
 
 def _covered(corners: np.ndarray, width: int, height: int) -> np.ndarray:
     """Pixel centres (column, row) inside a snapped triangle, ties as in `fragments`."""
-    low = np.maximum((corners.min(0) - SNAP // 2) // SNAP, 0)
-    high = np.minimum((corners.max(0) + SNAP // 2) // SNAP, (width - 1, height - 1))
+    half = SNAP // 2
+    last = (width - 1, height - 1)
+    low = np.maximum((corners.min(0) - half) // SNAP, 0)
+    high = np.minimum((corners.max(0) + half) // SNAP, last)
     column_range = np.arange(low[0], high[0] + 1)
     row_range = np.arange(low[1], high[1] + 1)
     columns, rows = np.meshgrid(column_range, row_range)
-    x = columns.ravel() * SNAP + SNAP // 2
-    y = rows.ravel() * SNAP + SNAP // 2
+    x = columns.ravel() * SNAP + half
+    y = rows.ravel() * SNAP + half
     edges_to_the_right = np.zeros(x.shape, int)
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        (ax, ay), (bx, by) = sorted([tuple(start), tuple(end)], key=lambda p: p[1])
+        lower, upper = sorted([tuple(start), tuple(end)], key=lambda p: p[1])
+        ax, ay = lower
+        bx, by = upper
         spans = (ay <= y) & (y < by)
         # The edge is strictly right of the centre: cross product, no division.
         right = (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0
         edges_to_the_right += spans & right
     inside = edges_to_the_right % 2 == 1
-    return np.stack([columns.ravel()[inside], rows.ravel()[inside]], axis=1)
+    pixels = np.column_stack([columns.ravel(), rows.ravel()])
+    return pixels[inside]
 
 
 def slice_voxels(

@@ -1,4 +1,4 @@
-"""A body in the sun until a sunset, and in air, as any structure of its voxels.
+"""A body in the sun, as any structure of its voxels.
 
 Errors are those of `surface_error` against the full volume of the same voxels.
 """
@@ -7,45 +7,44 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import jaxthermo as jt
+from jaxthermo.physics.term import AbstractTerm
 from jaxthermo.structures.structure import AbstractStructure
-from jaxthermo.structures.surface_map import AbstractSurfaceMap
 
-from ..harness.meshes import END, SAVE_AT, START, STEEL, voxels_high
+from ..harness.meshes import SAVE_AT, START, STEEL
 
 
 SUNSET = 90.0
 """Time at which the sun goes [s]."""
 SUN = jt.Sun((-1.0, 0.0, 0.0), jt.Until(5000.0, SUNSET))
-# Read where the full volume's nodes are.
-_AT_VOXELS = jt.FluxCorrectedMap(at="voxel")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sunlit:
-    """A body in steel, by its mesh and voxels along up."""
+    """A body by its voxels, from its start in the sun to the last of its times."""
 
-    mesh: jt.Mesh
-    voxels_high: int
-
-    @cached_property
-    def grid(self) -> jt.VoxelGrid:
-        """Its voxels."""
-        return voxels_high(self.mesh, self.voxels_high)
+    grid: jt.VoxelGrid
+    material: jt.Material = STEEL
+    terms: tuple[AbstractTerm, ...] = (SUN, jt.Convection(10.0, START))
+    """Its surroundings: by default until a sunset, and in air."""
+    save_at: tuple[float, ...] = SAVE_AT
+    """Saved times [s]."""
 
     @cached_property
     def full(self) -> jt.Solution:
-        """The full volume in its own stable steps."""
-        return self.solve(jt.FullVolume(self.grid), surface_map=jt.ConstantMap())
+        """The full volume."""
+        return self.solve(jt.FullVolume(self.grid))
 
-    def solve(
-        self,
-        structure: AbstractStructure,
-        surface_map: AbstractSurfaceMap = _AT_VOXELS,
-    ) -> jt.Solution:
+    def solve(self, structure: AbstractStructure) -> jt.Solution:
         """Run in stable explicit steps."""
-        body = jt.Body(structure, STEEL, temperature=START, surface_map=surface_map)
-        scene = jt.Scene((body,), (SUN, jt.Convection(10.0, START)))
-        return jt.simulate(scene, END, SAVE_AT, solver=jt.ForwardEuler())
+        # All surfaces are read where the full volume's nodes are.
+        is_full = isinstance(structure, jt.FullVolume)
+        surface_map = jt.ConstantMap() if is_full else jt.FluxCorrectedMap(at="voxel")
+        body = jt.Body(
+            structure, self.material, temperature=START, surface_map=surface_map
+        )
+        scene = jt.Scene((body,), self.terms)
+        solver = jt.ForwardEuler()
+        return jt.simulate(scene, self.save_at[-1], self.save_at, solver=solver)
 
     def error(self, structure: AbstractStructure) -> float:
         """Error against the full volume [%]."""

@@ -9,7 +9,16 @@ import jaxthermo as jt
 from jaxthermo.constants import ZERO_CELSIUS
 from jaxthermo.reference import semi_infinite, slab
 
-from ..harness.case import Check, Order, Row, case, converge, largest_error, values
+from ..harness.case import (
+    Check,
+    Order,
+    Row,
+    case,
+    converge,
+    largest_error,
+    near,
+    values,
+)
 from ..harness.scenes import single
 from .bodies import LEFT, RIGHT, Bar, bar, between, mirrored, run
 
@@ -114,11 +123,11 @@ def _flux() -> Row:
     (surface,) = _surfaces(
         row, material=_HOLMAN, start=ZERO_CELSIUS + 35.0, terms=(_FLUX,), times=(30.0,)
     )
-    inside = between(row.depth, surface[row.along] - ZERO_CELSIUS, (0.025,))
+    (inside,) = between(row.depth, surface[row.along] - ZERO_CELSIUS, (0.025,))
     exact = _heated(0.025, time=30.0, start=35.0, material=_HOLMAN)
-    holman = {"Holman 4.2: T(25 mm, 30 s)": exact}
-    checks = values(expected=holman, computed=inside, unit="degC", tolerance=0.2)
-    return measured._replace(checks=(*measured.checks, *checks))
+    name = "Holman 4.2: T(25 mm, 30 s)"
+    holman = near(name, inside, exact, unit="degC", tolerance=0.2)
+    return measured._replace(checks=(*measured.checks, holman))
 
 
 _COPPER = jt.Material(401.0, density=3.439e6, specific_heat=1.0)
@@ -338,8 +347,9 @@ def _mode() -> Row:
     checks = []
     for name, cells, solver, form in forms:
         rate = slab.sine_rate_of_cells(_MODE.diffusivity, _MODE_LENGTH, cells)
-        expected = {f"{name}, N={cells}": form(rate, _MODE_STEP, _MODE_STEPS)}
-        checks += values(expected, [_decay(cells, solver)], tolerance=1e-10)
+        exact = form(rate, _MODE_STEP, _MODE_STEPS)
+        decay = _decay(cells, solver)
+        checks.append(near(f"{name}, N={cells}", decay, exact, tolerance=1e-10))
     # The order is that of space alone: the cells' own rate against the exact one.
     rate = slab.sine_rate(_MODE.diffusivity, _MODE_LENGTH)
     decay = slab.decay_exact(rate, _MODE_STEP * _MODE_STEPS)
@@ -373,13 +383,8 @@ def _t3() -> Row:
             ends=(ZERO_CELSIUS, end_temperature),
             times=(32.0,),
         )
-        temperatures = between(row.depth, now - ZERO_CELSIUS, (0.08,))
-        return values(
-            expected={"T(80 mm, 32 s)": 36.603116},
-            computed=temperatures,
-            unit="degC",
-            tolerance=0.1,
-        )
+        (inside,) = between(row.depth, now - ZERO_CELSIUS, (0.08,))
+        return (near("T(80 mm, 32 s)", inside, 36.603116, unit="degC", tolerance=0.1),)
 
     return converge(measure=at, at=(20, 40, 80), length=1, expected=2.0)
 

@@ -122,7 +122,8 @@ def of_blocks(
             corners = np.roll(_CORNERS, axis + 1, axis=1)[::sign].copy()
             corners[:, axis] = (sign + 1) // 2
             quad = cells[:, None] + corners
-            faces += [quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]]
+            faces.append(quad[:, [0, 1, 2]])
+            faces.append(quad[:, [0, 2, 3]])
     # Faces share their corners: without that the mesh would have open edges.
     corners, number = np.unique(
         np.concatenate(faces).reshape(-1, 3), axis=0, return_inverse=True

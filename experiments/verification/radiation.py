@@ -26,7 +26,7 @@ from jaxthermo.reference.view_factor import (
     view_factor_to_polygon,
 )
 
-from ..harness.case import Check, case, values
+from ..harness.case import Check, case, near, values
 from ..harness.scenes import full, single
 from .bodies import bar, conductor
 
@@ -91,18 +91,8 @@ _SPHERES = 20.78300772
 def _enclosures() -> Iterator[Check]:
     plates = forms.between_plates(400.0, 300.0, 0.8, 0.5)
     spheres = forms.between_spheres(0.05, 0.1, 400.0, 300.0, 0.8, 0.5)
-    yield from values(
-        expected={"endless plates": 441.0291215},
-        computed=[plates],
-        unit="W/m^2",
-        tolerance=1e-6,
-    )
-    yield from values(
-        expected={"concentric spheres": _SPHERES},
-        computed=[spheres],
-        unit="W",
-        tolerance=1e-6,
-    )
+    yield near("endless plates", plates, 441.0291215, unit="W/m^2", tolerance=1e-6)
+    yield near("concentric spheres", spheres, _SPHERES, unit="W", tolerance=1e-6)
 
 
 @case(
@@ -119,12 +109,7 @@ def _sun() -> Iterator[Check]:
     yield from values(
         expected=fluxes, computed=irradiances, unit="W/m^2", fraction=1e-6
     )
-    yield from values(
-        expected={"solid angle": 6.794274e-5},
-        computed=[angle],
-        unit="sr",
-        fraction=1e-6,
-    )
+    yield near("solid angle", angle, 6.794274e-5, unit="sr", fraction=1e-6)
 
 
 @case(
@@ -137,7 +122,8 @@ def _sun() -> Iterator[Check]:
 def _plates() -> tuple[Check, ...]:
     # Black plates of 1000 degC, 1 m above an element.
     black = STEFAN_BOLTZMANN * 1273.15**4 / 1e3
-    square = np.array([[-1, 1, 1], [1, 1, 1], [1, -1, 1], [-1, -1, 1]], float)
+    corners = [(-1, 1, 1), (1, 1, 1), (1, -1, 1), (-1, -1, 1)]
+    square = np.array(corners, float)
     # 1e5 m stand for endless: what is beyond subtends 1e-5.
     strip = square * np.array([1e5, 1.0, 1.0])
     fluxes = [black * _seen(p) for p in (square, strip, _disc(1.0))]
@@ -173,10 +159,10 @@ def _emission() -> Iterator[Check]:
     newer = STEFAN_BOLTZMANN / 5.670367e-8
     black = _net_emission(1.0, kelvin=400.0, around=0.0)
     grey = _net_emission(0.85, kelvin=400.0, around=305.0)
-    listed = {"black, 400 K": 1451.614 * newer}
-    yield from values(expected=listed, computed=[black], unit="W/m^2", tolerance=5e-4)
-    listed = {"0.85, 400 K among 305 K": 816.7822 * newer}
-    yield from values(expected=listed, computed=[grey], unit="W/m^2", tolerance=5e-5)
+    listed = 1451.614 * newer
+    yield near("black, 400 K", black, listed, unit="W/m^2", tolerance=5e-4)
+    listed = 816.7822 * newer
+    yield near("0.85, 400 K among 305 K", grey, listed, unit="W/m^2", tolerance=5e-5)
 
 
 _NUSSELT = {"churchill_bernstein": 40.63709, "sanitjai_goldstein": 40.38327}
@@ -225,10 +211,11 @@ def _nusselt() -> tuple[Check, ...]:
 def _spheres() -> Iterator[Check]:
     # Radii of the ball, the hollow and the body around it [m].
     inner, outer, outside = (jt.shapes.sphere(r) for r in (0.05, 0.1, 0.12))
+    # Reversed, as the outside of the hollow's faces is within.
+    inward = outer.faces[:, ::-1] + len(outside.vertices)
     hollow = jt.Mesh(
         np.concatenate([outside.vertices, outer.vertices]),
-        # Reversed, as the outside of the hollow's faces is within.
-        np.concatenate([outside.faces, outer.faces[:, ::-1] + len(outside.vertices)]),
+        np.concatenate([outside.faces, inward]),
         "hollow ball",
     )
     ball = jt.voxelize(inner, 0.005)
@@ -247,11 +234,11 @@ def _spheres() -> Iterator[Check]:
     )
     solution = jt.steady(jt.Scene(bodies, terms, dtype="float64"))
     hot, cold = np.asarray(solution.mean_temperature)[0]
-    yield from values({"ball at the heat of the closed form": 400.0}, [hot], unit="K")
+    yield near("ball at the heat of the closed form", hot, 400.0, unit="K")
     # The heat that would flow at exactly 400 and 300 K through the same exchange.
     ratio = (400.0**4 - 300.0**4) / (hot**4 - cold**4)
     heat = _SPHERES * float(ratio)
-    yield from values({"heat at 400 and 300 K": _SPHERES}, [heat], unit="W")
+    yield near("heat at 400 and 300 K", heat, _SPHERES, unit="W")
 
 
 @case(
@@ -275,12 +262,7 @@ def _apparent() -> tuple[Check, ...]:
         seen = np.asarray(image.apparent_temperature)
     seen = seen[np.asarray(image.object_id) == 0]
     worst = float(seen[np.argmax(np.abs(seen - listed))])
-    return values(
-        expected={"apparent temperature": listed},
-        computed=[worst],
-        unit="K",
-        tolerance=5e-5,
-    )
+    return (near("apparent temperature", worst, listed, unit="K", tolerance=5e-5),)
 
 
 CASES = (

@@ -89,8 +89,10 @@ def _cube() -> Row:
         inner = layered(theta, grid=grid, axis=0, sign=-1)
         outer = layered(theta, grid=grid, axis=0)
         # Even parabolas through the nodes at 1/2 and 3/2 voxels, along 3 and 2 axes.
-        centre = inner[0, 0] + 3 / 8 * (inner[0, 0] - inner[1, 0])
-        middle = outer[0, 0] + 2 / 8 * (outer[0, 0] - outer[1, 0])
+        inner_slope = inner[0, 0] - inner[1, 0]
+        outer_slope = outer[0, 0] - outer[1, 0]
+        centre = inner[0, 0] + 3 / 8 * inner_slope
+        middle = outer[0, 0] + 2 / 8 * outer_slope
         # Straight lines out to the edge and along it, from the same two distances.
         edge = 1.5 * outer[-1] - 0.5 * outer[-2]
         corner = 1.5 * edge[-1] - 0.5 * edge[-2]

@@ -8,7 +8,7 @@ import numpy as np
 import jaxthermo as jt
 from jaxthermo.constants import ZERO_CELSIUS
 
-from ..harness.case import Check, Row, case, converge, values
+from ..harness.case import Check, Row, case, converge, near, values
 from ..harness.scenes import single
 from .bodies import DOWN, LEFT, UP, conductor, hollow_hemisphere, layered, of_blocks
 
@@ -39,7 +39,8 @@ def _column_points(cells: int) -> list[float]:
     across = nodes[:-1] + nodes[1:]
     corner = (across[:, :-1] + across[:, 1:]) / 4
     eighths = cells * np.arange(1, 8) - 1
-    return corner[np.ix_(eighths[:4], eighths[::-1])].T.ravel().tolist()
+    points = corner[np.ix_(eighths[:4], eighths[::-1])]
+    return points.T.ravel().tolist()
 
 
 @case(
@@ -112,7 +113,9 @@ def _roof() -> Iterator[Check]:
     size = (0.5, _ROOF_PITCH, 1e-3 * _ROOF_HEIGHT)
     grid = jt.voxelize(jt.shapes.box(size), _ROOF_PITCH)
     wide, _, high = grid.lattice.shape
-    x, y = (1e3 * _ROOF_PITCH * (np.arange(n) + 0.5) for n in (wide, high))
+    millimetres = 1e3 * _ROOF_PITCH
+    x = millimetres * (np.arange(wide) + 0.5)
+    y = millimetres * (np.arange(high) + 0.5)
     labels = _roof_labels(x[:, None], y[None])
     materials = jt.MaterialLabels(labels[:, None], tuple(map(conductor, _ROOF)))
     # The standard's surface resistances [m^2 K/W].
@@ -130,27 +133,20 @@ def _roof() -> Iterator[Check]:
     faces = {0.0: surface[below], _ROOF_HEIGHT: surface[above]}
     # Through one voxel of depth.
     heat = float(solution.heat_rates.mechanisms["convection"])
-    yield from values(
-        expected={"heat flow": 9.5},
-        computed=[heat / _ROOF_PITCH],
-        unit="W/m",
-        tolerance=0.1,
-    )
+    yield near("heat flow", heat / _ROOF_PITCH, 9.5, unit="W/m", tolerance=0.1)
     for name, (x, y, celsius) in _ROOF_POINTS.items():
-        i, j = (round(1e-3 * p / _ROOF_PITCH) + np.array([-1, 0]) for p in (x, y))
+        # The two cells on either side of the point.
+        i = round(1e-3 * x / _ROOF_PITCH) + np.array([-1, 0])
+        j = round(1e-3 * y / _ROOF_PITCH) + np.array([-1, 0])
         i = np.clip(i, 0, wide - 1)
         if y in faces:
             temperature = faces[y][i].mean()
         else:
             # A corner of several materials has about the mean by conductivities.
-            near = np.ix_(i, j)
-            temperature = np.average(nodes[near], weights=conductivity[near])
-        yield from values(
-            expected={f"T at {name}": celsius},
-            computed=[temperature],
-            unit="degC",
-            tolerance=0.1,
-        )
+            around = np.ix_(i, j)
+            weights = conductivity[around]
+            temperature = np.average(nodes[around], weights=weights)
+        yield near(f"T at {name}", temperature, celsius, unit="degC", tolerance=0.1)
 
 
 def _largest_fraction(checks: Sequence[Check]) -> float:
@@ -170,7 +166,9 @@ def _iron_bar(pitch: float) -> Iterator[Check]:
         np.array([0.0, 0.2, 0.6]),
     )
     grid = jt.voxelize(mesh, pitch)
-    x, y, _ = (pitch * (np.arange(n) + 0.5) for n in grid.lattice.shape)
+    wide, deep, _ = grid.lattice.shape
+    x = pitch * (np.arange(wide) + 0.5)
+    y = pitch * (np.arange(deep) + 0.5)
     iron = (x[:, None] < 0.05) & (y[None] < 0.025)
     labels = np.broadcast_to(iron[..., None], grid.lattice.shape).astype(int)
     materials = jt.MaterialLabels(labels, (conductor(0.1), conductor(50.0)))
@@ -187,15 +185,8 @@ def _iron_bar(pitch: float) -> Iterator[Check]:
     heat = 4 * float(solution.heat_rates.mechanisms["convection"])
     cold = np.asarray(solution.surface_temperature)[0, normal[:, 2] < -0.9]
     hottest = float(cold.max()) - ZERO_CELSIUS
-    yield from values(
-        expected={"heat flow": 0.54}, computed=[heat], unit="W", fraction=0.01
-    )
-    yield from values(
-        expected={"hottest place outside": 0.805},
-        computed=[hottest],
-        unit="degC",
-        tolerance=0.005,
-    )
+    yield near("heat flow", heat, 0.54, unit="W", fraction=0.01)
+    yield near("hottest place outside", hottest, 0.805, unit="degC", tolerance=0.005)
 
 
 @case(
@@ -233,21 +224,15 @@ def _shell(cells: int) -> Iterator[Check]:
         grid.lattice.centres(grid.fragment_voxel[flat]), axis=1
     )
     kelvin = np.asarray(solution.surface_temperature)[0, flat]
-    near = np.abs(node_radius - 0.075) < 0.01
+    is_halfway = np.abs(node_radius - 0.075) < 0.01
     # Temperatures of a shell are linear in 1 / r.
-    fit = np.polyfit(1 / node_radius[near] - 1 / 0.075, kelvin[near], 1)
+    off_halfway = 1 / node_radius[is_halfway] - 1 / 0.075
+    fit = np.polyfit(off_halfway, kelvin[is_halfway], 1)
     # Twice the heat of the upper half.
     heat = 2 * float(solution.heat_rates.mechanisms["fixed_temperature"])
     middle = float(fit[-1]) - ZERO_CELSIUS
-    yield from values(
-        expected={"heat rate": 50.26548246}, computed=[heat], unit="W", fraction=0.02
-    )
-    yield from values(
-        expected={"T(75 mm)": 46.66666667},
-        computed=[middle],
-        unit="degC",
-        fraction=0.02,
-    )
+    yield near("heat rate", heat, 50.26548246, unit="W", fraction=0.02)
+    yield near("T(75 mm)", middle, 46.66666667, unit="degC", fraction=0.02)
 
 
 @case(
@@ -292,16 +277,9 @@ def _fin() -> Iterator[Check]:
     heat = float(solution.heat_rates.mechanisms["fixed_temperature"])
     # The heat of the same surface if all of it had the temperature of the base.
     max_heat = _FIN_H * 2 * np.pi * _RADIUS * _LENGTH * _EXCESS
-    yield from values(
-        expected={"heat rate": 4.37775788}, computed=[heat], unit="W", fraction=0.01
-    )
-    yield from values({"efficiency": 0.74319126}, [heat / max_heat], fraction=0.01)
-    yield from values(
-        expected={"tip above the air": 46.61455996},
-        computed=[tip - _AIR],
-        unit="K",
-        fraction=0.01,
-    )
+    yield near("heat rate", heat, 4.37775788, unit="W", fraction=0.01)
+    yield near("efficiency", heat / max_heat, 0.74319126, fraction=0.01)
+    yield near("tip above the air", tip - _AIR, 46.61455996, unit="K", fraction=0.01)
 
 
 CASES = (_column, _roof, _iron_bar_case, _shell_case, _fin)

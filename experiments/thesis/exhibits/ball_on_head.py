@@ -18,9 +18,9 @@ from jaxthermo.report.sheet import Tile, colour_bar, enlarged, sheet
 from jaxthermo.voxels.lattice import pixel_axes
 
 from ...harness.meshes import mesh_files
-from ...harness.present import thermal_tile
+from ...harness.present import Shot, thermal_sheet
 from ..bodies import CONFIGS, planck
-from ..exhibit import Finding, exhibit, judged
+from ..exhibit import Finding, exhibit, imbalance, judged
 
 
 TIMES = (0.0, 0.05, 2.0)
@@ -63,7 +63,8 @@ class _BallOnHead(NamedTuple):
         area = np.bincount(pairs.fragment_a, pairs.area, minlength=size)
         heat = np.bincount(pairs.fragment_a, pairs.area * of_ball, minlength=size)
         # A texel without contact has none of it.
-        return np.where(area > 0, heat / np.where(area > 0, area, 1), np.nan)
+        safe_area = np.where(area > 0, area, 1)
+        return np.where(area > 0, heat / safe_area, np.nan)
 
     def in_contact(self, body: int, time: int) -> float:
         """Mean temperature of a body's texels over the contact [degC]."""
@@ -79,15 +80,16 @@ class _BallOnHead(NamedTuple):
     def conducted(self) -> tuple[float, float]:
         """Heat into the head and into the ball through their contact [J]."""
         # What each body stores, less what it radiates.
-        head, ball = (
-            float(energy.stored_J[-1] - sum(v[-1] for v in energy.mechanisms.values()))
-            for energy in self.solution.energy.bodies
-        )
+        heats = []
+        for energy in self.solution.energy.bodies:
+            radiated = sum(heat[-1] for heat in energy.mechanisms.values())
+            heats.append(float(energy.stored_J[-1] - radiated))
+        head, ball = heats
         return head, ball
 
 
 @exhibit("figure-5.5", "5.3, figure 5.5")
-def ball_on_cool_head(quick: bool) -> Finding:
+def _ball_on_cool_head(quick: bool) -> Finding:
     """Let heat flow from the ball to the head, and show their textures."""
     planck()
     height = 60 if quick else 150
@@ -96,10 +98,9 @@ def ball_on_cool_head(quick: bool) -> Finding:
     head = [run.in_contact(HEAD, time) for time in range(len(TIMES))]
     warmed = [1e4 * run.warmed_area(time) for time in range(len(TIMES))]
     gained, lost = run.conducted()
-    # No closer than rounding.
-    imbalance = max(abs(gained + lost) / abs(gained), float(np.finfo(float).eps))
+    swap = imbalance(gained, lost)
     is_flow = ball[0] > ball[2] > head[2] > head[1] > head[0]
-    is_right = is_flow and imbalance <= _MAX_IMBALANCE and warmed[2] > warmed[1] > 0
+    is_right = is_flow and swap <= _MAX_IMBALANCE and warmed[2] > warmed[1] > 0
     half = height // 2
     return Finding(
         judged(is_right),
@@ -111,7 +112,7 @@ def ball_on_cool_head(quick: bool) -> Finding:
             "warmed_cm2": warmed,
             "conducted_J": [gained, lost],
             "conducted_kJ": gained / 1e3,
-            "swap": imbalance,
+            "swap": swap,
             "contact_cm2": {
                 "of half the voxels": 1e4 * _contact_area(half),
                 "of these voxels": 1e4 * float(run.pairs.area.sum()),
@@ -202,15 +203,15 @@ def _texture(
 def _frames(run: _BallOnHead) -> Image.Image:
     triangles = np.concatenate([s.geometry.triangles for s in run.solution.surfaces])
     camera = build_camera(run.config.camera, triangles)
-    tiles = []
+    shots = []
     for time in (0, len(TIMES) - 1):
         image = jt.render(run.solution, camera, time)
         celsius = np.asarray(image.temperature) - ZERO_CELSIUS
         body = np.asarray(image.object_id) >= 0
-        tiles.append(
-            thermal_tile(
-                values=celsius, body=body, limits=_SCALE, name=f"{TIMES[time]:g} s"
-            )
-        )
-    bar = colour_bar(*_SCALE, "temperature [°C]; the ball is above the scale")
-    return sheet(tiles, bar, "A hot ball on a cool head")
+        shots.append(Shot(celsius, body, name=f"{TIMES[time]:g} s"))
+    return thermal_sheet(
+        shots,
+        limits=_SCALE,
+        scale="temperature [°C]; the ball is above the scale",
+        title="A hot ball on a cool head",
+    )

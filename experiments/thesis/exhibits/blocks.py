@@ -19,8 +19,8 @@ from ...verification.contacts import (
     resisted,
     two_bars,
 )
-from ..exhibit import Finding, Numbers, exhibit, judged
-from ..line_chart import ALONE, CurvePoint, log_chart
+from ..exhibit import Finding, Numbers, exhibit, imbalance, judged
+from ..line_chart import ALONE, curve, log_chart
 
 
 _TIMES = (0.1, 0.3, 1.0, 3.0, 10.0)
@@ -49,11 +49,11 @@ def _blocks_in_contact(_: bool) -> Finding:
         name: max(abs(row["error_percent"][name]) for row in rows)
         for name in ("copper", "steel", "heat")
     }
-    imbalance = max(row["swap"] for row in rows)
+    swap = max(row["swap"] for row in rows)
     overlap = offset_blocks()
     is_right = (
         max(worst.values()) <= _MAX_ERROR_PERCENT
-        and imbalance <= _MAX_IMBALANCE
+        and swap <= _MAX_IMBALANCE
         and overlap.elsewhere <= _MAX_IMBALANCE
     )
     return Finding(
@@ -62,7 +62,7 @@ def _blocks_in_contact(_: bool) -> Finding:
             "rows": rows,
             "worst_percent": worst,
             "worst_surface_percent": max(worst["copper"], worst["steel"]),
-            "swap": imbalance,
+            "swap": swap,
             "offset": overlap,
         },
         {"section-5.3-blocks": _chart(rows)},
@@ -103,8 +103,7 @@ def _contact_row(name: str, time: float) -> Numbers:
         "exact_C": exact_surfaces,
         "heat_J_m2": heat,
         "heat_exact_J_m2": exact_heat,
-        # No closer than rounding.
-        "swap": max(abs(copper + steel) / abs(steel), float(np.finfo(float).eps)),
+        "swap": imbalance(steel, copper),
         "error_percent": {
             # Of the difference of 100 K.
             "copper": bars.copper - exact_surfaces[0],
@@ -152,22 +151,16 @@ def offset_blocks() -> _Overlap:
 
 
 def _chart(rows: Sequence[Numbers]) -> Chart:
-    curves = {_BONDED: bonded_heat_through, _RESISTING: heat_through}
-    points = [
-        CurvePoint(curve=f"closed form, {name}", x=time, y=exact(time) / 1e3)
-        for name, exact in curves.items()
-        for time in _TIMES
-    ]
-    for row in rows:
-        heat = row["heat_J_m2"] / 1e3
-        text = f"{row['contact']}, {row['time_s']:g} s: {heat:.4g}"
-        points.append(
-            CurvePoint(curve="found", x=row["time_s"], y=heat, text=text, marks=ALONE)
-        )
-    y_title = "heat through the contact [kJ/m²]"
+    points = []
+    for name in (_BONDED, _RESISTING):
+        of_contact = [row for row in rows if row["contact"] == name]
+        exact = [row["heat_exact_J_m2"] / 1e3 for row in of_contact]
+        points += curve(f"closed form, {name}", _TIMES, exact)
+        heat = [row["heat_J_m2"] / 1e3 for row in of_contact]
+        points += curve("found", _TIMES, heat, marks=ALONE)
     return log_chart(
         points=points,
         x_title="time [s]",
-        y_title=y_title,
+        y_title="heat through the contact [kJ/m²]",
         title="Copper at 100 °C on steel at 0 °C",
     )

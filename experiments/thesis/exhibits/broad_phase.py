@@ -21,8 +21,8 @@ from jaxthermo.report.chart import Chart
 from jaxthermo.report.sheet import Legend, Tile, sheet
 from jaxthermo.timing import timed_call
 
-from ..exhibit import Finding, Numbers, exhibit, judged
-from ..line_chart import CurvePoint, log_chart
+from ..exhibit import Finding, Numbers, exhibit, judged, power
+from ..line_chart import curves, log_chart
 from ..shaded import camera_on, in_world, shaded
 
 
@@ -31,17 +31,21 @@ _COUNTS = (*_QUICK_COUNTS, 80, 160)
 # Boxes in the picture.
 _PICTURED = 40
 # A turned rod fills little of its bounding box: boxes alone prune it badly.
-_SIZES = ((0.5, 0.4, 0.3), (0.4, 0.4, 0.4), (0.1, 0.1, 1.0))
+_SIZES = (
+    (0.5, 0.4, 0.3),
+    (0.4, 0.4, 0.4),
+    (0.1, 0.1, 1.0),
+)
 _PITCH = 0.02
 # Edge of the scene's cube over the cube root of the number of boxes [m]: so dense that
 # some touch at every count, and so that each has as many neighbours.
 _SPACING = 0.7
 _SEED = 7
 _STAGES = {
-    "possible": "all pairs",
-    "after_boxes": "boxes overlap",
-    "after_views": "no view separates",
-    "touching": "touch",
+    "all pairs": "possible",
+    "boxes overlap": "after_boxes",
+    "no view separates": "after_views",
+    "touch": "touching",
 }
 
 _PairSet = Set[tuple[int, int]]
@@ -78,7 +82,7 @@ def _pairs_left_out(quick: bool) -> Finding:
             "left_out": 1 - last["after_views"] / last["possible"],
             "times_fewer": last["possible"] / last["after_views"],
             "views_beyond_boxes": sharper,
-            "power": np.polyfit(np.log(counts), np.log(left), 1)[0],
+            "power": power(counts, left),
             "times_faster": last["search_of_all_pairs_s"] / both_phases,
         },
         {
@@ -124,7 +128,11 @@ def measure_pruning(count: int) -> tuple[Numbers, _Pairs]:
     searched = {(first, second) for first, second in broad.pairs.tolist()}
 
     def touching(pairs: _PairSet) -> _PairSet:
-        return {(i, j) for i, j in pairs if find_contacts(bodies[i], bodies[j]).count}
+        return {
+            (first, second)
+            for first, second in pairs
+            if find_contacts(bodies[first], bodies[second]).count
+        }
 
     found_touching, search_time = timed_call(lambda: touching(searched))
     # The slow reference: every pair is searched, so that none can be lost.
@@ -161,25 +169,15 @@ def _picture(pairs: _Pairs) -> Image.Image:
             colour = colours[name]
         coloured.append((in_world(body), colour))
     points = np.concatenate([mesh.vertices for mesh, _ in coloured])
-    seen, _ = shaded(coloured, camera_on(points, (-0.5, 0.8, -0.45), 480))
+    seen = shaded(coloured, camera_on(points, (-0.5, 0.8, -0.45), 480))
     note = f"{_PICTURED - len(searched)} are in no pair that is searched"
     tile = Tile(seen, f"{_PICTURED} boxes", note)
     return sheet([tile], Legend(tuple(colours.items())), "Broad phase")
 
 
 def _chart(rows: Sequence[Mapping[str, Any]]) -> Chart:
-    points = [
-        CurvePoint(
-            curve=name,
-            x=row["bodies"],
-            y=row[key],
-            text=f"{row['bodies']} boxes: {row[key]} pairs",
-        )
-        for key, name in _STAGES.items()
-        for row in rows
-    ]
     return log_chart(
-        points=points,
+        points=curves(rows, x="bodies", y=_STAGES),
         x_title="boxes in the scene",
         y_title="pairs",
         title="Pairs left to search",

@@ -22,11 +22,11 @@ from jaxthermo.flow.run import FlowRun, simulate_flow
 from jaxthermo.flow.wake_runs import PRANDTL, wake_channel, wake_run, wake_setup
 from jaxthermo.physics.convection.nusselt import churchill_bernstein
 from jaxthermo.report.chart import Chart
-from jaxthermo.report.sheet import Tile, colour_bar, enlarged, sheet
+from jaxthermo.report.sheet import enlarged
 
-from ...harness.present import thermal_tile
+from ...harness.present import Shot, thermal_sheet
 from ..exhibit import Finding, Numbers, Verdict, exhibit, judged, rms
-from ..line_chart import DOT, SHADES, angle_axis, curve, curve_chart
+from ..line_chart import DOT, LINE, SHADES, angle_axis, curve, curve_chart
 from ..nusselt import local_number, mean_number
 
 
@@ -275,7 +275,7 @@ def _chart(rounds: Sequence[RoundRod]) -> Chart:
     points = []
     for rod in rounds:
         name = f"Re {rod.reynolds:g}"
-        points += curve(name, DEGREES, rod.closure)
+        points += curve(name, DEGREES, rod.closure, marks=LINE)
         # Dots every 15 degrees, which one can tell from the line.
         points += curve(name, DEGREES, rod.flow, every=5, marks=DOT)
     return curve_chart(
@@ -288,12 +288,15 @@ def _chart(rounds: Sequence[RoundRod]) -> Chart:
 
 
 def _picture(round_run: FlowRun, square_run: FlowRun) -> Image.Image:
-    tiles = [_air(round_run, "round rod"), _air(square_run, "square rod")]
-    bar = colour_bar(0.0, 1.0, "excess over the wind's temperature, 1 at the rod")
-    return sheet(tiles, bar, "Temperature of the air")
+    return thermal_sheet(
+        [_air(round_run, "round rod"), _air(square_run, "square rod")],
+        limits=(0.0, 1.0),
+        scale="excess over the wind's temperature, 1 at the rod",
+        title="Temperature of the air",
+    )
 
 
-def _air(run: FlowRun, name: str) -> Tile:
+def _air(run: FlowRun, name: str) -> Shot:
     solid = run.channel.body.mask(run.channel.shape)
     assert run.mean.temperature is not None
     rows, columns = np.nonzero(solid)
@@ -306,4 +309,4 @@ def _air(run: FlowRun, name: str) -> Tile:
         enlarged(values[window][::-1, :, None], _EDGE)[..., 0]
         for values in (np.asarray(run.mean.temperature, float), solid)
     )
-    return thermal_tile(values=temperature, body=~body, limits=(0.0, 1.0), name=name)
+    return Shot(temperature, body=~body, name=name)

@@ -24,7 +24,7 @@ from jaxthermo.voxels.lattice import pixel_axes
 from jaxthermo.voxels.textures import depth_colours, packed_images
 
 from ..exhibit import Finding, Numbers, exhibit, judged
-from ..line_chart import ALONE, CurvePoint, log_chart
+from ..line_chart import ALONE, CurvePoint, curve, log_chart
 from ..shaded import BODIES, box_corners, camera_on, in_world, shaded, with_box
 
 
@@ -66,8 +66,8 @@ class Touching(NamedTuple):
 def _areas_of_contact(quick: bool) -> Finding:
     """Find the contact of two cylinders and of a ball on a plate."""
     resolutions = _QUICK if quick else _FULL
-    rows = by_resolution(resolutions)
-    thresholds = by_threshold()
+    rows = _by_resolution(resolutions)
+    thresholds = _by_threshold()
     lens = [row for row in rows if row["case"] == _CYLINDERS]
     disc = [row for row in rows if row["case"] == _BALL]
     within_voxel = [row for row in rows if row["case"] == _BALL_VOXEL]
@@ -109,43 +109,31 @@ def _areas_of_contact(quick: bool) -> Finding:
 def _error_chart(rows: Sequence[Numbers]) -> Chart:
     points = [
         CurvePoint(
-            curve=f"{row['case']}, {method}",
+            f"{row['case']}, {method}",
             x=row["voxels_across"],
             y=abs(row["error_percent"][key]),
-            text=f"{row['voxels_across']} voxels: {row['error_percent'][key]:+.2g} %",
         )
         for row in rows
         for key, method in _METHODS.items()
     ]
-    title = "Area of contact against the closed form"
     return log_chart(
         points=points,
         x_title="voxels across",
         y_title="error of the area [%]",
-        title=title,
+        title="Area of contact against the closed form",
     )
 
 
 def _threshold_chart(rows: Sequence[Numbers]) -> Chart:
-    closed_forms = []
-    by_rays = []
-    for row in rows:
-        threshold = row["threshold"]
-        text = f"{row['case']}: {row['rays']:.4f}"
-        closed_forms.append(
-            CurvePoint(curve=f"{row['case']}, closed form", x=threshold, y=row["exact"])
-        )
-        by_rays.append(
-            CurvePoint(
-                curve="found by rays",
-                x=threshold,
-                y=row["rays"],
-                text=text,
-                marks=ALONE,
-            )
-        )
+    points = [
+        CurvePoint(f"{row['case']}, closed form", x=row["threshold"], y=row["exact"])
+        for row in rows
+    ]
+    thresholds = [row["threshold"] for row in rows]
+    by_rays = [row["rays"] for row in rows]
+    points += curve("found by rays", thresholds, by_rays, marks=ALONE)
     return log_chart(
-        points=closed_forms + by_rays,
+        points=points,
         x_title="threshold of depth / radius",
         y_title="area of contact / radius²",
         title="Area of contact over the threshold",
@@ -176,7 +164,8 @@ def _cylinder_textures() -> Image.Image:
 
 def _grey(depth: np.ndarray, grid: Any) -> np.ndarray:
     # One scale for both bodies, from the bottom of A to the top of B.
-    return depth_colours(1 - np.clip(depth / (2 * grid.lattice.shape[2]), 0, 1))
+    height = 2 * grid.lattice.shape[2]
+    return depth_colours(1 - np.clip(depth / height, 0, 1))
 
 
 def _bodies(touching: Touching, size: int) -> np.ndarray:
@@ -184,7 +173,7 @@ def _bodies(touching: Touching, size: int) -> np.ndarray:
     meshes = [in_world(body) for body in touching]
     points = np.concatenate([box_corners(bounds), *(mesh.vertices for mesh in meshes)])
     camera = camera_on(points, _DIRECTION, size)
-    bodies, _ = shaded([*zip(meshes, BODIES, strict=True)], camera)
+    bodies = shaded([*zip(meshes, BODIES, strict=True)], camera)
     return with_box(bodies, camera, bounds)
 
 
@@ -254,7 +243,8 @@ def lens_area(touching: Touching) -> float:
     """Area that two circles of radius 1 have in common."""
     x, y, _ = touching.b.pose.translation
     half = float(np.hypot(x, y)) / 2
-    return float(2 * (np.arccos(half) - half * np.sqrt(1 - half * half)))
+    triangle = half * np.sqrt(1 - half * half)
+    return float(2 * (np.arccos(half) - triangle))
 
 
 def _grid(mesh: jt.Mesh, pitch: float) -> jt.VoxelGrid:
@@ -265,7 +255,8 @@ def _grid(mesh: jt.Mesh, pitch: float) -> jt.VoxelGrid:
 def rendered(a: PlacedGrid, b: PlacedGrid, axis: int) -> DepthLayers:
     """Depth layers of B in the pixels of A's lattice along an axis, in cells."""
     lattice = a.grid.lattice
-    corners = lattice.to_cells(a.pose.to_body(b.pose.to_world(b.grid.mesh.vertices)))
+    in_the_world = b.pose.to_world(b.grid.mesh.vertices)
+    corners = lattice.to_cells(a.pose.to_body(in_the_world))
     row_axis, column_axis = pixel_axes(axis)
     frame = corners[b.grid.mesh.faces][..., [column_axis, row_axis, axis]]
     return peel(
@@ -355,7 +346,7 @@ def _ball_row(
     )
 
 
-def by_resolution(resolutions: Sequence[int]) -> list[Numbers]:
+def _by_resolution(resolutions: Sequence[int]) -> list[Numbers]:
     """Areas of all cases within one voxel and within a fixed threshold."""
     rows = []
     for voxels in resolutions:
@@ -379,7 +370,7 @@ def _cylinder_row(voxels: int, threshold: float) -> Numbers:
     )
 
 
-def by_threshold() -> list[Numbers]:
+def _by_threshold() -> list[Numbers]:
     """Areas at the resolution of pictures within several thresholds."""
     ball = ball_on_plate(_SHOWN, max(_THRESHOLDS))
     rows = []

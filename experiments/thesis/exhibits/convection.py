@@ -12,7 +12,7 @@ from jaxthermo.physics.convection.nusselt import AVERAGES, profile
 from jaxthermo.report.chart import Chart, LogAxis
 
 from ..exhibit import Finding, Numbers, Verdict, exhibit
-from ..line_chart import DOT, SHADES, CurvePoint, angle_axis, curve, curve_chart
+from ..line_chart import DOT, LINE, SHADES, CurvePoint, angle_axis, curve, curve_chart
 from ..nusselt import (
     DEGREES,
     FAST,
@@ -67,7 +67,7 @@ def _curves(numbers: Sequence[float], *, over_mean: bool = False) -> list[CurveP
     for reynolds in numbers:
         scale = mean_number(reynolds) if over_mean else 1.0
         local = local_number(DEGREES, reynolds) / scale
-        points += curve(_name(reynolds), DEGREES, local)
+        points += curve(_name(reynolds), DEGREES, local, marks=LINE)
     return points
 
 
@@ -156,7 +156,7 @@ def _average_chart() -> Chart:
         lowest = 0.0 if average.nusselt is profile else average.min_reynolds / 20
         is_shown = reynolds >= lowest
         share = row / numbers[0]
-        points += curve(average.name, reynolds[is_shown], share[is_shown])
+        points += curve(average.name, reynolds[is_shown], share[is_shown], marks=LINE)
     x = LogAxis(reynolds.tolist(), "Reynolds number")
     y_title = "average over churchill_bernstein"
     return curve_chart(

@@ -17,13 +17,12 @@ from jaxthermo.image.surface.camera import frame_all
 from jaxthermo.physics.convection.air import kinematic_viscosity, prandtl
 from jaxthermo.physics.convection.nusselt import AVERAGES, churchill_bernstein
 from jaxthermo.report.chart import Chart
-from jaxthermo.report.sheet import colour_bar, sheet
 from jaxthermo.voxels.cylinders import cylinder_parts
 
-from ...harness.present import thermal_tile
+from ...harness.present import Shot, thermal_sheet
 from ..bodies import buddha
 from ..exhibit import Finding, Numbers, exhibit, judged
-from ..line_chart import LINE_AND_DOT, SHADES, angle_axis, curve, curve_chart
+from ..line_chart import SHADES, angle_axis, curve, curve_chart
 from ..nusselt import local_number
 
 
@@ -168,22 +167,19 @@ def _side_order(case: _InWind, solution: jt.Solution) -> list[dict[str, float]]:
     # At the start the side is even.
     for index in range(1, len(_SAVED)):
         kelvin = sectors[index]
+        ranks = np.stack([rankdata(kelvin), rankdata(local)])
         rows.append(
             {
                 "time_s": _SAVED[index],
                 "mean_K": float(solution.mean_temperature[index, 0]),
                 "range_K": float(np.ptp(kelvin)),
-                "correlation": _correlation(kelvin, local),
-                "rank_correlation": _correlation(rankdata(kelvin), rankdata(local)),
+                "correlation": float(np.corrcoef(kelvin, local)[0, 1]),
+                "rank_correlation": float(np.corrcoef(ranks)[0, 1]),
                 "coldest_deg": float(_MIDDLE[kelvin.argmin()]),
                 "warmest_deg": float(_MIDDLE[kelvin.argmax()]),
             }
         )
     return rows
-
-
-def _correlation(a: np.ndarray, b: np.ndarray) -> float:
-    return float(np.corrcoef(a, b)[0, 1])
 
 
 def _compare_choices(case: _InWind, first: jt.Solution) -> dict[str, dict[str, float]]:
@@ -227,23 +223,19 @@ def _cooling_sheet(case: _InWind, solution: jt.Solution) -> Image.Image:
         surface = np.asarray(solution.surface_temperature[index], float)
         mean = float(np.average(surface, weights=case.grid.fragment_area))
         body = np.asarray(image.object_id) >= 0
-        shots.append((np.asarray(image.temperature) - mean, body, mean))
+        excess = np.asarray(image.temperature) - mean
+        name = f"{_SAVED[index]:g} s"
+        shots.append(Shot(excess, body, name, f"surface mean {mean:.1f} K"))
     # Thin limbs are much colder than the rest.
-    low = min(float(np.quantile(kelvin[body], 0.03)) for kelvin, body, _ in shots)
-    high = max(float(np.quantile(kelvin[body], 0.995)) for kelvin, body, _ in shots)
-    tiles = [
-        thermal_tile(
-            values=kelvin,
-            body=body,
-            limits=(low, high),
-            name=f"{time:g} s",
-            note=f"surface mean {mean:.1f} K",
-        )
-        for time, (kelvin, body, mean) in zip(_SAVED[1:], shots, strict=True)
-    ]
-    title = f"{case.name}, wind of {_SPEED:g} m/s from left to right"
-    bar = colour_bar(low, high, "surface temperature less its mean at that time [K]")
-    return sheet(tiles, bar, title, columns=len(tiles))
+    of_bodies = [shot.values[shot.body] for shot in shots]
+    low = min(float(np.quantile(kelvin, 0.03)) for kelvin in of_bodies)
+    high = max(float(np.quantile(kelvin, 0.995)) for kelvin in of_bodies)
+    return thermal_sheet(
+        shots,
+        limits=(low, high),
+        scale="surface temperature less its mean at that time [K]",
+        title=f"{case.name}, wind of {_SPEED:g} m/s from left to right",
+    )
 
 
 def _cooling_chart(sectors: Float[np.ndarray, "t a"], name: str) -> Chart:
@@ -252,7 +244,7 @@ def _cooling_chart(sectors: Float[np.ndarray, "t a"], name: str) -> Chart:
     # At the start the side is even.
     for time, kelvin in zip(_SAVED[1:], sectors[1:], strict=True):
         excess = kelvin - kelvin.mean()
-        points += curve(f"{time:g} s", _MIDDLE, excess, marks=LINE_AND_DOT)
+        points += curve(f"{time:g} s", _MIDDLE, excess)
     return curve_chart(
         points=points,
         x=angle_axis(),

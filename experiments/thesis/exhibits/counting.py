@@ -9,12 +9,11 @@ import jaxthermo as jt
 from jaxthermo.geometry.shapes import box
 from jaxthermo.provenance import processor
 from jaxthermo.report.chart import Chart
-from jaxthermo.report.numbers import significant
 from jaxthermo.structures.partition.assignment import nested_cells, voxel_depth
 
 from ..bodies import buddha, required_statue
-from ..exhibit import Finding, Numbers, Verdict, exhibit, judged
-from ..line_chart import ALONE, CurvePoint, log_chart
+from ..exhibit import Finding, Numbers, Verdict, exhibit, judged, power
+from ..line_chart import ALONE, CurvePoint, curve, curves, log_chart
 from ..resolution import (
     BUILDS,
     FULL,
@@ -28,6 +27,7 @@ from ..resolution import (
     StepTimes,
     counts,
     errors,
+    power_of_time,
     step_times,
     time_table,
 )
@@ -57,7 +57,7 @@ _SAME = 1.5
 def _cells_of_cubes(quick: bool) -> Finding:
     """Count the irregular cells of cubes, n² log n or n²."""
     # Powers of 2: cubes of 8 to 256 voxels a side, over which a logarithm grows by 8/3.
-    numbers = count_cubes(range(3, 8) if quick else range(3, 9))
+    numbers = _count_cubes(range(3, 8) if quick else range(3, 9))
     slope = numbers["slope_of_the_largest"]
     claimed = numbers["slope_claimed_there"]
     is_quadratic = abs(slope - 2) < abs(slope - claimed)
@@ -68,7 +68,7 @@ def _cells_of_cubes(quick: bool) -> Finding:
     )
 
 
-def count_cubes(powers: Sequence[int]) -> Numbers:
+def _count_cubes(powers: Sequence[int]) -> Numbers:
     """Cells of cubes with n = 2^p voxels a side, and which law they follow.
 
     The level l of a cube has about 6 (n / 2^l)^2 cells, so the sum is 4/3 of the shell
@@ -79,16 +79,15 @@ def count_cubes(powers: Sequence[int]) -> Numbers:
     side = np.array([row["side_voxels"] for row in rows], float)
     cells = np.array([row["cells"] for row in rows], float)
     log_side = np.log(side)
-    local = np.diff(np.log(cells)) / np.diff(log_side)
-    # d ln(n^2 log n) / d ln n = 2 + 1 / ln n, between the two largest cubes.
-    with_log = np.diff(2 * log_side + np.log(log_side)) / np.diff(log_side)
+    law = side**2 * log_side
+    slope = power(side[-2:], cells[-2:])
     over_square = cells / side**2
     return {
         "rows": rows,
-        "slope_fitted": float(np.polyfit(log_side, np.log(cells), 1)[0]),
-        "slope_of_the_largest": float(local[-1]),
-        "slope_claimed_there": float(with_log[-1]),
-        "slope_of_the_largest_is_2": bool(abs(local[-1] - 2) <= 0.05),
+        "slope_fitted": power(side, cells),
+        "slope_of_the_largest": slope,
+        "slope_claimed_there": power(side[-2:], law[-2:]),
+        "slope_of_the_largest_is_2": abs(slope - 2) <= 0.05,
         "growth_beyond_n2": float(over_square[-1] / over_square[0]),
         "growth_beyond_n2_claimed": float(log_side[-1] / log_side[0]),
     }
@@ -114,31 +113,27 @@ def _cube_chart(rows: Sequence[Numbers]) -> Chart:
     side = np.array([row["side_voxels"] for row in rows], float)
     cells = np.array([row["cells"] for row in rows], float)
     law = side**2 * np.log(side)
-    curves = {
-        "irregular levels": cells,
-        "shell": [row["shell"] for row in rows],
-        "n³": side**3,
-        "n² log n, as claimed": cells[-1] * law / law[-1],
-    }
-    points = [
-        CurvePoint(curve=curve, x=n, y=value, text=f"{curve}: {value:,.0f}")
-        for curve, values in curves.items()
-        for n, value in zip(side, values, strict=True)
-    ]
-    title = "C05: cells of a cube of side n"
+    counted = {"irregular levels": "cells", "shell": "shell"}
     return log_chart(
-        points=points, x_title="voxels along an edge", y_title="cells", title=title
+        points=[
+            *curves(rows, x="side_voxels", y=counted),
+            *curve("n³", side, side**3),
+            *curve("n² log n, as claimed", side, cells[-1] * law / law[-1]),
+        ],
+        x_title="voxels along an edge",
+        y_title="cells",
+        title="C05: cells of a cube of side n",
     )
 
 
 @exhibit("figure-6.8", "6.3, figure 6.8")
-def step_times_of_the_buddha(quick: bool) -> Finding:
+def _step_times_of_the_buddha(quick: bool) -> Finding:
     """Time steps of the Happy Buddha's structures over the resolution."""
     return _step_times(_BUDDHA, quick)
 
 
 @exhibit("figure-6.10", "6.3, figure 6.10")
-def step_times_of_the_head(quick: bool) -> Finding:
+def _step_times_of_the_head(quick: bool) -> Finding:
     """Time steps of Max Planck's structures over the resolution."""
     return _step_times(_PLANCK, quick)
 
@@ -173,50 +168,32 @@ def _step_times(name: str, quick: bool) -> Finding:
     )
 
 
-def power_of_time(times: Sequence[StepTimes], structure: str) -> float:
-    """Power of the resolution that the time grows with between the last two."""
-    coarse, fine = times[-2:]
-    ratio = fine.median(structure) / coarse.median(structure)
-    return float(np.log(ratio) / np.log(fine.height / coarse.height))
-
-
 def _time_chart(name: str, times: Sequence[StepTimes]) -> Chart:
     points = []
     for structure in BUILDS:
         for row in times:
             step = 1e3 * row.median(structure)
-            text = f"{structure}, {row.height} voxels high: {significant(step)} ms"
-            points.append(CurvePoint(curve=structure, x=row.height, y=step, text=text))
+            points.append(CurvePoint(structure, x=row.height, y=step))
     if name == _BUDDHA:
         for structure, seconds in TABLE_TIMES.items():
-            text = f"{structure}, thesis: {1e3 * seconds:g} ms"
-            points.append(
-                CurvePoint(
-                    curve=structure,
-                    x=TABLE_HEIGHT,
-                    y=1e3 * seconds,
-                    text=text,
-                    marks=ALONE,
-                )
-            )
-    y_title = "time of a step of conduction [ms]"
+            points += curve(structure, [TABLE_HEIGHT], [1e3 * seconds], marks=ALONE)
     return log_chart(
         points=points,
         x_title="voxels along up",
-        y_title=y_title,
+        y_title="time of a step of conduction [ms]",
         title=f"{name}: time of a step",
     )
 
 
 @exhibit("figure-6.9", "6.3, figure 6.9")
-def voxels_of_the_buddha(quick: bool) -> Finding:
+def _voxels_of_the_buddha(quick: bool) -> Finding:
     """Count what the Happy Buddha's structures store, over the resolution."""
     numbers, picture = _stored_voxels(_BUDDHA, quick)
     return Finding(Verdict.DIFFERENT, numbers, {"compression_happy_buddha": picture})
 
 
 @exhibit("figure-6.11", "6.3, figure 6.11")
-def voxels_of_the_head(quick: bool) -> Finding:
+def _voxels_of_the_head(quick: bool) -> Finding:
     """Count what Max Planck's structures store, and compare both bodies."""
     numbers, picture = _stored_voxels(_PLANCK, quick)
     bodies = _compared_bodies(numbers["highest"])
@@ -259,20 +236,11 @@ def _stored_voxels(name: str, quick: bool) -> tuple[Numbers, Chart]:
 
 
 def _compression_chart(name: str, rows: Sequence[Mapping[str, Any]]) -> Chart:
-    points = []
-    for curve, key in _CURVES.items():
-        for row in rows:
-            fraction = row[key]
-            text = f"{curve}: {fraction:.1%}"
-            points.append(
-                CurvePoint(curve=curve, x=row["height_voxels"], y=fraction, text=text)
-            )
-    title = f"{name}: compression over the resolution"
     return log_chart(
-        points=points,
+        points=curves(rows, x="height_voxels", y=_CURVES),
         x_title="voxels along up",
         y_title="stored, as a fraction",
-        title=title,
+        title=f"{name}: compression over the resolution",
     )
 
 

@@ -150,12 +150,14 @@ def _shortest_path(structure: AbstractStructure) -> _Path:
     links = structure.links()
     count = len(nodes.volume)
     length = links.distance_src + links.distance_dst
-    graph = coo_array((length, (links.src, links.dst)), (count, count)).tocsr()
+    ends = (links.src, links.dst)
+    graph = coo_array((length, ends), (count, count)).tocsr()
     surface = np.flatnonzero(nodes.level == 0)
     middle = nodes.centre.mean(axis=0)
     # The surface node that is farthest along +x or -x, on the axis of the sphere.
-    off_axis = np.abs(nodes.centre[surface, 1:] - middle[1:]).sum(axis=1)
-    along = nodes.centre[surface, 0] - middle[0]
+    off_middle = nodes.centre[surface] - middle
+    off_axis = np.abs(off_middle[:, 1:]).sum(axis=1)
+    along = off_middle[:, 0]
     right = surface[np.argmax(along - 1e-3 * off_axis)]
     left = surface[np.argmax(-along - 1e-3 * off_axis)]
     distance, predecessor = dijkstra(
@@ -177,7 +179,8 @@ def _conductance(structure: AbstractStructure) -> float:
         np.concatenate([links.src, links.dst]),
         np.concatenate([links.dst, links.src]),
     )
-    coupling = coo_array((np.tile(one_way, 2), ends), (count, count)).tocsr()
+    both_ways = np.tile(one_way, 2)
+    coupling = coo_array((both_ways, ends), (count, count)).tocsr()
     laplace = (diags_array(coupling.sum(axis=1)) - coupling).tocsr()
     along = structure.grid.fragment_position[:, 0] / _RADIUS
     temperature = np.zeros(count)

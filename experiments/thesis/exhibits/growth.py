@@ -9,13 +9,12 @@ import numpy as np
 import jaxthermo as jt
 from jaxthermo.provenance import processor
 from jaxthermo.report.chart import Chart
-from jaxthermo.report.numbers import significant
 
 from ...benchmarks.mixed import Runner, step_spans
 from ...harness.meshes import START, STEEL
 from ..bodies import buddha
 from ..exhibit import Finding, Numbers, Verdict, exhibit, judged
-from ..line_chart import CurvePoint, log_chart
+from ..line_chart import curve, log_chart
 from ..resolution import BUILDS, FULL, IRREGULAR, SHELL, timed_runner
 
 
@@ -23,7 +22,10 @@ from ..resolution import BUILDS, FULL, IRREGULAR, SHELL, timed_runner
 _HEIGHTS = (56, 80, 112, 160, 224, 320)
 _QUICK_HEIGHTS = (48, 72, 108)
 _REPEATS = 30
-_TERMS = (jt.Sun((-1.0, 0.0, 0.0), 5000.0), jt.Wind((3.0, 0.0, 0.0), START))
+_TERMS = (
+    jt.Sun((-1.0, 0.0, 0.0), 5000.0),
+    jt.Wind((3.0, 0.0, 0.0), START),
+)
 _QUANTITIES = {
     "nodes": "nodes",
     "memory": "memory_bytes",
@@ -55,7 +57,7 @@ def _order_of_growth(quick: bool) -> Finding:
     rows = [row for height in heights.tolist() for row in _rows_at(height, names)]
     columns = {
         name: {
-            key: np.array([row[key] for row in rows if row["structure"] == name], float)
+            key: _column(rows, name, key)
             for key in (*_QUANTITIES.values(), "surface_cells", "box")
         }
         for name in names
@@ -109,6 +111,12 @@ def _order_of_growth(quick: bool) -> Finding:
     )
 
 
+def _column(rows: Sequence[Numbers], structure: str, key: str) -> np.ndarray:
+    """Values of a structure over the resolution."""
+    values = [row[key] for row in rows if row["structure"] == structure]
+    return np.array(values, float)
+
+
 def verdict_of_growth(powers: Mapping[str, Power]) -> Verdict:
     """Verdict from the powers of irregular levels: nearer to n² than to n³ or not."""
     # Whatever the logarithm, and of what is counted: times vary.
@@ -124,7 +132,8 @@ def is_without_logarithm(over_shell: Power, logarithm: Power) -> bool:
 def fitted_power(sizes: np.ndarray, values: np.ndarray) -> Power:
     """Least squares through the logarithms."""
     line, covariance = np.polyfit(np.log(sizes), np.log(values), 1, cov=True)
-    return Power(float(line[0]), float(np.sqrt(covariance[0, 0])))
+    variance = covariance[0, 0]
+    return Power(float(line[0]), float(np.sqrt(variance)))
 
 
 def _rows_at(height: int, names: Sequence[str]) -> list[Numbers]:
@@ -164,18 +173,12 @@ def _held_bytes(runner: Runner) -> int:
 
 
 def _chart(heights: np.ndarray, values: Mapping[str, np.ndarray], title: str) -> Chart:
-    points = [
-        CurvePoint(
-            curve=name,
-            x=height,
-            y=value,
-            text=f"{name}, {height} high: {significant(value)}",
-        )
-        for name, curve in values.items()
-        for height, value in zip(heights.tolist(), curve.tolist(), strict=True)
-    ]
     return log_chart(
-        points=points,
+        points=[
+            point
+            for name, column in values.items()
+            for point in curve(name, heights, column)
+        ],
         x_title="voxels along up",
         y_title=title,
         title=f"Chapter 3: {title}",

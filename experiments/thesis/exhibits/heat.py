@@ -7,17 +7,17 @@ import numpy as np
 import jaxthermo as jt
 from jaxthermo.report.sheet import Tile, sheet
 
+from ...harness.meshes import START
 from ..bodies import AXES, HEIGHT, buddha, levels_at
 from ..exhibit import Finding, Verdict, exhibit, judged, rms
 from ..heated import (
     END,
     QUICK_HEIGHT,
-    START,
     Heated,
     difference,
-    difference_sheet,
+    full_volume_sheet,
     heated,
-    thermal_sheet,
+    statue_sheet,
 )
 from ..irregular import (
     LEVELS,
@@ -84,13 +84,13 @@ def _heat_by_structure(quick: bool) -> Finding:
             "steps": {name: int(run.solution.run.steps) for name, run in runs.items()},
         },
         {
-            "figure-5.2": thermal_sheet(
+            "figure-5.2": statue_sheet(
                 runs=runs,
                 label=lambda time: f"({letters[time]}) {time:.0f} s",
                 views=("front",),
                 columns=2,
             ),
-            "figure-5.2-difference": difference_sheet(
+            "figure-5.2-difference": full_volume_sheet(
                 approximations, full, "Difference after 180 s"
             ),
         },
@@ -104,7 +104,8 @@ def _heat_by_levels(quick: bool) -> Finding:
     names = (_SHELL, _TEN, _HUNDRED, _FULL)
     runs = {name: heated(name, height, _quarters(END)) for name in names}
     full = runs[_FULL]
-    worst = {name: max(difference(runs[name], full).percent) for name in names[:-1]}
+    errors = {name: difference(runs[name], full) for name in names[:-1]}
+    worst = {name: max(error.percent) for name, error in errors.items()}
     depth = int(np.max(runs[_HUNDRED].structure.nodes().level)) + 1
     falls = worst[_SHELL] > worst[_TEN] > worst[_HUNDRED]
     is_filled = levels_at(height, 100) >= depth
@@ -120,8 +121,8 @@ def _heat_by_levels(quick: bool) -> Finding:
             "nodes": {name: run.structure.node_count for name, run in runs.items()},
         },
         {
-            "figure-6.1": thermal_sheet(runs=runs, label=_iterations),
-            "figure-6.1-difference": difference_sheet(
+            "figure-6.1": statue_sheet(runs=runs, label=_iterations),
+            "figure-6.1-difference": full_volume_sheet(
                 {name: runs[name] for name in (_SHELL, _TEN)},
                 full,
                 "Difference after 3600 iterations",
@@ -136,7 +137,8 @@ def _cracks_and_overlaps(_: bool) -> Finding:
     grid = buddha().grid(HEIGHT, "dominant_axis")
     # The slice across the thesis' z with the most of the left hand.
     left_hand = regions()["left hand"]
-    plane = int((grid.solid & left_hand).sum(axis=(0, 2)).argmax())
+    voxels_of_hand = (grid.solid & left_hand).sum(axis=(0, 2))
+    plane = int(voxels_of_hand.argmax())
     frame = _frame_of(left_hand)
     cells = Slice(
         jt.IrregularMultiLevel(grid), axis=AXES["z"], plane=plane + 0.5, edge=_EDGE
@@ -209,8 +211,8 @@ def _irregular_and_full(quick: bool) -> Finding:
             "at_the_end_K": by_place,
         },
         {
-            "figure-6.3": thermal_sheet(runs=runs, label=_iterations),
-            "figure-6.3-difference": difference_sheet({_NESTED: nested}, full, title),
+            "figure-6.3": statue_sheet(runs=runs, label=_iterations),
+            "figure-6.3-difference": full_volume_sheet({_NESTED: nested}, full, title),
         },
     )
 

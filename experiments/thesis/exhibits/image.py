@@ -15,9 +15,8 @@ from jaxthermo.image.radiance.response import BANDS
 from jaxthermo.image.surface.camera import Camera, frame_all
 from jaxthermo.image.surface.view import kept_view
 from jaxthermo.physics.radiation.irradiation import Irradiance
-from jaxthermo.report.sheet import colour_bar, sheet
 
-from ...harness.present import thermal_tile
+from ...harness.present import Shot, thermal_sheet
 from ..bodies import buddha
 from ..exhibit import Finding, Numbers, exhibit, judged
 
@@ -156,8 +155,9 @@ def _statue_scene(height: int) -> tuple[jt.Solution, Camera]:
     """The statue, so many voxels high, after its time in the sun, and a camera."""
     grid = buddha().grid(height)
     low, high = grid.mesh.bounds
+    size = high - low
     lower, upper = (
-        tuple((low + np.asarray(corner) * (high - low)).tolist()) for corner in _PATCH
+        tuple((low + np.asarray(corner) * size).tolist()) for corner in _PATCH
     )
     painted = jt.Material(
         16.0, density=8000.0, specific_heat=500.0, emissivity=PAINT, absorptivity=0.6
@@ -223,19 +223,22 @@ def _radiance_sheet(frame: Frame) -> Image.Image:
     """The parts of a frame and the total on one scale."""
     radiances = frame.bands[LONG].by_origin
     high = float(np.percentile(radiances[_TOTAL][frame.body], 99.8))
-    tiles = [
-        thermal_tile(
-            values=values,
-            body=frame.body,
-            limits=(0.0, high),
-            name=name,
-            note=f"paint {values[frame.paint].mean():.3g}, "
-            f"patch {values[frame.shiny].mean():.3g}",
-        )
-        for name, values in radiances.items()
-    ]
-    bar = colour_bar(0.0, high, "radiance from 7.5 to 14 um [W/(m^2 sr)]")
-    return sheet(tiles, bar, "What a thermal image is made of", columns=len(tiles))
+    return thermal_sheet(
+        _shots(frame, radiances, "paint {:.3g}, patch {:.3g}"),
+        limits=(0.0, high),
+        scale="radiance from 7.5 to 14 um [W/(m^2 sr)]",
+        title="What a thermal image is made of",
+    )
+
+
+def _shots(frame: Frame, pictures: Mapping[str, Pixels], note: str) -> list[Shot]:
+    """Pictures of the frame, with their means on paint and patch in a note."""
+    shots = []
+    for name, values in pictures.items():
+        paint = values[frame.paint].mean()
+        patch = values[frame.shiny].mean()
+        shots.append(Shot(values, frame.body, name, note.format(paint, patch)))
+    return shots
 
 
 def readings(frame: Frame) -> _Readings:
@@ -257,22 +260,15 @@ def readings(frame: Frame) -> _Readings:
 
 def _reading_sheet(frame: Frame, read: _Readings) -> Image.Image:
     """The surface and readings of it on one scale."""
-    low = min(float(values[frame.shiny].mean()) for values in read.frames.values())
+    on_patch = [values[frame.shiny].mean() for values in read.frames.values()]
+    low = float(min(on_patch))
     high = float(np.percentile(read.frames[ITSELF][frame.body], 99.5))
-    tiles = [
-        thermal_tile(
-            values=values,
-            body=frame.body,
-            limits=(low, high),
-            name=name,
-            note=f"paint {values[frame.paint].mean():.1f} K, "
-            f"patch {values[frame.shiny].mean():.1f} K",
-        )
-        for name, values in read.frames.items()
-    ]
-    bar = colour_bar(low, high, "temperature [K]")
-    title = "What a camera reads of it, with a shiny patch"
-    return sheet(tiles, bar, title, columns=len(tiles))
+    return thermal_sheet(
+        _shots(frame, read.frames, "paint {:.1f} K, patch {:.1f} K"),
+        limits=(low, high),
+        scale="temperature [K]",
+        title="What a camera reads of it, with a shiny patch",
+    )
 
 
 def mean_radiances(frame: Frame) -> list[Numbers]:

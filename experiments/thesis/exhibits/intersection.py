@@ -20,7 +20,7 @@ from jaxthermo.report.chart import Chart
 from jaxthermo.report.sheet import Legend, Tile, sheet
 from jaxthermo.voxels.lattice import pixel_axes
 
-from ..exhibit import Finding, exhibit, judged
+from ..exhibit import Finding, exhibit, judged, power
 from ..line_chart import CurvePoint, log_chart
 from ..shaded import (
     BODIES,
@@ -49,6 +49,15 @@ _DIRECTION = (-0.9, 0.25, -0.4)
 _AXES: tuple[Colour, ...] = ((222, 72, 62), (66, 168, 72), (62, 104, 222))
 _SURFACES: tuple[Colour, Colour] = ((226, 120, 40), (0, 114, 178))
 _RAY = (196, 200, 208)
+# Corners of a square of edge 2, in turn.
+_SQUARE = np.array(
+    [
+        (-1, -1),
+        (1, -1),
+        (1, 1),
+        (-1, 1),
+    ]
+)
 # Fraction of the caps' light that the bodies around them take in the picture.
 _VEIL = 0.35
 # Width of a ray inside of both bodies times the number of rays [px].
@@ -64,7 +73,6 @@ def _intersection_of_balls(_: bool) -> Finding:
     }
     errors = {rays: _errors(balls, on_axes) for rays, on_axes in bounds.items()}
     worst = {rays: max(map(abs, error.values())) for rays, error in errors.items()}
-    slope = np.polyfit(np.log(_RAYS), np.log([*worst.values()]), 1)[0]
     is_right = worst[_FINE] < min(_MAX_ERROR_PERCENT, worst[_COARSE])
     return Finding(
         judged(is_right),
@@ -74,7 +82,7 @@ def _intersection_of_balls(_: bool) -> Finding:
             "distance_cm": 100 * balls.distance,
             "error_percent": errors,
             "worst_percent": worst,
-            "order": -slope,
+            "order": -power(_RAYS, [*worst.values()]),
         },
         {
             **pictures(balls, {rays: bounds[rays] for rays in (_COARSE, _FINE)}),
@@ -149,17 +157,16 @@ class _Balls(NamedTuple):
     @property
     def areas(self) -> tuple[float, float]:
         """Areas of these caps, 2 pi R h [m^2]."""
-        first, second = (
-            2 * np.pi * radius * height
-            for radius, height in zip(self.radii, self.cap_heights, strict=True)
-        )
-        return first, second
+        a, b = 2 * np.pi * np.array(self.radii) * self.cap_heights
+        return float(a), float(b)
 
     @property
     def volume(self) -> float:
         """Volume of both caps, pi h^2 (R - h / 3) each [m^3]."""
-        caps = zip(self.radii, self.cap_heights, strict=True)
-        return float(sum(np.pi * h * h * (r - h / 3) for r, h in caps))
+        radius = np.array(self.radii)
+        height = np.array(self.cap_heights)
+        caps = np.pi * height**2 * (radius - height / 3)
+        return float(caps.sum())
 
 
 def two_balls(
@@ -188,7 +195,8 @@ def bounds_along(balls: _Balls, axis: int, rays: int) -> Bounds:
     step = np.where(layers.entering, 1, -1)
     # Rays are sorted by pixel, then depth, and leave a closed body as often as they
     # enter it: one sum over all of them counts the bodies that each is inside of.
-    within = np.stack([np.cumsum(np.where(body == b, step, 0)) for b in (0, 1)])
+    steps_of_bodies = [np.where(body == number, step, 0) for number in (0, 1)]
+    within = np.cumsum(steps_of_bodies, axis=1)
     bounding = np.flatnonzero(within[1 - body, np.arange(len(body))] > 0)
     row, column = np.divmod(layers.pixel[bounding], rays)
     cell = (high - low) / rays
@@ -219,10 +227,11 @@ def _inside(balls: _Balls, body: int) -> jt.Mesh:
 def _collision_surfaces(balls: _Balls) -> np.ndarray:
     points = np.concatenate([mesh.vertices for mesh in balls.meshes])
     camera = camera_on(points, _DIRECTION, _EDGE)
-    bodies, _ = shaded([*zip(balls.meshes, BODIES, strict=True)], camera)
+    bodies = shaded([*zip(balls.meshes, BODIES, strict=True)], camera)
     caps = [(_inside(balls, body), _SURFACES[body]) for body in (0, 1)]
-    surfaces, is_cap = shaded(caps, camera)
-    seen = np.where(is_cap[..., None], blended(bodies, surfaces, _VEIL), bodies)
+    surfaces = shaded(caps, camera)
+    is_cap = (surfaces != PAPER).any(axis=-1, keepdims=True)
+    seen = np.where(is_cap, blended(bodies, surfaces, _VEIL), bodies)
     return with_box(seen, camera, balls.box)
 
 
@@ -236,8 +245,8 @@ def _blocks(bounds: Bounds) -> jt.Mesh:
         last_axis = (axis + 2) % 3
         corners = np.zeros((4, 3))
         corners[:, axis] = -np.sign(_DIRECTION[axis]) * half[axis]
-        corners[:, next_axis] = half[next_axis] * np.array([-1, 1, 1, -1])
-        corners[:, last_axis] = half[last_axis] * np.array([-1, -1, 1, 1])
+        corners[:, next_axis] = half[next_axis] * _SQUARE[:, 0]
+        corners[:, last_axis] = half[last_axis] * _SQUARE[:, 1]
         sides.append((middle[:, None] + corners).reshape(-1, 3))
     first = 4 * np.arange(3 * len(middle))[:, None]
     faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]])
@@ -247,7 +256,7 @@ def _blocks(bounds: Bounds) -> jt.Mesh:
 def _volume_picture(balls: _Balls, bounds: Sequence[Bounds]) -> np.ndarray:
     camera = camera_on(box_corners(balls.box), _DIRECTION, _EDGE)
     blocks = [(_blocks(on_axis), _AXES[on_axis.axis]) for on_axis in bounds]
-    return with_box(shaded(blocks, camera)[0], camera, balls.box)
+    return with_box(shaded(blocks, camera), camera, balls.box)
 
 
 def _rays_picture(balls: _Balls, bounds: Bounds, rays: int) -> np.ndarray:
@@ -275,9 +284,10 @@ def _rays_picture(balls: _Balls, bounds: Bounds, rays: int) -> np.ndarray:
     crossings = bounds.position[cut]
     enters = bounds.enters[cut]
     for start, end in zip(crossings[enters], crossings[~enters], strict=True):
-        line = (*at(start[along], start[up]), *at(end[along], end[up]))
+        entry = at(start[along], start[up])
+        exit_ = at(end[along], end[up])
         width = max(1, int(_THICK / rays))
-        draw.line(line, fill=_AXES[bounds.axis], width=width)
+        draw.line((*entry, *exit_), fill=_AXES[bounds.axis], width=width)
     draw.rectangle((left, top, right, bottom), outline=BOX)
     for mesh, radius, colour in zip(balls.meshes, balls.radii, _SURFACES, strict=True):
         ball = mesh.bounds.mean(axis=0)
@@ -336,19 +346,13 @@ def _errors(balls: _Balls, bounds: Sequence[Bounds]) -> dict[str, float]:
 
 def _error_chart(errors: Mapping[int, Mapping[str, float]]) -> Chart:
     points = [
-        CurvePoint(
-            curve=name,
-            x=rays,
-            y=abs(error),
-            text=f"{name}, {rays} rays: {error:+.2g} %",
-        )
+        CurvePoint(name, x=rays, y=abs(error))
         for rays, by_name in errors.items()
         for name, error in by_name.items()
     ]
-    x_title = "rays along an edge of the box"
     return log_chart(
         points=points,
-        x_title=x_title,
+        x_title="rays along an edge of the box",
         y_title="error against the closed form [%]",
         title="Two balls",
     )

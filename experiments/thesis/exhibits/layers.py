@@ -1,5 +1,6 @@
 """Chapter 4 and 6.3: depth layers of bodies, and how often a surface is stored."""
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -118,7 +119,9 @@ def _may_cover(triangles: np.ndarray) -> np.ndarray:
     low = np.min(triangles[..., :2], axis=1)
     high = np.max(triangles[..., :2], axis=1)
     # A little wider, since the slices round corners to fractions of a pixel.
-    return np.all(np.ceil(low - 0.51) <= np.floor(high - 0.49), axis=1)
+    first = np.ceil(low - 0.51)
+    last = np.floor(high - 0.49)
+    return np.all(first <= last, axis=1)
 
 
 @exhibit("figure-4.3", "4.1, figure 4.3")
@@ -162,16 +165,19 @@ def _normal_textures(images: Mapping[str, Sequence[np.ndarray]], name: str):
     tiles = [Tile(pixels, f"{name} {k + 1}") for k, pixels in enumerate(textures)]
     legend = normal_legend("direction of the outward normal", WAYS)
     title = f"{len(tiles)} textures along {name}, front layer first"
-    rows = -(-len(tiles) // 10)
-    return sheet(tiles, legend, title, columns=-(-len(tiles) // rows))
+    rows = math.ceil(len(tiles) / 10)
+    return sheet(tiles, legend, title, columns=math.ceil(len(tiles) / rows))
 
 
 def _layer_counts(grid: jt.VoxelGrid) -> tuple[_Layers, _Layers]:
     """Layers along the thesis' x, y, z: as peeled, and stored once and packed."""
+    x, y, z = AXES.values()
     peeled = grid.layers.peeled
     packed = grid.layers.packed
-    x, y, z = AXES.values()
-    return (peeled[x], peeled[y], peeled[z]), (packed[x], packed[y], packed[z])
+    return (
+        (peeled[x], peeled[y], peeled[z]),
+        (packed[x], packed[y], packed[z]),
+    )
 
 
 def _layer_numbers(peeled: _Layers, packed: _Layers) -> Numbers:
@@ -254,9 +260,9 @@ def _largest_component(_: bool) -> Finding:
             (preserved, "(d) preserved", "along x"),
         )
     ]
-    red, green, blue = ((int(r), int(g), int(b)) for r, g, b in AXIS_COLOURS[:3])
+    colours = [(int(r), int(g), int(b)) for r, g, b in AXIS_COLOURS[:3]]
     legend = Legend(
-        (("x", red), ("y", green), ("z", blue)),
+        tuple(zip("xyz", colours, strict=True)),
         "axis with the largest component of the normal",
     )
     title = "First texture of a sphere along x"

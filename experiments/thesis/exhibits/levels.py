@@ -44,7 +44,7 @@ _TIME_CONSTANTS = 40.0
 
 
 @exhibit("section-5.2-equilibrium", "5.2")
-def mean_at_equilibrium(_: bool) -> Finding:
+def _mean_at_equilibrium(_: bool) -> Finding:
     """Find the mean temperature of an insulated body long after the sun."""
     try:
         body = required_statue("Max Planck")
@@ -68,7 +68,8 @@ def _judged(
     numbers: Mapping[str, str | float],
     name: str,
 ) -> Finding:
-    verdicts = [bool(row["met"]) for row in rows.values() if row["met"] is not None]
+    outcomes = [row["met"] for row in rows.values()]
+    verdicts = [bool(is_met) for is_met in outcomes if is_met is not None]
     return Finding(
         judged(all(verdicts)),
         {
@@ -92,9 +93,9 @@ def _capacity_and_rise(grid: jt.VoxelGrid, build: Build) -> tuple[float, float]:
 
 
 @exhibit("section-6.1-holes", "6.1")
-def holes_in_limbs(_: bool) -> Finding:
+def _holes_in_limbs(_: bool) -> Finding:
     """Compare the error where levels do not reach the middle with that elsewhere."""
-    body = Sunlit(figurine(HEIGHT), _LIMB_HEIGHT)
+    body = Sunlit(voxels_high(figurine(HEIGHT), _LIMB_HEIGHT))
     thick = thickness(body.grid)
     area = body.grid.fragment_area
     sunset = SAVE_AT.index(SUNSET)

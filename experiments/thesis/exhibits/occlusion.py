@@ -6,19 +6,18 @@ from jaxtyping import Bool, Float
 from PIL import Image
 
 import jaxthermo as jt
+from jaxthermo.constants import ZERO_CELSIUS
 from jaxthermo.geometry.shapes import box, figurine, sphere
 from jaxthermo.geometry.vectors import unit_vectors
-from jaxthermo.image.colour.ticks import to_celsius
 from jaxthermo.image.radiance.draw import Moment, draw
 from jaxthermo.image.surface.camera import frame_all
 from jaxthermo.image.surface.occlusion import screen_space_occlusion
 from jaxthermo.image.surface.view import compute_view
 from jaxthermo.image.surface.visible import visible_points
 from jaxthermo.physics.radiation.visibility import DEFAULT_DIRECTIONS, sky_view
-from jaxthermo.report.sheet import colour_bar, sheet
 from jaxthermo.timing import timed_call
 
-from ...harness.present import thermal_tile
+from ...harness.present import Shot, thermal_sheet
 from ..exhibit import Finding, Verdict, exhibit, rms
 
 
@@ -63,6 +62,7 @@ def _ambient_occlusion(quick: bool) -> Finding:
 
     off, on = (
         np.asarray(shot(solution.surface_temperature[-1]).temperature, float)
+        - ZERO_CELSIUS
         for solution in (plain, occluded)
     )
     # View factors are drawn like temperatures: one value a fragment.
@@ -106,58 +106,41 @@ def _cooled(structure: jt.FullVolume, directions: int | None) -> jt.Solution:
 
 
 def _view_factors(rays: Pixels, screen: Pixels, body: Flags) -> Image.Image:
-    palette = "white-hot"
-    limits = (0.0, 1.0)
-    note = f"{DEFAULT_DIRECTIONS} directions"
-    tiles = [
-        thermal_tile(
-            values=rays,
-            body=body,
-            limits=limits,
-            name="rays",
-            note=note,
-            palette=palette,
-        ),
-        thermal_tile(
-            values=screen,
-            body=body,
-            limits=limits,
-            name="screen space",
-            note="8 slices",
-            palette=palette,
-        ),
-    ]
-    bar = colour_bar(0.0, 1.0, "view factor to the surroundings", palette)
-    return sheet(tiles, bar, "Ambient occlusion of the figurine")
+    return thermal_sheet(
+        [
+            Shot(rays, body, "rays", f"{DEFAULT_DIRECTIONS} directions"),
+            Shot(screen, body, "screen space", "8 slices"),
+        ],
+        limits=(0.0, 1.0),
+        scale="view factor to the surroundings",
+        title="Ambient occlusion of the figurine",
+        palette="white-hot",
+    )
 
 
 def _temperatures(off: Pixels, on: Pixels, body: Flags) -> Image.Image:
     # One scale for both; a few hot tips must not darken the rest.
-    temperatures = np.concatenate([off[body], on[body]])
-    low, high = (float(end) for end in np.quantile(temperatures, [0.002, 0.998]))
-    hollow = "even the hollow inside sees sky and ground"
-    tiles = [
-        thermal_tile(
-            values=off, body=body, limits=(low, high), name="off", note=hollow
-        ),
-        thermal_tile(
-            values=on,
-            body=body,
-            limits=(low, high),
-            name="on",
-            note="what is hidden sees itself",
-        ),
+    shots = [
+        Shot(off, body, "off", "even the hollow inside sees sky and ground"),
+        Shot(on, body, "on", "what is hidden sees itself"),
     ]
-    title = "surface temperature [\N{DEGREE SIGN}C]"
-    bar = colour_bar(to_celsius(low), to_celsius(high), title)
-    return sheet(tiles, bar, f"After {_COOLING / 60:g} min under a cold sky")
+    temperatures = np.concatenate([shot.values[body] for shot in shots])
+    low, high = np.quantile(temperatures, [0.002, 0.998]).tolist()
+    return thermal_sheet(
+        shots,
+        limits=(low, high),
+        scale="surface temperature [\N{DEGREE SIGN}C]",
+        title=f"After {_COOLING / 60:g} min under a cold sky",
+    )
 
 
 def _difference(warmer: Pixels, body: Flags) -> Image.Image:
-    top = float(np.quantile(warmer[body], 0.998))
-    tile = thermal_tile(values=warmer, body=body, limits=(0.0, top), name="on less off")
-    bar = colour_bar(0.0, top, "warmer with occlusion [K]")
-    return sheet([tile], bar, "What occlusion changes")
+    return thermal_sheet(
+        [Shot(warmer, body, "on less off")],
+        limits=(0.0, float(np.quantile(warmer[body], 0.998))),
+        scale="warmer with occlusion [K]",
+        title="What occlusion changes",
+    )
 
 
 def _ball_on_plane() -> dict[str, float]:

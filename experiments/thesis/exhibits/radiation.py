@@ -1,9 +1,10 @@
 """5.1: fluxes of bodies and sources, shadows, and table 5.1."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float
+from scipy.optimize import root_scalar
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
@@ -16,7 +17,7 @@ from jaxthermo.reference.view_factor import element_to_rectangle, parallel_recta
 from jaxthermo.report.chart import Chart
 
 from ..exhibit import Finding, Numbers, Verdict, exhibit, judged
-from ..line_chart import DOT, CurvePoint, curve, log_chart
+from ..line_chart import DOT, LINE, curve, log_chart
 
 
 # The thesis' 100 K of difference [K]; what it gets of it [W/m^2] at which distance [m].
@@ -40,7 +41,7 @@ _MAX_ERROR = 0.01
 
 
 @exhibit("section-5.1-flux", "5.1")
-def flux_of_a_warm_body(_: bool) -> Finding:
+def _flux_of_a_warm_body(_: bool) -> Finding:
     """Compare 31.15 W/m² at 10 m with what a black square metre radiates there."""
     small = _EXCESS / (np.pi * _THESIS_DISTANCE**2)
     return Finding(
@@ -52,9 +53,9 @@ def flux_of_a_warm_body(_: bool) -> Finding:
             "E_pi_over_R2_W_m2": _EXCESS * np.pi / _THESIS_DISTANCE**2,
             "thesis_over_right": _THESIS_FLUX / small,
             "pi_squared": np.pi**2,
-            "edge_of_squares_that_give_it_m": _bisected(
-                lambda edge: _exchanged(edge) < _THESIS_FLUX, 1e-3, 1e3
-            ),
+            "edge_of_squares_that_give_it_m": root_scalar(
+                lambda edge: _exchanged(edge) - _THESIS_FLUX, bracket=(1e-3, 1e3)
+            ).root,
         },
     )
 
@@ -62,17 +63,6 @@ def flux_of_a_warm_body(_: bool) -> Finding:
 def _exchanged(edge: float) -> float:
     """Flux between two squares at the thesis' distance [W/m^2]."""
     return _EXCESS * parallel_rectangles(edge, edge, _THESIS_DISTANCE)
-
-
-def _bisected(is_below: Callable[[float], bool], low: float, high: float) -> float:
-    # By the geometric mean, since the unknown may lie decades away.
-    for _ in range(100):
-        middle = float(np.sqrt(low * high))
-        if is_below(middle):
-            low = middle
-        else:
-            high = middle
-    return low
 
 
 @exhibit("section-5.1-neighbours", "5.1")
@@ -89,7 +79,10 @@ def _radiation_of_neighbours(_: bool) -> Finding:
 
 def ten_percent_gap() -> float:
     """The gap, in sizes, up to which a tenth of the view is the second cube."""
-    return _bisected(lambda gap: parallel_rectangles(1.0, 1.0, gap) > 0.1, 1e-2, 1e2)
+    crossing = root_scalar(
+        lambda gap: parallel_rectangles(1.0, 1.0, gap) - 0.1, bracket=(1e-2, 1e2)
+    )
+    return float(crossing.root)
 
 
 def measure_neighbours(
@@ -141,21 +134,14 @@ def neighbour_chart(rows: Sequence[dict[str, float]]) -> Chart:
     """Flux over the gap by the closed form and by voxels, with the thesis' two."""
     gaps = np.geomspace(rows[0]["gap_sizes"], rows[-1]["gap_sizes"], 60)
     exact = [_EXCESS * parallel_rectangles(1.0, 1.0, gap) for gap in gaps.tolist()]
-    points = curve("closed form", gaps, exact)
-    text = "{gap_sizes:g} sizes: {flux_of_voxels_W_m2:.4g} W/m^2"
-    for row in rows:
-        points.append(
-            CurvePoint(
-                curve="voxels",
-                x=row["gap_sizes"],
-                y=row["flux_of_voxels_W_m2"],
-                text=text.format_map(row),
-                marks=DOT,
-            )
-        )
+    points = curve("closed form", gaps, exact, marks=LINE)
+    sizes = [row["gap_sizes"] for row in rows]
+    fluxes = [row["flux_of_voxels_W_m2"] for row in rows]
+    points += curve("voxels", sizes, fluxes, marks=DOT)
     # The two fluxes that the thesis compares with each other.
-    points += curve("sun on the ground, 1000", gaps[[0, -1]], [_SUN] * 2)
-    points += curve("thesis at 10 m, 31.15", gaps[[0, -1]], [_THESIS_FLUX] * 2)
+    ends = gaps[[0, -1]]
+    points += curve("sun on the ground, 1000", ends, [_SUN] * 2, marks=LINE)
+    points += curve("thesis at 10 m, 31.15", ends, [_THESIS_FLUX] * 2, marks=LINE)
     return log_chart(
         points=points,
         x_title="gap between two cubes [sizes of one]",
@@ -165,7 +151,7 @@ def neighbour_chart(rows: Sequence[dict[str, float]]) -> Chart:
 
 
 @exhibit("equation-3", "5.1, equation 3")
-def light_and_shadow(_: bool) -> Finding:
+def _light_and_shadow(_: bool) -> Finding:
     """Compare what a ball, a plate and hollows catch with closed forms."""
     ball = jt.voxelize(sphere(_RADIUS, subdivisions=4), _PITCH)
     rays = (-1.0, 0.4, -0.7)

@@ -12,13 +12,12 @@ from jaxthermo.live.session import STEPS_A_SECOND, LiveSession
 from jaxthermo.material.table import thesis_material
 from jaxthermo.provenance import processor
 from jaxthermo.report.chart import Chart
-from jaxthermo.report.numbers import significant
 from jaxthermo.timing import Spread, interleaved
 
 from ...harness.meshes import mesh_files
 from ..bodies import CONFIGS, buddha
 from ..exhibit import Finding, Numbers, Verdict, exhibit
-from ..line_chart import ALONE, CurvePoint, log_chart
+from ..line_chart import ALONE, curve, log_chart
 from ..resolution import FULL, IRREGULAR, SHELL, TABLE_HEIGHT, TABLE_TIMES, TEN
 
 
@@ -38,7 +37,7 @@ STRUCTURES = {
 
 
 @exhibit("section-6.3-real-time", "6.3")
-def real_time(quick: bool) -> Finding:
+def _real_time(quick: bool) -> Finding:
     """Time frames of the live view, and frames of one explicit step."""
     heights = _QUICK_HEIGHTS if quick else _HEIGHTS
     rows = [row for height in heights for row in _rows_at(height)]
@@ -251,17 +250,14 @@ def summary(rows: Sequence[FrameRow]) -> Numbers:
 def _chart(rows: Sequence[FrameRow]) -> Chart:
     points = []
     for name, seconds in TABLE_TIMES.items():
-        for row in (row for row in rows if row.structure == name):
-            speed = row.one_step.speed
-            text = f"{name}, {row.height} high: {significant(speed)} a second"
-            points.append(CurvePoint(curve=name, x=row.height, y=speed, text=text))
-        text = f"{name}, thesis: at most {significant(1 / seconds)} a second"
-        points.append(
-            CurvePoint(
-                curve=name, x=TABLE_HEIGHT, y=1 / seconds, text=text, marks=ALONE
-            )
-        )
-    title = "C27: one step and its picture"
+        of_structure = [row for row in rows if row.structure == name]
+        heights = [row.height for row in of_structure]
+        speeds = [row.one_step.speed for row in of_structure]
+        points += curve(name, heights, speeds)
+        points += curve(name, [TABLE_HEIGHT], [1 / seconds], marks=ALONE)
     return log_chart(
-        points=points, x_title="voxels along up", y_title="frames a second", title=title
+        points=points,
+        x_title="voxels along up",
+        y_title="frames a second",
+        title="C27: one step and its picture",
     )

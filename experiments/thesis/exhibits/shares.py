@@ -121,7 +121,8 @@ def _times(name: str, height: int, *, by_mechanism: bool) -> StepShares:
     if by_mechanism:
         for mechanism, term in _MECHANISMS.items():
             runners[mechanism] = _without(scene, term)
-    calls: dict[str, Callable[[], Any]] = {n: r.call for n, r in runners.items()}
+    calls: dict[str, Callable[[], Any]] = {}
+    calls |= {name: runner.call for name, runner in runners.items()}
     if by_mechanism:
         calls["picture"] = _picture_call(scene)
     spans = interleaved(calls, _REPEATS, there_and_back=True)

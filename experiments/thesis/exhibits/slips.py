@@ -33,34 +33,34 @@ _VOXEL = 0.5 / 550
 
 
 @exhibit("text-slips", "7, and others")
-def slips_of_the_text(_: bool) -> Finding:
+def _slips_of_the_text(_: bool) -> Finding:
     """Compute the numbers that decide between statements."""
     return Finding(
         Verdict.CONTRADICTED,
         {
-            "emission": emission(),
-            "table_6_1": table_6_1(),
-            "transition": transition(),
-            "thin_sheet": thin_sheet(),
-            "element": element_weights(),
+            "emission": _emission(),
+            "table_6_1": _table_6_1(),
+            "transition": _transition(),
+            "thin_sheet": _thin_sheet(),
+            "element": _element_weights(),
             "atoms": _atoms_in_a_voxel(_VOXEL),
             # The error by compression is the square of the largest Mach number.
             "compressibility": MAX_MACH**2,
-            "sun": sun_at_the_earth(),
-            "growth_of_conductance": growth_of_conductance(),
-            "consistency": consistency_of_5_to_8(),
+            "sun": _sun_at_the_earth(),
+            "growth_of_conductance": _growth_of_conductance(),
+            "consistency": _consistency_of_5_to_8(),
             "iterations_s": [END, END * 4000 / 3600],
         },
     )
 
 
-def sun_at_the_earth() -> float:
+def _sun_at_the_earth() -> float:
     """Irradiance of a black sun of the thesis' 5800 K, above the air [W/m^2]."""
     distance = _SUN_RADIUS / constants.au
     return STEFAN_BOLTZMANN * SOLAR_TEMPERATURE**4 * distance**2
 
 
-def emission() -> dict[str, float]:
+def _emission() -> dict[str, float]:
     """Emission of a black body as warm as its surroundings, by equation 1 [W/m^2].
 
     Also what it loses per kelvin of excess by radiation both ways, and by wind.
@@ -80,21 +80,22 @@ def emission() -> dict[str, float]:
     }
 
 
-def thin_sheet() -> dict[str, float]:
+def _thin_sheet() -> dict[str, float]:
     """Warming of 1 m² of aluminium by the flux of table 5.1 [K/s]: cube and 1 mm."""
     heat = float(thesis_material("aluminium").volumetric_heat_capacity)
     return {"cube": _FLUX / heat, "sheet_of_1_mm": _FLUX / heat / 1e-3}
 
 
-def consistency_of_5_to_8() -> float:
+def _consistency_of_5_to_8() -> float:
     """Largest relative difference of equation 8 from 5 with 7, of random numbers."""
-    k, excess, number, width = np.random.default_rng(0).uniform(0.1, 10, (4, 1000))
+    random = np.random.default_rng(0)
+    k, excess, number, width = random.uniform(0.1, 10, (4, 1000))
     eighth = k * excess * number / width
     fifth = (number * k / width) * excess
     return float(np.abs(eighth / fifth - 1).max())
 
 
-def transition() -> dict[str, float]:
+def _transition() -> dict[str, float]:
     """Minima of the local number over Re, and the winds that figure 5.6 needs."""
     minima = {row["Re"]: len(row["minima_deg"]) for row in measure_knots()}
     viscosity = float(kinematic_viscosity(jnp.asarray(_AROUND)))
@@ -113,7 +114,7 @@ def _atoms_in_a_voxel(width: float) -> float:
     return density * width**3 / _COPPER_MOLE * constants.N_A
 
 
-def element_weights() -> dict[str, float]:
+def _element_weights() -> dict[str, float]:
     """Coupling of a node to face, edge and corner neighbours by trilinear elements.
 
     Over that of equation 4 to a face neighbour, for cubes.
@@ -121,8 +122,9 @@ def element_weights() -> dict[str, float]:
     # One dimension: stiffness and mass of linear elements, for steps of 0 and 1.
     stiffness = np.array([2.0, -1.0])
     mass = np.array([4.0, 1.0]) / 6
+    steps_to = {"face": (1, 0, 0), "edge": (1, 1, 0), "corner": (1, 1, 1)}
     weights = {}
-    for name, steps in (("face", [1, 0, 0]), ("edge", [1, 1, 0]), ("corner", [1] * 3)):
+    for name, steps in steps_to.items():
         products = [
             stiffness[steps[axis]]
             * mass[steps[(axis + 1) % 3]]
@@ -133,7 +135,7 @@ def element_weights() -> dict[str, float]:
     return weights
 
 
-def growth_of_conductance() -> float:
+def _growth_of_conductance() -> float:
     """Conductance within a level of irregular cells over that in the one above [-].
 
     At one conductivity: by size alone.
@@ -151,7 +153,7 @@ def growth_of_conductance() -> float:
     return float(coarse / fine)
 
 
-def table_6_1() -> dict[str, float]:
+def _table_6_1() -> dict[str, float]:
     """Numbers that follow from the thesis' table 6.1 alone."""
     side = TABLE_VOXELS[FULL] ** (1 / 3)
     law = side**2 * np.log2(side)

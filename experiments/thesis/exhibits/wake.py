@@ -33,7 +33,7 @@ from jaxthermo.report.chart import Chart
 from jaxthermo.report.sheet import Tile, colour_bar, enlarged, sheet
 
 from ..exhibit import Finding, Numbers, Verdict, exhibit, judged, rms
-from ..line_chart import SHADES, CurvePoint, curve, curve_chart
+from ..line_chart import LINE, SHADES, CurvePoint, curve, curve_chart
 
 
 # Cells across the narrow channel, the thesis' being 300. In the reduced size the
@@ -129,7 +129,8 @@ class Wake:
     @property
     def fastest(self) -> float:
         """Largest mean speed along the channel over the undisturbed one."""
-        return float(self.run.mean.x.max() / (1.5 * self.run.channel.speed))
+        undisturbed = 1.5 * self.run.channel.speed
+        return float(self.run.mean.x.max() / undisturbed)
 
     def tail(self, level: float) -> float:
         """Distance from which on the speed stays above a level; or infinite."""
@@ -162,7 +163,10 @@ def compute_wake(setup: Setup, height: int) -> Wake:
     is_read = middle.at < middle.at[-1] - _OUTLET
     # The undisturbed speed in the middle is 1.5 of the mean.
     return Wake(
-        setup=setup, run=run, x=middle.at[is_read], ratio=middle.ratio[is_read] / 1.5
+        setup=setup,
+        run=run,
+        x=middle.at[is_read],
+        ratio=middle.ratio[is_read] / 1.5,
     )
 
 
@@ -206,7 +210,8 @@ def measure_pair() -> list[dict[str, float]]:
     copper = jt.materials["copper"]
     rows = []
     for gap in _GAPS:
-        poses = (jt.Pose(), jt.Pose(((gap + 1) * _PAIR_DIAMETER, 0.0, 0.0)))
+        distance = (gap + 1) * _PAIR_DIAMETER
+        poses = (jt.Pose(), jt.Pose((distance, 0.0, 0.0)))
         bodies = tuple(
             jt.Body(structure, copper, temperature=_HOT, pose=pose) for pose in poses
         )
@@ -220,7 +225,7 @@ def measure_pair() -> list[dict[str, float]]:
 
 
 @exhibit("figure-6.4", "6.2, figure 6.4")
-def two_pipes(quick: bool) -> Finding:
+def _two_pipes(quick: bool) -> Finding:
     """Compare the tails in a narrow and in a wide pipe."""
     narrow, wide = (_wake(setup, quick) for setup in SETUPS[:2])
     flows = {"narrow": narrow, "wide": wide}
@@ -260,7 +265,7 @@ def _length(flow: Wake, level: float) -> str:
 
 
 @exhibit("figure-6.5", "6.2, figure 6.5")
-def convergent_functions(quick: bool) -> Finding:
+def _convergent_functions(quick: bool) -> Finding:
     """Fit families of functions to the five wakes."""
     flows = [_wake(setup, quick) for setup in SETUPS]
     best = max(min(fit.rms for fit in flow.fits.values()) for flow in flows)
@@ -349,18 +354,21 @@ def measure_collapse(curves: Mapping[float, np.ndarray]) -> list[Numbers]:
     """
     rows = []
     for (speed_a, a), (speed_b, b) in combinations(curves.items(), 2):
-        stretched_a, stretched_b = (
-            (ratio - ratio.min()) / (ratio[-1] - ratio.min()) for ratio in (a, b)
-        )
         rows.append(
             {
                 "speeds": [speed_a, speed_b],
                 "rms": rms(a - b),
                 "largest": float(np.abs(a - b).max()),
-                "stretched from 0 to 1": rms(stretched_a - stretched_b),
+                "stretched from 0 to 1": rms(_stretched(a) - _stretched(b)),
             }
         )
     return rows
+
+
+def _stretched(ratio: np.ndarray) -> np.ndarray:
+    """A curve from 0 at its lowest value to 1 at its last."""
+    lowest = ratio.min()
+    return (ratio - lowest) / (ratio[-1] - lowest)
 
 
 def speed_tiles(flow: FlowRun, name: str, edge: int) -> list[Tile]:
@@ -389,19 +397,19 @@ def tail_chart(flows: Sequence[Wake]) -> Chart:
     for flow in flows:
         setup = flow.setup
         name = f"{setup.channel}, {setup.speed:g} (Re {setup.reynolds:g})"
-        points += curve(name, flow.x, flow.ratio, every=3)
+        points += curve(name, flow.x, flow.ratio, every=3, marks=LINE)
     return _chart(points, SHADES, "Figure 6.7: normalized speeds")
 
 
 def fit_chart(flow: Wake) -> Chart:
     """Figure 6.5: one curve and the families fitted to it."""
-    points = curve("computed", flow.x, flow.ratio, every=3)
+    points = curve("computed", flow.x, flow.ratio, every=3, marks=LINE)
     behind = flow.x[flow.x > flow.bubble][::3]
     for family in FAMILIES:
         with jax.ensure_compile_time_eval():
             parameters = jnp.asarray(flow.fits[family.name].values.tolist())
             speeds = family.curve(parameters, jnp.asarray(behind, parameters.dtype))
-        points += curve(family.name, behind, np.asarray(speeds))
+        points += curve(family.name, behind, np.asarray(speeds), marks=LINE)
     return _chart(points, ("#111111", *SHADES[1:]), "Figure 6.5: f(x) = v, fitted")
 
 

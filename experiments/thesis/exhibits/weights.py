@@ -4,14 +4,12 @@ The calibrations are those of `configs/calibration`, in coarser voxels: the refe
 the full volume of the same voxels.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from io import BytesIO
 from typing import Any, NamedTuple
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from PIL import Image
@@ -20,20 +18,16 @@ from calibrate.config.loader import changed_config, load_calibration
 from calibrate.make_cards import read_recipes
 from calibrate.problem.build import Calibration, build
 from calibrate.problem.parameters import ParameterSet
-from calibrate.problem.problem import Problem
-from calibrate.problem.targets import CaseError
-from calibrate.report.pictures import difference_picture
+from calibrate.report.pictures import difference_picture, runs_at
 from calibrate.solvers.fit import Fitting
-from jaxthermo.arrays import precision
 from jaxthermo.config.card_file import load_card
 from jaxthermo.config.shipped_cards import SCHEME, shipped_cards
-from jaxthermo.integrate.run.parametric_run import ParametricSolution
 from jaxthermo.report.chart import Chart
 
 from ...harness.meshes import mesh_files
 from ..bodies import CONFIGS, buddha, levels_at
 from ..exhibit import Finding, exhibit, judged
-from ..line_chart import ALONE, CurvePoint, log_chart
+from ..line_chart import ALONE, CurvePoint, curves, log_chart
 
 
 _SHELL = "single shell"
@@ -47,18 +41,15 @@ _UNTUNED = "weights of 1"
 _BY_HAND = "one weight"
 _FITTED = "all weights"
 _SETTINGS = (_UNTUNED, _BY_HAND, _FITTED)
-TRAIN = "train"
-HELD_OUT = "held_out"
-_GROUPS = {TRAIN: "training loads", HELD_OUT: "load held out"}
+_TRAIN = "train"
+_HELD_OUT = "held_out"
+_GROUPS = {_TRAIN: "training loads", _HELD_OUT: "load held out"}
 # Of all conductances; that of 1 among them.
 _FACTORS = np.logspace(-2.0, 0.5, 21)
 _INDEX_OF_ONE = 16
 _CONDUCTION = ("weights.within", "weights.between")
 # Largest error of a surface that is near the full volume's [% of its range].
 _NEAR = 2.0
-
-Errors = dict[str, dict[str, CaseError]]
-"""Errors by "train" or "held_out" and by load."""
 
 
 class _Tuned(NamedTuple):
@@ -74,8 +65,8 @@ class _Tuned(NamedTuple):
     """Fitted weights by name."""
     worst: dict[str, dict[str, float]]
     """Largest errors by setting of the weights, and by group of loads [%]."""
-    solutions: dict[str, ParametricSolution]
-    """Runs under the load held out, by setting of the weights."""
+    points: dict[str, Float[np.ndarray, " p"]]
+    """Coordinates by setting of the weights."""
 
     @property
     def fitted_factor(self) -> float:
@@ -101,7 +92,8 @@ class _Tuned(NamedTuple):
         camera = self.calibration.configs[case.name].camera
         last = [len(case.target.times) - 1]
         titled = replace(case, name=f"sun from {case.name}, held out")
-        png = difference_picture(titled, camera, self.solutions, last)
+        solutions = runs_at(problem, case, self.points)
+        png = difference_picture(titled, camera, solutions, last)
         return Image.open(BytesIO(png))
 
 
@@ -139,7 +131,9 @@ def _tuned_weights(quick: bool) -> Finding:
             **{name: result.numbers() for name, result in tuned.items()},
             "mesh": buddha().name,
             "height_voxels": height,
-            "gains": {key: [min(gain), max(gain)] for key, gain in gains.items()},
+            "gains": {
+                setting: [min(gain), max(gain)] for setting, gain in gains.items()
+            },
             "near": near,
             "errors": [
                 {
@@ -170,21 +164,21 @@ def _tune(name: str, height: int) -> _Tuned:
     assert held_out is not None
     fit = Fitting(train, config.fit).run()
     points = [scaled(train.parameters, float(factor)) for factor in _FACTORS]
-    all_cases = Problem(train.parameters, (*train.cases, *held_out.cases))
-    runs = list(run_points(all_cases, [*points, fit.z]))
+    points.append(fit.z)
+    pairs = zip(train.errors_at(points), held_out.errors_at(points), strict=True)
     worst = [
         {
-            group: worst_error(errors)
-            for group, errors in case_errors(train, held_out, solutions).items()
+            _TRAIN: max(error.worst for error in of_train.values()),
+            _HELD_OUT: max(error.worst for error in of_held_out.values()),
         }
-        for solutions in runs
+        for of_train, of_held_out in pairs
     ]
     curve = [
         {"factor": float(factor), **by_group}
         for factor, by_group in zip(_FACTORS, worst, strict=False)
     ]
-    best = min(range(len(curve)), key=lambda index: curve[index][TRAIN])
-    index_of = {_UNTUNED: _INDEX_OF_ONE, _BY_HAND: best, _FITTED: len(points)}
+    best = min(range(len(curve)), key=lambda index: curve[index][_TRAIN])
+    index_of = {_UNTUNED: _INDEX_OF_ONE, _BY_HAND: best, _FITTED: -1}
     values = train.parameters.values(np.asarray(fit.z, train.dtype))
     return _Tuned(
         nodes=train.cases[0].scene.bodies[0].structure.node_count,
@@ -195,7 +189,7 @@ def _tune(name: str, height: int) -> _Tuned:
             key: np.asarray(value, float).tolist() for key, value in values.items()
         },
         worst={setting: worst[index] for setting, index in index_of.items()},
-        solutions={setting: runs[index][-1] for setting, index in index_of.items()},
+        points={setting: points[index] for setting, index in index_of.items()},
     )
 
 
@@ -219,48 +213,6 @@ def scaled(parameters: ParameterSet, factor: float) -> Float[np.ndarray, " p"]:
     return np.asarray(parameters.coordinates(values), float)
 
 
-def run_points(
-    problem: Problem, points: Sequence[Float[np.ndarray, " p"]]
-) -> Iterator[list[ParametricSolution]]:
-    """Runs of all cases at each point, by one compiled program."""
-
-    @eqx.filter_jit
-    def run(z, tables):
-        return [
-            case.run(problem.parameters.insert(case.scene, z), table)
-            for case, table in zip(problem.cases, tables, strict=True)
-        ]
-
-    with precision(problem.dtype.name):
-        tables = None
-        for coordinates in points:
-            z = jnp.asarray(coordinates, problem.dtype)
-            tables = problem.step_tables_at(z, tables)
-            yield run(z, tables)
-
-
-def case_errors(
-    train: Problem, held_out: Problem | None, solutions: Sequence[ParametricSolution]
-) -> Errors:
-    """Errors by group and load of the runs of all cases."""
-    errors: Errors = {}
-    remaining = iter(solutions)
-    for group, problem in ((TRAIN, train), (HELD_OUT, held_out)):
-        errors[group] = {}
-        for case in () if problem is None else problem.cases:
-            residual = case.target.residual(case.scene, next(remaining))
-            rows = np.asarray(residual, float)
-            # Squares of a row sum to a part of the mean over the times.
-            root = np.sqrt(len(rows) * np.square(rows).sum(axis=1))
-            errors[group][case.name] = case.target.case_error(root)
-    return errors
-
-
-def worst_error(errors: Mapping[str, CaseError]) -> float:
-    """Largest error of the saved times and the loads [%]."""
-    return max(error.worst for error in errors.values())
-
-
 def _listed(weights: Mapping[str, Any]) -> str:
     texts = []
     for name, values in weights.items():
@@ -272,20 +224,15 @@ def _listed(weights: Mapping[str, Any]) -> str:
 
 def _tuning_chart(name: str, tuned: _Tuned) -> Chart:
     """Errors by the one weight, on the training loads and on the load held out."""
-    points = []
-    for group, words in _GROUPS.items():
-        for row in tuned.curve:
-            text = f"{row['factor']:.3g}: {row[group]:.3g} %"
-            points.append(
-                CurvePoint(curve=words, x=row["factor"], y=row[group], text=text)
-            )
-    for group, words in _GROUPS.items():
-        error = tuned.worst[_FITTED][group]
-        points.append(
-            CurvePoint(
-                curve=words, x=tuned.fitted_factor, y=error, text=_FITTED, marks=ALONE
-            )
+    fitted = tuned.worst[_FITTED]
+    points = [
+        CurvePoint(
+            words, x=tuned.fitted_factor, y=fitted[group], text=_FITTED, marks=ALONE
         )
+        for group, words in _GROUPS.items()
+    ]
+    columns = {words: group for group, words in _GROUPS.items()}
+    points += curves(tuned.curve, x="factor", y=columns)
     return log_chart(
         points=points,
         x_title="one factor of all conductances",
@@ -319,7 +266,7 @@ def _card_numbers() -> dict[str, Any]:
         gains += [
             1 - error["fitted"] / error["default"]
             for group, error in errors.items()
-            if group == HELD_OUT
+            if group == _HELD_OUT
         ]
     return {
         "cards": rows,

@@ -5,12 +5,7 @@ import pytest
 
 from experiments.thesis import bodies
 from experiments.thesis.bodies import planck
-from experiments.thesis.exhibits import (
-    ball_on_head as hat,
-    blocks,
-    broad_phase,
-    contact,
-)
+from experiments.thesis.exhibits import blocks, broad_phase, contact
 from experiments.thesis.exhibits.ball_on_head import BALL, HEAD, ball_on_head
 from experiments.thesis.exhibits.intersection import bounds_along, pictures, two_balls
 from experiments.verification.contacts import resisted
@@ -19,6 +14,7 @@ from jaxthermo.geometry.mesh import Pose
 from jaxthermo.geometry.shapes import box
 from jaxthermo.physics.contact.rays import PlacedGrid
 from jaxthermo.voxels.voxelize import voxelize
+from tests.exhibits import measured
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +109,7 @@ def test_heat_goes_through_texels_that_touch_alone():
 def test_the_ball_on_the_head_needs_the_mesh(monkeypatch):
     monkeypatch.setattr(bodies, "_statues", dict)
     with pytest.raises(InputError, match="max-planck.obj"):
-        hat.ball_on_cool_head(True)
+        measured("figure-5.5")
 
 
 @pytest.mark.slow

@@ -54,13 +54,10 @@ def test_errors_of_known_weights_are_none():
     problem = calibrating.twin()
     true = problem.parameters.coordinates(dict(calibrating.TRUTH))
     points = [np.zeros(2), np.asarray(true, float)]
-    first, last = (
-        weights.case_errors(problem, None, runs)
-        for runs in weights.run_points(problem, points)
-    )
-    assert first[weights.TRAIN].keys() == last[weights.TRAIN].keys()
-    assert weights.worst_error(last[weights.TRAIN]) < 1e-9
-    assert weights.worst_error(first[weights.TRAIN]) > 0.1
+    first, last = problem.errors_at(points)
+    assert first.keys() == last.keys() == {case.name for case in problem.cases}
+    assert max(error.worst for error in last.values()) < 1e-9
+    assert max(error.worst for error in first.values()) > 0.1
 
 
 def point(name, error):

@@ -6,10 +6,11 @@ import pytest
 from experiments.thesis.exhibit import Verdict
 from experiments.thesis.exhibits import radiation
 from jaxthermo.report.chart import write_chart
+from tests.exhibits import measured
 
 
 def test_c02_is_pi_squared_too_much():
-    found = radiation.flux_of_a_warm_body(True).numbers
+    found = measured("section-5.1-flux").numbers
     assert found["two_squares_of_1_m_W_m2"] == pytest.approx(3.138, abs=1e-3)
     assert found["thesis_over_right"] == pytest.approx(9.87, abs=0.01)
     assert found["E_pi_over_R2_W_m2"] == pytest.approx(31.15, rel=1e-3)
@@ -40,7 +41,7 @@ def test_the_chart_of_neighbours(rows, tmp_path):
 @pytest.mark.slow
 @pytest.mark.slice
 def test_c04_within_a_hundredth():
-    finding = radiation.light_and_shadow(True)
+    finding = measured("equation-3")
     found = finding.numbers
     assert finding.verdict is Verdict.DIFFERENT
     assert all(check["passes"] for check in found["checks"]), found["checks"]

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from experiments.thesis import bodies, resolution
-from experiments.thesis.exhibits import counting, wake
+from experiments.thesis.exhibits import wake
 from experiments.thesis.line_chart import ALONE, CurvePoint, log_chart
 from jaxthermo.errors import InputError
+from tests.exhibits import measured
 
 
 @pytest.fixture
@@ -36,21 +37,15 @@ def test_allocated_texels_are_more_than_occupied_ones(figurine):
 
 
 @pytest.mark.parametrize(
-    "measure",
-    [
-        counting.step_times_of_the_buddha,
-        counting.step_times_of_the_head,
-        counting.voxels_of_the_buddha,
-        counting.voxels_of_the_head,
-    ],
+    "name", ["figure-6.8", "figure-6.10", "figure-6.9", "figure-6.11"]
 )
-def test_without_its_mesh_an_exhibit_of_one_body_is_refused(figurine, measure):
+def test_without_its_mesh_an_exhibit_of_one_body_is_refused(figurine, name):
     with pytest.raises(InputError, match="JAXTHERMO_MESHES has no"):
-        measure(True)
+        measured(name)
 
 
 def test_cells_of_a_cube_grow_without_a_logarithm():
-    found = counting.count_cubes(range(3, 7))
+    found = measured("section-6.1-cubes").numbers
     assert 2 < found["slope_of_the_largest"] < found["slope_claimed_there"]
     assert abs(found["slope_of_the_largest"] - 2) < abs(
         found["slope_of_the_largest"] - found["slope_claimed_there"]
@@ -68,7 +63,7 @@ def test_the_power_is_that_of_the_last_two_times():
         )
         for height in (10, 50, 100)
     ]
-    assert counting.power_of_time(rows, "a") == pytest.approx(3)
+    assert resolution.power_of_time(rows, "a") == pytest.approx(3)
 
 
 def test_a_tail_that_does_not_end_is_the_longer_one():

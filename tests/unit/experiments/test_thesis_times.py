@@ -11,7 +11,7 @@ import pytest
 from experiments.harness import meshes
 from experiments.thesis import statements
 from experiments.thesis.exhibit import Verdict
-from experiments.thesis.exhibits import closure, growth, real_time, shares, slips
+from experiments.thesis.exhibits import closure, growth, real_time, shares
 from experiments.thesis.nusselt import local_number
 from jaxthermo.flow.body import body_links
 from jaxthermo.flow.lattice import VELOCITIES
@@ -19,6 +19,7 @@ from jaxthermo.flow.run import FlowRun
 from jaxthermo.flow.wake_runs import wake_channel, wake_setup
 from jaxthermo.physics.convection.nusselt import cylinder_table
 from jaxthermo.report.table import Cell, Table
+from tests.exhibits import measured
 
 
 def test_the_first_folder_with_a_mesh_wins(monkeypatch, tmp_path):
@@ -224,34 +225,40 @@ def test_the_number_stands_for_the_flow_within_a_tenth(round_off, square_off, ve
     assert numbers["updates"] == 2e4
 
 
-def test_numbers_behind_the_slips():
-    assert slips.sun_at_the_earth() == pytest.approx(1388, abs=2)
-    sheet = slips.thin_sheet()
+@pytest.fixture(scope="module")
+def slips():
+    """Numbers that decide between statements of the text."""
+    return measured("text-slips")
+
+
+def test_numbers_behind_the_slips(slips):
+    numbers = slips.numbers
+    assert numbers["sun"] == pytest.approx(1388, abs=2)
+    sheet = numbers["thin_sheet"]
     assert sheet["sheet_of_1_mm"] == pytest.approx(1000 * sheet["cube"])
-    assert slips.consistency_of_5_to_8() < 1e-12
-    element = slips.element_weights()
+    assert numbers["consistency"] < 1e-12
+    element = numbers["element"]
     assert element["face"] == pytest.approx(0, abs=1e-12)
     assert 4 * element["edge"] * 3 + 8 * element["corner"] == pytest.approx(8 / 3)
     # Cells of twice the edge conduct twice as much.
-    assert slips.growth_of_conductance() == pytest.approx(2)
-    table = slips.table_6_1()
+    assert numbers["growth_of_conductance"] == pytest.approx(2)
+    table = numbers["table_6_1"]
     assert table["side_of_a_cube_as_large"] == pytest.approx(303.7, abs=0.1)
     assert table["irregular_over_n2_log2_n"] == pytest.approx(4.21, abs=0.01)
-    flows = slips.transition()
+    flows = numbers["transition"]
     assert flows["minima_at_the_highest"] == 2 and flows["two_minima_from"] == 1.4e5
-    loss = slips.emission()
+    loss = numbers["emission"]
     assert loss["with_surroundings"] == pytest.approx(0, abs=1e-6)
     assert loss["radiation_per_kelvin"] == pytest.approx(6.12, abs=0.01)
     assert 9 < loss["wind_per_kelvin"] < 13
 
 
-def test_slips_are_decided_by_numbers_where_there_are_any():
-    found = slips.slips_of_the_text(True)
-    assert found.verdict is Verdict.CONTRADICTED
-    stated = statements.statement("text-slips", found.numbers, {})
+def test_slips_are_decided_by_numbers_where_there_are_any(slips):
+    assert slips.verdict is Verdict.CONTRADICTED
+    stated = statements.statement("text-slips", slips.numbers, {})
     table, _ = stated.blocks
     assert isinstance(table, Table)
-    json.dumps(found.numbers)
+    json.dumps(slips.numbers)
     with_number = sum(row[-1] != Cell("", wraps=True) for row in table.rows)
     assert f"{len(table.rows)} statements" in stated.reason
     assert f"{with_number} of them by a number" in stated.reason

@@ -9,6 +9,7 @@ from experiments.benchmarks import lattice_boltzmann
 from experiments.thesis.exhibition import plain
 from experiments.thesis.exhibits import wake
 from experiments.thesis.exhibits.wake import SETUPS, Setup, measure_pair
+from tests.exhibits import measured
 
 
 def test_the_setups_are_the_thesis_channels_at_its_size():
@@ -50,8 +51,8 @@ def test_a_flow_is_measured_drawn_and_charted():
 
 @pytest.mark.slow
 def test_every_fit_is_close_and_a_wide_channel_has_the_longer_tail():
-    assert wake.convergent_functions(True).numbers["best_of_each"] < 0.03
-    flows = wake.two_pipes(True).numbers
+    assert measured("figure-6.5").numbers["best_of_each"] < 0.03
+    flows = measured("figure-6.4").numbers
     assert flows["narrow"]["tail_0.9"] < flows["wide"]["tail_0.9"]
 
 
