@@ -51,8 +51,10 @@ def pose_numbers(name: str, cameras: int | None = None) -> tuple[int, tuple[int,
     if cameras is not None and camera >= cameras:
         counted = f"{cameras} views" if cameras > 1 else "one view"
         raise InputError(f"parameter {name}: there is {counted}, counted from 0")
-    numbers = range(_FIRST_NUMBER[words[1]], _FIRST_NUMBER[words[1]] + 3)
-    return camera, tuple(numbers) if len(words) == 2 else (numbers[int(words[2])],)
+    first = _FIRST_NUMBER[words[1]]
+    if len(words) == 3:
+        return camera, (first + int(words[2]),)
+    return camera, (first, first + 1, first + 2)
 
 
 def check_frame_names(names: Iterable[str], cameras: int) -> None:

@@ -3,23 +3,11 @@
 import hashlib
 import json
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
-from jaxthermo.config.loader import (
-    load_config,
-    mesh_folders,
-    resolved,
-    with_overrides,
-)
-from jaxthermo.config.messages import described, in_file
+from jaxthermo.config.loader import load_config, load_model, resolved
 from jaxthermo.config.schema.scene import SceneConfig
-from jaxthermo.config.strict_yaml import read_yaml
-from jaxthermo.config.types.files import FOLDERS
-from jaxthermo.errors import InputError
 
 from .schema import CalibrationConfig
 
@@ -32,15 +20,7 @@ def load_calibration(
     The scene is searched for beside the file. Overrides, "a.b=c" each, are applied in
     order. With `find_files` a named file that does not exist is a mistake.
     """
-    path = Path(path)
-    data, _ = with_overrides(read_yaml(path), overrides)
-    # A name in the file goes before that of the file.
-    data = {"name": path.stem, **data}
-    context = {FOLDERS: mesh_folders(path.parent) if find_files else ()}
-    try:
-        return CalibrationConfig.model_validate(data, context=context)
-    except ValidationError as error:
-        raise InputError(described(error, partial(in_file, path))) from error
+    return load_model(CalibrationConfig, path, overrides, find_files=find_files)
 
 
 def changed_config(

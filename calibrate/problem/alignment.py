@@ -265,7 +265,8 @@ def _pixel_sizes(run: ShownRun, camera: AbstractCamera) -> Float[np.ndarray, "6"
     depth = float(np.median(view.depth))
     middle = np.array([0, 1]) + camera.width * (camera.height // 2)
     origin, step = camera.rays(middle)
-    pixel = np.linalg.norm((origin + depth * step)[1] - (origin + depth * step)[0])
+    first, second = origin + depth * step
+    pixel = np.linalg.norm(second - first)
     # A move along the view, and a turn about it, act by the size of the body.
     lengths = np.array([1.0, 1.0, 4.0])
     return np.concatenate([lengths * pixel / depth, lengths * pixel])

@@ -173,9 +173,8 @@ def _continued(
     """
     weight = sampled.astype(float)
     # Coordinates count from the middle, so that moments are no small differences.
-    y, x = np.mgrid[: values.shape[0], : values.shape[1]] - 0.5 * np.reshape(
-        values.shape, (2, 1, 1)
-    )
+    middle = 0.5 * np.reshape(values.shape, (2, 1, 1))
+    y, x = np.indices(values.shape) - middle
     at = (x[row, column], y[row, column])
     level = values[sampled].mean() if sampled.any() else 0.0
 
@@ -197,7 +196,9 @@ def _continued(
     matrix[:, 0, 0] = total + 1e-12
     right = [v]
     for n, (axis, first) in enumerate(((x, sx), (y, sy))):
-        matrix[:, 0, n + 1] = matrix[:, n + 1, 0] = first - at[n] * total
+        about_pixel = first - at[n] * total
+        matrix[:, 0, n + 1] = about_pixel
+        matrix[:, n + 1, 0] = about_pixel
         right.append(sums((values - level) * axis) - at[n] * v)
     for (m, n), moment in moments.items():
         matrix[:, m + 1, n + 1] = matrix[:, n + 1, m + 1] = moment

@@ -178,8 +178,9 @@ def _scatter(pixels: Float[np.ndarray, " p"], mask: _Mask) -> _Frame:
 
 def _resized(camera: Any) -> Any:
     scale = SIDE / max(camera.width, camera.height)
-    size = {k: max(1, round(scale * getattr(camera, k))) for k in ("width", "height")}
-    return camera.model_copy(update=size)
+    width = max(1, round(scale * camera.width))
+    height = max(1, round(scale * camera.height))
+    return camera.model_copy(update={"width": width, "height": height})
 
 
 def _close_up(
@@ -244,7 +245,8 @@ def _frame_sheet(
 def _stacked(*sheets: Image.Image) -> Image.Image:
     width = max(s.width for s in sheets)
     height = sum(s.height for s in sheets)
-    image = Image.new("RGB", (width, height), sheets[0].getpixel((0, 0)))
+    paper = sheets[0].getpixel((0, 0))
+    image = Image.new("RGB", (width, height), paper)
     top = 0
     for picture in sheets:
         image.paste(picture, ((width - picture.width) // 2, top))

@@ -3,19 +3,15 @@
 import hashlib
 import json
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, ValidationError
+from pydantic import BeforeValidator, Discriminator, Field, Tag
 
-from jaxthermo.config.loader import mesh_folders, with_overrides
-from jaxthermo.config.messages import described, in_file
-from jaxthermo.config.strict_yaml import read_yaml, write_yaml
-from jaxthermo.config.types.files import FOLDERS, FoundPath
+from jaxthermo.config.loader import load_model, resolved
+from jaxthermo.config.types.files import FoundPath
 from jaxthermo.config.types.model import ByKind, KindModel, Mistake, Model, Short
 from jaxthermo.config.types.quantities import Flag, NotEmpty, Number, Whole, refuse
-from jaxthermo.errors import InputError
 
 from ..config.schema import AbsoluteReference, Changes, Name
 
@@ -279,24 +275,10 @@ def load_sweep(
         overrides: texts "a.b=c", applied in order.
         find_files: False to accept names of files that do not exist.
     """
-    path = Path(path)
     needs = "a sweep needs `scene`, `axes` and `truth`"
-    data, _ = with_overrides(read_yaml(path, needs), overrides)
-    context = {FOLDERS: mesh_folders(path.parent) if find_files else ()}
-    try:
-        return SweepConfig.model_validate(data, context=context)
-    except ValidationError as error:
-        raise InputError(described(error, partial(in_file, path))) from error
-
-
-def resolved(config: SweepConfig) -> dict[str, Any]:
-    """The config as plain values."""
-    return config.model_dump(mode="json", exclude_none=True)
-
-
-def to_yaml(config: SweepConfig) -> str:
-    """The config as text that loads again to an equal one."""
-    return write_yaml(resolved(config))
+    return load_model(
+        SweepConfig, path, overrides=overrides, needs=needs, find_files=find_files
+    )
 
 
 def sweep_hash(config: SweepConfig) -> str:

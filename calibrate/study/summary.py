@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NotRequired, TypedDict, cast
 
 from jaxthermo.atomic import write_json
+from jaxthermo.config.loader import resolved, to_yaml
 from jaxthermo.provenance import processor, provenance
 from jaxthermo.report import page
 from jaxthermo.report.numbers import seconds
@@ -13,14 +14,7 @@ from jaxthermo.timing import Spread
 
 from ..problem.reference import program_hash
 from .case import Case
-from .config import (
-    OptunaSampling,
-    RandomSampling,
-    SobolSampling,
-    SweepConfig,
-    resolved,
-    to_yaml,
-)
+from .config import OptunaSampling, RandomSampling, SobolSampling, SweepConfig
 from .rows import Row
 from .sweep import Sweep, worst_percent
 from .tuning import Tuning, sections as tuning_sections

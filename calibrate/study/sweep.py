@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from jaxthermo.atomic import replacing, write_text
+from jaxthermo.config.loader import to_yaml
 from jaxthermo.console.progress import Progress
 from jaxthermo.errors import InputError
 from jaxthermo.parallel.devices import check_devices, check_shared
 
 from ..problem.reference import program_hash
 from .case import Case
-from .config import OptunaSampling, SweepConfig, load_sweep, sweep_hash, to_yaml
+from .config import OptunaSampling, SweepConfig, load_sweep, sweep_hash
 from .evaluate import MAX_TOGETHER, find_truth
 from .fits import check_fit, with_fit
 from .points import Choice, Study, cases_of, choices

@@ -18,15 +18,14 @@ from calibrate.study.case import Case, build_case, plan_case
 from calibrate.study.config import (
     SweepConfig,
     load_sweep,
-    resolved,
     sweep_hash,
-    to_yaml,
 )
 from calibrate.study.evaluate import Truth, find_truth
 from calibrate.study.points import cases_of, choices
 from calibrate.study.summary import goals_table
 from jaxthermo.accuracy.truth_error import AtPoints, TruthError, error_at_points
 from jaxthermo.arrays import precision
+from jaxthermo.config.loader import resolved, to_yaml
 from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
 from jaxthermo.host_memory import readable_bytes

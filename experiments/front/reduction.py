@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from calibrate.study.case import Case, build_case
-from calibrate.study.config import load_sweep, resolved
+from calibrate.study.config import load_sweep
 from calibrate.study.evaluate import find_truth
 from calibrate.study.front import Point, points_of
 from calibrate.study.rows import Row
+from jaxthermo.config.loader import resolved
 from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
 from jaxthermo.provenance import processor

@@ -12,12 +12,12 @@ from rich.console import Console
 
 from calibrate.study.case import Case
 from calibrate.study.command import default_workers, sweep
-from calibrate.study.config import SweepConfig, load_sweep, resolved
+from calibrate.study.config import SweepConfig, load_sweep
 from calibrate.study.front import Point, front, points_of, rivals_of
 from calibrate.study.points import Choice, cases_of
 from calibrate.study.summary import about_reference
 from calibrate.study.sweep import Options
-from jaxthermo.config.loader import resolved as plain_scene
+from jaxthermo.config.loader import resolved
 from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
 from jaxthermo.report.numbers import significant
@@ -204,7 +204,7 @@ def _points(cases: SweepCases, rows: SweepFolder) -> list[Point]:
             pitch = heights[key] / float(body.voxels_high or 1)
         weights = getattr(body.structure, "weights", None)
         fitted = weights is not None and weights != type(weights)()
-        return structure_words(plain_scene(body.structure), pitch=pitch, fitted=fitted)
+        return structure_words(resolved(body.structure), pitch=pitch, fitted=fitted)
 
     return [replace(point, words=words(point)) for point in points]
 

@@ -15,8 +15,7 @@ from rich.console import Console
 from ..arrays import precision
 from ..atomic import write_json, write_text
 from ..config.camera_framing import build_camera
-from ..config.dataset_file import load_dataset
-from ..config.loader import to_yaml
+from ..config.loader import load_dataset, to_yaml
 from ..config.schema.scene import SceneConfig
 from ..console.progress import terminal_progress
 from ..console.results_folder import prepare_folder, results_folder

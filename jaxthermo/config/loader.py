@@ -3,16 +3,18 @@
 import hashlib
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 from pydantic import ValidationError
 
 from ..errors import InputError
 from .messages import close_match, described, dotted, in_file, quoted
+from .schema.dataset import DatasetConfig
 from .schema.scene import SceneConfig
-from .strict_yaml import parse_yaml, read_yaml, write_yaml
+from .strict_yaml import NEEDS, parse_yaml, read_yaml, write_yaml
 from .types.files import FOLDERS
 from .types.model import Location, Model, Short, field_parts
 from .types.quantities import ALLOW_EXTREME
@@ -22,7 +24,8 @@ from .types.quantities import ALLOW_EXTREME
 _PATH_KEYS = ("set", "variations", "ranges")
 
 # Location of a value that an override set, and the text of the override.
-Change: TypeAlias = tuple[Location, str]
+_Change: TypeAlias = tuple[Location, str]
+_Model = TypeVar("_Model", bound=Model)
 
 
 def load_config(
@@ -41,24 +44,78 @@ def load_config(
     """
     path = Path(path)
     read = read_yaml(path)
-    data, changed = with_overrides(read, overrides)
-    data = {"name": path.stem, **data}
-    context = {
-        ALLOW_EXTREME: data.get(ALLOW_EXTREME) is True,
-        FOLDERS: mesh_folders(path.parent) if find_meshes else (),
-    }
+    data, changed = _with_overrides(read, overrides)
 
     def source(location: Location) -> str:
         override = _override_at(location, read=read, changed=changed)
         return in_file(override or path, location)
 
+    return _validated(
+        SceneConfig, data=data, path=path, find_files=find_meshes, source=source
+    )
+
+
+def load_dataset(path: str | Path, overrides: Sequence[str] = ()) -> DatasetConfig:
+    """The config of a dataset in a YAML file.
+
+    Raises:
+        InputError: one line for each mistake in the config.
+    """
+    needs = "a dataset needs `scene`, and `views` or `orbit`"
+    return load_model(DatasetConfig, path, overrides=overrides, needs=needs)
+
+
+def load_model(
+    model: type[_Model],
+    path: str | Path,
+    overrides: Sequence[str] = (),
+    *,
+    needs: str = NEEDS,
+    find_files: bool = True,
+) -> _Model:
+    """The config in a YAML file; a scene that it names is searched for in its folder.
+
+    Args:
+        model: of the config.
+        path: the file, whose name is the default of a `name`.
+        overrides: texts "a.b=c", applied in order; c is YAML.
+        needs: what the message for an empty file says.
+        find_files: False to accept names of files that do not exist.
+
+    Raises:
+        InputError: one line for each mistake in the config.
+    """
+    path = Path(path)
+    data, _ = _with_overrides(read_yaml(path, needs), overrides)
+    return _validated(
+        model,
+        data=data,
+        path=path,
+        find_files=find_files,
+        source=partial(in_file, path),
+    )
+
+
+def _validated(
+    model: type[_Model],
+    data: dict[str, Any],
+    path: Path,
+    find_files: bool,
+    source: Callable[[Location], str],
+) -> _Model:
+    if "name" in model.model_fields:
+        data = {"name": path.stem, **data}
+    context = {
+        ALLOW_EXTREME: data.get(ALLOW_EXTREME) is True,
+        FOLDERS: _mesh_folders(path.parent) if find_files else (),
+    }
     try:
-        return SceneConfig.model_validate(data, context=context)
+        return model.model_validate(data, context=context)
     except ValidationError as error:
         raise InputError(described(error, source)) from error
 
 
-def mesh_folders(config_folder: Path) -> tuple[Path, ...]:
+def _mesh_folders(config_folder: Path) -> tuple[Path, ...]:
     """Folders that are searched for files: the config's, those of JAXTHERMO_MESHES."""
     named = os.environ.get("JAXTHERMO_MESHES", "").split(os.pathsep)
     return (
@@ -96,13 +153,13 @@ def _content(path: Path) -> str:
         return path.name
 
 
-def with_overrides(data: Any, texts: Sequence[str]) -> tuple[Any, list[Change]]:
+def _with_overrides(data: Any, texts: Sequence[str]) -> tuple[Any, list[_Change]]:
     """A copy of the data with texts "a.b=c" applied in order; c is YAML.
 
     Raises:
         InputError: for a text of another form, or a path that the data cannot have.
     """
-    changed: list[Change] = []
+    changed: list[_Change] = []
     for text in texts:
         path, equals, value = text.partition("=")
         keys = [key.strip() for key in path.split(".")]
@@ -186,7 +243,7 @@ def _word_key(location: Location) -> str | None:
     return None
 
 
-def _override_at(location: Location, read: Any, changed: list[Change]) -> str:
+def _override_at(location: Location, read: Any, changed: list[_Change]) -> str:
     # The last override of the value is the wrong one. A mapping above the target of an
     # override may exist by the override alone.
     in_file_too = _contains(read, location)

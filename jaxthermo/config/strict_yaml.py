@@ -14,6 +14,9 @@ import yaml
 from ..errors import InputError
 
 
+NEEDS = "a scene needs at least `bodies`"
+"""End of the message for an empty file of a scene."""
+
 _TAG = "tag:yaml.org,2002:"
 _SCALARS = {
     "null": (r"(?:~|null|Null|NULL|)", lambda text: None),
@@ -105,9 +108,7 @@ def parse_yaml(text: str, source: str) -> Any:
         raise InputError(f"{source}: not valid YAML: {problem}") from error
 
 
-def read_yaml(
-    path: Path, needs: str = "a scene needs at least `bodies`"
-) -> dict[str, Any]:
+def read_yaml(path: Path, needs: str = NEEDS) -> dict[str, Any]:
     """The mapping in a YAML file; the error for an empty one says what it `needs`."""
     try:
         # Some editors begin a file with a byte order mark.

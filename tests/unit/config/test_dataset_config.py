@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from jaxthermo.cli.dataset_plan import plan_dataset
-from jaxthermo.config.dataset_file import load_dataset
-from jaxthermo.config.loader import to_yaml
+from jaxthermo.config.loader import load_dataset, to_yaml
 from jaxthermo.errors import InputError
 
 
