@@ -86,7 +86,7 @@ def frame_target(
                 pose=moving.poses[n],
                 pixels=pixels,
             )
-            room.append(int(_MORE_WEIGHTS * len(linearized.row)))
+            room.append(int(_MORE_WEIGHTS * len(linearized.weights.row)))
     return FrameTarget(
         times=times,
         views=views,

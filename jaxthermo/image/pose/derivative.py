@@ -40,13 +40,8 @@ class LinearizedView(eqx.Module):
 
     pose: Float[Array, "6"]
     """Pose at which it is exact: rotation vector [rad], translation [m], see `pose`."""
-    row: Int[Array, " n"]
-    """Index of the pixel of each weight, ascending."""
-    fragment: Int[Array, " n"]
-    weight: Float[Array, " n"]
-    """Weights at `pose`."""
-    slope: Float[Array, "2 n"]
-    """Change of the weights along both directions of the surface [1/m]."""
+    weights: MovingWeights
+    """Weights at `pose`, and their slopes along the surface."""
     motion: Float[Array, "p 2 6"]
     """Distance that each point moves along both directions, by each number of the pose
     [m/rad, 1]."""
@@ -58,14 +53,7 @@ class LinearizedView(eqx.Module):
 
         Its depths, normals and numbers of bodies are not those of the surface.
         """
-        change = pose - self.pose
-        weights = MovingWeights(
-            row=self.row,
-            fragment=self.fragment,
-            weight=self.weight,
-            slope=self.slope,
-            shift=self.motion @ change,
-        )
+        shift = self.motion @ (pose - self.pose)
         count = len(self.seen)
         return View(
             camera=replace(camera, width=count, height=1),
@@ -73,7 +61,7 @@ class LinearizedView(eqx.Module):
             body=np.zeros(count, int),
             depth=np.zeros(count),
             normal=np.zeros((count, 3)),
-            weights=weights,
+            weights=replace(self.weights, shift=shift),
             background=Background(None, ()),
         )
 
@@ -102,10 +90,13 @@ def linearize_view(
     """
     moved = moved_camera(camera, pose)
     visible, rows = _chosen(surfaces, moved, pixels)
-    flat, along = _tangents(surfaces, visible)
-    visible = _on_planes(surfaces, camera=moved, visible=visible, flat=flat)
+    corners = _triangles(surfaces, visible)
+    a, b, c = np.moveaxis(corners, 1, 0)
+    flat = unit_vectors(np.cross(b - a, c - a))
+    along = np.stack(tangents(flat))
+    visible = _on_planes(moved, visible=visible, corner=a, flat=flat)
     local, normal = in_bodies(surfaces, visible)
-    weights = all_weights(surfaces, body=visible.body, local=local, normal=normal)
+    weights = all_weights(surfaces, visible=visible, local=local, normal=normal)
     slopes = _weight_slopes(
         surfaces,
         visible=visible,
@@ -162,38 +153,27 @@ def _chosen(
     return VisiblePoints(*(field[picked] for field in visible)), rows
 
 
-def _tangents(
+def _triangles(
     surfaces: tuple[SolvedSurface, ...], visible: VisiblePoints
-) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "2 p 3"]]:
-    """Normals of the triangles in the world, and two unit vectors along each."""
-    flat = np.empty_like(visible.position)
-    for number, surface in enumerate(surfaces):
-        on_body = visible.body == number
-        geometry = surface.geometry
-        a, b, c = np.moveaxis(
-            geometry.vertices[geometry.faces[visible.face[on_body]]], 1, 0
-        )
-        flat[on_body] = geometry.placed.rotate(np.cross(b - a, c - a))
-    flat = unit_vectors(flat)
-    return flat, np.stack(tangents(flat))
+) -> Float[np.ndarray, "p 3 3"]:
+    """Corners of the triangle of each point in the world [m]."""
+    corners = np.empty((len(visible.face), 3, 3))
+    for geometry, points in visible.by_body(surfaces):
+        local = geometry.vertices[geometry.faces[visible.face[points]]]
+        corners[points] = geometry.placed.to_world(local)
+    return corners
 
 
 def _on_planes(
-    surfaces: tuple[SolvedSurface, ...],
     camera: AbstractCamera,
     visible: VisiblePoints,
+    corner: Float[np.ndarray, "p 3"],
     flat: Float[np.ndarray, "p 3"],
 ) -> VisiblePoints:
-    """Points where the rays meet the planes of the triangles.
+    """Points where the rays meet the planes of triangles, by a corner and a normal.
 
     The raster snaps corners to 1/1024 pixel: what it finds moves in steps.
     """
-    corner = np.empty_like(visible.position)
-    for number, surface in enumerate(surfaces):
-        on_body = visible.body == number
-        geometry = surface.geometry
-        first = geometry.vertices[geometry.faces[visible.face[on_body], 0]]
-        corner[on_body] = geometry.placed.to_world(first)
     origin, step = camera.rays(visible.pixel)
     ahead = row_dot(flat, step)
     depth = row_dot(flat, corner - origin) / ahead
@@ -244,13 +224,11 @@ def _weight_slopes(
     weights: csr_array,
 ) -> Float[np.ndarray, "2 n"]:
     """Change of the normalized weights along two directions of the surface [1/m]."""
-    bodies = [surface.geometry for surface in surfaces]
     body_normal = np.empty_like(local)
     turned = np.empty_like(along)
     direction = along.copy()
     radius = np.empty(len(local))
-    for number, geometry in enumerate(bodies):
-        on_body = visible.body == number
+    for geometry, on_body in visible.by_body(surfaces):
         placed = geometry.placed
         body_normal[on_body] = placed.rotate_back(normal[on_body])
         direction[:, on_body] = [
@@ -266,7 +244,7 @@ def _weight_slopes(
         radius[on_body] = SMOOTHING_RADIUS * geometry.pitch
     row = np.repeat(np.arange(len(local)), np.diff(weights.indptr))
     position, fragment_normal, area = (
-        np.concatenate([getattr(g, name) for g in bodies])[weights.indices]
+        np.concatenate([getattr(s.geometry, name) for s in surfaces])[weights.indices]
         for name in ("fragment_position", "fragment_normal", "fragment_area")
     )
     away = local[row] - position
@@ -324,12 +302,13 @@ def _padded(
     def as_int32(values: np.ndarray) -> Array:
         return jnp.asarray(np.asarray(values, np.int32))
 
-    return LinearizedView(
-        pose=real(pose),
+    moving = MovingWeights(
         row=as_int32(row),
         fragment=as_int32(fragment),
         weight=real(weight),
         slope=real(slope),
-        motion=real(motion),
-        seen=real(seen),
+        shift=real(np.zeros((len(seen), 2))),
+    )
+    return LinearizedView(
+        pose=real(pose), weights=moving, motion=real(motion), seen=real(seen)
     )

@@ -121,11 +121,17 @@ class AbstractCamera(eqx.Module):
         """Columns and rows of world points [pixels], whose depths are positive."""
         return self._on_image(self._local(points))[:, :2]
 
-    @abc.abstractmethod
     def points(
         self, pixel: Int[np.ndarray, " p"], key: Float[np.ndarray, " p"]
     ) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, " p"]]:
         """World points at pixel centres [m], and their depths along the axis [m]."""
+        origin, step = self.rays(pixel)
+        depth = self._depth(key)
+        return origin + depth[:, None] * step, depth
+
+    @abc.abstractmethod
+    def _depth(self, key: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
+        """Depth along the optical axis of a key [m]."""
 
     @abc.abstractmethod
     def rays(
@@ -169,14 +175,14 @@ class AbstractCamera(eqx.Module):
     def _local(self, points: np.ndarray) -> np.ndarray:
         return linear_map(points - np.asarray(self.position), self.frame.T)
 
-    def _to_world(self, local: np.ndarray) -> np.ndarray:
-        return linear_map(local, self.frame) + np.asarray(self.position)
+    def _all_pixels(self) -> Int[np.ndarray, " p"]:
+        return np.arange(self.width * self.height)
 
-    def _all_or(self, pixel: Int[np.ndarray, " p"] | None) -> Int[np.ndarray, " p"]:
-        return np.arange(self.width * self.height) if pixel is None else pixel
-
-    def _offsets(self, pixel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _offsets(
+        self, pixel: Int[np.ndarray, " p"] | None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Distances to the right of and below the centre of the image [pixels]."""
+        pixel = self._all_pixels() if pixel is None else pixel
         row, column = np.divmod(pixel, self.width)
         return column + 0.5 - self.width / 2, row + 0.5 - self.height / 2
 
@@ -229,20 +235,14 @@ class Camera(AbstractCamera):
         return np.stack([column, row, -1 / depth], axis=-1)
 
     @override
-    def points(
-        self, pixel: Int[np.ndarray, " p"], key: Float[np.ndarray, " p"]
-    ) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, " p"]]:
-        right, down = self._offsets(pixel)
-        depth = -1 / key
-        x = right / self._focal * depth
-        y = down / self._focal * depth
-        return self._to_world(np.stack([x, y, depth], axis=1)), depth
+    def _depth(self, key: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
+        return -1 / key
 
     @override
     def rays(
         self, pixel: Int[np.ndarray, " p"] | None = None
     ) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
-        right, down = self._offsets(self._all_or(pixel))
+        right, down = self._offsets(pixel)
         ahead = np.full(len(right), self._focal)
         step = linear_map(np.stack([right, down, ahead], axis=1), self.frame)
         step /= self._focal
@@ -256,7 +256,7 @@ class Camera(AbstractCamera):
         off = float(np.arctan2(np.hypot(right, down), ahead))
         if off + angle >= np.pi / 2:
             # Such a cone has no outline on the image, or is behind it.
-            return self._all_or(None) if off - angle < np.pi / 2 else np.arange(0)
+            return self._all_pixels() if off - angle < np.pi / 2 else np.arange(0)
         # The outline is an ellipse, longest away from the middle of the image.
         reach = self._focal * (np.tan(off + angle) - np.tan(off)) + 1
         ends = []
@@ -311,19 +311,18 @@ class OrthographicCamera(AbstractCamera):
         return np.stack([column, row, local[..., 2]], axis=-1)
 
     @override
-    def points(
-        self, pixel: Int[np.ndarray, " p"], key: Float[np.ndarray, " p"]
-    ) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, " p"]]:
-        right, down = self._offsets(pixel)
-        scale = self.view_height / self.height
-        return self._to_world(np.stack([right * scale, down * scale, key], axis=1)), key
+    def _depth(self, key: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
+        return key
 
     @override
     def rays(
         self, pixel: Int[np.ndarray, " p"] | None = None
     ) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
-        number = self._all_or(pixel)
-        origin, _ = self.points(number, np.zeros(len(number)))
+        right, down = self._offsets(pixel)
+        ahead = np.zeros(len(right))
+        scale = self.view_height / self.height
+        local = scale * np.stack([right, down, ahead], axis=1)
+        origin = linear_map(local, self.frame) + np.asarray(self.position)
         return origin, np.broadcast_to(self.frame[2], origin.shape)
 
     @override
@@ -332,7 +331,7 @@ class OrthographicCamera(AbstractCamera):
     ) -> Int[np.ndarray, " p"]:
         # All rays are parallel; the difference is rounded less than a scalar product.
         away = float(np.linalg.norm(self.frame[2] - direction))
-        return self._all_or(None) if away <= angle else np.arange(0)
+        return self._all_pixels() if away <= angle else np.arange(0)
 
 
 def frame_all(

@@ -253,21 +253,16 @@ def _view_geometry(
 ) -> _ViewGeometry:
     visible = visible_points(world_meshes(surfaces), camera)
     local, normal = in_bodies(surfaces, visible)
-    pixel = visible.pixel
-    body = visible.body
-    depth = visible.depth
-    weights = all_weights(
-        surfaces, body=body, local=local, normal=normal, smooth=smooth
-    )
-    facets = _all_facets(surfaces, visible, local) if smooth else None
     geometry = _ViewGeometry(
-        pixel=pixel,
-        body=body,
-        depth=depth,
+        pixel=visible.pixel,
+        body=visible.body,
+        depth=visible.depth,
         normal=normal,
-        weights=weights,
+        weights=all_weights(
+            surfaces, visible=visible, local=local, normal=normal, smooth=smooth
+        ),
         open_fraction=None,
-        facets=facets,
+        facets=_all_facets(surfaces, visible, local) if smooth else None,
     )
     if occlusion is None:
         return geometry
@@ -292,57 +287,42 @@ def in_bodies(
     """Points in the frames of their bodies [m], and smooth normals in the world."""
     local = np.empty_like(visible.position)
     normal = np.empty_like(visible.position)
-    for on_body, surface in zip(
-        _of_bodies(surfaces, visible.body), surfaces, strict=True
-    ):
-        geometry = surface.geometry
-        placed = surface.geometry.placed
-        local[on_body] = placed.to_body(visible.position[on_body])
+    for geometry, points in visible.by_body(surfaces):
+        local[points] = geometry.placed.to_body(visible.position[points])
         smooth = smooth_normals(
             geometry.vertices,
             faces=geometry.faces,
-            face=visible.face[on_body],
-            points=local[on_body],
+            face=visible.face[points],
+            points=local[points],
         )
-        normal[on_body] = placed.rotate(smooth)
+        normal[points] = geometry.placed.rotate(smooth)
     return local, normal
-
-
-def _of_bodies(
-    surfaces: tuple[SolvedSurface, ...], body: Int[np.ndarray, " p"]
-) -> list[Any]:
-    """Index of the points of each body."""
-    # Without a copy where there is only one.
-    single = len(surfaces) == 1
-    return [slice(None)] if single else [body == n for n in range(len(surfaces))]
 
 
 def all_weights(
     surfaces: tuple[SolvedSurface, ...],
-    body: Int[np.ndarray, " p"],
+    visible: VisiblePoints,
     local: Float[np.ndarray, "p 3"],
     normal: Float[np.ndarray, "p 3"],
     smooth: bool = True,
 ) -> csr_array:
-    """Weights [p, s] of all fragments at points in the frames of their bodies [m].
+    """Weights [p, s] of all fragments at points; `local` and `normal` of `in_bodies`.
 
-    The normals are those in the world.
+    Without `smooth` the nearest fragment alone has a weight.
     """
     matrices = []
-    points_of_bodies = _of_bodies(surfaces, body)
-    for on_body, surface in zip(points_of_bodies, surfaces, strict=True):
-        geometry = surface.geometry
-        rotated = geometry.placed.rotate_back(normal[on_body])
-        matrices.append(
-            smooth_weights(local[on_body], rotated, geometry)
-            if smooth
-            else nearest_weights(local[on_body], geometry)
-        )
+    rows = []
+    for geometry, points in visible.by_body(surfaces):
+        if smooth:
+            rotated = geometry.placed.rotate_back(normal[points])
+            matrices.append(smooth_weights(local[points], rotated, geometry))
+        else:
+            matrices.append(nearest_weights(local[points], geometry))
+        rows.append(np.arange(len(local))[points])
     if len(matrices) == 1:
         return matrices[0]
-    rows = np.concatenate([np.flatnonzero(points) for points in points_of_bodies])
     # Back into the order of the pixels.
-    return block_matrix(matrices)[np.argsort(rows)]
+    return block_matrix(matrices)[np.argsort(np.concatenate(rows))]
 
 
 def _all_facets(
@@ -350,14 +330,13 @@ def _all_facets(
     visible: VisiblePoints,
     local: Float[np.ndarray, "p 3"],
 ) -> FacetShading | None:
-    points_of_bodies = [
-        np.flatnonzero(visible.body == index) for index in range(len(surfaces))
-    ]
-    shadings = [
-        facet_shading(local[points], visible.face[points], surface.geometry)
-        for points, surface in zip(points_of_bodies, surfaces, strict=True)
-    ]
-    return joined_shadings(points_of_bodies, shadings)
+    body_points = []
+    shadings = []
+    for geometry, points in visible.by_body(surfaces):
+        shading = facet_shading(local[points], visible.face[points], geometry)
+        body_points.append(np.arange(len(local))[points])
+        shadings.append(shading)
+    return joined_shadings(body_points, shadings)
 
 
 _MAX_VIEWS = 4

@@ -1,6 +1,7 @@
 """Points of surfaces that a camera sees."""
 
-from typing import NamedTuple
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -9,7 +10,7 @@ from ...errors import InputError
 from ...geometry.mesh import winding_number
 from ...raster.depth_buffer import nearest_hits
 from ...raster.fragments import within_raster
-from ...scene.scene import SolvedSurface
+from ...scene.scene import BodyGeometry, SolvedSurface
 from .camera import AbstractCamera
 
 
@@ -26,6 +27,15 @@ class VisiblePoints(NamedTuple):
     """World [m]."""
     depth: Float[np.ndarray, " p"]
     """Depth along the optical axis [m]."""
+
+    def by_body(
+        self, surfaces: tuple[SolvedSurface, ...]
+    ) -> Iterator[tuple[BodyGeometry, Any]]:
+        """Geometry of each body, with the index of its points among all points."""
+        for number, surface in enumerate(surfaces):
+            # Without a copy where there is only one.
+            single = len(surfaces) == 1
+            yield surface.geometry, slice(None) if single else self.body == number
 
 
 WorldMesh = tuple[Float[np.ndarray, "_ 3"], Int[np.ndarray, "_ 3"]]
