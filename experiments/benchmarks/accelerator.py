@@ -24,7 +24,7 @@ from jaxthermo.timing import interleaved
 
 from ..harness.measurement import MeasuredResult, Measurement, compared, plain_rows
 from ..harness.meshes import END, START, STEEL, standard_scene, statue
-from ..thesis.resolution import FULL, TABLE_TIMES
+from ..thesis.table_6_1 import FULL, TABLE_TIMES
 from .loops import loop_of, per_item, stable_step
 from .scaling_model import STEP_BYTES
 from .steps import STRUCTURES, conduction_call

@@ -23,6 +23,7 @@ from jaxthermo.report.numbers import seconds, significant
 from jaxthermo.report.table import Cell, Table, prose
 from jaxthermo.timing import Spread
 
+from ..thesis.table_6_1 import FULL, KINDS, TABLE_TIMES
 from .charts import Marks, error_against, numbered, tooltips
 from .comparisons import Comparison, PlainComparison
 from .rivals import SweepFolder
@@ -357,24 +358,17 @@ def _spread_columns(name: str, spread: Spread | None) -> dict[str, float | None]
     return {f"{name}_{key}": getattr(spread, key, None) for key in Spread._fields}
 
 
-_FULL_VOLUME_MS = 55.0
-"""Time of the full volume in the thesis, on its graphics card [ms]."""
-
-# Run time in the thesis [ms], and the kind of structure in a config.
-_TIMES = {
-    "shell": (13.0, "single_shell"),
-    "irregular levels": (21.0, "irregular_multi_level"),
-    "ten levels": (50.0, "multi_level"),
-}
+# Kinds of structures that are compared with the full volume, with the thesis' names.
+_KINDS = {kind: name for name, kind in KINDS.items() if name != FULL}
+_FULL_MS = 1e3 * TABLE_TIMES[FULL]
 
 
 def _full_time(points: Sequence[Point]) -> float | None:
     """Time of the slowest explicit loop of a full volume that was timed [s]."""
-    kinds = [kind for _, kind in _TIMES.values()]
     times = [
         p.time.median * p.ratio.median
         for p in points
-        if p.time is not None and p.ratio is not None and _structure(p) in kinds
+        if p.time is not None and p.ratio is not None and _structure(p) in _KINDS
     ]
     return max(times, default=None)
 
@@ -394,16 +388,19 @@ def _thesis_marks(points: Sequence[Point]) -> Marks:
     full = _full_time(points)
     if full is None:
         return ()
-    return [
-        (f"thesis: {name} {time:g}/{_FULL_VOLUME_MS:g}", full * time / _FULL_VOLUME_MS)
-        for name, (time, _) in _TIMES.items()
-    ]
+    marks = []
+    for name in _KINDS.values():
+        time = 1e3 * TABLE_TIMES[name]
+        words = f"thesis: {name} {time:g}/{_FULL_MS:g}"
+        marks.append((words, full * time / _FULL_MS))
+    return marks
 
 
 def _thesis_table(points: Sequence[Point]) -> list[page.Section]:
     """Ratios of the thesis compared with those of the same kinds of structure here."""
     rows: list[list[str | Cell]] = []
-    for name, (time, kind) in _TIMES.items():
+    for kind, name in _KINDS.items():
+        time = 1e3 * TABLE_TIMES[name]
         kind_points = [
             p for p in points if _structure(p) == kind and p.ratio is not None
         ]
@@ -416,7 +413,7 @@ def _thesis_table(points: Sequence[Point]) -> list[page.Section]:
                     time_text(point.time),
                     error_text(point),
                 ]
-            theirs = f"{_FULL_VOLUME_MS / time:.2g} ({_FULL_VOLUME_MS:g}/{time:g} ms)"
+            theirs = f"{_FULL_MS / time:.2g} ({_FULL_MS:g}/{time:g} ms)"
             rows.append([name, theirs, *words])
     columns = [
         "structure",

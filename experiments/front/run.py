@@ -46,18 +46,16 @@ class SweepCases:
         """No scene is read yet."""
         self.config = config
         self.loads = [load.name for load in config.loads]
-        self._found: dict[str, dict[str, Case]] = {}
+        self._cases: dict[str, dict[str, Case]] = {}
 
     def __call__(self, point: Point) -> dict[str, Case]:
         """The cases of a point by load."""
         key = json.dumps([point.choice, point.set])
-        if key not in self._found:
-            sweep_choice = Choice(tuple(point.choice.items()), dict(point.set or {}))
-            cases_by_load = {
-                case.load: case for case in cases_of(self.config, sweep_choice)
-            }
-            self._found[key] = cases_by_load
-        return self._found[key]
+        if key not in self._cases:
+            choice = Choice(tuple(point.choice.items()), dict(point.set or {}))
+            cases = cases_of(self.config, choice)
+            self._cases[key] = {case.load: case for case in cases}
+        return self._cases[key]
 
 
 def run(folder: Path, config: Path | None = None) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Contrasts of materials (S01, S02), sizes (S03), steps (S04, S22), Biot (S05)."""
+"""Contrasts of materials (S01, S02) and sizes (S03); long steps, Biot numbers, ends."""
 
 from collections.abc import Iterator
 
@@ -28,7 +28,6 @@ from .bodies import (
 )
 from .solved import (
     LIMITS,
-    STEPS,
     Method,
     Observation,
     Ran,
@@ -45,7 +44,7 @@ from .solved import (
 
 
 _DTYPES = ("float64", "float32")
-# Nothing is warmer or colder than a half of the body at the start [K].
+# Every temperature stays between those of the two halves at the start [K].
 _BOUNDS = (COLD, HOT)
 _PATTERNS = ("laminate", "checkerboard")
 # Stable steps in the longest step.
@@ -53,7 +52,7 @@ _LONGEST = 1e6
 
 
 def through_all(label: str, scene: jt.Scene) -> Iterator[Row]:
-    """Every solver, backward Euler up to the longest step, and the refusal."""
+    """Rows of every solver, of backward Euler in the longest step, and of a refusal."""
     stable = stable_step(scene)
     backward, *_ = implicit_limits(stable, _LONGEST)
     yield from judged(
@@ -69,7 +68,9 @@ _RULE = "maximum principle; rounding as measured on 200 alternating cells"
 _KEPT = "no overshoot beyond 1e-9 K (float64), 5e-3 K (float32); energy to 1e-12, 1e-4"
 
 
-@case("S01", "conductivity 1.5e5 to 1: aerogel and diamond by turns", _RULE, _KEPT)
+@case(
+    "S01", "conductivities of 1.5e5 to 1: alternating aerogel and diamond", _RULE, _KEPT
+)
 def _conductivities() -> Iterator[Row]:
     for name in _PATTERNS:
         for dtype in _DTYPES:
@@ -83,7 +84,7 @@ _CAPACITIES = {
 }
 
 
-@case("S02", "heat capacity 2.9e3 and 1e6 to 1", _RULE, _KEPT)
+@case("S02", "heat capacities of 2.9e3 to 1 and of 1e6 to 1", _RULE, _KEPT)
 def _capacities() -> Iterator[Row]:
     for words, pair in _CAPACITIES.items():
         for name in _PATTERNS:
@@ -93,14 +94,14 @@ def _capacities() -> Iterator[Row]:
 
 
 _SLOW = (
-    "not run: rounding of rates of 1e8 K/s keeps its steps short, and the tries it has "
-    "before it says step_limit take minutes: use float64"
+    "not run: the rounding of rates of 1e8 K/s keeps the steps so short that the run "
+    "ends with step_limit after minutes; use float64"
 )
 
 
 @case(
     "S03",
-    "voxels of 10 um and of 1 m in one scene: limits 8.6e13 to 1",
+    "voxels of 10 um and of 1 m in one scene: stable steps of 8.6e13 to 1",
     "h^2 / 6 alpha; maximum principle",
     "implicit steps of 100 s are taken; explicit Euler refuses and names its limit",
 )
@@ -114,7 +115,7 @@ def _small_and_large() -> Iterator[Row]:
         scene = jt.Scene((small, large), (air,), dtype=dtype)
         label = "10 um diamond, 1 m aerogel"
         stable = stable_step(scene)
-        # The limit is that of the smallest voxel alone, to what convection adds.
+        # The limit is that of the smallest voxel; convection changes it by less.
         limit = 1e-10 / (6 * float(DIAMOND.diffusivity))
         ratio = Check(
             "limit over h^2 / 6 alpha",
@@ -143,8 +144,8 @@ def _small_and_large() -> Iterator[Row]:
     "S04",
     "steps of 1e-6 to 1e6 explicit limits",
     "Varga, Matrix Iterative Analysis, 8.2; Hosea and Shampine 1996",
-    "backward Euler never overshoots; Crank-Nicolson does not up to 2 limits, and "
-    "rings above by (1 - z/2)/(1 + z/2) a step; factors to 1e-9",
+    "backward Euler never overshoots; Crank-Nicolson overshoots above 2 limits only, "
+    "where a step multiplies by (1 - z/2)/(1 + z/2); factors to 1e-9",
 )
 def _long_steps() -> Iterator[Row]:
     for dtype in _DTYPES:
@@ -154,7 +155,7 @@ def _long_steps() -> Iterator[Row]:
         for ratio in (1e-6, 1e-3, 1.0, 1e3, _LONGEST):
             backward, trapezoidal, _ = implicit_limits(stable, ratio)
             methods += [backward, trapezoidal]
-        # (1 - theta) dt <= C / sum G: positive up to two explicit limits.
+        # All weights are positive where (1 - theta) dt <= C / sum G: up to 2 limits.
         _, trapezoidal, _ = implicit_limits(stable, 2.0)
         methods.append(trapezoidal._replace(bounds="kept"))
         yield from judged(label="a step", scene=scene, methods=methods, bounds=_BOUNDS)
@@ -207,7 +208,7 @@ def _factors(z: float) -> Iterator[Row]:
         bounds=_BOUNDS,
         observe=difference_from_formula,
     ):
-        # Any factor is allowed that is the formula's, and that is judged.
+        # The factor is judged by its formula, whatever the bounds are.
         yield row._replace(if_met=PASS)
 
 
@@ -216,7 +217,7 @@ def _factors(z: float) -> Iterator[Row]:
     "Biot numbers of 1e-6 and 1e6",
     "Carslaw and Jaeger, Conduction of Heat in Solids, 3.3 and 3.11",
     "the mean of a slab agrees with exp(-t / tau), and with the series of a "
-    "prescribed surface, to 1e-5 of the first excess",
+    "prescribed surface, to 1e-5 of the excess at the start",
 )
 def _biot_numbers() -> Iterator[Row]:
     material = jt.Material(1.0, density=1000.0, specific_heat=1000.0)
@@ -261,7 +262,7 @@ def _slab(
         excess = (mean - AIR) / (START - AIR)
         seen = f"{excess:.7f}, the limit {exact:.7f}"
         if isinstance(ran.method.solver, jt.BackwardEuler):
-            return Observation(f"{seen}; of first order, not judged by that")
+            return Observation(f"{seen}; not judged: its error is of first order")
         check = Check("off the limit", abs(excess - exact), 1e-5)
         return Observation(seen, checks=(check,))
 
@@ -295,10 +296,9 @@ def _slab(
 
 @case(
     "S22",
-    f"an end that {STEPS} steps do not reach, and an end at 0",
+    "an end that is no multiple of the step, and an end at 0",
     "equal steps between save times",
-    "lands on every save time exactly; no time changes nothing, bit by bit; dt = 0 "
-    "is refused",
+    "every save time is met exactly; a run of 0 s changes no bit; dt = 0 is refused",
 )
 def _save_times() -> Iterator[Row]:
     scene = insulated("laminate", (AEROGEL, DIAMOND), "float64")

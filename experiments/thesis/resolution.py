@@ -21,12 +21,7 @@ from ..harness.meshes import voxels_high
 from .bodies import required_statue
 from .exhibit import Numbers, power
 from .sunlit import Sunlit
-
-
-FULL = "full volume"
-SHELL = "single shell"
-IRREGULAR = "irregular levels"
-TEN = "ten levels"
+from .table_6_1 import FULL, IRREGULAR, SHELL, TEN
 
 
 def _ten_levels(grid: jt.VoxelGrid) -> AbstractStructure:
@@ -39,14 +34,7 @@ BUILDS: Mapping[str, Callable[[jt.VoxelGrid], AbstractStructure]] = {
     TEN: _ten_levels,
     FULL: jt.FullVolume,
 }
-"""The thesis' four structures; it does not say how many levels its multi-level has."""
-TABLE_VOXELS = {SHELL: 2.5e6, IRREGULAR: 3.2e6, TEN: 2.8e7, FULL: 2.8e7}
-"""Table 6.1: voxels of the Happy Buddha at 225 x 550 x 225. The full volume is the
-whole box, the empty cells too."""
-TABLE_TIMES = {SHELL: 13e-3, IRREGULAR: 21e-3, TEN: 50e-3, FULL: 55e-3}
-"""Table 6.1: time of one step of each structure [s]."""
-TABLE_HEIGHT = 550
-"""Voxels along up of table 6.1."""
+"""The thesis' four structures."""
 
 # Nodes times steps of a timed call, and its largest number of steps.
 _WORK = 4e7

@@ -15,7 +15,7 @@ PITCH = 1e-3
 
 
 def _laminate(pattern, dtype):
-    """Aerogel and diamond by turns: S01, k of ratio 1.5e5, 400 K against 300 K."""
+    """Alternating aerogel and diamond, S01: k of ratio 1.5e5, 400 K against 300 K."""
     shape = (12, 3, 3)
     index = np.indices(shape)
     on = (index[0] if pattern == "laminate" else index.sum(axis=0)) % 2

@@ -16,20 +16,22 @@ from ..exhibit import Finding, Numbers, Verdict, exhibit, judged, power
 from ..line_chart import ALONE, CurvePoint, curve, curves, log_chart
 from ..resolution import (
     BUILDS,
-    FULL,
     HIGHEST_WITH_ERROR,
-    IRREGULAR,
-    SHELL,
-    TABLE_HEIGHT,
-    TABLE_TIMES,
-    TABLE_VOXELS,
-    TEN,
     StepTimes,
     counts,
     errors,
     power_of_time,
     step_times,
     time_table,
+)
+from ..table_6_1 import (
+    FULL,
+    IRREGULAR,
+    SHELL,
+    TABLE_HEIGHT,
+    TABLE_TIMES,
+    TABLE_VOXELS,
+    TEN,
 )
 
 

@@ -15,7 +15,8 @@ from ...harness.meshes import START, STEEL
 from ..bodies import buddha
 from ..exhibit import Finding, Numbers, Verdict, exhibit, judged
 from ..line_chart import curve, log_chart
-from ..resolution import BUILDS, FULL, IRREGULAR, SHELL, timed_runner
+from ..resolution import BUILDS, timed_runner
+from ..table_6_1 import FULL, IRREGULAR, SHELL
 
 
 # Voxels along up, at even ratios.
@@ -72,7 +73,7 @@ def _order_of_growth(quick: bool) -> Finding:
     step_ms = {name: 1e3 * columns[name]["step_s"] for name in names}
     nodes = {name: columns[name]["nodes"] for name in names}
     over_shell = fitted_power(heights, nodes[IRREGULAR] / nodes[SHELL])
-    # Irregular nodes, were they the shell's times a logarithm, from the first on.
+    # Irregular nodes if they were the shell's times log n, equal at the first height.
     law = nodes[SHELL] * np.log(heights)
     scale = nodes[IRREGULAR][0] / law[0]
     nodes["shell's times log n, as claimed"] = scale * law
@@ -118,8 +119,8 @@ def _column(rows: Sequence[Numbers], structure: str, key: str) -> np.ndarray:
 
 
 def verdict_of_growth(powers: Mapping[str, Power]) -> Verdict:
-    """Verdict from the powers of irregular levels: nearer to n² than to n³ or not."""
-    # Whatever the logarithm, and of what is counted: times vary.
+    """Verdict by the powers of irregular levels: are they nearer to n² than to n³?"""
+    # By what is counted, since times vary; a logarithm is less than half a power.
     holds = all(powers[quantity].power < 2.5 for quantity in ("nodes", "memory"))
     return judged(False, different=holds)
 
@@ -137,7 +138,7 @@ def fitted_power(sizes: np.ndarray, values: np.ndarray) -> Power:
 
 
 def _rows_at(height: int, names: Sequence[str]) -> list[Numbers]:
-    """Size and time of each structure at one resolution; the times in turn."""
+    """Sizes of the structures at one resolution, and their times, measured in turn."""
     grid = buddha().grid(height)
     runners = {}
     for name in names:

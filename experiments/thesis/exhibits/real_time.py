@@ -18,7 +18,7 @@ from ...harness.meshes import mesh_files
 from ..bodies import CONFIGS, buddha
 from ..exhibit import Finding, Numbers, Verdict, exhibit
 from ..line_chart import ALONE, curve, log_chart
-from ..resolution import FULL, IRREGULAR, SHELL, TABLE_HEIGHT, TABLE_TIMES, TEN
+from ..table_6_1 import FULL, KINDS, TABLE_HEIGHT, TABLE_TIMES, TEN
 
 
 # Voxels along up, and frames of each structure.
@@ -27,12 +27,7 @@ _QUICK_HEIGHTS = (60, 120)
 _FRAMES = 10
 # Simulated seconds a second, as `jaxthermo view` begins.
 _RATE = 20.0
-STRUCTURES = {
-    SHELL: "single_shell",
-    IRREGULAR: "irregular_multi_level",
-    TEN: "{kind: multi_level, levels: 10}",
-    FULL: "full_volume",
-}
+STRUCTURES = {**KINDS, TEN: "{kind: multi_level, levels: 10}"}
 """Structures of table 6.1 as a config has them."""
 
 

@@ -17,7 +17,8 @@ from ...harness.meshes import START, STEEL
 from ..bodies import buddha
 from ..exhibit import Finding, Numbers, Verdict, exhibit, judged
 from ..line_chart import COLOURS
-from ..resolution import BUILDS, FULL, IRREGULAR, timed_runner
+from ..resolution import BUILDS, timed_runner
+from ..table_6_1 import FULL, IRREGULAR
 
 
 # Voxels along up.

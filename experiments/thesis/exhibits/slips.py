@@ -15,7 +15,7 @@ from jaxthermo.physics.convection.nusselt import churchill_bernstein
 from ..exhibit import Finding, Verdict, exhibit
 from ..heated import END
 from ..nusselt import FAST, measure_knots
-from ..resolution import FULL, IRREGULAR, TABLE_TIMES, TABLE_VOXELS
+from ..table_6_1 import FULL, IRREGULAR, TABLE_TIMES, TABLE_VOXELS
 
 
 # Of the thesis: flux on its cubes [W/m^2], and temperature around it [K].

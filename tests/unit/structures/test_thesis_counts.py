@@ -4,6 +4,7 @@ import pytest
 
 from experiments.harness.meshes import thesis_meshes
 from experiments.thesis import bodies, resolution
+from experiments.thesis.table_6_1 import TABLE_VOXELS
 from tests.exhibits import measured
 
 
@@ -29,7 +30,7 @@ def test_shares_are_of_the_body_and_of_the_box(monkeypatch, tmp_path):
     assert row["shell_of_box"] == row["shell"] / row["box"]
     # The full volume of table 6.1 is its box.
     thesis_box = 225 * 550 * 225
-    assert f"{thesis_box:.1e}" == f"{resolution.TABLE_VOXELS['full volume']:.1e}"
+    assert f"{thesis_box:.1e}" == f"{TABLE_VOXELS['full volume']:.1e}"
 
 
 def test_without_the_meshes_the_figurine_stands_in(monkeypatch, tmp_path):
