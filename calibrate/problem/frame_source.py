@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from PIL import Image, UnidentifiedImageError
 
 from jaxthermo.arrays import precision
-from jaxthermo.config.camera_framing import build_camera
+from jaxthermo.config.camera_framing import camera_on
 from jaxthermo.config.schema.image import CameraConfig
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.config.types.model import build
@@ -120,17 +120,10 @@ def camera_views(
 ) -> tuple[View, ...]:
     """Views of a scene's surfaces, by default those at the start."""
     surfaces = start_surfaces(scene) if surfaces is None else surfaces
-    built_cameras = _built(cameras, surfaces)
+    built_cameras = [camera_on(camera, surfaces) for camera in cameras]
     return tuple(
         compute_view(surfaces, scene.terms, camera) for camera in built_cameras
     )
-
-
-def _built(
-    cameras: tuple[CameraConfig, ...], surfaces: tuple[SolvedSurface, ...]
-) -> list[AbstractCamera]:
-    triangles = np.concatenate([s.geometry.triangles for s in surfaces])
-    return [build_camera(camera, triangles) for camera in cameras]
 
 
 def start_surfaces(scene: Scene) -> tuple[SolvedSurface, ...]:
@@ -159,7 +152,7 @@ def _simulated(
         run = ParametricRun(times, truth.solver.build())
         solution = run(scene, run.step_table(scene))
         cameras = settings.views or (case_scene.camera,)
-        built_cameras = _built(cameras, solution.surfaces)
+        built_cameras = [camera_on(camera, solution.surfaces) for camera in cameras]
         frames = [
             _detected(
                 camera,

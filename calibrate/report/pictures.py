@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, UInt8
 from PIL import Image
 
 from jaxthermo.arrays import precision
-from jaxthermo.config.camera_framing import build_camera
+from jaxthermo.config.camera_framing import camera_on
 from jaxthermo.image.colour.palette import apply_palette
 from jaxthermo.image.colour.ticks import (
     scale_ticks,
@@ -102,10 +102,8 @@ def difference_picture(
     assert isinstance(target, SurfaceTarget)
     surfaces = next(iter(solutions.values())).surfaces
     # Bodies of a fit do not move: one view for both runs and all times.
-    triangles = np.concatenate([s.geometry.triangles for s in surfaces])
-    view = compute_view(
-        surfaces, case.scene.terms, build_camera(_resized(camera), triangles)
-    )
+    camera = camera_on(_resized(camera), surfaces)
+    view = compute_view(surfaces, case.scene.terms, camera)
 
     def frame(surface: Any, time: int) -> _Frame:
         with precision(case.scene.dtype):

@@ -14,7 +14,6 @@ from rich.console import Console
 
 from ..arrays import precision
 from ..atomic import write_json, write_text
-from ..config.camera_framing import build_camera
 from ..config.loader import load_dataset, to_yaml
 from ..config.schema.scene import SceneConfig
 from ..console.progress import terminal_progress
@@ -193,8 +192,7 @@ def _write_view(
             yield
         return
     camera = FrameCamera(config, stored.surfaces, config.build_terms())
-    triangles = np.concatenate([s.geometry.triangles for s in stored.surfaces])
-    matrices = camera_matrices(build_camera(config.camera, triangles))
+    matrices = camera_matrices(camera.camera)
     draw = camera.detector(stored)
     for k, name in names.items():
         image = coarsen(draw(k), camera.samples)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..arrays import precision
-from ..config.camera_framing import build_camera
+from ..config.camera_framing import build_recorder, camera_on
 from ..config.loader import load_config
 from ..config.schema.scene import SceneConfig
 from ..config.types.model import build
@@ -19,9 +19,7 @@ from ..errors import InputError
 from ..image.measurements import AbstractMeasurement, Isotherm, names_of
 from ..image.radiance.band import apparent_temperature
 from ..image.radiance.draw import Moment
-from ..image.radiance.effect import in_order
 from ..image.radiance.image import Image
-from ..image.render import Recorder
 from ..image.surface.view import View
 from ..integrate.run.solution_file import StoredSolution, load_solution
 from ..physics.radiation.irradiation import Irradiance
@@ -53,18 +51,9 @@ class FrameCamera:
     ):
         # The view at the start is computed now: it refuses a camera that is inside a
         # body or sees none.
-        triangles = np.concatenate([s.geometry.triangles for s in surfaces])
-        self._camera = build_camera(config.camera, triangles)
+        self.camera = camera_on(config.camera, surfaces)
         self._image = config.image
-        self._effects = in_order(build(config.image.effects), "image.effects")
-        self._recorder = Recorder(
-            self._camera,
-            band=build(config.image.band),
-            effects=self._effects,
-            samples=config.image.samples,
-            smooth=config.image.smooth,
-            occlusion=config.image.occlusion,
-        )
+        self._recorder = build_recorder(self.camera, config.image)
         self._surfaces = surfaces
         self._terms = terms
         self._view_at_start()
@@ -80,7 +69,7 @@ class FrameCamera:
     @property
     def _measures(self) -> bool:
         # A camera mixes temperatures in pixels at outlines, and so do its effects.
-        effects = self._effects
+        effects = self._recorder.effects
         return bool(effects.blur or effects.lag or effects.detector)
 
     def detector(self, stored: StoredSolution) -> Callable[[int], Image]:
@@ -96,7 +85,7 @@ class FrameCamera:
         """A line for each measurement that is on no body at the start."""
         settings = self._image
         remarks: list[str] = []
-        width, height = self._camera.size
+        width, height = self.camera.size
         samples = self._image.samples
         fine = np.zeros((samples * height) * (samples * width), bool)
         fine[self._view_at_start().pixel] = True

@@ -1,4 +1,4 @@
-"""Cameras from their config, framing the scene where the config leaves them open."""
+"""Cameras and recorders of a config, framing the scene where it leaves them open."""
 
 import math
 
@@ -6,8 +6,12 @@ import numpy as np
 from jaxtyping import Float
 
 from ..geometry.vectors import unit_vector
+from ..image.radiance.effect import in_order
+from ..image.render import Recorder
 from ..image.surface.camera import AbstractCamera, Camera, OrthographicCamera, frame_all
-from .schema.image import CameraConfig, OrthographicConfig, PinholeConfig
+from ..scene.scene import SolvedSurface
+from .schema.image import CameraConfig, ImageConfig, OrthographicConfig, PinholeConfig
+from .types.model import build
 
 
 _Point = tuple[float, float, float]
@@ -16,6 +20,26 @@ _MARGIN = 1.06
 # Vertical angle of view of a `Camera` whose config leaves it open [rad].
 _FIELD_OF_VIEW = 0.6
 _UP = PinholeConfig().up
+
+
+def build_recorder(camera: AbstractCamera, config: ImageConfig) -> Recorder:
+    """A camera with the band and the effects of a config."""
+    return Recorder(
+        camera,
+        band=build(config.band),
+        effects=in_order(build(config.effects), "image.effects"),
+        samples=config.samples,
+        smooth=config.smooth,
+        occlusion=config.occlusion,
+    )
+
+
+def camera_on(
+    config: CameraConfig, surfaces: tuple[SolvedSurface, ...]
+) -> AbstractCamera:
+    """The camera on the surfaces of bodies, see `build_camera`."""
+    triangles = [surface.geometry.triangles for surface in surfaces]
+    return build_camera(config, np.concatenate(triangles))
 
 
 def build_camera(

@@ -95,13 +95,18 @@ class AbstractMeasurement(abc.ABC):
     prefix: ClassVar[str]
     """Name of a measurement without a name, before its number."""
 
-    @abc.abstractmethod
+    @property
+    def places(self) -> tuple[Point, ...]:
+        """Points that define the measurement; none for pixels of the whole frame."""
+        return ()
+
     def points(self, height: int, width: int) -> list[tuple[int, int]]:
         """Rows and columns of the points that define the measurement.
 
         Raises:
             InputError: for a point that is outside of an image of this size.
         """
+        return [_pixel_of(place, height, width) for place in self.places]
 
     @abc.abstractmethod
     def pixels(self, kelvin: Float[np.ndarray, "h w"]) -> Pixels:
@@ -120,9 +125,10 @@ class Spot(AbstractMeasurement):
     name: str = ""
     prefix: ClassVar[str] = "Sp"
 
+    @property
     @override
-    def points(self, height: int, width: int) -> list[tuple[int, int]]:
-        return [_pixel_of(self.at, height, width)]
+    def places(self) -> tuple[Point, ...]:
+        return (self.at,)
 
     @override
     def pixels(self, kelvin: Float[np.ndarray, "h w"]) -> Pixels:
@@ -138,9 +144,10 @@ class Line(AbstractMeasurement):
     name: str = ""
     prefix: ClassVar[str] = "Li"
 
+    @property
     @override
-    def points(self, height: int, width: int) -> list[tuple[int, int]]:
-        return [_pixel_of(point, height, width) for point in self.ends]
+    def places(self) -> tuple[Point, ...]:
+        return self.ends
 
     @override
     def pixels(self, kelvin: Float[np.ndarray, "h w"]) -> Pixels:
@@ -156,9 +163,10 @@ class Box(AbstractMeasurement):
     name: str = ""
     prefix: ClassVar[str] = "Bx"
 
+    @property
     @override
-    def points(self, height: int, width: int) -> list[tuple[int, int]]:
-        return [_pixel_of(point, height, width) for point in self.corners]
+    def places(self) -> tuple[Point, ...]:
+        return self.corners
 
     @override
     def pixels(self, kelvin: Float[np.ndarray, "h w"]) -> Pixels:
@@ -197,10 +205,6 @@ class Isotherm(AbstractMeasurement):
         """Limits of the temperature [K], infinite where one is None."""
         low = -math.inf if self.above is None else float(self.above)
         return low, math.inf if self.below is None else float(self.below)
-
-    @override
-    def points(self, height: int, width: int) -> list[tuple[int, int]]:
-        return []
 
     @override
     def pixels(self, kelvin: Float[np.ndarray, "h w"]) -> Pixels:

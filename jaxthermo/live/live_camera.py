@@ -1,18 +1,18 @@
 """The frame of a scene's own camera, as its detector sees it, in a small size."""
 
+from dataclasses import replace
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
 from ..arrays import precision
-from ..config.camera_framing import build_camera
+from ..config.camera_framing import build_recorder, camera_on
 from ..config.schema.scene import SceneConfig
-from ..config.types.model import build
 from ..image.colour.frame_values import QUANTITIES
 from ..image.detector.effects import Blur
 from ..image.radiance.draw import Moment
-from ..image.radiance.effect import Effects, in_order
-from ..image.render import Recorder
+from ..image.radiance.effect import Effects
 from ..physics.time_varying import just_before
 from ..scene.scene import SolvedSurface
 from .live_run import AbstractLiveRun
@@ -31,24 +31,17 @@ class LiveCamera:
     """
 
     def __init__(self, config: SceneConfig, surfaces: tuple[SolvedSurface, ...]):
-        camera_config = config.camera
-        triangles = [s.geometry.triangles for s in surfaces]
-        shrink = min(1.0, _WIDTH / camera_config.width, _HEIGHT / camera_config.height)
-        size = {"width": camera_config.width, "height": camera_config.height}
-        smaller = {name: max(1, round(shrink * n)) for name, n in size.items()}
-        camera = camera_config.model_copy(update=smaller)
-        self.camera = build_camera(camera, np.concatenate(triangles))
+        scene_camera = config.camera
+        shrink = min(1.0, _WIDTH / scene_camera.width, _HEIGHT / scene_camera.height)
+        width = max(1, round(shrink * scene_camera.width))
+        height = max(1, round(shrink * scene_camera.height))
+        smaller = scene_camera.model_copy(update={"width": width, "height": height})
+        self.camera = camera_on(smaller, surfaces)
         self._quantity = config.image.quantity
         self._dtype = config.dtype
-        effects = in_order(build(config.image.effects), "image.effects")
-        self._effects = _in_larger_pixels(effects, shrink)
-        self._recorder = Recorder(
-            self.camera,
-            band=build(config.image.band),
-            effects=self._effects,
-            smooth=config.image.smooth,
-            occlusion=config.image.occlusion,
-        )
+        recorder = build_recorder(self.camera, config.image)
+        effects = _in_larger_pixels(recorder.effects, shrink)
+        self._recorder = replace(recorder, samples=1, effects=effects)
 
     @property
     def quantity(self) -> str:

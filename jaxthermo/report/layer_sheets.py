@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 from PIL import Image
 
 from ..arrays import Scalar
 from ..image.colour.annotate import write_png
-from ..image.colour.contact_texture import contact_images
+from ..image.colour.palette import apply_palette
 from ..image.colour.ticks import scale_ticks
 from ..voxels.grid import VoxelGrid
 from ..voxels.textures import (
@@ -17,6 +17,7 @@ from ..voxels.textures import (
     depth_colours,
     layer_images,
     normal_colours,
+    packed_images,
 )
 from .numbers import count
 from .sheet import (
@@ -34,6 +35,8 @@ from .sheet import (
 _LAYER_EDGE = 300
 # Width of a sheet of layers over its height, about that of a screen.
 _SHEET_RATIO = 1.6
+# sRGB of fragments without contact: dark, and in no palette.
+_UNTOUCHED = (52, 55, 62)
 _WAYS = ("+x", "-x", "+y", "-y", "+z", "-z")
 # The packed layers hold surface fragments alone, and not where they were peeled.
 _TITLES = {
@@ -128,11 +131,10 @@ def _contact_tiles(
     tiles = []
     layer = grid.fragment_layer[:, 1]
     in_contact = ~np.isnan(values)
-    images_by_axis = contact_images(
+    images_by_axis = _contact_images(
         grid, values=values, low=low, high=high, palette=palette
     )
-    for key, images in images_by_axis.items():
-        axis = key[0]
+    for axis, images in images_by_axis.items():
         touching_layer = layer[grid.is_packed("xyz".index(axis)) & in_contact]
         for number in np.unique(touching_layer).tolist():
             fragments = int(np.count_nonzero(touching_layer == number))
@@ -143,6 +145,29 @@ def _contact_tiles(
             )
             tiles.append(tile)
     return tiles
+
+
+def _contact_images(
+    grid: VoxelGrid,
+    values: Float[np.ndarray, " s"],
+    low: Scalar,
+    high: Scalar,
+    palette: str,
+) -> dict[str, list[UInt8[np.ndarray, "h w 3"]]]:
+    """Packed layers in false colours, front layer first, by axes with any contact.
+
+    They are those of the thesis, 5.3, figures 5.4 and 5.5.
+    """
+    column = apply_palette(
+        values[:, None], low=low, high=high, name=palette, invalid=_UNTOUCHED
+    )
+    images = {}
+    for axis, name in enumerate("xyz"):
+        with_value = grid.is_packed(axis) & ~np.isnan(values)
+        if with_value.any():
+            last = int(grid.fragment_layer[with_value, 1].max())
+            images[name] = packed_images(grid, axis, column[:, 0])[: last + 1]
+    return images
 
 
 def contact_texture_sheet(

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from PIL import Image
 
 import jaxthermo as jt
-from jaxthermo.config.camera_framing import build_camera
+from jaxthermo.config.camera_framing import camera_on
 from jaxthermo.config.loader import load_config
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.constants import ZERO_CELSIUS
@@ -201,8 +201,7 @@ def _texture(
 
 
 def _frames(run: _BallOnHead) -> Image.Image:
-    triangles = np.concatenate([s.geometry.triangles for s in run.solution.surfaces])
-    camera = build_camera(run.config.camera, triangles)
+    camera = camera_on(run.config.camera, run.solution.surfaces)
     shots = []
     for time in (0, len(TIMES) - 1):
         image = jt.render(run.solution, camera, time)

@@ -97,4 +97,4 @@ def test_a_large_frame_is_reduced_with_its_blur(run, path):
     config = config_with(path, blur, camera__width="620", camera__height="400")
     detector = LiveCamera(config, run.surfaces)
     assert detector.camera.size == (310, 200)
-    assert detector._effects.spread == pytest.approx(1.0)
+    assert detector._recorder.effects.spread == pytest.approx(1.0)
