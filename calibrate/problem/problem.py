@@ -265,11 +265,16 @@ class Problem:
         step_tables = None
         with precision(self.dtype.name):
             traced = self.trace(self.step_tables())
-            run = eqx.filter_jit(lambda traced, *arguments: traced(*arguments)[1])
+
+            @eqx.filter_jit
+            def diagnose(traced, *arguments):
+                _, diagnostics = traced(*arguments)
+                return diagnostics
+
             for point in points:
                 z = jnp.asarray(point, self.dtype)
                 step_tables = self.step_tables_at(z, step_tables)
-                diagnostics = run(traced, z, step_tables, self.views_at(z))
+                diagnostics = diagnose(traced, z, step_tables, self.views_at(z))
                 errors.append(self.case_errors(diagnostics.host_errors()))
         return errors
 

@@ -6,7 +6,7 @@ A process that is killed while it writes leaves half a line, which the next one 
 import fcntl
 import json
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -47,7 +47,41 @@ def claim_folder(folder: Path, config_hash: str) -> None:
         write_text(path, config_hash + "\n")
 
 
-def finished_rows(content: bytes) -> Iterator[Row]:
+def read_rows(path: Path) -> list[Row]:
+    """Rows of a file, the last one of each id; none if there is no file.
+
+    Raises:
+        InputError: if it cannot be read.
+    """
+    try:
+        content = path.read_bytes() if path.is_file() else b""
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from error
+    rows: dict[object, Row] = {}
+    for number, row in enumerate(_finished_rows(content)):
+        rows[row.get("id", number)] = row
+    return list(rows.values())
+
+
+def append_rows(path: Path, rows: Iterable[Row]) -> None:
+    """Add rows to a file, below a line that was cut off, if any.
+
+    Raises:
+        InputError: if it cannot be written.
+    """
+    lines = [json.dumps(row, allow_nan=False) + "\n" for row in rows]
+    try:
+        with path.open("a+", encoding="utf-8") as file:
+            file.seek(0)
+            content = file.read()
+            if content and not content.endswith("\n"):
+                lines.insert(0, "\n")
+            file.writelines(lines)
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from error
+
+
+def _finished_rows(content: bytes) -> Iterator[Row]:
     """Rows in the content of a file, without lines that were cut off."""
     for line in content.splitlines():
         with suppress(ValueError, RecursionError):
@@ -94,7 +128,7 @@ class Rows:
         content = self.path.read_bytes() if self.path.exists() else b""
         finished = content[: content.rfind(b"\n") + 1]
         superseded = []
-        for row in finished_rows(finished):
+        for row in _finished_rows(finished):
             if "id" not in row:
                 continue
             if row.get("program") == self._program:
@@ -102,8 +136,7 @@ class Rows:
             else:
                 superseded.append(row)
         if superseded:
-            with (self.path.parent / _SUPERSEDED).open("a", encoding="utf-8") as file:
-                file.writelines(json.dumps(row) + "\n" for row in superseded)
+            append_rows(self.path.parent / _SUPERSEDED, superseded)
         if superseded or len(finished) < len(content):
             self._rewrite()
 

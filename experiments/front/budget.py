@@ -22,6 +22,7 @@ from calibrate.study.config import (
 )
 from calibrate.study.evaluate import Truth, find_truth
 from calibrate.study.points import cases_of, choices
+from calibrate.study.rows import Row
 from calibrate.study.summary import goals_table
 from jaxthermo.accuracy.truth_error import AtPoints, TruthError, error_at_points
 from jaxthermo.arrays import precision
@@ -37,7 +38,7 @@ from jaxthermo.report.numbers import padded, seconds
 from jaxthermo.timing import timed_call
 
 from ..harness.present import Column, publish, table_of
-from ..harness.record import Arrays, Record, Row
+from ..harness.record import Arrays, Record
 
 
 _FURTHER = 2

@@ -14,7 +14,7 @@ from calibrate.study.case import Case, build_case
 from calibrate.study.config import load_sweep
 from calibrate.study.evaluate import find_truth
 from calibrate.study.front import Point, points_of
-from calibrate.study.rows import Row
+from calibrate.study.rows import Row, append_rows
 from jaxthermo.config.loader import resolved
 from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
@@ -26,7 +26,7 @@ from jaxthermo.timing import interleaved
 
 from ..harness.record import fingerprint, program_hash
 from .comparisons import model_loop
-from .rivals import append_rows, read_folder
+from .rivals import read_folder
 from .run import TOLERANCES, SweepCases
 
 

@@ -7,9 +7,8 @@ rivals are in the sweep's folder, which is read here too.
 
 import base64
 import importlib
-import json
 import statistics
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -20,7 +19,7 @@ from calibrate.problem.reference import on_every_voxel
 from calibrate.study.case import Case, build_case
 from calibrate.study.evaluate import find_truth
 from calibrate.study.front import Point, errors_of
-from calibrate.study.rows import Row, finished_rows
+from calibrate.study.rows import Row, append_rows, read_rows
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.solution_file import StoredSolution
@@ -116,7 +115,7 @@ class Rivals:
         self._cases = cases
         self._path = path
         self._log = log
-        self._known = {row["id"]: row for row in _read_rows(path) if "id" in row}
+        self._known = {row["id"]: row for row in read_rows(path) if "id" in row}
         self._rows: dict[tuple[_Setting, str], Row] = {}
         # Settings of one height are run under all loads, one after the other.
         self._body = lru_cache(maxsize=len(cases))(self._body_of)
@@ -362,7 +361,7 @@ def read_folder(path: Path) -> SweepFolder:
     Raises:
         InputError: if it has no rows, or a file cannot be read.
     """
-    rows = _read_rows(path / "rows.jsonl")
+    rows = read_rows(path / "rows.jsonl")
     if not rows:
         raise InputError(
             f"{path}: holds no rows of a sweep: name the folder of an "
@@ -374,29 +373,6 @@ def read_folder(path: Path) -> SweepFolder:
         path=path,
         rows=finished,
         failed=failed,
-        times=_read_rows(path / "times.jsonl"),
-        rivals=_read_rows(path / "rivals.jsonl"),
+        times=read_rows(path / "times.jsonl"),
+        rivals=read_rows(path / "rivals.jsonl"),
     )
-
-
-def _read_rows(path: Path) -> list[Row]:
-    """Rows of a file, the last one of each id; none if there is no file."""
-    try:
-        content = path.read_bytes() if path.is_file() else b""
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror}") from error
-    rows = enumerate(finished_rows(content))
-    return list({row.get("id", number): row for number, row in rows}.values())
-
-
-def append_rows(path: Path, rows: Iterable[Row]) -> None:
-    """Add rows to a file.
-
-    Raises:
-        InputError: if it cannot be written.
-    """
-    try:
-        with path.open("a", encoding="utf-8") as file:
-            file.writelines(json.dumps(row, allow_nan=False) + "\n" for row in rows)
-    except OSError as error:
-        raise InputError(f"cannot write {path}: {error.strerror}") from error

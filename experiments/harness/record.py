@@ -4,18 +4,17 @@ import hashlib
 import json
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from calibrate.study.rows import Row, append_rows, read_rows
 from jaxthermo.atomic import replacing
 from jaxthermo.errors import InputError
 from jaxthermo.memo.content_hash import code_hash
 
 
-Row = dict[str, Any]
 Arrays = dict[str, np.ndarray]
 
 
@@ -27,20 +26,15 @@ class Record:
         self.sources = sources
         self.path = folder / "rows.jsonl"
         self.arrays = folder / "arrays"
-        self.rows: dict[str, Row] = {}
         try:
             self.arrays.mkdir(parents=True, exist_ok=True)
-            text = self.path.read_text(encoding="utf-8") if self.path.exists() else ""
         except OSError as error:
             raise InputError(f"--out {folder}: {error.strerror}") from error
-        for line in text.splitlines():
-            # A line may be cut off: its row is measured again.
-            with suppress(json.JSONDecodeError):
-                row = json.loads(line)
-                if isinstance(row, dict) and {"id", "arrays"} <= set(row):
-                    self.rows[row["id"]] = row
-        if text and not text.endswith("\n"):
-            self._append("")  # the last one was cut off within a row
+        self.rows: dict[str, Row] = {
+            row["id"]: row
+            for row in read_rows(self.path)
+            if {"id", "arrays"} <= set(row)
+        }
 
     def once(
         self, identity: Any, head: Row, make: Callable[[], tuple[Row, Arrays]]
@@ -67,7 +61,7 @@ class Record:
         if arrays:
             with replacing(self._array_file(key)) as temporary:
                 np.savez(temporary, allow_pickle=False, **arrays)
-        self._append(json.dumps(row, allow_nan=False))
+        append_rows(self.path, [row])
         self.rows[key] = row
         return row
 
@@ -94,13 +88,6 @@ class Record:
 
     def _array_file(self, key: str) -> Path:
         return self.arrays / f"{key}.npz"
-
-    def _append(self, line: str) -> None:
-        try:
-            with self.path.open("a", encoding="utf-8") as file:
-                file.write(line + "\n")
-        except OSError as error:
-            raise InputError(f"cannot write {self.path}: {error.strerror}") from error
 
 
 def program_hash(sources: tuple[Path, ...] = ()) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from calibrate.config.fit_record import read_fit
-from calibrate.study.rows import Row, finished_rows
+from calibrate.study.rows import Row, read_rows
 from jaxthermo.archive import check_regular, read_record
 from jaxthermo.errors import InputError
 
@@ -155,14 +155,14 @@ def _read(file: Path) -> Result:
         return Result(kind, file=file, content=content)
     times = {
         row["id"]: row["loop_s"]
-        for row in _read_rows(file.with_name(_TIMES))
-        if isinstance(row.get("loop_s"), list)
+        for row in read_rows(file.with_name(_TIMES))
+        if "id" in row and isinstance(row.get("loop_s"), list)
     }
     return Result(
         kind=kind,
         file=file,
         content=content,
-        rows=_read_rows(file.with_name(_ROWS)),
+        rows=tuple(row for row in read_rows(file.with_name(_ROWS)) if "id" in row),
         times=times,
     )
 
@@ -185,10 +185,3 @@ def _read_json(file: Path) -> Mapping[str, Any]:
     if not isinstance(content, dict):
         raise InputError(f"{file}: damaged, or no result")
     return content
-
-
-def _read_rows(file: Path) -> tuple[Row, ...]:
-    if not file.exists():
-        return ()
-    rows = finished_rows(file.read_bytes())
-    return tuple({row["id"]: row for row in rows if "id" in row}.values())

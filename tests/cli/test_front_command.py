@@ -5,8 +5,8 @@ import json
 
 import pytest
 
+from calibrate.study.rows import append_rows
 from experiments.__main__ import main
-from experiments.front.rivals import append_rows
 from tests.cli.cli_runs import run
 from tests.front_rows import row
 from tests.sweeping import SWEEP, sweep_file

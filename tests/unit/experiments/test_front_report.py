@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from calibrate.study.front import points_of, rivals_of
+from calibrate.study.rows import append_rows
 from experiments.front.charts import error_against
 from experiments.front.report import Findings, write_report
-from experiments.front.rivals import append_rows, read_folder
+from experiments.front.rivals import read_folder
 from jaxthermo.errors import InputError
 from tests.front_rows import row, time
 
