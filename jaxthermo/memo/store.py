@@ -45,12 +45,18 @@ _UNCHECKED_FRACTION = 1 / 16
 _RESULTS = "memo"
 _PROGRAMS = "programs"
 _NAME = re.compile(
-    r"(?P<hidden>\.?)(?P<category>[a-z_]+)-[0-9a-f]{40}(\.\d+-[0-9a-f]{8})?\.bin"
+    r"(?P<category>[a-z_]+)-[0-9a-f]{40}\.bin|\.[a-z_]+-[0-9a-f]{40}\.\d+-[0-9a-f]{8}\.bin"
 )
 _OLD_NAME = re.compile(
     r"\.?([a-z_]+-[0-9a-f]{40}|[0-9a-f]{32})(\.(\d+-)?[0-9a-f]{8})?\.(bin|npz|json)"
 )
-_OLD_FOLDERS = ("findings", "references", "structures")
+_NAMES = {
+    f"{_RESULTS}/*": _NAME,
+    f"{_PROGRAMS}/*/*": _NAME,
+    "findings/*": _OLD_NAME,
+    "references/*": _OLD_NAME,
+    "structures/*": _OLD_NAME,
+}
 
 _log = logging.getLogger(__name__)
 _unchecked_bytes: dict[Path, int] = {}
@@ -131,41 +137,24 @@ def program_folder(folder: Path, machine: str) -> Path:
 
 def files_of(folder: Path) -> list[Entry]:
     """Files of a cache; those of other names are none of it."""
-    return [*_current_files(folder), *_old_files(folder)]
-
-
-def _current_files(folder: Path) -> list[Entry]:
-    paths = [*folder.glob(f"{_RESULTS}/*"), *folder.glob(f"{_PROGRAMS}/*/*")]
-    return _entries(paths, _NAME)
-
-
-def _old_files(folder: Path) -> list[Entry]:
-    paths = [path for name in _OLD_FOLDERS for path in folder.glob(f"{name}/*")]
-    return _entries(paths, _OLD_NAME)
-
-
-def _entries(paths: Iterable[Path], names: re.Pattern[str]) -> list[Entry]:
     entries = []
-    for path in paths:
-        match = names.fullmatch(path.name)
-        # Another process may remove files at the same time.
-        with contextlib.suppress(OSError):
-            if match:
-                status = path.stat()
-                category = _category(match)
-                entries.append(Entry(category, path, status.st_size, status.st_mtime))
+    for pattern, names in _NAMES.items():
+        for path in folder.glob(pattern):
+            match = names.fullmatch(path.name)
+            # Another process may remove files at the same time.
+            with contextlib.suppress(OSError):
+                if match:
+                    status = path.stat()
+                    category = match.groupdict(_UNFINISHED).get("category", OLD_RELEASE)
+                    entries.append(
+                        Entry(category, path, status.st_size, status.st_mtime)
+                    )
     return entries
-
-
-def _category(match: re.Match[str]) -> str:
-    if match.re is _OLD_NAME:
-        return OLD_RELEASE
-    return _UNFINISHED if match["hidden"] else match["category"]
 
 
 def _announce_old_release(folder: Path, results: Path) -> None:
     """Say once that results of an earlier release are there."""
-    old_bytes = sum(file.size for file in _old_files(folder))
+    old_bytes = sum(e.size for e in files_of(folder) if e.category == OLD_RELEASE)
     if old_bytes:
         # One of several processes makes the folder.
         with contextlib.suppress(OSError):
@@ -188,8 +177,8 @@ def write_entry(
         write: writes its content.
     """
     limit = _limit_of_run()
-    largest = limit if _is_reference(path) else limit * _MAX_FRACTION
-    if size > largest:
+    is_reference = path.name.startswith(f"{REFERENCE}-")
+    if size > limit * (1 if is_reference else _MAX_FRACTION):
         return
     with contextlib.suppress(OSError, InputError):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -209,18 +198,12 @@ def mark_used(path: Path) -> None:
         os.utime(path)
 
 
-def _is_reference(path: Path) -> bool:
-    return path.name.startswith(f"{REFERENCE}-")
-
-
 def _make_room(folder: Path, max_bytes: int) -> None:
     """Remove the least recently used files, references last, above a size."""
+    entries = [entry for entry in files_of(folder) if entry.category != OLD_RELEASE]
+    entries.sort(key=lambda entry: (entry.category != REFERENCE, -entry.used_at))
     total_size = 0
-    for entry in sorted(
-        _current_files(folder),
-        key=lambda entry: (entry.category == REFERENCE, entry.used_at),
-        reverse=True,
-    ):
+    for entry in entries:
         total_size += entry.size
         if total_size > max_bytes:
             entry.path.unlink(missing_ok=True)

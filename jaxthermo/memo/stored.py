@@ -4,15 +4,16 @@ A file's name is the hash of everything that its result follows from, with the c
 this library. `findings` remembers within one process, by the identity of objects.
 """
 
+import contextlib
 import functools
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from . import store
 from .content_hash import code_hash, content_hash
-from .value_file import NoContentError, encode, read_value
+from .values import NoContentError, PlainValue, fields, read_value
 
 
 _MIN_SECONDS = 0.03
@@ -69,25 +70,26 @@ def stored(
     except NoContentError:
         return compute()
     path = store.result_path(folder, category, key)
-    classes = {named_class.__name__: named_class for named_class in types}
-    try:
-        with path.open("rb") as file:
-            value = read_value(file, classes)
-    except Exception:  # missing, or damaged, which raises any exception
-        pass
-    else:
+    # A file that is missing or damaged raises any exception.
+    with contextlib.suppress(Exception), path.open("rb") as file:
+        value = read_value(
+            file, {value_type.__name__: value_type for value_type in types}
+        )
         store.mark_used(path)
         return value
     clock = time.perf_counter()
     value = compute()
     if time.perf_counter() - clock >= _MIN_SECONDS:
-        _write(folder, path, value, classes)
+        _write(folder, path=path, value=value, types=types)
     return value
 
 
-def _write(folder: Path, path: Path, value: Any, classes: Mapping[str, type]) -> None:
-    try:
-        encoded = encode(value, classes)
-    except NoContentError:
-        return
-    store.write_entry(folder, path=path, size=encoded.size, write=encoded.write)
+def _write(folder: Path, path: Path, value: Any, types: tuple[type, ...]) -> None:
+    def fields_of(value: Any) -> Iterable[Any]:
+        if type(value) not in types:
+            raise NoContentError(f"cannot be stored: {type(value)}")
+        return fields(value)
+
+    with contextlib.suppress(NoContentError):
+        plain = PlainValue.of(value, fields_of)
+        store.write_entry(folder, path=path, size=plain.size, write=plain.write)

@@ -18,7 +18,7 @@ from jaxthermo.memo import store, stored as stored_module
 from jaxthermo.memo.content_hash import content_hash
 from jaxthermo.memo.store import without_cache
 from jaxthermo.memo.stored import stored, stored_search
-from jaxthermo.memo.value_file import read_value
+from jaxthermo.memo.values import read_value
 
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -333,14 +333,14 @@ import os, random, signal, sys, time
 from pathlib import Path
 import numpy as np
 from jaxthermo.memo import store
-from jaxthermo.memo.value_file import encode
+from jaxthermo.memo.values import PlainValue
 folder = Path(sys.argv[1])
 def write_for_ever():
     while True:
         for n in range(3):
-            encoded = encode(np.full(200_000, n), {})
+            value = PlainValue.of(np.full(200_000, n), list)
             path = store.result_path(folder, "numbers", f"{n:040x}")
-            store.write_entry(folder, path, encoded.size, encoded.write)
+            store.write_entry(folder, path, value.size, value.write)
 random.seed(1)
 for _ in range(60):
     child = os.fork()
