@@ -9,6 +9,7 @@ import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.arrays import precision
+from jaxthermo.geometry.mesh import joined
 from jaxthermo.network.network import precise_sum
 from jaxthermo.physics.conduction import series
 
@@ -250,10 +251,8 @@ def _island_body() -> jt.Body:
     """Two blocks with a gap between them, as one body; warmer along x."""
     left = jt.shapes.box((0.03, 0.02, 0.02))
     right = left.moved((0.05, 0.0, 0.0))
-    vertices = np.concatenate([left.vertices, right.vertices])
-    mesh = jt.Mesh(
-        vertices, np.concatenate([left.faces, right.faces + len(left.vertices)])
-    )
+    blocks = [(block.vertices, block.faces) for block in (left, right)]
+    mesh = jt.Mesh(*joined(blocks))
 
     def start_temperature(points: np.ndarray) -> np.ndarray:
         return 320.0 + 10.0 * (points[:, 0] > 0.02)

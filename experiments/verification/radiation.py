@@ -9,6 +9,7 @@ import numpy as np
 import jaxthermo as jt
 from jaxthermo.arrays import precision
 from jaxthermo.constants import STEFAN_BOLTZMANN
+from jaxthermo.geometry.mesh import joined
 from jaxthermo.physics.convection.cross_flow import local_nusselt
 from jaxthermo.physics.convection.nusselt import AVERAGES
 from jaxthermo.physics.radiation.area_source import polygon_view_factor
@@ -212,12 +213,9 @@ def _spheres() -> Iterator[Check]:
     # Radii of the ball, the hollow and the body around it [m].
     inner, outer, outside = (jt.shapes.sphere(r) for r in (0.05, 0.1, 0.12))
     # Reversed, as the outside of the hollow's faces is within.
-    inward = outer.faces[:, ::-1] + len(outside.vertices)
-    hollow = jt.Mesh(
-        np.concatenate([outside.vertices, outer.vertices]),
-        np.concatenate([outside.faces, inward]),
-        "hollow ball",
-    )
+    hole = outer.vertices, outer.faces[:, ::-1]
+    vertices, faces = joined([(outside.vertices, outside.faces), hole])
+    hollow = jt.Mesh(vertices, faces, "hollow ball")
     ball = jt.voxelize(inner, 0.005)
     around = jt.voxelize(hollow, 0.005)
     is_outside = np.linalg.norm(around.fragment_position, axis=1) > (0.1 + 0.12) / 2

@@ -8,7 +8,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..arrays import namespace
 from ..errors import InputError
-from ..geometry.mesh import Mesh
+from ..geometry.mesh import Mesh, joined
 from ..geometry.sample import MeshSample, mesh_sample
 from ..integrate.run.solution import Solution
 from ..integrate.run.solution_file import StoredSolution
@@ -325,11 +325,9 @@ def _samples(
 ) -> list[MeshSample]:
     """Points of each body in its own frame, evenly over the area of all."""
     meshes = [surface.geometry for surface in surfaces]
-    first = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
     last = np.cumsum([len(mesh.faces) for mesh in meshes])
-    faces = [mesh.faces + start for mesh, start in zip(meshes, first, strict=True)]
-    vertices = np.concatenate([mesh.vertices for mesh in meshes])
-    together = Mesh(vertices, np.concatenate(faces), name="the reference")
+    vertices, faces = joined([(mesh.vertices, mesh.faces) for mesh in meshes])
+    together = Mesh(vertices, faces, name="the reference")
     sample = mesh_sample(together, count, seed)
     body = np.searchsorted(last, sample.face, side="right")
     return [

@@ -1,5 +1,6 @@
 """Triangle mesh: geometry, connectivity, a report of its quality, and placement."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -109,6 +110,17 @@ class Mesh:
     def placed(self, pose: "Pose") -> "Mesh":
         """Rotate and translate by a pose."""
         return replace(self, vertices=pose.to_world(self.vertices))
+
+
+def joined(
+    meshes: Sequence[tuple[Float[np.ndarray, "_ 3"], Int[np.ndarray, "_ 3"]]],
+) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]:
+    """Vertices and faces of several meshes, one after the other, as of a single one."""
+    if len(meshes) == 1:
+        return meshes[0]
+    first = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
+    faces = [faces + n for (_, faces), n in zip(meshes, first, strict=False)]
+    return np.concatenate([vertices for vertices, _ in meshes]), np.concatenate(faces)
 
 
 def area_components(

@@ -5,6 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from .vectors import row_dot
+
 
 # Corners of the triangles that replace a triangle, by the number of its cut edges.
 # 0, 1, 2 are its corners; edge e, from corner e to the next one, has its middle at
@@ -43,7 +45,7 @@ def refine_edges(
         next_corners = np.roll(faces, -1, axis=1)
         ends = np.stack([faces, next_corners], axis=-1)
         along = vertices[next_corners, :3] - vertices[faces, :3]
-        cut = np.einsum("fei,fei->fe", along, along) > longest**2
+        cut = row_dot(along, along) > longest**2
         if not cut.any():
             return _RefinedMesh(vertices=vertices, faces=faces, parent=parent)
         # Sorted, so that both faces at an edge have the same pair.

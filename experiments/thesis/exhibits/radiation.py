@@ -8,6 +8,7 @@ from scipy.optimize import root_scalar
 
 import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
+from jaxthermo.geometry.mesh import joined
 from jaxthermo.geometry.shapes import box, sphere
 from jaxthermo.material.table import material_rows, thesis_material
 from jaxthermo.physics.radiation.patches import PatchedBody, group_patches
@@ -225,9 +226,9 @@ def _hollow() -> list[Numbers]:
     """A lamp and a panel in a hollow ball: all they send out is caught."""
     hole = sphere(_RADIUS, 3)
     hull = sphere(1.2 * _RADIUS, 3)
-    faces = [hull.faces, hole.faces[:, ::-1] + len(hull.vertices)]
-    vertices = np.concatenate([hull.vertices, hole.vertices])
-    hollow = jt.voxelize(jt.Mesh(vertices, np.concatenate(faces), "hollow"), 2 * _PITCH)
+    inward = hole.vertices, hole.faces[:, ::-1]
+    vertices, faces = joined([(hull.vertices, hull.faces), inward])
+    hollow = jt.voxelize(jt.Mesh(vertices, faces, "hollow"), 2 * _PITCH)
     lamp = jt.PointSource((0.1, -0.05, 0.08), 1.0)
     panel = jt.AreaSource((0.02, 0.0, 0.05), (1.0, 0.5, 0.2), (0.1, 0.06), radiance=1.0)
     of_panel = np.pi * 0.1 * 0.06

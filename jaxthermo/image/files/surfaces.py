@@ -11,6 +11,7 @@ from scipy.sparse import csr_array
 from ...arrays import consecutive
 from ...errors import InputError
 from ...findings import found
+from ...geometry.mesh import joined
 from ...geometry.refine import refine_edges
 from ...geometry.vectors import unit_vectors
 from ...integrate.run.solution import AbstractSolution
@@ -131,8 +132,6 @@ def write_vtu(path: str | Path, solution: _Solved, index: int = -1) -> None:
     meshes = [_mesh(s.geometry) for s in solution.surfaces]
     poses = [s.geometry.pose.at(time) for s in solution.surfaces]
     pairs = list(zip(meshes, poses, strict=True))
-    first_vertex = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    faces = [mesh.faces + n for mesh, n in zip(meshes, first_vertex[:-1], strict=True)]
     body = [np.full(len(m.faces), n, np.int32) for n, m in enumerate(meshes)]
     values = {
         name: np.concatenate(
@@ -145,12 +144,13 @@ def write_vtu(path: str | Path, solution: _Solved, index: int = -1) -> None:
     }
     normals = [pose.rotate(mesh.normals) for mesh, pose in pairs]
     values["Normals"] = np.concatenate(normals).astype(np.float32)
-    points = np.concatenate([pose.to_world(mesh.vertices) for mesh, pose in pairs])
+    world = [(pose.to_world(mesh.vertices), mesh.faces) for mesh, pose in pairs]
+    points, faces = joined(world)
     cells = {"body": np.concatenate(body)}
     write_triangles(
         path,
         points=points,
-        faces=np.concatenate(faces),
+        faces=faces,
         point_data=values,
         cell_data=cells,
         time=time,

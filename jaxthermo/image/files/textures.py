@@ -19,6 +19,7 @@ from scipy.sparse import csr_array
 from ...atomic import write_text
 from ...errors import InputError
 from ...geometry.mesh import Pose
+from ...geometry.vectors import unit_vectors
 from ...scene.scene import BodyGeometry
 from ..colour.palette import apply_palette
 from ..surface.facets import corner_normals
@@ -103,8 +104,7 @@ def _build_atlas(geometry: BodyGeometry) -> _Atlas:
     def mixed(corners: Float[np.ndarray, "f 3 3"]) -> Float[np.ndarray, "t 3"]:
         return np.einsum("tc,tci->ti", share, corners[owner])
 
-    ahead = mixed(creased.normals[creased.faces])
-    ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-12)
+    ahead = unit_vectors(mixed(creased.normals[creased.faces]))
     weights = smooth_weights(mixed(triangles), ahead, geometry)
     uv = _coordinates(cells)
     return _Atlas(

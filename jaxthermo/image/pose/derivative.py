@@ -24,7 +24,7 @@ from jaxtyping import Array, Float, Int
 from scipy.linalg import expm, expm_frechet
 from scipy.sparse import csr_array
 
-from ...geometry.vectors import row_dot, tangents, unit_vectors
+from ...geometry.vectors import row_dot, tangents, triangle_normals, unit_vectors
 from ...scene.scene import SolvedSurface
 from ..surface.background import Background
 from ..surface.camera import AbstractCamera
@@ -91,10 +91,9 @@ def linearize_view(
     moved = moved_camera(camera, pose)
     visible, rows = _chosen(surfaces, moved, pixels)
     corners = _triangles(surfaces, visible)
-    a, b, c = np.moveaxis(corners, 1, 0)
-    flat = unit_vectors(np.cross(b - a, c - a))
+    flat = unit_vectors(triangle_normals(corners))
     along = np.stack(tangents(flat))
-    visible = _on_planes(moved, visible=visible, corner=a, flat=flat)
+    visible = _on_planes(moved, visible=visible, corner=corners[:, 0], flat=flat)
     local, normal = in_bodies(surfaces, visible)
     weights = all_weights(surfaces, visible=visible, local=local, normal=normal)
     slopes = _weight_slopes(

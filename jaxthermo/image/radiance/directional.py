@@ -9,6 +9,7 @@ from jaxtyping import Float
 from typing_extensions import override
 
 from ...errors import InputError
+from ...geometry.vectors import row_dot, unit_vectors
 from ...module import static_numbers
 from ...physics.radiation.diffuse_sky import DiffuseSky
 from ...physics.radiation.source import AbstractSource, Sun
@@ -111,10 +112,8 @@ class SpecularReflection(AbstractSurfaceEffect):
             away = -np.asarray(source.direction, float)[None]
         else:
             away = source.points().mean(0) - sight.point
-        cosine = np.einsum(
-            "ij,ij->i", sight.mirror, np.broadcast_to(away, sight.mirror.shape)
-        )
-        cosine = (cosine / np.linalg.norm(away, axis=1)).clip(0, 1)
+        towards = np.broadcast_to(unit_vectors(away), sight.mirror.shape)
+        cosine = row_dot(sight.mirror, towards).clip(0, 1)
         return (self.exponent + 2) / (2 * math.pi) * cosine**self.exponent
 
     @override

@@ -22,6 +22,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
 from ...findings import found
+from ...geometry.vectors import row_dot, triangle_normals, unit_vectors
 from ...scene.scene import BodyGeometry
 from .weights import CHUNK, Neighbours, block_matrix, cells_of
 
@@ -169,9 +170,9 @@ def _weights(
     def belonging(pairs: Neighbours) -> np.ndarray:
         normal = normals[pairs.owner]
         away = geometry.fragment_position[pairs.fragment] - points[pairs.owner]
-        height = np.abs(np.einsum("ij,ij->i", away, normal))
+        height = np.abs(row_dot(away, normal))
         fragment_normal = geometry.fragment_normal[pairs.fragment]
-        cosine = np.einsum("ij,ij->i", fragment_normal, normal)
+        cosine = row_dot(fragment_normal, normal)
         level = height <= near.offset * geometry.pitch
         return np.flatnonzero(level & (cosine > near.cosine))
 
@@ -277,7 +278,7 @@ def normal_slopes(
     flat = normals.flat[face]
     sum_ = np.einsum("pi,pij->pj", _barycentric(corners, points), corner)
     length = np.linalg.norm(sum_, axis=1)
-    normal = _unit(sum_)
+    normal = unit_vectors(sum_)
     # The coordinate of a corner rises from the opposite edge to the corner.
     edge = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
     rise = np.cross(flat[:, None], edge)
@@ -286,7 +287,7 @@ def normal_slopes(
     change = np.einsum("kpj,pij,pil->kpl", along, rise, corner)
     change -= normal * np.einsum("pj,kpj->kp", normal, change)[..., None]
     # Where the flat normal is taken instead, it does not change.
-    ahead = np.einsum("pi,pi->p", normal, flat) > 0
+    ahead = row_dot(normal, flat) > 0
     return change * (ahead / np.where(length > 0, length, 1))[:, None]
 
 
@@ -305,15 +306,15 @@ def _face_normals(vertices: np.ndarray, faces: np.ndarray) -> _FaceNormals:
     """Normals of a mesh, the same for all views and poses of it."""
 
     def find() -> _FaceNormals:
-        vectors = _area_vectors(vertices[faces])
-        flat = _unit(vectors)
-        area = np.sqrt(np.einsum("fi,fi->f", vectors, vectors))
+        vectors = triangle_normals(vertices[faces]) / 2
+        flat = unit_vectors(vectors)
+        area = np.sqrt(row_dot(vectors, vectors))
         # Corner 3 f + i of face f; those of one group have one normal.
         group = _joined_corners(faces, flat)
         angle = _corner_angles(vertices[faces]).ravel()
         weighted = flat.repeat(3, axis=0) * angle[:, None]
         total = [np.bincount(group, column) for column in weighted.T]
-        smooth = _unit(np.stack(total, axis=1))[group]
+        smooth = unit_vectors(np.stack(total, axis=1))[group]
         return _FaceNormals(
             flat=flat, corner=smooth.reshape(-1, 3, 3), area=area, group=group
         )
@@ -357,7 +358,7 @@ def _joined_corners(
     order = np.lexsort([high, low])
     edge = order[:-1]
     next_edge = order[1:]
-    cosine = np.einsum("ij,ij->i", normal[edge // 3], normal[next_edge // 3])
+    cosine = row_dot(normal[edge // 3], normal[next_edge // 3])
     joined = (low[edge] == low[next_edge]) & (high[edge] == high[next_edge])
     joined &= cosine > _CREASE_COSINE
     edge = edge[joined]
@@ -375,21 +376,9 @@ def _joined_corners(
 
 
 def _corner_angles(triangles: np.ndarray) -> Float[np.ndarray, "f 3"]:
-    ahead = _unit(np.roll(triangles, -1, axis=1) - triangles)
-    behind = _unit(np.roll(triangles, 1, axis=1) - triangles)
-    return np.arccos(np.clip(np.einsum("fij,fij->fi", ahead, behind), -1.0, 1.0))
-
-
-def _area_vectors(triangles: np.ndarray) -> Float[np.ndarray, "f 3"]:
-    """Normals of triangles, of the length of their areas [m^2]."""
-    a, b, c = np.moveaxis(triangles, 1, 0)
-    return 0.5 * np.cross(b - a, c - a)
-
-
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    """Vectors of length 1; 0 of those without a length."""
-    length = np.sqrt(np.einsum("...i,...i->...", vectors, vectors))[..., None]
-    return vectors / np.where(length > 0, length, 1)
+    ahead = unit_vectors(np.roll(triangles, -1, axis=1) - triangles)
+    behind = unit_vectors(np.roll(triangles, 1, axis=1) - triangles)
+    return np.arccos(np.clip(row_dot(ahead, behind), -1.0, 1.0))
 
 
 def _barycentric(

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float, Int
 from scipy.sparse import csr_array
 
 from ...findings import found
-from ...geometry.vectors import row_dot
+from ...geometry.vectors import row_dot, unit_vectors
 from ...memo.stored import stored
 from ...physics.term import AbstractTerm
 from ...scene.scene import BodyGeometry, SolvedSurface
@@ -135,8 +135,7 @@ class View:
         towards = -step / length[:, None]
         # A smooth normal may look away from the camera at an outline.
         cosine = np.clip(row_dot(towards, self.normal), 0, 1)
-        mirror = 2 * cosine[:, None] * self.normal - towards
-        mirror /= np.linalg.norm(mirror, axis=1)[:, None]
+        mirror = unit_vectors(2 * cosine[:, None] * self.normal - towards)
         parallel = isinstance(self.camera, OrthographicCamera)
         return LinesOfSight(
             point=origin + step * self.depth[:, None],

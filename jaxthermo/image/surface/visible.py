@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...errors import InputError
-from ...geometry.mesh import winding_number
+from ...geometry.mesh import joined, winding_number
 from ...raster.depth_buffer import nearest_hits
 from ...raster.fragments import within_raster
 from ...scene.scene import BodyGeometry, SolvedSurface
@@ -62,7 +62,7 @@ def visible_points(
                 f"camera: position {camera.position} is inside body {index}; "
                 "move it out, or omit the camera for an automatic view"
             )
-    points, faces, parent = camera.mesh_to_raster(*_joined(bodies))
+    points, faces, parent = camera.mesh_to_raster(*joined(bodies))
     if not within_raster(points):
         # Triangles outside of the image may be at any distance from it.
         overlapping = np.flatnonzero(_overlaps(points[faces], camera))
@@ -90,18 +90,6 @@ def _is_inside(point: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> bo
         if not column.min() <= coordinate <= column.max():
             return False
     return abs(winding_number(vertices[faces], point)) > 0.5
-
-
-def _joined(bodies: tuple[WorldMesh, ...]) -> WorldMesh:
-    if len(bodies) == 1:
-        return bodies[0]
-    first_vertex = np.cumsum([0, *(len(vertices) for vertices, _ in bodies)])
-    numbered = [
-        faces + n for (_, faces), n in zip(bodies, first_vertex[:-1], strict=True)
-    ]
-    return np.concatenate([vertices for vertices, _ in bodies]), np.concatenate(
-        numbered
-    )
 
 
 def _overlaps(corners: np.ndarray, camera: AbstractCamera) -> Bool[np.ndarray, " k"]:

@@ -16,6 +16,7 @@ from jaxtyping import Array, Float, Int
 from scipy.sparse import csr_array
 
 from ...findings import found
+from ...geometry.vectors import row_dot
 from ...scene.scene import BodyGeometry
 
 
@@ -344,7 +345,7 @@ def _nearest_fragments(
         for chunk in np.array_split(missing, len(missing) // CHUNK + 1):
             owner, fragment, _ = cells.pairs(points[chunk])
             offset = points[chunk][owner] - geometry.fragment_position[fragment]
-            distance = np.einsum("ij,ij->i", offset, offset)
+            distance = row_dot(offset, offset)
             order = np.lexsort([distance, owner])
             owners, first = np.unique(owner[order], return_index=True)
             nearest[chunk[owners]] = fragment[order][first]

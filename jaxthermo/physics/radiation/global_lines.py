@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import ConvexHull, QhullError
 
-from ...geometry.mesh import Pose
+from ...geometry.mesh import Pose, joined
 from ...geometry.vectors import triangle_normals
 from ...raster.fragments import DepthLayers, peel
 from ...raster.views import (
@@ -44,10 +44,7 @@ class _Scene(NamedTuple):
 
 
 def _concatenated(bodies: tuple[PatchedBody, ...]) -> _Scene:
-    vertices = np.concatenate([body.vertices for body in bodies])
-    ends = np.cumsum([0, *(len(body.vertices) for body in bodies)])
-    pairs = zip(bodies, ends, strict=False)
-    faces = np.concatenate([body.faces + first for body, first in pairs])
+    vertices, faces = joined([(body.vertices, body.faces) for body in bodies])
     counts = [body.patches.count for body in bodies]
     return _Scene(
         vertices=vertices,
