@@ -14,7 +14,7 @@ from typing import NamedTuple, TypedDict
 
 STEP_BYTES = 9
 """Bytes of a voxel that a step reads and writes: two temperatures and its degree."""
-STORED_BYTES = 13
+_STORED_BYTES = 13
 """Bytes of a voxel that a device keeps: three temperatures and its degree."""
 
 
@@ -25,11 +25,31 @@ class Machine(NamedTuple):
     bandwidth: float
     """Bandwidth of its memory [B/s]."""
     memory: float
-    """[B]"""
+    """Size of its memory [B]."""
     network: float
     """Bandwidth into and out of each device [B/s]."""
     latency: float
-    """[s]"""
+    """Time before the first byte of a message arrives [s]."""
+
+    def interior_time(self, voxels: float, devices: float | int) -> float:
+        """Time of a step without its neighbours' planes [s]."""
+        return STEP_BYTES * voxels / (devices * self.bandwidth)
+
+    def halo_time(self, voxels: float) -> float:
+        """Time to send the planes of a section to both neighbours [s]."""
+        return 8 * voxels ** (2 / 3) / self.network + self.latency
+
+    def useful_devices(self, voxels: float) -> float:
+        """Number of devices from which the planes take as long as the interior."""
+        return self.interior_time(voxels, 1) / self.halo_time(voxels)
+
+    def fewest_devices(self, voxels: float) -> int:
+        """Number of devices whose memory holds the body."""
+        return max(1, int(-(-_STORED_BYTES * voxels // (0.9 * self.memory))))
+
+    def block_time(self, voxels: float, devices: float | int) -> float:
+        """Time to send the six faces of a block in place of a section [s]."""
+        return 24 * (voxels / devices) ** (2 / 3) / self.network + self.latency
 
 
 class PaperRow(TypedDict):
@@ -45,7 +65,7 @@ class PaperRow(TypedDict):
     blocks_s: float
 
 
-MACHINES = (
+_MACHINES = (
     Machine(
         name="GPU of 3.35 TB/s, links of 450 GB/s",
         bandwidth=3.35e12,
@@ -70,55 +90,30 @@ MACHINES = (
 )
 
 
-def interior_time(voxels: float, devices: float | int, machine: Machine) -> float:
-    """Time of a step without its neighbours' planes [s]."""
-    return STEP_BYTES * voxels / (devices * machine.bandwidth)
-
-
-def halo_time(voxels: float, machine: Machine) -> float:
-    """Time to send the planes of a section to both neighbours [s]."""
-    return 8 * voxels ** (2 / 3) / machine.network + machine.latency
-
-
-def useful_devices(voxels: float, machine: Machine) -> float:
-    """Number of devices from which the planes take as long as the interior."""
-    return interior_time(voxels, 1, machine) / halo_time(voxels, machine)
-
-
-def fewest_devices(voxels: float, machine: Machine) -> int:
-    """Number of devices whose memory holds the body."""
-    return max(1, int(-(-STORED_BYTES * voxels // (0.9 * machine.memory))))
-
-
-def block_time(voxels: float, devices: float | int, machine: Machine) -> float:
-    """Time to send the six faces of a block in place of a section [s]."""
-    return 24 * (voxels / devices) ** (2 / 3) / machine.network + machine.latency
-
-
 def on_paper(sizes: tuple[float, ...] = (1e9, 1e12)) -> list[PaperRow]:
     """Rows for each size and machine, on the fewest devices and on the most useful."""
     rows: list[PaperRow] = []
     for voxels in sizes:
-        for machine in MACHINES:
-            fewest = fewest_devices(voxels, machine)
-            useful = max(fewest, int(useful_devices(voxels, machine)))
-            halo = halo_time(voxels, machine)
+        for machine in _MACHINES:
+            fewest = machine.fewest_devices(voxels)
+            useful = max(fewest, int(machine.useful_devices(voxels)))
+            halo = machine.halo_time(voxels)
             rows.append(
                 {
                     "voxels": voxels,
                     "machine": machine.name,
                     "fewest": fewest,
                     "step_on_fewest_s": max(
-                        interior_time(voxels, fewest, machine),
+                        machine.interior_time(voxels, fewest),
                         halo if fewest > 1 else 0.0,
                     ),
                     "useful": useful,
                     "step_on_useful_s": max(
-                        interior_time(voxels, useful, machine),
+                        machine.interior_time(voxels, useful),
                         halo if useful > 1 else 0.0,
                     ),
                     "planes_s": halo,
-                    "blocks_s": block_time(voxels, useful, machine),
+                    "blocks_s": machine.block_time(voxels, useful),
                 }
             )
     return rows

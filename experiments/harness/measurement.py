@@ -31,7 +31,7 @@ def time_unit(seconds: float) -> tuple[str, float]:
     return unit, _FACTORS[unit]
 
 
-CsvRow = dict[str, str | float | bool | None]
+_CsvRow = dict[str, str | float | bool | None]
 """A line of the CSV file, by its columns."""
 
 
@@ -45,7 +45,7 @@ class _Shown(NamedTuple):
     """Median and range of the peer; empty without one."""
 
 
-class PlainMeasurement(TypedDict):
+class _PlainMeasurement(TypedDict):
     """The fields of a measurement, as `result.json` has them."""
 
     name: str
@@ -61,7 +61,7 @@ class PlainMeasurement(TypedDict):
 class MeasuredResult(TypedDict):
     """Measurements of a benchmark, in its result."""
 
-    measurements: list[PlainMeasurement]
+    measurements: list[_PlainMeasurement]
 
 
 @dataclass(frozen=True)
@@ -133,11 +133,11 @@ class Measurement:
         peer = text(self.peer) if len(self.peer) else ""
         return _Shown(unit=unit, ours=text(self.ours), peer=peer)
 
-    def as_dict(self) -> PlainMeasurement:
+    def as_dict(self) -> _PlainMeasurement:
         """Plain values, for `result.json`; the constructor takes them again."""
-        return cast("PlainMeasurement", asdict(self))
+        return cast("_PlainMeasurement", asdict(self))
 
-    def as_row(self) -> CsvRow:
+    def as_row(self) -> _CsvRow:
         """A summary, for a line of a CSV file."""
         has_peer = len(self.peer) > 0
         direction = "ours / peer" if self.overhead else "peer / ours"
@@ -156,7 +156,7 @@ class Measurement:
         }
 
 
-def _spread_columns(name: str, spread: Spread | None) -> CsvRow:
+def _spread_columns(name: str, spread: Spread | None) -> _CsvRow:
     return {
         f"{name}_{field}": None if spread is None else getattr(spread, field)
         for field in Spread._fields
@@ -187,7 +187,7 @@ def compared(
     ]
 
 
-def plain_rows(rows: Iterable[Measurement]) -> list[PlainMeasurement]:
+def plain_rows(rows: Iterable[Measurement]) -> list[_PlainMeasurement]:
     """Measurements for the result of a benchmark, under the key "measurements"."""
     return [row.as_dict() for row in rows]
 
@@ -331,11 +331,11 @@ def _write_csv(path: Path, benchmarks: Sequence[Finished]) -> None:
         writer.writerows(rows)
 
 
-def plain_table(benchmarks: Sequence[Finished]) -> list[CsvRow]:
+def plain_table(benchmarks: Sequence[Finished]) -> list[_CsvRow]:
     """A mapping for each measurement, and one for each benchmark without any."""
-    rows: list[CsvRow] = []
+    rows: list[_CsvRow] = []
     for benchmark in benchmarks:
-        names: CsvRow = {"benchmark": benchmark.name, "command": benchmark.command}
+        names: _CsvRow = {"benchmark": benchmark.name, "command": benchmark.command}
         rows += [{**names, **row.as_row()} for row in benchmark.rows]
         if benchmark.error:
             rows.append({**names, "error": benchmark.error})

@@ -281,7 +281,7 @@ def _with_thousands(count: int | None) -> str:
     return "" if count is None else f"{count:,}"
 
 
-class CheckResult(TypedDict, total=False):
+class _CheckResult(TypedDict, total=False):
     """A check, with its limits or with its expected value and error."""
 
     name: str
@@ -295,7 +295,7 @@ class CheckResult(TypedDict, total=False):
     passes: bool | None
 
 
-class RowResult(TypedDict, total=False):
+class _RowResult(TypedDict, total=False):
     """The fields of a row that say something of it."""
 
     what: str
@@ -309,13 +309,13 @@ class RowResult(TypedDict, total=False):
     run_s: float
     result: str
     seen: str
-    checks: Required[list[CheckResult]]
+    checks: Required[list[_CheckResult]]
     order: dict[str, list[Number | str] | Number | bool | None]
     failure: str
     verdict: Required[str]
 
 
-class CaseResult(TypedDict):
+class _CaseResult(TypedDict):
     """A case with its outcome, in types that JSON has."""
 
     id: str
@@ -326,7 +326,7 @@ class CaseResult(TypedDict):
     method: str
     verdict: str
     took_s: float
-    rows: list[RowResult]
+    rows: list[_RowResult]
 
 
 class _NotCovered(TypedDict):
@@ -344,7 +344,7 @@ class CasesResult(TypedDict):
     reported: list[str]
     verdicts: dict[str, int]
     """Number of rows by verdict."""
-    cases: list[CaseResult]
+    cases: list[_CaseResult]
     not_covered: list[_NotCovered]
     took_s: float
     files: list[str]
@@ -432,7 +432,7 @@ def _is_named(case: Case, names: list[str]) -> bool:
     return any(id_.startswith(name) for id_ in ids for name in names)
 
 
-def _plain(outcome: Outcome, group: str) -> CaseResult:
+def _plain(outcome: Outcome, group: str) -> _CaseResult:
     case = outcome.case
     return {
         "id": case.id,
@@ -447,7 +447,7 @@ def _plain(outcome: Outcome, group: str) -> CaseResult:
     }
 
 
-def _plain_row(row: Row) -> RowResult:
+def _plain_row(row: Row) -> _RowResult:
     fields = {name: _plain_number(value) for name, value in row._asdict().items()}
     del fields["if_met"], fields["order"]
     fields["checks"] = [
@@ -463,7 +463,7 @@ def _plain_row(row: Row) -> RowResult:
     if row.order is not None:
         plain["order"] = _plain_fields(row.order, *_OF_AN_ORDER)
     plain["verdict"] = row.verdict
-    return cast("RowResult", plain)
+    return cast("_RowResult", plain)
 
 
 _OF_A_VALUE = ("expected", "error", "tolerance")

@@ -53,7 +53,7 @@ class Method(NamedTuple):
 
 
 # Number of steps of most implicit runs.
-STEPS = 5
+_STEPS = 5
 # Step of super time stepping [stable steps].
 LONG = 100.0
 
@@ -70,13 +70,13 @@ def explicit(stable: float, steps: int = 200) -> list[Method]:
         Method(
             f"SuperTimeStepping, {LONG:g} limits",
             solver=jt.SuperTimeStepping(dt=long_step),
-            end=STEPS * long_step,
+            end=_STEPS * long_step,
             bounds="bounded",
         ),
     ]
 
 
-def implicit(dt: float, note: str, steps: int = STEPS) -> list[Method]:
+def implicit(dt: float, note: str, steps: int = _STEPS) -> list[Method]:
     """The implicit solvers at one step [s], with a note on it in their names."""
     end = steps * dt
     # Only backward Euler keeps the bounds at any step; the trapezoidal rule rings.
@@ -124,7 +124,7 @@ def every_solver(stable: float, ratio: float = 1e3) -> list[Method]:
     return [
         *explicit(stable),
         *implicit_limits(stable, ratio),
-        adaptive(STEPS * ratio * stable),
+        adaptive(_STEPS * ratio * stable),
     ]
 
 

@@ -11,8 +11,8 @@ from jaxthermo.report.numbers import significant
 
 # Told apart without any kind of cone: Okabe and Ito (2008).
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#000000")
-WIDTH = 560
-HEIGHT = 360
+_WIDTH = 560
+_HEIGHT = 360
 
 SHADES = ("#440154", "#3b528b", "#21918c", "#5ec962", "#b8860b", "#e8743b", "#c23b22")
 """Colours of curves in an order, such as of their Reynolds number."""
@@ -125,7 +125,7 @@ def curve_chart(
             text = {} if mark == "line" else {"description": "text:N"}
             chart = alt.Chart(alt.Data(values=rows), mark=style)
             layers.append(chart.encode(**channels, **text))
-    return alt.layer(*layers).properties(width=WIDTH, height=HEIGHT, title=title)
+    return alt.layer(*layers).properties(width=_WIDTH, height=_HEIGHT, title=title)
 
 
 def log_chart(

@@ -38,7 +38,7 @@ _ORDER = tuple(Verdict)
 _GOOD = {Verdict.REPRODUCED: True, Verdict.CONTRADICTED: False, Verdict.FAILED: False}
 
 
-class ExhibitResult(TypedDict):
+class _ExhibitResult(TypedDict):
     """An exhibit with its measurement, in types that JSON has."""
 
     name: str
@@ -81,7 +81,7 @@ class Measured(NamedTuple):
         """Verdict of one of its claims."""
         return self.claims.get(claim, self.verdict)
 
-    def plain(self) -> ExhibitResult:
+    def plain(self) -> _ExhibitResult:
         """Plain values for `result.json`."""
         text = self.statement
         return {
@@ -110,7 +110,7 @@ def _pictures(files: Arrays) -> dict[str, page.Section]:
     return sections
 
 
-class ClaimResult(TypedDict):
+class _ClaimResult(TypedDict):
     """A claim with its verdict."""
 
     id: str
@@ -122,9 +122,9 @@ class ClaimResult(TypedDict):
     """Reasons by exhibit."""
 
 
-def claim_results(measured: Sequence[Measured]) -> list[ClaimResult]:
+def claim_results(measured: Sequence[Measured]) -> list[_ClaimResult]:
     """Every claim with its verdict, reasons and exhibits, in plain values."""
-    results: list[ClaimResult] = []
+    results: list[_ClaimResult] = []
     for claim in CLAIMS:
         answers = [m for m in measured if m.exhibit.name in claim.exhibits]
         verdicts = [answer.verdict_of(claim.id) for answer in answers]

@@ -65,7 +65,7 @@ class _FitRow(TypedDict):
     largest: float
 
 
-class WakeResult(TypedDict):
+class _WakeResult(TypedDict):
     """All flows and fits, and the files that hold them."""
 
     flows: list[_FlowRow]
@@ -73,7 +73,7 @@ class WakeResult(TypedDict):
     files: list[str]
 
 
-def run(folder: Path, height: int | None = None) -> WakeResult:
+def run(folder: Path, height: int | None = None) -> _WakeResult:
     """Compute all wakes: `wake_profiles.csv` and `wake_fit.csv`.
 
     `height` is the number of cells across the cylinder, of a coarser lattice.

@@ -59,7 +59,7 @@ def _pitch(per_length: int, end: float) -> float:
     return float(np.sqrt(STEEL.diffusivity * end)) / per_length
 
 
-class TwoBars(NamedTuple):
+class _TwoBars(NamedTuple):
     """A copper bar from 100 degC and a steel one from 0 that touch."""
 
     copper: float
@@ -77,7 +77,7 @@ class TwoBars(NamedTuple):
         return self.copper, self.steel
 
 
-def two_bars(contact: jt.Contact, per_length: int, end: float) -> TwoBars:
+def two_bars(contact: jt.Contact, per_length: int, end: float) -> _TwoBars:
     """Simulate both bars.
 
     Args:
@@ -98,7 +98,7 @@ def two_bars(contact: jt.Contact, per_length: int, end: float) -> TwoBars:
     solution = run(scene, (end,))
     copper_surface = np.asarray(solution.of_body(0))[0]
     steel_surface = np.asarray(solution.of_body(1))[0]
-    return TwoBars(
+    return _TwoBars(
         copper=copper.end(copper_surface, RIGHT) - ZERO_CELSIUS,
         steel=steel.end(steel_surface, LEFT) - ZERO_CELSIUS,
         energy=solution.energy,

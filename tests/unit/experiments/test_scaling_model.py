@@ -2,32 +2,24 @@
 
 import pytest
 
-from experiments.benchmarks.scaling_model import (
-    Machine,
-    block_time,
-    fewest_devices,
-    halo_time,
-    interior_time,
-    on_paper,
-    useful_devices,
-)
+from experiments.benchmarks.scaling_model import Machine, on_paper
 
 
 MACHINE = Machine("by hand", 1e12, 1e11, 1e10, 0.0)
 
 
 def test_a_cube_of_a_billion_voxels():
-    assert interior_time(1e9, 9, MACHINE) == pytest.approx(1e-3)
+    assert MACHINE.interior_time(1e9, 9) == pytest.approx(1e-3)
     # Two planes of a million voxels.
-    assert halo_time(1e9, MACHINE) == pytest.approx(8e-4)
-    assert useful_devices(1e9, MACHINE) == pytest.approx(9 * 1000 * 1e10 / (8 * 1e12))
-    assert fewest_devices(1e9, MACHINE) == 1
-    assert fewest_devices(1e12, MACHINE) == 145
+    assert MACHINE.halo_time(1e9) == pytest.approx(8e-4)
+    assert MACHINE.useful_devices(1e9) == pytest.approx(9 * 1000 * 1e10 / (8 * 1e12))
+    assert MACHINE.fewest_devices(1e9) == 1
+    assert MACHINE.fewest_devices(1e12) == 145
 
 
 def test_a_block_sends_six_faces():
     # Eight cubes of 500 voxels.
-    assert block_time(1e9, 8, MACHINE) == pytest.approx(6 * 4 * 500**2 / 1e10)
+    assert MACHINE.block_time(1e9, 8) == pytest.approx(6 * 4 * 500**2 / 1e10)
 
 
 def test_more_devices_than_are_useful_gain_nothing():
