@@ -314,36 +314,19 @@ def contact_areas(touching: Touching, threshold: float) -> Areas:
 
 
 def _row(
-    case: str,
-    *,
-    voxels: int,
-    threshold: float,
-    exact: float,
-    areas: Areas,
+    case: str, touching: Touching, *, voxels: int, threshold: float, exact: float
 ) -> Numbers:
-    error_percent = {
-        name: 100 * (area / exact - 1) for name, area in areas._asdict().items()
-    }
+    areas = contact_areas(touching, threshold)._asdict()
     return {
         "case": case,
         "voxels_across": voxels,
         "threshold": threshold,
         "exact": exact,
-        **areas._asdict(),
-        "error_percent": error_percent,
+        **areas,
+        "error_percent": {
+            method: 100 * (area / exact - 1) for method, area in areas.items()
+        },
     }
-
-
-def _ball_row(
-    case: str, touching: Touching, *, voxels: int, threshold: float
-) -> Numbers:
-    return _row(
-        case,
-        voxels=voxels,
-        threshold=threshold,
-        exact=cap_area(threshold),
-        areas=contact_areas(touching, threshold),
-    )
 
 
 def _by_resolution(resolutions: Sequence[int]) -> list[Numbers]:
@@ -351,31 +334,28 @@ def _by_resolution(resolutions: Sequence[int]) -> list[Numbers]:
     rows = []
     for voxels in resolutions:
         pitch = 2.0 / voxels
-        rows.append(_cylinder_row(voxels, pitch))
+        cylinders = two_cylinders(voxels)
         ball = ball_on_plate(voxels, max(pitch, _FIXED))
-        for case, threshold in ((_BALL, _FIXED), (_BALL_VOXEL, pitch)):
-            row = _ball_row(case, ball, voxels=voxels, threshold=threshold)
+        for case, touching, threshold, exact in (
+            (_CYLINDERS, cylinders, pitch, lens_area(cylinders)),
+            (_BALL, ball, _FIXED, cap_area(_FIXED)),
+            (_BALL_VOXEL, ball, pitch, cap_area(pitch)),
+        ):
+            row = _row(case, touching, voxels=voxels, threshold=threshold, exact=exact)
             rows.append(row)
     return rows
-
-
-def _cylinder_row(voxels: int, threshold: float) -> Numbers:
-    touching = two_cylinders(voxels)
-    return _row(
-        _CYLINDERS,
-        voxels=voxels,
-        threshold=threshold,
-        exact=lens_area(touching),
-        areas=contact_areas(touching, threshold),
-    )
 
 
 def _by_threshold() -> list[Numbers]:
     """Areas at the resolution of pictures within several thresholds."""
     ball = ball_on_plate(_SHOWN, max(_THRESHOLDS))
+    cylinders = two_cylinders(_SHOWN)
     rows = []
     for threshold in _THRESHOLDS:
-        row = _ball_row(_BALL, ball, voxels=_SHOWN, threshold=threshold)
-        rows.append(row)
-        rows.append(_cylinder_row(_SHOWN, threshold))
+        for case, touching, exact in (
+            (_BALL, ball, cap_area(threshold)),
+            (_CYLINDERS, cylinders, lens_area(cylinders)),
+        ):
+            row = _row(case, touching, voxels=_SHOWN, threshold=threshold, exact=exact)
+            rows.append(row)
     return rows
