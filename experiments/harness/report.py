@@ -362,7 +362,7 @@ def run_cases(
     Prints a table of each group and writes `report.html`. `at_once` cases run at the
     same time: 1 where run times are compared. An unknown name is an InputError.
     """
-    groups = _select(groups, names)
+    groups = select(groups, names)
     begin = time.perf_counter()
     console = open_console()
     results: list[tuple[Group, list[Outcome]]] = []
@@ -406,7 +406,12 @@ def run_cases(
     }
 
 
-def _select(groups: Sequence[Group], names: str | None) -> tuple[Group, ...]:
+def select(groups: Sequence[Group], names: str | None) -> tuple[Group, ...]:
+    """Groups with their cases whose ids begin with one of the names, or all.
+
+    Raises:
+        InputError: for an unknown name.
+    """
     if names is None:
         return tuple(groups)
     stripped = (name.strip() for name in names.upper().split(","))

@@ -47,7 +47,8 @@ class Change(NamedTuple):
 
     def as_dict(self) -> dict[str, object]:
         """Plain values; a value that is absent has no key."""
-        return {k: v for k, v in self._asdict().items() if v not in (ABSENT, "")}
+        fields = self._asdict().items()
+        return {key: value for key, value in fields if value not in (ABSENT, "")}
 
 
 class Pair(NamedTuple):
@@ -189,7 +190,9 @@ def plain_changes(old: Any, new: Any) -> Iterator[Change]:
 
     Numbers to rounding, times by their spread, everything else exactly.
     """
-    for key, left, right in pairs(flatten(old, named=True), flatten(new, named=True)):
+    old_leaves = flatten(old, named=True)
+    new_leaves = flatten(new, named=True)
+    for key, left, right in pairs(old_leaves, new_leaves):
         if left != right:
             yield from _leaf_changes(key, old=left, new=right)
 

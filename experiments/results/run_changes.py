@@ -97,7 +97,8 @@ def _solution_changes(
 def _summary_changes(
     old: Mapping[str, Any], new: Mapping[str, Any]
 ) -> Iterator[Change]:
-    for index, (a, b) in enumerate(zip(old["bodies"], new["bodies"], strict=False)):
+    bodies = zip(old["bodies"], new["bodies"], strict=False)
+    for index, (a, b) in enumerate(bodies):
         for name in ("min", "mean", "max"):
             yield from _temperature_change(
                 f"bodies.{index}: {name} of the surface [K]",
@@ -147,10 +148,11 @@ def _energy_changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[
     a = _energies(old)
     b = _energies(new)
     # Small terms of the balance are differences of its large ones.
-    values = (v for terms in (a, b) for row in terms.values() for v in row)
-    scale = max(map(abs, values), default=0)
+    rows = [*a.values(), *b.values()]
+    scale = max((abs(value) for row in rows for value in row), default=0)
     for name in {**a, **b}:
-        first, second = ((terms.get(name) or [ABSENT])[-1] for terms in (a, b))
+        first = (a.get(name) or [ABSENT])[-1]
+        second = (b.get(name) or [ABSENT])[-1]
         yield from number_changes(
             f"energy.{name}, at the end",
             old=first,

@@ -46,7 +46,7 @@ _LIMITS = Limits(
 )
 
 
-def _cube(start, dtype: str = "float64") -> jt.Scene:
+def cube(start, dtype: str = "float64") -> jt.Scene:
     """A metal cube in an enclosure."""
     grid = block(2, 2, 2, pitch=_EDGE)
     return single(grid, _METAL, start, jt.Surroundings(_AROUND), dtype=dtype)
@@ -55,7 +55,7 @@ def _cube(start, dtype: str = "float64") -> jt.Scene:
 def _from(start: float) -> Iterator[Row]:
     bounds = (min(start, _AROUND), max(start, _AROUND))
     for dtype in ("float64", "float32"):
-        scene = _cube(start, dtype)
+        scene = cube(start, dtype)
         stable = stable_step(scene)
         label = f"{start:g} K in {_AROUND:g} K"
         steps = (1.0, 1e4, 1e8, 1e12)
@@ -119,7 +119,7 @@ def _derivatives(solver) -> Row:
     """The mean at the end and its slope by the start, forward and reverse, at 0 K."""
 
     def mean(start):
-        run = jt.simulate(_cube(start), _END, solver=solver, throw=False)
+        run = jt.simulate(cube(start), _END, solver=solver, throw=False)
         return run.mean_temperature[-1, 0]
 
     def forward_slope(start):
@@ -166,7 +166,7 @@ def _close(dtype: str, method: Method) -> Row:
     exact = STEFAN_BOLTZMANN * ((300 + _GAP) ** 4 - 300.0**4) / (1 + between)
     # Half a rounding of 300 K over the gap: the error of the inputs themselves.
     rounding = 0.5 * float(np.spacing(np.asarray(300.0, dtype))) / _GAP
-    ran = run_nodes(_cube(300.0 + _GAP, dtype), method=method)
+    ran = run_nodes(cube(300.0 + _GAP, dtype), method=method)
     lost = -float(ran.solution.energy.mechanisms["emission"][-1])
     flux = lost / (method.end * 6 * (2 * _EDGE) ** 2)
     relative_error = abs(flux / exact - 1)

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from ..harness.case import Case, Group
+from ..harness.case import Group
 from ..harness.report import CasesResult, PageTexts, run_cases
 from . import bars, contacts, radiation, round_and_square, steady_bodies, walls
 
 
-_GROUPS = (
+GROUPS = (
     Group("Half-spaces, slabs and bars in time", bars.CASES),
     Group("Contact", contacts.CASES),
     Group("Round and square bodies in time", round_and_square.CASES),
@@ -16,7 +16,7 @@ _GROUPS = (
     Group("Radiation, convection, pictures", radiation.CASES),
 )
 
-_NOT_COVERED = (
+NOT_COVERED = (
     (
         "A15, other correlations",
         "Zukauskas, Fand, McAdams, Whitaker and Perkins-Leppert are not among the "
@@ -29,13 +29,13 @@ _NOT_COVERED = (
     ("V24, plates as bodies", "no body is endless; the spheres are computed"),
 )
 
-_PAGE = PageTexts(
+PAGE = PageTexts(
     "Verification: published cases and closed forms",
     (
         "Tolerances are those of the sources. Errors are computed less expected; each "
         "case is listed with the quantity whose error is largest over its tolerance.",
     ),
-    _NOT_COVERED,
+    NOT_COVERED,
 )
 
 # Most of their time the cases are compiled, which takes one core.
@@ -44,8 +44,4 @@ _AT_ONCE = 2
 
 def run(folder: Path, cases: str | None = None) -> CasesResult:
     """Run the cases whose ids begin so, such as "S01,V21", or all; write the page."""
-    return run_cases(_GROUPS, names=cases, folder=folder, texts=_PAGE, at_once=_AT_ONCE)
-
-
-def _find_case(id_: str) -> Case:
-    return next(case for group in _GROUPS for case in group.cases if case.id == id_)
+    return run_cases(GROUPS, names=cases, folder=folder, texts=PAGE, at_once=_AT_ONCE)

@@ -4,7 +4,7 @@ import pytest
 
 from experiments.harness.case import PASS, check
 from experiments.verification import steady_bodies
-from experiments.verification.verify import _find_case
+from tests.cases import CASES
 
 
 @pytest.mark.slow
@@ -30,7 +30,7 @@ def test_a_square_column():
     ],
 )
 def test_within_the_tolerance_that_is_stated(id_):
-    (row,) = check(_find_case(id_)).rows
+    (row,) = check(CASES[id_]).rows
     for stated_check in row.checks:
         print(id_, stated_check)
         assert stated_check.passes
@@ -40,7 +40,7 @@ def test_within_the_tolerance_that_is_stated(id_):
 @pytest.mark.slow
 def test_spheres_of_voxels_exchange_what_the_closed_form_says():
     """V24: none states a tolerance for voxels; this is what is seen here."""
-    (row,) = check(_find_case("V24, bodies")).rows
+    (row,) = check(CASES["V24, bodies"]).rows
     kelvin, heat = row.checks
     assert kelvin.expected is not None and heat.expected is not None
     print(kelvin, heat)

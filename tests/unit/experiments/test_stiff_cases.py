@@ -19,9 +19,9 @@ from experiments.harness.case import (
     check,
     refusal,
 )
-from experiments.harness.report import _select
+from experiments.harness.report import select
 from experiments.stiff import extremes, run as stiff
-from experiments.stiff.radiation import _cube
+from experiments.stiff.radiation import cube
 from experiments.stiff.solved import (
     LIMITS,
     Limits,
@@ -78,7 +78,7 @@ def test_a_case_that_breaks_is_a_row_that_fails():
 
 
 def test_a_run_out_of_bounds_or_energy_fails():
-    scene = _cube(400.0)
+    scene = cube(400.0)
     dt = stable_step(scene) / 2
     method = Method("ForwardEuler", jt.ForwardEuler(dt=dt), 10 * dt)
     ran = run_nodes(scene, method)
@@ -129,7 +129,7 @@ def test_cheap_cases_pass(tmp_path):
 def test_unknown_cases_are_refused():
     for names in ("S99", "S01,x", " , "):
         with pytest.raises(InputError, match="there are S01; S02"):
-            _select((Group("", stiff._CASES),), names)
+            select((Group("", stiff._CASES),), names)
 
 
 def test_the_island_has_a_gap():

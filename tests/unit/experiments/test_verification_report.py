@@ -24,7 +24,7 @@ from experiments.harness.case import (
 )
 from experiments.harness.report import (
     _plain,
-    _select,
+    select,
     terminal_tables,
     write_report,
 )
@@ -96,7 +96,7 @@ def test_failures_show_on_the_page_on_the_terminal_and_in_the_record(tmp_path):
     )
     group = Group("Walls & ends", cases)
     outcomes = [check(each) for each in cases]
-    write_report([(group, outcomes)], tmp_path / "report.html", verify._PAGE)
+    write_report([(group, outcomes)], tmp_path / "report.html", verify.PAGE)
     text = (tmp_path / "report.html").read_text()
     failed, rest = text.split("<h2>All cases</h2>")
     assert "2 of 4 cases pass" in failed
@@ -104,7 +104,7 @@ def test_failures_show_on_the_page_on_the_terminal_and_in_the_record(tmp_path):
     assert "T3" in failed and "the wall has no end" in failed and "T4" not in failed
     assert "Walls &amp; ends" in rest
     assert rest.count('class="left missed">FAIL') == 3
-    assert all(name in rest for name, _ in verify._NOT_COVERED)
+    assert all(name in rest for name, _ in verify.NOT_COVERED)
     console = Console(width=200, record=True, file=io.StringIO())
     for table in terminal_tables(group.title, outcomes):
         console.print(table.rich())
@@ -117,9 +117,9 @@ def test_failures_show_on_the_page_on_the_terminal_and_in_the_record(tmp_path):
 
 
 def test_every_published_case_is_computed_or_said_not_to_be():
-    ids = [c.id for group in verify._GROUPS for c in group.cases]
+    ids = [c.id for group in verify.GROUPS for c in group.cases]
     assert len(set(ids)) == len(ids)
-    known = " ".join([*ids, *(name for name, _ in verify._NOT_COVERED)]).replace(
+    known = " ".join([*ids, *(name for name, _ in verify.NOT_COVERED)]).replace(
         ",", " "
     )
     wanted = {f"V{n:02}" for n in (1, 2, 4, 5, 7, 9, 11, 12, 13, 14, 15, 16, 18)}
@@ -130,14 +130,14 @@ def test_every_published_case_is_computed_or_said_not_to_be():
 
 def test_cases_are_chosen_by_the_beginnings_of_their_ids():
     def case_ids(names):
-        groups = _select(verify._GROUPS, names)
+        groups = select(verify.GROUPS, names)
         return [case.id for group in groups for case in group.cases]
 
     assert case_ids("V21") == ["V21a", "V21b", "V21d"]
     assert case_ids("a8, v04") == ["V04", "V20b, A8"]
     for wrong in ("V99", " , "):
         with pytest.raises(InputError, match="--cases"):
-            _select(verify._GROUPS, wrong)
+            select(verify.GROUPS, wrong)
 
 
 @pytest.mark.parametrize(
