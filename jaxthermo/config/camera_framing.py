@@ -6,8 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..geometry.vectors import unit_vector
-from ..image.radiance.effect import in_order
-from ..image.render import Recorder
+from ..image.render import Recorder, in_order
 from ..image.surface.camera import AbstractCamera, Camera, OrthographicCamera, frame_all
 from ..scene.scene import SolvedSurface
 from .schema.image import CameraConfig, ImageConfig, OrthographicConfig, PinholeConfig

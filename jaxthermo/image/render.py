@@ -7,26 +7,40 @@ turns images into frames in the order of time, a `_Recording` in any order. Imag
 differentiable in the temperatures of the solution.
 """
 
+import importlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax.numpy as jnp
 import numpy as np
 
 from ..arrays import precision
-from ..errors import require
-from ..integrate.run.solution import AbstractSolution
+from ..errors import InputError, require
 from ..physics.term import AbstractTerm
 from ..scene.scene import SolvedSurface
 from .detector.effects import integrate_pixels
 from .radiance.band import LONG_WAVE, Band
 from .radiance.draw import Moment, draw
-from .radiance.effect import Effects, in_order
+from .radiance.effect import (
+    AbstractBlur,
+    AbstractDetectorEffect,
+    AbstractEffect,
+    AbstractPathEffect,
+    AbstractSurfaceEffect,
+    BolometerLag,
+    Effects,
+)
 from .radiance.image import Image, coarsen
 from .surface.camera import AbstractCamera
 from .surface.view import View, kept_view
 
+
+if TYPE_CHECKING:
+    from ..integrate.run.solution import AbstractSolution
+else:
+    # Checked by `_frames_of`: frames of stored runs need nothing that runs a scene.
+    AbstractSolution = Any
 
 # Time constants after which nothing is left of an earlier frame, in float64.
 _MEMORY = 36.0
@@ -126,8 +140,12 @@ def _frames_of(
 ) -> Callable[[int], Image]:
     """Draws frames of a solution by the index of their time."""
     solutions = "a solution of simulate or steady"
+    classes = importlib.import_module("jaxthermo.integrate.run.solution")
     require(
-        solution, classes=AbstractSolution, argument="render(solution=)", give=solutions
+        solution,
+        classes=classes.AbstractSolution,
+        argument="render(solution=)",
+        give=solutions,
     )
     cameras = "a Camera or an OrthographicCamera"
     require(camera, classes=AbstractCamera, argument="render(camera=)", give=cameras)
@@ -213,6 +231,38 @@ class Recorder:
             effects=self.effects,
             samples=self.samples,
         )
+
+
+def in_order(effects: Any, argument: str = "effects=") -> Effects:
+    """Sort effects into their order.
+
+    Raises:
+        InputError: for anything else than a tuple of effects, each kind once.
+    """
+    if isinstance(effects, Effects):
+        return effects
+    candidates = tuple(effects) if isinstance(effects, tuple | list) else (effects,)
+    for effect in candidates:
+        require(
+            effect,
+            classes=AbstractEffect,
+            argument=argument,
+            give="a tuple of effects, such as (Blur(0.5),)",
+        )
+    types = [type(effect) for effect in candidates]
+    for effect_type in types:
+        if types.count(effect_type) > 1:
+            raise InputError(
+                f"{argument}: has {effect_type.__name__} twice: give it once"
+            )
+    ordered = sorted(candidates, key=lambda effect: effect.rank)
+    return Effects(
+        surface=tuple(e for e in ordered if isinstance(e, AbstractSurfaceEffect)),
+        path=tuple(e for e in ordered if isinstance(e, AbstractPathEffect)),
+        blur=tuple(e for e in ordered if isinstance(e, AbstractBlur)),
+        lag=tuple(e for e in ordered if isinstance(e, BolometerLag)),
+        detector=tuple(e for e in ordered if isinstance(e, AbstractDetectorEffect)),
+    )
 
 
 class _Detector:

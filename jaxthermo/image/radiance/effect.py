@@ -15,13 +15,13 @@ import numpy as np
 from jaxtyping import Float
 
 from ...arrays import is_traced
-from ...errors import InputError, require
+from ...errors import InputError
 from ...module import Module, static_numbers
 from ..surface.view import View
 from .band import Band, Values
 
 
-class _AbstractEffect(Module):
+class AbstractEffect(Module):
     """An effect on the radiance that a camera measures."""
 
     rank: ClassVar[int]
@@ -29,7 +29,7 @@ class _AbstractEffect(Module):
 
 
 def check_range(
-    effect: _AbstractEffect, name: str, low: int, high: int, unit: str = ""
+    effect: AbstractEffect, name: str, low: int, high: int, unit: str = ""
 ) -> None:
     """Refuse a plain number of an effect beyond its range.
 
@@ -43,7 +43,7 @@ def check_range(
         )
 
 
-class _AbstractViewEffect(_AbstractEffect):
+class _AbstractViewEffect(AbstractEffect):
     """An effect at the surface points of a view."""
 
     @abc.abstractmethod
@@ -108,7 +108,7 @@ class AbstractPathEffect(_AbstractViewEffect):
         """Radiance at the camera [W/(m^2 sr)]."""
 
 
-class AbstractBlur(_AbstractEffect):
+class AbstractBlur(AbstractEffect):
     """An effect of the optics: a point becomes a Gaussian spot."""
 
     rank = 20
@@ -119,7 +119,7 @@ class AbstractBlur(_AbstractEffect):
         """Standard deviation of the spot [pixels]."""
 
 
-class BolometerLag(_AbstractEffect):
+class BolometerLag(AbstractEffect):
     """Lag of a bolometer, which follows the radiance L with a time constant.
 
         tau dy/dt = L - y,
@@ -147,7 +147,7 @@ class BolometerLag(_AbstractEffect):
         return end - slope + (lagged - start + slope) * decay
 
 
-class AbstractDetectorEffect(_AbstractEffect):
+class AbstractDetectorEffect(AbstractEffect):
     """An effect of the detector on a frame of pixels."""
 
     @abc.abstractmethod
@@ -170,38 +170,6 @@ class Effects(NamedTuple):
     def spread(self) -> float:
         """Standard deviation of the spot of all optics [pixels]."""
         return float(np.sqrt(sum(blur.spread**2 for blur in self.blur)))
-
-
-def in_order(effects: Any, argument: str = "effects=") -> Effects:
-    """Sort effects into their order.
-
-    Raises:
-        InputError: for anything else than a tuple of effects, each kind once.
-    """
-    if isinstance(effects, Effects):
-        return effects
-    candidates = tuple(effects) if isinstance(effects, tuple | list) else (effects,)
-    for effect in candidates:
-        require(
-            effect,
-            classes=_AbstractEffect,
-            argument=argument,
-            give="a tuple of effects, such as (Blur(0.5),)",
-        )
-    types = [type(effect) for effect in candidates]
-    for effect_type in types:
-        if types.count(effect_type) > 1:
-            raise InputError(
-                f"{argument}: has {effect_type.__name__} twice: give it once"
-            )
-    ordered = sorted(candidates, key=lambda effect: effect.rank)
-    return Effects(
-        surface=tuple(e for e in ordered if isinstance(e, AbstractSurfaceEffect)),
-        path=tuple(e for e in ordered if isinstance(e, AbstractPathEffect)),
-        blur=tuple(e for e in ordered if isinstance(e, AbstractBlur)),
-        lag=tuple(e for e in ordered if isinstance(e, BolometerLag)),
-        detector=tuple(e for e in ordered if isinstance(e, AbstractDetectorEffect)),
-    )
 
 
 NO_EFFECTS = Effects()

@@ -9,9 +9,8 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.image.detector.effects import integrate_pixels
 from jaxthermo.image.radiance.band import LONG_WAVE
-from jaxthermo.image.radiance.effect import in_order
 from jaxthermo.image.radiance.image import Image, block_means
-from jaxthermo.image.render import _Recording
+from jaxthermo.image.render import _Recording, in_order
 
 
 def flat(radiance: np.ndarray, time: float = 0.0) -> Image:

@@ -13,8 +13,9 @@ from jaxthermo.image.radiance.atmosphere import transmissivity
 from jaxthermo.image.radiance.band import LONG_WAVE, Band
 from jaxthermo.image.radiance.directional import _above_horizon
 from jaxthermo.image.radiance.draw import Moment, draw
-from jaxthermo.image.radiance.effect import _AbstractEffect, in_order
+from jaxthermo.image.radiance.effect import AbstractEffect
 from jaxthermo.image.radiance.response import BANDS
+from jaxthermo.image.render import in_order
 from jaxthermo.image.surface.view import compute_view
 from tests.imaging import apparent, metal
 
@@ -24,7 +25,7 @@ CAMERA = jt.Camera(
     (0.5, -0.3, 0.2), (0.0, 0.0, 0.0), field_of_view=0.2, width=24, height=20
 )
 # Before noise and counts.
-SMOOTH: tuple[_AbstractEffect, ...] = (
+SMOOTH: tuple[AbstractEffect, ...] = (
     jt.AngularEmissivity(),
     jt.SpecularReflection(0.6, 30.0),
     jt.Atmosphere(300.0),
