@@ -216,6 +216,16 @@ def plain_checksum(content: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+def text_hash(text: str) -> str:
+    """Hash of a text by which configs are told apart [16 hex digits]."""
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def file_hash(path: Path) -> str:
+    """SHA-256 of the content of a file, as hex digits."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
 def select_arrays(
     schema: type[_SchemaT], arrays: Mapping[str, np.ndarray], prefix: str = ""
 ) -> _SchemaT:

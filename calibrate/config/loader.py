@@ -1,11 +1,11 @@
 """Reading of a calibration's YAML file, and of the scenes that it refers to."""
 
-import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from jaxthermo.archive import file_hash, text_hash
 from jaxthermo.config.loader import load_config, load_model, resolved
 from jaxthermo.config.schema.scene import SceneConfig
 
@@ -49,6 +49,6 @@ def calibration_hash(config: CalibrationConfig) -> str:
     """Hash of the config and of the scene's file [16 hex digits]."""
     values = resolved(config)
     # The content counts, not the folder, so that a copied calibration is the same.
-    values["scene"] = hashlib.sha256(Path(config.scene).read_bytes()).hexdigest()
+    values["scene"] = file_hash(Path(config.scene))
     text = json.dumps(values, sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+    return text_hash(text)

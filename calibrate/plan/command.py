@@ -1,6 +1,5 @@
 """`calibrate plan`: a scene's cheapest model within a tolerance, as a scene file."""
 
-import hashlib
 import json
 import sys
 import textwrap
@@ -14,7 +13,7 @@ from rich.console import Console
 
 from jaxthermo.__main__ import main as run_jaxthermo
 from jaxthermo.accuracy.error_records import ReferenceErrors
-from jaxthermo.archive import read_record, signed
+from jaxthermo.archive import read_record, signed, text_hash
 from jaxthermo.atomic import replacing, write_json
 from jaxthermo.config.loader import config_hash, load_config, resolved, to_yaml
 from jaxthermo.config.schema.scene import SceneConfig
@@ -125,7 +124,7 @@ def plan(
 def _key(scene: SceneConfig, tolerance: Tolerance) -> str:
     # Times are those of one processor.
     inputs = [config_hash(scene), list(tolerance), program_hash(True), processor()]
-    return hashlib.sha256(json.dumps(inputs).encode()).hexdigest()[:16]
+    return text_hash(json.dumps(inputs))
 
 
 class _ReferenceRecord(TypedDict):

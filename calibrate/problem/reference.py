@@ -5,7 +5,6 @@ voxels with an estimate of their own error from two coarser ones.
 """
 
 import functools
-import hashlib
 import time
 import warnings
 from collections.abc import Callable
@@ -21,6 +20,7 @@ from jaxthermo.accuracy.discretization_error import (
     discretization_error,
 )
 from jaxthermo.accuracy.truth_error import TruthError, truth_error
+from jaxthermo.archive import text_hash
 from jaxthermo.arrays import precision
 from jaxthermo.config.loader import config_hash
 from jaxthermo.config.schema.body import BodyConfig
@@ -198,7 +198,7 @@ def reference_key(config: SceneConfig, settings: AbsoluteReference) -> str:
     # The pitch follows from the mesh and the settings: no mesh is loaded for a key.
     same = _with_pitches(typed, pitches=(1.0,) * len(typed.bodies), settings=settings)
     text = f"{config_hash(same)} {settings.model_dump_json()} {program_hash()}"
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+    return text_hash(text)
 
 
 def _absolute_pitches(

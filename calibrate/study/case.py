@@ -3,7 +3,6 @@
 Cases whose programs have arrays of the same shapes run together, see `evaluate`.
 """
 
-import hashlib
 import json
 import time
 from collections.abc import Mapping
@@ -11,6 +10,7 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any, Generic, NamedTuple, TypedDict, TypeVar
 
+from jaxthermo.archive import text_hash
 from jaxthermo.arrays import precision
 from jaxthermo.config.loader import config_hash, resolved
 from jaxthermo.config.schema.body import BodyConfig
@@ -63,7 +63,7 @@ class Case:
         names = json.dumps([self.names, self.load])
         truth = self.truth.model_dump_json()
         text = " ".join((scene, names, truth, program_hash()))
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
+        return text_hash(text)
 
     @cached_property
     def truth_key(self) -> str:

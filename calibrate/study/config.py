@@ -1,6 +1,5 @@
 """Schema of a sweep: a scene, its loads, axes of values, and the reference."""
 
-import hashlib
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
+from jaxthermo.archive import file_hash, text_hash
 from jaxthermo.config.loader import load_model, resolved
 from jaxthermo.config.types.files import FoundPath
 from jaxthermo.config.types.model import ByKind, KindModel, Mistake, Model, Short
@@ -284,14 +284,11 @@ def load_sweep(
 def sweep_hash(config: SweepConfig) -> str:
     """Hash of the config with the content of its scene's file [16 hex digits]."""
     values = resolved(config)
-    values["scene"] = hashlib.sha256(config.scene.read_bytes()).hexdigest()
+    values["scene"] = file_hash(config.scene)
     axes = (axis for axis in config.axes.values() if isinstance(axis, tuple))
     fits = [value.fit for axis in axes for value in axis if value.fit is not None]
     compared = [] if config.compare_with_fit is None else [config.compare_with_fit]
     # The contents of the calibrations count, not their names.
-    values["calibrations"] = [
-        hashlib.sha256(fit.calibration.read_bytes()).hexdigest()
-        for fit in (*fits, *compared)
-    ]
+    values["calibrations"] = [file_hash(fit.calibration) for fit in (*fits, *compared)]
     text = json.dumps(values, sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+    return text_hash(text)

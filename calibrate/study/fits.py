@@ -4,10 +4,10 @@ A fit runs once, in the folder of the sweep under the hash of its calibration an
 program; an interrupted one continues.
 """
 
-import hashlib
 import json
 from pathlib import Path
 
+from jaxthermo.archive import text_hash
 from jaxthermo.config.card_file import load_card
 from jaxthermo.errors import InputError
 
@@ -61,7 +61,7 @@ def _calibration_hash(config: SweepConfig, choice: Choice) -> str:
     overrides = _overrides(config, choice)
     calibration = load_calibration(choice.fit.calibration, overrides)
     text = f"{calibration_hash(calibration)} {program_hash(with_calibrate=True)}"
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+    return text_hash(text)
 
 
 def _overrides(config: SweepConfig, choice: Choice) -> tuple[str, ...]:

@@ -1,6 +1,5 @@
 """Rows that are written as they are measured: an interrupted run continues."""
 
-import hashlib
 import json
 import time
 from collections.abc import Callable
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from calibrate.study.rows import Row, append_rows, read_rows
+from jaxthermo.archive import text_hash
 from jaxthermo.atomic import replacing
 from jaxthermo.errors import InputError
 from jaxthermo.memo.content_hash import code_hash
@@ -99,4 +99,4 @@ def program_hash(sources: tuple[Path, ...] = ()) -> str:
 def fingerprint(value: Any) -> str:
     """16 hex digits of plain values that a measurement follows from."""
     text = json.dumps(value, sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+    return text_hash(text)

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from ..archive import text_hash
 from ..config.camera_framing import build_camera
 from ..config.loader import config_hash, load_config, resolved
 from ..config.schema.body import BodyConfig
@@ -69,7 +70,7 @@ class DatasetPlan(NamedTuple):
         settings = resolved(self.config) | {"scene": ""}
         views = [view.model_dump(mode="json") for view in self.views]
         text = json.dumps([texts, settings, views], sort_keys=True, default=str)
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
+        return text_hash(text)
 
 
 def _with_seed(effect: Any, seed: int) -> Any:

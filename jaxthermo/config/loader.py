@@ -1,6 +1,5 @@
 """A config file, read, changed by `--set`, validated, and written out again."""
 
-import hashlib
 import json
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -10,6 +9,7 @@ from typing import Any, TypeAlias, TypeVar
 
 from pydantic import ValidationError
 
+from ..archive import file_hash, text_hash
 from ..errors import InputError
 from .messages import close_match, described, dotted, in_file, quoted
 from .schema.dataset import DatasetConfig
@@ -142,13 +142,13 @@ def config_hash(config: Model) -> str:
     plain = config.model_dump(exclude_none=True)
     separators = (",", ":")
     text = json.dumps(plain, sort_keys=True, separators=separators, default=_content)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
+    return text_hash(text)
 
 
 # A mesh that changed is another scene, whatever its name.
 def _content(path: Path) -> str:
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
+        return file_hash(path)
     except OSError:
         return path.name
 

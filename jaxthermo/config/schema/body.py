@@ -1,6 +1,5 @@
 """Bodies: geometry, its voxels, structure, material, temperature and pose."""
 
-import hashlib
 import json
 import re
 from typing import Annotated, Any, ClassVar, Literal
@@ -11,6 +10,7 @@ from typing_extensions import override
 
 import jaxthermo
 
+from ...archive import file_hash, text_hash
 from ...errors import InputError
 from ..types import quantities as si
 from ..types.files import FoundPath, read_solid
@@ -158,11 +158,11 @@ class BodyConfig(Model, builds="Body"):
         """
         path = self.mesh.path if self.mesh is not None else self.solid
         if path is not None:
-            return path.name, hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+            return path.name, file_hash(path)[:16]
         assert self.shape is not None
         plain = self.shape.model_dump(mode="json", exclude_none=True)
         text = _without_scale(json.dumps(plain, sort_keys=True))
-        return self.shape.kind, hashlib.sha256(text.encode()).hexdigest()[:16]
+        return self.shape.kind, text_hash(text)
 
     def build_grid(self) -> Any:
         """The voxels of the body, at the pitch of the config."""
