@@ -45,7 +45,8 @@ _UNCHECKED_FRACTION = 1 / 16
 _RESULTS = "memo"
 _PROGRAMS = "programs"
 _NAME = re.compile(
-    r"(?P<category>[a-z_]+)-[0-9a-f]{40}\.bin|\.[a-z_]+-[0-9a-f]{40}\.\d+-[0-9a-f]{8}\.bin"
+    r"(?P<category>[a-z_]+)-[0-9a-f]{40}\.bin"
+    r"|\.[a-z_]+-[0-9a-f]{40}\.\d+-[0-9a-f]{8}\.bin"
 )
 _OLD_NAME = re.compile(
     r"\.?([a-z_]+-[0-9a-f]{40}|[0-9a-f]{32})(\.(\d+-)?[0-9a-f]{8})?\.(bin|npz|json)"

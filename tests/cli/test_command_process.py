@@ -9,7 +9,7 @@ HEAVY = ("jax", "numpy", "trimesh", "colour", "pydantic", "pint", "yaml", "OpenE
 _HELP = f"""
 import sys
 from jaxthermo.__main__ import main
-for command in ([], ["simulate"], ["render"], ["voxelize"], ["materials"]):
+for command in ([], ["simulate"], ["render"], ["voxelize"], ["materials"], ["cache"]):
     try:
         main([*command, "--help"])
     except SystemExit as stopped:

@@ -88,6 +88,7 @@ VALUES = [
     np.zeros((0, 3), np.int32),
     np.arange(200_000).reshape(2, -1) % 3 == 0,
     np.float64(0.1),
+    b"bytes",
     Pair(np.arange(3), Record((np.ones(2, np.float32), None), "a name")),
     {(0, 1): Pair(np.eye(2)), "b": ()},
     csr_array(np.array([[0.0, 2.0], [3.0, 0.0], [0.0, 0.0]])),
