@@ -9,14 +9,15 @@ from functools import partial
 from pathlib import Path
 from typing import TypedDict
 
-import altair as alt
 import numpy as np
 
 import jaxthermo as jt
-from jaxthermo.report.chart import Chart, LogAxis, legend, write_chart
+from jaxthermo.report.chart import Chart, write_chart
 from jaxthermo.timing import interleaved
 
+from ..harness.line_chart import CurvePoint, log_chart
 from ..harness.measurement import MeasuredResult, Measurement, plain_rows
+from ..harness.power_law import power
 from .steps import conduction_of
 
 
@@ -63,9 +64,9 @@ def run(folder: Path, height: int = _ACROSS[-1], repeats: int = 5) -> _Result:
     by_form = sorted(rows, key=lambda row: row["form"], reverse=True)
     measured = [_measurement(row) for row in by_form]
     measured += [
-        Measurement(f"{form}: power of the nodes from 1 million on", "-", [power])
-        for form, power in growth.items()
-        if power is not None
+        Measurement(f"{form}: power of the nodes from 1 million on", "-", [exponent])
+        for form, exponent in growth.items()
+        if exponent is not None
     ]
     return {
         "rows": rows,
@@ -117,25 +118,14 @@ def _growth(rows: list[_Row], form: str) -> float | None:
         return None
     nodes = np.array([row["nodes"] for row in large])
     node_times = np.array([row["node_ns"] for row in large])
-    power, _ = np.polyfit(np.log(nodes), np.log(node_times * nodes), 1)
-    return float(power)
+    return power(nodes, node_times * nodes)
 
 
 def _chart(rows: list[_Row]) -> Chart:
-    points = [
-        {**row, "text": "{form}, {nodes:,} nodes: {node_ns:.2f} ns".format_map(row)}
-        for row in rows
-    ]
-    x = LogAxis([row["nodes"] for row in rows], "nodes")
-    y = LogAxis([row["node_ns"] for row in rows], "time of a step over nodes [ns]")
-    base = alt.Chart(alt.Data(values=points)).encode(
-        x=alt.X(**x.channel("nodes")),
-        y=alt.Y(**y.channel("node_ns")),
-        color=alt.Color(
-            "form:N",
-            legend=legend(),
-            scale=alt.Scale(range=["#2166ac", "#c1272d"]),
-        ),
+    points = [CurvePoint(row["form"], x=row["nodes"], y=row["node_ns"]) for row in rows]
+    return log_chart(
+        points,
+        x_title="nodes",
+        y_title="time of a step over nodes [ns]",
+        title="Time of a step over the number of nodes",
     )
-    dots = base.mark_point(filled=True, size=60, opacity=1).encode(description="text:N")
-    return alt.layer(base.mark_line(), dots).properties(width=560, height=360)

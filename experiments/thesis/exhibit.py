@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 from PIL import Image
 
 from jaxthermo.report.chart import Chart
@@ -42,12 +41,6 @@ def judged(reproduced: bool, different: bool = False) -> Verdict:
 def rms(values: np.ndarray, weights: np.ndarray | None = None) -> float:
     """Root mean square, weighted by areas if there are any."""
     return float(np.sqrt(np.average(values**2, weights=weights)))
-
-
-def power(sizes: ArrayLike, values: ArrayLike) -> float:
-    """Power of the size that values grow with, by least squares of logarithms."""
-    slope, _ = np.polyfit(np.log(sizes), np.log(values), 1)
-    return float(slope)
 
 
 def imbalance(gained: float, lost: float) -> float:

@@ -45,7 +45,7 @@ _SHARED = tuple(
     for path in (
         *sorted(
             path
-            for folder in ("thesis", "harness", "verification", "sweep")
+            for folder in ("thesis", "harness", "verification", "benchmarks")
             for path in (_FOLDER.parent / folder).glob("*.py")
         ),
         *sorted(Path(str(calibrate.__file__)).parent.rglob("*.py")),

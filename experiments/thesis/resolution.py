@@ -18,8 +18,9 @@ from jaxthermo.timing import Spread, interleaved, ratio_of
 from ..benchmarks.mixed import Runner, scene_runner
 from ..benchmarks.steps import conduction_call
 from ..harness.meshes import voxels_high
+from ..harness.power_law import power
 from .bodies import required_statue
-from .exhibit import Numbers, power
+from .exhibit import Numbers
 from .sunlit import Sunlit
 from .table_6_1 import FULL, IRREGULAR, SHELL, TEN
 

@@ -113,8 +113,14 @@ def cover_picture(
     """
     colour = np.empty((*count.shape, 3), np.uint8)
     colour[:] = _EMPTY
-    for name, meaning in _COVER.items():
-        colour[_covers(name, count, solid)] = meaning
+    states = {
+        "one cell": solid & (count == 1),
+        "crack: no cell": solid & (count == 0),
+        "overlap: two or more": solid & (count > 1),
+        "outside the body": ~solid & (count > 0),
+    }
+    for name, is_in_state in states.items():
+        colour[is_in_state] = _COVER[name]
     upright = colour.transpose(1, 0, 2)[::-1]
     return upright.repeat(edge, axis=0).repeat(edge, axis=1)
 
@@ -125,17 +131,6 @@ _COVER = {
     "overlap: two or more": (226, 120, 40),
     "outside the body": (120, 170, 220),
 }
-
-
-def _covers(name: str, count: np.ndarray, solid: np.ndarray) -> np.ndarray:
-    match name:
-        case "one cell":
-            return solid & (count == 1)
-        case "crack: no cell":
-            return solid & (count == 0)
-        case "overlap: two or more":
-            return solid & (count > 1)
-    return ~solid & (count > 0)
 
 
 def cover_legend() -> Legend:

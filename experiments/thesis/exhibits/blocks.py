@@ -11,6 +11,7 @@ from jaxthermo.physics.contact.rays import PlacedGrid
 from jaxthermo.physics.contact.search import find_contacts
 from jaxthermo.report.chart import Chart
 
+from ...harness.line_chart import ALONE, curve, log_chart
 from ...verification.contacts import (
     CONDUCTANCE,
     COPPER,
@@ -20,7 +21,6 @@ from ...verification.contacts import (
     two_bars,
 )
 from ..exhibit import Finding, Numbers, exhibit, imbalance, judged
-from ..line_chart import ALONE, curve, log_chart
 
 
 _TIMES = (0.1, 0.3, 1.0, 3.0, 10.0)

@@ -21,8 +21,9 @@ from jaxthermo.report.chart import Chart
 from jaxthermo.report.sheet import Legend, Tile, sheet
 from jaxthermo.timing import timed_call
 
-from ..exhibit import Finding, Numbers, exhibit, judged, power
-from ..line_chart import curves, log_chart
+from ...harness.line_chart import curves, log_chart
+from ...harness.power_law import power
+from ..exhibit import Finding, Numbers, exhibit, judged
 from ..shaded import camera_on, in_world, shaded
 
 

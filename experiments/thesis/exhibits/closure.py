@@ -24,9 +24,9 @@ from jaxthermo.physics.convection.nusselt import churchill_bernstein
 from jaxthermo.report.chart import Chart
 from jaxthermo.report.sheet import enlarged
 
+from ...harness.line_chart import DOT, LINE, SHADES, angle_axis, curve, curve_chart
 from ...harness.present import Shot, thermal_sheet
 from ..exhibit import Finding, Numbers, Verdict, exhibit, judged, rms
-from ..line_chart import DOT, LINE, SHADES, angle_axis, curve, curve_chart
 from ..nusselt import local_number, mean_number
 
 

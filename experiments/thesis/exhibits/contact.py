@@ -23,8 +23,8 @@ from jaxthermo.report.sheet import Legend, Tile, enlarged, sheet
 from jaxthermo.voxels.lattice import pixel_axes
 from jaxthermo.voxels.textures import depth_colours, packed_images
 
+from ...harness.line_chart import ALONE, CurvePoint, curve, log_chart
 from ..exhibit import Finding, Numbers, exhibit, judged
-from ..line_chart import ALONE, CurvePoint, curve, log_chart
 from ..shaded import BODIES, box_corners, camera_on, in_world, shaded, with_box
 
 

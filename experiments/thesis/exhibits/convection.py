@@ -11,8 +11,16 @@ from jaxtyping import Float
 from jaxthermo.physics.convection.nusselt import AVERAGES, profile
 from jaxthermo.report.chart import Chart, LogAxis
 
+from ...harness.line_chart import (
+    DOT,
+    LINE,
+    SHADES,
+    CurvePoint,
+    angle_axis,
+    curve,
+    curve_chart,
+)
 from ..exhibit import Finding, Numbers, Verdict, exhibit
-from ..line_chart import DOT, LINE, SHADES, CurvePoint, angle_axis, curve, curve_chart
 from ..nusselt import (
     DEGREES,
     FAST,

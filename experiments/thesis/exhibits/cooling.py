@@ -19,10 +19,10 @@ from jaxthermo.physics.convection.nusselt import AVERAGES, churchill_bernstein
 from jaxthermo.report.chart import Chart
 from jaxthermo.voxels.cylinders import cylinder_parts
 
+from ...harness.line_chart import SHADES, angle_axis, curve, curve_chart
 from ...harness.present import Shot, thermal_sheet
 from ..bodies import buddha
 from ..exhibit import Finding, Numbers, exhibit, judged
-from ..line_chart import SHADES, angle_axis, curve, curve_chart
 from ..nusselt import local_number
 
 

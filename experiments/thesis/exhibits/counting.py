@@ -11,9 +11,10 @@ from jaxthermo.provenance import processor
 from jaxthermo.report.chart import Chart
 from jaxthermo.structures.partition.assignment import nested_cells, voxel_depth
 
+from ...harness.line_chart import ALONE, CurvePoint, curve, curves, log_chart
+from ...harness.power_law import power
 from ..bodies import buddha, required_statue
-from ..exhibit import Finding, Numbers, Verdict, exhibit, judged, power
-from ..line_chart import ALONE, CurvePoint, curve, curves, log_chart
+from ..exhibit import Finding, Numbers, Verdict, exhibit, judged
 from ..resolution import (
     BUILDS,
     HIGHEST_WITH_ERROR,

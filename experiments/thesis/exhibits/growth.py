@@ -1,7 +1,6 @@
 """Chapter 3: how nodes, memory and time of the whole method grow on a body."""
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -11,10 +10,11 @@ from jaxthermo.provenance import processor
 from jaxthermo.report.chart import Chart
 
 from ...benchmarks.mixed import Runner, step_spans
+from ...harness.line_chart import curve, log_chart
 from ...harness.meshes import START, STEEL
+from ...harness.power_law import Power, fitted_power
 from ..bodies import buddha
 from ..exhibit import Finding, Numbers, Verdict, exhibit, judged
-from ..line_chart import curve, log_chart
 from ..resolution import BUILDS, timed_runner
 from ..table_6_1 import FULL, IRREGULAR, SHELL
 
@@ -34,19 +34,6 @@ _QUANTITIES = {
     "stable step": "stable_step_s",
     "simulated second": "second_s",
 }
-
-
-class Power(NamedTuple):
-    """Power of the resolution that a quantity grows with."""
-
-    power: float
-    error: float
-    """Standard error of the power."""
-
-    @property
-    def text(self) -> str:
-        """The power with its standard error."""
-        return f"{self.power:.2f} ± {self.error:.2f}"
 
 
 @exhibit("section-3-growth", "3")
@@ -128,13 +115,6 @@ def verdict_of_growth(powers: Mapping[str, Power]) -> Verdict:
 def is_without_logarithm(over_shell: Power, logarithm: Power) -> bool:
     """True if growth beyond the shell is nearer to none than to a logarithm."""
     return abs(over_shell.power) < abs(over_shell.power - logarithm.power)
-
-
-def fitted_power(sizes: np.ndarray, values: np.ndarray) -> Power:
-    """Least squares through the logarithms."""
-    line, covariance = np.polyfit(np.log(sizes), np.log(values), 1, cov=True)
-    variance = covariance[0, 0]
-    return Power(float(line[0]), float(np.sqrt(variance)))
 
 
 def _rows_at(height: int, names: Sequence[str]) -> list[Numbers]:

@@ -20,8 +20,9 @@ from jaxthermo.report.chart import Chart
 from jaxthermo.report.sheet import Legend, Tile, sheet
 from jaxthermo.voxels.lattice import pixel_axes
 
-from ..exhibit import Finding, exhibit, judged, power
-from ..line_chart import CurvePoint, log_chart
+from ...harness.line_chart import CurvePoint, log_chart
+from ...harness.power_law import power
+from ..exhibit import Finding, exhibit, judged
 from ..shaded import (
     BODIES,
     BOX,

@@ -14,10 +14,10 @@ from jaxthermo.console.progress import SILENT
 from jaxthermo.report.chart import Chart
 from jaxthermo.timing import Spread
 
+from ...harness.line_chart import ALONE, LINE_AND_DOT, CurvePoint, log_chart
 from ...harness.present import from_to
 from ..bodies import CONFIGS
 from ..exhibit import Finding, Numbers, Verdict, exhibit
-from ..line_chart import ALONE, LINE_AND_DOT, CurvePoint, log_chart
 
 
 _SWEEP = CONFIGS / "sweeps" / "parameters.yaml"

@@ -17,8 +17,8 @@ from jaxthermo.physics.radiation.view_factors import DEFAULT_DIRECTIONS, view_fa
 from jaxthermo.reference.view_factor import element_to_rectangle, parallel_rectangles
 from jaxthermo.report.chart import Chart
 
+from ...harness.line_chart import DOT, LINE, curve, log_chart
 from ..exhibit import Finding, Numbers, Verdict, exhibit, judged
-from ..line_chart import DOT, LINE, curve, log_chart
 
 
 # The thesis' 100 K of difference [K]; what it gets of it [W/m^2] at which distance [m].

@@ -14,10 +14,10 @@ from jaxthermo.provenance import processor
 from jaxthermo.report.chart import Chart
 from jaxthermo.timing import Spread, interleaved
 
+from ...harness.line_chart import ALONE, curve, log_chart
 from ...harness.meshes import mesh_files
 from ..bodies import CONFIGS, buddha
 from ..exhibit import Finding, Numbers, Verdict, exhibit
-from ..line_chart import ALONE, curve, log_chart
 from ..table_6_1 import FULL, KINDS, TABLE_HEIGHT, TABLE_TIMES, TEN
 
 

@@ -13,10 +13,10 @@ from jaxthermo.report.chart import Chart, legend
 from jaxthermo.timing import interleaved, timed_call
 
 from ...benchmarks.mixed import Runner
+from ...harness.line_chart import COLOURS
 from ...harness.meshes import START, STEEL
 from ..bodies import buddha
 from ..exhibit import Finding, Numbers, Verdict, exhibit, judged
-from ..line_chart import COLOURS
 from ..resolution import BUILDS, timed_runner
 from ..table_6_1 import FULL, IRREGULAR
 

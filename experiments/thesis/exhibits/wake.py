@@ -32,8 +32,8 @@ from jaxthermo.native.call import native_kernels
 from jaxthermo.report.chart import Chart
 from jaxthermo.report.sheet import Tile, colour_bar, enlarged, sheet
 
+from ...harness.line_chart import LINE, SHADES, CurvePoint, curve, curve_chart
 from ..exhibit import Finding, Numbers, Verdict, exhibit, judged, rms
-from ..line_chart import LINE, SHADES, CurvePoint, curve, curve_chart
 
 
 # Cells across the narrow channel, the thesis' being 300. In the reduced size the

@@ -24,10 +24,10 @@ from jaxthermo.config.card_file import load_card
 from jaxthermo.config.shipped_cards import SCHEME, shipped_cards
 from jaxthermo.report.chart import Chart
 
+from ...harness.line_chart import ALONE, CurvePoint, curves, log_chart
 from ...harness.meshes import mesh_files
 from ..bodies import CONFIGS, buddha, levels_at
 from ..exhibit import Finding, exhibit, judged
-from ..line_chart import ALONE, CurvePoint, curves, log_chart
 
 
 _SHELL = "single shell"

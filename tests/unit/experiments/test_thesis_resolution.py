@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
+from experiments.harness.line_chart import ALONE, CurvePoint, log_chart
 from experiments.thesis import bodies, resolution
 from experiments.thesis.exhibits import wake
-from experiments.thesis.line_chart import ALONE, CurvePoint, log_chart
 from jaxthermo.errors import InputError
 from tests.exhibits import measured
 

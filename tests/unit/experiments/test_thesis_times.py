@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from experiments.harness import meshes
+from experiments.harness.power_law import Power, fitted_power
 from experiments.thesis import statements
 from experiments.thesis.exhibit import Verdict
 from experiments.thesis.exhibits import closure, growth, real_time, shares
@@ -118,9 +119,9 @@ def test_conduction_is_said_to_take_most_of_a_step(conduction, radiation, verdic
 
 def test_a_power_is_found_with_its_standard_error():
     sizes = np.array([10, 20, 40, 80])
-    exact = growth.fitted_power(sizes, 3.0 * sizes**2.5)
+    exact = fitted_power(sizes, 3.0 * sizes**2.5)
     assert exact.power == pytest.approx(2.5) and exact.error < 1e-8
-    noisy = growth.fitted_power(sizes, sizes**2.0 * [1.1, 0.9, 1.1, 0.9])
+    noisy = fitted_power(sizes, sizes**2.0 * [1.1, 0.9, 1.1, 0.9])
     assert 0.05 < noisy.error < 0.5 and abs(noisy.power - 2) < 2 * noisy.error
 
 
@@ -129,17 +130,17 @@ def test_a_power_is_found_with_its_standard_error():
 )
 def test_growth_is_judged_by_what_is_counted(power, verdict):
     powers = {
-        "nodes": growth.Power(power, 0.01),
-        "memory": growth.Power(power, 0.01),
-        "step": growth.Power(2.9, 0.01),
+        "nodes": Power(power, 0.01),
+        "memory": Power(power, 0.01),
+        "step": Power(2.9, 0.01),
     }
     assert growth.verdict_of_growth(powers) is verdict
 
 
 def test_growth_beyond_the_shell_is_nearer_to_none_or_to_a_logarithm():
-    logarithm = growth.Power(0.25, 0.01)
-    assert growth.is_without_logarithm(growth.Power(0.05, 0.01), logarithm)
-    assert not growth.is_without_logarithm(growth.Power(0.2, 0.01), logarithm)
+    logarithm = Power(0.25, 0.01)
+    assert growth.is_without_logarithm(Power(0.05, 0.01), logarithm)
+    assert not growth.is_without_logarithm(Power(0.2, 0.01), logarithm)
 
 
 @pytest.fixture(scope="module")
