@@ -21,7 +21,7 @@ _Count = Annotated[Whole, Field(ge=1, le=100_000)]
 _Seed = Annotated[Whole, Field(ge=0)]
 
 
-class LoadConfig(Model):
+class _LoadConfig(Model):
     """One set of changes under which every choice is run."""
 
     name: Name
@@ -46,7 +46,7 @@ class AxisValue(Model):
     """Fit whose structure and weights the first body takes."""
 
 
-class ListAxis(Model):
+class _ListAxis(Model):
     """Values of one number or word of the scene."""
 
     key: _Key
@@ -91,13 +91,13 @@ def _axis_form(value: Any) -> str:
 
 Axis: TypeAlias = Annotated[
     Annotated[Annotated[tuple[AxisValue, ...], NotEmpty], Tag("<labelled>")]
-    | Annotated[ListAxis, Tag("<values>")]
+    | Annotated[_ListAxis, Tag("<values>")]
     | Annotated[RangeAxis, Tag("<range>")],
     Discriminator(_axis_form),
 ]
 
 
-class GridSampling(KindModel, kind="grid"):
+class _GridSampling(KindModel, kind="grid"):
     """Every combination of the values of all axes."""
 
 
@@ -137,20 +137,20 @@ class OptunaSampling(KindModel, kind="optuna"):
 
 
 _Sampling = Annotated[
-    GridSampling | RandomSampling | SobolSampling | ListSampling | OptunaSampling,
+    _GridSampling | RandomSampling | SobolSampling | ListSampling | OptunaSampling,
     ByKind(),
     Short("kind"),
 ]
 
 
-class FitComparison(Model):
+class _FitComparison(Model):
     """A fit of the axes' parameters, whose optimum is compared with the sweep's."""
 
     calibration: FoundPath
     """Config of the calibration, with `reference: truth`."""
 
 
-class GoalConfig(Model):
+class _GoalConfig(Model):
     """Largest error of the best choice within a number of nodes."""
 
     nodes: Annotated[Whole, Field(ge=1)]
@@ -166,18 +166,20 @@ class SweepConfig(Model):
     """Config file of the scene."""
     set: Changes = {}
     """Changes of all cases, by dotted key as after `--set`."""
-    loads: Annotated[tuple[LoadConfig, ...], NotEmpty] = (LoadConfig(name="as given"),)
+    loads: Annotated[tuple[_LoadConfig, ...], NotEmpty] = (
+        _LoadConfig(name="as given"),
+    )
     """The error of a choice is the largest over its loads."""
     axes: dict[Name, Axis]
     """Values by the name of the axis."""
-    sampling: _Sampling = GridSampling()
+    sampling: _Sampling = _GridSampling()
     truth: AbsoluteReference
     """Runs of finer voxels, the reference of all errors."""
     repeats: Annotated[Whole, Field(ge=2, le=100)] = 5
     """Number of times that every loop is timed."""
-    goals: tuple[GoalConfig, ...] | None = None
+    goals: tuple[_GoalConfig, ...] | None = None
     """Errors to which the page compares the best choices within numbers of nodes."""
-    compare_with_fit: FitComparison | None = None
+    compare_with_fit: _FitComparison | None = None
     """Fit that is compared with a sweep over one or two weights."""
 
     def mistakes(self) -> list[Mistake]:
@@ -188,7 +190,7 @@ class SweepConfig(Model):
         mistakes += _repeated([load.name for load in self.loads], ("loads",))
         for name, axis in self.axes.items():
             mistakes += _repeated(_labels(axis), ("axes", name))
-            in_grid = isinstance(self.sampling, GridSampling | ListSampling)
+            in_grid = isinstance(self.sampling, _GridSampling | ListSampling)
             if in_grid and isinstance(axis, RangeAxis) and axis.count is None:
                 message = "missing: how many values a grid has of it"
                 mistakes.append((("axes", name, "count"), message))
@@ -242,7 +244,7 @@ def _labels(axis: Axis) -> list[str]:
 def values_of(axis: Axis) -> Sequence[AxisValue]:
     """Values that an axis lists; those of a range in a grid, none without a count."""
     match axis:
-        case ListAxis(key=key, values=values):
+        case _ListAxis(key=key, values=values):
             return [_value(key, value) for value in values]
         case RangeAxis(count=count):
             steps = range(count or 0)

@@ -36,11 +36,11 @@ class Progress(Protocol):
         """Tell of a result or a mistake, in a line that stays."""
 
 
-class SilentProgress(Progress):
+class _SilentProgress(Progress):
     """Progress that is not shown; a subclass may react to some of it."""
 
 
-SILENT = SilentProgress()
+SILENT = _SilentProgress()
 """Progress that is told to nobody."""
 
 

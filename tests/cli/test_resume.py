@@ -11,7 +11,7 @@ from cli_runs import RESULTS, files, frame_files, run, scene_file, sets, succeed
 from killing import kill, start
 
 import jaxthermo.cli.simulate as command
-from jaxthermo.console.progress import SilentProgress
+from jaxthermo.console.progress import _SilentProgress
 from jaxthermo.console.results_folder import prepare_folder
 
 
@@ -33,7 +33,7 @@ def uninterrupted(tmp_path_factory):
 def call_at_each_segment(monkeypatch, reach):
     """Have a function called with the steps done at the end of each segment."""
 
-    class Called(SilentProgress):
+    class Called(_SilentProgress):
         def reach(self, done, note=""):
             reach(done)
 

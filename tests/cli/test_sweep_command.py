@@ -10,7 +10,7 @@ from typing_extensions import override
 
 from calibrate.study.sweep import Options, run_sweep
 from experiments.__main__ import main
-from jaxthermo.console.progress import SilentProgress
+from jaxthermo.console.progress import _SilentProgress
 from jaxthermo.errors import InputError
 from tests.cli.cli_runs import files, run
 from tests.cli.killing import kill, start
@@ -154,7 +154,7 @@ def test_devices_are_of_one_process_and_share_cases_of_one_shape(
     ):
         monkeypatch.setattr(jax, "device_count", lambda count=device_count: count)
         with pytest.raises(InputError, match=f"^devices={devices}: .*{message}"):
-            run_sweep(path, out, (), Options(devices=devices), SilentProgress())
+            run_sweep(path, out, (), Options(devices=devices), _SilentProgress())
     assert not out.exists()
 
 
@@ -206,7 +206,7 @@ def test_a_fit_of_something_else_is_one_line(tmp_path, out):
     assert "the axis between is no range of a value that is fitted" in err
 
 
-class _Counting(SilentProgress):
+class _Counting(_SilentProgress):
     """Counts finished cases of each stage of errors."""
 
     def __init__(self) -> None:
@@ -233,5 +233,5 @@ def test_a_study_tells_how_many_cases_are_done(tmp_path):
     options = Options(times=False)
     result = run_sweep(config, tmp_path / "out", (), options, progress)
     assert progress.done == progress.total == len(result.rows) == 6
-    again = run_sweep(config, tmp_path / "out", (), options, SilentProgress())
+    again = run_sweep(config, tmp_path / "out", (), options, _SilentProgress())
     assert again.rows == result.rows

@@ -58,7 +58,16 @@ def _ambient_occlusion(quick: bool) -> Finding:
     def shot(values):
         # True temperatures: of what is reflected nothing is shown.
         zero = jnp.zeros((), jnp.float32)
-        return draw(scenery, Moment(occluded.surfaces, (), values, None, zero))
+        return draw(
+            scenery,
+            Moment(
+                occluded.surfaces,
+                terms=(),
+                temperature=values,
+                received=None,
+                time=zero,
+            ),
+        )
 
     off, on = (
         np.asarray(shot(solution.surface_temperature[-1]).temperature, float)

@@ -29,7 +29,7 @@ _EMISSION = ("surroundings", "radiative_exchange")
 _AnyModel = TypeVar("_AnyModel", bound=Model)
 
 
-class TimeConfig(Model):
+class _TimeConfig(Model):
     """The end of the run, and the times at which its state is saved."""
 
     end: PositiveTime
@@ -76,7 +76,7 @@ class TimeConfig(Model):
         return (*(self.save_every * (i + 1) for i in range(full_intervals)), self.end)
 
 
-class TruthConfig(Model):
+class _TruthConfig(Model):
     """Comparison of the run with a finer one of the same bodies."""
 
     reference: FoundPath
@@ -107,10 +107,10 @@ class SceneConfig(Model, builds="Scene"):
     """Everything that heats and cools the bodies; other mechanisms are not computed."""
     outdoors: OutdoorsConfig | None = None
     """Sun, sky, ground and wind of a place and date, in addition to `terms`."""
-    time: TimeConfig
+    time: _TimeConfig
     solver: SolverConfig = AutoSolver()
     """Time integration, by default chosen from the scene."""
-    truth: TruthConfig | None = None
+    truth: _TruthConfig | None = None
     """Finer run to compare with; the error is written to `summary.json`."""
     camera: CameraConfig = PinholeConfig()
     """Camera, by default chosen to show all bodies."""
@@ -264,7 +264,7 @@ def _terms(data: Mapping[str, object]) -> list[Mapping[str, Any]]:
 
 
 def _unsaved_frames(data: Mapping[str, object]) -> list[Mistake]:
-    time = _if_valid(TimeConfig, data.get("time"))
+    time = _if_valid(_TimeConfig, data.get("time"))
     image = data.get("image")
     frames = image.get("frames") if isinstance(image, dict) else None
     # The frames alone: other values of the image may have mistakes of their own.

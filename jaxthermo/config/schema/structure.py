@@ -208,7 +208,7 @@ class _ShellOverCore(_Structure, builds="ShellOverCore", kind="shell_over_core")
     factor: Count = 4
 
 
-class Partition(_Structure, builds="Partition", kind="partition"):
+class _Partition(_Structure, builds="Partition", kind="partition"):
     """Nodes given by a file of labels."""
 
     labels: FoundPath
@@ -226,7 +226,7 @@ StructureConfig = Annotated[
     | _Octree
     | _Aggregate
     | _ShellOverCore
-    | Partition,
+    | _Partition,
     ByKind(),
     Short("kind", "full_volume"),
 ]

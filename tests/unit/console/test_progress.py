@@ -4,7 +4,7 @@ import io
 
 from rich.console import Console
 
-from jaxthermo.console.progress import Progress, SilentProgress, terminal_progress
+from jaxthermo.console.progress import Progress, _SilentProgress, terminal_progress
 
 
 def told(console: Console, interval: float) -> None:
@@ -36,5 +36,5 @@ def test_a_terminal_shows_a_bar_that_goes_at_the_end():
 
 
 def test_silence_is_a_progress_too():
-    assert isinstance(SilentProgress(), Progress)
-    SilentProgress().stage("steps")
+    assert isinstance(_SilentProgress(), Progress)
+    _SilentProgress().stage("steps")
