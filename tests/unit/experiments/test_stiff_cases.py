@@ -1,6 +1,7 @@
 """The verdicts of the stiff cases, and cheap cases through them."""
 
 import json
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -75,6 +76,13 @@ def test_a_case_that_breaks_is_a_row_that_fails():
     rows = check(Case("S00", "", "", "", "", measure)).rows
     assert [row.verdict for row in rows] == [PASS, FAIL]
     assert "ZeroDivisionError: by none" in rows[1].failure
+
+
+def test_no_heat_capacity_is_refused_in_rows_of_its_case():
+    """S14 up to its runs: an error outside of a row would stop the case."""
+    case = next(case for case in stiff._CASES if case.id == "S14")
+    rows = list(islice(case.measure(), 3))
+    assert [row.verdict for row in rows] == [REFUSED] * 3
 
 
 def test_a_run_out_of_bounds_or_energy_fails():
