@@ -194,7 +194,7 @@ class Recorder:
 
     def __post_init__(self) -> None:
         self._fine_camera = self.camera
-        if self.samples > 1:
+        if self.samples != 1:
             self._fine_camera = self.camera.finer(self.samples)
         self._detector = _Detector(self.effects, self.samples)
 

@@ -1,6 +1,6 @@
 """Measurements on frames: spots, lines, boxes and isotherms."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
@@ -50,10 +50,14 @@ class _Placed(Model):
     name: _Name | None = None
     """Name at the mark and in `measurements.csv`; by default its kind and a number."""
 
+    two_points: ClassVar[str] = ""
+    """Key of its points; empty without two of them."""
+
     @property
     def places(self) -> dict[tuple[str | int, ...], tuple[Any, Any]]:
         """Points of the measurement by their location in the config."""
-        return {}
+        points = getattr(self, self.two_points) if self.two_points else ()
+        return {(self.two_points, k): point for k, point in enumerate(points)}
 
     def outside(self, width: int, height: int) -> list[Mistake]:
         """Mistakes for coordinates outside an image of this size [pixels]."""
@@ -85,10 +89,7 @@ class _LineConfig(_Placed, builds="measurements.Line", kind="line"):
 
     ends: _Points
 
-    @property
-    @override
-    def places(self) -> dict[tuple[str | int, ...], tuple[Any, Any]]:
-        return {("ends", k): point for k, point in enumerate(self.ends)}
+    two_points: ClassVar = "ends"
 
 
 class _BoxConfig(_Placed, builds="measurements.Box", kind="box"):
@@ -97,10 +98,7 @@ class _BoxConfig(_Placed, builds="measurements.Box", kind="box"):
     corners: _Points
     """Two opposite corners."""
 
-    @property
-    @override
-    def places(self) -> dict[tuple[str | int, ...], tuple[Any, Any]]:
-        return {("corners", k): point for k, point in enumerate(self.corners)}
+    two_points: ClassVar = "corners"
 
 
 class _IsothermConfig(_Placed, builds="measurements.Isotherm", kind="isotherm"):
