@@ -34,7 +34,7 @@ from jaxthermo.physics.conduction import assemble_uniform
 from jaxthermo.timing import Spread, timed_call
 
 from ..harness.measurement import MeasuredResult, Measurement, compared, plain_rows
-from ..harness.present import named, show, table_of
+from ..harness.present import show, table_of
 
 
 QUICK = {"height": 48, "repeats": 2}
@@ -315,7 +315,9 @@ def _show(name: str, comparison: _Comparison, height: int, voxels: int) -> None:
         ("residual", "{residual:.1e}"),
     ]
     title = f"{name}, {size}, float64 to {_TOLERANCE:g}"
-    show(table_of(named(comparison["solvers"]), columns, title))
+    solvers = comparison["solvers"].items()
+    rows = [{"name": solver, **row} for solver, row in solvers]
+    show(table_of(rows, columns, title))
     console = open_console()
     console.print(
         "chosen: {chosen}, {faster_than_the_faster_peer:.2f} times as fast as the "

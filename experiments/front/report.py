@@ -23,6 +23,7 @@ from jaxthermo.report.numbers import seconds, significant
 from jaxthermo.report.table import Cell, Table, prose
 from jaxthermo.timing import Spread
 
+from ..harness.measurement import spread_columns
 from ..thesis.table_6_1 import FULL, KINDS, TABLE_TIMES
 from .charts import Marks, error_against, numbered, tooltips
 from .comparisons import Comparison, PlainComparison
@@ -340,8 +341,8 @@ def _csv_row(point: Point, on_front: bool, is_rival: bool) -> dict[str, object]:
         "on_front": on_front,
         **point.errors,
         "own_error_percent": point.own_error_percent,
-        **_spread_columns("loop_s", point.time),
-        **_spread_columns("full_volume_times_faster", point.ratio),
+        **spread_columns("loop_s", point.time),
+        **spread_columns("full_volume_times_faster", point.ratio),
         "call_s": point.call_s,
         "known_set_up_s": point.known_set_up_s,
         "compile_s": point.compile_s,
@@ -352,10 +353,6 @@ def _csv_row(point: Point, on_front: bool, is_rival: bool) -> dict[str, object]:
         "processor": point.processor,
         **{f"axis {name}": label for name, label in point.choice.items()},
     }
-
-
-def _spread_columns(name: str, spread: Spread | None) -> dict[str, float | None]:
-    return {f"{name}_{key}": getattr(spread, key, None) for key in Spread._fields}
 
 
 # Kinds of structures that are compared with the full volume, with the thesis' names.

@@ -31,7 +31,7 @@ def time_unit(seconds: float) -> tuple[str, float]:
     return unit, _FACTORS[unit]
 
 
-_CsvRow = dict[str, str | float | bool | None]
+CsvRow = dict[str, str | float | bool | None]
 """A line of the CSV file, by its columns."""
 
 
@@ -137,7 +137,7 @@ class Measurement:
         """Plain values, for `result.json`; the constructor takes them again."""
         return cast("_PlainMeasurement", asdict(self))
 
-    def as_row(self) -> _CsvRow:
+    def as_row(self) -> CsvRow:
         """A summary, for a line of a CSV file."""
         has_peer = len(self.peer) > 0
         direction = "ours / peer" if self.overhead else "peer / ours"
@@ -145,10 +145,10 @@ class Measurement:
         return {
             "name": self.name,
             "unit": self.unit,
-            **_spread_columns("ours", Spread.of(self.ours)),
+            **spread_columns("ours", Spread.of(self.ours)),
             "peer": self.peer_name,
-            **_spread_columns("peer", peer),
-            **_spread_columns("ratio", self.ratio),
+            **spread_columns("peer", peer),
+            **spread_columns("ratio", self.ratio),
             "ratio_of": direction if has_peer else "",
             "asked": self.asked,
             "met": self.met,
@@ -156,7 +156,8 @@ class Measurement:
         }
 
 
-def _spread_columns(name: str, spread: Spread | None) -> _CsvRow:
+def spread_columns(name: str, spread: Spread | None) -> CsvRow:
+    """Columns of a median and its range; empty ones without them."""
     return {
         f"{name}_{field}": None if spread is None else getattr(spread, field)
         for field in Spread._fields
@@ -331,11 +332,11 @@ def _write_csv(path: Path, benchmarks: Sequence[Finished]) -> None:
         writer.writerows(rows)
 
 
-def plain_table(benchmarks: Sequence[Finished]) -> list[_CsvRow]:
+def plain_table(benchmarks: Sequence[Finished]) -> list[CsvRow]:
     """A mapping for each measurement, and one for each benchmark without any."""
-    rows: list[_CsvRow] = []
+    rows: list[CsvRow] = []
     for benchmark in benchmarks:
-        names: _CsvRow = {"benchmark": benchmark.name, "command": benchmark.command}
+        names: CsvRow = {"benchmark": benchmark.name, "command": benchmark.command}
         rows += [{**names, **row.as_row()} for row in benchmark.rows]
         if benchmark.error:
             rows.append({**names, "error": benchmark.error})

@@ -56,11 +56,6 @@ def table_of(
     return Table(columns=headings, rows=lines, title=title, caption=caption, **style)
 
 
-def named(rows: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """The rows of a result by name, each with its `name` as a value of the row."""
-    return [{**row, "name": name} for name, row in rows.items()]
-
-
 def from_to(values: Iterable[float], form: str) -> str:
     """Smallest and largest value in a format, or the one where they read alike."""
     numbers = list(values)

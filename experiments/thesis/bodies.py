@@ -77,6 +77,16 @@ def _grid(name: str, height: int, surface_cells: SurfaceCells) -> jt.VoxelGrid:
     return voxels_high(_statues()[name].mesh, height, surface_cells)
 
 
+SPHERE_RADIUS = 0.25
+"""Radius of the sphere of several exhibits [m]."""
+
+
+def sphere_grid(across: int, subdivisions: int = 5) -> jt.VoxelGrid:
+    """The sphere, so many voxels across."""
+    mesh = jt.shapes.sphere(SPHERE_RADIUS, subdivisions)
+    return jt.voxelize(mesh, 2 * SPHERE_RADIUS / across, "dominant_axis")
+
+
 HEIGHT = 250
 """Voxels along up: the thesis' 100x250x100."""
 

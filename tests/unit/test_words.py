@@ -15,12 +15,12 @@ ROOT = Path(__file__).resolve().parents[2]
 
 MAX_FILE_LINES = 500
 MAX_FUNCTION_LINES = 90
-MAX_TOKENS_PER_LINE = {"jaxthermo": 9.2, "calibrate": 8.5, "experiments": 8.63}
+MAX_TOKENS_PER_LINE = {"jaxthermo": 9.2, "calibrate": 8.5, "experiments": 8.62}
 """The aim is 8.5 for each: these numbers only fall."""
 MAX_VAGUE_PERCENT = {"jaxthermo": 1.0, "calibrate": 1.0, "experiments": 1.0, "tests": 2}
 MAX_PARALLEL_PER_THOUSAND = 5.0
 MAX_NAMED_LAMBDAS = {"jaxthermo": 1, "calibrate": 0, "experiments": 0, "tests": 19}
-MAX_UNTYPED_RECORDS = {"jaxthermo": 30, "calibrate": 11, "experiments": 24, "tests": 4}
+MAX_UNTYPED_RECORDS = {"jaxthermo": 30, "calibrate": 11, "experiments": 22, "tests": 4}
 """The aims are 24, 12, 42 and 4: these numbers only fall."""
 MAX_SPLATS = {"jaxthermo": 3, "calibrate": 0, "experiments": 0, "tests": 0}
 LONG_FUNCTIONS = {

@@ -11,16 +11,15 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import cg
 
 import jaxthermo as jt
-from jaxthermo.geometry.shapes import sphere
 from jaxthermo.report.sheet import Tile, sheet
 from jaxthermo.structures.structure import AbstractStructure
 
+from ..bodies import SPHERE_RADIUS, sphere_grid
 from ..exhibit import Finding, Verdict, exhibit, judged
 from ..slices import Slice, level_legend
 
 
-# Of the sphere [m]; levels of the multi-level structure.
-_RADIUS = 0.25
+# Levels of the multi-level structure.
 _LEVELS = 4
 # Caps that heat enters and leaves by, from this fraction of the radius outwards [-].
 _CAP = 0.8
@@ -28,11 +27,6 @@ _FULL = "(a) full volume"
 _SHELL = "(b) single shell"
 _MULTI_LEVEL = "(c) multi-level"
 _IRREGULAR = "(d) irregular multi-level"
-
-
-def _sphere_grid(across: int) -> jt.VoxelGrid:
-    pitch = 2 * _RADIUS / across
-    return jt.voxelize(sphere(_RADIUS, subdivisions=5), pitch, "dominant_axis")
 
 
 def _slices(
@@ -59,7 +53,7 @@ def _slices(
 def _slices_of_a_sphere(_: bool) -> Finding:
     """Build the three structures of a sphere."""
     across = 40
-    grid = _sphere_grid(across)
+    grid = sphere_grid(across)
     irregular = jt.IrregularMultiLevel(grid)
     structures = {
         "single shell": jt.SingleShell(grid),
@@ -98,7 +92,7 @@ def _slices_of_a_sphere(_: bool) -> Finding:
 def _shortest_paths(_: bool) -> Finding:
     """Measure the shortest way of heat from one side of a sphere to the other."""
     across = 41
-    grid = _sphere_grid(across)
+    grid = sphere_grid(across)
     structures = {
         _FULL: jt.FullVolume(grid),
         _SHELL: jt.SingleShell(grid),
@@ -182,7 +176,7 @@ def _conductance(structure: AbstractStructure) -> float:
     both_ways = np.tile(one_way, 2)
     coupling = coo_array((both_ways, ends), (count, count)).tocsr()
     laplace = (diags_array(coupling.sum(axis=1)) - coupling).tocsr()
-    along = structure.grid.fragment_position[:, 0] / _RADIUS
+    along = structure.grid.fragment_position[:, 0] / SPHERE_RADIUS
     temperature = np.zeros(count)
     is_cap = np.zeros(count, bool)
     for in_cap, value in ((along > _CAP, 1.0), (along < -_CAP, 0.0)):

@@ -9,7 +9,7 @@ from PIL import Image
 
 import jaxthermo as jt
 from jaxthermo.geometry.mesh import Pose
-from jaxthermo.geometry.shapes import figurine, sphere
+from jaxthermo.geometry.shapes import figurine
 from jaxthermo.image.colour.preview import draw_preview
 from jaxthermo.image.surface.camera import frame_all
 from jaxthermo.raster.fragments import DepthLayers
@@ -20,7 +20,7 @@ from jaxthermo.voxels.lattice import peel_axes, pixel_axes
 from jaxthermo.voxels.surface import face_axes, surface_voxels
 from jaxthermo.voxels.textures import AXIS_COLOURS, layer_images
 
-from ..bodies import AXES, WAYS, Statue, buddha, planck
+from ..bodies import AXES, WAYS, Statue, buddha, planck, sphere_grid
 from ..exhibit import Finding, Numbers, Verdict, exhibit, judged
 from ..slicing import slice_voxels
 
@@ -34,9 +34,8 @@ _PEELED = (18, 20, 8)
 _PACKED = (8, 11, 6)
 _BUDDHA_6_3 = (8, 14, 8)
 _PLANCK_6_3 = (4, 5, 4)
-# Height of the figurine and radius of the sphere [m]; voxels across the sphere.
+# Height of the figurine [m]; voxels across the sphere.
 _TALL = 0.5
-_RADIUS = 0.25
 _ACROSS = 96
 # Largest error of the area, and fraction of voxels that may be stored twice [-].
 _MAX_AREA_ERROR = 0.02
@@ -211,7 +210,7 @@ def _layers_by_height(statue: Statue, heights: Sequence[int]) -> list[Numbers]:
 @exhibit("figure-4.4", "4.2, figure 4.4")
 def _two_views_of_a_sphere(_: bool) -> Finding:
     """Find the part of a sphere that its first layers along x and z both show."""
-    grid = _sphere_grid(subdivisions=5)
+    grid = sphere_grid(_ACROSS)
     normals, _axes = face_axes(grid.mesh)
     single = (200, 202, 206)
     shared = (226, 120, 40)
@@ -237,15 +236,10 @@ def _two_views_of_a_sphere(_: bool) -> Finding:
     )
 
 
-def _sphere_grid(subdivisions: int) -> jt.VoxelGrid:
-    mesh = sphere(_RADIUS, subdivisions=subdivisions)
-    return jt.voxelize(mesh, 2 * _RADIUS / _ACROSS, "dominant_axis")
-
-
 @exhibit("figure-4.5", "4.2, figure 4.5")
 def _largest_component(_: bool) -> Finding:
     """Store each texel of a sphere along the axis of its largest normal component."""
-    grid = _sphere_grid(subdivisions=6)
+    grid = sphere_grid(_ACROSS, subdivisions=6)
     images = layer_images(grid)
     dominant = images["x_dominant"][0]
     along_x = (dominant == AXIS_COLOURS[0]).all(axis=-1)
