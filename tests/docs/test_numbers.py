@@ -35,7 +35,7 @@ GIVEN = {
     "docs/guide/python.md": "512 MiB",
     "docs/guide/results.md": "0.01 K; 655.35 K",
     "docs/guide/scene.md": "1 %",
-    "docs/guide/structures.md": "15 000 nodes; 180 s; 2 GiB; 5 %; 512 MiB; 99.5 %",
+    "docs/guide/structures.md": "1 GiB; 15 000 nodes; 180 s; 5 %; 99.5 %",
     "docs/guide/sweeps.md": "0.1 %; 1 %; 3 %",
     "docs/scaling.md": "25 GB",
     "docs/limits.md": "150 K; 2 %; 20 degC; 6000 K; 64 times",
