@@ -40,7 +40,7 @@ _SOLVERS: dict[str, tuple[AbstractSolver, int]] = {
 _TURNS = 10
 _THESIS_SHAPE = (228, 550, 228)
 _SHARE = 0.7
-"""Share of the bandwidth of a copy that a step is asked to reach."""
+"""Share of the bandwidth of a copy that a step must reach."""
 _STRUCTURES = {**STRUCTURES, "single shell": jt.SingleShell}
 _PARAMETERS = (1, 2, 4, 8)
 _CAMERA = jt.Camera((1.6, 0.6, 0.4), (0.0, 0.0, 0.25), width=640, height=480)

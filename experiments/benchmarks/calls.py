@@ -1,4 +1,4 @@
-"""Call of a simulation again with other numbers, beside its loop and beside numba.
+"""A repeated call of a simulation with other numbers, its loop alone, and numba.
 
 The standard scene on aggregates and on the full volume, 12 steps of RKL2: the compiled
 loop alone; `run()` and `run(other)` of `compile_simulation`; and `jt.simulate(other)`,
@@ -79,7 +79,7 @@ def run(
         calls |= {
             f"{label}: {call_name}": call for call_name, call in structure_calls.items()
         }
-    # The peer once a round, beside all structures: it takes seconds.
+    # The peer once a round with all structures: it takes seconds.
     spans = interleaved(calls, repeats)
     rows: list[_Row] = [
         {

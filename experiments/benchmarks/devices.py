@@ -1,4 +1,4 @@
-"""A full volume over devices of one process, and over two processes, beside one.
+"""A full volume on devices of one process and on two processes, compared with one.
 
 Each arrangement has processes of its own, which wait for each other's turns, so that
 all see the same state of the machine. Where there are no other devices, those of one
@@ -45,7 +45,7 @@ from .scaling_model import PaperRow, on_paper
 QUICK = {"shape": (24, 56, 24), "repeats": 2, "steps": 6}
 _PITCH = 1e-3
 _ASKED = 0.9
-"""Speed relative to one device that is asked of two processes."""
+"""Speed relative to one device that two processes must reach."""
 _LARGEST_SHARE = 0.6
 """Share of the lattice that a process of two may have."""
 _RKL2 = "conduction, stages of RKL2"
@@ -107,7 +107,7 @@ def run(
         folder: of the result.
         shape: of the box, in voxels.
         repeats: of every turn.
-        steps: of a turn; of RKL2 it is one step with so many stages, or one more.
+        steps: of a turn; of RKL2 the stages of its one step, or one fewer than it takes.
         scenes: to measure.
     """
     results = [

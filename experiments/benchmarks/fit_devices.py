@@ -1,4 +1,4 @@
-"""The Jacobian of a step of a fit over two devices beside one, by number of values.
+"""The Jacobian of a step of a fit on two devices, compared with one, by its values.
 
 In turn in a process of its own, which has two devices: where there are no others, they
 share the threads of one processor, and a device alone uses all of them where an

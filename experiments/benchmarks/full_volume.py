@@ -1,4 +1,4 @@
-"""Full volume with its surface in the sun and in air, beside the same scene in numba.
+"""Full volume with its surface in sun and air, compared with the same in numba.
 
 Cut voxels, open areas and loads are the same. A cube that a cache holds and a statue
 that none does; explicit steps and RKL2, as stencils of XLA and with kernels of numba;
@@ -50,7 +50,7 @@ _BOUND = 0.75
 
 
 class _Method(NamedTuple):
-    """A way to step, for so many evaluations."""
+    """A way to step, with its number of evaluations."""
 
     end: float
     solver: Any
@@ -103,7 +103,7 @@ def _scene(structure: jt.FullVolume) -> jt.Scene:
 
 
 def _methods(stable: float, count: int) -> dict[str, _Method]:
-    """Explicit steps and RKL2 of about so many evaluations."""
+    """Explicit steps and RKL2 of about `count` evaluations."""
     dt = _STABLE_STEPS * stable
     steps = max(1, count // _STAGES)
     end = count * stable

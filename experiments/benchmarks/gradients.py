@@ -1,4 +1,4 @@
-"""Cost of a reverse-mode gradient beside its forward run, measured in turn.
+"""Cost of a reverse-mode gradient over its forward run, measured in turn.
 
 The gradient of the mean of the final surface's temperature, with respect to all weights
 of links, k, h, the emissivity and the sun, of the standard scene on a structure that

@@ -54,7 +54,7 @@ class _Result(MeasuredResult):
 
 
 def run(folder: Path, height: int = _ACROSS[-1], repeats: int = 5) -> _Result:
-    """Times of balls up to so many voxels across, their growth, and a chart."""
+    """Times of balls up to `height` voxels across, their growth, and a chart."""
     rows: list[_Row] = []
     for across in _ACROSS:
         if across <= height:

@@ -1,4 +1,4 @@
-"""A step of the lattice Boltzmann flow beside numba, its textbook form and a copy.
+"""A step of the lattice Boltzmann flow compared with numba, the textbook and a copy.
 
 The thesis' channel of 800 x 300 cells with a cylinder, in float32. Ours is a run with
 its walls, inlet, outlet, body, forces and means, with loops of XLA and with kernels of

@@ -66,7 +66,7 @@ def kernel_rows(
 
 
 def per_item(spans: Spans, counts: Mapping[str, int]) -> Spans:
-    """Times of an item [s] from those of calls of so many items each."""
+    """Times of an item [s] from those of calls of several items each."""
     return {
         name: [span / count for span in spans[name]] for name, count in counts.items()
     }
@@ -88,7 +88,7 @@ def _only_first(table: StepTable, count: int) -> StepTable:
 def loop_of(plan: Plan, steps: int | None = None) -> Callable[[], Any]:
     """Steps of a plan and the reading of its surface, as one compiled call.
 
-    All of them, or so many of the first length, in a program that is the same for all.
+    All of them, or a number of the first length, in a program that is the same for all.
     """
     table = step_table(plan)
     table = table if steps is None else _only_first(table, steps)

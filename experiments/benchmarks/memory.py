@@ -1,11 +1,11 @@
 """Memory of a run: forecast against measured, for each structure and kind of steps.
 
-A forecast counts what a run needs beside its bodies: findings, program and states. It
-is measured in a new process for each run: the rise of its resident memory from before
-the scene is compiled to the peak while the steps run. A run before has compiled all
-programs, since the compiler's memory, 50 to 500 MB, is not in the forecast, nor is the
-peak of searches in the geometry, such as shadows, which is listed beside. Some
-megabytes of what is measured are the interpreter's.
+A forecast counts what a run needs in addition to its bodies: findings, program and
+states. It is measured in a new process for each run: the rise of its resident memory
+from before the scene is compiled to the peak while the steps run. An earlier run has
+compiled all programs, since the forecast holds neither the compiler's memory, 50 to
+500 MB, nor the peak of searches in the geometry, such as shadows, which has a column of
+its own. Some megabytes of what is measured are the interpreter's.
 """
 
 import ctypes
@@ -36,7 +36,7 @@ _RADIUS = 0.1
 _END = 6.0
 _SAVES = 3
 _MOST_OFF = 10.0
-"""Largest difference of a forecast from what is measured that is asked for [%]."""
+"""Largest allowed difference of a forecast from what is measured [%]."""
 _STRUCTURES: dict[str, Callable[[Any], Any]] = {
     "full volume": jt.FullVolume,
     "full volume, numba": lambda grid: jt.FullVolume(grid, kernels="numba"),
@@ -83,7 +83,7 @@ class _Result(MeasuredResult):
 def run(
     folder: Path, height: int = 160, solvers: Sequence[str] = tuple(_SOLVERS)
 ) -> _Result:
-    """Table of forecasts and measurements for a ball of so many voxels across.
+    """Table of forecasts and measurements for a ball of `height` voxels across.
 
     Raises:
         InputError: where the system does not tell a process's peak memory.

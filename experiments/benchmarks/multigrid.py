@@ -1,4 +1,4 @@
-"""An implicit step and a steady state of the full volume, beside scipy, in one run.
+"""An implicit step and a steady state of the full volume, compared with scipy.
 
 The same system for all, in float64, to the same relative residual, interleaved:
 conjugate gradients with the diagonal and with multigrid, one of which a solver selects
@@ -286,7 +286,7 @@ def run(folder: Path, height: int = 128, repeats: int = 3) -> _Result:
 
 
 def _measurements(name: str, comparison: _Comparison) -> list[Measurement]:
-    """The solver that is selected beside the faster one of scipy."""
+    """The solver that is selected, compared with the faster one of scipy."""
     selected = comparison["chosen"]
     solvers = comparison["solvers"]
     spans = {solver: row["spans_s"] for solver, row in solvers.items()}

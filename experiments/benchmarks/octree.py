@@ -1,4 +1,4 @@
-"""Octree beside the full volume of its voxels, at the error of the octree itself.
+"""The octree compared with the full volume of its voxels, at the octree's own error.
 
 Its error against the full volume, both in steps so short that they do not count, is
 that of the octree itself. Each of the two then takes the fewest steps of RKL2 with

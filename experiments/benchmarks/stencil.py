@@ -1,4 +1,4 @@
-"""Conduction in the full volume alone, beside numba, its simple form and a copy.
+"""Conduction in the full volume alone, compared with numba, simple steps and a copy.
 
 An ellipsoid with bubbles, without a surface or loads: those are in `full_volume`. The
 simple form is the change of the temperatures, computed by itself and added.

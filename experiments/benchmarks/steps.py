@@ -1,4 +1,4 @@
-"""A step of each structure in the standard scene, beside conduction alone and scipy.
+"""A step of each structure in the standard scene, conduction alone, and scipy.
 
 Times of the same nodes and links, in turn: an explicit step with sun, convection and
 the energy ledger; the conduction in it alone; the same by gathering both ends of every
@@ -198,7 +198,7 @@ def _observe_all(
 def euler_steps(
     network: AbstractNetwork, state: jax.Array, dt: jax.Array, steps: jax.Array
 ) -> jax.Array:
-    """A state after so many steps of `dt` [s] of conduction."""
+    """A state after steps of `dt` [s] of conduction."""
 
     # Two steps a turn exchange their buffers, as in the time loop.
     def two_steps(_, state):
@@ -208,7 +208,7 @@ def euler_steps(
 
 
 def conduction_call(structure: AbstractStructure, steps: int) -> Callable[[], Any]:
-    """A call that takes so many steps of conduction in steel, in float32."""
+    """A call that takes steps of conduction in steel, in float32."""
     return partial(conduction_of(structure), steps)
 
 

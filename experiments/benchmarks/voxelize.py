@@ -1,4 +1,4 @@
-"""Voxelizing beside trimesh at the same pitch, in one run; cold and warm."""
+"""Voxelization compared with trimesh at the same pitch, cold and warm, in one run."""
 
 import time
 

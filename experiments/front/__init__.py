@@ -1,1 +1,1 @@
-"""Error against run time: the front of a sweep, beside rivals in the same process."""
+"""Error against run time: the front of a sweep, and its rivals in the same process."""

@@ -101,9 +101,9 @@ def error_against(
 
     beaten = [dot(p) for p in points if p not in best]
     on_front = [dot(p, str(n)) for n, p in enumerate(best, 1)]
-    beside = [dot(p) for p in rivals]
+    rival_dots = [dot(p) for p in rivals]
     lines = [{"cost": at * scale, "text": text} for text, at in marks]
-    dots = [*beaten, *on_front, *beside]
+    dots = [*beaten, *on_front, *rival_dots]
     costs = [dot["cost"] for dot in dots]
     costs += [line["cost"] for line in lines]
     across = LogAxis(costs, label)
@@ -125,8 +125,8 @@ def error_against(
         ),
         coloured.mark_point(filled=True, size=POINT_AREA * 1.6, opacity=1),
     ]
-    if beside:
-        shaped = drawn(beside).encode(tip, shape=_shape(rivals))
+    if rival_dots:
+        shaped = drawn(rival_dots).encode(tip, shape=_shape(rivals))
         layers.append(
             shaped.mark_point(
                 size=POINT_AREA * 0.8, stroke=_RIVAL_COLOUR, strokeWidth=1.8, opacity=1

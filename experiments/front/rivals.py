@@ -327,7 +327,7 @@ class Rivals:
 
 
 def _full_volume(config: SceneConfig, high: int, cells: _Cells) -> SceneConfig:
-    """Config with the full volume of so many voxels along z, read at the surface."""
+    """Config with the full volume of `high` voxels along z, read at the surface."""
     if len(config.bodies) != 1:
         raise InputError("rivals written by hand have one body: this scene has more")
     full_volume = on_every_voxel(config)

@@ -73,7 +73,7 @@ def curve(
     every: int = 1,
     marks: Marks = LINE_AND_DOT,
 ) -> list[CurvePoint]:
-    """Points of a curve, one of every so many."""
+    """Points of a curve: the first one and each `every`-th after it."""
     pairs = list(zip(x, y, strict=True))
     return [CurvePoint(name, x=a, y=b, marks=marks) for a, b in pairs[::every]]
 

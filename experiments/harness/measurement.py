@@ -1,4 +1,4 @@
-"""Measured quantity beside that of a named peer, in the form that all benchmarks share.
+"""A measured quantity and that of a named peer, in the form that all benchmarks share.
 
 Values of the same index were measured in turn, so that a ratio is one of two values
 that saw the same state of the machine.
@@ -95,7 +95,7 @@ class Measurement:
 
     @property
     def met(self) -> bool | None:
-        """True if the median keeps the bound; None if none is asked."""
+        """True if the median keeps the bound; None if there is none."""
         if self.bound is None:
             return None
         if self.ratio is None:
@@ -105,7 +105,7 @@ class Measurement:
 
     @property
     def asked(self) -> str:
-        """The bound in words; empty if none is asked."""
+        """The bound in words; empty if there is none."""
         if self.bound is None:
             return ""
         is_speed = self.ratio is not None and not self.overhead

@@ -58,13 +58,13 @@ def thesis_meshes() -> dict[str, Mesh]:
 def voxels_high(
     mesh: Mesh, height: int, surface_cells: SurfaceCells = "crossings"
 ) -> jt.VoxelGrid:
-    """The voxels of a mesh, so many of them along up."""
+    """The voxels of a mesh, `height` of them along up."""
     extent = float(np.ptp(mesh.bounds[:, 2]))
     return jt.voxelize(mesh, extent / height, surface_cells)
 
 
 def statue(height: int) -> tuple[str, jt.VoxelGrid]:
-    """Name and voxels of the first of the meshes, so many voxels high."""
+    """Name and voxels of the first of the meshes, `height` voxels high."""
     name, mesh = next(iter(thesis_meshes().items()))
     return name, jt.voxelize(mesh, HEIGHT / height)
 

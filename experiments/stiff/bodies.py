@@ -35,7 +35,7 @@ START = 400.0
 
 @functools.cache
 def block(x: int, y: int, z: int, pitch: float) -> jt.VoxelGrid:
-    """A box of so many voxels of `pitch` [m], centred at the origin."""
+    """A box of x * y * z voxels of `pitch` [m], centred at the origin."""
     mesh = jt.shapes.box((x * pitch, y * pitch, z * pitch))
     # The first call may come from a function that is being traced.
     with jax.ensure_compile_time_eval():

@@ -16,7 +16,7 @@ _PAGE = PageTexts(
     "Stiff and extreme cases",
     (
         "Each row is one solver on one scene. It passes if all of its checks lie "
-        "within the limits given beside it; a run that must be refused passes if the "
+        "within the limits given with it; a run that must be refused passes if the "
         "refusal gives the reason. Reported: the energy is judged, the overshoot is "
         "shown for comparison only.",
         "A result other than successful is the run's own verdict: an error unless the "

@@ -82,7 +82,7 @@ SPHERE_RADIUS = 0.25
 
 
 def sphere_grid(across: int, subdivisions: int = 5) -> jt.VoxelGrid:
-    """The sphere, so many voxels across."""
+    """The sphere in `across` voxels."""
     mesh = jt.shapes.sphere(SPHERE_RADIUS, subdivisions)
     return jt.voxelize(mesh, 2 * SPHERE_RADIUS / across, "dominant_axis")
 

@@ -113,7 +113,7 @@ def run(folder: Path, cases: str | None = None, quick: bool = False) -> dict[str
         if not is_stored:
             outcome = f"{result.verdict}, {result.seconds:.0f} s"
             console.print(f"{exhibit.name}: {title_of(exhibit.name)}: {outcome}")
-            # Each program takes mappings of memory, of which a process has so many:
+            # Programs take mappings of memory, whose number is limited in a process:
             # without this the last exhibits of the full size cannot be compiled.
             jax.clear_caches()
             # After each one, so that an interrupted run leaves a page.

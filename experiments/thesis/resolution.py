@@ -50,7 +50,7 @@ _MAX_SCENE_STEPS = 60
 
 @cache
 def counts(mesh_name: str, height: int) -> Numbers:
-    """Occupied and allocated counts of a mesh so many voxels high, by its name."""
+    """Occupied and allocated counts of a mesh that is `height` voxels high."""
     grid = _body(mesh_name, height).grid
     box = grid.lattice.cells
     body = grid.solid_count
@@ -146,7 +146,7 @@ def power_of_time(times: Sequence[StepTimes], structure: str) -> float:
 
 
 def timed_runner(scene: jt.Scene) -> Runner:
-    """Steps of a whole scene, as many as its nodes leave time for."""
+    """Steps of a whole scene, whose number falls with the nodes."""
     nodes = sum(body.structure.node_count for body in scene.bodies)
     steps = int(np.clip(_SCENE_WORK / nodes, 4, _MAX_SCENE_STEPS)) // 2 * 2
     return scene_runner(scene, _DT, steps)

@@ -157,7 +157,7 @@ def _contact_pairs(scene: jt.Scene) -> ContactPairs:
 
 
 def _contact_area(height: int) -> float:
-    """Area of contact with a head of so many voxels [m^2]."""
+    """Area of contact with a head that is `height` voxels high [m^2]."""
     return float(_contact_pairs(_config(height).build()).area.sum())
 
 

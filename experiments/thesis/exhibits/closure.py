@@ -176,7 +176,7 @@ def _front_by_width(box: SquareRod) -> float:
 
 
 def _round_rod(reynolds: float, cells: int, passes: float) -> RoundRod:
-    """Compute the flow around a round rod of so many cells, for so many passes."""
+    """The flow around a round rod, `cells` wide, for some passes of the channel."""
     setup = wake_setup(reynolds, cells, heated=True)._replace(passes=passes)
     run = wake_run(reynolds, setup, heated=True)
     mean = mean_nusselt(run)
@@ -196,7 +196,7 @@ def _round_rod(reynolds: float, cells: int, passes: float) -> RoundRod:
 
 
 def _square_rod(reynolds: float, cells: int, passes: float) -> SquareRod:
-    """Compute the flow around a square rod of so many cells, for so many passes."""
+    """The flow around a square rod, `cells` wide, for some passes of the channel."""
     setup = wake_setup(reynolds, cells, heated=True)
     channel = wake_channel(reynolds, setup, heated=True)
     middle = channel.body.centre

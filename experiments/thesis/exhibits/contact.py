@@ -197,7 +197,7 @@ def _plate_textures(resolutions: Sequence[int]) -> Image.Image:
 def ball_on_plate(
     voxels: int, max_threshold: float, thickness: float | None = None
 ) -> Touching:
-    """A ball of radius 1 on a plate, both of voxels of which so many are its diameter.
+    """A ball of radius 1 on a plate, both in voxels of one size.
 
     Args:
         voxels: across the ball.

@@ -150,7 +150,7 @@ class _InWind:
 
 
 def cylinder_in_wind(across: int) -> _InWind:
-    """A cylinder of so many voxels across."""
+    """A cylinder of `across` voxels in diameter."""
     mesh = cylinder(_DIAMETER / 2, _LENGTH, 128)
     return _InWind("cylinder", jt.voxelize(mesh, _DIAMETER / across))
 

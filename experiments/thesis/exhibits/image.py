@@ -152,7 +152,7 @@ def _image_of_heat_and_reflections(quick: bool) -> Finding:
 
 
 def _statue_scene(height: int) -> tuple[jt.Solution, Camera]:
-    """The statue, so many voxels high, after its time in the sun, and a camera."""
+    """The statue, `height` voxels high, after its time in the sun, and a camera."""
     grid = buddha().grid(height)
     low, high = grid.mesh.bounds
     size = high - low

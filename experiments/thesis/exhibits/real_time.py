@@ -145,7 +145,7 @@ def _rows_at(height: int) -> list[FrameRow]:
 def _timed(
     views: Mapping[str, _View], frames: Mapping[str, float]
 ) -> dict[str, FrameTimes]:
-    """Times of frames of so many simulated seconds, in which structures take turns."""
+    """Times of frames of these simulated seconds; the structures take turns."""
     calls: dict[str, Callable[[], Any]] = {}
     for name, view in views.items():
         calls[f"{name}: step"] = partial(view.step, frames[name])

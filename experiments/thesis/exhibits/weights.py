@@ -155,7 +155,7 @@ def _tuned_weights(quick: bool) -> Finding:
 
 @cache
 def _tune(name: str, height: int) -> _Tuned:
-    """Tune a structure of the statue in voxels of so many along up."""
+    """Tune a structure of the statue, which is `height` voxels high."""
     path = CONFIGS / "calibration" / f"{_FILES[name]}.yaml"
     config = load_calibration(path, _overrides(name, height))
     calibration = build(config, lambda _: None)
