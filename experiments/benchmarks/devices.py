@@ -107,7 +107,7 @@ def run(
         folder: of the result.
         shape: of the box, in voxels.
         repeats: of every turn.
-        steps: of a turn; of RKL2 the stages of its one step, or one fewer than it takes.
+        steps: of a turn; with RKL2 about the number of stages of its one step.
         scenes: to measure.
     """
     results = [
