@@ -26,10 +26,10 @@ PAINT = 0.9
 SHINY = 0.1
 """Emissivity of a patch of bare metal on it [-]."""
 LONG = "7.5 to 14 µm"
-MID = "3 to 5 µm"
+_MID = "3 to 5 µm"
 _ALL = "all wavelengths"
 _MID_WAVE = Band(BANDS["mid-wave"])
-_BANDS = {LONG: LONG_WAVE, MID: _MID_WAVE, _ALL: None}
+_BANDS = {LONG: LONG_WAVE, _MID: _MID_WAVE, _ALL: None}
 # Radiances of a frame by what they come from.
 _STORED = "stored heat"
 OF_SUN = "sun reflected"
@@ -293,7 +293,7 @@ def _known_numbers() -> Mapping[str, dict[str, float]]:
         (f"black, {kelvin:g} K, {name} [W/(m² sr)]", exact, band.radiance(kelvin))
         for name, band, values in (
             (LONG, LONG_WAVE, _LONG_RADIANCE),
-            (MID, _MID_WAVE, _MID_RADIANCE),
+            (_MID, _MID_WAVE, _MID_RADIANCE),
         )
         for kelvin, exact in zip(_KELVIN, values, strict=True)
     ]
@@ -302,7 +302,7 @@ def _known_numbers() -> Mapping[str, dict[str, float]]:
         (f"dL/dT, 300 K, {LONG} [W/(m² sr K)]", 0.928314, LONG_WAVE.slope(300.0)),
         (f"share of σ T⁴, 300 K, {LONG}", 0.405689, LONG_WAVE.share(300.0)),
         (f"60 W/(m² sr), {LONG} [K]", 300.738830, LONG_WAVE.temperature(60.0)),
-        (f"2 W/(m² sr), {MID} [K]", 301.923589, _MID_WAVE.temperature(2.0)),
+        (f"2 W/(m² sr), {_MID} [K]", 301.923589, _MID_WAVE.temperature(2.0)),
         (
             "350 K of emissivity 0.9 in front of 293.15 K, through air [W/(m² sr)]",
             107.672617,
