@@ -87,7 +87,9 @@ def device_array(value: Any, dtype: Any = None) -> Any:
     """
     if not isinstance(value, HOST):
         return jnp.asarray(value, dtype)
-    return jax.device_put(np.asarray(value, dtype))
+    # Known arrays stay known where other values are traced.
+    with jax.ensure_compile_time_eval():
+        return jax.device_put(np.asarray(value, dtype))
 
 
 def plain_numbers(value: Any) -> Any:

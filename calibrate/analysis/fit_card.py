@@ -15,8 +15,8 @@ from jaxthermo.config.loader import load_config
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.simulate import simulate
-from jaxthermo.scene.compile.compile import mechanism_names
 from jaxthermo.scene.dimensionless_groups import scene_numbers
+from jaxthermo.scene.scene import mechanism_names
 from jaxthermo.structures.extrapolation import extrapolations, range_words
 from jaxthermo.structures.weights import ConductionWeights, FitCard
 

@@ -23,8 +23,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jaxthermo.errors import InputError
-from jaxthermo.scene.compile.compile import mechanism_names
-from jaxthermo.scene.scene import Scene
+from jaxthermo.scene.scene import Scene, mechanism_names
 
 from ..config.frame_names import REFLECTED, is_of_camera, is_of_frames
 from .bijections import Bijection, Values, bijection

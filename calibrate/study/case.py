@@ -15,7 +15,7 @@ from jaxthermo.arrays import precision
 from jaxthermo.config.loader import config_hash, resolved
 from jaxthermo.config.schema.body import BodyConfig
 from jaxthermo.config.schema.scene import SceneConfig
-from jaxthermo.integrate.run.plan import Plan, plan_once
+from jaxthermo.integrate.run.plan import Plan, plan_run
 from jaxthermo.scene.scene import Body, Scene
 from jaxthermo.voxels.grid import VoxelGrid
 
@@ -160,15 +160,19 @@ def build_case(config: SceneConfig) -> _Built:
 def plan_case(config: SceneConfig, scene: Scene) -> Plan:
     """Plan the run of a case, with its error in time controlled as by default.
 
-    A `simulate` of the same scene finds this plan.
-
     Raises:
         InputError: for a solver that the scene cannot have.
     """
     span = config.time
     solver = config.solver.build()
     with precision(scene.dtype):
-        return plan_once(scene, t1=span.end, save_at=span.save_times, solver=solver)
+        return plan_run(
+            scene,
+            t1=span.end,
+            save_at=span.save_times,
+            solver=solver,
+            control_error=True,
+        )
 
 
 def has_fixed_steps(plan: Plan) -> bool:

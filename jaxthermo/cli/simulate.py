@@ -45,10 +45,9 @@ from ..parallel.processes import (
     watching_others,
 )
 from ..report.numbers import count
-from ..scene.compile.compile import mechanism_names
 from ..scene.compile.on_devices import on_devices
 from ..scene.dimensionless_groups import body_numbers
-from ..scene.scene import Scene
+from ..scene.scene import Scene, mechanism_names
 from ..structures.extrapolation import extrapolations
 from ..structures.report import StructureReport, structure_report
 from .frame_names import FRAMES, earlier_frames

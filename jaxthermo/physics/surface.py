@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -14,6 +15,7 @@ from ..arrays import Scalar, is_traced, namespace, typed_array
 from ..errors import InputError
 from ..findings import found, is_finding
 from ..geometry.mesh import Pose
+from ..module import Module
 from ..voxels.cavities import Cavities
 from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection
@@ -30,6 +32,20 @@ class Omitted(NamedTuple):
     body: int | None = None
 
 
+class Note(Module):
+    """A remark on the validity of a law on one body, for the receipt."""
+
+    body: int = eqx.field(static=True)
+    text: Callable[[Any], tuple[str, ...]] = eqx.field(static=True)
+    """Its lines, from the numbers."""
+    numbers: Float[Any, "..."] = ()
+    """What it depends on; traced where the scene is."""
+
+    def lines(self) -> tuple[str, ...]:
+        """Its lines; none where the numbers are not known."""
+        return () if is_traced(self.numbers) else self.text(np.asarray(self.numbers))
+
+
 class Binding(NamedTuple):
     """A law on the surface of the scene."""
 
@@ -38,8 +54,8 @@ class Binding(NamedTuple):
     acting: Bool[np.ndarray, " s"]
     """False where the effective area is 0; known even where the area is traced."""
     law: AbstractFluxLaw
-    notes: tuple[tuple[int, str], ...] = ()
-    """Remarks on the validity of the law, by body, for the receipt."""
+    notes: tuple[Note, ...] = ()
+    """Remarks on the validity of the law, for the receipt."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,7 +250,7 @@ class Surface:
         law: AbstractFluxLaw,
         covers: Sequence[Cover | Omitted] | None = None,
         on: AbstractSelection | None = None,
-        notes: tuple[tuple[int, str], ...] = (),
+        notes: tuple[Note, ...] = (),
     ) -> tuple[Binding | Omitted, ...]:
         """A law bound to the fragments where it acts, and the bodies without it.
 
@@ -243,7 +259,7 @@ class Surface:
             covers: effective area of each body's fragments, and where they act; None
                 for the exposed area that `on` selects.
             on: a selection of the surface; None for all of it.
-            notes: on the validity of the law, by body.
+            notes: on the validity of the law.
         """
         if covers is None:
             covers = [body.cover(body.area, on) for body in self.bodies]

@@ -92,6 +92,11 @@ class AbstractTerm(Module):
         return Scale()
 
     @property
+    def chooses_law(self) -> bool:
+        """True if its kind of law depends on its numbers, which must then be known."""
+        return False
+
+    @property
     def named_bodies(self) -> tuple[int, ...]:
         """Numbers of the bodies that it names; none if it acts on all."""
         selection = getattr(self, "on", None)

@@ -103,10 +103,11 @@ class LinearSystem:
     @cached_property
     def capacity(self) -> Nodes:
         """Heat capacity of every node [J/K]."""
-        pairs = zip(self.program.bodies, self.compiled.start, strict=True)
+        pairs = zip(self.program.bodies, self.compiled.state_shapes, strict=True)
         with precision("float64"):
             capacities = [
-                jnp.broadcast_to(b.network.capacity(), s.shape) for b, s in pairs
+                jnp.broadcast_to(body.network.capacity(), shape)
+                for body, shape in pairs
             ]
             return self.layout.pack(tuple(capacities))
 

@@ -332,6 +332,15 @@ def _require_all(values: Any, cls: type, field: str, give: str) -> None:
         require(value, classes=cls, argument=f"Scene({field}[{i}]=)", give=give)
 
 
+def mechanism_names(scene: Scene) -> tuple[str, ...]:
+    """One name per term: its kind, numbered from the second of a kind on."""
+    names: list[str] = []
+    for term in scene.terms:
+        count = sum(name.split("#")[0] == term.name for name in names) + 1
+        names.append(term.name if count == 1 else f"{term.name}#{count}")
+    return tuple(names)
+
+
 @dataclass(frozen=True, eq=False)
 class BodyGeometry:
     """Shape and fragments in the body's own frame [m], and its pose."""

@@ -157,6 +157,11 @@ class AbstractStructure(Module):
         return values
 
     @property
+    def device_count(self) -> int:
+        """Number of devices that its state is spread over."""
+        return 1
+
+    @property
     def identity(self) -> tuple[object, ...]:
         """Objects that determine its arrays, apart from its options; none if unknown.
 

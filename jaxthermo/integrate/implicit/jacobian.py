@@ -149,7 +149,8 @@ def implicit_context(
     linear = linear and (load is None or load.by_cell.terms.is_linear)
     # By the maximum principle no state exceeds the hottest temperature of the scene.
     # Without a loss at the surface Newton's iterates need no bound.
-    hottest, endless = (jnp.asarray(t, dtype) for t in (compiled.hottest, jnp.inf))
+    hottest = jnp.asarray(compiled.temperatures.highest, dtype)
+    endless = jnp.asarray(jnp.inf, dtype)
     ceilings = tuple(
         body.network.state_of(hottest - body.reference)
         if load is not None and load.is_dissipative(number)

@@ -12,7 +12,7 @@ from ...arrays import is_traced, precision
 from ...errors import InputError, require
 from ...scene.scene import Body, Scene
 from ..solvers import AbstractSolver
-from .plan import Plan, plan_once, without_searches
+from .plan import Plan, plan_run, without_searches
 from .simulate import compile_plan, run_plan
 from .solution import Solution, finished
 
@@ -130,8 +130,13 @@ def compile_simulation(
 
 def _planned(scene, t1, save_at, solver, reverse_memory) -> Plan:
     with precision(scene.dtype):
-        return plan_once(
-            scene, t1=t1, save_at=save_at, solver=solver, reverse_memory=reverse_memory
+        return plan_run(
+            scene,
+            t1=t1,
+            save_at=save_at,
+            solver=solver,
+            reverse_memory=reverse_memory,
+            control_error=True,
         )
 
 

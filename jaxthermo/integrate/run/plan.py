@@ -1,18 +1,16 @@
 """The plan of a run: when to step, by which solver; nothing has been run yet."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
 from ...arrays import is_traced
 from ...errors import InputError, require
-from ...findings import found, values_of
-from ...module import replaced
 from ...physics.time_varying import just_before
 from ...scene.compile.compile import compile_scene
 from ...scene.compile.memory import Method, with_memory_of
@@ -139,7 +137,7 @@ def plan_run(
     )
     return Plan(
         scene=scene,
-        compiled=replaced(compiled, programs=programs),
+        compiled=replace(compiled, programs=programs),
         intervals=intervals,
         save_times=saves,
         stable_step=choice.stable_step,
@@ -247,7 +245,8 @@ def _checkpoints(reverse_memory: int | None, compiled: Compiled) -> int | None:
     """Return the number of states that fit into the memory; None for all."""
     if reverse_memory is None:
         return None
-    size = sum(x.size * x.dtype.itemsize for x in jax.tree.leaves(compiled.start))
+    values = sum(math.prod(shape) for shape in compiled.state_shapes)
+    size = values * jnp.dtype(compiled.receipt.dtype).itemsize
     checkpoints = reverse_memory // size
     if checkpoints < 1:
         raise InputError(
@@ -257,61 +256,10 @@ def _checkpoints(reverse_memory: int | None, compiled: Compiled) -> int | None:
     return checkpoints
 
 
-def plan_once(
-    scene: Scene,
-    t1: float | int,
-    save_at: Sequence[float] | None,
-    solver: AbstractSolver | None = None,
-    reverse_memory: int | None = None,
-) -> Plan:
-    """Plan a run that controls its error; a scene that was planned keeps its plan.
-
-    Arguments and errors are those of `plan_run`.
-    """
-    plans: list[Plan] = []
-
-    def make() -> Plan:
-        plans.append(
-            plan_run(
-                scene,
-                t1=t1,
-                save_at=save_at,
-                solver=solver,
-                reverse_memory=reverse_memory,
-                control_error=True,
-            )
-        )
-        return plans[0]
-
-    # Within another function that is traced, hardly anything of a run is known.
-    solver_values = values_of(solver)
-    if solver_values is None or is_traced((scene, jnp.zeros(()))):
-        return make()
-
-    def find() -> tuple[Plan, bool]:
-        # Without the scene, which would then exist as long as its plan.
-        is_same_scene = make().scene is scene
-        return (
-            plans[0]._replace(scene=_NO_SCENE) if is_same_scene else plans[0]
-        ), is_same_scene
-
-    saves = checked_save_times(t1, save_at)
-    key = ("plan", float(t1), saves, solver_values, reverse_memory)
-    plan, is_same_scene = found((scene,), key, find)
-    if plans:
-        return plans[0]
-    plan = without_searches(plan)
-    return plan._replace(scene=scene) if is_same_scene else plan
-
-
 def without_searches(plan: Plan) -> Plan:
     """Return a plan whose receipt lists no searches in geometry."""
     receipt = replace(plan.compiled.receipt, searches=())
-    return plan._replace(compiled=replaced(plan.compiled, receipt=receipt))
-
-
-_NO_SCENE: Any = None
-"""Stands for the scene in a remembered plan."""
+    return plan._replace(compiled=replace(plan.compiled, receipt=receipt))
 
 
 def _selected(

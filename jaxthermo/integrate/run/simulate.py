@@ -34,7 +34,7 @@ from .plan import (
     StepTable,
     initial_state,
     observation_time,
-    plan_once,
+    plan_run,
     program_groups,
     saved_numbers,
     step_blocks,
@@ -111,8 +111,13 @@ def simulate(
     require(scene, classes=Scene, argument="simulate(scene=)", give="a Scene")
     with precision(scene.dtype):
         scene = on_devices(scene, devices)
-        plan = plan_once(
-            scene, t1=t1, save_at=save_at, solver=solver, reverse_memory=reverse_memory
+        plan = plan_run(
+            scene,
+            t1=t1,
+            save_at=save_at,
+            solver=solver,
+            reverse_memory=reverse_memory,
+            control_error=True,
         )
         for warning in plan.compiled.receipt.warnings:
             warnings.warn(warning, stacklevel=2)

@@ -14,6 +14,7 @@ function of the user, where fragments at nearly the same x share one Reynolds nu
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import equinox as eqx
@@ -31,7 +32,7 @@ from ...voxels.cylinders import Cylinder, given_cylinders, parts_of
 from ...voxels.selection import AbstractSelection
 from ..boundary import toward
 from ..flux_law import Forcing, Values
-from ..surface import Binding, BodySurface, Omitted, Surface, concatenated
+from ..surface import Binding, BodySurface, Note, Omitted, Surface, concatenated
 from ..term import AbstractSurfaceTerm
 from ..time_varying import (
     check_value,
@@ -39,7 +40,6 @@ from ..time_varying import (
     is_unknown_function,
     is_zero,
     largest,
-    stated_numbers,
     value_at,
 )
 from .air import kinematic_viscosity
@@ -178,17 +178,13 @@ class Wind(AbstractSurfaceTerm):
         if any(flow.has_fitted_wakes for flow in flows.values()):
             nodes = _WAKE_SPEED_NODES
         tables = {n: self._coefficients(flow, nodes) for n, flow in flows.items()}
-        notes = [
-            (flow.surface.body, note)
-            for flow in flows.values()
-            for note in self._notes(flow)
-        ]
+        notes = tuple(note for flow in flows.values() for note in self._notes(flow))
         # One law for all bodies: their coefficients differ from fragment to fragment.
         law = FilmExchange(
             coefficients=self._joined(tables, surface),
             temperature=for_jit(self.temperature, surface.dtype),
         )
-        return surface.bind(law, covers, notes=tuple(notes))
+        return surface.bind(law, covers, notes=notes)
 
     def _joined(self, tables: dict[int, Any], surface: Surface) -> Any:
         """Coefficients of all fragments, with 0 on bodies without any."""
@@ -205,32 +201,33 @@ class Wind(AbstractSurfaceTerm):
         highest = for_jit(_table_limit(speed), surface.dtype)
         return speed_table(coefficients, highest, for_jit(speed, surface.dtype))
 
-    def _notes(self, flow: "_Flow") -> tuple[str, ...]:
-        """Validity notes for the receipt, as far as the Reynolds numbers are known."""
+    def _notes(self, flow: "_Flow") -> tuple[Note, ...]:
+        """Validity of its correlations, where the speed is no unknown function."""
         cooled = flow.cooled
-        air = _initial_value(self.temperature, float)
-        speed = _known_maximum(self.strength)
-        if speed is None or is_traced(air) or not cooled.any():
+        speed = self.strength
+        if is_unknown_function(speed) or not cooled.any():
             return ()
-        ratio = self._speed_ratio(flow, np.array([speed]))
-        if is_traced(ratio):
-            return ()
+        dtype = flow.surface.dtype
+        xp = namespace((speed, self.temperature))
+        highest = xp.asarray(largest(speed, 0.0), dtype)
+        air = _initial_value(self.temperature, dtype)
         with jax.ensure_compile_time_eval():
-            nu = float(kinematic_viscosity(jnp.asarray(air)))
-        local = np.asarray(ratio).reshape(-1) * speed * flow.groups.diameter / nu
-        reynolds = local[np.unique(flow.groups.member[cooled])]
-        average = named_average(self.average)
-        notes = [
-            *validity_notes(float(reynolds.min()), average),
-            *validity_notes(float(reynolds.max()), average),
-        ]
+            nu = kinematic_viscosity(jnp.asarray(air))
+        unit_reynolds = highest / nu
+        ratio = self._speed_ratio(flow, highest[None]).reshape(-1)
+        local = ratio * flow.groups.diameter.astype(dtype) * unit_reynolds
+        reached = local[np.unique(flow.groups.member[cooled])]
         wakes = flow.wakes
+        felt = wakes.diameter[cooled & (wakes.diameter > 0)]
+        wake_lines: Callable[..., tuple[str, ...]] = partial(wake_notes, self.wake)
         if isinstance(wakes, WakeGeometry):
-            notes += fitted_notes(_felt_diameters(wakes, cooled) * speed / nu)
-        else:
-            upstream = wakes.diameter[cooled & (wakes.diameter > 0)] * speed / nu
-            notes += wake_notes(self.wake, upstream)
-        return tuple(dict.fromkeys(notes))
+            felt = _felt_diameters(wakes, cooled)
+            wake_lines = fitted_notes
+        body = flow.surface.body
+        return (
+            Note(body, partial(_validity_lines, self.average), reached),
+            Note(body, wake_lines, felt.astype(dtype) * unit_reynolds),
+        )
 
     def _speed_ratio(self, flow: "_Flow", speeds: Values) -> Float[Values, "*v g"]:
         """Local speed over wind speed of each group [-], at each of the speeds."""
@@ -348,19 +345,18 @@ def _initial_value(value: Any, dtype: Any) -> Float[Values, ""]:
         return initial if is_traced(initial) else np.asarray(initial)
 
 
-def _known_maximum(value: Any) -> float | None:
-    """Largest value at any time; None for functions of time and traced values."""
-    stated = stated_numbers(value)
-    if callable(stated) or is_traced(stated):
-        return None
-    return float(np.max(np.asarray(stated, float)))
+def _validity_lines(average: str, reynolds: Float[np.ndarray, " g"]) -> tuple[str, ...]:
+    """Limits of validity that the smallest and the largest number exceed."""
+    correlation = named_average(average)
+    return (
+        *validity_notes(float(reynolds.min()), correlation),
+        *validity_notes(float(reynolds.max()), correlation),
+    )
 
 
-def _table_limit(speed: Any) -> Float[Array, ""] | float:
+def _table_limit(speed: Any) -> Float[Any, ""] | float:
     """Largest speed that a table of speeds has to cover [m/s]."""
     if is_unknown_function(speed):
         return _MAX_UNKNOWN_SPEED
-    maximum = _known_maximum(speed)
-    if maximum is None:
-        return jnp.maximum(largest(speed, 0.0), _MIN_TABLE_LIMIT)
-    return maximum
+    highest = largest(speed, 0.0)
+    return namespace(highest).maximum(highest, _MIN_TABLE_LIMIT)

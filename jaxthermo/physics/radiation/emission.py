@@ -189,6 +189,11 @@ class Surroundings(AbstractSurroundings):
         if self.occlusion is not None:
             check_directions(self.occlusion)
 
+    @property
+    @override
+    def chooses_law(self) -> bool:
+        return self.linear_within is not None
+
     @override
     def irradiation(self, surface: Surface) -> tuple[Irradiation, ...]:
         factors = [self._view_factors(body) for body in surface.bodies]

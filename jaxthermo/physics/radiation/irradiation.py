@@ -12,6 +12,7 @@ as it emits.
 """
 
 import abc
+from functools import partial
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -26,7 +27,15 @@ from ...findings import found, is_finding
 from ...module import Module
 from ...voxels.selection import AbstractSelection
 from ..flux_law import AbstractFluxLaw, PerCell
-from ..surface import Binding, BodySurface, Cover, Omitted, Surface, concatenated
+from ..surface import (
+    Binding,
+    BodySurface,
+    Cover,
+    Note,
+    Omitted,
+    Surface,
+    concatenated,
+)
 from ..term import AbstractSurfaceTerm
 from ..time_varying import is_zero, value_at
 
@@ -96,7 +105,11 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
             assert isinstance(binding, Binding)
             masks = surface.apart(binding.acting)
             lit_bodies = [body for body, mask in enumerate(masks) if mask.any()]
-            notes = tuple((n, note) for note in incident.notes for n in lit_bodies)
+            notes = tuple(
+                Note(body, partial(_unchanged, note))
+                for note in incident.notes
+                for body in lit_bodies
+            )
             if lit_bodies or not surface.prune:
                 bindings.append(binding._replace(notes=notes))
         return (*bindings, *omitted)
@@ -138,6 +151,10 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
         return Irradiation(
             factor=concatenated(selected), law=law, notes=notes, spectrum=spectrum
         )
+
+
+def _unchanged(line: str, _: Any) -> tuple[str, ...]:
+    return (line,)
 
 
 def _lit(

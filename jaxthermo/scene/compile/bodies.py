@@ -58,7 +58,7 @@ class PreparedBody(NamedTuple):
     reference: Scalar
     """Temperature from which the state counts [K]."""
     state: Float[Values, "..."]
-    """State at time 0. A uniform one is an array of numpy without memory of its own."""
+    """State at time 0; one number where it is uniform."""
     half_cell: Float[Values, " s"]
     """Conductance from each fragment to its node, k A / distance [W/K]."""
     fragment_node: Int[np.ndarray, " s"]
@@ -133,20 +133,12 @@ def prepare(number: int, body: Body, dtype: Any) -> PreparedBody:
         body=body,
         network=network,
         reference=reference,
-        state=_state(network, theta),
+        state=network.state_of(jnp.asarray(theta)),
         half_cell=_half_cells(body, reference, dtype),
         fragment_node=structure.fragment_node(),
         surface_map=body.surface_map.bind(structure, dtype),
         conductivity_parts=_parts(body, reference, dtype),
     )
-
-
-def _state(
-    network: AbstractNetwork, theta: Float[Values, "..."]
-) -> Float[Values, "..."]:
-    if isinstance(theta, np.ndarray) and network.is_linear:
-        return theta
-    return network.state_of(jnp.asarray(theta))
 
 
 def _parts(body: Body, reference: Scalar, dtype: Any) -> Float[Array, "q s"] | None:
@@ -172,14 +164,17 @@ def _initial(
     # Reference temperature of a body, and its nodes' temperatures above it [K].
     # The reference is the initial mean and no variable: only the difference of a
     # traced initial state from it carries a derivative.
-    shape = body.structure.state_shape
     values: Any = body.temperature
     if callable(values):
         values = values(body.structure.nodes().location)
-    elif not is_traced(values):
+    elif is_traced(values):
         # One number for all nodes, which takes no memory until a run starts.
-        return float(values), np.broadcast_to(np.zeros((), dtype), shape)
-    theta = np.zeros(shape, dtype)
+        values = jnp.asarray(values, dtype)
+        reference = jax.lax.stop_gradient(values)
+        return reference, values - reference
+    else:
+        return float(values), np.zeros((), dtype)
+    theta = np.zeros(body.structure.state_shape, dtype)
     address = body.structure.node_address()
     if is_traced(values):
         values = values.astype(dtype)
@@ -233,22 +228,30 @@ def _half_cells(body: Body, reference: Scalar, dtype: Any) -> Float[Values, " s"
     )
 
 
+class TemperatureBounds(NamedTuple):
+    """Bounds of all temperatures up to the end of a run [K]."""
+
+    highest: Float[Any, ""]
+    """Upper bound where surfaces emit."""
+    lowest: Float[Any, ""]
+
+    def known(self) -> Forcing | None:
+        """Return the bounds as numbers; None where they are traced."""
+        if is_traced(self):
+            return None
+        return Forcing(highest=float(self.highest), lowest=float(self.lowest))
+
+
 def temperature_bounds(
     scene: Scene, prepared: tuple[PreparedBody, ...], end: float | int
-) -> tuple[Float[Any, ""], Forcing | None]:
-    """Upper bound of temperatures up to `end` [s] where surfaces emit [K].
-
-    The second result has the upper and lower bound as numbers; None if values are
-    traced.
-    """
+) -> TemperatureBounds:
+    """Bounds of temperatures up to `end` [s]."""
     # Without imposed fluxes nothing gets hotter than the start or what terms heat
     # towards (the maximum principle). With them, the hottest surface is one that emits
     # the flux. Where nothing emits there is no bound, and none is needed.
     start = []
     for body in prepared:
-        theta = body.state
-        if not isinstance(theta, np.ndarray):
-            theta = body.network.temperature(theta)
+        theta = body.network.temperature(body.state)
         # On the host nothing is compiled for each shape of a body.
         theta = theta if is_traced(theta) else np.asarray(theta)
         start.append((body.reference, theta))
@@ -270,12 +273,11 @@ def temperature_bounds(
     # Emissivities below 1e-3 would give no useful bound.
     emissivity = xp.maximum(xp.stack(smallest).min(), 1e-3)
     hottest = (bound**4 + imposed / (STEFAN_BOLTZMANN * emissivity)) ** 0.25
-    upper_bound = typed_array(hottest, jnp.result_type(float))
-    # Both bounds decide how many iterations are compiled: they must be known.
-    if is_traced((lowest, hottest)):
-        return upper_bound, None
-    coldest = min(float(value) for value in lowest)
-    return upper_bound, Forcing(highest=float(hottest), lowest=coldest)
+    coldest = xp.stack([xp.asarray(value, float) for value in lowest]).min()
+    dtype = jnp.result_type(float)
+    return TemperatureBounds(
+        highest=typed_array(hottest, dtype), lowest=typed_array(coldest, dtype)
+    )
 
 
 def _emissivities(body: Body) -> list[Any]:
@@ -287,13 +289,11 @@ def _emissivities(body: Body) -> list[Any]:
     return [emissivity, *(coating.emissivity for coating in body.coatings)]
 
 
-def check_functions(
-    scene: Scene, prepared: tuple[PreparedBody, ...], end: float | int
-) -> None:
-    """Check the temperatures that functions give, as a scene checks numbers.
+def check_bodies(scene: Scene, prepared: tuple[PreparedBody, ...]) -> None:
+    """Check initial temperatures that functions give, as a scene checks numbers.
 
     Raises:
-        InputError: for a temperature outside the bounds up to `end` [s].
+        InputError: for a temperature outside the bounds.
     """
     if scene.allow_extreme_temperatures:
         return
@@ -304,6 +304,16 @@ def check_functions(
             theta = xp.asarray(theta)
             ends = xp.stack([theta.min(), theta.max()]) + body.reference
             check_temperature(ends, f"bodies[{n}]: Body(temperature=) gives")
+
+
+def check_terms(scene: Scene, end: float | int) -> None:
+    """Check temperatures of terms that functions give, as a scene checks numbers.
+
+    Raises:
+        InputError: for a temperature outside the bounds up to `end` [s].
+    """
+    if scene.allow_extreme_temperatures:
+        return
     for n, term in enumerate(scene.terms):
         for name, value in term.temperatures.items():
             if is_unknown_function(value):

@@ -14,7 +14,6 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ...host_memory import require_memory
-from ...module import replaced
 from ...parallel.devices import require_device_memory
 from ...structures.kinds.full import FullVolume
 from ...structures.structure import AbstractStructure
@@ -149,7 +148,7 @@ def _body_forecast(
     counts = structure.found("part_counts", lambda: _counts(structure))
     # What reads the fragments is on every device, and counted for all of them; what
     # steps evaluate is on the device of its section.
-    read = counts._replace(fragments=_devices(body) * counts.fragments)
+    read = counts._replace(fragments=structure.device_count * counts.fragments)
     is_full = isinstance(structure, FullVolume)
     is_stencil = len(structure.state_shape) == 3
     in_runs = isinstance(structure, FullVolume) and structure.kernels == "numba"
@@ -184,11 +183,6 @@ def _body_forecast(
     )
 
 
-def _devices(body: Body) -> int:
-    structure = body.structure
-    return structure.devices if isinstance(structure, FullVolume) else 1
-
-
 def check_memory(scene: Scene, saves: int, snapshots: int, method: Method) -> int:
     """Forecast of the peak of a run [bytes].
 
@@ -199,7 +193,8 @@ def check_memory(scene: Scene, saves: int, snapshots: int, method: Method) -> in
     remedy = "use a coarser pitch, or save fewer times"
     task = "simulating this scene"
     require_memory(peak, task, remedy)
-    require_device_memory(peak // max(map(_devices, scene.bodies)), task, remedy)
+    devices = max(body.structure.device_count for body in scene.bodies)
+    require_device_memory(peak // devices, task, remedy)
     return peak
 
 
@@ -215,7 +210,7 @@ def with_memory_of(
         scene, saves=saves, snapshots=len(compiled.starts), method=method
     )
     receipt = replace(compiled.receipt, memory_bytes=memory)
-    return replaced(compiled, receipt=receipt)
+    return replace(compiled, receipt=receipt)
 
 
 def _counts(structure: AbstractStructure) -> _Parts:

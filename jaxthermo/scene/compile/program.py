@@ -13,17 +13,19 @@ import numpy as np
 from jax.sharding import Mesh
 from jaxtyping import Array, Float, Int
 
-from ...arrays import Time, added, device_array, precision, taken
+from ...arrays import Time, added, device_array, taken
 from ...module import Module
 from ...network.network import AbstractNetwork, Address
 from ...parallel.lattice import spread, with_added
 from ...physics.contact.links import ContactLinks
 from ...physics.radiation.irradiation import SceneRadiation
 from ...physics.radiation.radiative_exchange import Enclosure
+from ...physics.surface import Note
 from ...physics.surface_energy_balance import SurfaceTerms
 from ...physics.time_varying import value_at
 from ...structures.surface_map import BoundMap
 from ..scene import Scene, SolvedSurface
+from .bodies import TemperatureBounds
 from .probes import BodyProbes
 from .surface_load import AbstractSurfaceLoad, together
 
@@ -347,7 +349,7 @@ class Receipt:
     capacity_ratios: tuple[float, ...]
     """Heat capacity of each body's nodes over that of the body [-]."""
     dtype: str
-    memory_bytes: int
+    memory_bytes: int = 0
     """Forecast of the peak of the run, see `forecast_memory`, without the voxels and
     structures of the bodies, which exist already."""
     searches: tuple[str, ...] = ()
@@ -365,42 +367,37 @@ class Compiled(Module):
     """One per snapshot; they differ in numbers only."""
     starts: tuple[float, ...] = eqx.field(static=True)
     """Start of each program [s]; the first at 0."""
-    # Not in the programs, which would be compiled again for other times of a table.
-    breakpoints: tuple[float, ...] = eqx.field(static=True)
-    """Times that steps end at, besides the save times [s]."""
-    start: tuple[Float[Array | np.ndarray, "..."], ...]
-    """State at time 0. That of a body with a uniform start is an array of numpy without
-    memory of its own."""
+    acting: tuple[int, ...] = eqx.field(static=True)
+    """Numbers of the terms that act."""
+    start: State
+    """State at time 0; one number where it is uniform."""
+    state_shapes: tuple[tuple[int, ...], ...] = eqx.field(static=True)
+    """Shape of the state of each body."""
     surfaces: tuple[SolvedSurface, ...]
     radiation: SceneRadiation
     """Radiation that reaches the surfaces, absorbed or not."""
-    hottest: Float[Any, ""]
-    """Upper bound of temperatures up to the end [K]."""
-    end: float = eqx.field(static=True)
-    """Time up to which `hottest` is a bound [s]."""
+    temperatures: TemperatureBounds
+    """Bounds of temperatures up to the end."""
+    stable_step: Float[Array, ""]
+    """Largest explicit step that is stable [s]; infinite without a limit."""
+    notes: tuple[tuple[str, Note], ...]
+    """Remarks on the validity of laws, with the mechanism of each."""
     receipt: Receipt = eqx.field(static=True)
+    # Not in the programs, which would be compiled again for other times of a table.
+    breakpoints: tuple[float, ...] = eqx.field(static=True, default=())
+    """Times that steps end at, besides the save times [s]."""
 
     @property
     def state(self) -> State:
         """State at time 0, in new arrays, which a run may overwrite."""
         mesh = self.program.mesh
-        return tuple(_new_array(values, mesh) for values in self.start)
+        pairs = zip(self.start, self.state_shapes, strict=True)
+        return tuple(_new_state(values, shape, mesh) for values, shape in pairs)
 
     @property
     def program(self) -> Program:
         """The first one; the only one where nothing moves."""
         return self.programs[0]
-
-    @property
-    def stable_step(self) -> Float[Array, ""]:
-        """Largest explicit step that is stable [s]; infinite without a limit.
-
-        It is computed at each call, since few runs need it.
-        """
-        with precision(self.receipt.dtype):
-            # One step for all snapshots: the smallest.
-            steps = [_stable_step(p, self.hottest, self.end) for p in self.programs]
-            return steps[0] if len(steps) == 1 else jnp.stack(steps).min()
 
     def number_at(self, time: float) -> int:
         """Number of the program that is valid from a time on [s]."""
@@ -408,15 +405,12 @@ class Compiled(Module):
         return bisect.bisect_right(self.starts, time * (1 + 1e-12)) - 1
 
 
-def _new_array(
-    values: Float[Array | np.ndarray, "..."], mesh: Mesh | None
+def _new_state(
+    values: Float[Array, "..."], shape: tuple[int, ...], mesh: Mesh | None
 ) -> Float[Array, "..."]:
     if mesh is not None:
-        return spread(mesh, values)
-    if isinstance(values, np.ndarray) and not any(values.strides):
-        # One number for all: converted, the host would have an array of them, too.
-        return _filled(values[(0,) * values.ndim], values.shape)
-    return jnp.array(values)
+        return spread(mesh, np.broadcast_to(values, shape))
+    return _filled(values, shape) if values.shape != shape else jnp.array(values)
 
 
 # One program; `jnp.full` dispatches several operations.
@@ -426,12 +420,12 @@ def _filled(value: Float[Any, ""], shape: tuple[int, ...]) -> Float[Array, "..."
 
 
 @eqx.filter_jit
-def _stable_step(
+def stable_step_of(
     program: Program, highest: Float[Array, ""], end: float
 ) -> Float[Array, ""]:
     """Largest stable explicit step, min C / (sum G + stiffness) [s]; or infinity.
 
-    `highest` is the temperature of any surface [K], `end` that of the run [s].
+    `highest` is the temperature of any surface [K], `end` the end of the run [s].
     """
     # Up to this step temperatures also stay within their bounds: every node's weight in
     # its own next temperature is positive.

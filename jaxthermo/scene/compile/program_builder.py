@@ -1,6 +1,6 @@
 """From snapshots of a scene to programs, alike but for their numbers."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -9,19 +9,17 @@ import numpy as np
 from jaxtyping import Array, Bool, Int
 
 from ...arrays import device_array, typed_array
-from ...module import replaced
 from ...network.network import Address
 from ...physics.contact.links import ContactLinks
 from ...physics.contact.search import ContactPairs
-from ...physics.flux_law import Forcing, bound
+from ...physics.flux_law import bound
 from ...physics.heat_source import VolumeBinding
 from ...physics.radiation.radiative_exchange import Enclosure
 from ...physics.surface import Omitted, Surface, concatenated
-from ...physics.surface_energy_balance import MAX_ITERATIONS, SurfaceTerms
+from ...physics.surface_energy_balance import SurfaceTerms
 from ...physics.term import (
     AbstractExchangeTerm,
     AbstractPairTerm,
-    AbstractTerm,
     AbstractVolumeTerm,
 )
 from ...physics.time_varying import breakpoints, for_jit, is_unknown_function
@@ -75,13 +73,14 @@ def ledger_entries(
     return {key: names[key[0]] for key in sorted(keys)}
 
 
-def _used_terms(scene: Scene, ledger: Ledger) -> list[AbstractTerm]:
-    return [scene.terms[n] for n in sorted({key[0] for key in ledger})]
+def acting_terms(ledger: Ledger) -> tuple[int, ...]:
+    """Numbers of the terms that act somewhere."""
+    return tuple(sorted({key[0] for key in ledger}))
 
 
-def breakpoints_of(scene: Scene, ledger: Ledger) -> tuple[float, ...]:
+def breakpoints_of(scene: Scene, acting: tuple[int, ...]) -> tuple[float, ...]:
     """Times at which a value of a term that acts has a kink or jump [s]."""
-    values = [v for term in _used_terms(scene, ledger) for v in term.values]
+    values = [value for number in acting for value in scene.terms[number].values]
     return tuple(sorted({time for value in values for time in breakpoints(value)}))
 
 
@@ -94,10 +93,6 @@ class ProgramBuilder:
     snapshots: list[Snapshot]
     volumes: Volumes
     ledger: Ledger
-    temperatures: Forcing | None
-    """Bounds of all temperatures up to the end; None if they are not known."""
-    end: float
-    """End of the run [s]."""
 
     @property
     def _dtype(self) -> Any:
@@ -132,11 +127,7 @@ class ProgramBuilder:
         The notes for the receipt state the accuracy of an exchange.
         """
         terms = [self._fragment_terms(snapshot) for snapshot in self.snapshots]
-        iterations = max(
-            self._iterations(snapshot_terms, snapshot.surface)
-            for snapshot_terms, snapshot in zip(terms, self.snapshots, strict=True)
-        )
-        used = _used_terms(self.scene, self.ledger)
+        used = [self.scene.terms[number] for number in acting_terms(self.ledger)]
         values = [value for term in used for value in term.values]
         exchange = next((t for t in used if isinstance(t, AbstractExchangeTerm)), None)
         sizes = _pair_counts(self.snapshots)
@@ -151,20 +142,17 @@ class ProgramBuilder:
         outputs = surface_heat(self.scene, areas, tuple(self._names))
         programs = []
         accuracies = []
-        for snapshot, snapshot_terms in zip(self.snapshots, terms, strict=True):
+        for snapshot, fragment_terms in zip(self.snapshots, terms, strict=True):
             surface = snapshot.surface
             fine = None
             if exchange is not None:
                 fine, accuracy = exchange.enclosure(surface)
                 accuracies.append(accuracy)
-            fragment_terms = replaced(snapshot_terms, iterations=iterations)
             load, enclosure = self._surface_load(fragment_terms, surface, fine)
             exposed = [body.exposed_fraction for body in surface.bodies]
             program = Program(
                 bodies=tuple(
-                    replaced(body, exposed_fraction=exposed[n])
-                    if n in touched
-                    else body
+                    replace(body, exposed_fraction=exposed[n]) if n in touched else body
                     for n, body in enumerate(bodies)
                 ),
                 surface=load,
@@ -239,25 +227,6 @@ class ProgramBuilder:
         if fine is None or load is None:
             return load, None
         return load, fine.coarsened(joined, load.counts)
-
-    def _iterations(self, terms: SurfaceTerms, surface: Surface) -> int:
-        """Newton iterations that every body needs at most; linear laws need none."""
-        iterations = []
-        start = 0
-        for n, count in enumerate(surface.counts):
-            cells = slice(start, start + count)
-            start = cells.stop
-            acting_terms = {k for k, row in enumerate(self._rows) if row[n] >= 0}
-            body_terms = terms
-            if len(surface.counts) > 1 or len(acting_terms) < len(self._rows):
-                reference = surface.references[n]
-                body_terms = terms.selected(cells, acting_terms, reference)
-            if body_terms.is_linear:
-                continue
-            if not self.prepared[n].network.is_linear:
-                return MAX_ITERATIONS
-            iterations.append(body_terms.newton_iterations(self.temperatures, self.end))
-        return max(iterations, default=MAX_ITERATIONS)
 
     def _contact(
         self, key: PairKey, pairs: ContactPairs | None, size: int

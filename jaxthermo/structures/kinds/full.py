@@ -68,6 +68,11 @@ class FullVolume(AbstractStructure):
 
     @property
     @override
+    def device_count(self) -> int:
+        return self.devices
+
+    @property
+    @override
     def options(self) -> Hashable:
         # Weights run as links: their findings have positions of nodes, not of cells.
         return super().options, self.runs_as_stencil, self.devices

@@ -1,0 +1,224 @@
+"""The receipt of a compiled scene: what it contains, what was left out, and why."""
+
+from functools import reduce
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ...findings import digest, found
+from ...physics.surface import Omitted
+from ...physics.term import AbstractExchangeTerm, AbstractSurfaceTerm
+from ...structures.structure import AbstractStructure
+from ..scene import AbstractMaterials, Scene, mechanism_names
+from .program import Omission, Part, Receipt
+from .program_builder import Ledger
+from .snapshots import Snapshot
+
+
+# Why a mechanism of most scenes is not in this one, and the terms that stand for it.
+_ABSENT = {
+    "sun": ("the scene has no source", {"sun", "point_source", "area_source"}),
+    "convection": (
+        "the scene has no moving air or coefficient",
+        {"convection", "wind", "free_convection"},
+    ),
+    "emission": ("the scene has no surroundings", {"emission"}),
+}
+
+
+def receipt_of(
+    scene: Scene,
+    snapshots: list[Snapshot],
+    starts: tuple[float, ...],
+    ledger: Ledger,
+    unheated: list[tuple[int, Omitted]],
+    accuracy: tuple[str, ...],
+) -> Receipt:
+    """Write the receipt of a scene, without what depends on its numbers.
+
+    Args:
+        scene: bodies and terms.
+        snapshots: the scene at the starts of its programs.
+        starts: of the snapshots [s].
+        ledger: mechanisms that act.
+        unheated: volume terms that do not act on a body, by their number.
+        accuracy: notes on the exchange of radiation.
+    """
+    first = snapshots[0]
+    structures = [body.structure for body in scene.bodies]
+    moves = len(starts) > 1
+    return Receipt(
+        included=("conduction", *dict.fromkeys(ledger.values())),
+        parts=_parts(ledger, first),
+        left_out=_omissions(scene, snapshot=first, unheated=unheated, moves=moves),
+        notes=(
+            *_represented(first, off=False),
+            *_cavity_notes(scene, first),
+            *accuracy,
+        ),
+        warnings=(
+            *_overlap_warnings(snapshots, starts),
+            *_cavity_warnings(scene, first),
+            *_represented(first, off=True),
+        ),
+        structures=tuple(_described(structure) for structure in structures),
+        nodes=sum(structure.node_count for structure in structures),
+        links=sum(structure.link_count for structure in structures),
+        fragments=sum(first.surface.counts),
+        snapshots=len(starts),
+        capacity_ratios=tuple(structure.capacity_ratio for structure in structures),
+        dtype=scene.dtype,
+    )
+
+
+def _described(structure: AbstractStructure) -> str:
+    # Blocks have a factor, which the number of nodes or a size may have chosen.
+    factor = getattr(structure, "factor", None)
+    count = structure.node_count
+    name = type(structure).__name__ + ("" if factor is None else f" x{factor}")
+    return f"{name}, {count:,} node{'s' * (count != 1)}"
+
+
+def _parts(ledger: Ledger, snapshot: Snapshot) -> tuple[Part, ...]:
+    """The surface that each entry of the ledger acts on."""
+    acting_parts = []
+    surface = snapshot.surface
+    total_area = [float(body.grid.fragment_area.sum()) for body in surface.bodies]
+    acting = [(n, surface.apart(binding.acting)) for n, binding in snapshot.bindings]
+    for (number, *bodies), name in ledger.items():
+        area = surface.bodies[bodies[0]].grid.fragment_area
+        reached = 0.0
+        if len(bodies) == 2:
+            pairs = snapshot.pairs.get((number, bodies[0], bodies[1]))
+            if pairs is not None:
+                reached = float(pairs.area.sum())
+        else:
+            masks = [by_body[bodies[0]] for n, by_body in acting if n == number]
+            if masks:
+                reached = _acting_area(area, reduce(np.logical_or, masks))
+        fraction = reached / total_area[bodies[0]]
+        acting_parts.append(
+            Part(
+                mechanism=name,
+                bodies=tuple(bodies),
+                area=reached,
+                surface_share=fraction,
+            )
+        )
+    return tuple(acting_parts)
+
+
+def _acting_area(
+    area: Float[np.ndarray, " s"], is_acting: Bool[np.ndarray, " s"]
+) -> float:
+    return found(
+        (area,), ("area", digest(is_acting)), lambda: float(area[is_acting].sum())
+    )
+
+
+def _omissions(
+    scene: Scene,
+    snapshot: Snapshot,
+    unheated: list[tuple[int, Omitted]],
+    moves: bool,
+) -> tuple[Omission, ...]:
+    """All that was left out: of surfaces, of volumes, of pairs, and of the scene."""
+    several = len(scene.bodies) > 1
+    names = mechanism_names(scene)
+
+    def on(name: str, body: int | None) -> str:
+        return f"{name} on body {body}" if several else name
+
+    omissions = []
+    for index, body in enumerate(scene.bodies):
+        reasons = {
+            n: omitted.reason
+            for n, omitted in snapshot.omitted
+            if omitted.body in (None, index)
+        }
+        for n in sorted(reasons):
+            omissions.append(Omission(on(names[n], index), reasons[n]))
+        if not isinstance(body.material, AbstractMaterials):
+            name = on("per-node conductivity", index)
+            omissions.append(Omission(name, "the material is uniform"))
+    omissions += [Omission(on(names[n], body), why) for n, (why, body) in unheated]
+    omissions += [Omission(names[n], why) for n, why in snapshot.unpaired]
+    # Usual mechanisms that no term of the scene stands for.
+    present = {term.name for term in scene.terms}
+    omissions += [
+        Omission(name, why)
+        for name, (why, stand_ins) in _ABSENT.items()
+        if not present & stand_ins
+    ]
+    if "contact" not in present:
+        why = "no term joins the bodies" if several else "there is one body"
+        omissions.append(Omission("contact", why))
+    if not moves:
+        omissions.append(Omission("motion", "nothing moves: one snapshot"))
+    return tuple(omissions)
+
+
+def _represented(snapshot: Snapshot, off: bool) -> tuple[str, ...]:
+    """True and represented volume, area and section of the bodies that are `off`."""
+    lines = []
+    for surface in snapshot.surface.bodies:
+        represented = surface.grid.represented
+        if represented is not None and represented.is_off == off:
+            advice = "; use a finer pitch" if off else ""
+            lines.append(f"body {surface.body} {represented.described()}{advice}")
+    return tuple(lines)
+
+
+def _cavity_notes(scene: Scene, snapshot: Snapshot) -> tuple[str, ...]:
+    """Closed cavities of each body, if a term does not act in them."""
+    surface_terms = [t for t in scene.terms if isinstance(t, AbstractSurfaceTerm)]
+    if not any(term.from_outside for term in surface_terms):
+        return ()
+    lines = []
+    for body, surface in zip(scene.bodies, snapshot.surface.bodies, strict=True):
+        grid = surface.grid
+        if body.inside == "open" or not grid.cavity_area:
+            continue
+        fraction = 100 * grid.cavity_area / grid.fragment_area.sum()
+        lines.append(
+            f"{fraction:.2g} % of the surface of body {surface.body} faces closed "
+            "cavities: air, sun and surroundings act there only with `inside: open`"
+        )
+    return tuple(lines)
+
+
+def _cavity_warnings(scene: Scene, snapshot: Snapshot) -> tuple[str, ...]:
+    """A line about each body whose voxels leave open what its mesh encloses."""
+    surface_terms = [t for t in scene.terms if isinstance(t, AbstractSurfaceTerm)]
+    exchange = any(isinstance(term, AbstractExchangeTerm) for term in surface_terms)
+    if not exchange and not any(term.from_outside for term in surface_terms):
+        return ()
+    lines = []
+    for body, surface in zip(scene.bodies, snapshot.surface.bodies, strict=True):
+        opened = surface.grid.opened_area
+        if body.inside == "open" or not opened:
+            continue
+        # Relative to the mesh: the voxels of thin walls have less area than it.
+        fraction = 100 * opened / surface.grid.mesh.area
+        lines.append(
+            f"{fraction:.2g} % of the surface of body {surface.body} faces cavities "
+            "that are closed in its mesh and open in its voxels: walls thinner than a "
+            "voxel let air and radiation through; use a finer pitch"
+        )
+    return tuple(lines)
+
+
+def _overlap_warnings(
+    snapshots: list[Snapshot], starts: tuple[float, ...]
+) -> tuple[str, ...]:
+    """A line about each pair of bodies that overlap, where they do so most deeply."""
+    deepest = {}
+    for snapshot, start in zip(snapshots, starts, strict=True):
+        for pair, overlap in snapshot.overlaps.items():
+            if pair not in deepest or overlap.depth > deepest[pair][0].depth:
+                deepest[pair] = overlap, start
+    moves = len(starts) > 1
+    return tuple(
+        (f"at {start:g} s " if moves else "") + overlap.described(pair)
+        for pair, (overlap, start) in sorted(deepest.items())
+    )
