@@ -208,25 +208,27 @@ class Wind(AbstractSurfaceTerm):
         if is_unknown_function(speed) or not cooled.any():
             return ()
         dtype = flow.surface.dtype
-        xp = namespace((speed, self.temperature))
-        highest = xp.asarray(largest(speed, 0.0), dtype)
-        air = _initial_value(self.temperature, dtype)
-        with jax.ensure_compile_time_eval():
-            nu = kinematic_viscosity(jnp.asarray(air))
-        unit_reynolds = highest / nu
-        ratio = self._speed_ratio(flow, highest[None]).reshape(-1)
-        local = ratio * flow.groups.diameter.astype(dtype) * unit_reynolds
-        reached = local[np.unique(flow.groups.member[cooled])]
+        groups = flow.groups
         wakes = flow.wakes
-        felt = wakes.diameter[cooled & (wakes.diameter > 0)]
-        wake_lines: Callable[..., tuple[str, ...]] = partial(wake_notes, self.wake)
+        wake_lines: Callable[..., tuple[str, ...]] = fitted_notes
         if isinstance(wakes, WakeGeometry):
             felt = _felt_diameters(wakes, cooled)
-            wake_lines = fitted_notes
+        else:
+            felt = wakes.diameter[cooled & (wakes.diameter > 0)]
+            wake_lines = partial(wake_notes, self.wake)
+        # Known values stay known where something else is traced.
+        with jax.ensure_compile_time_eval():
+            highest = jnp.asarray(largest(speed, 0.0), dtype)
+            air = _initial_value(self.temperature, dtype)
+            per_metre = highest / kinematic_viscosity(jnp.asarray(air))
+            ratio = jnp.asarray(self._speed_ratio(flow, highest[None]), dtype)
+            local = ratio.reshape(-1) * groups.diameter.astype(dtype) * per_metre
+            reached = local[np.unique(groups.member[cooled])]
+            upstream = felt.astype(dtype) * per_metre
         body = flow.surface.body
         return (
             Note(body, partial(_validity_lines, self.average), reached),
-            Note(body, wake_lines, felt.astype(dtype) * unit_reynolds),
+            Note(body, wake_lines, upstream),
         )
 
     def _speed_ratio(self, flow: "_Flow", speeds: Values) -> Float[Values, "*v g"]:
@@ -348,10 +350,9 @@ def _initial_value(value: Any, dtype: Any) -> Float[Values, ""]:
 def _validity_lines(average: str, reynolds: Float[np.ndarray, " g"]) -> tuple[str, ...]:
     """Limits of validity that the smallest and the largest number exceed."""
     correlation = named_average(average)
-    return (
-        *validity_notes(float(reynolds.min()), correlation),
-        *validity_notes(float(reynolds.max()), correlation),
-    )
+    ends = float(reynolds.min()), float(reynolds.max())
+    lines = [line for end in ends for line in validity_notes(end, correlation)]
+    return tuple(dict.fromkeys(lines))
 
 
 def _table_limit(speed: Any) -> Float[Any, ""] | float:

@@ -167,12 +167,8 @@ def _initial(
     values: Any = body.temperature
     if callable(values):
         values = values(body.structure.nodes().location)
-    elif is_traced(values):
+    elif not is_traced(values):
         # One number for all nodes, which takes no memory until a run starts.
-        values = jnp.asarray(values, dtype)
-        reference = jax.lax.stop_gradient(values)
-        return reference, values - reference
-    else:
         return float(values), np.zeros((), dtype)
     theta = np.zeros(body.structure.state_shape, dtype)
     address = body.structure.node_address()
@@ -251,18 +247,19 @@ def temperature_bounds(
     # the flux. Where nothing emits there is no bound, and none is needed.
     start = []
     for body in prepared:
+        if not callable(body.body.temperature):
+            start.append(body.reference)
+            continue
         theta = body.network.temperature(body.state)
         # On the host nothing is compiled for each shape of a body.
         theta = theta if is_traced(theta) else np.asarray(theta)
-        start.append((body.reference, theta))
+        start += [body.reference + theta.min(), body.reference + theta.max()]
     forcings = [term.forcing(end) for term in scene.terms]
     emissivities = [jax.tree.leaves(_emissivities(body)) for body in scene.bodies]
     # Single operations on few numbers are fastest on the host.
     xp = namespace((start, forcings, emissivities))
-    highest = [reference + theta.max() for reference, theta in start]
-    highest += [forcing.highest for forcing in forcings]
-    lowest = [reference + theta.min() for reference, theta in start]
-    lowest += [forcing.lowest for forcing in forcings]
+    highest = [*start, *(forcing.highest for forcing in forcings)]
+    lowest = [*start, *(forcing.lowest for forcing in forcings)]
     imposed = sum(xp.maximum(forcing.heat_flux, 0.0) for forcing in forcings)
     bound = xp.stack([xp.asarray(v, float) for v in highest]).max()
     smallest = [

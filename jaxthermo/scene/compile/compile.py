@@ -13,6 +13,7 @@ from dataclasses import replace
 from functools import partial
 
 import jax.numpy as jnp
+import numpy as np
 
 from ...arrays import is_traced
 from ...findings import on_device, searches_recorded
@@ -68,7 +69,13 @@ def compile_scene(
     with searches_recorded() as searches:
         if _depends_on_numbers_alone(scene, starts):
             numbers = scene_numbers(scene)
-            traced = trace_scene(scene, numbers, bind=bind, by=(float(end), prune))
+
+            def bind_numbers(scene: Scene) -> Compiled:
+                return _from_uniform_start(scene, bind(scene))
+
+            traced = trace_scene(
+                scene, numbers, bind=bind_numbers, by=(float(end), prune)
+            )
             compiled = traced(numbers.values)
         else:
             compiled = bind(scene)
@@ -108,6 +115,16 @@ def _depends_on_numbers_alone(scene: Scene, starts: tuple[float, ...]) -> bool:
         and not chooses_laws
         and not is_traced((scene, jnp.zeros(())))
     )
+
+
+def _from_uniform_start(scene: Scene, compiled: Compiled) -> Compiled:
+    """Return a scene whose numbers have no derivatives, with 0 for a uniform start."""
+    dtype = jnp.dtype(scene.dtype)
+    start = tuple(
+        values if callable(body.temperature) else np.zeros((), dtype)
+        for body, values in zip(scene.bodies, compiled.start, strict=True)
+    )
+    return replace(compiled, start=start)
 
 
 def _bind(scene: Scene, starts: tuple[float, ...], end: float, prune: bool) -> Compiled:

@@ -369,7 +369,7 @@ class Compiled(Module):
     """Start of each program [s]; the first at 0."""
     acting: tuple[int, ...] = eqx.field(static=True)
     """Numbers of the terms that act."""
-    start: State
+    start: tuple[Float[Array | np.ndarray, "..."], ...]
     """State at time 0; one number where it is uniform."""
     state_shapes: tuple[tuple[int, ...], ...] = eqx.field(static=True)
     """Shape of the state of each body."""
@@ -406,7 +406,7 @@ class Compiled(Module):
 
 
 def _new_state(
-    values: Float[Array, "..."], shape: tuple[int, ...], mesh: Mesh | None
+    values: Float[Array | np.ndarray, "..."], shape: tuple[int, ...], mesh: Mesh | None
 ) -> Float[Array, "..."]:
     if mesh is not None:
         return spread(mesh, np.broadcast_to(values, shape))

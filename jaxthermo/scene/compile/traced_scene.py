@@ -6,6 +6,7 @@ constants that other calls share. Numbers that are 0 or 1 throughout stay consta
 term that is 0 is left out, and weights of 1 need no arrays.
 """
 
+import hashlib
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -99,7 +100,7 @@ def _constant(leaf: Any) -> Hashable:
 class TracedScene:
     """A scene as a compiled function of its numbers."""
 
-    program: Callable[[list[Array], list[Any]], list[Array]]
+    program: Callable[..., list[Array]]
     """Arrays of the compiled scene, from constants and numbers."""
     constants: list[Array]
     outline: Any
@@ -158,9 +159,13 @@ def _traced(
     def program(constants: list[Array], values: list[Any]) -> list[Array]:
         return jax.core.eval_jaxpr(jaxpr, constants, *values)
 
+    constants = jax.device_put(closed.consts)
+    lowered = jax.jit(program).lower(constants, numbers.values)
+    # Scenes that differ in geometry alone, as by a sun that moved, share a program.
+    text = hashlib.sha256(lowered.as_text().encode()).digest()
     return TracedScene(
-        program=jax.jit(program),
-        constants=jax.device_put(closed.consts),
+        program=found((), ("bound scene", text), lowered.compile),
+        constants=constants,
         outline=outlines[0],
         leaves=tuple(outputs),
     )

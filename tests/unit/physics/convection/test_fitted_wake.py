@@ -201,7 +201,8 @@ def test_the_receipt_names_what_no_wake_was_computed_for():
         wind = Wind(ALONG_X, AIR, speed=speed_of(reynolds), wake=FittedWake())
         (binding,) = wind.bind(whole(body))
         assert isinstance(binding, Binding)
-        return [note for _, note in binding.notes if "the wake is" in note]
+        lines = [line for note in binding.notes for line in note.lines()]
+        return [line for line in lines if "the wake is" in line]
 
     assert notes(20.0) == notes(100.0) == []
     assert "below 10, where none was computed" in notes(2.0)[0]
