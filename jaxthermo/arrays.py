@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Sequence
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Any
 
+import equinox as eqx
 import jax
 import jax.core
 import jax.numpy as jnp
@@ -104,6 +105,11 @@ def plain_numbers(value: Any) -> Any:
     if isinstance(value, list | tuple) and not hasattr(value, "_fields"):
         return tuple(plain_numbers(item) for item in value)
     return value
+
+
+def static_numbers(default: Any) -> Any:
+    """Static field of plain numbers, which compiled programs take as constants."""
+    return eqx.field(static=True, converter=plain_numbers, default=default)
 
 
 def linear_map(

@@ -1,11 +1,11 @@
 """The error of a run by itself, from two coarser ones: Richardson extrapolation."""
 
 import numpy as np
+from equinox import Module
 from jaxtyping import Bool, Float
 from scipy.optimize import root_scalar
 
 from ..errors import InputError
-from ..module import Module
 from .error_records import ReferenceErrors, finite_numbers
 from .surface_error import AnySolution
 from .truth_error import truth_error

@@ -7,13 +7,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Bool, Float
 
 from ..arrays import is_traced, precision
 from ..errors import InputError
 from ..integrate.run.solution import Solution, SteadySolution
 from ..integrate.run.solution_file import StoredSolution
-from ..module import Module
 from ..scene.scene import SolvedSurface
 
 

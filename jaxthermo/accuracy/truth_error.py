@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import equinox as eqx
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Bool, Float
 
 from ..arrays import namespace
@@ -13,7 +14,6 @@ from ..geometry.sample import MeshSample, mesh_sample
 from ..integrate.run.solution import Solution
 from ..integrate.run.solution_file import StoredSolution
 from ..integrate.run.surface_reading import SurfaceReading, surface_reading
-from ..module import Module
 from ..scene.scene import SolvedSurface
 from .error_records import TruthErrors, finite_number, finite_numbers
 from .surface_error import (

@@ -19,11 +19,11 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jax import lax
 from jaxtyping import Array, Bool, Float
 
 from ..arrays import Scalar
-from ..module import Module
 from .lattice import OPPOSITE, VELOCITIES, WEIGHTS, Populations, written
 
 

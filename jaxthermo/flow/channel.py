@@ -4,11 +4,11 @@ from typing import Any
 
 import equinox as eqx
 import numpy as np
+from equinox import Module
 from jaxtyping import Float
 
 from ..arrays import Scalar, is_traced
 from ..errors import InputError
-from ..module import Module
 from .body import Links, RoundBody, SolidCells, body_links, solid_cells
 from .lattice import MAGIC, SOUND
 

@@ -11,11 +11,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jax import lax
 from jaxtyping import Array, Float, Int
 
 from ..arrays import Scalar
-from ..module import Module
 from .body import Links, filled, force_on, heat_of, reflected
 from .boundary import (
     Outlet,

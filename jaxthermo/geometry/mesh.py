@@ -5,13 +5,13 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from equinox import Module
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from ..arrays import linear_map
+from ..arrays import linear_map, static_numbers
 from ..errors import InputError, require, shortened
-from ..module import Module, static_numbers
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Float, Int
 from skimage import measure
 
 from ..arrays import device_array
 from ..errors import InputError
 from ..geometry.mesh import connected_labels
-from ..module import Module
 from ..network.multigrid import MAX_DENSE_SIZE, link_conductance, node_layout
 from ..network.network import AbstractNetwork, AbstractNodeNetwork
 from ..scene.compile.program import Program, State

@@ -10,10 +10,10 @@ from typing import TypeVar
 import jax
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Float
 
 from ..arrays import device_array, product
-from ..module import Module
 from ..scene.compile.program import LedgerEntries
 
 

@@ -16,11 +16,11 @@ from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+from equinox import Module
 from typing_extensions import override
 
 from ..arrays import Number
 from ..errors import InputError
-from ..module import Module
 from ..physics.time_varying import SAMPLES
 from ..scene.compile.memory import Method
 from ..scene.compile.program import Compiled

@@ -7,10 +7,10 @@ from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
+from equinox import Module
 from jaxtyping import Array, Float
 
 from ..arrays import is_traced
-from ..module import Module
 from ..scene.compile.memory import Method
 from ..scene.compile.program import Program, State
 from .ledger import Ledger

@@ -7,11 +7,11 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Float
 
 from ..arrays import Samples, Scalar, is_traced, namespace
 from ..errors import InputError
-from ..module import Module
 
 
 def _as_array(numbers: Any) -> Any:

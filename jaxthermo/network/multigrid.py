@@ -13,13 +13,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
 from ..arrays import members, taken
 from ..findings import on_device
 from ..geometry.mesh import connected_labels
-from ..module import Module
 from ..structures.structure import AbstractStructure
 from .cut_stencil import CutStencil
 from .link_operator import LinkNetwork, RowLayout, RowNetwork, row_layout, row_network

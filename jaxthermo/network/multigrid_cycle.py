@@ -15,11 +15,11 @@ import abc
 
 import jax
 import jax.numpy as jnp
+from equinox import Module
 from jaxtyping import Array, Float
 from typing_extensions import override
 
 from ..arrays import product
-from ..module import Module
 from .network import AbstractNetwork, inverse
 
 

@@ -15,11 +15,10 @@ from typing import ClassVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from equinox import Module
 from jax.sharding import Mesh
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
-
-from ..module import Module
 
 
 Address = tuple[Int[Array, " m"], ...]

@@ -19,12 +19,12 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Float
 from typing_extensions import override
 
 from ..arrays import Scalar, device_array, is_traced
 from ..material.material import Property
-from ..module import Module
 from .network import AbstractDerivedNetwork, AbstractNetwork, Address
 
 

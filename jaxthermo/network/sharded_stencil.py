@@ -11,11 +11,11 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from equinox import Module
 from jax.sharding import Mesh
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ..module import Module
 from ..parallel.lattice import (
     Sectioned,
     next_planes,

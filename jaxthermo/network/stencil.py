@@ -11,6 +11,7 @@ zero, so that six neighbours are six shifted slices, without a branch or an inde
 
 import abc
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import jax
@@ -19,7 +20,6 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Shaped, UInt8
 from typing_extensions import override
 
-from ..module import replaced
 from .network import AbstractNetwork, Address, inverse, precise_sum
 from .self_adjoint_primitive import Operator, computed_once, conduct, conduct_step
 
@@ -188,7 +188,7 @@ class Stencil(AbstractStencil):
 
     @override
     def ends(self) -> "Stencil":
-        return replaced(self, degree=end_planes(self.degree, 2))
+        return replace(self, degree=end_planes(self.degree, 2))
 
     def _by_axis(self) -> list[tuple[Float[Array, ""], Shaped[Array, "x y z"]]]:
         """Conductance and number of links along each axis; all links for one of k."""
@@ -256,7 +256,7 @@ class HeterogeneousStencil(AbstractStencil):
     def ends(self) -> "HeterogeneousStencil":
         x, y, z = self.face_conductance
         # Between both pairs of planes is a face, too.
-        return replaced(
+        return replace(
             self,
             face_conductance=(
                 jnp.concatenate([x[:3], x[-2:]]),

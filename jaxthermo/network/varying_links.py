@@ -21,11 +21,11 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from equinox import Module
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
 from ..arrays import taken
-from ..module import Module
 from .network import AbstractDerivedNetwork, AbstractNetwork, Address, inverse
 from .nonlinear import KirchhoffTransform
 

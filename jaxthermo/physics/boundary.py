@@ -16,11 +16,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Float
 from typing_extensions import override
 
 from ..arrays import Time, TimeVarying, namespace
-from ..module import Module
 from ..voxels.selection import AbstractSelection
 from .flux_law import (
     AbstractFluxLaw,

@@ -5,6 +5,7 @@ several devices follow one another.
 """
 
 import itertools
+from dataclasses import replace
 from typing import NamedTuple
 
 import jax
@@ -13,7 +14,6 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..arrays import device_array, sorted_union
-from ..module import replaced
 from ..network.cut_stencil import CutStencil
 from ..network.link_operator import (
     RowLayout,
@@ -66,7 +66,7 @@ def with_cut_voxels(
         cuts = _section_cuts(
             structure, layout=layout, conductance=conductance, capacity=capacity
         )
-        return replaced(stencil, cuts=cuts)
+        return replace(stencil, cuts=cuts)
     links = row_network(layout.rows, conductance, capacity)
     return CutStencil(base=stencil, address=layout.address, links=links)
 

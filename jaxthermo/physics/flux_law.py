@@ -6,14 +6,15 @@ A law bound to surface cells has an effective area of each of them.
 import abc
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Float
 
 from ..arrays import Time, is_traced
-from ..module import Module, replaced
 from ..network.network import precise_sum
 
 
@@ -103,7 +104,7 @@ class AbstractFluxLaw(Module):
         # Laws of temperature differences alone, or of none, have no such field.
         if "reference" not in type(self).__dataclass_fields__:
             return self
-        return replaced(self, reference=reference)
+        return replace(self, reference=reference)
 
     def irradiated(self, received: PerCell, emits: bool) -> "AbstractFluxLaw":
         """The law with the irradiation of each surface cell [W/m^2].

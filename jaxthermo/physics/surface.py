@@ -9,13 +9,13 @@ from typing import Any, NamedTuple, TypeVar
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Bool, Float, Int
 
 from ..arrays import Scalar, is_traced, namespace, typed_array
 from ..errors import InputError
 from ..findings import found, is_finding
 from ..geometry.mesh import Pose
-from ..module import Module
 from ..voxels.cavities import Cavities
 from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection

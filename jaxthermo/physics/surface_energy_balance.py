@@ -24,6 +24,7 @@ rounding, whereas a near-insulator in the sun needs all iterations.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -31,12 +32,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Float, Int
 from scipy.sparse import csr_array
 
 from ..arrays import Time, is_traced, namespace
 from ..findings import found, is_finding
-from ..module import Module, replaced
 from ..network.network import inverse, precise_sum
 from .flux_law import (
     BoundTerm,
@@ -140,20 +141,20 @@ class SurfaceTerms(Module):
         if not relative.ndim:
             return self
         prescribed = tuple(
-            (n, replaced(term, effective_area=term.effective_area * relative))
+            (n, replace(term, effective_area=term.effective_area * relative))
             for n, term in self.prescribed
         )
         half_cell = self.half_cell * relative
-        return replaced(self, half_cell=half_cell, prescribed=prescribed)
+        return replace(self, half_cell=half_cell, prescribed=prescribed)
 
     def irradiated(self, received: PerCell, emits: bool = True) -> "SurfaceTerms":
         """The terms with the irradiation of each cell from other surfaces [W/m^2]."""
 
         # Without `emits` the cell's own emission is in what is received.
         def irradiate(term: BoundTerm) -> BoundTerm:
-            return replaced(term, law=term.law.irradiated(received, emits))
+            return replace(term, law=term.law.irradiated(received, emits))
 
-        return replaced(
+        return replace(
             self,
             natural=_mapped(irradiate, self.natural),
             radiating=_mapped(irradiate, self.radiating),
@@ -357,14 +358,14 @@ class SurfaceTerms(Module):
             xp = namespace(area)
             ends = np.cumsum(counts)[:-1]
             areas = xp.split(area, ends) if counts[1:] else [area]
-            return replaced(
+            return replace(
                 term,
                 effective_area=area,
                 total_effective_area=xp.stack([total(row) for row in areas]),
                 law=term.law.coarsened(mean).above(reference),
             )
 
-        return replaced(
+        return replace(
             self,
             half_cell=add(self.half_cell),
             natural=_mapped(merge, self.natural),
@@ -384,7 +385,7 @@ class SurfaceTerms(Module):
         def selection(terms: _NumberedTerms) -> _NumberedTerms:
             return _mapped(select, tuple(pair for pair in terms if pair[0] in acting))
 
-        return replaced(
+        return replace(
             self,
             half_cell=self.half_cell[cells],
             natural=selection(self.natural),

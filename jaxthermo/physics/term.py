@@ -17,7 +17,8 @@ import abc
 import dataclasses
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
-from ..module import Module
+from equinox import Module
+
 from ..voxels.selection import AbstractSelection
 from .flux_law import Forcing
 from .surface import Binding, Omitted, Surface

@@ -6,12 +6,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Float
 
 from ..arrays import Samples, Time, TimeVarying, is_traced, namespace, typed_array
 from ..constants import MAX_TEMPERATURE, MIN_TEMPERATURE, ZERO_CELSIUS
 from ..errors import InputError, shortened
-from ..module import Module
 
 
 # Roundings between the time of an event and the time just before it.

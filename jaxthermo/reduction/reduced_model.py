@@ -2,7 +2,7 @@
 
 import abc
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -10,12 +10,12 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Float
 
 from ..arrays import device_array, precision, product
 from ..errors import InputError
 from ..integrate.run.solution_file import StoredSolution
-from ..module import Module, replaced
 from ..physics.time_varying import (
     SAMPLES,
     breakpoints,
@@ -233,7 +233,7 @@ class ReducedModel(ModelFields):
     ) -> _Function:
         run_knots = self.knots if knots is None else tuple(map(float, knots))
         saves = self.times if times is None else tuple(map(float, times))
-        return replaced(self._template, plan=schedule(run_knots, saves))
+        return replace(self._template, plan=schedule(run_knots, saves))
 
     @cached_property
     def _template(self) -> _Function:

@@ -3,11 +3,11 @@
 from typing import Any
 
 import numpy as np
+from equinox import Module
 from jaxtyping import Float
 
 from ..arrays import Numbers, is_traced, namespace
 from ..errors import InputError
-from ..module import Module
 from ..physics.flux_law import Values
 from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import numpy as np
+from equinox import Module
 from jaxtyping import Float
 
 from ..errors import InputError
 from ..geometry.mesh import Pose
-from ..module import Module
 
 
 if TYPE_CHECKING:

@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Float, Int
 
 from ..arrays import PositionVarying, is_traced
 from ..errors import InputError, require
 from ..geometry.mesh import Pose
 from ..material.material import Material
-from ..module import Module
 from ..physics.term import AbstractExchangeTerm, AbstractTerm
 from ..physics.time_varying import check_temperature
 from ..structures.partition.assignment import voxel_owner

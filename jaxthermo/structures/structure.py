@@ -13,12 +13,12 @@ from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import numpy as np
+from equinox import Module
 from jaxtyping import Float, Int, Shaped
 from typing_extensions import override
 
 from ..errors import require
 from ..findings import found
-from ..module import Module
 from ..voxels.grid import VoxelGrid
 from .weights import ConductionWeights, as_weights
 

@@ -18,6 +18,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
@@ -29,7 +30,6 @@ from ..arrays import (
     rank_in_group,
     taken,
 )
-from ..module import Module
 from .structure import AbstractStructure
 
 

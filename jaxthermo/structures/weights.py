@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from equinox import Module
 
 from ..arrays import Numbers, is_traced
 from ..errors import InputError
-from ..module import Module
 from .card import AbstractCard
 
 

@@ -10,10 +10,9 @@ from equinox import AbstractVar
 from jaxtyping import Bool, Float
 from typing_extensions import override
 
-from ..arrays import plain_numbers
+from ..arrays import plain_numbers, static_numbers
 from ..errors import InputError
 from ..geometry.vectors import unit_vector
-from ..module import static_numbers
 
 
 class AbstractSelection(eqx.Module):

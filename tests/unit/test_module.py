@@ -6,9 +6,8 @@ import equinox as eqx
 import jax
 import numpy as np
 import pytest
+from equinox import Module
 from typing_extensions import override
-
-from jaxthermo.module import Module, _fields_of
 
 
 def _doubled(value: Any) -> Any:

@@ -10,9 +10,8 @@ from jaxtyping import Float
 from scipy.sparse import csr_array
 from typing_extensions import override
 
-from ...arrays import array_namespace, plain_numbers, product
+from ...arrays import array_namespace, plain_numbers, product, static_numbers
 from ...errors import InputError
-from ...module import static_numbers
 from ..radiance.band import Band, Values, black_radiance, radiance_slope
 from ..radiance.effect import AbstractBlur, AbstractDetectorEffect
 from ..radiance.image import block_means

@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Float
 from typing_extensions import override
 
+from ...arrays import static_numbers
 from ...errors import InputError
 from ...geometry.vectors import row_dot, unit_vectors
-from ...module import static_numbers
 from ...physics.radiation.diffuse_sky import DiffuseSky
 from ...physics.radiation.source import AbstractSource, Sun
 from ...physics.term import AbstractTerm

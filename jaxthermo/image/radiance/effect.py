@@ -12,11 +12,11 @@ from typing import Any, ClassVar, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Float
 
-from ...arrays import is_traced
+from ...arrays import is_traced, static_numbers
 from ...errors import InputError
-from ...module import Module, static_numbers
 from ..surface.view import View
 from .band import Band, Values
 

@@ -10,10 +10,9 @@ import numpy as np
 from jaxtyping import Float, Int, Shaped
 from typing_extensions import override
 
-from ...arrays import linear_map, plain_numbers
+from ...arrays import linear_map, plain_numbers, static_numbers
 from ...errors import InputError
 from ...geometry.vectors import unit_vector
-from ...module import static_numbers
 from ...raster.views import clip_half_space
 
 

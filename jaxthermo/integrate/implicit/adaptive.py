@@ -19,10 +19,10 @@ import equinox as eqx
 import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
+from equinox import Module
 from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
-from ...module import Module
 from ...scene.compile.memory import Method
 from ...scene.compile.program import Program, State
 from ..stepper import AbstractStepper, RunState

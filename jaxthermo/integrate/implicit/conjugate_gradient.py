@@ -30,11 +30,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import lineax as lx
+from equinox import Module
 from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
 from ...arrays import EXACT
-from ...module import Module
 
 
 _STAGNATION_ITERATIONS = 200

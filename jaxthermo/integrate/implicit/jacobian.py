@@ -20,12 +20,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Bool, Float, Int
 
 from ...arrays import device_array
 from ...errors import InputError
 from ...geometry.mesh import connected_labels
-from ...module import Module
 from ...network.multigrid import Hierarchy, hierarchy, jacobi
 from ...network.multigrid_cycle import AbstractCycle
 from ...network.network import AbstractNetwork, inverse

@@ -16,9 +16,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import lineax as lx
+from equinox import Module
 from jaxtyping import Array, Bool, Float, Int
 
-from ...module import Module, as_pytree
 from ...network.network import inverse
 from ...scene.compile.program import Program, State
 from ..heat_rates import evaluate_rates
@@ -171,10 +171,10 @@ def solve_linear(
     else:
         method = BiCGStab(**vars(solver))
         tags = ()
-    operator = lx.FunctionLinearOperator(as_pytree(at.operator.mv), shapes, tags)
+    operator = lx.FunctionLinearOperator(at.operator.mv, shapes, tags)
     options = {
         "preconditioner": at.preconditioner,
-        "magnitude": as_pytree(at.operator.magnitude),
+        "magnitude": at.operator.magnitude,
     }
     solution = lx.linear_solve(operator, heat, method, options=options, throw=False)
     potential = masked_to_nodes(solution.value, at.nodes)

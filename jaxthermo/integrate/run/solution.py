@@ -6,11 +6,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Bool, Float
 from typing_extensions import override
 
 from ...arrays import is_traced, precision
-from ...module import Module
 from ...network.self_adjoint_primitive import computed_once
 from ...parallel.lattice import replicated
 from ...physics.radiation.irradiation import (

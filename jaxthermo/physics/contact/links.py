@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
 from ...arrays import Scalar, Time, TimeVarying, added, device_array
 from ...errors import InputError
-from ...module import Module
 from ...network.network import Address, inverse, precise_sum
 from ..term import AbstractPairTerm
 from ..time_varying import check_value, for_jit, is_zero, largest, value_at

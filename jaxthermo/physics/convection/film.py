@@ -10,16 +10,17 @@ is interpolated in a table over the speed.
 
 import abc
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Float
 from typing_extensions import override
 
 from ...arrays import EXACT, array_namespace, namespace
-from ...module import Module, replaced
 from ..flux_law import AbstractFluxLaw, Forcing
 from ..time_varying import largest, smallest, value_at
 from .air import (
@@ -256,10 +257,10 @@ class FilmExchange(AbstractFilmLaw):
     def coarsened(self, mean: Callable[[Array], Array]) -> "FilmExchange":
         rows = self.coefficients
         if isinstance(rows, _SpeedTable):
-            averaged = replaced(rows, table=_row_means(mean, rows.table))
+            averaged = replace(rows, table=_row_means(mean, rows.table))
         else:
             averaged = _row_means(mean, rows)
-        return replaced(self, coefficients=averaged)
+        return replace(self, coefficients=averaged)
 
 
 def _blocks(rows: Any) -> Iterator[Float[np.ndarray, "n k"]]:

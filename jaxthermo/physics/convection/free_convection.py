@@ -16,6 +16,7 @@ stronger of the two mechanisms determines h nearly alone.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -27,7 +28,6 @@ from typing_extensions import override
 
 from ...arrays import TimeVarying
 from ...errors import InputError
-from ...module import replaced
 from ...voxels.cylinders import Cylinder, given_cylinders, parts_of
 from ...voxels.selection import AbstractSelection
 from ..boundary import toward
@@ -213,7 +213,7 @@ class _FreeExchange(AbstractFilmLaw):
 
     @override
     def coarsened(self, mean: Callable[[Array], Array]) -> "_FreeExchange":
-        return replaced(self, still=mean(self.still), rising=mean(self.rising))
+        return replace(self, still=mean(self.still), rising=mean(self.rising))
 
 
 def _scaled_derivatives(

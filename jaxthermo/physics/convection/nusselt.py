@@ -26,10 +26,10 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 import scipy
+from equinox import Module
 from jaxtyping import Array, Bool, Float
 
 from ...errors import InputError
-from ...module import Module
 
 
 # Prandtl number of the air that the table was made for.

@@ -33,11 +33,11 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Float, Int
 
 from ...arrays import Scalar, is_traced
 from ...errors import InputError
-from ...module import Module
 from ..flux_law import Values
 from .air import kinematic_viscosity
 from .nusselt import Pchip, pchip

@@ -14,6 +14,7 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Float
 from typing_extensions import override
 
@@ -21,7 +22,6 @@ from ...arrays import Scalar, TimeVarying, is_traced
 from ...constants import SOLAR_TEMPERATURE, STEFAN_BOLTZMANN
 from ...errors import InputError
 from ...geometry.vectors import row_dot, unit_vector
-from ...module import Module
 from ...raster.views import view_frame
 from ...voxels.selection import AbstractSelection
 from ..flux_law import Forcing

@@ -15,13 +15,13 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Float
 from typing_extensions import override
 
 from ...arrays import TimeVarying, is_traced, namespace
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
-from ...module import Module
 from ...voxels.selection import AbstractSelection
 from ..boundary import Exchange, either, toward
 from ..flux_law import AbstractFluxLaw, Forcing

@@ -18,13 +18,13 @@ from typing import Any, ClassVar, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Bool, Float
 from typing_extensions import override
 
 from ...arrays import Time, is_traced, typed_array
 from ...constants import SOLAR_TEMPERATURE, STEFAN_BOLTZMANN
 from ...findings import found, is_finding
-from ...module import Module
 from ...voxels.selection import AbstractSelection
 from ..flux_law import AbstractFluxLaw, PerCell
 from ..surface import (

@@ -20,6 +20,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
@@ -34,7 +35,6 @@ from ...arrays import (
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
 from ...findings import digest, found
-from ...module import Module
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux
 from ..flux_law import AbstractFluxLaw, Forcing, Values

@@ -17,17 +17,18 @@ the loop that conducts. `SurfaceLoad`, cell by cell, is the general form.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Float
 from typing_extensions import override
 
 from ...arrays import Time, is_traced, namespace
-from ...module import Module, replaced
 from ...network.network import (
     AbstractNetwork,
     AbstractNodeNetwork,
@@ -138,7 +139,7 @@ def linear_programs(programs: Sequence[Program]) -> tuple[Program, ...] | None:
         load = _linear_load(program, program.surface.by_cell)
         if load is None:
             return None
-        linear.append(replaced(program, surface=load))
+        linear.append(replace(program, surface=load))
     return tuple(linear)
 
 

@@ -16,13 +16,13 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jaxtyping import Array, Bool, Float, Int
 from scipy.spatial import KDTree
 
 from ...arrays import array_namespace, device_array, taken
 from ...errors import InputError
 from ...findings import digest, found
-from ...module import Module
 from ...physics.conduction import conductivity_at_ends, conductivity_table
 from ...structures.partition.assignment import voxel_owner
 from ...structures.surface_map import gradient_rows

@@ -10,11 +10,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jax.sharding import Mesh
 from jaxtyping import Array, Float, Int
 
 from ...arrays import Time, added, device_array, taken
-from ...module import Module
 from ...network.network import AbstractNetwork, Address
 from ...parallel.lattice import spread, with_added
 from ...physics.contact.links import ContactLinks

@@ -12,13 +12,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from equinox import Module
 from jax.sharding import Mesh
 from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
 from ...arrays import Time, device_array, members, typed_array
 from ...findings import digest, found
-from ...module import Module
 from ...network.network import AbstractNetwork, Address, inverse, precise_sum, slot_sums
 from ...parallel.lattice import (
     Sectioned,
