@@ -7,6 +7,7 @@ f faces, k raster fragments, l levels, t saved times, b bodies, h w pixels, p po
 import contextlib
 import math
 from collections.abc import Callable, Iterable, Sequence
+from functools import cache
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -59,8 +60,12 @@ def is_traced(tree: Any) -> bool:
     if isinstance(tree, float | HOST):
         return False
     # By their types, which are few: a scene has many leaves.
-    types = {type(leaf) for leaf in jax.tree.leaves(tree)}
-    return any(issubclass(leaf_type, jax.core.Tracer) for leaf_type in types)
+    return any(map(_is_tracer, set(map(type, jax.tree.leaves(tree)))))
+
+
+@cache
+def _is_tracer(leaf_type: type) -> bool:
+    return issubclass(leaf_type, jax.core.Tracer)
 
 
 def namespace(values: Any) -> Any:

@@ -11,124 +11,37 @@ ones are dropped when all findings exceed `MAX_BYTES`. Stored arrays are read-on
 
 import contextlib
 import hashlib
-import threading
 import weakref
-from collections import OrderedDict, deque
+from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator
 from contextvars import ContextVar
+from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
 import jax
-import jax.core
 import numpy as np
 
-from .arrays import HOST, is_traced
+from .arrays import HOST, device_array, is_traced
 
 
 MAX_BYTES = 512 * 1024**2
 """Size of all findings together [bytes]."""
 
-_MIN_STORED = 2**14
-"""Size above which an array stays on the device [bytes]: others move there at once."""
-
-_MAX_NUMBERS = 256
-"""Length up to which an array of numbers is compared by its values."""
-
 _T = TypeVar("_T")
 _searches: ContextVar[list[str] | None] = ContextVar("searches", default=None)
-
-
-class _Same:
-    """An object within a key: equal to itself alone, and not kept alive."""
-
-    __slots__ = ("__weakref__", "_hash", "_seen")
-
-    def __init__(self, seen: object, on_end: Callable[[Any], None] | None = None):
-        self._seen = weakref.ref(seen, on_end)
-        self._hash = id(seen)
-
-    def __hash__(self) -> int:
-        return self._hash
-
-    def __eq__(self, other: object) -> bool:
-        if self is other:
-            return True
-        # Another object may have taken the address of one that is gone.
-        object_seen = self._seen()
-        return (
-            isinstance(other, _Same)
-            and object_seen is not None
-            and object_seen is other._seen()
-        )
 
 
 class _Entry(NamedTuple):
     value: Any
     size: int
+    objects: tuple[weakref.ref, ...]
+    """References to its objects, which drop the entry when one of them ends."""
 
 
-class _Store:
-    """Findings by key, the least recently used first; for any number of threads."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._entries: OrderedDict[Hashable, _Entry] = OrderedDict()
-        self._size = 0
-        # Keys whose object no longer exists.
-        self._ended: deque[Hashable] = deque()
-
-    def get(self, key: Hashable) -> _Entry | None:
-        with self._lock:
-            self._sweep()
-            entry = self._entries.get(key)
-            if entry is not None:
-                self._entries.move_to_end(key)
-            return entry
-
-    def put(self, key: Hashable, value: Any, size: int) -> None:
-        if size > MAX_BYTES:
-            return
-        with self._lock:
-            self._drop(key)
-            self._entries[key] = _Entry(value, size)
-            self._size += size
-            while self._size > MAX_BYTES:
-                self._drop(next(iter(self._entries)))
-            self._sweep()
-
-    def end(self, key: Hashable) -> None:
-        """Drop a key whose object no longer exists."""
-        # The collector may call this at any moment, even within `put` of this thread:
-        # the key is then dropped at the next opportunity.
-        self._ended.append(key)
-        if self._lock.acquire(blocking=False):
-            try:
-                self._sweep()
-            finally:
-                self._lock.release()
-
-    def clear(self) -> None:
-        with self._lock:
-            self._entries.clear()
-            self._ended.clear()
-            self._size = 0
-
-    def size(self) -> tuple[int, int]:
-        with self._lock:
-            self._sweep()
-            return len(self._entries), self._size
-
-    def _sweep(self) -> None:
-        while self._ended:
-            self._drop(self._ended.popleft())
-
-    def _drop(self, key: Hashable) -> None:
-        dropped = self._entries.pop(key, None)
-        if dropped is not None:
-            self._size -= dropped.size
-
-
-_store = _Store()
+# By the addresses of objects, which no other object has while the entry exists. Each
+# operation on it is atomic, so that threads share it, and so does the collector, which
+# may drop an entry at any moment.
+_entries: OrderedDict[Hashable, _Entry] = OrderedDict()
 
 
 def found(
@@ -143,9 +56,19 @@ def found(
         find: the search; of geometry alone, and without effects.
         search: its name for the receipt of a run that makes it; empty for none.
     """
-    key = None if by is None else _key(of, by)
-    entry = None if key is None else _store.get(key)
-    if entry is not None:
+    settings: Any = jax.config
+    # Arrays differ with JAX's precision and device.
+    mode = settings.jax_enable_x64, settings.jax_default_device
+    key = by, mode, *map(id, of)
+    entry = None
+    is_stored = by is not None
+    try:
+        entry = _entries.get(key)
+    except TypeError:
+        is_stored = False
+    if entry is not None and is_stored:
+        with contextlib.suppress(KeyError):
+            _entries.move_to_end(key)
         return entry.value
     names = _searches.get()
     if search and names is not None:
@@ -153,39 +76,24 @@ def found(
     # Geometry is known even while a scene is traced.
     with jax.ensure_compile_time_eval():
         value = find()
-    if key is not None and not is_traced(value):
-        leaves = _leaves(value)
-        for leaf in leaves:
-            if isinstance(leaf, np.ndarray):
-                leaf.flags.writeable = False
-        size = sum(int(getattr(leaf, "nbytes", 64)) for leaf in leaves)
-        _store.put(_ending_key(of, by), value, size)
+    if is_stored and not is_traced(value):
+        _store(key, of, value)
     return value
 
 
-def _key(of: tuple[object, ...], by: Hashable) -> Hashable | None:
-    key = (by, _mode(), *map(_Same, of))
-    try:
-        hash(key)
-    except TypeError:
-        return None
-    return key
-
-
-def _ending_key(of: tuple[object, ...], by: Hashable) -> Hashable:
-    """Key as of `_key`, which is dropped with the first of its objects."""
-    keys: list[Hashable] = []
+def _store(key: Hashable, of: tuple[object, ...], value: Any) -> None:
+    size = 0
+    for leaf in _leaves(value):
+        if isinstance(leaf, np.ndarray):
+            leaf.flags.writeable = False
+        size += int(getattr(leaf, "nbytes", 64))
+    if size > MAX_BYTES:
+        return
     # A method of the store: names of the module are gone where an interpreter ends.
-    end = _store.end
-    key = (by, _mode(), *(_Same(member, lambda _: end(keys[0])) for member in of))
-    keys.append(key)
-    return key
-
-
-def _mode() -> Hashable:
-    """JAX's precision and device, with which arrays differ."""
-    config: Any = jax.config
-    return config.jax_enable_x64, config.jax_default_device
+    drop = partial(_entries.pop, key)
+    _entries[key] = _Entry(value, size, tuple(weakref.ref(part, drop) for part in of))
+    while findings_size()[1] > MAX_BYTES:
+        _entries.popitem(last=False)
 
 
 @contextlib.contextmanager
@@ -201,49 +109,21 @@ def searches_recorded() -> Iterator[list[str]]:
 
 def forget_findings() -> None:
     """Drop all findings, and the memory that they take."""
-    _store.clear()
+    _entries.clear()
 
 
 def findings_size() -> tuple[int, int]:
     """Return the number of findings, and their size [bytes]."""
-    return _store.size()
-
-
-def values_of(tree: Any) -> Hashable:
-    """Values of all numbers of a pytree, and its structure, to compare it by.
-
-    None where they are not known, or too many to compare.
-    """
-    leaves, structure = jax.tree.flatten(tree)
-    values: list[Hashable] = []
-    for leaf in leaves:
-        if isinstance(leaf, jax.core.Tracer):
-            return None
-        if isinstance(leaf, np.ndarray | np.generic | jax.Array):
-            if leaf.size > _MAX_NUMBERS:
-                return None
-            host = np.asarray(leaf)
-            values.append((host.dtype.str, host.shape, host.tobytes()))
-        else:
-            values.append((type(leaf), leaf))
-    key = (structure, tuple(values))
-    try:
-        hash(key)
-    except TypeError:
-        return None
-    return key
+    sizes = [entry.size for entry in list(_entries.values())]
+    return len(sizes), sum(sizes)
 
 
 def digest(array: np.ndarray) -> Hashable:
     """Type, shape and hash of an array, to compare it by."""
-    by = "digest" if is_finding(array) else None
-    return found((array,), by, lambda: _digest(array))
-
-
-def is_finding(*arrays: np.ndarray) -> bool:
-    """True for arrays that no one can change, such as those of findings."""
     # A view that is read-only may be one of an array that is not.
-    return not any(array.flags.writeable or array.base is not None for array in arrays)
+    is_constant = not array.flags.writeable and array.base is None
+    by = "digest" if is_constant else None
+    return found((array,), by, lambda: _digest(array))
 
 
 def _digest(array: np.ndarray) -> Hashable:
@@ -254,7 +134,7 @@ def _digest(array: np.ndarray) -> Hashable:
 
 def _leaves(value: Any) -> list[Any]:
     """Arrays and other values within pytrees and plain objects."""
-    found_here: list[Any] = []
+    leaves_here: list[Any] = []
     within = [value]
     while within:
         leaves = jax.tree.leaves(within)
@@ -265,33 +145,13 @@ def _leaves(value: Any) -> list[Any]:
             if fields and not is_array and not callable(leaf):
                 within += fields.values()
             else:
-                found_here.append(leaf)
-    return found_here
-
-
-_to_device = jax.jit(lambda arrays: arrays)
+                leaves_here.append(leaf)
+    return leaves_here
 
 
 def on_device(tree: Any) -> Any:
-    """A pytree with its arrays of numpy on the device; those of findings move once."""
-    # One call of a function that returns its arguments is faster than `device_put` of
-    # each of them.
+    """A pytree with its arrays of numpy on the device, each once."""
     leaves, structure = jax.tree.flatten(tree)
     host = {id(leaf): leaf for leaf in leaves if isinstance(leaf, HOST)}
-    # Known arrays stay known where other values are traced.
-    with jax.ensure_compile_time_eval():
-        on_device_already = {
-            key: found((leaf,), "on device", lambda leaf=leaf: _to_device(leaf))
-            for key, leaf in host.items()
-            if isinstance(leaf, np.ndarray)
-            and leaf.nbytes > _MIN_STORED
-            and is_finding(leaf)
-        }
-        not_there_yet = {
-            key: leaf for key, leaf in host.items() if key not in on_device_already
-        }
-        moved = dict(
-            zip(not_there_yet, _to_device(list(not_there_yet.values())), strict=True)
-        )
-    moved |= on_device_already
+    moved = {key: device_array(leaf) for key, leaf in host.items()}
     return structure.unflatten([moved.get(id(leaf), leaf) for leaf in leaves])

@@ -7,14 +7,13 @@ from functools import cached_property
 from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from equinox import Module
 from jaxtyping import Bool, Float, Int
 
 from ..arrays import Scalar, is_traced, namespace, typed_array
 from ..errors import InputError
-from ..findings import found, is_finding
+from ..findings import found
 from ..geometry.mesh import Pose
 from ..voxels.cavities import Cavities
 from ..voxels.grid import VoxelGrid
@@ -276,7 +275,7 @@ class Surface:
             area, mask = cover
             # Where all fragments take part, the body's own array serves as it is.
             if not mask.all():
-                area = _within(area, mask)
+                area = namespace(area).where(mask, area, 0)
             areas.append(area)
             masks.append(mask)
         binding = Binding(
@@ -286,14 +285,6 @@ class Surface:
             notes=notes,
         )
         return (binding, *omitted)
-
-
-def _within(area: Any, mask: Bool[np.ndarray, " s"]) -> Any:
-    """Areas where a term acts, 0 elsewhere."""
-    if not isinstance(area, np.ndarray):
-        return jnp.where(mask, area, 0)
-    by = "within" if is_finding(area, mask) else None
-    return found((area, mask), by, lambda: np.where(mask, area, np.zeros_like(area)))
 
 
 def spread(values: Sequence[Any], counts: Sequence[int], dtype: Any) -> Any:

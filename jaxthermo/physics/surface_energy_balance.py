@@ -37,7 +37,7 @@ from jaxtyping import Array, Float, Int
 from scipy.sparse import csr_array
 
 from ..arrays import Time, is_traced, namespace
-from ..findings import found, is_finding
+from ..findings import found
 from ..network.network import inverse, precise_sum
 from .flux_law import (
     BoundTerm,
@@ -342,11 +342,7 @@ class SurfaceTerms(Module):
                     values = values[..., fragments]
                 return jax.ops.segment_sum(values.T, cell[fragments], cells).T
             host = np.asarray(values)
-            # Sums of arrays that are stored are stored, too.
-            by = ("sums of cells", cells) if is_finding(host, cell) else None
-            return found(
-                (host, cell), by, lambda: (by_cell @ host.T).T.astype(host.dtype)
-            )
+            return (by_cell @ host.T).T.astype(host.dtype)
 
         def merge(term: BoundTerm) -> BoundTerm:
             area = add(term.effective_area)

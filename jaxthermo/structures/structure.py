@@ -173,11 +173,12 @@ class AbstractStructure(Module):
     def options(self) -> Hashable:
         """Its class and options, on which its arrays depend, without weights."""
         excluded = ("grid", "built")
-        return type(self), *(
+        values = [
             getattr(self, field.name)
             for field in dataclasses.fields(self)
             if field.metadata.get("static") and field.name not in excluded
-        )
+        ]
+        return type(self), *values
 
     def found(self, by: Hashable, find: Callable[[], _T], search: str = "") -> _T:
         """Return a finding that belongs to this geometry, see `findings.found`."""

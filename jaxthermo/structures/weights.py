@@ -73,9 +73,9 @@ class ConductionWeights(Module):
     def are_one(self) -> bool:
         """True if links and capacities are known to have no factors."""
         values = (self.within, self.between, self.surface, self.capacity, self.links)
-        are_numbers = not any(is_traced(value) for value in values)
-        plain = are_numbers and all(np.all(np.asarray(value) == 1) for value in values)
-        return plain and not self.uses_nearest_capacity
+        if is_traced(values) or self.uses_nearest_capacity:
+            return False
+        return bool(np.all(np.concatenate([np.ravel(value) for value in values]) == 1))
 
     @property
     def uses_nearest_capacity(self) -> bool:

@@ -16,7 +16,6 @@ from jaxthermo.findings import (
     found,
     on_device,
     searches_recorded,
-    values_of,
 )
 
 
@@ -129,13 +128,7 @@ def test_only_searches_that_are_made_are_recorded():
     assert names == ["search a"]
 
 
-def test_values_are_compared_as_numbers():
-    def tree(x):
-        return {"a": (x, np.arange(3)), "b": "text"}
-
-    assert values_of(tree(1.0)) == values_of(tree(1.0))
-    assert values_of(tree(1.0)) != values_of(tree(2.0))
-    assert values_of(tree(np.zeros(100_000))) is None
+def test_arrays_are_compared_by_type_shape_and_values():
     assert digest(np.arange(3)) != digest(np.arange(3.0))
     assert digest(np.ones(9, bool)) != digest(np.ones(10, bool))
 
@@ -166,12 +159,10 @@ def test_an_array_that_can_still_change_is_hashed_again():
     array = np.arange(4.0)
     view = array[:]
     view.flags.writeable = False
-    assert not findings.is_finding(view) and not findings.is_finding(array)
     first_digest = findings.digest(view)
     array[0] = 5.0
     assert findings.digest(view) != first_digest
     array.flags.writeable = False
-    assert findings.is_finding(array) and not findings.is_finding(array, view)
     assert findings.digest(array) == findings.digest(view)
 
 
@@ -191,19 +182,3 @@ def test_known_arrays_stay_known_where_others_are_traced():
         return np.asarray(moved).sum() * traced
 
     assert float(jax.jit(sum_of)(2.0)) == 6.0
-
-
-def test_large_findings_go_to_the_device_once():
-    owner = _Owner()
-    large = found((owner,), "large", lambda: np.arange(2.0**15))
-    small = found((owner,), "small", lambda: np.arange(3.0))
-    once, again = (on_device([large, small, large.copy()]) for _ in range(2))
-    assert once[0] is again[0]
-    assert once[1] is not again[1]
-    assert once[2] is not again[2]
-    for moved in once[::2]:
-        np.testing.assert_array_equal(moved, large)
-    # In the precision of the run that asks.
-    with jax.enable_x64(False):
-        assert on_device([large])[0].dtype == np.float32
-    assert on_device([large])[0].dtype == np.float64

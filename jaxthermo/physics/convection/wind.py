@@ -294,11 +294,7 @@ class Wind(AbstractSurfaceTerm):
         dtype = surface.dtype
         wind = surface.pose.rotate_back(unit_vector(self.velocity))
         normal = surface.own_normal
-        harmonics = found(
-            (normal, groups.axis),
-            ("harmonics", tuple(wind.tolist()), jnp.dtype(dtype).name),
-            lambda: surface_harmonics(normal, groups.axis, wind).astype(dtype),
-        )
+        harmonics = surface_harmonics(normal, groups.axis, wind).astype(dtype)
         speed = self.strength
         if callable(speed):
             speeds = speed_nodes(_table_limit(speed), nodes, dtype)

@@ -19,12 +19,11 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from equinox import Module
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from typing_extensions import override
 
-from ...arrays import Time, is_traced, typed_array
+from ...arrays import Time, typed_array
 from ...constants import SOLAR_TEMPERATURE, STEFAN_BOLTZMANN
-from ...findings import found, is_finding
 from ...voxels.selection import AbstractSelection
 from ..flux_law import AbstractFluxLaw, PerCell
 from ..surface import (
@@ -125,12 +124,10 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
         if isinstance(exposed, Omitted):
             return exposed
         # Fragments out of sight are left out of the binding, so that they cost nothing.
-        lit = [_lit(factor, body.area) for factor in factors]
         covers = []
-        for area, reached in lit:
-            # Where all fragments are exposed, the array itself serves as it is.
-            acting = reached if exposed.all() else exposed & reached
-            covers.append((_times(absorbed, area), acting))
+        for factor in factors:
+            area = factor.astype(body.area.dtype) * body.area
+            covers.append((absorbed * area, exposed & (factor > 0)))
         if body.prune and not any(acting.any() for _, acting in covers):
             return body.omitted(self.unseen)
         return covers
@@ -155,24 +152,6 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
 
 def _unchanged(line: str, _: Any) -> tuple[str, ...]:
     return (line,)
-
-
-def _lit(
-    factor: Float[np.ndarray, " s"], area: Float[np.ndarray, " s"]
-) -> tuple[Float[np.ndarray, " s"], Bool[np.ndarray, " s"]]:
-    """Area of fragments times a factor [m^2], and the mask where that is not 0."""
-    return found(
-        (factor, area),
-        "lit" if is_finding(factor, area) else None,
-        lambda: (factor.astype(area.dtype) * area, factor > 0),
-    )
-
-
-def _times(number: Any, area: Float[np.ndarray, " s"]) -> Any:
-    """Areas times a number or an array, once for each number."""
-    if np.ndim(number) or is_traced(number) or not is_finding(area):
-        return number * area
-    return found((area,), ("times", float(number)), lambda: number * area)
 
 
 class _Incident(Module):

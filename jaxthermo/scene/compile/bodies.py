@@ -218,10 +218,7 @@ def _half_cells(body: Body, reference: Scalar, dtype: Any) -> Float[Values, " s"
     else:
         k = surface_conductivity(material.at(reference), grid.fragment_normal, dtype)
     # Area over distance to the node [m].
-    return k * structure.found(
-        ("half_cells", jnp.dtype(dtype).name),
-        lambda: (grid.fragment_area / structure.fragment_distance()).astype(dtype),
-    )
+    return k * (grid.fragment_area / structure.fragment_distance()).astype(dtype)
 
 
 class TemperatureBounds(NamedTuple):

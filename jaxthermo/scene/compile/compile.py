@@ -65,20 +65,8 @@ def compile_scene(
     starts = _snapshot_times(scene, end)
     memory = check_memory(scene, saves=saves, snapshots=len(starts), method=method)
     check_terms(scene, end)
-    bind = partial(_bind, starts=starts, end=float(end), prune=prune)
     with searches_recorded() as searches:
-        if _depends_on_numbers_alone(scene, starts):
-            numbers = scene_numbers(scene)
-
-            def bind_numbers(scene: Scene) -> Compiled:
-                return _from_uniform_start(scene, bind(scene))
-
-            traced = trace_scene(
-                scene, numbers, bind=bind_numbers, by=(float(end), prune)
-            )
-            compiled = traced(numbers.values)
-        else:
-            compiled = bind(scene)
+        compiled = _bound(scene, starts=starts, end=float(end), prune=prune)
     programs = compiled.programs
     temperatures = compiled.temperatures.known()
     # How many iterations are compiled follows from numbers that must be known.
@@ -103,18 +91,27 @@ def compile_scene(
     )
 
 
-def _depends_on_numbers_alone(scene: Scene, starts: tuple[float, ...]) -> bool:
-    """True if the scene is bound in the same way for other numbers."""
+def _bound(
+    scene: Scene, starts: tuple[float, ...], end: float, prune: bool
+) -> Compiled:
+    """Bind a scene, or compute what was traced for other numbers of the same form."""
+    bind = partial(_bind, starts=starts, end=end, prune=prune)
     # Many snapshots would be one large program, and devices place known arrays.
-    stands_still = len(starts) == 1
-    shares_devices = any(body.structure.device_count > 1 for body in scene.bodies)
-    chooses_laws = any(term.chooses_law for term in scene.terms)
-    return (
-        stands_still
-        and not shares_devices
-        and not chooses_laws
-        and not is_traced((scene, jnp.zeros(())))
+    is_single = len(starts) == 1 and all(
+        body.structure.device_count == 1 for body in scene.bodies
     )
+    chooses_laws = any(term.chooses_law for term in scene.terms)
+    if not is_single or chooses_laws or is_traced((scene, jnp.zeros(()))):
+        return bind(scene)
+    numbers = scene_numbers(scene)
+    if numbers.form is None:
+        return bind(scene)
+
+    def bind_numbers(scene: Scene) -> Compiled:
+        return _from_uniform_start(scene, bind(scene))
+
+    traced = trace_scene(scene, numbers, bind=bind_numbers, by=(end, prune))
+    return traced(numbers.values)
 
 
 def _from_uniform_start(scene: Scene, compiled: Compiled) -> Compiled:

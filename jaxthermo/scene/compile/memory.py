@@ -43,7 +43,7 @@ class _Parts(NamedTuple):
 
     def bytes_of(self, counts: "_Parts") -> float:
         """Return the sum over all parts of their number times these bytes [bytes]."""
-        return float(sum(a * b for a, b in zip(self, counts, strict=True)))
+        return float(np.dot(self, counts))
 
 
 # In float32. A stencil has a byte for each cell, and no array of links.

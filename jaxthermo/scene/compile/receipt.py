@@ -3,9 +3,7 @@
 from functools import reduce
 
 import numpy as np
-from jaxtyping import Bool, Float
 
-from ...findings import digest, found
 from ...physics.surface import Omitted
 from ...physics.term import AbstractExchangeTerm, AbstractSurfaceTerm
 from ...structures.structure import AbstractStructure
@@ -95,7 +93,7 @@ def _parts(ledger: Ledger, snapshot: Snapshot) -> tuple[Part, ...]:
         else:
             masks = [by_body[bodies[0]] for n, by_body in acting if n == number]
             if masks:
-                reached = _acting_area(area, reduce(np.logical_or, masks))
+                reached = float(area[reduce(np.logical_or, masks)].sum())
         fraction = reached / total_area[bodies[0]]
         acting_parts.append(
             Part(
@@ -106,14 +104,6 @@ def _parts(ledger: Ledger, snapshot: Snapshot) -> tuple[Part, ...]:
             )
         )
     return tuple(acting_parts)
-
-
-def _acting_area(
-    area: Float[np.ndarray, " s"], is_acting: Bool[np.ndarray, " s"]
-) -> float:
-    return found(
-        (area,), ("area", digest(is_acting)), lambda: float(area[is_acting].sum())
-    )
 
 
 def _omissions(

@@ -224,19 +224,11 @@ def _exposed(
     grid: VoxelGrid, covered: Float[np.ndarray, " s"] | None, dtype: Any
 ) -> _Exposed:
     """The exposed part of a surface with these covered fractions; None for none."""
-
-    def of(fraction: Float[np.ndarray, " s"]) -> _Exposed:
-        area = (grid.fragment_area * fraction).astype(dtype)
-        return _Exposed(area, fraction.astype(dtype), fraction > 0)
-
+    fraction = np.ones(len(grid.fragment_area))
     if covered is not None:
-        return of(1 - covered)
-    # The same arrays in all runs, so that results that depend on them are remembered.
-    return found(
-        (grid,),
-        ("exposed", np.dtype(dtype).name),
-        lambda: of(np.ones(len(grid.fragment_area))),
-    )
+        fraction = 1 - covered
+    area = (grid.fragment_area * fraction).astype(dtype)
+    return _Exposed(area, fraction.astype(dtype), fraction > 0)
 
 
 def _reached(term: AbstractSurfaceTerm, surface: Surface) -> Surface:

@@ -18,7 +18,7 @@ from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
 from ...arrays import Time, device_array, members, typed_array
-from ...findings import digest, found
+from ...findings import digest
 from ...network.network import AbstractNetwork, Address, inverse, precise_sum, slot_sums
 from ...parallel.lattice import (
     Sectioned,
@@ -463,7 +463,7 @@ def surface_load(
     """
     counts = tuple(0 if c is None else c.node.shape[0] for c in cells)
     starts = np.cumsum([0, *counts])[:-1]
-    joined = found(tuple(cell), ("joined", counts), lambda: _joined_cells(cell, starts))
+    joined = _joined_cells(cell, starts)
     loaded = [n for n, count in enumerate(counts) if count]
     if not loaded:
         return None, joined

@@ -18,7 +18,6 @@ from jaxtyping import Array, Float
 
 from ...arrays import HOST
 from ...findings import digest, found
-from ...structures.structure import AbstractStructure
 from ..scene import Scene
 from .program import Compiled
 
@@ -38,62 +37,56 @@ class SceneNumbers(NamedTuple):
 
     form: SceneForm | None
     """None for a scene whose form cannot be compared."""
-    number: tuple[int, ...]
+    positions: tuple[int, ...]
     """Position of each number among the leaves of the scene."""
     values: list[Float[np.ndarray, "..."]]
 
 
 def scene_numbers(scene: Scene) -> SceneNumbers:
     """Separate the numbers of a scene, which has no traced values, from its form."""
-    parts, outline = jax.tree.flatten(scene, is_leaf=_is_structure)
-    values: list[Hashable] = [outline, scene.dtype]
     identity: list[object] = []
+    # Without the structures, which the outline would keep alive.
+    parts: list[Any] = [{**vars(scene), "bodies": None}]
     is_comparable = True
-    for part in parts:
-        if isinstance(part, AbstractStructure):
-            identity += part.identity
-            values.append(part.options)
-            is_comparable &= bool(part.identity)
+    for body in scene.bodies:
+        structure = body.structure
+        objects = structure.identity
+        is_comparable = is_comparable and len(objects) > 0
+        identity += objects
+        fields = {**vars(body), "structure": structure.weights}
+        parts += [structure.options, fields]
+    form: list[Hashable] = [jax.tree.structure(parts)]
     positions = []
     numbers = []
     for position, leaf in enumerate(jax.tree.leaves(scene)):
-        number = _number(leaf, scene.dtype)
-        if number is None:
-            values.append(_constant(leaf))
+        array = _array(leaf)
+        if array is None:
+            form.append((type(leaf), leaf))
+        elif not np.issubdtype(array.dtype, np.inexact):
+            form.append(digest(array))
+        elif array.size and array.flat[0] in (0, 1) and np.ptp(array) == 0:
+            form.append((array.shape, float(array.flat[0])))
         else:
             positions.append(position)
-            numbers.append(number)
-            values.append(number.shape)
-    key = tuple(values)
+            numbers.append(array.astype(scene.dtype))
+            form.append(array.shape)
+    key = tuple(form)
     try:
         hash(key)
     except TypeError:
         is_comparable = False
-    form = SceneForm(tuple(identity), key) if is_comparable else None
-    return SceneNumbers(form, tuple(positions), numbers)
+    return SceneNumbers(
+        form=SceneForm(tuple(identity), key) if is_comparable else None,
+        positions=tuple(positions),
+        values=numbers,
+    )
 
 
-def _is_structure(part: Any) -> bool:
-    return isinstance(part, AbstractStructure)
-
-
-def _number(leaf: Any, dtype: str) -> Float[np.ndarray, "..."] | None:
-    """A leaf as an argument of the program; None for a constant of it."""
-    if isinstance(leaf, bool) or not isinstance(leaf, int | float | HOST | jax.Array):
-        return None
-    values = np.asarray(leaf)
-    if not isinstance(leaf, int) and not np.issubdtype(values.dtype, np.inexact):
-        return None
-    first = values.flat[0] if values.size else 0.0
-    if first in (0.0, 1.0) and (values == first).all():
-        return None
-    return values.astype(dtype)
-
-
-def _constant(leaf: Any) -> Hashable:
-    if isinstance(leaf, HOST | jax.Array):
-        return digest(np.asarray(leaf))
-    return type(leaf), leaf
+def _array(leaf: Any) -> np.ndarray | None:
+    """A leaf of a scene as an array, with numbers as floats; None for other leaves."""
+    if isinstance(leaf, int | float) and not isinstance(leaf, bool):
+        return np.asarray(leaf, float)
+    return np.asarray(leaf) if isinstance(leaf, HOST | jax.Array) else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +105,7 @@ class TracedScene:
         """Return the compiled scene with these numbers."""
         computed = iter(self.program(self.constants, numbers))
         return self.outline.unflatten(
-            next(computed) if leaf is None else leaf for leaf in self.leaves
+            [next(computed) if leaf is None else leaf for leaf in self.leaves]
         )
 
 
@@ -126,12 +119,11 @@ def trace_scene(
 
     `by` are the options of `bind`.
     """
-    if numbers.form is None:
-        return _traced(scene, numbers, bind)
+    assert numbers.form is not None
     return found(
         numbers.form.identity,
-        ("traced scene", numbers.form.values, by),
-        lambda: _traced(scene, numbers, bind),
+        by=("traced scene", numbers.form.values, by),
+        find=lambda: _traced(scene, numbers, bind),
     )
 
 
@@ -139,17 +131,21 @@ def _traced(
     scene: Scene, numbers: SceneNumbers, bind: Callable[[Scene], Compiled]
 ) -> TracedScene:
     scene_leaves, scene_outline = jax.tree.flatten(scene)
-    outputs: list[Any] = []
     outlines: list[Any] = []
+    known: list[Any] = []
 
     def traced(values: list[Array]) -> list[Array]:
         leaves = list(scene_leaves)
-        for position, value in zip(numbers.number, values, strict=True):
+        for position, value in zip(numbers.positions, values, strict=True):
             leaves[position] = value
         compiled, outline = jax.tree.flatten(bind(scene_outline.unflatten(leaves)))
         outlines.append(outline)
-        outputs.extend(None if _is_traced(leaf) else leaf for leaf in compiled)
-        return [leaf for leaf in compiled if _is_traced(leaf)]
+        computed = [leaf for leaf in compiled if isinstance(leaf, jax.core.Tracer)]
+        numbers_of_computed = set(map(id, computed))
+        known.extend(
+            [None if id(leaf) in numbers_of_computed else leaf for leaf in compiled]
+        )
+        return computed
 
     # Arrays of geometry are arguments of the program: as its constants, XLA would keep
     # them twice and take long to compile.
@@ -164,12 +160,8 @@ def _traced(
     # Scenes that differ in geometry alone, as by a sun that moved, share a program.
     text = hashlib.sha256(lowered.as_text().encode()).digest()
     return TracedScene(
-        program=found((), ("bound scene", text), lowered.compile),
+        program=found((), by=("program of a scene", text), find=lowered.compile),
         constants=constants,
         outline=outlines[0],
-        leaves=tuple(outputs),
+        leaves=tuple(known),
     )
-
-
-def _is_traced(leaf: Any) -> bool:
-    return isinstance(leaf, jax.core.Tracer)
