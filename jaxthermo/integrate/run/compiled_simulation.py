@@ -10,9 +10,10 @@ import numpy as np
 
 from ...arrays import is_traced, precision
 from ...errors import InputError, require
+from ...scene.compile.traced_scene import changed_constants
 from ...scene.scene import Body, Scene
 from ..solvers import AbstractSolver
-from .plan import Plan, plan_run, without_searches
+from .plan import Plan, plan_run, with_note, without_searches
 from .simulate import compile_plan, run_plan
 from .solution import Solution, finished
 
@@ -26,6 +27,8 @@ class CompiledSimulation:
     of the same shapes: materials, weights, coefficients, temperatures, irradiances and
     tables. They cost no compilation and no search in geometry, but for what moved or
     lights up another part: `Solution.receipt.searches` lists what was searched again.
+    A number that becomes 0 or 1, or was that, changes what is compiled; a note of the
+    receipt says so.
     """
 
     scene: Scene
@@ -65,6 +68,9 @@ class CompiledSimulation:
                 solver=self.solver,
                 reverse_memory=self.reverse_memory,
             )
+            if not is_traced(scene):
+                for line in changed_constants(self.scene, scene):
+                    plan = plan._replace(compiled=with_note(plan.compiled, line))
         with precision(plan.scene.dtype):
             solution = run_plan(plan)
         return finished(solution, throw)

@@ -105,13 +105,13 @@ def plan_run(
     scene = choice.scene
     compiled = choice.compiled
     if end < t1:
-        compiled = _with_note(
+        compiled = with_note(
             compiled,
             f"the run stops at the last saved time, {end:g} s: nothing up to its end, "
             f"{t1:g} s, would be saved",
         )
     if choice.note is not None:
-        compiled = _with_note(compiled, choice.note)
+        compiled = with_note(compiled, choice.note)
     # Poses and source positions are recomputed at `starts`, so steps end there too.
     solver = choice.solver
     max_dt = solver.max_dt(choice.stable_step, end, compiled.program.sampled)
@@ -274,7 +274,8 @@ def _selected(
     return control.first(stable_step, t1, symmetric, program.sampled)
 
 
-def _with_note(compiled: Compiled, note: str) -> Compiled:
+def with_note(compiled: Compiled, note: str) -> Compiled:
+    """Return a compiled scene with one more note in its receipt."""
     receipt = compiled.receipt
     return replace(compiled, receipt=replace(receipt, notes=(*receipt.notes, note)))
 

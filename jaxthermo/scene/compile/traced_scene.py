@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...arrays import HOST
+from ...errors import shortened
 from ...findings import digest, found
 from ..scene import Scene
 from .program import Compiled
@@ -80,6 +81,27 @@ def scene_numbers(scene: Scene) -> SceneNumbers:
         positions=tuple(positions),
         values=numbers,
     )
+
+
+def changed_constants(original: Scene, changed: Scene) -> tuple[str, ...]:
+    """Name the numbers for which a scene of other numbers is compiled again.
+
+    They are 0 or 1 in one of two scenes that are alike otherwise.
+    """
+    lines = []
+    first = jax.tree.leaves(original)
+    named = jax.tree_util.tree_leaves_with_path(changed)
+    numbers = [set(scene_numbers(scene).positions) for scene in (original, changed)]
+    if len(first) != len(named):
+        return ()
+    for position in sorted(numbers[0] ^ numbers[1]):
+        path, leaf = named[position]
+        name = jax.tree_util.keystr(path).removeprefix(".")
+        lines.append(
+            f"{name} is {shortened(leaf)} instead of {shortened(first[position])}: "
+            "another program was compiled"
+        )
+    return tuple(lines)
 
 
 def _array(leaf: Any) -> np.ndarray | None:
