@@ -18,19 +18,17 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from ..arrays import added, device_array, taken
+from ..arrays import added, device_array, product, taken
 from ..structures.partition.links import NonOrthogonalLinks
 from ..structures.structure import AbstractStructure
 from ..structures.surface_map import Gradient, gradient_at
 from .network import AbstractNodeNetwork, inverse
 
 
-_POWER_STEPS = 40
-"""Iterations of the power method."""
-_LAST_STEPS = 8
-"""Iterations at its end, of which the largest growth counts."""
+_KRYLOV_SIZE = 12
+"""Size of the Krylov space in which the fastest rate is found."""
 _MARGIN = 1.05
-"""Safety factor, since the power method converges from below."""
+"""Safety factor, since Arnoldi's method converges from below."""
 
 
 class _NonOrthogonalNetwork(AbstractNodeNetwork):
@@ -117,21 +115,24 @@ def _rate_ratio(network: _NonOrthogonalNetwork) -> Float[Array, ""]:
     # conductances to capacity.
     network = jax.lax.stop_gradient(network)
     per_capacity = inverse(network.node_capacity)
+    dtype = per_capacity.dtype
 
-    def step(i, carry):
-        state, largest = carry
-        rates = per_capacity * network.heat_rate(state)
+    def step(j, carry):
+        basis, projection = carry
+        rates = per_capacity * network.heat_rate(basis[j])
+        along = product(basis, rates)
+        rates = rates - product(along, basis)
         growth = jnp.linalg.norm(rates)
-        largest = jnp.where(
-            i < _POWER_STEPS - _LAST_STEPS, 0, jnp.maximum(largest, growth)
-        )
-        return rates * inverse(growth), largest
+        projection = projection.at[:, j].set(along).at[j + 1, j].set(growth)
+        return basis.at[j + 1].set(rates * inverse(growth)), projection
 
     number = jnp.arange(len(per_capacity))
     # An aperiodic start vector excites every mode.
-    start = jnp.sin(number.astype(per_capacity.dtype) ** 1.5)
-    start = start / jnp.linalg.norm(start)
-    zero = jnp.zeros((), per_capacity.dtype)
-    _, fastest = jax.lax.fori_loop(0, _POWER_STEPS, step, (start, zero))
+    start = jnp.sin(number.astype(dtype) ** 1.5)
+    basis = jnp.zeros((_KRYLOV_SIZE + 1, len(number)), dtype)
+    basis = basis.at[0].set(start / jnp.linalg.norm(start))
+    projection = jnp.zeros((_KRYLOV_SIZE + 1, _KRYLOV_SIZE), dtype)
+    _, projection = jax.lax.fori_loop(0, _KRYLOV_SIZE, step, (basis, projection))
+    fastest = jnp.linalg.norm(projection[:_KRYLOV_SIZE], 2)
     bound = 2 * network.straight.max_rate()
     return jnp.maximum(1, _MARGIN * fastest * inverse(bound))
