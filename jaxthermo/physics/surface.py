@@ -38,7 +38,7 @@ class Note(Module):
     text: Callable[[Any], tuple[str, ...]] = eqx.field(static=True)
     """Its lines, from the numbers."""
     numbers: Float[Any, "..."] = ()
-    """What it depends on; traced where the scene is."""
+    """Numbers that the lines depend on; traced where the scene is."""
 
     def lines(self) -> tuple[str, ...]:
         """Its lines; none where the numbers are not known."""

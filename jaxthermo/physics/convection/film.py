@@ -48,10 +48,11 @@ def _speed_root(speed: _Speeds) -> _Speeds:
 
 def speed_nodes(highest: _Speeds, count: int, dtype: Any) -> Any:
     """Speeds [m/s] from 0 to `highest`, equidistant in their fourth root."""
-    root = np.linspace(0, 1, count).astype(dtype) * _speed_root(highest)
+    limit = namespace(highest).asarray(highest, dtype)
+    root = np.linspace(0, 1, count).astype(dtype) * _speed_root(limit)
     nodes = (root + _SMALL_SPEED**0.25) ** 4 - _SMALL_SPEED
     # The first node may round to less than 0.
-    return nodes * (nodes > 0)
+    return namespace(nodes).maximum(nodes, 0)
 
 
 class _SpeedTable(Module):

@@ -6,9 +6,9 @@ constants that other calls share. Numbers that are 0 or 1 throughout stay consta
 term that is 0 is left out, and weights of 1 need no arrays.
 """
 
+import dataclasses
 import hashlib
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import jax
@@ -46,17 +46,16 @@ class SceneNumbers(NamedTuple):
 def scene_numbers(scene: Scene) -> SceneNumbers:
     """Separate the numbers of a scene, which has no traced values, from its form."""
     identity: list[object] = []
-    # Without the structures, which the outline would keep alive.
-    parts: list[Any] = [{**vars(scene), "bodies": None}]
     is_comparable = True
+    form: list[Hashable] = [_outline(scene, without="bodies")]
+    # Without the structures, which their outline would keep alive.
     for body in scene.bodies:
         structure = body.structure
         objects = structure.identity
         is_comparable = is_comparable and len(objects) > 0
         identity += objects
-        fields = {**vars(body), "structure": structure.weights}
-        parts += [structure.options, fields]
-    form: list[Hashable] = [jax.tree.structure(parts)]
+        form += [structure.options, jax.tree.structure(structure.weights)]
+        form.append(_outline(body, without="structure"))
     positions = []
     numbers = []
     for position, leaf in enumerate(jax.tree.leaves(scene)):
@@ -81,6 +80,19 @@ def scene_numbers(scene: Scene) -> SceneNumbers:
         positions=tuple(positions),
         values=numbers,
     )
+
+
+def _outline(module: Any, without: str) -> Hashable:
+    """Static values of a module and the kinds of its other parts, but for one field."""
+    values = []
+    parts = []
+    for field in dataclasses.fields(module):
+        value = getattr(module, field.name)
+        if field.metadata.get("static"):
+            values.append(value)
+        elif field.name != without:
+            parts.append(value)
+    return (*values, jax.tree.structure(parts))
 
 
 def changed_constants(original: Scene, changed: Scene) -> tuple[str, ...]:
@@ -111,7 +123,7 @@ def _array(leaf: Any) -> np.ndarray | None:
     return np.asarray(leaf) if isinstance(leaf, HOST | jax.Array) else None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False)
 class TracedScene:
     """A scene as a compiled function of its numbers."""
 
@@ -178,7 +190,8 @@ def _traced(
         return jax.core.eval_jaxpr(jaxpr, constants, *values)
 
     constants = jax.device_put(closed.consts)
-    lowered = jax.jit(program).lower(constants, numbers.values)
+    whole = jax.jit(program, keep_unused=True)
+    lowered = whole.lower(constants, numbers.values)
     # Scenes that differ in geometry alone, as by a sun that moved, share a program.
     text = hashlib.sha256(lowered.as_text().encode()).digest()
     return TracedScene(

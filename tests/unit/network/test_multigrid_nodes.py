@@ -2,6 +2,7 @@
 
 import gc
 
+import equinox as eqx
 import jax
 import numpy as np
 import pytest
@@ -45,9 +46,9 @@ def test_a_group_is_what_hangs_together_inside_a_block():
     assert (np.bincount(coarse.group) == [4] * 4 + [8] * 4).all()
     _, transfers = _levels(node_layout(structure, 8), network)
     values = np.random.default_rng(0).normal(size=len(coarse.group))
-    total = np.asarray(jax.jit(transfers[0].restrict)(values))
+    total = np.asarray(eqx.filter_jit(transfers[0].restrict)(values))
     np.testing.assert_allclose(total, np.bincount(coarse.group, values))
-    spread = jax.jit(transfers[0].prolong)(total)
+    spread = eqx.filter_jit(transfers[0].prolong)(total)
     np.testing.assert_array_equal(spread, total[coarse.group])
 
 

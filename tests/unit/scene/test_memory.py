@@ -42,7 +42,7 @@ def _scene(structure_name: str, across: int = 50) -> jt.Scene:
 def _kept() -> dict[int, int]:
     """Size of every array of the findings [bytes], by its address."""
     sizes = {}
-    for finding in findings._store._entries.values():
+    for finding in findings._entries.values():
         for leaf in findings._leaves(finding.value):
             if isinstance(leaf, np.ndarray):
                 while isinstance(leaf.base, np.ndarray):
