@@ -105,7 +105,7 @@ class SurfaceTerms(Module):
         traced = is_traced((self.half_cell, self.natural))
         if within is None or self.is_linear or traced:
             return MAX_ITERATIONS
-        conducts = np.asarray(self.half_cell, float)
+        conducts = np.asarray(self.half_cell)
         flux = np.zeros_like(conducts)
         curvature = np.zeros_like(conducts)
         for _, term in self.natural:
@@ -113,7 +113,7 @@ class SurfaceTerms(Module):
             max_curvature = float(term.law.curvature(within, end))
             if not np.isfinite([max_flux, max_curvature]).all():
                 return MAX_ITERATIONS
-            area = np.asarray(term.effective_area, float)
+            area = np.asarray(term.effective_area)
             flux += area * max_flux
             curvature += area * max_curvature
         # Terms that radiate from prescribed temperatures only have no flux here.
@@ -127,7 +127,7 @@ class SurfaceTerms(Module):
         # The start is off by at most the flux over the conductance.
         error = flux[bounded] / conducts[bounded]
         rate = curvature[bounded] / 2 / conducts[bounded]
-        tolerance = _TOLERANCE[np.asarray(self.half_cell).dtype.name]
+        tolerance = _TOLERANCE[conducts.dtype.name]
         # Where the bound overflows it is of no use, and all iterations are taken.
         with np.errstate(over="ignore"):
             for iterations in range(1, MAX_ITERATIONS):

@@ -93,6 +93,11 @@ class AbstractTerm(Module):
         return Scale()
 
     @property
+    def by_numbers(self: _Term) -> _Term:
+        """The term with its numbers in fields that may be traced."""
+        return self
+
+    @property
     def chooses_law(self) -> bool:
         """True if its kind of law depends on its numbers, which must then be known."""
         return False

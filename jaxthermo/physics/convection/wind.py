@@ -14,6 +14,7 @@ function of the user, where fragments at nearly the same x share one Reynolds nu
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -73,6 +74,9 @@ _WAKE_SPEED_NODES = 73
 
 # A speed given as a plain function of time is limited to this [m/s].
 _MAX_UNKNOWN_SPEED = 100.0
+
+# Digits of a direction that is separated from its speed.
+_DIRECTION_DIGITS = 12
 
 # Smallest upper end of a table of speeds [m/s].
 _MIN_TABLE_LIMIT = 1e-3
@@ -150,6 +154,15 @@ class Wind(AbstractSurfaceTerm):
     @override
     def values(self) -> tuple[Any, ...]:
         return (self.strength, self.temperature)
+
+    @property
+    @override
+    def by_numbers(self) -> "Wind":
+        if self.speed is not None or is_zero(self.strength):
+            return self
+        # Rounded, so that another speed does not change the direction.
+        x, y, z = np.round(unit_vector(self.velocity), _DIRECTION_DIGITS).tolist()
+        return replace(self, velocity=(x, y, z), speed=self.strength)
 
     @property
     def strength(self) -> Any:

@@ -8,6 +8,7 @@ and no operation in the program, and the receipt says why.
 Scenes that differ in their numbers alone are bound once, see `TracedScene`.
 """
 
+import operator
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
@@ -103,6 +104,9 @@ def _bound(
     chooses_laws = any(term.chooses_law for term in scene.terms)
     if not is_single or chooses_laws or is_traced((scene, jnp.zeros(()))):
         return bind(scene)
+    terms = tuple(term.by_numbers for term in scene.terms)
+    if any(map(operator.is_not, terms, scene.terms)):
+        scene = replace(scene, terms=terms)
     numbers = scene_numbers(scene)
     if numbers.form is None:
         return bind(scene)

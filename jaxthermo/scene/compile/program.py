@@ -360,7 +360,10 @@ class Receipt:
         return asdict(self)
 
 
-class Compiled(Module):
+# A plain dataclass: methods of modules are pytrees, which takes long for large ones.
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, eq=False)
+class Compiled:
     """Programs with the initial state, surfaces and the receipt."""
 
     programs: tuple[Program, ...]
