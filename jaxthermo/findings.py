@@ -19,6 +19,7 @@ from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from .arrays import HOST, device_array, is_traced
@@ -74,7 +75,8 @@ def found(
     if search and names is not None:
         names.append(search)
     # Geometry is known even while a scene is traced.
-    with jax.ensure_compile_time_eval():
+    is_tracing = is_traced(jnp.zeros(()))
+    with jax.ensure_compile_time_eval() if is_tracing else contextlib.nullcontext():
         value = find()
     if is_stored and not is_traced(value):
         _store(key, of, value)
