@@ -66,9 +66,9 @@ _MIN_EMISSIVITY = 1e-6
 class _Irradiated(AbstractEmission):
     """Heat flux H - sigma T^4 [W/m^2]."""
 
-    received: Float[Array, "*#m"]
+    received: Float[Any, "*#m"]
     """H - sigma T_0^4 [W/m^2]."""
-    base: Float[Array, ""]
+    base: Float[Any, ""]
     """T_0 [K], the same for all bodies."""
     reference: Any = 0.0
 

@@ -2,7 +2,7 @@
 
 import bisect
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import Any
 
@@ -360,21 +360,26 @@ class Receipt:
         return asdict(self)
 
 
+def _static_field(**options: Any) -> Any:
+    """Field of a dataclass that is no array, so that compiled programs compare it."""
+    return field(metadata={"static": True}, **options)
+
+
 # A plain dataclass: methods of modules are pytrees, which takes long for large ones.
 @jax.tree_util.register_dataclass
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Compiled:
     """Programs with the initial state, surfaces and the receipt."""
 
     programs: tuple[Program, ...]
     """One per snapshot; they differ in numbers only."""
-    starts: tuple[float, ...] = eqx.field(static=True)
+    starts: tuple[float, ...] = _static_field()
     """Start of each program [s]; the first at 0."""
-    acting: tuple[int, ...] = eqx.field(static=True)
+    acting: tuple[int, ...] = _static_field()
     """Numbers of the terms that act."""
     start: tuple[Float[Array | np.ndarray, "..."], ...]
     """State at time 0; one number where it is uniform."""
-    state_shapes: tuple[tuple[int, ...], ...] = eqx.field(static=True)
+    state_shapes: tuple[tuple[int, ...], ...] = _static_field()
     """Shape of the state of each body."""
     surfaces: tuple[SolvedSurface, ...]
     radiation: SceneRadiation
@@ -385,9 +390,9 @@ class Compiled:
     """Largest explicit step that is stable [s]; infinite without a limit."""
     notes: tuple[tuple[str, Note], ...]
     """Remarks on the validity of laws, with the mechanism of each."""
-    receipt: Receipt = eqx.field(static=True)
+    receipt: Receipt = _static_field()
     # Not in the programs, which would be compiled again for other times of a table.
-    breakpoints: tuple[float, ...] = eqx.field(static=True, default=())
+    breakpoints: tuple[float, ...] = _static_field(default=())
     """Times that steps end at, besides the save times [s]."""
 
     @property

@@ -168,7 +168,7 @@ def _traced(
     outlines: list[Any] = []
     known: list[Any] = []
 
-    def traced(values: list[Array]) -> list[Array]:
+    def traced(values: list[Array]) -> list[Any]:
         leaves = list(scene_leaves)
         for position, value in zip(numbers.positions, values, strict=True):
             leaves[position] = value
