@@ -247,7 +247,7 @@ def temperature_bounds(
         if not callable(body.body.temperature):
             start.append(body.reference)
             continue
-        theta = body.network.temperature(body.state)
+        theta = body.network.temperature(jnp.asarray(body.state))
         # On the host nothing is compiled for each shape of a body.
         theta = theta if is_traced(theta) else np.asarray(theta)
         start += [body.reference + theta.min(), body.reference + theta.max()]

@@ -186,7 +186,7 @@ def _traced(
     closed = jax.make_jaxpr(traced)(numbers.values)
     jaxpr = closed.jaxpr
 
-    def program(constants: list[Array], values: list[Any]) -> list[Array]:
+    def program(constants: list[Array], values: list[Any]) -> list[Any]:
         return jax.core.eval_jaxpr(jaxpr, constants, *values)
 
     constants = jax.device_put(closed.consts)
