@@ -28,7 +28,7 @@ def unit_vector(
 
 def unit_vectors(vectors: Float[np.ndarray, "*n k"]) -> Float[np.ndarray, "*n k"]:
     """Scale the vectors on the last axis to length one; those of length zero stay."""
-    length = np.sqrt(row_dot(vectors, vectors))[..., None]
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return vectors / np.where(length > 0, length, 1)
 
 
