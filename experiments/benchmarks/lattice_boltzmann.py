@@ -211,11 +211,11 @@ def _measurements(shape: tuple[int, int], spans: Spans) -> list[Measurement]:
         "textbook": "the textbook's step",
         "copy": "copy of the populations, one thread",
     }
-    return [
-        *kernel_rows(
-            name=name, spans=spans, bound=_BOUND, notes=notes, slower_forms=slower_forms
-        ),
-        Measurement(
-            name, "s", spans["ours"], bound=cells / _UPDATES, note=notes["ours"]
-        ),
-    ]
+    rows = kernel_rows(
+        name=name, spans=spans, bound=_BOUND, notes=notes, slower_forms=slower_forms
+    )
+    # The required rate, which has no peer, stands below the two loops.
+    largest_time = cells / _UPDATES
+    ours = Measurement(name, "s", spans["ours"], bound=largest_time, note=notes["ours"])
+    rows.insert(len(notes), ours)
+    return rows
