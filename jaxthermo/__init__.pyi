@@ -12,7 +12,6 @@ from .accuracy.truth_error import TruthError as TruthError, truth_error as truth
 from .compilation_cache import cache_compilations as cache_compilations
 from .config.card_file import load_card as load_card
 from .errors import InputError as InputError
-from .findings import forget_findings as forget_findings
 from .flow.body import RoundBody as RoundBody
 from .flow.channel import Channel as Channel
 from .flow.run import FlowRun as FlowRun, simulate_flow as simulate_flow
@@ -86,6 +85,7 @@ from .integrate.solvers import (
 from .integrate.steady import steady as steady
 from .material.material import Material as Material, Property as Property
 from .material.table import materials as materials
+from .memo.found import forget_findings as forget_findings
 from .physics.boundary import (
     Convection as Convection,
     FixedTemperature as FixedTemperature,

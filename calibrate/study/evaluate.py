@@ -18,7 +18,6 @@ from jaxthermo.accuracy.error_records import ReferenceErrors
 from jaxthermo.accuracy.truth_error import TruthPoints, truth_points
 from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
-from jaxthermo.findings import on_device
 from jaxthermo.integrate.run.plan import Plan, step_table
 from jaxthermo.integrate.run.simulate import (
     FirstLoop,
@@ -29,6 +28,7 @@ from jaxthermo.integrate.run.simulate import (
 )
 from jaxthermo.integrate.run.solution import RESULTS, Observation, Solution
 from jaxthermo.integrate.run.surface_reading import SurfaceReading
+from jaxthermo.memo.found import on_device
 from jaxthermo.parallel.batch import from_first_device, over_devices
 from jaxthermo.parallel.devices import mesh_of
 

@@ -1,1 +1,1 @@
-"""Results by content: what one process computed, the next one reads."""
+"""Results of searches, remembered within a process and stored for the next one."""

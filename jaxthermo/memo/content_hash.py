@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..findings import found
+from .found import found
 from .values import NoContentError, PlainValue, fields
 
 

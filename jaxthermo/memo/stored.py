@@ -1,7 +1,7 @@
 """Results on disk, for the next process that computes them from the same inputs.
 
 A file's name is the hash of everything that its result follows from, with the code of
-this library. `findings` remembers within one process, by the identity of objects.
+this library. `found` remembers within one process, by the identity of objects.
 """
 
 import contextlib

@@ -18,8 +18,8 @@ from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
 from ..arrays import members, taken
-from ..findings import on_device
 from ..geometry.mesh import connected_labels
+from ..memo.found import on_device
 from ..structures.structure import AbstractStructure
 from .cut_stencil import CutStencil
 from .link_operator import LinkNetwork, RowLayout, RowNetwork, row_layout, row_network

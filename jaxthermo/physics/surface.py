@@ -13,8 +13,8 @@ from jaxtyping import Bool, Float, Int
 
 from ..arrays import Scalar, is_traced, namespace, typed_array
 from ..errors import InputError
-from ..findings import found
 from ..geometry.mesh import Pose
+from ..memo.found import found
 from ..voxels.cavities import Cavities
 from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection

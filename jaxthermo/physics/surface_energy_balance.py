@@ -37,7 +37,7 @@ from jaxtyping import Array, Float, Int
 from scipy.sparse import csr_array
 
 from ..arrays import Time, is_traced, namespace
-from ..findings import found
+from ..memo.found import found
 from ..network.network import inverse, precise_sum
 from .flux_law import (
     BoundTerm,

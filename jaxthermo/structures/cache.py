@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..findings import digest, found
+from ..memo.found import digest, found
 from ..memo.stored import stored
 from ..voxels.grid import VoxelGrid
 from .structure import Built, Links, Nodes, check_grid

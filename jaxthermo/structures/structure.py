@@ -18,7 +18,7 @@ from jaxtyping import Float, Int, Shaped
 from typing_extensions import override
 
 from ..errors import require
-from ..findings import found
+from ..memo.found import found
 from ..voxels.grid import VoxelGrid
 from .weights import ConductionWeights, as_weights
 

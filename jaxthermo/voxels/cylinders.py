@@ -19,8 +19,8 @@ from skimage import measure
 
 from ..arrays import Number, Vector
 from ..errors import InputError
-from ..findings import found
 from ..geometry.vectors import unit_vector
+from ..memo.found import found
 from ..memo.stored import stored_search
 from .grid import VoxelGrid
 

@@ -6,7 +6,7 @@ import jax
 import pytest
 from cli_runs import run
 
-from jaxthermo.findings import forget_findings
+from jaxthermo.memo.found import forget_findings
 
 
 class _Names(logging.Handler):

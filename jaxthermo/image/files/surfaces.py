@@ -10,12 +10,12 @@ from scipy.sparse import csr_array
 
 from ...arrays import consecutive
 from ...errors import InputError
-from ...findings import found
 from ...geometry.mesh import joined
 from ...geometry.refine import refine_edges
 from ...geometry.vectors import unit_vectors
 from ...integrate.run.solution import AbstractSolution
 from ...integrate.run.solution_file import StoredSolution
+from ...memo.found import found
 from ...scene.scene import SURFACE_OUTPUTS, BodyGeometry, SolvedSurface
 from ..colour.palette import apply_palette
 from ..surface.facets import corner_normals

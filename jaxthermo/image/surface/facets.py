@@ -21,8 +21,8 @@ from jaxtyping import Float, Int
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
-from ...findings import found
 from ...geometry.vectors import row_dot, triangle_normals, unit_vectors
+from ...memo.found import found
 from ...scene.scene import BodyGeometry
 from .weights import CHUNK, Neighbours, block_matrix, cells_of
 

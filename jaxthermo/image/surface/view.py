@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from scipy.sparse import csr_array
 
-from ...findings import found
 from ...geometry.vectors import row_dot, unit_vectors
+from ...memo.found import found
 from ...memo.stored import stored
 from ...physics.term import AbstractTerm
 from ...scene.scene import BodyGeometry, SolvedSurface

@@ -15,8 +15,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from scipy.sparse import csr_array
 
-from ...findings import found
 from ...geometry.vectors import row_dot
+from ...memo.found import found
 from ...scene.scene import BodyGeometry
 
 

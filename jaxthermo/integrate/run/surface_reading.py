@@ -12,8 +12,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 from scipy.spatial import KDTree
 
-from ...findings import found
 from ...geometry.vectors import tangents
+from ...memo.found import found
 from ...scene.scene import BodyGeometry
 
 

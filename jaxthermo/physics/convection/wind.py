@@ -27,8 +27,8 @@ from typing_extensions import override
 
 from ...arrays import TimeVarying, is_traced, namespace
 from ...errors import InputError
-from ...findings import found
 from ...geometry.vectors import unit_vector
+from ...memo.found import found
 from ...voxels.cylinders import Cylinder, given_cylinders, parts_of
 from ...voxels.selection import AbstractSelection
 from ..boundary import toward

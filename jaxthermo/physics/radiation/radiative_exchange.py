@@ -34,7 +34,7 @@ from ...arrays import (
 )
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
-from ...findings import digest, found
+from ...memo.found import digest, found
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux
 from ..flux_law import AbstractFluxLaw, Forcing, Values

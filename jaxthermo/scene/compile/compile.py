@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...arrays import is_traced
-from ...findings import on_device, searches_recorded
+from ...memo.found import on_device, searches_recorded
 from ...physics.radiation.irradiation import (
     SceneRadiation,
     SurfaceRadiation,

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from ...arrays import is_traced
 from ...errors import InputError
-from ...findings import found
+from ...memo.found import found
 from ...parallel.devices import check_devices
 from ...parallel.lattice import placed
 from ...structures.kinds.full import FullVolume

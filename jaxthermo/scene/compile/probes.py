@@ -22,7 +22,7 @@ from scipy.spatial import KDTree
 
 from ...arrays import array_namespace, device_array, taken
 from ...errors import InputError
-from ...findings import digest, found
+from ...memo.found import digest, found
 from ...physics.conduction import conductivity_at_ends, conductivity_table
 from ...structures.partition.assignment import voxel_owner
 from ...structures.surface_map import gradient_rows

@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...errors import InputError, located
-from ...findings import found
 from ...geometry.mesh import Pose
+from ...memo.found import found
 from ...physics.contact.overlap import Overlap, find_overlaps
 from ...physics.contact.rays import PlacedGrid
 from ...physics.contact.search import ContactPairs, contacts_between

@@ -18,7 +18,7 @@ from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
 from ...arrays import Time, device_array, members, typed_array
-from ...findings import digest
+from ...memo.found import digest
 from ...network.network import AbstractNetwork, Address, inverse, precise_sum, slot_sums
 from ...parallel.lattice import (
     Sectioned,

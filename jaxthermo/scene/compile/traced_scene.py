@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 
 from ...arrays import HOST
 from ...errors import shortened
-from ...findings import digest, found
+from ...memo.found import digest, found
 from ..scene import Scene
 from .program import Compiled
 

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.findings import findings_size, forget_findings
 from jaxthermo.integrate.implicit import jacobian
 from jaxthermo.integrate.run import surface_reading
+from jaxthermo.memo.found import findings_size, forget_findings
 from jaxthermo.network import multigrid
 from jaxthermo.physics import conduction, surface
 from jaxthermo.scene.compile import probes, snapshots

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 import pytest
 
-from jaxthermo.findings import findings_size
+from jaxthermo.memo.found import findings_size
 from jaxthermo.network.link_operator import LinkNetwork
 from jaxthermo.network.multigrid import _lattice_levels, _node_levels, node_layout
 from jaxthermo.network.network import AbstractNodeNetwork

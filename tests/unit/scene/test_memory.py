@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo import findings, host_memory
+from jaxthermo import host_memory
 from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.run.simulate import first_loop, take_steps
 from jaxthermo.integrate.stepper import jit_in_place
+from jaxthermo.memo import found as findings
 from jaxthermo.scene.compile import compile as compile_module
 from jaxthermo.scene.compile.memory import forecast_memory
 

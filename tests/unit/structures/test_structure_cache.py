@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jaxthermo.findings import forget_findings
 from jaxthermo.memo import stored
+from jaxthermo.memo.found import forget_findings
 from jaxthermo.structures import cache
 from jaxthermo.structures.cache import built_once
 from jaxthermo.structures.structure import Built, Links, Nodes

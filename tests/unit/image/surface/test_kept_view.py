@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from jaxthermo.findings import found
 from jaxthermo.image.surface import view as view_module
 from jaxthermo.image.surface.view import kept_view
+from jaxthermo.memo.found import found
 
 
 STEEL = jt.Material(16.0, density=8000.0, specific_heat=500.0, emissivity=0.6)

@@ -22,7 +22,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .arrays import HOST, device_array, is_traced
+from ..arrays import HOST, device_array, is_traced
 
 
 MAX_BYTES = 512 * 1024**2

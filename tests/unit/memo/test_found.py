@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxthermo import findings
-from jaxthermo.findings import (
+from jaxthermo.memo import found as findings
+from jaxthermo.memo.found import (
     digest,
     findings_size,
     forget_findings,
