@@ -63,10 +63,12 @@ class AbstractTerm(Module):
         """Its values that may be functions of time: all fields that are traced."""
         # Selections of a surface or a volume never change with time.
         constant = AbstractSelection | None
-        fields = dataclasses.fields(self)
-        traced = [field.name for field in fields if not field.metadata.get("static")]
-        values = [getattr(self, name) for name in traced]
-        return tuple(value for value in values if not isinstance(value, constant))
+        values = []
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if not field.metadata.get("static") and not isinstance(value, constant):
+                values.append(value)
+        return tuple(values)
 
     @property
     def temperatures(self) -> dict[str, Any]:

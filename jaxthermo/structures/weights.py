@@ -75,7 +75,7 @@ class ConductionWeights(Module):
         values = (self.within, self.between, self.surface, self.capacity, self.links)
         if is_traced(values) or self.uses_nearest_capacity:
             return False
-        return bool(np.all(np.concatenate([np.ravel(value) for value in values]) == 1))
+        return bool(np.all(np.concatenate(list(map(np.ravel, values))) == 1))
 
     @property
     def uses_nearest_capacity(self) -> bool:

@@ -124,11 +124,12 @@ def forecast_memory(
     ]
     stencils = any(len(body.structure.state_shape) == 3 for body in scene.bodies)
     allocator = _RUNTIME_STENCIL if stencils else 0
+    retained, steps, rows, runtime = np.sum(bodies, axis=0)
     return _MemoryForecast(
-        retained=int(sum(body.retained for body in bodies)),
-        steps=int(sum(body.steps for body in bodies)),
-        rows=int(sum(body.rows for body in bodies)),
-        runtime=allocator + int(sum(body.runtime for body in bodies)),
+        retained=int(retained),
+        steps=int(steps),
+        rows=int(rows),
+        runtime=allocator + int(runtime),
     )
 
 
