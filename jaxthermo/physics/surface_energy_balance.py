@@ -120,13 +120,14 @@ class SurfaceTerms(Module):
         if not flux.any():
             return 1
         # A half cell without conductance gives no bound; one without flux needs none.
-        bounded = (flux > 0) & (conducts > 0)
-        unbounded = not np.isfinite(flux).all() or (flux[conducts <= 0] > 0).any()
-        if not bounded.any() or unbounded:
+        conducting = conducts > 0
+        is_bounded = np.isfinite(flux).all() and not flux[~conducting].any()
+        if not is_bounded:
             return MAX_ITERATIONS
         # The start is off by at most the flux over the conductance.
-        error = flux[bounded] / conducts[bounded]
-        rate = curvature[bounded] / 2 / conducts[bounded]
+        resistance = conducting / np.where(conducting, conducts, 1)
+        error = flux * resistance
+        rate = curvature / 2 * resistance
         tolerance = _TOLERANCE[conducts.dtype.name]
         # Where the bound overflows it is of no use, and all iterations are taken.
         with np.errstate(over="ignore"):

@@ -6,6 +6,7 @@ linear laws needs none, a stiff one all.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import jax
 import numpy as np
@@ -36,7 +37,7 @@ def _iterations(program: Program, temperatures: Forcing, end: float) -> int:
     if terms.is_linear:
         return MAX_ITERATIONS
     # On the host, where nothing is compiled for each shape of a body.
-    terms = jax.device_get(terms)
+    terms = jax.tree.map(_on_host, terms)
     entries = set(program.entries)
     iterations = []
     start = 0
@@ -55,6 +56,10 @@ def _iterations(program: Program, temperatures: Forcing, end: float) -> int:
             return MAX_ITERATIONS
         iterations.append(body_terms.newton_iterations(temperatures, end))
     return max(iterations, default=MAX_ITERATIONS)
+
+
+def _on_host(leaf: Any) -> Any:
+    return np.asarray(leaf) if isinstance(leaf, jax.Array) else leaf
 
 
 def _iterating(program: Program, count: int) -> Program:
