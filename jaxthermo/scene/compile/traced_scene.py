@@ -100,13 +100,15 @@ def changed_constants(original: Scene, changed: Scene) -> tuple[str, ...]:
 
     They are 0 or 1 in one of two scenes that are alike otherwise.
     """
-    lines = []
+    positions = [set(scene_numbers(scene).positions) for scene in (original, changed)]
+    if positions[0] == positions[1]:
+        return ()
     first = jax.tree.leaves(original)
     named = jax.tree_util.tree_leaves_with_path(changed)
-    numbers = [set(scene_numbers(scene).positions) for scene in (original, changed)]
     if len(first) != len(named):
         return ()
-    for position in sorted(numbers[0] ^ numbers[1]):
+    lines = []
+    for position in sorted(positions[0] ^ positions[1]):
         path, leaf = named[position]
         name = jax.tree_util.keystr(path).removeprefix(".")
         lines.append(

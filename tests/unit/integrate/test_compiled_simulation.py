@@ -350,3 +350,20 @@ def test_a_run_equals_that_of_a_new_process(structure, tmp_path):
     run = jt.compile_simulation(make_scene(structure), *TIMES)
     solution = run(make_scene(structure, k=20.0, h=30.0))
     np.testing.assert_array_equal(solution.surface_temperature, np.load(path))
+
+
+def test_the_receipt_names_a_number_that_changes_what_is_compiled(structure):
+    run = jt.compile_simulation(make_scene(structure), *TIMES, solver=EULER)
+    still = run(make_scene(structure, h=0.0))
+    (note,) = [n for n in still.receipt.notes if "another program" in n]
+    assert note == (
+        "terms[1].heat_transfer_coefficient is 0.0 instead of 10.0: another program "
+        "was compiled"
+    )
+    assert "convection" not in still.receipt.included
+    expected = fresh(make_scene(structure, h=0.0), EULER)
+    np.testing.assert_array_equal(
+        still.surface_temperature, expected.surface_temperature
+    )
+    again = run(make_scene(structure, h=20.0))
+    assert not any("another program" in n for n in again.receipt.notes)
