@@ -181,7 +181,7 @@ class AbstractStructure(Module):
         return type(self), *values
 
     def found(self, by: Hashable, find: Callable[[], _T], search: str = "") -> _T:
-        """Return a finding that belongs to this geometry, see `findings.found`."""
+        """Return a finding that belongs to this geometry, see `memo.found`."""
         identity = self.identity
         key = (by, self.options) if identity and by is not None else None
         return found(identity, by=key, find=find, search=search)
