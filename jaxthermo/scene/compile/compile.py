@@ -5,7 +5,7 @@ conductivities, a scene without surface terms never evaluates its surface, bodie
 have no contact, and what stands still has one snapshot: what is left out has no array
 and no operation in the program, and the receipt says why.
 
-Scenes that differ in their numbers alone are bound once, see `TracedScene`.
+Scenes that differ in their numbers alone are bound once, see `traced_scene`.
 """
 
 import operator
@@ -39,7 +39,7 @@ from .program_builder import (
 )
 from .receipt import receipt_of
 from .snapshots import Snapshot, take_snapshots
-from .traced_scene import scene_numbers, trace_scene
+from .traced_scene import separate_numbers, trace_scene
 
 
 def compile_scene(
@@ -107,7 +107,7 @@ def _bound(
     terms = tuple(term.by_numbers for term in scene.terms)
     if any(map(operator.is_not, terms, scene.terms)):
         scene = replace(scene, terms=terms)
-    numbers = scene_numbers(scene)
+    numbers = separate_numbers(scene)
     if numbers.form is None:
         return bind(scene)
 

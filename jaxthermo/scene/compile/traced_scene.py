@@ -1,8 +1,8 @@
 """A scene that is bound once, as a compiled function of its numbers.
 
 Materials, weights, coefficients, temperatures and tables are arguments of the program.
-What follows from geometry alone is found while it is traced: small arrays of it become
-constants that other calls share. Numbers that are 0 or 1 throughout stay constants: a
+What follows from geometry alone is found while it is traced; its arrays are arguments,
+too, the same ones in every call. Numbers that are 0 or 1 throughout are constants: a
 term that is 0 is left out, and weights of 1 need no arrays.
 """
 
@@ -23,7 +23,7 @@ from ..scene import Scene
 from .program import Compiled
 
 
-class SceneForm(NamedTuple):
+class _SceneForm(NamedTuple):
     """A scene apart from its numbers."""
 
     identity: tuple[object, ...]
@@ -33,17 +33,17 @@ class SceneForm(NamedTuple):
     its numbers."""
 
 
-class SceneNumbers(NamedTuple):
+class _SceneNumbers(NamedTuple):
     """Numbers of a scene, and the form in which they are the arguments."""
 
-    form: SceneForm | None
+    form: _SceneForm | None
     """None for a scene whose form cannot be compared."""
     positions: tuple[int, ...]
     """Position of each number among the leaves of the scene."""
     values: list[Float[np.ndarray, "..."]]
 
 
-def scene_numbers(scene: Scene) -> SceneNumbers:
+def separate_numbers(scene: Scene) -> _SceneNumbers:
     """Separate the numbers of a scene, which has no traced values, from its form."""
     identity: list[object] = []
     is_comparable = True
@@ -75,8 +75,8 @@ def scene_numbers(scene: Scene) -> SceneNumbers:
         hash(key)
     except TypeError:
         is_comparable = False
-    return SceneNumbers(
-        form=SceneForm(tuple(identity), key) if is_comparable else None,
+    return _SceneNumbers(
+        form=_SceneForm(tuple(identity), key) if is_comparable else None,
         positions=tuple(positions),
         values=numbers,
     )
@@ -100,7 +100,9 @@ def changed_constants(original: Scene, changed: Scene) -> tuple[str, ...]:
 
     They are 0 or 1 in one of two scenes that are alike otherwise.
     """
-    positions = [set(scene_numbers(scene).positions) for scene in (original, changed)]
+    positions = [
+        set(separate_numbers(scene).positions) for scene in (original, changed)
+    ]
     if positions[0] == positions[1]:
         return ()
     first = jax.tree.leaves(original)
@@ -126,7 +128,7 @@ def _array(leaf: Any) -> np.ndarray | None:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class TracedScene:
+class _TracedScene:
     """A scene as a compiled function of its numbers."""
 
     program: Callable[..., list[Array]]
@@ -147,10 +149,10 @@ class TracedScene:
 
 def trace_scene(
     scene: Scene,
-    numbers: SceneNumbers,
+    numbers: _SceneNumbers,
     bind: Callable[[Scene], Compiled],
     by: Hashable,
-) -> TracedScene:
+) -> _TracedScene:
     """Trace the binding of a scene; once for all scenes of the same form.
 
     `by` are the options of `bind`.
@@ -164,8 +166,8 @@ def trace_scene(
 
 
 def _traced(
-    scene: Scene, numbers: SceneNumbers, bind: Callable[[Scene], Compiled]
-) -> TracedScene:
+    scene: Scene, numbers: _SceneNumbers, bind: Callable[[Scene], Compiled]
+) -> _TracedScene:
     scene_leaves, scene_outline = jax.tree.flatten(scene)
     outlines: list[Any] = []
     known: list[Any] = []
@@ -176,12 +178,10 @@ def _traced(
             leaves[position] = value
         compiled, outline = jax.tree.flatten(bind(scene_outline.unflatten(leaves)))
         outlines.append(outline)
-        computed = [leaf for leaf in compiled if isinstance(leaf, jax.core.Tracer)]
-        numbers_of_computed = set(map(id, computed))
-        known.extend(
-            [None if id(leaf) in numbers_of_computed else leaf for leaf in compiled]
-        )
-        return computed
+        computed = [isinstance(leaf, jax.core.Tracer) for leaf in compiled]
+        pairs = list(zip(compiled, computed, strict=True))
+        known.extend([None if is_computed else leaf for leaf, is_computed in pairs])
+        return [leaf for leaf, is_computed in pairs if is_computed]
 
     # Arrays of geometry are arguments of the program: as its constants, XLA would keep
     # them twice and take long to compile.
@@ -196,7 +196,7 @@ def _traced(
     lowered = whole.lower(constants, numbers.values)
     # Scenes that differ in geometry alone, as by a sun that moved, share a program.
     text = hashlib.sha256(lowered.as_text().encode()).digest()
-    return TracedScene(
+    return _TracedScene(
         program=found((), by=("program of a scene", text), find=lowered.compile),
         constants=constants,
         outline=outlines[0],
