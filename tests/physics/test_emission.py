@@ -104,9 +104,9 @@ def test_a_millikelvin_in_float32(voxel):
         _scene(voxel, start=300.0, surroundings=300.0, dtype="float32")
     )
     terms = compiled.program.fragment_terms
-    above = np.full(terms.half_cell.shape, 1e-3, np.float32)
+    above = jnp.full(terms.half_cell.shape, 1e-3, jnp.float32)
     ((_, emission),) = terms.natural
-    heat = eqx.filter_jit(emission.heat_rate)(np.float32(0.0), above).sum()
+    heat = eqx.filter_jit(emission.heat_rate)(jnp.float32(0.0), above).sum()
     exact = 0.9 * STEFAN_BOLTZMANN * AREA * (300.0**4 - 300.001**4)
     assert float(heat) == pytest.approx(exact, rel=3e-6)
 

@@ -261,7 +261,7 @@ def test_a_slanted_surface_has_the_conductivity_of_its_normal():
     network = materials_network(
         structure, number=number, materials=materials, reference=LOW, dtype=jnp.float64
     )
-    theta = np.asarray([50.0, 80.0, 100.0])
+    theta = jnp.asarray([50.0, 80.0, 100.0])
     first = (0.36 * (4.0 + 0.08 * 50.0) + 0.64 * 2.0) / (0.36 * 4.0 + 0.64 * 2.0)
     expected = [first, 1.0, 20.0 / 30.0]
     relative = eqx.filter_jit(network.relative_conductivity)(theta, fractions)
