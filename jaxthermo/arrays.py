@@ -63,6 +63,12 @@ def is_traced(tree: Any) -> bool:
     return any(map(_is_tracer, set(map(type, jax.tree.leaves(tree)))))
 
 
+def is_compiling() -> bool:
+    """True while JAX traces a function that it compiles."""
+    # Moving a number compiles no program, unlike making one.
+    return is_traced(jax.device_put(np.zeros((), np.float32)))
+
+
 @cache
 def _is_tracer(leaf_type: type) -> bool:
     return issubclass(leaf_type, jax.core.Tracer)

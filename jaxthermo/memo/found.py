@@ -19,10 +19,9 @@ from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
-from ..arrays import HOST, device_array, is_traced
+from ..arrays import HOST, device_array, is_compiling, is_traced
 
 
 MAX_BYTES = 512 * 1024**2
@@ -75,7 +74,7 @@ def found(
     if search and names is not None:
         names.append(search)
     # Geometry is known even while a scene is traced.
-    is_tracing = is_traced(jnp.zeros(()))
+    is_tracing = is_compiling()
     with jax.ensure_compile_time_eval() if is_tracing else contextlib.nullcontext():
         value = find()
     if is_stored and not is_traced(value):

@@ -13,10 +13,11 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...arrays import is_traced
+from ...arrays import is_compiling, is_traced
 from ...memo.found import on_device, searches_recorded
 from ...physics.radiation.irradiation import (
     SceneRadiation,
@@ -97,12 +98,8 @@ def _bound(
 ) -> Compiled:
     """Bind a scene, or compute what was traced for other numbers of the same form."""
     bind = partial(_bind, starts=starts, end=end, prune=prune)
-    # Many snapshots would be one large program, and devices place known arrays.
-    is_single = len(starts) == 1 and all(
-        body.structure.device_count == 1 for body in scene.bodies
-    )
-    chooses_laws = any(term.chooses_law for term in scene.terms)
-    if not is_single or chooses_laws or is_traced((scene, jnp.zeros(()))):
+    # Many snapshots would be one large program.
+    if len(starts) > 1 or _needs_numbers(scene) or is_traced(scene) or is_compiling():
         return bind(scene)
     terms = tuple(term.by_numbers for term in scene.terms)
     if any(map(operator.is_not, terms, scene.terms)):
@@ -114,8 +111,28 @@ def _bound(
     def bind_numbers(scene: Scene) -> Compiled:
         return _from_uniform_start(scene, bind(scene))
 
-    traced = trace_scene(scene, numbers, bind=bind_numbers, by=(end, prune))
+    try:
+        traced = trace_scene(scene, numbers, bind=bind_numbers, by=(end, prune))
+    except Exception:
+        # Classes of a user may read their numbers, as to choose a law by them. Errors
+        # that do not come from tracing are raised again, with numbers in their texts.
+        return bind(scene)
     return traced(numbers.values)
+
+
+def _needs_numbers(scene: Scene) -> bool:
+    """True if the numbers of a scene must be known where it is bound."""
+    # Devices place known arrays.
+    is_spread = any(body.structure.device_count > 1 for body in scene.bodies)
+    # Values of a function of positions are checked.
+    has_numbers_within = any(
+        callable(body.temperature) and not jax.tree_util.all_leaves([body.temperature])
+        for body in scene.bodies
+    )
+    # Without 64 bits, tracing would round to 32 bits what the host need not.
+    is_rounded = scene.dtype == "float64" and jnp.result_type(float) != jnp.float64
+    chooses_laws = any(term.chooses_law for term in scene.terms)
+    return is_spread or has_numbers_within or is_rounded or chooses_laws
 
 
 def _from_uniform_start(scene: Scene, compiled: Compiled) -> Compiled:
