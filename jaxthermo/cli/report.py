@@ -113,7 +113,7 @@ def log_result(console: Console, solution: Solution, times: dict[str, float]) ->
     )
     print_line(
         console,
-        f"at {time_label(float(solution.times[-1]))} the surface is at "
+        f"at {time_label(float(np.asarray(solution.times)[-1]))} the surface is at "
         f"{float(surface.min()):.1f} to {float(surface.max()):.1f} degC; "
         f"energy residual {residual:.1e}",
     )

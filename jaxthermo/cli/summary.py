@@ -54,7 +54,7 @@ def _body(scene: Scene, solution: Solution, index: int) -> _BodyResults:
     grid = scene.bodies[index].structure.grid
     temperature = np.asarray(solution.of_body(index), float)
     weight = grid.fragment_area / grid.fragment_area.sum()
-    mean_temperature = np.asarray(solution.mean_temperature[:, index], float)
+    mean_temperature = np.asarray(solution.mean_temperature, float)[:, index]
     return _BodyResults(
         mesh=describe_mesh(grid.mesh),
         energy=_as_lists(solution.energy.bodies[index]),

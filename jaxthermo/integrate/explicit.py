@@ -27,6 +27,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
+from ..arrays import device_array
 from ..scene.compile.memory import Method
 from ..scene.compile.program import Program, State
 from .heat_rates import add_loads
@@ -127,7 +128,9 @@ class RKL2Stepper(AbstractStepper):
 
     def for_any_step(self, stable_step: float, dtype: Any) -> "RKL2Stepper":
         """Return the stepper of steps of any length, up to the longest of this one."""
-        return RKL2Stepper(self._max_stages, jnp.asarray(stable_step, dtype))
+        return RKL2Stepper(
+            self._max_stages, device_array(np.asarray(stable_step), dtype)
+        )
 
     def for_any_count(self) -> "RKL2Stepper":
         """Return the same steps in a program for other numbers of stages too."""

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 from scipy.sparse import csr_array
 
+from ...arrays import device_array
 from ...geometry.vectors import row_dot
 from ...memo.found import found
 from ...scene.scene import BodyGeometry
@@ -279,7 +280,7 @@ class _FragmentCells:
         def moved() -> Float[Array, "7 s"]:
             spare = -len(self.area) % _FRAGMENTS
             columns = np.stack([*self.position, *self.normal, self.area])
-            return jnp.asarray(np.pad(columns, ((0, 0), (0, spare))))
+            return device_array(np.pad(columns, ((0, 0), (0, spare))))
 
         return found((self,), "columns", moved)
 

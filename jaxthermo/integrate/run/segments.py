@@ -10,7 +10,9 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
+from ...arrays import device_array
 from ...parallel.processes import agreed
 from ...scene.compile.program import Program, State
 from ..stepper import LoopArguments, RunState, in_place
@@ -92,10 +94,10 @@ def take_segment(
         ledger=state.ledger,
         solver_state=state.solver_state,
         steps=Span(
-            start=jnp.asarray(interval.start, plan.dtype),
-            dt=jnp.asarray(interval.dt, plan.dtype),
-            steps=jnp.asarray(steps, jnp.int32),
-            steps_before=jnp.asarray(steps_taken, jnp.int32),
+            start=device_array(np.asarray(interval.start), plan.dtype),
+            dt=device_array(np.asarray(interval.dt), plan.dtype),
+            steps=device_array(np.int32(steps)),
+            steps_before=device_array(np.int32(steps_taken)),
         ),
     )
     run = in_place(_advance_all, state.theta)
@@ -173,6 +175,8 @@ def _next_pass(plan: Plan, progress: RunProgress) -> RunProgress:
     return begin_run(plan, passes)
 
 
+# One program for all values.
+@jax.jit
 def _stacked(observations: tuple[Observation, ...]) -> Observation:
     return jax.tree.map(lambda *rows: jnp.stack(rows), *observations)
 

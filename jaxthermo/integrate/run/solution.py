@@ -1,6 +1,6 @@
 """Solutions of `simulate` and `steady`, and how a run can end."""
 
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -10,7 +10,7 @@ from equinox import Module
 from jaxtyping import Array, Bool, Float
 from typing_extensions import override
 
-from ...arrays import is_traced, precision
+from ...arrays import device_array, is_traced, precision
 from ...network.self_adjoint_primitive import computed_once
 from ...parallel.lattice import replicated
 from ...physics.radiation.irradiation import (
@@ -122,7 +122,7 @@ class AbstractSolution(Module):
     def load_time(self, index: int) -> Float[Array, ""]:
         """Return the time whose loads the surface shows at a saved time [s]."""
         # What is switched at the saved time has not acted on the surface yet.
-        return just_before(jnp.asarray(self.times[index]))
+        return device_array(just_before(_row(self.times, index)))
 
     def irradiance(self, index: int) -> Irradiance:
         """Return the radiation that reaches every fragment at a saved time [W/m^2].
@@ -130,8 +130,8 @@ class AbstractSolution(Module):
         It is that of the heat balance: H thermal, E of sources.
         """
         with precision(self.receipt.dtype):
-            temperature = jnp.asarray(self.surface_temperature[index])
-            radiation = self.radiation.at(self.times[index])
+            temperature = device_array(_row(self.surface_temperature, index))
+            radiation = self.radiation.at(device_array(_row(self.times, index)))
             return irradiance_at(radiation, self.load_time(index), temperature)
 
     def reflected(self, index: int) -> Float[Array, " s"]:
@@ -152,6 +152,11 @@ class AbstractSolution(Module):
                 per_fragment(self.surfaces, "emissivity"),
                 per_fragment(self.surfaces, "absorptivity"),
             )
+
+
+def _row(values: Float[Array | np.ndarray, "t *_"], index: int) -> Any:
+    """Values of a saved time, on the host if known: indexing there compiles nothing."""
+    return values[index] if is_traced(values) else np.asarray(values)[index]
 
 
 @eqx.filter_jit
