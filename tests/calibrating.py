@@ -9,9 +9,9 @@ import numpy as np
 
 import jaxthermo as jt
 from calibrate.problem.frame_data import frame_target
+from calibrate.problem.frame_quantity import FrameQuantity
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
-from calibrate.problem.shown import Shown
 from calibrate.problem.targets import surface_target
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.integrate.run.solution_file import StoredSolution
@@ -117,7 +117,7 @@ def camera_of_block(width, height):
 
 def frames_of(view, scene, solution, times, quantity="temperature"):
     """Frames of a run at its save times, on the host."""
-    frames = Shown(quantity).frames(view, scene, solution=solution, times=times)
+    frames = FrameQuantity(quantity).frames(view, scene, solution=solution, times=times)
     return np.asarray(frames, float)
 
 
@@ -128,7 +128,7 @@ def target_of(view, frames, times, quantity="temperature", masks=(), moving=None
         views=(view,),
         frames=[frames],
         noise=0.05,
-        shown=Shown(quantity),
+        frame_quantity=FrameQuantity(quantity),
         masks=masks,
         dtype=jnp.float64,
         moving=moving,

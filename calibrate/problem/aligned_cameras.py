@@ -26,12 +26,12 @@ def align_cameras(
         poses = parameters.start_poses(len(case_frames.views))
         warm = parameters.insert(scene, z)
         solution = run(warm, run.step_table(warm))
-        shown = case_frames.shown
+        frame_quantity = case_frames.frame_quantity
         reflected = parameters.frame_values(z).reflected
         if reflected is not None:
-            shown = shown._replace(reflected=reflected)
+            frame_quantity = frame_quantity._replace(reflected=reflected)
         drawn = ShownRun.of(
-            shown, scene=warm, solution=solution, times=case_frames.times
+            frame_quantity, scene=warm, solution=solution, times=case_frames.times
         )
         aligned = {}
         for number, (view, frames) in enumerate(

@@ -35,8 +35,8 @@ from jaxthermo.integrate.run.parametric_run import ParametricSolution
 from jaxthermo.physics.term import AbstractTerm
 from jaxthermo.scene.scene import Scene, SolvedSurface
 
+from .frame_quantity import FrameQuantity
 from .outlines import Outlines, fit_outlines
-from .shown import Shown
 
 
 _BLURS = (16.0, 8.0, 4.0, 2.0)
@@ -55,14 +55,14 @@ _MAX_EVALUATIONS = 12
 class ShownRun(NamedTuple):
     """A run whose frames are drawn on the host."""
 
-    shown: Shown
+    frame_quantity: FrameQuantity
     moments: tuple[Moment, ...]
     """States at the saved times, in arrays of numpy."""
 
     @classmethod
     def of(
         cls,
-        shown: Shown,
+        frame_quantity: FrameQuantity,
         scene: Scene,
         solution: ParametricSolution,
         times: tuple[float, ...],
@@ -71,11 +71,11 @@ class ShownRun(NamedTuple):
         kelvin = solution.surface_temperature
         moments = []
         for surface, time in zip(kelvin, jnp.asarray(times, kelvin.dtype), strict=True):
-            moment = shown.moment(scene, solution, surface=surface, time=time)
+            moment = frame_quantity.moment(scene, solution, surface=surface, time=time)
             on_host = jax.tree.map(np.asarray, (moment.temperature, moment.received))
             temperature, received = on_host
             moments.append(moment._replace(temperature=temperature, received=received))
-        return cls(shown, tuple(moments))
+        return cls(frame_quantity, tuple(moments))
 
     @property
     def surfaces(self) -> tuple[SolvedSurface, ...]:
@@ -89,7 +89,7 @@ class ShownRun(NamedTuple):
 
     def frame(self, view: View, time: int) -> Float[np.ndarray, "h w"]:
         """Frame of a saved time."""
-        return np.asarray(self.shown.frame(view, self.moments[time]), float)
+        return np.asarray(self.frame_quantity.frame(view, self.moments[time]), float)
 
 
 class Limits(NamedTuple):
@@ -190,8 +190,8 @@ def _sharpen(
     for source in view.background.sources:
         hidden[source.pixel] = True
     radiance = data
-    if run.shown.quantity == "temperature":
-        radiance = np.asarray(black_radiance(data, run.shown.band))
+    if run.frame_quantity.quantity == "temperature":
+        radiance = np.asarray(black_radiance(data, run.frame_quantity.band))
     outlines = fit_outlines(
         world_meshes(run.surfaces),
         camera=camera,

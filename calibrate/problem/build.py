@@ -269,7 +269,7 @@ class _Builder:
             views=frames.views,
             frames=frames.frames,
             noise=settings.noise,
-            shown=frames.shown,
+            frame_quantity=frames.frame_quantity,
             masks=frames.masks,
             dtype=jnp.dtype(scene.dtype),
             moving=moving,

@@ -15,7 +15,7 @@ from jaxthermo.image.surface.view import View, compute_view
 from jaxthermo.physics.term import AbstractTerm
 from jaxthermo.scene.scene import SolvedSurface
 
-from .shown import Shown
+from .frame_quantity import FrameQuantity
 from .targets import FrameTarget, body_mask
 
 
@@ -45,7 +45,7 @@ def frame_target(
     views: tuple[View, ...],
     frames: list[Float[np.ndarray, "_ _ _"]],
     noise: float,
-    shown: Shown,
+    frame_quantity: FrameQuantity,
     masks: Masks,
     dtype: Any,
     moving: FitsPoses | None = None,
@@ -93,7 +93,7 @@ def frame_target(
         data=tuple(data),
         indices=tuple(indices),
         noise=noise,
-        shown=shown,
+        frame_quantity=frame_quantity,
         surfaces=() if moving is None else moving.surfaces,
         room=tuple(room),
     )

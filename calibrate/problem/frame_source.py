@@ -31,7 +31,7 @@ from ..config.frame_names import is_of_camera
 from ..config.loader import scene_config
 from ..config.schema import CalibrationConfig, FramesConfig
 from .frame_data import Masks, check_frames
-from .shown import Shown
+from .frame_quantity import FrameQuantity
 
 
 _CHANNELS = {
@@ -53,7 +53,7 @@ class CaseFrames(NamedTuple):
     frames: list[Float[np.ndarray, "_ _ _"]]
     """Frames of each view, [time, row, column] [K or W/(m^2 sr)]."""
     masks: Masks
-    shown: Shown
+    frame_quantity: FrameQuantity
     """Quantity of the frames, in a band."""
 
 
@@ -78,7 +78,7 @@ def case_frames(
             f"{case.name}: image.effects: frames of a calibration are compared without "
             "effects of the camera: leave them out"
         )
-    shown = Shown(
+    frame_quantity = FrameQuantity(
         quantity=settings.quantity,
         band=build(case_scene.image.band),
         reflected=settings.reflected_temperature,
@@ -90,7 +90,7 @@ def case_frames(
                 case=case,
                 case_scene=case_scene,
                 settings=settings,
-                shown=shown,
+                frame_quantity=frame_quantity,
                 log=log,
             )
         else:
@@ -109,7 +109,7 @@ def case_frames(
         surfaces=surfaces,
         frames=frames,
         masks=masks,
-        shown=shown,
+        frame_quantity=frame_quantity,
     )
 
 
@@ -138,7 +138,7 @@ def _simulated(
     case: schema.CaseConfig,
     case_scene: SceneConfig,
     settings: schema.SimulatedFrames,
-    shown: Shown,
+    frame_quantity: FrameQuantity,
     log: Callable[[str], None],
 ) -> tuple[list[np.ndarray], Masks]:
     truth = scene_config(config, case.set, settings.set)
@@ -160,7 +160,7 @@ def _simulated(
                 solution=solution,
                 times=times,
                 samples=settings.samples,
-                shown=shown,
+                frame_quantity=frame_quantity,
             )
             for camera in built_cameras
         ]
@@ -180,18 +180,20 @@ def _detected(
     solution: ParametricSolution,
     times: tuple[float, ...],
     samples: int,
-    shown: Shown,
+    frame_quantity: FrameQuantity,
 ) -> Float[np.ndarray, "_ _ _"]:
     """Frames of a detector whose pixels see the mean radiance of several rays."""
     view = compute_view(solution.surfaces, scene.terms, camera.finer(samples))
-    rays = shown if samples == 1 else shown._replace(quantity="radiance")
+    rays = (
+        frame_quantity if samples == 1 else frame_quantity._replace(quantity="radiance")
+    )
     fine = np.asarray(rays.frames(view, scene, solution=solution, times=times), float)
     if samples == 1:
         return fine
     radiance = np.stack([np.asarray(block_means(frame, samples)) for frame in fine])
-    if shown.quantity == "radiance":
+    if frame_quantity.quantity == "radiance":
         return radiance
-    return np.asarray(apparent_temperature(radiance, shown.band), float)
+    return np.asarray(apparent_temperature(radiance, frame_quantity.band), float)
 
 
 def _unmixed_pixels(

@@ -26,8 +26,8 @@ from jaxthermo.scene.scene import Scene, SolvedSurface
 
 from ..config.fit_record import CaseErrors
 from .clusters import view_clusters
+from .frame_quantity import FrameQuantity
 from .frame_values import AS_GIVEN, FrameValues
-from .shown import Shown
 
 
 _MAX_LOST = 0.01
@@ -188,7 +188,7 @@ class FrameTarget(AbstractTarget):
     """Indices of the compared pixels of each view."""
     noise: float = eqx.field(static=True)
     """Standard deviation of a pixel [K or W/(m^2 sr)]."""
-    shown: Shown = eqx.field(static=True)
+    frame_quantity: FrameQuantity = eqx.field(static=True)
     """Quantity of the frames, in a band."""
     surfaces: tuple[SolvedSurface, ...] = ()
     """Surfaces of the bodies, where the poses of cameras are fitted."""
@@ -290,14 +290,14 @@ class FrameTarget(AbstractTarget):
         values: FrameValues = AS_GIVEN,
     ) -> Float[Array, "t p"]:
         """Compared pixels of a view as the model gives them."""
-        shown = self.shown
+        frame_quantity = self.frame_quantity
         if values.reflected is not None:
-            shown = shown._replace(reflected=values.reflected)
+            frame_quantity = frame_quantity._replace(reflected=values.reflected)
         seen = self.views[view]
         if values.views:
             assert values.poses is not None
             seen = values.views[view].at(values.poses[view], seen.camera)
-        frames = shown.frames(seen, scene, solution=solution, times=self.times)
+        frames = frame_quantity.frames(seen, scene, solution=solution, times=self.times)
         pixels = frames.reshape(len(frames), -1)
         return pixels if values.views else pixels[:, self.indices[view]]
 
@@ -311,7 +311,9 @@ class FrameTarget(AbstractTarget):
         """Pixels of bodies in any views [standard deviations of the noise]."""
         rows = []
         for view in views:
-            frames = self.shown.frames(view, scene, solution=solution, times=times)
+            frames = self.frame_quantity.frames(
+                view, scene, solution=solution, times=times
+            )
             # There are no data, and so no mask, of a view that is only proposed.
             rows.append(frames[:, body_mask(view)])
         return jnp.concatenate(rows, axis=1) / self.noise

@@ -145,7 +145,7 @@ def frame_picture(
     target = case.target
     assert isinstance(target, FrameTarget)
     mask = target.mask(view)
-    unit, words = _QUANTITIES[target.shown.quantity]
+    unit, words = _QUANTITIES[target.frame_quantity.quantity]
     data = _scatter(np.asarray(target.data[view][time], float), mask)
     frames = {}
     with precision(case.scene.dtype):

@@ -8,10 +8,10 @@ from pydantic import ValidationError
 
 import jaxthermo as jt
 from calibrate.config.schema import MeasuredFrames
+from calibrate.problem.frame_quantity import FrameQuantity
 from calibrate.problem.frame_source import _detected, _measured
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
-from calibrate.problem.shown import Shown
 from calibrate.problem.targets import body_mask
 from jaxthermo.image.files.exr import write_channels
 from jaxthermo.image.pose.coverage import coverage
@@ -58,8 +58,8 @@ def test_a_pixels_radiance_has_the_gradient_of_its_differences(scene, view):
     def radiance(z):
         changed = FITTED.insert(scene, z)
         solution = run(changed, table)
-        shown = Shown("radiance")
-        frames = shown.frames(view, changed, solution=solution, times=SAVES)
+        frame_quantity = FrameQuantity("radiance")
+        frames = frame_quantity.frames(view, changed, solution=solution, times=SAVES)
         return frames[1, row, column]
 
     value_and_jacobian = jax.jit(lambda z: (radiance(z), jax.jacfwd(radiance)(z)))
@@ -89,7 +89,7 @@ def test_a_pixel_of_a_detector_shows_the_mean_of_its_rays():
         solution=solution,
         times=(1.0,),
         samples=3,
-        shown=Shown("temperature", LONG_WAVE),
+        frame_quantity=FrameQuantity("temperature", LONG_WAVE),
     )
     covered = coverage(world_meshes(solution.surfaces), CAMERA, 3).fraction
     body, behind = (float(LONG_WAVE.radiance(kelvin)) for kelvin in (300.0, 293.15))

@@ -17,7 +17,7 @@ from jaxthermo.physics.time_varying import just_before
 from jaxthermo.scene.scene import Scene
 
 
-class Shown(NamedTuple):
+class FrameQuantity(NamedTuple):
     """Quantity of frames, and what surfaces reflect in them."""
 
     quantity: str
