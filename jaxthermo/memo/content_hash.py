@@ -6,14 +6,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from .found import found
+from .found import digest, found
 from .values import NoContentError, PlainValue, fields
 
-
-_SHARED_BYTES = 2**20
-"""Size from which the hash of an array that cannot change is kept."""
 
 _LIBRARY = Path(__file__).parents[1]
 
@@ -36,10 +31,10 @@ def content_hash(value: Any) -> str:
         NoContentError: for a value of another type.
     """
     plain = PlainValue.of(value, _hashed_fields)
-    digest = hashlib.sha256(plain.json.encode())
+    hashed = hashlib.sha256(plain.json.encode())
     for array in plain.arrays:
-        digest.update(f"{array.dtype.str}{array.shape}".encode() + _array_hash(array))
-    return digest.hexdigest()[:40]
+        hashed.update(repr(digest(array)).encode())
+    return hashed.hexdigest()[:40]
 
 
 def _hashed_fields(value: Any) -> Iterable[Any]:
@@ -53,15 +48,3 @@ def _hashed_fields(value: Any) -> Iterable[Any]:
         return values
     # Compared by identity, such as a grid: its arrays do not change.
     return [found((value,), "content_hash", lambda: content_hash(values))]
-
-
-def _array_hash(array: np.ndarray) -> bytes:
-    is_fixed = not array.flags.writeable and array.base is None
-    # Several searches start from the same large arrays.
-    if is_fixed and array.nbytes >= _SHARED_BYTES:
-        return found((array,), "content_hash", lambda: _bytes_hash(array))
-    return _bytes_hash(array)
-
-
-def _bytes_hash(array: np.ndarray) -> bytes:
-    return hashlib.sha256(np.ascontiguousarray(array).data).digest()

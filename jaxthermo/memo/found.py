@@ -27,6 +27,9 @@ from ..arrays import HOST, device_array, is_compiling, is_traced
 MAX_BYTES = 512 * 1024**2
 """Size of all findings together [bytes]."""
 
+_MIN_HASHED = 2**14
+"""Size from which the hash of an array that cannot change is kept [bytes]."""
+
 _T = TypeVar("_T")
 _searches: ContextVar[list[str] | None] = ContextVar("searches", default=None)
 
@@ -119,18 +122,17 @@ def findings_size() -> tuple[int, int]:
     return len(sizes), sum(sizes)
 
 
-def digest(array: np.ndarray) -> Hashable:
-    """Type, shape and hash of an array, to compare it by."""
+def digest(array: np.ndarray) -> tuple[str, tuple[int, ...], bytes]:
+    """Type, shape and hash of an array, to compare it by; the same in every process."""
     # A view that is read-only may be one of an array that is not.
     is_constant = not array.flags.writeable and array.base is None
-    by = "digest" if is_constant else None
+    by = "digest" if is_constant and array.nbytes >= _MIN_HASHED else None
     return found((array,), by, lambda: _digest(array))
 
 
-def _digest(array: np.ndarray) -> Hashable:
+def _digest(array: np.ndarray) -> tuple[str, tuple[int, ...], bytes]:
     content = np.packbits(array) if array.dtype == bool else np.ascontiguousarray(array)
-    code = hashlib.blake2b(content.tobytes(), digest_size=16).digest()
-    return array.dtype.str, array.shape, code
+    return array.dtype.str, array.shape, hashlib.sha256(content.data).digest()
 
 
 def _leaves(value: Any) -> list[Any]:
