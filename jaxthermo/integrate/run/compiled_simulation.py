@@ -52,7 +52,7 @@ class CompiledSimulation:
             RuntimeError: if the run failed and `throw` is set.
         """
         if scene is None:
-            plan = without_searches(self.plan)
+            plan = self.plan
         else:
             require(
                 scene,
@@ -126,7 +126,7 @@ def compile_simulation(
         compile_plan(plan)
     return CompiledSimulation(
         scene=scene,
-        plan=plan,
+        plan=without_searches(plan),
         t1=t1,
         save_at=saves,
         solver=solver,

@@ -40,7 +40,7 @@ from .program_builder import (
 )
 from .receipt import receipt_of
 from .snapshots import Snapshot, take_snapshots
-from .traced_scene import separate_numbers, trace_scene
+from .traced_scene import mark_untraceable, separate_numbers, trace_scene
 
 
 def compile_scene(
@@ -111,13 +111,16 @@ def _bound(
     def bind_numbers(scene: Scene) -> Compiled:
         return _from_uniform_start(scene, bind(scene))
 
+    options = (end, prune)
     try:
-        traced = trace_scene(scene, numbers, bind=bind_numbers, by=(end, prune))
+        traced = trace_scene(scene, numbers, bind=bind_numbers, by=options)
     except Exception:
         # Classes of a user may read their numbers, as to choose a law by them. Errors
         # that do not come from tracing are raised again, with numbers in their texts.
-        return bind(scene)
-    return traced(numbers.values)
+        compiled = bind(scene)
+        mark_untraceable(numbers, by=options)
+        return compiled
+    return bind(scene) if traced is None else traced(numbers.values)
 
 
 def _needs_numbers(scene: Scene) -> bool:

@@ -152,16 +152,28 @@ def trace_scene(
     numbers: _SceneNumbers,
     bind: Callable[[Scene], Compiled],
     by: Hashable,
-) -> _TracedScene:
+) -> _TracedScene | None:
     """Trace the binding of a scene; once for all scenes of the same form.
 
-    `by` are the options of `bind`.
+    `by` are the options of `bind`. The result is None for a form of which it is known
+    that it cannot be traced.
     """
+    return _remembered(numbers, by, lambda: _traced(scene, numbers, bind))
+
+
+def mark_untraceable(numbers: _SceneNumbers, by: Hashable) -> None:
+    """Remember that scenes of this form cannot be traced, with options of binding."""
+    _remembered(numbers, by, lambda: None)
+
+
+def _remembered(
+    numbers: _SceneNumbers, by: Hashable, trace: Callable[[], _TracedScene | None]
+) -> _TracedScene | None:
     assert numbers.form is not None
     return found(
         numbers.form.identity,
         by=("traced scene", numbers.form.values, by),
-        find=lambda: _traced(scene, numbers, bind),
+        find=trace,
     )
 
 

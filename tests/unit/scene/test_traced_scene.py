@@ -130,6 +130,21 @@ def test_a_term_may_read_its_numbers(coefficient, equal):
     assert steps[0] == pytest.approx(steps[1], rel=1e-6)
 
 
+def test_a_term_that_reads_its_numbers_is_traced_once():
+    bound = []
+
+    class Counting(Choosing):
+        def bind(self, surface):
+            bound.append(isinstance(self.coefficient, jax.core.Tracer))
+            return super().bind(surface)
+
+    body = _body()
+    for coefficient in (4.0, 6.0):
+        jt.compile_scene(jt.Scene((body,), (Counting(coefficient),)))
+    # Traced in vain, then bound with its numbers, and only so from then on.
+    assert bound == [True, False, False]
+
+
 class Gradient(eqx.Module):
     """A temperature that rises along x [K]."""
 
