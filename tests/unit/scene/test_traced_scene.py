@@ -5,6 +5,7 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import jax.core
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -91,7 +92,9 @@ def _check(scene: jt.Scene) -> None:
     bound = bind(scene)
     numbers = separate_numbers(scene)
     # Not `compile_scene`, which binds what cannot be traced.
-    traced = trace_scene(scene, numbers, bind=bind, by=("test",))(numbers.values)
+    traced_scene = trace_scene(scene, numbers, bind=bind, by=("test",))
+    assert traced_scene is not None
+    traced = traced_scene(numbers.values)
     assert traced.receipt.as_dict() == bound.receipt.as_dict()
     assert traced.acting == bound.acting
     expected = jax.tree.leaves(bound)
