@@ -95,11 +95,15 @@ _ABOUT = {
         "published cases and closed forms: expected, computed, tolerance, order"
     ),
     "stiff.run": "stiff and extreme cases S01 to S22 through every solver",
+    "random_scenes.run": (
+        "energy, bounds and stated error in time of 300 scenes drawn at random"
+    ),
 }
 # The modules that measure several things, and have the name of what they measure.
 _NAMES = {
     "verification.verify": "verification",
     "stiff.run": "stiff",
+    "random_scenes.run": "random-scenes",
     "front.run": "front",
     "thesis.exhibition": "thesis",
 }
@@ -130,7 +134,7 @@ _OF_THESIS = {
 _OPTIONS = {
     **dict.fromkeys(("stencil", "voxelize", "lattice-boltzmann"), ()),
     "mixed": ("config", "height"),
-    **dict.fromkeys(("verification", "stiff", "thesis"), ("cases",)),
+    **dict.fromkeys(("verification", "stiff", "random-scenes", "thesis"), ("cases",)),
     **dict.fromkeys(("budget", "front", "reduction"), ("config",)),
 }
 

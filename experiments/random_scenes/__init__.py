@@ -1,0 +1,1 @@
+"""Random realistic scenes: energy, bounds and the stated error in time."""
