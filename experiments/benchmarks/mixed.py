@@ -19,7 +19,7 @@ from jaxthermo.config.loader import load_config
 from jaxthermo.console.terminal import open_console
 from jaxthermo.integrate.explicit import EulerStepper
 from jaxthermo.integrate.ledger import empty_ledger
-from jaxthermo.integrate.run.simulate import Span, advance
+from jaxthermo.integrate.run.step_loop import Span, advance
 from jaxthermo.integrate.stepper import RunState
 from jaxthermo.report.numbers import with_range
 from jaxthermo.scene.compile.compile import compile_scene

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+import equinox as eqx
 import numpy as np
 from equinox import Module
 from jaxtyping import Bool, Float, Int
@@ -12,6 +13,8 @@ from scipy.sparse.csgraph import connected_components
 
 from ..arrays import linear_map, static_numbers
 from ..errors import InputError, require, shortened
+from .rotation import Turn, Way, shortest_way, way_by_angle
+from .vectors import unit_vector
 
 
 @dataclass(frozen=True)
@@ -338,6 +341,37 @@ class Pose(Module):
         ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     )
     """Rows of a rotation matrix [-]."""
+    turn: Turn | None = eqx.field(static=True, default=None, kw_only=True)
+    """The same rotation by axis and angle, which counts full turns; see `about`."""
+
+    @staticmethod
+    def about(
+        axis: object,
+        angle: float,
+        translation: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    ) -> "Pose":
+        """Return a pose turned right-handed about an axis through the body's origin.
+
+        Between two such poses of one axis a body in motion turns by the difference of
+        their angles [rad], also by full turns.
+
+        Raises:
+            InputError: if the axis has no direction, or the angle is not finite.
+        """
+        x, y, z = unit_vector(axis, "Pose.about(axis=)").tolist()
+        if not np.isfinite(angle):
+            raise InputError(f"Pose.about(angle={angle!r}): give a finite angle [rad]")
+        turn = Turn((x, y, z), float(angle))
+        return Pose(translation, turn.rotation, turn=turn)
+
+    def way_to(self, pose: "Pose") -> Way:
+        """Return the rotation by which a body turns from this pose to another one."""
+        first = _turn_of(self)
+        second = _turn_of(pose)
+        by_angle = None
+        if first is not None and second is not None:
+            by_angle = way_by_angle(first, second)
+        return by_angle or shortest_way(self.rotation, pose.rotation)
 
     def __check_init__(self):
         if not _are_finite(self.translation, (3,)):
@@ -387,3 +421,10 @@ class Pose(Module):
         """Times at which the geometry changes: none."""
         del end
         return ()
+
+
+def _turn_of(pose: Pose) -> Turn | None:
+    """The turn of a pose; without a rotation it is 0 about any axis."""
+    if pose.turn is None and pose.rotation == Pose().rotation:
+        return Turn((0.0, 0.0, 1.0), 0.0)
+    return pose.turn

@@ -1,11 +1,14 @@
 """Moving bodies: poses as a function of time, by a table or a function.
 
 Between two poses of a table a body moves along a straight line at constant speed while
-it turns about one axis at a constant rate (spherical interpolation, Shoemake 1985).
+it turns about one axis at a constant rate: by the difference of their angles where both
+are given by angles about one axis, full turns included, else the short way (spherical
+interpolation, Shoemake 1985).
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
@@ -15,6 +18,7 @@ from jaxtyping import Float
 
 from ..errors import InputError
 from ..geometry.mesh import Pose
+from ..geometry.rotation import Way
 
 
 if TYPE_CHECKING:
@@ -25,6 +29,12 @@ else:
 
 # Each snapshot of a run searches for shadows and contacts, and makes a program.
 _MAX_SNAPSHOTS = 10_000
+
+_MAX_SNAPSHOT_TURN = math.pi * (1 - 1e-9)
+"""Turn between two snapshots from which they cannot show which way it goes [rad]."""
+
+_GOOD_SNAPSHOT_TURN = math.radians(10)
+"""Turn between two snapshots at which loads follow the body to about 1 % [rad]."""
 
 
 class PoseTable(Module):
@@ -56,6 +66,16 @@ class PoseTable(Module):
         fraction = (time - start) / (self.times[next_pose] - start)
         return _between(self.poses[next_pose - 1], self.poses[next_pose], fraction)
 
+    @property
+    def ways(self) -> tuple[Way, ...]:
+        """The rotations from each pose to the next."""
+        return tuple(first.way_to(second) for first, second in pairwise(self.poses))
+
+    def angles_until(self, times: Sequence[float]) -> Float[np.ndarray, " t"]:
+        """Angle turned up to each of some times, in whatever directions [rad]."""
+        angles = [abs(way.turn.angle) for way in self.ways]
+        return np.interp(times, self.times, np.cumsum([0.0, *angles]))
+
 
 class Motion(Module):
     """A pose that changes with time, in snapshots."""
@@ -81,9 +101,11 @@ class Motion(Module):
     def is_still(self) -> bool:
         """True if all poses of a table are the same; a function may always move."""
         path = self.path
-        return isinstance(path, PoseTable) and all(
-            pose == path.poses[0] for pose in path.poses
-        )
+        if not isinstance(path, PoseTable):
+            return False
+        first = path.poses[0]
+        same = all(pose.key == first.key for pose in path.poses)
+        return same and not path.angles_until(path.times[-1:]).any()
 
     def at(self, time: float | int) -> Pose:
         """The pose at `time` [s].
@@ -120,56 +142,40 @@ class Motion(Module):
             times = (self.every * k for k in range(1, snapshots))
         return tuple(float(t) for t in times if 0 < t < end)
 
+    def warnings(self, starts: Sequence[float], end: float) -> Iterator[str]:
+        """A line about each turn that its poses or snapshots leave open.
+
+        The snapshots are made at `starts`, and the last one serves up to `end` [s].
+        """
+        path = self.path
+        if not isinstance(path, PoseTable):
+            return
+        for (first, second), way in zip(pairwise(path.times), path.ways, strict=True):
+            if way.is_ambiguous:
+                yield (
+                    f"its poses at {first:g} and {second:g} s are half a turn apart, "
+                    "which both ways round are: give a pose between them, or both by "
+                    "an axis and an angle"
+                )
+        times = (*starts, end)
+        turned = np.diff(path.angles_until(times))
+        longest = int(np.argmax(turned))
+        if turned[longest] >= _MAX_SNAPSHOT_TURN:
+            first, second = times[longest : longest + 2]
+            every = (second - first) * _GOOD_SNAPSHOT_TURN / turned[longest]
+            yield (
+                f"it turns by {math.degrees(turned[longest]):.4g} degrees between its "
+                f"snapshots at {first:g} and {second:g} s, which see it at rest there: "
+                f"give `every`, such as {every:.2g} s"
+            )
+
 
 def _between(first: Pose, second: Pose, fraction: float) -> Pose:
-    """The pose at a fraction of the way between two, turned the short way."""
+    """The pose at a fraction of the way between two."""
     if fraction == 0 or first == second:
         return first
     start = np.asarray(first.translation, float)
     end = np.asarray(second.translation, float)
-    translation = (1 - fraction) * start + fraction * end
-    turned = _slerp(_quaternion(first), _quaternion(second), fraction)
-    x, y, z = translation.tolist()
-    return Pose((x, y, z), tuple(tuple(row) for row in _matrix(turned).tolist()))
-
-
-def _slerp(a, b, fraction: float) -> Float[np.ndarray, "4"]:
-    """Interpolation between unit quaternions at a constant rate of turn."""
-    cosine = float(a @ b)
-    # A quaternion and its reverse are the same turn; the nearer one is the short way.
-    b = b if cosine >= 0 else -b
-    angle = 2 * math.atan2(float(np.linalg.norm(a - b)), float(np.linalg.norm(a + b)))
-    # The formula for larger angles would divide rounding by rounding.
-    if angle < 1e-9:
-        blend = (1 - fraction) * a + fraction * b
-    else:
-        blend = math.sin((1 - fraction) * angle) * a + math.sin(fraction * angle) * b
-    return blend / np.linalg.norm(blend)
-
-
-def _quaternion(pose: Pose) -> Float[np.ndarray, "4"]:
-    """The rotation of a pose as (w, x, y, z)."""
-    # The outer product of the quaternion with itself is linear in the rotation matrix;
-    # its row with the largest diagonal loses no digits (Shepperd 1978).
-    (a, b, c), (d, e, f), (g, h, i) = pose.rotation
-    product = np.array(
-        [
-            [1 + a + e + i, h - f, c - g, d - b],
-            [h - f, 1 + a - e - i, b + d, c + g],
-            [c - g, b + d, 1 - a + e - i, f + h],
-            [d - b, c + g, f + h, 1 - a - e + i],
-        ]
-    )
-    row = product[int(np.argmax(np.diag(product)))]
-    return row / np.linalg.norm(row)
-
-
-def _matrix(quaternion) -> Float[np.ndarray, "3 3"]:
-    w, x, y, z = quaternion.tolist()
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    x, y, z = ((1 - fraction) * start + fraction * end).tolist()
+    way = first.way_to(second)
+    return Pose((x, y, z), way.after(first.rotation, fraction))

@@ -10,7 +10,7 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.integrate.explicit import EulerStepper
 from jaxthermo.integrate.ledger import empty_ledger
-from jaxthermo.integrate.run.simulate import Span, advance
+from jaxthermo.integrate.run.step_loop import Span, advance
 from jaxthermo.integrate.stepper import RunState
 from jaxthermo.scene.compile.compile import compile_scene
 from tests.bodies import blocks

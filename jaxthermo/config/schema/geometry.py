@@ -1,9 +1,7 @@
 """Geometry of a body: a mesh file, a shape, or several of them combined, and poses."""
 
-import math
 from typing import Annotated, Any, ClassVar, Literal
 
-import numpy as np
 from pydantic import BeforeValidator, Field
 from typing_extensions import override
 
@@ -91,21 +89,20 @@ class _RotationConfig(Model):
     axis: si.Direction
     angle: si.Angle
 
-    def build(self, *args: Any) -> Any:
-        # Rodrigues' formula, R = 1 + sin(a) K + (1 - cos(a)) K^2, with K v = axis x v.
-        x, y, z = np.asarray(self.axis) / math.hypot(*self.axis)
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        sine = math.sin(self.angle)
-        cosine = math.cos(self.angle)
-        matrix = np.eye(3) + sine * cross + (1.0 - cosine) * (cross @ cross)
-        return tuple(tuple(row) for row in matrix.tolist())
-
 
 class PoseConfig(Model, builds="Pose"):
     """Position of the body in the scene: rotated first, then translated."""
 
     translation: si.Position = (0.0, 0.0, 0.0)
     rotation: _RotationConfig | None = None
+
+    def build(self, *args: Any) -> Any:
+        """Return the pose, which remembers the axis and the angle of its rotation."""
+        if self.rotation is None:
+            return self.target()(self.translation)
+        return self.target().about(
+            self.rotation.axis, self.rotation.angle, self.translation
+        )
 
 
 class _Tube(Model, builds="shapes.tube", kind="tube"):

@@ -21,6 +21,7 @@ from ...scene.compile.compile import compile_scene
 from ...scene.scene import Scene, SolvedSurface
 from ..explicit import EulerStepper
 from ..solvers import AbstractSolver, ErrorControl, ForwardEuler
+from .fixed_steps import take_fixed_steps
 from .plan import (
     Plan,
     StepTable,
@@ -28,7 +29,7 @@ from .plan import (
     plan_run,
     step_table,
 )
-from .simulate import first_loop, take_fixed_steps, take_steps
+from .simulate import first_loop, take_steps
 
 
 class ParametricSolution(NamedTuple):

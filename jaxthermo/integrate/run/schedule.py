@@ -121,3 +121,29 @@ def save_intervals(
             groups.append(tuple(group))
             group = []
     return tuple([*groups, tuple(group)] if group else groups)
+
+
+def similar_intervals(
+    groups: tuple[tuple[Interval, ...], ...],
+) -> list[tuple[tuple[Interval, ...], ...]]:
+    """Divide save intervals into sequences that take about as many steps each.
+
+    A loop of fixed length is as long for every interval as for the longest one. Within
+    a sequence these lengths are at most twice the steps in all.
+    """
+    sequences = []
+    start = 0
+    columns = 0
+    longest = 0
+    steps = 0
+    for number, group in enumerate(groups):
+        columns = max(columns, len(group))
+        longest = max(longest, *(interval.steps for interval in group))
+        steps += sum(interval.steps for interval in group)
+        if (number + 1 - start) * columns * longest > 2 * steps and number > start:
+            sequences.append(groups[start:number])
+            start = number
+            columns = len(group)
+            longest = max(interval.steps for interval in group)
+            steps = sum(interval.steps for interval in group)
+    return [*sequences, groups[start:]]

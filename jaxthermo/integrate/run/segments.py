@@ -18,8 +18,9 @@ from ...scene.compile.program import Program, State
 from ..stepper import LoopArguments, RunState, in_place
 from .plan import Plan, initial_state, observation_time
 from .schedule import Interval
-from .simulate import Span, advance, make_solution
+from .simulate import make_solution
 from .solution import Observation, Solution, observe
+from .step_loop import Span, advance
 from .time_error import Passes, of_pass
 
 

@@ -1,16 +1,15 @@
 """`simulate`: from a scene to its solution, as one compiled program."""
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import equinox as eqx
-import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from ...arrays import device_array, is_traced, precision
 from ...errors import require
@@ -22,21 +21,13 @@ from ...scene.scene import Scene
 from ..implicit.newton_stage import SolverStatistics
 from ..ledger import Energy, energies, in_order
 from ..solvers import AbstractSolver
-from ..stepper import (
-    AbstractStepper,
-    LoopArguments,
-    RunState,
-    in_place,
-    is_copied_fast,
-)
+from ..stepper import LoopArguments, RunState, in_place
+from .fixed_steps import take_fixed_steps
 from .plan import (
     Plan,
     StepTable,
     initial_state,
-    observation_time,
     plan_run,
-    program_groups,
-    saved_numbers,
     step_blocks,
     step_table,
 )
@@ -46,9 +37,12 @@ from .solution import (
     RunSummary,
     Solution,
     finished,
+    joined,
     observe,
     run_result,
+    saved_rows,
 )
+from .step_loop import Span, steps_of
 from .time_error import Passes, TimeError, of_pass
 
 
@@ -153,7 +147,7 @@ def run_plan(plan: Plan, takes_steps: bool = True) -> Solution:
             )
             state, rows = in_place(take_steps, state.theta)(arguments, state.theta)
             observations.append(rows)
-        rows = _saved_rows(observations, [block.saved_rows for block in blocks])
+        rows = saved_rows(observations, [block.saved_rows for block in blocks])
         if plan.control is None or not takes_steps:
             return make_solution(running, rows)
         passes = passes.after(rows, plan.control)
@@ -202,138 +196,10 @@ def first_loop(plan: Plan, table: StepTable | None = None) -> FirstLoop:
     return FirstLoop(arguments, state.theta)
 
 
-class Span(NamedTuple):
-    """Steps of equal length, as arrays."""
-
-    start: Float[Array, ""]
-    """Start of the first step, or of the steps before it [s]."""
-    dt: Float[Array, ""]
-    """Length of a step [s]."""
-    steps: int | Int[Array, ""]
-    """Number of steps; a Python number for a loop of fixed length."""
-    steps_before: Int[Array, ""] | None = None
-    """Number of steps from `start` that have been taken before; None for 0."""
-
-
-def steps_of(
-    stepper: AbstractStepper, program: Program, checkpoints: int | None = None
-) -> Callable[[RunState, Span], tuple[RunState, None]]:
-    """Return the function that takes the steps of a span, as a body of `lax.scan`.
-
-    With `steps` a Python number the loop has a fixed length and can be differentiated
-    in reverse mode, which stores `checkpoints` states and recomputes the others; None
-    stores all. With an array one compiled program serves every length.
-    """
-
-    def take_span(state: RunState, span: Span) -> tuple[RunState, None]:
-        def one_step(i, state: RunState) -> RunState:
-            # From the start, not summed step by step, which would accumulate rounding.
-            number = i if span.steps_before is None else i + span.steps_before
-            begin = span.start + span.dt * jnp.asarray(number, span.dt.dtype)
-            return stepper.step(program, state, begin, span.dt)
-
-        def two_steps(i, state: RunState) -> RunState:
-            # Two steps per iteration write to a second buffer and back; with one, XLA
-            # copies the state to where the loop expects it.
-            return one_step(2 * i + 1, one_step(2 * i, state))
-
-        steps = span.steps
-        if isinstance(steps, int):
-            return _take_fixed(one_step, state, steps), None
-        if not stepper.two_buffers or is_copied_fast(state.theta):
-            return jax.lax.fori_loop(0, steps, one_step, state), None
-        state = jax.lax.fori_loop(0, steps // 2, two_steps, state)
-        return jax.lax.fori_loop(steps - steps % 2, steps, one_step, state), None
-
-    def _take_fixed(one_step, state: RunState, steps: int) -> RunState:
-        if checkpoints is not None and checkpoints < steps:
-            return eqxi.scan(
-                lambda carry, i: (one_step(i, carry), None),
-                state,
-                jnp.arange(steps),
-                kind="checkpointed",
-                checkpoints=checkpoints,
-            )[0]
-        # For a cheap step, reverse mode stores only the state before it: its
-        # intermediate values take longer to write and read than to recompute.
-        if stepper.two_buffers:
-            one_step = jax.checkpoint(one_step, prevent_cse=False)
-        return jax.lax.fori_loop(0, steps, one_step, state)
-
-    return take_span
-
-
-def advance(
-    stepper: AbstractStepper,
-    program: Program,
-    state: RunState,
-    span: Span,
-    checkpoints: int | None = None,
-) -> RunState:
-    """Take the steps of one span, see `steps_of`."""
-    return steps_of(stepper, program, checkpoints)(state, span)[0]
-
-
 def compile_plan(plan: Plan) -> None:
     """Compile all programs of a run, by a run without steps."""
     if plan.intervals and not is_traced(plan.scene):
         run_plan(plan, takes_steps=False)
-
-
-def take_fixed_steps(plan: Plan, state: RunState) -> Observation:
-    """Take every step of a plan in loops of fixed length, for reverse mode.
-
-    Returns:
-        The observations at the save times.
-    """
-    observations = []
-    saved = []
-    for program, groups in program_groups(plan):
-        rows = []
-        for group in groups:
-            for interval in group:
-                span = Span(
-                    start=jnp.asarray(interval.start, plan.dtype),
-                    dt=jnp.asarray(interval.dt, plan.dtype),
-                    steps=interval.steps,
-                )
-                state = advance(
-                    plan.stepper,
-                    program=program,
-                    state=state,
-                    span=span,
-                    checkpoints=plan.checkpoints,
-                )
-            time = jnp.asarray(observation_time(plan, group[-1]), plan.dtype)
-            rows.append(observe(program, state, time))
-        observations.append(jax.tree.map(lambda *column: jnp.stack(column), *rows))
-        saved.append(saved_numbers(groups))
-    return _saved_rows(observations, saved)
-
-
-def _saved_rows(
-    observations: list[Observation], saved: list[Int[np.ndarray, " _"]]
-) -> Observation:
-    """Return the rows of all programs at save times, by their numbers in each."""
-    # The last interval before a motion snapshot may not be saved.
-    if len(observations) == 1 and len(saved[0]) == len(observations[0].is_finite):
-        return observations[0]
-    return _picked(tuple(observations), tuple(map(device_array, saved)))
-
-
-@eqx.filter_jit
-def _picked(
-    observations: tuple[Observation, ...], saved: tuple[Int[Array, " _"], ...]
-) -> Observation:
-    rows = [
-        jax.tree.map(lambda a, numbers=numbers: a[numbers], observed)
-        for observed, numbers in zip(observations, saved, strict=True)
-    ]
-    return _joined(*rows)
-
-
-def _joined(*rows: Observation) -> Observation:
-    return jax.tree.map(lambda *columns: jnp.concatenate(columns), *rows)
 
 
 def make_solution(
@@ -427,7 +293,7 @@ def _balance(
         # The row of the start; cut to length 0, it has the shapes.
         initial = observe(program, state, None)
         start = jax.tree.map(lambda a: a[None][: int(from_start)], initial)
-        rows = start if rows is None else _joined(start, rows)
+        rows = start if rows is None else joined(start, rows)
     # The ledger starts at 0, stored heat at that of the initial state.
     stored = rows.stored_heat - program.stored_heat(state.theta)[None]
     energy = energies(

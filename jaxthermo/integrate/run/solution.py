@@ -1,5 +1,6 @@
 """Solutions of `simulate` and `steady`, and how a run can end."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
@@ -7,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from equinox import Module
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
 from ...arrays import device_array, is_traced, precision
@@ -358,3 +359,29 @@ def _add_to_body(values: list, body: int, contribution: Float[Array, " _"]) -> N
     # None stands for 0, which costs no addition.
     total = values[body]
     values[body] = contribution if total is None else total + contribution
+
+
+def saved_rows(
+    observations: Sequence[Observation], saved: Sequence[Int[np.ndarray, " _"]]
+) -> Observation:
+    """Return the rows of all programs at save times, by their numbers in each."""
+    # The last interval before a motion snapshot may not be saved.
+    if len(observations) == 1 and len(saved[0]) == len(observations[0].is_finite):
+        return observations[0]
+    return _picked(tuple(observations), tuple(map(device_array, saved)))
+
+
+@eqx.filter_jit
+def _picked(
+    observations: tuple[Observation, ...], saved: tuple[Int[Array, " _"], ...]
+) -> Observation:
+    rows = [
+        jax.tree.map(lambda a, numbers=numbers: a[numbers], observed)
+        for observed, numbers in zip(observations, saved, strict=True)
+    ]
+    return joined(*rows)
+
+
+def joined(*rows: Observation) -> Observation:
+    """Return the rows of several observations, one after the other."""
+    return jax.tree.map(lambda *columns: jnp.concatenate(columns), *rows)

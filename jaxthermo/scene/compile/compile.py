@@ -197,6 +197,7 @@ def _bind(scene: Scene, starts: tuple[float, ...], end: float, prune: bool) -> C
             scene,
             snapshots=snapshots,
             starts=starts,
+            end=end,
             ledger=ledger,
             unheated=unheated,
             accuracy=accuracy,

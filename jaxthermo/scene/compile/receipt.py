@@ -7,6 +7,7 @@ import numpy as np
 from ...physics.surface import Omitted
 from ...physics.term import AbstractExchangeTerm, AbstractSurfaceTerm
 from ...structures.structure import AbstractStructure
+from ..motion import Motion
 from ..scene import AbstractMaterials, Scene, mechanism_names
 from .program import Omission, Part, Receipt
 from .program_builder import Ledger
@@ -28,6 +29,7 @@ def receipt_of(
     scene: Scene,
     snapshots: list[Snapshot],
     starts: tuple[float, ...],
+    end: float,
     ledger: Ledger,
     unheated: list[tuple[int, Omitted]],
     accuracy: tuple[str, ...],
@@ -38,6 +40,7 @@ def receipt_of(
         scene: bodies and terms.
         snapshots: the scene at the starts of its programs.
         starts: of the snapshots [s].
+        end: of the run [s].
         ledger: mechanisms that act.
         unheated: volume terms that do not act on a body, by their number.
         accuracy: notes on the exchange of radiation.
@@ -56,6 +59,7 @@ def receipt_of(
         ),
         warnings=(
             *_overlap_warnings(snapshots, starts),
+            *_motion_warnings(scene, starts, end),
             *_cavity_warnings(scene, first),
             *_represented(first, off=True),
         ),
@@ -211,4 +215,16 @@ def _overlap_warnings(
     return tuple(
         (f"at {start:g} s " if moves else "") + overlap.described(pair)
         for pair, (overlap, start) in sorted(deepest.items())
+    )
+
+
+def _motion_warnings(
+    scene: Scene, starts: tuple[float, ...], end: float
+) -> tuple[str, ...]:
+    """A line about each body whose way between poses or snapshots is open."""
+    return tuple(
+        f"body {number}: {warning}"
+        for number, body in enumerate(scene.bodies)
+        if isinstance(body.pose, Motion)
+        for warning in body.pose.warnings(starts, end)
     )

@@ -14,6 +14,7 @@ from jaxthermo.integrate.run.schedule import (
     checked_save_times,
     save_intervals,
     schedule,
+    similar_intervals,
 )
 
 
@@ -40,6 +41,27 @@ def test_lands_on_every_stop_with_steps_under_the_limit(saves, events, later, dt
 def test_a_whole_number_of_steps_costs_no_step_more(steps, dt):
     (interval,) = schedule(steps * dt, saves=(steps * dt,), event_times=(), max_dt=dt)
     assert interval.steps == steps
+
+
+@given(saves=TIMES, events=TIMES, dt=st.floats(1e-2, 1e2))
+def test_loops_of_fixed_length_take_at_most_twice_the_steps(saves, events, dt):
+    intervals = schedule(
+        saves[-1], saves=tuple(saves), event_times=tuple(events), max_dt=dt
+    )
+    groups = save_intervals(intervals)
+    sequences = similar_intervals(groups)
+    assert tuple(group for sequence in sequences for group in sequence) == groups
+    for sequence in sequences:
+        columns = max(len(group) for group in sequence)
+        steps = [interval.steps for group in sequence for interval in group]
+        padded = len(sequence) * columns * max(steps)
+        assert len(sequence) == 1 or padded <= 2 * sum(steps)
+
+
+def test_equal_intervals_are_one_loop():
+    saves = tuple(np.linspace(5.0, 500.0, 100).tolist())
+    groups = save_intervals(schedule(500.0, saves=saves, event_times=(), max_dt=0.3))
+    assert similar_intervals(groups) == [groups]
 
 
 def test_an_infinite_limit_is_one_step():

@@ -8,7 +8,7 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.integrate import stepper as module
 from jaxthermo.integrate.run.plan import initial_state, plan_run
-from jaxthermo.integrate.run.simulate import Span, advance
+from jaxthermo.integrate.run.step_loop import Span, advance
 from tests.bodies import blocks
 
 

@@ -74,6 +74,64 @@ def test_equal_poses_are_still():
     assert not Motion(PoseTable((0, 1), (about_z(30.0), about_z(31.0)))).is_still
 
 
+@pytest.mark.parametrize(
+    ("angles", "share", "degrees"),
+    [
+        ((0.0, 360.0), 0.25, 90.0),
+        ((0.0, 270.0), 1 / 3, 90.0),
+        ((0.0, 180.0), 0.75, 135.0),
+        ((30.0, -700.0), 0.5, -335.0),
+        ((-360.0, 720.0), 0.1, -252.0),
+    ],
+)
+def test_poses_by_angle_turn_by_the_difference_of_their_angles(angles, share, degrees):
+    first, second = (Pose.about((0, 0, 2), math.radians(angle)) for angle in angles)
+    actual = np.array(_between(first, second, share).rotation)
+    assert np.abs(actual - np.array(about_z(degrees).rotation)).max() < 1e-13
+    # About the opposite axis angles are of opposite sign.
+    opposite = Pose.about((0, 0, -1), -math.radians(angles[1]))
+    reversed_axis = np.array(_between(first, opposite, share).rotation)
+    assert np.abs(reversed_axis - actual).max() < 1e-13
+    motion = Motion(PoseTable((0.0, 1.0), (first, second)))
+    assert not motion.is_still
+
+
+def test_a_pose_without_rotation_is_at_angle_0_about_any_axis():
+    full = Pose.about((1.0, 2.0, 3.0), 2 * math.pi)
+    half = Pose.about((1.0, 2.0, 3.0), math.pi)
+    for first, second in ((Pose(), full), (full, Pose())):
+        assert np.allclose(_between(first, second, 0.5).rotation, half.rotation)
+
+
+def test_poses_about_different_axes_turn_the_short_way():
+    first = Pose.about((1, 0, 0), math.radians(350.0))
+    second = Pose.about((0, 0, 1), math.radians(20.0))
+    by_matrix = Pose(rotation=first.rotation), Pose(rotation=second.rotation)
+    expected = np.array(_between(by_matrix[0], by_matrix[1], 0.5).rotation)
+    assert np.array_equal(_between(first, second, 0.5).rotation, expected)
+
+
+@pytest.mark.parametrize(
+    ("poses", "every", "pattern"),
+    [
+        ((about_z(10.0), about_z(190.0)), 1.0, "poses at 0 and 60 s are half a turn"),
+        ((Pose(), Pose.about((0, 0, 1), math.pi)), 5.0, None),
+        ((about_z(10.0), about_z(189.0)), 1.0, None),
+        ((Pose(), Pose.about((0, 0, 1), 2 * math.pi)), None, "turns by 360 degrees"),
+        ((Pose(), Pose.about((0, 0, 1), 20.0)), 12.0, "between its snapshots at"),
+        ((Pose(), Pose.about((0, 0, 1), 20.0)), 2.0, None),
+    ],
+)
+def test_a_way_that_is_open_is_told(poses, every, pattern):
+    motion = Motion(PoseTable((0.0, 60.0), poses), every=every)
+    warnings = list(motion.warnings((0.0, *motion.snapshot_times(60.0)), 60.0))
+    if pattern is None:
+        assert not warnings
+    else:
+        (warning,) = warnings
+        assert pattern in warning and "give" in warning
+
+
 NUMBER: Any = 3.0
 
 
@@ -84,6 +142,8 @@ NUMBER: Any = 3.0
         (lambda: PoseTable((0, 1), (Pose(),)), "2 times and 1 poses"),
         (lambda: PoseTable((1, 1), (Pose(), Pose())), "increase"),
         (lambda: PoseTable((0, math.inf), (Pose(), Pose())), "finite"),
+        (lambda: Pose.about((0, 0, 0), 1.0), "axis"),
+        (lambda: Pose.about((0, 0, 1), math.inf), "finite angle"),
         (lambda: Motion(lambda time: Pose()), "every="),
         (lambda: Motion(NUMBER), "PoseTable or a function"),
         (lambda: Motion(lambda time: Pose(), every=0.0), "positive number"),

@@ -1,0 +1,114 @@
+"""All steps of a plan in loops of fixed length, which reverse mode needs.
+
+A step is compiled once for all intervals between save times, and once for all snapshots
+of what moves: a program that lists its intervals takes as many times as long to trace
+and to compile.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...scene.compile.program import Program
+from ..stepper import RunState
+from .plan import (
+    Plan,
+    StepTable,
+    program_groups,
+    saved_numbers,
+    step_blocks,
+    step_table,
+)
+from .schedule import similar_intervals
+from .solution import Observation, observe, saved_rows
+from .step_loop import Span, steps_of
+
+
+def take_fixed_steps(plan: Plan, state: RunState) -> Observation:
+    """Take every step of a plan in loops of fixed length, for reverse mode.
+
+    Returns:
+        The observations at the save times.
+    """
+    pairs = program_groups(plan)
+    programs = _stacked([program for program, _ in pairs])
+    if programs is not None:
+        return _take_snapshots(plan, programs, state)
+    observations = []
+    saved = []
+    for program, groups in pairs:
+        for sequence in similar_intervals(groups):
+            table = step_table(plan, sequence)
+            take = _table_loop(plan, table)
+            state, rows = take(program, state, table)
+            observations.append(rows)
+            saved.append(saved_numbers(sequence))
+    return saved_rows(observations, saved)
+
+
+class _Stacked(NamedTuple):
+    """Programs of one form: their arrays along a new first axis."""
+
+    arrays: Any
+    common: Any
+    """Fields that are equal in all programs."""
+
+
+def _stacked(programs: Sequence[Program]) -> _Stacked | None:
+    """Return several programs as one; None for one, or if they differ in form."""
+    arrays, common = zip(
+        *(eqx.partition(program, eqx.is_array) for program in programs), strict=True
+    )
+
+    def form(leaves: Any) -> Any:
+        return jax.tree.map(lambda leaf: (leaf.shape, leaf.dtype), leaves)
+
+    first = form(arrays[0])
+    alike = all(form(leaves) == first for leaves in arrays[1:])
+    if len(programs) == 1 or not alike or not eqx.tree_equal(*common):
+        return None
+    return _Stacked(jax.tree.map(lambda *rows: jnp.stack(rows), *arrays), common[0])
+
+
+def _take_snapshots(plan: Plan, programs: _Stacked, state: RunState) -> Observation:
+    """Take the steps of all snapshots in one loop over them."""
+    blocks = step_blocks(plan)
+    tables = jax.tree.map(
+        lambda *columns: np.stack(columns), *(block.table for block in blocks)
+    )
+    take = _table_loop(plan, tables)
+
+    def take_snapshot(state: RunState, snapshot: tuple[Any, StepTable]):
+        arrays, table = snapshot
+        return take(eqx.combine(arrays, programs.common), state, table)
+
+    _, rows = jax.lax.scan(take_snapshot, state, (programs.arrays, tables))
+    observations = [jax.tree.map(lambda a, k=k: a[k], rows) for k in range(len(blocks))]
+    return saved_rows(observations, [block.saved_rows for block in blocks])
+
+
+def _table_loop(plan: Plan, tables: StepTable):
+    """Return the function that takes the steps of one of some tables."""
+    length = int(tables.steps.max())
+    is_even = bool((tables.steps == length).all())
+
+    def take_table(
+        program: Program, state: RunState, table: StepTable
+    ) -> tuple[RunState, Observation]:
+        take_span = steps_of(plan.stepper, program, plan.checkpoints, length)
+
+        def take_interval(state: RunState, span: Span) -> tuple[RunState, None]:
+            return take_span(state, span._replace(steps=length) if is_even else span)
+
+        def save_interval(state: RunState, row: StepTable):
+            spans = Span(start=row.start, dt=row.dt, steps=row.steps)
+            state, _ = jax.lax.scan(take_interval, state, spans)
+            return state, observe(program, state, row.observation_time)
+
+        return jax.lax.scan(save_interval, state, jax.tree.map(jnp.asarray, table))
+
+    return take_table
