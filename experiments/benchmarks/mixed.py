@@ -21,6 +21,7 @@ from jaxthermo.integrate.explicit import EulerStepper
 from jaxthermo.integrate.ledger import empty_ledger
 from jaxthermo.integrate.run.step_loop import Span, advance
 from jaxthermo.integrate.stepper import RunState
+from jaxthermo.physics.windows import Window
 from jaxthermo.report.numbers import with_range
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.compile.program import Compiled
@@ -52,8 +53,8 @@ class Runner(NamedTuple):
 
 @eqx.filter_jit
 def _steps(program, state: RunState, dt, steps) -> RunState:
-    start = jnp.zeros_like(dt)
-    span = Span(start=start, dt=dt, steps=steps)
+    window = Window(jnp.zeros(2, dt.dtype), dt * steps.astype(dt.dtype))
+    span = Span(window, dt=dt, steps=steps)
     return advance(EulerStepper(), program, state, span)
 
 

@@ -35,7 +35,7 @@ from .implicit.runge_kutta import (
     ImplicitStepper,
     Tableau,
 )
-from .stepper import END_FRACTION, AbstractStepper
+from .stepper import AbstractStepper
 
 
 _DEFAULT_STEPS = 128
@@ -64,7 +64,7 @@ MAX_RKL2_STEPS = 5_000_000
 class AbstractSolver(Module):
     """Time integration scheme: how long steps are, and what takes them."""
 
-    load_fraction: ClassVar[float] = 1 - END_FRACTION
+    load_fraction: ClassVar[float] = 1.0
     """Position in the last step, 0 to 1, of the loads that an observation uses."""
     method: ClassVar[Method] = "euler"
     """Kind of steps, for the forecast of memory."""

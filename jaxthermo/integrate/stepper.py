@@ -16,11 +16,6 @@ from ..scene.compile.program import Program, State
 from .ledger import Ledger
 
 
-# How long before its end a step evaluates the loads of its end, so that they are those
-# from before an event: this fraction of the step, and at least as `just_before` does.
-END_FRACTION = 1e-6
-
-
 class RunState(Module):
     """Everything that one step passes to the next."""
 
@@ -53,7 +48,10 @@ class AbstractStepper(Module):
         start: Float[Array, ""],
         dt: Float[Array, ""],
     ) -> RunState:
-        """Return the state one step later, with the ledger updated."""
+        """Return the state one step later, with the ledger updated.
+
+        The program is that of a window, from whose start `start` counts [s].
+        """
 
 
 class LoopArguments(NamedTuple):

@@ -24,7 +24,13 @@ from ..config.loader import load_config
 from ..config.schema.scene import SceneConfig
 from ..errors import InputError
 from ..integrate.ledger import empty_ledger
-from ..integrate.run.plan import Plan, initial_state, observation_time, plan_run
+from ..integrate.run.plan import (
+    Plan,
+    initial_state,
+    observation_time,
+    plan_run,
+    window_of,
+)
 from ..integrate.run.schedule import Interval
 from ..integrate.run.segments import take_segment
 from ..integrate.run.solution import irradiance_at, observe
@@ -33,6 +39,7 @@ from ..integrate.stepper import RunState
 from ..physics.radiation.irradiation import Irradiance
 from ..physics.term import AbstractTerm
 from ..physics.time_varying import just_before
+from ..physics.windows import over
 from ..scene.scene import Scene, SolvedSurface
 from .live_run import AbstractLiveRun, Curves
 
@@ -320,17 +327,21 @@ class LiveSession(AbstractLiveRun):
 
     def _observed(self) -> Float[np.ndarray, " s"]:
         plan = self.plan
-        at = None
+        interval = self._interval
+        time = None
         # At the start no load has acted yet.
         start = 0.0
-        if self._interval is not None:
-            start = self._interval.start
-            at = observation_time(plan, self._interval)
-        elif self.time > 0:
+        if interval is None and self.time > 0:
             start = self.time
-            at = just_before(self.time, plan.dtype)
-        time = None if at is None else jnp.asarray(at, plan.dtype)
+            at = just_before(start, plan.dtype)
+            interval = Interval(start=at, end=at, steps=1, saved=False)
+            time = jnp.zeros((), plan.dtype)
+        elif interval is not None:
+            start = interval.start
+            time = jnp.asarray(observation_time(plan, interval), plan.dtype)
         program = plan.compiled.programs[plan.compiled.number_at(start)]
+        if interval is not None:
+            program = over(program, window_of(interval, plan.dtype))
         return np.asarray(observe(program, self._state, time).surface_temperature)
 
 

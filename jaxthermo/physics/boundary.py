@@ -42,6 +42,7 @@ from .time_varying import (
     smallest,
     value_at,
 )
+from .windows import PiecewiseLinear
 
 
 def _is_number(value: Any) -> bool:
@@ -51,6 +52,8 @@ def _is_number(value: Any) -> bool:
         return np.ndim(value) == 0
     if isinstance(value, Table):
         return True
+    if isinstance(value, PiecewiseLinear):
+        return value.first.ndim == 1
     if isinstance(value, Until):
         return _is_number(value.value)
     time = jax.ShapeDtypeStruct((), jnp.result_type(float))

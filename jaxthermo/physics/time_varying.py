@@ -6,12 +6,20 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from equinox import Module
 from jaxtyping import Array, Float
+from typing_extensions import override
 
 from ..arrays import Samples, Time, TimeVarying, is_traced, namespace, typed_array
 from ..constants import MAX_TEMPERATURE, MIN_TEMPERATURE, ZERO_CELSIUS
 from ..errors import InputError, shortened
+from .windows import (
+    AbstractVarying,
+    FunctionOfTime,
+    PiecewiseLinear,
+    Window,
+    split_times,
+    switched,
+)
 
 
 # Roundings between the time of an event and the time just before it.
@@ -25,7 +33,7 @@ def _as_array(numbers: Any) -> Any:
     return np.asarray(numbers, float)
 
 
-class Table(Module):
+class Table(AbstractVarying):
     """Piecewise linear in time, constant before the first and after the last time."""
 
     times: Samples = eqx.field(converter=_as_array)
@@ -44,37 +52,56 @@ class Table(Module):
         ):
             raise InputError("Table: the times must increase")
 
+    @override
     def __call__(self, time: Time) -> Float[Array, ""]:
         """The value at `time` [s]."""
-        times = jnp.asarray(self.times, time.dtype)
-        return _interpolated(time, times, jnp.asarray(self.values, time.dtype))
+        if len(self.times) == 1:
+            return jnp.asarray(self.values[0], time.dtype)
+        return self.piecewise(ends_steps=False)(time)
+
+    @override
+    def over(self, window: Window) -> Any:
+        if len(self.times) == 1:
+            return self.values[0]
+        return self.piecewise(ends_steps=False).over(window)
+
+    def piecewise(self, ends_steps: bool) -> PiecewiseLinear:
+        """The table of two times or more in the form that windows use.
+
+        `ends_steps` is True if steps end at all of its times.
+        """
+        if isinstance(self.times, jax.Array):
+            times = jnp.stack([self.times, jnp.zeros_like(self.times)])
+        else:
+            times = split_times(self.times)
+        return PiecewiseLinear(
+            times=times,
+            first=self.values[:-1],
+            last=self.values[1:],
+            ends_steps=ends_steps,
+        )
 
 
-def _interpolated(
-    time: Time, times: Float[Array, " n"], values: Float[Array, " n"]
-) -> Float[Array, ""]:
-    """`jnp.interp` without its loop: inside the steps' own loop XLA fails on a GPU."""
-    # https://github.com/openxla/xla/issues/49299: an index from a loop, in a loop of
-    # fixed length. On a GPU each turn would start kernels of its own as well.
-    if len(times) == 1:
-        return values[0]
-    following = jnp.searchsorted(times, time, side="right", method="scan_unrolled")
-    i = following.clip(1, len(times) - 1)
-    slope = (values[i] - values[i - 1]) / (times[i] - times[i - 1])
-    inside = values[i - 1] + (time - times[i - 1]) * slope
-    inside = jnp.where(time > times[-1], values[-1], inside)
-    return jnp.where(time < times[0], values[0], inside)
-
-
-class Until(Module):
+class Until(AbstractVarying):
     """A value up to, but not including, `end` [s]; zero from then on."""
 
     value: TimeVarying
     end: float = eqx.field(static=True)
 
+    @override
     def __call__(self, time: Time) -> Float[Array, ""]:
         """The value at `time` [s]."""
         return jnp.where(time < self.end, value_at(self.value, time), 0)
+
+    @override
+    def over(self, window: Window) -> Any:
+        # Steps end at the end: in the window of an interval it is on or off.
+        value = self.value
+        if isinstance(value, AbstractVarying):
+            value = value.over(window)
+        elif callable(value):
+            value = FunctionOfTime(value).over(window)
+        return switched(value, window.ends_before(split_times(self.end)))
 
 
 def value_at(value: Any, time: Time) -> Float[Array, "..."]:
@@ -97,7 +124,7 @@ def for_jit(value: Any, dtype: Any) -> Any:
 def stated_numbers(value: Any) -> Any:
     """Numbers of a value, as its author wrote them; a plain function has none."""
     value = value.value if isinstance(value, Until) else value
-    return value.values if isinstance(value, Table) else value
+    return value.values if isinstance(value, Table | PiecewiseLinear) else value
 
 
 def is_zero(value: Any) -> bool:
@@ -110,20 +137,31 @@ def is_zero(value: Any) -> bool:
 
 
 SAMPLES = 256
-"""Minimum number of steps of a run in which a value is a plain function of time."""
+"""Minimum number of steps of a run in which a value changes at unknown times."""
 
 
 def is_unknown_function(value: Any) -> bool:
     """True if the value is a function that may do anything between steps."""
     if isinstance(value, Until):
         return is_unknown_function(value.value)
-    return callable(value) and not isinstance(value, Table)
+    return callable(value) and not isinstance(value, Table | PiecewiseLinear)
+
+
+def changes_unseen(value: Any) -> bool:
+    """True if a value may change within steps, which do not end where it does."""
+    if isinstance(value, Until):
+        return changes_unseen(value.value)
+    if isinstance(value, PiecewiseLinear):
+        return not value.ends_steps
+    return is_unknown_function(value)
 
 
 def breakpoints(value: Any) -> tuple[float, ...]:
     """Times at which a value has a kink or jump, where steps end exactly [s]."""
     if isinstance(value, Until):
         return (value.end, *breakpoints(value.value))
+    if isinstance(value, PiecewiseLinear) and value.ends_steps:
+        return tuple(np.asarray(value.times, float).sum(axis=0).tolist())
     # A traced table has no numbers yet.
     if isinstance(value, Table) and not is_traced(value.times):
         return tuple(float(t) for t in np.asarray(value.times))
@@ -227,7 +265,7 @@ def cooling_bound(value: Any, end: float | int) -> Any:
 
 
 def _sampled(value: Any, end: float | int) -> Float[Any, "..."]:
-    if callable(value) and not isinstance(value, Table):
+    if is_unknown_function(value):
         # The sampling includes both ends; a narrow peak may be missed.
         return jax.vmap(lambda t: value_at(value, t))(jnp.linspace(0.0, end, 1025))
     # On the host where nothing is traced: single operations on a device are slow.

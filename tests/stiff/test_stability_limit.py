@@ -12,6 +12,7 @@ from jaxthermo.integrate.explicit import EulerStepper
 from jaxthermo.integrate.ledger import empty_ledger
 from jaxthermo.integrate.run.step_loop import Span, advance
 from jaxthermo.integrate.stepper import RunState
+from jaxthermo.physics.windows import Window
 from jaxthermo.scene.compile.compile import compile_scene
 from tests.bodies import blocks
 
@@ -52,7 +53,8 @@ def _range_after(mechanism, share, painted, dtype, steps):
     float_type = jnp.dtype(dtype)
     dt = (compiled.stable_step * share).astype(float_type)
     state = RunState(compiled.state, empty_ledger(len(program.entries), float_type))
-    span = Span(start=jnp.zeros((), float_type), dt=dt, steps=jnp.asarray(steps))
+    window = Window(jnp.zeros(2, float_type), steps * dt)
+    span = Span(window, dt=dt, steps=jnp.asarray(steps))
     state = _advance(EulerStepper(), program, state, span)
     nodes = np.asarray(state.theta[0], float)[structure.node_address()]
     reference = float(program.bodies[0].reference)

@@ -23,6 +23,7 @@ from equinox import Module
 from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
+from ...physics.windows import within
 from ...scene.compile.memory import Method
 from ...scene.compile.program import Program, State
 from ..stepper import AbstractStepper, RunState
@@ -155,6 +156,7 @@ class AdaptiveStepper(AbstractStepper):
         last = jnp.where(reaches_event, remaining, half)
         step = jnp.where(remaining < 2 * controller.step, last, controller.step)
         step = jax.lax.stop_gradient(step)
+        program = within(program, start + carry.elapsed, step)
         result = runge_kutta_step(
             program,
             context=self.context,

@@ -18,12 +18,11 @@ from jaxtyping import Array, Bool, Float
 from typing_extensions import override
 
 from ...network.network import inverse, precise_sum
-from ...physics.time_varying import just_before
 from ...scene.compile.memory import Method
 from ...scene.compile.program import Program, State
 from ..heat_rates import evaluate_rates, load_slopes, pair_conductance
 from ..ledger import into_bodies
-from ..stepper import END_FRACTION, AbstractStepper, RunState
+from ..stepper import AbstractStepper, RunState
 from .jacobian import ImplicitContext
 from .newton_stage import SolverStatistics, solve_stage, zero_statistics
 
@@ -100,7 +99,7 @@ def runge_kutta_step(
     times: Any = tableau.times
     if tableau.explicit_first_stage:
         first_slope, first_entries = evaluate_rates(
-            program, states, _stage_time(start, dt, times[0])
+            program, states, start + dt * times[0]
         )
         slopes.append(first_slope)
         entries.append(first_entries)
@@ -120,7 +119,7 @@ def runge_kutta_step(
     for row, fraction in zip(weights, times, strict=True):
         base = _add_slopes(states, dt=dt, weights=row[:-1], slopes=slopes)
         g = row[-1] * dt
-        time = _stage_time(start, dt, fraction)
+        time = start + dt * fraction
         solved = solve_stage(
             program, context=context, base=base, g=g, time=time, guess=stage
         )
@@ -130,7 +129,7 @@ def runge_kutta_step(
         entries.append(solved.entries)
     last = weights[-1]
     heat = dt * sum(w * e for w, e in zip(last, entries, strict=True))
-    end = _stage_time(start, dt, times[-1])
+    end = start + dt * times[-1]
     end_states, heat = _correct_energy(
         program,
         start_states=states,
@@ -166,13 +165,6 @@ def _add_slopes(states: State, dt, weights, slopes) -> State:
     for weight, slope in zip(weights, slopes, strict=True):
         states = jax.tree.map(lambda s, f, w=weight: s + w * dt * f, states, slope)
     return states
-
-
-def _stage_time(start, dt, fraction) -> Float[Array, ""]:
-    # The end of a step is just before whatever is switched there.
-    end = start + dt
-    last = jnp.minimum(just_before(end), end - END_FRACTION * dt)
-    return jnp.where(fraction < 1, start + dt * fraction, last)
 
 
 class ImplicitStepper(AbstractStepper):

@@ -24,8 +24,8 @@ from .plan import (
     step_table,
 )
 from .schedule import similar_intervals
-from .solution import Observation, observe, saved_rows
-from .step_loop import Span, steps_of
+from .solution import Observation, saved_rows
+from .step_loop import Span, steps_of, take_row
 
 
 def take_fixed_steps(plan: Plan, state: RunState) -> Observation:
@@ -105,9 +105,7 @@ def _table_loop(plan: Plan, tables: StepTable):
             return take_span(state, span._replace(steps=length) if is_even else span)
 
         def save_interval(state: RunState, row: StepTable):
-            spans = Span(start=row.start, dt=row.dt, steps=row.steps)
-            state, _ = jax.lax.scan(take_interval, state, spans)
-            return state, observe(program, state, row.observation_time)
+            return take_row(take_interval, program, state, row)
 
         return jax.lax.scan(save_interval, state, jax.tree.map(jnp.asarray, table))
 

@@ -104,7 +104,7 @@ class ParametricRun:
             if self.uses_stable_step:
                 # The stable step of a traced scene is not known, so that `plan_run`
                 # would refuse it; the step table gives the steps.
-                compiled = compile_scene(scene, len(saves), end)
+                compiled = compile_scene(scene, len(saves), end, save_times=saves)
                 plan = Plan(
                     scene=scene,
                     compiled=compiled,
@@ -139,12 +139,14 @@ class ParametricRun:
 
 def with_more_steps(table: StepTable, factor: float) -> StepTable:
     """Divide the same intervals into at least `factor` times as many steps."""
-    start, dt, steps, observed = (np.asarray(column) for column in table)
+    dt = np.asarray(table.dt)
+    steps = np.asarray(table.steps)
+    observed = np.asarray(table.observation_time)
     more_steps = np.ceil(steps * factor).astype(steps.dtype)
     ratio = np.where(more_steps > 0, steps / np.maximum(more_steps, 1), 1.0)
     shorter = dt * ratio.astype(dt.dtype)
     # Explicit steps take their loads at the middle; so does the last observation.
-    middle = (start + dt * steps - shorter / 2).astype(dt.dtype)
+    middle = (dt * steps - shorter / 2).astype(dt.dtype)
     used = (steps > 0).sum(axis=1)
     last_middle = middle[np.arange(len(used)), np.maximum(used - 1, 0)]
     observed = np.where(used > 0, last_middle, observed)

@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...arrays import is_traced
+from ...arrays import device_array, is_traced
 from ...errors import InputError, require
-from ...physics.time_varying import just_before
+from ...physics.windows import Window, split_times
 from ...scene.compile.compile import compile_scene
 from ...scene.compile.memory import Method, with_memory_of
 from ...scene.compile.on_devices import placed_on_devices
@@ -184,7 +184,12 @@ def _compiled_for(
 
     def compile_arranged(arranged: Scene, solver: AbstractSolver) -> Compiled:
         return compile_scene(
-            arranged, saves=len(saves), end=end, prune=prune, method=solver.method
+            arranged,
+            saves=len(saves),
+            end=end,
+            prune=prune,
+            method=solver.method,
+            save_times=saves,
         )
 
     compiled = compile_arranged(arranged, compiled_with)
@@ -287,14 +292,23 @@ def initial_state(plan: Plan) -> RunState:
     return plan.stepper.begin(state)
 
 
-def observation_time(plan: Plan, interval: Interval) -> float:
-    """Return the time of the loads with which the surface is observed at the end [s].
+def window_of(interval: Interval, dtype: Any) -> Window:
+    """Return the window of an interval, from whose start its steps count time."""
+    length = np.asarray(interval.end - interval.start)
+    return Window(
+        start=device_array(split_times(interval.start), dtype),
+        length=device_array(length, dtype),
+    )
 
-    It is within the last step, so that a load that is switched at the end of the
-    interval still counts as it was.
+
+def observation_time(plan: Plan, interval: Interval) -> float:
+    """Return the time of the loads with which the surface is observed at the end.
+
+    It counts from the start of the interval [s], in whose window a load that is
+    switched at its end is as it was before.
     """
     before_end = (1 - plan.solver.load_fraction) * interval.dt
-    return min(interval.end - before_end, just_before(interval.end, plan.dtype))
+    return interval.end - interval.start - before_end
 
 
 class StepTable(NamedTuple):
@@ -304,14 +318,15 @@ class StepTable(NamedTuple):
     Unused columns have 0 steps.
     """
 
-    start: Float[Any, "rows columns"]
-    """Start of each interval [s]."""
+    start: Float[Any, "rows columns 2"]
+    """Start of each interval as a rounded time and the remainder [s]."""
     dt: Float[Any, "rows columns"]
     """Length of its steps [s]."""
     steps: Int[Any, "rows columns"]
     """Number of steps of each interval."""
     observation_time: Float[Any, " rows"]
-    """Time of the loads with which the surface is observed after each row [s]."""
+    """Time of the loads with which the surface is observed after each row, from the
+    start of its last interval with steps [s]."""
 
 
 def step_table(
@@ -335,10 +350,9 @@ def step_table(
         table[:, row, : len(group)] = np.transpose(steps)
         observed[row] = observation_time(plan, group[-1])
     # Computed in float64 on the host, rounded once.
-    start, dt = table[:2].astype(plan.dtype)
     return StepTable(
-        start=start,
-        dt=dt,
+        start=np.moveaxis(split_times(table[0]), 0, -1).astype(plan.dtype),
+        dt=table[1].astype(plan.dtype),
         steps=table[2].astype(np.int32),
         observation_time=observed.astype(plan.dtype),
     )

@@ -14,9 +14,10 @@ import numpy as np
 
 from ...arrays import device_array
 from ...parallel.processes import agreed
+from ...physics.windows import over
 from ...scene.compile.program import Program, State
 from ..stepper import LoopArguments, RunState, in_place
-from .plan import Plan, initial_state, observation_time
+from .plan import Plan, initial_state, observation_time, window_of
 from .schedule import Interval
 from .simulate import make_solution
 from .solution import Observation, Solution, observe
@@ -95,7 +96,7 @@ def take_segment(
         ledger=state.ledger,
         solver_state=state.solver_state,
         steps=Span(
-            start=device_array(np.asarray(interval.start), plan.dtype),
+            window=window_of(interval, plan.dtype),
             dt=device_array(np.asarray(interval.dt), plan.dtype),
             steps=device_array(np.int32(steps)),
             steps_before=device_array(np.int32(steps_taken)),
@@ -153,7 +154,8 @@ def run_segments(
         ended = steps_taken >= interval.steps
         if ended and interval.saved:
             load_time = jnp.asarray(observation_time(running, interval), plan.dtype)
-            row = observe(_program_of(plan, interval), state, load_time)
+            window = window_of(interval, plan.dtype)
+            row = observe(over(_program_of(plan, interval), window), state, load_time)
             observations = (*observations, row)
         progress = progress._replace(
             interval=progress.interval + 1 if ended else progress.interval,

@@ -42,7 +42,7 @@ from .solution import (
     run_result,
     saved_rows,
 )
-from .step_loop import Span, steps_of
+from .step_loop import steps_of, take_row
 from .time_error import Passes, TimeError, of_pass
 
 
@@ -166,9 +166,7 @@ def take_steps(arguments: LoopArguments, theta: State) -> tuple[RunState, Observ
     take_interval = steps_of(arguments.stepper, arguments.program)
 
     def save_interval(state: RunState, row: StepTable):
-        spans = Span(start=row.start, dt=row.dt, steps=row.steps)
-        state, _ = jax.lax.scan(take_interval, state, spans)
-        return state, observe(arguments.program, state, row.observation_time)
+        return take_row(take_interval, arguments.program, state, row)
 
     return jax.lax.scan(save_interval, arguments.start(theta), arguments.steps)
 

@@ -8,21 +8,24 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from ...physics.windows import Window, over, within
 from ...scene.compile.program import Program
 from ..stepper import AbstractStepper, RunState, is_copied_fast
+from .plan import StepTable
+from .solution import Observation, observe
 
 
 class Span(NamedTuple):
     """Steps of equal length, as arrays."""
 
-    start: Float[Array, ""]
-    """Start of the first step, or of the steps before it [s]."""
+    window: Window
+    """Time of all steps of the interval, with those before."""
     dt: Float[Array, ""]
     """Length of a step [s]."""
     steps: int | Int[Array, ""]
     """Number of steps; a Python number for a loop of fixed length."""
     steps_before: Int[Array, ""] | None = None
-    """Number of steps from `start` that have been taken before; None for 0."""
+    """Number of steps of the window that have been taken before; None for 0."""
 
 
 def steps_of(
@@ -40,11 +43,14 @@ def steps_of(
     """
 
     def take_span(state: RunState, span: Span) -> tuple[RunState, None]:
+        in_window = over(program, span.window)
+
         def one_step(i, state: RunState) -> RunState:
             # From the start, not summed step by step, which would accumulate rounding.
             number = i if span.steps_before is None else i + span.steps_before
-            begin = span.start + span.dt * jnp.asarray(number, span.dt.dtype)
-            return stepper.step(program, state, begin, span.dt)
+            begin = span.dt * jnp.asarray(number, span.dt.dtype)
+            in_step = within(in_window, begin, span.dt)
+            return stepper.step(in_step, state, begin, span.dt)
 
         def two_steps(i, state: RunState) -> RunState:
             # Two steps per iteration write to a second buffer and back; with one, XLA
@@ -91,3 +97,19 @@ def advance(
 ) -> RunState:
     """Take the steps of one span, see `steps_of`."""
     return steps_of(stepper, program, checkpoints)(state, span)[0]
+
+
+def take_row(
+    take_interval: Callable[[RunState, Span], tuple[RunState, None]],
+    program: Program,
+    state: RunState,
+    row: StepTable,
+) -> tuple[RunState, Observation]:
+    """Take the steps of one row of a table, and observe its end."""
+    windows = Window(row.start, row.dt * jnp.asarray(row.steps, row.dt.dtype))
+    spans = Span(window=windows, dt=row.dt, steps=row.steps)
+    state, _ = jax.lax.scan(take_interval, state, spans)
+    # Columns without steps follow those with steps.
+    last = jnp.maximum((row.steps > 0).sum() - 1, 0)
+    window = jax.tree.map(lambda column: column[last], windows)
+    return state, observe(over(program, window), state, row.observation_time)

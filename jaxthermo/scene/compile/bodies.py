@@ -24,7 +24,7 @@ from ...physics.conduction import (
     surface_conductivity,
 )
 from ...physics.flux_law import Forcing, Values
-from ...physics.time_varying import check_temperature, is_unknown_function
+from ...physics.time_varying import check_temperature
 from ...structures.kinds.full import FullVolume
 from ...voxels.sharded_lattice import padded_places
 from ..scene import AbstractMaterials, Body, Scene
@@ -310,6 +310,6 @@ def check_terms(scene: Scene, end: float | int) -> None:
         return
     for n, term in enumerate(scene.terms):
         for name, value in term.temperatures.items():
-            if is_unknown_function(value):
+            if callable(value):
                 argument = f"terms[{n}]: {type(term).__name__}({name}=) gives"
                 check_temperature(value, argument, end)

@@ -40,6 +40,7 @@ from .program_builder import (
 )
 from .receipt import receipt_of
 from .snapshots import Snapshot, take_snapshots
+from .time_values import with_time_values
 from .traced_scene import mark_untraceable, separate_numbers, trace_scene
 
 
@@ -49,6 +50,7 @@ def compile_scene(
     end: float | int = 0.0,
     prune: bool = True,
     method: Method = "euler",
+    save_times: tuple[float, ...] | None = None,
 ) -> Compiled:
     """Bind all terms to the scene, leaving out those without effect.
 
@@ -58,6 +60,8 @@ def compile_scene(
         end: of the run [s], up to which snapshots of moving geometry are taken.
         prune: False to compute terms without effect, for comparison in tests.
         method: kind of steps, for the estimate of memory.
+        save_times: times that a run saves [s], up to which functions of time are
+            integrated; None to leave them as they are.
 
     Raises:
         InputError: if the program would not fit into memory, or terms contradict each
@@ -66,6 +70,8 @@ def compile_scene(
     # Memory is checked before anything large is made.
     starts = _snapshot_times(scene, end)
     memory = check_memory(scene, saves=saves, snapshots=len(starts), method=method)
+    time_values = with_time_values(scene, float(end), save_times)
+    scene = time_values.scene
     check_terms(scene, end)
     with searches_recorded() as searches:
         compiled = _bound(scene, starts=starts, end=float(end), prune=prune)
@@ -81,7 +87,15 @@ def compile_scene(
     ]
     receipt = replace(
         compiled.receipt,
-        notes=(*compiled.receipt.notes, *dict.fromkeys(lines)),
+        notes=(
+            *compiled.receipt.notes,
+            *dict.fromkeys(lines),
+            *time_values.notes(compiled.acting),
+        ),
+        warnings=(
+            *compiled.receipt.warnings,
+            *time_values.warnings(compiled.acting),
+        ),
         memory_bytes=memory,
         searches=tuple(dict.fromkeys(searches)),
     )

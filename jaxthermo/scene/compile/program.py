@@ -174,7 +174,7 @@ class Program(Module):
     """Outputs for every fragment; None for none."""
     entries: LedgerEntries = eqx.field(static=True)
     sampled: bool = eqx.field(static=True)
-    """True if some value is a function of time, known only where it is evaluated."""
+    """True if some value changes at times at which steps do not end."""
 
     @property
     def mesh(self) -> Mesh | None:

@@ -22,7 +22,7 @@ from ...physics.term import (
     AbstractPairTerm,
     AbstractVolumeTerm,
 )
-from ...physics.time_varying import breakpoints, for_jit, is_unknown_function
+from ...physics.time_varying import breakpoints, changes_unseen, for_jit
 from ..scene import Scene
 from .bodies import PreparedBody
 from .linear_load import linear_programs
@@ -166,7 +166,7 @@ class ProgramBuilder:
                 probes=probes,
                 surface_heat=outputs,
                 entries=tuple((name, key[1:]) for key, name in self.ledger.items()),
-                sampled=any(is_unknown_function(value) for value in values),
+                sampled=any(changes_unseen(value) for value in values),
             )
             programs.append(program)
         # Linear sums are made on the host, in double precision.

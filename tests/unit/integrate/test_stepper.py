@@ -9,6 +9,7 @@ import jaxthermo as jt
 from jaxthermo.integrate import stepper as module
 from jaxthermo.integrate.run.plan import initial_state, plan_run
 from jaxthermo.integrate.run.step_loop import Span, advance
+from jaxthermo.physics.windows import Window
 from tests.bodies import blocks
 
 
@@ -50,7 +51,8 @@ def _plain(stepper, program, state, dt):
 
 def _kept(checkpoints):
     def loop(stepper, program, state, dt):
-        span = Span(start=jnp.zeros_like(dt), dt=dt, steps=STEPS)
+        window = Window(jnp.zeros(2, dt.dtype), STEPS * dt)
+        span = Span(window, dt=dt, steps=STEPS)
         return advance(
             stepper, program=program, state=state, span=span, checkpoints=checkpoints
         )
@@ -110,15 +112,15 @@ def test_two_steps_a_turn_are_one_after_the_other(monkeypatch, solver):
     scene = jt.Scene((body,), (jt.Surroundings(290.0),), dtype="float64")
     plan = plan_run(scene, t1=STEPS * DT, save_at=None, solver=solver)
     start = initial_state(plan)
-    begin = jnp.array(0.0)
     dt = jnp.array(DT)
+    window = Window(jnp.zeros(2), STEPS * dt)
     end_states = []
     for few in (module._FEW_VALUES, 0):
         monkeypatch.setattr(module, "_FEW_VALUES", few)
         # A function of its own: one program for both would be found again.
         end = jax.jit(
             lambda state, n: advance(
-                plan.stepper, plan.compiled.program, state, Span(begin, dt, steps=n)
+                plan.stepper, plan.compiled.program, state, Span(window, dt, steps=n)
             )
         )(start, jnp.array(STEPS))
         end_states.append(end)

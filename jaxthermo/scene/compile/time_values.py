@@ -1,0 +1,150 @@
+"""Values of terms that vary with time, in the form in which steps use them.
+
+Tables become pieces between their times, at which steps end. Functions of time are
+integrated on the host and become pieces too, unless a value that they depend on is
+traced: then each step evaluates them itself.
+"""
+
+from dataclasses import fields, replace
+from typing import Any, NamedTuple
+
+import equinox as eqx
+
+from ...arrays import is_traced
+from ...physics.tabulated import tabulated
+from ...physics.term import AbstractTerm
+from ...physics.time_varying import Table, Until
+from ...physics.windows import AbstractVarying, FunctionOfTime
+from ..scene import Scene, mechanism_names
+
+
+class _Form(NamedTuple):
+    """A value in the form that steps use."""
+
+    value: Any
+    note: str = ""
+    """What may be missed of it; empty if nothing."""
+    warning: str = ""
+    """What is missed of it; empty if nothing."""
+
+
+class TimeValues(NamedTuple):
+    """A scene whose values that vary have the form that steps use."""
+
+    scene: Scene
+    forms: tuple[tuple[int, str, _Form], ...]
+    """Number of the term, name of the field and form of each value that varies."""
+
+    def notes(self, acting: tuple[int, ...]) -> tuple[str, ...]:
+        """Notes on values of the terms that act, by their numbers."""
+        return self._labelled([(n, name, f.note) for n, name, f in self.forms], acting)
+
+    def warnings(self, acting: tuple[int, ...]) -> tuple[str, ...]:
+        """Warnings of values of the terms that act, by their numbers."""
+        texts = [(n, name, form.warning) for n, name, form in self.forms]
+        return self._labelled(texts, acting)
+
+    def _labelled(
+        self, texts: list[tuple[int, str, str]], acting: tuple[int, ...]
+    ) -> tuple[str, ...]:
+        names = mechanism_names(self.scene)
+        lines = [
+            f"{names[number]}: {field} {text}"
+            for number, field, text in texts
+            if text and number in acting
+        ]
+        return tuple(dict.fromkeys(lines))
+
+
+def with_time_values(
+    scene: Scene, end: float, save_times: tuple[float, ...] | None
+) -> TimeValues:
+    """Return the scene with its values that vary in the form that steps use.
+
+    Args:
+        scene: bodies and terms.
+        end: of the run [s].
+        save_times: saved times of the run, at which the integrals of functions are
+            those of the functions themselves [s]; None to leave functions as they are.
+    """
+    traced = is_traced(scene)
+    terms = []
+    forms = []
+    for number, term in enumerate(scene.terms):
+        changed = {
+            name: _form(value, end=end, save_times=save_times, traced=traced)
+            for name, value in _varying_fields(term).items()
+        }
+        forms += [(number, name, form) for name, form in changed.items()]
+        terms.append(_with_fields(term, changed))
+    if not forms:
+        return TimeValues(scene, ())
+    return TimeValues(replace(scene, terms=tuple(terms)), tuple(forms))
+
+
+def _varying_fields(term: AbstractTerm) -> dict[str, Any]:
+    """Fields of a term with values that vary with time, by name."""
+    varying = [value for value in term.values if callable(value)]
+    return {
+        field.name: value
+        for field in fields(term)
+        for value in varying
+        if getattr(term, field.name) is value
+    }
+
+
+def _with_fields(term: AbstractTerm, forms: dict[str, _Form]) -> AbstractTerm:
+    if not forms:
+        return term
+    # Not `replace`, which would check numbers again, and say them all in its errors.
+    return eqx.tree_at(
+        lambda tree: [getattr(tree, name) for name in forms],
+        term,
+        [form.value for form in forms.values()],
+        is_leaf=callable,
+    )
+
+
+def _form(
+    value: Any, end: float, save_times: tuple[float, ...] | None, traced: bool
+) -> _Form:
+    if isinstance(value, Until):
+        if not callable(value.value):
+            return _Form(value)
+        stop = min(value.end, end)
+        form = _form(value.value, end=stop, save_times=save_times, traced=traced)
+        return form._replace(value=Until(form.value, value.end))
+    if isinstance(value, Table):
+        if len(value.times) == 1:
+            return _Form(value.values[0])
+        return _Form(value.piecewise(ends_steps=not is_traced(value.times)))
+    if isinstance(value, AbstractVarying):
+        return _Form(value)
+    if save_times is None or end <= 0:
+        return _Form(FunctionOfTime(value))
+    lines = None
+    if not is_traced(value):
+        lines = tabulated(value, end=end, cuts=save_times, ends_steps=not traced)
+    if lines is None:
+        return _Form(FunctionOfTime(value), note=_EVALUATED)
+    if lines.is_resolved:
+        return _Form(lines.value, note=_INTEGRATED.format(lines.spacing))
+    return _Form(
+        lines.value, warning=_UNRESOLVED.format(lines.unresolved, lines.varying)
+    )
+
+
+_EVALUATED = (
+    "is evaluated at four points of each step: what is shorter than a step may be "
+    "missed"
+)
+
+_INTEGRATED = (
+    "is a function of time: what it does within less than {:.2g} s may be missed; a "
+    "Table or Until states its times"
+)
+
+_UNRESOLVED = (
+    "is a function that varies too fast to be integrated: about {:.2g} of its integral "
+    "over time is missed, where {:.2g} varies; give a smoother function or a Table"
+)
