@@ -9,7 +9,11 @@ from jaxthermo.console.entry import Flag, Overrides, make_app, run_app
 from jaxthermo.errors import InputError
 
 from . import benchmark_group, catalogue
+from .harness.agreement import DisagreementError
 
+
+# Exit status of a benchmark of things that are not equal.
+_NOT_EQUAL = 3
 
 # Without stored programs (`entry.compiles`): compilations are measured too.
 app = make_app("experiments", "Run measurements by name, and compare their results.")
@@ -37,6 +41,8 @@ def _run(
     device: Literal["cpu", "gpu", "tpu"] | None = None,
 ) -> None:
     """Run an experiment, or several that share a group name.
+
+    A benchmark whose peer gives another result exits with status 3.
 
     Args:
         name: Name of an experiment in `list`, "benchmarks" for all benchmarks on one
@@ -75,7 +81,11 @@ def _run(
         raise InputError("--resume: only `run benchmarks` takes it; leave it out")
     for experiment in experiments:
         folder = out or default / experiment.name
-        catalogue.run(experiment, folder, quick, **options)
+        try:
+            catalogue.run(experiment, folder, quick, **options)
+        except DisagreementError as error:
+            sys.stderr.write(f"experiments: {experiment.name}: {error}\n")
+            sys.exit(_NOT_EQUAL)
         sys.stdout.write(f"{folder / 'result.json'}\n")
 
 

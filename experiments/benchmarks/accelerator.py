@@ -3,7 +3,9 @@
 A copy of memory and a step of conduction in the thesis' lattice, as a share of it; a
 step of each structure with sun and air; implicit steps; a Jacobian over its forward run
 by the number of parameters; and a rendered frame. Beside torch and cupy where they are
-installed. It runs on processors too, where it is tested.
+installed: their steps must give the same temperatures. So must Jacobians of any number
+of parameters, and the difference of two runs. It runs on processors too, where it is
+tested.
 """
 
 import importlib
@@ -20,14 +22,16 @@ import numpy as np
 import jaxthermo as jt
 from jaxthermo.integrate.run.plan import plan_run
 from jaxthermo.integrate.solvers import AbstractSolver
+from jaxthermo.network.stencil import solid_degree
 from jaxthermo.timing import interleaved
 
+from ..harness.agreement import largest_difference
 from ..harness.measurement import MeasuredResult, Measurement, compared, plain_rows
 from ..harness.meshes import END, START, STEEL, standard_scene, statue
 from ..thesis.table_6_1 import FULL, TABLE_TIMES
 from .loops import loop_of, per_item, stable_step
 from .scaling_model import STEP_BYTES
-from .steps import STRUCTURES, conduction_call
+from .steps import MAX_DT, STRUCTURES, conduction_of, random_state
 
 
 QUICK = {"height": 40, "shape": (40, 96, 40), "repeats": 2, "copied": 2**22}
@@ -39,6 +43,12 @@ _SOLVERS: dict[str, tuple[AbstractSolver, int]] = {
 }
 _TURNS = 10
 _THESIS_SHAPE = (228, 550, 228)
+_MAX_DIFFERENCE = 1e-5
+"""Largest difference of states after these steps, which are 0 to 1 at the start."""
+_MAX_JACOBIAN_DIFFERENCE = 0.02
+"""Largest difference of derivatives, over the largest of them [-]."""
+_CHANGE = 0.05
+"""Relative change of a parameter by which derivatives are compared."""
 _SHARE = 0.7
 """Share of the bandwidth of a copy that a step must reach."""
 _STRUCTURES = {**STRUCTURES, "single shell": jt.SingleShell}
@@ -105,10 +115,17 @@ def _conduction(
     x, y, z = (1e-3 * n for n in shape)
     grid = jt.voxelize(jt.shapes.box((x, y, z)), 1e-3, "dominant_axis")
     structure = jt.FullVolume(grid)
-    calls = {"ours": conduction_call(structure, _STEPS)}
+    conduct = conduction_of(structure)
+    calls: dict[str, Callable[[], Any]] = {"ours": partial(conduct, _STEPS)}
+    states = {"ours": np.asarray(conduct(_STEPS))}
+    degree = np.zeros(structure.state_shape, np.uint8)
+    degree[1:-1, 1:-1, 1:-1] = solid_degree(grid.solid)
     for name, make in _PEERS.items():
         if find_spec(name) is not None and _has_device(name):
-            calls[name] = make(shape)
+            calls[name] = make(random_state(structure), degree)
+            state = calls[name]()
+            states[name] = np.asarray(state.get() if name == "cupy" else state.cpu())
+    largest_difference(f"state after {_STEPS} steps", states, tolerance=_MAX_DIFFERENCE)
     step_spans = per_item(interleaved(calls, repeats), dict.fromkeys(calls, _STEPS))
     ours = step_spans.pop("ours")
     ideal = STEP_BYTES * int(np.prod(shape)) / bandwidth
@@ -172,6 +189,21 @@ def _jacobians(label: str, scene: jt.Scene, repeats: int) -> list[Measurement]:
     for count in _PARAMETERS:
         jacobian = jax.jit(jax.jacfwd(surface))
         calls[str(count)] = partial(jacobian, jnp.ones(count))
+    columns = {
+        f"{count} parameters": np.asarray(calls[str(count)](), float)[:, -1]
+        for count in _PARAMETERS
+    }
+    above, below = (
+        np.asarray(forward(jnp.array([1 + change])), float)
+        for change in (_CHANGE, -_CHANGE)
+    )
+    largest_difference(
+        f"{label}: derivatives",
+        {"a difference": (above - below) / (2 * _CHANGE), **columns},
+        tolerance=_MAX_JACOBIAN_DIFFERENCE
+        * float(np.abs(columns["1 parameters"]).max()),
+        unit="K",
+    )
     spans = interleaved(calls, repeats)
     peers = {"a forward run": spans["forward"]}
     rows = []
@@ -188,36 +220,44 @@ def _frame(label: str, scene: jt.Scene, repeats: int) -> list[Measurement]:
     return [Measurement(f"{label}: frame of 640 x 480", "s", spans)]
 
 
-def _torch_steps(shape: tuple[int, int, int]) -> Callable[[], Any]:
+def _torch_steps(start: np.ndarray, degree: np.ndarray) -> Callable[[], Any]:
     torch = importlib.import_module("torch")
     on_gpu = jax.default_backend() == "gpu"
     device = "cuda" if on_gpu else "cpu"
-    a = torch.rand(*(n + 2 for n in shape), device=device)
-    b = torch.zeros_like(a)
+    state = torch.tensor(start, device=device)
     wait = torch.cuda.synchronize if on_gpu else lambda: None
-    return partial(_slices, a, b, wait)
+    neighbours = torch.tensor(degree, device=device)
+    return partial(slice_steps, state, torch.zeros_like(state), neighbours, wait)
 
 
-def _cupy_steps(shape: tuple[int, int, int]) -> Callable[[], Any]:
+def _cupy_steps(start: np.ndarray, degree: np.ndarray) -> Callable[[], Any]:
     cupy = importlib.import_module("cupy")
-    a = cupy.random.rand(*(n + 2 for n in shape), dtype=cupy.float32)
-    b = cupy.zeros_like(a)
-    return partial(_slices, a, b, cupy.cuda.Device().synchronize)
+    state = cupy.asarray(start)
+    wait = cupy.cuda.Device().synchronize
+    return partial(
+        slice_steps, state, cupy.zeros_like(state), cupy.asarray(degree), wait
+    )
 
 
-def _slices(a: Any, b: Any, wait: Callable[[], None]) -> None:
-    """Steps of the same stencil in slices of an array library."""
+def slice_steps(a: Any, b: Any, degree: Any, wait: Callable[[], None]) -> Any:
+    """Steps of the same stencil in slices of an array library, from the state `a` on.
+
+    `degree` is the number of neighbours of each voxel; outside of the body all are 0.
+    """
     i = slice(1, -1)
     low = slice(None, -2)
     high = slice(2, None)
+    ratio = MAX_DT / 6
     for _ in range(_STEPS // 2):
         for old, new in ((a, b), (b, a)):
             total = old[low, i, i] + old[high, i, i] + old[i, low, i]
             total += old[i, high, i]
             total += old[i, i, low]
             total += old[i, i, high]
-            new[i, i, i] = old[i, i, i] + 0.1 * (total - 6 * old[i, i, i])
+            total -= degree[i, i, i] * old[i, i, i]
+            new[i, i, i] = old[i, i, i] + ratio * total
     wait()
+    return a
 
 
 def _has_device(name: str) -> bool:

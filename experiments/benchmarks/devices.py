@@ -1,9 +1,9 @@
 """A full volume on devices of one process and on two processes, compared with one.
 
 Each arrangement has processes of its own, which wait for each other's turns, so that
-all see the same state of the machine. Where there are no other devices, those of one
-process are parts of its processor; a device alone uses all cores. Besides, what larger
-bodies would take on many devices, on paper.
+all see the same state of the machine, and must give the same temperatures. Where there
+are no other devices, those of one process are parts of its processor; a device alone
+uses all cores. Besides, what larger bodies would take on many devices, on paper.
 """
 
 import json
@@ -19,6 +19,7 @@ from typing import IO, NamedTuple, TypedDict
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.host_memory import readable_bytes
@@ -29,7 +30,9 @@ from jaxthermo.parallel.devices import provide_devices
 from jaxthermo.parallel.meeting import Group, free_port
 from jaxthermo.parallel.processes import join, watching_others
 from jaxthermo.scene.compile.on_devices import on_devices
+from jaxthermo.structures.structure import AbstractStructure
 
+from ..harness.agreement import largest_difference
 from ..harness.measurement import (
     MeasuredResult,
     Measurement,
@@ -48,6 +51,10 @@ _ASKED = 0.9
 """Speed relative to one device that two processes must reach."""
 _LARGEST_SHARE = 0.6
 """Share of the lattice that a process of two may have."""
+_SAMPLES = 1000
+"""Number of nodes that are compared."""
+_MAX_DIFFERENCE = 1e-3
+"""Largest difference of their temperatures after a turn, from a range of 100 K [K]."""
 _RKL2 = "conduction, stages of RKL2"
 _TERMS: dict[str, tuple[jt.Convection, ...]] = {
     "conduction": (),
@@ -66,6 +73,8 @@ class _Reply(TypedDict, total=False):
     """Report of a process: its lattice when it is ready, then each turn's time."""
 
     lattice_bytes: int
+    sample: dict[str, float]
+    """Temperatures of some nodes of its part after a turn, by their numbers [K]."""
     step_s: float
 
 
@@ -216,6 +225,20 @@ def _measured(
             arrangement: [worker.reply() for worker in processes]
             for arrangement, processes in workers.items()
         }
+        samples = {
+            arrangement: {k: v for row in replies for k, v in row["sample"].items()}
+            for arrangement, replies in ready.items()
+        }
+        numbers = sorted(samples[_ALONE])
+        largest_difference(
+            f"{surface}: temperatures",
+            {
+                arrangement.name: [sample.get(cell, np.nan) for cell in numbers]
+                for arrangement, sample in samples.items()
+            },
+            tolerance=_MAX_DIFFERENCE,
+            unit="K",
+        )
         spans: dict[_Arrangement, list[float]] = {
             arrangement: [] for arrangement in workers
         }
@@ -283,18 +306,19 @@ def _work(
         join(Group(f"localhost:{port}", processes, process), name)
     x, y, z = (_PITCH * n for n in shape)
     grid = jt.voxelize(jt.shapes.box((x, y, z)), _PITCH, "dominant_axis")
-    body = jt.Body(jt.FullVolume(grid), STEEL, temperature=300.0)
+    body = jt.Body(jt.FullVolume(grid), STEEL, temperature=_warm_in_stripes)
     scene = on_devices(jt.Scene((body,), _TERMS[surface]), devices)
     plan, count = _plan(scene, surface == _RKL2, steps)
     state = initial_state(plan).theta[0]
     local_bytes = sum(shard.data.nbytes for shard in state.addressable_shards)
-    _take(plan)
-    sys.stdout.write(json.dumps({"lattice_bytes": local_bytes}) + "\n")
+    sample = _sample(_take(plan).state, plan.scene.bodies[0].structure)
+    reply: _Reply = {"lattice_bytes": local_bytes, "sample": sample}
+    sys.stdout.write(json.dumps(reply) + "\n")
     sys.stdout.flush()
     # They end together: JAX reports one that is gone before the others as a failure.
     with watching_others("run the benchmark again"):
         while sys.stdin.readline().strip() == "go":
-            result = {"step_s": _take(plan) / count}
+            result = {"step_s": _take(plan).seconds / count}
             sys.stdout.write(json.dumps(result) + "\n")
             sys.stdout.flush()
 
@@ -314,14 +338,45 @@ def _plan(scene: jt.Scene, in_stages: bool, steps: int) -> tuple[Plan, int]:
     return plan, plan.stepper.stages_taken
 
 
-def _take(plan: Plan) -> float:
-    """Wall time of all steps of a plan [s]."""
+def _warm_in_stripes(points: np.ndarray) -> np.ndarray:
+    """Temperatures of 250 to 350 K that change along every axis, in some voxels."""
+    return 300.0 + 50.0 * np.sin(points.sum(axis=1) / (2 * _PITCH))
+
+
+class _Taken(NamedTuple):
+    """All steps of a plan."""
+
+    state: jax.Array
+    """State of the body at their end."""
+    seconds: float
+
+
+def _sample(state: jax.Array, structure: AbstractStructure) -> dict[str, float]:
+    """Values of some nodes in this process' part of a state, by their numbers."""
+    nodes = np.linspace(0, structure.node_count - 1, _SAMPLES).astype(int)
+    address = np.stack([axis[nodes] for axis in structure.node_address()])
+    sample = {}
+    for shard in state.addressable_shards:
+        values = np.asarray(shard.data)
+        corner = np.array([[axis.start or 0] for axis in shard.index])
+        local = address - corner
+        is_local = ((local >= 0) & (local < np.array(values.shape)[:, None])).all(
+            axis=0
+        )
+        sampled = values[tuple(local[:, is_local])]
+        sample |= dict(zip(map(str, nodes[is_local]), sampled.tolist(), strict=True))
+    return sample
+
+
+def _take(plan: Plan) -> _Taken:
+    """Take all steps of a plan."""
     ready = begin_run(plan)
     jax.block_until_ready(ready.state.theta)
     clock = time.perf_counter()
     *_, last = run_segments(plan, ready, seconds=jnp.inf)
     jax.block_until_ready(last.state.theta)
-    return time.perf_counter() - clock
+    seconds = time.perf_counter() - clock
+    return _Taken(last.state.theta[0], seconds)
 
 
 if __name__ == "__main__":

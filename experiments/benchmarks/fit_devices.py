@@ -2,8 +2,8 @@
 
 In turn in a process of its own, which has two devices: where there are no others, they
 share the threads of one processor, and a device alone uses all of them where an
-operation is large enough. Times of all threads tell what is computed twice, where other
-programs use the processor too.
+operation is large enough. Both must give the same numbers. Times of all threads tell
+what is computed twice, where other programs use the processor too.
 """
 
 import time
@@ -15,6 +15,7 @@ from typing import Any, TypedDict
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 import jaxthermo as jt
 from calibrate.problem.parameters import Parameter, ParameterSet
@@ -29,6 +30,7 @@ from jaxthermo.parallel.batch import on_every_device, on_first_device
 from jaxthermo.parallel.devices import mesh_of, provide_devices
 from jaxthermo.timing import interleaved
 
+from ..harness.agreement import largest_difference
 from ..harness.measurement import MeasuredResult, Measurement, compared, plain_rows
 from ..harness.meshes import END, standard_scene, statue
 from ..harness.processes import in_new_process
@@ -37,6 +39,8 @@ from .steps import STRUCTURES
 
 QUICK = {"height": 32, "repeats": 2, "counts": (2,)}
 _DEVICES = 2
+_MAX_DIFFERENCE = 1e-4
+"""Largest difference of results on one and on two devices, over the largest value."""
 _BLOCKS = "blocks x4"
 _VALUES = {
     "weights.within": 1.0,
@@ -161,6 +165,12 @@ def _calls(problem: Problem) -> dict[str, _Calls]:
 
 def _timed(calls: _Calls, repeats: int) -> _Times:
     """Wall times in turn, and those of the processor [s]."""
+    results = {
+        name: np.concatenate(list(map(np.ravel, jax.tree.leaves(call()))))
+        for name, call in calls.items()
+    }
+    scale = float(np.abs(results["one"]).max())
+    largest_difference("results", results, tolerance=_MAX_DIFFERENCE * scale)
     processor: dict[str, list[float]] = {name: [] for name in calls}
 
     def counted(name: str) -> None:

@@ -2,7 +2,8 @@
 
 The gradient of the mean of the final surface's temperature, with respect to all weights
 of links, k, h, the emissivity and the sun, of the standard scene on a structure that
-takes weights, by explicit steps from checkpoints within a stated memory.
+takes weights, by explicit steps from checkpoints within a stated memory. It must agree
+with the difference of two runs along a direction in which all values change.
 """
 
 from collections.abc import Callable
@@ -18,6 +19,7 @@ import jaxthermo as jt
 from jaxthermo.host_memory import readable_bytes
 from jaxthermo.timing import Spread, interleaved, ratio_of, timed_call
 
+from ..harness.agreement import require_within
 from ..harness.measurement import MeasuredResult, Measurement, compared, plain_rows
 from ..harness.meshes import END, START, statue
 
@@ -37,6 +39,12 @@ _STRUCTURES: dict[str, Callable[..., Any]] = {
 
 # Weights within, between and at the surface, k, h, emissivity, sun.
 _VALUES = (1.0, 1.0, 1.0, 16.0, 10.0, 0.9, 5000.0)
+# Relative change of each, of which a twentieth is taken: conduction becomes slower, so
+# that steps stay stable in one of both ways.
+_DIRECTION = (0.5, -1.0, 1.0, -0.5, 1.0, -1.0, -1.0)
+_STEP = 0.05
+_MAX_ERROR = 0.01
+"""Largest error of the derivative in that direction, over the difference [-]."""
 
 
 def _scene(make, grid, values) -> jt.Scene:
@@ -61,6 +69,7 @@ class _Costs(TypedDict):
     times_s: dict[str, list[float]]
     ratio: Spread
     temporary_bytes: int | None
+    derivative_error: float
     gradient: list[float]
 
 
@@ -88,6 +97,8 @@ def _measure(make, grid, repeats: int) -> _Costs:
     for name, function in (("forward", loss), ("reverse", jax.grad(loss))):
         compiling = partial(lambda f: jax.jit(f).lower(values).compile(), function)
         calls[name], compiled[name] = timed_call(compiling)
+    gradient = np.asarray(calls["reverse"](values), float)
+    error = _derivative_error(calls["forward"], gradient)
     spans = interleaved({n: partial(c, values) for n, c in calls.items()}, repeats)
     # Not every backend reports the memory of what it compiled.
     held = calls["reverse"].memory_analysis()
@@ -97,8 +108,26 @@ def _measure(make, grid, repeats: int) -> _Costs:
         "times_s": spans,
         "ratio": ratio_of(spans["reverse"], spans["forward"]),
         "temporary_bytes": None if held is None else int(held.temp_size_in_bytes),
-        "gradient": np.asarray(calls["reverse"](values), float).tolist(),
+        "derivative_error": error,
+        "gradient": gradient.tolist(),
     }
+
+
+def _derivative_error(
+    forward: Callable[[jax.Array], jax.Array], gradient: np.ndarray
+) -> float:
+    """Error of a derivative against a central difference, over that difference [-]."""
+    change = np.asarray(_VALUES) * _DIRECTION
+    ends = [
+        float(forward(jnp.asarray(_VALUES + sign * _STEP * change, jnp.float32)))
+        for sign in (-1, 1)
+    ]
+    difference = (ends[1] - ends[0]) / (2 * _STEP)
+    return require_within(
+        "error of the derivative",
+        abs(float(gradient @ change) / difference - 1),
+        tolerance=_MAX_ERROR,
+    )
 
 
 def run(folder: Path, height: int = 128, repeats: int = 3) -> _Result:
@@ -130,5 +159,6 @@ def _measurements(name: str, row: _Costs) -> list[Measurement]:
         peers={"its forward run": times["forward"]},
         overhead=True,
         note=f"{row['steps']} explicit steps; {memory}; compiled in "
-        f"{row['compile_s']['reverse']:.1f} s",
+        f"{row['compile_s']['reverse']:.1f} s; off the difference of two runs by "
+        f"{100 * row['derivative_error']:.1g} %",
     )

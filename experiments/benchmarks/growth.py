@@ -1,5 +1,7 @@
 """Time of a step over the number of nodes, of the stencil and of links, for balls.
 
+Both forms of a ball must give the same temperatures.
+
 A step that is linear in the nodes takes the same time a node at every size. Arrays
 that no cache holds take longer than those that one does: the growth is that beyond, the
 slope of the logarithms from 1 million nodes on.
@@ -15,6 +17,7 @@ import jaxthermo as jt
 from jaxthermo.report.chart import Chart, write_chart
 from jaxthermo.timing import interleaved
 
+from ..harness.agreement import largest_difference
 from ..harness.line_chart import CurvePoint, log_chart
 from ..harness.measurement import MeasuredResult, Measurement, plain_rows
 from ..harness.power_law import power
@@ -32,6 +35,10 @@ _BEYOND_CACHE = 900_000
 _WORK = 6e8
 _MOST_STEPS = 2000
 """Nodes times steps of a call, and its largest number of steps."""
+_MAX_DIFFERENCE = 1e-5
+"""Largest difference of the states of both forms, which are 0 to 1 at the start."""
+_COMPARED = 100
+"""Steps after which they are compared."""
 _FIRST = 2
 """Steps of a call to compare with: memory is new to the first, which takes its time."""
 
@@ -91,10 +98,15 @@ def _measured(across: int, repeats: int) -> list[_Row]:
         forms["links"] = jt.FullVolume(grid, stencil=False)
     count = int(np.clip(_WORK / grid.solid_count, 4, _MOST_STEPS)) // 2 * 2
     calls = {}
+    states = {}
     for form, structure in forms.items():
         conduct = conduction_of(structure)
+        states[form] = conduct(_COMPARED)[structure.node_address()]
         calls[form] = partial(conduct, count + _FIRST)
         calls[f"{form}, first steps"] = partial(conduct, _FIRST)
+    largest_difference(
+        f"state of {grid.solid_count} nodes", states, tolerance=_MAX_DIFFERENCE
+    )
     spans = interleaved(calls, repeats)
     rows: list[_Row] = []
     for form in forms:

@@ -6,6 +6,7 @@ from typing import Any
 import jax.numpy as jnp
 import numba
 import numpy as np
+from jaxtyping import Float
 
 import jaxthermo as jt
 from jaxthermo.integrate.run.plan import (
@@ -120,9 +121,6 @@ def _faster(body: LinearBody, make: Callable[[LinearBody], Run]) -> Run:
     return min(runs, key=lambda run: timed_call(run.call)[1])
 
 
-def largest_difference(plan: Plan, peer: Run) -> float:
-    """Largest difference of a plan's surface temperatures from its peer's [K]."""
-    surface = np.asarray(run_plan(plan).surface_temperature, float)
-    # A run without times to save has saved its end.
-    peer_surface = peer.call()
-    return float(np.abs(surface[-1] - peer_surface[-1]).max())
+def last_surface(plan: Plan) -> Float[np.ndarray, " s"]:
+    """Surface temperatures at the end of a plan [K]."""
+    return np.asarray(run_plan(plan).surface_temperature[-1], float)

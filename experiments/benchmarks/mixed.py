@@ -3,7 +3,8 @@
 In one run, in turn: every body's own conduction, the whole scene, and the scene without
 each of its mechanisms. A mechanism's share is what the scene is faster without it.
 Besides, one body whose terms all do nothing against the bare loop of its network:
-these two alone, in turn, over more steps and more often, for they hardly differ.
+these two alone, in turn, over more steps and more often, for they hardly differ; their
+temperatures must be the same.
 """
 
 from collections.abc import Callable, Mapping
@@ -27,6 +28,7 @@ from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.compile.program import Compiled
 from jaxthermo.timing import Spans, interleaved, ratio_of, timed_call
 
+from ..harness.agreement import largest_difference
 from ..harness.measurement import MeasuredResult, Measurement, compared, plain_rows
 from ..harness.present import show, table_of
 from .loops import per_item
@@ -41,6 +43,8 @@ _STEPS = 100
 # repeats of these two over those of the others.
 _MORE_STEPS = 500
 _MORE_REPEATS = 4
+_MAX_DIFFERENCE = 1e-3
+"""Largest difference of their temperatures [K]."""
 
 
 class Runner(NamedTuple):
@@ -112,10 +116,15 @@ def _idle_runners(scene: jt.Scene, dt: float) -> dict[str, Runner]:
     )
     first = scene.bodies[0]
     with_idle = jt.Scene((first,), idle, scene.dtype)
-    return {
-        "one body, idle terms": scene_runner(with_idle, dt, _MORE_STEPS),
-        "bare loop": _bare(first, dt, _MORE_STEPS),
-    }
+    with_terms = scene_runner(with_idle, dt, _MORE_STEPS)
+    bare = _bare(first, dt, _MORE_STEPS)
+    largest_difference(
+        f"states after {_MORE_STEPS} steps",
+        {"bare loop": bare.call(), "idle terms": with_terms.call().theta[0]},
+        tolerance=_MAX_DIFFERENCE,
+        unit="K",
+    )
+    return {"one body, idle terms": with_terms, "bare loop": bare}
 
 
 class _Costs(TypedDict):

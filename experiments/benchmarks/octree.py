@@ -22,6 +22,7 @@ from jaxthermo.report.numbers import with_range
 from jaxthermo.timing import Spread, interleaved, ratio_of
 from jaxthermo.voxels.grid import VoxelGrid
 
+from ..harness.agreement import require_within
 from ..harness.measurement import MeasuredResult, Measurement, compared, plain_rows
 from ..harness.meshes import END, HEIGHT, SAVE_AT, standard_scene, thesis_meshes
 from ..harness.present import show, table_of
@@ -123,7 +124,13 @@ def _compared(grid: VoxelGrid, repeats: int) -> _Compared:
         # The error falls with the number of steps: the first that is enough.
         index = bisect.bisect_left(_COUNTS, True, key=is_accurate)
         plan = _plan(scene, (*_COUNTS, _CONVERGED)[index])
-        choices[name] = _Choice(plan, error(plan))
+        choice_error = require_within(
+            f"error of the {name} structure",
+            error(plan),
+            tolerance=_MARGIN * converged_error,
+            unit="%",
+        )
+        choices[name] = _Choice(plan, choice_error)
     calls = {name: loop_of(choice.plan) for name, choice in choices.items()}
     spans = interleaved(calls, repeats)
     return {

@@ -2,22 +2,24 @@
 
 Times of the same nodes and links, in turn: an explicit step with sun, convection and
 the energy ledger; the conduction in it alone; the same by gathering both ends of every
-link and adding to them, the simplest form; and scipy's product of the links as a sparse
-matrix (CSR), in one thread. Reading the surface is the time to observe as
-many states as are saved, over its surface cells and these states. A loop that takes no
-step besides makes what its steps share, products with the length of the step.
+link and adding to them, the simplest form; and scipy's product with the links as a
+sparse matrix (CSR), in one thread. These three must give the same temperatures. Reading
+the surface is the time to observe as many states as are saved, over its surface cells
+and these states. A loop that takes no step besides makes what its steps share, products
+with the length of the step.
 """
 
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any, NamedTuple, TypedDict
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.sparse import csr_array, identity
+from jaxtyping import Float
+from scipy.sparse import coo_array, csr_array, diags_array, identity
 
 import jaxthermo as jt
 from jaxthermo.integrate.run.plan import initial_state, plan_run
@@ -28,9 +30,10 @@ from jaxthermo.network.network import AbstractNetwork
 from jaxthermo.physics.conduction import assemble_uniform
 from jaxthermo.report.numbers import with_range
 from jaxthermo.scene.compile.program import Program
-from jaxthermo.structures.structure import AbstractStructure
+from jaxthermo.structures.structure import AbstractStructure, Links
 from jaxthermo.timing import Spread, interleaved, ratio_of
 
+from ..harness.agreement import largest_difference
 from ..harness.measurement import MeasuredResult, Measurement, compared, plain_rows
 from ..harness.meshes import END, SAVE_AT, STEEL, standard_scene, statue
 from ..harness.present import show, table_of
@@ -48,10 +51,14 @@ STRUCTURES: dict[str, Callable[..., Any]] = {
     "full volume": jt.FullVolume,
 }
 """Structures of a grid, by name."""
+MAX_DT = 0.5
+"""Step of conduction alone [stable steps]."""
 # Evaluations that are timed together: about a hundredth of a second at 1 ns a node.
 _WORK = 1e7
 _MOST = 4000
 _PRODUCTS = 10
+_MAX_DIFFERENCE = 1e-5
+"""Largest difference of states after these steps, which are 0 to 1 at the start."""
 
 
 class _Costs(TypedDict):
@@ -64,6 +71,7 @@ class _Costs(TypedDict):
     links_over_conduction: Spread
     scipy_over_conduction: Spread
     reading_s: list[float]
+    largest_difference: float
 
 
 class _Row(_Costs):
@@ -127,7 +135,12 @@ def _measurements(row: _Row) -> list[Measurement]:
             overhead=True,
             note=f"{row['nodes']:,} nodes, {row['surface_cells']:,} surface cells",
         ),
-        *compared(f"{label}: conduction alone", conduction, conduction_peers),
+        *compared(
+            name=f"{label}: conduction alone",
+            ours=conduction,
+            peers=conduction_peers,
+            note=f"results agree to {row['largest_difference']:.1g} of 1",
+        ),
         Measurement(f"{label}: reading a surface cell", "s", row["reading_s"]),
     ]
 
@@ -147,20 +160,34 @@ def _measured(scene: jt.Scene, repeats: int) -> _Costs:
 
     states = jax.tree.map(shifted_states, start)
     dt = jnp.asarray(plan.stable_step, plan.dtype)
-    state = start.theta[0]
+    body = scene.bodies[0]
+    assert isinstance(body.material, jt.Material)
+    state = jnp.asarray(random_state(body.structure))
+    values = state[body.structure.node_address()]
 
-    def conduct() -> jax.Array:
-        return euler_steps(network, state, dt, jnp.int32(count))
+    def conduct(steps: int = count) -> jax.Array:
+        return euler_steps(network, state, dt, jnp.int32(steps))
 
-    product = _scipy_product(scene, state)
+    conduction = _conduction(body.structure, body.material)
+    link_steps = _link_steps(conduction, values, dt)
+    scipy_steps = _scipy_steps(conduction, np.asarray(values), float(dt))
+    difference = largest_difference(
+        f"state of {receipt.nodes} nodes after {_PRODUCTS} steps",
+        {
+            "conduction": conduct(_PRODUCTS)[body.structure.node_address()],
+            "links": link_steps(),
+            "scipy": scipy_steps(),
+        },
+        tolerance=_MAX_DIFFERENCE,
+    )
     spans = interleaved(
         {
             "loop": loop_of(plan, count),
             "no steps": loop_of(plan, 0),
             "reading": lambda: _observe_all(program, states, saved),
             "conduction": conduct,
-            "links": _link_steps(scene, state),
-            "scipy": product,
+            "links": link_steps,
+            "scipy": scipy_steps,
         },
         repeats,
     )
@@ -170,15 +197,16 @@ def _measured(scene: jt.Scene, repeats: int) -> _Costs:
     counts["reading"] = len(SAVE_AT) * cells
     item_spans = per_item(spans, counts)
     reading = item_spans.pop("reading")
-    conduction = item_spans["conduction"]
+    conduction_spans = item_spans["conduction"]
     return {
         "nodes": receipt.nodes,
         "links": receipt.links,
         "surface_cells": cells,
         "spans_s": {"step": step.tolist(), **item_spans},
-        "links_over_conduction": ratio_of(item_spans["links"], conduction),
-        "scipy_over_conduction": ratio_of(item_spans["scipy"], conduction),
+        "links_over_conduction": ratio_of(item_spans["links"], conduction_spans),
+        "scipy_over_conduction": ratio_of(item_spans["scipy"], conduction_spans),
         "reading_s": reading,
+        "largest_difference": difference,
     }
 
 
@@ -207,6 +235,14 @@ def euler_steps(
     return jax.lax.fori_loop(0, steps // 2, two_steps, state)
 
 
+def random_state(structure: AbstractStructure) -> Float[np.ndarray, "..."]:
+    """A state of random temperatures from 0 to 1 K, in float32."""
+    state = np.zeros(structure.state_shape, np.float32)
+    values = np.random.default_rng(0).random(structure.node_count)
+    state[structure.node_address()] = values
+    return state
+
+
 def conduction_call(structure: AbstractStructure, steps: int) -> Callable[[], Any]:
     """A call that takes steps of conduction in steel, in float32."""
     return partial(conduction_of(structure), steps)
@@ -221,49 +257,61 @@ def conduction_of(structure: AbstractStructure) -> Callable[[int], jax.Array]:
         volumetric_heat_capacity=heat,
         dtype=jnp.float32,
     )
-    state = np.zeros(structure.state_shape, np.float32)
-    values = np.random.default_rng(0).random(structure.node_count)
-    state[structure.node_address()] = values
-    start = jnp.asarray(state)
-    dt = 0.5 / network.max_rate()
+    start = jnp.asarray(random_state(structure))
+    dt = MAX_DT / network.max_rate()
     return lambda steps: euler_steps(network, start, dt, jnp.int32(steps))
 
 
-def _link_steps(scene: jt.Scene, state: jax.Array) -> Callable[[], jax.Array]:
-    """Steps that gather both ends of every link and add to them."""
-    structure = scene.bodies[0].structure
+class _Conduction(NamedTuple):
+    """Conduction of a structure of one material, link by link."""
+
+    links: Links
+    conductance: Float[np.ndarray, " e"]
+    """Conductance of each link [W/K]."""
+    capacity: Float[np.ndarray, " n"]
+    """Heat capacity of each node [J/K]."""
+
+
+def _conduction(structure: AbstractStructure, material: jt.Material) -> _Conduction:
     links = structure.links()
-    # Only the pattern of the links counts for their time.
-    network = LinkNetwork(
-        src=jnp.asarray(links.src, jnp.int32),
-        dst=jnp.asarray(links.dst, jnp.int32),
-        conductance=jnp.full(len(links.src), 0.1, state.dtype),
-        node_capacity=jnp.ones(structure.node_count, state.dtype),
+    length = links.distance_src + links.distance_dst
+    heat = float(material.volumetric_heat_capacity)
+    return _Conduction(
+        links=links,
+        conductance=np.asarray(material.conductivity) * links.area / length,
+        capacity=heat * structure.nodes().volume,
     )
-    start = state[structure.node_address()]
-    dt = jnp.asarray(1, state.dtype)
+
+
+def _link_steps(
+    conduction: _Conduction, start: jax.Array, dt: jax.Array
+) -> Callable[[], jax.Array]:
+    """Steps that gather both ends of every link and add to them."""
+    network = LinkNetwork(
+        src=jnp.asarray(conduction.links.src, jnp.int32),
+        dst=jnp.asarray(conduction.links.dst, jnp.int32),
+        conductance=jnp.asarray(conduction.conductance, start.dtype),
+        node_capacity=jnp.asarray(conduction.capacity, start.dtype),
+    )
     return lambda: euler_steps(network, start, dt, jnp.int32(_PRODUCTS))
 
 
-def _scipy_product(scene: jt.Scene, state: jax.Array) -> Callable[[], np.ndarray]:
-    """One product T + A T of a matrix with an entry for each link at each node."""
-    structure = scene.bodies[0].structure
-    links = structure.links()
-    nodes = structure.node_count
-    # Only the pattern of the matrix counts for its time.
-    ratio = np.full(len(links.src), 0.1, np.float32)
-    pairs = (
-        np.concatenate([links.src, links.dst]),
-        np.concatenate([links.dst, links.src]),
-    )
-    matrix = csr_array((np.tile(ratio, 2), pairs), shape=(nodes, nodes))
-    matrix = csr_array(matrix + identity(nodes, "float32"))
-    values = np.asarray(state[structure.node_address()])
+def _scipy_steps(
+    conduction: _Conduction, start: Float[np.ndarray, " n"], dt: float
+) -> Callable[[], np.ndarray]:
+    """Steps T + A T of a matrix with an entry for each link at each node."""
+    links, conductance, capacity = conduction
+    ends = (links.src, links.dst)
+    half = coo_array((conductance, ends), (len(capacity),) * 2).tocsr()
+    symmetric = half + half.T
+    change = symmetric - diags_array(symmetric.sum(axis=1))
+    step = identity(len(capacity)) + diags_array(dt / capacity) @ change
+    matrix = csr_array(step, dtype=np.float32)
 
-    def products() -> np.ndarray:
-        # Without what a call of its own costs.
-        for _ in range(_PRODUCTS - 1):
-            _ = matrix @ values
-        return matrix @ values
+    def steps() -> np.ndarray:
+        values = start
+        for _ in range(_PRODUCTS):
+            values = matrix @ values
+        return values
 
-    return products
+    return steps
