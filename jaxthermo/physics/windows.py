@@ -258,7 +258,9 @@ def switched(value: Any, is_on: Bool[Array, ""]) -> Any:
             value=jnp.where(is_on, value.value, 0),
             slope=jnp.where(is_on, value.slope, 0),
         )
-    return _Switched(value, is_on) if callable(value) else jnp.where(is_on, value, 0)
+    if isinstance(value, AbstractVarying):
+        return _Switched(value, is_on)
+    return jnp.where(is_on, value, 0)
 
 
 class _Switched(AbstractVarying):

@@ -12,13 +12,14 @@ from jaxtyping import Float
 from ..errors import InputError
 from ..physics.flux_law import LinearLaw
 from ..physics.surface_energy_balance import SurfaceTerms
+from ..physics.time_varying import is_unknown_function
 from ..scene.compile.linear_surface import (
     LinearSurface,
     linear_surface,
     nonlinear_term,
 )
 from ..scene.compile.program import Compiled, Program
-from .reduced_model import sampled
+from .reduced_model import knots_of, sampled
 
 
 _FLUX = "W/m^2"
@@ -31,8 +32,6 @@ _ONE = "1"
 """Unit of an input with a constant amplitude of 1."""
 
 _REMEDY = "reduce() is for linear scenes; leave it out, or simulate() the scene"
-_SAMPLES = 17
-"""Times at which two amplitudes are compared."""
 
 _NodeHeat = tuple[int, tuple[Any, ...], Float[np.ndarray, " m"]]
 """A body, positions of some of its nodes in the state, and their heat rates."""
@@ -65,7 +64,10 @@ def find_inputs(compiled: Compiled, t1: float) -> tuple[Input, ...]:
         *_sources(program),
         *_contact_inputs(program),
     ]
-    return tuple(_merged(term_inputs, len(program.bodies), t1))
+    amplitudes = [term_input.amplitude for _, _, term_input in term_inputs]
+    varies = any(map(is_unknown_function, amplitudes))
+    knots = knots_of(t1, compiled.breakpoints, varies)
+    return tuple(_merged(term_inputs, len(program.bodies), knots))
 
 
 def _check_bodies(compiled: Compiled) -> None:
@@ -235,15 +237,17 @@ def _contact_inputs(program: Program) -> Iterator[tuple[tuple, int, Input]]:
 
 
 def _merged(
-    term_inputs: list[tuple[tuple, int, Input]], bodies: int, t1: float
+    term_inputs: list[tuple[tuple, int, Input]], bodies: int, knots: tuple[float, ...]
 ) -> Iterator[Input]:
-    """Inputs with one amplitude on several bodies joined, without those that are 0."""
-    times = tuple(np.linspace(0.0, t1, _SAMPLES).tolist())
+    """Inputs with one amplitude on several bodies joined, without those that are 0.
+
+    Amplitudes are compared at all knots, between which they are linear [s].
+    """
     groups: dict[tuple, list[tuple[int, Input]]] = {}
     for key, body, term_input in term_inputs:
         if not callable(term_input.amplitude) and term_input.amplitude == 0:
             continue
-        amplitude = sampled(term_input.amplitude, times)
+        amplitude = sampled(term_input.amplitude, knots)
         group = (key, amplitude.tobytes())
         groups.setdefault(group, []).append((body, term_input))
     names: dict[str, int] = {}

@@ -13,16 +13,17 @@ import numpy as np
 from equinox import Module
 from jaxtyping import Array, Float
 
-from ..arrays import device_array, precision, product
+from ..arrays import Time, device_array, precision, product
 from ..errors import InputError
 from ..integrate.run.solution_file import StoredSolution
 from ..physics.time_varying import (
     SAMPLES,
     breakpoints,
     is_unknown_function,
-    just_before,
     value_at,
 )
+from ..physics.windows import SplitTimes, Window, over, split_times
+from ..scene.compile.time_values import form_of
 from ..scene.scene import Scene
 from .modal_run import Schedule, doubled, is_left, schedule, traced_run
 from .reduced_file import ModelFields, read_model, write_model
@@ -119,7 +120,9 @@ class ReducedModel(ModelFields):
         Raises:
             InputError: for an unknown input, or times outside of the model's.
         """
-        replaced_loads = dict(loads or {})
+        replaced_loads = {
+            name: self._load(value) for name, value in (loads or {}).items()
+        }
         names = [load.name for load in self.inputs]
         for name in replaced_loads:
             if name not in names:
@@ -172,6 +175,13 @@ class ReducedModel(ModelFields):
             InputError: if the file cannot be written.
         """
         write_model(Path(path), self)
+
+    def _load(self, value: Any) -> Any:
+        """A load of the caller in the form that steps use."""
+        if not callable(value):
+            return value
+        end = self.knots[-1]
+        return form_of(value, end=end, save_times=(end,), traced=False).value
 
     def _knots(self, values: list[Any]) -> tuple[float, ...]:
         """Knots of the scene's loads and of others."""
@@ -267,10 +277,19 @@ def sampled(value: Any, knots: tuple[float, ...]) -> Float[np.ndarray, " q"]:
         InputError: if it is not one finite number at every time.
     """
     at = np.asarray(knots)
+    starts = split_times(at[::2]).T
+    lengths = at[1::2] - at[::2]
+
+    def at_ends(start: SplitTimes, length: Time) -> Float[Array, "2 *_"]:
+        local = over(value, Window(start, length))
+        last = jnp.maximum(length - 8 * jnp.finfo(float).eps * start[0], 0)
+        return jnp.stack(
+            [value_at(local, jnp.zeros_like(length)), value_at(local, last)]
+        )
+
     with precision("float64"):
-        times = jnp.asarray(at)
-        times = jnp.where(jnp.asarray(is_left(at)), just_before(times), times)
-        amplitudes = np.asarray(jax.vmap(lambda t: value_at(value, t))(times), float)
+        pairs = jax.vmap(at_ends)(jnp.asarray(starts), jnp.asarray(lengths))
+        amplitudes = np.asarray(pairs, float).reshape(at.shape + pairs.shape[2:])
     if amplitudes.shape != at.shape or not np.isfinite(amplitudes).all():
         raise InputError("reduced model: a load is one finite number at every time")
     return amplitudes

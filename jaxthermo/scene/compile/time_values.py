@@ -18,21 +18,21 @@ from ...physics.windows import AbstractVarying, FunctionOfTime
 from ..scene import Scene, mechanism_names
 
 
-class _Form(NamedTuple):
+class TimeForm(NamedTuple):
     """A value in the form that steps use."""
 
     value: Any
     note: str = ""
-    """What may be missed of it; empty if nothing."""
+    """Changes that may be missed, in words; empty if none."""
     warning: str = ""
-    """What is missed of it; empty if nothing."""
+    """Part that is missed, in words; empty if none."""
 
 
 class TimeValues(NamedTuple):
     """A scene whose values that vary have the form that steps use."""
 
     scene: Scene
-    forms: tuple[tuple[int, str, _Form], ...]
+    forms: tuple[tuple[int, str, TimeForm], ...]
     """Number of the term, name of the field and form of each value that varies."""
 
     def notes(self, acting: tuple[int, ...]) -> tuple[str, ...]:
@@ -72,7 +72,7 @@ def with_time_values(
     forms = []
     for number, term in enumerate(scene.terms):
         changed = {
-            name: _form(value, end=end, save_times=save_times, traced=traced)
+            name: form_of(value, end=end, save_times=save_times, traced=traced)
             for name, value in _varying_fields(term).items()
         }
         forms += [(number, name, form) for name, form in changed.items()]
@@ -93,7 +93,7 @@ def _varying_fields(term: AbstractTerm) -> dict[str, Any]:
     }
 
 
-def _with_fields(term: AbstractTerm, forms: dict[str, _Form]) -> AbstractTerm:
+def _with_fields(term: AbstractTerm, forms: dict[str, TimeForm]) -> AbstractTerm:
     if not forms:
         return term
     # Not `replace`, which would check numbers again, and say them all in its errors.
@@ -105,31 +105,36 @@ def _with_fields(term: AbstractTerm, forms: dict[str, _Form]) -> AbstractTerm:
     )
 
 
-def _form(
+def form_of(
     value: Any, end: float, save_times: tuple[float, ...] | None, traced: bool
-) -> _Form:
+) -> TimeForm:
+    """Return a function of time in the form that steps use.
+
+    Arguments are as in `with_time_values`; `traced` is True where steps are taken in
+    loops of fixed length, which do not end at the kinks of a function.
+    """
     if isinstance(value, Until):
         if not callable(value.value):
-            return _Form(value)
+            return TimeForm(value)
         stop = min(value.end, end)
-        form = _form(value.value, end=stop, save_times=save_times, traced=traced)
+        form = form_of(value.value, end=stop, save_times=save_times, traced=traced)
         return form._replace(value=Until(form.value, value.end))
     if isinstance(value, Table):
         if len(value.times) == 1:
-            return _Form(value.values[0])
-        return _Form(value.piecewise(ends_steps=not is_traced(value.times)))
+            return TimeForm(value.values[0])
+        return TimeForm(value.piecewise(ends_steps=not is_traced(value.times)))
     if isinstance(value, AbstractVarying):
-        return _Form(value)
+        return TimeForm(value)
     if save_times is None or end <= 0:
-        return _Form(FunctionOfTime(value))
+        return TimeForm(FunctionOfTime(value))
     lines = None
     if not is_traced(value):
         lines = tabulated(value, end=end, cuts=save_times, ends_steps=not traced)
     if lines is None:
-        return _Form(FunctionOfTime(value), note=_EVALUATED)
+        return TimeForm(FunctionOfTime(value), note=_EVALUATED)
     if lines.is_resolved:
-        return _Form(lines.value, note=_INTEGRATED.format(lines.spacing))
-    return _Form(
+        return TimeForm(lines.value, note=_INTEGRATED.format(lines.spacing))
+    return TimeForm(
         lines.value, warning=_UNRESOLVED.format(lines.unresolved, lines.varying)
     )
 
