@@ -68,11 +68,14 @@ def _lines(report: VoxelReport, represented: Represented | None) -> list[str]:
     shape = " x ".join(str(n) for n in report["lattice_shape"])
     why_not = report["ratios_not_applied_because"]
     scaling = (
-        f"areas and volumes as counted: {why_not}"
-        if why_not
-        else f"scaled to the mesh: areas by {report['area_ratio']:.4f}, "
+        f"scaled to the mesh: areas by {report['area_ratio']:.4f}, "
         f"volumes by {report['volume_ratio']:.4f}"
     )
+    if why_not and report["area_ratio"] != 1:
+        scaling = f"areas scaled by {report['area_ratio']:.4f}, volumes as counted: "
+        scaling += why_not
+    elif why_not:
+        scaling = f"areas and volumes as counted: {why_not}"
     thin = report["thin_parts"]["thinner_than_a_voxel"]
     lost = report["thin_parts"]["lost_for_want_of_a_voxel"]
     lines = [

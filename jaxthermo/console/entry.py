@@ -6,6 +6,7 @@ import gc
 import importlib
 import os
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 from typing import Annotated, Literal, ParamSpec
 
@@ -65,6 +66,7 @@ def run_app(app: App, name: str, arguments: Sequence[str] | None = None) -> None
     # them for garbage, often and once more at the end, would slow a short command down.
     gc.set_threshold(20_000, 20, 20)
     atexit.register(gc.freeze)
+    warnings.showwarning = functools.partial(_show_warning, name, warnings.showwarning)
     try:
         tokens = list(sys.argv[1:] if arguments is None else arguments)
         app(tokens, exit_on_error=False, print_error=False)
@@ -85,6 +87,21 @@ def run_app(app: App, name: str, arguments: Sequence[str] | None = None) -> None
         sys.stderr.write(f"{name}: cannot write the output: {error.strerror}\n")
         sys.exit(2)
     sys.exit(0)
+
+
+def _show_warning(
+    name: str,
+    show: Callable[..., None],
+    message: Warning | str,
+    category: type[Warning],
+    *position: object,
+    **options: object,
+) -> None:
+    """Write a warning to the user as one line; those to programmers as Python does."""
+    if category is UserWarning:
+        sys.stderr.write(f"{name}: warning: {' '.join(str(message).split())}\n")
+    else:
+        show(message, category, *position, **options)
 
 
 def _discard_output() -> None:

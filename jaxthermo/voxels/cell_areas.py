@@ -63,8 +63,27 @@ class Patches(NamedTuple):
             )
 
 
+class SampledSurface(NamedTuple):
+    """Pieces of the surface of a mesh by rays, in voxels."""
+
+    outer: Patches
+    """On the outside of the body."""
+    hidden: Patches
+    """Within it, or a second time on its surface."""
+
+    @property
+    def hidden_fraction(self) -> float:
+        """Fraction of the area of the mesh that is no surface of the body [-]."""
+        hidden = float(self.hidden.area.sum())
+        total = hidden + float(self.outer.area.sum())
+        return hidden / total if total else 0.0
+
+
 def areas_of_mesh(
-    cells: Patches, triangles: Float[np.ndarray, "f 3 3"], shape: tuple[int, int, int]
+    cells: Patches,
+    triangles: Float[np.ndarray, "f 3 3"],
+    shape: tuple[int, int, int],
+    sampled: SampledSurface | None = None,
 ) -> Float[np.ndarray, " s"]:
     """Areas of the cells that add up to those of the triangles, nearby [voxel faces].
 
@@ -72,9 +91,15 @@ def areas_of_mesh(
         cells: of all crossings, with those that no voxel has: these keep their share.
         triangles: of the mesh [voxels].
         shape: number of voxels of the lattice.
+        sampled: samples of the surface of a mesh that lies inside the body in part:
+            the cells get the area of what is outside.
     """
     nodes = _Nodes.around(cells, shape)
     mesh_area = nodes.total(_pieces(triangles, _AT_ONCE))
+    if sampled is not None:
+        outer_area = nodes.total(sampled.outer.batches())
+        sampled_area = outer_area + nodes.total(sampled.hidden.batches())
+        mesh_area *= outer_area / np.where(sampled_area > 0, sampled_area, 1)
     cell_area = nodes.total(cells.batches())
     ratio = mesh_area / np.where(cell_area > 0, cell_area, 1)
     factor = np.concatenate([nodes.means(ratio, batch) for batch in cells.batches()])

@@ -101,19 +101,19 @@ def find_crossings(
     solid: Bool[np.ndarray, "x y z"],
     normals: Float[np.ndarray, "f 3"],
     is_closed: bool,
-) -> tuple[Crossings, Int[np.ndarray, " h"]]:
-    """Crossings of all views, and the triangles of those hidden inside the body.
+) -> tuple[Crossings, float]:
+    """Crossings of all views, and the area hidden inside the body [voxel faces].
 
     From the normals of all triangles, and whether these are closed.
     """
     crossings_by_axis = []
-    hidden = []
+    hidden_area = 0.0
     rays = 0
     slopes = np.abs(normals.T)
     bits = VoxelBits.of(solid)
     for axis, layers in enumerate(views):
-        inside = hidden_inside(layers)
-        hidden.append(layers.triangle[inside])
+        inside = hidden_inside(layers, slopes[axis])
+        hidden_area += float(slopes[axis][layers.triangle[inside]].sum())
         outer = selected(layers, ~inside) if inside.any() else layers
         # The last slope, 1, is that of faces that no ray crosses: triangle -1.
         slope = np.append(slopes[axis], 1.0)
@@ -124,7 +124,7 @@ def find_crossings(
         crossings_by_axis.append(crossings)
         rays += layers.width * layers.height
     del outer, layers, crossings
-    return Crossings(*joined_columns(crossings_by_axis)), np.concatenate(hidden)
+    return Crossings(*joined_columns(crossings_by_axis)), hidden_area
 
 
 def _along(

@@ -1,5 +1,6 @@
 """Lattice of cubic cells around a body: its memory, and its views along the axes."""
 
+import warnings
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -7,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..errors import InputError
-from ..geometry.mesh import Mesh
+from ..geometry.mesh import Mesh, connected_labels
 from ..host_memory import available_bytes, require_memory
 from ..raster.fragments import DepthLayers, peel_mesh
 
@@ -18,6 +19,9 @@ _BYTES_PER_CELL = np.dtype(bool).itemsize
 # Words of 64 voxels in a row: two votes, the votes against, one view with its
 # complement, its rays that vote, and a temporary array.
 _BYTES_PER_WORD = 7 * np.dtype(np.uint64).itemsize
+
+# A lattice of more cells is told before it is made.
+_MANY_CELLS = 1e8
 
 BYTES_PER_FRAGMENT = 150
 """Peak memory of the sort of fragments, with the padding of its arrays."""
@@ -79,7 +83,7 @@ class Lattice:
         return int(np.prod(self.shape))
 
 
-def _cell_counts(size: Float[np.ndarray, "3"], pitch: float) -> np.ndarray:
+def _cell_counts(size: Float[np.ndarray, "*parts 3"], pitch: float) -> np.ndarray:
     # Floats, since a tiny pitch may need more cells than integers can count.
     with np.errstate(over="ignore"):
         length = size / pitch
@@ -89,6 +93,8 @@ def _cell_counts(size: Float[np.ndarray, "3"], pitch: float) -> np.ndarray:
 
 def check_pitch(mesh: Mesh, pitch: float, surface: _SurfaceMemory) -> None:
     """Refuse a pitch [m] that gives no voxels or too many, before any allocation.
+
+    More than 1e8 cells are a warning, with the part of the mesh that makes them many.
 
     Raises:
         InputError: with a pitch that would be possible.
@@ -111,15 +117,57 @@ def check_pitch(mesh: Mesh, pitch: float, surface: _SurfaceMemory) -> None:
         crossings = projected / pitch / pitch
         needed = counts.prod() * _BYTES_PER_CELL + crossings * surface.per_crossing
         needed += (counts[:2] + 2).prod() * (counts[2] // 64 + 1) * _BYTES_PER_WORD
+    cells = f"{' x '.join(f'{n:.6g}' for n in counts)} cells"
+    remedy = "use a coarser pitch"
+    with np.errstate(over="ignore"):
+        is_large = bool(counts.prod() > _MANY_CELLS)
+        if is_large:
+            remedy = f"{_stretched_by(mesh, pitch)}{remedy}"
     needed += len(mesh.faces) * _BYTES_PER_FACE + surface.at_once
     peeled = len(mesh.faces) * _BYTES_PER_PEELED_FACE
     needed = max(needed, peeled + crossings * _BYTES_PER_PEELED_CROSSING)
     require_memory(
         int(min(needed, 1e18)),
-        f"voxelizing {mesh.name} at a pitch of {pitch:g} m "
-        f"({' x '.join(f'{n:.6g}' for n in counts)} cells)",
-        "use a coarser pitch, such as "
+        f"voxelizing {mesh.name} at a pitch of {pitch:g} m ({cells})",
+        f"{remedy}, such as "
         f"{_affordable_pitch(size, projected * surface.per_crossing):.2g} m",
+    )
+    if is_large:
+        warnings.warn(
+            f"voxelizing {mesh.name} at a pitch of {pitch:g} m makes {cells}: {remedy}",
+            stacklevel=3,
+        )
+
+
+def _stretched_by(mesh: Mesh, pitch: float) -> str:
+    """The part that stretches the box around a mesh most, with a remedy; "" for none.
+
+    A part stretches it that at least doubles the box around the largest part.
+    """
+    root = connected_labels(
+        len(mesh.vertices), np.concatenate([mesh.faces[:, :2], mesh.faces[:, 1:]])
+    )
+    _, part = np.unique(root[mesh.faces[:, 0]], return_inverse=True)
+    part = part.reshape(-1)
+    count = int(part.max()) + 1
+    triangles = mesh.triangles
+    low = np.full((count, 3), np.inf)
+    high = np.full((count, 3), -np.inf)
+    np.minimum.at(low, part, triangles.min(axis=1))
+    np.maximum.at(high, part, triangles.max(axis=1))
+    area = np.bincount(part, np.linalg.norm(mesh.area_vectors, axis=1), count)
+    main = area.argmax()
+    size = np.maximum(high, high[main]) - np.minimum(low, low[main])
+    cells = _cell_counts(size, pitch).prod(axis=1)
+    worst = cells.argmax()
+    if cells[worst] < 2 * cells[main]:
+        return ""
+    x, y, z = (low[worst] + high[worst]) / 2
+    faces = int(np.count_nonzero(part == worst))
+    return (
+        f"the part of {faces:,} face{'s' * (faces != 1)} around "
+        f"({x:.4g}, {y:.4g}, {z:.4g}) m stretches the {cells[main]:.2g} cells of the "
+        "largest part; remove it, or "
     )
 
 

@@ -55,11 +55,13 @@ def _surface_points(
     mesh: Mesh, lattice: Lattice, views: Views
 ) -> Float[np.ndarray, "k 3"]:
     # One point for each piece of surface, from the view in which it is largest [m].
-    _, dominant = face_axes(mesh)
-    positions = [
-        axis_fragments(layers, dominant=dominant, axis=axis, first_ray=0)[0].position
-        for axis, layers in enumerate(views)
-    ]
+    normals, dominant = face_axes(mesh)
+    positions = []
+    for axis, layers in enumerate(views):
+        fragments, _ = axis_fragments(
+            layers, normals=normals, dominant=dominant, axis=axis, first_ray=0
+        )
+        positions.append(fragments.position)
     points = np.concatenate(positions)
     # Along its rays a view also sees what is beyond the lattice.
     within = ((points > -1) & (points < np.add(lattice.shape, 1))).all(axis=1)

@@ -5,6 +5,7 @@ grid of that view cuts the surface into pieces of area pitch^2 / |n_i| (the thes
 pitch^2 gives only 83 % of a sphere's area, exposed voxel faces 150 %).
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -13,17 +14,44 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..geometry.mesh import Mesh
-from ..raster.fragments import DepthLayers
+from ..raster.fragments import SNAP, DepthLayers
 from .fill import balanced_rays, crossing_sign, first_cell_behind
 from .lattice import pixel_axes
 
 
-# Crossings closer than this [cells] are one surface where parts touch.
-_SAME_DEPTH = 1e-4
+# Rounding of depths [cells], and how far in the view the point is whose depth a
+# crossing has, as corners are snapped [cells].
+_ROUNDED = 1e-4
+_SNAPPED = math.sqrt(0.5) / SNAP
+
+# Largest difference of depths that snapping explains [cells]: steeper sheets have
+# hardly any area in the view.
+_MAX_DIFFERENCE = 0.1
 
 
-def hidden_inside(layers: DepthLayers) -> Bool[np.ndarray, " k"]:
-    """Flag crossings with the body on both sides, where parts overlap or touch."""
+def positions(layers: DepthLayers, axis: int) -> Float[np.ndarray, "k 3"]:
+    """Positions of the crossings of a view along an axis [cells]."""
+    row_axis, column_axis = pixel_axes(axis)
+    row, column = np.divmod(layers.pixel, layers.width)
+    position = np.empty((len(layers.pixel), 3))
+    position[:, row_axis] = row + 0.5
+    position[:, column_axis] = column + 0.5
+    position[:, axis] = layers.depth
+    return position
+
+
+def hidden_inside(
+    layers: DepthLayers, slope: Float[np.ndarray, " f"]
+) -> Bool[np.ndarray, " k"]:
+    """Flag crossings that are no surface of the body, where parts overlap or touch.
+
+    Sheets at one depth are one surface: of a group that leads into the body, or out of
+    it, a single crossing is left; of one with the body on both sides none.
+
+    Args:
+        layers: crossings of the rays along one axis.
+        slope: |n_a| of every triangle along that axis.
+    """
     if not len(layers.pixel):
         return np.zeros(0, bool)
     step = crossing_sign(layers).astype(np.int64)
@@ -31,12 +59,36 @@ def hidden_inside(layers: DepthLayers) -> Bool[np.ndarray, " k"]:
     # hole is left out, and nothing on it is hidden.
     balanced = balanced_rays(layers)[layers.pixel]
     winding = np.cumsum(np.where(balanced, step, 0))
-    apart = (np.diff(layers.pixel) != 0) | (np.diff(layers.depth) > _SAME_DEPTH)
-    is_new = np.append(True, apart)
+    is_new = np.append(True, ~_same_depth(layers, slope))
+    group = np.cumsum(is_new) - 1
     start = np.flatnonzero(is_new)
     last = np.append(start[1:], len(winding)) - 1
-    between = ((winding - step)[start] != 0) & (winding[last] != 0)
-    return between[np.cumsum(is_new) - 1] & balanced
+    before = (winding - step)[start]
+    after = winding[last]
+    changes_sides = (before != 0) != (after != 0)
+    hidden = (changes_sides | ((before != 0) & (after != 0)))[group] & balanced
+    # The first crossing of a group that leads to where the ray is after all of them.
+    direction = np.where(changes_sides, after - before, 0)
+    leading = np.flatnonzero(step * direction[group] > 0)
+    is_first = np.diff(group[leading], prepend=-1) != 0
+    hidden[leading[is_first]] = False
+    return hidden
+
+
+def _same_depth(
+    layers: DepthLayers, slope: Float[np.ndarray, " f"]
+) -> Bool[np.ndarray, " pairs"]:
+    """Flag crossings whose successor on the ray has the same depth, but for errors."""
+    apart = np.diff(layers.depth)
+    is_same = (np.diff(layers.pixel) == 0) & (apart <= _MAX_DIFFERENCE)
+    near = np.flatnonzero(is_same)
+    pair_slope = slope[layers.triangle[np.stack([near, near + 1])]]
+    # In depth the error in the view is as much larger as the sheet is steep.
+    steepness = np.sqrt(np.maximum(1 - np.square(pair_slope), 0)) / np.maximum(
+        pair_slope, 1e-9
+    )
+    is_same[near] = apart[near] <= _ROUNDED + _SNAPPED * steepness.sum(axis=0)
+    return is_same
 
 
 def selected(layers: DepthLayers, keep: Bool[np.ndarray, " k"]) -> DepthLayers:
@@ -99,6 +151,7 @@ def dominant_axis(normal: Float[np.ndarray, "s 3"]) -> Int[np.ndarray, " s"]:
 
 def axis_fragments(
     layers: DepthLayers,
+    normals: Float[np.ndarray, "f 3"],
     dominant: Int[np.ndarray, " f"],
     axis: int,
     first_ray: int,
@@ -108,17 +161,14 @@ def axis_fragments(
     A fragment counts in the view along the dominant axis of its triangle; `first_ray`
     is the number of this view's first ray among those of all views.
     """
-    hidden = hidden_inside(layers)
+    hidden = hidden_inside(layers, np.abs(normals[:, axis]))
     inside = layers.triangle[hidden]
     outer = selected(layers, ~hidden)
     on_axis = dominant[outer.triangle] == axis
     thickness = thickness_behind(outer)[on_axis]
     outer = selected(outer, on_axis)
-    row_axis, column_axis = pixel_axes(axis)
-    cell = np.zeros((len(outer.pixel), 3), np.int32)
-    cell[:, row_axis], cell[:, column_axis] = np.divmod(outer.pixel, outer.width)
-    position = cell + 0.5
-    position[:, axis] = outer.depth
+    position = positions(outer, axis)
+    cell = position.astype(np.int32)
     behind = first_cell_behind(outer.depth)
     cell[:, axis] = np.where(outer.entering, behind, behind - 1)
     fragments = AxisFragments(

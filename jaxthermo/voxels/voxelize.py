@@ -25,6 +25,7 @@ from .lattice import (
     check_pitch,
     peel_axes,
 )
+from .outer_surface import sampled_surface
 from .represented import MAX_DIFFERENCE
 from .surface import (
     AxisFragments,
@@ -129,7 +130,7 @@ def _with_surface(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     for axis in range(3):
         layers = remaining.pop(0)
         fragments, inside = axis_fragments(
-            layers, dominant=dominant, axis=axis, first_ray=rays
+            layers, normals=normals, dominant=dominant, axis=axis, first_ray=rays
         )
         fragments_by_axis.append(fragments)
         hidden.append(inside)
@@ -155,15 +156,19 @@ def _with_surface(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     voxel_volume = np.count_nonzero(solid) * lattice.pitch**3
     hidden_area = float((lattice.pitch**2 / slope[hidden]).sum())
     true = _Sizes(area=mesh.area, volume=mesh.volume)
-    unreliable = _unreliable_because(
+    unreliable = _unreliable(
         mesh,
         true=true,
         voxelized=_Sizes(area=fragment_area, volume=voxel_volume),
         hidden_area=hidden_area,
     )
     # True over voxelized area and volume; 1 where that would hide lost parts.
-    area_ratio = 1.0 if unreliable else true.area / fragment_area
-    volume_ratio = 1.0 if unreliable else true.volume / voxel_volume
+    area_ratio = 1.0
+    if unreliable.area_is_known:
+        area_ratio = true.area / fragment_area
+    if unreliable.parts_overlap:
+        area_ratio *= 1 - sampled_surface(mesh, lattice, normals).hidden_fraction
+    volume_ratio = 1.0 if unreliable.reason else true.volume / voxel_volume
     packed = np.zeros(len(lost), np.int32)
     packed[~lost] = rank_in_group(fragments.ray[~lost])
     # In lattice order the solver's gathers and scatters walk memory forwards.
@@ -184,7 +189,7 @@ def _with_surface(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
         fragment_layer=np.stack([fragments.layer[order], packed[order]], axis=1),
         area_ratio=area_ratio,
         volume_ratio=volume_ratio,
-        unscaled_because=unreliable,
+        unscaled_because=unreliable.reason,
         layers=LayerCounts(peeled, tuple(in_front)),
         thin=thin,
     )
@@ -198,13 +203,12 @@ def _with_crossings(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     # Each view is dropped as soon as its crossings are known.
     remaining = [*views]
     del views
-    crossings, hidden = find_crossings(
+    crossings, hidden_area = find_crossings(
         (remaining.pop(0) for _ in range(3)),
         solid=solid,
         normals=normals,
         is_closed=mesh.is_watertight,
     )
-    hidden_area = float(pitch**2 * np.abs(normals[hidden]).max(1, initial=0).sum())
     surface, cells, thin = _surface(crossings, normals, lattice)
     del crossings
     position = surface.position
@@ -219,11 +223,21 @@ def _with_crossings(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
         area=float(pitch**2 * slope[:count].sum()),
         volume=(solid_count + float((shapes.volume - 1).sum())) * pitch**3,
     )
-    unreliable = _unreliable_because(
-        mesh, true=true, voxelized=voxelized, hidden_area=hidden_area
+    unreliable = _unreliable(
+        mesh, true=true, voxelized=voxelized, hidden_area=hidden_area * pitch**2
     )
-    if not unreliable:
-        slope = areas_of_mesh(patches, lattice.to_cells(mesh.triangles), lattice.shape)
+    outer_area = true.area
+    sampled = None
+    if unreliable.parts_overlap:
+        sampled = sampled_surface(mesh, lattice, normals)
+        outer_area *= 1 - sampled.hidden_fraction
+    if unreliable.area_is_known:
+        slope = areas_of_mesh(
+            patches,
+            triangles=lattice.to_cells(mesh.triangles),
+            shape=lattice.shape,
+            sampled=sampled,
+        )
     del patches
     area = pitch**2 * slope[:count]
     del slope
@@ -237,10 +251,13 @@ def _with_crossings(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
     del shapes
     cut = limited(cut, solid)
     volume = (solid_count + float((cut.volume - 1).sum())) * pitch**3
-    ratios = (true.area / float(area.sum()), true.volume / volume)
+    area_ratio = outer_area / float(area.sum())
+    volume_ratio = true.volume / volume
     # A larger difference means lost parts, which the other parts must not stand for.
-    is_scaled = [not unreliable and abs(r - 1) <= MAX_DIFFERENCE for r in ratios]
-    area_ratio, volume_ratio = np.where(is_scaled, ratios, 1.0).tolist()
+    if not unreliable.area_is_known or abs(area_ratio - 1) > MAX_DIFFERENCE:
+        area_ratio = 1.0
+    if unreliable.reason or abs(volume_ratio - 1) > MAX_DIFFERENCE:
+        volume_ratio = 1.0
     area *= area_ratio
     layer = surface.layer[:count]
     axis = surface.axis[:count]
@@ -261,7 +278,7 @@ def _with_crossings(mesh: Mesh, lattice: Lattice) -> VoxelGrid:
         fragment_layer=layer,
         area_ratio=area_ratio,
         volume_ratio=volume_ratio,
-        unscaled_because=unreliable,
+        unscaled_because=unreliable.reason,
         layers=LayerCounts(peeled, tuple(in_front)),
         thin=thin,
         fragment_depth=depth,
@@ -405,24 +422,45 @@ class _Sizes(NamedTuple):
     """Enclosed volume [m^3]."""
 
 
-def _unreliable_because(
+class _Unreliable(NamedTuple):
+    """Sizes of a mesh that are not those of the body."""
+
+    reason: str
+    """Reason why voxels are not scaled to the mesh's volume; empty for none."""
+    area_is_known: bool
+    """True if the area of the mesh is that of the body and of what lies inside it."""
+
+    @property
+    def parts_overlap(self) -> bool:
+        """True if the mesh has an area inside the body, as where parts overlap."""
+        return self.area_is_known and bool(self.reason)
+
+
+def _unreliable(
     mesh: Mesh, true: _Sizes, voxelized: _Sizes, hidden_area: float
-) -> str:
-    """Reason why true and voxelized sizes are unreliable; empty for none."""
+) -> _Unreliable:
+    """Sizes of a mesh that are unreliable, compared with those of its voxels."""
     edges = mesh.open_edges
     if edges:
-        return f"the mesh is open ({edges} open edges): it has no volume of its own"
-    overlap = hidden_area / (voxelized.area + hidden_area)
-    if overlap > _MAX_OVERLAP:
-        return f"parts overlap or touch: {overlap:.1%} of the surface lies inside"
+        reason = f"the mesh is open ({edges} open edges): it has no volume of its own"
+        return _Unreliable(reason, area_is_known=False)
+    counted_area = voxelized.area + hidden_area
+    overlap = hidden_area / counted_area
     ratios = {
-        "area": true.area / voxelized.area,
+        "area": true.area / counted_area,
         "volume": true.volume / voxelized.volume,
     }
+    if overlap > _MAX_OVERLAP:
+        # The mesh has the volume of overlaps several times.
+        del ratios["volume"]
     for quantity, ratio in ratios.items():
         if not 1 / _MAX_RATIO < ratio < _MAX_RATIO:
-            return (
+            reason = (
                 f"the mesh has {ratio:.2g} times the {quantity} of its voxels: "
                 "parts of it are too thin for this pitch"
             )
-    return ""
+            return _Unreliable(reason, area_is_known=False)
+    reason = ""
+    if overlap > _MAX_OVERLAP:
+        reason = f"parts overlap or touch: {overlap:.1%} of the surface lies inside"
+    return _Unreliable(reason, area_is_known=True)

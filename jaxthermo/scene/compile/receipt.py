@@ -54,6 +54,7 @@ def receipt_of(
         left_out=_omissions(scene, snapshot=first, unheated=unheated, moves=moves),
         notes=(
             *_represented(first, off=False),
+            *_counted(first, off=False),
             *_cavity_notes(scene, first),
             *accuracy,
         ),
@@ -62,6 +63,7 @@ def receipt_of(
             *_motion_warnings(scene, starts, end),
             *_cavity_warnings(scene, first),
             *_represented(first, off=True),
+            *_counted(first, off=True),
         ),
         structures=tuple(_described(structure) for structure in structures),
         nodes=sum(structure.node_count for structure in structures),
@@ -160,6 +162,25 @@ def _represented(snapshot: Snapshot, off: bool) -> tuple[str, ...]:
         if represented is not None and represented.is_off == off:
             advice = "; use a finer pitch" if off else ""
             lines.append(f"body {surface.body} {represented.described()}{advice}")
+    return tuple(lines)
+
+
+# Relative uncertainty of a counted area beyond which a user is warned [-].
+_MAX_UNCERTAINTY = 0.01
+
+
+def _counted(snapshot: Snapshot, off: bool) -> tuple[str, ...]:
+    """Bodies whose area is that of their voxels, if it is uncertain by > 1 % or not."""
+    lines = []
+    for surface in snapshot.surface.bodies:
+        uncertainty = surface.grid.area_uncertainty
+        if uncertainty and (uncertainty > _MAX_UNCERTAINTY) == off:
+            advice = "; use a finer pitch" if off else ""
+            lines.append(
+                f"body {surface.body} has the volume that its voxels count and an area "
+                f"within about {100 * uncertainty:.2g} %: "
+                f"{surface.grid.unscaled_because}{advice}"
+            )
     return tuple(lines)
 
 

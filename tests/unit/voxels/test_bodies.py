@@ -103,9 +103,12 @@ def test_overlapping_parts_unite_and_what_lies_inside_is_no_surface():
     grid = voxelize(pair, 1 / 32)
     union = 2 * BALL.volume - np.pi / 12 * (4 + 1) * (2 - 1) ** 2
     assert grid.solid_count * grid.voxel_volume == pytest.approx(union, rel=5e-3)
-    assert (grid.area_ratio, grid.volume_ratio) == (1.0, 1.0)
+    assert grid.area_ratio == pytest.approx(1.0, abs=2e-3)
+    assert grid.volume_ratio == 1.0
     assert "overlap" in grid.unscaled_because
-    assert grid.fragment_area.sum() == pytest.approx(6 * np.pi, rel=1e-2)
+    # The mesh of a ball is 0.3 % smaller than the ball.
+    outside = 6 * np.pi * BALL.area / (4 * np.pi)
+    assert grid.fragment_area.sum() == pytest.approx(outside, rel=2e-3)
     position = grid.fragment_position
     for middle in (0.0, 1.0):
         assert np.linalg.norm(position - [middle, 0, 0], axis=1).min() > 1 - 5e-3

@@ -4,7 +4,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from voxel_bodies import BALL
+from voxel_bodies import BALL, joined
 
 from jaxthermo import host_memory
 from jaxthermo.errors import InputError
@@ -103,3 +103,37 @@ def test_a_flat_mesh():
     flat = Mesh(np.array([[0.0, 0, 0], [4, 0, 0], [0, 4, 0]]), np.array([[0, 1, 2]]))
     with pytest.raises(InputError, match="no voxel"):
         voxelize(flat, 1.0)
+
+
+def stray_plate():
+    """A cube with a speck 1 km away, as scanners leave them."""
+    speck = shapes.box(0.2).moved((1000.0, 0.0, 0.0))
+    return joined(shapes.box(1.0), speck)
+
+
+@pytest.mark.parametrize("surface_cells", ["dominant_axis", "crossings"])
+def test_a_large_lattice_is_told_with_the_part_that_stretches_it(
+    monkeypatch, surface_cells
+):
+    def unreachable(*_):
+        raise AssertionError("work began")
+
+    monkeypatch.setattr(voxelize_module, "_voxelized", unreachable)
+    # Python's own warnings are errors in tests: this one comes before any work.
+    line = r"makes 100060 x 100 x 100 cells: the part of 12 faces around \(1000, 0, 0\)"
+    with pytest.raises(UserWarning, match=line):
+        voxelize(stray_plate(), 0.01, surface_cells)
+
+
+def test_a_large_lattice_of_a_single_part_names_none():
+    surface = lattice.SURFACE_MEMORY["dominant_axis"]
+    with pytest.warns(UserWarning, match="makes 500 x 500 x 500 cells: use a coarser"):
+        lattice.check_pitch(shapes.box(1.0), 0.002, surface)
+    lattice.check_pitch(shapes.box(1.0), 0.0022, surface)
+
+
+def test_what_does_not_fit_names_the_part_too(monkeypatch):
+    for module in (host_memory, lattice):
+        monkeypatch.setattr(module, "available_bytes", lambda: 10_000_000)
+    with pytest.raises(InputError, match="around .* stretches the 1e.06 cells of the"):
+        voxelize(stray_plate(), 0.01)
