@@ -73,9 +73,8 @@ def test_the_stated_uncertainty_is_that_of_areas(surface_cells):
         grid = voxelize(body, rng.uniform(0.003, 0.015), surface_cells)
         error = abs(grid.fragment_area.sum() / area - 1)
         ratios.append(error / grid.area_uncertainty)
-    assert np.percentile(ratios, 90) < 1
-    assert max(ratios) < 2
-    assert np.percentile(ratios, 50) > 0.02
+    assert max(ratios) < 1
+    assert np.median(ratios) > 0.1
 
 
 @pytest.mark.parametrize("surface_cells", SURFACES)
