@@ -6,13 +6,15 @@ s stages of a Runge-Kutta-Legendre scheme of second order cover
 
 so that n stable steps cost about 2 sqrt(n) evaluations. Each stage is an explicit Euler
 step E of length w dt, w = 4 / (s^2 + s - 2), combined with the two stages before it and
-the start:
+the start. In the changes since the start, d_j = Y_j - Y_0,
 
-    Y_j = mu_j E(Y_{j-1}) + nu_j Y_{j-2} + (1 - mu_j - nu_j) Y_0 - a_{j-1} mu_j D,
-    D = E(Y_0) - Y_0.
+    d_j = mu_j (E(Y_0 + d_{j-1}) - Y_0) + nu_j d_{j-2} - a_{j-1} mu_j D,
+    D = E(Y_0) - Y_0,
 
-The ledger is combined in the same way, so that energy closes to rounding. In pure
-diffusion no stage overshoots.
+where conduction acts on d_{j-1} alone and that at the start is added: hundreds of
+stages would otherwise round temperatures whose changes are far smaller. The ledger is
+combined in the same way, so that energy closes to rounding. In pure diffusion no stage
+overshoots.
 
 Source: Meyer, Balsara, Aslam, Journal of Computational Physics 257 (2014) 594-626.
 """
@@ -28,6 +30,7 @@ from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
 from ..arrays import device_array
+from ..network.network import StepStart
 from ..scene.compile.memory import Method
 from ..scene.compile.program import Program, State
 from .heat_rates import add_loads
@@ -88,15 +91,14 @@ def rkl2_coefficients(stages: int) -> dict[str, np.ndarray]:
     return {"mu": mu, "nu": nu, "a": a, "time": np.roll(reached, 1)}
 
 
-def _mixed(stepped, previous, start, change, mu, nu, a):
-    """State of a stage before loads, from the Euler step of the last one."""
-    # In differences to the start: what has not changed stays so bit by bit, and weights
-    # of about 2 and -1 multiply no rounding of large values.
-    return start + (mu * (stepped - start) + nu * (previous - start) - a * mu * change)
+def _mixed(stepped, previous, first_change, mu, nu, a):
+    """Change of a stage before loads, from the Euler step of the last one."""
+    return mu * stepped + nu * previous - a * mu * first_change
 
 
 _Stage = tuple[State, Float[Array, " c"]]
-"""States, and the heat of each ledger entry since the start of the step [J]."""
+"""Changes of the states, and the heat of each ledger entry [J], since the start of the
+step."""
 
 
 class RKL2Stepper(AbstractStepper):
@@ -172,25 +174,32 @@ class RKL2Stepper(AbstractStepper):
         bodies = program.bodies
         euler_dt = dt * weight
 
-        def load(new: State, states: State, time_fraction, dt_fraction) -> _Stage:
-            time = start + dt * time_fraction
+        def load(new: State, changes: State, time_fraction, dt_fraction) -> _Stage:
             loaded, rates = add_loads(
-                program, states=states, new=new, time=time, dt=euler_dt * dt_fraction
+                program,
+                states=changes,
+                new=new,
+                time=start + dt * time_fraction,
+                dt=euler_dt * dt_fraction,
+                start=theta,
             )
             return loaded, euler_dt * rates
 
         one_step = jnp.ones((), dt.dtype)
-        conducted = tuple(
-            body.network.euler_step(theta_b, euler_dt)
-            for body, theta_b in zip(bodies, theta, strict=True)
+        no_change = jax.tree.map(jnp.zeros_like, theta)
+        step_starts = tuple(
+            StepStart(state, body.network.euler_rise(state, euler_dt))
+            for body, state in zip(bodies, theta, strict=True)
         )
-        euler_end, heat = load(
-            conducted, states=theta, time_fraction=0.0, dt_fraction=one_step
+        first_change, heat = load(
+            tuple(step_start.rise for step_start in step_starts),
+            changes=no_change,
+            time_fraction=0.0,
+            dt_fraction=one_step,
         )
-        change = jax.tree.map(jnp.subtract, euler_end, theta)
         # The first stage is b_1 = 1/3 of an Euler step.
-        third = jax.tree.map(lambda y, d: y + d / 3, theta, change)
-        first: tuple[_Stage, _Stage] = ((theta, no_heat), (third, heat / 3))
+        third = jax.tree.map(lambda change: change / 3, first_change)
+        first: tuple[_Stage, _Stage] = ((no_change, no_heat), (third, heat / 3))
 
         def stage(j, pair):
             (previous, previous_heat), (latest, latest_heat) = pair
@@ -198,15 +207,17 @@ class RKL2Stepper(AbstractStepper):
             nu = table["nu"][j]
             a = table["a"][j]
             # Combined before loads are added, so that one pass over the nodes suffices.
-            body_states = zip(bodies, latest, previous, theta, change, strict=True)
+            changes = zip(
+                bodies, latest, step_starts, previous, first_change, strict=True
+            )
             mixed = tuple(
                 body.network.combined_step(
-                    y, euler_dt, _mixed, *earlier_states, mu, nu, a
+                    change, step_start, euler_dt, _mixed, *earlier_changes, mu, nu, a
                 )
-                for body, y, *earlier_states in body_states
+                for body, change, step_start, *earlier_changes in changes
             )
             new, added_heat = load(
-                mixed, states=latest, time_fraction=table["time"][j], dt_fraction=mu
+                mixed, changes=latest, time_fraction=table["time"][j], dt_fraction=mu
             )
             total = mu * (latest_heat + added_heat) + nu * previous_heat - a * mu * heat
             return pair[1], (new, total)
@@ -221,5 +232,6 @@ class RKL2Stepper(AbstractStepper):
             pair = jax.lax.fori_loop(0, pairs, two_stages, first)
         if self._is_fixed and self.stages % 2 == 0:
             pair = stage(self.stages, pair)
-        end, total = pair[1]
+        change, total = pair[1]
+        end = jax.tree.map(jnp.add, theta, change)
         return RunState(end, state.ledger.add(total), state.solver_state)

@@ -23,14 +23,15 @@ def add_loads(
     new: State,
     time: Float[Array, ""],
     dt: Float[Array, ""],
+    start: State | None = None,
 ) -> tuple[State, Float[Array, " c"]]:
     """Add the heat of one step, of everything but conduction, to `new`.
 
-    Loads depend on `states` and `time`. Returns the new states, and the heat rate of
-    each ledger entry [W].
+    Loads depend on `time` and on `states`, which are changes since `start` if that is
+    not None. Returns the new states, and the heat rate of each ledger entry [W].
     """
     # All loads of a step act at the temperatures before it.
-    nodes = _surface_nodes(program, states)
+    nodes = _surface_nodes(program, states, start)
     received = _net_irradiation(program, nodes, time)
     after_loads, rates = _add_own_loads(
         program, nodes=nodes, received=received, emits=False, new=new, time=time, dt=dt
@@ -42,7 +43,7 @@ def add_loads(
         with jax.named_scope("contact"):
             (warmed[first], warmed[second]), rate = contact.apply_heat(
                 (warmed[first], warmed[second]),
-                pair_temperatures(program, contact, states),
+                pair_temperatures(program, contact, states, start),
                 (program.bodies[first].reference, program.bodies[second].reference),
                 time,
                 dt,
@@ -90,7 +91,9 @@ def _networks(program: Program, load: AbstractSurfaceLoad) -> list[AbstractNetwo
     return [program.bodies[cells.body].network for cells in load.by_cell.cells]
 
 
-def _surface_nodes(program: Program, states: State) -> _Nodes:
+def _surface_nodes(
+    program: Program, states: State, start: State | None = None
+) -> _Nodes:
     """Temperatures of the nodes that carry surface loads, by body [K]."""
     load = program.surface
     if load is None:
@@ -98,6 +101,9 @@ def _surface_nodes(program: Program, states: State) -> _Nodes:
     node_temperatures = []
     for index, cells in enumerate(load.by_cell.cells):
         nodes = load.nodes_of(index, states[cells.body])
+        if start is not None:
+            # Gathered apart: the sum of whole states is not needed in memory.
+            nodes = nodes + load.nodes_of(index, start[cells.body])
         network = program.bodies[cells.body].network
         node_temperatures.append(network.temperature(nodes, cells.address))
     return node_temperatures
@@ -147,13 +153,23 @@ def pair_conductance(contact: ContactLinks, time: Float[Array, ""]):
 
 
 def pair_temperatures(
-    program: Program, contact: ContactLinks, states: State
+    program: Program,
+    contact: ContactLinks,
+    states: State,
+    start: State | None = None,
 ) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
-    """Temperatures of the nodes of every touching pair above the references [K]."""
+    """Temperatures of the nodes of every touching pair above the references [K].
+
+    The states are changes since `start` if that is not None.
+    """
     first_network, second_network = (
         program.bodies[body].network for body in contact.bodies
     )
     first, second = pair_values(contact, states)
+    if start is not None:
+        first_start, second_start = pair_values(contact, start)
+        first = first + first_start
+        second = second + second_start
     first_address, second_address = contact.address
     return first_network.temperature(first, first_address), second_network.temperature(
         second, second_address

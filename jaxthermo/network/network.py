@@ -10,7 +10,7 @@ stored heat is sum C state for every network.
 import abc
 from collections.abc import Callable
 from functools import partial
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -23,6 +23,14 @@ from typing_extensions import override
 
 Address = tuple[Int[Array, " m"], ...]
 """Indices of some nodes in a state: `state[address]`."""
+
+
+class StepStart(NamedTuple):
+    """State at the start of a step in stages, and its conduction."""
+
+    state: Float[Array, "..."]
+    rise: Float[Array, "..."]
+    """Rise of the state by the conduction of an Euler step, `euler_rise`."""
 
 
 class AbstractNetwork(Module):
@@ -72,19 +80,27 @@ class AbstractNetwork(Module):
         """The state after `dt` [s] of conduction: T + dt / C * sum_j G (T_j - T)."""
         return state + dt * inverse(self.capacity()) * self.heat_rate(state)
 
+    def euler_rise(
+        self, state: Float[Array, "..."], dt: Float[Array, ""]
+    ) -> Float[Array, "..."]:
+        """Rise of the state in `dt` [s] of conduction: dt / C * sum_j G (T_j - T)."""
+        return dt * inverse(self.capacity()) * self.face_heat_rate(state)
+
     def combined_step(
         self,
-        state: Float[Array, "..."],
+        change: Float[Array, "..."],
+        start: "StepStart",
         dt: Float[Array, ""],
         combine: Callable[..., Float[Array, "..."]],
         *fields: Float[Array, "..."],
     ) -> Float[Array, "..."]:
-        """combine(euler_step(state, dt), *fields), pointwise.
+        """combine(change + euler_rise(start + change, dt), *fields), pointwise.
 
         The fields are states and numbers. Step and combination are one pass over the
         nodes, on several devices too, and the result may overwrite the first field.
         """
-        return combine(self.euler_step(state, dt), *fields)
+        # A change that is far smaller than the state is conducted without its rounding.
+        return combine(self.euler_step(change, dt) + start.rise, *fields)
 
     @abc.abstractmethod
     def diagonal(self) -> Float[Array, "..."]:

@@ -25,7 +25,13 @@ from typing_extensions import override
 
 from ..arrays import Scalar, device_array, is_traced
 from ..material.material import Property
-from .network import AbstractDerivedNetwork, AbstractNetwork, Address
+from .network import (
+    AbstractDerivedNetwork,
+    AbstractNetwork,
+    Address,
+    StepStart,
+    inverse,
+)
 
 
 class _Piece(NamedTuple):
@@ -140,15 +146,18 @@ _ROWS = 4
 
 
 def _materialized(
-    function: Callable[[Array], Array], state: Float[Array, "*m"]
+    function: Callable[[tuple[Array, ...]], Array], *states: Float[Array, "*m"]
 ) -> Float[Array, "*m"]:
     """Values of a function of every node, computed once."""
     # The loop makes them an array in memory. Otherwise XLA recomputes the function for
     # every neighbour that reads its value.
-    if state.ndim > 1:
-        return jax.lax.map(function, state)
-    padded = jnp.pad(state, (0, -len(state) % _ROWS))
-    return jax.lax.map(function, padded.reshape(_ROWS, -1)).reshape(-1)[: len(state)]
+    if states[0].ndim > 1:
+        return jax.lax.map(function, states)
+    count = len(states[0])
+    rows = tuple(
+        jnp.pad(state, (0, -count % _ROWS)).reshape(_ROWS, -1) for state in states
+    )
+    return jax.lax.map(function, rows).reshape(-1)[:count]
 
 
 class NonlinearNetwork(AbstractDerivedNetwork):
@@ -193,7 +202,25 @@ class NonlinearNetwork(AbstractDerivedNetwork):
 
     @override
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
-        return self.base.heat_rate(_materialized(self.potential, state))
+        potential = _materialized(lambda states: self.potential(*states), state)
+        return self.base.heat_rate(potential)
+
+    @override
+    def combined_step(
+        self,
+        change: Float[Array, "..."],
+        start: StepStart,
+        dt: Float[Array, ""],
+        combine: Callable[..., Float[Array, "..."]],
+        *fields: Float[Array, "..."],
+    ) -> Float[Array, "..."]:
+        def rise_of_potential(states):
+            before, change = states
+            return self.potential(before + change) - self.potential(before)
+
+        rise = _materialized(rise_of_potential, start.state, change)
+        added = dt * inverse(self.capacity()) * self.base.heat_rate(rise)
+        return combine(change + added + start.rise, *fields)
 
     def potential(self, state: Float[Array, "*m"]) -> Float[Array, "*m"]:
         """Potential phi, whose differences drive conduction at the reference [K]."""

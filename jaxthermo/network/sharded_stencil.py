@@ -25,7 +25,7 @@ from ..parallel.lattice import (
 )
 from .cut_stencil import CutStencil
 from .link_operator import RowNetwork
-from .network import AbstractDerivedNetwork, Address, precise_sum
+from .network import AbstractDerivedNetwork, Address, StepStart, precise_sum
 from .overlap import apply_overlapping_exchange
 from .stencil import AbstractStencil
 
@@ -109,16 +109,34 @@ class ShardedStencil(AbstractDerivedNetwork):
 
     @override
     def euler_step(self, state: _State, dt: Float[Array, ""]) -> _State:
-        return self.combined_step(state, dt, lambda stepped: stepped)
+        return self._combined(state, dt, lambda stepped: stepped)
 
     @override
     def combined_step(
+        self,
+        change: _State,
+        start: StepStart,
+        dt: Float[Array, ""],
+        combine: Callable[..., _State],
+        *fields: _State,
+    ) -> _State:
+        def combine_with_rise(stepped, first, rise, *further):
+            return combine(stepped + rise, first, *further)
+
+        first, *further = fields
+        return self._combined(
+            change, dt, combine_with_rise, first, start.rise, *further
+        )
+
+    def _combined(
         self,
         state: _State,
         dt: Float[Array, ""],
         combine: Callable[..., _State],
         *fields: _State,
     ) -> _State:
+        """combine(euler_step(state, dt), *fields); it may overwrite the first field."""
+
         def step(section, state, dt, *fields):
             beyond = next_planes(state)
 

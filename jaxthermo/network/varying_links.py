@@ -26,7 +26,13 @@ from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
 from ..arrays import taken
-from .network import AbstractDerivedNetwork, AbstractNetwork, Address, inverse
+from .network import (
+    AbstractDerivedNetwork,
+    AbstractNetwork,
+    Address,
+    StepStart,
+    inverse,
+)
 from .nonlinear import KirchhoffTransform
 
 
@@ -220,6 +226,18 @@ class VaryingLinks(AbstractDerivedNetwork):
             # What enters the first node leaves the second.
             total = total.at[links.src].add(rate).at[links.dst].add(-rate)
         return jnp.zeros_like(state).at[self.address].set(total)
+
+    @override
+    def combined_step(
+        self,
+        change: Float[Array, "..."],
+        start: StepStart,
+        dt: Float[Array, ""],
+        combine: Callable[..., Float[Array, "..."]],
+        *fields: Float[Array, "..."],
+    ) -> Float[Array, "..."]:
+        # Both ends of a link round alike, so that no heat is lost.
+        return combine(change + self.euler_rise(start.state + change, dt=dt), *fields)
 
     def _inside(self, links: LinkHalves, number, theta, by_axis) -> Float[Array, " e"]:
         rise = links.project(

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxthermo as jt
+from jaxthermo.network.network import StepStart
 from jaxthermo.network.overlap import apply_after_exchange, apply_overlapping_exchange
 from jaxthermo.network.sharded_stencil import ShardedStencil
 from jaxthermo.parallel.lattice import next_planes, on_each_device, spread
@@ -75,19 +76,21 @@ def _program(form, network, states):
 def no_copy(network: ShardedStencil, states: list[jax.Array]) -> None:
     """Two stages, as of RKL2, that exchange their buffers copy no lattice."""
 
-    def stage(previous, state):
-        return network.combined_step(state, DT, combined, previous, WEIGHT)
-
-    def two_stages(_, pair):
-        previous, state = pair
-        stepped = stage(previous, state)
-        return stepped, stage(state, stepped)
-
     @partial(jax.jit, donate_argnums=0)
-    def stages(pair, count):
+    def stages(pair, start, count):
+        def stage(previous, change):
+            return network.combined_step(change, start, DT, combined, previous, WEIGHT)
+
+        def two_stages(_, pair):
+            previous, change = pair
+            stepped = stage(previous, change)
+            return stepped, stage(change, stepped)
+
         return jax.lax.fori_loop(0, count, two_stages, pair)
 
-    text = stages.lower(tuple(states), jnp.int32(3)).compile(AS_USERS_RUN).as_text()
+    start = StepStart(state=states[0], rise=states[1])
+    lowered = stages.lower(tuple(states), start, jnp.int32(3))
+    text = lowered.compile(AS_USERS_RUN).as_text()
     assert text is not None
     computations = text.split("\n}")
     loop = next(body for body in computations if "collective-permute(" in body)
