@@ -91,9 +91,11 @@ def rkl2_coefficients(stages: int) -> dict[str, np.ndarray]:
     return {"mu": mu, "nu": nu, "a": a, "time": np.roll(reached, 1)}
 
 
-def _mixed(stepped, previous, first_change, mu, nu, a):
+def _mixed(stepped, rise, previous, first_change, mu, nu, a):
     """Change of a stage before loads, from the Euler step of the last one."""
-    return mu * stepped + nu * previous - a * mu * first_change
+    # The rise is not added to the step itself: XLA would compute that twice where only
+    # some of its nodes are corrected.
+    return mu * stepped + (mu * (rise - a * first_change) + nu * previous)
 
 
 _Stage = tuple[State, Float[Array, " c"]]

@@ -94,13 +94,14 @@ class AbstractNetwork(Module):
         combine: Callable[..., Float[Array, "..."]],
         *fields: Float[Array, "..."],
     ) -> Float[Array, "..."]:
-        """combine(change + euler_rise(start + change, dt), *fields), pointwise.
+        """combine(stepped, start.rise, *fields), pointwise.
 
-        The fields are states and numbers. Step and combination are one pass over the
-        nodes, on several devices too, and the result may overwrite the first field.
+        stepped + start.rise = change + euler_rise(start + change, dt). The fields are
+        states and numbers. Step and combination are one pass over the nodes, on several
+        devices too, and the result may overwrite the first field.
         """
         # A change that is far smaller than the state is conducted without its rounding.
-        return combine(self.euler_step(change, dt) + start.rise, *fields)
+        return combine(self.euler_step(change, dt), start.rise, *fields)
 
     @abc.abstractmethod
     def diagonal(self) -> Float[Array, "..."]:

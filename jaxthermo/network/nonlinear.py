@@ -220,7 +220,7 @@ class NonlinearNetwork(AbstractDerivedNetwork):
 
         rise = _materialized(rise_of_potential, start.state, change)
         added = dt * inverse(self.capacity()) * self.base.heat_rate(rise)
-        return combine(change + added + start.rise, *fields)
+        return combine(change + added, start.rise, *fields)
 
     def potential(self, state: Float[Array, "*m"]) -> Float[Array, "*m"]:
         """Potential phi, whose differences drive conduction at the reference [K]."""

@@ -121,7 +121,7 @@ class ShardedStencil(AbstractDerivedNetwork):
         *fields: _State,
     ) -> _State:
         def combine_with_rise(stepped, first, rise, *further):
-            return combine(stepped + rise, first, *further)
+            return combine(stepped, rise, first, *further)
 
         first, *further = fields
         return self._combined(

@@ -237,7 +237,8 @@ class VaryingLinks(AbstractDerivedNetwork):
         *fields: Float[Array, "..."],
     ) -> Float[Array, "..."]:
         # Both ends of a link round alike, so that no heat is lost.
-        return combine(change + self.euler_rise(start.state + change, dt=dt), *fields)
+        rise = self.euler_rise(start.state + change, dt) - start.rise
+        return combine(change + rise, start.rise, *fields)
 
     def _inside(self, links: LinkHalves, number, theta, by_axis) -> Float[Array, " e"]:
         rise = links.project(

@@ -32,6 +32,10 @@ def combined(stepped, previous, weight):
     return previous + weight * (stepped - previous)
 
 
+def combined_with_rise(stepped, rise, previous, weight):
+    return combined(stepped, previous, weight) + weight * rise
+
+
 def step(stencil, state, previous):
     return combined(stencil.euler_step(state, DT), previous, WEIGHT)
 
@@ -79,7 +83,9 @@ def no_copy(network: ShardedStencil, states: list[jax.Array]) -> None:
     @partial(jax.jit, donate_argnums=0)
     def stages(pair, start, count):
         def stage(previous, change):
-            return network.combined_step(change, start, DT, combined, previous, WEIGHT)
+            return network.combined_step(
+                change, start, DT, combined_with_rise, previous, WEIGHT
+            )
 
         def two_stages(_, pair):
             previous, change = pair
