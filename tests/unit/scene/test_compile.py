@@ -10,6 +10,7 @@ import pytest
 import jaxthermo as jt
 from jaxthermo.integrate.run import simulate as simulate_module
 from jaxthermo.integrate.run.plan import initial_state, plan_run
+from jaxthermo.integrate.run.simulate import run_plan
 from tests.bodies import blocks
 
 
@@ -122,18 +123,14 @@ def test_two_materials_cost_an_array_a_face(structure):
 def test_pruned_and_unpruned_programs_agree(structure):
     dtype = "float64"
     included = TERMS["sun"], TERMS["convection"], TERMS["emission"]
-    idle = (
-        jt.HeatFlux(lambda t: 0.0 * t),
-        jt.Convection(lambda t: 0.0 * t, 350.0),
-    )
-    # Given, since plain functions of time ask for more steps than the stable one.
+    idle = (jt.HeatFlux(0.0), jt.Convection(0.0, 350.0))
     solver = jt.ForwardEuler(dt=0.5)
     short, long = (
         _scene(structure, *terms, dtype=dtype)
         for terms in (included, (*included, *idle))
     )
     pruned = jt.simulate(short, 50.0, solver=solver)
-    unpruned = jt.simulate(long, 50.0, solver=solver)
+    unpruned = run_plan(plan_run(long, 50.0, None, solver=solver, prune=False))
     assert set(unpruned.receipt.included) - set(pruned.receipt.included) == {
         "heat_flux", "convection#2"
     }  # fmt: skip
