@@ -134,7 +134,7 @@ def _static_scene(scene: Scene, at: float | None) -> Scene:
 
 def _solution(scene: Scene, at: float, tolerance: float | None) -> SteadySolution:
     scene = arranged_for_solves(scene)
-    compiled = compile_scene(scene, 1, at, method="implicit")
+    compiled = compile_scene(scene, 1, at, method="implicit", duration=math.inf)
     traced = is_traced(scene)
     for warning in compiled.receipt.warnings:
         warnings.warn(warning, stacklevel=3)

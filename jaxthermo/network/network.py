@@ -155,6 +155,10 @@ class AbstractNetwork(Module):
         """Largest k(T) / k(reference) at any temperature [-]."""
         return jnp.ones((), self.total_capacity().dtype)
 
+    def min_relative_conductivity(self) -> Float[Array, ""]:
+        """Smallest k(T) / k(reference) of any material at any temperature [-]."""
+        return jnp.ones((), self.total_capacity().dtype)
+
     def min_relative_capacity(self) -> Float[Array, ""]:
         """Smallest c(T) / c(reference) at any temperature [-].
 

@@ -241,6 +241,11 @@ class NonlinearNetwork(AbstractDerivedNetwork):
         return unit_ratio if self.conduction is None else self.conduction.max()
 
     @override
+    def min_relative_conductivity(self) -> Float[Array, ""]:
+        unit_ratio = super().min_relative_conductivity()
+        return unit_ratio if self.conduction is None else self.conduction.min()
+
+    @override
     def min_relative_capacity(self) -> Float[Array, ""]:
         unit_ratio = super().min_relative_capacity()
         return unit_ratio if self.heat is None else self.heat.min()

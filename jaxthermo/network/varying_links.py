@@ -295,6 +295,11 @@ class VaryingLinks(AbstractDerivedNetwork):
         return jnp.maximum(highest, links)
 
     @override
+    def min_relative_conductivity(self) -> Float[Array, ""]:
+        transforms = itertools.chain(*self.integrals.transform)
+        return jnp.stack([transform.min() for transform in transforms]).min()
+
+    @override
     def min_relative_capacity(self) -> Float[Array, ""]:
         unit_ratio = super().min_relative_capacity()
         varying = [transform.min() for transform in self.heat if transform is not None]

@@ -35,7 +35,6 @@ from .time_varying import (
     Table,
     Until,
     check_value,
-    cooling_bound,
     for_jit,
     is_zero,
     largest,
@@ -75,6 +74,11 @@ class ImposedFlux(AbstractFluxLaw):
 
     heat_flux: Any
     """[W/m^2]"""
+
+    @property
+    @override
+    def imposed_flux(self) -> Any:
+        return self.heat_flux
 
     @override
     def flux(self, time: Time, theta: PerCell) -> PerCellOrOne:
@@ -155,6 +159,13 @@ class Exchange(AbstractFluxLaw):
         return LinearLaw(h, _Above(ambient, self.reference), h)
 
     @override
+    def equilibrium(
+        self, around: Float[Array, ""], imposed: PerCell, end: float
+    ) -> PerCell:
+        weakest = jnp.asarray(smallest(self.coefficient, end), imposed.dtype)
+        return around + jnp.where(imposed > 0, imposed / weakest, 0)
+
+    @override
     def max_slope(self, highest: Float[Array, ""], end: float) -> Float[Array, ""]:
         # A coefficient that varies limits the step by its largest value.
         coefficient = self.coefficient
@@ -226,13 +237,6 @@ class HeatFlux(AbstractSurfaceTerm):
             return (Omitted("the heat flux is 0"),)
         law = ImposedFlux(for_jit(self.heat_flux, surface.dtype))
         return surface.bind(law, on=self.on)
-
-    @override
-    def forcing(self, end: float | int) -> Forcing:
-        return Forcing(
-            heat_flux=largest(self.heat_flux, end),
-            lowest=cooling_bound(self.heat_flux, end),
-        )
 
     @override
     def scale(self, material: Any, kelvin: float, end: float) -> Scale:

@@ -29,14 +29,15 @@ PerCellOrOne = Float[Array, "*#m"]
 
 
 class Forcing(NamedTuple):
-    """Bounds of the temperatures and heat fluxes that one term, or all, can cause."""
+    """Bounds of the temperatures that one term, or all, can cause.
+
+    Heat that is imposed at any temperature is not in it, see `imposed_flux` of a law.
+    """
 
     highest: Any = 0.0
     """Highest temperature towards which it heats a body [K]; 0 for none."""
-    heat_flux: Any = 0.0
-    """Largest heat flux that it imposes at any temperature [W/m^2]."""
     lowest: Any = math.inf
-    """Lowest temperature towards which it cools a body [K]; 0 without a bound."""
+    """Lowest temperature towards which it cools a body [K]; infinity for none."""
 
 
 class LinearLaw(NamedTuple):
@@ -62,6 +63,8 @@ class AbstractFluxLaw(Module):
     """True if the slope does not depend on the temperature."""
     is_dissipative: ClassVar[bool] = False
     """True if `supersolution` bounds the surface's temperature."""
+    exchanges: ClassVar[bool] = False
+    """True if it receives radiation from other surfaces, see `irradiated`."""
 
     @abc.abstractmethod
     def flux(self, time: Time, theta: PerCell) -> PerCellOrOne:
@@ -77,6 +80,25 @@ class AbstractFluxLaw(Module):
 
         It limits the explicit step.
         """
+
+    @property
+    def imposed_flux(self) -> Any:
+        """Part of the flux that does not depend on the temperature [W/m^2].
+
+        A number, an array per surface cell, or a function of time; None for 0. Without
+        it the flux must vanish at a temperature within the `forcing` of its term.
+        """
+        return None
+
+    def equilibrium(
+        self, around: Float[Array, ""], imposed: PerCell, end: float
+    ) -> PerCell:
+        """A temperature [K] above which a surface loses at least the imposed heat flux.
+
+        Infinite where the law has no such bound. The surroundings have `around` [K] at
+        most up to `end` [s]; `imposed` counts per effective area [W/m^2].
+        """
+        return jnp.full_like(imposed, jnp.inf)
 
     def heat_transfer_coefficient(self, time: Time, theta: PerCell) -> PerCellOrOne:
         """Coefficient h = q / (T_inf - T_s) of a law of convection [W/(m^2 K)]."""

@@ -11,15 +11,9 @@ from ..errors import InputError
 from ..structures.partition.assignment import volume_within
 from ..structures.structure import AbstractStructure
 from ..voxels.selection import AbstractSpace
-from .flux_law import Forcing
 from .surface import Omitted
 from .term import AbstractVolumeTerm
-from .time_varying import check_value, cooling_bound, is_zero
-
-
-# Where heat is released inside, no surface bounds the temperature [K]: emission is
-# then taken to be as steep as the half cell below it allows.
-_UNBOUNDED = 1e5
+from .time_varying import check_value, is_zero
 
 
 if TYPE_CHECKING:
@@ -68,15 +62,6 @@ class HeatSource(AbstractVolumeTerm):
     @override
     def named_bodies(self) -> tuple[int, ...]:
         return () if self.within is None else self.within.bodies
-
-    @override
-    def forcing(self, end: float | int) -> Forcing:
-        # A source that is 0 at all times leaves the other bounds in force.
-        density = self.heat_rate_density
-        return Forcing(
-            highest=0.0 if is_zero(density) else _UNBOUNDED,
-            lowest=cooling_bound(density, end),
-        )
 
     @override
     def bind(self, structure: AbstractStructure, body: int) -> VolumeBinding | Omitted:

@@ -80,7 +80,9 @@ class AbstractTerm(Module):
     def forcing(self, end: float | int) -> Forcing:
         """Bounds of its effect on temperatures up to `end` [s].
 
-        A term that heats bodies must override this: the bounds limit explicit steps.
+        A term that exchanges heat with something of another temperature must override
+        this: the bounds limit explicit steps. Heat that it imposes at any temperature
+        is the `imposed_flux` of its law.
         """
         return Forcing()
 

@@ -1,6 +1,6 @@
 """Values that may change with time: a number, a `Table`, `Until`, or any callable."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -21,6 +21,9 @@ from .windows import (
     switched,
 )
 
+
+# Points at which functions are sampled for their bounds.
+_FUNCTION_SAMPLES = 1025
 
 # Roundings between the time of an event and the time just before it.
 _EVENT_ROUNDINGS = 8
@@ -257,17 +260,54 @@ def smallest(value: Any, end: float | int) -> Any:
     return _sampled(value, end).min()
 
 
-def cooling_bound(value: Any, end: float | int) -> Any:
-    """Lower bound of temperatures under an imposed heat, as `Forcing.lowest` [K]."""
-    # A flux that extracts heat at any temperature cools without a bound.
-    lowest = smallest(value, end)
-    return namespace(lowest).where(lowest < 0, 0.0, np.inf)
+class Dose(NamedTuple):
+    """Bounds of the positive part of a value that varies with time."""
+
+    largest: Any
+    """Its largest value, 0 or more."""
+    integral: Any
+    """At least its integral over time, in units of the value times seconds."""
+
+
+def dose(value: Any, end: float | int, sign: float = 1.0) -> Dose:
+    """Bounds of the positive part of `sign` times a value in [0, end] [s].
+
+    The integral counts each interval between points of a table, or 1024 samples of a
+    function, with the larger of its ends: no sum over steps that end at the points
+    exceeds it.
+    """
+    if isinstance(value, Until):
+        return dose(value.value, min(float(value.end), end), sign)
+    if not callable(value):
+        xp = namespace(value)
+        size = xp.maximum(sign * xp.asarray(value, float), 0.0)
+        return Dose(size, size * end)
+    if isinstance(value, Table):
+        if len(value.times) == 1:
+            return dose(value.values[0], end, sign)
+        value = value.piecewise(ends_steps=False)
+    if isinstance(value, PiecewiseLinear):
+        ends = (value.first, value.last)
+        times = value.times[0] + value.times[1]
+    else:
+        times = jnp.linspace(0.0, end, _FUNCTION_SAMPLES)
+        samples = _sampled(value, end)
+        ends = (samples[:-1], samples[1:])
+    xp = namespace((times, ends))
+    times = xp.clip(xp.asarray(times, float), 0.0, end)
+    sizes = xp.maximum(sign * xp.asarray(ends, float), 0.0)
+    # The largest of the values of several cells.
+    sizes = sizes.reshape(2, len(times) - 1, -1).max(axis=2)
+    between = (sizes.max(axis=0) * xp.diff(times)).sum()
+    outside = sizes[0, 0] * times[0] + sizes[1, -1] * (end - times[-1])
+    return Dose(sizes.max(), between + outside)
 
 
 def _sampled(value: Any, end: float | int) -> Float[Any, "..."]:
     if is_unknown_function(value):
         # The sampling includes both ends; a narrow peak may be missed.
-        return jax.vmap(lambda t: value_at(value, t))(jnp.linspace(0.0, end, 1025))
+        times = jnp.linspace(0.0, end, _FUNCTION_SAMPLES)
+        return jax.vmap(lambda t: value_at(value, t))(times)
     # On the host where nothing is traced: single operations on a device are slow.
     numbers = stated_numbers(value)
     return namespace(numbers).asarray(numbers, float)

@@ -24,8 +24,7 @@ from ...errors import InputError
 from ...geometry.vectors import row_dot, unit_vector
 from ...raster.views import view_frame
 from ...voxels.selection import AbstractSelection
-from ..flux_law import Forcing
-from ..time_varying import check_value, largest, value_at
+from ..time_varying import check_value, value_at
 from .source import AbstractSource, Appearance, fixed_or_moving, seen
 from .source_motion import Triple
 from .visibility import lit_fraction_from_point
@@ -232,14 +231,6 @@ class AreaSource(AbstractSource):
         return _rectangle(
             origin, step=step, centre=np.asarray(self.centre, float), edges=self._edges
         )
-
-    @override
-    def forcing(self, end: float | int) -> Forcing:
-        # The largest irradiance is that of a surface right in front of the source.
-        if self.radiance is not None:
-            return Forcing(heat_flux=np.pi * largest(self.radiance, end))
-        highest = _GreyRadiance(largest(self.temperature, end), self.emissivity)
-        return Forcing(heat_flux=np.pi * highest(jnp.zeros((), float)))
 
 
 def _rectangle(

@@ -15,7 +15,6 @@ from typing_extensions import override
 from ...arrays import TimeVarying
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux
-from ..flux_law import Forcing
 from ..surface import Surface
 from ..term import Scale
 from ..time_varying import check_value, for_jit, is_zero, largest
@@ -68,11 +67,6 @@ class DiffuseSky(AbstractRadiativeTerm):
             for n, strength in enumerate((self.irradiance, self.reflected))
             if not (surface.prune and is_zero(strength))
         )
-
-    @override
-    def forcing(self, end: float | int) -> Forcing:
-        total = largest(self.irradiance, end) + largest(self.reflected, end)
-        return Forcing(heat_flux=total)
 
     @override
     def scale(self, material: Any, kelvin: float, end: float) -> Scale:

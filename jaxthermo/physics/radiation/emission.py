@@ -48,6 +48,13 @@ class AbstractEmission(AbstractFluxLaw):
         return _radiative_coefficient(jnp.maximum(self.reference + theta, 0))
 
     @override
+    def equilibrium(
+        self, around: Float[Array, ""], imposed: Float[Array, " m"], end: float
+    ) -> Float[Array, " m"]:
+        del end
+        return equilibrium_temperature(around, imposed)
+
+    @override
     def max_slope(self, highest: Float[Array, ""], end: float) -> Float[Array, ""]:
         del end
         return 4 * STEFAN_BOLTZMANN * highest**3

@@ -66,6 +66,8 @@ _MIN_EMISSIVITY = 1e-6
 class _Irradiated(AbstractEmission):
     """Heat flux H - sigma T^4 [W/m^2]."""
 
+    exchanges = True
+
     received: Float[Any, "*#m"]
     """H - sigma T_0^4 [W/m^2]."""
     base: Float[Any, ""]
@@ -250,6 +252,13 @@ class Enclosure(Module):
     """Temperature below the horizon [K]; None if it is T_s."""
     above: Float[Any, "*#s"]
     """Reference of each cell minus T_0 [K]."""
+
+    def escaping(self) -> Float[Array, " s"]:
+        """Fraction of the emission of each cell that ends in the surroundings [-]."""
+        fraction = self.from_surroundings
+        if self.from_ground is not None:
+            fraction = fraction + self.from_ground
+        return taken(fraction, self.patch)
 
     def _emitted(self, above: Float[Array, "*s"]) -> Float[Array, "*s"]:
         # sigma (T^4 - T_0^4) at T = T_0 + `above` [W/m^2].

@@ -27,7 +27,6 @@ from ...errors import InputError
 from ...geometry.vectors import row_dot, unit_vector, unit_vectors
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux
-from ..flux_law import Forcing
 from ..surface import BodySurface, Surface
 from ..term import Scale
 from ..time_varying import check_value, for_jit, is_zero, largest
@@ -274,10 +273,6 @@ class Sun(AbstractSource):
         return _distant_disc(step, -unit_vector(self.direction))
 
     @override
-    def forcing(self, end: float | int) -> Forcing:
-        return Forcing(heat_flux=largest(self.irradiance, end))
-
-    @override
     def scale(self, material: Any, kelvin: float, end: float) -> Scale:
         strength = float(largest(self.irradiance, end))
         return Scale(heat_flux=float(material.absorptivity) * strength)
@@ -361,8 +356,3 @@ class PointSource(AbstractSource):
         # But for shadows, a diffuse sphere of this radius irradiates as the law says.
         centre = np.asarray(self.position, float)
         return _sphere(origin, step=step, centre=centre, radius=self.min_distance)
-
-    @override
-    def forcing(self, end: float | int) -> Forcing:
-        highest = largest(self.radiant_intensity, end)
-        return Forcing(heat_flux=highest / (self.min_distance * self.min_distance))

@@ -11,8 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ...arrays import Scalar, device_array, is_traced, namespace, typed_array
-from ...constants import STEFAN_BOLTZMANN
+from ...arrays import Scalar, device_array, is_traced, namespace
 from ...errors import InputError, located
 from ...network.network import AbstractNetwork, Address
 from ...physics.conduction import (
@@ -222,10 +221,9 @@ def _half_cells(body: Body, reference: Scalar, dtype: Any) -> Float[Values, " s"
 
 
 class TemperatureBounds(NamedTuple):
-    """Bounds of all temperatures up to the end of a run [K]."""
+    """Bounds of all temperatures of nodes and surfaces [K]."""
 
     highest: Float[Any, ""]
-    """Upper bound where surfaces emit."""
     lowest: Float[Any, ""]
 
     def known(self) -> Forcing | None:
@@ -233,54 +231,6 @@ class TemperatureBounds(NamedTuple):
         if is_traced(self):
             return None
         return Forcing(highest=float(self.highest), lowest=float(self.lowest))
-
-
-def temperature_bounds(
-    scene: Scene, prepared: tuple[PreparedBody, ...], end: float | int
-) -> TemperatureBounds:
-    """Bounds of temperatures up to `end` [s]."""
-    # Without imposed fluxes nothing gets hotter than the start or what terms heat
-    # towards (the maximum principle). With them, the hottest surface is one that emits
-    # the flux. Where nothing emits there is no bound, and none is needed.
-    start = []
-    for body in prepared:
-        if not callable(body.body.temperature):
-            start.append(body.reference)
-            continue
-        theta = body.network.temperature(jnp.asarray(body.state))
-        # On the host nothing is compiled for each shape of a body.
-        theta = theta if is_traced(theta) else np.asarray(theta)
-        start += [body.reference + theta.min(), body.reference + theta.max()]
-    forcings = [term.forcing(end) for term in scene.terms]
-    emissivities = [jax.tree.leaves(_emissivities(body)) for body in scene.bodies]
-    # Single operations on few numbers are fastest on the host.
-    xp = namespace((start, forcings, emissivities))
-    highest = [*start, *(forcing.highest for forcing in forcings)]
-    lowest = [*start, *(forcing.lowest for forcing in forcings)]
-    imposed = sum(xp.maximum(forcing.heat_flux, 0.0) for forcing in forcings)
-    bound = xp.stack([xp.asarray(v, float) for v in highest]).max()
-    smallest = [
-        xp.min(xp.asarray(emissivity, float))
-        for leaves in emissivities
-        for emissivity in leaves
-    ]
-    # Emissivities below 1e-3 would give no useful bound.
-    emissivity = xp.maximum(xp.stack(smallest).min(), 1e-3)
-    hottest = (bound**4 + imposed / (STEFAN_BOLTZMANN * emissivity)) ** 0.25
-    coldest = xp.stack([xp.asarray(value, float) for value in lowest]).min()
-    dtype = jnp.result_type(float)
-    return TemperatureBounds(
-        highest=typed_array(hottest, dtype), lowest=typed_array(coldest, dtype)
-    )
-
-
-def _emissivities(body: Body) -> list[Any]:
-    material = body.material
-    if isinstance(material, AbstractMaterials):
-        emissivity = material.table("emissivity", float)
-    else:
-        emissivity = material.emissivity
-    return [emissivity, *(coating.emissivity for coating in body.coatings)]
 
 
 def check_bodies(scene: Scene, prepared: tuple[PreparedBody, ...]) -> None:

@@ -12,6 +12,7 @@ import operator
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -19,19 +20,21 @@ import numpy as np
 
 from ...arrays import is_compiling, is_traced
 from ...memo.found import on_device, searches_recorded
+from ...physics.flux_law import Forcing
 from ...physics.radiation.irradiation import (
     SceneRadiation,
     SurfaceRadiation,
     surface_radiation,
 )
-from ...physics.surface import BodySurface, Note
+from ...physics.surface import BodySurface, Note, Omitted
 from ...physics.term import AbstractExchangeTerm
 from ..scene import Scene, SolvedSurface, body_geometry, mechanism_names
-from .bodies import check_bodies, check_terms, prepare, temperature_bounds
+from .bodies import PreparedBody, check_bodies, check_terms, prepare
 from .memory import Method, check_memory
 from .newton_iterations import with_iterations
 from .program import Compiled, Program, stable_step_of
 from .program_builder import (
+    Ledger,
     ProgramBuilder,
     acting_terms,
     bind_volumes,
@@ -40,6 +43,7 @@ from .program_builder import (
 )
 from .receipt import receipt_of
 from .snapshots import Snapshot, take_snapshots
+from .temperature_bounds import temperature_bounds
 from .time_values import with_time_values
 from .traced_scene import mark_untraceable, separate_numbers, trace_scene
 
@@ -51,6 +55,7 @@ def compile_scene(
     prune: bool = True,
     method: Method = "euler",
     save_times: tuple[float, ...] | None = None,
+    duration: float | None = None,
 ) -> Compiled:
     """Bind all terms to the scene, leaving out those without effect.
 
@@ -62,6 +67,8 @@ def compile_scene(
         method: kind of steps, for the estimate of memory.
         save_times: times that a run saves [s], up to which functions of time are
             integrated; None to leave them as they are.
+        duration: time for which the values up to `end` act [s], infinite for a steady
+            state; None for `end`.
 
     Raises:
         InputError: if the program would not fit into memory, or terms contradict each
@@ -74,7 +81,13 @@ def compile_scene(
     scene = time_values.scene
     check_terms(scene, end)
     with searches_recorded() as searches:
-        compiled = _bound(scene, starts=starts, end=float(end), prune=prune)
+        compiled = _bound(
+            scene,
+            starts=starts,
+            end=float(end),
+            duration=float(end if duration is None else duration),
+            prune=prune,
+        )
     programs = compiled.programs
     temperatures = compiled.temperatures.known()
     # How many iterations are compiled follows from numbers that must be known.
@@ -108,10 +121,10 @@ def compile_scene(
 
 
 def _bound(
-    scene: Scene, starts: tuple[float, ...], end: float, prune: bool
+    scene: Scene, starts: tuple[float, ...], end: float, duration: float, prune: bool
 ) -> Compiled:
     """Bind a scene, or compute what was traced for other numbers of the same form."""
-    bind = partial(_bind, starts=starts, end=end, prune=prune)
+    bind = partial(_bind, starts=starts, end=end, duration=duration, prune=prune)
     # Many snapshots would be one large program.
     if len(starts) > 1 or _needs_numbers(scene) or is_traced(scene) or is_compiling():
         return bind(scene)
@@ -125,7 +138,7 @@ def _bound(
     def bind_numbers(scene: Scene) -> Compiled:
         return _from_uniform_start(scene, bind(scene))
 
-    options = (end, prune)
+    options = (end, duration, prune)
     try:
         traced = trace_scene(scene, numbers, bind=bind_numbers, by=options)
     except Exception:
@@ -162,24 +175,37 @@ def _from_uniform_start(scene: Scene, compiled: Compiled) -> Compiled:
     return replace(compiled, start=start)
 
 
-def _bind(scene: Scene, starts: tuple[float, ...], end: float, prune: bool) -> Compiled:
-    """Bind a scene, whose numbers may be traced."""
-    names = mechanism_names(scene)
-    dtype = jnp.dtype(scene.dtype)
-    prepared = tuple(
-        prepare(number, body, dtype) for number, body in enumerate(scene.bodies)
-    )
-    check_bodies(scene, prepared)
-    temperatures = temperature_bounds(scene, prepared, end)
+class _BoundPrograms(NamedTuple):
+    """Programs of a scene, with what they were made from."""
+
+    programs: tuple[Program, ...]
+    snapshots: list[Snapshot]
+    ledger: Ledger
+    unheated: list[tuple[int, Omitted]]
+    """Terms that heat no inside, by number."""
+    accuracy: tuple[str, ...]
+    """Notes on the accuracy of an exchange."""
+
+
+def _bound_programs(
+    scene: Scene,
+    prepared: tuple[PreparedBody, ...],
+    starts: tuple[float, ...],
+    end: float,
+    prune: bool,
+    temperatures: Forcing | None,
+) -> _BoundPrograms:
+    """Bind the terms of a scene; some choose their laws by bounds of temperatures."""
     snapshots = take_snapshots(
         scene,
         prepared=prepared,
         starts=starts,
         end=end,
-        temperatures=temperatures.known(),
+        temperatures=temperatures,
         prune=prune,
     )
     volumes, unheated = bind_volumes(scene)
+    names = mechanism_names(scene)
     ledger = ledger_entries(names, snapshots=snapshots, volumes=volumes, prune=prune)
     builder = ProgramBuilder(
         scene=scene,
@@ -189,32 +215,65 @@ def _bind(scene: Scene, starts: tuple[float, ...], end: float, prune: bool) -> C
         ledger=ledger,
     )
     programs, accuracy = builder.programs()
+    return _BoundPrograms(
+        # All arrays of the host go to the device at once.
+        programs=on_device(programs),
+        snapshots=snapshots,
+        ledger=ledger,
+        unheated=unheated,
+        accuracy=accuracy,
+    )
+
+
+def _bind(
+    scene: Scene, starts: tuple[float, ...], end: float, duration: float, prune: bool
+) -> Compiled:
+    """Bind a scene, whose numbers may be traced."""
+    dtype = jnp.dtype(scene.dtype)
+    prepared = tuple(
+        prepare(number, body, dtype) for number, body in enumerate(scene.bodies)
+    )
+    check_bodies(scene, prepared)
+    bind = partial(
+        _bound_programs, scene, prepared=prepared, starts=starts, end=end, prune=prune
+    )
+    bound = bind(temperatures=None)
+    temperatures = temperature_bounds(
+        scene,
+        prepared=prepared,
+        programs=bound.programs,
+        end=end,
+        duration=duration,
+    )
+    if any(term.chooses_law for term in scene.terms):
+        bound = bind(temperatures=temperatures.known())
+    programs = bound.programs
+    snapshots = bound.snapshots
+    # The radiation stays on the host, since few solutions are asked for it.
     radiation = SceneRadiation(starts, _radiation(scene, snapshots, programs))
     solved = _solved_surfaces(scene, snapshots[0].surface.bodies)
-    # All arrays of the host go to the device at once. The radiation stays on the host,
-    # since few solutions are asked for it.
-    programs, temperatures, solved = on_device((programs, temperatures, solved))
+    temperatures, solved = on_device((temperatures, solved))
     # One step for all snapshots: the smallest.
     steps = [stable_step_of(p, temperatures.highest, end) for p in programs]
     return Compiled(
         programs=programs,
         starts=starts,
-        acting=acting_terms(ledger),
+        acting=acting_terms(bound.ledger),
         start=tuple(body.state for body in prepared),
         state_shapes=tuple(body.structure.state_shape for body in scene.bodies),
         surfaces=solved,
         radiation=radiation,
         temperatures=temperatures,
         stable_step=steps[0] if len(steps) == 1 else jnp.stack(steps).min(),
-        notes=tuple(_notes(snapshots, names)),
+        notes=tuple(_notes(snapshots, mechanism_names(scene))),
         receipt=receipt_of(
             scene,
             snapshots=snapshots,
             starts=starts,
             end=end,
-            ledger=ledger,
-            unheated=unheated,
-            accuracy=accuracy,
+            ledger=bound.ledger,
+            unheated=bound.unheated,
+            accuracy=bound.accuracy,
         ),
     )
 
