@@ -212,7 +212,13 @@ def _linear_body(scene: Scene, plan: Plan) -> LinearBody:
     theta = compiled.state[0]
     system = linear_system(scene, plan.save_times[-1])
     loaded = np.flatnonzero((system.loss > 0) | system.heat.any(axis=1))
-    observed = [observation_time(plan, i) for i in plan.intervals if i.saved]
+    # Amplitudes are those of spans: at their start, and just before their end.
+    observed = [
+        time
+        for i in plan.intervals
+        if i.saved
+        for time in (i.start + observation_time(plan, i), i.end)
+    ]
     grid = plan.scene.bodies[0].structure.grid
     address = tuple(np.asarray(index) for index in body.address)
     cell = np.ravel_multi_index(address, theta.shape)
@@ -235,7 +241,7 @@ def _linear_body(scene: Scene, plan: Plan) -> LinearBody:
         loss=system.loss[loaded],
         read_cell=cell[np.asarray(body.node)],
         read_factor=system.read(np.ones(len(system.capacity))),
-        read_offset=system.amplitudes(observed) @ system.direct.T,
+        read_offset=system.amplitudes(observed)[::2] @ system.direct.T,
     )
 
 
@@ -245,9 +251,10 @@ def _gain(
     """Heat rate of the loaded nodes at the reference temperature by interval [W]."""
     gain = []
     for i in plan.intervals:
-        times = [i.start + fraction * (i.end - i.start) for fraction in _WITHIN]
-        start, middle, end = system.amplitudes(times) @ system.heat[loaded].T
-        if not np.allclose([start, end], middle, rtol=1e-5):
+        first, half, last = (i.start + f * (i.end - i.start) for f in _WITHIN)
+        rates = system.amplitudes([first, half, half, last]) @ system.heat[loaded].T
+        middle = rates[2]
+        if not np.allclose(rates, middle, rtol=1e-5):
             raise InputError(
                 "rivals written by hand have loads that are constant between events: "
                 f"one changes within {i.start:g} to {i.end:g} s"
