@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
@@ -40,9 +40,18 @@ class Note(Module):
     numbers: Float[Any, "..."] = ()
     """Numbers that the lines depend on; traced where the scene is."""
 
+    @classmethod
+    def of_line(cls, body: int, line: str) -> "Note":
+        """A remark that depends on no numbers."""
+        return cls(body, partial(_unchanged, line))
+
     def lines(self) -> tuple[str, ...]:
         """Its lines; none where the numbers are not known."""
         return () if is_traced(self.numbers) else self.text(np.asarray(self.numbers))
+
+
+def _unchanged(line: str, _: Any) -> tuple[str, ...]:
+    return (line,)
 
 
 class Binding(NamedTuple):

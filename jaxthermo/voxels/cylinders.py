@@ -252,6 +252,14 @@ def _decomposed(grid: VoxelGrid) -> CylinderParts:
     return CylinderParts(tuple(cylinders), fragment)
 
 
+def whole_body(grid: VoxelGrid) -> CylinderParts:
+    """A body as one part that has all its fragments."""
+    blocks = _blocks(grid)
+    axis, _ = _main_axis(blocks.centre, blocks.volume)
+    whole = _fitted(blocks, selected=np.ones(len(blocks.volume), bool), axis=axis)
+    return CylinderParts((whole,), np.zeros(len(grid.fragment_area), np.int64))
+
+
 def parts_of(
     grid: VoxelGrid, cylinders: tuple[Cylinder, ...], body: int
 ) -> CylinderParts:

@@ -154,8 +154,12 @@ _WakeConfig = Annotated[
 ]
 
 
+# Shape of all bodies; without it, that of each one's proportions.
+_BodyShape = Literal["plate", "cylinder", "sphere"]
+
+
 class _WindConfig(Model, builds="Wind", kind="wind"):
-    """Wind of one direction; the bodies are approximated by cylinders."""
+    """Wind of one direction; bodies are plates, spheres or cylinders."""
 
     velocity: si.Velocity
     temperature: Varying[si.Temperature]
@@ -166,6 +170,7 @@ class _WindConfig(Model, builds="Wind", kind="wind"):
     cylinders: tuple[_CylinderConfig, ...] = ()
     wake: _WakeConfig | None = None
     on: WhereConfig | None = None
+    body_shape: _BodyShape | None = None
 
     def mistakes(self) -> list[Mistake]:
         # The velocity of a wind of varying speed gives its direction.
@@ -181,6 +186,7 @@ class _FreeConvectionConfig(Model, builds="FreeConvection", kind="free_convectio
     length: si.PositiveLength | None = None
     cylinders: tuple[_CylinderConfig, ...] = ()
     on: WhereConfig | None = None
+    body_shape: _BodyShape | None = None
 
 
 class _HeatFluxConfig(_Switched, builds="HeatFlux", kind="heat_flux"):

@@ -35,11 +35,15 @@ from .air import (
     kinematic_viscosity,
     prandtl,
 )
-from .nusselt import Average, NamedAverage, Pchip, cylinder_table, pchip
+from .nusselt import (
+    MAX_REYNOLDS,
+    Average,
+    NamedAverage,
+    Pchip,
+    cylinder_table,
+    pchip,
+)
 
-
-_MAX_REYNOLDS = 2.5e5
-"""Reynolds number above which the average is constant: the drag crisis is near."""
 
 # Relative difference of x / D + 1/2 within which fragments share a group.
 _WAKE_STEP = 0.01
@@ -106,7 +110,7 @@ def local_nusselt(
     average: Average,
 ) -> Float[Array, "*n"]:
     """Nu(theta, Re, Pr) on the side of a cylinder, from cos(theta)."""
-    limited = jnp.minimum(reynolds, _MAX_REYNOLDS)
+    limited = jnp.minimum(reynolds, MAX_REYNOLDS)
     factor = _shape_factor(_shape_coefficients(limited), _harmonics(cosine))
     return average(limited, prandtl_number) * factor
 
@@ -162,19 +166,19 @@ def _group_coefficients(
     air: Float[Array, ""],
     ratio: Float[Array, "*#v g"],
     diameter: Float[Array, " g"],
-    average: Average,
+    average: NamedAverage,
 ) -> tuple[Float[Array, "v g n"], Float[Array, "v g k"]]:
     """Film polynomial of the mean h, and the c_k, of each group at each wind speed."""
     viscosity = kinematic_viscosity(air)
     ratio = ratio if ratio.ndim == 2 else ratio[None]
     local = speeds[:, None] * ratio
     # The average is constant above the largest Reynolds number.
-    local = jnp.minimum(local, _MAX_REYNOLDS * viscosity / diameter[None])
+    local = jnp.minimum(local, average.constant_above * viscosity / diameter[None])
     film = jnp.asarray(FILM_TEMPERATURES.astype(speeds.dtype))
     speed, width, film = jnp.broadcast_arrays(
         local[..., None], diameter[None, :, None], film[None, None]
     )
-    mean = _mean_coefficient(speed, diameter=width, film=film, average=average)
+    mean = _mean_coefficient(speed, diameter=width, film=film, average=average.nusselt)
     # The stream as a whole determines where the flow separates, so the shape depends on
     # its temperature, not on the local film temperature. With the film of a surface
     # that is 50 K warmer it would differ by 0.2 % at Re 4e3, 5 % at 1e4, 13 % at 1.5e5.
@@ -187,7 +191,7 @@ def film_coefficients(
     air: Float[Values, ""],
     speed_ratio: Float[Values, "*#v g"],
     groups: FlowGroups,
-    average: Average,
+    average: NamedAverage,
     harmonics: Float[np.ndarray, "k s"],
     dtype: Any,
 ) -> Float[Values, "v n s"]:
@@ -197,6 +201,53 @@ def film_coefficients(
     speed of each group over the wind speed, one for all wind speeds or one for each,
     and `harmonics` are the R_k of each fragment.
     """
+    mean, shape = _known_coefficients(
+        speeds,
+        air=air,
+        speed_ratio=speed_ratio,
+        groups=groups,
+        average=average,
+        dtype=dtype,
+    )
+    xp = namespace((mean, shape))
+    member = groups.member
+    typed_harmonics = harmonics.astype(dtype, copy=False)
+    rows = []
+    for polynomial, coefficients in zip(mean, shape, strict=True):
+        cosines = xp.einsum("sk,ks->s", coefficients[member], typed_harmonics)
+        rows.append(polynomial[member].T * (1 + cosines)[None])
+    return xp.stack(rows)
+
+
+def uniform_coefficients(
+    speeds: Float[Values, " v"],
+    air: Float[Values, ""],
+    speed_ratio: Float[Values, "*#v g"],
+    groups: FlowGroups,
+    average: NamedAverage,
+    dtype: Any,
+) -> Float[Values, "v n s"]:
+    """Film polynomial of h as by `film_coefficients`, equal all around each group."""
+    mean, _ = _known_coefficients(
+        speeds,
+        air=air,
+        speed_ratio=speed_ratio,
+        groups=groups,
+        average=average,
+        dtype=dtype,
+    )
+    return namespace(mean).moveaxis(mean[:, groups.member], 1, 2)
+
+
+def _known_coefficients(
+    speeds: Float[Values, " v"],
+    air: Float[Values, ""],
+    speed_ratio: Float[Values, "*#v g"],
+    groups: FlowGroups,
+    average: NamedAverage,
+    dtype: Any,
+) -> tuple[Float[Values, "v h n"], Float[Values, "v h k"]]:
+    """Results of `_group_coefficients`, as arrays of numpy where they are known."""
 
     def cast(values: Values) -> Float[Array, "..."]:
         host = values if is_traced(values) else np.asarray(values, dtype)
@@ -215,14 +266,7 @@ def film_coefficients(
         if not is_traced((mean, shape)):
             mean = np.asarray(mean)
             shape = np.asarray(shape)
-    xp = namespace((mean, shape))
-    member = groups.member
-    typed_harmonics = harmonics.astype(dtype, copy=False)
-    rows = []
-    for polynomial, coefficients in zip(mean, shape, strict=True):
-        cosines = xp.einsum("sk,ks->s", coefficients[member], typed_harmonics)
-        rows.append(polynomial[member].T * (1 + cosines)[None])
-    return xp.stack(rows)
+    return mean, shape
 
 
 def _padded(values: Float[Values, "*v g"]) -> Float[Values, "*v h"]:
@@ -238,9 +282,9 @@ def validity_notes(reynolds: float, average: NamedAverage) -> tuple[str, ...]:
     """Limits of validity that a result at this Reynolds number exceeds."""
     table = cylinder_table()
     notes = []
-    if reynolds > _MAX_REYNOLDS:
+    if reynolds > MAX_REYNOLDS:
         notes.append(
-            f"Re {reynolds:.3g} is above {_MAX_REYNOLDS:.3g}, beyond which the Nusselt "
+            f"Re {reynolds:.3g} is above {MAX_REYNOLDS:.3g}, beyond which the Nusselt "
             "number is constant: give a lower speed or a smaller cylinder"
         )
     if reynolds > table.reynolds[~table.recalled].max():
@@ -248,9 +292,4 @@ def validity_notes(reynolds: float, average: NamedAverage) -> tuple[str, ...]:
             f"at Re {reynolds:.3g} the local Nusselt number rests on recalled curves, "
             "+-15 %, not on measured ones"
         )
-    if not average.min_reynolds <= reynolds <= average.max_reynolds:
-        notes.append(
-            f"Re {reynolds:.3g} is outside {average.name}'s range, "
-            f"{average.min_reynolds:g} to {average.max_reynolds:g}"
-        )
-    return tuple(notes)
+    return (*notes, *average.range_note(reynolds))

@@ -1,4 +1,7 @@
-"""Free convection in still air: upright parts as plates, others as cylinders.
+"""Free convection in still air, from plates, spheres and cylinders.
+
+A body is one of them by its proportions (`voxels.body_shape`); the laws of plates and
+spheres are in `shape_exchange`. That of cylinders is
 
     q = h (T_inf - T_s),    h = Nu k / L,    Nu = (a + b Ra^(1/6))^2,
     Ra = g |T_s - T_inf| L^3 Pr / (T_f nu^2),
@@ -7,9 +10,10 @@
 with a = 0.825, c = 0.492 and L the height for a vertical plate (Churchill and Chu 1975,
 IJHMT 18, 1323), and a = 0.6, c = 0.559 and L the diameter for a horizontal cylinder
 (IJHMT 18, 1049; Ra up to 1e12). Properties of air are taken at the film temperature
-T_f. The mean h applies whatever the direction of the normal. A part of the body whose
-axis is within 45 degrees of the vertical, z, is a plate of its height; any other a
-cylinder of its diameter.
+T_f. The mean h applies whatever the direction of the normal. A cylinder whose axis is
+within 40 degrees of the vertical, z, is a plate of its height, one beyond 50 degrees a
+horizontal one of its diameter; between them the factors pass smoothly from one to the
+other.
 
 `Wind` and `FreeConvection` on one body would add their heat fluxes, although the
 stronger of the two mechanisms determines h nearly alone.
@@ -20,7 +24,6 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -28,86 +31,47 @@ from typing_extensions import override
 
 from ...arrays import TimeVarying
 from ...errors import InputError
+from ...voxels.body_shape import (
+    BodyShape,
+    Plate,
+    Sphere,
+    check_body_shape,
+    shape_of,
+)
 from ...voxels.cylinders import Cylinder, given_cylinders, parts_of
 from ...voxels.selection import AbstractSelection
 from ..boundary import toward
 from ..flux_law import Forcing
-from ..surface import Binding, BodySurface, Omitted, Surface
+from ..surface import Binding, BodySurface, Note, Omitted, Surface
 from ..term import AbstractSurfaceTerm
 from ..time_varying import check_value, for_jit, largest, value_at
-from . import air
 from .air import (
-    FILM_TEMPERATURES,
     MAX_FILM_TEMPERATURE,
     MIN_FILM_TEMPERATURE,
     FilmDerivatives,
     film_argument,
     film_derivatives,
-    film_polynomial,
     horner,
 )
+from .buoyancy import (
+    CYLINDER,
+    CYLINDER_OVER_PLATE,
+    PLATE,
+    REGULARIZATION,
+    film_rows,
+    sixth_root,
+)
 from .film import SAMPLING_MARGIN, AbstractFilmLaw, FilmState, film_range
+from .shape_exchange import PlateExchange, SphereExchange, plate_factors
 
-
-class _Shape(NamedTuple):
-    """Constants a and c of Churchill and Chu's formula."""
-
-    a: float
-    c: float
-
-
-# Standard gravity [m/s^2].
-_GRAVITY = 9.80665
-
-_PLATE = _Shape(0.825, 0.492)
-"""Vertical plate; L is its height."""
-
-_CYLINDER = _Shape(0.6, 0.559)
-"""Horizontal cylinder; L is its diameter."""
-
-
-def _b(prandtl, c: float):
-    return 0.387 / (1 + (c / prandtl) ** (9 / 16)) ** (8 / 27)
-
-
-# Ratio of b of a cylinder to b of a plate, within 1e-4 for Pr 0.69 to 0.75.
-_CYLINDER_OVER_PLATE = _b(0.71, _CYLINDER.c) / _b(0.71, _PLATE.c)
-
-
-@jax.jit
-def _film_factors(
-    film: Float[Array, " n"],
-) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
-    """sqrt(k) and a plate's beta, which depend on the film temperature alone."""
-    # Since Ra goes with L^3, sqrt(h) = a sqrt(k / L) + beta |T_s - T_inf|^(1/6): two
-    # polynomials in the film temperature, common to all cells, replace all powers and
-    # logarithms but the sixth root.
-    nu = air.kinematic_viscosity(film)
-    pr = air.prandtl(film)
-    root = jnp.sqrt(air.conductivity(film))
-    rise = (_GRAVITY * pr / (film * nu * nu)) ** (1 / 6)
-    return root, root * rise * _b(pr, _PLATE.c)
-
-
-# Differences |T_s - T_inf| are regularized to sqrt(d^2 + this^2) under the sixth root
-# [K], so that q is smooth at T_s = T_inf.
-_REGULARIZATION = 0.01
 
 # Samples of the temperature difference for bounds.
 _DIFFERENCE_SAMPLES = 257
 
-# Smallest cosine between axis and vertical of an upright part.
-_MIN_UPRIGHT_COSINE = float(np.cos(np.pi / 4))
-
-
-def _sixth_root(x: Float[Array, "*m"]) -> Float[Array, "*m"]:
-    """x^(1/6) for 0.01 to 2000 with a relative error of 2e-5, without a power."""
-    root = jnp.sqrt(x)
-    eighth = jnp.sqrt(jnp.sqrt(root))
-    guess = eighth * (0.7 + 0.27 * eighth)
-    cube = guess * guess * guess
-    # One step of Halley's method for the cube root of sqrt(x).
-    return guess * (cube + 2 * root) / (2 * cube + root)
+# Cosines between axis and vertical of tilted cylinders, 50 and 40 degrees: between them
+# the law passes smoothly from that of lying ones to that of upright ones.
+_LYING_COSINE = float(np.cos(np.radians(50.0)))
+_UPRIGHT_COSINE = float(np.cos(np.radians(40.0)))
 
 
 class _Bounds(NamedTuple):
@@ -148,8 +112,8 @@ class _FreeExchange(AbstractFilmLaw):
         x, per_kelvin = film_argument(ambient + self.reference + theta)
         root, root_slope = horner(self.root, x)
         rise, rise_slope = horner(self.rise, x)
-        square = below * below + _REGULARIZATION**2
-        sixth = _sixth_root(jnp.sqrt(square))
+        square = below * below + REGULARIZATION**2
+        sixth = sixth_root(jnp.sqrt(square))
         w = self.still * root + self.rising * rise * sixth
         by_film = self.still * root_slope + self.rising * rise_slope * sixth
         by_difference = self.rising * rise * sixth * below / (6 * square)
@@ -161,7 +125,7 @@ class _FreeExchange(AbstractFilmLaw):
         # The slope is at most 7/3 h: h grows with the difference by a power below 1/3,
         # with the film temperature below 1. The difference is never exceeded.
         warmest = jnp.asarray(largest(self.temperature, end), hottest.dtype)
-        apart = jnp.maximum(hottest, warmest) + _REGULARIZATION
+        apart = jnp.maximum(hottest, warmest) + REGULARIZATION
         film = jnp.linspace(
             MIN_FILM_TEMPERATURE, MAX_FILM_TEMPERATURE, 17, dtype=hottest.dtype
         )
@@ -172,7 +136,7 @@ class _FreeExchange(AbstractFilmLaw):
         rising = jnp.asarray(self.rising, hottest.dtype).max(initial=0.0)
         root = still * horner(root_rows, x)[0]
         rise = rising * horner(rise_rows, x)[0]
-        h = (root + rise * _sixth_root(apart)) ** 2
+        h = (root + rise * sixth_root(apart)) ** 2
         return 7 / 3 * 1.01 * h.max()
 
     @override
@@ -195,9 +159,9 @@ class _FreeExchange(AbstractFilmLaw):
         air = film_range(self.temperature, within, end)
         root = _scaled_derivatives(self.still, self.root, air.film)
         rise = _scaled_derivatives(self.rising, self.rise, air.film)
-        tiny = _REGULARIZATION / 100
+        tiny = REGULARIZATION / 100
         apart = np.geomspace(tiny, max(air.gap, tiny), _DIFFERENCE_SAMPLES)[:, None]
-        square = apart**2 + _REGULARIZATION**2
+        square = apart**2 + REGULARIZATION**2
         sixth = square ** (1 / 12)
         steep = sixth * apart / (6 * square)
         second = sixth * np.abs(1 / 6 - 11 / 36 * apart**2 / square) / square
@@ -230,11 +194,16 @@ class FreeConvection(AbstractSurfaceTerm):
 
     q = h (T_inf - T_s),    h = Nu(Ra, Pr) k / L [W/(m^2 K)]
 
-    Upright parts count as plates of their height, others as horizontal cylinders of
-    their diameter. Source: Churchill and Chu, IJHMT 18 (1975) 1049 and 1323.
+    A body is a plate, a sphere or cylinders, by its proportions (`body_shape`). Sides
+    of plates have laws by their normals, with L = A / P up and down and their height
+    upright (McAdams 1954; Churchill and Chu 1975), spheres that of Churchill (1983).
+    Upright cylinders count as plates of their height, others as horizontal ones of
+    their diameter (Churchill and Chu, IJHMT 18 (1975) 1049 and 1323). The receipt has
+    the law of each body, with its length.
 
     Raises:
-        InputError: for a negative temperature, or a length that is not positive.
+        InputError: for a negative temperature, a length that is not positive, or an
+            unknown shape.
     """
 
     name = "free_convection"
@@ -244,13 +213,16 @@ class FreeConvection(AbstractSurfaceTerm):
     temperature: TimeVarying
     """T_inf of the air [K], a number or a function of time."""
     length: float | None = eqx.field(static=True, default=None)
-    """L of all parts [m]; None for the height or diameter of each."""
+    """L of all parts [m]; None for the lengths, heights or diameters of each."""
     cylinders: tuple[Cylinder, ...] = eqx.field(
         static=True, default=None, converter=given_cylinders
     )
     """Cylinders of the bodies that they name; those of other bodies are detected."""
     on: AbstractSelection | None = None
     """Part of the surface that it cools."""
+    body_shape: BodyShape | None = eqx.field(static=True, default=None)
+    """Shape of all bodies, "plate", "cylinder" or "sphere"; None to go by each one's
+    proportions."""
 
     def __check_init__(self):
         check_value(self.temperature, "FreeConvection(temperature [K])", 0.0)
@@ -261,6 +233,7 @@ class FreeConvection(AbstractSurfaceTerm):
             raise InputError(
                 f"FreeConvection(length={length!r}): give a positive length in metres"
             )
+        check_body_shape(self.body_shape, self.cylinders, "FreeConvection")
 
     @override
     def forcing(self, end: float | int) -> Forcing:
@@ -268,51 +241,154 @@ class FreeConvection(AbstractSurfaceTerm):
 
     @override
     def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
-        dtype = surface.dtype
-        covers = []
-        factors = []
-        for body in surface.bodies:
-            cover = body.cover(body.area, self.on)
-            covers.append(cover)
-            omitted = isinstance(cover, Omitted)
-            factors.append(
-                np.zeros((2, len(body.area))) if omitted else self._factors(body)
+        covers = [body.cover(body.area, self.on) for body in surface.bodies]
+        by_shape: dict[type, dict[int, _BodyLaw]] = {}
+        for n, (body, cover) in enumerate(zip(surface.bodies, covers, strict=True)):
+            if not isinstance(cover, Omitted):
+                law = self._law(body)
+                by_shape.setdefault(law.exchange, {})[n] = law
+        if not by_shape:
+            law = self._exchange(_FreeExchange, {}, surface)
+            return surface.bind(law, covers)
+        omitted = [cover for cover in covers if isinstance(cover, Omitted)]
+        bindings = []
+        for exchange, laws in by_shape.items():
+            binding, *_ = surface.bind(
+                self._exchange(exchange, laws, surface),
+                [
+                    cover if n in laws else Omitted("of another shape", n)
+                    for n, cover in enumerate(covers)
+                ],
+                notes=tuple(
+                    Note.of_line(surface.bodies[n].body, law.description)
+                    for n, law in laws.items()
+                ),
             )
-        still, rising = np.concatenate(factors, axis=1).astype(dtype)
-        # The film polynomials are common to all bodies, whatever their temperatures.
-        with jax.ensure_compile_time_eval():
-            root, rise = _film_factors(jnp.asarray(FILM_TEMPERATURES, dtype))
-            root_rows = np.asarray(film_polynomial(root))
-            rise_rows = np.asarray(film_polynomial(rise))
-        law = _FreeExchange(
-            still=still,
-            rising=rising,
-            root=root_rows,
-            rise=rise_rows,
-            temperature=for_jit(self.temperature, dtype),
-        )
-        return surface.bind(law, covers)
+            bindings.append(binding)
+        return (*bindings, *omitted)
 
-    def _factors(self, body: BodySurface) -> Float[np.ndarray, "2 s"]:
-        """Factors `still` and `rising` of every fragment, by its cylinder."""
-        cylinder_parts = parts_of(body.grid, self.cylinders, body.body)
+    def _exchange(
+        self, exchange: type[Any], laws: dict[int, "_BodyLaw"], surface: Surface
+    ) -> AbstractFilmLaw:
+        """One law for all bodies of a shape, with 0 for the factors of others."""
+        dtype = surface.dtype
+        names = next(iter(laws.values())).factors if laws else ("still", "rising")
+        factors = {
+            name: np.concatenate(
+                [
+                    laws[n].factors[name] if n in laws else np.zeros(count)
+                    for n, count in enumerate(surface.counts)
+                ]
+            ).astype(dtype)
+            for name in names
+        }
+        rows = film_rows(dtype)
+        if exchange is _FreeExchange:
+            film = {"root": rows.root, "rise": rows.rise}
+        else:
+            film = {"rows": rows}
+        temperature = for_jit(self.temperature, dtype)
+        return exchange(**factors, **film, temperature=temperature)
+
+    def _law(self, body: BodySurface) -> "_BodyLaw":
+        """Law of one body by its shape."""
+        shape = shape_of(body.grid, self.body_shape, self.cylinders, body.body)
         up = body.pose.rotate_back(np.array([0.0, 0.0, 1.0]))
-        by_cylinder = [
+        if isinstance(shape, Plate):
+            return _BodyLaw(
+                PlateExchange,
+                plate_factors(shape, normal=body.own_normal, up=up, length=self.length),
+                _plate_line(shape, up=up, length=self.length),
+            )
+        if isinstance(shape, Sphere):
+            diameter = self.length or shape.diameter
+            per_length = np.full(len(body.area), 1 / diameter)
+            line = f"a sphere with L = {_metres(diameter)}, its diameter (Churchill)"
+            return _BodyLaw(SphereExchange, {"per_length": per_length}, line)
+        cylinder_parts = parts_of(body.grid, self.cylinders, body.body)
+        parts = [
             self._cylinder_factors(cylinder, up)
             for cylinder in cylinder_parts.cylinders
         ]
-        return np.array(by_cylinder).T[:, cylinder_parts.fragment]
+        still, rising = np.array([(part.still, part.rising) for part in parts]).T
+        fragment = cylinder_parts.fragment
+        return _BodyLaw(
+            _FreeExchange,
+            {"still": still[fragment], "rising": rising[fragment]},
+            _cylinder_line(parts),
+        )
 
     def _cylinder_factors(
         self, cylinder: Cylinder, up: Float[np.ndarray, "3"]
-    ) -> tuple[float, float]:
-        """Factors `still` and `rising` of one cylinder."""
-        upright = abs(float(cylinder.direction @ up)) >= _MIN_UPRIGHT_COSINE
-        length = self.length or (cylinder.length if upright else cylinder.diameter)
-        if length is None:
+    ) -> "_CylinderFactors":
+        """Factors of one cylinder."""
+        cosine = abs(float(cylinder.direction @ up))
+        t = (cosine - _LYING_COSINE) / (_UPRIGHT_COSINE - _LYING_COSINE)
+        t = min(max(t, 0.0), 1.0)
+        upright = t * t * (3 - 2 * t)
+        height = self.length or cylinder.length
+        if height is None and upright > 0:
             raise InputError(
                 f"FreeConvection(cylinders=): the upright one at {cylinder.axis_point} "
                 "has no length: give it one, or FreeConvection a length"
             )
-        shape, rising = (_PLATE, 1.0) if upright else (_CYLINDER, _CYLINDER_OVER_PLATE)
-        return shape.a / float(length) ** 0.5, rising
+        diameter = float(self.length or cylinder.diameter)
+        standing = 0.0 if height is None else PLATE.a / float(height) ** 0.5
+        lying = CYLINDER.a / diameter**0.5
+        if upright in (0.0, 1.0):
+            still, rising = (standing, 1.0) if upright else (lying, CYLINDER_OVER_PLATE)
+        else:
+            still = upright * standing + (1 - upright) * lying
+            rising = upright + (1 - upright) * CYLINDER_OVER_PLATE
+        length = height if upright >= 0.5 and height is not None else diameter
+        return _CylinderFactors(
+            still=still, rising=rising, length=float(length), is_upright=upright >= 0.5
+        )
+
+
+class _CylinderFactors(NamedTuple):
+    """Factors of one cylinder, and its length."""
+
+    still: float
+    rising: float
+    length: float
+    """Height of an upright one, diameter of any other [m]."""
+    is_upright: bool
+
+
+class _BodyLaw(NamedTuple):
+    """Law of one body."""
+
+    exchange: type[Any]
+    """Class of the law."""
+    factors: dict[str, Float[np.ndarray, " s"]]
+    """Factors of the fragments, by the names of its fields."""
+    description: str
+    """The shape of the body, its lengths and the source of the law."""
+
+
+def _plate_line(plate: Plate, up: Float[np.ndarray, "3"], length: float | None) -> str:
+    face = length or plate.length
+    height = length or float(plate.mean_length(up))
+    return (
+        f"a plate {_metres(plate.thickness)} thick, sides up and down with L = A / P = "
+        f"{_metres(face)} (McAdams), upright with L = {_metres(height)} (Churchill and "
+        "Chu)"
+    )
+
+
+def _cylinder_line(parts: list[_CylinderFactors]) -> str:
+    names = []
+    for word, is_upright in (("upright", True), ("lying", False)):
+        lengths = [part.length for part in parts if part.is_upright == is_upright]
+        if lengths:
+            ends = dict.fromkeys([_metres(min(lengths)), _metres(max(lengths))])
+            size = "height" if is_upright else "diameter"
+            names.append(
+                f"{len(lengths)} {word} with L = {' to '.join(ends)}, the {size}"
+            )
+    return f"cylinders: {'; '.join(names)} (Churchill and Chu)"
+
+
+def _metres(length: float) -> str:
+    return f"{length:.3g} m"

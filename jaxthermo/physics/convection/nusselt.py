@@ -91,6 +91,9 @@ def pchip(x: Float[np.ndarray, " n"], y: Float[np.ndarray, "n p"]) -> Pchip:
     return Pchip(knots=x, values=y, slopes=slopes)
 
 
+MAX_REYNOLDS = 2.5e5
+"""Reynolds number above which that of a cylinder is constant: near the drag crisis."""
+
 # Added to Re under a root, so that all correlations are smooth down to Re = 0, without
 # an infinite slope there; the relative error is 5e-9 at Re = 1e4.
 _SMOOTHING = 1e-4
@@ -99,8 +102,14 @@ Average = Callable[[Float[Array, "*n"], Float[Array, "*n"]], Float[Array, "*n"]]
 """Average Nusselt number as a function of Reynolds and Prandtl number."""
 
 
-def _root(reynolds: Float[Array, "*n"]) -> Float[Array, "*n"]:
+def smooth_root(reynolds: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """Re^(1/2) with a finite slope at 0."""
     return reynolds / jnp.sqrt(reynolds + _SMOOTHING)
+
+
+def smooth_two_thirds(reynolds: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """Re^(2/3) with a finite slope at 0."""
+    return reynolds / jnp.cbrt(reynolds + _SMOOTHING)
 
 
 def churchill_bernstein(
@@ -111,7 +120,7 @@ def churchill_bernstein(
     0.3 + 0.62 Re^(1/2) Pr^(1/3) [1 + (0.4/Pr)^(2/3)]^(-1/4)
           * [1 + (Re/282000)^(5/8)]^(4/5)
     """
-    laminar = 0.62 * _root(reynolds) * jnp.cbrt(prandtl)
+    laminar = 0.62 * smooth_root(reynolds) * jnp.cbrt(prandtl)
     laminar = laminar / (1 + (0.4 / prandtl) ** (2 / 3)) ** 0.25
     return 0.3 + laminar * (1 + ((reynolds + _SMOOTHING) / 282000) ** 0.625) ** 0.8
 
@@ -124,7 +133,7 @@ def _sanitjai_goldstein(
     0.446 Re^0.5 Pr^0.35
       + 0.528 [(6.5 exp(Re/5000))^-5 + (0.031 Re^0.8)^-5]^(-1/5) Pr^0.42
     """
-    front = 0.446 * _root(reynolds) * prandtl**0.35
+    front = 0.446 * smooth_root(reynolds) * prandtl**0.35
     rear = 0.031 * (reynolds + _SMOOTHING) ** 0.8
     # The smaller of the two prevails; divided by the second, neither can overflow.
     ratio = rear * jnp.exp(-reynolds / 5000) / 6.5
@@ -162,6 +171,17 @@ class NamedAverage(NamedTuple):
     nusselt: Average
     min_reynolds: float
     max_reynolds: float
+    constant_above: float = np.inf
+    """Reynolds number above which it is constant."""
+
+    def range_note(self, reynolds: float) -> tuple[str, ...]:
+        """A line if it was not measured at this Reynolds number."""
+        if self.min_reynolds <= reynolds <= self.max_reynolds:
+            return ()
+        return (
+            f"Re {reynolds:.3g} is outside {self.name}'s range, "
+            f"{self.min_reynolds:g} to {self.max_reynolds:g}",
+        )
 
 
 AVERAGES = (
@@ -170,15 +190,21 @@ AVERAGES = (
         nusselt=churchill_bernstein,
         min_reynolds=0.0,
         max_reynolds=np.inf,
+        constant_above=MAX_REYNOLDS,
     ),
     NamedAverage(
         name="sanitjai_goldstein",
         nusselt=_sanitjai_goldstein,
         min_reynolds=2e3,
         max_reynolds=9e4,
+        constant_above=MAX_REYNOLDS,
     ),
     NamedAverage(
-        name="profile", nusselt=profile, min_reynolds=1.0, max_reynolds=2.19e5
+        name="profile",
+        nusselt=profile,
+        min_reynolds=1.0,
+        max_reynolds=2.19e5,
+        constant_above=MAX_REYNOLDS,
     ),
 )
 

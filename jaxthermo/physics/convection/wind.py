@@ -1,5 +1,8 @@
 """Forced convection by wind: the body as cylinders in cross-flow (thesis 5.4, eq. 5-8).
 
+A body that is a plate or a sphere by its proportions (`voxels.body_shape`) has the mean
+numbers of `shape_flow`; all others are cylinders,
+
     q = h (T_inf - T_s),    h = Nu(theta, Re, Pr) k / D,    Re = V D / nu,
 
 with theta from the normal of every fragment (`cross_flow`), D of its cylinder
@@ -29,7 +32,14 @@ from ...arrays import TimeVarying, is_traced, namespace
 from ...errors import InputError
 from ...geometry.vectors import unit_vector
 from ...memo.found import found
-from ...voxels.cylinders import Cylinder, given_cylinders, parts_of
+from ...voxels.body_shape import (
+    BodyShape,
+    Plate,
+    Sphere,
+    check_body_shape,
+    shape_of,
+)
+from ...voxels.cylinders import Cylinder, given_cylinders, parts_of, whole_body
 from ...voxels.selection import AbstractSelection
 from ..boundary import toward
 from ..flux_law import Forcing, Values
@@ -52,7 +62,8 @@ from .cross_flow import (
     validity_notes,
 )
 from .film import FilmExchange, speed_nodes, speed_table
-from .nusselt import named_average
+from .nusselt import NamedAverage, named_average
+from .shape_flow import MeanNumber, described, mean_coefficients, mean_numbers
 from .wake import (
     FittedWake,
     arriving_ratio,
@@ -104,16 +115,19 @@ def _velocity(value: Any) -> _Triple:
 
 
 class Wind(AbstractSurfaceTerm):
-    """Wind of one direction on all bodies, each modelled as cylinders in cross-flow.
+    """Wind of one direction on all bodies: plates, spheres, or cylinders in cross-flow.
 
     q = h (T_inf - T_s),    h = Nu(theta, Re, Pr) k / D [W/(m^2 K)],    Re = V D / nu,
 
     with the properties of air at the film temperature (T_s + T_inf) / 2. The local
-    Nusselt number is tabulated by angle (thesis 5.4); its average is one of `AVERAGES`.
+    Nusselt number of cylinders is tabulated by angle (thesis 5.4); its average is one
+    of `AVERAGES`. A body that is a plate or a sphere by its proportions (`body_shape`)
+    has the mean number of its sides along or across the wind, or that of Whitaker. The
+    receipt has the law of each body, with its length.
 
     Raises:
         InputError: for a speed without a direction, a negative speed, or an unknown
-            average.
+            average or shape.
     """
 
     name = "wind"
@@ -127,7 +141,8 @@ class Wind(AbstractSurfaceTerm):
     speed: TimeVarying | None = None
     """V [m/s], instead of the length of `velocity`; a number or a function of time."""
     average: str = eqx.field(static=True, default="churchill_bernstein")
-    """Correlation of the mean Nusselt number: the name of one of `AVERAGES`."""
+    """Correlation of the mean Nusselt number of cylinders: the name of one of
+    `AVERAGES`."""
     cylinders: tuple[Cylinder, ...] = eqx.field(
         static=True, default=None, converter=given_cylinders
     )
@@ -137,10 +152,14 @@ class Wind(AbstractSurfaceTerm):
     from x / D behind one to the speed ratio u / U, such as `WakeDeficit()`."""
     on: AbstractSelection | None = None
     """Part of the surface that it cools; the cylinders are those of whole bodies."""
+    body_shape: BodyShape | None = eqx.field(static=True, default=None)
+    """Shape of all bodies, "plate", "cylinder" or "sphere"; None to go by each one's
+    proportions."""
 
     def __check_init__(self):
         check_value(self.temperature, "Wind(temperature [K])", 0.0)
         named_average(self.average)
+        check_body_shape(self.body_shape, self.cylinders, "Wind")
         if self.speed is not None:
             unit_vector(self.velocity, "Wind(velocity=)")
             check_value(self.speed, "Wind(speed [m/s])", 0.0)
@@ -218,8 +237,10 @@ class Wind(AbstractSurfaceTerm):
         """Validity of its correlations, where the speed is no unknown function."""
         cooled = flow.cooled
         speed = self.strength
+        body = flow.surface.body
+        law = Note.of_line(body, self._described(flow))
         if is_unknown_function(speed) or not cooled.any():
-            return ()
+            return (law,)
         dtype = flow.surface.dtype
         groups = flow.groups
         wakes = flow.wakes
@@ -238,11 +259,28 @@ class Wind(AbstractSurfaceTerm):
             local = ratio.reshape(-1) * groups.diameter.astype(dtype) * per_metre
             reached = local[np.unique(groups.member[cooled])]
             upstream = felt.astype(dtype) * per_metre
-        body = flow.surface.body
-        return (
-            Note(body, partial(_validity_lines, self.average), reached),
-            Note(body, wake_lines, upstream),
-        )
+        ranges = [Note(body, partial(_validity_lines, self.average), reached)]
+        if flow.numbers:
+            # A plate or a sphere is one group.
+            per_length = reached.max() / groups.diameter[0]
+            ranges = [
+                Note(
+                    body,
+                    partial(_range_lines, number.correlation),
+                    per_length * number.length,
+                )
+                for number in flow.numbers
+            ]
+        return (law, *ranges, Note(body, wake_lines, upstream))
+
+    def _described(self, flow: "_Flow") -> str:
+        """One line on the shape of a body and its law."""
+        wind = flow.surface.pose.rotate_back(unit_vector(self.velocity))
+        if flow.shape is not None:
+            return described(flow.shape, flow.numbers, wind)
+        diameters = np.unique(flow.groups.diameter[flow.groups.member[flow.cooled]])
+        ends = dict.fromkeys(f"{end:.3g} m" for end in diameters[[0, -1]])
+        return f"cylinders of {' to '.join(ends)} in diameter ({self.average})"
 
     def _speed_ratio(self, flow: "_Flow", speeds: Values) -> Float[Values, "*v g"]:
         """Local speed over wind speed of each group [-], at each of the speeds."""
@@ -266,8 +304,22 @@ class Wind(AbstractSurfaceTerm):
 
     def _flow(self, surface: BodySurface, cooled: Bool[np.ndarray, " s"]) -> "_Flow":
         wakes = self._wakes(surface)
-        groups = self._groups(surface, wakes)
-        return _Flow(surface, cooled=cooled, wakes=wakes, groups=groups)
+        shape = shape_of(
+            surface.grid, self.body_shape, self.cylinders, body=surface.body
+        )
+        numbers = ()
+        if shape is not None:
+            wind = surface.pose.rotate_back(unit_vector(self.velocity))
+            numbers = mean_numbers(shape, normal=surface.own_normal, wind=wind)
+        groups = self._groups(surface, wakes, is_whole=shape is not None)
+        return _Flow(
+            surface,
+            cooled=cooled,
+            wakes=wakes,
+            groups=groups,
+            shape=shape,
+            numbers=numbers,
+        )
 
     def _wakes(self, surface: BodySurface) -> Wakes | WakeGeometry:
         count = len(surface.position)
@@ -287,7 +339,9 @@ class Wind(AbstractSurfaceTerm):
             search=f"objects upstream of body {surface.body}",
         )
 
-    def _groups(self, surface: BodySurface, wakes: Wakes | WakeGeometry) -> FlowGroups:
+    def _groups(
+        self, surface: BodySurface, wakes: Wakes | WakeGeometry, is_whole: bool
+    ) -> FlowGroups:
         grid = surface.grid
         number = surface.body
         cylinders = tuple(c for c in self.cylinders if c.body == number)
@@ -296,8 +350,11 @@ class Wind(AbstractSurfaceTerm):
         behind = np.full(len(surface.position), np.inf) if by_cylinder else wakes.behind
         return found(
             (grid,) if by_cylinder else (grid, wakes.behind),
-            ("flow_groups", cylinders),
-            lambda: group_fragments(parts_of(grid, cylinders, number), behind),
+            ("flow_groups", is_whole, cylinders),
+            lambda: group_fragments(
+                whole_body(grid) if is_whole else parts_of(grid, cylinders, number),
+                behind,
+            ),
         )
 
     def _coefficients(self, flow: "_Flow", nodes: int) -> Any:
@@ -305,23 +362,35 @@ class Wind(AbstractSurfaceTerm):
         surface = flow.surface
         groups = flow.groups
         dtype = surface.dtype
-        wind = surface.pose.rotate_back(unit_vector(self.velocity))
-        normal = surface.own_normal
-        harmonics = surface_harmonics(normal, groups.axis, wind).astype(dtype)
         speed = self.strength
         if callable(speed):
             speeds = speed_nodes(_table_limit(speed), nodes, dtype)
         else:
             speeds = namespace(speed).asarray(speed, dtype)[None]
-        coefficients = film_coefficients(
-            speeds,
-            air=_initial_value(self.temperature, dtype),
-            speed_ratio=self._speed_ratio(flow, speeds),
-            groups=groups,
-            average=named_average(self.average).nusselt,
-            harmonics=harmonics,
-            dtype=dtype,
-        )
+        air = _initial_value(self.temperature, dtype)
+        ratio = self._speed_ratio(flow, speeds)
+        if flow.shape is None:
+            wind = surface.pose.rotate_back(unit_vector(self.velocity))
+            coefficients = film_coefficients(
+                speeds,
+                air=air,
+                speed_ratio=ratio,
+                groups=groups,
+                average=named_average(self.average),
+                harmonics=surface_harmonics(
+                    surface.own_normal, groups.axis, wind
+                ).astype(dtype),
+                dtype=dtype,
+            )
+        else:
+            coefficients = mean_coefficients(
+                flow.numbers,
+                speeds=speeds,
+                air=air,
+                speed_ratio=ratio,
+                groups=groups,
+                dtype=dtype,
+            )
         return coefficients if callable(speed) else coefficients[0]
 
 
@@ -333,6 +402,10 @@ class _Flow(NamedTuple):
     """Fragments that the wind cools."""
     wakes: Wakes | WakeGeometry
     groups: FlowGroups
+    shape: Plate | Sphere | None
+    """None for cylinders."""
+    numbers: tuple[MeanNumber, ...]
+    """Nusselt numbers of a plate or a sphere."""
 
     @property
     def has_fitted_wakes(self) -> bool:
@@ -362,6 +435,13 @@ def _validity_lines(average: str, reynolds: Float[np.ndarray, " g"]) -> tuple[st
     ends = float(reynolds.min()), float(reynolds.max())
     lines = [line for end in ends for line in validity_notes(end, correlation)]
     return tuple(dict.fromkeys(lines))
+
+
+def _range_lines(
+    correlation: NamedAverage, reynolds: Float[np.ndarray, ""]
+) -> tuple[str, ...]:
+    """A line if the Reynolds number is outside a correlation's range."""
+    return correlation.range_note(float(reynolds))
 
 
 def _table_limit(speed: Any) -> Float[Any, ""] | float:

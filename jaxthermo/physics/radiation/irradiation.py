@@ -12,7 +12,6 @@ as it emits.
 """
 
 import abc
-from functools import partial
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -105,7 +104,7 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
             masks = surface.apart(binding.acting)
             lit_bodies = [body for body, mask in enumerate(masks) if mask.any()]
             notes = tuple(
-                Note(body, partial(_unchanged, note))
+                Note.of_line(body, note)
                 for note in incident.notes
                 for body in lit_bodies
             )
@@ -148,10 +147,6 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
         return Irradiation(
             factor=concatenated(selected), law=law, notes=notes, spectrum=spectrum
         )
-
-
-def _unchanged(line: str, _: Any) -> tuple[str, ...]:
-    return (line,)
 
 
 class _Incident(Module):

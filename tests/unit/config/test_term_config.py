@@ -111,6 +111,12 @@ TERMS = {
     "{kind: free_convection, temperature: 290, length: 4 cm}": (
         jt.FreeConvection(290.0, length=0.04)
     ),
+    "{kind: free_convection, temperature: 290, body_shape: plate}": (
+        jt.FreeConvection(290.0, body_shape="plate")
+    ),
+    "{kind: wind, velocity: [0, 3, 0], temperature: 290, body_shape: sphere}": jt.Wind(
+        (0.0, 3.0, 0.0), 290.0, body_shape="sphere"
+    ),
     "{kind: heat_flux, heat_flux: -5, on: {body: 1}}": jt.HeatFlux(
         -5.0, on=jt.Everything(body=1)
     ),

@@ -8,7 +8,6 @@ from hypothesis import given, settings, strategies as st
 from numpy.testing import assert_allclose
 
 from jaxthermo.physics.convection.cross_flow import (
-    _MAX_REYNOLDS,
     _harmonics,
     _shape_coefficients,
     _shape_factor,
@@ -16,7 +15,11 @@ from jaxthermo.physics.convection.cross_flow import (
     surface_harmonics,
     validity_notes,
 )
-from jaxthermo.physics.convection.nusselt import AVERAGES, cylinder_table
+from jaxthermo.physics.convection.nusselt import (
+    AVERAGES,
+    MAX_REYNOLDS,
+    cylinder_table,
+)
 
 
 ANGLES = jnp.linspace(0, jnp.pi, 721)
@@ -43,7 +46,7 @@ def around(reynolds):
         )
         for average in AVERAGES
     ]
-    limited = jnp.full(64, jnp.minimum(reynolds, _MAX_REYNOLDS))
+    limited = jnp.full(64, jnp.minimum(reynolds, MAX_REYNOLDS))
     means = [average.nusselt(limited, prandtl)[0] for average in AVERAGES]
     return jnp.stack(local), jnp.stack(means)
 

@@ -19,13 +19,12 @@ from jaxthermo.physics.convection.air import (
     kinematic_viscosity,
     prandtl,
 )
-from jaxthermo.physics.convection.free_convection import (
-    _CYLINDER,
+from jaxthermo.physics.convection.buoyancy import (
     _GRAVITY,
-    _PLATE,
-    FreeConvection,
-    _b,
+    CYLINDER,
+    PLATE,
 )
+from jaxthermo.physics.convection.free_convection import FreeConvection
 from jaxthermo.voxels.cylinders import Cylinder, parts_of
 from tests.radiating import surface_of, whole
 
@@ -41,7 +40,7 @@ def grid():
 
 def churchill_chu(rayleigh, pr, shape):
     """Average Nusselt number."""
-    return (shape.a + _b(pr, shape.c) * rayleigh ** (1 / 6)) ** 2
+    return (shape.a + shape.b(pr) * rayleigh ** (1 / 6)) ** 2
 
 
 @jax.jit
@@ -53,13 +52,13 @@ def formula(surface, ambient, length):
     buoyancy = _GRAVITY * jnp.abs(surface - ambient) / film
     rayleigh = buoyancy * length**3 * pr / kinematic_viscosity(film) ** 2
     per_length = conductivity(film) / length
-    shapes = (_PLATE, _CYLINDER)
+    shapes = (PLATE, CYLINDER)
     return jnp.stack([churchill_chu(rayleigh, pr, s) * per_length for s in shapes])
 
 
 @pytest.mark.parametrize(
     ("shape", "expected"),
-    [(_PLATE, 147.16185223770603), (_CYLINDER, 139.13493970073597)],
+    [(PLATE, 147.16185223770603), (CYLINDER, 139.13493970073597)],
 )
 def test_values_of_the_library_ht(shape, expected):
     """Values of its documentation, at Pr 0.69 and Gr 2.63e9."""

@@ -230,8 +230,11 @@ def test_gradients_reach_the_wakes_parameters(shaded):
 
 
 def notes(wind, seen):
+    """Remarks on validity, after the line that names the law."""
     (binding,) = wind.bind(whole(seen))
-    return tuple(line for note in binding.notes for line in note.lines())
+    law, *remarks = [line for note in binding.notes for line in note.lines()]
+    assert law.startswith("cylinders of ")
+    return tuple(remarks)
 
 
 def test_notes_name_recalled_shapes_and_constant_numbers(seen):
