@@ -30,3 +30,12 @@ def test_thin_sheet_is_heated_as_one_capacity(solution_of):
     surface = solution_of("sheet")["surface_temperature"]
     rise = 1250 / (2 * 10) * (1 - np.exp(-10))
     assert surface[-1] - 298.15 == pytest.approx(rise, rel=2e-4)
+
+
+def test_horizontal_plate_has_two_sides_in_still_air(solution_of):
+    # McAdams with L = A / P: 0.54 Ra^(1/4) above and 0.27 Ra^(1/4) below, Ra 5.4e6.
+    h = solution_of("plate")["heat_transfer_coefficient"][-1]
+    # Both faces have 100 x 100 fragments each, the narrow sides 800.
+    coefficients, counts = np.unique(np.round(h, 1), return_counts=True)
+    faces = sorted(coefficients[counts >= 10_000])
+    assert faces == pytest.approx([2.9, 5.8], abs=0.15)

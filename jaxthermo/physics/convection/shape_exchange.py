@@ -226,7 +226,7 @@ class PlateExchange(_AbstractShapeExchange):
         xp = array_namespace((apart, film, self.per_length))
         regular = xp.sqrt(apart * apart + REGULARIZATION**2)
         shortest = [
-            xp.asarray(values).max(initial=0.0)
+            xp.asarray(values, apart.dtype).max(initial=0.0)
             for values in (self.per_length, self.still, self.along)
         ]
         sides = _sides(film, regular, _Lengths(*shortest))
@@ -321,7 +321,7 @@ class SphereExchange(_AbstractShapeExchange):
     @override
     def _largest_coefficient(self, film: FilmFactors, apart: Any) -> Any:
         xp = array_namespace((apart, film, self.per_length))
-        smallest = xp.asarray(self.per_length).max(initial=0.0)
+        smallest = xp.asarray(self.per_length, apart.dtype).max(initial=0.0)
         return _round(film, apart, smallest)
 
     @override

@@ -104,7 +104,9 @@ def test_nothing_jumps_over_the_tilt():
     for temperature in (340.0, 270.0):
         h = np.stack(
             [
-                coefficients(FreeConvection(AIR), plate(), temperature, degrees=angle)
+                coefficients(
+                    FreeConvection(AIR), plate(), temperature, degrees=float(angle)
+                )
                 for angle in angles
             ]
         )
