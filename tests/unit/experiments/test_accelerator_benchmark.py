@@ -12,6 +12,7 @@ from experiments.benchmarks import accelerator
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:body 0 represents")
+@pytest.mark.filterwarnings("ignore:.*cavities that are closed")
 def test_every_quantity_is_measured(tmp_path, monkeypatch):
     structures = {
         name: accelerator._STRUCTURES[name] for name in ("blocks x4", "octree")
