@@ -26,6 +26,12 @@ Scalar = float | int | Float[Array, ""] | Float[np.ndarray, ""] | np.floating
 Time = Float[Array, ""]
 """A moment, or the length of a step, inside of a compiled step [s]."""
 
+SplitTimes = Float[Any, "2 ..."]
+"""Times as rounded numbers and their remainders [s]; the sum is the time."""
+
+HostTime = Float[np.ndarray, ""] | np.floating
+"""A moment in float64 on the host [s]."""
+
 if TYPE_CHECKING:
     Number = Scalar
     Numbers = ArrayLike | Float[Array, "..."]
@@ -121,6 +127,13 @@ def plain_numbers(value: Any) -> Any:
 def static_numbers(default: Any) -> Any:
     """Static field of plain numbers, which compiled programs take as constants."""
     return eqx.field(static=True, converter=plain_numbers, default=default)
+
+
+def split_times(times: Any) -> SplitTimes:
+    """Times [s] as numbers of float32 and their remainders."""
+    exact = np.asarray(times, float)
+    rounded = exact.astype(np.float32).astype(float)
+    return np.stack([rounded, exact - rounded])
 
 
 def linear_map(

@@ -25,14 +25,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..arrays import is_traced, precision
-from .windows import PiecewiseLinear, split_times
+from ..arrays import is_traced, precision, split_times
+from .windows import PiecewiseLinear
 
 
 _FIRST_PIECES = 8192
 """Number of pieces that a function is seen in at first."""
 
-_RESOLVED = 1e-8
+_RESOLVED = 1e-10
 """Change of an integral by halving a piece below which it is not halved, over what
 varies in the whole run [-]."""
 
@@ -82,6 +82,11 @@ class Tabulated(NamedTuple):
     def is_resolved(self) -> bool:
         """True if halving its pieces any further would change nothing."""
         return self.unresolved <= _MISSED * self.varying
+
+    @property
+    def is_shaped(self) -> bool:
+        """True if there are enough knots for its shape between them."""
+        return self.shifted <= 2 * _SHAPE * self.varying
 
 
 class _Pieces(NamedTuple):
@@ -160,7 +165,12 @@ def tabulated(
         Its lines; None for a function that has other results than one finite number
         without a derivative.
     """
-    with jax.ensure_compile_time_eval(), precision("float64"):
+    with (
+        jax.ensure_compile_time_eval(),
+        precision("float64"),
+        # A function may hold arrays of float32.
+        jax.numpy_dtype_promotion("standard"),
+    ):
         first = function(jnp.zeros((), float))
         if is_traced(first) or np.ndim(first) or not np.isfinite(first):
             return None

@@ -9,7 +9,17 @@ import numpy as np
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ..arrays import Samples, Time, TimeVarying, is_traced, namespace, typed_array
+from ..arrays import (
+    HOST,
+    HostTime,
+    Samples,
+    Time,
+    TimeVarying,
+    is_traced,
+    namespace,
+    split_times,
+    typed_array,
+)
 from ..constants import MAX_TEMPERATURE, MIN_TEMPERATURE, ZERO_CELSIUS
 from ..errors import InputError, shortened
 from .windows import (
@@ -17,7 +27,6 @@ from .windows import (
     FunctionOfTime,
     PiecewiseLinear,
     Window,
-    split_times,
     switched,
 )
 
@@ -107,8 +116,18 @@ class Until(AbstractVarying):
         return switched(value, window.ends_before(split_times(self.end)))
 
 
-def value_at(value: Any, time: Time) -> Float[Array, "..."]:
-    """A number or array, or a function of time, at `time` [s]."""
+def value_at(value: Any, time: Time | HostTime) -> Float[Array, "..."]:
+    """A number or array, or a function of time, at `time` [s].
+
+    A time of the host is not rounded to float32 in tables and switches.
+    """
+    if isinstance(time, HOST):
+        dtype = jnp.result_type(float)
+        if isinstance(value, AbstractVarying):
+            start = jnp.asarray(split_times(time), dtype)
+            value = value.over(Window(start, jnp.zeros((), dtype)))
+            time = np.zeros(())
+        time = jnp.asarray(time, dtype)
     return jnp.asarray(value(time) if callable(value) else value, time.dtype)
 
 
@@ -237,8 +256,10 @@ def just_before(time: Any, dtype: Any = None) -> Any:
             the array.
     """
     dtype = time.dtype if dtype is None else dtype
-    # By less, the difference would vanish late in a float32 run.
-    return time - _EVENT_ROUNDINGS * float(jnp.finfo(dtype).eps) * abs(time)
+    # By less, the difference would vanish late in a run, in which times of the host are
+    # two numbers of float32.
+    rounding = max(float(jnp.finfo(dtype).eps), 2.0**-48)
+    return time - _EVENT_ROUNDINGS * rounding * abs(time)
 
 
 def largest(value: Any, end: float | int) -> Any:

@@ -25,25 +25,15 @@ from equinox import Module
 from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
-from ..arrays import Time
+from ..arrays import SplitTimes, Time
 
 
 _Tree = TypeVar("_Tree")
-
-SplitTimes = Float[Any, "2 ..."]
-"""Times as rounded numbers and their remainders [s]; the sum is the time."""
 
 # Points of a step, for functions that can be evaluated within the run alone: those of
 # Gauss, and its ends, which have no weight: they only show the range of the values.
 _POINTS = np.array([-1.0, *np.polynomial.legendre.leggauss(4)[0], 1.0])
 _WEIGHTS = np.array([0.0, *np.polynomial.legendre.leggauss(4)[1], 0.0])
-
-
-def split_times(times: Any) -> SplitTimes:
-    """Times [s] as numbers of float32 and their remainders."""
-    exact = np.asarray(times, float)
-    rounded = exact.astype(np.float32).astype(float)
-    return np.stack([rounded, exact - rounded])
 
 
 class Window(NamedTuple):
@@ -185,8 +175,8 @@ class PiecewiseLinear(AbstractVarying):
         )
 
 
-def _column(values: Float[Array, " n"], like: Float[Array, "n ..."]) -> Array:
-    """Values of the pieces, shaped to be multiplied by all numbers of each."""
+def _column(values: Float[Array, " n"], like: Float[Array, "..."]) -> Array:
+    """Values of pieces, shaped to be multiplied by all numbers of each."""
     return values.reshape(values.shape + (1,) * (like.ndim - 1))
 
 

@@ -13,7 +13,14 @@ import numpy as np
 from equinox import Module
 from jaxtyping import Array, Float
 
-from ..arrays import Time, device_array, precision, product
+from ..arrays import (
+    SplitTimes,
+    Time,
+    device_array,
+    precision,
+    product,
+    split_times,
+)
 from ..errors import InputError
 from ..integrate.run.solution_file import StoredSolution
 from ..physics.time_varying import (
@@ -22,7 +29,7 @@ from ..physics.time_varying import (
     is_unknown_function,
     value_at,
 )
-from ..physics.windows import SplitTimes, Window, over, split_times
+from ..physics.windows import Window, over
 from ..scene.compile.time_values import form_of
 from ..scene.scene import Scene
 from .modal_run import Schedule, doubled, is_left, schedule, traced_run

@@ -26,7 +26,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from ...arrays import array_namespace, namespace
+from ...arrays import HOST, array_namespace, namespace
 from ...physics.radiation.irradiation import Irradiance
 from ...physics.radiation.source import AbstractSource
 from ...physics.term import AbstractTerm
@@ -73,9 +73,7 @@ def draw(
     fragments = xp.asarray(moment.temperature)
     dtype = fragments.dtype
     time = jnp.asarray(moment.time, dtype)
-    load_time = time
-    if moment.load_time is not None:
-        load_time = jnp.asarray(moment.load_time, dtype)
+    load_time = time if moment.load_time is None else _precise(moment.load_time, dtype)
     behind = tuple(xp.asarray(end) for end in horizon_at(moment.terms, load_time))
     horizon = Horizon(*(black_radiance(kelvin, band) for kelvin in behind))
 
@@ -136,6 +134,11 @@ def draw(
             strength = xp.asarray(strength * _share(band, spectrum))
         image = _with_source(image, visible, strength)
     return image
+
+
+def _precise(time: Any, dtype: Any) -> Any:
+    """A time [s] of the host as it is; others in the type of the temperatures."""
+    return time if isinstance(time, HOST) else jnp.asarray(time, dtype)
 
 
 def _property_at_pixels(

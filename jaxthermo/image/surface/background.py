@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ...arrays import Time, is_traced
+from ...arrays import HostTime, Time, is_traced
 from ...physics.boundary import Convection
 from ...physics.convection.free_convection import FreeConvection
 from ...physics.convection.wind import Wind
@@ -54,7 +54,7 @@ class Background(NamedTuple):
         return np.where(self.below, np.asarray(ground), np.asarray(sky))
 
 
-def _number_at(value: Any, time: Time) -> Any:
+def _number_at(value: Any, time: Time | HostTime) -> Any:
     # Numbers stay on the host, where an image is drawn without derivatives.
     plain = isinstance(value, int | float | np.generic)
     return np.asarray(value, time.dtype) if plain else value_at(value, time)
@@ -73,7 +73,9 @@ def _horizon(terms: tuple[AbstractTerm, ...]) -> tuple[Any, Any]:
     return _DEFAULT_BACKGROUND, _DEFAULT_BACKGROUND
 
 
-def horizon_at(terms: tuple[AbstractTerm, ...], time: Time) -> tuple[Any, Any]:
+def horizon_at(
+    terms: tuple[AbstractTerm, ...], time: Time | HostTime
+) -> tuple[Any, Any]:
     """Temperatures of sky and ground behind the bodies [K]."""
     sky, ground = (_number_at(temperature, time) for temperature in _horizon(terms))
     return sky, ground

@@ -9,13 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...arrays import device_array, is_traced
+from ...arrays import device_array, is_traced, split_times
 from ...errors import InputError, require
-from ...physics.windows import Window, split_times
+from ...physics.windows import Window
 from ...scene.compile.compile import compile_scene
 from ...scene.compile.memory import Method, with_memory_of
 from ...scene.compile.on_devices import placed_on_devices
 from ...scene.compile.program import Compiled, Program
+from ...scene.compile.time_values import with_open_functions
 from ...scene.scene import Scene
 from ..explicit import RKL2Stepper, stage_count
 from ..implicit.adaptive import AdaptiveStepper
@@ -92,6 +93,7 @@ def plan_run(
         give=solvers,
     )
     saves = checked_save_times(t1, save_at)
+    scene = with_open_functions(scene)
     # Steps after the last saved time would be in no result: the run ends there, and
     # its solver and its bounds of temperatures are those of that time.
     end = saves[-1]

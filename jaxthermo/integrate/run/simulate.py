@@ -241,7 +241,8 @@ def make_solution(
     if error is not None:
         receipt = replace(receipt, notes=(*receipt.notes, error.text()))
     return Solution(
-        times=device_array(np.asarray(plan.save_times, energy.stored_J.dtype)),
+        # In float64: late in a run float32 does not tell close times apart.
+        times=np.asarray(plan.save_times, float),
         surface_temperature=saved.surface_temperature,
         mean_temperature=saved.mean_temperature,
         energy=in_order(energy, program.entries),

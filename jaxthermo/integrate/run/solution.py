@@ -11,7 +11,16 @@ from equinox import Module
 from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
-from ...arrays import device_array, is_traced, precision
+from ...arrays import (
+    HOST,
+    HostTime,
+    SplitTimes,
+    Time,
+    device_array,
+    is_traced,
+    precision,
+    split_times,
+)
 from ...network.self_adjoint_primitive import computed_once
 from ...parallel.lattice import replicated
 from ...physics.radiation.irradiation import (
@@ -21,6 +30,7 @@ from ...physics.radiation.irradiation import (
 )
 from ...physics.term import AbstractTerm
 from ...physics.time_varying import just_before
+from ...physics.windows import Window, over
 from ...scene.compile.program import Program, Receipt
 from ...scene.scene import Probe, SolvedSurface, per_fragment
 from ..heat_rates import pair_temperatures
@@ -103,7 +113,7 @@ class AbstractSolution(Module):
     A float64 scene gives numpy arrays where JAX is not set to 64 bits.
     """
 
-    times: eqx.AbstractVar[Float[Array, " t"]]
+    times: eqx.AbstractVar[Float[Array | np.ndarray, " t"]]
     surface_temperature: eqx.AbstractVar[Float[Array, "t s"]]
     surfaces: eqx.AbstractVar[tuple[SolvedSurface, ...]]
     terms: eqx.AbstractVar[tuple[AbstractTerm, ...]]
@@ -120,10 +130,10 @@ class AbstractSolution(Module):
         start = sum(counts[:index])
         return self.surface_temperature[:, start : start + counts[index]]
 
-    def load_time(self, index: int) -> Float[Array, ""]:
+    def load_time(self, index: int) -> Time | HostTime:
         """Return the time whose loads the surface shows at a saved time [s]."""
         # What is switched at the saved time has not acted on the surface yet.
-        return device_array(just_before(_row(self.times, index)))
+        return just_before(_row(self.times, index))
 
     def irradiance(self, index: int) -> Irradiance:
         """Return the radiation that reaches every fragment at a saved time [W/m^2].
@@ -132,8 +142,14 @@ class AbstractSolution(Module):
         """
         with precision(self.receipt.dtype):
             temperature = device_array(_row(self.surface_temperature, index))
-            radiation = self.radiation.at(device_array(_row(self.times, index)))
-            return irradiance_at(radiation, self.load_time(index), temperature)
+            radiation = self.radiation.at(_row(self.times, index))
+            time = self.load_time(index)
+            if not isinstance(time, HOST):
+                return irradiance_at(radiation, time, temperature)
+            # Late in a run float32 does not tell it from the saved time.
+            start = device_array(split_times(time), temperature.dtype)
+            now = device_array(np.zeros(()), temperature.dtype)
+            return irradiance_at(radiation, now, temperature, start)
 
     def reflected(self, index: int) -> Float[Array, " s"]:
         """Return the radiation that every fragment reflects at a saved time [W/m^2].
@@ -165,15 +181,21 @@ def irradiance_at(
     radiation: SurfaceRadiation,
     time: Float[Array, ""],
     temperature: Float[Array, " s"],
+    start: SplitTimes | None = None,
 ) -> Irradiance:
-    """Return the irradiance of surfaces at temperatures [K]."""
+    """Return the irradiance of surfaces at temperatures [K].
+
+    The time counts from `start`; None for the start of the run.
+    """
+    if start is not None:
+        radiation = over(radiation, Window(start, jnp.zeros_like(time)))
     return radiation.irradiance(time, temperature)
 
 
 class Solution(AbstractSolution):
     """Surface temperatures over time [K] and the energy ledger [J], from `simulate`."""
 
-    times: Float[Array, " t"]
+    times: Float[Array | np.ndarray, " t"]
     surface_temperature: Float[Array, "t s"]
     """Temperature of every fragment, bodies one after the other [K]."""
     mean_temperature: Float[Array, "t b"]

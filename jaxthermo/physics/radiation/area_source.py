@@ -18,7 +18,7 @@ from equinox import Module
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ...arrays import Scalar, TimeVarying, is_traced
+from ...arrays import HostTime, Scalar, Time, TimeVarying, is_traced
 from ...constants import SOLAR_TEMPERATURE, STEFAN_BOLTZMANN
 from ...errors import InputError
 from ...geometry.vectors import row_dot, unit_vector
@@ -89,7 +89,7 @@ class _GreyRadiance(Module):
     """[K], a number or a function of time."""
     emissivity: Any = 1.0
 
-    def __call__(self, time: Float[Array, ""]) -> Float[Array, ""]:
+    def __call__(self, time: Time | HostTime) -> Float[Array, ""]:
         kelvin = value_at(self.temperature, time)
         square = kelvin * kelvin
         return value_at(self.emissivity, time) * (STEFAN_BOLTZMANN / np.pi) * square**2

@@ -9,8 +9,12 @@ from dataclasses import fields, replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
+from equinox import Module
+from jaxtyping import Array, Float
 
-from ...arrays import is_traced
+from ...arrays import Time, is_traced
 from ...physics.tabulated import tabulated
 from ...physics.term import AbstractTerm
 from ...physics.time_varying import Table, Until
@@ -82,6 +86,46 @@ def with_time_values(
     return TimeValues(replace(scene, terms=tuple(terms)), tuple(forms))
 
 
+class _Closed(Module):
+    """A function of time with the traced numbers that it closed over as its leaves."""
+
+    function: Any
+
+    def __call__(self, time: Time) -> Float[Array, "..."]:
+        dtype = jnp.result_type(float)
+        return self.function(jnp.asarray(time, dtype)).astype(time.dtype)
+
+
+def with_open_functions(scene: Scene) -> Scene:
+    """Return the scene with functions whose traced numbers are leaves of the scene.
+
+    A run must know them as traced, and derivatives must reach them.
+    """
+    terms = []
+    for term in scene.terms:
+        closed = {}
+        for name, value in _varying_fields(term).items():
+            opened = _opened(value)
+            if opened is not value:
+                closed[name] = TimeForm(opened)
+        terms.append(_with_fields(term, closed))
+    if all(new is old for new, old in zip(terms, scene.terms, strict=True)):
+        return scene
+    return replace(scene, terms=tuple(terms))
+
+
+def _opened(value: Any) -> Any:
+    if isinstance(value, Until):
+        inner = _opened(value.value)
+        return value if inner is value.value else Until(inner, value.end)
+    if not callable(value) or isinstance(value, AbstractVarying) or is_traced(value):
+        return value
+    with jax.ensure_compile_time_eval():
+        time = jnp.zeros(())
+        closes_over = is_traced(value(time))
+    return _Closed(eqx.filter_closure_convert(value, time)) if closes_over else value
+
+
 def _varying_fields(term: AbstractTerm) -> dict[str, Any]:
     """Fields of a term with values that vary with time, by name."""
     varying = [value for value in term.values if callable(value)]
@@ -133,7 +177,10 @@ def form_of(
     if lines is None:
         return TimeForm(FunctionOfTime(value), note=_EVALUATED)
     if lines.is_resolved:
-        return TimeForm(lines.value, note=_INTEGRATED.format(lines.spacing))
+        note = _INTEGRATED.format(lines.spacing)
+        if not lines.is_shaped:
+            note += _COARSE.format(100 * lines.shifted / lines.varying)
+        return TimeForm(lines.value, note=note)
     return TimeForm(
         lines.value, warning=_UNRESOLVED.format(lines.unresolved, lines.varying)
     )
@@ -148,6 +195,8 @@ _INTEGRATED = (
     "is a function of time: what it does within less than {:.2g} s may be missed; a "
     "Table or Until states its times"
 )
+
+_COARSE = "; it has so many that {:.2g} % of it moves in time, within a few steps"
 
 _UNRESOLVED = (
     "is a function that varies too fast to be integrated: about {:.2g} of its integral "
