@@ -165,6 +165,27 @@ class SurfaceTerms(Module):
         """Temperature of each cell's surface above its node's [K]."""
         return self.prescribed_excess(time, theta, self._solve(time, theta)[1])
 
+    def equilibrium_excess(self, time: Time, theta: PerCell) -> PerCell:
+        """Excess over its node at which each cell would receive no heat at all [K].
+
+        Infinite towards heat that no loss balances; 0 where nothing acts.
+        """
+        # The balance of a cell that conducts no heat.
+        apart = replace(
+            self,
+            half_cell=jnp.zeros_like(theta),
+            iterations=MAX_ITERATIONS,
+        )
+        _, excess = apart._solve(time, theta)
+        zero = jnp.zeros_like(theta)
+        surface = theta + excess
+        slope = sum((t.slope(time, surface) for _, t in self.natural), zero)
+        heat = sum((t.heat_rate(time, surface) for _, t in self.natural), zero)
+        is_unbalanced = (slope <= 0) & (heat != 0)
+        endless = jnp.where(heat > 0, jnp.inf, -jnp.inf)
+        excess = jnp.where(is_unbalanced, endless, excess)
+        return self.prescribed_excess(time, theta, excess)
+
     def prescribed_excess(
         self, time: Time, theta: PerCell, elsewhere: PerCellOrOne | float = 0.0
     ) -> PerCellOrOne:

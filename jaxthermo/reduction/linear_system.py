@@ -34,6 +34,7 @@ from ..integrate.implicit.newton_stage import solve_linear
 from ..scene.compile.compile import compile_scene
 from ..scene.compile.program import Compiled, Program, State
 from ..scene.scene import Scene, SolvedSurface
+from ..structures.surface_map import SurfaceState
 from .inputs import Input, find_inputs
 from .reduced_model import sampled
 
@@ -292,12 +293,16 @@ def _solved(
 
 @eqx.filter_jit
 def _read(program: Program, states: State) -> Float[Array, " s"]:
-    # The surface is affine in the states: subtract its temperature at states of 0.
+    # Without limits the surface is affine in the states: subtract its temperature at
+    # states of 0.
     time = jnp.zeros((), states[0].dtype)
     above, zero = (
         jnp.concatenate(
             program.surface_temperatures(
-                read_states, time, _by_contacts(program, read_states)
+                read_states,
+                time,
+                _by_contacts(program, read_states),
+                is_limited=False,
             )
         )
         for read_states in (states, _zero(states))
@@ -324,10 +329,10 @@ def _by_contacts(program: Program, states: State) -> list[Any]:
 def _mapped(program: Program, number: int, excess: Float[Array, " s"]):
     """Reading of a body's fragments with an excess over nodes that are all at 0 [K]."""
     body = program.bodies[number]
-    if not body.surface_map.needs_excess:
-        return jnp.zeros_like(excess)
     capacity = body.network.capacity()
     shape = jax.eval_shape(body.network.diagonal).shape
     theta = jnp.zeros(shape, capacity.dtype)
-    nodes, below = body.below(theta)
-    return body.surface_map.read(theta, nodes, below, body.node, excess)
+    nodes, _ = body.below(theta)
+    held = program.held_fragments()[number]
+    acting = SurfaceState(excess, held=held, equilibrium=None)
+    return body.surface_map.read(theta, nodes, body.node, acting)

@@ -9,6 +9,11 @@
 A map is evaluated at the surface or, with `at="voxel"`, at the centre of the surface
 voxel half a voxel below: the location of a full volume's nodes, where errors are
 measured. A full volume needs no gradient there.
+
+At the surface, a prescribed temperature is read as it is. A gradient may lead beyond
+what surrounds a fragment: the temperature is limited to the range of its node, of the
+nodes linked to it, and of the equilibrium with what acts on its node's surface
+(the discrete maximum principle; cf. Barth and Jespersen, AIAA paper 89-0366, 1989).
 """
 
 import abc
@@ -36,9 +41,62 @@ from .structure import AbstractStructure
 _Components = tuple[Float[Array, " m"], Float[Array, " m"], Float[Array, " m"]]
 """Components x, y, z of vectors in separate arrays: rows of three are slow in XLA."""
 
+_Depth = Literal["surface", "voxel"]
+
 # Second moment of the neighbours, relative to the largest, below which a direction has
 # no gradient: from neighbours nearly in a plane it would amplify errors.
 _MIN_MOMENT = 0.05
+
+
+class Range(NamedTuple):
+    """Lowest and highest temperature around each node or fragment [K]."""
+
+    lowest: Float[Array, " m"]
+    highest: Float[Array, " m"]
+
+    def including(self, values: Float[Array, " m"]) -> "Range":
+        """The range that contains other temperatures as well [K]."""
+        return Range(
+            lowest=jnp.minimum(self.lowest, values),
+            highest=jnp.maximum(self.highest, values),
+        )
+
+    def including_groups(
+        self, values: Float[Array, " r"], group: Int[Array, " r"]
+    ) -> "Range":
+        """The range that contains the values of the group of each entry as well [K]."""
+        count = len(self.lowest)
+        low = -_largest_of(-values, group, count)
+        high = _largest_of(values, group, count)
+        return Range(
+            lowest=jnp.minimum(self.lowest, low),
+            highest=jnp.maximum(self.highest, high),
+        )
+
+
+def _largest_of(
+    values: Float[Array, " r"], group: Int[Array, " r"], count: int
+) -> Float[Array, " m"]:
+    """Largest value of each group; minus infinity for none."""
+    # A maximum by group has no derivative: the first value that attains it has.
+    constant = jax.lax.stop_gradient(values)
+    largest = jax.ops.segment_max(constant, group, count)
+    entry = jnp.arange(len(values), dtype=group.dtype)
+    entry = jnp.where(constant >= taken(largest, group), entry, -1)
+    entry = jax.ops.segment_max(entry, group, count)
+    return jnp.where(entry >= 0, taken(values, jnp.maximum(entry, 0)), -jnp.inf)
+
+
+class SurfaceState(NamedTuple):
+    """State of the fragments of a body, for reading their temperatures."""
+
+    excess: Float[Array, " s"]
+    """Excess of each fragment over its node by the surface balance [K]."""
+    held: Bool[Array, " s"] | None
+    """Fragments whose temperature is prescribed; None for none."""
+    equilibrium: Float[Array, " s"] | None
+    """Excess at which each fragment receives no heat from what acts on it [K]; infinite
+    towards heat that is imposed at any temperature. None to limit nothing."""
 
 
 class Gradient(Module):
@@ -73,6 +131,21 @@ class Gradient(Module):
             slopes = self._with_list(slopes, theta, nodes)
         x, y, z = slopes
         return x, y, z
+
+    def neighbour_range(
+        self, theta: Float[Array, "..."], nodes: Float[Array, " m"]
+    ) -> "Range":
+        """Lowest and highest temperature of each node and its neighbours [K]."""
+
+        def extend(reached: Range, address) -> tuple[Range, None]:
+            return reached.including(taken(theta, address)), None
+
+        # A loop, for the reason above.
+        reached, _ = jax.lax.scan(extend, Range(nodes, nodes), self.neighbour)
+        if not len(self.list_node):
+            return reached
+        further = taken(theta, self.list_neighbour)
+        return reached.including_groups(further, self.list_node)
 
     def _with_list(self, slopes, theta, nodes):
         neighbour = taken(theta, self.list_neighbour)
@@ -174,37 +247,64 @@ class BoundMap(Module):
     """Part of the vector from the node to the point that the gradient covers [m]."""
     along_flux: Float[Array, " s"] | None
     """Excess of the point over its node relative to that of the surface [-]."""
+    at: _Depth = eqx.field(static=True)
+    """Depth at which it is evaluated."""
 
     @property
     def needs_excess(self) -> bool:
         """True if the map needs the surface balance."""
         return self.along_flux is not None
 
+    @property
+    def is_limited(self) -> bool:
+        """True if it needs the equilibrium with what acts on the surface."""
+        return self.gradient is not None
+
     def read(
         self,
         theta: Float[Array, "..."],
         nodes: Float[Array, " m"],
-        below: Float[Array, " s"],
         index: Int[Array, " s"],
-        excess: Float[Array, " s"] | None,
+        acting: SurfaceState | None,
     ) -> Float[Array, " s"]:
         """Temperature of every fragment above the reference [K].
 
-        From the state `theta`, its values at the nodes with a surface and `below` each
-        fragment, the `index` of each fragment's node in the former, and the excess of
-        the surface over the node, from the surface balance.
+        Args:
+            theta: temperatures of all nodes, as a state [K].
+            nodes: those of the nodes with a surface [K].
+            index: index of each fragment's node among the latter.
+            acting: state of the fragments; None if nothing has acted yet.
         """
+        below = taken(nodes, index)
         total = below
         if self.gradient is not None and self.offset is not None:
             slopes = self.gradient(theta, nodes)
             for slope, length in zip(slopes, self.offset, strict=True):
                 total = total + length * taken(slope, index)
-        if self.along_flux is not None and excess is not None:
-            total = total + self.along_flux * excess
+        if acting is None:
+            return total
+        if self.along_flux is not None:
+            total = total + self.along_flux * acting.excess
+        if self.gradient is not None and acting.equilibrium is not None:
+            reached = self.gradient.neighbour_range(theta, nodes)
+            total = _limited(total, below, index, reached=reached, acting=acting)
+        if acting.held is not None and self.at == "surface":
+            total = jnp.where(acting.held, below + acting.excess, total)
         return total
 
 
-_Depth = Literal["surface", "voxel"]
+def _limited(
+    values: Float[Array, " s"],
+    below: Float[Array, " s"],
+    index: Int[Array, " s"],
+    reached: Range,
+    acting: SurfaceState,
+) -> Float[Array, " s"]:
+    """Temperatures of fragments within the range of what surrounds them [K]."""
+    assert acting.equilibrium is not None
+    for excess in (acting.equilibrium, acting.excess):
+        reached = reached.including_groups(below + excess, index)
+    return jnp.clip(values, taken(reached.lowest, index), taken(reached.highest, index))
 
 
 class AbstractSurfaceMap(Module):
@@ -221,7 +321,7 @@ class ConstantMap(AbstractSurfaceMap):
     @override
     def bind(self, structure: AbstractStructure, dtype: Any) -> BoundMap:
         del structure, dtype
-        return BoundMap(gradient=None, offset=None, along_flux=None)
+        return BoundMap(gradient=None, offset=None, along_flux=None, at="surface")
 
 
 class LinearMap(AbstractSurfaceMap):
@@ -240,7 +340,9 @@ class LinearMap(AbstractSurfaceMap):
             grid = structure.grid
             voxel = grid.lattice.centres(grid.fragment_voxel)
             offset = offset + grid.fragment_foot - voxel
-        return _with_gradient(structure, offset=offset, along_flux=None, dtype=dtype)
+        return _with_gradient(
+            structure, offset=offset, along_flux=None, at=self.at, dtype=dtype
+        )
 
 
 # From the mean of a cell to its surface, of a parabola with the flux at the surface and
@@ -270,7 +372,10 @@ class FluxCorrectedMap(AbstractSurfaceMap):
         assert unweighted.along_flux is not None
         flux = unweighted.along_flux * device_array(longer, dtype)
         return BoundMap(
-            gradient=unweighted.gradient, offset=unweighted.offset, along_flux=flux
+            gradient=unweighted.gradient,
+            offset=unweighted.offset,
+            along_flux=flux,
+            at=self.at,
         )
 
     def _bound(self, structure: AbstractStructure, dtype: Any) -> BoundMap:
@@ -286,13 +391,15 @@ class FluxCorrectedMap(AbstractSurfaceMap):
             flux_fraction = flux_fraction + outermost
         flux = device_array(flux_fraction, dtype)
         inside = offset - (1 - _GRADIENT_FRACTION) * along
-        return _with_gradient(structure, offset=inside, along_flux=flux, dtype=dtype)
+        return _with_gradient(
+            structure, offset=inside, along_flux=flux, at=self.at, dtype=dtype
+        )
 
 
-def _with_gradient(structure, offset, along_flux, dtype) -> BoundMap:
+def _with_gradient(structure, offset, along_flux, at: _Depth, dtype) -> BoundMap:
     # Zero but for rounding, as in a full volume: no gradient to compute.
     if np.abs(offset).max(initial=0) < 1e-6 * structure.grid.pitch:
-        return BoundMap(gradient=None, offset=None, along_flux=along_flux)
+        return BoundMap(gradient=None, offset=None, along_flux=along_flux, at=at)
     gradient = gradient_at(structure, np.unique(structure.fragment_node()), dtype)
     x, y, z = (device_array(offset[:, i], dtype) for i in range(3))
-    return BoundMap(gradient=gradient, offset=(x, y, z), along_flux=along_flux)
+    return BoundMap(gradient=gradient, offset=(x, y, z), along_flux=along_flux, at=at)

@@ -39,3 +39,9 @@ def test_horizontal_plate_has_two_sides_in_still_air(solution_of):
     coefficients, counts = np.unique(np.round(h, 1), return_counts=True)
     faces = sorted(coefficients[counts >= 10_000])
     assert faces == pytest.approx([2.9, 5.8], abs=0.15)
+
+
+def test_held_face_is_shown_at_its_temperature(solution_of):
+    solution = solution_of("held")
+    face = solution["body0_fragment_normal"][:, 0] > 0.9
+    assert solution["surface_temperature"][:, face] == pytest.approx(400.0, abs=1e-3)

@@ -370,7 +370,9 @@ def observe(
         is_physical=temperature.min() > -1e-3,
         ledger=state.ledger,
         statistics=solver_state,
-        probe_temperature=program.probe_temperatures(state.theta, above),
+        probe_temperature=program.probe_temperatures(
+            state.theta, above, is_limited=time is not None
+        ),
         fragment_outputs=program.fragment_outputs(state.theta, time, contact_heat),
     )
     # Every process reads it.

@@ -32,7 +32,7 @@ from ..scene import Scene, SolvedSurface, body_geometry, mechanism_names
 from .bodies import PreparedBody, check_bodies, check_terms, prepare
 from .memory import Method, check_memory
 from .newton_iterations import with_iterations
-from .program import Compiled, Program, stable_step_of
+from .program import Compiled, Program
 from .program_builder import (
     Ledger,
     ProgramBuilder,
@@ -43,6 +43,7 @@ from .program_builder import (
 )
 from .receipt import receipt_of
 from .snapshots import Snapshot, take_snapshots
+from .stable_step import stable_step_of
 from .temperature_bounds import temperature_bounds
 from .time_values import with_time_values
 from .traced_scene import mark_untraceable, separate_numbers, trace_scene

@@ -7,8 +7,11 @@ A point x in the volume of node i, with the nearest fragment s, has
 g the gradient at the node by least squares over its links, and w from 0 at the depth of
 the fragment's node to 1 at the surface, where the temperature of the surface counts and
 not that of its node. T(x) is exact where the temperature is linear, and of second order
-in the pitch where it is smooth. Next to another material a difference of two nodes is
-scaled to the gradient at the node, by the conductivities at both ends of the link.
+in the pitch where it is smooth. A surface that is held at a temperature has it at all
+of its points: there x_s is the point of the surface above x. T(x) is limited to the
+range of its node, the nodes linked to it and the surface above it, see `surface_map`.
+Next to another material a difference of two nodes is scaled to the gradient at the
+node, by the conductivities at both ends of the link.
 """
 
 from typing import Any, NamedTuple
@@ -25,7 +28,7 @@ from ...errors import InputError
 from ...memo.found import digest, found
 from ...physics.conduction import conductivity_at_ends, conductivity_table
 from ...structures.partition.assignment import voxel_owner
-from ...structures.surface_map import gradient_rows
+from ...structures.surface_map import Range, gradient_rows
 from ...voxels.grid import VoxelGrid
 from ..scene import AbstractMaterials, Probe, Scene
 from .bodies import PreparedBody
@@ -43,25 +46,57 @@ class BodyProbes(Module):
     """Position of the neighbours that the gradients use."""
     row: Int[Array, " r"]
     """Probe of each neighbour."""
-    weight: Float[Array, " r"]
-    """Weight of each neighbour's temperature above that of the node [-]."""
+    inside_weight: Float[Array, " r"]
+    """Weight of each neighbour's temperature above that of the node [-], from the node
+    to the point by the part 1 - w."""
+    surface_weight: Float[Array, " r"]
+    """The like from the fragment to the point by the part w."""
     fragment: Int[Array, " q"]
     """Nearest fragment of the body."""
     at_surface: Float[Array, " q"]
     """w [-]: 1 at the surface, 0 at the depth of a node."""
 
     def read(
-        self, theta: Float[Array, "..."], surface: Float[Array, " s"]
+        self,
+        theta: Float[Array, "..."],
+        surface: Float[Array, " s"],
+        held: Bool[Array, " s"] | None,
     ) -> Float[Array, " q"]:
         """Temperatures of the probes, from those of the nodes and the fragments [K].
 
-        All are above the reference of the body.
+        All are above the reference of the body. Where fragments are `held`, their
+        temperature is that of the whole surface; None for none.
         """
         node = taken(theta, self.address)
         neighbour = taken(theta, self.neighbour)
-        steps = self.weight * (neighbour - node[self.row])
+        on_surface = self.surface_weight
+        if held is not None:
+            on_surface = jnp.where(held[self.fragment][self.row], 0, on_surface)
+        weight = self.inside_weight + on_surface
+        steps = weight * (neighbour - node[self.row])
         along = jnp.zeros_like(node).at[self.row].add(steps)
         return node + self.at_surface * (surface[self.fragment] - node) + along
+
+    def limited(
+        self,
+        values: Float[Array, " q"],
+        theta: Float[Array, "..."],
+        around: Range,
+        surface_node: Int[Array, " s"],
+    ) -> Float[Array, " q"]:
+        """Temperatures of the probes within the range of what surrounds them [K].
+
+        `around` is the range of each node with surface and its fragments, and
+        `surface_node` the index of each fragment's node among these.
+        """
+        node = taken(theta, self.address)
+        reached = Range(node, node)
+        reached = reached.including_groups(taken(theta, self.neighbour), self.row)
+        above = surface_node[self.fragment]
+        is_near = self.at_surface > 0
+        for ends in around:
+            reached = reached.including(jnp.where(is_near, ends[above], node))
+        return jnp.clip(values, reached.lowest, reached.highest)
 
 
 class _Located(NamedTuple):
@@ -166,9 +201,8 @@ def _bind(
     far = np.linalg.norm(surface - points, axis=1) > 2 * grid.pitch + np.abs(depth)
     at_surface[far] = 0.0
     node = _nodes(body, probes=probes, located=located, at_surface=at_surface)
-    # The point at which node and fragment together give the temperature.
-    surface_weight = at_surface[:, None]
-    offset = points - (1 - surface_weight) * location[node] - surface_weight * surface
+    from_node = (1 - at_surface)[:, None] * (points - location[node])
+    from_fragment = at_surface[:, None] * (points - surface)
     gradient_nodes, index = np.unique(node, return_inverse=True)
     rows = gradient_rows(structure, gradient_nodes)
     start = np.searchsorted(rows.node, index)
@@ -176,7 +210,10 @@ def _bind(
     row = np.repeat(np.arange(len(node)), count)
     within = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
     entry = start[row] + within
-    weight = (rows.weight[entry] * offset[row]).sum(axis=1)
+    inside_weight, surface_weight = (
+        (rows.weight[entry] * offset[row]).sum(axis=1)
+        for offset in (from_node, from_fragment)
+    )
     ratio = _slope_ratio(
         body, link=rows.link[entry], is_src=rows.is_src[entry], dtype=dtype
     )
@@ -186,7 +223,8 @@ def _bind(
         address=body.address_of(node),
         neighbour=body.address_of(rows.neighbour[entry]),
         row=device_array(row.astype(np.int32)),
-        weight=device_array(weight, dtype) * ratio,
+        inside_weight=device_array(inside_weight, dtype) * ratio,
+        surface_weight=device_array(surface_weight, dtype) * ratio,
         fragment=device_array(fragment.astype(np.int32)),
         at_surface=device_array(at_surface, dtype),
     )

@@ -12,9 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 from equinox import Module
 from jax.sharding import Mesh
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
-from ...arrays import Time, added, device_array, taken
+from ...arrays import Time, consecutive, device_array, taken
 from ...network.network import AbstractNetwork, Address
 from ...parallel.lattice import spread, with_added
 from ...physics.contact.links import ContactLinks
@@ -23,7 +23,7 @@ from ...physics.radiation.radiative_exchange import Enclosure
 from ...physics.surface import Note
 from ...physics.surface_energy_balance import SurfaceTerms
 from ...physics.time_varying import value_at
-from ...structures.surface_map import BoundMap
+from ...structures.surface_map import BoundMap, Range, SurfaceState
 from ..scene import Scene, SolvedSurface
 from .bodies import TemperatureBounds
 from .probes import BodyProbes
@@ -202,6 +202,7 @@ class Program(Module):
         states: State,
         time: Time | None,
         contact_excess: Sequence[Float[Array, " _"] | None],
+        is_limited: bool = True,
     ) -> list[Float[Array, " _"]]:
         """Temperatures of every body's fragments above its reference [K].
 
@@ -210,6 +211,8 @@ class Program(Module):
             time: time at which loads act [s]; None if none has acted yet.
             contact_excess: excess of each body's fragments over their nodes that
                 contacts cause [K].
+            is_limited: False for an affine function of the states where all laws are
+                linear, which may leave the range of what surrounds a fragment.
         """
         pairs = zip(self.bodies, states, strict=True)
         theta = [body.network.temperature(state) for body, state in pairs]
@@ -217,42 +220,84 @@ class Program(Module):
             body.below(body_theta)
             for body, body_theta in zip(self.bodies, theta, strict=True)
         ]
+        acting: Sequence[SurfaceState | None] = [None] * len(self.bodies)
+        if time is not None:
+            acting = self._surface_states(
+                time, [fragments for _, fragments in below], contact_excess, is_limited
+            )
+        return [
+            body.surface_map.read(theta[n], below[n][0], body.node, acting[n])
+            for n, body in enumerate(self.bodies)
+        ]
+
+    def held_fragments(self) -> list[Bool[Array, " _"] | None]:
+        """Fragments of each body whose temperature is prescribed; None for none."""
+        areas = [term.effective_area for _, term in self.fragment_terms.prescribed]
+        if not areas:
+            return [None] * len(self.bodies)
+        is_held = jnp.stack([jnp.asarray(area) > 0 for area in areas]).any(axis=0)
+        counts = [body.node.shape[0] for body in self.bodies]
+        return [is_held[fragments] for fragments in consecutive(counts)]
+
+    def _surface_states(
+        self,
+        time: Time,
+        below: list[Float[Array, " _"]],
+        contact_excess: Sequence[Float[Array, " _"] | None],
+        is_limited: bool,
+    ) -> Sequence[SurfaceState | None]:
+        """State of the surface of each body, as far as its map needs it."""
         # The balance at the surface is solved again only for maps that read it.
-        excess: Sequence = [None] * len(self.bodies)
-        needed = any(body.surface_map.needs_excess for body in self.bodies)
-        if needed and time is not None:
-            excess = self._excess(time, [fragments for _, fragments in below])
-        surface = []
+        maps = [body.surface_map for body in self.bodies]
+        is_limited = is_limited and any(m.is_limited for m in maps)
+        is_read = is_limited or any(m.needs_excess for m in maps)
+        if not (is_read or self.fragment_terms.prescribed):
+            return [None] * len(self.bodies)
+        ends = np.cumsum([len(body_below) for body_below in below])[:-1].tolist()
+        terms, joined = self._terms_above(time, below)
+        excess = jnp.split(terms.surface_excess(time, joined), ends)
+        equilibrium: Sequence = [None] * len(self.bodies)
+        if is_limited:
+            equilibrium = jnp.split(terms.equilibrium_excess(time, joined), ends)
+        held = self.held_fragments()
+        states = []
         for n, body in enumerate(self.bodies):
             body_excess = excess[n]
             contact = contact_excess[n]
-            if not body.surface_map.needs_excess:
-                body_excess = None
-            elif body_excess is not None and contact is not None:
+            if contact is not None:
                 # A fragment in contact in part has the area mean of both.
                 body_excess = body_excess * body.exposed_fraction + contact
-            nodes, fragments = below[n]
-            surface.append(
-                body.surface_map.read(
-                    theta[n], nodes, fragments, body.node, body_excess
-                )
-            )
-        return surface
+            states.append(SurfaceState(body_excess, held[n], equilibrium[n]))
+        return states
 
     def probe_temperatures(
-        self, states: State, surface: Sequence[Float[Array, " _"]]
+        self,
+        states: State,
+        surface: Sequence[Float[Array, " _"]],
+        is_limited: bool,
     ) -> Float[Array, " p"] | None:
         """Temperatures at the probes of the scene [K]; None without any.
 
-        `surface` has the temperatures of every body's fragments above its reference.
+        Args:
+            states: states of the bodies.
+            surface: temperatures of every body's fragments above its reference [K].
+            is_limited: False where no load has acted on the surface yet.
         """
         if not self.probes:
             return None
         temperatures = []
+        held = self.held_fragments()
         for probes in self.probes:
             body = self.bodies[probes.body]
             theta = body.network.temperature(states[probes.body])
-            above = probes.read(theta, surface[probes.body])
+            fragments = surface[probes.body]
+            above = probes.read(
+                theta, fragments, held[probes.body] if is_limited else None
+            )
+            if is_limited:
+                nodes, _ = body.below(theta)
+                around = Range(nodes, nodes).including_groups(fragments, body.node)
+                above = probes.limited(above, theta, around, body.node)
             temperatures.append(body.reference + above)
         order = np.argsort(np.concatenate([probes.number for probes in self.probes]))
         return jnp.concatenate(temperatures)[order]
@@ -299,13 +344,6 @@ class Program(Module):
             received = self.fine_enclosure.irradiation(time, radiating)
             terms = terms.irradiated(received)
         return terms, joined
-
-    def _excess(self, time, below: list) -> list[Float[Array, " _"]]:
-        """Temperature of the fragments over their nodes, from the balance [K]."""
-        terms, joined = self._terms_above(time, below)
-        ends = np.cumsum([len(body_below) for body_below in below])[:-1].tolist()
-        excess = terms.surface_excess(time, joined)
-        return jnp.split(excess, ends) if ends else [excess]
 
 
 @dataclass(frozen=True)
@@ -425,43 +463,3 @@ def _new_state(
 @partial(jax.jit, static_argnums=1)
 def _filled(value: Float[Any, ""], shape: tuple[int, ...]) -> Float[Array, "..."]:
     return jnp.broadcast_to(value, shape)
-
-
-@eqx.filter_jit
-def stable_step_of(
-    program: Program, highest: Float[Array, ""], end: float
-) -> Float[Array, ""]:
-    """Largest stable explicit step, min C / (sum G + stiffness) [s]; or infinity.
-
-    `highest` is the temperature of any surface [K], `end` the end of the run [s].
-    """
-    # Up to this step temperatures also stay within their bounds: every node's weight in
-    # its own next temperature is positive.
-    rates = []
-    for number, body in enumerate(program.bodies):
-        network = body.network
-        rates.append(network.max_rate())
-        loads = _stiffness(program, number=number, highest=highest, end=end)
-        if not loads:
-            continue
-        total = network.diagonal() * network.max_relative_conductivity()
-        for address, stiffness in loads:
-            total = added(total, address, stiffness)
-        for address, _ in loads:
-            capacity = network.capacity_at(address) * network.min_relative_capacity()
-            rates.append((taken(total, address) / capacity).max())
-    largest = jnp.stack(rates).max()
-    return jnp.where(largest > 0, 1 / jnp.where(largest > 0, largest, 1), jnp.inf)
-
-
-def _stiffness(program: Program, number: int, highest, end):
-    """Addresses of a body's nodes, and the conductance that loads add there [W/K]."""
-    loads = []
-    if program.surface is not None:
-        relative = program.bodies[number].network.max_relative_conductivity()
-        loads = program.surface.stiffness(number, highest, end, relative)
-    for contact in program.contacts:
-        for side in (0, 1):
-            if contact.bodies[side] == number:
-                loads.append((contact.address[side], contact.stiffness(end)))
-    return loads

@@ -120,6 +120,7 @@ def test_what_is_lost_bounds_a_steady_state():
     assert float(jt.steady(heated).surface_temperature.max()) <= expected
 
 
+@pytest.mark.slow
 def test_surfaces_that_radiate_to_each_other_lose_what_escapes():
     """Two heated bars face each other; their ends lose less than their backs."""
     bodies = (_bar(STEEL), _bar(STEEL, x=0.125))

@@ -1,0 +1,48 @@
+"""The largest explicit step at which every node keeps a positive weight of its own."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ...arrays import added, taken
+from .program import Program
+
+
+@eqx.filter_jit
+def stable_step_of(
+    program: Program, highest: Float[Array, ""], end: float
+) -> Float[Array, ""]:
+    """Largest stable explicit step, min C / (sum G + stiffness) [s]; or infinity.
+
+    `highest` is the temperature of any surface [K], `end` the end of the run [s].
+    """
+    # Up to this step temperatures also stay within their bounds: every node's weight in
+    # its own next temperature is positive.
+    rates = []
+    for number, body in enumerate(program.bodies):
+        network = body.network
+        rates.append(network.max_rate())
+        loads = _stiffness(program, number=number, highest=highest, end=end)
+        if not loads:
+            continue
+        total = network.diagonal() * network.max_relative_conductivity()
+        for address, stiffness in loads:
+            total = added(total, address, stiffness)
+        for address, _ in loads:
+            capacity = network.capacity_at(address) * network.min_relative_capacity()
+            rates.append((taken(total, address) / capacity).max())
+    largest = jnp.stack(rates).max()
+    return jnp.where(largest > 0, 1 / jnp.where(largest > 0, largest, 1), jnp.inf)
+
+
+def _stiffness(program: Program, number: int, highest, end):
+    """Addresses of a body's nodes, and the conductance that loads add there [W/K]."""
+    loads = []
+    if program.surface is not None:
+        relative = program.bodies[number].network.max_relative_conductivity()
+        loads = program.surface.stiffness(number, highest, end, relative)
+    for contact in program.contacts:
+        for side in (0, 1):
+            if contact.bodies[side] == number:
+                loads.append((contact.address[side], contact.stiffness(end)))
+    return loads
