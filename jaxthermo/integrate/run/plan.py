@@ -33,6 +33,7 @@ from .schedule import (
     Interval,
     checked_save_times,
     more_after_events,
+    narrowed,
     save_intervals,
     schedule,
 )
@@ -393,7 +394,7 @@ class _StepBlock(NamedTuple):
 
 def step_blocks(plan: Plan, takes_steps: bool = True) -> list[_StepBlock]:
     """Tabulate the steps of each program of a run, or none of them."""
-    pairs = program_groups(plan)
+    pairs = [(program, narrowed(groups)) for program, groups in program_groups(plan)]
     # One shape for all programs, which differ in numbers only: compiled once.
     rows = max(len(groups) for _, groups in pairs)
     columns = max(len(group) for _, groups in pairs for group in groups)

@@ -16,6 +16,10 @@ _FIRST_STEPS_AFTER_EVENT = 4
 """Smallest number of steps after an event in the first pass of several."""
 
 
+_MIN_WIDTH = 8
+"""Number of intervals in a row of a table that costs next to nothing."""
+
+
 @dataclass(frozen=True)
 class Interval:
     """Equal steps from `start` to `end` [s]."""
@@ -121,6 +125,23 @@ def save_intervals(
             groups.append(tuple(group))
             group = []
     return tuple([*groups, tuple(group)] if group else groups)
+
+
+def narrowed(
+    groups: tuple[tuple[Interval, ...], ...],
+) -> tuple[tuple[Interval, ...], ...]:
+    """Divide save intervals that hold many more intervals than others.
+
+    A table of their steps has a row for each group, as wide as the longest one. It then
+    has at most half as many rows again, and at most three times the intervals.
+    """
+    total = sum(map(len, groups))
+    width = max(_MIN_WIDTH, 2 * math.ceil(total / len(groups)))
+    return tuple(
+        group[begin : begin + width]
+        for group in groups
+        for begin in range(0, len(group), width)
+    )
 
 
 def similar_intervals(

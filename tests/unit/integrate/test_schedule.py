@@ -12,6 +12,7 @@ import jaxthermo as jt
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.schedule import (
     checked_save_times,
+    narrowed,
     save_intervals,
     schedule,
     similar_intervals,
@@ -21,6 +22,18 @@ from jaxthermo.integrate.run.schedule import (
 TIMES = st.lists(
     st.floats(1e-3, 1e3), min_size=1, max_size=6, unique=True
 ).map(sorted)  # fmt: skip
+
+
+def test_a_table_of_steps_is_not_as_wide_as_its_longest_save_interval():
+    saves = tuple(float(k) for k in range(1, 101))
+    events = tuple(49.0 + k / 1000 for k in range(1, 1000))
+    groups = save_intervals(schedule(100.0, saves, events, max_dt=10.0))
+    table = narrowed(groups)
+    assert [i for group in table for i in group] == [i for g in groups for i in g]
+    assert len(table) * max(map(len, table)) < 4 * 1100
+    assert [group[-1].end for group in table if group[-1].saved] == list(saves)
+    # Rows of about one length stay as they are.
+    assert narrowed(groups[:40]) == groups[:40]
 
 
 @given(saves=TIMES, events=TIMES, later=st.floats(0.0, 10.0), dt=st.floats(1e-2, 1e4))
