@@ -35,7 +35,7 @@ from .loops import per_item
 from .steps import euler_steps
 
 
-QUICK = {"height": 24, "repeats": 2}
+QUICK = {"config": Path("configs/scenes/mixed-small.yaml"), "repeats": 2}
 
 _CONFIG = Path("configs/scenes/mixed.yaml")
 _STEPS = 100

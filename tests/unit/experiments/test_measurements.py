@@ -169,8 +169,8 @@ def test_the_quick_group_measures_everything(monkeypatch, tmp_path):
         catalogue.find("benchmarks"), tmp_path / "out", quick=True
     )
     rows = found["result"]["rows"]
-    # A scene of two files that are not part of the repository.
-    assert {row["benchmark"] for row in rows if row.get("error")} == {"mixed"}
+    # None has stopped because results of its alternatives differ.
+    assert not [row["error"] for row in rows if row.get("error")]
     named = {experiment.name for experiment in catalogue.find("benchmarks")}
     assert {row["benchmark"] for row in rows} == named
     assert (tmp_path / "out" / "growth" / "growth.svg").is_file()
