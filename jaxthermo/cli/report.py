@@ -121,3 +121,5 @@ def log_result(console: Console, solution: Solution, times: dict[str, float]) ->
         # The last remark of the receipt is known after the run only.
         steps = f"{solution.run.steps:,} steps"
         print_line(console, f"{steps}, {solution.receipt.notes[-1]}")
+    for warning in solution.run.warnings:
+        print_line(console, f"warning: {warning}")

@@ -222,7 +222,7 @@ def _run_simulation(
             solution=solution,
             times=times,
             structures=planned.structures,
-            warnings=planned.warnings,
+            warnings=[*planned.warnings, *solution.run.warnings],
         )
         error = None if truth is None else truth.summary(solution)
         summary["truth_error"] = error

@@ -12,15 +12,21 @@ the start. In the changes since the start, d_j = Y_j - Y_0,
     D = E(Y_0) - Y_0,
 
 where conduction acts on d_{j-1} alone and that at the start is added: hundreds of
-stages would otherwise round temperatures whose changes are far smaller. The ledger is
-combined in the same way, so that energy closes to rounding. In pure diffusion no stage
-overshoots.
+stages would otherwise round temperatures whose changes are far smaller. In pure
+diffusion no stage overshoots.
+
+The ledger is combined in the same way, so that energy closes. Since no heat rate acts
+on a heat, its recursion is two sums, which hundreds of stages do not round more than
+one: with H_j = b_j u_j and the heat rates r_j of the stages,
+
+    S_j = S_{j-1} + (2 j - 1) w dt (r_{j-1} - a_{j-1} r_0) / b_{j-1},
+    u_j = u_{j-1} + S_j / j,    u_1 = S_1 = w dt r_0.
 
 Source: Meyer, Balsara, Aslam, Journal of Computational Physics 257 (2014) 594-626.
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -75,7 +81,7 @@ def stage_count(dt: float, stable_step: float) -> int:
 
 
 def rkl2_coefficients(stages: int) -> dict[str, np.ndarray]:
-    """Return mu, nu, a of the previous stage, and the load time in steps, by stage."""
+    """Return mu, nu, b, the last stage's a, and the load time in steps, by stage."""
     j = np.arange(stages + 1, dtype=float)
     with np.errstate(divide="ignore", invalid="ignore"):
         b = np.where(j < 3, 1 / 3, (j * j + j - 2) / (2 * j * (j + 1)))
@@ -88,7 +94,7 @@ def rkl2_coefficients(stages: int) -> dict[str, np.ndarray]:
     for k in range(2, stages + 1):
         stepped = mu[k] * (reached[-1] + weight) + nu[k] * reached[-2]
         reached.append(stepped - a[k] * mu[k] * weight)
-    return {"mu": mu, "nu": nu, "a": a, "time": np.roll(reached, 1)}
+    return {"mu": mu, "nu": nu, "b": b, "a": a, "time": np.roll(reached, 1)}
 
 
 def _mixed(stepped, rise, previous, first_change, mu, nu, a):
@@ -98,9 +104,16 @@ def _mixed(stepped, rise, previous, first_change, mu, nu, a):
     return mu * stepped + (mu * (rise - a * first_change) + nu * previous)
 
 
-_Stage = tuple[State, Float[Array, " c"]]
-"""Changes of the states, and the heat of each ledger entry [J], since the start of the
-step."""
+class _Stages(NamedTuple):
+    """The last two stages, and the heat of all stages by ledger entry."""
+
+    previous: State
+    latest: State
+    """Changes of the states since the start of the step."""
+    heat: Float[Array, " c"]
+    """u_j [J]."""
+    weighted_heat: Float[Array, " c"]
+    """S_j [J]."""
 
 
 class RKL2Stepper(AbstractStepper):
@@ -171,12 +184,11 @@ class RKL2Stepper(AbstractStepper):
         if not self._is_fixed:
             # Only the times depend on the number of stages, as the weight does.
             table["time"] *= weight / (4 / (self.stages**2 + self.stages - 2))
-        no_heat = jnp.zeros_like(state.ledger.heat)
         theta = state.theta
         bodies = program.bodies
         euler_dt = dt * weight
 
-        def load(new: State, changes: State, time_fraction, dt_fraction) -> _Stage:
+        def load(new: State, changes: State, time_fraction, dt_fraction):
             loaded, rates = add_loads(
                 program,
                 states=changes,
@@ -193,7 +205,7 @@ class RKL2Stepper(AbstractStepper):
             StepStart(state, body.network.euler_rise(state, euler_dt))
             for body, state in zip(bodies, theta, strict=True)
         )
-        first_change, heat = load(
+        first_change, start_heat = load(
             tuple(step_start.rise for step_start in step_starts),
             changes=no_change,
             time_fraction=0.0,
@@ -201,10 +213,16 @@ class RKL2Stepper(AbstractStepper):
         )
         # The first stage is b_1 = 1/3 of an Euler step.
         third = jax.tree.map(lambda change: change / 3, first_change)
-        first: tuple[_Stage, _Stage] = ((no_change, no_heat), (third, heat / 3))
+        first = _Stages(
+            previous=no_change,
+            latest=third,
+            heat=start_heat,
+            weighted_heat=start_heat,
+        )
 
-        def stage(j, pair):
-            (previous, previous_heat), (latest, latest_heat) = pair
+        def stage(j, stages: _Stages) -> _Stages:
+            previous = stages.previous
+            latest = stages.latest
             mu = table["mu"][j]
             nu = table["nu"][j]
             a = table["a"][j]
@@ -221,19 +239,28 @@ class RKL2Stepper(AbstractStepper):
             new, added_heat = load(
                 mixed, changes=latest, time_fraction=table["time"][j], dt_fraction=mu
             )
-            total = mu * (latest_heat + added_heat) + nu * previous_heat - a * mu * heat
-            return pair[1], (new, total)
+            number = jnp.asarray(j, dt.dtype)
+            gain = (2 * number - 1) / (1 - a) * (added_heat - a * start_heat)
+            weighted_heat = stages.weighted_heat + gain
+            return _Stages(
+                previous=latest,
+                latest=new,
+                heat=stages.heat + weighted_heat / number,
+                weighted_heat=weighted_heat,
+            )
 
-        def two_stages(i, pair):
+        def two_stages(i, stages: _Stages) -> _Stages:
             # Two stages per iteration exchange their buffers; one copies them.
-            return stage(2 * i + 3, stage(2 * i + 2, pair))
+            return stage(2 * i + 3, stage(2 * i + 2, stages))
 
         if is_copied_fast(theta):
-            pair = jax.lax.fori_loop(2, 2 * pairs + 2, stage, first)
+            end = jax.lax.fori_loop(2, 2 * pairs + 2, stage, first)
         else:
-            pair = jax.lax.fori_loop(0, pairs, two_stages, first)
+            end = jax.lax.fori_loop(0, pairs, two_stages, first)
+        last = 2 * pairs + 1
         if self._is_fixed and self.stages % 2 == 0:
-            pair = stage(self.stages, pair)
-        change, total = pair[1]
-        end = jax.tree.map(jnp.add, theta, change)
-        return RunState(end, state.ledger.add(total), state.solver_state)
+            last = self.stages
+            end = stage(last, end)
+        theta = jax.tree.map(jnp.add, theta, end.latest)
+        total = table["b"][last] * end.heat
+        return RunState(theta, state.ledger.add(total), state.solver_state)

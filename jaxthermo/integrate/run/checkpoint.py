@@ -54,8 +54,11 @@ def save_checkpoint(path: Path, plan: Plan, progress: RunProgress, key: str) -> 
     )
     arrays["part"] = np.array([jax.process_index(), jax.process_count()])
     # A pass without a difference has none, and no error either.
-    numbers = (passes.difference, *(passes.error or ()))
-    arrays["error"] = np.array([n for n in numbers if n is not None], float)
+    numbers = []
+    if passes.difference is not None and passes.error is not None:
+        numbers = [passes.difference, passes.error.kelvin, passes.error.limit]
+    arrays["error"] = np.array(numbers, float)
+    arrays["cause"] = np.array("" if passes.error is None else passes.error.cause)
     arrays["finished"] = np.array(passes.finished)
     # Replaced in one step: an interruption while writing leaves the old checkpoint.
     process_path = _path_of(path, jax.process_index())
@@ -134,8 +137,8 @@ def load_checkpoint(
         difference = None
         error = None
         if len(first_archive["error"]):
-            difference, *estimate = first_archive["error"].tolist()
-            error = TimeError(*estimate)
+            difference, kelvin, limit = first_archive["error"].tolist()
+            error = TimeError(kelvin, limit=limit, cause=str(first_archive["cause"]))
         finished = bool(first_archive["finished"])
     # Damaged, or the user's own file of the same name.
     except (KeyError, ValueError):

@@ -73,6 +73,8 @@ class CompiledSimulation:
                     plan = plan._replace(compiled=with_note(plan.compiled, line))
         with precision(plan.scene.dtype):
             solution = run_plan(plan)
+        for warning in solution.run.warnings:
+            warnings.warn(warning, stacklevel=2)
         return finished(solution, throw)
 
 

@@ -23,6 +23,7 @@ from ..ledger import Energy, energies, in_order
 from ..solvers import AbstractSolver
 from ..stepper import LoopArguments, RunState, in_place
 from .fixed_steps import take_fixed_steps
+from .missed_limits import EnergyResidual, energy_residual, judged_run
 from .plan import (
     Plan,
     StepTable,
@@ -116,6 +117,8 @@ def simulate(
         for warning in plan.compiled.receipt.warnings:
             warnings.warn(warning, stacklevel=2)
         solution = run_plan(plan)
+    for warning in solution.run.warnings:
+        warnings.warn(warning, stacklevel=2)
     return finished(solution, throw)
 
 
@@ -226,7 +229,7 @@ def make_solution(
         rows_to_balance = observed._replace(
             surface_temperature=None, fragment_outputs={}
         )
-    balance = own_copies(
+    balance: _Balance = own_copies(
         _balance(
             program,
             state=state,
@@ -238,6 +241,10 @@ def make_solution(
     energy = balance.energy
     saved: Observation = balance.rows if observed is None else observed
     receipt = plan.compiled.receipt
+    missed: tuple[str, ...] = ()
+    if not is_traced(balance.residual):
+        error, missed = judged_run(error, balance.residual, receipt.dtype)
+        receipt = replace(receipt, warnings=(*receipt.warnings, *missed))
     if error is not None:
         receipt = replace(receipt, notes=(*receipt.notes, error.text()))
     return Solution(
@@ -255,6 +262,7 @@ def make_solution(
             statistics=balance.statistics,
             time_error=None if error is None else error.kelvin,
             time_error_limit=None if error is None else error.limit,
+            warnings=missed,
         ),
         surfaces=plan.compiled.surfaces,
         terms=plan.scene.terms,
@@ -273,6 +281,7 @@ class _Balance(NamedTuple):
     statistics: SolverStatistics | None
     """Totals at the end of the run; None for explicit solvers."""
     result: RESULTS
+    residual: EnergyResidual
 
 
 @eqx.filter_jit
@@ -306,7 +315,19 @@ def _balance(
     if saved is not None:
         statistics = jax.tree.map(lambda a: a[-1], saved.statistics)
     result = run_result(rows.is_finite.all(), rows.is_physical.all(), statistics)
-    balance = _Balance(rows=rows, energy=energy, statistics=statistics, result=result)
+    residual = energy_residual(
+        program,
+        stored=stored,
+        heat=rows.ledger.heat,
+        relative=energy.residual_relative,
+    )
+    balance = _Balance(
+        rows=rows,
+        energy=energy,
+        statistics=statistics,
+        result=result,
+        residual=residual,
+    )
     return replicated(program.mesh, balance)
 
 

@@ -101,10 +101,12 @@ class RunSummary(Module):
     statistics: SolverStatistics | None = None
     """Totals at the end of the run; None for explicit solvers."""
     time_error: float | None = eqx.field(static=True, default=None)
-    """Estimate of the largest error in time of any fragment at any saved time [K];
-    None without `ErrorControl`, or in a traced scene."""
+    """Estimate of the largest error in time of any fragment at any saved time [K], not
+    below the energy residual; None without `ErrorControl`, or in a traced scene."""
     time_error_limit: float | None = eqx.field(static=True, default=None)
     """Limit up to which steps were divided [K]."""
+    warnings: tuple[str, ...] = eqx.field(static=True, default=())
+    """Limits that the run missed, each with its cause and what to do."""
 
 
 class AbstractSolution(Module):

@@ -8,9 +8,12 @@ those before. With the largest difference of two passes
 and their ratio rho = d_(k-1) / d_k, which is 2^p for a method of order p, the error of
 pass k is
 
-    e_k = d_k / (rho - 1),    2 <= rho <= 4.
+    e_k = max(d_k, d_(k-1) / 16) / (rho - 1) + eps max |T_k|,    2 <= rho <= 2.5,
 
-The second pass, which has no rho yet, takes that of first order, 2. Passes end where
+with the rounding eps of one number. Stiff modes that a jump excites fall by a factor of
+4 or more from pass to pass at first, and by 2 later: rho is limited, and a difference
+that vanishes at once is not believed. The second pass, which has no rho yet, takes that
+of first order, 2. Passes end where
 
     e_k <= max(relative_error x the largest range, error),
 
@@ -40,8 +43,29 @@ _MAX_PASSES = 12
 _MIN_PROGRESS = 1.25
 """Ratio of successive differences below which shorter steps are of no use."""
 
+_LARGEST_RATIO = 2.5
+"""Ratio of successive differences that is relied on."""
+
+_LARGEST_FALL = 16.0
+"""Ratio by which a difference may be below the one before it."""
+
 _FIRST_JUDGED = 4
 """Pass from which that ratio is judged: earlier steps may be too long to tell."""
+
+
+_ROUNDED = (
+    "steps half as long change as much, by rounding of float32 or by something that "
+    "jumps within a step: use dtype float64, or give a solver with its step"
+)
+_UNSTEADY = (
+    "steps half as long change as much, since something jumps within a step: give a "
+    "solver with its step, or a larger error"
+)
+_TOO_LONG = (
+    f"steps were halved {_MAX_PASSES - 1} times: give a solver with its step, or a "
+    "larger error"
+)
+_FAILED = "shorter steps failed: give a solver with its step, or a larger error"
 
 
 class TimeError(NamedTuple):
@@ -50,6 +74,8 @@ class TimeError(NamedTuple):
     kelvin: float
     limit: float
     """[K]"""
+    cause: str = ""
+    """Why shorter steps do not reach the limit; empty if they may."""
 
     @property
     def holds(self) -> bool:
@@ -62,10 +88,7 @@ class TimeError(NamedTuple):
         limit = f"{self.limit:.2g} K"
         if self.holds:
             return f"{estimate}, within {limit}"
-        return (
-            f"{estimate}, above the limit of {limit}, which shorter steps did not "
-            "reach: use dtype float64, or give a solver with its step"
-        )
+        return f"{estimate}, above the limit of {limit}: {self.cause}"
 
 
 class Passes(NamedTuple):
@@ -89,7 +112,11 @@ class Passes(NamedTuple):
                 return Passes(1)
             # Shorter steps than good ones may be out of reach of a tolerance.
             if self.error is not None:
-                return self._replace(number=self.number - 1, finished=True)
+                return self._replace(
+                    number=self.number - 1,
+                    error=self.error._replace(cause=_FAILED),
+                    finished=True,
+                )
             return Passes(self.number, rows, finished=True)
         if self.rows is None:
             return Passes(self.number + 1, rows)
@@ -99,15 +126,25 @@ class Passes(NamedTuple):
         difference = float(np.abs(latest - previous).max())
         ratio = 2.0
         stagnates = False
+        # The difference that is believed.
+        expected = difference
         if self.difference is not None:
             reduction = self.difference / max(difference, 1e-30)
-            ratio = min(max(reduction, 2.0), 4.0)
+            ratio = min(max(reduction, 2.0), _LARGEST_RATIO)
+            expected = max(difference, self.difference / _LARGEST_FALL)
             judged = self.number >= _FIRST_JUDGED
             stagnates = judged and reduction < _MIN_PROGRESS
         ranges = latest.max(axis=1) - latest.min(axis=1)
         limit = max(control.relative_error * float(ranges.max()), control.error)
-        error = TimeError(difference / (ratio - 1), limit)
-        finished = error.holds or stagnates or self.number + 1 >= _MAX_PASSES
+        cause = ""
+        if stagnates:
+            is_rounded = latest.dtype == np.float32
+            cause = _ROUNDED if is_rounded else _UNSTEADY
+        elif self.number + 1 >= _MAX_PASSES:
+            cause = _TOO_LONG
+        rounding = float(np.finfo(latest.dtype).eps * np.abs(latest).max())
+        error = TimeError(expected / (ratio - 1) + rounding, limit=limit, cause=cause)
+        finished = error.holds or bool(cause)
         number = self.number + (not finished)
         return Passes(
             number=number,

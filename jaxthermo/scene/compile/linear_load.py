@@ -74,6 +74,13 @@ class _LinearNodes(Module):
     entry_slope: tuple[Float[Any, " n"] | None, ...]
     """Heat that each node loses to the entry [W/K]; None for nothing."""
 
+    @property
+    def closing(self) -> int | None:
+        """Number of the last entry that depends on temperatures; None without one."""
+        # A prescribed temperature, whose large slope rounds most, is last.
+        varying = [n for n, slope in enumerate(self.entry_slope) if slope is not None]
+        return varying[-1] if varying else None
+
 
 class _LinearSurfaceLoad(AbstractSurfaceLoad):
     """Heat of all surface terms, summed for the nodes beforehand."""
@@ -104,14 +111,25 @@ class _LinearSurfaceLoad(AbstractSurfaceLoad):
             for forced, amplitude in zip(body.forced, amplitudes, strict=True):
                 rate = rate + forced * amplitude
             heat.append(rate)
+            closing = body.closing
+            remainder = jnp.zeros((), theta.dtype)
             for n, entry in enumerate(body.entries):
+                if n == closing:
+                    continue
                 with jax.named_scope(body.names[n]):
                     pairs = zip(body.entry_forced[n], amplitudes, strict=True)
                     entry_heat = sum(forced * amplitude for forced, amplitude in pairs)
                     slope = body.entry_slope[n]
                     if slope is not None:
                         entry_heat = entry_heat - precise_sum(slope * theta)
+                    remainder = remainder - entry_heat
                     by_entry = by_entry.at[entry].add(entry_heat)
+            if closing is not None:
+                # What the nodes receive, less the other entries: a sum of its own would
+                # round differently, and heat would be missing in the ledger.
+                with jax.named_scope(body.names[closing]):
+                    closing_heat = precise_sum(rate) + remainder
+                    by_entry = by_entry.at[body.entries[closing]].add(closing_heat)
         return heat, by_entry
 
     @override
