@@ -3,6 +3,8 @@
 import math
 import re
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 from rich.console import Console
 
@@ -11,12 +13,15 @@ from ..constants import ZERO_CELSIUS
 from ..geometry.mesh import mesh_summary
 from ..host_memory import readable_bytes
 from ..image.colour.ticks import time_label
+from ..integrate.heat_rates import evaluate_rates
 from ..integrate.implicit.adaptive import AdaptiveStepper
 from ..integrate.run.plan import Plan
 from ..integrate.run.solution import Solution
 from ..report.numbers import count
 from ..report.table import Table
-from ..scene.scene import Scene
+from ..scene.body_mass import body_mass
+from ..scene.compile.program import Compiled
+from ..scene.scene import Body, Scene
 from ..structures.report import StructureReport
 from .summary import peak_memory
 
@@ -40,6 +45,7 @@ def log_scene(
         )
         for line in _structure_lines(report):
             print_line(console, f"  {line}")
+        print_line(console, f"  {_sizes(body)}")
     receipt = plan.compiled.receipt
     print_line(console, f"included: {', '.join(receipt.included)}")
     for omission in receipt.left_out:
@@ -68,18 +74,44 @@ def log_receipt(console: Console, plan: Plan) -> None:
     """Print the receipt: mechanisms, with the bodies and areas on which they act."""
     receipt = plan.compiled.receipt
     rows = [
-        ("conduction", f"body {index} ({structure})", "", "")
+        ("conduction", f"body {index} ({structure})", "", "", "", "")
         for index, structure in enumerate(receipt.structures)
     ]
-    for mechanism in receipt.parts:
+    rates = _rates_at_start(plan.compiled)
+    for mechanism, rate in zip(receipt.parts, rates, strict=True):
         where = " and ".join(f"body {index}" for index in mechanism.bodies)
         fraction = f"{100 * mechanism.surface_share:.3g} %" if mechanism.area else ""
-        area = f"{mechanism.area:.4g} m2" if mechanism.area else "inside"
-        rows.append((mechanism.mechanism, where, area, fraction))
-    columns = ("mechanism", "on", "area", "of the surface")
+        area = f"{mechanism.area:.4g} m2" if mechanism.area else ""
+        volume = f"{mechanism.volume:.4g} m3" if mechanism.volume else ""
+        heat = f"{rate:.4g} W"
+        rows.append((mechanism.mechanism, where, area, fraction, volume, heat))
+    columns = (
+        "mechanism",
+        "on",
+        "area",
+        "of the surface",
+        "volume",
+        "heat rate at the start",
+    )
     console.print(Table(columns, rows, left=(0, 1), framed=False).rich())
     snapshots = count(receipt.snapshots, "snapshot")
     print_line(console, f"geometry: {snapshots}; state in {receipt.dtype}")
+
+
+def _rates_at_start(compiled: Compiled) -> list[float]:
+    """Heat rate of every part of the receipt at time 0 [W]."""
+    start = jnp.zeros((), compiled.receipt.dtype)
+    evaluate = eqx.filter_jit(evaluate_rates)
+    _, rates = evaluate(compiled.program, compiled.state, start)
+    return np.asarray(rates, float).tolist()
+
+
+def _sizes(body: Body) -> str:
+    grid = body.structure.grid
+    return (
+        f"{body_mass(body):.4g} kg, {grid.body_volume:.4g} m3, "
+        f"{float(grid.fragment_area.sum()):.4g} m2"
+    )
 
 
 def _structure_lines(report: StructureReport) -> list[str]:

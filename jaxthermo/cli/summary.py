@@ -12,10 +12,11 @@ from ..config.loader import config_hash, resolved
 from ..config.schema.scene import SceneConfig
 from ..geometry.mesh import describe_mesh
 from ..integrate.implicit.newton_stage import SolverStatistics
-from ..integrate.ledger import Energy
+from ..integrate.ledger import Energy, pair_name
 from ..integrate.run.solution import RESULTS, Solution
 from ..provenance import provenance
 from ..report.columns import write_columns
+from ..scene.body_mass import body_mass
 from ..scene.scene import Scene
 from ..structures.report import StructureReport
 
@@ -31,10 +32,25 @@ def _as_lists(energy: Energy) -> dict[str, list[float]]:
     return {name: column.tolist() for name, column in _ledger(energy).items()}
 
 
+class _TermResults(TypedDict):
+    """Area and volume that one mechanism acts on, in `summary.json`; its heat rate."""
+
+    mechanism: str
+    bodies: list[int]
+    area_m2: float
+    volume_m3: float
+    mean_heat_rate_W: float | None
+    """Mean of the run; from the first to the second of two bodies. None if the run has
+    no length."""
+
+
 class _BodyResults(TypedDict):
     """Results of one body in `summary.json`; lists are over the saved times."""
 
     mesh: Mapping[str, Any]
+    mass_kg: float
+    volume_m3: float
+    area_m2: float
     energy: dict[str, list[float]]
     surface_temperature_K: dict[str, list[float]]
     """Minimum, mean and maximum over the surface [K]."""
@@ -57,6 +73,9 @@ def _body(scene: Scene, solution: Solution, index: int) -> _BodyResults:
     mean_temperature = np.asarray(solution.mean_temperature, float)[:, index]
     return _BodyResults(
         mesh=describe_mesh(grid.mesh),
+        mass_kg=body_mass(scene.bodies[index]),
+        volume_m3=grid.body_volume,
+        area_m2=float(grid.fragment_area.sum()),
         energy=_as_lists(solution.energy.bodies[index]),
         surface_temperature_K={
             "min": temperature.min(axis=1).tolist(),
@@ -65,6 +84,29 @@ def _body(scene: Scene, solution: Solution, index: int) -> _BodyResults:
         },
         mean_temperature_K=mean_temperature.tolist(),
     )
+
+
+def _terms(solution: Solution) -> list[_TermResults]:
+    times = np.asarray(solution.times, float)
+    duration = float(times[-1])
+    energy = solution.energy
+    rows = []
+    for part in solution.receipt.parts:
+        if len(part.bodies) == 2:
+            heat = energy.contacts[pair_name(part.mechanism, part.bodies)]
+        else:
+            heat = energy.bodies[part.bodies[0]].mechanisms[part.mechanism]
+        total = float(np.asarray(heat, float)[-1])
+        rows.append(
+            _TermResults(
+                mechanism=part.mechanism,
+                bodies=list(part.bodies),
+                area_m2=part.area,
+                volume_m3=part.volume,
+                mean_heat_rate_W=total / duration if duration else None,
+            )
+        )
+    return rows
 
 
 def _ledger(energy: Energy) -> dict[str, np.ndarray]:
@@ -114,6 +156,7 @@ def summarize(
         "peak_memory_bytes": peak_memory(),
         "times_s": np.asarray(solution.times, float).tolist(),
         "energy": _as_lists(solution.energy),
+        "terms": _terms(solution),
         "bodies": [_body(scene, solution, b) for b in range(len(scene.bodies))],
         "probes": _probes(solution),
         "config": resolved(config),

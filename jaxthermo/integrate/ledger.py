@@ -116,7 +116,7 @@ def energies(
     return Energy(
         stored_J=total,
         mechanisms=mechanisms,
-        contacts={_pair_name(*entries[c]): heat[:, c] for c in pairs},
+        contacts={pair_name(*entries[c]): heat[:, c] for c in pairs},
         bodies=bodies,
         residual_relative=error / _nonzero(moved.sum(axis=1) + equalization.sum()),
     )
@@ -127,7 +127,7 @@ def _body_energy(entries, body, stored, heat, moved, equalization) -> Energy:
     loads = [c for c in columns if len(entries[c][1]) == 1]
     pairs = [c for c in columns if len(entries[c][1]) == 2]
     contacts = {
-        _pair_name(*entries[c]): _sign(entries[c][1], body) * heat[:, c] for c in pairs
+        pair_name(*entries[c]): _sign(entries[c][1], body) * heat[:, c] for c in pairs
     }
     total = heat[:, np.array(loads, int)].sum(axis=1)
     total = sum(contacts.values(), total)
@@ -157,7 +157,8 @@ def into_bodies(
     return product(device_array(np.array(signs).reshape(shape), heat.dtype), heat)
 
 
-def _pair_name(mechanism: str, bodies: tuple[int, ...]) -> str:
+def pair_name(mechanism: str, bodies: tuple[int, ...]) -> str:
+    """Name of a pair of bodies that a mechanism joins, in `Energy.contacts`."""
     return f"{mechanism} {bodies[0]}-{bodies[1]}"
 
 

@@ -21,6 +21,7 @@ from jaxtyping import Array, Float
 from typing_extensions import override
 
 from ..arrays import Time, TimeVarying, namespace
+from ..errors import InputError
 from ..voxels.selection import AbstractSelection
 from .flux_law import (
     AbstractFluxLaw,
@@ -29,7 +30,7 @@ from .flux_law import (
     PerCell,
     PerCellOrOne,
 )
-from .surface import Binding, Omitted, Surface
+from .surface import Binding, Cover, Omitted, Surface
 from .term import AbstractSurfaceTerm, Scale
 from .time_varying import (
     Table,
@@ -210,8 +211,13 @@ class FixedTemperature(AbstractSurfaceTerm):
             coefficient=np.ones((), surface.dtype),
             temperature=for_jit(self.temperature, surface.dtype),
         )
-        # The surface is at T_s: its heat goes through the half cell to the node.
-        covers = [body.cover(body.half_cell, self.on) for body in surface.bodies]
+        # The surface is at T_s: its heat goes through the half cell to the node. A
+        # fragment has one temperature: its centre decides.
+        covers: list[Cover | Omitted] = []
+        for body in surface.bodies:
+            exposed = body.exposed(self.on)
+            is_omitted = isinstance(exposed, Omitted)
+            covers.append(exposed if is_omitted else (body.half_cell, exposed))
         return surface.bind(law, covers)
 
     @override
@@ -220,28 +226,64 @@ class FixedTemperature(AbstractSurfaceTerm):
 
 
 class HeatFlux(AbstractSurfaceTerm):
-    """A heat flux q'' into the surface; on the whole surface without `on`."""
+    """A heat flux q'' into the surface; on the whole surface without `on`.
+
+    Give either the flux or its heat rate Q, which the selected surface that nothing
+    touches receives evenly: q'' = Q / A, with A of all bodies together.
+
+    Example:
+        >>> import jaxthermo as jt
+        >>> top = jt.HeatFlux(heat_rate=60.0, on=jt.Side((0.0, 0.0, 1.0)))
+    """
 
     name = "heat_flux"
 
-    heat_flux: TimeVarying
+    heat_flux: TimeVarying | None = None
     """q'' [W/m^2], positive into the body; a number or a function of time."""
     on: AbstractSelection | None = None
+    heat_rate: TimeVarying | None = None
+    """Q [W], in place of the flux; a number or a function of time."""
 
     def __check_init__(self):
-        check_value(self.heat_flux, "HeatFlux(heat_flux [W/m^2])")
+        if (self.heat_flux is None) == (self.heat_rate is None):
+            raise InputError("HeatFlux: give either `heat_flux` or `heat_rate`")
+        if self.heat_flux is not None:
+            check_value(self.heat_flux, "HeatFlux(heat_flux [W/m^2])")
+        else:
+            check_value(self.heat_rate, "HeatFlux(heat_rate [W])")
+
+    @property
+    def _strength(self) -> Any:
+        return self.heat_rate if self.heat_flux is None else self.heat_flux
 
     @override
     def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
-        if surface.prune and is_zero(self.heat_flux):
+        if surface.prune and is_zero(self._strength):
             return (Omitted("the heat flux is 0"),)
-        law = ImposedFlux(for_jit(self.heat_flux, surface.dtype))
-        return surface.bind(law, on=self.on)
+        law = ImposedFlux(for_jit(self._strength, surface.dtype))
+        covers = [body.cover(body.area, self.on) for body in surface.bodies]
+        if self.heat_rate is not None:
+            covers = _shares_of_all(covers)
+        return surface.bind(law, covers)
 
     @override
     def scale(self, material: Any, kelvin: float, end: float) -> Scale:
         # Cooling counts like heating: what matters is the gradient that it makes.
+        if self.heat_flux is None:
+            return Scale()
         return Scale(heat_flux=abs(float(largest(self.heat_flux, end))))
+
+
+def _shares_of_all(covers: Sequence[Cover | Omitted]) -> list[Cover | Omitted]:
+    """Covers with areas relative to the area of all [-]."""
+    acting = [cover for cover in covers if not isinstance(cover, Omitted)]
+    total = sum(float(area[mask].sum()) for area, mask in acting)
+    if not total:
+        return list(covers)
+    return [
+        cover if isinstance(cover, Omitted) else (cover[0] / total, cover[1])
+        for cover in covers
+    ]
 
 
 class Convection(AbstractSurfaceTerm):

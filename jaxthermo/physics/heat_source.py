@@ -10,6 +10,7 @@ from ..arrays import TimeVarying
 from ..errors import InputError
 from ..structures.partition.assignment import volume_within
 from ..structures.structure import AbstractStructure
+from ..voxels.fractions import volume_fractions
 from ..voxels.selection import AbstractSpace
 from .surface import Omitted
 from .term import AbstractVolumeTerm
@@ -28,12 +29,17 @@ class VolumeBinding(NamedTuple):
 
     volume: Float[np.ndarray, " n"]
     """Heated volume of each node [m^3]."""
-    heat_rate_density: Any
-    """[W/m^3], a number or a function of time."""
+    heat_rate_density: Any = None
+    """[W/m^3], a number or a function of time; None for a heat rate."""
+    heat_rate: Any = None
+    """Heat rate of the volumes of all bodies together [W], in place of the density."""
 
 
 class HeatSource(AbstractVolumeTerm):
     """Heat rate Q = q''' V inside bodies; in all of every body without `within`.
+
+    Give either the density or the heat rate, which the heated volumes of all bodies
+    share evenly.
 
     Raises:
         InputError: for a value that is not finite, or a selection of surface alone.
@@ -41,17 +47,26 @@ class HeatSource(AbstractVolumeTerm):
 
     name = "heat_source"
 
-    # The heat is counted by the centres of voxels, so that the total is the same in
-    # every structure: a node receives the heat of its voxels, and where a structure has
-    # no nodes inside, the nearest node receives the heat of the inside.
+    # The heat is counted by voxels, so that the total is the same in every structure: a
+    # node receives the heat of its voxels, and where a structure has no nodes inside,
+    # the nearest node receives the heat of the inside.
 
-    heat_rate_density: TimeVarying
+    heat_rate_density: TimeVarying | None = None
     """q''' [W/m^3], positive into the body; a number or a function of time."""
     within: _Within = None
     """A `Region`, `Everything` or a combination of them; None for all bodies."""
+    heat_rate: TimeVarying | None = None
+    """Q [W], in place of the density; a number or a function of time."""
 
     def __check_init__(self):
-        check_value(self.heat_rate_density, "HeatSource(heat_rate_density [W/m^3])")
+        if (self.heat_rate_density is None) == (self.heat_rate is None):
+            raise InputError(
+                "HeatSource: give either `heat_rate_density` or `heat_rate`"
+            )
+        if self.heat_rate_density is not None:
+            check_value(self.heat_rate_density, "HeatSource(heat_rate_density [W/m^3])")
+        else:
+            check_value(self.heat_rate, "HeatSource(heat_rate [W])")
         if self.within is not None and not isinstance(self.within, AbstractSpace):
             raise InputError(
                 f"HeatSource(within={self.within!r}): it heats the inside: give a "
@@ -65,21 +80,26 @@ class HeatSource(AbstractVolumeTerm):
 
     @override
     def bind(self, structure: AbstractStructure, body: int) -> VolumeBinding | Omitted:
-        if is_zero(self.heat_rate_density):
+        if self.heat_rate_density is not None and is_zero(self.heat_rate_density):
             return Omitted("the heat rate density is 0")
+        if self.heat_rate is not None and is_zero(self.heat_rate):
+            return Omitted("the heat rate is 0")
         grid = structure.grid
-        heated = np.ones(grid.solid_count, bool)
+        heated = np.ones(grid.solid_count)
         if self.within is not None:
             space = self.within.on_body(body)
             if space is None:
                 return Omitted("`within` is on another body")
             # Part of a space is a space.
             assert isinstance(space, AbstractSpace)
-            heated = space.contains(grid.lattice.centres(np.argwhere(grid.solid)))
+            heated = volume_fractions(space, grid)
         if not heated.any():
             raise InputError(
-                f"HeatSource(within={self.within!r}): no voxel of body {body} has its "
-                "centre in it; corners are metres in the body's own frame, and a "
-                f"voxel has {grid.pitch:g} m"
+                f"HeatSource(within={self.within!r}): no part of body {body} is in it; "
+                "corners are metres in the body's own frame"
             )
-        return VolumeBinding(volume_within(structure, heated), self.heat_rate_density)
+        return VolumeBinding(
+            volume=volume_within(structure, heated),
+            heat_rate_density=self.heat_rate_density,
+            heat_rate=self.heat_rate,
+        )

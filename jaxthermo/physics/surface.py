@@ -16,6 +16,7 @@ from ..errors import InputError
 from ..geometry.mesh import Pose
 from ..memo.found import found
 from ..voxels.cavities import Cavities
+from ..voxels.fractions import area_fractions
 from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection
 from .flux_law import AbstractFluxLaw, Forcing, Values
@@ -136,16 +137,39 @@ class BodySurface:
             )
         return selected
 
+    def selected_fraction(
+        self, on: AbstractSelection | None
+    ) -> Float[np.ndarray, " s"] | Bool[np.ndarray, " s"]:
+        """Fraction of each fragment that `on` selects; flags where all are 0 or 1.
+
+        Raises:
+            InputError: if it names this body and selects none of its surface.
+        """
+        selection = None if on is None else on.on_body(self.body)
+        if selection is None:
+            return self.selected(on)
+        fraction = area_fractions(selection, self.grid)
+        if not fraction.any():
+            # Raises the error.
+            return self.selected(on)
+        is_partial = (fraction > 0) & (fraction < 1)
+        return fraction if is_partial.any() else fraction > 0
+
     def exposed(
         self, on: AbstractSelection | None = None
     ) -> Bool[np.ndarray, " s"] | Omitted:
-        """Selected fragments that have a natural boundary."""
+        """Fragments whose centre is selected and that have a natural boundary."""
+        return self.exposed_of(None if on is None else self.selected(on))
+
+    def exposed_of(
+        self, selected: Bool[np.ndarray, " s"] | None
+    ) -> Bool[np.ndarray, " s"] | Omitted:
+        """Fragments among the selected ones that have a natural boundary."""
         # Without a selection this is the stored array itself, by whose identity the
         # results that were computed from it are recognized.
         acting = self.natural
         # The reasons are those of the receipt, in the order that a user would check.
-        if on is not None:
-            selected = self.selected(on)
+        if selected is not None:
             if self.prune and not selected.any():
                 return self.omitted("`on` is on another body")
             acting = selected & self.natural
@@ -186,8 +210,17 @@ class BodySurface:
     def cover(
         self, area: Float[Values, " s"], on: AbstractSelection | None = None
     ) -> "Cover | Omitted":
-        """Effective area of all fragments, and those that are selected and exposed."""
-        exposed = self.exposed(on)
+        """Effective area of all fragments, and those that are selected and exposed.
+
+        A fragment that `on` divides has that fraction of its effective area.
+        """
+        if on is None:
+            exposed = self.exposed()
+        else:
+            fraction = self.selected_fraction(on)
+            exposed = self.exposed_of(fraction > 0)
+            if fraction.dtype != bool:
+                area = area * fraction.astype(area.dtype)
         return exposed if isinstance(exposed, Omitted) else (area, exposed)
 
 

@@ -210,11 +210,20 @@ class VoxelGrid:
         return self.cut.volumes_at(voxels, self.solid.shape) * self.voxel_volume
 
     def volume_of(
-        self, group: Int[np.ndarray, " v"], count: int
+        self,
+        group: Int[np.ndarray, " v"],
+        count: int,
+        fraction: Float[np.ndarray, " v"] | None = None,
     ) -> Float[np.ndarray, " n"]:
-        """Volumes of `count` groups of solid voxels [m^3]; -1 is in no group."""
+        """Volumes of `count` groups of solid voxels [m^3]; -1 is in no group.
+
+        Of each voxel a fraction counts, or all of it for None.
+        """
         inside = group >= 0
         weights = None if self.solid_volumes is None else self.solid_volumes[inside]
+        if fraction is not None:
+            volumes = 1.0 if weights is None else weights
+            weights = fraction[inside] * volumes
         return np.bincount(group[inside], weights, count) * self.voxel_volume
 
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:

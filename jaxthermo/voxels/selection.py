@@ -2,17 +2,51 @@
 
 import abc
 from collections.abc import Callable, Sequence
-from typing import Any, overload
+from typing import Any, NamedTuple, overload
 
 import equinox as eqx
 import numpy as np
 from equinox import AbstractVar
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from typing_extensions import override
 
 from ..arrays import plain_numbers, static_numbers
 from ..errors import InputError
 from ..geometry.vectors import unit_vector
+
+
+# Points of each voxel or piece of surface that the border of a selection divides, and
+# how many of these are computed at once.
+_SAMPLES = 512
+_AT_ONCE = 2**10
+
+
+def spread_points(dimensions: int) -> Float[np.ndarray, "p d"]:
+    """Points that fill a unit cube evenly, also as seen along its edges.
+
+    A sequence of low discrepancy: of a half space across an edge they tell the fraction
+    to about 1 / 512. Source: Roberts (2018), "The unreasonable effectiveness of
+    quasirandom sequences".
+    """
+    # The root of x^(d+1) = x + 1.
+    root = 2.0
+    for _ in range(50):
+        root = (1 + root) ** (1 / (dimensions + 1))
+    steps = root ** -np.arange(1.0, dimensions + 1)
+    return (0.5 + np.arange(1, _SAMPLES + 1)[:, None] * steps) % 1
+
+
+class SurfaceSamples(NamedTuple):
+    """Points on some of the surface fragments of a body (in the body's frame)."""
+
+    position: Float[np.ndarray, "s 3"]
+    """Centres of all fragments [m]."""
+    normal: Float[np.ndarray, "s 3"]
+    """Outward unit normals of all fragments."""
+    fragment: Int[np.ndarray, " m"]
+    """Numbers of the fragments that the points are on."""
+    points: Float[np.ndarray, "p m 3"]
+    """Several points on each of these fragments [m]."""
 
 
 class AbstractSelection(eqx.Module):
@@ -36,6 +70,25 @@ class AbstractSelection(eqx.Module):
         self, position: Float[np.ndarray, "s 3"], normal: Float[np.ndarray, "s 3"]
     ) -> Bool[np.ndarray, " s"]:
         """Flag the selected surface fragments of one body (in the body's frame)."""
+
+    @property
+    def is_geometric(self) -> bool:
+        """True if points and normals suffice, False if it depends on fragments."""
+        return True
+
+    def divides(
+        self, low: Float[np.ndarray, "n 3"], high: Float[np.ndarray, "n 3"]
+    ) -> Bool[np.ndarray, " n"]:
+        """Flag the boxes, by their corners, that its border may divide.
+
+        False for a selection that depends on the normal or on the fragment alone.
+        """
+        del high
+        return np.zeros(len(low), bool)
+
+    def contains_samples(self, samples: SurfaceSamples) -> Bool[np.ndarray, "#p m"]:
+        """Flag the selected points of fragments."""
+        return self.select(samples.position, samples.normal)[samples.fragment][None]
 
     def __and__(self, selection: "AbstractSelection") -> "AbstractSelection":
         return _combined("&", (self, selection))
@@ -63,6 +116,35 @@ class AbstractSpace(AbstractSelection):
     ) -> Bool[np.ndarray, " s"]:
         del normal
         return self.contains(position)
+
+    @override
+    def divides(
+        self, low: Float[np.ndarray, "n 3"], high: Float[np.ndarray, "n 3"]
+    ) -> Bool[np.ndarray, " n"]:
+        # Corners and the middles between them: a part of space without a rule of its
+        # own is not smaller than half a box.
+        steps = np.indices((3, 3, 3)).reshape(3, -1).T / 2
+        flags = np.stack([self.contains(low + step * (high - low)) for step in steps])
+        return flags.any(axis=0) & ~flags.all(axis=0)
+
+    @override
+    def contains_samples(self, samples: SurfaceSamples) -> Bool[np.ndarray, "#p m"]:
+        points = samples.points
+        return self.contains(points.reshape(-1, 3)).reshape(points.shape[:2])
+
+    def fraction_of_boxes(
+        self, low: Float[np.ndarray, "n 3"], high: Float[np.ndarray, "n 3"]
+    ) -> Float[np.ndarray, " n"]:
+        """Fraction of each box, by its corners [m], that lies in it [-]."""
+        fraction = self.contains((low + high) / 2).astype(float)
+        divided = np.flatnonzero(self.divides(low, high))
+        samples = spread_points(3)[:, None]
+        for start in range(0, len(divided), _AT_ONCE):
+            chunk = divided[start : start + _AT_ONCE]
+            points = low[chunk] + samples * (high - low)[chunk]
+            inside = self.contains(points.reshape(-1, 3))
+            fraction[chunk] = inside.reshape(len(samples), -1).mean(axis=0)
+        return fraction
 
     # Editors then know that `within` takes a combination of parts of space.
     @overload
@@ -149,10 +231,34 @@ class Region(_AbstractOnOneBody, AbstractSpace):
                 "of three numbers; each lower one must be below its upper one"
             )
 
+    @property
+    def _tolerance(self) -> float:
+        # Of positions in float32, so that what is flush with a face lies in it.
+        return 1e-6 * float(np.abs([self.lower, self.upper]).max())
+
     @override
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
-        inside = (points >= self.lower) & (points <= self.upper)
-        return np.all(inside, axis=1)
+        lower = np.subtract(self.lower, self._tolerance)
+        upper = np.add(self.upper, self._tolerance)
+        return np.all((points >= lower) & (points <= upper), axis=1)
+
+    @override
+    def divides(
+        self, low: Float[np.ndarray, "n 3"], high: Float[np.ndarray, "n 3"]
+    ) -> Bool[np.ndarray, " n"]:
+        tolerance = self._tolerance
+        lower = np.asarray(self.lower)
+        upper = np.asarray(self.upper)
+        within = (low >= lower - tolerance) & (high <= upper + tolerance)
+        beyond = (high <= lower + tolerance) | (low >= upper - tolerance)
+        return ~within.all(axis=1) & ~(beyond & ~within).any(axis=1)
+
+    @override
+    def fraction_of_boxes(
+        self, low: Float[np.ndarray, "n 3"], high: Float[np.ndarray, "n 3"]
+    ) -> Float[np.ndarray, " n"]:
+        common = np.minimum(high, self.upper) - np.maximum(low, self.lower)
+        return np.prod(np.maximum(common, 0) / (high - low), axis=1)
 
 
 class Everything(_AbstractOnOneBody, AbstractSpace):
@@ -163,6 +269,13 @@ class Everything(_AbstractOnOneBody, AbstractSpace):
     @override
     def contains(self, points: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
         return np.ones(len(points), bool)
+
+    @override
+    def divides(
+        self, low: Float[np.ndarray, "n 3"], high: Float[np.ndarray, "n 3"]
+    ) -> Bool[np.ndarray, " n"]:
+        del high
+        return np.zeros(len(low), bool)
 
 
 class FragmentMask(_AbstractOnOneBody):
@@ -200,6 +313,11 @@ class FragmentMask(_AbstractOnOneBody):
         """Flags of the selected fragments."""
         bits = np.frombuffer(self.packed, np.uint8)
         return np.unpackbits(bits, count=self.count).astype(bool)
+
+    @property
+    @override
+    def is_geometric(self) -> bool:
+        return False
 
     def __repr__(self) -> str:
         selected = int(np.count_nonzero(self.mask))
@@ -249,6 +367,23 @@ class _AbstractCombination(AbstractSelection):
             self.rule, tuple(operand for operand in operands if operand is not None)
         )
 
+    @override
+    def divides(
+        self, low: Float[np.ndarray, "n 3"], high: Float[np.ndarray, "n 3"]
+    ) -> Bool[np.ndarray, " n"]:
+        flags = [operand.divides(low, high) for operand in self.operands]
+        return np.logical_or.reduce(flags)
+
+    @property
+    @override
+    def is_geometric(self) -> bool:
+        return all(operand.is_geometric for operand in self.operands)
+
+    @override
+    def contains_samples(self, samples: SurfaceSamples) -> Bool[np.ndarray, "#p m"]:
+        flags = [operand.contains_samples(samples) for operand in self.operands]
+        return _RULES[self.rule](np.broadcast_arrays(*flags))
+
     def __repr__(self) -> str:
         texts = [repr(operand) for operand in self.operands]
         if self.rule == "~":
@@ -280,6 +415,14 @@ class _CombinedSpace(_AbstractCombination, AbstractSpace):
         return _RULES[self.rule](
             [operand.contains(points) for operand in self.operands]
         )
+
+    @override
+    def fraction_of_boxes(
+        self, low: Float[np.ndarray, "n 3"], high: Float[np.ndarray, "n 3"]
+    ) -> Float[np.ndarray, " n"]:
+        if self.rule == "~":
+            return 1 - self.operands[0].fraction_of_boxes(low, high)
+        return super().fraction_of_boxes(low, high)
 
 
 def _combined(rule: str, operands: tuple[Any, ...]) -> AbstractSelection:

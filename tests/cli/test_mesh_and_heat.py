@@ -1,5 +1,6 @@
 """Scene files whose right result has a closed form, through the command line."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -45,3 +46,26 @@ def test_held_face_is_shown_at_its_temperature(solution_of):
     solution = solution_of("held")
     face = solution["body0_fragment_normal"][:, 0] > 0.9
     assert solution["surface_temperature"][:, face] == pytest.approx(400.0, abs=1e-3)
+
+
+def test_source_within_a_region_has_the_volume_of_the_region(solution_of, out):
+    # 1e6 W/m^3 in (12 mm)^3 for 100 s, in voxels of 8 mm.
+    solution_of("source")
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["energy"]["stored_J"][-1] == pytest.approx(172.8, rel=1e-4)
+    (term,) = summary["terms"]
+    assert term["volume_m3"] == pytest.approx(0.012**3, rel=1e-9)
+    assert term["mean_heat_rate_W"] == pytest.approx(1.728, rel=1e-4)
+    assert summary["bodies"][0]["mass_kg"] == pytest.approx(2700 * 0.04**3)
+
+
+def test_flush_parts_cool_by_their_outer_surface(solution_of, out):
+    # 1.5 litres of aluminium, as one capacity: Bi = 0.01.
+    surface = solution_of("flush")["surface_temperature"]
+    summary = json.loads((out / "summary.json").read_text())
+    (term,) = summary["terms"]
+    assert term["area_m2"] == pytest.approx(0.08, rel=1e-6)
+    capacity = summary["bodies"][0]["mass_kg"] * 900
+    above = 100 * np.exp(-100 * 0.08 * 100 / capacity)
+    assert surface[-1].mean() - 300 == pytest.approx(above, rel=0.01)
+    assert "33.3% of the surface lies inside" in summary["receipt"]["notes"][0]

@@ -1,7 +1,9 @@
 """Heat released inside: as much as asked for, and where, in any structure."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -11,7 +13,7 @@ from jaxthermo.errors import InputError
 from jaxthermo.physics.heat_source import HeatSource, VolumeBinding
 from jaxthermo.physics.surface import Omitted
 from jaxthermo.voxels.selection import Everything, FragmentMask, Region, Side
-from tests.bodies import bar, blocks, depth, on_top, single_body_scene
+from tests.bodies import bar, blocks, body_at, depth, on_top, single_body_scene
 
 
 PITCH = 0.01
@@ -54,10 +56,23 @@ def _bound(source, structure):
     return binding
 
 
-def _voxels(grid, within):
+class Intersected(NamedTuple):
+    """Common part of the whole voxels of a grid and a box, None for all of space."""
+
+    volume: float
+    middle: np.ndarray
+
+
+def _intersected(grid, within):
     centre = grid.lattice.centres(np.argwhere(grid.solid))
-    inside = np.ones(len(centre), bool) if within is None else within.contains(centre)
-    return centre[inside]
+    low = centre - PITCH / 2
+    high = centre + PITCH / 2
+    if isinstance(within, Region):
+        low = np.maximum(low, within.lower)
+        high = np.minimum(high, within.upper)
+    volume = np.prod(np.maximum(high - low, 0), axis=1)
+    total = volume.sum()
+    return Intersected(volume=total, middle=volume @ (low + high) / 2 / total)
 
 
 @pytest.mark.parametrize("within", WITHIN.values(), ids=WITHIN)
@@ -65,23 +80,22 @@ def _voxels(grid, within):
 def test_the_heat_in_all_is_the_same_in_every_structure(grid, structure_name, within):
     structure = STRUCTURES[structure_name](grid)
     binding = _bound(HeatSource(1e5, within), structure)
-    voxels = _voxels(grid, within)
     assert binding.volume.shape == (structure.node_count,)
     assert binding.volume.min() >= 0.0
-    total = len(voxels) * grid.voxel_volume
-    assert binding.volume.sum() == pytest.approx(total, rel=1e-13)
+    total = _intersected(grid, within).volume
+    assert binding.volume.sum() == pytest.approx(total, rel=1e-12)
     assert binding.heat_rate_density == 1e5
 
 
 @pytest.mark.parametrize("structure_name", ["full", "octree", "aggregate", "core"])
 def test_and_so_is_where_it_is(grid, structure_name):
-    """The middle of the heat is that of the voxels, as far as nodes resolve it."""
+    """The middle of the heat is that of the region, as far as nodes resolve it."""
     structure = STRUCTURES[structure_name](grid)
     within = WITHIN["corner"]
     share = _bound(HeatSource(1.0, within), structure).volume
     middle = share @ structure.nodes().centre / share.sum()
-    away = np.abs(middle - _voxels(grid, within).mean(axis=0)).max()
-    assert away < (1e-12 if structure_name == "full" else 1.0 * PITCH)
+    away = np.abs(middle - _intersected(grid, within).middle).max()
+    assert away < (0.5 if structure_name == "full" else 1.0) * PITCH
     untouched = (structure.nodes().centre > 0.035 + 3 * PITCH).any(axis=1)
     assert share[untouched].sum() == 0.0
 
@@ -160,10 +174,58 @@ def test_mistakes_are_one_line(grid):
         FragmentMask(np.ones(3, bool)),
         "all",
     )
-    with pytest.raises(InputError, match="no voxel of body 0 has its centre in it"):
+    with pytest.raises(
+        InputError, match="no part of body 0 is in it; corners are metres"
+    ):
         HeatSource(1.0, aside).bind(jt.FullVolume(grid), 0)
     for within in surfaces:
         with pytest.raises(InputError, match="it heats the inside: give a Region"):
             HeatSource(1.0, within)
     with pytest.raises(InputError, match="give a finite number"):
         HeatSource(np.nan)
+
+
+@pytest.mark.parametrize("make", [jt.HeatSource, jt.HeatFlux])
+def test_a_heat_rate_is_that_of_all_bodies_and_has_a_slope(make):
+    """60 W of two bodies: each has its part of the volume or the surface."""
+    small = jt.voxelize(jt.shapes.box(0.02), 0.01)
+    large = jt.voxelize(jt.shapes.box(0.04), 0.013)
+    material = jt.Material(400.0, 8e3, 400.0)
+
+    def stored(rate):
+        bodies = tuple(
+            body_at(grid, material, 300.0, at=(x, 0.0, 0.0))
+            for grid, x in ((small, 0.0), (large, 1.0))
+        )
+        scene = jt.Scene(bodies, (make(heat_rate=rate),), dtype="float64")
+        energy = jt.simulate(scene, 8.0, solver=jt.BackwardEuler(4.0)).energy
+        return jnp.stack([body.stored_J[-1] for body in energy.bodies])
+
+    with jax.enable_x64(True):
+        heat, slope = jax.jvp(stored, (60.0,), (1.0,))
+    share = 8 / 64 if make is jt.HeatSource else 4 / 16
+    fractions = np.array([share, 1.0]) / (1 + share)
+    assert_allclose(heat, 480.0 * fractions, rtol=1e-9)
+    assert_allclose(slope, 8.0 * fractions, rtol=1e-9)
+
+
+def test_a_heat_rate_varies_with_time_as_a_flux_does(grid):
+    ramp = jt.Table([0.0, 10.0], [0.0, 60.0])
+    material = jt.Material(16.0, density=8e3, specific_heat=500.0)
+    top = jt.Side((0.0, 0.0, 1.0)) & jt.Region((0.017, 0.0, 0.0), (1.0, 1.0, 1.0))
+    flux = jt.HeatFlux(heat_rate=ramp, on=top)
+    scene = single_body_scene(jt.Octree(grid), material, 300.0, flux)
+    solution = jt.simulate(scene, 10.0, [5.0, 10.0])
+    assert_allclose(solution.energy.stored_J, [75.0, 300.0], rtol=1e-5)
+    (part,) = solution.receipt.parts
+    assert part.area == pytest.approx(0.103 * 0.1, rel=0.01)
+
+
+@pytest.mark.parametrize("make", [jt.HeatSource, jt.HeatFlux])
+def test_a_heat_rate_stands_in_place_of_a_density(make):
+    with pytest.raises(InputError, match="give either `heat_.*` or `heat_rate`"):
+        make(1.0, heat_rate=1.0)
+    with pytest.raises(InputError, match="give either"):
+        make()
+    with pytest.raises(InputError, match="heat_rate .W.*: give a finite number"):
+        make(heat_rate=np.nan)

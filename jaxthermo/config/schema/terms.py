@@ -190,13 +190,15 @@ class _FreeConvectionConfig(Model, builds="FreeConvection", kind="free_convectio
 
 
 class _HeatFluxConfig(_Switched, builds="HeatFlux", kind="heat_flux"):
-    """A given heat flux into the surface."""
+    """A given heat flux into the surface, or its heat rate in all."""
 
-    heat_flux: Varying[si.HeatFlux]
+    heat_flux: Varying[si.HeatFlux] | None = None
+    heat_rate: Varying[si.HeatRate] | None = None
     until: si.PositiveTime | None = None
     on: WhereConfig | None = None
 
-    switched: ClassVar = ("heat_flux",)
+    exactly_one: ClassVar = (("heat_flux", "heat_rate"),)
+    switched: ClassVar = ("heat_flux", "heat_rate")
 
 
 class _FixedTemperatureConfig(
@@ -209,13 +211,15 @@ class _FixedTemperatureConfig(
 
 
 class _HeatSourceConfig(_Switched, builds="HeatSource", kind="heat_source"):
-    """Heat released inside."""
+    """Heat released inside, by its density or its heat rate in all."""
 
-    heat_rate_density: Varying[si.HeatRateDensity]
+    heat_rate_density: Varying[si.HeatRateDensity] | None = None
+    heat_rate: Varying[si.HeatRate] | None = None
     until: si.PositiveTime | None = None
     within: WithinConfig | None = None
 
-    switched: ClassVar = ("heat_rate_density",)
+    exactly_one: ClassVar = (("heat_rate_density", "heat_rate"),)
+    switched: ClassVar = ("heat_rate_density", "heat_rate")
 
 
 class _ContactConfig(Model, builds="Contact", kind="contact"):

@@ -16,7 +16,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from equinox import Module
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 from typing_extensions import override
 
 from ...arrays import TimeVarying, is_traced, namespace
@@ -155,6 +155,11 @@ class AbstractSurroundings(AbstractRadiativeTerm):
     @override
     def forcing(self, end: float | int) -> Forcing:
         return either([toward(value, end) for value in self.values])
+
+    @override
+    def selected_fraction(self, body: BodySurface) -> Bool[np.ndarray, " s"]:
+        # A fragment has one emission: its centre decides.
+        return body.selected(self.on)
 
 
 class Surroundings(AbstractSurroundings):

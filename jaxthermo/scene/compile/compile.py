@@ -36,6 +36,7 @@ from .program import Compiled, Program
 from .program_builder import (
     Ledger,
     ProgramBuilder,
+    Volumes,
     acting_terms,
     bind_volumes,
     breakpoints_of,
@@ -182,6 +183,7 @@ class _BoundPrograms(NamedTuple):
     programs: tuple[Program, ...]
     snapshots: list[Snapshot]
     ledger: Ledger
+    volumes: Volumes
     unheated: list[tuple[int, Omitted]]
     """Terms that heat no inside, by number."""
     accuracy: tuple[str, ...]
@@ -221,6 +223,7 @@ def _bound_programs(
         programs=on_device(programs),
         snapshots=snapshots,
         ledger=ledger,
+        volumes=volumes,
         unheated=unheated,
         accuracy=accuracy,
     )
@@ -273,6 +276,7 @@ def _bind(
             starts=starts,
             end=end,
             ledger=bound.ledger,
+            volumes=bound.volumes,
             unheated=bound.unheated,
             accuracy=bound.accuracy,
         ),

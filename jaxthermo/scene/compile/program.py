@@ -49,9 +49,10 @@ class VolumeLoad(Module):
     rise: Float[Array, " m"]
     """Heated volume over capacity of each heated node [m^3 K/J]."""
     volume: Float[Any, ""]
-    """Heated volume of all nodes [m^3]."""
+    """Heated volume of all nodes [m^3]; of a heat rate the fraction that it is of the
+    heated volume of all bodies, in `rise` too."""
     heat_rate_density: Any
-    """[W/m^3]"""
+    """[W/m^3], or a heat rate [W]."""
     mesh: Mesh | None = eqx.field(static=True)
     """Devices of the body, each with the nodes of one section; None for one device."""
 
@@ -356,12 +357,14 @@ class Omission:
 
 @dataclass(frozen=True)
 class Part:
-    """Surface of a body, or of two bodies in contact, that a mechanism acts on."""
+    """Part of a body, or of two bodies in contact, that a mechanism acts on."""
 
     mechanism: str
     bodies: tuple[int, ...]
     area: float
     """At the start [m^2]; 0 for what acts inside."""
+    volume: float
+    """Heated volume [m^3]; 0 for what acts on the surface."""
     surface_share: float
     """Fraction of the surface of the first of the bodies [-]."""
 

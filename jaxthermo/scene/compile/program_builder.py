@@ -267,14 +267,28 @@ class ProgramBuilder:
         sections = body.section_places(nodes)
         reached = np.zeros(len(sections.address[0]), dtype)
         reached[sections.places] = binding.volume[nodes]
+        density = binding.heat_rate_density
+        if binding.heat_rate is not None:
+            # Each cubic metre has one share of the heat rate of all bodies.
+            reached /= self._heated_volume(key[0])
+            density = binding.heat_rate
         return VolumeLoad(
             entry=self._entry[key],
             address=sections.address,
             rise=jnp.asarray(reached) / body.network.capacity_at(sections.address),
             mesh=body.network.mesh,
             volume=np.asarray(reached.sum(dtype=float), dtype),
-            heat_rate_density=for_jit(binding.heat_rate_density, dtype),
+            heat_rate_density=for_jit(density, dtype),
         )
+
+    def _heated_volume(self, number: int) -> float:
+        """Volume of all bodies that a term heats [m^3]."""
+        volumes = [
+            float(binding.volume.sum())
+            for (term, _), binding in self.volumes.items()
+            if term == number
+        ]
+        return sum(volumes)
 
 
 def _accuracy_notes(

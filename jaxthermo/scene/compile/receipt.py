@@ -4,13 +4,14 @@ from functools import reduce
 
 import numpy as np
 
-from ...physics.surface import Omitted
-from ...physics.term import AbstractExchangeTerm, AbstractSurfaceTerm
+from ...physics.radiation.irradiation import AbstractRadiativeTerm
+from ...physics.surface import BodySurface, Omitted
+from ...physics.term import AbstractExchangeTerm, AbstractSurfaceTerm, AbstractTerm
 from ...structures.structure import AbstractStructure
 from ..motion import Motion
 from ..scene import AbstractMaterials, Scene, mechanism_names
 from .program import Omission, Part, Receipt
-from .program_builder import Ledger
+from .program_builder import Ledger, Volumes
 from .snapshots import Snapshot
 
 
@@ -31,6 +32,7 @@ def receipt_of(
     starts: tuple[float, ...],
     end: float,
     ledger: Ledger,
+    volumes: Volumes,
     unheated: list[tuple[int, Omitted]],
     accuracy: tuple[str, ...],
 ) -> Receipt:
@@ -42,6 +44,7 @@ def receipt_of(
         starts: of the snapshots [s].
         end: of the run [s].
         ledger: mechanisms that act.
+        volumes: nodes that terms heat inside.
         unheated: volume terms that do not act on a body, by their number.
         accuracy: notes on the exchange of radiation.
     """
@@ -50,7 +53,7 @@ def receipt_of(
     moves = len(starts) > 1
     return Receipt(
         included=("conduction", *dict.fromkeys(ledger.values())),
-        parts=_parts(ledger, first),
+        parts=_parts(scene, ledger=ledger, volumes=volumes, snapshot=first),
         left_out=_omissions(scene, snapshot=first, unheated=unheated, moves=moves),
         notes=(
             *_represented(first, off=False),
@@ -83,8 +86,10 @@ def _described(structure: AbstractStructure) -> str:
     return f"{name}, {count:,} node{'s' * (count != 1)}"
 
 
-def _parts(ledger: Ledger, snapshot: Snapshot) -> tuple[Part, ...]:
-    """The surface that each entry of the ledger acts on."""
+def _parts(
+    scene: Scene, ledger: Ledger, volumes: Volumes, snapshot: Snapshot
+) -> tuple[Part, ...]:
+    """The surface and the volume that each entry of the ledger acts on."""
     acting_parts = []
     surface = snapshot.surface
     total_area = [float(body.grid.fragment_area.sum()) for body in surface.bodies]
@@ -92,24 +97,40 @@ def _parts(ledger: Ledger, snapshot: Snapshot) -> tuple[Part, ...]:
     for (number, *bodies), name in ledger.items():
         area = surface.bodies[bodies[0]].grid.fragment_area
         reached = 0.0
+        volume = 0.0
         if len(bodies) == 2:
             pairs = snapshot.pairs.get((number, bodies[0], bodies[1]))
             if pairs is not None:
                 reached = float(pairs.area.sum())
         else:
+            if (number, bodies[0]) in volumes:
+                volume = float(volumes[number, bodies[0]].volume.sum())
             masks = [by_body[bodies[0]] for n, by_body in acting if n == number]
             if masks:
-                reached = float(area[reduce(np.logical_or, masks)].sum())
-        fraction = reached / total_area[bodies[0]]
+                is_reached = reduce(np.logical_or, masks)
+                fraction = _fraction(scene.terms[number], surface.bodies[bodies[0]])
+                reached = float((area * fraction)[is_reached].sum())
         acting_parts.append(
             Part(
                 mechanism=name,
                 bodies=tuple(bodies),
                 area=reached,
-                surface_share=fraction,
+                volume=volume,
+                surface_share=reached / total_area[bodies[0]],
             )
         )
     return tuple(acting_parts)
+
+
+def _fraction(term: AbstractTerm, surface: BodySurface) -> np.ndarray | float:
+    """Fraction of each fragment that a term acts on, where it acts."""
+    selection = getattr(term, "on", None)
+    # Temperatures are prescribed on whole fragments.
+    if selection is None or getattr(term, "is_dirichlet", False):
+        return 1.0
+    if isinstance(term, AbstractRadiativeTerm):
+        return term.selected_fraction(surface)
+    return surface.selected_fraction(selection)
 
 
 def _omissions(

@@ -182,8 +182,8 @@ def voxel_owner(structure: AbstractStructure) -> Int[np.ndarray, " v"]:
 
 
 def volume_within(
-    structure: AbstractStructure, selected: Bool[np.ndarray, " v"]
+    structure: AbstractStructure, fraction: Float[np.ndarray, " v"]
 ) -> Float[np.ndarray, " n"]:
-    """Volume of the selected solid voxels (in lattice order) of each node [m^3]."""
-    owner = np.where(selected, voxel_owner(structure), -1)
-    return structure.grid.volume_of(owner, structure.node_count)
+    """Volume of each node, of a fraction of each solid voxel in lattice order [m^3]."""
+    owner = np.where(fraction > 0, voxel_owner(structure), -1)
+    return structure.grid.volume_of(owner, structure.node_count, fraction)
