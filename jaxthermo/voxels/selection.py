@@ -125,7 +125,7 @@ class AbstractSpace(AbstractSelection):
         # own is not smaller than half a box.
         steps = np.indices((3, 3, 3)).reshape(3, -1).T / 2
         flags = np.stack([self.contains(low + step * (high - low)) for step in steps])
-        return flags.any(axis=0) & ~flags.all(axis=0)
+        return np.asarray(flags.any(axis=0) & ~flags.all(axis=0))
 
     @override
     def contains_samples(self, samples: SurfaceSamples) -> Bool[np.ndarray, "#p m"]:
@@ -251,7 +251,7 @@ class Region(_AbstractOnOneBody, AbstractSpace):
         upper = np.asarray(self.upper)
         within = (low >= lower - tolerance) & (high <= upper + tolerance)
         beyond = (high <= lower + tolerance) | (low >= upper - tolerance)
-        return ~within.all(axis=1) & ~(beyond & ~within).any(axis=1)
+        return np.asarray(~within.all(axis=1) & ~(beyond & ~within).any(axis=1))
 
     @override
     def fraction_of_boxes(

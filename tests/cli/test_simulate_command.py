@@ -71,12 +71,13 @@ def test_the_terminal_tells_what_ran(tmp_path, scene):
     assert lines[0].startswith("box: 12 faces, watertight")
     assert "360 solid voxels of 8.333 mm in 6 x 5 x 12" in lines[1]
     assert lines[2].startswith("  full volume: 360 nodes, 918 links, ")
-    assert lines[3] == "included: conduction, sun, convection, emission"
-    assert lines[4].startswith("left out: per-node conductivity (")
-    assert lines[5] == "left out: contact (there is one body)"
-    assert lines[6] == "left out: motion (nothing moves: one snapshot)"
-    assert lines[7].startswith("note: body 0 represents 100.00 % of its volume, ")
-    assert "until the error in time holds, stable step" in lines[8]
+    assert lines[3] == "  1.58 kg, 0.0002 m3, 0.022 m2"
+    assert lines[4] == "included: conduction, sun, convection, emission"
+    assert lines[5].startswith("left out: per-node conductivity (")
+    assert lines[6] == "left out: contact (there is one body)"
+    assert lines[7] == "left out: motion (nothing moves: one snapshot)"
+    assert lines[8].startswith("note: body 0 represents 100.00 % of its volume, ")
+    assert "until the error in time holds, stable step" in lines[9]
     assert lines[-1].startswith("3 frames in ") and "[red] :smile:" in lines[-1]
     assert all(lines)
 
