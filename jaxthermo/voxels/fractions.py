@@ -8,7 +8,7 @@ the lattice, and within 1 % for balls and cylinders of ten voxels.
 """
 
 from collections.abc import Hashable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -184,9 +184,7 @@ def _boxes(grid: VoxelGrid, flat: Int[np.ndarray, " n"]) -> _Boxes:
     if grid.cut is None:
         return _Boxes(low=low, high=high, centre=voxel + 0.5)
     # Fragments are in the order of their voxels.
-    owner = np.asarray(
-        np.ravel_multi_index(tuple(grid.fragment_voxel.T), grid.solid.shape)
-    )
+    owner: Any = np.ravel_multi_index(tuple(grid.fragment_voxel.T), grid.solid.shape)
     first, last = np.searchsorted(owner, [flat[0], flat[-1] + 1])
     for axis in range(3):
         crossing = first + np.flatnonzero(grid.fragment_axis[first:last] == axis)
@@ -197,7 +195,7 @@ def _boxes(grid: VoxelGrid, flat: Int[np.ndarray, " n"]) -> _Boxes:
         crossing = crossing[on_ray]
         along = offset[on_ray, axis]
         ahead = grid.fragment_normal[crossing, axis] > 0
-        slot = np.searchsorted(flat, np.asarray(owner[crossing]))
+        slot: Any = np.searchsorted(flat, owner[crossing])
         for end, is_chosen, sign in ((high, ahead, 1), (low, ~ahead, -1)):
             extent = np.clip(sign * along[is_chosen], _MIN_EXTENT, _MAX_EXTENT)
             chosen = slot[is_chosen]
