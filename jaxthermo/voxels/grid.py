@@ -14,6 +14,7 @@ from .cut_voxels import CutVoxels
 from .lattice import Lattice
 from .represented import Represented, RepresentedReport, represented
 from .surface import surface_links, surface_voxels
+from .thin_conduction import ThinBody, ThinConduction, thin_conduction
 from .thin_parts import ThinParts, ThinRegion
 
 
@@ -185,6 +186,24 @@ class VoxelGrid:
             return 0.0
         cells = float(self.fragment_area.sum()) / self.pitch**2
         return min(1.5 * cells**-0.75, 1.0) if cells else 1.0
+
+    @cached_property
+    def thin_conduction(self) -> ThinConduction | None:
+        """Conduction along parts of up to two voxels; None if there are hardly any."""
+        if self.cut is None or self.unscaled_because or self.solid_volumes is None:
+            return None
+        return thin_conduction(
+            ThinBody(
+                lattice=self.lattice,
+                solid=self.solid,
+                links=self.cut.links,
+                volume=self.solid_volumes,
+                fragment_voxel=self.fragment_voxel,
+                fragment_foot=self.fragment_foot,
+                fragment_normal=self.fragment_normal,
+                fragment_area=self.fragment_area,
+            )
+        )
 
     @cached_property
     def cavity_area(self) -> float:

@@ -67,6 +67,7 @@ def receipt_of(
             *_cavity_warnings(scene, first),
             *_represented(first, off=True),
             *_counted(first, off=True),
+            *_thin_warnings(first),
         ),
         structures=tuple(_described(structure) for structure in structures),
         nodes=sum(structure.node_count for structure in structures),
@@ -202,6 +203,16 @@ def _counted(snapshot: Snapshot, off: bool) -> tuple[str, ...]:
                 f"within about {100 * uncertainty:.2g} %: "
                 f"{surface.grid.unscaled_because}{advice}"
             )
+    return tuple(lines)
+
+
+def _thin_warnings(snapshot: Snapshot) -> tuple[str, ...]:
+    """A line about each body that conducts too little along its thin parts."""
+    lines = []
+    for surface in snapshot.surface.bodies:
+        conduction = surface.grid.thin_conduction
+        if conduction is not None and conduction.is_off:
+            lines.append(f"body {surface.body} {conduction.described()}")
     return tuple(lines)
 
 
