@@ -80,6 +80,13 @@ def _is_tracer(leaf_type: type) -> bool:
     return issubclass(leaf_type, jax.core.Tracer)
 
 
+def stop_gradient(tree: Any) -> Any:
+    """Return a pytree whose arrays carry no derivatives."""
+    return jax.tree.map(
+        lambda leaf: jax.lax.stop_gradient(leaf) if eqx.is_array(leaf) else leaf, tree
+    )
+
+
 def namespace(values: Any) -> Any:
     """Module for computing with the values: jax.numpy if any is traced, else numpy."""
     return jnp if is_traced(values) else np

@@ -15,8 +15,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..arrays import is_traced, precision
+from ..arrays import is_traced, precision, stop_gradient
 from ..errors import InputError, require
+from ..network.network import inverse
 from ..scene.compile.compile import compile_scene
 from ..scene.compile.program import LedgerEntries, Program, State
 from ..scene.motion import Motion
@@ -33,8 +34,9 @@ from .implicit.jacobian import (
 from .implicit.newton_stage import (
     SolverStatistics,
     derivative_solver,
+    moved,
+    shortened,
     solve_linear,
-    stop_gradient,
     zero_statistics,
 )
 from .isolated_components import (
@@ -59,6 +61,9 @@ _STEADY_TOLERANCE = {"float32": 1e-3, "float64": 1e-8}
 
 _MAX_NEWTON_ITERATIONS = 100
 """Mutual radiation converges by one reflection per iteration."""
+
+_IRREGULAR = 0.1
+"""Tolerance of linear solves without symmetry, over that of the temperatures."""
 
 _SETTLING_ITERATIONS = 10
 """Iterations in which a nonlinear scene may change more than in the one before."""
@@ -265,13 +270,53 @@ def _linearize(program, context, states: State, time, isolated) -> Linearization
     return at._replace(preconditioner=projected)
 
 
+class _Balance(NamedTuple):
+    states: State
+    heat: State
+    """Net heat rate of every node [W]."""
+
+
 class _Iterate(NamedTuple):
     states: State
+    heat: State
+    """Net heat rate of every node [W]."""
     change: Float[Array, ""]
     """Largest change of a node by the last iteration [K]."""
     previous_change: Float[Array, ""]
     """Largest change of a node by the second to last iteration [K]."""
     statistics: SolverStatistics
+
+
+def _balance(
+    program: Program, states: State, time, isolated: IsolatedComponents | None
+) -> _Balance:
+    change, _ = evaluate_rates(program, states, time)
+    capacity = (body.network.capacity() for body in program.bodies)
+    heat = tuple(f * c for f, c in zip(change, capacity, strict=True))
+    if isolated is not None:
+        heat = isolated.without_net_heat(heat)
+    return _Balance(states, heat)
+
+
+def _imbalance(heat: State, conductance: State) -> Float[Array, ""]:
+    """Largest net heat rate of a node over its conductances [K]."""
+    pairs = zip(heat, conductance, strict=True)
+    return max_abs(tuple(rate * inverse(g) for rate, g in pairs))
+
+
+def _temperatures(program: Program, states: State) -> State:
+    return tuple(
+        body.network.temperature(state)
+        for body, state in zip(program.bodies, states, strict=True)
+    )
+
+
+def _largest_change(program: Program, before: State, after: State):
+    """Largest change of the temperature of a node [K]."""
+    changes = jax.tree.map(
+        jnp.subtract, _temperatures(program, after), _temperatures(program, before)
+    )
+    return max_abs(changes)
 
 
 def _newton(
@@ -289,27 +334,50 @@ def _newton(
         at = _linearize(
             program, context=context, states=now.states, time=time, isolated=isolated
         )
-        change, _ = evaluate_rates(program, now.states, time)
-        heat = jax.tree.map(jnp.multiply, change, at.capacity)
-        if isolated is not None:
-            heat = isolated.without_net_heat(heat)
         # There is no time step to measure a residual by. The preconditioner is close
         # to the inverse, so that its corrections are close to the error.
-        solver = ConjugateGradient(CorrectionNorm(), tolerance)
-        solve = solve_linear(at, heat, solver)
-        next_states = jax.tree.map(jnp.add, now.states, solve.change)
-        # By the maximum principle; it prevents a first iterate from going far beyond.
-        if not context.linear:
-            next_states = jax.tree.map(jnp.minimum, next_states, context.ceilings)
-        if isolated is not None:
-            next_states = isolated.with_initial_means(next_states)
-        size = max_abs(jax.tree.map(jnp.subtract, next_states, now.states))
-        statistics = now.statistics.after_solve(solve)
+        accuracy = tolerance
+        # The corrections of BiCGStab do not shrink evenly: one may be small by chance.
+        if not at.operator.is_symmetric:
+            accuracy = _IRREGULAR * tolerance
+        solver = ConjugateGradient(CorrectionNorm(), accuracy)
+        solve = solve_linear(at, now.heat, solver)
+
+        def advanced(fraction: Float[Array, ""] | float) -> _Balance:
+            step = jax.tree.map(lambda u: fraction * u, solve.potential)
+            states = moved(program, now.states, step, jnp.zeros((), dtype))
+            # By the maximum principle; it prevents a first iterate from going far
+            # beyond.
+            if not context.linear:
+                states = jax.tree.map(
+                    jnp.clip, states, context.floors, context.ceilings
+                )
+            if isolated is not None:
+                states = isolated.with_initial_means(states)
+            return _balance(program, states, time, isolated)
+
+        end = advanced(1.0)
+        size = _largest_change(program, now.states, end.states)
+        previous_change = now.change
+        if context.varies:
+            conductance = at.node_conductance()
+
+            step = shortened(
+                advanced,
+                end,
+                norm=lambda balance: _imbalance(balance.heat, conductance),
+                before=now,
+                tolerance=tolerance,
+            )
+            end = step.end
+            # Steps grow again after short ones.
+            previous_change = jnp.where(step.is_shortened, jnp.inf, previous_change)
         return _Iterate(
-            states=next_states,
+            states=end.states,
+            heat=end.heat,
             change=size,
-            previous_change=now.change,
-            statistics=statistics,
+            previous_change=previous_change,
+            statistics=now.statistics.after_solve(solve),
         )
 
     def unfinished(now: _Iterate) -> Bool[Array, ""]:
@@ -326,13 +394,14 @@ def _newton(
 
     first = _Iterate(
         states=start,
+        heat=_balance(program, start, time, isolated).heat,
         change=endless,
         previous_change=endless,
         statistics=zero_statistics(dtype),
     )
     last = jax.lax.while_loop(unfinished, iterate, first)
     # A tolerance below the last digit of the temperatures cannot be reached.
-    digit = jnp.finfo(dtype).eps * max_abs(last.states)
+    digit = jnp.finfo(dtype).eps * max_abs(_temperatures(program, last.states))
     failed = ~(jnp.maximum(last.change, digit) <= tolerance)
     return last.states, replace(
         last.statistics,

@@ -64,6 +64,20 @@ class AbstractNetwork(Module):
         """
         return self.linear, None
 
+    def moved(
+        self,
+        state: Float[Array, "..."],
+        potential: Float[Array, "..."],
+        rate: Float[Array, ""],
+    ) -> Float[Array, "..."]:
+        """State after a step of Newton's method by a change u of the potential [K].
+
+        A node of capacity C and conductances G in a stage of rate 1 / g [1/s] changes
+        by so much that C / g d(state) + G d(potential) is what the step predicts,
+        (C / (g d) + G) u, with the slope d of `linearized`.
+        """
+        return state + potential
+
     @abc.abstractmethod
     def heat_rate(self, state: Float[Array, "..."]) -> Float[Array, "..."]:
         """Conduction into each node [W]."""
@@ -150,6 +164,23 @@ class AbstractNetwork(Module):
         material, or each axis, contributes.
         """
         return jnp.ones((), theta.dtype)
+
+    @property
+    def conductivity_varies(self) -> bool:
+        """True if the conductivity depends on the temperature."""
+        return False
+
+    def mean_relative_conductivity(
+        self,
+        first: Float[Array, "*m"],
+        second: Float[Array, "*m"],
+        fractions: Float[Array, "q m"] | None = None,
+    ) -> Float[Array, "*#m"]:
+        """Mean of k(T) / k(reference) between two temperatures [-].
+
+        Both are above the reference [K]; `fractions` as in `relative_conductivity`.
+        """
+        return jnp.ones((), first.dtype)
 
     def max_relative_conductivity(self) -> Float[Array, ""]:
         """Largest k(T) / k(reference) at any temperature [-]."""

@@ -25,6 +25,7 @@ from typing_extensions import override
 
 from ..arrays import Scalar, device_array, is_traced
 from ..material.material import Property
+from .increasing_root import Balance, increasing_root
 from .network import (
     AbstractDerivedNetwork,
     AbstractNetwork,
@@ -32,6 +33,51 @@ from .network import (
     StepStart,
     inverse,
 )
+
+
+class WeightedMean(NamedTuple):
+    """Sum of an enthalpy and a potential, each with a weight [W/K]."""
+
+    heat: Callable[[Array, Array], Array]
+    """Mean of c / c(reference) between two temperatures above the reference [-]."""
+    conduction: Callable[[Array, Array], Array]
+    """Mean of k / k(reference) between two temperatures above the reference [-]."""
+    heat_weight: Float[Array, "*#m"]
+    conduction_weight: Float[Array, "*m"]
+
+    def mean(self, first: Array, second: Array) -> Array:
+        """Mean slope between two temperatures [W/K]."""
+        heat = self.heat_weight * self.heat(first, second)
+        return heat + self.conduction_weight * self.conduction(first, second)
+
+
+def rise_of_potential(
+    weighted: WeightedMean, theta: Float[Array, "*m"], potential: Float[Array, "*m"]
+) -> Float[Array, "*m"]:
+    """Rise of a temperature [K] for a change of the potential, see `moved`.
+
+    Without a derivative, like `increasing_root`.
+    """
+    slope = weighted.mean(theta, theta)
+    target = slope * inverse(weighted.conduction(theta, theta)) * potential
+
+    def excess(rise: Array) -> Balance:
+        end = theta + rise
+        value = weighted.mean(theta, end) * rise - target
+        return Balance(value, weighted.mean(end, end))
+
+    unbounded = jnp.full_like(theta, jnp.inf)
+    return increasing_root(
+        excess, start=target * inverse(slope), low=-unbounded, high=unbounded
+    )
+
+
+def conduction_weight(
+    network: AbstractNetwork, heat_weight: Float[Array, "*#m"]
+) -> Float[Array, "..."]:
+    """Conductances of each node; 1 W/K where nothing else has a weight."""
+    diagonal = network.diagonal()
+    return jnp.where(heat_weight + diagonal > 0, diagonal, 1)
 
 
 class _Piece(NamedTuple):
@@ -85,6 +131,31 @@ class KirchhoffTransform(Module):
         """Slope of P, p / p(0) [-], at temperatures above the reference [K]."""
         piece = self._piece(self.knot, theta)
         return piece.value + 2 * piece.half_slope * (theta - piece.base)
+
+    def mean(
+        self, first: Float[Array, "*m"], second: Float[Array, "*m"]
+    ) -> Float[Array, "*m"]:
+        """Mean of p / p(0) between two temperatures above the reference [-].
+
+        It is (P(second) - P(first)) / (second - first), the exact integral of the
+        table, and p / p(0) where both are equal: no difference of integrals loses the
+        digits of close temperatures.
+        """
+        low = jnp.minimum(first, second)
+        high = jnp.maximum(first, second)
+        span = high - low
+        is_range = span > 0
+        safe_span = jnp.where(is_range, span, 1)
+        ends = [-jnp.inf, *self.knot, jnp.inf]
+        mean = 0 * span
+        for k in range(len(self.knot) + 1):
+            # On each piece p is linear: its mean is that in the middle.
+            begin = jnp.clip(low, ends[k], ends[k + 1])
+            end = jnp.clip(high, ends[k], ends[k + 1])
+            middle = (begin - self.base[k]) + (end - self.base[k])
+            share = jnp.where(is_range, (end - begin) / safe_span, 0)
+            mean = mean + share * (self.value[k] + self.half_slope[k] * middle)
+        return jnp.where(is_range, mean, self.slope(first))
 
     def inverse(self, integral: Float[Array, "*m"]) -> Float[Array, "*m"]:
         """Temperature above the reference [K] at which P has these values [K]."""
@@ -214,13 +285,30 @@ class NonlinearNetwork(AbstractDerivedNetwork):
         combine: Callable[..., Float[Array, "..."]],
         *fields: Float[Array, "..."],
     ) -> Float[Array, "..."]:
-        def rise_of_potential(states):
+        def potential_rise(states):
             before, change = states
             return self.potential(before + change) - self.potential(before)
 
-        rise = _materialized(rise_of_potential, start.state, change)
+        rise = _materialized(potential_rise, start.state, change)
         added = dt * inverse(self.capacity()) * self.base.heat_rate(rise)
         return combine(change + added, start.rise, *fields)
+
+    @override
+    def moved(
+        self,
+        state: Float[Array, "..."],
+        potential: Float[Array, "..."],
+        rate: Float[Array, ""],
+    ) -> Float[Array, "..."]:
+        heat_weight = rate * self.capacity()
+        weighted = WeightedMean(
+            heat=_mean(self.heat),
+            conduction=_mean(self.conduction),
+            heat_weight=heat_weight,
+            conduction_weight=conduction_weight(self.base, heat_weight),
+        )
+        theta = self.temperature(state)
+        return self.state_of(theta + rise_of_potential(weighted, theta, potential))
 
     def potential(self, state: Float[Array, "*m"]) -> Float[Array, "*m"]:
         """Potential phi, whose differences drive conduction at the reference [K]."""
@@ -234,6 +322,22 @@ class NonlinearNetwork(AbstractDerivedNetwork):
         if self.conduction is None:
             return super().relative_conductivity(theta)
         return self.conduction.slope(theta)
+
+    @property
+    @override
+    def conductivity_varies(self) -> bool:
+        return self.conduction is not None
+
+    @override
+    def mean_relative_conductivity(
+        self,
+        first: Float[Array, "*m"],
+        second: Float[Array, "*m"],
+        fractions: Float[Array, "q m"] | None = None,
+    ) -> Float[Array, "*#m"]:
+        if self.conduction is None:
+            return super().mean_relative_conductivity(first, second)
+        return self.conduction.mean(first, second)
 
     @override
     def max_relative_conductivity(self) -> Float[Array, ""]:
@@ -269,3 +373,9 @@ class NonlinearNetwork(AbstractDerivedNetwork):
     def max_rate(self) -> Float[Array, ""]:
         # At the temperature of the largest k / c_p.
         return self.base.max_rate() * self.max_relative_diffusivity()
+
+
+def _mean(transform: KirchhoffTransform | None) -> Callable[[Array, Array], Array]:
+    if transform is None:
+        return lambda first, second: jnp.ones_like(second)
+    return transform.mean

@@ -25,7 +25,8 @@ from equinox import Module
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from ..arrays import taken
+from ..arrays import stop_gradient, taken
+from .increasing_root import Balance, increasing_root
 from .network import (
     AbstractDerivedNetwork,
     AbstractNetwork,
@@ -33,12 +34,12 @@ from .network import (
     StepStart,
     inverse,
 )
-from .nonlinear import KirchhoffTransform
-
-
-_FACE_ITERATIONS = 12
-"""Newton steps, or halvings of the bracket where these would leave it: from any two
-temperatures to rounding for conductivities that change up to tenfold between them."""
+from .nonlinear import (
+    KirchhoffTransform,
+    WeightedMean,
+    conduction_weight,
+    rise_of_potential,
+)
 
 
 class Integrals(Module):
@@ -66,6 +67,17 @@ class Integrals(Module):
         """Conductivity at temperatures above the reference [W/(m K)], by axis."""
         return self._by_axis(material, lambda integral, k: k * integral.slope(theta))
 
+    def mean_conductivity(
+        self,
+        material: Int[Array, " m"],
+        first: Float[Array, " m"],
+        second: Float[Array, " m"],
+    ) -> list[Float[Array, " m"]]:
+        """Mean conductivity between two temperatures [W/(m K)], by axis."""
+        return self._by_axis(
+            material, lambda integral, k: k * integral.mean(first, second)
+        )
+
     def extremes(self, material: Int[Array, " m"]) -> tuple[list[Array], list[Array]]:
         """Lowest and highest k at any temperature [W/(m K)], by axis."""
         ones = jnp.ones(material.shape, self.reference.dtype)
@@ -83,6 +95,19 @@ class Integrals(Module):
             total = total + fraction * transform.slope(theta)
         return total
 
+    def mean_relative(
+        self,
+        fractions: Float[Array, "q m"],
+        first: Float[Array, " m"],
+        second: Float[Array, " m"],
+    ) -> Float[Array, " m"]:
+        """Mean of `relative` between two temperatures above the reference [-]."""
+        transforms = itertools.chain(*self.transform)
+        total = 0 * first
+        for fraction, transform in zip(fractions, transforms, strict=True):
+            total = total + fraction * transform.mean(first, second)
+        return total
+
     def _by_axis(self, material, value) -> list[Array]:
         by_axis = []
         for axis in range(self.axes):
@@ -93,6 +118,29 @@ class Integrals(Module):
                 axis_value = jnp.where(material == c, material_value, axis_value)
             by_axis.append(axis_value)
         return by_axis
+
+
+class _MeanOfAxes(NamedTuple):
+    """k / k(reference) of every node, of all axes together [-]."""
+
+    integrals: Integrals
+    material: Int[Array, " m"]
+
+    def slope(self, theta: Float[Array, " m"]) -> Float[Array, " m"]:
+        """Values at temperatures above the reference [-]."""
+        k = self.integrals.conductivity(self.material, theta)
+        return sum(k[1:], k[0]) / self._at_reference(theta)
+
+    def mean(
+        self, first: Float[Array, " m"], second: Float[Array, " m"]
+    ) -> Float[Array, " m"]:
+        """Means between two temperatures above the reference [-]."""
+        k = self.integrals.mean_conductivity(self.material, first, second)
+        return sum(k[1:], k[0]) / self._at_reference(first)
+
+    def _at_reference(self, theta: Float[Array, " m"]) -> Float[Array, " m"]:
+        k = self.integrals.conductivity(self.material, jnp.zeros_like(theta))
+        return sum(k[1:], k[0])
 
 
 class LinkHalves(Module):
@@ -159,10 +207,9 @@ class VaryingLinks(AbstractDerivedNetwork):
         number = self._at_nodes(self.number)
         by_axis = self.integrals.of(number, theta)
         k = self.integrals.conductivity(number, theta)
-        at_zero = self.integrals.conductivity(number, jnp.zeros_like(theta))
         # Any positive d would do: with this one the links are near those at the
         # reference.
-        relative = sum(k[1:], k[0]) / sum(at_zero[1:], at_zero[0])
+        relative = _MeanOfAxes(self.integrals, number).slope(theta)
         slope = [axis_conductivity / relative for axis_conductivity in k]
         by_src = []
         by_dst = []
@@ -188,6 +235,36 @@ class VaryingLinks(AbstractDerivedNetwork):
         )
         spread = jnp.ones_like(state).at[self.address].set(relative)
         return jacobian, spread * per_state
+
+    @override
+    def moved(
+        self,
+        state: Float[Array, "..."],
+        potential: Float[Array, "..."],
+        rate: Float[Array, ""],
+    ) -> Float[Array, "..."]:
+        number = self._at_nodes(self.number)
+        heat_weight = rate * self.capacity_at(self.address)
+        weight = conduction_weight(self.base, rate * self.capacity())
+        weighted = WeightedMean(
+            heat=lambda first, second: self._mean_capacity(number, first, second),
+            conduction=_MeanOfAxes(self.integrals, number).mean,
+            heat_weight=heat_weight,
+            conduction_weight=self._at_nodes(weight),
+        )
+        theta = self._at_nodes(self.temperature(state))
+        rise = rise_of_potential(weighted, theta, self._at_nodes(potential))
+        moved = self.state_of(jnp.zeros_like(state).at[self.address].set(theta + rise))
+        is_node = jnp.zeros(state.shape, bool).at[self.address].set(True)
+        return jnp.where(is_node, moved, state)
+
+    def _mean_capacity(self, number, first, second) -> Float[Array, " n"]:
+        # Mean of c / c(reference) between two temperatures.
+        mean = jnp.ones_like(second)
+        for c, transform in enumerate(self.heat):
+            if transform is not None:
+                mean = jnp.where(number == c, transform.mean(first, second), mean)
+        return mean
 
     @override
     def temperature(
@@ -267,14 +344,27 @@ class VaryingLinks(AbstractDerivedNetwork):
         return links.project(k_src), links.project(k_dst)
 
     def _face(self, links: LinkHalves, number, theta, by_axis) -> Float[Array, " e"]:
-        def imbalance(face):
+        def imbalance(network, by_axis, face) -> Balance:
             # Both fluxes are equal at the face; its slope is positive.
-            src_rise, dst_rise = self._rises(links, number, by_axis, face)
-            k_src, k_dst = self._conductivities(links, number, face)
+            src_rise, dst_rise = network._rises(links, number, by_axis, face)
+            k_src, k_dst = network._conductivities(links, number, face)
             slope = links.to_dst * k_src + links.to_src * k_dst
-            return links.to_dst * src_rise - links.to_src * dst_rise, slope
+            return Balance(links.to_dst * src_rise - links.to_src * dst_rise, slope)
 
-        return _face_temperature(imbalance, theta[links.src], theta[links.dst])
+        fixed, fixed_by_axis, fixed_theta = stop_gradient((self, by_axis, theta))
+        first = fixed_theta[links.src]
+        second = fixed_theta[links.dst]
+        low = jnp.minimum(first, second)
+        high = jnp.maximum(first, second)
+        face = increasing_root(
+            lambda face: imbalance(fixed, fixed_by_axis, face),
+            start=(low + high) / 2,
+            low=low,
+            high=high,
+        )
+        # A last step carries the derivative of the solution.
+        balance = imbalance(self, by_axis, face)
+        return face - balance.value * inverse(jax.lax.stop_gradient(balance.slope))
 
     def _at_nodes(self, values: Array) -> Array:
         return taken(values, self.address)
@@ -285,6 +375,21 @@ class VaryingLinks(AbstractDerivedNetwork):
     ) -> Float[Array, "*#m"]:
         assert fractions is not None
         return self.integrals.relative(fractions, theta)
+
+    @property
+    @override
+    def conductivity_varies(self) -> bool:
+        return True
+
+    @override
+    def mean_relative_conductivity(
+        self,
+        first: Float[Array, "*m"],
+        second: Float[Array, "*m"],
+        fractions: Float[Array, "q m"] | None = None,
+    ) -> Float[Array, "*#m"]:
+        assert fractions is not None
+        return self.integrals.mean_relative(fractions, first, second)
 
     @override
     def max_relative_conductivity(self) -> Float[Array, ""]:
@@ -362,36 +467,3 @@ class _LinkJacobian(AbstractDerivedNetwork):
         nodes = jnp.zeros(self.address[0].shape, like.dtype)
         nodes = nodes.at[self.src].add(self.by_src).at[self.dst].add(self.by_dst)
         return jnp.zeros_like(like).at[self.address].set(nodes)
-
-
-class _Bracket(NamedTuple):
-    """Temperatures around the zero of an increasing function, and the best between."""
-
-    low: Array
-    high: Array
-    face: Array
-
-
-def _face_temperature(
-    imbalance: Callable[[Array], tuple[Array, Array]], theta1: Array, theta2: Array
-) -> Array:
-    """Temperature between two at which an increasing function is 0 [K]."""
-    theta1 = jax.lax.stop_gradient(theta1)
-    theta2 = jax.lax.stop_gradient(theta2)
-
-    def narrow(_, bracket):
-        value, slope = jax.lax.stop_gradient(imbalance(bracket.face))
-        low = jnp.where(value < 0, bracket.face, bracket.low)
-        high = jnp.where(value > 0, bracket.face, bracket.high)
-        newton = bracket.face - value * inverse(slope)
-        inside = (newton >= low) & (newton <= high)
-        return _Bracket(low, high, jnp.where(inside, newton, (low + high) / 2))
-
-    low = jnp.minimum(theta1, theta2)
-    high = jnp.maximum(theta1, theta2)
-    bracket = _Bracket(low, high, (low + high) / 2)
-    bracket = jax.lax.fori_loop(0, _FACE_ITERATIONS, narrow, bracket)
-    # A last step carries the derivative of the solution.
-    face = jax.lax.stop_gradient(bracket.face)
-    value, slope = imbalance(face)
-    return face - value * inverse(jax.lax.stop_gradient(slope))

@@ -51,6 +51,19 @@ class LinearLaw(NamedTuple):
     """s [W/(m^2 K)], one number or one per surface cell; None for 0."""
 
 
+class LinearSum(NamedTuple):
+    """Sum of linear laws, rate - slope theta, exact at any surface temperature."""
+
+    rate: PerCell
+    """Heat rate at the reference temperature [W]."""
+    slope: PerCell
+    """-d heat rate / d theta [W/K]."""
+
+    def at(self, theta: PerCell) -> PerCell:
+        """Heat rate into each cell [W]."""
+        return self.rate - self.slope * theta
+
+
 class AbstractFluxLaw(Module):
     """Heat flux into a surface as a function of its temperature.
 

@@ -26,7 +26,7 @@ rounding, whereas a near-insulator in the sun needs all iterations.
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -36,18 +36,21 @@ from equinox import Module
 from jaxtyping import Array, Float, Int
 from scipy.sparse import csr_array
 
-from ..arrays import Time, is_traced, namespace
+from ..arrays import Time, is_traced, namespace, stop_gradient
 from ..memo.found import found
+from ..network.increasing_root import Balance, increasing_root
 from ..network.network import inverse, precise_sum
 from .flux_law import (
     BoundTerm,
     Forcing,
+    LinearSum,
     PerCell,
     PerCellOrOne,
     Values,
     bound,
     total,
 )
+from .half_cells import Extremes, Linearized, Rates, Solved, VaryingHalfCells
 
 
 MAX_ITERATIONS = 6
@@ -57,21 +60,9 @@ ten times the node's temperature."""
 _TOLERANCE = {"float32": 1e-5, "float64": 1e-12}
 """About one rounding of a difference of 100 K, by the type of the state [K]."""
 
+
 _NumberedTerms = tuple[tuple[int, BoundTerm], ...]
 """Bound terms, each with the index of its mechanism's name."""
-
-
-class _LinearSum(NamedTuple):
-    """Sum of linear laws, rate - slope theta, exact at any surface temperature."""
-
-    rate: PerCell
-    """Heat rate at the reference temperature [W]."""
-    slope: PerCell
-    """-d heat rate / d theta [W/K]."""
-
-    def at(self, theta: PerCell) -> PerCell:
-        """Heat rate into each cell [W]."""
-        return self.rate - self.slope * theta
 
 
 class SurfaceTerms(Module):
@@ -90,6 +81,8 @@ class SurfaceTerms(Module):
     iterations: int = eqx.field(static=True, default=MAX_ITERATIONS)
     """Newton iterations; with fewer than the maximum they start at the node's
     temperature."""
+    varying: VaryingHalfCells | None = None
+    """k(T) / k(reference) of the half cells; None where it is constant."""
 
     @property
     def is_linear(self) -> bool:
@@ -137,17 +130,6 @@ class SurfaceTerms(Module):
                     return iterations
         return MAX_ITERATIONS
 
-    def conducting(self, relative: PerCellOrOne) -> "SurfaceTerms":
-        """The terms above nodes with k(T) / k(reference) = `relative`."""
-        if not relative.ndim:
-            return self
-        prescribed = tuple(
-            (n, replace(term, effective_area=term.effective_area * relative))
-            for n, term in self.prescribed
-        )
-        half_cell = self.half_cell * relative
-        return replace(self, half_cell=half_cell, prescribed=prescribed)
-
     def irradiated(self, received: PerCell, emits: bool = True) -> "SurfaceTerms":
         """The terms with the irradiation of each cell from other surfaces [W/m^2]."""
 
@@ -163,7 +145,8 @@ class SurfaceTerms(Module):
 
     def surface_excess(self, time: Time, theta: PerCell) -> PerCell:
         """Temperature of each cell's surface above its node's [K]."""
-        return self.prescribed_excess(time, theta, self._solve(time, theta)[1])
+        solved = self._solve(time, theta)
+        return self.prescribed_excess(time, theta, solved.excess)
 
     def equilibrium_excess(self, time: Time, theta: PerCell) -> PerCell:
         """Excess over its node at which each cell would receive no heat at all [K].
@@ -175,8 +158,9 @@ class SurfaceTerms(Module):
             self,
             half_cell=jnp.zeros_like(theta),
             iterations=MAX_ITERATIONS,
+            varying=None,
         )
-        _, excess = apart._solve(time, theta)
+        excess = apart._solve(time, theta).excess
         zero = jnp.zeros_like(theta)
         surface = theta + excess
         slope = sum((t.slope(time, surface) for _, t in self.natural), zero)
@@ -224,10 +208,14 @@ class SurfaceTerms(Module):
     def rates(self, time: Time, theta: PerCell) -> tuple[PerCell, dict[int, PerCell]]:
         """Heat rate through each cell [W], and by mechanism except `imposed` ones."""
         # The heat of all natural terms is what conduction carries to the node.
-        rates, excess = self._solve(time, theta)
-        total_rate = jnp.asarray(self.half_cell) * excess
+        solved = self._solve(time, theta)
+        rates = solved.rates
+        total_rate = solved.conducted
         for n, term in self.prescribed:
             rate = self._rate(n, term, time=time, theta=theta)
+            if self.varying is not None:
+                gap = term.law.flux(time, theta)
+                rate = rate * self.varying.mean(theta, theta + gap)
             rates[n] = rates.get(n, 0) + rate
             total_rate = total_rate + rate
         for n, term in self.radiating:
@@ -244,16 +232,20 @@ class SurfaceTerms(Module):
         with jax.named_scope(self.names[number]):
             return term.heat_rate(time, theta)
 
-    def _solve(self, time, theta):
-        """Heat rate of each natural term, and the excess, which agree to rounding."""
+    def _solve(self, time, theta) -> Solved:
+        """Solve the balance of the natural terms with the half cell's conduction."""
         nonlinear = [(n, term) for n, term in self.natural if not term.law.is_linear]
         linear = [(n, term) for n, term in self.natural if term.law.is_linear]
         zero = jnp.zeros_like(theta)
-        sums = _LinearSum(
+        sums = LinearSum(
             rate=sum((term.heat_rate(time, zero) for _, term in linear), zero),
             slope=sum((term.slope(time, zero) for _, term in linear), zero),
         )
-        if nonlinear:
+        if self.varying is not None:
+            excess, rates, conducted = self._solve_varying(
+                nonlinear, sums=sums, time=time, theta=theta
+            )
+        elif nonlinear:
             newton = partial(self._newton, nonlinear, sums, time, theta)
             start = zero
             if self.iterations == MAX_ITERATIONS:
@@ -265,46 +257,110 @@ class SurfaceTerms(Module):
                 )
             # The last step alone carries the derivative of the solution, exactly.
             excess, rates = newton(jax.lax.stop_gradient(start))
+            conducted = jnp.asarray(self.half_cell) * excess
         else:
             excess = self._linear(sums, theta)
             rates = {}
+            conducted = jnp.asarray(self.half_cell) * excess
         for n, term in linear:
             if term.law.uniform_flux(time) is None:
                 rate = self._rate(n, term, time=time, theta=theta + excess)
                 rates[n] = rates.get(n, 0) + rate
-        return rates, excess
+        return Solved(excess=excess, rates=rates, conducted=conducted)
 
-    def _linear(self, sums: _LinearSum, theta):
+    def _solve_varying(self, nonlinear, sums: LinearSum, time, theta) -> Solved:
+        """Solve the balance where the conductivity of the half cells varies."""
+        fixed, fixed_laws, fixed_sums, at, fixed_theta = stop_gradient(
+            (self, nonlinear, sums, time, theta)
+        )
+        at_node = replace(fixed, half_cell=fixed._conductance(fixed_theta))
+
+        def balance(excess: PerCell) -> Balance:
+            linearized = fixed._linearized(
+                fixed_laws, fixed_sums, time=at, theta=fixed_theta, excess=excess
+            )
+            return Balance(linearized.missing, linearized.slope)
+
+        unbounded = jnp.full_like(theta, jnp.inf)
+        root = increasing_root(
+            balance,
+            start=at_node._start(fixed_sums, at, fixed_theta),
+            low=-unbounded,
+            high=unbounded,
+        )
+        # A last step carries the derivative of the solution.
+        linearized = self._linearized(
+            nonlinear, sums, time=time, theta=theta, excess=root
+        )
+        change = -_ratio(linearized.missing, linearized.slope)
+        return Solved(
+            excess=root + change,
+            rates={
+                n: rate - linearized.slopes[n] * change
+                for n, rate in linearized.rates.items()
+            },
+            conducted=linearized.conducted + linearized.conductance * change,
+        )
+
+    def _linearized(
+        self, nonlinear, sums: LinearSum, time, theta, excess
+    ) -> Linearized:
+        """Linearize the balance at an excess where conductivities vary."""
+        assert self.varying is not None
+        surface = theta + excess
+        rates, slopes = self._laws(nonlinear, time, surface)
+        conducted = self.half_cell * self.varying.mean(theta, surface) * excess
+        conductance = self._conductance(surface)
+        return Linearized(
+            missing=conducted - sum(rates.values(), sums.at(surface)),
+            slope=sum(slopes.values(), sums.slope + conductance),
+            rates=rates,
+            slopes=slopes,
+            conducted=conducted,
+            conductance=conductance,
+        )
+
+    def _conductance(self, theta: PerCell) -> PerCell:
+        """Conductance of each half cell at one temperature [W/K]."""
+        assert self.varying is not None
+        return jnp.asarray(self.half_cell) * self.varying.at(theta)
+
+    def _linear(self, sums: LinearSum, theta):
         return _ratio(sums.at(theta), sums.slope + self.half_cell)
 
-    def _newton(self, nonlinear, sums: _LinearSum, time, theta, excess):
+    def _newton(self, nonlinear, sums: LinearSum, time, theta, excess):
         """Next excess, and heat rates of the nonlinear laws, linearized at `excess`."""
         surface = theta + excess
-        rates = {}
-        slopes = {}
+        rates, slopes = self._laws(nonlinear, time, surface)
+        net = sum(rates.values(), sums.at(surface) - self.half_cell * excess)
+        change = _ratio(net, sum(slopes.values(), sums.slope + self.half_cell))
+        return excess + change, {n: rates[n] - slopes[n] * change for n in rates}
+
+    def _laws(self, nonlinear, time, surface) -> tuple[Rates, Rates]:
+        """Heat rates [W] and slopes [W/K] of nonlinear laws, by mechanism."""
+        rates: Rates = {}
+        slopes: Rates = {}
         # Laws of one mechanism, such as sky and ground, are added: fewer arrays.
         for n, term in nonlinear:
             rate = self._rate(n, term, time=time, theta=surface)
             rates[n] = rates.get(n, 0) + rate
             slopes[n] = slopes.get(n, 0) + term.slope(time, surface)
-        net = sum(rates.values(), sums.at(surface) - self.half_cell * excess)
-        change = _ratio(net, sum(slopes.values(), sums.slope + self.half_cell))
-        return excess + change, {n: rates[n] - slopes[n] * change for n in rates}
+        return rates, slopes
 
-    def _start(self, sums: _LinearSum, time, theta):
+    def _start(self, sums: LinearSum, time, theta):
         """Start of Newton's method, with the tangents of laws without supersolution."""
         nonlinear = [term for _, term in self.natural if not term.law.is_linear]
         for term in nonlinear:
             if not term.law.is_dissipative:
                 slope = term.slope(time, theta)
                 rate = sums.rate + term.heat_rate(time, theta) + slope * theta
-                sums = _LinearSum(rate=rate, slope=sums.slope + slope)
+                sums = LinearSum(rate=rate, slope=sums.slope + slope)
         dissipative = [term for term in nonlinear if term.law.is_dissipative]
         if not dissipative:
             return self._linear(sums, theta)
         return self._supersolution(dissipative, sums, time=time, theta=theta)
 
-    def _supersolution(self, dissipative, sums: _LinearSum, time, theta):
+    def _supersolution(self, dissipative, sums: LinearSum, time, theta):
         """Excess at or above the solution, from where Newton cannot overshoot."""
         # The lower of two bounds: emission alone loses all the heat that is imposed and
         # that a hotter node sends; or conduction alone carries it off.
@@ -327,21 +383,24 @@ class SurfaceTerms(Module):
         return jnp.where(jnp.isfinite(hot), hot - theta, 0)
 
     def stiffness(
-        self, highest: Float[Array, ""], end: float, relative: Float[Array, ""]
+        self, highest: Float[Array, ""], end: float, relative: Extremes
     ) -> PerCell:
         """Largest -d(heat rate)/dT of each cell below `highest` [K] up to `end` [s].
 
         It adds to its node's conductances in the stable explicit step [W/K]; `relative`
-        is the largest k(T) / k(reference) [-].
+        are the extremes of k(T) / k(reference) [-].
         """
-        conducts = relative * self.half_cell
+        conducts = relative.highest * self.half_cell
         slope = jnp.zeros_like(conducts)
         for _, term in self.natural:
             steepest = term.law.max_slope(highest, end).astype(conducts.dtype)
             slope = slope + jnp.asarray(term.effective_area) * steepest
-        # The slope and the half cell are in series: neither alone limits the step.
-        through = slope * conducts * inverse(slope + conducts)
-        prescribed = (relative * term.effective_area for _, term in self.prescribed)
+        # The slope s and the half cell are in series: neither alone limits the step.
+        # Heat G k_n s / (G k_s + s), with k at the node and at the surface.
+        through = slope * conducts * inverse(slope + relative.lowest * self.half_cell)
+        prescribed = (
+            relative.highest * term.effective_area for _, term in self.prescribed
+        )
         return sum(prescribed, through)
 
     def coarsened(

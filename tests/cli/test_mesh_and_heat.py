@@ -69,3 +69,11 @@ def test_flush_parts_cool_by_their_outer_surface(solution_of, out):
     above = 100 * np.exp(-100 * 0.08 * 100 / capacity)
     assert surface[-1].mean() - 300 == pytest.approx(above, rel=0.01)
     assert "33.3% of the surface lies inside" in summary["receipt"]["notes"][0]
+
+
+def test_a_body_turns_as_its_angles_say(out):
+    # Once about its axis: a square in parallel light shows 4 / pi of its side.
+    succeed("simulate", SCENES / "turn.yaml", "--out", out)
+    energy = json.loads((out / "summary.json").read_text())["energy"]
+    expected = 1000 * 0.01 * 4 / np.pi * 60
+    assert energy["sun_J"] == pytest.approx([expected], rel=1e-3)

@@ -11,6 +11,7 @@ import jaxthermo as jt
 from jaxthermo.constants import STEFAN_BOLTZMANN
 from jaxthermo.physics.boundary import Exchange, ImposedFlux
 from jaxthermo.physics.flux_law import bound
+from jaxthermo.physics.half_cells import Extremes
 from jaxthermo.physics.radiation.emission import _Emission
 from jaxthermo.physics.surface_energy_balance import SurfaceTerms
 from tests.bodies import bar, single_body_scene
@@ -21,6 +22,7 @@ FRONT = jt.Side(normal=(1.0, 0.0, 0.0))
 FLUX = 1000.0
 H = 10.0
 AIR = 290.0
+CONSTANT = Extremes(lowest=jnp.array(1.0), highest=jnp.array(1.0))
 
 
 def _at_rest(pitch, cells=2):
@@ -126,7 +128,7 @@ def test_what_holds_a_surface_goes_straight_to_the_node():
     heat, _ = surface.heat(jnp.array(0.0), theta)
     assert float(heat[0]) == pytest.approx(7.0 * 50.0)
     assert float(surface.surface_excess(jnp.array(0.0), theta)[0]) == 50.0
-    assert float(surface.stiffness(jnp.array(400.0), 1.0, jnp.array(1.0))[0]) == 7.0
+    assert float(surface.stiffness(jnp.array(400.0), 1.0, CONSTANT)[0]) == 7.0
 
 
 def test_stiffness_is_the_slope_of_the_heat_rate():
@@ -140,9 +142,7 @@ def test_stiffness_is_the_slope_of_the_heat_rate():
     step = 1e-3
     exact = -float(heat(theta + step) - heat(theta - step)) / (2 * step)
     assert slope == pytest.approx(exact, rel=1e-6)
-    bound_ = float(
-        surface.stiffness(jnp.array(surface_temperature), 1.0, jnp.array(1.0))[0]
-    )
+    bound_ = float(surface.stiffness(jnp.array(surface_temperature), 1.0, CONSTANT)[0])
     assert slope == pytest.approx(bound_, rel=1e-6)
 
 

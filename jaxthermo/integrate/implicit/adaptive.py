@@ -23,6 +23,7 @@ from equinox import Module
 from jaxtyping import Array, Bool, Float, Int
 from typing_extensions import override
 
+from ...arrays import stop_gradient
 from ...physics.windows import within
 from ...scene.compile.memory import Method
 from ...scene.compile.program import Program, State
@@ -34,7 +35,6 @@ from .newton_stage import (
     kelvin_norm,
     missing_heat,
     solve_linear,
-    stop_gradient,
     zero_statistics,
 )
 from .runge_kutta import SQRT2, TR_BDF2, StepResult, runge_kutta_step

@@ -30,6 +30,7 @@ from ...network.multigrid import Hierarchy, hierarchy, jacobi
 from ...network.multigrid_cycle import AbstractCycle
 from ...network.network import AbstractNetwork, inverse
 from ...physics.contact.links import ContactLinks
+from ...physics.term import AbstractTerm
 from ...scene.compile.memory import Method
 from ...scene.compile.program import Compiled, Program, State
 from ...scene.scene import Scene
@@ -91,12 +92,17 @@ class ImplicitContext(Module):
     """Entries of each body's state that are nodes; None for all."""
     ceilings: tuple[Any, ...]
     """Upper bound of each body's states [K]; infinite where nothing bounds them."""
+    floors: tuple[Any, ...]
+    """Lower bound of each body's states [K]: the coldest temperature of the scene, or
+    0 K where a term does not say how far it cools."""
     tolerance: Any
     """Tolerance of linear solves [K]."""
     above_rounding: bool = eqx.field(static=True)
     """True if linear solves may stop at their rounding: no tolerance was given."""
     linear: bool = eqx.field(static=True)
     """True if one Newton iteration is the solution."""
+    varies: bool = eqx.field(static=True)
+    """True if a property depends on temperature: steps may have to be shortened."""
     differentiable: bool = eqx.field(static=True, default=False)
     """True if derivatives may be needed, which costs one more residual."""
 
@@ -157,15 +163,25 @@ def implicit_context(
         else endless
         for number, body in enumerate(program.bodies)
     )
+    # Terms of a user need not say how far they cool.
+    is_bounded = all(
+        type(term).forcing is not AbstractTerm.forcing for term in scene.terms
+    )
+    coldest = jnp.asarray(compiled.temperatures.lowest if is_bounded else 0.0, dtype)
+    floors = tuple(
+        body.network.state_of(coldest - body.reference) for body in program.bodies
+    )
     kelvin = LINEAR_TOLERANCE[dtype] if tolerance is None else tolerance
     return ImplicitContext(
         hierarchies=hierarchies,
         components=tuple(_connected_components(b.structure) for b in scene.bodies),
         nodes=tuple(_node_mask(body.structure) for body in scene.bodies),
         ceilings=ceilings,
+        floors=floors,
         tolerance=jnp.asarray(kelvin, dtype),
         above_rounding=tolerance is None,
         linear=linear,
+        varies=varies,
         differentiable=traced,
     )
 
@@ -278,6 +294,16 @@ class Linearization(NamedTuple):
     """Capacity of every node [J/K]."""
     nodes: tuple[Bool[Array, "..."] | None, ...]
     """Entries of each body's state that are nodes; None for all."""
+
+    def node_conductance(self) -> State:
+        """Sum of all conductances of every node, for changes of the potential [W/K]."""
+        operator = self.operator
+        return tuple(
+            diagonal + network.diagonal()
+            for diagonal, network in zip(
+                operator.diagonal, operator.networks, strict=True
+            )
+        )
 
 
 def linearize(

@@ -9,16 +9,17 @@ Derivatives are those of the solution, by the implicit function theorem, whateve
 iterations: one more solve at the solution, of a right-hand side whose value is 0.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import lineax as lx
 from equinox import Module
 from jaxtyping import Array, Bool, Float, Int
 
+from ...arrays import stop_gradient
 from ...network.network import inverse
 from ...scene.compile.program import Program, State
 from ..heat_rates import evaluate_rates
@@ -27,6 +28,9 @@ from .jacobian import ImplicitContext, Linearization, linearize, masked_to_nodes
 
 
 _MAX_NEWTON_ITERATIONS = 20
+
+_SHORTEST_STEP = 1 / 64
+"""Fraction of a step of Newton's method that is taken whether it improves or not."""
 
 _DERIVATIVE_TOLERANCE = 1e-6
 """Tolerance relative to the right-hand side; in float32 20 roundings, if more."""
@@ -99,6 +103,55 @@ class _Iterate(NamedTuple):
     statistics: SolverStatistics
 
 
+class _Evaluated(NamedTuple):
+    """States at the end of a step of Newton's method, with their balance."""
+
+    states: State
+    residual: State
+    """[K]"""
+    entries: Float[Array, " c"]
+    """Heat rate of each ledger entry [W]."""
+
+
+class Shortened(NamedTuple):
+    """Outcome of a step of Newton's method."""
+
+    end: Any
+    """States and their balance."""
+    size: Float[Array, ""]
+    """Largest change of a node by the whole step [K]."""
+    is_shortened: Bool[Array, ""]
+
+
+def shortened(
+    advanced: Callable[[Float[Array, ""]], Any],
+    end: Any,
+    norm: Callable[[Any], Float[Array, ""]],
+    before: Any,
+    tolerance: Float[Array, ""],
+) -> "Shortened":
+    """Return the end of the longest step that reduces the norm of the balance.
+
+    `advanced` takes a fraction of a whole step, which leads from `before` to `end`; the
+    step is halved a few times. A direction of Newton's method reduces every norm. A
+    step that changes no more than `tolerance` [K] is taken, since rounding decides.
+    """
+    start = norm(before)
+    size = max_abs(jax.tree.map(jnp.subtract, end.states, before.states))
+
+    def is_worse(trial: tuple[Float[Array, ""], Any]) -> Bool[Array, ""]:
+        fraction, end = trial
+        is_long = (fraction > _SHORTEST_STEP) & (size > tolerance)
+        return ~(norm(end) < start) & is_long
+
+    def halve(trial: tuple[Float[Array, ""], Any]) -> tuple[Float[Array, ""], Any]:
+        fraction = trial[0] / 2
+        return fraction, advanced(fraction)
+
+    fraction, end = jax.lax.while_loop(is_worse, halve, (jnp.ones_like(start), end))
+    return Shortened(end, size, fraction < 1)
+
+
 def solve_stage(
     program: Program,
     context: ImplicitContext,
@@ -128,13 +181,6 @@ def solve_stage(
     return solution._replace(states=states, entries=entries)
 
 
-def stop_gradient(tree: Any) -> Any:
-    """Return a pytree whose arrays carry no derivatives."""
-    return jax.tree.map(
-        lambda leaf: jax.lax.stop_gradient(leaf) if eqx.is_array(leaf) else leaf, tree
-    )
-
-
 def _residual(program, base, g, time, states) -> tuple[State, Float[Array, " c"]]:
     # eta - base - g f(eta) [K], and the heat rates of the ledger [W].
     change, entries = evaluate_rates(program, states, time)
@@ -152,6 +198,8 @@ class LinearSolve(NamedTuple):
 
     change: State
     """Change of the states [K]."""
+    potential: State
+    """Change of the conducted potential [K]."""
     converged: Bool[Array, ""]
     iterations: Int[Array, ""]
     residual: Float[Array, ""]
@@ -184,9 +232,23 @@ def solve_linear(
     )
     return LinearSolve(
         change=change,
+        potential=potential,
         converged=solution.result == lx.RESULTS.successful,
         iterations=solution.stats["iterations"],
         residual=solution.stats["residual"],
+    )
+
+
+def moved(
+    program: Program, states: State, potential: State, rate: Float[Array, ""]
+) -> State:
+    """Return the states after a step of Newton's method in a stage of this rate [1/s].
+
+    The step is a change of the conducted potential [K].
+    """
+    return tuple(
+        body.network.moved(state, change, rate)
+        for body, state, change in zip(program.bodies, states, potential, strict=True)
     )
 
 
@@ -201,6 +263,9 @@ def _newton(program, context: ImplicitContext, base, g, time, guess) -> _Iterate
     ceilings = jax.tree.map(
         lambda ceiling, start: jnp.maximum(ceiling, start.max()), context.ceilings, base
     )
+    floors = jax.tree.map(
+        lambda floor, start: jnp.minimum(floor, start.min()), context.floors, base
+    )
 
     def iterate(now: _Iterate) -> _Iterate:
         at = linearize(
@@ -211,15 +276,31 @@ def _newton(program, context: ImplicitContext, base, g, time, guess) -> _Iterate
         )
         heat = missing_heat(now.residual, at, 1 / g)
         solve = solve_linear(at, heat, solver)
-        states = jax.tree.map(jnp.add, now.states, solve.change)
-        if not context.linear:
-            states = jax.tree.map(jnp.minimum, states, ceilings)
-        size = max_abs(jax.tree.map(jnp.subtract, states, now.states))
-        residual, entries = _residual(program, base=base, g=g, time=time, states=states)
+
+        def advanced(fraction: Float[Array, ""] | float) -> _Evaluated:
+            step = jax.tree.map(lambda u: fraction * u, solve.potential)
+            states = moved(program, now.states, step, 1 / g)
+            if not context.linear:
+                states = jax.tree.map(jnp.clip, states, floors, ceilings)
+            residual, entries = _residual(
+                program, base=base, g=g, time=time, states=states
+            )
+            return _Evaluated(states, residual, entries)
+
+        end = advanced(1.0)
+        size = max_abs(jax.tree.map(jnp.subtract, end.states, now.states))
+        if context.varies:
+            end = shortened(
+                advanced,
+                end,
+                norm=lambda end: max_abs(end.residual),
+                before=now,
+                tolerance=context.tolerance,
+            ).end
         return _Iterate(
-            states=states,
-            residual=residual,
-            entries=entries,
+            states=end.states,
+            residual=end.residual,
+            entries=end.entries,
             change=size,
             statistics=now.statistics.after_solve(solve),
         )

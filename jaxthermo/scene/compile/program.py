@@ -2,7 +2,7 @@
 
 import bisect
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -18,6 +18,7 @@ from ...arrays import Time, consecutive, device_array, taken
 from ...network.network import AbstractNetwork, Address
 from ...parallel.lattice import spread, with_added
 from ...physics.contact.links import ContactLinks
+from ...physics.half_cells import varying_half_cells
 from ...physics.radiation.irradiation import SceneRadiation
 from ...physics.radiation.radiative_exchange import Enclosure
 from ...physics.surface import Note
@@ -27,7 +28,7 @@ from ...structures.surface_map import BoundMap, Range, SurfaceState
 from ..scene import Scene, SolvedSurface
 from .bodies import TemperatureBounds
 from .probes import BodyProbes
-from .surface_load import AbstractSurfaceLoad, together
+from .surface_load import AbstractSurfaceLoad
 
 
 State = tuple[Float[Array, "..."], ...]
@@ -334,11 +335,12 @@ class Program(Module):
 
     def _terms_above(self, time, below: list) -> tuple[SurfaceTerms, Array]:
         """The terms on fragments as they act above nodes of these temperatures [K]."""
-        relative = [
-            body.network.relative_conductivity(body_below, body.conductivity_parts)
-            for body, body_below in zip(self.bodies, below, strict=True)
-        ]
-        terms = self.fragment_terms.conducting(together(relative, below))
+        varying = varying_half_cells(
+            [body.network for body in self.bodies],
+            fractions=[body.conductivity_parts for body in self.bodies],
+            counts=[len(body_below) for body_below in below],
+        )
+        terms = replace(self.fragment_terms, varying=varying)
         joined = jnp.concatenate(below) if below[1:] else below[0]
         if self.fine_enclosure is not None:
             radiating = joined + terms.prescribed_excess(time, joined)

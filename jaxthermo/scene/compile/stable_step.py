@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...arrays import added, taken
+from ...physics.half_cells import Extremes
 from .program import Program
 
 
@@ -39,7 +40,11 @@ def _stiffness(program: Program, number: int, highest, end):
     """Addresses of a body's nodes, and the conductance that loads add there [W/K]."""
     loads = []
     if program.surface is not None:
-        relative = program.bodies[number].network.max_relative_conductivity()
+        network = program.bodies[number].network
+        relative = Extremes(
+            lowest=network.min_relative_conductivity(),
+            highest=network.max_relative_conductivity(),
+        )
         loads = program.surface.stiffness(number, highest, end, relative)
     for contact in program.contacts:
         for side in (0, 1):

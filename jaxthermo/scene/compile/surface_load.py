@@ -6,6 +6,7 @@ depends on geometry and on where terms act, and is computed once for all runs.
 
 import abc
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -28,6 +29,7 @@ from ...parallel.lattice import (
     with_added,
     within_section,
 )
+from ...physics.half_cells import Extremes, varying_half_cells
 from ...physics.surface import spread
 from ...physics.surface_energy_balance import SurfaceTerms
 from ...voxels.sharded_lattice import padded_places
@@ -274,12 +276,12 @@ class AbstractSurfaceLoad(Module):
         """A body's state with the heat rates of `heat` over `dt` [s]."""
 
     def stiffness(
-        self, body: int, highest: Float[Array, ""], end: float, relative: Array
+        self, body: int, highest: Float[Array, ""], end: float, relative: Extremes
     ) -> list[tuple[Address, Float[Array, " m"]]]:
         """Conductance that the load adds to a body's nodes in the stable step [W/K].
 
-        Below a temperature `highest` [K] up to `end` [s]; `relative` is the largest
-        k(T) / k(reference) [-].
+        Below a temperature `highest` [K] up to `end` [s]; `relative` are
+        the extremes of k(T) / k(reference) [-].
         """
         stiffnesses = []
         load = self.by_cell
@@ -329,16 +331,15 @@ class SurfaceLoad(AbstractSurfaceLoad):
     def conducting(
         self, nodes: PerBody, networks: Networks
     ) -> tuple[SurfaceTerms, Float[Array, " p"]]:
-        """The terms at these temperatures of the nodes, and those of the cells [K]."""
+        """The terms above these nodes, and the temperatures of the cells' nodes [K]."""
         pairs = zip(self.cells, nodes, strict=True)
         at_cells = [cells.cells_of(body_nodes) for cells, body_nodes in pairs]
-        relative = [
-            network.relative_conductivity(body_cells, cells.conductivity_parts)
-            for network, body_cells, cells in zip(
-                networks, at_cells, self.cells, strict=True
-            )
-        ]
-        return self.terms.conducting(together(relative, at_cells)), _join(at_cells)
+        varying = varying_half_cells(
+            networks,
+            fractions=[cells.conductivity_parts for cells in self.cells],
+            counts=self.counts,
+        )
+        return replace(self.terms, varying=varying), _join(at_cells)
 
     @override
     def heat(
@@ -421,14 +422,6 @@ class SurfaceLoad(AbstractSurfaceLoad):
         if len(self.cells) == 1:
             return [values]
         return jnp.split(values, np.cumsum(self.counts)[:-1].tolist())
-
-
-def together(values: Sequence[Float[Array, "..."]], like: PerBody) -> Array:
-    """Values of several bodies' cells; one number where all bodies have the same."""
-    if not any(value.ndim for value in values):
-        return values[0]
-    pairs = zip(values, like, strict=True)
-    return _join([jnp.broadcast_to(value, cells.shape) for value, cells in pairs])
 
 
 def _join(arrays: PerBody) -> Float[Array, " p"]:

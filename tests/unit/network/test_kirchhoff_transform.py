@@ -57,6 +57,57 @@ def test_the_integral_its_inverse_and_its_slope(seed, at_knot):
     assert actual[0] == 0.0 and back[0] == 0.0
 
 
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_the_mean_between_two_temperatures_is_the_integral_over_their_difference(seed):
+    prop, random = _random(seed)
+    transform = kirchhoff_transform(prop, 300.0, jnp.float64)
+    first = jnp.asarray(POINTS)
+    second = jnp.asarray(random.permutation(POINTS))
+    exact = [
+        (_exact(prop, 300.0, b) - _exact(prop, 300.0, a)) / (b - a or np.inf)
+        for a, b in zip(POINTS, np.asarray(second), strict=True)
+    ]
+    mean, same = _MEANS(transform, first, second), _MEANS(transform, first, first)
+    np.testing.assert_allclose(
+        mean,
+        np.where(second == first, prop(POINTS + 300.0) / prop(300.0), exact),
+        1e-10,
+    )
+    np.testing.assert_allclose(same, prop(POINTS + 300.0) / prop(300.0), rtol=1e-11)
+
+
+_MEANS = jax.jit(lambda transform, first, second: transform.mean(first, second))
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-5, 1e-3, 0.1, 30.0])
+def test_means_of_close_temperatures_keep_their_digits_in_float32(gap):
+    prop = Property([310.0, 320.0, 330.0, 400.0], [1.0, 20.0, 1.0, 2.0])
+    theta = np.array([-10.0, 9.5, 10.0, 19.99, 20.0, 30.0, 70.0], np.float32)
+    second = theta + np.float32(gap)
+    actual = kirchhoff_transform(prop, 300.0, jnp.float32).mean(
+        jnp.asarray(theta), jnp.asarray(second)
+    )
+    exact = kirchhoff_transform(prop, 300.0, jnp.float64).mean(
+        jnp.asarray(theta, float), jnp.asarray(second, float)
+    )
+    np.testing.assert_allclose(actual, exact, rtol=3e-6)
+
+
+def test_the_heat_between_two_temperatures_has_the_conductivities_as_derivatives():
+    prop = Property([310.0, 320.0, 330.0], [1.0, 20.0, 1.0])
+    transform = kirchhoff_transform(prop, 300.0, jnp.float64)
+
+    def rise(first, second):
+        return (transform.mean(first, second) * (second - first)).sum()
+
+    first = jnp.array([12.0, 5.0, 40.0, 17.0])
+    second = first + jnp.array([0.0, 40.0, -30.0, 1e-7])
+    by_first, by_second = jax.grad(rise, argnums=(0, 1))(first, second)
+    np.testing.assert_allclose(by_first, -transform.slope(first), rtol=1e-9)
+    np.testing.assert_allclose(by_second, transform.slope(second), rtol=1e-9)
+
+
 def test_bounds_are_those_of_the_table():
     integral = kirchhoff_transform(Property([300, 400], [2.0, 8.0]), 350.0, jnp.float64)
     assert float(integral.min()) == pytest.approx(0.4)

@@ -1,5 +1,7 @@
 """The balance of all bodies at once is that of every body alone, to rounding."""
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax
 import jax.extend
@@ -13,6 +15,7 @@ from jaxthermo.integrate.heat_rates import (
     _surface_nodes,
     add_loads,
 )
+from jaxthermo.physics.half_cells import varying_half_cells
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.compile.surface_load import SurfaceLoad
 
@@ -97,7 +100,10 @@ def _alone(program, states, time):
     for index, cells in enumerate(load.cells):
         at_cells = cells.cells_of(nodes[index])
         network = program.bodies[cells.body].network
-        terms = load.terms_on(index).conducting(network.relative_conductivity(at_cells))
+        varying = varying_half_cells(
+            [network], fractions=[cells.conductivity_parts], counts=[len(at_cells)]
+        )
+        terms = replace(load.terms_on(index), varying=varying)
         if received is not None:
             terms = terms.irradiated(load.apart(received)[index], emits=False)
         rate, by_term = terms.heat(time, at_cells)
