@@ -56,7 +56,8 @@ def reduce(
         tolerance: estimated root mean square error of the surface over its range [-];
             None for 0.001.
         method: "krylov", also good for other amplitudes of its loads; or "pod",
-            snapshots of the scene's own run.
+            snapshots of the scene's own run, whose errors hold for it alone: a run
+            with other loads warns.
         log: receives a line before each slow stage.
 
     Raises:

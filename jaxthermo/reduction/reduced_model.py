@@ -1,6 +1,7 @@
 """A reduced model: a few modes, their loads and the surface that they make."""
 
 import abc
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -217,6 +218,11 @@ class ReducedModel(ModelFields):
         times: tuple[float, ...],
     ) -> StoredSolution:
         """Run with the amplitudes of all inputs at knots, linear in between."""
+        scene_amplitudes = [self._own(n, knots) for n in range(len(self.inputs))]
+        if any(
+            map(np.any, amplitudes.T - np.reshape(scene_amplitudes, (-1, len(knots))))
+        ):
+            self._warn_of_snapshots()
         function = self._function(knots, times)
         with precision(self.dtype):
             surface, saved = _evaluate(
@@ -225,6 +231,17 @@ class ReducedModel(ModelFields):
                 np.array(times, self.dtype),
             )
         return StoredSolution(saved, surface, self.surfaces)
+
+    def _warn_of_snapshots(self) -> None:
+        if self.about.method == "pod":
+            kelvin = max(self.about.estimate_kelvin)
+            warnings.warn(
+                "reduced model: it was made from snapshots of its scene's own run "
+                f"(method='pod'), so that its stated error of {kelvin:.2g} K does not "
+                "hold for other loads, which may be off by much more: reduce() the "
+                "scene with method='krylov', or with these loads",
+                stacklevel=4,
+            )
 
     def as_function(
         self,
@@ -241,6 +258,7 @@ class ReducedModel(ModelFields):
                 [s]; those of the scene, as in `knots`, if None.
             times: save times [s]; those of the model if None.
         """
+        self._warn_of_snapshots()
         function = self._function(knots, times)
         # A plain function, since jax.jit takes no module.
         return lambda amplitudes: function(amplitudes)

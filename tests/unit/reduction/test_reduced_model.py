@@ -117,6 +117,20 @@ def test_the_error_falls_with_the_size_and_is_known(scene, complete_model, metho
     assert errors[1] < errors[0] / 4 and errors[2] < errors[1] / 4
 
 
+def test_snapshots_warn_of_loads_that_they_have_not_seen(scene, complete_model):
+    model = jt.reduce(scene, 60.0, SAVES, size=6, method="pod")
+    assert kelvin(model()) == pytest.approx(kelvin(model))
+    name = model.inputs[0].name
+    loads = {name: jt.Until(3 * np.abs(model.amplitudes[:, 0]).max(), SAVES[0])}
+    with pytest.warns(UserWarning, match="method='pod'.*not hold for other loads"):
+        off = kelvin(model(loads))
+    # Their error exceeds the stated one.
+    error = rms(off - kelvin(complete_model(loads))).max()
+    assert error > max(model.about.estimate_kelvin)
+    with pytest.warns(UserWarning, match="method='pod'"):
+        model.as_function()
+
+
 def test_the_residual_bounds_the_error_of_the_volume(scene, complete_model):
     exact = complete_model.offline
     for size in (2, 3, 5):
