@@ -22,7 +22,7 @@ Tilted sides have, with c the vertical component of the normal, a mean of these 
     Nu = c^32 Nu_down + (1 - c^32) Nu_upright      warm side down
 
 with g sqrt(1 - c^2) in place of g in the upright number: the air flows along the plate.
-Both are within 5 % of the largest of the three numbers with the components of g along
+Both are within 8 % of the largest of the three numbers with the components of g along
 and across the plate (Raithby and Hollands 1998, Handbook of Heat Transfer, 4.3), and
 differ from these by having no bend over the tilt.
 
