@@ -206,12 +206,15 @@ class _Jacobian(Module):
     diagonal: State
     """(C / g + s) / d [W/K]."""
     contacts: tuple[ContactLinks, ...]
+    temperature_slopes: tuple[Float[Array, "..."] | None, ...]
+    """dT / du of every body with contacts; None for 1."""
     time: Float[Array, ""]
 
     @property
     def is_symmetric(self) -> bool:
         """True for conjugate gradients."""
-        return all(network.is_symmetric for network in self.networks)
+        varies = any(slope is not None for slope in self.temperature_slopes)
+        return not varies and all(network.is_symmetric for network in self.networks)
 
     def mv(self, u: State) -> State:
         """Return A u [W]."""
@@ -221,14 +224,19 @@ class _Jacobian(Module):
         ]
         # References are 0, since u is a difference of temperatures.
         zero = jnp.zeros((), u[0].dtype)
+        theta = self._temperatures(u)
         for contact in self.contacts:
-            first, second = pair_values(contact, u)
+            first, second = pair_values(contact, theta)
             flow = contact.heat_rate(self.time, (first, second), (zero, zero))
             for side, sign in ((0, 1), (1, -1)):
                 body = contact.bodies[side]
                 address = contact.address[side]
                 image[body] = image[body].at[address].add(sign * flow)
         return tuple(image)
+
+    def _temperatures(self, u: State) -> State:
+        slopes = zip(u, self.temperature_slopes, strict=True)
+        return tuple(v if slope is None else slope * v for v, slope in slopes)
 
     def magnitude(self, u: State) -> State:
         """Return |A| |u|, to which the rounding of A u is relative [W]."""
@@ -240,7 +248,7 @@ class _Jacobian(Module):
         ]
         for contact in self.contacts:
             pair_sum = pair_conductance(contact, self.time) * sum(
-                pair_values(contact, size)
+                pair_values(contact, self._temperatures(size))
             )
             for body, address in zip(contact.bodies, contact.address, strict=True):
                 image[body] = image[body].at[address].add(pair_sum)
@@ -336,7 +344,11 @@ def linearize(
     # Divided by d, the unknown is the potential, whose conduction is linear and
     # symmetric also where the conductivity of one material depends on temperature.
     operator = _Jacobian(
-        networks=conduction, diagonal=diagonal, contacts=program.contacts, time=time
+        networks=conduction,
+        diagonal=diagonal,
+        contacts=program.contacts,
+        temperature_slopes=_temperature_slopes(program, states, potential),
+        time=time,
     )
     # Cycles know no links between bodies: contacts enter by their diagonal only [W/K].
     with_contacts = list(diagonal)
@@ -370,6 +382,24 @@ def linearize(
         capacity=capacity,
         nodes=context.nodes,
     )
+
+
+def _temperature_slopes(
+    program: Program, states: State, potential: tuple[Float[Array, "..."] | None, ...]
+) -> tuple[Float[Array, "..."] | None, ...]:
+    # Contacts act on temperatures, not on the potential.
+    touching = {body for contact in program.contacts for body in contact.bodies}
+    slopes = []
+    for n, (body, state) in enumerate(zip(program.bodies, states, strict=True)):
+        slope = potential[n]
+        if n not in touching or not body.network.conductivity_varies or slope is None:
+            slopes.append(None)
+            continue
+        _, per_state = jax.jvp(
+            body.network.temperature, (state,), (jnp.ones_like(state),)
+        )
+        slopes.append(per_state * inverse(slope))
+    return tuple(slopes)
 
 
 def masked_to_nodes(

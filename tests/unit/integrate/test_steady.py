@@ -382,3 +382,32 @@ def test_it_makes_a_picture():
     is_body = np.asarray(image.object_id) == 0
     assert is_body.any()
     np.testing.assert_allclose(np.asarray(image.temperature)[is_body], 290.0, atol=1e-2)
+
+
+@pytest.mark.slow
+def test_derivatives_through_a_contact_of_bodies_whose_conductivity_varies():
+    def mean(values):
+        k, h = values
+        bodies = [
+            _body(
+                t,
+                jt.Material(
+                    Property([250.0, 450.0], jnp.stack([a * k, 3 * k])), 2000.0, 500.0
+                ),
+                x,
+                shape=(2, 2, 2),
+            )
+            for t, a, x in ((400.0, 1.0, 0.0), (300.0, 2.0, 2 * PITCH))
+        ]
+        hot = jt.FixedTemperature(400.0, on=jt.Side((-1.0, 0.0, 0.0), body=0))
+        terms = (jt.Contact(2000.0), hot, jt.Convection(h, 290.0))
+        scene = jt.Scene(tuple(bodies), terms, dtype="float64")
+        return jt.steady(scene, tolerance=1e-10).surface_temperature.mean()
+
+    start = jnp.array([1.0, 20.0])
+    value = jax.jit(mean)
+    numeric = [
+        (value(start + step) - value(start - step)) / (2 * step.sum())
+        for step in jnp.diag(1e-4 * start)
+    ]
+    np.testing.assert_allclose(jax.jit(jax.grad(mean))(start), numeric, rtol=1e-6)
