@@ -17,6 +17,7 @@ nodes linked to it, and of the equilibrium with what acts on its node's surface
 """
 
 import abc
+from functools import partial
 from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
@@ -74,17 +75,26 @@ class Range(NamedTuple):
         )
 
 
+@partial(jax.custom_jvp, nondiff_argnums=(2,))
 def _largest_of(
     values: Float[Array, " r"], group: Int[Array, " r"], count: int
 ) -> Float[Array, " m"]:
     """Largest value of each group; minus infinity for none."""
-    # A maximum by group has no derivative: the first value that attains it has.
-    constant = jax.lax.stop_gradient(values)
-    largest = jax.ops.segment_max(constant, group, count)
+    return jax.ops.segment_max(values, group, count)
+
+
+@_largest_of.defjvp
+def _along_largest(count, primals, tangents):
+    # JAX has no derivative of a maximum by group: it is that of the last value that
+    # attains the maximum.
+    values, group = primals
+    along_values, _ = tangents
+    largest = _largest_of(values, group, count)
     entry = jnp.arange(len(values), dtype=group.dtype)
-    entry = jnp.where(constant >= taken(largest, group), entry, -1)
+    entry = jnp.where(values >= taken(largest, group), entry, -1)
     entry = jax.ops.segment_max(entry, group, count)
-    return jnp.where(entry >= 0, taken(values, jnp.maximum(entry, 0)), -jnp.inf)
+    along = taken(along_values, jnp.maximum(entry, 0))
+    return largest, jnp.where(entry >= 0, along, 0)
 
 
 class SurfaceState(NamedTuple):
@@ -302,9 +312,12 @@ def _limited(
 ) -> Float[Array, " s"]:
     """Temperatures of fragments within the range of what surrounds them [K]."""
     assert acting.equilibrium is not None
-    for excess in (acting.equilibrium, acting.excess):
-        reached = reached.including_groups(below + excess, index)
-    return jnp.clip(values, taken(reached.lowest, index), taken(reached.highest, index))
+    lowest = jnp.minimum(acting.equilibrium, acting.excess)
+    highest = jnp.maximum(acting.equilibrium, acting.excess)
+    count = len(reached.lowest)
+    low = jnp.minimum(reached.lowest, -_largest_of(-below - lowest, index, count))
+    high = jnp.maximum(reached.highest, _largest_of(below + highest, index, count))
+    return jnp.clip(values, taken(low, index), taken(high, index))
 
 
 class AbstractSurfaceMap(Module):
