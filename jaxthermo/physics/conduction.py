@@ -452,6 +452,6 @@ _MIN_NEAREST_FRACTION = 0.5
 
 def _nearest_volume(structure: AbstractStructure) -> Float[np.ndarray, " n"]:
     """Volume of all solid voxels nearest to each node [m^3], for `nearest_capacity`."""
-    everything = np.ones(structure.grid.solid_count, bool)
+    everything = np.ones(structure.grid.solid_count)
     minimum = _MIN_NEAREST_FRACTION * structure.nodes().volume
     return np.maximum(volume_within(structure, everything), minimum)

@@ -257,7 +257,7 @@ FAR = "{region: {lower: [1, 1, 1], upper: [2, 2, 2]}}"
         (f"terms.1={{kind: heat_flux, heat_flux: 9, on: {FAR}}}",
          ("no surface of body 0", "check its corners")),
         (f"terms.1={{kind: heat_source, heat_rate_density: 9, within: {FAR}}}",
-         ("no voxel of body 0", "corners are metres")),
+         ("no part of body 0", "corners are metres")),
         ("terms=[{kind: fixed_temperature, temperature: 300}, {kind: fixed_temperature,"
          " temperature: 310, on: {side: {normal: [1, 0, 0]}}}]",
          ("terms[0] and terms[1]", "body 0", "keep their `on` apart")),

@@ -21,7 +21,7 @@ from equinox import Module
 from jaxtyping import Bool, Float
 from typing_extensions import override
 
-from ...arrays import Time, typed_array
+from ...arrays import HostTime, Time, typed_array
 from ...constants import SOLAR_TEMPERATURE, STEFAN_BOLTZMANN
 from ...voxels.selection import AbstractSelection
 from ..flux_law import AbstractFluxLaw, PerCell
@@ -225,7 +225,7 @@ class SceneRadiation(Module):
     """Start of each snapshot [s]."""
     snapshots: tuple[SurfaceRadiation, ...]
 
-    def at(self, time: Time | float) -> SurfaceRadiation:
+    def at(self, time: Time | HostTime | float) -> SurfaceRadiation:
         """The snapshot at a time [s], which must not be traced if there are several."""
         if len(self.snapshots) == 1:
             return self.snapshots[0]

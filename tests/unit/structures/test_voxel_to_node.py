@@ -48,7 +48,7 @@ def test_every_voxel_goes_to_a_node(grid, name):
     assert set(owner) == set(range(structure.node_count))
     np.testing.assert_array_equal(owner[node >= 0], node[node >= 0])
     assert (node < 0).any() == (name in ("shell", "multi"))
-    volume = volume_within(structure, np.ones(grid.solid_count, bool))
+    volume = volume_within(structure, np.ones(grid.solid_count))
     body = grid.solid_count * grid.voxel_volume
     assert volume.sum() == pytest.approx(body, rel=1e-13)
     if name not in ("shell", "multi", "irregular"):
