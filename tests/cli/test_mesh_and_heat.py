@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from cli_runs import succeed
 
+import jaxthermo as jt
+
 
 SCENES = Path(__file__).parents[1] / "data" / "mesh_and_heat"
 
@@ -77,3 +79,22 @@ def test_a_body_turns_as_its_angles_say(out):
     energy = json.loads((out / "summary.json").read_text())["energy"]
     expected = 1000 * 0.01 * 4 / np.pi * 60
     assert energy["sun_J"] == pytest.approx([expected], rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("start", [300.0, 350.0, 400.0])
+def test_a_rod_whose_conductivity_peaks_is_steady_from_every_start(start):
+    # By the integral of k the middle is at 321.63 K; a probe there reads between nodes.
+    rod = jt.voxelize(jt.shapes.box((0.1, 0.01, 0.01)), 0.005)
+    conductivity = jt.Property([310.0, 320.0, 330.0], [1.0, 20.0, 1.0])
+    material = jt.Material(conductivity, density=2000.0, specific_heat=500.0)
+    ends = (
+        jt.FixedTemperature(300.0, on=jt.Side((-1.0, 0.0, 0.0))),
+        jt.FixedTemperature(400.0, on=jt.Side((1.0, 0.0, 0.0))),
+    )
+    body = jt.Body(jt.FullVolume(rod), material, temperature=start)
+    probes = {"low": (-0.0025, 0.0, 0.0), "high": (0.0025, 0.0, 0.0)}
+    scene = jt.Scene((body,), ends, dtype="float64", probes=probes)
+    temperatures = jt.steady(scene).probe_temperature
+    assert temperatures is not None
+    assert float(temperatures.mean()) == pytest.approx(321.63, abs=0.01)
