@@ -262,12 +262,12 @@ class Wind(AbstractSurfaceTerm):
         ranges = [Note(body, partial(_validity_lines, self.average), reached)]
         if flow.numbers:
             # A plate or a sphere is one group.
-            per_length = reached.max() / groups.diameter[0]
+            per_length = reached.max() / float(groups.diameter[0])
             ranges = [
                 Note(
                     body,
                     partial(_range_lines, number.correlation),
-                    per_length * number.length,
+                    per_length * float(number.length),
                 )
                 for number in flow.numbers
             ]

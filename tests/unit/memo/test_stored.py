@@ -266,7 +266,12 @@ def test_a_scene_has_the_same_surface_with_and_without(folder, monkeypatch):
             terms=(
                 jt.Sun((-1.0, 0.0, -0.5), 800.0),
                 jt.PointSource((0.2, 0.0, 0.2), 20.0),
-                jt.Wind((3.0, 0.0, 0.0), 290.0, wake=jt.WakeDeficit()),
+                jt.Wind(
+                    (3.0, 0.0, 0.0),
+                    290.0,
+                    wake=jt.WakeDeficit(),
+                    body_shape="cylinder",
+                ),
                 jt.RadiativeExchange(280.0),
                 jt.Contact(2000.0),
             ),
