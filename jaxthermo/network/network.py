@@ -100,6 +100,16 @@ class AbstractNetwork(Module):
         """Rise of the state in `dt` [s] of conduction: dt / C * sum_j G (T_j - T)."""
         return dt * inverse(self.capacity()) * self.face_heat_rate(state)
 
+    def stepped_change(
+        self, change: Float[Array, "..."], start: "StepStart", dt: Float[Array, ""]
+    ) -> Float[Array, "..."]:
+        """Change after a step of the conduction that it adds to that of the start.
+
+        change + euler_rise(start + change, dt) - start.rise
+        """
+        # A change that is far smaller than the state is conducted without its rounding.
+        return self.euler_step(change, dt)
+
     def combined_step(
         self,
         change: Float[Array, "..."],
@@ -108,14 +118,13 @@ class AbstractNetwork(Module):
         combine: Callable[..., Float[Array, "..."]],
         *fields: Float[Array, "..."],
     ) -> Float[Array, "..."]:
-        """combine(stepped, start.rise, *fields), pointwise.
+        """combine(stepped_change(change, start, dt), start.rise, *fields), pointwise.
 
-        stepped + start.rise = change + euler_rise(start + change, dt). The fields are
-        states and numbers. Step and combination are one pass over the nodes, on several
-        devices too, and the result may overwrite the first field.
+        The fields are states and numbers. Step and combination are one pass over the
+        nodes, on several devices too, and the result may overwrite the first field.
         """
-        # A change that is far smaller than the state is conducted without its rounding.
-        return combine(self.euler_step(change, dt), start.rise, *fields)
+        stepped = self.stepped_change(change, start, dt)
+        return combine(stepped, start.rise, *fields)
 
     @abc.abstractmethod
     def diagonal(self) -> Float[Array, "..."]:

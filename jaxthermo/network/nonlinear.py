@@ -277,21 +277,15 @@ class NonlinearNetwork(AbstractDerivedNetwork):
         return self.base.heat_rate(potential)
 
     @override
-    def combined_step(
-        self,
-        change: Float[Array, "..."],
-        start: StepStart,
-        dt: Float[Array, ""],
-        combine: Callable[..., Float[Array, "..."]],
-        *fields: Float[Array, "..."],
+    def stepped_change(
+        self, change: Float[Array, "..."], start: StepStart, dt: Float[Array, ""]
     ) -> Float[Array, "..."]:
         def potential_rise(states):
             before, change = states
             return self.potential(before + change) - self.potential(before)
 
         rise = _materialized(potential_rise, start.state, change)
-        added = dt * inverse(self.capacity()) * self.base.heat_rate(rise)
-        return combine(change + added, start.rise, *fields)
+        return change + dt * inverse(self.capacity()) * self.base.heat_rate(rise)
 
     @override
     def moved(

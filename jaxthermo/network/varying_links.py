@@ -16,7 +16,6 @@ node it is near the linear network, with which it is preconditioned.
 """
 
 import itertools
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -305,17 +304,11 @@ class VaryingLinks(AbstractDerivedNetwork):
         return jnp.zeros_like(state).at[self.address].set(total)
 
     @override
-    def combined_step(
-        self,
-        change: Float[Array, "..."],
-        start: StepStart,
-        dt: Float[Array, ""],
-        combine: Callable[..., Float[Array, "..."]],
-        *fields: Float[Array, "..."],
+    def stepped_change(
+        self, change: Float[Array, "..."], start: StepStart, dt: Float[Array, ""]
     ) -> Float[Array, "..."]:
         # Both ends of a link round alike, so that no heat is lost.
-        rise = self.euler_rise(start.state + change, dt) - start.rise
-        return combine(change + rise, start.rise, *fields)
+        return change + (self.euler_rise(start.state + change, dt) - start.rise)
 
     def _inside(self, links: LinkHalves, number, theta, by_axis) -> Float[Array, " e"]:
         rise = links.project(
