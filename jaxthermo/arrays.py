@@ -143,6 +143,11 @@ def split_times(times: Any) -> SplitTimes:
     return np.stack([rounded, exact - rounded])
 
 
+def smooth_step(t: Any) -> Any:
+    """Smooth rise t^2 (3 - 2 t) from 0 at 0 to 1 at 1, with slopes of 0 there."""
+    return t * t * (3 - 2 * t)
+
+
 def linear_map(
     vectors: Float[np.ndarray, "*n 3"], matrix: Float[np.ndarray, "3 m"]
 ) -> Float[np.ndarray, "*n m"]:

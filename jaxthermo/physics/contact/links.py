@@ -19,7 +19,7 @@ from equinox import Module
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from ...arrays import Scalar, Time, TimeVarying, added, device_array
+from ...arrays import Scalar, Time, TimeVarying, added, device_array, smooth_step
 from ...errors import InputError
 from ...network.network import Address, inverse, precise_sum
 from ..term import AbstractPairTerm
@@ -64,7 +64,7 @@ def _gap_factor(gap: _Rows, gap_length: Scalar) -> _Rows:
     waviness. Gaps [m] are negative where the bodies overlap.
     """
     s = jnp.clip(gap / jnp.asarray(gap_length, gap.dtype), 0, 1)
-    return 1 - s * s * (3 - 2 * s)
+    return 1 - smooth_step(s)
 
 
 class _ContactEnd(NamedTuple):

@@ -12,7 +12,7 @@ and interpolated by the polynomial through them in 1 / (T_f + 600 K).
 """
 
 import functools
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -93,6 +93,12 @@ def film_argument(double_film: Float[Array, "*m"]) -> tuple[Array, Array]:
     x = (_MIDDLE - inverse) / _HALF
     slope = jnp.where(jnp.abs(x) < 1, inverse * inverse / (2 * _HALF), 0)
     return jnp.clip(x, -1, 1), slope
+
+
+def sampled_arguments(dtype: Any) -> Float[Array, " n"]:
+    """Arguments x of film temperatures over the whole range, for bounds."""
+    film = jnp.linspace(MIN_FILM_TEMPERATURE, MAX_FILM_TEMPERATURE, 17, dtype=dtype)
+    return film_argument(2 * film)[0]
 
 
 def horner(rows, x) -> tuple[Array, Array]:

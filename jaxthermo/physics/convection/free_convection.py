@@ -29,7 +29,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ...arrays import TimeVarying
+from ...arrays import TimeVarying, smooth_step
 from ...errors import InputError
 from ...voxels.body_shape import (
     BodyShape,
@@ -46,12 +46,11 @@ from ..surface import Binding, BodySurface, Note, Omitted, Surface
 from ..term import AbstractSurfaceTerm
 from ..time_varying import check_value, for_jit, largest, value_at
 from .air import (
-    MAX_FILM_TEMPERATURE,
-    MIN_FILM_TEMPERATURE,
     FilmDerivatives,
     film_argument,
     film_derivatives,
     horner,
+    sampled_arguments,
 )
 from .buoyancy import (
     CYLINDER,
@@ -126,10 +125,7 @@ class _FreeExchange(AbstractFilmLaw):
         # with the film temperature below 1. The difference is never exceeded.
         warmest = jnp.asarray(largest(self.temperature, end), hottest.dtype)
         apart = jnp.maximum(hottest, warmest) + REGULARIZATION
-        film = jnp.linspace(
-            MIN_FILM_TEMPERATURE, MAX_FILM_TEMPERATURE, 17, dtype=hottest.dtype
-        )
-        x, _ = film_argument(2 * film)
+        x = sampled_arguments(hottest.dtype)
         root_rows = jnp.asarray(self.root, hottest.dtype)
         rise_rows = jnp.asarray(self.rise, hottest.dtype)
         still = jnp.asarray(self.still, hottest.dtype).max(initial=0.0)
@@ -306,16 +302,17 @@ class FreeConvection(AbstractSurfaceTerm):
             line = f"a sphere with L = {_metres(diameter)}, its diameter (Churchill)"
             return _BodyLaw(SphereExchange, {"per_length": per_length}, line)
         cylinder_parts = parts_of(body.grid, self.cylinders, body.body)
-        parts = [
+        factors = [
             self._cylinder_factors(cylinder, up)
             for cylinder in cylinder_parts.cylinders
         ]
-        still, rising = np.array([(part.still, part.rising) for part in parts]).T
         fragment = cylinder_parts.fragment
+        still = np.array([factor.still for factor in factors])
+        rising = np.array([factor.rising for factor in factors])
         return _BodyLaw(
             _FreeExchange,
             {"still": still[fragment], "rising": rising[fragment]},
-            _cylinder_line(parts),
+            _cylinder_line(factors),
         )
 
     def _cylinder_factors(
@@ -325,7 +322,7 @@ class FreeConvection(AbstractSurfaceTerm):
         cosine = abs(float(cylinder.direction @ up))
         t = (cosine - _LYING_COSINE) / (_UPRIGHT_COSINE - _LYING_COSINE)
         t = min(max(t, 0.0), 1.0)
-        upright = t * t * (3 - 2 * t)
+        upright = smooth_step(t)
         height = self.length or cylinder.length
         if height is None and upright > 0:
             raise InputError(
@@ -377,10 +374,10 @@ def _plate_line(plate: Plate, up: Float[np.ndarray, "3"], length: float | None) 
     )
 
 
-def _cylinder_line(parts: list[_CylinderFactors]) -> str:
+def _cylinder_line(cylinders: list[_CylinderFactors]) -> str:
     names = []
     for word, is_upright in (("upright", True), ("lying", False)):
-        lengths = [part.length for part in parts if part.is_upright == is_upright]
+        lengths = [c.length for c in cylinders if c.is_upright == is_upright]
         if lengths:
             ends = dict.fromkeys([_metres(min(lengths)), _metres(max(lengths))])
             size = "height" if is_upright else "diameter"

@@ -42,16 +42,15 @@ import numpy as np
 from jaxtyping import Array, Float
 from typing_extensions import override
 
-from ...arrays import array_namespace, namespace
+from ...arrays import array_namespace, namespace, smooth_step
 from ...voxels.body_shape import Plate
 from ..flux_law import Forcing
 from ..time_varying import largest, value_at
 from .air import (
-    MAX_FILM_TEMPERATURE,
-    MIN_FILM_TEMPERATURE,
     film_argument,
     film_derivatives,
     horner,
+    sampled_arguments,
 )
 from .buoyancy import PLATE, REGULARIZATION, FilmFactors, sixth_root
 from .film import SAMPLING_MARGIN, AbstractFilmLaw, FilmState, film_range
@@ -133,10 +132,7 @@ class _AbstractShapeExchange(AbstractFilmLaw):
         # power below 1.
         warmest = jnp.asarray(largest(self.temperature, end), hottest.dtype)
         apart = jnp.maximum(hottest, warmest)
-        temperature = jnp.linspace(
-            MIN_FILM_TEMPERATURE, MAX_FILM_TEMPERATURE, 17, dtype=hottest.dtype
-        )
-        x, _ = film_argument(2 * temperature)
+        x = sampled_arguments(hottest.dtype)
         film = FilmFactors(
             *(horner(jnp.asarray(row, hottest.dtype), x)[0] for row in self.rows)
         )
@@ -293,7 +289,7 @@ def _sides(film: FilmFactors, regular: Any, lengths: _Lengths) -> _Sides:
     t = xp.clip(beyond, 0, 1)
     upright = lengths.still * film.root + lengths.along * film.rise * sixth
     return _Sides(
-        up=up + t * t * (3 - 2 * t) * (turbulent - up),
+        up=up + smooth_step(t) * (turbulent - up),
         down=down,
         upright=upright * upright,
     )

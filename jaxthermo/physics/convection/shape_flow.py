@@ -32,7 +32,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...arrays import is_traced
+from ...arrays import is_traced, smooth_step
 from ...geometry.vectors import unit_vector
 from ...voxels.body_shape import Plate, Sphere
 from ..flux_law import Values
@@ -64,12 +64,12 @@ def _turbulent(
     return 0.037 * developed**0.8 * jnp.cbrt(prandtl)
 
 
-def _laminar_part(reynolds: Float[Array, "*n"]) -> Float[Array, "*n"]:
+def _laminar_fraction(reynolds: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """Part of the laminar number, by that of the stream over the whole length."""
     return jnp.sqrt(_TRANSITION / jnp.maximum(reynolds, _TRANSITION))
 
 
-def _turbulent_part(reynolds: Float[Array, "*n"]) -> Float[Array, "*n"]:
+def _turbulent_fraction(reynolds: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """Part of the turbulent number, by that of the stream over the whole length."""
     return 1 - (_TRANSITION / jnp.maximum(reynolds, _TRANSITION)) ** 0.8
 
@@ -132,7 +132,7 @@ class MeanNumber(NamedTuple):
     """[m]"""
     weight: Float[np.ndarray, " s"]
     """Part that it has in the number of each fragment [-]."""
-    part: Callable[[Float[Array, "*n"]], Float[Array, "*n"]] = _whole
+    by_reynolds: Callable[[Float[Array, "*n"]], Float[Array, "*n"]] = _whole
     """Part that it has by the Reynolds number of the stream [-]."""
 
 
@@ -149,13 +149,15 @@ def mean_numbers(
         return (MeanNumber(_WHITAKER, shape.diameter, np.ones(len(normal))),)
     toward = float(shape.normal @ wind)
     t = min(abs(toward) / _FULL_ATTACK, 1.0)
-    across = t * t * (3 - 2 * t)
+    across = smooth_step(t)
     windward = (1 - np.sign(toward) * (normal @ shape.normal)) / 2
     along = float(shape.mean_length(wind))
     along_weight = np.full(len(normal), 1 - across)
     numbers = (
-        MeanNumber(_LAMINAR, along, weight=along_weight, part=_laminar_part),
-        MeanNumber(_TURBULENT, along, weight=along_weight, part=_turbulent_part),
+        MeanNumber(_LAMINAR, along, weight=along_weight, by_reynolds=_laminar_fraction),
+        MeanNumber(
+            _TURBULENT, along, weight=along_weight, by_reynolds=_turbulent_fraction
+        ),
         MeanNumber(_WINDWARD, length=shape.hydraulic_length, weight=across * windward),
         MeanNumber(_LEEWARD, length=shape.short_side, weight=across * (1 - windward)),
     )
@@ -186,13 +188,15 @@ def mean_coefficients(
             average=number.correlation,
             dtype=dtype,
         )
-        part = _part(number, speeds=speeds, air=air, ratio=speed_ratio, dtype=dtype)
-        by_fragment = part[:, groups.member] * number.weight.astype(dtype)[None]
+        by_group = _weight_by_reynolds(
+            number, speeds=speeds, air=air, ratio=speed_ratio, dtype=dtype
+        )
+        by_fragment = by_group[:, groups.member] * number.weight.astype(dtype)[None]
         total = total + by_fragment[:, None] * rows
     return total
 
 
-def _part(
+def _weight_by_reynolds(
     number: MeanNumber,
     speeds: Float[Values, " v"],
     air: Float[Values, ""],
@@ -206,8 +210,8 @@ def _part(
         ratios = ratios if ratios.ndim == 2 else ratios[None]
         local = jnp.asarray(speeds, dtype)[:, None] * ratios
         viscosity = kinematic_viscosity(jnp.asarray(air, dtype))
-        part = number.part(local * number.length / viscosity)
-        return part if is_traced(part) else np.asarray(part)
+        weight = number.by_reynolds(local * number.length / viscosity)
+        return weight if is_traced(weight) else np.asarray(weight)
 
 
 def described(

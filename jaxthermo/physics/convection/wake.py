@@ -36,7 +36,7 @@ import numpy as np
 from equinox import Module
 from jaxtyping import Array, Float, Int
 
-from ...arrays import Scalar, is_traced
+from ...arrays import Scalar, is_traced, smooth_step
 from ...errors import InputError
 from ..flux_law import Values
 from .air import kinematic_viscosity
@@ -256,7 +256,7 @@ class FittedWake(Module):
         behind = jnp.maximum(x, 0)
         deficit = 1 - mean_wake(jnp.exp(logs), behind, y)
         t = jnp.clip(1 + x / _ONSET, 0, 1)
-        return _above_zero(1 - t * t * (3 - 2 * t) * deficit)
+        return _above_zero(1 - smooth_step(t) * deficit)
 
 
 def fitted_notes(reynolds: Float[np.ndarray, " n"]) -> tuple[str, ...]:
