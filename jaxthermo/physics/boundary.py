@@ -21,7 +21,6 @@ from jaxtyping import Array, Float
 from typing_extensions import override
 
 from ..arrays import Time, TimeVarying, namespace
-from ..errors import InputError
 from ..voxels.selection import AbstractSelection
 from .flux_law import (
     AbstractFluxLaw,
@@ -35,6 +34,7 @@ from .term import AbstractSurfaceTerm, Scale
 from .time_varying import (
     Table,
     Until,
+    check_one_of,
     check_value,
     for_jit,
     is_zero,
@@ -245,12 +245,8 @@ class HeatFlux(AbstractSurfaceTerm):
     """Q [W], in place of the flux; a number or a function of time."""
 
     def __check_init__(self):
-        if (self.heat_flux is None) == (self.heat_rate is None):
-            raise InputError("HeatFlux: give either `heat_flux` or `heat_rate`")
-        if self.heat_flux is not None:
-            check_value(self.heat_flux, "HeatFlux(heat_flux [W/m^2])")
-        else:
-            check_value(self.heat_rate, "HeatFlux(heat_rate [W])")
+        values = {"heat_flux [W/m^2]": self.heat_flux, "heat_rate [W]": self.heat_rate}
+        check_one_of("HeatFlux", values)
 
     @property
     def _strength(self) -> Any:

@@ -14,7 +14,7 @@ from ..voxels.fractions import volume_fractions
 from ..voxels.selection import AbstractSpace
 from .surface import Omitted
 from .term import AbstractVolumeTerm
-from .time_varying import check_value, is_zero
+from .time_varying import check_one_of, is_zero
 
 
 if TYPE_CHECKING:
@@ -59,14 +59,11 @@ class HeatSource(AbstractVolumeTerm):
     """Q [W], in place of the density; a number or a function of time."""
 
     def __check_init__(self):
-        if (self.heat_rate_density is None) == (self.heat_rate is None):
-            raise InputError(
-                "HeatSource: give either `heat_rate_density` or `heat_rate`"
-            )
-        if self.heat_rate_density is not None:
-            check_value(self.heat_rate_density, "HeatSource(heat_rate_density [W/m^3])")
-        else:
-            check_value(self.heat_rate, "HeatSource(heat_rate [W])")
+        values = {
+            "heat_rate_density [W/m^3]": self.heat_rate_density,
+            "heat_rate [W]": self.heat_rate,
+        }
+        check_one_of("HeatSource", values)
         if self.within is not None and not isinstance(self.within, AbstractSpace):
             raise InputError(
                 f"HeatSource(within={self.within!r}): it heats the inside: give a "

@@ -213,6 +213,25 @@ def check_value(value: Any, argument: str, minimum: float = -np.inf) -> None:
         raise InputError(f"{argument}: got {numbers.tolist()}, which must be {need}")
 
 
+def check_one_of(owner: str, values: dict[str, Any], minimum: float = -np.inf) -> None:
+    """Refuse anything but one value that is not None, and check that one.
+
+    Args:
+        owner: name of the class that has the values.
+        values: each by its name and unit, such as "heat_rate [W]".
+        minimum: least value.
+
+    Raises:
+        InputError: if there is not exactly one, or it is no value.
+    """
+    stated = {label: value for label, value in values.items() if value is not None}
+    if len(stated) != 1:
+        names = " or ".join(f"`{label.partition(' ')[0]}`" for label in values)
+        raise InputError(f"{owner}: give either {names}")
+    for label, value in stated.items():
+        check_value(value, f"{owner}({label})", minimum)
+
+
 def check_temperature(
     value: Any, argument: str, end: float | int | None = None
 ) -> None:

@@ -24,7 +24,7 @@ from ...errors import InputError
 from ...geometry.vectors import row_dot, unit_vector
 from ...raster.views import view_frame
 from ...voxels.selection import AbstractSelection
-from ..time_varying import check_value, value_at
+from ..time_varying import check_one_of, check_value, value_at
 from .source import AbstractSource, Appearance, fixed_or_moving, seen
 from .source_motion import Triple
 from .visibility import lit_fraction_from_point
@@ -148,12 +148,12 @@ class AreaSource(AbstractSource):
             )
         if self.patches < 1:
             raise InputError(f"AreaSource(patches={self.patches}): give 1 or more")
-        if (self.radiance is None) == (self.temperature is None):
-            raise InputError("AreaSource: give either `radiance` or `temperature`")
-        if self.radiance is not None:
-            check_value(self.radiance, "AreaSource(radiance [W/(m^2 sr)])", 0.0)
-        else:
-            check_value(self.temperature, "AreaSource(temperature [K])", 0.0)
+        values = {
+            "radiance [W/(m^2 sr)]": self.radiance,
+            "temperature [K]": self.temperature,
+        }
+        check_one_of("AreaSource", values, 0.0)
+        if self.temperature is not None:
             _check_emissivity(self.emissivity)
 
     @property
