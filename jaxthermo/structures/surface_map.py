@@ -62,13 +62,11 @@ class Range(NamedTuple):
             highest=jnp.maximum(self.highest, values),
         )
 
-    def including_groups(
-        self, values: Float[Array, " r"], group: Int[Array, " r"]
-    ) -> "Range":
-        """The range that contains the values of the group of each entry as well [K]."""
+    def including_groups(self, ranges: "Range", group: Int[Array, " r"]) -> "Range":
+        """The range that contains the ranges of the group of each entry as well [K]."""
         count = len(self.lowest)
-        low = -_largest_of(-values, group, count)
-        high = _largest_of(values, group, count)
+        low = -_largest_of(-ranges.lowest, group, count)
+        high = _largest_of(ranges.highest, group, count)
         return Range(
             lowest=jnp.minimum(self.lowest, low),
             highest=jnp.maximum(self.highest, high),
@@ -155,7 +153,7 @@ class Gradient(Module):
         if not len(self.list_node):
             return reached
         further = taken(theta, self.list_neighbour)
-        return reached.including_groups(further, self.list_node)
+        return reached.including_groups(Range(further, further), self.list_node)
 
     def _with_list(self, slopes, theta, nodes):
         neighbour = taken(theta, self.list_neighbour)
@@ -312,12 +310,10 @@ def _limited(
 ) -> Float[Array, " s"]:
     """Temperatures of fragments within the range of what surrounds them [K]."""
     assert acting.equilibrium is not None
-    lowest = jnp.minimum(acting.equilibrium, acting.excess)
-    highest = jnp.maximum(acting.equilibrium, acting.excess)
-    count = len(reached.lowest)
-    low = jnp.minimum(reached.lowest, -_largest_of(-below - lowest, index, count))
-    high = jnp.maximum(reached.highest, _largest_of(below + highest, index, count))
-    return jnp.clip(values, taken(low, index), taken(high, index))
+    surface = below + acting.excess
+    balanced = Range(surface, surface).including(below + acting.equilibrium)
+    reached = reached.including_groups(balanced, index)
+    return jnp.clip(values, taken(reached.lowest, index), taken(reached.highest, index))
 
 
 class AbstractSurfaceMap(Module):

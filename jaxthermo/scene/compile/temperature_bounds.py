@@ -181,11 +181,10 @@ def _imposed_heat(program: Program, end: float, sign: float) -> _ImposedHeat:
         network = body.network
         smallest = network.min_relative_capacity()
         capacity = network.capacity_at(body.address) * smallest
-        at_nodes = partial(_sums, body, fragments)
         for number, energy in energies.items():
-            rise = (at_nodes(energy) / capacity).max()
+            rise = (_sums(body, energy[fragments]) / capacity).max()
             rises.setdefault(number, []).append(rise)
-        rate = at_nodes(total) / capacity
+        rate = _sums(body, total[fragments]) / capacity
         if body.sources:
             by_node = added(jnp.zeros_like(network.diagonal()), body.address, rate)
             for source in body.sources:
@@ -208,12 +207,10 @@ def _imposed_heat(program: Program, end: float, sign: float) -> _ImposedHeat:
     )
 
 
-def _sums(
-    body: BodyProgram, fragments: slice, values: Float[Array, " s"]
-) -> Float[Array, " m"]:
+def _sums(body: BodyProgram, values: Float[Array, " s"]) -> Float[Array, " m"]:
     """Sums of the values of a body's fragments over each node with surface."""
     count = body.address[0].shape[0]
-    return jax.ops.segment_sum(values[fragments], body.node, count)
+    return jax.ops.segment_sum(values, body.node, count)
 
 
 def _over(heat: Float[Array, " s"], conductance: Float[Array, " s"]):
@@ -331,8 +328,7 @@ def _excess_of_nodes(
         end: time up to which values are known [s].
     """
     network = body.network
-    count = body.address[0].shape[0]
-    heat = jax.ops.segment_sum(flux, body.node, count)
+    heat = _sums(body, flux)
     inside = jnp.zeros((), heat.dtype)
     if body.sources:
         by_node = jnp.zeros_like(network.diagonal())
@@ -342,5 +338,5 @@ def _excess_of_nodes(
             by_node = added(by_node, source.address, strength * volume)
         heat = heat + taken(by_node, body.address)
         inside = by_node.at[body.address].set(0).max()
-    excess = _over(heat, jax.ops.segment_sum(conductance, body.node, count))
+    excess = _over(heat, _sums(body, conductance))
     return taken(jnp.where(inside > 0, jnp.inf, excess), body.node)
