@@ -45,10 +45,10 @@ def largest_difference(
     Raises:
         DisagreementError: if a difference is larger or NaN, or if shapes differ.
     """
-    (first, reference), *others = results.items()
+    (first, reference), *compared = results.items()
     expected = np.asarray(reference, float)
     largest = 0.0
-    for name, result in others:
+    for name, result in compared:
         values = np.asarray(result, float)
         if values.shape != expected.shape:
             raise DisagreementError(

@@ -1,5 +1,6 @@
 """`experiments run random-scenes`: what scenes drawn at random must keep."""
 
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple, cast
@@ -75,6 +76,7 @@ def run(folder: Path, cases: str | None = None) -> CasesResult:
 
     Scenes that the folder has from the same programs are not measured again.
     """
+    begin = time.perf_counter()
     numbers = _numbers(cases)
     sources = tuple(sorted(Path(__file__).parent.glob("*.py")))
     record = Record(folder, sources)
@@ -93,7 +95,7 @@ def run(folder: Path, cases: str | None = None) -> CasesResult:
             scenes.append(Scene(number, cast("SceneRow", row)))
             progress.advance()
     group = Group("Random scenes", judged(scenes))
-    return run_cases((group,), names=None, folder=folder, texts=_PAGE)
+    return run_cases((group,), names=None, folder=folder, texts=_PAGE, begin=begin)
 
 
 def _numbers(cases: str | None) -> list[int]:
@@ -125,8 +127,8 @@ def judged(scenes: list[Scene]) -> tuple[Case, ...]:
         ]
         missed = {number for number, *_ in losses}
         silent = {number for number, run, _ in losses if not run["warnings"]}
-        kept = _count(scenes, missed, _MAY_LOSE_HEAT)
-        yield Row("scenes that close", checks=(kept,))
+        closing = _count(scenes, missed, _MAY_LOSE_HEAT)
+        yield Row("scenes that close", checks=(closing,))
         yield Row(
             "others that say nothing", checks=(exactly("scenes", len(silent), 0),)
         )
@@ -203,9 +205,9 @@ def judged(scenes: list[Scene]) -> tuple[Case, ...]:
 
 def _count(scenes: list[Scene], missed: set[int], allowed: int) -> Check:
     """The number of scenes that keep a limit, which `allowed` of 300 may miss."""
-    kept = len(scenes) - len(missed)
+    within = len(scenes) - len(missed)
     lowest = len(scenes) - allowed * len(scenes) // SCENES
-    return Check("scenes", kept, lowest=lowest)
+    return Check("scenes", within, lowest=lowest)
 
 
 def _states_enough(row: SceneRow) -> bool:
