@@ -334,7 +334,8 @@ class FitConfig(Model):
     """Relative change of error or values in two steps that ends the fit."""
     max_steps: Annotated[Whole, Field(ge=1, le=10_000)] = 50
     huber: Annotated[Number, Field(gt=0)] | None = None
-    """Residual beyond which it counts linearly [root mean square at the start]."""
+    """Residual beyond which it counts linearly [standard deviations of the noise; of
+    references without noise, of the residuals at the start by their median]."""
     time_norm: Annotated[Number, Field(ge=2, le=16)] = 2.0
     """Exponent p of the mean of |error|^p over saved times: 2 for the mean square, more
     for the worst time."""

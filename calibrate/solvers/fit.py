@@ -4,6 +4,7 @@ The best point so far is never lost: Ctrl-C ends the fit there, and a process th
 killed continues from the last step that it finished, to the same result.
 """
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -69,6 +70,10 @@ class Fit:
 
 MAX_JUDGED = 200
 """Coordinates up to which the final Jacobian is kept, to judge the values by."""
+
+
+_NORMAL_SD_PER_MEDIAN = 1.4826
+"""Standard deviation of normal numbers over the median of their magnitudes."""
 
 
 class Fitting:
@@ -186,6 +191,9 @@ class Fitting:
         with precision(dtype.name):
             objective = self.objective
             replicate = partial(on_every_device, mesh)
+            if self.settings.huber is not None:
+                at_start, _ = self._evaluate(self.problem.start(), objective)
+                objective = replicate(self._robust(objective, at_start))
             start_losses = losses(
                 objective,
                 points=replicate(jnp.asarray(points, dtype)),
@@ -241,11 +249,19 @@ class Fitting:
                 "residuals: leave out parameters, or add cases or save times"
             )
         if self.settings.huber is not None:
-            # The knee is relative to the residuals of squares, hence the second run.
-            knee = self.settings.huber * jnp.sqrt((first * first).mean())
-            objective = eqx.tree_at(lambda o: o.knee, objective, knee)
+            objective = self._robust(objective, first)
             first, diagnostics = self._evaluate(z, objective)
         return _Beginning(objective, residual=first, diagnostics=diagnostics)
+
+    def _robust(self, objective: Objective, residual: Array) -> Objective:
+        """Objective with the robust loss, by the residuals of squares at the start."""
+        assert self.settings.huber is not None
+        # With another norm over times residuals have no unit of noise.
+        is_in_noise = self.problem.time_norm == 2
+        known_sd = self.problem.known_sd if is_in_noise else None
+        knee = self.settings.huber * noise_scale(residual, known_sd)
+        knee = jnp.asarray(knee, self.problem.dtype)
+        return eqx.tree_at(lambda o: o.knee, objective, knee)
 
     def _loop(
         self,
@@ -383,6 +399,24 @@ class _Beginning(NamedTuple):
     objective: Objective
     residual: Array
     diagnostics: RunDiagnostics
+
+
+def noise_scale(residual: Array, known_sd: float | None) -> float:
+    """Standard deviation that outliers do not move, for the knee of a robust loss.
+
+    The known one of the noise; without it 1.4826 times the median magnitude of the
+    finite residuals that are not 0, which is the standard deviation of normal ones.
+
+    Source: Huber, Robust Statistics (1981), section 5.1.
+    """
+    if known_sd is not None:
+        return known_sd
+    magnitudes = np.abs(np.asarray(residual, float))
+    # What is not compared has a residual of 0.
+    magnitudes = magnitudes[np.isfinite(magnitudes) & (magnitudes > 0)]
+    if not magnitudes.size:
+        return math.inf
+    return _NORMAL_SD_PER_MEDIAN * float(np.median(magnitudes))
 
 
 def _keep_finished(done: np.ndarray, old: Array, new: Array) -> Array:

@@ -11,7 +11,7 @@ import jaxthermo as jt
 from calibrate.config.schema import FitConfig
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.targets import SurfaceTarget
-from calibrate.solvers.fit import Fitting
+from calibrate.solvers.fit import Fitting, noise_scale
 from calibrate.solvers.progress import STAGNATION_LIMIT
 from calibrate.solvers.search import start_points
 from tests.calibrating import BETWEEN, TRUTH, WITHIN, twin
@@ -123,11 +123,26 @@ def test_outliers_weigh_less_by_a_robust_loss():
     spoiled[:, ::10] += 30.0
     object.__setattr__(target, "reference", jnp.asarray(spoiled))
     errors = {}
-    for name, huber in (("squares", None), ("robust", 0.05)):
+    for name, huber in (("squares", None), ("robust", 1.0)):
         fit = Fitting(problem, FitConfig(tolerance=1e-7, huber=huber)).run()
         fitted_values = _found(problem, fit)
         errors[name] = max(abs(fitted_values[n] / TRUTH[n] - 1) for n in TRUTH)
     assert errors["robust"] < 0.3 * errors["squares"]
+
+
+def test_the_knee_of_a_robust_loss_does_not_follow_outliers():
+    """A tenth of normal numbers is off by a million of their standard deviations."""
+    residual = np.random.default_rng(3).normal(0.0, 2.0, 10_000)
+    residual[::10] += 2e6
+    # The median of the magnitudes lies at 0.5 / 0.9 of the others: 0.764 deviations.
+    expected = 2.0 * 1.4826 * 0.7647
+    scale = noise_scale(jnp.asarray(residual), None)
+    assert scale == pytest.approx(expected, rel=0.03)
+    # What is not compared, or not finite, has no part in it.
+    padded = np.concatenate([residual, np.zeros(9000), [np.nan, np.inf]])
+    assert noise_scale(jnp.asarray(padded), None) == pytest.approx(scale)
+    assert noise_scale(jnp.asarray(residual), 0.05) == 0.05
+    assert noise_scale(jnp.zeros(4), None) == np.inf
 
 
 def test_more_parameters_than_residuals_are_refused():
