@@ -21,6 +21,8 @@ from jaxtyping import Array, Float
 from typing_extensions import override
 
 from ..arrays import Time, TimeVarying, namespace
+from ..voxels.fractions import selected_area
+from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection
 from .flux_law import (
     AbstractFluxLaw,
@@ -39,6 +41,7 @@ from .time_varying import (
     for_jit,
     is_zero,
     largest,
+    largest_size,
     smallest,
     value_at,
 )
@@ -58,14 +61,6 @@ def _is_number(value: Any) -> bool:
         return _is_number(value.value)
     time = jax.ShapeDtypeStruct((), jnp.result_type(float))
     return not eqx.filter_eval_shape(lambda t: value_at(value, t), time).shape
-
-
-def _largest_size(value: Any, end: float | int) -> Any:
-    """The largest |value| in [0, end] [s]."""
-    highest = largest(value, end)
-    lowest = smallest(value, end)
-    xp = namespace((highest, lowest))
-    return xp.maximum(abs(highest), abs(lowest)).max()
 
 
 class ImposedFlux(AbstractFluxLaw):
@@ -106,7 +101,7 @@ class ImposedFlux(AbstractFluxLaw):
 
     @override
     def max_flux(self, within: Forcing, end: float) -> float | Float[Array, ""]:
-        return _largest_size(self.heat_flux, end)
+        return largest_size(self.heat_flux, end)
 
     @override
     def curvature(self, within: Forcing, end: float) -> float | Float[Array, ""]:
@@ -263,11 +258,19 @@ class HeatFlux(AbstractSurfaceTerm):
         return surface.bind(law, covers)
 
     @override
-    def scale(self, material: Any, kelvin: float, end: float) -> Scale:
+    def scale(
+        self,
+        material: Any,
+        *,
+        kelvin: float,
+        end: float,
+        grids: tuple[VoxelGrid, ...],
+    ) -> Scale:
         # Cooling counts like heating: what matters is the gradient that it makes.
-        if self.heat_flux is None:
-            return Scale()
-        return Scale(heat_flux=abs(float(largest(self.heat_flux, end))))
+        strength = float(largest_size(self._strength, end))
+        if self.heat_flux is not None:
+            return Scale(heat_flux=strength)
+        return Scale(heat_flux=strength / selected_area(self.on, grids))
 
 
 def _shares_of_all(covers: Sequence[Cover | Omitted]) -> list[Cover | Omitted]:
@@ -321,7 +324,14 @@ class Convection(AbstractSurfaceTerm):
         return toward(self.temperature, end)
 
     @override
-    def scale(self, material: Any, kelvin: float, end: float) -> Scale:
+    def scale(
+        self,
+        material: Any,
+        *,
+        kelvin: float,
+        end: float,
+        grids: tuple[VoxelGrid, ...],
+    ) -> Scale:
         h = float(largest(self.heat_transfer_coefficient, end))
         return Scale(heat_transfer_coefficient=h)
 

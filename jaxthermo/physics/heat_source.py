@@ -10,11 +10,12 @@ from ..arrays import TimeVarying
 from ..errors import InputError
 from ..structures.partition.assignment import volume_within
 from ..structures.structure import AbstractStructure
-from ..voxels.fractions import volume_fractions
+from ..voxels.fractions import selected_volume, volume_fractions
+from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSpace
 from .surface import Omitted
-from .term import AbstractVolumeTerm
-from .time_varying import check_one_of, is_zero
+from .term import AbstractVolumeTerm, Scale
+from .time_varying import check_one_of, is_zero, largest_size
 
 
 if TYPE_CHECKING:
@@ -100,3 +101,18 @@ class HeatSource(AbstractVolumeTerm):
             heat_rate_density=self.heat_rate_density,
             heat_rate=self.heat_rate,
         )
+
+    @override
+    def scale(
+        self,
+        material: Any,
+        *,
+        kelvin: float,
+        end: float,
+        grids: tuple[VoxelGrid, ...],
+    ) -> Scale:
+        if self.heat_rate_density is not None:
+            size = float(largest_size(self.heat_rate_density, end))
+            return Scale(heat_rate_density=size)
+        size = float(largest_size(self.heat_rate, end))
+        return Scale(heat_rate_density=size / selected_volume(self.within, grids))

@@ -17,11 +17,14 @@ import abc
 import dataclasses
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
+import numpy as np
 from equinox import Module
+from jaxtyping import Bool, Float
 
+from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection
 from .flux_law import Forcing
-from .surface import Binding, Omitted, Surface
+from .surface import Binding, BodySurface, Omitted, Surface
 
 
 # Type checkers know a class variable by its name in the module alone.
@@ -43,6 +46,8 @@ class Scale(NamedTuple):
 
     heat_flux: float = 0.0
     """[W/m^2]"""
+    heat_rate_density: float = 0.0
+    """[W/m^3]"""
     heat_transfer_coefficient: float = 0.0
     """[W/(m^2 K)]"""
 
@@ -86,13 +91,21 @@ class AbstractTerm(Module):
         """
         return Forcing()
 
-    def scale(self, material: Any, kelvin: float, end: float) -> Scale:
+    def scale(
+        self,
+        material: Any,
+        *,
+        kelvin: float,
+        end: float,
+        grids: tuple[VoxelGrid, ...],
+    ) -> Scale:
         """Its size on a body, for dimensionless groups.
 
         Args:
             material: material of the body.
             kelvin: temperature of the body [K].
             end: end of the run [s].
+            grids: voxels of all bodies of the scene.
         """
         return Scale()
 
@@ -141,6 +154,16 @@ class AbstractSurfaceTerm(AbstractTerm):
     @abc.abstractmethod
     def bind(self, surface: Surface) -> tuple[Binding | Omitted, ...]:
         """Its laws on the surface of a scene, as `Surface.bind` makes them."""
+
+    def acting_fraction(
+        self, body: BodySurface
+    ) -> Float[np.ndarray, " s"] | Bool[np.ndarray, " s"] | float:
+        """Fraction of each fragment of a body that it acts on, where it acts."""
+        selection = getattr(self, "on", None)
+        # A temperature is prescribed on whole fragments.
+        if selection is None or self.is_dirichlet:
+            return 1.0
+        return body.selected_fraction(selection)
 
 
 class AbstractExchangeTerm(AbstractSurfaceTerm):

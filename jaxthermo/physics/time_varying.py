@@ -300,6 +300,14 @@ def smallest(value: Any, end: float | int) -> Any:
     return _sampled(value, end).min()
 
 
+def largest_size(value: Any, end: float | int) -> Any:
+    """The largest |value| in [0, end] [s]."""
+    highest = largest(value, end)
+    lowest = smallest(value, end)
+    xp = namespace((highest, lowest))
+    return xp.maximum(abs(highest), abs(lowest)).max()
+
+
 class Dose(NamedTuple):
     """Bounds of the positive part of a value that varies with time."""
 

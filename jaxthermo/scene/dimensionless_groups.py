@@ -5,7 +5,7 @@
 | biot | h L / k: h of air and radiation, L = V / A of the body |
 | fourier | alpha t / L^2 of the run |
 | voxels_across | L over the pitch |
-| heating | flux of the sources times L / k [K]: the load |
+| heating | flux of the sources, and L times a density, times L / k [K]: the load |
 
 With several bodies, the largest number counts, and the smallest `voxels_across`.
 """
@@ -40,8 +40,14 @@ def body_numbers(scene: Scene, body: Body, end: float) -> dict[str, float]:
     properties = material.at(kelvin)
     k = float(np.mean(np.asarray(properties.conductivity, float)))
     diffusivity = k / float(properties.volumetric_heat_capacity)
-    scales = [term.scale(material, kelvin, end) for term in scene.terms]
-    flux = sum((scale.heat_flux for scale in scales), 0.0)
+    grids = tuple(body.structure.grid for body in scene.bodies)
+    scales = [
+        term.scale(material, kelvin=kelvin, end=end, grids=grids)
+        for term in scene.terms
+    ]
+    flux = sum(
+        (scale.heat_flux + scale.heat_rate_density * length for scale in scales), 0.0
+    )
     coefficient = sum((scale.heat_transfer_coefficient for scale in scales), 0.0)
     return {
         "biot": float(coefficient * length / k),

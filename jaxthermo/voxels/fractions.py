@@ -4,10 +4,12 @@ The border of a part of space divides voxels. A voxel is a box here, which ends 
 surface where the surface cuts its link to an empty neighbour; a surface fragment is the
 projection of that box onto its plane, along the ray of the fragment or, where that is
 steep, along the normal. Volumes and areas within a box are then exact for bodies along
-the lattice, and within 1 % for balls and cylinders of ten voxels.
+the lattice, and within 1 % for balls and cylinders of ten voxels. Where voxels are
+whole, also at the surface, the fractions of all voxels have one factor with which their
+volume is that of the body, as its cut voxels have it.
 """
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -19,6 +21,7 @@ from ..memo.found import found
 from .grid import VoxelGrid
 from .selection import AbstractSelection, AbstractSpace, SurfaceSamples, spread_points
 from .surface import face_axes
+from .voxelize import voxelize
 
 
 # Voxels and fragments that are computed at once.
@@ -46,7 +49,11 @@ _MIN_SLOPE = 0.5
 
 
 def volume_fractions(space: AbstractSpace, grid: VoxelGrid) -> Float[np.ndarray, " v"]:
-    """Fraction of each solid voxel, in lattice order, that lies in a part of space."""
+    """Fraction of each solid voxel, in lattice order, that lies in a part of space.
+
+    Their sum is the volume of the body within it: fractions of a grid with the dominant
+    axis, whose voxels are whole, may exceed 1.
+    """
     return found(
         (grid,),
         _key("volume_fractions", space),
@@ -61,6 +68,20 @@ def _key(search: str, selection: AbstractSelection) -> Hashable:
 
 
 def _volume_fractions(space: AbstractSpace, grid: VoxelGrid) -> Float[np.ndarray, " v"]:
+    fraction = _fractions_of_boxes(space, grid)
+    # Bodies of another volume than their whole voxels have a surface within voxels. The
+    # factor is not at the border alone, which may be between two planes of voxels.
+    if grid.cut is None and grid.volume_ratio != 1 and fraction.any():
+        cut_grid = voxelize(grid.mesh, grid.pitch)
+        cut_fraction = _fractions_of_boxes(space, cut_grid)
+        share = np.average(cut_fraction, weights=cut_grid.solid_volumes)
+        fraction *= float(share) / fraction.mean()
+    return fraction
+
+
+def _fractions_of_boxes(
+    space: AbstractSpace, grid: VoxelGrid
+) -> Float[np.ndarray, " v"]:
     flat = np.flatnonzero(grid.solid)
     fraction = np.empty(len(flat))
     for start in range(0, len(flat), _VOXELS):
@@ -70,6 +91,36 @@ def _volume_fractions(space: AbstractSpace, grid: VoxelGrid) -> Float[np.ndarray
             grid.origin + boxes.low * grid.pitch, grid.origin + boxes.high * grid.pitch
         )
     return fraction
+
+
+def selected_area(
+    selection: AbstractSelection | None, grids: Sequence[VoxelGrid]
+) -> float:
+    """Area of the bodies of a scene that is selected [m^2]; of all for None."""
+    area = 0.0
+    for body, grid in enumerate(grids):
+        of_body = None if selection is None else selection.on_body(body)
+        if of_body is not None:
+            area += float((grid.fragment_area * area_fractions(of_body, grid)).sum())
+        elif selection is None:
+            area += float(grid.fragment_area.sum())
+    return area
+
+
+def selected_volume(space: AbstractSpace | None, grids: Sequence[VoxelGrid]) -> float:
+    """Volume of the bodies of a scene within a part of space [m^3]; all for None."""
+    volume = 0.0
+    for body, grid in enumerate(grids):
+        of_body = None if space is None else space.on_body(body)
+        if space is None:
+            volume += grid.body_volume
+        elif of_body is not None:
+            # Part of a space is a space.
+            assert isinstance(of_body, AbstractSpace)
+            weights = 1.0 if grid.solid_volumes is None else grid.solid_volumes
+            cells = float((volume_fractions(of_body, grid) * weights).sum())
+            volume += cells * grid.voxel_volume
+    return volume
 
 
 def area_fractions(

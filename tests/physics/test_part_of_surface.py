@@ -1,14 +1,17 @@
 """Terms on a part of the surface: both parts together are the whole."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 import jaxthermo as jt
+from jaxthermo.geometry.mesh import Mesh
 from jaxthermo.integrate.heat_rates import evaluate_rates
 from jaxthermo.scene.compile.compile import compile_scene
 from jaxthermo.scene.compile.program import Compiled
@@ -73,22 +76,60 @@ def body(x=0.0, kelvin=400.0, material=METAL, grid=GRID) -> jt.Body:
 
 
 def test_parts_have_surroundings_of_their_own():
-    """Black at 400 K: each part emits sigma A (T^4 - T_s^4)."""
+    """Black at 400 K: each part emits sigma A (T^4 - T_s^4).
+
+    The border is in the middle of a layer of voxels.
+    """
     black = jt.Material(1e6, density=2000.0, specific_heat=500.0, emissivity=1.0)
     terms = (jt.Surroundings(200.0, on=UPPER), jt.Surroundings(300.0, on=~UPPER))
     scene = jt.Scene((body(material=black),), terms, dtype="float64")
     acting = compile_scene(scene).program.fragment_terms
-    area = GRID.fragment_area
     zero = jnp.zeros(())
-    _, rates = acting.heat(zero, jnp.zeros(len(area)))
-    selected = UPPER.select(GRID.fragment_position, GRID.fragment_normal)
+    _, rates = acting.heat(zero, jnp.zeros(len(GRID.fragment_area)))
+    # The top, and the upper half of three sides.
+    upper = 0.03 * 0.04 + 0.025 * (0.04 + 2 * 0.03)
+    whole_area = 2 * (0.03 * 0.04 + 0.03 * 0.05 + 0.04 * 0.05)
     sigma = 5.670374419e-8
     exact = [
-        sigma * area[selected].sum() * (200.0**4 - 400.0**4),
-        sigma * area[~selected].sum() * (300.0**4 - 400.0**4),
+        sigma * upper * (200.0**4 - 400.0**4),
+        sigma * (whole_area - upper) * (300.0**4 - 400.0**4),
     ]
     assert acting.names == ("emission", "emission#2")
     assert_allclose(rates, exact, rtol=1e-6)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3])
+def test_stripes_narrower_than_a_voxel_may_border_on_each_other(turn):
+    mesh = jt.shapes.cylinder(0.02, 0.05)
+    turned = Rotation.from_euler("y", turn).apply(mesh.vertices)
+    grid = jt.voxelize(Mesh(turned, mesh.faces), 0.007)
+    edges = [-1.0, -0.006, -0.002, 0.003, 1.0]
+    stripes = [
+        jt.Region((-1.0, -1.0, low), (1.0, 1.0, high)) for low, high in pairwise(edges)
+    ]
+    terms = tuple(jt.Surroundings(250.0, on=stripe) for stripe in stripes)
+    compiled = compile_scene(jt.Scene((body(grid=grid),), terms, dtype="float64"))
+    everywhere = compile_scene(
+        jt.Scene((body(grid=grid),), (jt.Surroundings(250.0),), dtype="float64")
+    )
+    by_stripe = entries(compiled).values()
+    assert len(by_stripe) == len(terms)
+    assert sum(by_stripe) == pytest.approx(sum(entries(everywhere).values()), rel=0.01)
+
+
+def test_part_of_the_exchange_in_the_middle_of_a_voxel():
+    """What radiates to black surroundings alone emits eps sigma A (T^4 - T_s^4)."""
+    upper = jt.Region((-1.0, -1.0, 0.0), (1.0, 1.0, 1.0))
+    metal = jt.Material(1e6, density=2000.0, specific_heat=500.0, emissivity=0.8)
+    scene = jt.Scene(
+        (body(material=metal),),
+        (jt.RadiativeExchange(250.0, on=upper),),
+        dtype="float64",
+    )
+    (heat_rate,) = entries(compile_scene(scene)).values()
+    area = 0.03 * 0.04 + 0.05 * (0.03 + 0.04)
+    exact = 0.8 * 5.670374419e-8 * area * (250.0**4 - 400.0**4)
+    assert heat_rate == pytest.approx(exact, rel=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ import equinox as eqx
 from typing_extensions import override
 
 from ...arrays import TimeVarying
+from ...voxels.grid import VoxelGrid
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux
 from ..surface import Surface
@@ -69,7 +70,14 @@ class DiffuseSky(AbstractRadiativeTerm):
         )
 
     @override
-    def scale(self, material: Any, kelvin: float, end: float) -> Scale:
+    def scale(
+        self,
+        material: Any,
+        *,
+        kelvin: float,
+        end: float,
+        grids: tuple[VoxelGrid, ...],
+    ) -> Scale:
         strength = max(
             float(largest(e, end)) for e in (self.irradiance, self.reflected)
         )

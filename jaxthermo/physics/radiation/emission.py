@@ -16,12 +16,13 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from equinox import Module
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 from typing_extensions import override
 
 from ...arrays import TimeVarying, is_traced, namespace
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
+from ...voxels.grid import VoxelGrid
 from ...voxels.selection import AbstractSelection
 from ..boundary import Exchange, either, toward
 from ..flux_law import AbstractFluxLaw, Forcing
@@ -156,11 +157,6 @@ class AbstractSurroundings(AbstractRadiativeTerm):
     def forcing(self, end: float | int) -> Forcing:
         return either([toward(value, end) for value in self.values])
 
-    @override
-    def selected_fraction(self, body: BodySurface) -> Bool[np.ndarray, " s"]:
-        # A fragment has one emission: its centre decides.
-        return body.selected(self.on)
-
 
 class Surroundings(AbstractSurroundings):
     """Net emission to the surroundings.
@@ -243,6 +239,13 @@ class Surroundings(AbstractSurroundings):
         return [view.sky + view.ground] if self.ground is None else list(view)
 
     @override
-    def scale(self, material: Any, kelvin: float, end: float) -> Scale:
+    def scale(
+        self,
+        material: Any,
+        *,
+        kelvin: float,
+        end: float,
+        grids: tuple[VoxelGrid, ...],
+    ) -> Scale:
         slope = 4 * STEFAN_BOLTZMANN * kelvin**3
         return Scale(heat_transfer_coefficient=float(material.emissivity) * slope)

@@ -18,7 +18,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from equinox import Module
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from typing_extensions import override
 
 from ...arrays import HostTime, Time, typed_array
@@ -74,12 +74,6 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
         """Part of the surface that it irradiates; None for all."""
         return None
 
-    def selected_fraction(
-        self, body: BodySurface
-    ) -> Float[np.ndarray, " s"] | Bool[np.ndarray, " s"]:
-        """Fraction of each fragment of a body that it irradiates."""
-        return body.selected_fraction(self.on)
-
     @abc.abstractmethod
     def irradiation(self, surface: Surface) -> tuple[Irradiation, ...]:
         """Irradiation of all fragments, whatever other terms act there."""
@@ -125,7 +119,7 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
         absorbed = getattr(body, self.absorbed_by)
         if body.prune and is_zero(absorbed):
             return body.omitted(f"the surface has {self.absorbed_by} 0")
-        fraction = None if self.on is None else self.selected_fraction(body)
+        fraction = None if self.on is None else body.selected_fraction(self.on)
         exposed = body.exposed_of(None if fraction is None else fraction > 0)
         if isinstance(exposed, Omitted):
             return exposed
@@ -148,7 +142,7 @@ class AbstractRadiativeTerm(AbstractSurfaceTerm):
     ) -> Irradiation:
         """Irradiation of the bodies by their factors, where `on` selects surface."""
         selected = [
-            factor if self.on is None else factor * self.selected_fraction(body)
+            factor if self.on is None else factor * body.selected_fraction(self.on)
             for body, factor in zip(surface.bodies, factors, strict=True)
         ]
         return Irradiation(

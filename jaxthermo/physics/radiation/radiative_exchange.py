@@ -156,8 +156,10 @@ class RadiativeExchange(AbstractExchangeTerm, AbstractSurroundings):
         # Fragments in contact keep a trace of their area, so that no patch has area 0.
         areas = [np.maximum(b.area, 1e-6 * b.grid.fragment_area) for b in bodies]
         sampled = self._views(bodies, areas)
-        # A surface that is not selected reflects all that it receives.
-        grey = [b.emissivity * b.selected(self.on).astype(b.dtype) for b in bodies]
+        # What is not selected of a fragment reflects all that it receives.
+        grey = [
+            b.emissivity * b.selected_fraction(self.on).astype(b.dtype) for b in bodies
+        ]
         ground = self.ground
         upward = np.concatenate([b.normal[:, 2] for b in bodies])
         enclosure = _enclosure(

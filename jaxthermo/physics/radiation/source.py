@@ -25,6 +25,7 @@ from ...arrays import TimeVarying
 from ...constants import SOLAR_TEMPERATURE
 from ...errors import InputError
 from ...geometry.vectors import row_dot, unit_vector, unit_vectors
+from ...voxels.grid import VoxelGrid
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux
 from ..surface import BodySurface, Surface
@@ -273,7 +274,14 @@ class Sun(AbstractSource):
         return _distant_disc(step, -unit_vector(self.direction))
 
     @override
-    def scale(self, material: Any, kelvin: float, end: float) -> Scale:
+    def scale(
+        self,
+        material: Any,
+        *,
+        kelvin: float,
+        end: float,
+        grids: tuple[VoxelGrid, ...],
+    ) -> Scale:
         strength = float(largest(self.irradiance, end))
         return Scale(heat_flux=float(material.absorptivity) * strength)
 

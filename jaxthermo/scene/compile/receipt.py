@@ -4,9 +4,8 @@ from functools import reduce
 
 import numpy as np
 
-from ...physics.radiation.irradiation import AbstractRadiativeTerm
-from ...physics.surface import BodySurface, Omitted
-from ...physics.term import AbstractExchangeTerm, AbstractSurfaceTerm, AbstractTerm
+from ...physics.surface import Omitted
+from ...physics.term import AbstractExchangeTerm, AbstractSurfaceTerm
 from ...structures.structure import AbstractStructure
 from ..motion import Motion
 from ..scene import AbstractMaterials, Scene, mechanism_names
@@ -109,7 +108,10 @@ def _parts(
             masks = [by_body[bodies[0]] for n, by_body in acting if n == number]
             if masks:
                 is_reached = reduce(np.logical_or, masks)
-                fraction = _fraction(scene.terms[number], surface.bodies[bodies[0]])
+                term = scene.terms[number]
+                # No other term is bound to a surface.
+                assert isinstance(term, AbstractSurfaceTerm)
+                fraction = term.acting_fraction(surface.bodies[bodies[0]])
                 reached = float((area * fraction)[is_reached].sum())
         acting_parts.append(
             Part(
@@ -121,17 +123,6 @@ def _parts(
             )
         )
     return tuple(acting_parts)
-
-
-def _fraction(term: AbstractTerm, surface: BodySurface) -> np.ndarray | float:
-    """Fraction of each fragment that a term acts on, where it acts."""
-    selection = getattr(term, "on", None)
-    # Temperatures are prescribed on whole fragments.
-    if selection is None or getattr(term, "is_dirichlet", False):
-        return 1.0
-    if isinstance(term, AbstractRadiativeTerm):
-        return term.selected_fraction(surface)
-    return surface.selected_fraction(selection)
 
 
 def _omissions(

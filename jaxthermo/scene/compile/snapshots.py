@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from ...errors import InputError, located
 from ...geometry.mesh import Pose
@@ -40,6 +40,7 @@ from ...voxels.grid import VoxelGrid
 from ...voxels.selection import FragmentMask
 from ..scene import Scene
 from .bodies import PreparedBody, surface_property
+from .claims import claimed_fragments
 
 
 # Bindings with the number of their term in the scene.
@@ -368,8 +369,8 @@ def _bind_terms(terms: Sequence[AbstractTerm], surface: Surface) -> _BoundTerms:
     radiating: _NumberedBindings = ()
     if prescribed:
         # Other terms have no effect where a temperature is prescribed.
-        claimed = _claimed(
-            prescribed, surface=surface, verb="hold", how="at a temperature"
+        claimed = claimed_fragments(
+            prescribed, dirichlet, surface=surface, verb="hold", how="at a temperature"
         )
         free = _within(surface, claimed < 0)
         # But other surfaces receive radiation from there, which the balance needs.
@@ -397,7 +398,13 @@ def _bind_terms(terms: Sequence[AbstractTerm], surface: Surface) -> _BoundTerms:
         if terms[n].name == "emission"
     ]
     if len(emission) > 1:
-        _claimed(emission, surface=surface, verb="count the emission of", how="")
+        claimed_fragments(
+            emission,
+            surface_terms,
+            surface=surface,
+            verb="count the emission of",
+            how="",
+        )
     return _BoundTerms(
         surface=free,
         natural=natural,
@@ -455,27 +462,6 @@ def _bind_laws(
                 else:
                     bindings.append((n, result))
     return tuple(bindings), omitted
-
-
-def _claimed(
-    bindings: Sequence[tuple[int, Binding]], surface: Surface, verb: str, how: str
-) -> Int[np.ndarray, " s"]:
-    """Number of the term that each fragment belongs to, or -1.
-
-    Raises:
-        InputError: with these words, if two terms claim one fragment.
-    """
-    claimed = np.full(len(surface.body), -1)
-    for number, binding in bindings:
-        conflict = binding.acting & (claimed >= 0) & (claimed != number)
-        if conflict.any():
-            raise InputError(
-                f"terms[{claimed[conflict].max()}] and terms[{number}] both {verb} a "
-                f"piece of body {surface.body[conflict][0]}'s surface {how}".rstrip()
-                + ": keep their `on` apart"
-            )
-        claimed[binding.acting] = number
-    return claimed
 
 
 def _within(surface: Surface, is_within: Bool[np.ndarray, " s"]) -> Surface:

@@ -33,3 +33,29 @@ def test_radiation_counts_as_a_coefficient():
     )
     h = 0.5 * 4 * 5.670374419e-8 * 300.0**3
     assert scene_numbers(scene, 1.0)["biot"] == pytest.approx(h * 0.01 / 20.0)
+
+
+SIDE = jt.Side((1.0, 0.0, 0.0))
+HALF = jt.Region((-1.0, -1.0, -1.0), (0.03, 1.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("by_heat_rate", "by_density"),
+    [
+        (jt.HeatFlux(heat_rate=-1.8, on=SIDE), jt.HeatFlux(-500.0, on=SIDE)),
+        (jt.HeatFlux(heat_rate=10.8), jt.HeatFlux(500.0)),
+        (
+            jt.HeatSource(heat_rate=jt.Until(5.4, 2.0), within=HALF),
+            jt.HeatSource(heat_rate_density=5e4, within=HALF),
+        ),
+        (jt.HeatSource(heat_rate=10.8), jt.HeatSource(heat_rate_density=5e4)),
+    ],
+)
+def test_a_heat_rate_heats_as_its_flux_or_density(by_heat_rate, by_density):
+    """500 W/m^2, or 5e4 W/m^3 with V / A of 0.01 m."""
+    cube = jt.FullVolume(blocks(np.ones((6, 6, 6), bool), 0.01))
+    metal = jt.Material(20.0, density=8000.0, specific_heat=500.0)
+    body = jt.Body(cube, metal, temperature=300.0)
+    for term in (by_heat_rate, by_density):
+        actual = scene_numbers(jt.Scene((body,), (term,)), 100.0)
+        assert actual["heating"] == pytest.approx(500.0 * 0.01 / 20.0)

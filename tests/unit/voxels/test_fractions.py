@@ -75,9 +75,11 @@ def test_a_box_within_a_turned_body(name):
         rest = shapes.difference(
             mesh, shapes.box(tuple(upper - lower)).moved((lower + upper) / 2)
         )
-        grid = voxelize(mesh, rng.uniform(0.03, 0.05))
+        pitch = rng.uniform(0.03, 0.05)
         exact = mesh.volume - rest.volume
-        assert volume_within(region, grid) == pytest.approx(exact, rel=0.01)
+        for surface_cells in SURFACES:
+            grid = voxelize(mesh, pitch, surface_cells)
+            assert volume_within(region, grid) == pytest.approx(exact, rel=0.01)
         # What the box cuts off has the surface in it, and what is left the cut faces.
         centres = rest.triangles.mean(axis=1)
         on_cut = (np.abs(centres - lower) < 1e-6).any(1)
@@ -85,7 +87,7 @@ def test_a_box_within_a_turned_body(name):
         left = np.linalg.norm(rest.area_vectors, axis=1)[~on_cut].sum()
         exact = mesh.area - left
         for surface_cells in SURFACES:
-            grid = voxelize(mesh, grid.pitch, surface_cells)
+            grid = voxelize(mesh, pitch, surface_cells)
             area = area_within(region, grid)
             assert area == pytest.approx(exact, rel=0.01, abs=1e-6)
 
@@ -97,6 +99,30 @@ def test_a_box_along_the_lattice_is_exact(pitch):
     assert volume_within(region, grid) == pytest.approx(0.579 * 0.55 * 0.51, rel=1e-6)
     # Its bottom alone is surface of the body.
     assert area_within(region, grid) == pytest.approx(0.579 * 0.55, rel=5e-3)
+
+
+@pytest.mark.parametrize("pitch", [0.1, 0.087])
+def test_a_box_in_whole_voxels_is_exact(pitch):
+    """Also where it ends between two planes of voxels, so that it divides none."""
+    grid = voxelize(BODIES["box"], pitch, "dominant_axis")
+    for upper, exact in ((0.456, 0.579 * 0.55 * 0.51), (2.0, 0.623 * 0.55 * 0.51)):
+        region = Region((-0.123, -0.3, -0.7), (upper, 0.25, 0.21))
+        assert volume_within(region, grid) == pytest.approx(exact, rel=1e-6)
+    plane = float(grid.origin[0]) + 3 * pitch
+    front = Region((plane, -1.0, -1.0), (1.0, 1.0, 1.0))
+    exact = (0.5 - plane) * 0.8 * 0.6
+    assert volume_within(front, grid) == pytest.approx(exact, rel=1e-6)
+
+
+def test_the_whole_of_a_body_has_its_volume_in_whole_voxels():
+    mesh = turned(BODIES["cylinder"], np.random.default_rng(3))
+    grid = voxelize(mesh, 0.07, "dominant_axis")
+    around = Region((-2.0, -2.0, -2.0), (2.0, 2.0, 2.0))
+    for space in (Everything(), around):
+        assert_allclose(volume_fractions(space, grid), 1, rtol=1e-12)
+    half = Region((-2.0, -2.0, -2.0), (0.1, 2.0, 2.0))
+    both = volume_within(half, grid) + volume_within(~half, grid)
+    assert both == pytest.approx(mesh.volume, rel=1e-9)
 
 
 def test_a_region_smaller_than_a_voxel_has_its_volume():
