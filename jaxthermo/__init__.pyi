@@ -46,7 +46,10 @@ from .image.files.raster_files import (
 )
 from .image.files.surfaces import write_glb as write_glb, write_vtu as write_vtu
 from .image.files.thermogram_files import read_thermogram as read_thermogram
-from .image.radiance.atmosphere import Atmosphere as Atmosphere
+from .image.radiance.atmosphere import (
+    AirConstants as AirConstants,
+    Atmosphere as Atmosphere,
+)
 from .image.radiance.band import Band as Band
 from .image.radiance.directional import (
     AngularEmissivity as AngularEmissivity,

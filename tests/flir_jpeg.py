@@ -2,12 +2,13 @@
 
 import io
 import struct
+from typing import NamedTuple
 
 import numpy as np
 from PIL import Image
 
 
-# Offsets in the record of the camera's settings, little-endian float32 but for O.
+# Offsets in the record of the camera's settings, float32 but for O.
 SETTINGS = {
     "emissivity": 0x20,
     "distance": 0x24,
@@ -21,48 +22,72 @@ SETTINGS = {
     "f": 0x60,
     "o": 0x308,
     "r2": 0x30C,
+    "alpha1": 0x70,
+    "alpha2": 0x74,
+    "beta1": 0x78,
+    "beta2": 0x7C,
+    "x": 0x80,
 }
-_ENTRIES = 14
-"""Entries of the directory, most of them empty, as in real files."""
 _SEGMENT = 200
 """Bytes of data in one segment: several, as in real files."""
 
 
-def _raw_record(counts: np.ndarray, as_png: bool) -> bytes:
-    head = struct.pack("<HHH", 2, counts.shape[1], counts.shape[0]).ljust(32, b"\0")
-    if not as_png:
-        return head + counts.astype("<u2").tobytes()
-    # Cameras write the two bytes of a number in the other order.
-    swapped = counts.astype("<u2").byteswap()
+class FlirFormat(NamedTuple):
+    """How a camera writes its file."""
+
+    directory: str = ">"
+    """Byte order of the directory of records, as in `struct`."""
+    record: str = "<"
+    """Byte order of the records."""
+    entries: int = 14
+    """Entries of the directory, most of them empty, as in real files."""
+    png: str = ""
+    """`swapped`, as most cameras write counts as PNG, or `native`; no PNG if empty."""
+
+
+USUAL = FlirFormat()
+"""The form of most files."""
+
+
+def _raw_record(counts: np.ndarray, form: FlirFormat) -> bytes:
+    height, width = counts.shape
+    head = struct.pack(f"{form.record}HHH", 2, width, height).ljust(32, b"\0")
+    if not form.png:
+        return head + counts.astype(f"{form.record}u2").tobytes()
+    pixels = counts.astype(np.uint16)
     stream = io.BytesIO()
-    Image.fromarray(swapped.astype(np.uint16)).save(stream, "PNG")
+    stored = pixels.byteswap() if form.png == "swapped" else pixels
+    Image.fromarray(stored).save(stream, "PNG")
     return head + stream.getvalue()
 
 
-def _camera_record(settings: dict[str, float]) -> bytes:
+def _camera_record(settings: dict[str, float], form: FlirFormat) -> bytes:
     record = bytearray(0x400)
+    struct.pack_into(f"{form.record}H", record, 0, 2)
     for name, value in settings.items():
-        form, number = ("<i", int(value)) if name == "o" else ("<f", value)
-        struct.pack_into(form, record, SETTINGS[name], number)
+        number = int(value) if name == "o" else value
+        real = "i" if name == "o" else "f"
+        struct.pack_into(f"{form.record}{real}", record, SETTINGS[name], number)
     return bytes(record)
 
 
 def flir_jpeg(
-    counts: np.ndarray, settings: dict[str, float], as_png: bool = False
+    counts: np.ndarray, settings: dict[str, float], form: FlirFormat = USUAL
 ) -> bytes:
     """A JPEG with counts, and the settings and constants of a camera in kelvin."""
-    records = {0x01: _raw_record(counts, as_png), 0x20: _camera_record(settings)}
-    start = 64 + 32 * _ENTRIES
+    records = {0x20: _camera_record(settings, form), 0x01: _raw_record(counts, form)}
+    start = 64 + 32 * form.entries
     table = b""
     body = b""
     for record_type, data in records.items():
-        subtype = 3 if as_png and record_type == 0x01 else 1
-        table += struct.pack(">HHII", record_type, subtype, 100, 1)
-        table += struct.pack(">IIIII", start + len(body), len(data), 0, 0, 0)
+        subtype = 3 if form.png and record_type == 0x01 else 1
+        table += struct.pack(f"{form.directory}HHII", record_type, subtype, 100, 1)
+        offset = start + len(body)
+        table += struct.pack(f"{form.directory}IIIII", offset, len(data), 0, 0, 0)
         body += data
     head = b"FFF\0" + b"MTX IR".ljust(16, b"\0")
-    head += struct.pack(">III", 100, 64, _ENTRIES)
-    data = head.ljust(64, b"\0") + table.ljust(32 * _ENTRIES, b"\0") + body
+    head += struct.pack(f"{form.directory}III", 100, 64, form.entries)
+    data = head.ljust(64, b"\0") + table.ljust(32 * form.entries, b"\0") + body
     pieces = [data[at : at + _SEGMENT] for at in range(0, len(data), _SEGMENT)]
     segments = b"".join(
         b"\xff\xe1"

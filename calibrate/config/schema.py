@@ -213,7 +213,7 @@ class SimulatedFrames(FramesConfig):
 
 
 class FramesOfCase(Model):
-    """Frames of one case and one view, one file per saved time."""
+    """Frames of one case and one view, one file or page of a TIFF per saved time."""
 
     case: Name
     view: Annotated[Whole, Field(ge=0)] = 0

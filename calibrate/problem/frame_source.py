@@ -15,7 +15,7 @@ from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.config.types.model import build
 from jaxthermo.errors import InputError
 from jaxthermo.image.files.exr import read_channel, read_exr
-from jaxthermo.image.files.thermogram_files import read_thermogram
+from jaxthermo.image.files.thermogram_files import frame_count, read_thermogram
 from jaxthermo.image.pose.coverage import coverage
 from jaxthermo.image.radiance.band import apparent_temperature
 from jaxthermo.image.radiance.image import block_means
@@ -227,18 +227,22 @@ def _measured(
 def _read_frames(
     view: schema.FramesOfCase, settings: schema.MeasuredFrames
 ) -> np.ndarray:
-    rows = [_read_frame(path, settings) for path in view.files]
+    rows = [
+        _read_frame(path, settings, page)
+        for path in view.files
+        for page in range(frame_count(path))
+    ]
     # Frames of one view are stacked, and compared with one camera.
     if len({row.shape for row in rows}) > 1:
         raise InputError(f"{view.case}, view {view.view}: frames of several sizes")
     return np.stack(rows).astype(float)
 
 
-def _read_frame(path: Path, settings: schema.MeasuredFrames) -> np.ndarray:
+def _read_frame(path: Path, settings: schema.MeasuredFrames, page: int) -> np.ndarray:
     if path.suffix.lower() != ".exr":
         if settings.quantity == "radiance":
             raise InputError(f"{path}: radiance is read from EXR files alone")
-        return read_thermogram(path, settings.unit, build(settings.flir))
+        return read_thermogram(path, settings.unit, build(settings.flir), page=page)
     return read_channel(path, *_CHANNELS[settings.quantity])
 
 

@@ -35,6 +35,23 @@ class _SpecularReflectionConfig(
     """Phong's exponent, 5 for satin to 1000 for a polished surface [-]."""
 
 
+class _AirConstantsConfig(Model, builds="AirConstants"):
+    """Constants of a camera's law of air, which its radiometric files have."""
+
+    x: si.Number = 1.9
+    """Weight of the first exponential [-]."""
+    alpha1: si.Number = 0.006569
+    """Attenuation of dry air in the first exponential [m^-1/2]."""
+    alpha2: si.Number = 0.01262
+    """Attenuation of dry air in the second exponential [m^-1/2]."""
+    beta1: si.Number = -0.002276
+    """Attenuation by the square root of the water content, in the first exponential."""
+    beta2: si.Number = -0.00667
+    """Attenuation by the square root of the water content, in the second one."""
+    b: Annotated[si.Number, Field(gt=0)] = 1501.0
+    """Constant B of the counts that air mixes [K]."""
+
+
 class _AtmosphereConfig(Model, builds="Atmosphere", kind="atmosphere"):
     """Air that dims surfaces by their distance and adds its own radiation."""
 
@@ -42,6 +59,8 @@ class _AtmosphereConfig(Model, builds="Atmosphere", kind="atmosphere"):
     relative_humidity: si.Fraction = 0.5
     transmissivity: si.Fraction | None = None
     """Transmissivity of the whole path [-]; by default by FLIR's formula."""
+    constants: _AirConstantsConfig = _AirConstantsConfig()
+    """Constants of FLIR's formula."""
 
 
 class _BlurConfig(Model, builds="Blur", kind="blur"):

@@ -9,6 +9,7 @@ Counts of FLIR's cameras take the place of L_b: S = R1 / (R2 (exp(B / T) - F)) -
 are smooth, for numbers and arrays of numpy or JAX.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,8 +18,8 @@ import numpy as np
 
 from ...arrays import array_namespace, is_traced
 from ...errors import InputError
-from .atmosphere import transmissivity as air_transmissivity
-from .band import LONG_WAVE, Band, apparent_temperature, black_radiance
+from .atmosphere import LONG_WAVE_AIR, AirConstants, half_path_transmissivity
+from .band import LONG_WAVE, MIN_TEMPERATURE, Band, apparent_temperature, black_radiance
 
 
 def _array(value: Any) -> Any:
@@ -40,6 +41,25 @@ def _check_fraction(name: str, value: Any, above: bool = False) -> None:
     if not inside.all():
         lower_bound = "more than 0" if above else "0"
         raise InputError(f"{name}={value!r}: give {lower_bound} to 1")
+
+
+def _where_above(
+    least: float, values: Any, compute: Callable[[Any], Any], refusal: str
+) -> Any:
+    """Temperatures of the values above the least one; not a number for each other one.
+
+    Raises:
+        InputError: with the text `refusal` if none is above it.
+    """
+    if isinstance(values, jax.Array):
+        return compute(values)
+    numbers = np.asarray(values)
+    valid = numbers > least
+    if not valid.any():
+        raise InputError(refusal)
+    # Any valid number stands in for those that `compute` would refuse.
+    kelvin = compute(np.where(valid, numbers, numbers[valid].flat[0]))
+    return np.where(valid, kelvin, np.nan)[()]
 
 
 def measured_radiance(
@@ -87,11 +107,12 @@ def object_temperature(
 ) -> Any:
     """Temperature of an object of a measured radiance [K], the inverse of the above.
 
-    The arguments are those of `measured_radiance`.
+    The arguments are those of `measured_radiance`. Radiances that are less than what is
+    reflected and added on the way have no temperature: not a number.
 
     Raises:
-        InputError: for an emissivity or transmissivity that is not above 0, or for
-            radiances that are less than what is reflected and added on the way.
+        InputError: for an emissivity or transmissivity that is not above 0, or if no
+            radiance has a temperature.
     """
     _check_fraction("object_temperature: emissivity", emissivity, above=True)
     _check_fraction("object_temperature: transmissivity", transmissivity, above=True)
@@ -99,14 +120,20 @@ def object_temperature(
     air = _black_radiance(air_temperature, band)
     leaving = (_array(radiance) - (1 - transmissivity) * air) / transmissivity
     emitted = (leaving - (1 - emissivity) * around) / emissivity
-    if not isinstance(emitted, jax.Array) and not (emitted > 0).all():
-        raise InputError(
-            "object_temperature: some radiances are less than what the object reflects "
-            "and the air adds: check emissivity, reflected and air temperature"
-        )
-    if band is None or isinstance(emitted, jax.Array):
-        return apparent_temperature(emitted, band)
-    return band.temperature(emitted)
+
+    def kelvin(radiance: Any) -> Any:
+        if band is None or isinstance(radiance, jax.Array):
+            return apparent_temperature(radiance, band)
+        return band.temperature(radiance)
+
+    least = 0.0 if band is None else float(band.radiance(MIN_TEMPERATURE))
+    return _where_above(
+        least,
+        values=emitted,
+        compute=kelvin,
+        refusal="object_temperature: every radiance is less than what the object "
+        "reflects and the air adds: check emissivity, reflected and air temperature",
+    )
 
 
 @dataclass(frozen=True)
@@ -150,17 +177,23 @@ class FlirCalibration:
     def temperature(self, counts: Any) -> Any:
         """Temperature of a black surface with counts S [K].
 
+        Counts of -O and less, such as those of dead pixels, have none: not a number.
+
         Raises:
-            InputError: for counts of no temperature.
+            InputError: if no counts have a temperature.
         """
-        signal = _array(counts) + self.o
-        if not isinstance(signal, jax.Array) and not (signal > 0).all():
-            raise InputError(
-                f"FlirCalibration: counts of {-self.o:g} and less are no temperature: "
-                "check the offset O, or mask such pixels"
-            )
-        log = array_namespace(signal).log
-        return self.b / log(self.r1 / (self.r2 * signal) + self.f)
+
+        def kelvin(signal: Any) -> Any:
+            log = array_namespace(signal).log
+            return self.b / log(self.r1 / (self.r2 * signal) + self.f)
+
+        return _where_above(
+            0.0,
+            values=_array(counts) + self.o,
+            compute=kelvin,
+            refusal=f"FlirCalibration: counts of {-self.o:g} and less are no "
+            "temperature, and there are no others: check the offset O",
+        )
 
     def object_temperature(
         self,
@@ -172,12 +205,14 @@ class FlirCalibration:
         relative_humidity: Any = 0.5,
         window_transmissivity: Any = 1.0,
         window_temperature: Any = 293.15,
+        air_constants: AirConstants = LONG_WAVE_AIR,
     ) -> Any:
         """Temperature of an object behind air and a window [K].
 
         The window, which does not reflect, stands half way: S = tau^2 w [eps S(T) +
         (1 - eps) S(T_reflected)] and what both halves of the path and the window add,
-        with tau by FLIR's formula for half the distance.
+        with tau by FLIR's formula for half the distance. Pixels that are colder than
+        what is reflected and added on the way have no temperature: not a number.
 
         Args:
             counts: S.
@@ -188,21 +223,23 @@ class FlirCalibration:
             relative_humidity: of the air, 0 to 1.
             window_transmissivity: w; 1 without a window [-].
             window_temperature: of the window [K].
+            air_constants: of the camera.
 
         Raises:
-            InputError: for fractions that are not above 0, or counts of no temperature.
+            InputError: for fractions that are not above 0, or if no counts have a
+                temperature.
         """
         prefix = "FlirCalibration: "
         _check_fraction(f"{prefix}emissivity", emissivity, above=True)
         _check_fraction(f"{prefix}window_transmissivity", window_transmissivity, True)
         _check_fraction(f"{prefix}relative_humidity", relative_humidity)
         xp = array_namespace((distance, air_temperature, relative_humidity))
-        half = _array(distance) / 2
-        passed = air_transmissivity(
-            half,
+        passed = half_path_transmissivity(
+            _array(distance),
             temperature=_array(air_temperature),
             relative_humidity=relative_humidity,
             xp=xp,
+            constants=air_constants,
         )
         air, window, around = (
             self.counts(temperature)

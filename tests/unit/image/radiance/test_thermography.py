@@ -87,6 +87,48 @@ def test_counts_and_temperatures_are_inverse_and_smooth():
     assert float(slope) == pytest.approx((ends[0] - ends[1]) / 2e-1, rel=1e-6)
 
 
+def test_a_cold_pixel_costs_that_pixel():
+    counts = np.array([18109.0, 7340.0, np.nan, 0.0])
+    kelvin = FLIR.temperature(counts)
+    assert kelvin[0] - 273.15 == pytest.approx(23.624326, abs=1e-6)
+    assert np.isnan(kelvin[1:]).all()
+    behind_air = FLIR.object_temperature(counts, 0.9, 300.0, distance=10.0)
+    np.testing.assert_array_equal(np.isnan(behind_air), np.isnan(kelvin))
+    radiance = jt.measured_radiance(np.array([310.0, 320.0]), 0.5, 300.0)
+    radiance[1] = 1.0
+    found = jt.object_temperature(radiance, 0.5, 300.0)
+    assert found[0] == pytest.approx(310.0, abs=1e-9)
+    assert np.isnan(found[1])
+
+
+@pytest.mark.parametrize("distance", [2.0, 20.0, 100.0])
+def test_what_is_seen_through_air_is_corrected_for_the_same_air(distance):
+    """A surface of 350 K, drawn behind air and measured, is 350 K again."""
+    grid = jt.voxelize(jt.shapes.box((4.0, 4.0, 0.4)), pitch=0.4)
+    matter = jt.Material(1e3, 1e3, 1e3, emissivity=1.0)
+    body = jt.Body(jt.FullVolume(grid), matter, temperature=350.0)
+    solution = jt.simulate(jt.Scene((body,)), 0.0)
+    camera = jt.Camera(
+        (0.0, 0.0, distance + 0.2),
+        (0.0, 0.0, 0.2),
+        up=(0.0, 1.0, 0.0),
+        field_of_view=1 / distance,
+        width=3,
+        height=3,
+    )
+    other_flir = jt.FlirCalibration(b=1415.0)
+    other_air = jt.AirConstants(0.73, 1.2e-8, 1.1e-8, 0.0032, 0.0032, b=1415.0)
+    for flir, constants in ((FLIR, jt.AirConstants()), (other_flir, other_air)):
+        air = jt.Atmosphere(293.15, 0.5, constants=constants)
+        image = jt.render(solution, camera, effects=(air,))
+        seen = float(np.asarray(image.apparent_temperature)[1, 1])
+        assert seen < 349.9
+        corrected = flir.object_temperature(
+            flir.counts(seen), distance=distance, air_constants=constants
+        )
+        assert float(corrected) == pytest.approx(350.0, abs=5e-4)
+
+
 @pytest.mark.parametrize(
     "call",
     [
@@ -96,7 +138,7 @@ def test_counts_and_temperatures_are_inverse_and_smooth():
         lambda: jt.object_temperature(60.0, 0.5, transmissivity=0.0),
         # All that arrives would be reflected.
         lambda: jt.object_temperature(20.0, 0.5, 300.0),
-        lambda: FLIR.temperature(np.array([18109.0, 7340.0])),
+        lambda: FLIR.temperature(np.array([7339.0, 7340.0])),
         lambda: FLIR.object_temperature(18109.0, 1.5),
         lambda: FLIR.object_temperature(18109.0, relative_humidity=50.0),
         lambda: jt.FlirCalibration(b=-1501.0),
