@@ -8,6 +8,7 @@ from typing import Any
 from jaxthermo.archive import file_hash, text_hash
 from jaxthermo.config.loader import load_config, load_model, resolved
 from jaxthermo.config.schema.scene import SceneConfig
+from jaxthermo.temperatures import ALLOW_EXTREME
 
 from .schema import CalibrationConfig
 
@@ -42,7 +43,9 @@ def changed_config(
 
 def scene_config(config: CalibrationConfig, *changes: Mapping[str, Any]) -> SceneConfig:
     """Config of the scene with the changes of all cases, then those given, in order."""
-    return changed_config(config.scene, config.set, *changes)
+    # One option for both files.
+    allowed = {ALLOW_EXTREME: True} if config.allow_extreme_temperatures else {}
+    return changed_config(config.scene, allowed, config.set, *changes)
 
 
 def calibration_hash(config: CalibrationConfig) -> str:

@@ -15,6 +15,7 @@ from jaxthermo.config.types.quantities import (
     LENGTH,
     NUMBER,
     TEMPERATURE,
+    TEMPERATURE_DIFFERENCE,
     Flag,
     Fraction,
     NotEmpty,
@@ -27,6 +28,7 @@ from jaxthermo.config.types.quantities import (
     to_si,
 )
 from jaxthermo.errors import InputError
+from jaxthermo.temperatures import temperature_limits
 
 from .frame_names import is_of_camera, is_of_frames
 
@@ -39,12 +41,12 @@ _DEFAULT_BOUNDS: dict[str, tuple[float, float]] = {
     "non_orthogonal": (-1.0, 2.0),
     "emissivity": (0.0, 1.0),
     "absorptivity": (0.0, 1.0),
-    "temperature": (0.0, math.inf),
-    "reflected_temperature": (0.0, math.inf),
     "rotation": (-math.radians(10), math.radians(10)),
     "translation": (-0.1, 0.1),
 }
 """Bounds in SI by the last word of a parameter's name that is one of these."""
+
+_TEMPERATURES = ("temperature", "reflected_temperature")
 
 _FRAME_UNITS = {
     "reflected_temperature": TEMPERATURE,
@@ -61,6 +63,11 @@ def _unit(name: str) -> Unit | None:
     return _FRAME_UNITS[words[-1]] if words else None
 
 
+def is_temperature(name: str) -> bool:
+    """True for a parameter that is a temperature [K]."""
+    return _unit(name) is TEMPERATURE
+
+
 def unit_of(name: str) -> str:
     """SI unit of a parameter; empty for a factor."""
     unit = _unit(name)
@@ -75,6 +82,16 @@ def shown_unit_of(name: str) -> tuple[str, float]:
     return ("deg", math.radians(1)) if in_si == "rad" else ("mm", 1e-3)
 
 
+def deviation_in_si(value: Any, name: str) -> float:
+    """Convert a standard deviation of a parameter to SI: 2 degC of one are 2 K."""
+    if not is_temperature(name):
+        return value_in_si(value, name)
+    try:
+        return to_si(value, TEMPERATURE_DIFFERENCE)
+    except InputError as error:
+        raise ValueError(str(error)) from error
+
+
 def value_in_si(value: Any, name: str) -> float:
     """Convert a number of a config, such as 16 or "16 W/(m K)", to SI."""
     # A bound may be infinite, which `to_si` refuses for all other numbers.
@@ -86,12 +103,16 @@ def value_in_si(value: Any, name: str) -> float:
         raise ValueError(str(error)) from error
 
 
-def default_bounds(name: str, start: float) -> tuple[float, float]:
+def default_bounds(
+    name: str, start: float, allow_extreme_temperatures: bool = False
+) -> tuple[float, float]:
     """Bounds of a parameter whose config has none: by its name, or its sign."""
     # A positive start is taken for a quantity that cannot be negative.
     by_sign = (0.0, math.inf) if start > 0 else (-math.inf, math.inf)
-    words = [word for word in name.split(".") if word in _DEFAULT_BOUNDS]
-    return _DEFAULT_BOUNDS[words[-1]] if words else by_sign
+    limits = temperature_limits(allow_extreme_temperatures)
+    bounds = {**_DEFAULT_BOUNDS, **dict.fromkeys(_TEMPERATURES, tuple(limits))}
+    words = [word for word in name.split(".") if word in bounds]
+    return bounds[words[-1]] if words else by_sign
 
 
 # The scene's own schema checks them when a case is built.
@@ -354,6 +375,9 @@ class CalibrationConfig(Model):
     name: Name | None = None
     scene: FoundPath
     """Config file of the scene."""
+    allow_extreme_temperatures: Flag | None = None
+    """Accept temperatures below 150 K and above 6000 K here and in the scene: of
+    frames, starts, bounds and priors."""
     set: Changes = {}
     """Changes in every case."""
     train: Annotated[tuple[CaseConfig, ...], NotEmpty]

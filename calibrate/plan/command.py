@@ -17,7 +17,12 @@ from jaxthermo.archive import read_record, signed, text_hash
 from jaxthermo.atomic import replacing, write_json
 from jaxthermo.config.loader import config_hash, load_config, resolved, to_yaml
 from jaxthermo.config.schema.scene import SceneConfig
-from jaxthermo.config.types.quantities import NUMBER, Unit, to_si
+from jaxthermo.config.types.quantities import (
+    NUMBER,
+    TEMPERATURE_DIFFERENCE,
+    Unit,
+    to_si,
+)
 from jaxthermo.console.progress import terminal_progress
 from jaxthermo.console.results_folder import results_folder
 from jaxthermo.console.terminal import open_console, print_line
@@ -38,7 +43,6 @@ _NOTHING_MEETS_IT = 3
 
 _KIND = "plan"
 _VERSION = 1
-_KELVIN = Unit("K", "a temperature difference", "0.2 K")
 _TIME = Unit("s", "a time", "10 ms")
 _MEMORY = Unit("byte", "an amount of memory", "2 GB")
 _WIDTH = 96
@@ -66,7 +70,7 @@ def tolerance_of(
     fraction = _positive("--tolerance", percent, NUMBER)
     return Tolerance(
         percent=None if fraction is None else 100 * fraction,
-        kelvin=_positive("--kelvin", kelvin, _KELVIN),
+        kelvin=_positive("--kelvin", kelvin, TEMPERATURE_DIFFERENCE),
         run_time=_positive("--time-budget", run_time, _TIME),
         memory=_positive("--memory", memory, _MEMORY),
     )

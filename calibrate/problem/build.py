@@ -10,6 +10,7 @@ from jaxtyping import Float
 from jaxthermo.accuracy.surface_error import check_surfaces
 from jaxthermo.arrays import precision
 from jaxthermo.config.schema.scene import SceneConfig
+from jaxthermo.config.types.quantities import NUMBER, to_si
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.integrate.run.solution_file import StoredSolution, load_solution
@@ -31,6 +32,7 @@ from ..config.schema import (
     FramesConfig,
     ParameterConfig,
     default_bounds,
+    deviation_in_si,
     value_in_si,
 )
 from .aligned_cameras import align_cameras, started_at
@@ -303,7 +305,9 @@ def _build_parameters(config: CalibrationConfig, scene: Scene) -> ParameterSet:
 def _parameter(config: ParameterConfig, scene: Scene) -> Parameter:
     path, values = _path_and_start(config, scene)
     start = tuple(float(v) for v in np.atleast_1d(values))
-    lower, upper = default_bounds(config.name, start[0])
+    lower, upper = default_bounds(
+        config.name, start[0], scene.allow_extreme_temperatures
+    )
     if config.bounds is not None:
         lower, upper = (value_in_si(v, config.name) for v in config.bounds)
     prior = None if config.prior is None else _prior(config.prior, config.name)
@@ -360,7 +364,12 @@ def _frame_start(config: ParameterConfig) -> np.ndarray | np.generic:
 def _prior(config: schema.PriorConfig, name: str) -> Prior:
     return Prior(
         mean=value_in_si(config.mean, name),
-        sd=value_in_si(config.sd, name),
+        # The logarithm has no unit.
+        sd=(
+            to_si(config.sd, NUMBER)
+            if config.log_normal
+            else deviation_in_si(config.sd, name)
+        ),
         log_normal=config.log_normal,
     )
 

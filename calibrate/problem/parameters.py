@@ -22,10 +22,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from jaxthermo.config.types.quantities import extreme_mistake
 from jaxthermo.errors import InputError
 from jaxthermo.scene.scene import Scene, mechanism_names
 
 from ..config.frame_names import REFLECTED, is_of_camera, is_of_frames
+from ..config.schema import is_temperature
 from .bijections import Bijection, Values, bijection
 from .frame_values import AS_GIVEN, FrameValues, poses_at
 
@@ -187,6 +189,21 @@ class Parameter:
         # The dataclass is frozen.
         object.__setattr__(self, "bijection", chosen_bijection)
 
+    def check_temperatures(self) -> None:
+        """Refuse extreme temperatures of a start, a finite bound or a prior.
+
+        Raises:
+            InputError: naming the number and a remedy.
+        """
+        numbers = [("start", value) for value in self.start]
+        numbers += [("bounds", bound) for bound in (self.lower, self.upper)]
+        if self.prior is not None:
+            numbers.append(("prior: mean", self.prior.mean))
+        for key, kelvin in numbers:
+            mistake = extreme_mistake(kelvin) if math.isfinite(kelvin) else ""
+            if mistake:
+                raise InputError(f"parameter {self.name}: {key}: {mistake}")
+
     @property
     def size(self) -> int:
         """Number of coordinates."""
@@ -246,10 +263,20 @@ class ParameterSet:
         return any(map(is_of_camera, self.paths))
 
     def check(self, scene: Scene) -> None:
-        """Raise an InputError unless every path exists in the scene, or in frames."""
+        """Check paths, and temperatures as the scene checks its own.
+
+        Raises:
+            InputError: for a path that neither the scene nor its frames have, or for
+                an extreme temperature of a start, bound or prior.
+        """
         for name in self.paths:
             if not is_of_frames(name):
                 find_path(scene, name)
+        if scene.allow_extreme_temperatures:
+            return
+        for parameter in self.parameters:
+            if is_temperature(parameter.name):
+                parameter.check_temperatures()
 
     def values(self, z: Coordinates) -> dict[str, Values]:
         """Values by parameter name."""

@@ -11,13 +11,13 @@ from pydantic import ValidationError
 
 from ..archive import file_hash, text_hash
 from ..errors import InputError
+from ..temperatures import ALLOW_EXTREME
 from .messages import close_match, described, dotted, in_file, quoted
 from .schema.dataset import DatasetConfig
 from .schema.scene import SceneConfig
 from .strict_yaml import NEEDS, parse_yaml, read_yaml, write_yaml
 from .types.files import FOLDERS
 from .types.model import Location, Model, Short, field_parts
-from .types.quantities import ALLOW_EXTREME
 
 
 # Keys whose mapping has paths as keys: what follows in a location is one path.

@@ -20,8 +20,9 @@ from ..arrays import (
     split_times,
     typed_array,
 )
-from ..constants import MAX_TEMPERATURE, MIN_TEMPERATURE, ZERO_CELSIUS
+from ..constants import MIN_TEMPERATURE, ZERO_CELSIUS
 from ..errors import InputError, shortened
+from ..temperatures import ALLOW_EXTREME, Limits, extreme_fault, pixel_list
 from .windows import (
     AbstractVarying,
     FunctionOfTime,
@@ -233,12 +234,15 @@ def check_one_of(owner: str, values: dict[str, Any], minimum: float = -np.inf) -
 
 
 def check_temperature(
-    value: Any, argument: str, end: float | int | None = None
+    value: Any,
+    argument: str,
+    end: float | int | None = None,
+    option: str = f"Scene(..., {ALLOW_EXTREME}=True)",
 ) -> None:
-    """Refuse temperatures outside of the bounds that all scenes share [K].
+    """Refuse temperatures outside of the limits [K].
 
     Traced values are not checked, and functions only up to `end` [s], unless it is
-    None.
+    None. The message names the `option` that lifts the limits.
 
     Raises:
         InputError: naming the argument.
@@ -250,19 +254,23 @@ def check_temperature(
         stated = jnp.stack([smallest(stated, end), largest(stated, end)])
     if is_traced(stated):
         return
-    kelvin = np.asarray(stated, float).reshape(-1)
-    outside = kelvin[(kelvin < MIN_TEMPERATURE) | (kelvin > MAX_TEMPERATURE)]
-    if not len(outside):
+    kelvin = np.asarray(stated, float)
+    outside = Limits().exceeded(kelvin)
+    if not outside.any():
         return
-    first = float(outside[0])
-    relation = f"above {MAX_TEMPERATURE:g} K"
+    first = float(kelvin[outside][0])
     hint = ""
     if first < MIN_TEMPERATURE:
-        relation = f"below {MIN_TEMPERATURE:g} K"
         hint = f" ({first:g} degC are {first + ZERO_CELSIUS:g} K)"
+    pixels = ""
+    if kelvin.ndim > 1:
+        pixels = (
+            f", one of {outside.sum()} of {kelvin.size} that leave the limits: "
+            f"{pixel_list(outside, kelvin, 'K')}"
+        )
     raise InputError(
-        f"{argument}: {first:g} K is {relation}: give kelvin{hint}; if it is "
-        "meant, Scene(..., allow_extreme_temperatures=True)"
+        f"{argument}: {extreme_fault(first)}{pixels}: give kelvin{hint}; if it is "
+        f"meant, {option}"
     )
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from equinox import Module
@@ -14,7 +15,7 @@ from jaxtyping import Array, Float, Int
 from ..arrays import PositionVarying, is_traced
 from ..errors import InputError, require
 from ..geometry.mesh import Pose
-from ..material.material import Material
+from ..material.material import Material, Property
 from ..physics.term import AbstractExchangeTerm, AbstractTerm
 from ..physics.time_varying import check_temperature
 from ..structures.partition.assignment import voxel_owner
@@ -315,10 +316,18 @@ class Scene(Module):
     def _check_temperatures(self) -> None:
         for i, body in enumerate(self.bodies):
             check_temperature(body.temperature, f"bodies[{i}]: Body(temperature=)")
+            for leaf in jax.tree.leaves(body.material, is_leaf=_is_property):
+                if _is_property(leaf):
+                    argument = f"bodies[{i}]: Property(temperatures=)"
+                    check_temperature(leaf.temperatures, argument)
         for i, term in enumerate(self.terms):
             for name, value in term.temperatures.items():
                 argument = f"terms[{i}]: {type(term).__name__}({name}=)"
                 check_temperature(value, argument)
+
+
+def _is_property(node: Any) -> bool:
+    return isinstance(node, Property)
 
 
 def _require_all(values: Any, cls: type, field: str, give: str) -> None:

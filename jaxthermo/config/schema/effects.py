@@ -9,8 +9,7 @@ from ..types import quantities as si
 from ..types.model import ByKind, Mistake, Model, Short
 
 
-_NETD = si.Unit("K", "a temperature difference", "50 mK", only=("K", "mK"))
-_Netd = Annotated[float, _NETD, Field(ge=0, le=100)]
+_Netd = Annotated[float, si.TEMPERATURE_DIFFERENCE, Field(ge=0, le=100)]
 _Seed = Annotated[si.Whole, Field(ge=0, lt=2**63)]
 # Range of the brightness temperatures of bands [K].
 _BlackTemperature = Annotated[si.Temperature, Field(ge=50, le=10_000)]

@@ -6,12 +6,17 @@ from pydantic import Field
 from typing_extensions import override
 
 from ..types.model import ByKind, KindModel, Short
-from ..types.quantities import Auto, Number, PositiveTime, Whole
+from ..types.quantities import (
+    TEMPERATURE_DIFFERENCE,
+    Auto,
+    Number,
+    PositiveTime,
+    Whole,
+)
 
 
 _Step = Annotated[PositiveTime | None, Auto]
-# A temperature difference [K]: unlike a temperature it has no offset.
-_Kelvin = Annotated[Number, Field(gt=0)]
+_Kelvin = Annotated[float, TEMPERATURE_DIFFERENCE, Field(gt=0)]
 _Tolerance = Annotated[_Kelvin | None, Auto]
 _Stages = Annotated[Annotated[Whole, Field(ge=3, le=1000)] | None, Auto]
 

@@ -44,7 +44,10 @@ def converted(number: float, unit_text: str, symbol: str, *, affine: bool) -> fl
         # For pint W/sr and W are one: 4 pi apart, they must not be mixed up.
         if _steradians(quantity) != _steradians(registry.Quantity(1, symbol)):
             raise ValueError
-        return float(quantity.to(symbol).magnitude)
+        converted_number = float(quantity.to(symbol).magnitude)
+        # A difference of temperatures has no zero point.
+        zero = 0.0 if affine else registry.Quantity(0.0, parsed).to(symbol).magnitude
+        return converted_number - float(zero)
     except (pint.PintError, ArithmeticError, ValueError) as error:
         raise InputError(unit_text) from error
 

@@ -22,12 +22,12 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-from ...constants import MAX_TEMPERATURE, MIN_TEMPERATURE, ZERO_CELSIUS
+from ...constants import MIN_TEMPERATURE, ZERO_CELSIUS
 from ...errors import InputError
+from ...temperatures import ALLOW_EXTREME, CELSIUS_NAMES, KELVIN_NAMES, extreme_fault
 from ..messages import MISTAKE, quoted
 
 
-ALLOW_EXTREME = "allow_extreme_temperatures"
 _NUMBER = re.compile(r"\s*([-+]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)(.*)", re.S)
 _JSON_LIMITS = {
     "gt": "exclusiveMinimum",
@@ -39,7 +39,7 @@ _JSON_LIMITS = {
 _FACTORS: dict[str, dict[str, float]] = {
     "m": {"m": 1.0, "cm": 0.01, "mm": 0.001},
     "s": {"s": 1.0, "min": 60.0, "h": 3600.0},
-    "K": {"K": 1.0},
+    "K": dict.fromkeys(KELVIN_NAMES, 1.0),
     "m/s": {"m/s": 1.0},
     "deg": {"deg": 1.0},
     "W/m^2": {"W/m^2": 1.0, "kW/m^2": 1000.0},
@@ -48,7 +48,6 @@ _FACTORS: dict[str, dict[str, float]] = {
     "kg/m^3": {"kg/m^3": 1.0},
     "J/(kg K)": {"J/(kg K)": 1.0},
 }
-_CELSIUS = ("degC", "°C")
 
 
 @dataclass(frozen=True)
@@ -86,6 +85,7 @@ class Unit:
 
 LENGTH = Unit("m", "a length", "2 mm")
 TEMPERATURE = Unit("K", "a temperature", "25 degC")
+TEMPERATURE_DIFFERENCE = Unit("K", "a temperature difference", "50 mK")
 HEAT_FLUX = Unit("W/m^2", "a heat flux", "1 kW/m^2")
 HEAT_TRANSFER_COEFFICIENT = Unit(
     "W/(m^2 K)", "a heat transfer coefficient", "10 W/(m^2 K)"
@@ -143,8 +143,8 @@ def _converted(number: float, unit_text: str, text: str, unit: Unit) -> float:
     factor = _FACTORS.get(unit.symbol, {}).get(unit_text)
     if factor is not None:
         return number * factor
-    if unit is TEMPERATURE and unit_text in _CELSIUS:
-        return number + ZERO_CELSIUS
+    if unit.symbol == "K" and unit_text in CELSIUS_NAMES:
+        return number + (ZERO_CELSIUS if unit is TEMPERATURE else 0.0)
     # By name: pint is slow to import, and few configs need it.
     pint_units = importlib.import_module("jaxthermo.config.types.pint_units")
     try:
@@ -182,18 +182,24 @@ def _plausible(value: float, info: Info) -> float:
         raise refuse(f"{value:g} K is below absolute zero (a bare number is in kelvin)")
     if (info.context or {}).get(ALLOW_EXTREME, False):
         return value
-    if value < MIN_TEMPERATURE:
-        raise refuse(
-            f"{value:g} K is below {MIN_TEMPERATURE:g} K (a bare number is in kelvin: "
-            f"for degrees Celsius write '{value:g} degC'); if it is meant, set "
-            f"`{ALLOW_EXTREME}: true`"
-        )
-    if value > MAX_TEMPERATURE:
-        raise refuse(
-            f"{value:g} K is above {MAX_TEMPERATURE:g} K; if it is meant, set "
-            f"`{ALLOW_EXTREME}: true`"
-        )
+    mistake = extreme_mistake(value)
+    if mistake:
+        raise refuse(mistake)
     return value
+
+
+def extreme_mistake(kelvin: float) -> str:
+    """The message for a temperature [K] outside of the limits; empty for others."""
+    fault = extreme_fault(kelvin)
+    if not fault:
+        return ""
+    hint = ""
+    if kelvin < MIN_TEMPERATURE:
+        hint = (
+            f" (a bare number is in kelvin: for degrees Celsius write '{kelvin:g} "
+            "degC')"
+        )
+    return f"{fault}{hint}; if it is meant, set `{ALLOW_EXTREME}: true`"
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ CAMERA = camera_of_block(40, 32)
 FITTED = ParameterSet(
     (
         Parameter(name="material.emissivity", start=(0.8,), lower=0.1, upper=1.0),
-        Parameter("reflected_temperature", (230.0,), 0.0),
+        Parameter("reflected_temperature", (230.0,), 150.0, 6000.0),
         Parameter(
             name="cameras.0.rotation",
             start=(0.01, 0.0, 0.0),

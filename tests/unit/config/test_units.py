@@ -9,6 +9,7 @@ from jaxthermo.config.types import pint_units, quantities as units
 from jaxthermo.config.types.model import parts
 from jaxthermo.config.types.quantities import Unit, to_si
 from jaxthermo.errors import InputError
+from jaxthermo.temperatures import CELSIUS_NAMES
 
 
 def unit_of(field: Any) -> Unit:
@@ -59,7 +60,7 @@ def test_common_units_are_those_of_pint_bit_by_bit():
         for symbol, factors in units._FACTORS.items()
         for text in factors
     ]
-    common += [(text, units.TEMPERATURE) for text in (*units._CELSIUS, "K")]
+    common += [(text, units.TEMPERATURE) for text in (*CELSIUS_NAMES, "K")]
     for text, unit in common:
         for number in (0.0, -17.3, 0.1, 3.0, 37.7, 1234.5, 1e-7, 6e23):
             affine = unit is units.TEMPERATURE

@@ -43,6 +43,16 @@ def test_they_are_refused_unless_they_are_allowed(start, terms, message):
     scene(*terms, start=start, allow=True)
 
 
+def test_tables_of_properties_are_in_kelvin():
+    """A table of 20 to 500 degC would end at 500 K in silence."""
+    table = jt.Property([20.0, 500.0], [50.0, 40.0])
+    metal = jt.Material(table, density=2000.0, specific_heat=500.0)
+    body = jt.Body(STRUCTURE, metal, temperature=300.0)
+    with pytest.raises(jt.InputError, match=r"bodies\[0\]: Property.*: 20 K is below"):
+        jt.Scene((body,))
+    jt.Scene((body,), allow_extreme_temperatures=True)
+
+
 @pytest.mark.parametrize(
     ("start", "terms", "message"),
     [

@@ -1,0 +1,108 @@
+"""Temperatures that are hardly meant, and units that may have been meant instead.
+
+Below 150 K a number is most likely in degrees Celsius, above 6000 K in another unit.
+One option accepts such temperatures, wherever they are given.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from .constants import MAX_TEMPERATURE, MIN_TEMPERATURE, ZERO_CELSIUS
+
+
+ALLOW_EXTREME = "allow_extreme_temperatures"
+"""Name of the option, in files as in Python."""
+KELVIN_NAMES = ("K", "kelvin")
+CELSIUS_NAMES = ("degC", "°C", "celsius")
+
+_ROOM_TEMPERATURE = 300.0
+_SHOWN_PIXELS = 3
+
+
+class Limits(NamedTuple):
+    """Least and largest plausible value of temperatures, or of what follows them."""
+
+    low: float = MIN_TEMPERATURE
+    """[K]"""
+    high: float = MAX_TEMPERATURE
+    """[K]"""
+
+    def exceeded(self, values: Float[np.ndarray, "..."]) -> Bool[np.ndarray, "..."]:
+        """True where a value is outside; NaN is not."""
+        return np.asarray((values < self.low) | (values > self.high))
+
+
+def temperature_limits(allow_extreme_temperatures: bool) -> Limits:
+    """Limits of temperatures [K]: 150 to 6000, or 0 and more where all are allowed."""
+    return Limits(0.0, math.inf) if allow_extreme_temperatures else Limits()
+
+
+def extreme_fault(kelvin: float) -> str:
+    """Say which limit a temperature [K] exceeds; empty if it is within both."""
+    if kelvin < MIN_TEMPERATURE:
+        return f"{kelvin:g} K is below {MIN_TEMPERATURE:g} K"
+    if kelvin > MAX_TEMPERATURE:
+        return f"{kelvin:g} K is above {MAX_TEMPERATURE:g} K"
+    return ""
+
+
+class LinearUnit(NamedTuple):
+    """Unit of numbers N, whose temperatures are T = scale N + offset."""
+
+    scale: float = 1.0
+    """[K]"""
+    offset: float = 0.0
+    """[K]"""
+
+    def kelvin(self, numbers: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+        """Temperatures of numbers [K]."""
+        return numbers * self.scale + self.offset
+
+    def numbers(self, kelvin: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+        """Numbers of temperatures [K]."""
+        return (kelvin - self.offset) / self.scale
+
+
+KELVIN = LinearUnit()
+_CENTIKELVIN = LinearUnit(scale=0.01)
+_CELSIUS = LinearUnit(offset=ZERO_CELSIUS)
+UNITS = {
+    **dict.fromkeys(KELVIN_NAMES, KELVIN),
+    "centikelvin": _CENTIKELVIN,
+    **dict.fromkeys(CELSIUS_NAMES, _CELSIUS),
+}
+"""Units of temperatures in files by their names."""
+_UNITS_OF_CAMERAS = {
+    "kelvin": KELVIN,
+    "celsius": _CELSIUS,
+    "centikelvin": _CENTIKELVIN,
+    "{scale: 0.04 K}": LinearUnit(scale=0.04),
+    "{scale: 0.1 K}": LinearUnit(scale=0.1),
+}
+
+
+def likely_unit(numbers: Float[np.ndarray, " n"]) -> str:
+    """Unit in which most numbers are near room temperature; empty if there is none."""
+    middle = np.median(numbers, keepdims=True)
+    distances = {
+        name: abs(math.log(float(unit.kelvin(middle)[0]) / _ROOM_TEMPERATURE))
+        for name, unit in _UNITS_OF_CAMERAS.items()
+        if not Limits().exceeded(unit.kelvin(middle)).any()
+    }
+    return min(distances, key=lambda name: distances[name], default="")
+
+
+def pixel_list(
+    wrong: Bool[np.ndarray, "*t h w"], values: Float[np.ndarray, "*t h w"], unit: str
+) -> str:
+    """The first wrong pixels with their place and value, as a text."""
+    places = np.argwhere(wrong)
+    texts = [
+        f"{values[tuple(place)]:.6g} {unit} at row {place[-2]}, column {place[-1]}"
+        for place in places[:_SHOWN_PIXELS]
+    ]
+    more = len(places) - len(texts)
+    return ", ".join(texts) + (f" and {more} more" if more else "")
