@@ -20,6 +20,9 @@ from jaxthermo.provenance import provenance
 from .analysis.experiment_design import rank_experiments
 from .analysis.fit_card import make_card
 from .analysis.identifiability import Identified, identify, residual_sd
+from .analysis.judgement import judge_values
+from .analysis.misfit import held_out_differences
+from .analysis.shared_errors import check_declared, declared
 from .analysis.truth import Truth
 from .analysis.verdict import judge
 from .config.fit_record import (
@@ -76,6 +79,7 @@ def fit_config(
     """
     check_devices(devices)
     config = load_calibration(path, overrides)
+    check_declared(config)
     settings = config.fit
 
     def tell(step: StepRecord) -> None:
@@ -151,12 +155,16 @@ def _conclude(
     sd = residual_sd(fit.residual, len(fit.z), train.known_sd)
     # Without a Jacobian there are too many values for a row each.
     judged = fit.jacobian is not None
-    scatter = None
-    if fit.jacobian is not None:
-        scatter = train.scatter(fit.jacobian, fit.residual)
-    identified = identify(
-        train.parameters, z=fit.z, jacobian=fit.jacobian, sd=sd, scatter=scatter
+    held_out = ()
+    if calibration.held_out is not None:
+        of_fitted = errors["held_out"]["fitted"]
+        held_out = held_out_differences(calibration.held_out, of_fitted)
+    uncertainties = declared(config)
+    judgement = judge_values(
+        train, fit=fit, uncertainties=uncertainties, differences=held_out
     )
+    identified = judgement.identified
+    misfit = judgement.misfit
     advice: list[Advice] = []
     if advise:
         advice = rank_experiments(
@@ -176,6 +184,8 @@ def _conclude(
         speedup=speed,
         is_of_weights=_fits_weights(train.parameters),
         truth=against_truth,
+        differences=misfit.differences,
+        away=[v.label for v in identified.verdicts if v.verdict == "not converged"],
     )
     start = np.asarray(train.parameters.flat_values(np.zeros_like(fit.z)), float)
     if judged:
@@ -206,7 +216,10 @@ def _conclude(
         config=resolved(config),
         program_hash=program_hash(),
         **provenance(calibration_hash(config), config.fit.seed),
-        by_clusters=scatter is not None,
+        by_clusters=judgement.by_clusters,
+        widening=misfit.widening,
+        residuals=list(misfit.scales),
+        shared_errors=uncertainties,
     )
 
 

@@ -44,6 +44,8 @@ def show(folder: Path | None, shipped: bool) -> None:
 
 def print_fit(console: Console, result: FitRecord) -> None:
     """Print the results of a fit: values, errors, and what else to measure."""
+    verdict, *further = summary(result)
+    print_line(console, verdict)
     title = f"{result['name']}: {result['ended']}"
     console.print(parameter_table(result["parameters"], title).rich())
     console.print(time_table(result, "error at every saved time").rich())
@@ -51,7 +53,7 @@ def print_fit(console: Console, result: FitRecord) -> None:
     if (truth_errors := truth_table(result, title)) is not None:
         console.print(truth_errors.rich())
     about = about_standard_errors(result)
-    for text in (about, *summary(result), definition(result)):
+    for text in (about, *further, definition(result)):
         print_line(console, text)
     if result["advice"]:
         console.print(experiment_table(result, _MAX_EXPERIMENTS).rich())

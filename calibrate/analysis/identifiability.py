@@ -18,10 +18,14 @@ Source of the sandwich: White, Econometrica 50 (1982) 1-25.
 |---|---|
 | dead | no effect: its column of J is below 1e-6 of the largest |
 | flat | in a direction whose singular value is below 1e-3 of the largest |
-| not pinned | its standard error is wider than its bounds, or than a factor of e |
 | at bound | within 1 % of the range from a bound |
+| not converged | the minimum is half a standard error away by the gradient, or more |
 | trade-off | correlated by more than 0.95 with another |
+| not pinned | its standard error is wider than its bounds, or than a factor of e |
+| misfit | model and data differ by more than the noise allows, see `misfit` |
 | fine | none of these |
+
+The minimum of the linearized residuals is the step -(J^T J)^-1 J^T r away.
 """
 
 from typing import NamedTuple
@@ -40,6 +44,11 @@ _FLAT_SINGULAR_VALUE = 1e-3
 _MAX_CORRELATION = 0.95
 _AT_BOUND = 0.01
 """Distance from a bound, over the range between the bounds."""
+_MAX_REMAINDER = 0.5
+"""Distance from the minimum over the standard error, up to which a fit converged."""
+_MIN_GAIN = 0.01
+"""Part of the loss that is left to gain, below which a fit without noise converged: its
+standard errors fall with the number of residuals."""
 _MIN_COMPONENT = 0.3
 """Component of a flat direction that makes a parameter part of it."""
 
@@ -72,12 +81,21 @@ def identify(
     jacobian: Float[np.ndarray, "p r"] | None,
     sd: float,
     scatter: Float[np.ndarray, "p p"] | None = None,
+    residual: Float[np.ndarray, " r"] | None = None,
+    differs: bool = False,
 ) -> Identified:
     """Judge every coordinate at a point.
 
-    `jacobian` holds the rows of the transposed Jacobian, or None where there are too
-    many coordinates; `sd` is the standard deviation of a residual, and `scatter` the
-    covariance of the gradient J^T r, that of independent residuals if None.
+    Args:
+        parameters: names and bounds.
+        z: coordinates of the point.
+        jacobian: rows of the transposed Jacobian; None where there are too many
+            coordinates.
+        sd: standard deviation of a residual.
+        scatter: covariance of the gradient J^T r; None without known noise, for that
+            of independent residuals.
+        residual: residuals at the point, where a fit ended; None where none did.
+        differs: True if the model and the data differ by more than the noise allows.
     """
     values = np.asarray(parameters.flat_values(z), float)
     if jacobian is None:
@@ -90,9 +108,19 @@ def identify(
     gram = np.asarray(jacobian, float) @ np.asarray(jacobian, float).T
     directions = _flat_directions(gram)
     determined = directions.alive & ~directions.flat.any(axis=1)
+    noise_is_known = scatter is not None
     scatter = sd**2 * gram if scatter is None else scatter
     covariance = _covariance(gram, determined, scatter)
     deviation = np.sqrt(np.diag(covariance))
+    is_far = np.zeros(len(z), bool)
+    if residual is not None:
+        is_far = _is_far(
+            jacobian,
+            residual=residual,
+            determined=determined,
+            deviation=deviation,
+            min_gain=0.0 if noise_is_known else _MIN_GAIN,
+        )
     outer = np.outer(deviation, deviation)
     correlation = np.divide(
         covariance, outer, out=np.zeros_like(covariance), where=outer > 0
@@ -104,11 +132,18 @@ def identify(
     for n, label in enumerate(parameters.labels):
         verdict, related = _relation(n, directions=directions, correlation=correlation)
         error = float(errors[n]) if determined[n] else None
-        if verdict == "fine" and error is not None:
+        if error is not None:
             lower, upper = bounds[n]
-            verdict = _precision_verdict(
+            precision = _precision_verdict(
                 values[n], error=error, deviation=deviation[n], lower=lower, upper=upper
             )
+            if is_far[n]:
+                verdict = "at bound" if precision == "at bound" else "not converged"
+                related = ()
+            elif verdict == "fine":
+                verdict = precision
+        if verdict == "fine" and differs:
+            verdict = "misfit"
         names = tuple(parameters.labels[m] for m in related)
         verdicts.append(
             _Verdict(
@@ -170,6 +205,29 @@ def _covariance(
         inverse = np.linalg.inv(gram[block] * outer)
         covariance[block] = inverse @ (scatter[block] * outer) @ inverse * outer
     return covariance
+
+
+def _is_far(
+    jacobian: Float[np.ndarray, "p r"],
+    residual: Float[np.ndarray, " r"],
+    determined: Bool[np.ndarray, " p"],
+    deviation: Float[np.ndarray, " p"],
+    min_gain: float,
+) -> Bool[np.ndarray, " p"]:
+    """Coordinates that are away from the minimum of the linearized residuals.
+
+    By more than a part of their standard error, and where it is left to lower the loss
+    by more than the part `min_gain`.
+    """
+    is_far = np.zeros(len(deviation), bool)
+    if not determined.any():
+        return is_far
+    columns = np.asarray(jacobian, float)[determined].T
+    step, *_ = np.linalg.lstsq(columns, -np.asarray(residual, float), rcond=None)
+    decrease = float(np.sum((columns @ step) ** 2))
+    if decrease > min_gain * float(np.sum(np.square(residual, dtype=float))):
+        is_far[determined] = np.abs(step) > _MAX_REMAINDER * deviation[determined]
+    return is_far
 
 
 def _relation(

@@ -4,7 +4,7 @@ The verdicts on single parameters tell how well the data determine them; a fit o
 determined weights may still run slower than the full volume, or be worse at late times.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from jaxthermo.report.numbers import padded
@@ -115,13 +115,16 @@ def judge(
     speedup: SpeedRatio,
     is_of_weights: bool,
     truth: TruthRecord | None = None,
+    differences: Sequence[str] = (),
+    away: Sequence[str] = (),
 ) -> Verdict:
     """Judge a fit.
 
-    It pays if no error is larger than before, at any saved time of any case, and, where
-    weights of a structure were fitted, if every timed run was faster than that of the
-    full volume. Against finer voxels an error counts as larger if it is so by more than
-    twice the reference's own.
+    It pays if no error is larger than before, at any saved time of any case, if the
+    model and the data differ by no more than the noise allows, if all values are at the
+    minimum, and, where weights of a structure were fitted, if every timed run was
+    faster than that of the full volume. Against finer voxels an error counts as larger
+    if it is so by more than twice the reference's own.
 
     Args:
         errors: by group, "default" or "fitted" and case, as in `fit.json`.
@@ -129,11 +132,24 @@ def judge(
         is_of_weights: False for a fit of materials or loads alone, which makes nothing
             faster.
         truth: errors against finer voxels, as in `fit.json`.
+        differences: between the model and frames, in units of their noise, see
+            `misfit`.
+        away: names of values that are away from the minimum.
     """
     rows = list(time_errors(errors))
     worse = [row for row in rows if row.is_worse]
     slow = is_of_weights and not number_of(speedup["min"]) > 1
-    words = [_error_words(rows, worse)]
+    # What makes all values doubtful comes first.
+    words = []
+    if differences:
+        words.append(
+            "the model and the data DIFFER by more than the noise allows, so that no "
+            f"value is certain within its standard error ({_named(differences)} what "
+            "noise leaves)"
+        )
+    if away:
+        words.append(f"the search ended AWAY from the minimum ({_named(away)})")
+    words.append(_error_words(rows, worse))
     if is_of_weights:
         words.append(_speed_words(speedup))
     truth_verdict = None
@@ -143,7 +159,7 @@ def judge(
         farther = sum(row.is_worse for row in times)
         truth_verdict = _truth_numbers(times, worse=farther)
         words.append(_truth_words(truth_verdict, truth["refinement"]))
-    pays = not worse and not slow and not farther
+    pays = not (worse or slow or farther or differences or away)
     start = "the fit pays" if pays else "the fit does NOT pay"
     text = f"{start}: {'; '.join(words)}"
     return {
@@ -152,7 +168,13 @@ def judge(
         "times": len(rows),
         "worse": len(worse),
         "truth": truth_verdict,
+        "differences": list(differences),
     }
+
+
+def _named(words: Sequence[str]) -> str:
+    ellipsis = ", ..." if len(words) > _MAX_NAMED else ""
+    return ", ".join(words[:_MAX_NAMED]) + ellipsis
 
 
 def _truth_numbers(rows: list[TruthTime], worse: int) -> TruthVerdict:

@@ -104,6 +104,21 @@ class Advice(TypedDict):
     gain_nats: float
 
 
+class ResidualScale(TypedDict):
+    """Residuals of frames in the mean over squares of pixels, in units of the noise."""
+
+    pixels: int
+    """Edge of the squares [pixels]."""
+    through_time: bool
+    """True for squares at all saved times together."""
+    groups: int
+    """Number of squares."""
+    times_noise: float
+    """Root mean square of their sums, over what independent noise leaves there."""
+    allowed: float
+    """Value that noise alone exceeds in one of 10 000 fits."""
+
+
 class TruthVerdict(TypedDict):
     """Errors against finer voxels at the worst times, and those of the reference."""
 
@@ -128,6 +143,8 @@ class Verdict(TypedDict):
     worse: int
     """Number of times at which the error is larger than before."""
     truth: NotRequired[TruthVerdict | None]
+    differences: NotRequired[list[str]]
+    """Differences between the model and the frames that their noise does not allow."""
 
 
 class TruthCase(Pair[TruthErrors]):
@@ -220,6 +237,12 @@ class FitRecord(_Shown):
     date: NotRequired[str]
     by_clusters: NotRequired[bool]
     """True if standard errors allow for residuals that are alike."""
+    widening: NotRequired[float]
+    """Factor on standard errors from noise alone, for what residuals have beyond it."""
+    residuals: NotRequired[list[ResidualScale]]
+    """Residuals of frames in units of the noise, by squares of pixels."""
+    shared_errors: NotRequired[dict[str, float]]
+    """Declared relative standard deviations of factors that no residual shows."""
 
 
 _SCHEMA = TypeAdapter(_Shown)

@@ -211,6 +211,12 @@ class FramesConfig(KindModel):
     quantity: Literal["temperature", "radiance"] = "temperature"
     noise: Annotated[Number, Field(gt=0)] = 0.05
     """Standard deviation of a pixel [K or W/(m^2 sr)], known to the fit."""
+    gain_uncertainty: Fraction = 0.0
+    """Relative standard deviation of a factor that all radiances of the frames share:
+    no residual shows it, and standard errors have it."""
+    emissivity_uncertainty: Fraction = 0.0
+    """Relative standard deviation of a factor that all emissivities of the scene share,
+    likewise."""
     reflected_temperature: Temperature | None = None
     """Black surroundings that surfaces reflect [K]; those of the terms by default."""
     margin: Annotated[Number, Field(ge=0, le=1000)] = 3.0

@@ -21,24 +21,39 @@ _SQUARE = 32
 """Edge of the squares of an image that count as one cluster [pixels]."""
 
 
-def image_clusters(pixel: Int[np.ndarray, " p"], width: int) -> Int[np.ndarray, " p"]:
-    """Numbers of the clusters that pixels of an image belong to."""
+def image_clusters(
+    pixel: Int[np.ndarray, " p"], width: int, edge: int | None = None
+) -> Int[np.ndarray, " p"]:
+    """Numbers of the squares that pixels of an image belong to.
+
+    `edge` is that of the squares in pixels, by default that of clusters.
+    """
+    edge = _SQUARE if edge is None else edge
     row, column = np.divmod(pixel, width)
-    number = row // _SQUARE * (width // _SQUARE + 1) + column // _SQUARE
+    number = row // edge * (width // edge + 1) + column // edge
     return np.unique(number, return_inverse=True)[1].reshape(-1)
 
 
 def view_clusters(
-    pixels: Sequence[Any], widths: Sequence[int], times: int
+    pixels: Sequence[Any],
+    widths: Sequence[int],
+    times: int,
+    edge: int | None = None,
+    through_time: bool = True,
 ) -> Int[np.ndarray, " r"]:
-    """Clusters of the compared pixels of several views at all times, times first."""
+    """Squares of the compared pixels of several views, times first.
+
+    A square holds its pixels at all times, or at one of them unless `through_time`.
+    """
     numbers = []
     first = 0
     for pixel, width in zip(pixels, widths, strict=True):
-        number = first + image_clusters(np.asarray(pixel), width)
+        number = first + image_clusters(np.asarray(pixel), width, edge)
         numbers.append(number)
         first = int(number.max()) + 1
-    return np.tile(np.concatenate(numbers), times)
+    at_one_time = np.concatenate(numbers)
+    shift = 0 if through_time else first
+    return np.concatenate([at_one_time + shift * time for time in range(times)])
 
 
 def score_covariance(

@@ -133,12 +133,21 @@ class Problem:
         return None if sd is None else sd / math.sqrt(len(self.cases))
 
     @property
-    def clusters(self) -> Int[np.ndarray, " r"] | None:
-        """Numbers of the groups of data residuals that are alike; None if unknown."""
+    def edges(self) -> tuple[int, ...]:
+        """Edges of squares of the images, from a pixel to whole views."""
+        return max((case.target.edges for case in self.cases), key=len)
+
+    def clusters(
+        self, edge: int | None = None, through_time: bool = True
+    ) -> Int[np.ndarray, " r"] | None:
+        """Numbers of the squares of images that data residuals belong to.
+
+        None where there are no images. See `view_clusters` for the arguments.
+        """
         clusters = []
         first = 0
         for case in self.cases:
-            numbers = case.target.clusters
+            numbers = case.target.clusters(edge, through_time)
             if numbers is None:
                 return None
             clusters.append(first + numbers)
@@ -231,21 +240,26 @@ class Problem:
 
         None where the data have no clusters, or too few of them to tell.
         """
-        clusters = self.clusters
-        sd = self.known_sd
-        if clusters is None or sd is None:
+        clusters = self.clusters()
+        if clusters is None or self.known_sd is None:
             return None
         if int(clusters.max()) + 1 < _MIN_CLUSTERS * len(rows):
             return None
         data = len(clusters)
         data_scatter = score_covariance(rows[:, :data], residual[:data], clusters)
-        # Rows of priors and outlines have a variance that is known.
-        variance = np.ones(len(residual) - data)
+        return data_scatter + self.prior_scatter(rows[:, data:])
+
+    def prior_scatter(self, rows: Float[np.ndarray, "p q"]) -> Float[np.ndarray, "p p"]:
+        """Covariance of the gradient by priors and outlines, whose variance is known.
+
+        `rows` are those of J^T of the residuals that follow the data's.
+        """
+        unit = 1.0 if self.known_sd is None else self.known_sd
+        variance = np.ones(rows.shape[1])
         sharpened = [a for a in self.aligned.values() if a.whiten is not None]
         effects = [effect for a in sharpened for effect in [a.effect] * len(a.numbers)]
         variance[len(variance) - len(effects) :] = effects
-        variance *= sd**2
-        return data_scatter + (rows[:, data:] * variance) @ rows[:, data:].T
+        return (rows * (variance * unit**2)) @ rows.T
 
     def case_errors(
         self, errors: tuple[Float[np.ndarray, " t"], ...]

@@ -77,8 +77,18 @@ class AbstractTarget(eqx.Module):
         return ()
 
     @property
-    def clusters(self) -> Int[np.ndarray, " r"] | None:
-        """Numbers of the groups of residuals that are alike, row by row of times."""
+    def edges(self) -> tuple[int, ...]:
+        """Edges of squares of an image, from a pixel to a whole view; none if none."""
+        return ()
+
+    def clusters(
+        self, edge: int | None = None, through_time: bool = True
+    ) -> Int[np.ndarray, " r"] | None:
+        """Numbers of the squares of an image that residuals belong to, times first.
+
+        None where there is no image. See `view_clusters` for the arguments.
+        """
+        del edge, through_time
         return None
 
     @property
@@ -249,9 +259,30 @@ class FrameTarget(AbstractTarget):
 
     @property
     @override
-    def clusters(self) -> Int[np.ndarray, " r"] | None:
-        widths = [view.camera.width for view in self.views]
-        return view_clusters(self.indices, widths, len(self.times))
+    def edges(self) -> tuple[int, ...]:
+        longest = max(max(view.camera.size) for view in self.views)
+        return tuple(2**power for power in range((longest - 1).bit_length() + 1))
+
+    @override
+    def clusters(
+        self, edge: int | None = None, through_time: bool = True
+    ) -> Int[np.ndarray, " r"] | None:
+        return view_clusters(
+            self.indices,
+            widths=[view.camera.width for view in self.views],
+            times=len(self.times),
+            edge=edge,
+            through_time=through_time,
+        )
+
+    def pixel_words(self, row: int) -> str:
+        """View, row, column and time of a residual, by its number."""
+        counts = [len(indices) for indices in self.indices]
+        time, number = divmod(row, sum(counts))
+        view = int(np.searchsorted(np.cumsum(counts), number, side="right"))
+        pixel = int(self.indices[view][number - sum(counts[:view])])
+        y, x = divmod(pixel, self.views[view].camera.width)
+        return f"view {view}, row {y}, column {x}, at {self.times[time]:g} s"
 
     @override
     def residual(

@@ -32,6 +32,8 @@ _UPRIGHT = "M0,-1L0,1"
 _COLOURS = {"default": "#868d99", "fitted": "#17358c"}
 _VERDICT_COLOURS = {
     "fine": "#1b7a4a",
+    "misfit": "#d6336c",
+    "not converged": "#0b7285",
     "trade-off": "#b8500a",
     "at bound": "#66228f",
     "not pinned": "#c79a12",

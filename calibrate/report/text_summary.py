@@ -25,6 +25,10 @@ MEANING = {
     "fine": "the data determine it",
     "trade-off": "correlated by more than 0.95 with the others named: the data "
     "determine them together, hardly one by one",
+    "misfit": "the data determine it, but the model and the data differ by more than "
+    "the noise allows: it may be wrong by more than its standard error",
+    "not converged": "the search ended half a standard error or more away from the "
+    "minimum: give more steps or another start",
     "at bound": "ended at an end of its range: widen the bounds, or leave it there",
     "not pinned": "its standard error is wider than its bounds, or than a factor of e",
     "flat": "the data determine only a combination of it with the others named: fix "
@@ -35,9 +39,16 @@ MEANING = {
 }
 
 _AnyTime = TypeVar("_AnyTime", TimeErrors, TruthTime)
-_IS_GOOD = {"fine": True, "dead": False, "flat": False, "not pinned": False}
+_IS_GOOD = {
+    "fine": True,
+    "misfit": False,
+    "not converged": False,
+    "dead": False,
+    "flat": False,
+    "not pinned": False,
+}
 _MAX_NOISE_RATIO = 2.0
-"""Error over the noise, beyond which standard errors from noise are too small."""
+"""Error over the noise, beyond which errors that were not widened are too small."""
 _BEFORE_AND_AFTER = (
     "Default, or before: with the values at the start; fitted, or after: with those "
     "of the fit."
@@ -95,24 +106,37 @@ def about_standard_errors(result: FitRecord) -> str:
             "no noise: they rank the values by how well the data determine them, and "
             "do not bound their distance from a truth."
         )
-    ratio = result["error_percent"]["train"]["fitted"] / 100
-    # Records of earlier versions do not have it.
+    text = "Standard errors follow from the noise of a pixel."
+    # Records of earlier versions have neither this nor a widening.
     if result.get("by_clusters", False):
         text = (
             "Standard errors follow from the residuals, alike within squares of the "
             "image and independent between them."
         )
-        if ratio > _MAX_NOISE_RATIO:
-            text += (
-                f" Model and data differ by {ratio:.3g} times the noise: an error of "
-                "the model that is alike over a whole body is not in them."
-            )
-        return text
-    text = "Standard errors follow from the noise of a pixel."
-    if ratio > _MAX_NOISE_RATIO:
+    widening = result.get("widening")
+    ratio = result["error_percent"]["train"]["fitted"] / 100
+    if widening is None and ratio > _MAX_NOISE_RATIO:
         text += (
             f" But model and data differ by {ratio:.3g} times the noise: the model is "
             "wrong by more than its values can correct, and these errors are too small."
+        )
+    if widening is not None and widening > 1:
+        text += (
+            " They are as large as residuals that differ from the model by "
+            f"{widening:.3g} times what noise leaves in their means, see below."
+        )
+    declared = result.get("shared_errors", {})
+    shared = [f"{100 * sd:.3g} % of the {name}" for name, sd in declared.items()]
+    if shared:
+        text += (
+            f" They include errors that all pixels share, of {' and '.join(shared)}."
+        )
+    missing = [name for name in ("gain", "emissivity") if name not in declared]
+    if missing:
+        options = " and ".join(f"`{name}_uncertainty`" for name in missing)
+        text += (
+            f" An error of the {' or the '.join(missing)} that all pixels share is in "
+            f"no residual, and not in them: {options} of the reference declare it."
         )
     return text
 
@@ -125,9 +149,15 @@ def summary(result: FitRecord) -> list[str]:
         f"{_error_words(errors['fitted'], result)} after ({_change(**errors)})."
         for group, errors in each_group(result["error_percent"])
     ]
-    verdict = f"Verdict: {result['verdict']['words']}."
     cost = _truth_cost(result)
-    return [_data(result), *errors, _course(result), *_speed(result), *cost, verdict]
+    course = _course(result)
+    speed = _speed(result)
+    return [verdict_words(result), _data(result), *errors, course, *speed, *cost]
+
+
+def verdict_words(result: FitRecord) -> str:
+    """Judgement of the fit as a whole: the first line of all texts about it."""
+    return f"Verdict: {result['verdict']['words']}."
 
 
 def time_table(result: FitRecord, title: str = "") -> Table:

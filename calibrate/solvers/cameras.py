@@ -37,7 +37,7 @@ def build_aligned(config: CalibrationConfig, log: Log) -> Calibration:
 
 def _data_effect(problem: Problem, residual: np.ndarray) -> float:
     """Squares that the data's residuals sum to, over those of independent ones."""
-    clusters = problem.clusters
+    clusters = problem.clusters()
     sd = problem.known_sd
     assert clusters is not None and sd is not None
     return max(design_effect(residual[: len(clusters)] / sd, clusters), 1.0)

@@ -105,7 +105,7 @@ def test_outlines_weigh_by_their_errors_and_those_of_the_data(problem, monkeypat
     np.testing.assert_allclose(drawn._outline_rows(z), [0.09, 1.5], rtol=1e-6)
     assert problem._outline_rows(z).shape == (0,)
     monkeypatch.setattr("calibrate.problem.clusters._SQUARE", 8)
-    count = len(problem.clusters)
+    count = len(problem.clusters())
     rows = np.zeros((1, count + 2))
     rows[0, -2:] = 3.0, 4.0
     scatter = drawn.scatter(rows, np.ones(count + 2))
