@@ -45,6 +45,7 @@ from .solvers.fit import Fit, Fitting
 from .solvers.levenberg_marquardt import jacobian_rows
 from .solvers.progress import StepRecord
 from .solvers.search import start_points
+from .solvers.starts import best_start
 from .study.times import measure_speed
 
 
@@ -102,7 +103,7 @@ def fit_config(
                 spread=settings.spread,
                 seed=settings.seed,
             )
-            start = fitting.best_start(points, stop)
+            start = best_start(fitting, points, stop, progress.line)
         # A fit usually converges long before its step limit: an upper bound.
         progress.stage("fitting", settings.max_steps)
         fit = fitting.run(

@@ -116,12 +116,8 @@ def _rows_per_time(
     with precision(problem.dtype.name):
         z = jnp.asarray(fit.z, problem.dtype)
         run = ParametricRun(times, problem.cases[0].run.solver)
-        longest = None
-        if run.uses_stable_step:
-            # Steps for the stiffer of the fitted scene and the one as given.
-            fitted = problem.parameters.insert(scene, z)
-            longest = min(float(run.stable_step(s)) for s in (fitted, scene))
-        table = run.step_table(scene, longest)
+        longest = run.longest_step(problem.parameters.insert(scene, z))
+        table = run.divided(run.fewest_steps(scene), longest=float(longest))
 
         def measured(z, table):
             changed = problem.parameters.insert(scene, z)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -15,9 +16,8 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
 from jaxthermo.image.pose.derivative import LinearizedView
-from jaxthermo.integrate.run.parametric_run import ParametricRun, with_more_steps
-from jaxthermo.integrate.run.plan import StepTable
-from jaxthermo.integrate.solvers import ForwardEuler
+from jaxthermo.integrate.run.fixed_steps import fixed_loops, have_room
+from jaxthermo.integrate.run.parametric_run import ParametricRun, ReverseMode
 from jaxthermo.scene.scene import Scene
 
 from ..config.frame_names import check_frame_names
@@ -25,18 +25,15 @@ from .alignment import Aligned
 from .clusters import score_covariance
 from .parameters import Coordinates, ParameterSet
 from .targets import AbstractTarget, CaseError
+from .time_steps import StepTables, TimeSteps, is_stable
 
 
 _MAX_TANGENT_BYTES = 2**30
 """Memory for the states of a batch of derivatives [bytes]."""
-_STEP_MARGIN = 1.25
-"""Stable step over first step: room to become stiffer before steps are added."""
 _MIN_CLUSTERS = 2
 """Clusters of residuals for each coordinate, to tell a covariance by."""
-_FIXED_STEP_MARGIN = 2.0
-"""Stable step over fixed step; stiffer values diverge, and the trial is refused."""
-_MAX_STIFFENING = 10.0
-"""Stable step at the start over that of a trial, beyond which steps are not added."""
+_REVERSE_ROOM = 2
+"""Steps that loops of reverse mode have room for, over those that they are made for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +57,10 @@ class Case:
 class RunDiagnostics(NamedTuple):
     """Results of the runs at one point in addition to their residuals."""
 
-    stable_steps: Float[Array, " c"]
-    """Explicit stability limit of each case [s]."""
+    longest_steps: Float[Array, " c"]
+    """Longest stable step of each case [s]."""
     finite: Bool[Array, ""]
+    """True if the runs are stable, and their temperatures finite."""
     errors: tuple[Float[Array, " t"], ...]
     """Root of the sum of squared residuals, of each case at each saved time."""
 
@@ -71,8 +69,6 @@ class RunDiagnostics(NamedTuple):
         return tuple(np.asarray(rows, float) for rows in self.errors)
 
 
-StepTables = tuple[StepTable, ...]
-"""Step sizes and counts of each case."""
 Views = tuple[tuple[LinearizedView, ...], ...]
 """Views of each case's cameras near their poses; none where no pose is fitted."""
 
@@ -158,23 +154,17 @@ class Problem:
         """Coordinates of the start values."""
         return jnp.zeros(self.parameters.size, self.dtype)
 
-    def step_tables(self) -> StepTables:
-        """Steps of each case for the start values, with a margin for stiffer ones."""
-        tables = []
-        for case in self.cases:
-            # Other solvers choose their own steps.
-            longest = None
-            if case.run.uses_stable_step:
-                longest = float(case.run.stable_step(case.scene)) / _STEP_MARGIN
-            tables.append(case.run.step_table(case.scene, longest))
-        return tuple(tables)
+    @cached_property
+    def time_steps(self) -> TimeSteps:
+        """Steps in time of all runs, by the values."""
+        return TimeSteps(
+            runs=tuple(case.run for case in self.cases),
+            fewest=tuple(case.run.fewest_steps(case.scene) for case in self.cases),
+        )
 
-    def step_tables_at(
-        self, z: Coordinates, step_tables: StepTables | None = None
-    ) -> StepTables:
-        """Steps that are stable at z: `step_tables`, those of the start, or finer."""
-        step_tables = self.step_tables() if step_tables is None else step_tables
-        return refine_steps(step_tables, self.stable_steps(z))
+    def step_tables_at(self, z: Coordinates) -> StepTables:
+        """Steps that are stable at z, and somewhat beyond."""
+        return self.time_steps.at(np.asarray(self.longest_steps(z), float))
 
     def views_at(self, z: Coordinates) -> Views:
         """Views of the cameras in their poses at z, rendered on the host."""
@@ -203,8 +193,11 @@ class Problem:
             residual = case.target.residual(scene, solution, values)
             rows.append(_emphasize_times(residual, self.time_norm).reshape(-1))
             errors.append(jnp.sqrt(len(residual) * (residual * residual).sum(axis=1)))
-            steps.append(solution.stable_step)
-            finite = finite & solution.finite
+            solver = case.run.steps_solver
+            longest = solver.longest_stable_step(solution.stable_step)
+            steps.append(longest)
+            # A run of longer steps may end in finite temperatures that are wrong.
+            finite = finite & solution.finite & is_stable(table, longest)
         z = jnp.asarray(z)
         # The mean over the cases, so that priors weigh the same for any number.
         data = 1 / math.sqrt(len(self.cases)) * jnp.concatenate(rows)
@@ -216,9 +209,11 @@ class Problem:
         rows = [data, unit * prior, unit * smoothness, unit * outlines]
         all_rows = jnp.concatenate(rows)
         diagnostics = RunDiagnostics(
-            stable_steps=jnp.stack(steps), finite=finite, errors=tuple(errors)
+            longest_steps=jnp.stack([jnp.asarray(s, z.dtype) for s in steps]),
+            finite=finite,
+            errors=tuple(errors),
         )
-        return all_rows.astype(z.dtype), diagnostics
+        return jnp.where(finite, all_rows, jnp.inf).astype(z.dtype), diagnostics
 
     def _outline_rows(self, z: Coordinates) -> Float[Array, " q"]:
         """Deviations of cameras from where their outlines are [sd], as they weigh."""
@@ -276,9 +271,8 @@ class Problem:
         """Errors of each case by its name, at each of some coordinates."""
         # One compiled program for all points.
         errors = []
-        step_tables = None
         with precision(self.dtype.name):
-            traced = self.trace(self.step_tables())
+            traced = self.trace(self.time_steps.fewest)
 
             @eqx.filter_jit
             def diagnose(traced, *arguments):
@@ -287,40 +281,38 @@ class Problem:
 
             for point in points:
                 z = jnp.asarray(point, self.dtype)
-                step_tables = self.step_tables_at(z, step_tables)
+                step_tables = self.step_tables_at(z)
                 diagnostics = diagnose(traced, z, step_tables, self.views_at(z))
                 errors.append(self.case_errors(diagnostics.host_errors()))
         return errors
 
-    def stable_steps(self, z: Coordinates) -> Float[Array, " c"]:
-        """Stability limit of each case at z [s]; infinite where the solver has none."""
+    def longest_steps(self, z: Coordinates) -> Float[Array, " c"]:
+        """Longest stable step of each case at z [s]; infinite for any step."""
         steps = [
-            case.run.stable_step(self.parameters.insert(case.scene, z))
-            if case.run.uses_stable_step
-            else jnp.inf
+            case.run.longest_step(self.parameters.insert(case.scene, z))
             for case in self.cases
         ]
         return jnp.stack([jnp.asarray(step, z.dtype) for step in steps])
 
-    def with_fixed_steps(self) -> "Problem":
-        """Problem whose step sizes are fixed, which reverse mode needs."""
+    def with_reverse_mode(self, memory: int, step_tables: StepTables) -> "Problem":
+        """Problem for reverse-mode derivatives, with memory for a run's states [bytes].
+
+        Its loops have room for more steps than these, see `has_room`.
+        """
         cases = []
-        for case in self.cases:
-            run = case.run
-            if run.uses_stable_step:
-                dt = float(run.stable_step(case.scene)) / _FIXED_STEP_MARGIN
-                # Without conduction and loss any step is stable.
-                dt = dt if np.isfinite(dt) else run.save_times[-1]
-                run = replace(run, solver=ForwardEuler(dt=dt))
+        for case, table in zip(self.cases, step_tables, strict=True):
+            always_stable = math.isinf(case.run.steps_solver.longest_stable_step(1.0))
+            loops = fixed_loops(table, room=1 if always_stable else _REVERSE_ROOM)
+            run = replace(case.run, reverse=ReverseMode(memory, loops))
             cases.append(replace(case, run=run))
         return replace(self, cases=tuple(cases))
 
-    def with_reverse_mode(self, memory: int) -> "Problem":
-        """Problem for reverse-mode derivatives, with memory for a run's states."""
-        cases = (
-            replace(c, run=replace(c.run, reverse_memory=memory)) for c in self.cases
+    def has_room(self, step_tables: StepTables) -> bool:
+        """True if the loops of reverse mode have room for these steps."""
+        return all(
+            case.run.reverse is None or have_room(case.run.reverse.loops, table)
+            for case, table in zip(self.cases, step_tables, strict=True)
         )
-        return replace(self, cases=tuple(cases))
 
     def trace(self, step_tables: StepTables) -> Traced:
         """`residuals` as a traced function of coordinates, step tables and views."""
@@ -353,34 +345,3 @@ def _emphasize_times(rows: Float[Array, "t r"], power: float) -> Float[Array, "t
     safe = jnp.where(square > 0, square, 1.0)
     weight = jnp.where(square > 0, safe ** (power / 4 - 0.5), 0.0)
     return rows * weight * len(rows) ** (power / 4 - 0.5)
-
-
-def refine_steps(
-    step_tables: StepTables, stable: Float[Array, " c"], first: StepTables | None = None
-) -> StepTables:
-    """Step tables with as many explicit steps as stability needs.
-
-    `stable` is the limit of each case [s], infinite where the solver has none, and
-    `first` the steps at the start of a fit.
-    """
-    refined = []
-    changed = False
-    for n, (table, limit) in enumerate(
-        zip(step_tables, np.asarray(stable, float), strict=True)
-    ):
-        longest = _longest_step(table)
-        # A trial that is far stiffer than the start keeps its steps, so that it
-        # diverges and is refused instead of running for hours.
-        shortest = 0.0 if first is None else _longest_step(first[n]) / _MAX_STIFFENING
-        if np.isfinite(limit) and shortest < limit < longest:
-            # More steps than needed: each change moves the residuals a little.
-            table = with_more_steps(table, _STEP_MARGIN * longest / limit)
-            changed = True
-        refined.append(table)
-    return tuple(refined) if changed else step_tables
-
-
-def _longest_step(table: StepTable) -> float:
-    sizes = np.asarray(table.dt)
-    counts = np.asarray(table.steps)
-    return float(sizes[counts > 0].max())

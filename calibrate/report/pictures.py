@@ -59,7 +59,6 @@ def runs_at(
     """Run a case with the values at each of some coordinates, by name."""
     alone = Problem(problem.parameters, (case,))
     solutions = {}
-    step_tables = None
     with precision(problem.dtype.name):
 
         @eqx.filter_jit
@@ -69,8 +68,7 @@ def runs_at(
         for name, point in points.items():
             at = jnp.asarray(point, problem.dtype)
             # One compiled program for all: tables differ in their values only.
-            step_tables = alone.step_tables_at(at, step_tables)
-            solutions[name] = run(at, step_tables[0])
+            solutions[name] = run(at, alone.step_tables_at(at)[0])
     return solutions
 
 

@@ -7,10 +7,9 @@ killed continues from the last step that it finished, to the same result.
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -26,16 +25,16 @@ from jaxthermo.parallel.devices import check_devices, check_shared, mesh_of
 from jaxthermo.report.numbers import count
 
 from ..config.schema import FitConfig
-from ..problem.problem import Problem, RunDiagnostics, StepTables, refine_steps
+from ..problem.problem import Problem, RunDiagnostics
+from ..problem.time_steps import Limits, StepTables, is_beyond
 from .levenberg_marquardt import jacobian_rows, restart
 from .progress import FitState, StepRecord, load_progress, next_action
 from .search import (
     REVERSE_METHODS,
     Objective,
     Search,
-    batched,
     best_loss,
-    losses,
+    forward_only,
     make_objective,
     residuals,
     with_step_tables,
@@ -95,26 +94,45 @@ class Fitting:
             InputError: if there are fewer devices, or not as many columns or starts.
         """
         _check_devices(devices, problem.parameters.size, settings)
-        self._mesh = mesh = None if devices == 1 else mesh_of(devices)
-        in_reverse = settings.method in REVERSE_METHODS
+        self.mesh = mesh = None if devices == 1 else mesh_of(devices)
+        self._use_broyden = use_broyden
         self.settings = settings
-        self.problem = problem.with_fixed_steps() if in_reverse else problem
-        with precision(problem.dtype.name):
-            memory = int(settings.memory * 2**30) if in_reverse else None
-            objective = make_objective(self.problem, memory)
-            self.objective = on_every_device(mesh, objective)
-            batch = self.problem.batch()
-            self._search = Search(
-                objective=self.objective,
-                settings=settings,
-                batch=batch,
-                use_broyden=use_broyden,
-                mesh=mesh,
-            )
+        self.problem = problem
         # One wrapper each, so that later runs find what is compiled.
         self._compiled_residuals = eqx.filter_jit(_residuals_once)
-        self._stable_steps = eqx.filter_jit(self.problem.stable_steps)
-        self._values = eqx.filter_jit(self.problem.parameters.flat_values)
+        self._longest_steps = eqx.filter_jit(problem.longest_steps)
+        self._values = eqx.filter_jit(problem.parameters.flat_values)
+        with precision(problem.dtype.name):
+            step_tables = problem.step_tables_at(problem.start())
+            objective = make_objective(problem, step_tables)
+            self.objective = on_every_device(mesh, objective)
+            self._reverse_problem = problem
+            self._search = self._traced_search(step_tables)
+
+    def _traced_search(self, step_tables: StepTables) -> Search:
+        """Search whose reverse mode, if it needs that, has room for these steps."""
+        settings = self.settings
+        if settings.method in REVERSE_METHODS:
+            self._reverse_problem = self.problem.with_reverse_mode(
+                int(settings.memory * 2**30), step_tables
+            )
+            reverse = self._reverse_problem.trace(step_tables)
+            reverse = on_every_device(self.mesh, reverse)
+            self.objective = replace(self.objective, reverse=reverse)
+        return Search(
+            objective=self.objective,
+            settings=settings,
+            batch=self.problem.batch(),
+            use_broyden=self._use_broyden,
+            mesh=self.mesh,
+        )
+
+    def make_room(self, step_tables: StepTables) -> bool:
+        """Trace the search again where it has no room for the steps; True if it had."""
+        if self._reverse_problem.has_room(step_tables):
+            return True
+        self._search = self._traced_search(step_tables)
+        return False
 
     def run(
         self,
@@ -142,33 +160,25 @@ class Fitting:
         with precision(dtype.name):
             clock = time.perf_counter()
             z = self.problem.start() if start is None else jnp.asarray(start, dtype)
-            z = on_every_device(self._mesh, z)
-            objective = self.objective
+            z = on_every_device(self.mesh, z)
+            first_limits = self.limits(z)
+            step_tables = self.problem.time_steps.at(first_limits)
+            objective = with_step_tables(self.objective, step_tables)
             if noise is not None:
                 added = jnp.asarray(noise, dtype)
                 objective = eqx.tree_at(lambda o: o.noise, objective, added)
             objective = self._seen_from(objective, z)
             beginning = self._begin(objective, z)
             objective = beginning.objective
-            progress = FitState(
-                z=z,
-                solver_state=self._search.start(z),
-                step_tables=objective.step_tables,
-                steps=[],
-            )
-            if checkpoint is not None:
-                progress = load_progress(checkpoint, progress)
-                progress = on_every_device(self._mesh, progress)
+            progress = self._first_state(z, step_tables, checkpoint)
             # Compile all that the loop runs, so that its time is that of steps alone.
-            state = progress.solver_state
-            jax.block_until_ready(self._stable_steps(state.y_eval))
             self._host_values(progress.z)
-            advance = self._search.compile(progress.z, state)
+            self._search.compile(progress.z, progress.solver_state)
             compile_seconds = time.perf_counter() - clock
             progress, ended = self._loop(
-                advance,
-                objective=objective,
+                objective,
                 progress=progress,
+                first_limits=first_limits,
                 checkpoint=checkpoint,
                 log=log,
                 stop=stop,
@@ -181,63 +191,27 @@ class Fitting:
         fit.compile_seconds = compile_seconds
         return fit
 
-    def best_start(
-        self, points: Float[np.ndarray, "n p"], stop: Callable[[], bool] = lambda: False
-    ) -> Float[np.ndarray, " p"]:
-        """Search from several points together and return the best result."""
-        dtype = self.problem.dtype
-        batch = self.problem.batch()
-        mesh = self._mesh
-        with precision(dtype.name):
-            objective = self.objective
-            replicate = partial(on_every_device, mesh)
-            if self.settings.huber is not None:
-                at_start, _ = self._evaluate(self.problem.start(), objective)
-                objective = replicate(self._robust(objective, at_start))
-            start_losses = losses(
-                objective,
-                points=replicate(jnp.asarray(points, dtype)),
-                batch=batch,
-                mesh=mesh,
-            )
-            points = points[np.isfinite(np.asarray(start_losses))]
-            if not len(points):
-                raise InputError(
-                    "fit: starts: the residuals are finite at none of them"
-                )
-            # A batch of searches runs both branches of a condition, so that keeping
-            # Jacobians would save nothing.
-            search = Search(
-                objective=objective,
-                settings=self.settings,
-                batch=batch,
-                use_broyden=False,
-                mesh=mesh,
-            )
-            z = jnp.asarray(points, dtype)
-            done = np.zeros(len(points), bool)
-            # At least one start on each device.
-            fewest = 1 if mesh is None else mesh.size
-            together = max(fewest, batch // len(points[0]))
-            states, advance = batched(search, starts=z, batch=together)
-            for _ in range(self.settings.max_steps):
-                if done.all() or stop():
-                    break
-                stable = jnp.stack([self._stable_steps(z) for z in states.y_eval])
-                step_tables = self._refined(objective.step_tables, stable.min(axis=0))
-                objective = with_step_tables(objective, step_tables)
-                *following, ended = advance(*replicate((z, states, objective)))
-                # Finished searches still step (static shapes): their result is
-                # discarded.
-                keep = partial(_keep_finished, done)
-                z, states = jax.tree.map(keep, [z, states], following)
-                done = done | np.asarray(ended)
-            objective, z = replicate((objective, z))
-            final = losses(objective, points=z, batch=batch, mesh=mesh)
-        return np.asarray(z[int(np.asarray(final).argmin())], float)
+    def _first_state(
+        self, z: Float[Array, " p"], step_tables: StepTables, checkpoint: Path | None
+    ) -> FitState:
+        """State before the first step, or that of the checkpoint if there is one."""
+
+        def at_start(step_tables: StepTables) -> FitState:
+            self.make_room(step_tables)
+            state = self._search.start(z)
+            return FitState(z=z, solver_state=state, step_tables=step_tables, steps=[])
+
+        progress = at_start(step_tables)
+        if checkpoint is None:
+            return progress
+        loaded = load_progress(checkpoint, progress)
+        if not self.make_room(loaded.step_tables):
+            # States hold programs, which must be those that have room.
+            loaded = load_progress(checkpoint, at_start(loaded.step_tables))
+        return on_every_device(self.mesh, loaded)
 
     def _begin(self, objective: Objective, z: Float[Array, " p"]) -> "_Beginning":
-        first, diagnostics = self._evaluate(z, objective)
+        first, diagnostics = self.evaluate(z, objective)
         if not bool(jnp.isfinite(first).all()):
             raise InputError(
                 "the residuals are not finite at the start: check the start values of "
@@ -249,13 +223,14 @@ class Fitting:
                 "residuals: leave out parameters, or add cases or save times"
             )
         if self.settings.huber is not None:
-            objective = self._robust(objective, first)
-            first, diagnostics = self._evaluate(z, objective)
+            objective = self.robust(objective, first)
+            first, diagnostics = self.evaluate(z, objective)
         return _Beginning(objective, residual=first, diagnostics=diagnostics)
 
-    def _robust(self, objective: Objective, residual: Array) -> Objective:
-        """Objective with the robust loss, by the residuals of squares at the start."""
-        assert self.settings.huber is not None
+    def robust(self, objective: Objective, residual: Array) -> Objective:
+        """Objective with its robust loss, by the residuals of squares at the start."""
+        if self.settings.huber is None:
+            return objective
         # With another norm over times residuals have no unit of noise.
         is_in_noise = self.problem.time_norm == 2
         known_sd = self.problem.known_sd if is_in_noise else None
@@ -265,9 +240,9 @@ class Fitting:
 
     def _loop(
         self,
-        advance: Callable[..., Any],
         objective: Objective,
         progress: FitState,
+        first_limits: Limits,
         checkpoint: Path | None,
         log: Callable[[StepRecord], None] | None,
         stop: Callable[[], bool],
@@ -293,14 +268,23 @@ class Fitting:
             state = progress.solver_state
             if refresh:
                 state = restart(state, z)
-            stable = self._stable_steps(state.y_eval)
             # Other time steps move the residuals too, but less than the trial that
             # needs them: the Jacobian is kept.
-            step_tables = self._refined(progress.step_tables, stable)
+            step_tables, at_limit = self._followed(
+                progress.step_tables,
+                best=self.limits(z),
+                trial=self.limits(state.y_eval),
+                first=first_limits,
+            )
+            if not self.make_room(step_tables):
+                state = self._search.start(z)
+                refresh = True
+                objective = replace(objective, reverse=self.objective.reverse)
             length = float(np.abs(np.asarray(state.y_eval) - np.asarray(z)).max())
             objective = with_step_tables(objective, step_tables)
             # Rendered again wherever the cameras are tried: residuals are exact there.
             objective = self._seen_from(objective, state.y_eval)
+            advance = self._search.compile(z, state)
             z, state, done = advance(z, state, objective)
             loss = best_loss(state)
             seconds = progress.seconds + time.perf_counter() - clock
@@ -314,6 +298,7 @@ class Fitting:
                 values=self._host_values(z),
                 exact=exact,
                 refresh=refresh,
+                at_limit=at_limit,
             )
             steps = [*steps, record]
             progress = FitState(
@@ -329,11 +314,12 @@ class Fitting:
             if log is not None:
                 log(record)
 
-    def _evaluate(
+    def evaluate(
         self, z: Float[Array, " p"], objective: Objective
     ) -> tuple[Array, RunDiagnostics]:
-        arguments = on_every_device(self._mesh, (z, objective))
-        return self._compiled_residuals(self._mesh, *arguments)
+        """Residuals at z, whose squares are minimized, and the errors of the runs."""
+        arguments = on_every_device(self.mesh, (z, forward_only(objective)))
+        return self._compiled_residuals(self.mesh, *arguments)
 
     def _seen_from(self, objective: Objective, z: Float[Array, " p"]) -> Objective:
         """Objective with the cameras where they are at z."""
@@ -345,11 +331,22 @@ class Fitting:
             return ()
         return tuple(np.asarray(self._values(z), float).tolist())
 
-    def _refined(
-        self, step_tables: StepTables, stable: Float[Array, " c"]
-    ) -> StepTables:
-        first = self.objective.step_tables
-        return refine_steps(step_tables, stable=stable, first=first)
+    def limits(self, z: Float[Array, " p"]) -> Limits:
+        """Longest stable step of each case at z [s]."""
+        return np.asarray(self._longest_steps(z), float)
+
+    def _followed(
+        self, step_tables: StepTables, best: Limits, trial: Limits, first: Limits
+    ) -> "_Followed":
+        """Steps for the best point and for a trial, by their longest stable steps.
+
+        A trial that is far stiffer than the start has none: its residuals are infinite,
+        and it is not accepted.
+        """
+        at_limit = is_beyond(trial, first)
+        needed = best if at_limit else np.minimum(best, trial)
+        followed = self.problem.time_steps.followed(step_tables, needed)
+        return _Followed(followed, at_limit=at_limit)
 
     def _finish(
         self,
@@ -362,22 +359,22 @@ class Fitting:
         z = progress.z
         objective = self._seen_from(objective, z)
         initial = _loss(first)
-        residual, diagnostics = self._evaluate(z, objective)
+        residual, diagnostics = self.evaluate(z, objective)
         # Never worse than the start, whatever the last time steps are.
         if not bool(diagnostics.finite) or not _loss(residual) <= initial * (1 + 1e-6):
             z = start
             objective = self._seen_from(objective, z)
-            residual, diagnostics = self._evaluate(z, objective)
+            residual, diagnostics = self.evaluate(z, objective)
         # Again, since the first evaluation may have compiled.
         clock = time.perf_counter()
-        jax.block_until_ready(self._evaluate(z, objective))
+        jax.block_until_ready(self.evaluate(z, objective))
         run_seconds = time.perf_counter() - clock
         rows = None
         if len(z) <= MAX_JUDGED:
             batch = self.problem.batch()
-            objective, z = on_every_device(self._mesh, (objective, z))
+            objective, z = on_every_device(self.mesh, (forward_only(objective), z))
             rows = jacobian_rows(
-                residuals, args=objective, z=z, batch=batch, mesh=self._mesh
+                residuals, args=objective, z=z, batch=batch, mesh=self.mesh
             )
             rows = np.asarray(rows, float)
         return Fit(
@@ -391,6 +388,14 @@ class Fitting:
             step_seconds=progress.seconds,
             run_seconds=run_seconds,
         )
+
+
+class _Followed(NamedTuple):
+    """Steps in time of a trial."""
+
+    step_tables: StepTables
+    at_limit: bool
+    """True if the trial needs more steps than a run may take."""
 
 
 class _Beginning(NamedTuple):
@@ -417,10 +422,6 @@ def noise_scale(residual: Array, known_sd: float | None) -> float:
     if not magnitudes.size:
         return math.inf
     return _NORMAL_SD_PER_MEDIAN * float(np.median(magnitudes))
-
-
-def _keep_finished(done: np.ndarray, old: Array, new: Array) -> Array:
-    return jnp.where(done.reshape((-1,) + (1,) * (new.ndim - 1)), old, new)
 
 
 def _residuals_once(

@@ -20,7 +20,7 @@ from jaxthermo.archive import read_archive, write_archive
 from jaxthermo.errors import InputError
 
 from ..config.fit_record import Step
-from ..problem.problem import StepTables
+from ..problem.time_steps import StepTables
 
 
 _KIND = "state of a fit"
@@ -45,6 +45,8 @@ class StepRecord:
     """The trial's Jacobian was computed, not corrected from the point before."""
     refresh: bool = False
     """The step tried no other point, but computed the Jacobian at the best one."""
+    at_limit: bool = False
+    """The trial was too stiff for the largest number of steps of a run."""
 
     @property
     def outcome_words(self) -> str:

@@ -12,6 +12,7 @@ arrays.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -30,7 +31,8 @@ from jaxthermo.parallel.batch import on_every_device, over_devices, part_of
 from jaxthermo.parallel.lattice import replicated
 
 from ..config.schema import FitConfig
-from ..problem.problem import Problem, RunDiagnostics, StepTables, Traced, Views
+from ..problem.problem import Problem, RunDiagnostics, Traced, Views
+from ..problem.time_steps import StepTables
 from .levenberg_marquardt import BroydenLevenbergMarquardt, restart, with_trust_region
 
 
@@ -49,15 +51,11 @@ class Objective(eqx.Module):
     """Residuals whose time steps can be differentiated in reverse mode."""
 
 
-def make_objective(problem: Problem, reverse_memory: int | None) -> Objective:
-    """Trace a problem's residuals, for reverse mode too if memory [bytes] is given."""
-    step_tables = problem.step_tables()
+def make_objective(problem: Problem, step_tables: StepTables) -> Objective:
+    """Trace a problem's residuals, in forward mode."""
     z = problem.start()
     views = problem.views_at(z)
     traced = problem.trace(step_tables)
-    reverse = None
-    if reverse_memory is not None:
-        reverse = problem.with_reverse_mode(reverse_memory).trace(step_tables)
     rows, _ = jax.eval_shape(traced, z, step_tables, views)
     noise = jnp.zeros(rows.shape, rows.dtype)
     # Plain squares without noise are the same program with other arrays.
@@ -68,7 +66,6 @@ def make_objective(problem: Problem, reverse_memory: int | None) -> Objective:
         knee=knee,
         noise=noise,
         views=views,
-        reverse=reverse,
     )
 
 
@@ -82,6 +79,14 @@ def with_views(objective: Objective, views: Views) -> Objective:
     if not views:
         return objective
     return eqx.tree_at(lambda o: o.views, objective, views)
+
+
+def forward_only(objective: Objective) -> Objective:
+    """Objective without its reverse mode, which is compiled for more than its values.
+
+    Programs of residuals then do not change when reverse mode is traced again.
+    """
+    return replace(objective, reverse=None)
 
 
 def residuals(

@@ -91,6 +91,14 @@ class AbstractSolver(Module):
         # A sampled function of time must not change unseen within a step.
         return float(t1) / (SAMPLES if sampled else _DEFAULT_STEPS) if t1 else 1.0
 
+    def longest_stable_step(self, stable_step: Any) -> Any:
+        """Return the longest stable step of this scheme [s]; infinite for any length.
+
+        `stable_step` is the largest stable explicit step [s], which may be traced.
+        """
+        del stable_step
+        return math.inf
+
     def arranged(self, scene: Scene) -> Scene:
         """Return the scene with its bodies stored as this solver runs fast."""
         return scene
@@ -164,6 +172,10 @@ class ForwardEuler(AbstractSolver):
         return dt
 
     @override
+    def longest_stable_step(self, stable_step: Any) -> Any:
+        return stable_step
+
+    @override
     def stepper(self, scene, compiled, stable_step, max_dt, traced) -> AbstractStepper:
         return EulerStepper()
 
@@ -197,6 +209,12 @@ class SuperTimeStepping(AbstractSolver):
                 f"{stable_step:.6g} s requires {stage_count(dt, stable_step)} stages"
             )
         return dt
+
+    @override
+    def longest_stable_step(self, stable_step: Any) -> Any:
+        if self.stages is None:
+            return math.inf
+        return (self.stages**2 + self.stages - 2) / 4 * stable_step
 
     @override
     def stepper(self, scene, compiled, stable_step, max_dt, traced) -> AbstractStepper:

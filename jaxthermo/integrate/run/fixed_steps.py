@@ -23,7 +23,7 @@ from .plan import (
     step_blocks,
     step_table,
 )
-from .schedule import similar_intervals
+from .schedule import similar_intervals, similar_rows
 from .solution import Observation, saved_rows
 from .step_loop import Span, steps_of, take_row
 
@@ -48,6 +48,62 @@ def take_fixed_steps(plan: Plan, state: RunState) -> Observation:
             observations.append(rows)
             saved.append(saved_numbers(sequence))
     return saved_rows(observations, saved)
+
+
+class FixedLoop(NamedTuple):
+    """Size of a loop over rows of a step table that is not known when it is traced."""
+
+    rows: int
+    columns: int
+    """Intervals with steps in each row, at most."""
+    length: int
+    """Largest number of steps of an interval."""
+
+
+def fixed_loops(table: StepTable, room: int) -> tuple[FixedLoop, ...]:
+    """Loops over similar rows of a table, with room for `room` times as many steps."""
+    rows = [row[row > 0].tolist() for row in np.asarray(table.steps)]
+    starts = similar_rows(rows)
+    loops = []
+    for start, end in zip(starts, [*starts[1:], len(rows)], strict=True):
+        loop = FixedLoop(
+            rows=end - start,
+            columns=max(map(len, rows[start:end])),
+            length=room * max(max(row) for row in rows[start:end]),
+        )
+        loops.append(loop)
+    return tuple(loops)
+
+
+def have_room(loops: Sequence[FixedLoop], table: StepTable) -> bool:
+    """True if no interval of the table has more steps than its loop."""
+    most_steps = np.asarray(table.steps).max(axis=1)
+    lengths = [loop.length for loop in loops for _ in range(loop.rows)]
+    return bool((most_steps <= lengths).all())
+
+
+def take_table_steps(
+    plan: Plan, state: RunState, table: StepTable, loops: Sequence[FixedLoop]
+) -> Observation:
+    """Take the steps of a table that may be traced, each row up to a save time.
+
+    The plan has a single program.
+    """
+    observations = []
+    first = 0
+    for loop in loops:
+        rows = slice(first, first + loop.rows)
+        loop_table = StepTable(
+            start=table.start[rows, : loop.columns],
+            dt=table.dt[rows, : loop.columns],
+            steps=table.steps[rows, : loop.columns],
+            observation_time=table.observation_time[rows],
+        )
+        take = _loop_of_length(plan, loop.length, is_even=False)
+        state, observed = take(plan.compiled.program, state, loop_table)
+        observations.append(observed)
+        first += loop.rows
+    return jax.tree.map(lambda *rows: jnp.concatenate(rows), *observations)
 
 
 class _Stacked(NamedTuple):
@@ -94,7 +150,14 @@ def _take_snapshots(plan: Plan, programs: _Stacked, state: RunState) -> Observat
 def _table_loop(plan: Plan, tables: StepTable):
     """Return the function that takes the steps of one of some tables."""
     length = int(tables.steps.max())
-    is_even = bool((tables.steps == length).all())
+    return _loop_of_length(plan, length, bool((tables.steps == length).all()))
+
+
+def _loop_of_length(plan: Plan, length: int, is_even: bool):
+    """Return the function that takes the steps of a table in loops of this length.
+
+    With `is_even` every interval has that many steps, otherwise at most as many.
+    """
 
     def take_table(
         program: Program, state: RunState, table: StepTable

@@ -3,13 +3,16 @@
 A fit repeats one run with other conductivities, weights or coefficients. The scene may
 then hold traced values, while the steps are scheduled beforehand from known values: the
 `StepTable` is an argument of the compiled program. A scene that becomes stiffer takes
-more steps without a new compilation, and all runs of a fit with one table differ in
-their values only, not in their steps.
+more steps without a new compilation, and all runs with one table differ in their values
+only, not in their steps.
 """
 
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -21,10 +24,11 @@ from ...scene.compile.compile import compile_scene
 from ...scene.scene import Scene, SolvedSurface
 from ..explicit import EulerStepper
 from ..solvers import AbstractSolver, ErrorControl, ForwardEuler
-from .fixed_steps import take_fixed_steps
+from .fixed_steps import FixedLoop, take_table_steps
 from .plan import (
     Plan,
     StepTable,
+    checkpoint_count,
     initial_state,
     plan_run,
     step_table,
@@ -47,6 +51,15 @@ class ParametricSolution(NamedTuple):
     """Irradiation of the surfaces, absorbed or not."""
 
 
+class ReverseMode(NamedTuple):
+    """Memory and loops of a run that is differentiated in reverse mode."""
+
+    memory: int
+    """Memory for the states that it stores [bytes]."""
+    loops: Sequence[FixedLoop]
+    """Loops that have room for the steps of every table that it is called with."""
+
+
 @dataclass(frozen=True)
 class ParametricRun:
     """A run whose scene may hold traced values."""
@@ -55,15 +68,14 @@ class ParametricRun:
     """Increasing save times after 0; the last one is the end of the run [s]."""
     solver: AbstractSolver | None = None
     """None for explicit Euler steps as long as is stable."""
-    reverse_memory: int | None = None
-    """Memory for the states that reverse mode stores [bytes]; None for forward mode.
-    Reverse mode takes the steps of `solver`, which must give its `dt`."""
+    reverse: ReverseMode | None = None
+    """None for forward mode."""
 
     def __post_init__(self):
         if not self.save_times or self.save_times[0] <= 0:
             raise InputError("a fit compares what is saved after 0 s: leave out 0")
-        step = None if self.solver is None else self.solver.dt
-        if self.reverse_memory is not None and step is None:
+        adaptive = not self.uses_stable_step and self.steps_solver.dt is None
+        if self.reverse is not None and adaptive:
             raise InputError("a gradient in reverse mode needs a solver with its step")
 
     @property
@@ -74,57 +86,103 @@ class ParametricRun:
             isinstance(self.solver, ForwardEuler) and self.solver.dt is None
         )
 
-    def step_table(self, scene: Scene, max_dt: float | None = None) -> StepTable:
-        """Schedule the steps for a scene whose numbers are known.
+    @property
+    def steps_solver(self) -> AbstractSolver:
+        """Solver that takes the steps."""
+        if self.solver is None or self.uses_stable_step:
+            return ForwardEuler()
+        return self.solver
 
-        A run that uses the stable step takes `max_dt` [s] instead, if given.
+    def step_table(self, scene: Scene) -> StepTable:
+        """Schedule the steps for a scene whose numbers are known."""
+        return step_table(self._known_plan(scene))
+
+    def fewest_steps(self, scene: Scene) -> StepTable:
+        """Schedule the same intervals in as few steps as the solver allows.
+
+        Stability may require more, see `divided`.
         """
-        # Explicit steps are bounded by `max_dt`, which may leave room for a fit to
-        # become stiffer before its steps change.
-        solver = ForwardEuler(max_dt) if self.uses_stable_step else self.solver
+        plan = self._known_plan(scene)
+        if not self.uses_stable_step:
+            return step_table(plan)
+        # A sampled function of time must not change unseen within a step.
+        longest = plan.solver.max_dt(
+            math.inf, t1=self.save_times[-1], sampled=plan.compiled.program.sampled
+        )
+        intervals = tuple(
+            replace(
+                interval, steps=math.ceil((interval.end - interval.start) / longest)
+            )
+            if math.isfinite(longest)
+            else replace(interval, steps=1)
+            for interval in plan.intervals
+        )
+        return step_table(plan._replace(intervals=intervals))
+
+    def _known_plan(self, scene: Scene) -> Plan:
         with precision(scene.dtype):
             plan = plan_run(
-                scene, t1=self.save_times[-1], save_at=self.save_times, solver=solver
+                scene,
+                t1=self.save_times[-1],
+                save_at=self.save_times,
+                solver=self.steps_solver,
             )
             if len(plan.compiled.programs) > 1:
                 raise InputError("a fit needs bodies that stay where they are")
-            return step_table(plan)
+            return plan
 
-    def stable_step(self, scene: Scene) -> Float[Array, ""]:
-        """Return the largest stable explicit step of a scene, traced or not [s]."""
+    def divided(self, fewest: StepTable, longest: float) -> StepTable:
+        """Divide the intervals of `fewest_steps` into steps up to `longest` [s]."""
+        length = np.asarray(fewest.dt, float) * np.asarray(fewest.steps)
+        # A quotient that exceeds a whole number by rounding must not cost a step more.
+        needed = np.ceil(length / longest * (1 - 1e-6))
+        most = np.iinfo(fewest.steps.dtype).max
+        if needed.max() > most:
+            raise InputError(
+                f"{length.max():g} s take {needed.max():.2g} steps of {longest:.3g} s, "
+                "the longest stable step: check the start values of the parameters"
+            )
+        steps = np.maximum(fewest.steps, needed.astype(fewest.steps.dtype))
+        dt = np.divide(length, steps, out=np.zeros_like(length), where=steps > 0)
+        used = (steps > 0).sum(axis=1)
+        last = (np.arange(len(used)), np.maximum(used - 1, 0))
+        before_end = (1 - self.steps_solver.load_fraction) * dt[last]
+        dtype = fewest.dt.dtype
+        return StepTable(
+            start=fewest.start,
+            dt=dt.astype(dtype),
+            steps=steps,
+            observation_time=(length[last] - before_end).astype(dtype),
+        )
+
+    def longest_step(self, scene: Scene) -> Float[Array, ""]:
+        """Return the longest stable step of a scene, traced or not [s].
+
+        Infinite for a scheme that is stable for any step.
+        """
         with precision(scene.dtype):
-            return compile_scene(scene, 1, self.save_times[-1]).stable_step
+            limit = jnp.asarray(math.inf, scene.dtype)
+            if math.isinf(self.steps_solver.longest_stable_step(1.0)):
+                return limit
+            stable_step = compile_scene(scene, 1, self.save_times[-1]).stable_step
+            return jnp.asarray(self.steps_solver.longest_stable_step(stable_step))
+
+    def stable_solver(self, scene: Scene) -> AbstractSolver | None:
+        """Return `solver` with a step that is stable for a scene of known numbers."""
+        dt = None if self.solver is None else self.solver.dt
+        longest = float(self.longest_step(scene))
+        if self.solver is None or dt is None or dt <= longest:
+            return self.solver
+        return eqx.tree_at(lambda solver: solver.dt, self.solver, longest)
 
     def __call__(self, scene: Scene, table: StepTable) -> ParametricSolution:
         """Run a scene that may hold traced values."""
-        saves = self.save_times
-        end = saves[-1]
-        memory = self.reverse_memory
         with precision(scene.dtype):
-            if self.uses_stable_step:
-                # The stable step of a traced scene is not known, so that `plan_run`
-                # would refuse it; the step table gives the steps.
-                compiled = compile_scene(scene, len(saves), end, save_times=saves)
-                plan = Plan(
-                    scene=scene,
-                    compiled=compiled,
-                    intervals=(),
-                    save_times=saves,
-                    stable_step=None,
-                    solver=ForwardEuler(),
-                    stepper=EulerStepper(),
-                )
-            else:
-                plan = plan_run(
-                    scene,
-                    t1=end,
-                    save_at=saves,
-                    solver=self.solver,
-                    reverse_memory=memory,
-                )
+            plan = self._traced_plan(scene)
             compiled = plan.compiled
-            if memory is not None:
-                rows = take_fixed_steps(plan, initial_state(plan))
+            if self.reverse is not None:
+                loops = self.reverse.loops
+                rows = take_table_steps(plan, initial_state(plan), table, loops)
             else:
                 loop = first_loop(plan, table)
                 _, rows = take_steps(loop.arguments, loop.theta)
@@ -136,23 +194,29 @@ class ParametricRun:
                 radiation=compiled.radiation,
             )
 
-
-def with_more_steps(table: StepTable, factor: float) -> StepTable:
-    """Divide the same intervals into at least `factor` times as many steps."""
-    dt = np.asarray(table.dt)
-    steps = np.asarray(table.steps)
-    observed = np.asarray(table.observation_time)
-    more_steps = np.ceil(steps * factor).astype(steps.dtype)
-    ratio = np.where(more_steps > 0, steps / np.maximum(more_steps, 1), 1.0)
-    shorter = dt * ratio.astype(dt.dtype)
-    # Explicit steps take their loads at the middle; so does the last observation.
-    middle = (dt * steps - shorter / 2).astype(dt.dtype)
-    used = (steps > 0).sum(axis=1)
-    last_middle = middle[np.arange(len(used)), np.maximum(used - 1, 0)]
-    observed = np.where(used > 0, last_middle, observed)
-    return StepTable(
-        start=table.start,
-        dt=jnp.asarray(shorter),
-        steps=jnp.asarray(more_steps),
-        observation_time=jnp.asarray(observed),
-    )
+    def _traced_plan(self, scene: Scene) -> Plan:
+        """Plan whose steps are those of a table."""
+        saves = self.save_times
+        end = saves[-1]
+        memory = None if self.reverse is None else self.reverse.memory
+        if not self.uses_stable_step:
+            return plan_run(
+                scene,
+                t1=end,
+                save_at=saves,
+                solver=self.solver,
+                reverse_memory=memory,
+            )
+        # The stable step of a traced scene is not known, so that `plan_run` would
+        # refuse it; the step table gives the steps.
+        compiled = compile_scene(scene, len(saves), end, save_times=saves)
+        return Plan(
+            scene=scene,
+            compiled=compiled,
+            intervals=(),
+            save_times=saves,
+            stable_step=None,
+            solver=ForwardEuler(),
+            stepper=EulerStepper(),
+            checkpoints=checkpoint_count(memory, compiled),
+        )

@@ -132,7 +132,7 @@ def plan_run(
         compiled = with_memory_of(
             compiled, scene=scene, saves=len(saves), method=stepper.method
         )
-    checkpoints = _checkpoints(reverse_memory, compiled)
+    checkpoints = checkpoint_count(reverse_memory, compiled)
     if isinstance(stepper, AdaptiveStepper):
         stepper = replace(stepper, checkpoints=checkpoints)
     programs, stepper = placed_on_devices(
@@ -249,7 +249,7 @@ def _stepper(choice: _Choice, longest: float) -> AbstractStepper:
     )
 
 
-def _checkpoints(reverse_memory: int | None, compiled: Compiled) -> int | None:
+def checkpoint_count(reverse_memory: int | None, compiled: Compiled) -> int | None:
     """Return the number of states that fit into the memory; None for all."""
     if reverse_memory is None:
         return None

@@ -1,6 +1,7 @@
 """When a run steps and saves: intervals of equal steps between its events."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -152,19 +153,27 @@ def similar_intervals(
     A loop of fixed length is as long for every interval as for the longest one. Within
     a sequence these lengths are at most twice the steps in all.
     """
-    sequences = []
-    start = 0
+    starts = similar_rows([[interval.steps for interval in group] for group in groups])
+    return [
+        groups[start:end]
+        for start, end in zip(starts, [*starts[1:], len(groups)], strict=True)
+    ]
+
+
+def similar_rows(rows: Sequence[Sequence[int]]) -> list[int]:
+    """First rows of sequences of rows of steps, as in `similar_intervals`."""
+    starts = [0]
     columns = 0
     longest = 0
     steps = 0
-    for number, group in enumerate(groups):
-        columns = max(columns, len(group))
-        longest = max(longest, *(interval.steps for interval in group))
-        steps += sum(interval.steps for interval in group)
+    for number, row in enumerate(rows):
+        columns = max(columns, len(row))
+        longest = max(longest, *row)
+        steps += sum(row)
+        start = starts[-1]
         if (number + 1 - start) * columns * longest > 2 * steps and number > start:
-            sequences.append(groups[start:number])
-            start = number
-            columns = len(group)
-            longest = max(interval.steps for interval in group)
-            steps = sum(interval.steps for interval in group)
-    return [*sequences, groups[start:]]
+            starts.append(number)
+            columns = len(row)
+            longest = max(row)
+            steps = sum(row)
+    return starts

@@ -68,7 +68,7 @@ def problem():
 @pytest.fixture(scope="module")
 def rows(problem):
     """Residuals by values and views, compiled."""
-    tables = problem.step_tables()
+    tables = problem.step_tables_at(problem.start())
     return jax.jit(lambda z, views: problem.residuals(z, tables, views)[0])
 
 

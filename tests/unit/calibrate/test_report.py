@@ -257,7 +257,7 @@ def test_the_runs_that_are_shown_are_those_that_were_fitted(sphere, runs):
         compiled = eqx.filter_jit(problem.residuals)
         for way, point in (("default", 0 * z), ("fitted", z)):
             at = jnp.asarray(point, problem.dtype)
-            _, diagnostics = compiled(at, problem.step_tables())
+            _, diagnostics = compiled(at, problem.step_tables_at(at))
             target = problem.cases[0].target
             residual = target.residual(problem.cases[0].scene, runs[way])
             error = jnp.sqrt(len(residual) * (residual * residual).sum(axis=1))

@@ -52,7 +52,7 @@ def view(scene):
 def test_a_pixels_radiance_has_the_gradient_of_its_differences(scene, view):
     """By k, h, emissivity and a weight, to 1e-6 of the largest."""
     run = ParametricRun(SAVES)
-    table = run.step_table(scene, float(run.stable_step(scene)) / 2)
+    table = run.divided(run.fewest_steps(scene), float(run.longest_step(scene)) / 2)
     row, column = (int(n) for n in np.argwhere(body_mask(view))[20])
 
     def radiance(z):
