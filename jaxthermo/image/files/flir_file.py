@@ -91,7 +91,9 @@ class FlirThermogram(NamedTuple):
         """
         return np.asarray(self.calibration.temperature(self.counts))
 
-    def object_temperature(self, **settings: Any) -> Float[np.ndarray, "h w"]:
+    def object_temperature(
+        self, *, allow_extreme_temperatures: bool = False, **settings: Any
+    ) -> Float[np.ndarray, "h w"]:
         """Temperature of the object [K], with the camera's settings or others.
 
         Pixels with counts of no temperature are not a number.
@@ -107,7 +109,9 @@ class FlirThermogram(NamedTuple):
                 f"{', '.join(stored_settings)}"
             )
         kelvin = self.calibration.object_temperature(
-            self.counts, **stored_settings | settings
+            self.counts,
+            **stored_settings | settings,
+            allow_extreme_temperatures=allow_extreme_temperatures,
         )
         return np.asarray(kelvin)
 

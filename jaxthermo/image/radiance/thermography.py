@@ -18,6 +18,8 @@ import numpy as np
 
 from ...arrays import array_namespace, is_traced
 from ...errors import InputError
+from ...physics.time_varying import check_temperature
+from ...temperatures import ALLOW_EXTREME
 from .atmosphere import LONG_WAVE_AIR, AirConstants, half_path_transmissivity
 from .band import LONG_WAVE, MIN_TEMPERATURE, Band, apparent_temperature, black_radiance
 
@@ -62,6 +64,12 @@ def _where_above(
     return np.where(valid, kelvin, np.nan)[()]
 
 
+def _check_temperatures(function: str, **temperatures: Any) -> None:
+    for name, value in temperatures.items():
+        option = f"{ALLOW_EXTREME}=True"
+        check_temperature(value, f"{function}: {name}", option=option)
+
+
 def measured_radiance(
     temperature: Any,
     emissivity: Any = 1.0,
@@ -69,6 +77,8 @@ def measured_radiance(
     transmissivity: Any = 1.0,
     air_temperature: Any = 293.15,
     band: Band | None = LONG_WAVE,
+    *,
+    allow_extreme_temperatures: bool = False,
 ) -> Any:
     """Radiance that a camera measures of an object [W/(m^2 sr)].
 
@@ -79,9 +89,11 @@ def measured_radiance(
         transmissivity: of the air between them [-].
         air_temperature: of this air [K].
         band: of the detector; None for all wavelengths.
+        allow_extreme_temperatures: accept temperatures below 150 K, mostly mistaken
+            Celsius, and above 6000 K.
 
     Raises:
-        InputError: for fractions that are not 0 to 1.
+        InputError: for fractions that are not 0 to 1, or extreme temperatures.
 
     Example:
         >>> import jaxthermo as jt
@@ -90,6 +102,13 @@ def measured_radiance(
     """
     _check_fraction("measured_radiance: emissivity", emissivity)
     _check_fraction("measured_radiance: transmissivity", transmissivity)
+    if not allow_extreme_temperatures:
+        _check_temperatures(
+            "measured_radiance",
+            temperature=temperature,
+            reflected_temperature=reflected_temperature,
+            air_temperature=air_temperature,
+        )
     emitted = _black_radiance(temperature, band)
     around = _black_radiance(reflected_temperature, band)
     air = _black_radiance(air_temperature, band)
@@ -104,6 +123,8 @@ def object_temperature(
     transmissivity: Any = 1.0,
     air_temperature: Any = 293.15,
     band: Band | None = LONG_WAVE,
+    *,
+    allow_extreme_temperatures: bool = False,
 ) -> Any:
     """Temperature of an object of a measured radiance [K], the inverse of the above.
 
@@ -111,11 +132,17 @@ def object_temperature(
     reflected and added on the way have no temperature: not a number.
 
     Raises:
-        InputError: for an emissivity or transmissivity that is not above 0, or if no
-            radiance has a temperature.
+        InputError: for an emissivity or transmissivity that is not above 0, extreme
+            temperatures of surroundings or air, or if no radiance has a temperature.
     """
     _check_fraction("object_temperature: emissivity", emissivity, above=True)
     _check_fraction("object_temperature: transmissivity", transmissivity, above=True)
+    if not allow_extreme_temperatures:
+        _check_temperatures(
+            "object_temperature",
+            reflected_temperature=reflected_temperature,
+            air_temperature=air_temperature,
+        )
     around = _black_radiance(reflected_temperature, band)
     air = _black_radiance(air_temperature, band)
     leaving = (_array(radiance) - (1 - transmissivity) * air) / transmissivity
@@ -168,8 +195,17 @@ class FlirCalibration:
             if not (np.isfinite(value) and value > 0):
                 raise InputError(f"FlirCalibration({name}={value!r}): give more than 0")
 
-    def counts(self, temperature: Any) -> Any:
-        """Counts S of a black surface at temperatures [K]."""
+    def counts(
+        self, temperature: Any, *, allow_extreme_temperatures: bool = False
+    ) -> Any:
+        """Counts S of a black surface at temperatures [K].
+
+        Raises:
+            InputError: for temperatures below 150 K or above 6000 K that are not
+                allowed.
+        """
+        if not allow_extreme_temperatures:
+            _check_temperatures("FlirCalibration.counts", temperature=temperature)
         kelvin = _array(temperature)
         exp = array_namespace(kelvin).exp
         return self.r1 / (self.r2 * (exp(self.b / kelvin) - self.f)) - self.o
@@ -206,6 +242,8 @@ class FlirCalibration:
         window_transmissivity: Any = 1.0,
         window_temperature: Any = 293.15,
         air_constants: AirConstants = LONG_WAVE_AIR,
+        *,
+        allow_extreme_temperatures: bool = False,
     ) -> Any:
         """Temperature of an object behind air and a window [K].
 
@@ -224,15 +262,23 @@ class FlirCalibration:
             window_transmissivity: w; 1 without a window [-].
             window_temperature: of the window [K].
             air_constants: of the camera.
+            allow_extreme_temperatures: accept those below 150 K and above 6000 K.
 
         Raises:
-            InputError: for fractions that are not above 0, or if no counts have a
-                temperature.
+            InputError: for fractions that are not above 0, extreme temperatures of
+                what is reflected, air or window, or if no counts have a temperature.
         """
         prefix = "FlirCalibration: "
         _check_fraction(f"{prefix}emissivity", emissivity, above=True)
         _check_fraction(f"{prefix}window_transmissivity", window_transmissivity, True)
         _check_fraction(f"{prefix}relative_humidity", relative_humidity)
+        if not allow_extreme_temperatures:
+            _check_temperatures(
+                "FlirCalibration",
+                reflected_temperature=reflected_temperature,
+                air_temperature=air_temperature,
+                window_temperature=window_temperature,
+            )
         xp = array_namespace((distance, air_temperature, relative_humidity))
         passed = half_path_transmissivity(
             _array(distance),
@@ -242,7 +288,7 @@ class FlirCalibration:
             constants=air_constants,
         )
         air, window, around = (
-            self.counts(temperature)
+            self.counts(temperature, allow_extreme_temperatures=True)
             for temperature in (
                 air_temperature,
                 window_temperature,

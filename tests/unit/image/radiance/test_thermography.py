@@ -147,3 +147,43 @@ def test_what_is_seen_through_air_is_corrected_for_the_same_air(distance):
 def test_impossible_values_are_refused(call):
     with pytest.raises(jt.InputError):
         call()
+
+
+SEEN = jt.FlirThermogram(np.full((2, 2), 18109), FLIR, emissivity=0.7)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda **option: SEEN.object_temperature(reflected_temperature=20.0, **option),
+        lambda **option: SEEN.object_temperature(window_temperature=20.0, **option),
+        lambda **option: SEEN._replace(air_temperature=20.0).object_temperature(
+            **option
+        ),
+        lambda **option: FLIR.object_temperature(18109, 0.7, 20.0, **option),
+        lambda **option: FLIR.counts(20.0, **option),
+        lambda **option: jt.measured_radiance(20.0, **option),
+        lambda **option: jt.measured_radiance(300.0, 0.9, 20.0, **option),
+        lambda **option: jt.measured_radiance(jnp.asarray([300.0, 7e3]), **option),
+        lambda **option: jt.object_temperature(60.0, 0.9, 20.0, **option),
+        lambda **option: jt.object_temperature(
+            60.0, transmissivity=0.9, air_temperature=20.0, **option
+        ),
+    ],
+)
+def test_degrees_celsius_for_kelvin_are_refused(call):
+    """Of 20 for 20 degC the object would be 21 K too warm."""
+    with pytest.raises(jt.InputError, match="20 K is below 150 K|7000 K is above") as e:
+        call()
+    assert "allow_extreme_temperatures=True" in str(e.value)
+    assert "\n" not in str(e.value)
+    assert np.isfinite(np.asarray(call(allow_extreme_temperatures=True))).all()
+
+
+def test_the_pixels_that_leave_the_limits_are_counted_with_their_place():
+    frame = np.full((3, 4), 300.0)
+    frame[2, 1] = 0.5
+    frame[1, 3] = 20.0
+    with pytest.raises(jt.InputError, match="2 of 12") as caught:
+        jt.measured_radiance(frame)
+    assert "20 K at row 1, column 3, 0.5 K at row 2, column 1" in str(caught.value)
