@@ -17,6 +17,7 @@ from ..config.shipped_cards import card_name
 from ..console.progress import terminal_progress
 from ..console.results_folder import prepare_folder, results_folder
 from ..console.terminal import (
+    collected_warnings,
     open_console,
     patient_interrupt,
     print_line,
@@ -139,7 +140,8 @@ class _Planned(NamedTuple):
 
 def _planned(console: Console, config: SceneConfig, devices: int) -> _Planned:
     with status(console, "building the scene"):
-        scene = on_devices(config.build(), devices)
+        with collected_warnings() as doubts:
+            scene = on_devices(config.build(), devices)
         plan = plan_run(
             scene,
             t1=config.time.end,
@@ -148,7 +150,11 @@ def _planned(console: Console, config: SceneConfig, devices: int) -> _Planned:
             control_error=True,
         )
         structures = [structure_report(body.structure) for body in scene.bodies]
-        warnings = [*plan.compiled.receipt.warnings, *_card_warnings(config, scene)]
+        warnings = [
+            *doubts,
+            *plan.compiled.receipt.warnings,
+            *_card_warnings(config, scene),
+        ]
     log_scene(console, scene=scene, plan=plan, structures=structures)
     for warning in warnings:
         print_line(console, f"warning: {warning}")

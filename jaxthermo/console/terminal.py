@@ -5,8 +5,10 @@ On a terminal lines wrap at words; in a pipe they are whole.
 
 import signal
 import textwrap
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from rich.console import Console
 
@@ -45,6 +47,29 @@ def status(console: Console, activity: str) -> Iterator[None]:
         return
     with console.status(activity):
         yield
+
+
+@contextmanager
+def collected_warnings() -> Iterator[list[str]]:
+    """Collect the texts of warnings to the user instead of showing them at once."""
+    texts: list[str] = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", UserWarning)
+        show = warnings.showwarning
+
+        def collect(
+            message: Warning | str,
+            category: type[Warning],
+            *position: Any,
+            **options: Any,
+        ) -> None:
+            if category is not UserWarning:
+                show(message, category, *position, **options)
+            elif str(message) not in texts:
+                texts.append(str(message))
+
+        warnings.showwarning = collect
+        yield texts
 
 
 @contextmanager

@@ -1,199 +1,134 @@
-"""Weather files: EPW by pvlib, and CSV with the units in the names of the columns."""
+"""Weather files: EPW, and CSV with the units in the names of the columns."""
 
-from collections.abc import Callable
-from datetime import UTC, datetime, timedelta, timezone
+from collections.abc import Sequence
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, NamedTuple
 
-import lazy_loader
 import numpy as np
+from jaxtyping import Float
 
-from ..constants import ZERO_CELSIUS
+from ..archive import check_regular
 from ..errors import InputError
-from .sun_position import require_pvlib
-from .weather import Column, Weather
+from .epw import is_epw, read_epw
+from .quantities import OPTIONAL, QUANTITIES
+from .rows import Row, check_increasing, fields_of
+from .weather import Column, Remark, Weather, with_directions
 
 
-_pvlib: Any = lazy_loader.load("pvlib")
-_pandas: Any = lazy_loader.load("pandas")
-
-_HOUR = 3600.0
-
-
-class _Quantity(NamedTuple):
-    """A quantity, with its column in both formats."""
-
-    name: str
-    csv: str
-    epw: str
-    missing: float
-    """Smallest number that stands for no value in an EPW file."""
-    lowest: float
-    """Smallest valid number, in the unit of the file."""
-    to_si: Callable[[np.ndarray], np.ndarray] = lambda values: values
-    is_mean: bool = False
-    """True if a row of an EPW file has the mean over the hour before."""
-
-
-def _kelvin(values: np.ndarray) -> np.ndarray:
-    return values + ZERO_CELSIUS
-
-
-_QUANTITIES = (
-    _Quantity(
-        name="air",
-        csv="air_degC",
-        epw="temp_air",
-        missing=99.9,
-        lowest=-120.0,
-        to_si=_kelvin,
-    ),
-    _Quantity(
-        name="dew_point",
-        csv="dew_point_degC",
-        epw="temp_dew",
-        missing=99.9,
-        lowest=-120.0,
-        to_si=_kelvin,
-    ),
-    _Quantity(
-        name="direct_normal",
-        csv="direct_normal_W_m2",
-        epw="dni",
-        missing=9999.0,
-        lowest=0.0,
-        is_mean=True,
-    ),
-    _Quantity(
-        name="diffuse",
-        csv="diffuse_W_m2",
-        epw="dhi",
-        missing=9999.0,
-        lowest=0.0,
-        is_mean=True,
-    ),
-    _Quantity(
-        name="infrared",
-        csv="infrared_W_m2",
-        epw="ghi_infrared",
-        missing=9999.0,
-        lowest=1e-3,
-        is_mean=True,
-    ),
-    _Quantity(
-        name="wind_speed",
-        csv="wind_speed_m_s",
-        epw="wind_speed",
-        missing=999.0,
-        lowest=0.0,
-    ),
-    _Quantity(
-        name="wind_direction",
-        csv="wind_direction_deg",
-        epw="wind_direction",
-        missing=999.0,
-        lowest=0.0,
-        to_si=np.radians,
-    ),
-)
-_OPTIONAL = ("dew_point_degC", "infrared_W_m2")
+_LONGEST_GAP = 3 * 3600.0
+"""A longer interval between rows of a CSV file is a hole, not a coarse series [s]."""
+_REMEDY = "give an EPW file, or CSV with the columns of docs/guide/outdoors.md"
 
 
 def read_weather(path: Path, start: datetime) -> Weather:
-    """The weather in an EPW file, recognized by its ending, or in a CSV file.
+    """The weather in an EPW file, recognized by its first word, or in a CSV file.
 
     An EPW file joins months of several years: they all count as the year of `start`.
     Its radiation is the mean over the hour before each time; it is assigned to the
     middle of that hour.
 
     Raises:
-        InputError: without the extra, or for a file that cannot be read.
+        InputError: for a file that cannot be read, with the line of the mistake.
     """
-    require_pvlib("a weather file")
-    if not path.is_file():
-        raise InputError(f"{path}: there is no such file")
-    read = _read_epw if path.suffix.lower() == ".epw" else _read_csv
-    try:
-        return read(path, start)
-    except InputError:
-        raise
-    except Exception as error:  # damaged text makes the readers raise anything
+    text = _text(path)
+    lines = text.split("\n")
+    if is_epw(lines):
+        return read_epw(path, lines, start)
+    if path.suffix.lower() == ".epw":
         raise InputError(
-            f"{path}: not a weather file, or damaged ({type(error).__name__}): give an "
-            "EPW file, or CSV with the columns of docs/guide/outdoors.md"
-        ) from error
-
-
-def _read_epw(path: Path, start: datetime) -> Weather:
-    # The first line has the zone, in which the year of the start counts.
-    with path.open(encoding="utf-8", errors="replace") as file:
-        zone = timezone(timedelta(hours=float(file.readline().split(",")[8])))
-    table, _ = _pvlib.iotools.read_epw(str(path), start.astimezone(zone).year)
-    # The rows are named by the start of their hour.
-    ends = np.array([stamp.timestamp() for stamp in table.index]) + _HOUR
-    _check_increasing(path, ends)
-    columns = {}
-    for quantity in _QUANTITIES:
-        numbers = table[quantity.epw]
-        columns[quantity.name] = Column(
-            times=ends - _HOUR / 2 if quantity.is_mean else ends,
-            values=_values(numbers, quantity=quantity, missing=quantity.missing),
-            name=quantity.epw,
+            f"{path}: line 1 does not begin with LOCATION as that of an EPW file: "
+            f"{_REMEDY}"
         )
-    return Weather(
-        source=str(path), covers=(ends[0] - _HOUR, ends[-1]), columns=columns, zone=zone
+    return _read_csv(path, lines, start, is_whole=text.endswith("\n"))
+
+
+def _text(path: Path) -> str:
+    check_regular(path, _REMEDY)
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise InputError(f"{path}: cannot be read: {reason}; {_REMEDY}") from error
+    if b"\0" in content:
+        raise InputError(f"{path}: not a text, or damaged; {_REMEDY}")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        # Any bytes are Latin-1: names of towns are in it, numbers are the same.
+        text = content.decode("latin-1")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _read_csv(
+    path: Path, lines: Sequence[str], start: datetime, is_whole: bool
+) -> Weather:
+    names = _column_names(path, lines[0] if lines else "")
+    rows = []
+    for number, line in enumerate(lines[1:], 2):
+        if not line.strip():
+            continue
+        fields = fields_of(line)
+        if len(fields) != len(names):
+            raise InputError(
+                f"{path}: line {number} has {len(fields)} columns, and line 1 names "
+                f"{len(names)}; correct the line"
+            )
+        rows.append(Row(number, fields))
+    at = names.index("time")
+    times = np.array([_moment(path, row.number, row.fields[at]) for row in rows])
+    check_increasing(path, [row.number for row in rows], times)
+    columns = {}
+    for quantity in QUANTITIES:
+        if quantity.csv in names:
+            position = names.index(quantity.csv)
+            columns[quantity.name] = Column(
+                times=times,
+                values=quantity.values(row.fields[position] for row in rows),
+                name=quantity.csv,
+                limits=quantity.limits,
+            )
+    return with_directions(
+        Weather(
+            source=str(path),
+            covers=(times[0], times[-1]),
+            columns=columns,
+            zone=start.tzinfo or UTC,
+            longest_gap=_LONGEST_GAP,
+            remarks=() if is_whole else _cut_remark(times),
+        )
     )
 
 
-def _read_csv(path: Path, start: datetime) -> Weather:
-    table = _pandas.read_csv(path, skipinitialspace=True)
-    column_names = {"time", *(quantity.csv for quantity in _QUANTITIES)}
-    lacking = sorted(column_names - set(table.columns) - set(_OPTIONAL))
+def _column_names(path: Path, head: str) -> list[str]:
+    names = fields_of(head)
+    needed = ["time", *(quantity.csv for quantity in QUANTITIES)]
+    needed = [name for name in needed if name not in OPTIONAL]
+    lacking = sorted(set(needed) - set(names))
     if lacking:
         raise InputError(
-            f"{path}: column '{lacking[0]}' is missing; needed are "
-            f"{', '.join(sorted(column_names - set(_OPTIONAL)))}"
+            f"{path}: column '{lacking[0]}' is missing in line 1; needed are "
+            f"{', '.join(sorted(needed))}, separated by commas; or give an EPW file"
         )
-    stamps = [_moment(path, row, text) for row, text in enumerate(table["time"], 2)]
-    times = np.array([stamp.timestamp() for stamp in stamps])
-    _check_increasing(path, times)
-    columns = {}
-    for quantity in _QUANTITIES:
-        if quantity.csv in table.columns:
-            numbers = table[quantity.csv]
-            values = _values(numbers, quantity=quantity, missing=np.inf)
-            columns[quantity.name] = Column(times, values, name=quantity.csv)
-    return Weather(
-        source=str(path),
-        covers=(times[0], times[-1]),
-        columns=columns,
-        zone=start.tzinfo or UTC,
-    )
+    twice = sorted({name for name in names if name and names.count(name) > 1})
+    if twice:
+        raise InputError(f"{path}: column '{twice[0]}' is there twice: remove one")
+    return names
 
 
-def _values(column: Any, quantity: _Quantity, missing: float) -> np.ndarray:
-    numbers = _pandas.to_numeric(column, errors="coerce").to_numpy(float)
-    with np.errstate(invalid="ignore"):
-        is_valid = (numbers >= quantity.lowest) & (numbers < missing)
-    return np.where(is_valid, quantity.to_si(numbers), np.nan)
+def _cut_remark(times: Float[np.ndarray, " t"]) -> tuple[Remark, ...]:
+    # What is left of a number that is cut is a number.
+    text = "the last line has no end of line: check that it was not cut short"
+    return (Remark(float(times[-2]), float(times[-1]), text),)
 
 
-def _moment(path: Path, row: int, text: Any) -> datetime:
+def _moment(path: Path, line: int, text: str) -> float:
     try:
-        moment = datetime.fromisoformat(str(text).strip())
+        moment = datetime.fromisoformat(text)
     except ValueError:
         moment = None
     if moment is None or moment.tzinfo is None:
         raise InputError(
-            f"{path}: line {row}: time '{text}' is not a date and time with a zone, "
+            f"{path}: line {line}: time '{text}' is not a date and time with a zone, "
             "such as 2026-06-21T12:00+02:00"
         )
-    return moment
-
-
-def _check_increasing(path: Path, times: np.ndarray) -> None:
-    if len(times) < 2:
-        raise InputError(f"{path}: has {len(times)} rows: give two at least")
-    if (np.diff(times) <= 0).any():
-        row = int(np.flatnonzero(np.diff(times) <= 0)[0]) + 2
-        raise InputError(f"{path}: row {row} is not later than the one before it")
+    return moment.timestamp()

@@ -6,8 +6,9 @@ them: a scene has no ground that would cast a shadow.
 """
 
 import math
+import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal, final, get_args
@@ -26,11 +27,13 @@ from ..physics.radiation.source_motion import DirectionTable
 from ..physics.term import AbstractTerm
 from ..physics.time_varying import Table
 from .clear_sky import ClearSky
+from .doubts import Span, air_doubts, daylight_doubts, place_doubts, sky_doubts
 from .files import read_weather
 from .sky import (
     GroundModel,
     SkyModel,
     clear_sky_temperature,
+    cloudy_sky_temperature,
     sky_temperature,
     sol_air_temperature,
     wind_coefficient,
@@ -48,7 +51,7 @@ _MAX_DURATION = 366 * 86400.0
 
 
 def outdoors(
-    place: Place,
+    place: Place | None,
     start: datetime,
     duration: float,
     weather: ClearSky | Weather | str | Path,
@@ -59,24 +62,31 @@ def outdoors(
     albedo: float = 0.2,
     occlusion: int | None = None,
     every: float = 1800.0,
+    north: tuple[float, float] | None = None,
 ) -> tuple[AbstractTerm, ...]:
     """Terms of a scene at a place, from a start with a zone and for a duration [s].
 
+    Doubts about the weather, and what was assumed for lack of data, are warnings.
+
     Args:
-        place: location of the scene, and its direction of north.
+        place: location of the scene, and its direction of north; None for that of an
+            EPW file.
         start: date and time with a zone, time 0 of the scene.
         duration: of the scene [s].
         weather: a file (EPW or CSV), or a cloudless sky.
         terms: which of `sun` (direct), `diffuse` (`DiffuseSky`), `sky` (`Surroundings`
             with sky and ground), and `wind` (of the mean direction, weighted by the
             speed) or `convection` (h = 5.7 + 3.8 v, McAdams).
-        sky: temperature by the file's `infrared` radiation, or by the dew point for a
-            cloudless sky (`berdahl_martin`); None for the first that the weather has.
+        sky: temperature by the file's `infrared` radiation, by the dew point and the
+            `cloud_cover`, or by the dew point for a cloudless sky (`berdahl_martin`);
+            None for the first that the weather has.
         ground: temperature of the ground [K], `air` for that of the air (as over
             grass), or `sol_air` for dry ground that stores no heat.
         albedo: fraction of sunlight that the ground reflects [-].
         occlusion: number of directions in which obstacles hide sky and ground.
         every: interval at which the sun's shadows are recomputed [s].
+        north: direction of north in x and y of the scene, for the place of a file; a
+            `Place` has its own.
 
     Raises:
         InputError: without the extra `[weather]`, for a start without a zone, for
@@ -85,16 +95,22 @@ def outdoors(
     _check(terms, duration=duration, albedo=albedo, interval=every)
     first = instant(start)
     last = first + float(duration)
-    weather_data = _weather(
-        place, start=start, duration=float(duration), weather=weather
-    )
+    if isinstance(weather, ClearSky):
+        if place is None:
+            raise InputError("outdoors(place=None): a clear sky has none; give a Place")
+        weather_data = weather.weather(place, start, float(duration))
+        sky = sky or "berdahl_martin"
+    elif isinstance(weather, Weather):
+        weather_data = weather
+    else:
+        weather_data = read_weather(Path(weather), start)
     weather_data.check_covers(first, last)
     scene = _Outdoors(
-        place=place,
+        place=_site(place, weather_data, north),
         first=first,
         last=last,
         weather=weather_data,
-        sky=sky,
+        sky=sky or _sky_model(weather_data),
         ground=ground,
         albedo=albedo,
         occlusion=occlusion,
@@ -107,6 +123,8 @@ def outdoors(
         "convection": scene.convection,
     }
     built = [builders[name]() for name in terms]
+    for doubt in scene.doubts(terms, is_sky_chosen=sky is not None):
+        warnings.warn(doubt, stacklevel=2)
     return tuple(term for term in built if term is not None)
 
 
@@ -129,12 +147,28 @@ def _check(terms: Any, duration: float, albedo: float, interval: float) -> None:
         raise InputError(f"outdoors(every={interval}): give 1 s or more")
 
 
-def _weather(site: Place, start: datetime, duration: float, weather: Any) -> Weather:
-    if isinstance(weather, ClearSky):
-        return weather.weather(site, start, duration)
-    if isinstance(weather, Weather):
-        return weather
-    return read_weather(Path(weather), start)
+def _site(
+    place: Place | None, weather: Weather, north: tuple[float, float] | None
+) -> Place:
+    """The place of the scene: the given one, or that of the weather."""
+    if place is None:
+        if weather.place is None:
+            raise InputError(
+                f"outdoors(place=None): {weather.source} states no place; give a Place"
+            )
+        return weather.place if north is None else replace(weather.place, north=north)
+    if north is not None:
+        raise InputError(
+            f"outdoors(north={north}): is for the place of a file; give it to the Place"
+        )
+    return place
+
+
+def _sky_model(weather: Weather) -> SkyModel:
+    """The model of the sky that needs the most of what the weather has."""
+    if weather.has("infrared"):
+        return "infrared"
+    return "cloud_cover" if weather.has("cloud_cover") else "berdahl_martin"
 
 
 @final
@@ -148,10 +182,24 @@ class _Outdoors:
     last: float
     """End since 1970-01-01 UTC [s]."""
     weather: Weather
-    sky: SkyModel | None
+    sky: SkyModel
     ground: GroundModel | float
     albedo: float
     occlusion: int | None
+
+    def doubts(self, terms: Sequence[str], is_sky_chosen: bool) -> list[str]:
+        """Warnings about the weather, as far as the terms depend on it."""
+        weather = self.weather
+        span = Span(self.first, self.last)
+        doubts = weather.remarks_within(span.start, span.end)
+        doubts += place_doubts(weather, self.place)
+        if {"sky", "wind", "convection"} & {*terms}:
+            doubts += air_doubts(weather, span)
+        if {"sun", "diffuse"} <= {*terms}:
+            doubts += daylight_doubts(weather, self.place, span)
+        if "sky" in terms:
+            doubts += sky_doubts(weather, self.sky, is_sky_chosen, span)
+        return doubts
 
     def sun(self, interval: float) -> Sun | None:
         """Direct sunlight; None if the sun stays down."""
@@ -202,20 +250,20 @@ class _Outdoors:
 
     def surroundings(self) -> Surroundings:
         """Sky and ground by their temperatures."""
-        infrared = self.sky == "infrared" or (
-            self.sky is None and self.weather.has("infrared")
-        )
-        source = "infrared" if infrared else "dew_point"
-        names = ["air", source]
+        names = ["air", "infrared" if self.sky == "infrared" else "dew_point"]
+        if self.sky == "cloud_cover":
+            names.append("cloud_cover")
         if self.ground == "sol_air":
             names += ["direct_normal", "diffuse", "wind_speed"]
         times = self._times(names)
         air = self._at("air", times)
-        if infrared:
+        if self.sky == "infrared":
             sky = sky_temperature(self._at("infrared", times))
         else:
             hour = times / 3600 + self.place.longitude / 15
             sky = clear_sky_temperature(air, self._at("dew_point", times), hour)
+        if self.sky == "cloud_cover":
+            sky = cloudy_sky_temperature(sky, air, self._at("cloud_cover", times))
         ground = self._ground(times, air=air, sky=sky)
         if isinstance(ground, np.ndarray):
             ground = self._table(times, ground)

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from ..constants import STEFAN_BOLTZMANN, ZERO_CELSIUS
 
 
-SkyModel = Literal["infrared", "berdahl_martin"]
+SkyModel = Literal["infrared", "cloud_cover", "berdahl_martin"]
 GroundModel = Literal["air", "sol_air"]
 _Series = Float[np.ndarray, " t"]
 
@@ -38,6 +38,25 @@ def clear_sky_temperature(
     dew = (dew_point - ZERO_CELSIUS) / 100
     daily = 0.013 * np.cos(2 * np.pi * solar_hour / 24)
     return (0.711 + 0.56 * dew + 0.73 * dew**2 + daily) ** 0.25 * air
+
+
+def cloudy_sky_temperature(clear_sky: _Series, air: _Series, cover: _Series) -> _Series:
+    """Temperature of a sky with clouds [K], not above that of the air.
+
+    eps = eps_0 (1 + 0.0224 N - 0.0035 N^2 + 0.00028 N^3), with the emissivity eps_0 =
+    (T_clear / T_air)^4 of the cloudless sky and the cover N in tenths.
+
+    Source: Walton, Thermal Analysis Research Program Reference Manual, NBSIR 83-2655
+    (1983), as in EnergyPlus, where N is the opaque cover.
+
+    Args:
+        clear_sky: temperature of the cloudless sky [K].
+        air: temperature of the air [K].
+        cover: fraction of the sky that clouds cover [-].
+    """
+    tenths = 10 * cover
+    clouds = 1 + 0.0224 * tenths - 0.0035 * tenths**2 + 0.00028 * tenths**3
+    return np.minimum(clouds**0.25 * clear_sky, np.maximum(air, clear_sky))
 
 
 def wind_coefficient(speed: _Series) -> _Series:

@@ -1,18 +1,16 @@
 """Weather over time: named columns of numbers, which may have holes."""
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, tzinfo
-from typing import Any, NamedTuple, final
+from typing import NamedTuple, final
 
 import numpy as np
 from jaxtyping import Float
 
 from ..errors import InputError
-
-
-# A longer interval between rows is a hole, not a coarse series [s].
-_MAX_GAP = 3 * 3600.0
+from .sun_position import Place
 
 
 class Column(NamedTuple):
@@ -24,6 +22,18 @@ class Column(NamedTuple):
     """Values in SI units; NaN where there is no value."""
     name: str
     """Name in the file."""
+    limits: str = ""
+    """Valid range in words, in the unit of the file."""
+
+
+class Remark(NamedTuple):
+    """A change that a reader made, or a doubt, which concerns some of the time."""
+
+    start: float
+    """Start since 1970-01-01 UTC [s]."""
+    end: float
+    """End since 1970-01-01 UTC [s]."""
+    text: str
 
 
 @final
@@ -32,8 +42,9 @@ class Weather:
     """Weather at a place.
 
     Columns are `air` and `dew_point` [K], `direct_normal`, `diffuse` (horizontal) and
-    `infrared` (from the sky, horizontal) [W/m^2], `wind_speed` [m/s] and
-    `wind_direction`, from which it blows [rad from north towards east].
+    `infrared` (from the sky, horizontal) [W/m^2], `wind_speed` [m/s],
+    `wind_direction`, from which it blows [rad from north towards east], and
+    `cloud_cover`, the fraction of the sky [-].
     """
 
     source: str
@@ -43,6 +54,12 @@ class Weather:
     columns: Mapping[str, Column]
     zone: tzinfo = UTC
     """Zone of the times in messages."""
+    longest_gap: float = math.inf
+    """A longer interval between rows is a hole [s]."""
+    place: Place | None = None
+    """Place of the measurements, if the file states it."""
+    remarks: tuple[Remark, ...] = ()
+    """Changes and doubts of its reader."""
 
     def has(self, name: str) -> bool:
         """True if there is a column with at least one value."""
@@ -60,16 +77,27 @@ class Weather:
                 f"{self.source}: there is no {name.replace('_', ' ')}; the weather has "
                 f"{', '.join(self.columns)}"
             )
-        times, values, file_name = self.columns[name]
+        column = self.columns[name]
+        times = column.times
+        values = column.values
         first = max(int(np.searchsorted(times, start, side="right")) - 1, 0)
         last = min(int(np.searchsorted(times, end)), len(times) - 1)
         rows = slice(first, last + 1)
         times = times[rows]
         values = values[rows]
-        self._check_holes(file_name, times, values)
+        self._check_holes(column, times=times, values=values)
         inside = times[(times > start) & (times < end)]
         at = np.unique(np.concatenate([[start], inside, [end]]))
-        return Column(at, np.interp(at, times, values), file_name)
+        return column._replace(times=at, values=np.interp(at, times, values))
+
+    def remarks_within(self, start: float, end: float) -> list[str]:
+        """Remarks of its reader on the time from `start` to `end` [s]."""
+        texts = [
+            remark.text
+            for remark in self.remarks
+            if remark.start < end and start < remark.end
+        ]
+        return [f"{self.source}: {text}" for text in texts]
 
     def check_covers(self, start: float, end: float) -> None:
         """Refuse a run that is not within the time of the weather.
@@ -80,31 +108,59 @@ class Weather:
         first, last = self.covers
         if first <= start and end <= last:
             return
-        stamp = self._stamp
+        stamp = self.stamp
         raise InputError(
             f"{self.source}: covers {stamp(first)} to {stamp(last)}, and the scene "
             f"runs from {stamp(start)} to {stamp(end)}: give another start, or a "
             "shorter run"
         )
 
-    def _check_holes(self, name: str, times: np.ndarray, values: np.ndarray) -> None:
+    def stamp(self, seconds: float) -> str:
+        """A time since 1970-01-01 UTC [s] as date and time in the zone."""
+        moment = datetime.fromtimestamp(round(seconds), self.zone)
+        return moment.isoformat(timespec="minutes")
+
+    def _check_holes(
+        self,
+        column: Column,
+        times: Float[np.ndarray, " t"],
+        values: Float[np.ndarray, " t"],
+    ) -> None:
         holes = np.flatnonzero(~np.isfinite(values))
         if len(holes):
+            first = self.stamp(float(times[holes[0]]))
             others_note = f" (and {len(holes) - 1} more)" if len(holes) > 1 else ""
+            limits = f" {column.limits}" if column.limits else ""
             raise InputError(
-                f"{self.source}: column '{name}' has no value at "
-                f"{self._stamp(times[holes[0]])}{others_note}: fill it in, or give "
-                "another start"
+                f"{self.source}: column '{column.name}' has no value{limits} at {first}"
+                f"{others_note}: fill it in, or give another start"
             )
-        gaps = np.flatnonzero(np.diff(times) > _MAX_GAP)
+        gaps = np.flatnonzero(np.diff(times) > self.longest_gap)
         if len(gaps):
-            first = self._stamp(times[gaps[0]])
-            last = self._stamp(times[gaps[0] + 1])
+            first = self.stamp(float(times[gaps[0]]))
+            last = self.stamp(float(times[gaps[0] + 1]))
             raise InputError(
-                f"{self.source}: column '{name}' has no rows between {first} "
+                f"{self.source}: column '{column.name}' has no rows between {first} "
                 f"and {last}: fill them in, or give another start"
             )
 
-    def _stamp(self, seconds: Any) -> str:
-        moment = datetime.fromtimestamp(round(float(seconds)), self.zone)
-        return moment.isoformat(timespec="minutes")
+
+def with_directions(weather: Weather) -> Weather:
+    """The weather with directions of the wind that may be interpolated.
+
+    A calm has no direction, and files have any number for it: it gets that of the wind
+    around it. Between 350 and 10 degrees lies 0.
+    """
+    direction = weather.columns["wind_direction"]
+    speed = weather.columns["wind_speed"].values
+    blows = np.isfinite(direction.values) & (speed != 0)
+    values = np.where(speed == 0, 0.0, np.nan)
+    if blows.any():
+        turned = np.unwrap(direction.values[blows])
+        around = np.interp(direction.times, direction.times[blows], turned)
+        values = np.where(blows | (speed == 0), around, np.nan)
+    columns = {
+        **weather.columns,
+        "wind_direction": direction._replace(values=values),
+    }
+    return replace(weather, columns=columns)

@@ -70,7 +70,8 @@ class _ClearSkyConfig(Model, builds="ClearSky"):
 class OutdoorsConfig(Model, builds="outdoors"):
     """Terms of a scene outdoors; needs the package pvlib."""
 
-    place: _PlaceConfig
+    place: _PlaceConfig | None = None
+    """Place of the scene; by default that of an EPW file."""
     north: si.Direction = (0.0, 1.0, 0.0)
     """Direction of north in the scene, horizontal; z is up."""
     start: Annotated[str, AfterValidator(_moment)]
@@ -82,8 +83,9 @@ class OutdoorsConfig(Model, builds="outdoors"):
     terms: Annotated[
         tuple[Literal["sun", "diffuse", "sky", "wind", "convection"], ...], si.NotEmpty
     ] = ALL_TERMS
-    sky: Literal["infrared", "berdahl_martin"] | None = None
-    """Sky temperature by the file's radiation, or by the dew point."""
+    sky: Literal["infrared", "cloud_cover", "berdahl_martin"] | None = None
+    """Sky temperature by the file's radiation, by the dew point and the clouds, or by
+    the dew point alone; by default the first that the weather has."""
     ground: Literal["air", "sol_air"] = "air"
     """Ground as warm as the air, or dry ground in balance with the sun."""
     albedo: si.Fraction = 0.2
@@ -105,10 +107,11 @@ class OutdoorsConfig(Model, builds="outdoors"):
             mistakes.append((("terms",), "give one of wind and convection"))
         if len({*self.terms}) < len(self.terms):
             mistakes.append((("terms",), "give each once"))
-        if self.sky == "infrared" and self.clear_sky is not None:
-            mistakes.append(
-                (("sky",), "a clear_sky has no infrared: give berdahl_martin")
-            )
+        if self.clear_sky is not None and self.sky not in (None, "berdahl_martin"):
+            message = f"a clear_sky has no {self.sky}: give berdahl_martin"
+            mistakes.append((("sky",), message))
+        if self.clear_sky is not None and self.place is None:
+            mistakes.append((("place",), "is missing: a clear_sky has none"))
         return mistakes
 
     @override
@@ -117,10 +120,15 @@ class OutdoorsConfig(Model, builds="outdoors"):
         (duration,) = args
         arguments = self.arguments()
         north_x, north_y, _ = arguments.pop("north")
-        site = _PlaceConfig.target()(**self.place.arguments(), north=(north_x, north_y))
+        if self.place is None:
+            arguments |= {"place": None, "north": (north_x, north_y)}
+        else:
+            place = _PlaceConfig.target()
+            arguments["place"] = place(
+                **self.place.arguments(), north=(north_x, north_y)
+            )
         clear_sky = arguments.pop("clear_sky", None)
         weather_file = arguments.pop("weather", None)
-        arguments["place"] = site
         arguments["start"] = datetime.fromisoformat(self.start)
         arguments["weather"] = clear_sky or weather_file
         return self.target()(duration=duration, **arguments)

@@ -38,7 +38,8 @@ _SMALL_SPEED = 1e-6
 # The cubic between nodes exceeds their largest absolute value by at most this factor.
 _SPLINE_OVERSHOOT = 1.25
 
-_Speeds = Float[Array, "*v"] | Float[np.ndarray, "*v"] | float
+# Numpy turns an array without axes into a scalar.
+_Speeds = Float[Array, "*v"] | Float[np.ndarray, "*v"] | np.floating | float
 
 
 def _speed_root(speed: _Speeds) -> _Speeds:

@@ -162,7 +162,8 @@ def test_csv(tmp_path):
     column = weather.columns["wind_direction"]
     assert_allclose(column.values, np.pi / 2)
     assert_allclose(column.times - START.timestamp(), np.arange(24) * 3600)
-    terms = made(path, duration=23 * 3600.0, terms=("sky", "convection"))
+    with pytest.warns(UserWarning, match="taken as cloudless"):
+        terms = made(path, duration=23 * 3600.0, terms=("sky", "convection"))
     assert_allclose(
         np.asarray(terms["convection"].heat_transfer_coefficient.values), 5.7 + 7.6
     )
@@ -177,7 +178,10 @@ def test_csv(tmp_path):
         (CSV_HEAD + csv_row("2026-06-21T00:00"), "line 2: time .*with a zone"),
         (CSV_HEAD + csv_row("2026-06-21T00:00Z") * 2, "not later than the one before"),
         (CSV_HEAD, "has 0 rows"),
-        ("", "not a weather file, or damaged"),
+        ("", "column 'air_degC' is missing"),
+        (CSV_HEAD + csv_row("2026-06-21T00:00Z")[:-4], "line 2 has 6 columns"),
+        (CSV_HEAD.replace("diffuse", "direct_normal"), "'diffuse_W_m2' is missing"),
+        (CSV_HEAD.replace("\n", ",time\n"), "column 'time' is there twice"),
     ],
 )
 def test_mistakes_in_csv(tmp_path, text, message):
@@ -218,7 +222,7 @@ def test_mistakes(monkeypatch):
         made(CLEAR, terms=("wind", "convection"))
     with pytest.raises(InputError, match="wind_speed=.*-1"):
         jt.ClearSky((280.0, 290.0), wind_speed=-1.0)
-    with pytest.raises(InputError, match="there is no such file"):
+    with pytest.raises(InputError, match="no such file"):
         made("nothing.epw")
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"pip install 'jaxthermo\[weather\]'"):
