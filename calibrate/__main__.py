@@ -124,6 +124,7 @@ def _plan(
     kelvin: str | None = None,
     time_budget: str | None = None,
     memory: str | None = None,
+    search_time: str | None = None,
     out: Path | None = None,
     again: Flag = False,
     run: Flag = False,
@@ -132,7 +133,8 @@ def _plan(
     """Search for the fastest model of a scene whose error is within a tolerance.
 
     Writes scene.yaml, which `jaxthermo simulate` runs as it is, and plan.json. Exit
-    status 3 if no model is within the tolerance.
+    status 3 if no model is within the tolerance. The same command continues an
+    interrupted search.
 
     Args:
         scene: Scene, a YAML file; its pitches, structures and solver are replaced.
@@ -140,16 +142,26 @@ def _plan(
         kelvin: Largest error as a temperature difference, such as 0.2.
         time_budget: Longest run time of the compiled run, such as 10ms.
         memory: Largest peak memory, such as 2GB.
+        search_time: Longest time of the search, such as 2m, after which the best model
+            so far is taken; the first reference is always run.
         out: Folder for the results; results/plan/NAME by default.
         again: Search even if a plan of the same scene and tolerance is stored.
         run: Simulate the planned scene at once, into the folder OUT/run.
         overrides: Value of the scene to change; may be repeated.
     """
-    from .plan.command import plan, tolerance_of
+    from .plan.command import plan, search_time_of, tolerance_of
 
     limits = tolerance_of(tolerance, kelvin=kelvin, run_time=time_budget, memory=memory)
     folder = out or Path("results/plan") / scene.stem
-    plan(scene, overrides=overrides, tolerance=limits, out=folder, again=again, run=run)
+    plan(
+        scene,
+        overrides=overrides,
+        tolerance=limits,
+        out=folder,
+        search_time=search_time_of(search_time),
+        again=again,
+        run=run,
+    )
 
 
 @app.command

@@ -98,12 +98,14 @@ _ABOUT = {
     "random_scenes.run": (
         "energy, bounds and stated error in time of 300 scenes drawn at random"
     ),
+    "plans.run": "true errors of the models planned for five parts, at 10, 5 and 3 %",
 }
 # The modules that measure several things, and have the name of what they measure.
 _NAMES = {
     "verification.verify": "verification",
     "stiff.run": "stiff",
     "random_scenes.run": "random-scenes",
+    "plans.run": "plans",
     "front.run": "front",
     "thesis.exhibition": "thesis",
 }
@@ -134,7 +136,9 @@ _OF_THESIS = {
 _OPTIONS = {
     **dict.fromkeys(("stencil", "voxelize", "lattice-boltzmann"), ()),
     "mixed": ("config", "height"),
-    **dict.fromkeys(("verification", "stiff", "random-scenes", "thesis"), ("cases",)),
+    **dict.fromkeys(
+        ("verification", "stiff", "random-scenes", "plans", "thesis"), ("cases",)
+    ),
     **dict.fromkeys(("budget", "front", "reduction"), ("config",)),
 }
 

@@ -1,6 +1,8 @@
 """`calibrate plan`: a scene's cheapest model within a tolerance, as a scene file."""
 
 import json
+import math
+import re
 import sys
 import textwrap
 import time
@@ -12,7 +14,7 @@ from typing import TypedDict, cast
 from rich.console import Console
 
 from jaxthermo.__main__ import main as run_jaxthermo
-from jaxthermo.accuracy.error_records import ReferenceErrors
+from jaxthermo.accuracy.error_records import ReferenceErrors, finite_number
 from jaxthermo.archive import read_record, signed, text_hash
 from jaxthermo.atomic import replacing, write_json
 from jaxthermo.config.loader import config_hash, load_config, resolved, to_yaml
@@ -28,22 +30,27 @@ from jaxthermo.console.results_folder import results_folder
 from jaxthermo.console.terminal import open_console, print_line
 from jaxthermo.errors import InputError
 from jaxthermo.provenance import processor, provenance
+from jaxthermo.report.numbers import count
 from jaxthermo.report.table import Cell, Table
 
 from ..problem.reference import RunCost, program_hash
+from ..study.rows import Row, Rows
 from .candidate import pitches_of
-from .search import Choice, search
-from .trial import Tolerance, TrialRecord
+from .search import MAX_OWN_ERROR, Choice, search
+from .tolerance import Tolerance
 
 
 _SCENE = "scene.yaml"
 _PLAN = "plan.json"
+_ROWS = "rows.jsonl"
+"""Candidates of all tolerances that were run in a folder."""
 _NOTHING_MEETS_IT = 3
 """Exit status where no candidate is within the tolerance."""
 
 _KIND = "plan"
 _VERSION = 1
 _TIME = Unit("s", "a time", "10 ms")
+_SEARCH_TIME = Unit("s", "a time", "2 min")
 _MEMORY = Unit("byte", "an amount of memory", "2 GB")
 _WIDTH = 96
 _LISTED = 12
@@ -76,6 +83,21 @@ def tolerance_of(
     )
 
 
+def search_time_of(text: str | None) -> float:
+    """Time of a search [s] of the option as it is given; infinite without it.
+
+    Raises:
+        InputError: for a value that is no positive time.
+    """
+    if text is None:
+        return math.inf
+    # A unit of length elsewhere.
+    minutes = re.sub(r"(?<=[\d.])\s*m\s*$", " min", text)
+    seconds = _positive("--search-time", minutes, _SEARCH_TIME)
+    assert seconds is not None
+    return seconds
+
+
 def _positive(option: str, text: str | None, unit: Unit) -> float | None:
     if text is None:
         return None
@@ -93,6 +115,7 @@ def plan(
     overrides: tuple[str, ...],
     tolerance: Tolerance,
     out: Path,
+    search_time: float,
     again: bool,
     run: bool,
 ) -> None:
@@ -112,6 +135,8 @@ def plan(
                 key=key,
                 folder=folder,
                 path=path,
+                search_time=search_time,
+                again=again,
             )
         else:
             print_line(console, f"as planned before, in {folder}; --again plans anew")
@@ -136,6 +161,12 @@ class _ReferenceRecord(TypedDict):
 
     refinement: float
     own_error: ReferenceErrors
+    error_percent: float | None
+    """Error that it is taken to have [%]."""
+    error_kelvin: float
+    """Error that it is taken to have [K]."""
+    excess: float
+    """That error over the tolerance [-]."""
     cost: RunCost
 
 
@@ -149,13 +180,15 @@ class _PlanRecord(TypedDict):
     tolerance: Mapping[str, float | None]
     words: list[str]
     """The plan in sentences."""
-    chosen: TrialRecord | None
+    chosen: Row | None
     miss: str | None
     """Reason why no candidate is chosen."""
+    is_complete: bool
+    """False if the search was ended by its time: the same command goes on."""
     run_time_s: Mapping[str, float] | None
     """Median and range of the chosen candidate's time."""
     reference: _ReferenceRecord
-    trials: list[TrialRecord]
+    trials: list[Row]
     wall_s: float
     cpu_s: float
     provenance: Mapping[str, object]
@@ -171,7 +204,9 @@ def _earlier_plan(folder: Path, key: str) -> _PlanRecord | None:
         return None
     record = cast(_PlanRecord, content)
     complete = record["chosen"] is None or (folder / _SCENE).is_file()
-    return record if record["key"] == key and complete else None
+    if record["key"] != key or not record["is_complete"]:
+        return None
+    return record if complete else None
 
 
 def _search(
@@ -181,22 +216,38 @@ def _search(
     key: str,
     folder: Path,
     path: Path,
+    search_time: float,
+    again: bool,
 ) -> _PlanRecord:
     clock = time.perf_counter()
     cpu = time.process_time()
     pitches = pitches_of(scene)
+    rows = Rows(folder / _ROWS, program_hash(True))
+    if again:
+        rows.by_id.clear()
     try:
         with terminal_progress(console) as progress, warnings.catch_warnings():
             # Coarse candidates warn of their voxels; the planned run has its own.
             warnings.simplefilter("ignore")
-            choice = search(scene, tolerance=tolerance, progress=progress)
+            choice = search(
+                scene,
+                tolerance=tolerance,
+                rows=rows,
+                search_time=search_time,
+                progress=progress,
+            )
     except KeyboardInterrupt:
         raise KeyboardInterrupt(
-            "stopped; the same command goes on from the references that are finished"
+            f"stopped: {count(len(rows.by_id), 'candidate')} are in {rows.path}, and "
+            "the same command goes on from there and from the references that are "
+            "finished"
         ) from None
+    finally:
+        rows.close()
     wall_s = time.perf_counter() - clock
     cpu_s = time.process_time() - cpu
-    console.print(_table(choice, pitches).rich())
+    if choice.trials:
+        console.print(_table(choice, pitches).rich())
     words = _words(choice, pitches)
     best = choice.best
     record: _PlanRecord = {
@@ -206,10 +257,14 @@ def _search(
         "words": words,
         "chosen": None if best is None else best.as_json(),
         "miss": None if best else _miss(choice, tolerance, pitches),
+        "is_complete": choice.is_complete,
         "run_time_s": None if choice.time is None else choice.time._asdict(),
         "reference": {
             "refinement": choice.reference.refinement,
             "own_error": choice.reference.own_error,
+            "error_percent": finite_number(choice.reference.percent),
+            "error_kelvin": choice.reference.kelvin,
+            "excess": choice.reference.excess,
             "cost": choice.reference.cost,
         },
         "trials": [trial.as_json() for trial in choice.trials],
@@ -234,16 +289,16 @@ def _words(choice: Choice, pitches: tuple[float, ...]) -> list[str]:
     """Sentences on the chosen model and on the reference that it was compared with."""
     finest = choice.reference
     cost = finest.cost
-    own_kelvin = finest.own_error["worst_rms_kelvin"]
     reference = (
         f"The reference has {cost['nodes']:,} nodes in blocks of 2^3 voxels of "
         f"{_millimetres(cost['pitch_m'])}, and is itself off by about "
-        f"{finest.own_percent:.2g} % ({own_kelvin:.2g} K)."
+        f"{finest.percent:.2g} % ({finest.kelvin:.2g} K), which counts: the "
+        f"difference from it may be {max(0.0, finest.allowed):.2g} of the tolerance."
     )
-    if finest.excess > 0.5:
-        reference += (
-            " That is a large part of the tolerance: finer ones were too large."
-        )
+    if finest.excess > MAX_OWN_ERROR:
+        reference += " Finer ones were too large."
+    if not choice.is_complete:
+        reference += " The search was ended by its time; the same command goes on."
     if choice.best is None or choice.time is None:
         return [reference]
     measured = choice.best.measured
@@ -265,13 +320,25 @@ def _words(choice: Choice, pitches: tuple[float, ...]) -> list[str]:
 
 def _miss(choice: Choice, tolerance: Tolerance, pitches: tuple[float, ...]) -> str:
     near = choice.nearest
-    return (
-        f"no model is within {tolerance.words()}: the nearest, "
-        f"{near.measured.candidate.words(pitches)}, has {near.error_words()} in "
-        f"{near.time_words()} and {near.memory_words()}, "
-        f"{near.measured.error / near.allowed:.3g} times the tolerance with the error "
-        "of the reference: allow more, or give a finer mesh"
-    )
+    own_excess = choice.reference.excess
+    if near is None:
+        reached = "no candidate was run in the time of the search"
+        if own_excess >= 1:
+            reached = (
+                f"the finest reference is itself off by {choice.reference.percent:.2g} "
+                f"% ({choice.reference.kelvin:.2g} K), {own_excess:.3g} times that"
+            )
+    else:
+        reached = (
+            f"the nearest, {near.measured.candidate.words(pitches)}, has "
+            f"{near.error_words()} in {near.time_words()} and {near.memory_words()}, "
+            f"{near.measured.error + own_excess:.3g} times the tolerance with the "
+            "error of the reference"
+        )
+    remedy = "allow more, or give a finer mesh"
+    if not choice.is_complete:
+        remedy = "give a longer --search-time, with which the same command goes on"
+    return f"no model is within {tolerance.words()}: {reached}: {remedy}"
 
 
 def _table(choice: Choice, pitches: tuple[float, ...]) -> Table:

@@ -68,6 +68,15 @@ class Measured(NamedTuple):
     """Peak memory as it is forecast [bytes]."""
 
 
+class Size(NamedTuple):
+    """Size of all bodies together, in the pitches of the scene's file."""
+
+    volume: float
+    """In cubes of the pitches [-]."""
+    area: float
+    """In squares of the pitches [-]."""
+
+
 class Forecast(NamedTuple):
     """Expected error and cost of a candidate."""
 
@@ -86,8 +95,7 @@ class Predictor:
         runs: Sequence[Measured],
         errors: Sequence[tuple[Candidate, float]],
         end: float,
-        volume: float,
-        area: float,
+        size: Size,
     ):
         """Fit to the runs.
 
@@ -95,14 +103,12 @@ class Predictor:
             runs: candidates that were run.
             errors: candidates whose errors are known without a run.
             end: of the scene's run [s].
-            volume: of the bodies, in cubes of their pitches in the file [-].
-            area: in squares of their pitches [-].
+            size: of the bodies.
         """
         self._runs = tuple(runs)
         self._end = end
         self._errors = [*((f.candidate, f.error) for f in runs), *errors]
-        self._volume = volume
-        self._area = area
+        self._size = size
         self._lines = tuple(dict.fromkeys(run.candidate.line for run in runs))
         self._error_values = self._fit_errors()
         self._cost_values = self._fit_costs()
@@ -228,25 +234,12 @@ class Predictor:
         return candidate.steps * max(3.0, (math.sqrt(9 + 16 * ratio) - 1) / 2)
 
     def _nodes(self, candidate: Candidate) -> float:
-        return self._plain_nodes(candidate) * self._left_over(
-            candidate, lambda f: f.nodes / self._plain_nodes(f.candidate)
+        return expected_nodes(candidate, self._size) * self._left_over(
+            candidate, lambda f: f.nodes / expected_nodes(f.candidate, self._size)
         )
 
-    def _plain_nodes(self, candidate: Candidate) -> float:
-        voxel = 1 / candidate.refinement
-        block = candidate.size
-        cells = self._volume / voxel**3
-        blocks = self._volume / block**3 + 0.6 * self._area / block**2
-        layer = min(self._area / voxel**2, cells)
-        return {
-            "full_volume": cells,
-            "aggregate": blocks,
-            "octree": min(2.0 * layer, cells),
-            "shell_over_core": min(layer + blocks, cells),
-        }[candidate.family]
-
     def _fragments(self, candidate: Candidate) -> float:
-        return 1.5 * self._area * candidate.refinement**2
+        return 1.5 * self._size.area * candidate.refinement**2
 
     def _bytes_of(self, run: Measured) -> float:
         return 100.0 * (run.nodes + run.fragments)
@@ -265,6 +258,21 @@ class Predictor:
             total += weight * math.log(ratio(run))
             weights += weight
         return math.exp(total / weights)
+
+
+def expected_nodes(candidate: Candidate, size: Size) -> float:
+    """Number of nodes of a candidate before it is built."""
+    voxel = 1 / candidate.refinement
+    block = candidate.size
+    cells = size.volume / voxel**3
+    blocks = size.volume / block**3 + 0.6 * size.area / block**2
+    layer = min(size.area / voxel**2, cells)
+    return {
+        "full_volume": cells,
+        "aggregate": blocks,
+        "octree": min(2.0 * layer, cells),
+        "shell_over_core": min(layer + blocks, cells),
+    }[candidate.family]
 
 
 _LOG_COSTS = np.log([_PER_EVALUATION, _PER_NODE])

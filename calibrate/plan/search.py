@@ -1,14 +1,15 @@
 """The search of a plan: from coarse references to the cheapest model that is verified.
 
 References in ever finer voxels are run until the finest one's own error is half of the
-tolerance; a candidate is within the tolerance if its error and the reference's together
-are, as the root of the sum of their squares. A few blocks show how errors and times
-fall with pitch, size and steps; from then on the candidate that is predicted to be the
-cheapest within the tolerance is run, and its error and time correct the prediction,
-until no other one is expected to be faster.
+tolerance; a candidate is within the tolerance if its difference from the reference and
+the reference's own error together are. A few blocks show how errors and times fall with
+pitch, size and steps; from then on the candidate that is predicted to be the cheapest
+within the tolerance is run, and its error and time correct the prediction, until no
+other one is expected to be faster.
 """
 
 import math
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
@@ -18,16 +19,17 @@ from jaxthermo.console.progress import Progress
 from jaxthermo.errors import InputError
 from jaxthermo.timing import Spread
 
+from ..study.rows import Rows
 from .candidate import FAMILIES, Candidate, Family, Method, cards_of, pitches_of
 from .predict import Forecast, Predictor
-from .trial import MAX_OWN_ERROR, Bench, Reference, Tolerance, Trial, loop_times
+from .references import Reference, References, about_time
+from .tolerance import Tolerance
+from .trial import Bench, Trial
 
 
-_FIRST_VOXELS = 24_000
-"""Voxels in which the first reference is run."""
-
-_MOST_NODES = 3e6
-"""Nodes of the finest reference."""
+MAX_OWN_ERROR = 0.5
+"""Largest error of the reference itself over the tolerance [-], if finer voxels are
+possible."""
 
 _FACTORS = (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32)
 _SHELL_FACTORS = (4, 8)
@@ -60,6 +62,13 @@ _ALIKE = 1.4
 
 _REPEATS = 7
 
+_USUAL_TRIALS = 10
+"""Number of candidates that a search usually runs."""
+_TRIAL_SECONDS = 5.0
+"""Time of a candidate before any is run [s]."""
+_REFERENCE_SHARE = 0.5
+"""Largest expected time of a finer reference over what is left of the search's [-]."""
+
 
 @dataclass(frozen=True, eq=False)
 class Choice:
@@ -71,13 +80,18 @@ class Choice:
     """Fastest candidate within the tolerance; None if there is none."""
     time: Spread | None
     """Run time of `best`, measured alternately with similar ones."""
-    nearest: Trial
-    """Candidate of the smallest error within the limits of time and memory."""
+    nearest: Trial | None
+    """Candidate of the smallest error within the limits of time and memory; None where
+    the reference's own error exceeds the tolerance and nothing is compared with it."""
+    is_complete: bool
+    """False if the search was ended by its time."""
 
 
 def search(
     scene: SceneConfig,
     tolerance: Tolerance,
+    rows: Rows,
+    search_time: float,
     progress: Progress,
 ) -> Choice:
     """Search for the fastest model of a scene within a tolerance.
@@ -85,91 +99,137 @@ def search(
     Args:
         scene: config of the scene; its pitches, structures and solver are replaced.
         tolerance: of the error, the time and the memory.
+        rows: candidates of earlier searches, to which those of this one are added.
+        search_time: time after which nothing more is begun [s]; the first reference is
+            always run.
         progress: receives the progress.
 
     Raises:
         InputError: if the scene has no finer voxels, or nothing can be run.
     """
-    return _Search(scene, tolerance, progress).run()
+    deadline = time.perf_counter() + search_time
+    pitches = pitches_of(scene)
+    bench = Bench(scene, pitches=pitches, tolerance=tolerance, rows=rows)
+    references = References(
+        scene, pitches=pitches, tolerance=tolerance, size=bench.size()
+    )
+    return _Search(bench, references=references, deadline=deadline, progress=progress)()
 
 
 class _Search:
     def __init__(
-        self,
-        scene: SceneConfig,
-        tolerance: Tolerance,
-        progress: Progress,
+        self, bench: Bench, references: References, deadline: float, progress: Progress
     ):
-        self.bench = Bench(scene, pitches_of(scene), tolerance)
-        self.tolerance = tolerance
+        self.bench = bench
+        self.references = references
+        self.deadline = deadline
         self.progress = progress
-        self.cards = cards_of(scene)
+        self.tolerance = bench.tolerance
+        self.size = references.size
+        self.cards = cards_of(bench.scene)
         self.trials: list[Trial] = []
         self.failed: set[Candidate] = set()
-        self.volume, self.area = self.bench.volume_and_area()
+        self.is_complete = True
+        self.is_over = False
 
-    def run(self) -> Choice:
+    def __call__(self) -> Choice:
         """Refine references, then run candidates and compare them with the finest."""
-        # In powers of two: the user's own pitch is among the candidates.
-        first = 2.0 ** round(math.log2(_FIRST_VOXELS / self.volume) / 3)
-        self._refine_until(MAX_OWN_ERROR, first)
-        self._probe()
-        while len(self.trials) < _MAX_TRIALS:
-            candidate = self._next()
-            if candidate is None:
-                # Finer voxels may still meet what no candidate does yet.
-                if self._within() or not self._refine():
-                    break
-                continue
-            self._try(candidate)
+        self._announce_plan()
+        self.reference = self._first_reference()
+        while self.reference.excess > MAX_OWN_ERROR and self._refine():
+            pass
+        # Nothing is within a tolerance that the reference itself exceeds.
+        while self.reference.allowed > 0:
+            if not self._run_candidates() or not self._refine():
+                break
         return self._choice()
 
-    def _refine_until(self, limit: float, first: float) -> None:
-        refinement = first
-        # A run that will hardly do shows it by one coarser run: a third one is saved.
-        while (
-            self._may_run(2 * refinement)
-            and self.bench.expected_excess(refinement, self._announce) > limit
-        ):
-            refinement *= 2
-        try:
-            self.reference = self._find_reference(refinement)
-        except InputError as error:
-            if refinement == first:
-                raise
-            self.progress.line(f"no finer reference: {error}")
-            self.reference = self._find_reference(refinement / 2)
-        while self.reference.excess > limit and self._refine():
-            pass
+    def _announce_plan(self) -> None:
+        planned = self.references.planned()
+        listed = "; ".join(
+            f"{1e3 * self.bench.pitches[0] / run.refinement:.3g} mm, about "
+            f"{run.nodes:,} nodes, {about_time(run.seconds)}"
+            for run in planned
+        )
+        self.progress.line(
+            "references in voxels of half the edge each time, until one is off by "
+            f"{MAX_OWN_ERROR:g} of the tolerance: {listed}"
+        )
+        candidates = _USUAL_TRIALS * _TRIAL_SECONDS
+        first = sum(run.seconds for run in self.references.needed(MAX_OWN_ERROR))
+        finest = sum(run.seconds for run in planned)
+        self.progress.line(
+            f"then about {_USUAL_TRIALS} candidates, at most {_MAX_TRIALS}: "
+            f"{about_time(first + candidates)} if the third reference will do, "
+            f"{about_time(finest + candidates)} if the finest is needed"
+        )
+
+    def _first_reference(self) -> Reference:
+        reason = InputError("no reference can be run")
+        for _ in self.references.planned():
+            try:
+                reference = self.references.refine(self._announce)
+            except InputError as error:
+                reason = error
+                continue
+            if reference is not None:
+                return self._checked(reference)
+        raise reason
 
     def _refine(self) -> bool:
         """Halve the voxels of the reference; False where that is too much."""
-        refinement = 2 * self.reference.refinement
-        if not self._may_run(refinement):
+        planned = self.references.planned()
+        if not planned:
+            return False
+        left = self.deadline - time.perf_counter()
+        if planned[0].seconds > _REFERENCE_SHARE * left:
+            self.is_complete = False
+            expected = f"about {planned[0].nodes:,} nodes"
+            self.progress.line(f"no finer reference: no time is left for {expected}")
             return False
         try:
-            self.reference = self._find_reference(refinement)
+            reference = self.references.refine(self._announce)
         except InputError as error:
             self.progress.line(f"no finer reference: {error}")
             return False
+        assert reference is not None
+        self.reference = self._checked(reference)
         return True
 
-    def _may_run(self, refinement: float) -> bool:
-        # Of blocks of 2^3 voxels.
-        return self.volume * (refinement / 2) ** 3 <= _MOST_NODES
-
     def _announce(self, text: str) -> None:
+        self.progress.line(f"reference: {text}")
         self.progress.stage(f"reference: {text}")
 
-    def _find_reference(self, refinement: float) -> Reference:
-        reference = self.bench.reference(refinement, self._announce)
-        about = f"reference of {reference.cost['nodes']:,} nodes"
-        self.progress.line(f"{about}: off by {reference.excess:.2g} of the tolerance")
+    def _checked(self, reference: Reference) -> Reference:
+        if math.isinf(reference.excess):
+            raise InputError(
+                "--tolerance: at a saved time the whole surface of the reference has "
+                "one temperature, a range that nothing is a percentage of: give "
+                "--kelvin instead"
+            )
+        needed = self.references.needed(MAX_OWN_ERROR)
+        seconds = sum(run.seconds for run in needed) + _USUAL_TRIALS * _TRIAL_SECONDS
+        nodes = reference.cost["nodes"]
+        text = f"reference of {nodes:,} nodes: off by {reference.excess:.2g} of the "
+        text += f"tolerance; {about_time(seconds)} are left"
+        self.progress.line(text)
         return reference
+
+    def _run_candidates(self) -> bool:
+        """Run candidates; False where one is within the tolerance, or time is over."""
+        if not self.trials:
+            self._probe()
+        while len(self.trials) < _MAX_TRIALS and not self.is_over:
+            candidate = self._next()
+            if candidate is None:
+                # Finer voxels may still meet what no candidate does yet.
+                return not self._within()
+            self._try(candidate)
+        return False
 
     def _probe(self) -> None:
         finest = self.reference.refinement / 2
-        edge = (self.volume / _PROBE_NODES) ** (1 / 3)
+        edge = (self.size.volume / _PROBE_NODES) ** (1 / 3)
         # The finest voxels take the longest to prepare: once, if others have blocks.
         common = finest / 2
         single = finest
@@ -178,30 +238,38 @@ class _Search:
         large = _factor_near(edge * common)
         small = _factor_near(edge * common / 2)
         base = Candidate(common, "aggregate", large, steps=_PROBE_STEPS)
-        self._try(base)
-        self._try(base._replace(factor=small))
-        self._try(base._replace(steps=_FEW_PROBE_STEPS))
-        near = _factor_near(edge * single / 2)
-        self._try(base._replace(refinement=single, factor=near))
-        # Its error in time may be opposite to that of its blocks.
-        self._try(base._replace(method="forward_euler", steps=0))
-        if not self.trials:
+        probes = (
+            base,
+            base._replace(factor=small),
+            base._replace(steps=_FEW_PROBE_STEPS),
+            base._replace(refinement=single, factor=_factor_near(edge * single / 2)),
+            # Its error in time may be opposite to that of its blocks.
+            base._replace(method="forward_euler", steps=0),
+        )
+        # In coarse voxels two of them may be equal.
+        for candidate in dict.fromkeys(probes):
+            self._try(candidate)
+        if not self.trials and not self.is_over:
             raise InputError("no candidate can be run: see the messages above")
 
     def _try(self, candidate: Candidate) -> None:
         words = candidate.words(self.bench.pitches)
+        is_stored = self.bench.is_stored(candidate, self.reference)
+        longest = max((trial.took for trial in self.trials), default=0.0)
+        if not is_stored and time.perf_counter() + longest > self.deadline:
+            self.is_complete = False
+            self.is_over = True
+            return
         self.progress.stage(words)
         try:
-            trial = self.bench.run(candidate, self.reference)
+            trial = self.bench.trial(candidate, self.reference)
         except InputError as error:
             self.failed.add(candidate)
             self.progress.line(f"{words}: {error}")
             return
-        if not self._meets_all(trial):
-            # Only those that may win are timed again.
-            trial = trial._replace(loop=None)
         self.trials.append(trial)
-        self.progress.line(trial.words(self.bench.pitches))
+        earlier = " (run before)" if is_stored else ""
+        self.progress.line(trial.words(self.bench.pitches) + earlier)
 
     def _next(self) -> Candidate | None:
         """Candidate that is expected to be the fastest within the tolerance, if any."""
@@ -209,10 +277,14 @@ class _Search:
             runs=[trial.measured for trial in self.trials],
             errors=self.reference.coarser,
             end=self.bench.scene.time.last,
-            volume=self.volume,
-            area=self.area,
+            size=self.size,
         )
-        done = {trial.measured.candidate for trial in self.trials} | self.failed
+        compared = {
+            trial.measured.candidate
+            for trial in self.trials
+            if trial.refinement == self.reference.refinement
+        }
+        done = compared | self.failed
         best = min((t.measured.run_time for t in self._within()), default=None)
         fastest = None
         shortest = float("inf") if best is None else _GAIN * best
@@ -274,23 +346,35 @@ class _Search:
     def _choice(self) -> Choice:
         within = sorted(self._within(), key=lambda trial: trial.measured.run_time)
         best = None
-        time = None
+        spread = None
         if within:
-            limit = _ALIKE * within[0].measured.run_time
-            alike = [trial for trial in within if trial.measured.run_time <= limit]
-            self.progress.stage("timing the fastest again")
-            times = loop_times(alike, repeats=_REPEATS, dtype=self.bench.scene.dtype)
-            pairs = zip(alike, times, strict=True)
-            best, time = min(pairs, key=lambda pair: pair[1].median)
+            best, spread = self._timed_again(within)
         fitting = [t for t in self.trials if self._fits(t)] or self.trials
-        nearest = min(fitting, key=lambda trial: trial.measured.error)
+        nearest = min(fitting, key=lambda trial: trial.measured.error, default=None)
         return Choice(
             trials=tuple(self.trials),
             reference=self.reference,
             best=best,
-            time=time,
+            time=spread,
             nearest=nearest,
+            is_complete=self.is_complete,
         )
+
+    def _timed_again(self, within: list[Trial]) -> tuple[Trial, Spread]:
+        """The fastest of trials, the first of which was so far, and its time."""
+        fastest = within[0]
+        limit = _ALIKE * fastest.measured.run_time
+        alike = [trial for trial in within if trial.measured.run_time <= limit]
+        expected = sum(
+            trial.took + _REPEATS * trial.measured.run_time for trial in alike
+        )
+        if time.perf_counter() + expected > self.deadline:
+            return fastest, Spread.of([fastest.measured.run_time])
+        self.progress.stage("timing the fastest again")
+        candidates = [trial.measured.candidate for trial in alike]
+        times = self.bench.times(candidates, repeats=_REPEATS)
+        pairs = zip(alike, times, strict=True)
+        return min(pairs, key=lambda pair: pair[1].median)
 
 
 def _factor_near(target: float) -> int:

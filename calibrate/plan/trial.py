@@ -1,162 +1,60 @@
-"""Trials of a plan: references in ever finer voxels, and candidates."""
+"""Trials of a plan: candidates that are run and compared with a reference."""
 
-import math
-from collections.abc import Mapping, Sequence
+import json
+import time
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
-from jaxthermo.accuracy.error_records import ReferenceErrors
-from jaxthermo.accuracy.truth_error import TruthError, TruthPoints, truth_points
+from jaxthermo.accuracy.error_records import finite_number
+from jaxthermo.archive import text_hash
 from jaxthermo.arrays import precision
+from jaxthermo.config.loader import config_hash
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.errors import InputError
 from jaxthermo.integrate.run.plan import Plan
 from jaxthermo.integrate.run.simulate import make_solution
 from jaxthermo.integrate.run.solution import RESULTS, Observation, run_result
 from jaxthermo.integrate.run.solution_file import StoredSolution
+from jaxthermo.provenance import processor
 from jaxthermo.timing import Spread, interleaved
 
-from ..config.schema import RefinedReference
-from ..problem.reference import (
-    COARSENING,
-    Log,
-    RunCost,
-    coarser_difference,
-    refined_reference,
-)
 from ..study.case import build_case, plan_case
+from ..study.rows import Row, Rows
 from ..study.times import Loop, compiled_loop
 from .candidate import Candidate
-from .predict import Measured
+from .predict import Measured, Size
+from .references import Reference
+from .tolerance import Tolerance
 
-
-_POINTS = 4000
-"""Points on the meshes at which temperatures are compared."""
-
-_REFERENCE_SETTINGS = RefinedReference.model_validate(
-    {
-        "refinement": 1.0,
-        "structure": {"kind": "aggregate", "factor": 2},
-        "points": _POINTS,
-    }
-)
-"""References of blocks, which are as accurate as their voxels with an eighth of the
-nodes."""
-
-_CONVERGED = 2000
-"""Steps of a run whose error in time is controlled, for predictions."""
-
-MAX_OWN_ERROR = 0.5
-"""Largest error of the reference itself over the tolerance [-]."""
 
 _SHORT = 0.2
 """Time of a loop up to which it is repeated [s]."""
 _REPEATS = 10
 """Number of repeats of a short loop."""
 
-_ORDER = 1.5
-"""Order at which a reference's error falls, before three runs show it."""
-
-
-class Tolerance(NamedTuple):
-    """Limits of a plan."""
-
-    percent: float | None = None
-    """Largest RMS error over the range of the reference [%]; None for no limit."""
-    kelvin: float | None = None
-    """Largest RMS error [K]; None for no limit."""
-    run_time: float | None = None
-    """Longest time of the compiled loop [s]; None for no limit."""
-    memory: float | None = None
-    """Largest peak memory [bytes]; None for no limit."""
-
-    def affords(self, run_time: float, memory: float | int) -> bool:
-        """True if a time [s] and a memory [bytes] are within the limits."""
-        in_time = self.run_time is None or run_time <= self.run_time
-        return in_time and (self.memory is None or memory <= self.memory)
-
-    def excess(self, percent: float, kelvin: float) -> float:
-        """Error over the tolerance [-]: at most 1 within it."""
-        ratios = []
-        if self.percent is not None:
-            ratios.append(percent / self.percent)
-        if self.kelvin is not None:
-            ratios.append(kelvin / self.kelvin)
-        return max(ratios)
-
-    def words(self) -> str:
-        """As in a sentence: "1 %, 0.2 K"."""
-        limits = []
-        if self.percent is not None:
-            limits.append(f"{self.percent:.3g} %")
-        if self.kelvin is not None:
-            limits.append(f"{self.kelvin:.3g} K")
-        if self.run_time is not None:
-            limits.append(f"{1e3 * self.run_time:.3g} ms")
-        if self.memory is not None:
-            limits.append(f"{self.memory / 2**20:.4g} MiB")
-        return ", ".join(limits)
-
-
-class Reference(NamedTuple):
-    """A run of finer voxels that candidates are compared with."""
-
-    refinement: float
-    points: TruthPoints
-    """Its temperatures at points of the meshes."""
-    own_error: ReferenceErrors
-    """Its own error, as of `DiscretizationError`."""
-    excess: float
-    """That error over the tolerance [-]."""
-    cost: RunCost
-    coarser: tuple[tuple[Candidate, float], ...]
-    """Blocks from which its error follows, and their errors over the tolerance [-]."""
-
-    @property
-    def own_percent(self) -> float:
-        """Largest of its own errors at the saved times [%]."""
-        percents = self.own_error["rms_percent"]
-        return max(percent for percent in percents if percent is not None)
-
-    @property
-    def allowed(self) -> float:
-        """Largest error of a candidate over the tolerance, with the reference's."""
-        # Where finer references are too much, the plan says so.
-        return math.sqrt(1 - min(self.excess, MAX_OWN_ERROR) ** 2)
-
-
-TrialRecord = Mapping[str, object]
-"""A trial in `plan.json`."""
-
 
 class Trial(NamedTuple):
     """A candidate that was run, compared with a reference."""
 
     measured: Measured
-    error: TruthError
-    loop: Loop | None
-    """Compiled loop, where the candidate is within the tolerance."""
+    percent: float
+    """Largest root mean square of the saved times [%]."""
+    kelvin: float
+    """Largest root mean square of the saved times [K]."""
     refinement: float
     """Refinement of the reference [-]."""
     allowed: float
     """Largest error over the tolerance [-]."""
+    took: float
+    """Time to prepare, compile, run and compare it [s]."""
 
     @property
     def is_within(self) -> bool:
         """True if its error and the reference's together are within the tolerance."""
         return self.measured.error <= self.allowed
-
-    @property
-    def percent(self) -> float:
-        """Largest root mean square of the saved times [%]."""
-        return float(self.error.worst_rms_percent)
-
-    @property
-    def kelvin(self) -> float:
-        """Largest root mean square of the saved times [K]."""
-        return float(self.error.worst_rms_kelvin)
 
     def error_words(self) -> str:
         """Errors in words."""
@@ -175,102 +73,107 @@ class Trial(NamedTuple):
         model = self.measured.candidate.words(pitches)
         return f"{model}: {self.error_words()}, {self.time_words()}"
 
-    def as_json(self) -> TrialRecord:
-        """Values for `plan.json`: the fields of `Measured`, and the errors."""
-        stable_step = self.measured.stable_step
+    def as_json(self) -> Row:
+        """Values for `plan.json` and `rows.jsonl`."""
         return {
             **self.measured._asdict(),
             "candidate": self.measured.candidate._asdict(),
-            "stable_step": stable_step if np.isfinite(stable_step) else None,
-            "excess": self.measured.error,
-            "error_percent": self.percent,
+            "stable_step": finite_number(self.measured.stable_step),
+            "error": finite_number(self.measured.error),
+            "excess": finite_number(self.measured.error),
+            "error_percent": finite_number(self.percent),
             "error_kelvin": self.kelvin,
             "reference_refinement": self.refinement,
+            "took_s": self.took,
         }
 
 
 class Bench:
-    """The scene of a plan: runs its references and its candidates."""
+    """The scene of a plan: runs its candidates, or takes them from an earlier search.
+
+    Rows of trials do not depend on the tolerance: another one uses them again.
+    """
 
     def __init__(
-        self, scene: SceneConfig, pitches: tuple[float, ...], tolerance: Tolerance
+        self,
+        scene: SceneConfig,
+        pitches: tuple[float, ...],
+        tolerance: Tolerance,
+        rows: Rows,
     ):
         """Nothing is run yet."""
         self.scene = scene
         self.pitches = pitches
         self.tolerance = tolerance
+        self._rows = rows
+        # Times are those of one processor.
+        self._scene_key = [config_hash(scene), processor()]
+        self._loops: dict[Candidate, Loop] = {}
 
-    def reference(self, refinement: float, log: Log) -> Reference:
-        """Run of voxels so many times finer, or from the cache, with its own error."""
-        refined = refined_reference(
-            self._refined(refinement), settings=_REFERENCE_SETTINGS, log=log
-        )
-        own_error = refined.own_error
-        if (
-            self.tolerance.percent is not None
-            and not own_error.rms_percent.max() < np.inf
-        ):
-            raise InputError(
-                "--tolerance: at a saved time the whole surface of the reference has "
-                "one temperature, a range that nothing is a percentage of: give "
-                "--kelvin instead"
-            )
-        excess = self.tolerance.excess(
-            float(own_error.rms_percent.max()),
-            kelvin=float(own_error.rms_kelvin.max()),
-        )
-        # At a time without a difference there is no ratio.
-        differs = own_error.rms_kelvin > 0
-        ratios = own_error.rms_percent[differs] / own_error.rms_kelvin[differs]
-        percent_per_kelvin = float(ratios.max(initial=0.0))
-        coarser = []
-        for factor, kelvin in zip(
-            (2, 4), own_error.differences.max(axis=0), strict=True
-        ):
-            blocks = Candidate(refinement / factor, "aggregate", 2, steps=_CONVERGED)
-            coarser_excess = self.tolerance.excess(
-                percent_per_kelvin * float(kelvin), kelvin=float(kelvin)
-            )
-            coarser.append((blocks, coarser_excess))
-        return Reference(
-            refinement=refinement,
-            points=truth_points(refined.solution, _POINTS),
-            own_error=own_error.as_dict(),
-            excess=excess,
-            cost=refined.costs[0],
-            coarser=tuple(coarser),
+    def size(self) -> Size:
+        """Volume and area of all bodies."""
+        meshes = [body.build_mesh() for body in self.scene.bodies]
+        pairs = list(zip(meshes, self.pitches, strict=True))
+        return Size(
+            volume=sum(abs(mesh.volume) / pitch**3 for mesh, pitch in pairs),
+            area=sum(mesh.area / pitch**2 for mesh, pitch in pairs),
         )
 
-    def expected_excess(self, refinement: float, log: Log) -> float:
-        """Expected error of a reference over the tolerance [-].
+    def is_stored(self, candidate: Candidate, reference: Reference) -> bool:
+        """True for a candidate that an earlier search compared with the reference."""
+        return self._key(candidate, reference) in self._rows.by_id
 
-        It follows from the difference to the next coarser run, without a third one.
-        """
-        error = coarser_difference(
-            self._refined(refinement), settings=_REFERENCE_SETTINGS, log=log
-        )
-        return self._excess(error) / (COARSENING**_ORDER - 1)
-
-    def _refined(self, refinement: float) -> SceneConfig:
-        # By its pitch: a refinement below 1 is allowed here.
-        full = Candidate(refinement, "full_volume")
-        return full.applied(self.scene, self.pitches)
-
-    def _excess(self, error: TruthError) -> float:
-        return self.tolerance.excess(
-            float(error.worst_rms_percent), kelvin=float(error.worst_rms_kelvin)
-        )
-
-    def run(self, candidate: Candidate, reference: Reference) -> Trial:
-        """Run a candidate, then time it warm.
+    def trial(self, candidate: Candidate, reference: Reference) -> Trial:
+        """Run a candidate, then time it warm; or take it from an earlier search.
 
         Raises:
             InputError: if it cannot be built or fails.
         """
+        key = self._key(candidate, reference)
+        row = self._rows.by_id.get(key)
+        if row is None:
+            try:
+                trial = self._run(candidate, reference)
+            except InputError as error:
+                self._rows.append([{"id": key, "failed": str(error)}])
+                raise
+            self._rows.append([{"id": key, **trial.as_json()}])
+            return trial
+        if "failed" in row:
+            raise InputError(row["failed"])
+        return self._stored(row, candidate, reference)
+
+    def _key(self, candidate: Candidate, reference: Reference) -> str:
+        inputs = [*self._scene_key, list(candidate), reference.refinement]
+        return text_hash(json.dumps(inputs))
+
+    def _stored(self, row: Row, candidate: Candidate, reference: Reference) -> Trial:
+        measured = {name: row[name] for name in Measured._fields}
+        percent = _or_infinite(row["error_percent"])
+        kelvin = float(row["error_kelvin"])
+        measured |= {
+            "candidate": candidate,
+            "stable_step": _or_infinite(row["stable_step"]),
+            "error": self.tolerance.excess(percent, kelvin=kelvin),
+        }
+        return Trial(
+            measured=Measured(**measured),
+            percent=percent,
+            kelvin=kelvin,
+            refinement=reference.refinement,
+            allowed=reference.allowed,
+            took=row["took_s"],
+        )
+
+    def _loop(self, candidate: Candidate) -> Loop:
         config = candidate.applied(self.scene, self.pitches)
-        plan = plan_case(config, build_case(config).scene)
-        with precision(config.dtype):
-            loop = compiled_loop(plan)
+        return compiled_loop(plan_case(config, build_case(config).scene))
+
+    def _run(self, candidate: Candidate, reference: Reference) -> Trial:
+        clock = time.perf_counter()
+        with precision(self.scene.dtype):
+            loop = self._loop(candidate)
+            plan = loop.plan
             surface = _surface(plan, loop.run())
             error = reference.points.error(surface)
             seconds = loop.seconds()
@@ -278,9 +181,11 @@ class Bench:
                 # Other work of the machine makes a run longer, never shorter.
                 seconds = min(loop.seconds() for _ in range(_REPEATS))
         receipt = plan.compiled.receipt
+        percent = float(error.worst_rms_percent)
+        kelvin = float(error.worst_rms_kelvin)
         measured = Measured(
             candidate=candidate,
-            error=self._excess(error),
+            error=self.tolerance.excess(percent, kelvin=kelvin),
             nodes=receipt.nodes,
             fragments=sum(len(s.geometry.fragment_area) for s in surface.surfaces),
             steps=plan.steps,
@@ -289,22 +194,31 @@ class Bench:
             run_time=seconds,
             memory=receipt.memory_bytes,
         )
+        if measured.error <= reference.allowed:
+            # Only those that may win are timed again.
+            self._loops[candidate] = loop
         return Trial(
             measured=measured,
-            error=error,
-            loop=loop,
+            percent=percent,
+            kelvin=kelvin,
             refinement=reference.refinement,
             allowed=reference.allowed,
+            took=time.perf_counter() - clock,
         )
 
-    def volume_and_area(self) -> tuple[float, float]:
-        """Volume and area of all bodies, in cubes and squares of their pitches [-]."""
-        meshes = [body.build_mesh() for body in self.scene.bodies]
-        pairs = list(zip(meshes, self.pitches, strict=True))
-        return (
-            sum(abs(mesh.volume) / pitch**3 for mesh, pitch in pairs),
-            sum(mesh.area / pitch**2 for mesh, pitch in pairs),
-        )
+    def times(self, candidates: Sequence[Candidate], repeats: int) -> list[Spread]:
+        """Times of the loops of candidates, measured alternately [s]."""
+        with precision(self.scene.dtype):
+            calls = {
+                str(number): (self._loops.get(candidate) or self._loop(candidate)).run
+                for number, candidate in enumerate(candidates)
+            }
+            spans = interleaved(calls, repeats)
+        return [Spread.of(span) for span in spans.values()]
+
+
+def _or_infinite(value: float | None) -> float:
+    return np.inf if value is None else value
 
 
 def _surface(plan: Plan, outcome: Any) -> StoredSolution:
@@ -330,13 +244,3 @@ def _surface(plan: Plan, outcome: Any) -> StoredSolution:
     if result != RESULTS.successful:
         raise InputError(RESULTS[result])
     return StoredSolution(times, np.asarray(rows), surfaces)
-
-
-def loop_times(trials: Sequence[Trial], repeats: int, dtype: str) -> list[Spread]:
-    """Times of the loops of trials, measured alternately [s]."""
-    loops = {str(n): trial.loop for n, trial in enumerate(trials)}
-    calls = {name: loop.run for name, loop in loops.items() if loop is not None}
-    assert len(calls) == len(trials)
-    with precision(dtype):
-        spans = interleaved(calls, repeats, warm_up=False)
-    return [Spread.of(span) for span in spans.values()]

@@ -19,7 +19,6 @@ from jaxthermo.accuracy.discretization_error import (
     DiscretizationError,
     discretization_error,
 )
-from jaxthermo.accuracy.truth_error import TruthError, truth_error
 from jaxthermo.archive import text_hash
 from jaxthermo.arrays import precision
 from jaxthermo.config.loader import config_hash
@@ -176,20 +175,15 @@ def refined_reference(
     return TruthReference(solution=solutions[0], own_error=error, costs=costs)
 
 
-def coarser_difference(
+def refined_run(
     config: SceneConfig, settings: RefinedReference, log: Log
-) -> TruthError:
-    """Difference between a reference and the next coarser run, without a third one.
+) -> tuple[StoredSolution, RunCost]:
+    """Run a scene in finer voxels, or load the run, without coarser ones.
 
     Errors and remarks are those of `refined_reference`.
     """
-    # The coarser one first: it fails sooner where nothing can be run.
-    (coarser, _), (finer, _) = _runs(
-        config, settings=settings, log=log, factors=(COARSENING, 1.0)
-    )
-    return truth_error(
-        coarser, reference=finer, count=settings.points, seed=settings.seed
-    )
+    (run,) = _runs(config, settings=settings, log=log, factors=(1.0,))
+    return run
 
 
 def reference_key(config: SceneConfig, settings: AbsoluteReference) -> str:

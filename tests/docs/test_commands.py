@@ -19,7 +19,7 @@ from doc_pages import (
 )
 
 from calibrate.__main__ import app as calibrate_app
-from calibrate.plan.command import tolerance_of
+from calibrate.plan.command import search_time_of, tolerance_of
 from experiments.__main__ import app as experiments_app
 from experiments.catalogue import find
 from jaxthermo.__main__ import app as jaxthermo_app
@@ -72,6 +72,7 @@ def _check_arguments(program: str, arguments: list[str], is_complete: bool) -> N
     if command.__name__ == "_plan" and is_complete:
         limits = ("tolerance", "kelvin", "time_budget", "memory")
         assert tolerance_of(*(arguments_by_name.get(limit) for limit in limits))
+        assert search_time_of(arguments_by_name.get("search_time"))
     scene = arguments_by_name.get("config")
     if scene is not None and scene.is_relative_to("configs/scenes"):
         assert load_config(

@@ -2,15 +2,14 @@
 
 import math
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 import jaxthermo as jt
 from calibrate.plan.candidate import Candidate, cards_of, pitches_of
-from calibrate.plan.command import tolerance_of
-from calibrate.plan.predict import Measured, Predictor
-from calibrate.plan.trial import Reference, Tolerance
+from calibrate.plan.command import search_time_of, tolerance_of
+from calibrate.plan.predict import Measured, Predictor, Size
+from calibrate.plan.tolerance import Tolerance
 from jaxthermo.config.loader import load_config, to_yaml
 
 
@@ -19,6 +18,7 @@ SCENES = ROOT / "configs/scenes"
 END = 100.0
 VOLUME = 50_000.0
 AREA = 8_000.0
+SIZE = Size(VOLUME, AREA)
 
 
 def law(candidate):
@@ -44,7 +44,7 @@ def blocks(refinement, factor, steps=36):
 
 
 def predictor(runs, errors=()):
-    return Predictor(runs=runs, errors=errors, end=END, volume=VOLUME, area=AREA)
+    return Predictor(runs=runs, errors=errors, end=END, size=SIZE)
 
 
 KNOWN = [
@@ -144,24 +144,16 @@ def test_a_body_of_given_voxels_has_no_other_pitch():
         pitches_of(scene.model_copy(update={"bodies": (body,)}))
 
 
-def allowed(excess):
-    """Largest error of a candidate, over the tolerance, with such a reference."""
-    points: Any = None
-    empty: Any = {}
-    return Reference(
-        refinement=1.0,
-        points=points,
-        own_error=empty,
-        excess=excess,
-        cost=empty,
-        coarser=(),
-    ).allowed
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [("2m", 120.0), ("1.5 m", 90.0), ("2 min", 120.0), ("90", 90.0), ("1h", 3600.0)],
+)
+def test_the_time_of_a_search_has_a_unit(text, seconds):
+    assert search_time_of(text) == pytest.approx(seconds)
+    assert search_time_of(None) == math.inf
 
 
-@pytest.mark.parametrize("excess", [0.0, 0.3, 0.5])
-def test_a_candidate_may_have_what_the_reference_leaves_of_the_tolerance(excess):
-    assert math.hypot(allowed(excess), excess) == pytest.approx(1.0)
-
-
-def test_a_reference_that_cannot_be_refined_leaves_as_much_as_one_half_off():
-    assert allowed(0.5) == allowed(0.9) == allowed(3.0)
+@pytest.mark.parametrize("text", ["2 mm", "0 s", "-1m", "soon", "m"])
+def test_what_is_no_time_of_a_search_is_refused(text):
+    with pytest.raises(jt.InputError, match="--search-time"):
+        search_time_of(text)

@@ -1,0 +1,1 @@
+"""Plans of parts for several tolerances, compared with their true errors."""
