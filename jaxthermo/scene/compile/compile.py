@@ -42,7 +42,7 @@ from .program_builder import (
     breakpoints_of,
     ledger_entries,
 )
-from .receipt import receipt_of
+from .receipt import filled_warnings, receipt_of
 from .snapshots import Snapshot, take_snapshots
 from .stable_step import stable_step_of
 from .temperature_bounds import temperature_bounds
@@ -109,6 +109,7 @@ def compile_scene(
         ),
         warnings=(
             *compiled.receipt.warnings,
+            *filled_warnings(scene),
             *time_values.warnings(compiled.acting),
         ),
         memory_bytes=memory,

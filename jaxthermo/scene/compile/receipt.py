@@ -4,11 +4,16 @@ from functools import reduce
 
 import numpy as np
 
+from ...arrays import is_traced
+from ...geometry.nested import filled_inner_surfaces
+from ...memo.found import found
 from ...physics.surface import Omitted
 from ...physics.term import AbstractExchangeTerm, AbstractSurfaceTerm
+from ...structures.kinds.shell import SingleShell
 from ...structures.structure import AbstractStructure
+from ..body_mass import body_mass
 from ..motion import Motion
-from ..scene import AbstractMaterials, Scene, mechanism_names
+from ..scene import AbstractMaterials, Body, Scene, mechanism_names
 from .program import Omission, Part, Receipt
 from .program_builder import Ledger, Volumes
 from .snapshots import Snapshot
@@ -244,6 +249,51 @@ def _cavity_warnings(scene: Scene, snapshot: Snapshot) -> tuple[str, ...]:
             "voxel let air and radiation through; use a finer pitch"
         )
     return tuple(lines)
+
+
+def filled_warnings(scene: Scene) -> tuple[str, ...]:
+    """A line about each body that is solid where its mesh leaves that open."""
+    lines = []
+    for number, body in enumerate(scene.bodies):
+        structure = body.structure
+        # A shell with a volume of its own is hollow.
+        if isinstance(structure, SingleShell) and structure.capacity == "own":
+            continue
+        reason = _filled_because(body)
+        if not reason:
+            continue
+        solid = f"a solid of {structure.grid.body_volume:.4g} m^3"
+        # Within a transformation the density has no value yet.
+        if not is_traced(body.material):
+            solid += f" and {body_mass(body):.4g} kg"
+        lines.append(f"body {number} {reason}; it is filled: {solid}")
+    return tuple(lines)
+
+
+def _filled_because(body: Body) -> str:
+    """Why the inside of a mesh may not be what its voxels fill; empty if it is."""
+    grid = body.structure.grid
+    if not grid.unscaled_because:
+        return ""
+    edges = grid.mesh.open_edges
+    if edges:
+        return (
+            f"has an open mesh ({edges:,} open edges), whose walls have no thickness: "
+            "close it, or draw both sides of its walls"
+        )
+    # Parts of several materials lie in each other on purpose.
+    if isinstance(body.material, AbstractMaterials):
+        return ""
+    inner = found(
+        (grid.mesh,), "filled_inner_surfaces", lambda: filled_inner_surfaces(grid.mesh)
+    )
+    if not inner:
+        return ""
+    surfaces = "a closed surface" if inner == 1 else f"{inner} closed surfaces"
+    return (
+        f"has {surfaces} inside another, facing outward like it: turn the faces of a "
+        "cavity inward"
+    )
 
 
 def _overlap_warnings(
