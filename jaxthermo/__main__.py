@@ -280,7 +280,7 @@ def _voxelize(
     """Voxelize a mesh and report thin parts and depth layers.
 
     Args:
-        mesh: Mesh, an OBJ, PLY, STL, GLB or OFF file.
+        mesh: Mesh, an OBJ, PLY, STL, GLB, glTF, OFF, 3MF or DAE file.
         pitch: Edge of a voxel, such as 2mm.
         unit: Length of one file unit, such as mm.
         height: Extent along --up, such as 0.5m, instead of the unit.
@@ -300,6 +300,32 @@ def _voxelize(
         surface_cells=surface_cells,
         out=out or Path("results") / mesh.stem,
     )
+
+
+@app.command
+def _parts(
+    mesh: Path,
+    /,
+    *,
+    unit: str | None = None,
+    height: str | None = None,
+    up: str = "z",
+    json: Flag = False,
+) -> None:
+    """List the named parts of a mesh file with their sizes.
+
+    A part is node/mesh/material; a material of a scene may name it by one of the three.
+
+    Args:
+        mesh: Mesh, an OBJ, PLY, STL, GLB, glTF, OFF, 3MF or DAE file.
+        unit: Length of one file unit, such as mm; by default as the file states it.
+        height: Extent of all parts along --up, such as 0.5m, instead of the unit.
+        up: Axis of the file that points up: x, y, z, -x, -y or -z.
+        json: Print plain values instead of a table.
+    """
+    from .cli.parts import parts as show
+
+    show(mesh, unit=unit, height=height, up=up, as_json=json)
 
 
 @app.command

@@ -10,10 +10,10 @@ import pytest
 import trimesh
 from cli_runs import SCENE, files, run, scene_file, sets, succeed
 
-from jaxthermo.geometry.load import _FORMATS
+from jaxthermo.geometry.files.read import FORMATS
 
 
-KINDS = [suffix.removeprefix(".") for suffix in _FORMATS]
+KINDS = [suffix.removeprefix(".") for suffix in FORMATS]
 
 
 def refused(*arguments, lines=1):

@@ -36,7 +36,8 @@ class MeshConfig(Model, builds="load_mesh"):
     """A mesh file and its scale: metres per file unit, or the height of the body."""
 
     path: FoundPath
-    """OBJ, PLY, STL, GLB or OFF file, in the config's folder or JAXTHERMO_MESHES."""
+    """OBJ, PLY, STL, GLB, glTF, OFF, 3MF or DAE file, in the config's folder or
+    JAXTHERMO_MESHES."""
     unit: _MetresPerUnit | None = None
     """Length of one file unit, such as mm."""
     height: si.PositiveLength | None = None

@@ -89,10 +89,11 @@ class LabelledConfig(Model, builds="MaterialLabels"):
 
 
 class PartsConfig(Model):
-    """A material for each named part of a mesh file."""
+    """A material for each named part of a mesh file; `jaxthermo parts` lists them."""
 
     parts: Annotated[dict[str, Material], NotEmpty]
-    """Material by node of a GLB or group of an OBJ; `"*"` for all others."""
+    """Material by node/mesh/material, or by a pattern without / that matches one of
+    the three; `"*"` for all others."""
 
     def build(self, *args: Any) -> Any:
         """The material of each voxel, for a grid and the parts of its mesh."""

@@ -8,10 +8,11 @@ import pytest
 import trimesh
 
 from jaxthermo.errors import InputError
-from jaxthermo.geometry.load import _FORMATS, load_mesh
+from jaxthermo.geometry.files.read import FORMATS
+from jaxthermo.geometry.load import load_mesh
 
 
-SUFFIXES = [suffix[1:] for suffix in _FORMATS]
+SUFFIXES = [suffix[1:] for suffix in FORMATS]
 
 
 def refusal(path, capfd, **options):
@@ -65,7 +66,7 @@ def test_unreadable(tmp_path, capfd, monkeypatch):
 @pytest.mark.parametrize("name", ["mesh.fbx", "mesh", "mesh.obj.gz"])
 def test_unknown_ending(tmp_path, capfd, name):
     message = refusal(written(tmp_path, name, "x"), capfd)
-    assert all(suffix in message for suffix in _FORMATS)
+    assert all(suffix in message for suffix in FORMATS)
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

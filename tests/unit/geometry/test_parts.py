@@ -1,5 +1,9 @@
 """Named parts of GLB and OBJ files, and the voxels and materials of each."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import trimesh
@@ -8,6 +12,8 @@ import jaxthermo as jt
 from jaxthermo.config.schema.body import BodyConfig
 from jaxthermo.errors import InputError
 from jaxthermo.geometry import shapes
+from jaxthermo.geometry.parts import matching_parts
+from tests.mesh_files import box_gltf, box_primitive
 
 
 CLAY = jt.Material(1.0, 2000.0, 1000.0)
@@ -54,12 +60,13 @@ def knife(tmp_path):
 def test_parts_of_a_glb_are_where_the_whole_mesh_has_them(knife):
     merged = jt.load_mesh(knife, unit="m", up="y", repair=False)
     meshes = jt.load_parts(knife, unit="m", up="y")
-    assert sorted(meshes) == ["blade", "grip"]
+    assert sorted(meshes) == ["blade/geometry_0/-", "grip/geometry_1/-"]
     for mesh in meshes.values():
         assert mesh.is_watertight
         assert mesh.volume == pytest.approx(8e-6, rel=1e-6)
-    assert meshes["blade"].bounds[0, 0] == pytest.approx(0.0, abs=1e-9)
-    assert meshes["grip"].bounds[1, 0] == pytest.approx(0.0, abs=1e-9)
+    by_node = {name.split("/")[0]: mesh for name, mesh in meshes.items()}
+    assert by_node["blade"].bounds[0, 0] == pytest.approx(0.0, abs=1e-9)
+    assert by_node["grip"].bounds[1, 0] == pytest.approx(0.0, abs=1e-9)
     bounds = np.concatenate([p.bounds for p in meshes.values()])
     np.testing.assert_allclose(bounds.min(0), merged.bounds[0], atol=1e-9)
     np.testing.assert_allclose(bounds.max(0), merged.bounds[1], atol=1e-9)
@@ -87,7 +94,7 @@ def test_groups_of_an_obj_that_are_patches_of_one_surface(tmp_path):
     path = tmp_path / "prism.obj"
     path.write_text(OBJ)
     meshes = jt.load_parts(path, height=0.2)
-    assert list(meshes) == ["foot", "head left"]
+    assert list(meshes) == ["-/foot/-", "-/head left/-"]
     assert [len(p.faces) for p in meshes.values()] == [10, 10]
     assert not any(p.is_watertight for p in meshes.values())
     merged = jt.load_mesh(path, height=0.2)
@@ -114,12 +121,16 @@ def test_parts_that_do_not_fit():
         jt.materials_by_part(grid, {"b": meshes["b"]}, {"b": CLAY})
 
 
-def test_files_without_parts(tmp_path):
+def test_a_file_without_names_is_one_part(tmp_path):
     path = tmp_path / "box.stl"
     box = shapes.box(1.0)
     trimesh.Trimesh(box.vertices, box.faces).export(path)
-    with pytest.raises(InputError, match=r"\.stl files have no named parts"):
-        jt.load_parts(path, unit="mm")
+    meshes = jt.load_parts(path, unit="mm")
+    assert list(meshes) == ["-/-/-"]
+    assert meshes["-/-/-"].volume == pytest.approx(1e-9)
+
+
+def test_a_shape_has_no_parts():
     with pytest.raises(ValueError, match="only a `mesh` file has parts"):
         BodyConfig.model_validate(
             {
@@ -129,3 +140,111 @@ def test_files_without_parts(tmp_path):
                 "temperature": 300,
             }
         )
+
+
+OBJ_MATERIALS = """
+v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1
+o lamp\ng shade\nusemtl brass\nf 1 3 2
+usemtl glass\nf 1 2 4
+g\nusemtl brass\nf 1 4 3
+o lamp\ng shade\nf 2 3 4
+"""
+
+
+def test_objects_groups_and_materials_of_an_obj(tmp_path):
+    """A part that goes on further down is one part: 2 of the 4 faces are its own."""
+    path = tmp_path / "lamp.obj"
+    path.write_text(OBJ_MATERIALS)
+    meshes = jt.load_parts(path, unit="m")
+    areas = {name: mesh.area for name, mesh in meshes.items()}
+    slanted = np.sqrt(3.0) / 2.0
+    assert areas == pytest.approx(
+        {
+            "lamp/shade/brass": 0.5 + slanted,
+            "lamp/shade/glass": 0.5,
+            "lamp/-/brass": 0.5,
+        }
+    )
+
+
+def many_parts():
+    """Four nodes, two of one name and mesh, two without; the mesh has two materials."""
+    writer = box_gltf(name="wheel")
+    writer.document["materials"] = [{"name": "rubber"}, {}]
+    mesh = writer.document["meshes"][0]
+    mesh["name"] = "tyre/rim"
+    mesh["primitives"][0]["material"] = 0
+    mesh["primitives"].append(box_primitive(writer) | {"material": 1})
+    writer.node(mesh=0, name="wheel", translation=[5.0, 0.0, 0.0])
+    writer.node(mesh=writer.mesh(box_primitive(writer)))
+    writer.node(mesh=1)
+    return writer.glb()
+
+
+MANY_NAMES = [
+    "wheel/tyre_rim/rubber",
+    "wheel/tyre_rim/material1",
+    "wheel/tyre_rim/rubber#2",
+    "wheel/tyre_rim/material1#2",
+    "node2/mesh1/-",
+    "node3/mesh1/-",
+]
+
+
+def test_equal_names_are_numbered(tmp_path):
+    path = tmp_path / "car.glb"
+    path.write_bytes(many_parts())
+    meshes = jt.load_parts(path, unit="m", up="y")
+    assert list(meshes) == MANY_NAMES
+    assert meshes["wheel/tyre_rim/rubber#2"].bounds.mean(0)[0] == pytest.approx(5.0)
+
+
+def test_names_are_the_same_in_another_process(tmp_path):
+    path = tmp_path / "car.glb"
+    path.write_bytes(many_parts())
+    program = "import sys, jaxthermo as jt; print(*jt.load_parts(sys.argv[1], unit=1))"
+    printed = subprocess.run(
+        [sys.executable, "-c", program, str(path)],
+        env=os.environ | {"PYTHONHASHSEED": "1"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert printed.stdout.split() == MANY_NAMES
+
+
+@pytest.mark.parametrize(
+    ("pattern", "numbers"),
+    [
+        ("wheel", [0, 1, 2, 3]),
+        ("tyre_rim", [0, 1, 2, 3]),
+        ("rubber", [0, 2]),
+        ("node*", [4, 5]),
+        ("mesh?", [4, 5]),
+        ("-", [4, 5]),
+        ("wheel/tyre_rim/rubber", [0]),
+        ("wheel/*/rubber*", [0, 2]),
+        ("*/material1#2", [3]),
+        ("whee", []),
+        ("wheel/tyre_rim", []),
+        ("*", [0, 1, 2, 3, 4, 5]),
+        ("n.de2", []),
+    ],
+)
+def test_patterns_of_names(pattern, numbers):
+    expected = [MANY_NAMES[number] for number in numbers]
+    assert matching_parts(pattern, MANY_NAMES) == expected
+
+
+def test_materials_by_patterns():
+    box = shapes.box(0.04)
+    meshes = {"a/m/steel": box, "b/m/steel": box.moved((0.04, 0.0, 0.0))}
+    grid = jt.voxelize(shapes.box((0.08, 0.04, 0.04)).moved((0.02, 0.0, 0.0)), 0.01)
+    material = jt.materials_by_part(grid, meshes, {"m": CLAY, "b/m/steel": STEEL})
+    assert material.given == (CLAY, STEEL)
+    assert material.names == tuple(meshes)
+    expected = "both 'm' and 'b' match the part 'b/m/steel': give its whole name"
+    with pytest.raises(InputError, match=expected):
+        jt.materials_by_part(grid, meshes, {"m": CLAY, "b": STEEL})
+    with pytest.raises(InputError, match="there is no part 'c'"):
+        jt.materials_by_part(grid, meshes, {"c": CLAY, "*": STEEL})

@@ -1,0 +1,1 @@
+"""Readers of mesh files: one module for each format, and the triangulation of faces."""
