@@ -95,14 +95,57 @@ def likely_unit(numbers: Float[np.ndarray, " n"]) -> str:
     return min(distances, key=lambda name: distances[name], default="")
 
 
-def pixel_list(
-    wrong: Bool[np.ndarray, "*t h w"], values: Float[np.ndarray, "*t h w"], unit: str
+class CheckedValues(NamedTuple):
+    """Values of the pixels of one frame or several, and words for them."""
+
+    values: Float[np.ndarray, "*t h w"]
+    """NaN for each pixel that is not checked."""
+    symbol: str = "K"
+    """Unit of the values."""
+    noun: str = "pixels"
+    times: tuple[float, ...] = ()
+    """Time of each frame [s]."""
+
+    def listed(self, wrong: Bool[np.ndarray, "*t h w"]) -> str:
+        """The first wrong pixels, as a text of their values and places."""
+        places = np.argwhere(wrong)
+        texts = []
+        for place in places[:_SHOWN_PIXELS].tolist():
+            number = f"{self.values[tuple(place)]:.6g} {self.symbol}"
+            time = f" at {self.times[place[0]]:g} s" if self.times else ""
+            texts.append(f"{number} at row {place[-2]}, column {place[-1]}{time}")
+        more = len(places) - len(texts)
+        return ", ".join(texts) + (f" and {more} more" if more else "")
+
+
+def pixel_mistake(
+    checked: CheckedValues, limits: Limits, unit: LinearUnit | None = None
 ) -> str:
-    """The first wrong pixels with their place and value, as a text."""
-    places = np.argwhere(wrong)
-    texts = [
-        f"{values[tuple(place)]:.6g} {unit} at row {place[-2]}, column {place[-1]}"
-        for place in places[:_SHOWN_PIXELS]
-    ]
-    more = len(places) - len(texts)
-    return ", ".join(texts) + (f" and {more} more" if more else "")
+    """The message for pixels outside of the limits; empty if there are none.
+
+    Args:
+        checked: values of pixels.
+        limits: of the values.
+        unit: that was taken for the numbers of a file, which may be the mistake.
+    """
+    values = checked.values
+    wrong = limits.exceeded(values)
+    count = int(wrong.sum())
+    if not count:
+        return ""
+    finite = values[np.isfinite(values)]
+    ends = []
+    if (finite < limits.low).any():
+        ends.append(f"below {limits.low:.6g} {checked.symbol}")
+    if (finite > limits.high).any():
+        ends.append(f"above {limits.high:.6g} {checked.symbol}")
+    remedy = "mask them, or repair the frame"
+    if unit is not None and count > finite.size / 2:
+        likely = likely_unit(unit.numbers(finite))
+        remedy = "give the unit of the file" + (
+            f", probably {likely}" if likely else ""
+        )
+    return (
+        f"{count} of {finite.size} {checked.noun} are {' or '.join(ends)}: "
+        f"{checked.listed(wrong)}: {remedy}"
+    )

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxthermo as jt
-from calibrate.problem.frame_data import frame_target
+from calibrate.problem.frame_data import frame_limits, frame_target
 from calibrate.problem.frame_quantity import FrameQuantity
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
@@ -121,14 +121,18 @@ def frames_of(view, scene, solution, times, quantity="temperature"):
     return np.asarray(frames, float)
 
 
-def target_of(view, frames, times, quantity="temperature", masks=(), moving=None):
+def target_of(
+    view, frames, times, quantity="temperature", masks=(), moving=None, allow=False
+):
     """Frames with a noise of 50 mK as the data of a fit."""
+    frame_quantity = FrameQuantity(quantity)
     return frame_target(
         times,
         views=(view,),
         frames=[frames],
         noise=0.05,
-        frame_quantity=FrameQuantity(quantity),
+        frame_quantity=frame_quantity,
+        limits=frame_limits(frame_quantity, None, allow),
         masks=masks,
         dtype=jnp.float64,
         moving=moving,

@@ -3,7 +3,7 @@
 import math
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from jaxthermo.config.schema.image import CameraConfig
 from jaxthermo.config.schema.scene import unit_of as unit_in_scene
@@ -18,6 +18,7 @@ from jaxthermo.config.types.quantities import (
     TEMPERATURE_DIFFERENCE,
     Flag,
     Fraction,
+    Length,
     NotEmpty,
     Number,
     PositiveLength,
@@ -28,7 +29,7 @@ from jaxthermo.config.types.quantities import (
     to_si,
 )
 from jaxthermo.errors import InputError
-from jaxthermo.temperatures import temperature_limits
+from jaxthermo.temperatures import UNITS, LinearUnit, temperature_limits
 
 from .frame_names import is_of_camera, is_of_frames
 
@@ -259,6 +260,57 @@ class _FlirConfig(Model, builds="FlirCalibration"):
     r2: Annotated[Number, Field(gt=0)]
 
 
+class _LinearUnitConfig(Model):
+    """Unit of numbers N whose temperatures are T = scale N + offset."""
+
+    scale: Annotated[float, TEMPERATURE_DIFFERENCE, Field(gt=0)]
+    """Kelvin for each number [K]."""
+    offset: Annotated[float, TEMPERATURE] = 0.0
+    """Temperature of the number 0 [K]."""
+
+
+def _unit_tag(value: Any) -> str:
+    return "<scale>" if isinstance(value, dict | Model) else "<name>"
+
+
+_FrameUnit = Annotated[
+    Annotated[
+        Literal["kelvin", "K", "celsius", "degC", "°C", "centikelvin", "counts"],
+        Tag("<name>"),
+    ]
+    | Annotated[_LinearUnitConfig, Tag("<scale>")],
+    Discriminator(_unit_tag),
+]
+
+
+class _CorrectionConfig(Model):
+    """Settings by which a program made temperatures of objects of those it measured."""
+
+    emissivity: Annotated[Fraction, Field(gt=0)]
+    """Emissivity of the object [-]."""
+    reflected_temperature: Temperature = 293.15
+    """Temperature of what it reflects [K]; programs take 20 degC by default."""
+
+
+class _CameraSettingsConfig(Model):
+    """Settings of a camera, instead of those that its files state."""
+
+    emissivity: Annotated[Fraction, Field(gt=0)] | None = None
+    """Emissivity of the object [-]; 1 leaves it, and what it reflects, to the scene."""
+    reflected_temperature: Temperature | None = None
+    """Temperature of what it reflects [K]."""
+    distance: Annotated[Length, Field(ge=0)] | None = None
+    """Distance of the object [m]."""
+    air_temperature: Temperature | None = None
+    """Temperature of the air between [K]."""
+    relative_humidity: Fraction | None = None
+    """Humidity of this air [-]."""
+    window_transmissivity: Annotated[Fraction, Field(gt=0)] | None = None
+    """Transmissivity of a window in front of the camera [-]."""
+    window_temperature: Temperature | None = None
+    """Temperature of the window [K]."""
+
+
 class MeasuredFrames(FramesConfig):
     """EXR files of temperature or radiance, or TIFF, PNG, CSV or NPY of temperature.
 
@@ -267,20 +319,42 @@ class MeasuredFrames(FramesConfig):
 
     kind: Literal["frames"] = "frames"
     frames: Annotated[tuple[FramesOfCase, ...], NotEmpty]
-    unit: Literal["kelvin", "centikelvin", "celsius", "counts"] = "kelvin"
-    """Unit of temperatures in the files; of counts `flir` has the constants."""
+    unit: _FrameUnit = "kelvin"
+    """Unit of temperatures in the files, a name or its `scale` and `offset`; of counts
+    `flir` has the constants."""
     flir: _FlirConfig | None = None
+    camera_settings: _CameraSettingsConfig | None = None
+    """Settings of the camera for counts, instead of those that JPEG files state."""
+    corrected_for: _CorrectionConfig | None = None
+    """Emissivity and reflection by which files hold temperatures of objects, which are
+    turned back to the temperatures that the camera shows for an emissivity of 1."""
     mask: FoundPath | None = None
     """PNG, NPY or EXR of the frames' size; pixels that are 0 there, or not a number,
     are not compared."""
 
     def mistakes(self) -> list[Mistake]:
-        """A unit that does not fit the other values."""
+        """A unit, or settings of a camera, that do not fit the other values."""
+        mistakes: list[Mistake] = []
         if (self.unit == "counts") != (self.flir is not None):
-            return [(("flir",), "goes with `unit: counts`: give both or neither")]
-        if self.unit != "kelvin" and self.quantity == "radiance":
-            return [(("unit",), "is of temperatures, and `quantity` is radiance")]
-        return []
+            mistakes.append(
+                (("flir",), "goes with `unit: counts`: give both or neither")
+            )
+        if self.quantity == "radiance":
+            for key in ("unit", "camera_settings", "corrected_for"):
+                if getattr(self, key) not in (None, "kelvin", "K"):
+                    message = "is of temperatures, and `quantity` is radiance"
+                    mistakes.append(((key,), message))
+        if self.unit == "counts" and self.corrected_for is not None:
+            message = "is of temperatures: counts are never corrected"
+            mistakes.append((("corrected_for",), message))
+        return mistakes
+
+    @property
+    def linear_unit(self) -> LinearUnit | None:
+        """Unit of temperatures; None for counts."""
+        if isinstance(self.unit, _LinearUnitConfig):
+            return LinearUnit(self.unit.scale, self.unit.offset)
+        return UNITS.get(self.unit)
 
 
 _ReferenceConfig = Annotated[

@@ -274,6 +274,7 @@ class _Builder:
             frame_quantity=frames.frame_quantity,
             masks=frames.masks,
             dtype=jnp.dtype(scene.dtype),
+            limits=frames.limits,
             moving=moving,
         )
 

@@ -1,5 +1,6 @@
 """Frames as data: their compared pixels, and checks of what can be compared."""
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -11,9 +12,18 @@ from jaxthermo.errors import InputError
 from jaxthermo.image.pose.derivative import linearize_view
 from jaxthermo.image.pose.outline import outline_distance
 from jaxthermo.image.pose.pose import moved_camera
+from jaxthermo.image.radiance.band import black_radiance
 from jaxthermo.image.surface.view import View, compute_view
 from jaxthermo.physics.term import AbstractTerm
 from jaxthermo.scene.scene import SolvedSurface
+from jaxthermo.temperatures import (
+    ALLOW_EXTREME,
+    CheckedValues,
+    Limits,
+    LinearUnit,
+    pixel_mistake,
+    temperature_limits,
+)
 
 from .frame_quantity import FrameQuantity
 from .targets import FrameTarget, body_mask
@@ -36,6 +46,30 @@ class FitsPoses(NamedTuple):
     """Distance from outlines within which pixels are not compared [pixels]."""
 
 
+class FrameLimits(NamedTuple):
+    """Limits of the values of frames, in their own unit."""
+
+    limits: Limits
+    symbol: str = "K"
+    unit: LinearUnit | None = None
+    """Unit in which files were read, which may be the mistake."""
+
+
+def frame_limits(
+    frame_quantity: FrameQuantity,
+    unit: LinearUnit | None,
+    allow_extreme_temperatures: bool,
+) -> FrameLimits:
+    """Limits of frames of a quantity, read in a unit."""
+    kelvin = temperature_limits(allow_extreme_temperatures)
+    if frame_quantity.quantity == "temperature":
+        return FrameLimits(kelvin, "K", unit)
+    if allow_extreme_temperatures:
+        return FrameLimits(kelvin, "W/(m^2 sr)")
+    ends = black_radiance(np.array(kelvin), frame_quantity.band)
+    return FrameLimits(Limits(*np.asarray(ends).tolist()), "W/(m^2 sr)")
+
+
 _MORE_WEIGHTS = 1.3
 """Room for weights of fragments in a view, over their number at the start."""
 
@@ -48,6 +82,7 @@ def frame_target(
     frame_quantity: FrameQuantity,
     masks: Masks,
     dtype: Any,
+    limits: FrameLimits,
     moving: FitsPoses | None = None,
 ) -> FrameTarget:
     """Make a target of the frames [time, row, column] of every view of the model.
@@ -70,12 +105,9 @@ def frame_target(
             raise InputError(
                 f"view {n}: no pixel of a body is compared: check the mask{why}"
             )
-        bad = ~np.isfinite(view_frames[:, compared])
-        if bad.any():
-            raise InputError(
-                f"view {n}: {int(bad.sum())} compared pixels are not finite: mask "
-                "them, or repair the frames"
-            )
+        _check_pixels(
+            view_frames, compared, times=times, limits=limits, where=f"view {n}"
+        )
         pixels = np.flatnonzero(compared)
         data.append(jnp.asarray(view_frames[:, compared], dtype))
         indices.append(jnp.asarray(pixels, jnp.int32))
@@ -97,6 +129,33 @@ def frame_target(
         surfaces=() if moving is None else moving.surfaces,
         room=tuple(room),
     )
+
+
+def _check_pixels(
+    frames: Float[np.ndarray, "t h w"],
+    compared: Bool[np.ndarray, "h w"],
+    times: tuple[float, ...],
+    limits: FrameLimits,
+    where: str,
+) -> None:
+    """Refuse compared pixels that are not finite, or hardly are temperatures."""
+    compared_values = np.where(compared, frames, np.nan)
+    checked = CheckedValues(
+        compared_values, symbol=limits.symbol, noun="compared pixels", times=times
+    )
+    bad = ~np.isfinite(frames) & compared
+    if bad.any():
+        raise InputError(
+            f"{where}: {int(bad.sum())} compared pixels are not finite: "
+            f"{checked.listed(bad)}: mask them, or repair the frames"
+        )
+    mistake = pixel_mistake(checked, limits.limits, limits.unit)
+    if mistake:
+        is_lifted = math.isinf(limits.limits.high)
+        option = (
+            "" if is_lifted else f"; if they are meant, set `{ALLOW_EXTREME}: true`"
+        )
+        raise InputError(f"{where}: {mistake}{option}")
 
 
 def check_frames(

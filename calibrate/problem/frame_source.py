@@ -1,12 +1,10 @@
 """Frames of a case, simulated or from files, and the views of their cameras."""
 
 from collections.abc import Callable
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
-from PIL import Image, UnidentifiedImageError
+from jaxtyping import Float
 
 from jaxthermo.arrays import precision
 from jaxthermo.config.camera_framing import camera_on
@@ -14,8 +12,6 @@ from jaxthermo.config.schema.image import CameraConfig
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.config.types.model import build
 from jaxthermo.errors import InputError
-from jaxthermo.image.files.exr import read_channel, read_exr
-from jaxthermo.image.files.thermogram_files import frame_count, read_thermogram
 from jaxthermo.image.pose.coverage import coverage
 from jaxthermo.image.radiance.band import apparent_temperature
 from jaxthermo.image.radiance.image import block_means
@@ -30,15 +26,9 @@ from ..config import schema
 from ..config.frame_names import is_of_camera
 from ..config.loader import scene_config
 from ..config.schema import CalibrationConfig, FramesConfig
-from .frame_data import Masks, check_frames
+from .frame_data import FrameLimits, Masks, check_frames, frame_limits
+from .frame_files import check_stated, read_measured
 from .frame_quantity import FrameQuantity
-
-
-_CHANNELS = {
-    "temperature": ("apparent_temperature_K", "apparent_temperature"),
-    "radiance": ("radiance",),
-}
-"""Channels of an EXR file by compared quantity; the first one in the file counts."""
 
 
 class CaseFrames(NamedTuple):
@@ -55,6 +45,8 @@ class CaseFrames(NamedTuple):
     masks: Masks
     frame_quantity: FrameQuantity
     """Quantity of the frames, in a band."""
+    limits: FrameLimits
+    """Limits of the compared pixels."""
 
 
 def case_frames(
@@ -84,6 +76,8 @@ def case_frames(
         reflected=settings.reflected_temperature,
     )
     with precision(scene.dtype):
+        surfaces = start_surfaces(scene)
+        unit = None
         if isinstance(settings, schema.SimulatedFrames):
             frames, masks = _simulated(
                 config,
@@ -94,8 +88,15 @@ def case_frames(
                 log=log,
             )
         else:
-            frames, masks = _measured(case.name, settings)
-        surfaces = start_surfaces(scene)
+            unit = settings.linear_unit
+            frames, masks, stated = read_measured(case.name, settings, frame_quantity)
+            check_stated(
+                stated,
+                surfaces=surfaces,
+                terms=scene.terms,
+                settings=settings,
+                fitted=tuple(n for p in config.parameters for n in (p.name, *p.tied)),
+            )
         views = camera_views(settings.views or (case_scene.camera,), scene, surfaces)
     if len(views) != len(frames):
         raise InputError(
@@ -110,6 +111,7 @@ def case_frames(
         frames=frames,
         masks=masks,
         frame_quantity=frame_quantity,
+        limits=frame_limits(frame_quantity, unit, scene.allow_extreme_temperatures),
     )
 
 
@@ -212,63 +214,3 @@ def _unmixed_pixels(
     bodies = world_meshes(solution.surfaces)
     covered = (coverage(bodies, camera, samples).fraction for camera in cameras)
     return [np.asarray(fraction == 1) for fraction in covered]
-
-
-def _measured(
-    name: str, settings: schema.MeasuredFrames
-) -> tuple[list[np.ndarray], Masks]:
-    views = sorted((f for f in settings.frames if f.case == name), key=lambda f: f.view)
-    if not views:
-        raise InputError(f"reference: frames: there are none for the case {name}")
-    frames = [_read_frames(view, settings) for view in views]
-    return frames, [_read_mask(view.mask or settings.mask) for view in views]
-
-
-def _read_frames(
-    view: schema.FramesOfCase, settings: schema.MeasuredFrames
-) -> np.ndarray:
-    rows = [
-        _read_frame(path, settings, page)
-        for path in view.files
-        for page in range(frame_count(path))
-    ]
-    # Frames of one view are stacked, and compared with one camera.
-    if len({row.shape for row in rows}) > 1:
-        raise InputError(f"{view.case}, view {view.view}: frames of several sizes")
-    return np.stack(rows).astype(float)
-
-
-def _read_frame(path: Path, settings: schema.MeasuredFrames, page: int) -> np.ndarray:
-    if path.suffix.lower() != ".exr":
-        if settings.quantity == "radiance":
-            raise InputError(f"{path}: radiance is read from EXR files alone")
-        return read_thermogram(path, settings.unit, build(settings.flir), page=page)
-    return read_channel(path, *_CHANNELS[settings.quantity])
-
-
-def _read_mask(path: Path | None) -> Bool[np.ndarray, "_ _"] | None:
-    if path is None:
-        return None
-    match path.suffix.lower():
-        case ".exr":
-            channels, _ = read_exr(path)
-            values: Any = np.stack([*channels.values()])
-            return (np.isfinite(values) & (values != 0)).all(axis=0)
-        case ".npy":
-            return _read_array_mask(path)
-    try:
-        with Image.open(path) as picture:
-            # Every pixel that is not black is compared.
-            return np.asarray(picture.convert("L")) > 0
-    except UnidentifiedImageError as error:
-        raise InputError(f"{path}: no mask: give a PNG, NPY or EXR file") from error
-
-
-def _read_array_mask(path: Path) -> Bool[np.ndarray, "_ _"]:
-    try:
-        values = np.load(path)
-    except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"{path}: is no array that `numpy.save` wrote") from error
-    if values.ndim != 2 or values.dtype.kind not in "biuf":
-        raise InputError(f"{path}: a mask has rows and columns of numbers")
-    return np.isfinite(values) & (values != 0)

@@ -22,7 +22,7 @@ from ..arrays import (
 )
 from ..constants import MIN_TEMPERATURE, ZERO_CELSIUS
 from ..errors import InputError, shortened
-from ..temperatures import ALLOW_EXTREME, Limits, extreme_fault, pixel_list
+from ..temperatures import ALLOW_EXTREME, CheckedValues, Limits, extreme_fault
 from .windows import (
     AbstractVarying,
     FunctionOfTime,
@@ -266,7 +266,7 @@ def check_temperature(
     if kelvin.ndim > 1:
         pixels = (
             f", one of {outside.sum()} of {kelvin.size} that leave the limits: "
-            f"{pixel_list(outside, kelvin, 'K')}"
+            f"{CheckedValues(kelvin).listed(outside)}"
         )
     raise InputError(
         f"{argument}: {extreme_fault(first)}{pixels}: give kelvin{hint}; if it is "

@@ -8,7 +8,15 @@ from jaxthermo.config.types.quantities import (
     TEMPERATURE_DIFFERENCE,
     to_si,
 )
-from jaxthermo.temperatures import UNITS, LinearUnit, likely_unit, pixel_list
+from jaxthermo.temperatures import (
+    UNITS,
+    CheckedValues,
+    Limits,
+    LinearUnit,
+    likely_unit,
+    pixel_mistake,
+    temperature_limits,
+)
 
 
 @pytest.mark.parametrize(
@@ -34,14 +42,18 @@ def test_numbers_of_no_unit_have_none():
     assert likely_unit(np.full(4, -1e6)) == ""
 
 
-def test_pixels_are_listed_by_row_and_column():
-    values = np.arange(12.0).reshape(3, 4)
-    wrong = values >= 8
-    listed = pixel_list(wrong, values, "K")
-    assert listed == (
-        "8 K at row 2, column 0, 9 K at row 2, column 1, 10 K at row 2, column 2 and "
-        "1 more"
+def test_pixels_are_counted_and_listed_by_row_and_column():
+    values = np.full((2, 3, 4), 300.0)
+    values[1, 2] = [10.0, 20.0, 30.0, 7e3]
+    values[0, 0, 0] = np.nan
+    checked = CheckedValues(values, noun="compared pixels", times=(60.0, 240.0))
+    assert pixel_mistake(checked, Limits()) == (
+        "4 of 23 compared pixels are below 150 K or above 6000 K: 10 K at row 2, "
+        "column 0 at 240 s, 20 K at row 2, column 1 at 240 s, 30 K at row 2, column 2 "
+        "at 240 s and 1 more: mask them, or repair the frame"
     )
+    assert pixel_mistake(checked, temperature_limits(True)) == ""
+    assert pixel_mistake(CheckedValues(-values), temperature_limits(True))
 
 
 @pytest.mark.parametrize(

@@ -1,13 +1,13 @@
 """Frames of real cameras: temperatures from EXR, TIFF, PNG, CSV, NPY and FLIR's counts.
 
-Numbers in files are kelvin, hundredths of kelvin, degrees Celsius or raw counts: what
-they are has to be said, since a file of whole numbers may be any of them. The JPEG of a
-FLIR camera says it itself.
+Numbers in files are kelvin, degrees Celsius, parts of a kelvin or raw counts: what they
+are has to be said, since a file of whole numbers may be any of them. The JPEG of a FLIR
+camera says it itself.
 """
 
 import contextlib
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,49 +15,70 @@ import numpy as np
 from jaxtyping import Float
 from PIL import Image as Pictures
 
-from ...constants import ZERO_CELSIUS
 from ...errors import InputError, located
+from ...temperatures import (
+    ALLOW_EXTREME,
+    KELVIN,
+    UNITS,
+    CheckedValues,
+    Limits,
+    LinearUnit,
+    pixel_mistake,
+    temperature_limits,
+)
 from ..radiance.thermography import FlirCalibration
 from .csv_file import read_csv_numbers
-from .exr import read_channel
-from .flir_file import read_flir
-from .raster_files import CENTIKELVIN
+from .exr import read_channel, read_exr
+from .flir_file import FlirThermogram, read_flir
 from .tiff_file import read_tiff_numbers, tiff_page_count
 
 
-_UNITS = ("kelvin", "centikelvin", "celsius", "counts")
-"""Units that the numbers of a file may have."""
+COUNTS = "counts"
+"""Unit of raw counts, whose temperatures follow from the constants of a camera."""
+Unit = str | Mapping[str, float] | LinearUnit
+"""Unit of the numbers in a file: a name, or `scale` and `offset` [K]."""
 # Channel of the EXR files of this package.
 _CHANNEL = "apparent_temperature_K"
 _RADIOMETRIC = (".jpg", ".jpeg")
 _TIFF = (".tif", ".tiff")
+_STATEMENTS = {
+    ".csv": b"# unit,K\n",
+    **dict.fromkeys(_TIFF, b"unit_of_values=K\n"),
+}
+"""Texts by which the files of this package state kelvin."""
 
 
 def read_thermogram(
     path: str | Path,
-    unit: str = "kelvin",
+    unit: Unit = "kelvin",
     calibration: FlirCalibration | None = None,
     channel: str = _CHANNEL,
     page: int | None = None,
+    *,
+    allow_extreme_temperatures: bool = False,
 ) -> Float[np.ndarray, "h w"]:
     """Read the temperatures that a camera shows for emissivity 1 [K].
 
-    Pixels with counts of no temperature, such as dead ones, are not a number.
+    Air and window that the JPEG of a FLIR camera states are taken out. Pixels with
+    counts of no temperature, such as dead ones, are not a number.
 
     Args:
         path: EXR, TIFF, PNG of one channel, CSV or NPY file, or the JPEG of a FLIR
             camera with its counts. The rows of a CSV file are separated by semicolons,
             tabs, commas or spaces, with points or commas before decimals; lines of text
             above them are left out.
-        unit: of its numbers: "kelvin", "centikelvin", "celsius" or "counts"; not used
-            for a JPEG, which has counts and their calibration.
+        unit: of its numbers: "kelvin" or "K", "celsius" or "degC", "centikelvin",
+            {"scale": 0.04, "offset": 0.0} for T = scale N + offset [K], or "counts";
+            not used for a JPEG, which has counts and their calibration.
         calibration: of raw counts; of a JPEG in place of its own.
         channel: of an EXR file.
         page: of a TIFF file of several, counted from 0.
+        allow_extreme_temperatures: accept pixels below 150 K and above 6000 K.
 
     Raises:
         InputError: for a file that is missing, of another kind or of no temperatures,
-            an unknown unit, or counts without a calibration.
+            an unknown unit or one that contradicts the file, counts without a
+            calibration, or pixels of extreme temperatures.
 
     Example:
         >>> import jaxthermo as jt
@@ -67,39 +88,122 @@ def read_thermogram(
         >>> float(jt.read_thermogram("frame.npy", "counts", flir)[0, 0].round(2))
         296.77
     """
-    if unit not in _UNITS:
-        units = ", ".join(_UNITS)
-        raise InputError(f"read_thermogram(unit={unit!r}): use one of {units}")
-    if Path(path).suffix.lower() in _RADIOMETRIC:
-        seen = read_flir(path)
-        return _from_counts(path, calibration or seen.calibration, seen.counts)
-    if (unit == "counts") != (calibration is not None):
+    linear_unit = None
+    if has_counts(path, unit):
+        seen = read_counts(path, calibration, page)
+        with located(str(path)):
+            kelvin = seen.object_temperature(
+                emissivity=1.0, allow_extreme_temperatures=allow_extreme_temperatures
+            )
+    elif calibration is not None:
         raise InputError(
             "read_thermogram: counts and a calibration go together: give "
             "unit='counts' and calibration=FlirCalibration(...), or neither"
         )
-    numbers = _numbers(Path(path), channel, page)
-    if calibration is not None:
-        return _from_counts(path, calibration, numbers)
-    scale, zero = {
-        "kelvin": (1.0, 0.0),
-        "centikelvin": (CENTIKELVIN, 0.0),
-        "celsius": (1.0, ZERO_CELSIUS),
-    }[unit]
-    kelvin = numbers * scale + zero
-    if (kelvin[np.isfinite(kelvin)] < 0).any() or not np.isfinite(kelvin).any():
-        raise InputError(
-            f"{path}: {np.nanmin(numbers):g} to {np.nanmax(numbers):g} are no "
-            f"temperatures in {unit}: give the unit of the file"
-        )
+    else:
+        linear_unit = unit_of(unit)
+        kelvin = read_temperatures(path, linear_unit, (channel,), page)
+    if not np.isfinite(kelvin).any():
+        raise InputError(f"{path}: no pixel has a temperature: give another file")
+    limits = temperature_limits(allow_extreme_temperatures)
+    mistake = pixel_mistake(CheckedValues(kelvin), limits, linear_unit)
+    if mistake:
+        option = f"; if they are meant, {ALLOW_EXTREME}=True"
+        raise InputError(f"{path}: {mistake}{option if limits.low else ''}")
     return kelvin
 
 
-def _from_counts(
-    path: str | Path, calibration: FlirCalibration, counts: np.ndarray
+def unit_of(unit: Unit) -> LinearUnit:
+    """Scale and offset of a unit.
+
+    Raises:
+        InputError: for an unknown one.
+    """
+    try:
+        if isinstance(unit, str):
+            return UNITS[unit]
+        return unit if isinstance(unit, LinearUnit) else LinearUnit(**unit)
+    except (KeyError, TypeError):
+        names = ", ".join((*UNITS, COUNTS))
+        raise InputError(
+            f"read_thermogram(unit={unit!r}): use one of {names}, or a scale and an "
+            "offset in kelvin, {'scale': 0.04, 'offset': 0.0}"
+        ) from None
+
+
+def has_counts(path: str | Path, unit: Unit) -> bool:
+    """True for a file of raw counts: the JPEG of a camera, or numbers in counts."""
+    return unit == COUNTS or Path(path).suffix.lower() in _RADIOMETRIC
+
+
+def read_counts(
+    path: str | Path,
+    calibration: FlirCalibration | None = None,
+    page: int | None = None,
+) -> FlirThermogram:
+    """Read raw counts with what their file states of the camera.
+
+    Args:
+        path: JPEG of a FLIR camera, or a file of counts.
+        calibration: of the counts; of a JPEG in place of its own.
+        page: of a TIFF file of several.
+
+    Raises:
+        InputError: as `read_thermogram`.
+    """
+    if Path(path).suffix.lower() in _RADIOMETRIC:
+        seen = read_flir(path)
+        return seen if calibration is None else seen._replace(calibration=calibration)
+    if calibration is None:
+        raise InputError(
+            "read_thermogram: counts and a calibration go together: give "
+            "unit='counts' and calibration=FlirCalibration(...), or neither"
+        )
+    return FlirThermogram(_numbers(Path(path), (_CHANNEL,), page), calibration)
+
+
+def read_temperatures(
+    path: str | Path,
+    unit: LinearUnit,
+    channels: tuple[str, ...] = (_CHANNEL,),
+    page: int | None = None,
 ) -> Float[np.ndarray, "h w"]:
-    with located(str(path)):
-        return np.asarray(calibration.temperature(counts))
+    """Read a frame of temperatures [K], whose pixels are not checked.
+
+    The arguments are those of `read_thermogram`, with `channels` of an EXR file of
+    which the first that is there counts.
+
+    Raises:
+        InputError: for a file that cannot be read, or states another unit.
+    """
+    path = Path(path)
+    numbers = _numbers(path, channels, page)
+    if unit != KELVIN and _is_in_kelvin(path, numbers, channels):
+        raise InputError(
+            f"{path}: says that its numbers are in kelvin, and the unit is another "
+            "one: give kelvin"
+        )
+    return unit.kelvin(numbers)
+
+
+def _is_in_kelvin(
+    path: Path, numbers: Float[np.ndarray, "h w"], channels: tuple[str, ...]
+) -> bool:
+    """True for a file that states kelvin, with numbers that may be."""
+    ending = path.suffix.lower()
+    if ending == ".exr":
+        stored, _ = read_exr(path)
+        states_kelvin = next(name for name in channels if name in stored).endswith("_K")
+    else:
+        statement = _STATEMENTS.get(ending)
+        states_kelvin = statement is not None and statement in path.read_bytes()
+    finite = numbers[np.isfinite(numbers)]
+    # Programs may write degrees Celsius under the names of this package.
+    return bool(
+        states_kelvin
+        and finite.size
+        and not Limits().exceeded(np.median(finite, keepdims=True)).any()
+    )
 
 
 def frame_count(path: str | Path) -> int:
@@ -135,7 +239,9 @@ def _reading(path: Path) -> Iterator[None]:
         ) from error
 
 
-def _numbers(path: Path, channel: str, page: int | None) -> Float[np.ndarray, "h w"]:
+def _numbers(
+    path: Path, channels: tuple[str, ...], page: int | None
+) -> Float[np.ndarray, "h w"]:
     _check_is_file(path)
     ending = path.suffix.lower()
     if ending not in _READERS:
@@ -144,7 +250,7 @@ def _numbers(path: Path, channel: str, page: int | None) -> Float[np.ndarray, "h
     if page and ending not in _TIFF:
         raise InputError(f"{path}: page {page} is one of a TIFF file: leave it out")
     with _reading(path):
-        numbers = np.asarray(_READERS[ending](path, channel, page))
+        numbers = np.asarray(_READERS[ending](path, channels, page))
     if numbers.ndim != 2 or not numbers.size or numbers.dtype.kind not in "fiu":
         raise InputError(
             f"{path}: has numbers of the shape {numbers.shape}, of the type "
@@ -158,15 +264,15 @@ def _numbers(path: Path, channel: str, page: int | None) -> Float[np.ndarray, "h
     return numbers.astype(float)
 
 
-def _read_exr(path: Path, channel: str, page: int | None) -> Any:
-    return read_channel(path, channel)
+def _read_exr(path: Path, channels: tuple[str, ...], page: int | None) -> Any:
+    return read_channel(path, *channels)
 
 
-def _read_tiff(path: Path, channel: str, page: int | None) -> Any:
+def _read_tiff(path: Path, channels: tuple[str, ...], page: int | None) -> Any:
     return read_tiff_numbers(path, page)
 
 
-def _read_picture(path: Path, channel: str, page: int | None) -> Any:
+def _read_picture(path: Path, channels: tuple[str, ...], page: int | None) -> Any:
     with warnings.catch_warnings():
         # What is wrong with a file is said by the error that follows.
         warnings.simplefilter("ignore")
@@ -174,11 +280,11 @@ def _read_picture(path: Path, channel: str, page: int | None) -> Any:
             return np.asarray(picture)
 
 
-def _read_csv(path: Path, channel: str, page: int | None) -> Any:
+def _read_csv(path: Path, channels: tuple[str, ...], page: int | None) -> Any:
     return read_csv_numbers(path)
 
 
-def _read_array(path: Path, channel: str, page: int | None) -> Any:
+def _read_array(path: Path, channels: tuple[str, ...], page: int | None) -> Any:
     return np.load(path, allow_pickle=False)
 
 

@@ -14,7 +14,7 @@ from calibrate.config.loader import load_calibration
 from calibrate.config.schema import shown_unit_of, value_in_si
 from calibrate.problem.alignment import Aligned
 from calibrate.problem.frame_data import FitsPoses
-from calibrate.problem.frame_source import _read_mask
+from calibrate.problem.frame_files import _read_mask
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
 from calibrate.solvers.cameras import build_aligned

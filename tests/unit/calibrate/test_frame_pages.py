@@ -4,7 +4,8 @@ import numpy as np
 import tifffile
 
 from calibrate.config.schema import MeasuredFrames
-from calibrate.problem.frame_source import _measured
+from calibrate.problem.frame_files import read_measured
+from calibrate.problem.frame_quantity import FrameQuantity
 
 
 def test_the_pages_of_a_file_are_the_saved_times(tmp_path):
@@ -15,5 +16,5 @@ def test_the_pages_of_a_file_are_the_saved_times(tmp_path):
     settings = MeasuredFrames.model_validate(
         {"frames": [{"case": "one", "files": files}]}
     )
-    (frames,), _ = _measured("one", settings)
+    (frames,) = read_measured("one", settings, FrameQuantity("temperature")).frames
     np.testing.assert_array_equal(frames, [*kelvin, kelvin[0]])

@@ -8,8 +8,9 @@ from pydantic import ValidationError
 
 import jaxthermo as jt
 from calibrate.config.schema import MeasuredFrames
+from calibrate.problem.frame_files import read_measured
 from calibrate.problem.frame_quantity import FrameQuantity
-from calibrate.problem.frame_source import _detected, _measured
+from calibrate.problem.frame_source import _detected
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
 from calibrate.problem.targets import body_mask
@@ -143,7 +144,7 @@ def test_frames_of_cameras_are_read_in_their_unit(scene, view, tmp_path):
     ):
         frames = [{"case": "one", "files": [str(tmp_path / file)]}]
         settings = MeasuredFrames.model_validate({"frames": frames, **units})
-        (read,), _ = _measured("one", settings)
+        (read,) = read_measured("one", settings, FrameQuantity("temperature")).frames
         np.testing.assert_allclose(read[0], kelvin, atol=0.01)
 
 

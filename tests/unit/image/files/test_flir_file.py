@@ -58,9 +58,11 @@ def test_counts_constants_and_settings_are_read(tmp_path, form):
 
 def test_temperatures_are_those_of_the_counts(tmp_path):
     path = written(tmp_path)
-    apparent = CALIBRATION.temperature(COUNTS)
-    np.testing.assert_allclose(jt.read_thermogram(path), apparent, rtol=1e-6)
+    black = CALIBRATION.object_temperature(COUNTS, **SETTINGS | {"emissivity": 1.0})
+    np.testing.assert_allclose(jt.read_thermogram(path), black, rtol=1e-6)
     seen = jt.read_flir(path)
+    lens = CALIBRATION.temperature(COUNTS)
+    np.testing.assert_allclose(seen.apparent_temperature(), lens, rtol=1e-6)
     expected = CALIBRATION.object_temperature(COUNTS, **SETTINGS)
     np.testing.assert_allclose(seen.object_temperature(), expected, rtol=1e-6)
     # With another emissivity than the one set at the camera.
@@ -74,7 +76,8 @@ def test_temperatures_are_those_of_the_counts(tmp_path):
 def test_another_calibration_may_be_given(tmp_path):
     calibration = dataclasses.replace(CALIBRATION, b=1500.0)
     kelvin = jt.read_thermogram(written(tmp_path, name="a.JPEG"), "counts", calibration)
-    np.testing.assert_allclose(kelvin, calibration.temperature(COUNTS))
+    black = calibration.object_temperature(COUNTS, **SETTINGS | {"emissivity": 1.0})
+    np.testing.assert_allclose(kelvin, black, rtol=1e-6)
 
 
 @pytest.mark.parametrize("per_cent", [1.5, 45.0])
@@ -119,7 +122,7 @@ def test_a_cold_pixel_costs_that_pixel(tmp_path):
     whole = jt.read_flir(written(tmp_path, name="whole.jpg"))
     seen = jt.read_flir(path)
     for actual, expected in (
-        (jt.read_thermogram(path), whole.apparent_temperature()),
+        (jt.read_thermogram(path), whole.object_temperature(emissivity=1.0)),
         (seen.apparent_temperature(), whole.apparent_temperature()),
         (seen.object_temperature(), whole.object_temperature()),
     ):

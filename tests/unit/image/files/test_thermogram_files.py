@@ -88,9 +88,10 @@ def test_what_is_no_frame_is_refused_in_one_line(tmp_path):
     assert "use one of" in refused(good, "fahrenheit")
     assert "go together" in refused(good, "counts")
     assert "go together" in refused(good, "kelvin", FLIR)
-    assert "no temperatures in celsius" in refused(
-        saved(tmp_path, ".npy", KELVIN - 900), "celsius"
-    )
+    cold = saved(tmp_path, ".npy", KELVIN - 900)
+    assert "12 of 12 pixels are below 150 K" in refused(cold, "celsius")
+    empty = saved(tmp_path, ".npy", np.full((2, 2), np.nan))
+    assert "no pixel has a temperature" in refused(empty)
     unknown = tmp_path / "frame.xyz"
     unknown.write_text("1")
     assert "frames may be" in refused(unknown)
