@@ -31,7 +31,18 @@ SCENE = {"bodies": [BODY], "time": {"end": 10, "save_at": [5, 10]}}
 # Settings that sentences name: a line of YAML, not a sketch with dots or capitals.
 _SETTING = re.compile(r"[a-z_.]+: (?!.*(?:\.\.|\b[A-Z]{4}|mean, sd|\{\})).+")
 # Of fits and sweeps, whose schemas tests of their own cover.
-OF_FITS = {"align", "bijection", "per", "time_norm", "reference", "prior", "goals"}
+OF_FITS = {
+    "align",
+    "bijection",
+    "camera_settings",
+    "corrected_for",
+    "goals",
+    "huber",
+    "per",
+    "prior",
+    "reference",
+    "time_norm",
+}
 
 
 @pytest.fixture
