@@ -148,27 +148,23 @@ class SurfaceTerms(Module):
         solved = self._solve(time, theta)
         return self.prescribed_excess(time, theta, solved.excess)
 
-    def equilibrium_excess(self, time: Time, theta: PerCell) -> PerCell:
-        """Excess over its node at which each cell would receive no heat at all [K].
+    def equilibrium(self, time: Time, theta: PerCell) -> PerCell:
+        """Temperature at which each cell would receive no heat at all [K].
 
-        Infinite towards heat that no loss balances; 0 where nothing acts.
+        Infinite towards heat that no loss balances; the node's where nothing acts. It
+        depends on the state by other surfaces alone, so that loops over constant loads
+        compute it once.
         """
-        # The balance of a cell that conducts no heat.
-        apart = replace(
-            self,
-            half_cell=jnp.zeros_like(theta),
-            iterations=MAX_ITERATIONS,
-            varying=None,
-        )
-        excess = apart._solve(time, theta).excess
+        # The balance of a cell that conducts no heat, from the reference.
         zero = jnp.zeros_like(theta)
-        surface = theta + excess
+        apart = replace(self, half_cell=zero, iterations=MAX_ITERATIONS, varying=None)
+        surface = apart._solve(time, zero).excess
         slope = sum((t.slope(time, surface) for _, t in self.natural), zero)
         heat = sum((t.heat_rate(time, surface) for _, t in self.natural), zero)
-        is_unbalanced = (slope <= 0) & (heat != 0)
         endless = jnp.where(heat > 0, jnp.inf, -jnp.inf)
-        excess = jnp.where(is_unbalanced, endless, excess)
-        return self.prescribed_excess(time, theta, excess)
+        unbalanced = jnp.where(heat == 0, theta, endless)
+        surface = jnp.where(slope <= 0, unbalanced, surface)
+        return self.prescribed_excess(time, zero, surface)
 
     def prescribed_excess(
         self, time: Time, theta: PerCell, elsewhere: PerCellOrOne | float = 0.0

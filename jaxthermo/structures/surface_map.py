@@ -12,7 +12,7 @@ measured. A full volume needs no gradient there.
 
 At the surface, a prescribed temperature is read as it is. A gradient may lead beyond
 what surrounds a fragment: the temperature is limited to the range of its node, of the
-nodes linked to it, and of the equilibrium with what acts on its node's surface
+nodes linked to it, of its surface balance and of the equilibrium with what acts on it
 (the discrete maximum principle; cf. Barth and Jespersen, AIAA paper 89-0366, 1989).
 """
 
@@ -103,8 +103,9 @@ class SurfaceState(NamedTuple):
     held: Bool[Array, " s"] | None
     """Fragments whose temperature is prescribed; None for none."""
     equilibrium: Float[Array, " s"] | None
-    """Excess at which each fragment receives no heat from what acts on it [K]; infinite
-    towards heat that is imposed at any temperature. None to limit nothing."""
+    """Temperature at which each fragment receives no heat from what acts on it, above
+    the reference [K]; infinite towards heat that is imposed at any temperature. None to
+    limit nothing."""
 
 
 class Gradient(Module):
@@ -294,26 +295,14 @@ class BoundMap(Module):
         if self.along_flux is not None:
             total = total + self.along_flux * acting.excess
         if self.gradient is not None and acting.equilibrium is not None:
-            reached = self.gradient.neighbour_range(theta, nodes)
-            total = _limited(total, below, index, reached=reached, acting=acting)
+            around = self.gradient.neighbour_range(theta, nodes)
+            limits = Range(taken(around.lowest, index), taken(around.highest, index))
+            limits = limits.including(below + acting.excess)
+            limits = limits.including(acting.equilibrium)
+            total = jnp.clip(total, limits.lowest, limits.highest)
         if acting.held is not None and self.at == "surface":
             total = jnp.where(acting.held, below + acting.excess, total)
         return total
-
-
-def _limited(
-    values: Float[Array, " s"],
-    below: Float[Array, " s"],
-    index: Int[Array, " s"],
-    reached: Range,
-    acting: SurfaceState,
-) -> Float[Array, " s"]:
-    """Temperatures of fragments within the range of what surrounds them [K]."""
-    assert acting.equilibrium is not None
-    surface = below + acting.excess
-    balanced = Range(surface, surface).including(below + acting.equilibrium)
-    reached = reached.including_groups(balanced, index)
-    return jnp.clip(values, taken(reached.lowest, index), taken(reached.highest, index))
 
 
 class AbstractSurfaceMap(Module):

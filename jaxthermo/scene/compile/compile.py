@@ -142,14 +142,23 @@ def _bound(
         return _from_uniform_start(scene, bind(scene))
 
     options = (end, duration, prune)
+    trace = partial(trace_scene, scene, numbers, bind=bind_numbers, by=options)
     try:
-        traced = trace_scene(scene, numbers, bind=bind_numbers, by=options)
+        traced = trace()
+    except RuntimeError:
+        # As of JAX's caches after an interrupt: they say nothing about the scene.
+        raise
     except Exception:
-        # Classes of a user may read their numbers, as to choose a law by them. Errors
-        # that do not come from tracing are raised again, with numbers in their texts.
+        # Errors that do not come from tracing are raised again, with numbers in their
+        # texts.
         compiled = bind(scene)
-        mark_untraceable(numbers, by=options)
-        return compiled
+        try:
+            # Libraries may raise another error in place of a user's interrupt.
+            traced = trace()
+        except Exception:
+            # Classes of a user may read their numbers, as to choose a law by them.
+            mark_untraceable(numbers, by=options)
+            return compiled
     return bind(scene) if traced is None else traced(numbers.values)
 
 

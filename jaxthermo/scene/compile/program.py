@@ -260,7 +260,7 @@ class Program(Module):
         excess = jnp.split(terms.surface_excess(time, joined), ends)
         equilibrium: Sequence = [None] * len(self.bodies)
         if is_limited:
-            equilibrium = jnp.split(terms.equilibrium_excess(time, joined), ends)
+            equilibrium = jnp.split(terms.equilibrium(time, joined), ends)
         held = self.held_fragments()
         states = []
         for n, body in enumerate(self.bodies):

@@ -106,6 +106,7 @@ import jax
 simulated("contact")
 jax.clear_caches()
 interrupts = 0
+replaced = 0
 
 
 def interrupt(*_):
@@ -115,7 +116,7 @@ def interrupt(*_):
 
 def completes(call, delay):
     # True if a call ends before it is interrupted [s].
-    global running, interrupts
+    global running, interrupts, replaced
     running = True
     signal.setitimer(signal.ITIMER_REAL, delay)
     try:
@@ -124,6 +125,14 @@ def completes(call, delay):
         return True
     except KeyboardInterrupt:
         interrupts += 1
+        return False
+    except Exception:
+        # numpy may raise a TypeError in place of an interrupt, and the caches of JAX a
+        # RecursionError until they are cleared.
+        replaced += 1
+        if replaced > interrupts:
+            raise
+        jax.clear_caches()
         return False
     finally:
         running = False
@@ -135,7 +144,7 @@ signal.signal(signal.SIGALRM, interrupt)
 
 FIRST_CALLS = """
 for name in ("contact", "block"):
-    delay = 0.02
+    delay = 0.005
     while not completes(lambda: simulated(name), delay):
         delay *= {growth}
 print(interrupts)
