@@ -41,9 +41,11 @@ def load_parts(
     path = Path(path).expanduser()
     scale = file_scale(path, unit=unit, height=height, up=up)
     placed = placed_mesh(path, contents=read_contents(path), scale=scale)
+    counts = np.bincount(placed.part, minlength=len(placed.names))
+    by_part = placed.faces[np.argsort(placed.part, kind="stable")]
+    faces_of_parts = np.split(by_part, np.cumsum(counts)[:-1])
     meshes = {}
-    for number, label in enumerate(unique_labels(placed.names)):
-        faces = placed.faces[placed.part == number]
+    for label, faces in zip(unique_labels(placed.names), faces_of_parts, strict=True):
         if not len(faces):
             continue
         # Its own vertices alone: repairing all of them takes as long as all parts.

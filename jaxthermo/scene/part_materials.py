@@ -11,6 +11,10 @@ from ..voxels.parts import part_labels
 from .scene import MaterialLabels
 
 
+_MAX_LISTED = 12
+"""Largest number of names of parts in a message."""
+
+
 def materials_by_part(
     grid: VoxelGrid, parts: Mapping[str, Mesh], materials: Mapping[str, Material]
 ) -> MaterialLabels:
@@ -45,7 +49,9 @@ def materials_by_part(
 
 def _pattern_of_parts(names: list[str], patterns: list[str]) -> dict[str, str]:
     """The pattern that says the material of each part, by the part's name."""
-    listed = ", ".join(names)
+    listed = ", ".join(names[:_MAX_LISTED])
+    if len(names) > _MAX_LISTED:
+        listed += f" and {len(names) - _MAX_LISTED:,} more (jaxthermo parts lists them)"
     pattern_of: dict[str, str] = {}
     for pattern in patterns:
         matching = [] if pattern == "*" else matching_parts(pattern, names)

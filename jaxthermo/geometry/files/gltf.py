@@ -207,7 +207,8 @@ def _decompressed(
     attributes = {}
     for name in names:
         attribute = mesh.get_attribute_by_unique_id(compressed["attributes"][name])
-        attributes[name] = np.asarray(attribute["data"], np.float64)
+        number = primitive["attributes"][name]
+        attributes[name] = data.fractions(number, attribute["data"])
     indices = np.asarray(mesh.faces, np.int64).reshape(-1)
     vertex_count = data.item("accessors", primitive["attributes"]["POSITION"])["count"]
     index_count = data.item("accessors", primitive["indices"])["count"]
@@ -227,10 +228,7 @@ def _require_bounds(
     accessor = data.item("accessors", number)
     if "min" not in accessor or "max" not in accessor:
         return
-    stated = np.array([accessor["min"], accessor["max"]], np.float64)
-    if accessor.get("normalized"):
-        largest = np.iinfo(data.stored(number).dtype).max
-        stated = np.maximum(stated / largest, -1.0)
+    stated = data.fractions(number, [accessor["min"], accessor["max"]])
     bounds = np.array([positions.min(axis=0), positions.max(axis=0)])
     extent = float(np.ptp(stated, axis=0).max())
     if not (np.abs(bounds - stated) <= _MAX_DEVIATION * extent).all():

@@ -159,15 +159,17 @@ class GltfData:
         return changed
 
     def numbers(self, number: int) -> np.ndarray:
-        """Numbers of an accessor; normalized ones are fractions from -1 to 1."""
-        values = self.stored(number)
-        if (
-            self.item("accessors", number).get("normalized")
-            and values.dtype.kind in "iu"
-        ):
-            largest = np.iinfo(values.dtype).max
-            return np.maximum(values.astype(np.float64) / largest, -1.0)
-        return values.astype(np.float64)
+        """Numbers of an accessor, a row for each element; see `fractions`."""
+        return self.fractions(number, self.stored(number))
+
+    def fractions(self, number: int, stored: object) -> np.ndarray:
+        """Numbers as an accessor stores them; from -1 to 1 where it is normalized."""
+        accessor = self.item("accessors", number)
+        kind = np.dtype(_COMPONENT_TYPES[accessor["componentType"]])
+        values = np.asarray(stored, np.float64)
+        if not accessor.get("normalized") or kind.kind == "f":
+            return values
+        return np.maximum(values / np.iinfo(kind).max, -1.0)
 
 
 class _Layout(NamedTuple):

@@ -1,7 +1,7 @@
 """Damaged mesh files end in one line, or in a mesh that is right or says it is not.
 
-A mesh says so by its open edges and its repairs. What no file has a check for is left
-whole: the coordinates of text and of PLY, where another number is another mesh.
+A mesh says so by its open edges and its repairs. What files have no check for is left
+whole: coordinates that several triangles share, where another number is another mesh.
 """
 
 import re
@@ -55,17 +55,22 @@ FILES: dict[str, bytes] = {
 }
 
 
-def faces_begin(name: str) -> int:
-    """Place of the first byte after the coordinates; 0 where damage to them shows."""
+def coordinates(name: str) -> range:
+    """Places of the bytes of the coordinates, if damage to them is another mesh."""
     content = FILES[name]
+    if name == "ball.glb":
+        start = content.index(b"BIN\0") + len(b"BIN\0")
+        return range(start, start + BALL.vertices.astype(np.float32).nbytes)
     if name == "ball.obj":
-        return content.index(b"f ")
+        return range(content.index(b"f "))
     if name == "ball.off":
-        return content.index(b"\n3 ")
-    header = content.find(b"end_header\n") + len(b"end_header\n")
+        return range(content.index(b" 0\n"), content.index(b"\n3 "))
+    start = content.find(b"end_header\n") + len(b"end_header\n")
     if name == "text.ply":
-        return content.index(b"\n3 ", header)
-    return header + BALL.vertices.nbytes if name == "little.ply" else 0
+        return range(start, content.index(b"\n3 ", start))
+    return (
+        range(start, start + BALL.vertices.nbytes) if name == "little.ply" else range(0)
+    )
 
 
 def cut(name: str, random: Random) -> bytes:
@@ -76,9 +81,10 @@ def cut(name: str, random: Random) -> bytes:
 def swap(name: str, random: Random) -> bytes:
     """Two neighbouring bytes, that differ, in the other order."""
     content = bytearray(FILES[name])
+    untouched = coordinates(name)
     while True:
-        place = int(random.integers(faces_begin(name), len(content) - 1))
-        if content[place] != content[place + 1]:
+        place = int(random.integers(len(content) - 1))
+        if place not in untouched and content[place] != content[place + 1]:
             content[place : place + 2] = content[place : place + 2][::-1]
             return bytes(content)
 
@@ -86,7 +92,7 @@ def swap(name: str, random: Random) -> bytes:
 def reverse_words(name: str, random: Random) -> bytes:
     """Groups of four bytes in the order of another processor, from some place on."""
     content = FILES[name]
-    first = max(faces_begin(name), 80) // 4
+    first = max(coordinates(name).stop, 80) // 4
     place = 4 * int(random.integers(first, len(content) // 4 - 1))
     words = np.frombuffer(content[place : len(content) // 4 * 4], "<u4")
     return content[:place] + words.astype(">u4").tobytes()

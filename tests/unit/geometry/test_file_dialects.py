@@ -15,7 +15,7 @@ from jaxthermo.errors import InputError
 from jaxthermo.geometry import shapes
 from jaxthermo.geometry.files import file_mesh
 from jaxthermo.geometry.load import load_mesh, stated_unit
-from tests.mesh_files import GIVEN, exported, polygon_file
+from tests.mesh_files import GIVEN, box_gltf, exported, polygon_file
 
 
 SIDES = (1.0, 2.0, 3.0)
@@ -74,6 +74,18 @@ def test_given_stl_with_bytes_after_its_last_triangle():
 )
 def test_bytes_after_the_last_triangle_of_an_stl(tmp_path, after):
     assert is_box(read(tmp_path, "a.stl", binary_stl(after=after)))
+
+
+@pytest.mark.parametrize("suffix", ["ply_little", "ply_big"])
+def test_zeros_and_line_ends_after_the_last_face_of_a_ply(tmp_path, suffix):
+    content = polygon_file(suffix, BOX.vertices, BOX.faces.tolist())
+    assert is_box(read(tmp_path, "a.ply", content + bytes(30) + b"\r\n"))
+    with pytest.raises(InputError, match="3 bytes follow the last element"):
+        read(tmp_path, "a.ply", content + b"abc")
+
+
+def test_bytes_after_a_glb(tmp_path):
+    assert is_box(read(tmp_path, "a.glb", box_gltf(SIDES).glb() + b"appended"))
 
 
 def test_an_stl_written_as_a_stream_leaves_its_count_at_0(tmp_path):

@@ -246,5 +246,8 @@ def test_materials_by_patterns():
     expected = "both 'm' and 'b' match the part 'b/m/steel': give its whole name"
     with pytest.raises(InputError, match=expected):
         jt.materials_by_part(grid, meshes, {"m": CLAY, "b": STEEL})
+    many = {f"n{number}/m/-": box for number in range(40)}
+    with pytest.raises(InputError, match=r"n11/m/- and 28 more \(jaxthermo parts"):
+        jt.materials_by_part(grid, many, {"c": CLAY})
     with pytest.raises(InputError, match="there is no part 'c'"):
         jt.materials_by_part(grid, meshes, {"c": CLAY, "*": STEEL})
