@@ -28,7 +28,7 @@ from jaxthermo.errors import InputError
 from jaxthermo.image.pose.pose import moved_camera
 from jaxthermo.image.radiance.band import black_radiance
 from jaxthermo.image.radiance.draw import Moment
-from jaxthermo.image.surface.camera import AbstractCamera
+from jaxthermo.image.surface.abstract_camera import AbstractCamera
 from jaxthermo.image.surface.view import View, compute_view
 from jaxthermo.image.surface.visible import world_meshes
 from jaxthermo.integrate.run.parametric_run import ParametricSolution

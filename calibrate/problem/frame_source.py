@@ -15,7 +15,7 @@ from jaxthermo.errors import InputError
 from jaxthermo.image.pose.coverage import coverage
 from jaxthermo.image.radiance.band import apparent_temperature
 from jaxthermo.image.radiance.image import block_means
-from jaxthermo.image.surface.camera import AbstractCamera
+from jaxthermo.image.surface.abstract_camera import AbstractCamera
 from jaxthermo.image.surface.view import View, compute_view
 from jaxthermo.image.surface.visible import world_meshes
 from jaxthermo.integrate.run.parametric_run import ParametricRun, ParametricSolution

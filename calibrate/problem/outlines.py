@@ -19,7 +19,7 @@ from scipy.ndimage import binary_dilation, binary_erosion, gaussian_filter
 from jaxthermo.errors import InputError
 from jaxthermo.image.pose.coverage import Coverage, coverage, coverage_slopes
 from jaxthermo.image.pose.pose import moved_camera
-from jaxthermo.image.surface.camera import AbstractCamera
+from jaxthermo.image.surface.abstract_camera import AbstractCamera
 from jaxthermo.image.surface.visible import WorldMesh
 
 from .clusters import image_clusters, score_covariance

@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import equinox as eqx
@@ -18,6 +19,7 @@ from jaxthermo.image.colour.ticks import (
     time_label,
 )
 from jaxthermo.image.radiance.draw import Moment, draw
+from jaxthermo.image.surface.abstract_camera import AbstractCamera
 from jaxthermo.image.surface.view import compute_view
 from jaxthermo.integrate.run.parametric_run import ParametricSolution
 from jaxthermo.report.difference_scale import (
@@ -100,7 +102,7 @@ def difference_picture(
     assert isinstance(target, SurfaceTarget)
     surfaces = next(iter(solutions.values())).surfaces
     # Bodies of a fit do not move: one view for both runs and all times.
-    camera = camera_on(_resized(camera), surfaces)
+    camera = _resized(camera_on(camera, surfaces))
     view = compute_view(surfaces, case.scene.terms, camera)
 
     def frame(surface: Any, time: int) -> _Frame:
@@ -172,11 +174,11 @@ def _scatter(pixels: Float[np.ndarray, " p"], mask: _Mask) -> _Frame:
     return frame
 
 
-def _resized(camera: Any) -> Any:
+def _resized(camera: AbstractCamera) -> AbstractCamera:
     scale = SIDE / max(camera.width, camera.height)
     width = max(1, round(scale * camera.width))
     height = max(1, round(scale * camera.height))
-    return camera.model_copy(update={"width": width, "height": height})
+    return replace(camera, width=width, height=height)
 
 
 def _close_up(

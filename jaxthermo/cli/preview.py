@@ -11,7 +11,8 @@ from ..console.terminal import open_console, print_line, status
 from ..geometry.mesh import mesh_summary
 from ..image.colour.annotate import write_png
 from ..image.colour.preview import draw_preview
-from ..image.surface.camera import AbstractCamera, Camera, OrthographicCamera
+from ..image.surface.abstract_camera import AbstractCamera
+from ..image.surface.camera import Camera, OrthographicCamera
 
 
 _FILE = "preview.png"

@@ -7,7 +7,14 @@ from jaxtyping import Float
 
 from ..geometry.vectors import unit_vector
 from ..image.render import Recorder, in_order
-from ..image.surface.camera import AbstractCamera, Camera, OrthographicCamera, frame_all
+from ..image.surface.abstract_camera import AbstractCamera
+from ..image.surface.camera import (
+    Camera,
+    OrthographicCamera,
+    frame_all,
+    lens_camera,
+)
+from ..image.surface.lens import CameraPose
 from ..scene.scene import SolvedSurface
 from .schema.image import CameraConfig, ImageConfig, OrthographicConfig, PinholeConfig
 from .types.model import build
@@ -59,16 +66,27 @@ def build_camera(
             height=config.height,
         )
     left_open = (config.position, config.look_at, config.field_of_view)
-    if left_open == (None, None, None) and config.up == _UP:
+    matrices = (config.K, config.world_to_camera)
+    if left_open == (None, None, None) and config.up == _UP and not any(matrices):
         return fitted
+    lens = config.lens
     angle = config.field_of_view or _FIELD_OF_VIEW
-    # The ball has to fit into the narrower of the vertical and horizontal angles.
-    half_angle = math.atan(math.tan(angle / 2.0) * aspect)
-    distance = radius / math.sin(half_angle)
+    pose = config.pose
+    if pose is None:
+        # The ball has to fit into the narrower of the vertical and horizontal angles.
+        slope = math.tan(angle / 2.0) * aspect if lens is None else lens.least_slope
+        distance = radius / math.sin(math.atan(slope))
+        pose = CameraPose(
+            position=config.position or _in_front(fitted, look_at, distance),
+            look_at=look_at,
+            up=config.up,
+        )
+    if lens is not None:
+        return lens_camera(lens, pose)
     return Camera(
-        position=config.position or _in_front(fitted, look_at, distance),
-        look_at=look_at,
-        up=config.up,
+        position=pose.position,
+        look_at=pose.look_at,
+        up=pose.up,
         field_of_view=angle,
         width=config.width,
         height=config.height,

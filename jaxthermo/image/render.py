@@ -32,7 +32,7 @@ from .radiance.effect import (
     Effects,
 )
 from .radiance.image import Image, coarsen
-from .surface.camera import AbstractCamera
+from .surface.abstract_camera import AbstractCamera
 from .surface.view import View, kept_view
 
 

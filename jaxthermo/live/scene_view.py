@@ -8,7 +8,7 @@ import viser
 from jaxtyping import Float
 from viser.transforms import SO3
 
-from ..image.surface.camera import AbstractCamera
+from ..image.surface.abstract_camera import AbstractCamera
 from ..physics.convection.wind import Wind
 from ..physics.radiation.source import Sun
 from ..physics.term import AbstractTerm

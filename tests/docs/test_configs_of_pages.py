@@ -109,6 +109,9 @@ def test_blocks_of_a_page_load(page, folder, capsys):
         elif "parameters" in data or "truth" in data:
             calibration |= data
             load_calibration_block(folder, calibration)
+        elif data.keys() <= SceneConfig.model_fields.keys():
+            scene = {**SCENE, **data}
+            assert load_config(write(folder / "scene.yaml", scene), find_meshes=False)
         else:
             assert data.keys() <= BodyConfig.model_fields.keys()
             load_body_part(folder, data)

@@ -18,6 +18,13 @@ from ...errors import InputError
 from ...image.colour.palette import palette_names
 from ...image.measurements import names_of
 from ...image.radiance.response import BANDS, checked_response
+from ...image.surface.lens import (
+    CameraPose,
+    Lens,
+    check_lens,
+    lens_of_matrix,
+    pose_of_matrix,
+)
 from ..messages import close_match
 from ..types import quantities as si
 from ..types.model import ByKind, Mistake, Model, Short, build
@@ -53,10 +60,89 @@ class _View(Model):
         return []
 
 
+_Row3 = Annotated[tuple[si.Number, si.Number, si.Number], si.Three]
+_Row4 = tuple[si.Number, si.Number, si.Number, si.Number]
+
+
 class PinholeConfig(_View, builds="Camera", kind="pinhole"):
-    """A perspective camera."""
+    """A perspective camera; one that is calibrated has matrices as OpenCV's."""
 
     field_of_view: Annotated[FieldOfView | None, si.Auto] = None
+    K: tuple[_Row3, _Row3, _Row3] | None = None
+    """Intrinsic matrix [[f_x, 0, c_x], [0, f_y, c_y], [0, 0, 1]] [pixels] instead of
+    `field_of_view`, of pictures of `width` and `height`; the centre of the first pixel
+    is at (0, 0)."""
+    distortion: tuple[si.Number, ...] = ()
+    """Coefficients k1, k2, p1, p2 and perhaps k3 of Brown and Conrady, with `K`."""
+    world_to_camera: Annotated[tuple[_Row4, ...], Field(min_length=3, max_length=4)] | (
+        None
+    ) = None
+    """Matrix [R, t] of the pose [-, m] instead of `position`, `look_at` and `up`: a
+    point X of the world is at R X + t in the axes right, down and forward. A last row
+    [0, 0, 0, 1] may follow, as `jaxthermo dataset` has none."""
+
+    @property
+    def lens(self) -> Lens | None:
+        """Lens of `K`.
+
+        Raises:
+            InputError: for a matrix of another form, or of pictures of another size.
+        """
+        if self.K is None:
+            return None
+        return lens_of_matrix(
+            self.K, width=self.width, height=self.height, distortion=self.distortion
+        )
+
+    @property
+    def pose(self) -> CameraPose | None:
+        """Pose of `world_to_camera`.
+
+        Raises:
+            InputError: for a matrix that does more than turn and move.
+        """
+        if self.world_to_camera is None:
+            return None
+        return pose_of_matrix(self.world_to_camera)
+
+    @override
+    def mistakes(self) -> list[Mistake]:
+        mistakes = super().mistakes()
+        written = self.model_fields_set
+        if self.K is None and self.distortion:
+            mistakes.append((("distortion",), "belongs to a matrix: give K, too"))
+        if self.K is not None:
+            if self.field_of_view is not None:
+                mistakes.append((("field_of_view",), "is that of K: leave it out"))
+            mistakes += [
+                ((key,), "is missing: give the size of the pictures that K is of")
+                for key in ("width", "height")
+                if key not in written
+            ]
+        if self.world_to_camera is not None:
+            mistakes += [
+                ((key,), "is that of world_to_camera: leave it out")
+                for key in ("position", "look_at", "up")
+                if getattr(self, key) != type(self).model_fields[key].default
+            ]
+        if mistakes:
+            return mistakes
+        for key, check in (("K", _check_lens), ("world_to_camera", _check_pose)):
+            try:
+                check(self)
+            except InputError as error:
+                mistakes.append(((key,), str(error).partition(": ")[2]))
+        return mistakes
+
+
+def _check_lens(config: PinholeConfig) -> None:
+    lens = config.lens
+    if lens is not None and lens.distortion:
+        check_lens(lens)
+
+
+def _check_pose(config: PinholeConfig) -> None:
+    _ = config.pose
 
 
 class OrthographicConfig(_View, builds="OrthographicCamera", kind="orthographic"):

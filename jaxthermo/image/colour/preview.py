@@ -8,7 +8,7 @@ from PIL import Image, ImageDraw
 
 from ...geometry.mesh import Mesh, Pose
 from ...geometry.vectors import row_dot, unit_vectors
-from ..surface.camera import AbstractCamera
+from ..surface.abstract_camera import AbstractCamera
 from ..surface.facets import smooth_normals
 from ..surface.visible import VisiblePoints, visible_points
 from .canvas import FAINT, INK, PAPER, Layout, averaged

@@ -6,7 +6,8 @@ from typing import NamedTuple, NotRequired, TypedDict
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..surface.camera import AbstractCamera, Camera
+from ..surface.abstract_camera import AbstractCamera
+from ..surface.camera import Camera
 
 
 class _Instance(NamedTuple):
@@ -118,6 +119,8 @@ class _CameraMatrices(TypedDict):
     world_to_camera: list[list[float]]
     K: NotRequired[list[list[float]]]
     """Intrinsic matrix of a pinhole [pixels]."""
+    distortion: NotRequired[list[float]]
+    """Coefficients k1, k2, p1, p2 and perhaps k3 of a pinhole's lens [-]."""
     pixels_per_metre: NotRequired[float]
     """Scale of a camera with parallel rays."""
     centre_pixel: NotRequired[list[float]]
@@ -128,25 +131,22 @@ def camera_matrices(camera: AbstractCamera) -> _CameraMatrices:
     """Matrices of a camera as plain numbers, in the axes of OpenCV.
 
     Axes of the camera are right, down and forward, and the centre of the first pixel is
-    at (0, 0). A pinhole has `K`, with which K X / X_z is the pixel of a point X; a
-    camera with parallel rays has `pixels_per_metre` instead.
+    at (0, 0). A pinhole has `K`, with which K X / X_z is the pixel of a point X but for
+    the `distortion` of a lens; a camera with parallel rays has `pixels_per_metre`
+    instead.
     """
     rotation: Float[np.ndarray, "3 3"] = camera.frame
     shift = -rotation @ np.asarray(camera.position)
     extrinsic = np.concatenate([rotation, shift[:, None]], axis=1)
     matrices: _CameraMatrices = {"world_to_camera": extrinsic.tolist()}
-    centre = (camera.width - 1) / 2, (camera.height - 1) / 2
     if isinstance(camera, Camera):
-        focal = camera.height / 2 / math.tan(camera.field_of_view / 2)
-        matrices["K"] = [
-            [focal, 0.0, centre[0]],
-            [0.0, focal, centre[1]],
-            [0.0, 0.0, 1.0],
-        ]
+        matrices["K"] = camera.K.tolist()
+        if camera.distortion:
+            matrices["distortion"] = list(camera.distortion)
         return matrices
     height = float(getattr(camera, "view_height", math.nan))
     matrices["pixels_per_metre"] = camera.height / height
-    matrices["centre_pixel"] = list(centre)
+    matrices["centre_pixel"] = [(camera.width - 1) / 2, (camera.height - 1) / 2]
     return matrices
 
 

@@ -17,7 +17,7 @@ from jaxtyping import Float, Int
 from scipy.ndimage import gaussian_filter
 
 from ..radiance.image import block_means
-from ..surface.camera import AbstractCamera
+from ..surface.abstract_camera import AbstractCamera
 from ..surface.visible import WorldMesh, visible_points
 from .pose import POSE_SIZE, moved_camera
 

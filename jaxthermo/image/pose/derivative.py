@@ -26,11 +26,16 @@ from scipy.sparse import csr_array
 
 from ...geometry.vectors import row_dot, tangents, triangle_normals, unit_vectors
 from ...scene.scene import SolvedSurface
+from ..surface.abstract_camera import AbstractCamera
 from ..surface.background import Background
-from ..surface.camera import AbstractCamera
 from ..surface.facets import normal_slopes
 from ..surface.view import View, all_weights, in_bodies
-from ..surface.visible import VisiblePoints, visible_points, world_meshes
+from ..surface.visible import (
+    VisiblePoints,
+    on_planes,
+    visible_points,
+    world_meshes,
+)
 from ..surface.weights import SMOOTHING_RADIUS, MovingWeights
 from .pose import POSE_SIZE, moved_camera
 
@@ -56,7 +61,7 @@ class LinearizedView(eqx.Module):
         shift = self.motion @ (pose - self.pose)
         count = len(self.seen)
         return View(
-            camera=replace(camera, width=count, height=1),
+            camera=camera.in_one_row(count),
             pixel=np.arange(count),
             body=np.zeros(count, int),
             depth=np.zeros(count),
@@ -93,7 +98,7 @@ def linearize_view(
     corners = _triangles(surfaces, visible)
     flat = unit_vectors(triangle_normals(corners))
     along = np.stack(tangents(flat))
-    visible = _on_planes(moved, visible=visible, corner=corners[:, 0], flat=flat)
+    visible = on_planes(moved, visible=visible, corner=corners[:, 0], normal=flat)
     local, normal = in_bodies(surfaces, visible)
     weights = all_weights(surfaces, visible=visible, local=local, normal=normal)
     slopes = _weight_slopes(
@@ -161,26 +166,6 @@ def _triangles(
         local = geometry.vertices[geometry.faces[visible.face[points]]]
         corners[points] = geometry.placed.to_world(local)
     return corners
-
-
-def _on_planes(
-    camera: AbstractCamera,
-    visible: VisiblePoints,
-    corner: Float[np.ndarray, "p 3"],
-    flat: Float[np.ndarray, "p 3"],
-) -> VisiblePoints:
-    """Points where the rays meet the planes of triangles, by a corner and a normal.
-
-    The raster snaps corners to 1/1024 pixel: what it finds moves in steps.
-    """
-    origin, step = camera.rays(visible.pixel)
-    ahead = row_dot(flat, step)
-    depth = row_dot(flat, corner - origin) / ahead
-    # Seen edge-on a plane has its points anywhere.
-    sane = np.abs(depth - visible.depth) < 0.1 * np.abs(visible.depth)
-    depth = np.where(sane, depth, visible.depth)
-    position = origin + depth[:, None] * step
-    return visible._replace(position=position, depth=depth)
 
 
 def _point_motion(

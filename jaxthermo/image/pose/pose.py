@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from ..surface.camera import AbstractCamera
+from ..surface.abstract_camera import AbstractCamera
 
 
 POSE_SIZE = 6

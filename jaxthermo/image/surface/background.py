@@ -14,7 +14,7 @@ from ...physics.radiation.emission import AbstractSurroundings
 from ...physics.radiation.source import AbstractSource
 from ...physics.term import AbstractTerm
 from ...physics.time_varying import value_at
-from .camera import AbstractCamera
+from .abstract_camera import AbstractCamera
 
 
 # Temperature behind the bodies [K] of a scene with neither radiation nor air.

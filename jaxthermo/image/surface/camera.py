@@ -1,196 +1,42 @@
-"""Cameras: rays of pixels, and projection of triangles onto the image."""
+"""Cameras with a pinhole and a lens, and with parallel rays."""
 
-import abc
+import math
 from dataclasses import replace
-from functools import lru_cache
-from typing import NamedTuple
+from typing import Any
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Float, Int, Shaped
+from jaxtyping import Float, Int
 from typing_extensions import override
 
 from ...arrays import linear_map, plain_numbers, static_numbers
 from ...errors import InputError
 from ...geometry.vectors import unit_vector
 from ...raster.views import clip_half_space
+from .abstract_camera import FORWARD, AbstractCamera, view_frame
+from .lens import (
+    CameraPose,
+    Lens,
+    check_lens,
+    checked_distortion,
+    lens_of_matrix,
+    pose_of_matrix,
+)
 
 
 # Depth of the near plane relative to the distance of `look_at`: at depth 0 the
 # projection has no limit.
 _NEAR = 0.02
 
-_FORWARD = np.array([0.0, 0.0, 1.0])
-
-
-class _RasterMesh(NamedTuple):
-    """Visible pieces of a mesh on the image."""
-
-    points: Float[np.ndarray, "w 3"]
-    """Corners of the pieces: column, row and key."""
-    faces: Int[np.ndarray, "k 3"]
-    """Numbers of the corners of each piece."""
-    parent: Int[np.ndarray, " k"]
-    """Index of the face of the mesh that each piece belongs to."""
-
-
-class AbstractCamera(eqx.Module):
-    """Pixels and rays; image rows run down, columns to the right."""
-
-    position: eqx.AbstractVar[tuple[float, float, float]]
-    look_at: eqx.AbstractVar[tuple[float, float, float]]
-
-    # Properties, since type checkers would take variables as the next arguments.
-    @property
-    @abc.abstractmethod
-    def up(self) -> tuple[float, float, float]:
-        """Direction that is up in the image [-]."""
-
-    @property
-    @abc.abstractmethod
-    def width(self) -> int:
-        """Number of columns [pixels]."""
-
-    @property
-    @abc.abstractmethod
-    def height(self) -> int:
-        """Number of rows [pixels]."""
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height [pixels]."""
-        return self.width, self.height
-
-    @property
-    def frame(self) -> Float[np.ndarray, "3 3"]:
-        """Unit vectors to the right, down and forward in the world, as rows."""
-        return _view_frame(self.position, self.look_at, self.up)
-
-    @property
-    @abc.abstractmethod
-    def _near(self) -> float:
-        """Depth before which nothing is drawn [m]."""
-
-    @abc.abstractmethod
-    def _on_image(self, local: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
-        """Project points in camera axes [m] to (column, row, key)."""
-
-    def to_raster(
-        self, triangles: Float[np.ndarray, "f 3 3"]
-    ) -> tuple[Float[np.ndarray, "k 3 3"], Int[np.ndarray, " k"]]:
-        """Clip and project world triangles to (column, row, key).
-
-        The key grows with depth and is linear over the image, so that rasterized
-        fragments sort by it.
-
-        Returns:
-            The visible pieces, and the index of the triangle of each piece.
-        """
-        pieces, parent = clip_half_space(self._local(triangles), _FORWARD, self._near)
-        return self._on_image(pieces), parent
-
-    def mesh_to_raster(
-        self, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
-    ) -> _RasterMesh:
-        """Clip and project a mesh as `to_raster`, each vertex once."""
-        local = self._local(vertices)
-        ahead = local[:, 2] >= self._near
-        if ahead.all():
-            return _RasterMesh(
-                points=self._on_image(local),
-                faces=faces,
-                parent=np.arange(len(faces)),
-            )
-        # What is behind the pinhole would be projected upside down.
-        local[~ahead] = self._near * _FORWARD
-        corners = ahead[faces].sum(axis=1)
-        uncut = np.flatnonzero(corners == 3)
-        cut = (corners > 0) & (corners < 3)
-        pieces, piece_parent = self.to_raster(vertices[faces[cut]])
-        points = np.concatenate([self._on_image(local), pieces.reshape(-1, 3)])
-        cut_faces = len(local) + np.arange(3 * len(pieces)).reshape(-1, 3)
-        parent = np.concatenate([uncut, np.flatnonzero(cut)[piece_parent]])
-        return _RasterMesh(
-            points=points,
-            faces=np.concatenate([faces[uncut], cut_faces]),
-            parent=parent,
-        )
-
-    def project(self, points: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 2"]:
-        """Columns and rows of world points [pixels], whose depths are positive."""
-        return self._on_image(self._local(points))[:, :2]
-
-    def points(
-        self, pixel: Int[np.ndarray, " p"], key: Float[np.ndarray, " p"]
-    ) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, " p"]]:
-        """World points at pixel centres [m], and their depths along the axis [m]."""
-        origin, step = self.rays(pixel)
-        depth = self._depth(key)
-        return origin + depth[:, None] * step, depth
-
-    @abc.abstractmethod
-    def _depth(self, key: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
-        """Depth along the optical axis of a key [m]."""
-
-    @abc.abstractmethod
-    def rays(
-        self, pixel: Int[np.ndarray, " p"] | None = None
-    ) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
-        """Rays of pixels, all if None: points at depth 0 [m], steps per metre of it."""
-
-    @abc.abstractmethod
-    def pixels_towards(
-        self, direction: Float[np.ndarray, "3"], angle: float
-    ) -> Int[np.ndarray, " p"]:
-        """Pixels with rays within `angle` [rad] of a unit vector; perhaps some more."""
-
-    def frame_of(
-        self,
-        pixel: Int[np.ndarray, " p"],
-        values: Shaped[np.ndarray, "p *k"],
-        background: float | int | tuple[int, ...],
-    ) -> Shaped[np.ndarray, "h w *k"]:
-        """Image of values at some pixels, with a background at all others."""
-        frame = np.full(
-            (self.height * self.width, *values.shape[1:]), background, values.dtype
-        )
-        frame[pixel] = values
-        return frame.reshape(self.height, self.width, *values.shape[1:])
-
-    def finer(self, samples: int) -> "AbstractCamera":
-        """Same view with `samples` times as many pixels along both axes."""
-        size = {"width": self.width * samples, "height": self.height * samples}
-        return replace(self, **size)
-
-    def _check_view(self) -> None:
-        width, height = self.size
-        if width < 1 or height < 1 or width * height > 2**27:
-            raise InputError(
-                f"Camera(width={width}, height={height}): give 1 to 134 million pixels"
-            )
-        # Raises where the direction or the up vector makes no frame.
-        _ = self.frame
-
-    def _local(self, points: np.ndarray) -> np.ndarray:
-        return linear_map(points - np.asarray(self.position), self.frame.T)
-
-    def _all_pixels(self) -> Int[np.ndarray, " p"]:
-        return np.arange(self.width * self.height)
-
-    def _offsets(
-        self, pixel: Int[np.ndarray, " p"] | None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Distances to the right of and below the centre of the image [pixels]."""
-        pixel = self._all_pixels() if pixel is None else pixel
-        row, column = np.divmod(pixel, self.width)
-        return column + 0.5 - self.width / 2, row + 0.5 - self.height / 2
-
 
 class Camera(AbstractCamera):
-    """Pinhole camera.
+    """Pinhole camera, perhaps with the distortion of a lens.
+
+    `Camera.calibrated` makes one of the matrices of a calibration.
 
     Raises:
-        InputError: for an impossible size, view direction or field of view.
+        InputError: for an impossible size, view direction or field of view, or a
+            distortion that folds the image.
     """
 
     position: tuple[float, float, float] = eqx.field(
@@ -200,12 +46,78 @@ class Camera(AbstractCamera):
     look_at: tuple[float, float, float] = eqx.field(
         static=True, converter=plain_numbers
     )
-    """Point in the centre of the image [m]."""
+    """Point on the optical axis, by default that in the centre of the image [m]."""
     up: tuple[float, float, float] = static_numbers((0.0, 0.0, 1.0))
     field_of_view: float = static_numbers(0.6)
-    """Angle from the top to the bottom of the image [rad]."""
+    """Angle a by which the focal length is height / (2 tan(a / 2)) [rad].
+
+    It is that from the top to the bottom of an image whose principal point is in its
+    middle, without distortion."""
     width: int = static_numbers(640)
     height: int = static_numbers(480)
+    focal_ratio: float = static_numbers(1.0)
+    """Focal length across over that down, in pixels [-]."""
+    principal_point: tuple[float, float] = static_numbers((0.5, 0.5))
+    """Point of the image on the optical axis, over width and height, from the upper
+    left corner [-]."""
+    distortion: tuple[float, ...] = eqx.field(
+        static=True, converter=checked_distortion, default=()
+    )
+    """Coefficients k1, k2, p1, p2 and perhaps k3 of Brown and Conrady [-], see
+    `Lens`."""
+
+    @classmethod
+    def calibrated(
+        cls,
+        K: Any,
+        width: int,
+        height: int,
+        distortion: Any = (),
+        world_to_camera: Any = None,
+        position: Any = None,
+        look_at: Any = None,
+        up: Any = (0.0, 0.0, 1.0),
+    ) -> "Camera":
+        """Camera of the matrices of a calibration, in the conventions of OpenCV.
+
+        Args:
+            K: ((f_x, 0, c_x), (0, f_y, c_y), (0, 0, 1)) [pixels], with the centre of
+                the first pixel at (0, 0).
+            width: of the pictures that K was found with [pixels].
+            height: of the pictures that K was found with [pixels].
+            distortion: k1, k2, p1, p2 and perhaps k3 of Brown and Conrady [-].
+            world_to_camera: ((R, t), (0, 1)) with X_camera = R X_world + t [m], axes
+                right, down and forward, as `jaxthermo dataset` writes it.
+            position: of the pinhole [m], instead of `world_to_camera`.
+            look_at: point on the optical axis [m], with `position`.
+            up: direction that is up in the image [-], with `position`.
+
+        Raises:
+            InputError: for matrices of another form, a K of pictures of another size,
+                or both poses or none.
+
+        Example:
+            >>> import jaxthermo as jt
+            >>> K = ((741.0, 0.0, 325.0), (0.0, 740.0, 250.0), (0.0, 0.0, 1.0))
+            >>> camera = jt.Camera.calibrated(
+            ...     K,
+            ...     width=640,
+            ...     height=512,
+            ...     distortion=(-0.274, 0.0, 0.0, 0.0),
+            ...     world_to_camera=((1, 0, 0, 0), (0, 0, -1, 0), (0, 1, 0, 2)),
+            ... )
+            >>> camera.position
+            (0.0, -2.0, 0.0)
+        """
+        lens = lens_of_matrix(K, width=width, height=height, distortion=distortion)
+        one_pose = "Camera.calibrated: give world_to_camera, or position and look_at"
+        if world_to_camera is None:
+            if position is None or look_at is None:
+                raise InputError(one_pose)
+            return lens_camera(lens, CameraPose(position, look_at, up))
+        if position is not None or look_at is not None:
+            raise InputError(one_pose)
+        return lens_camera(lens, pose_of_matrix(world_to_camera))
 
     def __check_init__(self):
         self._check_view()
@@ -214,10 +126,38 @@ class Camera(AbstractCamera):
                 f"Camera(field_of_view={self.field_of_view!r}): "
                 "give radians between 0 and pi"
             )
+        if not (np.isfinite(self.focal_ratio) and self.focal_ratio > 0):
+            raise InputError(
+                f"Camera(focal_ratio={self.focal_ratio!r}): give a positive number"
+            )
+        if not all(0 < fraction < 1 for fraction in self.principal_point):
+            raise InputError(
+                f"Camera(principal_point={self.principal_point!r}): give fractions of "
+                "width and height, such as (0.5, 0.5)"
+            )
+        if self.distortion:
+            check_lens(self.lens)
 
     @property
-    def _focal(self) -> float:
-        return self.height / 2 / np.tan(self.field_of_view / 2)
+    def lens(self) -> Lens:
+        """Focal lengths, principal point and distortion in pixels."""
+        focal = self.height / 2 / np.tan(self.field_of_view / 2)
+        across, down = self.principal_point
+        return Lens(
+            width=self.width,
+            height=self.height,
+            focal_lengths=(float(self.focal_ratio * focal), float(focal)),
+            principal_point=(across * self.width, down * self.height),
+            distortion=self.distortion,
+        )
+
+    @property
+    def K(self) -> Float[np.ndarray, "3 3"]:
+        """Intrinsic matrix [pixels], with the centre of the first pixel at (0, 0)."""
+        lens = self.lens
+        matrix = np.diag([*lens.focal_lengths, 1.0])
+        matrix[:2, 2] = np.subtract(lens.principal_point, 0.5)
+        return matrix
 
     @property
     @override
@@ -225,13 +165,42 @@ class Camera(AbstractCamera):
         distance = float(np.linalg.norm(np.subtract(self.look_at, self.position)))
         return _NEAR * distance
 
+    @property
+    @override
+    def bends(self) -> bool:
+        return bool(self.distortion)
+
     @override
     def _on_image(self, local: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
-        depth = local[..., 2]
-        column = self.width / 2 + self._focal * local[..., 0] / depth
-        row = self.height / 2 + self._focal * local[..., 1] / depth
+        depth = local[..., 2:]
+        image = self.lens.image(local[..., :2] / depth)
         # In perspective the inverse of the depth is linear over the image.
-        return np.stack([column, row, -1 / depth], axis=-1)
+        return np.concatenate([image, -1 / depth], axis=-1)
+
+    @override
+    def _pieces_on_image(
+        self, local: Float[np.ndarray, "f 3 3"]
+    ) -> tuple[Float[np.ndarray, "k 3 3"], Int[np.ndarray, " k"]]:
+        parent = np.arange(len(local))
+        if not self.bends:
+            return self._on_image(local), parent
+        lens = self.lens
+        low, high = lens.edges
+        # Farther out a lens may bend points back into the image.
+        for axis, (least, most) in enumerate(zip(low, high, strict=True)):
+            unit = np.eye(3)[axis]
+            for normal in (unit - least * FORWARD, most * FORWARD - unit):
+                local, clipped = clip_half_space(local, normal, 0.0)
+                parent = parent[clipped]
+        depth = local[..., 2:]
+        pieces = lens.straightened(
+            np.concatenate([local[..., :2] / depth, -1 / depth], axis=-1)
+        )
+        return pieces.corners, parent[pieces.parent]
+
+    @override
+    def in_one_row(self, count: int) -> "Camera":
+        return replace(self, width=count, height=1, distortion=())
 
     @override
     def _depth(self, key: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
@@ -241,10 +210,9 @@ class Camera(AbstractCamera):
     def rays(
         self, pixel: Int[np.ndarray, " p"] | None = None
     ) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, "p 3"]]:
-        right, down = self._offsets(pixel)
-        ahead = np.full(len(right), self._focal)
-        step = linear_map(np.stack([right, down, ahead], axis=1), self.frame)
-        step /= self._focal
+        tangents = self.lens.tangents(pixel)
+        ahead = np.ones((len(tangents), 1))
+        step = linear_map(np.concatenate([tangents, ahead], axis=1), self.frame)
         return np.broadcast_to(np.asarray(self.position, float), step.shape), step
 
     @override
@@ -256,16 +224,40 @@ class Camera(AbstractCamera):
         if off + angle >= np.pi / 2:
             # Such a cone has no outline on the image, or is behind it.
             return self._all_pixels() if off - angle < np.pi / 2 else np.arange(0)
-        # The outline is an ellipse, longest away from the middle of the image.
-        reach = self._focal * (np.tan(off + angle) - np.tan(off)) + 1
+        lens = self.lens
+        # The outline is an ellipse, longest away from the principal point.
+        reach = np.tan(off + angle) - np.tan(off)
+        if self.bends:
+            x, y = lens.tangents().T
+            away = np.hypot(x - right / ahead, y - down / ahead)
+            return np.flatnonzero(away <= reach)
         ends = []
-        for along, size in ((right, self.width), (down, self.height)):
-            middle = self._focal * along / ahead + size / 2
-            ends.append(np.clip([middle - reach, middle + reach], 0, size).astype(int))
+        for axis, along in enumerate((right, down)):
+            focal = lens.focal_lengths[axis]
+            middle = focal * along / ahead + lens.principal_point[axis]
+            span = np.array([-1, 1]) * (focal * reach + 1)
+            ends.append(np.clip(middle + span, 0, self.size[axis]).astype(int))
         (left, right_end), (top, bottom) = ends
         rows = np.arange(top, min(bottom + 1, self.height))
         columns = np.arange(left, min(right_end + 1, self.width))
         return (rows[:, None] * self.width + columns).ravel()
+
+
+def lens_camera(lens: Lens, pose: CameraPose) -> Camera:
+    """Camera with a lens, in a pose."""
+    f_x, f_y = lens.focal_lengths
+    c_x, c_y = lens.principal_point
+    return Camera(
+        position=pose.position,
+        look_at=pose.look_at,
+        up=pose.up,
+        field_of_view=2 * math.atan(lens.height / 2 / f_y),
+        width=lens.width,
+        height=lens.height,
+        focal_ratio=f_x / f_y,
+        principal_point=(c_x / lens.width, c_y / lens.height),
+        distortion=lens.distortion,
+    )
 
 
 class OrthographicCamera(AbstractCamera):
@@ -309,6 +301,21 @@ class OrthographicCamera(AbstractCamera):
         row = self.height / 2 + scale * local[..., 1]
         return np.stack([column, row, local[..., 2]], axis=-1)
 
+    @property
+    @override
+    def bends(self) -> bool:
+        return False
+
+    @override
+    def _pieces_on_image(
+        self, local: Float[np.ndarray, "f 3 3"]
+    ) -> tuple[Float[np.ndarray, "k 3 3"], Int[np.ndarray, " k"]]:
+        return self._on_image(local), np.arange(len(local))
+
+    @override
+    def in_one_row(self, count: int) -> "OrthographicCamera":
+        return replace(self, width=count, height=1)
+
     @override
     def _depth(self, key: Float[np.ndarray, " p"]) -> Float[np.ndarray, " p"]:
         return key
@@ -343,7 +350,7 @@ def frame_all(
     corners = triangles.reshape(-1, 3)
     middle = (corners.min(0) + corners.max(0)) / 2
     forward = unit_vector(direction)
-    axes = _view_frame((0.0, 0.0, 0.0), tuple(forward.tolist()), (0.0, 0.0, 1.0))
+    axes = view_frame((0.0, 0.0, 0.0), tuple(forward.tolist()), (0.0, 0.0, 1.0))
     x, y, z = np.moveaxis(linear_map(corners - middle, axes.T), -1, 0)
     field_of_view = 0.5
     margin = 1.06
@@ -360,20 +367,3 @@ def frame_all(
         width=width,
         height=height,
     )
-
-
-# A frame in a new view needs it several times.
-@lru_cache(maxsize=64)
-def _view_frame(position, look_at, up) -> Float[np.ndarray, "3 3"]:
-    """Right, down and forward axes, as rows."""
-    forward = unit_vector(np.subtract(look_at, position), "Camera(look_at - position)")
-    right = np.cross(forward, unit_vector(up, "Camera(up=)"))
-    if np.linalg.norm(right) < 1e-9:
-        raise InputError(
-            f"Camera(up={tuple(up)!r}) is along the line of sight: "
-            "choose another up, such as (0, 1, 0)"
-        )
-    right = unit_vector(right)
-    axes = np.stack([right, np.cross(forward, right), forward])
-    axes.flags.writeable = False
-    return axes

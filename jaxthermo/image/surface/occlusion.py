@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 from ...errors import InputError
 from ...geometry.vectors import row_dot, unit_vectors
-from .camera import AbstractCamera
+from .abstract_camera import AbstractCamera
 
 
 _SLICES = 8
@@ -126,9 +126,12 @@ def _sight(
 
 
 def _axes(camera: AbstractCamera):
-    # To the right and down. Twice as many pixels, since an image may have only one.
+    # To the right and down. Twice as many pixels, since an image may have only one. In
+    # the middle, where a lens distorts least.
     fine = camera.finer(2)
-    corner = np.array([0, 1, fine.size[0]])
+    width, height = fine.size
+    middle = width * (height // 2 - 1) + width // 2 - 1
+    corner = middle + np.array([0, 1, width])
     spans = []
     depths = []
     for key in (-1.0, -0.5):

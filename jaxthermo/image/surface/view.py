@@ -18,8 +18,9 @@ from ...memo.found import found
 from ...memo.stored import stored
 from ...physics.term import AbstractTerm
 from ...scene.scene import BodyGeometry, SolvedSurface
+from .abstract_camera import AbstractCamera
 from .background import Background, compute_background
-from .camera import AbstractCamera, OrthographicCamera
+from .camera import OrthographicCamera
 from .facets import FacetShading, facet_shading, joined_shadings, smooth_normals
 from .occlusion import screen_space_occlusion
 from .visible import VisiblePoints, visible_points, world_meshes

@@ -8,10 +8,11 @@ from jaxtyping import Bool, Float, Int
 
 from ...errors import InputError
 from ...geometry.mesh import joined, winding_number
+from ...geometry.vectors import row_dot, triangle_normals, unit_vectors
 from ...raster.depth_buffer import nearest_hits
 from ...raster.fragments import within_raster
 from ...scene.scene import BodyGeometry, SolvedSurface
-from .camera import AbstractCamera
+from .abstract_camera import AbstractCamera
 
 
 class VisiblePoints(NamedTuple):
@@ -62,7 +63,8 @@ def visible_points(
                 f"camera: position {camera.position} is inside body {index}; "
                 "move it out, or omit the camera for an automatic view"
             )
-    points, faces, parent = camera.mesh_to_raster(*joined(bodies))
+    vertices, mesh_faces = joined(bodies)
+    points, faces, parent = camera.mesh_to_raster(vertices, mesh_faces)
     if not within_raster(points):
         # Triangles outside of the image may be at any distance from it.
         overlapping = np.flatnonzero(_overlaps(points[faces], camera))
@@ -79,9 +81,36 @@ def visible_points(
     first = np.cumsum([0, *(len(faces) for _, faces in bodies)])
     body = np.searchsorted(first, hit, side="right") - 1
     position, depth = camera.points(pixel, key)
-    return VisiblePoints(
+    visible = VisiblePoints(
         pixel=pixel, body=body, face=hit - first[body], position=position, depth=depth
     )
+    if not camera.bends:
+        return visible
+    corners = vertices[mesh_faces[hit]]
+    normal = unit_vectors(triangle_normals(corners))
+    return on_planes(camera, visible=visible, corner=corners[:, 0], normal=normal)
+
+
+def on_planes(
+    camera: AbstractCamera,
+    visible: VisiblePoints,
+    corner: Float[np.ndarray, "p 3"],
+    normal: Float[np.ndarray, "p 3"],
+) -> VisiblePoints:
+    """Points where the rays meet the planes of triangles, by a corner and a normal.
+
+    The raster snaps corners to 1/1024 pixel, and edges that a lens bends are straight
+    there: what it finds moves in steps.
+    """
+    origin, step = camera.rays(visible.pixel)
+    ahead = row_dot(normal, step)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth = row_dot(normal, corner - origin) / ahead
+        # Seen edge-on a plane has its points anywhere.
+        sane = np.abs(depth - visible.depth) < 0.1 * np.abs(visible.depth)
+    depth = np.where(sane, depth, visible.depth)
+    position = origin + depth[:, None] * step
+    return visible._replace(position=position, depth=depth)
 
 
 def _is_inside(point: np.ndarray, vertices: np.ndarray, faces: np.ndarray) -> bool:

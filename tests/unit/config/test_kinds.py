@@ -33,6 +33,7 @@ CONVERTED = {
     "MaterialConfig": {"name"},
     "MotionConfig": {"times", "poses"},
     "OutdoorsConfig": {"north", "clear_sky"},
+    "PinholeConfig": {"K", "world_to_camera"},
     "PositionTable": {"values"},
     "WeightsConfig": {"card"},
 }
