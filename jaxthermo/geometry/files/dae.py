@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import lazy_loader
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from .file_mesh import (
     ABSENT,
@@ -16,9 +16,10 @@ from .file_mesh import (
     FilePart,
     PartName,
     joined_parts,
+    placed_part,
     require_package,
 )
-from .polygons import triangulated
+from .polygons import Polygons, triangulated
 
 
 _collada: Any = lazy_loader.load("collada")
@@ -54,18 +55,18 @@ def read_dae(contents: FileContents) -> FileMesh:
 def _instances(
     node: Any, name: str, matrix: Float[np.ndarray, "4 4"]
 ) -> Iterator[_Instance]:
-    kinds = _collada.scene
-    if isinstance(node, kinds.ControllerNode):
+    scene = _collada.scene
+    if isinstance(node, scene.ControllerNode):
         raise FileFault(
             "it has a mesh that bones or morph targets move, which is not read",
             remedy="export it without its armature, or as GLB",
         )
-    if isinstance(node, kinds.GeometryNode):
+    if isinstance(node, scene.GeometryNode):
         yield _Instance(name, geometry_node=node, matrix=matrix)
-    elif isinstance(node, kinds.Node):
-        own_name = node.xmlnode.get("name") or node.id or ABSENT
+    elif isinstance(node, scene.Node):
+        node_name = node.xmlnode.get("name") or node.id or ABSENT
         for child in node.children:
-            yield from _instances(child, name=own_name, matrix=matrix @ node.matrix)
+            yield from _instances(child, name=node_name, matrix=matrix @ node.matrix)
 
 
 def _parts(instance: _Instance) -> Iterator[FilePart]:
@@ -77,42 +78,29 @@ def _parts(instance: _Instance) -> Iterator[FilePart]:
         material.symbol: material.target.name or material.target.id
         for material in instance.geometry_node.materials
     }
-    linear = np.asarray(instance.matrix[:3, :3], np.float64)
     for primitive in geometry.primitives:
         polygons = _polygons(primitive)
         if polygons is None or primitive.vertex is None:
             continue
         vertices = np.asarray(primitive.vertex, np.float64)
-        triangles = triangulated(
-            vertices, corners=polygons.corners, counts=polygons.counts
-        )
-        is_mirrored = np.linalg.det(linear) < 0.0
+        triangles = triangulated(vertices, polygons)
         name = PartName(
             node=instance.node_name,
             mesh=geometry.name or geometry.id or ABSENT,
             material=materials.get(primitive.material) or ABSENT,
         )
-        yield FilePart(
-            name,
-            vertices=vertices @ linear.T + instance.matrix[:3, 3],
-            faces=triangles.faces[:, ::-1] if is_mirrored else triangles.faces,
+        yield placed_part(
+            name, vertices=vertices, faces=triangles.faces, matrix=instance.matrix
         )
 
 
-class _Polygons(NamedTuple):
-    """Faces of any number of corners."""
-
-    corners: Int[np.ndarray, " n"]
-    counts: Int[np.ndarray, " p"]
-
-
-def _polygons(primitive: Any) -> _Polygons | None:
+def _polygons(primitive: Any) -> Polygons | None:
     """Faces of a primitive; None for lines."""
     if isinstance(primitive, _collada.triangleset.TriangleSet):
         corners = np.asarray(primitive.vertex_index, np.int64)
         if primitive.xmlnode.tag.endswith("}triangles"):
             _require_count(primitive.xmlnode, present=len(corners), noun="triangles")
-        return _Polygons(corners.reshape(-1), counts=np.full(len(corners), 3))
+        return Polygons(corners.reshape(-1), counts=np.full(len(corners), 3))
     if isinstance(primitive, _collada.polylist.Polylist):
         counts = np.asarray(primitive.vcounts, np.int64)
         _require_count(primitive.xmlnode, present=len(counts), noun="polygons")
@@ -121,7 +109,7 @@ def _polygons(primitive: Any) -> _Polygons | None:
             raise FileFault(
                 f"its polygons have {counts.sum()} corners, {len(corners)} can be read"
             )
-        return _Polygons(corners, counts=counts)
+        return Polygons(corners, counts=counts)
     return None
 
 

@@ -52,6 +52,23 @@ class FilePart(NamedTuple):
     faces: Int[np.ndarray, "f 3"]
 
 
+def placed_part(
+    name: PartName,
+    vertices: Float[np.ndarray, "v 3"],
+    faces: Int[np.ndarray, "f 3"],
+    matrix: Float[np.ndarray, "4 4"],
+) -> FilePart:
+    """A part, moved by the matrix from the coordinates of its node to the scene's."""
+    linear = np.asarray(matrix[:3, :3], np.float64)
+    # A reflection turns the surface inside out.
+    is_mirrored = np.linalg.det(linear) < 0.0
+    return FilePart(
+        name,
+        vertices=vertices @ linear.T + np.asarray(matrix[:3, 3], np.float64),
+        faces=faces[:, ::-1] if is_mirrored else faces,
+    )
+
+
 class FileMesh(NamedTuple):
     """All triangles of a file, in its units and axes."""
 

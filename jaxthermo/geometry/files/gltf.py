@@ -15,6 +15,7 @@ from .file_mesh import (
     FilePart,
     PartName,
     joined_parts,
+    placed_part,
     require_package,
 )
 from .gltf_data import GltfData, gltf_data
@@ -76,11 +77,9 @@ def read_gltf(contents: FileContents) -> FileMesh:
                 parts.append(FilePart(name, vertices=vertices, faces=faces))
                 continue
             for matrix in placements:
-                vertices = positions @ matrix[:3, :3].T + matrix[:3, 3]
-                # A reflection turns the surface inside out.
-                is_mirrored = np.linalg.det(matrix[:3, :3]) < 0.0
-                winding = faces[:, ::-1] if is_mirrored else faces
-                parts.append(FilePart(name, vertices=vertices, faces=winding))
+                parts.append(
+                    placed_part(name, vertices=positions, faces=faces, matrix=matrix)
+                )
     return joined_parts(parts, metres_per_unit=1.0)
 
 

@@ -111,14 +111,14 @@ class GltfData:
         """Numbers of an accessor as the file stores them, a row for each element."""
         accessor = self.item("accessors", number)
         width = _WIDTHS[accessor["type"]]
-        kind = np.dtype("<" + _COMPONENT_TYPES[accessor["componentType"]])
+        number_type = np.dtype("<" + _COMPONENT_TYPES[accessor["componentType"]])
         count = accessor["count"]
         if "bufferView" in accessor:
             view = self.item("bufferViews", accessor["bufferView"])
             layout = _Layout(
                 count=count,
                 width=width,
-                kind=kind,
+                number_type=number_type,
                 offset=accessor.get("byteOffset", 0),
                 stride=view.get("byteStride"),
             )
@@ -128,7 +128,7 @@ class GltfData:
                 raise FileFault(
                     f"an array of {count} elements has no bytes in the file"
                 )
-            values = np.zeros((count, width), kind)
+            values = np.zeros((count, width), number_type)
         if "sparse" in accessor:
             values = self._with_sparse(values, accessor["sparse"])
         return values
@@ -136,12 +136,12 @@ class GltfData:
     def _with_sparse(self, values: np.ndarray, sparse: Any) -> np.ndarray:
         count = sparse["count"]
         indices = sparse["indices"]
-        places = _read(
+        changed_rows = _read(
             self.view(indices["bufferView"]),
             _Layout(
                 count=count,
                 width=1,
-                kind=np.dtype("<" + _COMPONENT_TYPES[indices["componentType"]]),
+                number_type=np.dtype("<" + _COMPONENT_TYPES[indices["componentType"]]),
                 offset=indices.get("byteOffset", 0),
             ),
         )
@@ -150,12 +150,12 @@ class GltfData:
             _Layout(
                 count=count,
                 width=values.shape[1],
-                kind=values.dtype,
+                number_type=values.dtype,
                 offset=sparse["values"].get("byteOffset", 0),
             ),
         )
         changed = values.copy()
-        changed[places[:, 0].astype(np.int64)] = substitutes
+        changed[changed_rows[:, 0].astype(np.int64)] = substitutes
         return changed
 
     def numbers(self, number: int) -> np.ndarray:
@@ -165,11 +165,11 @@ class GltfData:
     def fractions(self, number: int, stored: object) -> np.ndarray:
         """Numbers as an accessor stores them; from -1 to 1 where it is normalized."""
         accessor = self.item("accessors", number)
-        kind = np.dtype(_COMPONENT_TYPES[accessor["componentType"]])
+        number_type = np.dtype(_COMPONENT_TYPES[accessor["componentType"]])
         values = np.asarray(stored, np.float64)
-        if not accessor.get("normalized") or kind.kind == "f":
+        if not accessor.get("normalized") or number_type.kind == "f":
             return values
-        return np.maximum(values / np.iinfo(kind).max, -1.0)
+        return np.maximum(values / np.iinfo(number_type).max, -1.0)
 
 
 class _Layout(NamedTuple):
@@ -177,14 +177,14 @@ class _Layout(NamedTuple):
 
     count: int
     width: int
-    kind: np.dtype
+    number_type: np.dtype
     offset: int
     stride: int | None = None
     """Distance of its rows [bytes]; None for rows without gaps."""
 
 
 def _read(data: bytes, layout: _Layout) -> np.ndarray:
-    row_bytes = layout.width * layout.kind.itemsize
+    row_bytes = layout.width * layout.number_type.itemsize
     stride = row_bytes if layout.stride is None else layout.stride
     end = layout.offset + (layout.count - 1) * stride + row_bytes
     if layout.count < 1 or layout.offset < 0 or stride < row_bytes or end > len(data):
@@ -193,10 +193,10 @@ def _read(data: bytes, layout: _Layout) -> np.ndarray:
         )
     return np.ndarray(
         shape=(layout.count, layout.width),
-        dtype=layout.kind,
+        dtype=layout.number_type,
         buffer=data,
         offset=layout.offset,
-        strides=(stride, layout.kind.itemsize),
+        strides=(stride, layout.number_type.itemsize),
     )
 
 
@@ -251,20 +251,20 @@ def _require_entries(document: Any) -> None:
     A file may have entries of its own beside those of the standard.
     """
     primitives = [p for mesh in document.get("meshes", []) for p in mesh["primitives"]]
-    used = document.get("extensionsUsed", [])
+    announced = document.get("extensionsUsed", [])
     for collection, names in _ENTRIES.items():
-        known = names.split() + _ENTRIES_OF_ALL
+        allowed = names.split() + _ENTRIES_OF_ALL
         is_primitive = collection == "primitives"
         for item in primitives if is_primitive else document.get(collection, []):
             for name in item:
-                similar = difflib.get_close_matches(name, known, 1, _MIN_SIMILARITY)
-                if similar and name not in known:
+                similar = difflib.get_close_matches(name, allowed, 1, _MIN_SIMILARITY)
+                if similar and name not in allowed:
                     raise FileFault(
                         f"one of its {collection} has {name!r}, perhaps for "
                         f"{similar[0]!r}"
                     )
             for name in item.get("extensions", {}):
-                if name not in used:
+                if name not in announced:
                     raise FileFault(
                         f"one of its {collection} has the extension {name}, which the "
                         "file does not announce"
@@ -294,14 +294,14 @@ def _document(data: bytes) -> tuple[Any, bytes | None]:
             f"the file is cut short: {len(data)} of {length} bytes are there"
         )
     chunks: dict[bytes, bytes] = {}
-    place = _GLB_HEADER.size
-    while place + _CHUNK_HEADER.size <= length:
-        size, kind = _CHUNK_HEADER.unpack_from(data, place)
-        place += _CHUNK_HEADER.size
-        if place + size > length:
+    offset = _GLB_HEADER.size
+    while offset + _CHUNK_HEADER.size <= length:
+        size, chunk_type = _CHUNK_HEADER.unpack_from(data, offset)
+        offset += _CHUNK_HEADER.size
+        if offset + size > length:
             raise FileFault("a chunk is longer than the file")
-        chunks.setdefault(kind, data[place : place + size])
-        place += size
+        chunks.setdefault(chunk_type, data[offset : offset + size])
+        offset += size
     if b"JSON" not in chunks:
         raise FileFault("it has no JSON")
     return _json(chunks[b"JSON"]), chunks.get(b"BIN\0")

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Int
 
 from .file_mesh import ABSENT, FileContents, FileFault, FileMesh, PartName
-from .polygons import triangulated
+from .polygons import Polygons, triangulated
 from .text import decoded, integers, positions
 
 
@@ -42,7 +42,7 @@ def read_obj(contents: FileContents) -> FileMesh:
         integers([word for row in rows for word in row]),
         vertices_before=np.repeat(before, counts),
     )
-    triangles = triangulated(vertices, corners=corners, counts=counts)
+    triangles = triangulated(vertices, Polygons(corners, counts=counts))
     return FileMesh(
         vertices=vertices,
         faces=triangles.faces,

@@ -3,7 +3,7 @@
 import re
 
 from .file_mesh import FileContents, FileFault, FileMesh, PartName
-from .polygons import triangulated
+from .polygons import Polygons, triangulated
 from .text import decoded, integers, positions
 
 
@@ -17,8 +17,12 @@ def read_off(contents: FileContents) -> FileMesh:
     if header is None:
         raise FileFault("it does not begin like an OFF")
     if header[1] or header[2]:
-        kind = "a binary OFF" if header[2] else "an OFF of other than three coordinates"
-        raise FileFault(f"it is {kind}, which is not read", remedy="export it as text")
+        variant = (
+            "a binary OFF" if header[2] else "an OFF of other than three coordinates"
+        )
+        raise FileFault(
+            f"it is {variant}, which is not read", remedy="export it as text"
+        )
     rows = [line.split() for line in text[header.end() :].split("\n") if line.strip()]
     if not rows or len(rows[0]) < 2:
         raise FileFault("it has no line with the numbers of vertices and faces")
@@ -43,7 +47,7 @@ def read_off(contents: FileContents) -> FileMesh:
         for row, count in zip(face_rows, counts, strict=True)
         for word in row[1 : 1 + count]
     ]
-    triangles = triangulated(vertices, corners=integers(corners), counts=counts)
+    triangles = triangulated(vertices, Polygons(integers(corners), counts=counts))
     return FileMesh(
         vertices=vertices,
         faces=triangles.faces,

@@ -4,10 +4,10 @@ import re
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from .file_mesh import FileContents, FileFault, FileMesh, PartName
-from .polygons import triangulated
+from .polygons import Polygons, triangulated
 from .text import decoded, floats, integers, without_mark
 
 
@@ -42,13 +42,6 @@ class _Element(NamedTuple):
     properties: list[_Property]
 
 
-class _Polygons(NamedTuple):
-    """Faces of any number of corners."""
-
-    corners: Int[np.ndarray, " n"]
-    counts: Int[np.ndarray, " p"]
-
-
 class _Header(NamedTuple):
     """Content that a file announces, and the place where it begins."""
 
@@ -66,7 +59,7 @@ def read_ply(contents: FileContents) -> FileMesh:
         vertices, polygons = _read_text(decoded(data[header.length :]), header.elements)
     else:
         vertices, polygons = _read_binary(data, header)
-    triangles = triangulated(vertices, corners=polygons.corners, counts=polygons.counts)
+    triangles = triangulated(vertices, polygons)
     return FileMesh(
         vertices=vertices,
         faces=triangles.faces,
@@ -120,10 +113,10 @@ def _missing(element: _Element, present: int) -> FileFault:
 
 def _read_text(
     text: str, elements: list[_Element]
-) -> tuple[Float[np.ndarray, "v 3"], _Polygons]:
+) -> tuple[Float[np.ndarray, "v 3"], Polygons]:
     lines = [line.split() for line in text.split("\n") if line.strip()]
     vertices = np.zeros((0, 3))
-    polygons = _Polygons(np.zeros(0, np.int64), np.zeros(0, np.int64))
+    polygons = Polygons(np.zeros(0, np.int64), np.zeros(0, np.int64))
     for element in elements:
         rows = lines[: element.count]
         lines = lines[element.count :]
@@ -146,49 +139,53 @@ def _read_text(
     return vertices, polygons
 
 
-def _text_polygons(element: _Element, rows: list[list[str]]) -> _Polygons:
+def _text_polygons(element: _Element, rows: list[list[str]]) -> Polygons:
     corners: list[str] = []
     counts: list[int] = []
     for number, row in enumerate(rows, start=1):
-        place = 0
+        column = 0
         for face_property in element.properties:
             if face_property.length_type is None:
-                place += 1
+                column += 1
                 continue
-            length = int(row[place]) if place < len(row) else 0
+            length = int(row[column]) if column < len(row) else 0
             if face_property.name in _CORNERS:
-                corners += row[place + 1 : place + 1 + length]
+                corners += row[column + 1 : column + 1 + length]
                 counts.append(length)
-            place += 1 + length
-        if place != len(row):
-            raise FileFault(f"face {number} has {len(row)} numbers in place of {place}")
-    return _Polygons(integers(corners), np.array(counts, np.int64))
+            column += 1 + length
+        if column != len(row):
+            raise FileFault(
+                f"face {number} has {len(row)} numbers, and {column} are announced"
+            )
+    return Polygons(integers(corners), np.array(counts, np.int64))
 
 
 def _read_binary(
     data: bytes, header: _Header
-) -> tuple[Float[np.ndarray, "v 3"], _Polygons]:
+) -> tuple[Float[np.ndarray, "v 3"], Polygons]:
     vertices = np.zeros((0, 3))
-    polygons = _Polygons(np.zeros(0, np.int64), np.zeros(0, np.int64))
+    polygons = Polygons(np.zeros(0, np.int64), np.zeros(0, np.int64))
     order = _BYTE_ORDERS[header.format]
-    place = header.length
+    offset = header.length
     for element in header.elements:
         if element.name == "vertex":
             _vertex_axes(element)
-            row_type = _row_type(data, place=place, element=element, order=order).dtype
-            present = (len(data) - place) // row_type.itemsize
+            row_type = _row_type(
+                data, offset=offset, element=element, order=order
+            ).dtype
+            present = (len(data) - offset) // row_type.itemsize
             if present < element.count:
                 raise _missing(element, present=present)
-            rows = np.frombuffer(data, row_type, count=element.count, offset=place)
+            rows = np.frombuffer(data, row_type, count=element.count, offset=offset)
             columns = [rows[axis] for axis in "xyz"]
             vertices = np.stack(columns, axis=1).astype(np.float64)
-            place += rows.nbytes
+            offset += rows.nbytes
         else:
-            faces, place = _lists(data, place=place, element=element, order=order)
+            faces, offset = _lists(data, offset=offset, element=element, order=order)
             polygons = faces if element.name == "face" else polygons
-    rest = data[place:].strip(b"\0 \t\r\n")
-    if rest:
-        raise FileFault(f"{len(rest)} bytes follow the last element of its header")
+    trailing = data[offset:].strip(b"\0 \t\r\n")
+    if trailing:
+        raise FileFault(f"{len(trailing)} bytes follow the last element of its header")
     return vertices, polygons
 
 
@@ -200,8 +197,8 @@ class _RowType(NamedTuple):
     """Length of each list, by the field of the row that states it."""
 
 
-def _row_type(data: bytes, place: int, element: _Element, order: str) -> _RowType:
-    """Type of the row of an element that begins at `place`."""
+def _row_type(data: bytes, offset: int, element: _Element, order: str) -> _RowType:
+    """Type of the row of an element that begins at `offset`."""
     fields: list[tuple[str, str] | tuple[str, str, tuple[int]]] = []
     lengths: dict[str, int] = {}
     for row_property in element.properties:
@@ -210,10 +207,10 @@ def _row_type(data: bytes, place: int, element: _Element, order: str) -> _RowTyp
             fields.append((row_property.name, number_type))
             continue
         length_type = np.dtype(order + row_property.length_type)
-        offset = place + np.dtype(fields).itemsize
-        if offset + length_type.itemsize > len(data):
+        length_offset = offset + np.dtype(fields).itemsize
+        if length_offset + length_type.itemsize > len(data):
             raise FileFault(f"it is cut short inside an element {element.name!r}")
-        length = int(np.frombuffer(data, length_type, count=1, offset=offset)[0])
+        length = int(np.frombuffer(data, length_type, count=1, offset=length_offset)[0])
         if length < 0:
             raise FileFault(f"a list of an element {element.name!r} is shorter than 0")
         length_name = f"length of {row_property.name}"
@@ -224,21 +221,21 @@ def _row_type(data: bytes, place: int, element: _Element, order: str) -> _RowTyp
 
 
 def _lists(
-    data: bytes, place: int, element: _Element, order: str
-) -> tuple[_Polygons, int]:
-    """Corners in the rows of an element from `place` on, and where the rows end."""
+    data: bytes, offset: int, element: _Element, order: str
+) -> tuple[Polygons, int]:
+    """Corners in the rows of an element from `offset` on, and where the rows end."""
     corners = [np.zeros(0, np.int64)]
     counts = [np.zeros(0, np.int64)]
     done = 0
     at_once = 1
     while done < element.count:
         # Rows with lists of the same lengths are read together.
-        row_type = _row_type(data, place=place, element=element, order=order)
-        present = (len(data) - place) // max(row_type.dtype.itemsize, 1)
+        row_type = _row_type(data, offset=offset, element=element, order=order)
+        present = (len(data) - offset) // max(row_type.dtype.itemsize, 1)
         if present < 1:
             raise _missing(element, present=done)
         size = min(present, at_once, element.count - done)
-        rows = np.frombuffer(data, row_type.dtype, count=size, offset=place)
+        rows = np.frombuffer(data, row_type.dtype, count=size, offset=offset)
         is_equal = np.ones(size, bool)
         for name, length in row_type.lengths.items():
             is_equal &= rows[name] == length
@@ -248,6 +245,6 @@ def _lists(
             table = rows[name][:run].astype(np.int64).reshape(run, -1)
             corners.append(table.reshape(-1))
             counts.append(np.full(run, table.shape[1]))
-        place += run * row_type.dtype.itemsize
+        offset += run * row_type.dtype.itemsize
         done += run
-    return _Polygons(np.concatenate(corners), counts=np.concatenate(counts)), place
+    return Polygons(np.concatenate(corners), counts=np.concatenate(counts)), offset

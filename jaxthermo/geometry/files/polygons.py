@@ -24,6 +24,15 @@ _MAX_EXCESS = 1e-3
 """Difference of the area of the triangles from that of their polygon [-]."""
 
 
+class Polygons(NamedTuple):
+    """Faces of any number of corners."""
+
+    corners: Int[np.ndarray, " n"]
+    """Vertices of all polygons, one polygon after the other."""
+    counts: Int[np.ndarray, " p"]
+    """Number of corners of each polygon."""
+
+
 class Triangles(NamedTuple):
     """Triangles of polygons, in the order of the polygons."""
 
@@ -32,22 +41,14 @@ class Triangles(NamedTuple):
     """Number of the polygon of each triangle."""
 
 
-def triangulated(
-    vertices: Float[np.ndarray, "v 3"],
-    corners: Int[np.ndarray, " n"],
-    counts: Int[np.ndarray, " p"],
-) -> Triangles:
+def triangulated(vertices: Float[np.ndarray, "v 3"], polygons: Polygons) -> Triangles:
     """Split polygons into triangles of the same winding.
-
-    Args:
-        vertices: positions.
-        corners: vertices of all polygons, one polygon after the other.
-        counts: number of corners of each polygon.
 
     Raises:
         FileFault: for a vertex that does not exist, or a polygon that has fewer than
             three corners or crosses itself.
     """
+    corners, counts = polygons
     if (counts < 3).any():
         number = int(np.argmax(counts < 3)) + 1
         raise FileFault(f"face {number} has fewer than three corners")

@@ -115,14 +115,14 @@ def _read_text(text: str) -> FileMesh:
 def _corners(solid: str) -> Float[np.ndarray, "v 3"]:
     words = solid.lower().split()
     size = len(_FACET)
-    for place, keyword in enumerate(_FACET):
-        if keyword and any(word != keyword for word in words[place::size]):
+    for column, keyword in enumerate(_FACET):
+        if keyword and any(word != keyword for word in words[column::size]):
             raise FileFault(f"a facet lacks its {keyword!r}, or has other words")
     if len(words) % size:
         raise FileFault("it is cut short inside a facet")
     coordinates = [
-        floats(words[place::size])
-        for place, keyword in enumerate(_FACET)
-        if not keyword and place > _FACET.index("vertex")
+        floats(words[column::size])
+        for column, keyword in enumerate(_FACET)
+        if not keyword and column > _FACET.index("vertex")
     ]
     return np.stack(coordinates, axis=1).reshape(-1, 3)

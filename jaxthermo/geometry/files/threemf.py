@@ -10,9 +10,9 @@ from .file_mesh import (
     ABSENT,
     FileContents,
     FileMesh,
-    FilePart,
     PartName,
     joined_parts,
+    placed_part,
     require_package,
 )
 
@@ -44,14 +44,7 @@ def read_3mf(contents: FileContents) -> FileMesh:
         mesh = scene.geometry[geometry]
         units = str(mesh.metadata.get("units"))
         name = PartName(node=str(node), mesh=str(geometry), material=ABSENT)
-        vertices = np.asarray(mesh.vertices, np.float64) @ matrix[:3, :3].T
+        vertices = np.asarray(mesh.vertices, np.float64)
         faces = np.asarray(mesh.faces, np.int64)
-        is_mirrored = np.linalg.det(matrix[:3, :3]) < 0.0
-        parts.append(
-            FilePart(
-                name,
-                vertices=vertices + matrix[:3, 3],
-                faces=faces[:, ::-1] if is_mirrored else faces,
-            )
-        )
+        parts.append(placed_part(name, vertices=vertices, faces=faces, matrix=matrix))
     return joined_parts(parts, metres_per_unit=_METRES.get(units))
