@@ -57,6 +57,10 @@ _DASH = "\N{EN DASH}"
 _ENDED = {
     "converged": "converged",
     "step limit": "reached its step limit: it may not be the best yet",
+    "stalled": "found no better values near by, though the gradient is not 0: give "
+    "other starts",
+    "at the limit of its steps": "is at the limit of its steps: stiffer values would "
+    "take more than 100 times the time steps of the start; start nearer to them",
     "interrupted": "was interrupted: the same command continues from there",
 }
 

@@ -4,7 +4,6 @@ The best point so far is never lost: Ctrl-C ends the fit there, and a process th
 killed continues from the last step that it finished, to the same result.
 """
 
-import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -27,8 +26,17 @@ from jaxthermo.report.numbers import count
 from ..config.schema import FitConfig
 from ..problem.problem import Problem, RunDiagnostics
 from ..problem.time_steps import Limits, StepTables, is_beyond
-from .levenberg_marquardt import jacobian_rows, restart
-from .progress import FitState, StepRecord, load_progress, next_action
+from .levenberg_marquardt import restart
+from .noise_scale import noise_scale
+from .optimality import MAX_JUDGED, Slope, examine, relative_tolerance
+from .progress import (
+    FitState,
+    StepRecord,
+    is_improving,
+    load_progress,
+    next_action,
+    was_stopped_by_limit,
+)
 from .search import (
     REVERSE_METHODS,
     Objective,
@@ -59,20 +67,13 @@ class Fit:
     steps: list[StepRecord] = field(default_factory=list)
     initial_errors: tuple[Float[np.ndarray, " t"], ...] = ()
     ended: str = "converged"
-    """"converged", "step limit" or "interrupted"."""
+    """"converged", "step limit", "interrupted", "stalled" where no better point is near
+    though the gradient is not 0, or "at the limit of its steps" in time."""
     step_seconds: float = 0.0
     """Time of the steps without compilation [s]."""
     run_seconds: float = 0.0
     """Time of all cases once at `z`, without derivatives [s]."""
     compile_seconds: float = 0.0
-
-
-MAX_JUDGED = 200
-"""Coordinates up to which the final Jacobian is kept, to judge the values by."""
-
-
-_NORMAL_SD_PER_MEDIAN = 1.4826
-"""Standard deviation of normal numbers over the median of their magnitudes."""
 
 
 class Fitting:
@@ -171,11 +172,12 @@ class Fitting:
             beginning = self._begin(objective, z)
             objective = beginning.objective
             progress = self._first_state(z, step_tables, checkpoint)
+            objective = replace(objective, reverse=self.objective.reverse)
             # Compile all that the loop runs, so that its time is that of steps alone.
             self._host_values(progress.z)
             self._search.compile(progress.z, progress.solver_state)
             compile_seconds = time.perf_counter() - clock
-            progress, ended = self._loop(
+            ending = self._loop(
                 objective,
                 progress=progress,
                 first_limits=first_limits,
@@ -183,11 +185,7 @@ class Fitting:
                 log=log,
                 stop=stop,
             )
-            fit = self._finish(
-                objective, progress=progress, start=z, first=beginning.residual
-            )
-        fit.initial_errors = beginning.diagnostics.host_errors()
-        fit.ended = ended
+            fit = self._finish(ending, start=z, first=beginning)
         fit.compile_seconds = compile_seconds
         return fit
 
@@ -246,27 +244,35 @@ class Fitting:
         checkpoint: Path | None,
         log: Callable[[StepRecord], None] | None,
         stop: Callable[[], bool],
-    ) -> tuple[FitState, str]:
-        # A loss is about the error to the power of the norm.
-        tolerance = self.settings.tolerance * self.problem.time_norm
+    ) -> "_Ending":
         size = self.problem.parameters.size
-        dtype = self.problem.dtype
         while True:
             steps = progress.steps
+            state = progress.solver_state
             action = next_action(
-                steps, done=progress.done, size=size, tolerance=tolerance, dtype=dtype
+                steps,
+                done=progress.done,
+                size=size,
+                tolerance=relative_tolerance(self.problem, self.settings),
+                dtype=self.problem.dtype,
             )
             if action == "end":
-                return progress, "converged"
+                ending = self._examined(objective, progress)
+                if ending.ended == "converged" or not is_improving(steps):
+                    return ending
+                # From here on with steps that do not depend on the way, and without
+                # the solver's memory of it.
+                objective = ending.objective
+                progress = ending.progress
+                state = self._search.start(progress.z)
             if len(steps) >= self.settings.max_steps:
-                return progress, "step limit"
+                return self._examined(objective, progress, "step limit")
             if stop():
-                return progress, "interrupted"
+                return self._examined(objective, progress, "interrupted")
             clock = time.perf_counter()
-            refresh = action == "refresh"
+            refresh = action != "try"
             z = progress.z
-            state = progress.solver_state
-            if refresh:
+            if action == "refresh":
                 state = restart(state, z)
             # Other time steps move the residuals too, but less than the trial that
             # needs them: the Jacobian is kept.
@@ -348,46 +354,88 @@ class Fitting:
         followed = self.problem.time_steps.followed(step_tables, needed)
         return _Followed(followed, at_limit=at_limit)
 
-    def _finish(
-        self,
-        objective: Objective,
-        progress: FitState,
-        start: Float[Array, " p"],
-        first: Array,
-    ) -> Fit:
-        objective = with_step_tables(objective, progress.step_tables)
-        z = progress.z
+    def _examined(
+        self, objective: Objective, progress: FitState, ended: str = "stalled"
+    ) -> "_Ending":
+        """End of a search, which has converged where its gradient says so."""
+        step_tables = self.problem.time_steps.settled(
+            progress.step_tables, self.limits(progress.z)
+        )
+        if not self.make_room(step_tables):
+            objective = replace(objective, reverse=self.objective.reverse)
+        objective = with_step_tables(objective, step_tables)
+        point = self._point(objective, progress.z)
+        if ended != "interrupted":
+            if point.slope.is_minimum:
+                ended = "converged"
+            elif was_stopped_by_limit(progress.steps):
+                ended = "at the limit of its steps"
+        progress = progress._replace(step_tables=step_tables)
+        return _Ending(ended, objective=objective, progress=progress, point=point)
+
+    def _point(self, objective: Objective, z: Float[Array, " p"]) -> "_Point":
+        """Residuals and derivatives at a point."""
         objective = self._seen_from(objective, z)
-        initial = _loss(first)
         residual, diagnostics = self.evaluate(z, objective)
+        slope = examine(
+            self.problem,
+            settings=self.settings,
+            objective=objective,
+            z=z,
+            residual=np.asarray(residual, float),
+            mesh=self.mesh,
+        )
+        return _Point(residual, diagnostics=diagnostics, slope=slope)
+
+    def _finish(
+        self, ending: "_Ending", start: Float[Array, " p"], first: "_Beginning"
+    ) -> Fit:
+        objective = ending.objective
+        progress = ending.progress
+        z = progress.z
+        point = ending.point
+        initial = _loss(first.residual)
         # Never worse than the start, whatever the last time steps are.
-        if not bool(diagnostics.finite) or not _loss(residual) <= initial * (1 + 1e-6):
+        if not _loss(point.residual) <= initial * (1 + 1e-6):
             z = start
-            objective = self._seen_from(objective, z)
-            residual, diagnostics = self.evaluate(z, objective)
+            objective = with_step_tables(objective, first.objective.step_tables)
+            point = self._point(objective, z)
         # Again, since the first evaluation may have compiled.
         clock = time.perf_counter()
-        jax.block_until_ready(self.evaluate(z, objective))
+        jax.block_until_ready(self.evaluate(z, self._seen_from(objective, z)))
         run_seconds = time.perf_counter() - clock
-        rows = None
-        if len(z) <= MAX_JUDGED:
-            batch = self.problem.batch()
-            objective, z = on_every_device(self.mesh, (forward_only(objective), z))
-            rows = jacobian_rows(
-                residuals, args=objective, z=z, batch=batch, mesh=self.mesh
-            )
-            rows = np.asarray(rows, float)
         return Fit(
             z=np.asarray(z, float),
-            loss=_loss(residual),
+            loss=_loss(point.residual),
             initial_loss=initial,
-            residual=np.asarray(residual, float),
-            jacobian=rows,
-            errors=diagnostics.host_errors(),
+            residual=np.asarray(point.residual, float),
+            jacobian=point.slope.jacobian,
+            errors=point.diagnostics.host_errors(),
             steps=progress.steps,
+            initial_errors=first.diagnostics.host_errors(),
+            ended=ending.ended,
             step_seconds=progress.seconds,
             run_seconds=run_seconds,
         )
+
+
+class _Point(NamedTuple):
+    """Residuals and derivatives at a point."""
+
+    residual: Array
+    diagnostics: RunDiagnostics
+    slope: Slope
+
+
+class _Ending(NamedTuple):
+    """End of a search."""
+
+    ended: str
+    """See `Fit.ended`."""
+    objective: Objective
+    """Objective with the steps of the last point."""
+    progress: FitState
+    point: _Point
 
 
 class _Followed(NamedTuple):
@@ -404,24 +452,6 @@ class _Beginning(NamedTuple):
     objective: Objective
     residual: Array
     diagnostics: RunDiagnostics
-
-
-def noise_scale(residual: Array, known_sd: float | None) -> float:
-    """Standard deviation that outliers do not move, for the knee of a robust loss.
-
-    The known one of the noise; without it 1.4826 times the median magnitude of the
-    finite residuals that are not 0, which is the standard deviation of normal ones.
-
-    Source: Huber, Robust Statistics (1981), section 5.1.
-    """
-    if known_sd is not None:
-        return known_sd
-    magnitudes = np.abs(np.asarray(residual, float))
-    # What is not compared has a residual of 0.
-    magnitudes = magnitudes[np.isfinite(magnitudes) & (magnitudes > 0)]
-    if not magnitudes.size:
-        return math.inf
-    return _NORMAL_SD_PER_MEDIAN * float(np.median(magnitudes))
 
 
 def _residuals_once(

@@ -179,3 +179,23 @@ def _is_stagnant(steps: list[StepRecord], tolerance: float, dtype: Any) -> bool:
 def _relative_gain(steps: list[StepRecord]) -> float:
     first = steps[0].loss
     return (first - steps[-1].loss) / first if first > 0 else 0.0
+
+
+def is_improving(steps: list[StepRecord]) -> bool:
+    """True if a trial was accepted after the last exact Jacobian at the best point."""
+    for step in reversed(steps):
+        if step.refresh:
+            return False
+        if step.accepted:
+            return True
+    return False
+
+
+def was_stopped_by_limit(steps: list[StepRecord]) -> bool:
+    """True if a trial after the best point was too stiff to be run."""
+    for step in reversed(steps):
+        if step.at_limit:
+            return True
+        if step.accepted and not step.refresh:
+            return False
+    return False

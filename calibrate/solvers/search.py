@@ -165,9 +165,11 @@ def _half_sum(values: Float[Array, " r"]) -> Float[Array, ""]:
     return 0.5 * (values * values).sum()
 
 
+residuals_with_products = _with_tangent(residuals, _residual_products)
+"""Residuals whose derivatives are products, forward and reverse."""
 _FUNCTIONS = {
     "levenberg_marquardt": residuals,
-    "gauss_newton": _with_tangent(residuals, _residual_products),
+    "gauss_newton": residuals_with_products,
     "bfgs": _with_tangent(_loss, _loss_gradient),
     "lbfgs": _with_tangent(_loss, _loss_gradient),
 }

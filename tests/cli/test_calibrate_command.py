@@ -150,7 +150,8 @@ def test_values_too_many_to_judge_are_told_as_one(fitted, tmp_path):
     folder, _ = fitted
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pictures, "SIDE", 60)
-        patch.setattr("calibrate.solvers.fit.MAX_JUDGED", 0)
+        for module in ("fit", "optimality"):
+            patch.setattr(f"calibrate.solvers.{module}.MAX_JUDGED", 0)
         code, out, err = _calibrate("fit", folder / "fit.yaml", "--out", tmp_path)
     assert code == 0
     assert "not judged" in out + err

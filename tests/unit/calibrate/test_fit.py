@@ -11,7 +11,8 @@ import jaxthermo as jt
 from calibrate.config.schema import FitConfig
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.targets import SurfaceTarget
-from calibrate.solvers.fit import Fitting, noise_scale
+from calibrate.solvers.fit import Fitting
+from calibrate.solvers.noise_scale import noise_scale
 from calibrate.solvers.progress import STAGNATION_LIMIT
 from calibrate.solvers.search import start_points
 from calibrate.solvers.starts import best_start
