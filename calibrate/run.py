@@ -45,12 +45,13 @@ from .solvers.fit import Fit, Fitting
 from .solvers.levenberg_marquardt import jacobian_rows
 from .solvers.progress import StepRecord
 from .solvers.search import start_points
-from .solvers.starts import best_start
+from .solvers.starts import SearchEnds, load_ends, search_starts
 from .study.times import measure_speed
 
 
 _CHECKPOINT = "state.npz"
 _CHECKPOINT_HASH = "state.txt"
+_ENDS = "starts.npz"
 
 
 def fit_config(
@@ -92,18 +93,11 @@ def fit_config(
         truth = Truth.prepare(config, calibration, progress.stage)
         _discard_old_checkpoint(folder, config)
         progress.stage("compiling")
-        start = None
         fitting = Fitting(calibration.train, settings, devices=devices)
-        # A checkpoint is later than any start.
-        if settings.starts > 1 and not (folder / _CHECKPOINT).exists():
-            progress.stage(f"searching from {settings.starts} starts")
-            points = start_points(
-                settings.starts,
-                size=calibration.train.parameters.size,
-                spread=settings.spread,
-                seed=settings.seed,
-            )
-            start = best_start(fitting, points, stop, progress.line)
+        ends = None
+        if settings.starts > 1:
+            ends = _ends_of_starts(fitting, folder / _ENDS, progress, stop)
+        start = None if ends is None else ends.best
         # A fit usually converges long before its step limit: an upper bound.
         progress.stage("fitting", settings.max_steps)
         fit = fitting.run(
@@ -114,6 +108,7 @@ def fit_config(
             calibration=calibration,
             truth=truth,
             fit=fit,
+            ends=ends,
             log=progress.stage,
             advise=report,
         )
@@ -127,18 +122,39 @@ def fit_config(
             write_report(folder, calibration=calibration, fit=fit, result=result)
         # An interrupted fit continues from its checkpoint.
         if fit.ended != "interrupted":
-            for name in (_CHECKPOINT, _CHECKPOINT_HASH):
+            for name in (_CHECKPOINT, _CHECKPOINT_HASH, _ENDS):
                 (folder / name).unlink(missing_ok=True)
     return result
+
+
+def _ends_of_starts(
+    fitting: Fitting, path: Path, progress: Progress, stop: Callable[[], bool]
+) -> SearchEnds:
+    """Ends of searches from several starts, those of an interrupted fit if stored."""
+    if path.exists():
+        return load_ends(path)
+    settings = fitting.settings
+    progress.stage(f"searching from {settings.starts} starts")
+    points = start_points(
+        settings.starts,
+        size=fitting.problem.parameters.size,
+        spread=settings.spread,
+        seed=settings.seed,
+    )
+    ends = search_starts(fitting, points, stop, progress.line)
+    # Searches that were stopped are to be repeated.
+    if not stop():
+        ends.save(path)
+    return ends
 
 
 def _discard_old_checkpoint(folder: Path, config: CalibrationConfig) -> None:
     # A state is only continued with the same config and the same code.
     marker = folder / _CHECKPOINT_HASH
-    checkpoint = folder / _CHECKPOINT
     text = f"{calibration_hash(config)} {program_hash(with_calibrate=True)}"
-    if checkpoint.exists() and (not marker.exists() or marker.read_text() != text):
-        checkpoint.unlink()
+    if not marker.exists() or marker.read_text() != text:
+        for name in (_CHECKPOINT, _ENDS):
+            (folder / name).unlink(missing_ok=True)
     write_text(marker, text)
 
 
@@ -147,6 +163,7 @@ def _conclude(
     calibration: Calibration,
     truth: Truth | None,
     fit: Fit,
+    ends: SearchEnds | None,
     log: Log,
     advise: bool,
 ) -> FitRecord:
@@ -162,7 +179,11 @@ def _conclude(
         held_out = held_out_differences(calibration.held_out, of_fitted)
     uncertainties = declared(config)
     judgement = judge_values(
-        train, fit=fit, uncertainties=uncertainties, differences=held_out
+        train,
+        fit=fit,
+        uncertainties=uncertainties,
+        differences=held_out,
+        ends=ends,
     )
     identified = judgement.identified
     misfit = judgement.misfit
@@ -186,6 +207,7 @@ def _conclude(
         is_of_weights=_fits_weights(train.parameters),
         truth=against_truth,
         differences=misfit.differences,
+        elsewhere=judgement.elsewhere,
         away=[v.label for v in identified.verdicts if v.verdict == "not converged"],
     )
     start = np.asarray(train.parameters.flat_values(np.zeros_like(fit.z)), float)

@@ -20,6 +20,7 @@ Source of the sandwich: White, Econometrica 50 (1982) 1-25.
 | flat | in a direction whose singular value is below 1e-3 of the largest |
 | at bound | within 1 % of the range from a bound |
 | not converged | the minimum is half a standard error away by the gradient, or more |
+| ambiguous | another search ended elsewhere with an error that is as small |
 | trade-off | correlated by more than 0.95 with another |
 | not pinned | its standard error is wider than its bounds, or than a factor of e |
 | misfit | model and data differ by more than the noise allows, see `misfit` |
@@ -46,6 +47,8 @@ _AT_BOUND = 0.01
 """Distance from a bound, over the range between the bounds."""
 _MAX_REMAINDER = 0.5
 """Distance from the minimum over the standard error, up to which a fit converged."""
+_ELSEWHERE = 4.0
+"""Distance of another end over the standard error, beyond which it is another place."""
 _MIN_GAIN = 0.01
 """Part of the loss that is left to gain, below which a fit without noise converged: its
 standard errors fall with the number of residuals."""
@@ -83,6 +86,7 @@ def identify(
     scatter: Float[np.ndarray, "p p"] | None = None,
     residual: Float[np.ndarray, " r"] | None = None,
     differs: bool = False,
+    alternatives: Float[np.ndarray, "n p"] | None = None,
 ) -> Identified:
     """Judge every coordinate at a point.
 
@@ -96,6 +100,7 @@ def identify(
             of independent residuals.
         residual: residuals at the point, where a fit ended; None where none did.
         differs: True if the model and the data differ by more than the noise allows.
+        alternatives: other points that the data do not tell from this one.
     """
     values = np.asarray(parameters.flat_values(z), float)
     if jacobian is None:
@@ -112,6 +117,10 @@ def identify(
     scatter = sd**2 * gram if scatter is None else scatter
     covariance = _covariance(gram, determined, scatter)
     deviation = np.sqrt(np.diag(covariance))
+    distance = np.zeros(len(z))
+    if alternatives is not None and len(alternatives):
+        distance = np.abs(alternatives - z).max(axis=0)
+    is_ambiguous = distance > _ELSEWHERE * deviation
     is_far = np.zeros(len(z), bool)
     if residual is not None:
         is_far = _is_far(
@@ -130,30 +139,31 @@ def identify(
     bounds = [(p.lower, p.upper) for p in parameters.parameters for _ in p.labels]
     verdicts = []
     for n, label in enumerate(parameters.labels):
-        verdict, related = _relation(n, directions=directions, correlation=correlation)
+        relation = _relation(n, directions=directions, correlation=correlation)
+        verdict = relation.verdict
         error = float(errors[n]) if determined[n] else None
         if error is not None:
             lower, upper = bounds[n]
             precision = _precision_verdict(
                 values[n], error=error, deviation=deviation[n], lower=lower, upper=upper
             )
-            if is_far[n]:
-                verdict = "at bound" if precision == "at bound" else "not converged"
-                related = ()
-            elif verdict == "fine":
-                verdict = precision
+            verdict = _graded(
+                verdict,
+                precision=precision,
+                is_far=bool(is_far[n]),
+                is_ambiguous=bool(is_ambiguous[n]),
+            )
         if verdict == "fine" and differs:
             verdict = "misfit"
-        names = tuple(parameters.labels[m] for m in related)
-        verdicts.append(
-            _Verdict(
-                label=label,
-                verdict=verdict,
-                value=float(values[n]),
-                standard_error=error,
-                with_others=names,
-            )
+        related = relation.others if verdict == relation.verdict else ()
+        judged = _Verdict(
+            label=label,
+            verdict=verdict,
+            value=float(values[n]),
+            standard_error=error,
+            with_others=tuple(parameters.labels[m] for m in related),
         )
+        verdicts.append(judged)
     # All may be zero, where nothing is compared that changes.
     singular = np.sort(directions.singular_values)[::-1]
     spread = singular / max(singular.max(initial=0.0), 1e-300)
@@ -230,22 +240,41 @@ def _is_far(
     return is_far
 
 
+def _graded(verdict: str, precision: str, is_far: bool, is_ambiguous: bool) -> str:
+    """Verdict on a coordinate that the data determine, by how its search ended too."""
+    # A value at a bound has no minimum to come to.
+    if is_far:
+        return "at bound" if precision == "at bound" else "not converged"
+    if is_ambiguous:
+        return "ambiguous"
+    return precision if verdict == "fine" else verdict
+
+
+class _Relation(NamedTuple):
+    """Effect of a coordinate on the data, compared with that of others."""
+
+    verdict: str
+    others: tuple[int, ...] = ()
+
+
 def _relation(
     n: int,
     directions: _Directions,
     correlation: Float[np.ndarray, "p p"],
-) -> tuple[str, tuple[int, ...]]:
+) -> _Relation:
     # The strongest statement that applies comes first.
     if not directions.alive[n]:
-        return "dead", ()
+        return _Relation("dead")
     flat = directions.flat[n]
     if flat.any():
-        return "flat", tuple(int(m) for m in np.flatnonzero(flat) if m != n)
+        others = tuple(int(m) for m in np.flatnonzero(flat) if m != n)
+        return _Relation("flat", others)
     strong = np.abs(correlation[n]) > _MAX_CORRELATION
     strong[n] = False
     if strong.any():
-        return "trade-off", tuple(int(m) for m in np.flatnonzero(strong))
-    return "fine", ()
+        others = tuple(int(m) for m in np.flatnonzero(strong))
+        return _Relation("trade-off", others)
+    return _Relation("fine")
 
 
 def _precision_verdict(

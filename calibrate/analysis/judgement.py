@@ -4,12 +4,19 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
+from scipy.stats import chi2
 
 from ..problem.problem import Problem
 from ..solvers.fit import Fit
+from ..solvers.starts import SearchEnds
 from .identifiability import Identified, identify, residual_sd
 from .misfit import Misfit, find_misfit, gradient_covariance
 from .shared_errors import shared_covariance
+
+
+_RARE = 1e-3
+"""Probability that noise makes the true values fit worse than another end does."""
 
 
 class Judgement(NamedTuple):
@@ -19,6 +26,8 @@ class Judgement(NamedTuple):
     misfit: Misfit
     by_clusters: bool
     """True if standard errors allow for residuals that are alike."""
+    elsewhere: tuple[str, ...]
+    """Values, with their names, of a search that ended elsewhere and fits as well."""
 
 
 def judge_values(
@@ -26,6 +35,7 @@ def judge_values(
     fit: Fit,
     uncertainties: Mapping[str, float],
     differences: tuple[str, ...] = (),
+    ends: SearchEnds | None = None,
 ) -> Judgement:
     """Judge the values of a fit.
 
@@ -34,6 +44,7 @@ def judge_values(
         fit: its result.
         uncertainties: declared shared errors, see `shared_errors.declared`.
         differences: of cases that were not fitted to, see `held_out_differences`.
+        ends: where searches from several starts ended.
     """
     rows = fit.jacobian
     # Without a Jacobian the residuals still tell if model and data differ.
@@ -49,14 +60,49 @@ def judge_values(
             scatter = scatter + shared_covariance(
                 uncertainties, problem=problem, z=fit.z, rows=rows
             )
+    sd = residual_sd(fit.residual, len(fit.z), problem.known_sd)
+    alternatives = None if ends is None else _as_good(ends, fit=fit, sd=sd)
     identified = identify(
         problem.parameters,
         z=fit.z,
         jacobian=rows,
-        sd=residual_sd(fit.residual, len(fit.z), problem.known_sd),
+        sd=sd,
         scatter=scatter,
         residual=fit.residual,
         differs=bool(misfit.differences),
+        alternatives=alternatives,
     )
-    by_clusters = rows is not None and problem.scatter(rows, fit.residual) is not None
-    return Judgement(identified, misfit=misfit, by_clusters=by_clusters)
+    return Judgement(
+        identified,
+        misfit=misfit,
+        by_clusters=(
+            rows is not None and problem.scatter(rows, fit.residual) is not None
+        ),
+        elsewhere=_elsewhere(problem, identified, alternatives),
+    )
+
+
+def _as_good(ends: SearchEnds, fit: Fit, sd: float) -> Float[np.ndarray, "n p"]:
+    """Ends of searches whose loss noise does not tell from that of the fit."""
+    # Twice the difference of two losses in units of noise is chi squared.
+    likely = sd**2 * float(chi2.isf(_RARE, len(fit.z)))
+    return ends.points[2 * (ends.losses - fit.loss) < likely]
+
+
+def _elsewhere(
+    problem: Problem,
+    identified: Identified,
+    alternatives: Float[np.ndarray, "n p"] | None,
+) -> tuple[str, ...]:
+    is_ambiguous = np.array([v.verdict == "ambiguous" for v in identified.verdicts])
+    if alternatives is None or not is_ambiguous.any():
+        return ()
+    here = [v.value for v in identified.verdicts]
+    values = np.stack([problem.parameters.flat_values(z) for z in alternatives])
+    # The farthest one stands for all of them.
+    distances = np.abs(values - here)[:, is_ambiguous].sum(axis=1)
+    farthest = values[int(distances.argmax())]
+    return tuple(
+        f"{problem.parameters.labels[n]} {farthest[n]:.4g}"
+        for n in np.flatnonzero(is_ambiguous)
+    )

@@ -117,14 +117,15 @@ def judge(
     truth: TruthRecord | None = None,
     differences: Sequence[str] = (),
     away: Sequence[str] = (),
+    elsewhere: Sequence[str] = (),
 ) -> Verdict:
     """Judge a fit.
 
     It pays if no error is larger than before, at any saved time of any case, if the
     model and the data differ by no more than the noise allows, if all values are at the
-    minimum, and, where weights of a structure were fitted, if every timed run was
-    faster than that of the full volume. Against finer voxels an error counts as larger
-    if it is so by more than twice the reference's own.
+    one minimum that was found, and, where weights of a structure were fitted, if every
+    timed run was faster than that of the full volume. Against finer voxels an error
+    counts as larger if it is so by more than twice the reference's own.
 
     Args:
         errors: by group, "default" or "fitted" and case, as in `fit.json`.
@@ -135,6 +136,7 @@ def judge(
         differences: between the model and frames, in units of their noise, see
             `misfit`.
         away: names of values that are away from the minimum.
+        elsewhere: values, with names, of another search that fits as well.
     """
     rows = list(time_errors(errors))
     worse = [row for row in rows if row.is_worse]
@@ -149,6 +151,11 @@ def judge(
         )
     if away:
         words.append(f"the search ended AWAY from the minimum ({_named(away)})")
+    if elsewhere:
+        words.append(
+            "a search from another start ended ELSEWHERE with an error that is as "
+            f"small ({_named(elsewhere)})"
+        )
     words.append(_error_words(rows, worse))
     if is_of_weights:
         words.append(_speed_words(speedup))
@@ -159,7 +166,7 @@ def judge(
         farther = sum(row.is_worse for row in times)
         truth_verdict = _truth_numbers(times, worse=farther)
         words.append(_truth_words(truth_verdict, truth["refinement"]))
-    pays = not (worse or slow or farther or differences or away)
+    pays = not (worse or slow or farther or differences or away or elsewhere)
     start = "the fit pays" if pays else "the fit does NOT pay"
     text = f"{start}: {'; '.join(words)}"
     return {

@@ -34,6 +34,7 @@ _VERDICT_COLOURS = {
     "fine": "#1b7a4a",
     "misfit": "#d6336c",
     "not converged": "#0b7285",
+    "ambiguous": "#845ef7",
     "trade-off": "#b8500a",
     "at bound": "#66228f",
     "not pinned": "#c79a12",

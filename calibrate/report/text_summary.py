@@ -29,6 +29,8 @@ MEANING = {
     "the noise allows: it may be wrong by more than its standard error",
     "not converged": "the search ended half a standard error or more away from the "
     "minimum: give more steps or another start",
+    "ambiguous": "a search from another start ended elsewhere with an error that is as "
+    "small: narrow the bounds, give a prior, or add a case",
     "at bound": "ended at an end of its range: widen the bounds, or leave it there",
     "not pinned": "its standard error is wider than its bounds, or than a factor of e",
     "flat": "the data determine only a combination of it with the others named: fix "
@@ -43,6 +45,7 @@ _IS_GOOD = {
     "fine": True,
     "misfit": False,
     "not converged": False,
+    "ambiguous": False,
     "dead": False,
     "flat": False,
     "not pinned": False,

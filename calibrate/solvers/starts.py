@@ -3,12 +3,15 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxthermo.archive import read_archive, write_archive
 from jaxthermo.arrays import precision
 from jaxthermo.errors import InputError
 from jaxthermo.parallel.batch import on_every_device
@@ -18,13 +21,52 @@ from .fit import Fitting
 from .search import Objective, Search, batched, forward_only, losses, with_step_tables
 
 
+_KIND = "searches from several starts"
+_VERSION = 1
+_REMEDY = "delete it to search again"
+
+
+class SearchEnds(NamedTuple):
+    """End points of searches from several starts."""
+
+    points: Float[np.ndarray, "n p"]
+    losses: Float[np.ndarray, " n"]
+    """Half of the sum of squares."""
+
+    @property
+    def best(self) -> Float[np.ndarray, " p"]:
+        """End with the least loss."""
+        return self.points[int(self.losses.argmin())]
+
+    def save(self, path: Path) -> None:
+        """Write to a file, in one step, with a checksum."""
+        arrays = {"points": self.points, "losses": self.losses}
+        write_archive(path, format_name=_KIND, version=_VERSION, arrays=arrays)
+
+
+def load_ends(path: Path) -> SearchEnds:
+    """Read the ends of searches that an earlier process saved."""
+    arrays = read_archive(path, format_name=_KIND, version=_VERSION, remedy=_REMEDY)
+    return SearchEnds(points=arrays["points"], losses=arrays["losses"])
+
+
 def best_start(
     fitting: Fitting,
     points: Float[np.ndarray, "n p"],
     stop: Callable[[], bool] = lambda: False,
     log: Callable[[str], None] = lambda line: None,
 ) -> Float[np.ndarray, " p"]:
-    """Search from several points together and return the best result.
+    """Search from several points together and return the best result."""
+    return search_starts(fitting, points, stop, log).best
+
+
+def search_starts(
+    fitting: Fitting,
+    points: Float[np.ndarray, "n p"],
+    stop: Callable[[], bool] = lambda: False,
+    log: Callable[[str], None] = lambda line: None,
+) -> SearchEnds:
+    """Search from several points together.
 
     Points whose runs are not finite, or far longer than those of the others, are
     left out; `log` is called with a line for each of them.
@@ -70,7 +112,7 @@ def best_start(
         objective = with_step_tables(forward_only(search.objective), step_tables)
         objective, z = replicate((objective, z))
         final = losses(objective, points=z, batch=batch, mesh=fitting.mesh)
-    return np.asarray(z[int(np.asarray(final).argmin())], float)
+    return SearchEnds(np.asarray(z, float), losses=np.asarray(final, float))
 
 
 def _first_objective(fitting: Fitting, starts: Float[Array, "n p"]) -> Objective:

@@ -5,6 +5,7 @@ import pytest
 
 import jaxthermo as jt
 from calibrate.analysis.identifiability import identify, residual_sd
+from calibrate.analysis.judgement import judge_values
 from calibrate.analysis.misfit import (
     find_misfit,
     gradient_covariance,
@@ -16,6 +17,8 @@ from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
 from calibrate.problem.targets import CaseError
 from calibrate.report.text_summary import about_standard_errors
+from calibrate.solvers.fit import Fit
+from calibrate.solvers.starts import SearchEnds, load_ends
 from jaxthermo.image.surface.view import compute_view
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.scene.compile.compile import compile_scene
@@ -31,6 +34,7 @@ from tests.calibrating import (
 
 TIMES = (20.0, 60.0)
 WIDTH = 24
+BETTER = errors_of([4.0, 3.0], [2.0, 1.0])
 COUNT = 2
 """Number of fitted values."""
 
@@ -201,6 +205,46 @@ def test_the_gradient_tells_how_far_the_minimum_is(problem, slopes):
         assert unknown[0].verdict == expected
 
 
+def test_a_search_that_fits_as_well_elsewhere_makes_a_value_ambiguous(problem, slopes):
+    """Twice the loss in units of the noise is chi squared: 13.8 for two values."""
+    sd = problem.known_sd
+    residual = sd * _left(
+        np.random.default_rng(7).standard_normal(slopes.shape[1]), slopes
+    )
+    loss = 0.5 * float(residual @ residual)
+    fit = Fit(
+        z=np.zeros(COUNT),
+        loss=loss,
+        initial_loss=1.0,
+        residual=residual,
+        jacobian=sd * slopes,
+        errors=(),
+    )
+    away = np.array([0.5, 0.0])
+    for excess, expected in ((13.0, "ambiguous"), (15.0, "fine")):
+        ends = SearchEnds(
+            points=np.stack([fit.z, away]),
+            losses=np.array([loss, loss + 0.5 * sd**2 * excess]),
+        )
+        judgement = judge_values(problem, fit=fit, uncertainties={}, ends=ends)
+        verdicts = [v.verdict for v in judgement.identified.verdicts]
+        assert verdicts == [expected, "fine"]
+        value = float(problem.parameters.flat_values(away)[0])
+        named = (f"material.conductivity {value:.4g}",)
+        assert judgement.elsewhere == (named if expected == "ambiguous" else ())
+    words = judge(BETTER, FAST, is_of_weights=False, elsewhere=["k 1.6"])["words"]
+    assert "ELSEWHERE" in words and "NOT pay" in words
+
+
+def test_ends_of_searches_are_read_as_they_were_saved(tmp_path):
+    points = np.array([[0.1, 0.2], [0.3, -4.0]])
+    ends = SearchEnds(points, losses=np.array([2.0, 1.0]))
+    ends.save(tmp_path / "starts.npz")
+    stored = load_ends(tmp_path / "starts.npz")
+    np.testing.assert_array_equal(stored.points, points)
+    np.testing.assert_array_equal(stored.best, points[1])
+
+
 def test_nothing_is_fine_where_model_and_data_differ(problem, slopes):
     sd = problem.known_sd
     judged = identify(
@@ -215,16 +259,15 @@ def test_nothing_is_fine_where_model_and_data_differ(problem, slopes):
 
 
 def test_the_first_words_of_a_verdict_are_on_what_differs():
-    better = errors_of([4.0, 3.0], [2.0, 1.0])
     verdict = judge(
-        better, FAST, is_of_weights=False, differences=["pixels by 3.20 times"]
+        BETTER, FAST, is_of_weights=False, differences=["pixels by 3.20 times"]
     )
     assert not verdict["pays"]
     assert verdict["words"].startswith(
         "the fit does NOT pay: the model and the data DIFFER by more than the noise"
     )
     assert "pixels by 3.20 times" in verdict["words"]
-    away = judge(better, FAST, is_of_weights=False, away=["material.conductivity"])
+    away = judge(BETTER, FAST, is_of_weights=False, away=["material.conductivity"])
     assert not away["pays"] and "AWAY from the minimum" in away["words"]
 
 
