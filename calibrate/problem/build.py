@@ -11,7 +11,7 @@ from jaxthermo.accuracy.surface_error import check_surfaces
 from jaxthermo.arrays import precision
 from jaxthermo.config.schema.scene import SceneConfig
 from jaxthermo.config.types.quantities import NUMBER, to_si
-from jaxthermo.errors import InputError
+from jaxthermo.errors import InputError, located
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.integrate.run.solution_file import StoredSolution, load_solution
 from jaxthermo.scene.dimensionless_groups import scene_numbers
@@ -253,7 +253,8 @@ class _Builder:
                     times = config.time.save_times
                     return _surface(scene, stored.at_times(times, path))
                 case schema.SimulatedFrames() | schema.MeasuredFrames():
-                    return self.compared(self.frames(case), scene)
+                    with located(case.name):
+                        return self.compared(self.frames(case), scene)
 
     def compared(self, frames: CaseFrames, scene: Scene) -> FrameTarget:
         """Frames as data, away from outlines where poses are fitted."""

@@ -19,6 +19,7 @@ from ..config.schema.image import CameraConfig, PinholeConfig
 from ..config.schema.scene import SceneConfig
 from ..errors import InputError, located
 from ..image.surface.visible import visible_points
+from ..temperatures import ALLOW_EXTREME
 
 
 # More frames than this are a mistake in a list.
@@ -120,7 +121,9 @@ def _variations(config: DatasetConfig) -> list[_Variation]:
                 low, high = config.range_of(name)
                 # Six digits: a reader can type them again.
                 changes[name] = float(f"{generator.uniform(low, high):.6g}")
-            changed_values = config.set | changes
+            # One option for both files.
+            allowed = {ALLOW_EXTREME: True} if config.allow_extreme_temperatures else {}
+            changed_values = allowed | config.set | changes
             texts = [
                 f"{key}={json.dumps(value)}" for key, value in changed_values.items()
             ]

@@ -70,6 +70,8 @@ class DatasetConfig(Model):
 
     scene: FoundPath
     """Config file of the scene."""
+    allow_extreme_temperatures: si.Flag | None = None
+    """Accept temperatures below 150 K and above 6000 K here and in the scene."""
     set: _Changes = {}
     """Changes of all variations, by dotted key as after `--set`."""
     variations: dict[_Key, Annotated[tuple[Any, ...], si.NotEmpty]] = {}

@@ -35,7 +35,7 @@ from .tiff_file import read_tiff_numbers, tiff_page_count
 
 COUNTS = "counts"
 """Unit of raw counts, whose temperatures follow from the constants of a camera."""
-Unit = str | Mapping[str, float] | LinearUnit
+Unit = str | Mapping[str, float | int] | LinearUnit
 """Unit of the numbers in a file: a name, or `scale` and `offset` [K]."""
 # Channel of the EXR files of this package.
 _CHANNEL = "apparent_temperature_K"
@@ -122,8 +122,14 @@ def unit_of(unit: Unit) -> LinearUnit:
     try:
         if isinstance(unit, str):
             return UNITS[unit]
-        return unit if isinstance(unit, LinearUnit) else LinearUnit(**unit)
-    except (KeyError, TypeError):
+        if isinstance(unit, LinearUnit):
+            return unit
+        numbers = {name: float(number) for name, number in unit.items()}
+        linear_unit = LinearUnit(**numbers)
+        if not (linear_unit.scale > 0 and np.isfinite(linear_unit).all()):
+            raise ValueError
+        return linear_unit
+    except (KeyError, TypeError, ValueError, AttributeError):
         names = ", ".join((*UNITS, COUNTS))
         raise InputError(
             f"read_thermogram(unit={unit!r}): use one of {names}, or a scale and an "

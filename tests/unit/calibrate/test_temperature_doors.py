@@ -4,9 +4,20 @@ import pytest
 
 import jaxthermo as jt
 from calibrate.config.loader import load_calibration, scene_config
-from calibrate.config.schema import ParameterConfig, default_bounds, deviation_in_si
+from calibrate.config.schema import (
+    CalibrationConfig,
+    ParameterConfig,
+    default_bounds,
+    deviation_in_si,
+)
 from calibrate.problem.build import _parameter
 from calibrate.problem.parameters import Parameter, ParameterSet, Prior
+from calibrate.study.config import SweepConfig
+from jaxthermo.config.schema.dataset import DatasetConfig
+from jaxthermo.config.schema.scene import SceneConfig
+from jaxthermo.config.types.model import field_parts, models_within
+from jaxthermo.config.types.quantities import TEMPERATURE
+from jaxthermo.temperatures import ALLOW_EXTREME
 from tests.calibrating import SPHERE, scene
 
 
@@ -58,6 +69,19 @@ def test_bounds_by_default_are_the_limits():
     assert default_bounds(NAME, 300.0) == (150.0, 6000.0)
     assert default_bounds("reflected_temperature", 300.0) == (150.0, 6000.0)
     assert default_bounds(NAME, 4.0, True) == (0.0, float("inf"))
+
+
+@pytest.mark.parametrize(
+    "model", [SceneConfig, DatasetConfig, CalibrationConfig, SweepConfig]
+)
+def test_files_that_check_temperatures_have_the_option_that_messages_name(model):
+    checked = [
+        (inner.__name__, key)
+        for inner in models_within(model)
+        for key in inner.model_fields
+        if any(part is TEMPERATURE for part in field_parts(inner, key))
+    ]
+    assert not checked or ALLOW_EXTREME in model.model_fields
 
 
 @pytest.mark.parametrize("text", ["2 K", "2 degC", "2 celsius", "2 kelvin", 2])

@@ -120,11 +120,44 @@ def test_residuals_count_standard_deviations(scene, view):
         (np.ones((3, 12, 14)), None, "3 frames for 2 saved times"),
         (np.full((2, 12, 14), np.nan), None, "are not finite"),
         (np.ones((2, 12, 14)), np.zeros((12, 14), bool), "no pixel of a body"),
+        (np.full((2, 12, 14), 20.0), None, "are below 150 K: 20 K at row"),
+        (np.full((2, 12, 14), 6e4), None, "are above 6000 K: 60000 K at row"),
     ],
 )
 def test_frames_that_do_not_fit_are_refused(view, frames, mask, message):
     with pytest.raises(jt.InputError, match=message):
         target_of(view, frames, SAVES, masks=[mask])
+
+
+def test_extreme_frames_are_allowed_by_the_scene_alone(view):
+    """Temperatures below 150 K, and radiances of black surfaces below 150 K."""
+    cold = np.full((2, 12, 14), 100.0)
+    assert target_of(view, cold, SAVES, allow=True).pixel_count
+    # sigma T^4 / pi of 149 and 151 K.
+    for radiance, is_refused in ((8.896, True), (9.384, False)):
+        frames = np.full((2, 12, 14), radiance)
+        assert target_of(view, frames, SAVES, "radiance", allow=True).pixel_count
+        if is_refused:
+            with pytest.raises(jt.InputError, match=r"below 9.13\d+ W/\(m\^2 sr\)"):
+                target_of(view, frames, SAVES, "radiance")
+        else:
+            assert target_of(view, frames, SAVES, "radiance").pixel_count
+    with pytest.raises(jt.InputError, match="below 0 K"):
+        target_of(view, -cold, SAVES, allow=True)
+
+
+def test_only_compared_pixels_are_checked(view):
+    frames = np.full((2, 12, 14), 300.0)
+    frames[:, ~body_mask(view)] = 0.0
+    assert target_of(view, frames, SAVES).pixel_count
+    row, column = np.argwhere(body_mask(view))[7]
+    frames[1, row, column] = np.nan
+    place = f"1 compared pixels are not finite: nan K at row {row}, column {column} at"
+    with pytest.raises(jt.InputError, match=place):
+        target_of(view, frames, SAVES)
+    mask = np.ones((12, 14), bool)
+    mask[row, column] = False
+    assert target_of(view, frames, SAVES, masks=[mask]).pixel_count
 
 
 def test_frames_of_cameras_are_read_in_their_unit(scene, view, tmp_path):

@@ -85,7 +85,13 @@ def test_what_is_no_frame_is_refused_in_one_line(tmp_path):
 
     good = saved(tmp_path, ".npy", KELVIN)
     assert "not a file" in refused(tmp_path / "none.npy")
-    assert "use one of" in refused(good, "fahrenheit")
+    for unit in (
+        "fahrenheit",
+        {"scale": 0.0},
+        {"factor": 2.0},
+        {"offset": np.nan},
+    ):
+        assert "use one of" in refused(good, unit)
     assert "go together" in refused(good, "counts")
     assert "go together" in refused(good, "kelvin", FLIR)
     cold = saved(tmp_path, ".npy", KELVIN - 900)
