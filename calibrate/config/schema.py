@@ -47,8 +47,6 @@ _DEFAULT_BOUNDS: dict[str, tuple[float, float]] = {
 }
 """Bounds in SI by the last word of a parameter's name that is one of these."""
 
-_TEMPERATURES = ("temperature", "reflected_temperature")
-
 _FRAME_UNITS = {
     "reflected_temperature": TEMPERATURE,
     "rotation": ANGLE,
@@ -108,12 +106,12 @@ def default_bounds(
     name: str, start: float, allow_extreme_temperatures: bool = False
 ) -> tuple[float, float]:
     """Bounds of a parameter whose config has none: by its name, or its sign."""
+    if is_temperature(name):
+        return temperature_limits(allow_extreme_temperatures)
     # A positive start is taken for a quantity that cannot be negative.
     by_sign = (0.0, math.inf) if start > 0 else (-math.inf, math.inf)
-    limits = temperature_limits(allow_extreme_temperatures)
-    bounds = {**_DEFAULT_BOUNDS, **dict.fromkeys(_TEMPERATURES, tuple(limits))}
-    words = [word for word in name.split(".") if word in bounds]
-    return bounds[words[-1]] if words else by_sign
+    words = [word for word in name.split(".") if word in _DEFAULT_BOUNDS]
+    return _DEFAULT_BOUNDS[words[-1]] if words else by_sign
 
 
 # The scene's own schema checks them when a case is built.

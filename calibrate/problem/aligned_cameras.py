@@ -44,7 +44,7 @@ def align_cameras(
                 case_frames.masks[number] if number < len(case_frames.masks) else None
             )
             # A dead pixel in the background has an outline of its own.
-            is_extreme = case_frames.limits.limits.exceeded(frames)
+            is_extreme = case_frames.limits.bounds.exceeded(frames)
             aligned[number] = align(
                 drawn,
                 camera=view.camera,

@@ -49,7 +49,7 @@ class FitsPoses(NamedTuple):
 class FrameLimits(NamedTuple):
     """Limits of the values of frames, in their own unit."""
 
-    limits: Limits
+    bounds: Limits
     symbol: str = "K"
     unit: LinearUnit | None = None
     """Unit in which files were read, which may be the mistake."""
@@ -149,9 +149,9 @@ def _check_pixels(
             f"{where}: {int(bad.sum())} compared pixels are not finite: "
             f"{checked.listed(bad)}: mask them, or repair the frames"
         )
-    mistake = pixel_mistake(checked, limits.limits, limits.unit)
+    mistake = pixel_mistake(checked, limits.bounds, limits.unit)
     if mistake:
-        is_lifted = math.isinf(limits.limits.high)
+        is_lifted = math.isinf(limits.bounds.high)
         option = (
             "" if is_lifted else f"; if they are meant, set `{ALLOW_EXTREME}: true`"
         )

@@ -65,9 +65,25 @@ def test_numbers_of_other_units_have_no_limits():
     ParameterSet((Parameter(NAME, (300.0,)),)).check(scene((1.0, 0.0, 0.0)))
 
 
-def test_bounds_by_default_are_the_limits():
-    assert default_bounds(NAME, 300.0) == (150.0, 6000.0)
-    assert default_bounds("reflected_temperature", 300.0) == (150.0, 6000.0)
+@pytest.mark.parametrize(
+    "name",
+    [
+        NAME,
+        "temperature",
+        "bodies.1.temperature",
+        "terms.0.temperature.values.2",
+        "surroundings.ground",
+        "reflected_temperature",
+    ],
+)
+def test_bounds_by_default_are_the_limits(name):
+    lower, upper = default_bounds(name, 300.0)
+    assert (lower, upper) == (150.0, 6000.0)
+    parameter = Parameter(name=name, start=(300.0,), lower=lower, upper=upper)
+    parameter.check_temperatures()
+
+
+def test_bounds_by_default_where_extremes_are_allowed():
     assert default_bounds(NAME, 4.0, True) == (0.0, float("inf"))
 
 
