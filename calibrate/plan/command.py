@@ -296,7 +296,7 @@ def _words(choice: Choice, pitches: tuple[float, ...]) -> list[str]:
         f"difference from it may be {max(0.0, finest.allowed):.2g} of the tolerance."
     )
     if finest.excess > MAX_OWN_ERROR:
-        reference += " Finer ones were too large."
+        reference += " Finer ones would take too long."
     if not choice.is_complete:
         reference += " The search was ended by its time; the same command goes on."
     if choice.best is None or choice.time is None:

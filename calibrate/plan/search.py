@@ -30,6 +30,8 @@ from .trial import Bench, Trial
 MAX_OWN_ERROR = 0.5
 """Largest error of the reference itself over the tolerance [-], if finer voxels are
 possible."""
+_MAX_OWN_ERROR_OF_SLOW = 0.6
+"""The same where a finer reference is expected to take longer than all candidates."""
 
 _FACTORS = (2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32)
 _SHELL_FACTORS = (4, 8)
@@ -136,13 +138,19 @@ class _Search:
         """Refine references, then run candidates and compare them with the finest."""
         self._announce_plan()
         self.reference = self._first_reference()
-        while self.reference.excess > MAX_OWN_ERROR and self._refine():
+        while self.reference.excess > self._own_limit() and self._refine():
             pass
         # Nothing is within a tolerance that the reference itself exceeds.
         while self.reference.allowed > 0:
             if not self._run_candidates() or not self._refine():
                 break
         return self._choice()
+
+    def _own_limit(self) -> float:
+        """Error of a reference over the tolerance from which a finer one is run [-]."""
+        planned = self.references.planned()
+        is_slow = planned and planned[0].seconds > _USUAL_TRIALS * _TRIAL_SECONDS
+        return _MAX_OWN_ERROR_OF_SLOW if is_slow else MAX_OWN_ERROR
 
     def _announce_plan(self) -> None:
         planned = self.references.planned()

@@ -182,6 +182,13 @@ def test_a_finer_reference_is_run_where_the_latest_leaves_too_little(tmp_path):
     assert choice.best is not None and choice.reference.excess < 0.5
 
 
+@pytest.mark.parametrize(("seconds", "count"), [(40.0, 2), (60.0, 1)])
+def test_a_slow_reference_is_run_only_where_it_changes_much(tmp_path, seconds, count):
+    references = FakeReferences(excess=0.58, seconds=seconds)
+    searched(FakeBench(tmp_path, Tolerance(percent=30.0)), references)
+    assert len(references.ran) == count
+
+
 def test_nothing_is_within_a_tolerance_that_the_reference_breaks(tmp_path):
     # 3 %, and a finest reference that is off by 10 %.
     references = FakeReferences(excess=10 / 3, finest=1.0)
@@ -190,7 +197,7 @@ def test_nothing_is_within_a_tolerance_that_the_reference_breaks(tmp_path):
     assert choice.best is None and choice.nearest is None and not bench.ran
     miss = _miss(choice, THREE_PERCENT, PITCHES)
     assert "reference is itself off by 10 %" in miss and "3.33 times" in miss
-    assert _words(choice, PITCHES)[0].endswith("Finer ones were too large.")
+    assert _words(choice, PITCHES)[0].endswith("Finer ones would take too long.")
 
 
 def test_a_reference_that_leaves_little_lets_only_accurate_models_through(tmp_path):
