@@ -137,7 +137,14 @@ def static_numbers(default: Any) -> Any:
 
 
 def split_times(times: Any) -> SplitTimes:
-    """Times [s] as numbers of float32 and their remainders."""
+    """Times [s] as numbers of float32 and their remainders.
+
+    Times of a device have a remainder in float64 alone: those of float32 are rounded.
+    """
+    if isinstance(times, jax.Array):
+        # Not by two conversions, which XLA may leave out as one of excess precision.
+        rounded = jax.lax.reduce_precision(times, exponent_bits=8, mantissa_bits=23)
+        return jnp.stack([rounded, times - rounded])
     exact = np.asarray(times, float)
     rounded = exact.astype(np.float32).astype(float)
     return np.stack([rounded, exact - rounded])

@@ -224,11 +224,10 @@ def _spheres() -> Iterator[Check]:
         full(ball, conductor(1e6, 0.8), 400.0),
         full(around, conductor(1e6, 0.5), 300.0),
     )
-    volume = ball.solid_count * ball.voxel_volume
     terms = (
         jt.RadiativeExchange(300.0, max_patches=64, directions=32),
         jt.FixedTemperature(300.0, on=jt.FragmentMask(is_outside, body=1)),
-        jt.HeatSource(_SPHERES / volume, jt.Everything(body=0)),
+        jt.HeatSource(within=jt.Everything(body=0), heat_rate=_SPHERES),
     )
     solution = jt.steady(jt.Scene(bodies, terms, dtype="float64"))
     hot, cold = np.asarray(solution.mean_temperature)[0]

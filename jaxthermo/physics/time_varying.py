@@ -83,12 +83,8 @@ class Table(AbstractVarying):
 
         `ends_steps` is True if steps end at all of its times.
         """
-        if isinstance(self.times, jax.Array):
-            times = jnp.stack([self.times, jnp.zeros_like(self.times)])
-        else:
-            times = split_times(self.times)
         return PiecewiseLinear(
-            times=times,
+            times=split_times(self.times),
             first=self.values[:-1],
             last=self.values[1:],
             ends_steps=ends_steps,

@@ -81,7 +81,7 @@ class AbstractVarying(Module):
     def over(self, window: Window) -> Any:
         """The value in a window, as a function of the time since its start."""
 
-    def within(self, start: Time, dt: Time) -> Any:
+    def within(self, start: SplitTimes, dt: Time) -> Any:
         """The value in a step from `start` [s] on: itself, or a line."""
         return self
 
@@ -116,8 +116,11 @@ class PiecewiseLinear(AbstractVarying):
     def over(self, window: Window) -> Any:
         if self.ends_steps:
             return self._line(window)
-        times = _since(window.start, jnp.asarray(self.times, window.length.dtype))
-        shifted = jnp.stack([times, jnp.zeros_like(times)])
+        times = jnp.asarray(self.times, window.length.dtype)
+        shifted = times - window.start[:, None]
+        # What the first difference is rounded by, for knots after the start.
+        rounding = (times[0] - shifted[0]) - window.start[0]
+        shifted = shifted.at[1].add(rounding)
         return PiecewiseLinear(shifted, self.first, self.last, ends_steps=False)
 
     def _line(self, window: Window) -> Line:
@@ -142,31 +145,36 @@ class PiecewiseLinear(AbstractVarying):
         )
 
     @override
-    def within(self, start: Time, dt: Time) -> Any:
+    def within(self, start: SplitTimes, dt: Time) -> Any:
         if self.ends_steps:
             return self
         dtype = dt.dtype
         times = jnp.asarray(self.times, dtype)
         first = jnp.asarray(self.first, dtype)
         last = jnp.asarray(self.last, dtype)
-        # Also the constant pieces before and after all knots.
-        knots = times[0] - start + times[1]
-        width = knots[1:] - knots[:-1]
+        knots = _since(start, times)
+        past_end = (times[0] - start[0] - dt) + (times[1] - start[1])
+        # Not differences of `knots`, which are rounded: pieces may be much shorter.
+        width = _since(times[:, :-1], times[:, 1:])
+        before = jnp.clip(-knots[:-1], 0, width)
+        after = jnp.clip(past_end[1:], 0, width)
         slope = (last - first) / _column(jnp.where(width > 0, width, 1), first)
+        # Also the constant pieces before and after all knots.
+        low = jnp.concatenate([first[:1], first + slope * _column(before, first)])
+        low = jnp.concatenate([low, last[-1:]])
+        high = jnp.concatenate([first[:1], last - slope * _column(after, first)])
+        high = jnp.concatenate([high, last[-1:]])
+        lengths = [knots[:1], width - before - after, -past_end[-1:]]
+        duration = _column(jnp.clip(jnp.concatenate(lengths), 0, dt), first)
         edges = jnp.clip(knots, 0, dt)
         begin = jnp.concatenate([jnp.zeros(1, dtype), edges])
         end = jnp.concatenate([edges, dt[None]])
-        inner = slope * _column(edges[:-1] - knots[:-1], first)
-        low = jnp.concatenate([first[:1], first + inner, last[-1:]])
-        inner = slope * _column(edges[1:] - knots[:-1], first)
-        high = jnp.concatenate([first[:1], first + inner, last[-1:]])
-        duration = _column(end - begin, first)
         mean = (duration * (low + high)).sum(axis=0) / (2 * dt)
         centre = _column((begin + end) / 2 - dt / 2, first)
         moment = duration * (centre * (low + high) / 2 + duration * (high - low) / 12)
         is_reached = duration > 0
         return _projection(
-            start,
+            start.sum(),
             dt=dt,
             mean=mean,
             moment=moment.sum(axis=0),
@@ -224,14 +232,15 @@ class FunctionOfTime(AbstractVarying):
         return FunctionOfTime(self.function, window.start)
 
     @override
-    def within(self, start: Time, dt: Time) -> Line:
+    def within(self, start: SplitTimes, dt: Time) -> Line:
+        begin = start.sum()
         points = jnp.asarray(_POINTS, dt.dtype)
-        samples = jax.vmap(self)(start + dt * (points + 1) / 2)
+        samples = jax.vmap(self)(begin + dt * (points + 1) / 2)
         weights = _column(jnp.asarray(_WEIGHTS / 2, dt.dtype), samples)
         mean = (weights * samples).sum(axis=0)
         moment = (weights * _column(points / 2, samples) * samples).sum(axis=0)
         return _projection(
-            start,
+            begin,
             dt=dt,
             mean=mean,
             moment=moment * dt**2,
@@ -268,7 +277,7 @@ class _Switched(AbstractVarying):
         return switched(self.value.over(window), self.is_on)
 
     @override
-    def within(self, start: Time, dt: Time) -> Any:
+    def within(self, start: SplitTimes, dt: Time) -> Any:
         return switched(self.value.within(start, dt), self.is_on)
 
 
@@ -291,7 +300,18 @@ def over(tree: _Tree, window: Window) -> _Tree:
     return _with_varying(tree, lambda value: value.over(window))
 
 
-def within(tree: _Tree, start: Time, dt: Time) -> _Tree:
+def start_of_step(number: Int[Array, ""], dt: Time) -> SplitTimes:
+    """Start of one of the equal steps of a window, two numbers [s].
+
+    They add up to `number` times `dt` to 36 bits for numbers below 4096, so that no
+    time is between two steps, or in both.
+    """
+    # Half of the bits, whose product with such a number is exact.
+    coarse = jax.lax.reduce_precision(dt, exponent_bits=8, mantissa_bits=11)
+    return jnp.stack([coarse, dt - coarse]) * number.astype(dt.dtype)
+
+
+def within(tree: _Tree, start: SplitTimes, dt: Time) -> _Tree:
     """A program of a window in one of its steps, from `start` [s] on.
 
     Values without known breakpoints are lines in it, of the same integral.

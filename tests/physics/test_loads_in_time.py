@@ -4,6 +4,7 @@ Whatever the solver and its steps, and however late in a run they change.
 """
 
 import math
+import re
 
 import jax
 import jax.numpy as jnp
@@ -106,6 +107,25 @@ def test_a_pulse_given_as_a_function_brings_its_energy(scene, name, width):
     assert any("less than 0.055 s may be missed" in n for n in solution.receipt.notes)
 
 
+@pytest.mark.parametrize("by_heat_rate", [False, True])
+def test_what_is_missed_is_told_in_joules(scene, by_heat_rate):
+    # The mean of |sin| is 2 / pi: 100 s of 1e5 W/m^2 on 0.01 m^2.
+    def noise(time):
+        return 1e5 * jnp.sin(1e9 * time)
+
+    if by_heat_rate:
+        flux = jt.HeatFlux(heat_rate=lambda time: AREA * noise(time), on=TOP)
+        loaded = jt.Scene(scene(0.0).bodies, (flux,))
+    else:
+        loaded = scene(noise)
+    with pytest.warns(UserWarning, match="too fast") as warned:
+        jt.compile_simulation(loaded, 100.0)
+    (warning,) = [str(record.message) for record in warned]
+    missed, varying = map(float, re.findall(r"([0-9.e+]+) J", warning))
+    assert varying == pytest.approx(1e5 * 0.01 * 100 * 2 / np.pi, rel=0.05)
+    assert 0.1 * varying < missed < 2 * varying
+
+
 def test_the_stated_error_of_a_pulse_is_true(scene):
     # The half that is heated is hotter than the whole, by its own conduction.
     peak = HOUR / 2
@@ -120,17 +140,57 @@ def test_the_stated_error_of_a_pulse_is_true(scene):
     assert float(run.surface_temperature.max()) > 302.4
 
 
-def test_a_pulse_of_unknown_times_keeps_its_energy_in_any_steps(scene):
-    # Times that are traced end no steps: each step takes the integral within it.
-    def heat(begin):
-        times = begin + jnp.array([0.0, 0.1, 0.3])
-        flux = jt.Table(times, [0.0, 1e6, 0.0])
-        solver = jt.SuperTimeStepping(dt=7.0, stages=3)
-        return absorbed_at_end(scene(flux), solver)
+UNKNOWN_TIMES = {
+    "Euler": lambda: jt.ForwardEuler(dt=7.0),
+    "stages": lambda: jt.SuperTimeStepping(dt=7.0, stages=3),
+    "implicit Euler": lambda: jt.BackwardEuler(dt=7.0),
+    "trapezoidal": lambda: jt.CrankNicolson(dt=7.0),
+    "TR-BDF2": lambda: jt.TRBDF2(dt=7.0),
+}
 
-    value, slope = jax.jit(jax.value_and_grad(heat))(jnp.asarray(33.21))
-    assert float(value) == pytest.approx(1.5e5, rel=1e-4)
-    assert float(slope) == pytest.approx(0.0, abs=100.0)
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        name if name == "stages" else pytest.param(name, marks=pytest.mark.slow)
+        for name in UNKNOWN_TIMES
+    ],
+)
+def test_a_pulse_of_unknown_times_keeps_its_energy_in_any_steps(scene, name):
+    """Of the times as float32 has them, which is all that is known of them."""
+
+    # Times that are traced end no steps: each step takes the integral within it.
+    def heat(times):
+        flux = jt.Table(times, [0.0, 1e6, 0.0])
+        return absorbed_at_end(scene(flux), UNKNOWN_TIMES[name]())
+
+    derived = jax.jit(jax.value_and_grad(heat))
+    # The steps end at multiples of 20 / 3 s.
+    for begin in (0.3, 33.21, 66.5, 69.9, 98.123):
+        times = np.float32(begin) + np.array([0.0, 0.1, 0.3], np.float32)
+        value, slopes = derived(jnp.asarray(times))
+        exact = 1e6 * float(times[2].astype(float) - times[0]) / 2
+        assert float(value) == pytest.approx(exact, rel=3e-6)
+        assert_allclose(slopes, [-5e5, 0.0, 5e5], atol=100.0)
+
+
+def test_unknown_times_of_64_bits_keep_their_remainders(scene):
+    """A pulse of 10 ms after a month, which float32 cannot tell apart, in its state."""
+    month = 3e6
+
+    def heat(begin):
+        times = begin + jnp.array([0.0, 0.004, 0.01])
+        flux = jt.Table(times, [0.0, 1e6, 0.0])
+        solver = jt.BackwardEuler(dt=1e5)
+        saves = [month, month + 100.0]
+        solution = jt.simulate(scene(flux), saves[-1], saves, solver=solver)
+        return solution.energy.mechanisms["heat_flux"][-1] / AREA
+
+    with jax.enable_x64(True):
+        # In the middle of the last step, and at its start.
+        for begin in (month + 33.2, month):
+            value = jax.jit(heat)(jnp.asarray(begin))
+            assert float(value) == pytest.approx(5e3, rel=1e-5)
 
 
 def test_a_function_of_a_traced_number_has_its_energy_and_derivative(scene):

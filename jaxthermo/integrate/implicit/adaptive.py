@@ -156,7 +156,7 @@ class AdaptiveStepper(AbstractStepper):
         last = jnp.where(reaches_event, remaining, half)
         step = jnp.where(remaining < 2 * controller.step, last, controller.step)
         step = jax.lax.stop_gradient(step)
-        program = within(program, start + carry.elapsed, step)
+        program = within(program, jnp.stack([start, carry.elapsed]), step)
         result = runge_kutta_step(
             program,
             context=self.context,

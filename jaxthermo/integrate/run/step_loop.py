@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ...physics.windows import Window, over, within
+from ...physics.windows import Window, over, start_of_step, within
 from ...scene.compile.program import Program
 from ..stepper import AbstractStepper, RunState, is_copied_fast
 from .plan import StepTable
@@ -48,9 +48,9 @@ def steps_of(
         def one_step(i, state: RunState) -> RunState:
             # From the start, not summed step by step, which would accumulate rounding.
             number = i if span.steps_before is None else i + span.steps_before
-            begin = span.dt * jnp.asarray(number, span.dt.dtype)
+            begin = start_of_step(jnp.asarray(number), span.dt)
             in_step = within(in_window, begin, span.dt)
-            return stepper.step(in_step, state, begin, span.dt)
+            return stepper.step(in_step, state, begin.sum(), span.dt)
 
         def two_steps(i, state: RunState) -> RunState:
             # Two steps per iteration write to a second buffer and back; with one, XLA

@@ -110,7 +110,7 @@ def compile_scene(
         warnings=(
             *compiled.receipt.warnings,
             *filled_warnings(scene),
-            *time_values.warnings(compiled.acting),
+            *time_values.warnings(compiled.acting, compiled.receipt.parts),
         ),
         memory_bytes=memory,
         searches=tuple(dict.fromkeys(searches)),

@@ -20,6 +20,16 @@ from ...physics.term import AbstractTerm
 from ...physics.time_varying import Table, Until
 from ...physics.windows import AbstractVarying, FunctionOfTime
 from ..scene import Scene, mechanism_names
+from .program import Part
+
+
+class MissedIntegral(NamedTuple):
+    """Integral that the lines of a function miss, in its units times seconds."""
+
+    missed: float
+    """Estimate of the integral that is missed."""
+    varying: float
+    """Integral of what varies."""
 
 
 class TimeForm(NamedTuple):
@@ -28,8 +38,8 @@ class TimeForm(NamedTuple):
     value: Any
     note: str = ""
     """Changes that may be missed, in words; empty if none."""
-    warning: str = ""
-    """Part that is missed, in words; empty if none."""
+    missed: MissedIntegral | None = None
+    """None if the integral is that of the function."""
 
 
 class TimeValues(NamedTuple):
@@ -43,9 +53,20 @@ class TimeValues(NamedTuple):
         """Notes on values of the terms that act, by their numbers."""
         return self._labelled([(n, name, f.note) for n, name, f in self.forms], acting)
 
-    def warnings(self, acting: tuple[int, ...]) -> tuple[str, ...]:
-        """Warnings of values of the terms that act, by their numbers."""
-        texts = [(n, name, form.warning) for n, name, form in self.forms]
+    def warnings(
+        self, acting: tuple[int, ...], parts: tuple[Part, ...]
+    ) -> tuple[str, ...]:
+        """Warnings of values of the terms that act, by their numbers.
+
+        `parts` are the areas and volumes that each mechanism acts on: where they make
+        an energy of the integral of a value, the warning states that.
+        """
+        names = mechanism_names(self.scene)
+        texts = []
+        for number, field, form in self.forms:
+            if form.missed is not None:
+                on = [part for part in parts if part.mechanism == names[number]]
+                texts.append((number, field, _unresolved(field, form.missed, on)))
         return self._labelled(texts, acting)
 
     def _labelled(
@@ -181,8 +202,25 @@ def form_of(
         if not lines.is_shaped:
             note += _COARSE.format(100 * lines.shifted / lines.varying)
         return TimeForm(lines.value, note=note)
-    return TimeForm(
-        lines.value, warning=_UNRESOLVED.format(lines.unresolved, lines.varying)
+    missed = MissedIntegral(missed=lines.unresolved, varying=lines.varying)
+    return TimeForm(lines.value, missed=missed)
+
+
+def _unresolved(field: str, integral: MissedIntegral, on: list[Part]) -> str:
+    """The part of a field's integral that is missed, in words."""
+    extents = {
+        "heat_rate": 1.0,
+        "heat_flux": sum(part.area for part in on),
+        "heat_rate_density": sum(part.volume for part in on),
+    }
+    missed, varying = integral
+    if field not in extents:
+        return _UNRESOLVED.format(
+            f"{missed:.2g} of its integral over time", f"{varying:.2g} varies"
+        )
+    joule = extents[field]
+    return _UNRESOLVED.format(
+        f"{missed * joule:.2g} J", f"{varying * joule:.2g} J vary"
     )
 
 
@@ -199,6 +237,6 @@ _INTEGRATED = (
 _COARSE = "; it has so many that {:.2g} % of it moves in time, within a few steps"
 
 _UNRESOLVED = (
-    "is a function that varies too fast to be integrated: about {:.2g} of its integral "
-    "over time is missed, where {:.2g} varies; give a smoother function or a Table"
+    "is a function that varies too fast to be integrated: about {} is missed, where "
+    "{}; give a smoother function or a Table"
 )

@@ -13,6 +13,7 @@ from jaxthermo.physics.windows import (
     PiecewiseLinear,
     Window,
     over,
+    start_of_step,
     within,
 )
 
@@ -69,7 +70,9 @@ def test_a_program_without_such_values_is_the_same_object():
 
 
 def _line_of(value, start: float, dt: float):
-    in_step = within(over(value, window(0.0, 8.0)), jnp.float32(start), jnp.float32(dt))
+    in_step = within(
+        over(value, window(0.0, 8.0)), jnp.float32([start, 0]), jnp.float32(dt)
+    )
     return lambda fraction: float(value_at(in_step, jnp.float32(start + fraction * dt)))
 
 
@@ -97,7 +100,25 @@ def test_the_integral_has_derivatives_by_the_times_of_a_table():
         times = jnp.stack([switch_off, switch_off + 1e-3])
         value = jt.Table(times, [1.0, 0.0]).piecewise(ends_steps=False)
         local = over(value, window(0.0, 8.0))
-        step = within(local, jnp.float32(0.0), jnp.float32(8.0))
+        step = within(local, jnp.zeros(2, jnp.float32), jnp.float32(8.0))
         return value_at(step, jnp.float32(4.0))
 
     assert float(jax.grad(mean)(jnp.float32(3.0))) == pytest.approx(1 / 8, rel=1e-3)
+
+
+def test_steps_of_a_window_leave_no_time_out():
+    """A pulse of 1 ms at the border of any two steps has its integral."""
+    dt = jnp.float32(0.7)
+
+    def mean(number, value):
+        # A line has its mean in the middle of the step, where its origin is.
+        return within(value, start_of_step(number, dt), dt).value
+
+    for number in (1, 100, 4000):
+        begin = number * float(dt) - 4e-4
+        times = begin + np.array([0.0, 0.0005, 0.001])
+        table = jt.Table(times, [0.0, 1e3, 0.0]).piecewise(ends_steps=False)
+        value = over(table, window(0.0, 2900.0))
+        steps = jnp.array([number - 1, number], jnp.int32)
+        means = jax.jit(jax.vmap(mean, (0, None)))(steps, value)
+        assert float(means.sum() * dt) == pytest.approx(0.5, rel=1e-4)
