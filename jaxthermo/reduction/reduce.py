@@ -57,7 +57,7 @@ def reduce(
             None for 0.001.
         method: "krylov", also good for other amplitudes of its loads; or "pod",
             snapshots of the scene's own run, whose errors hold for it alone: a run
-            with other loads warns.
+            with other loads or from another start warns.
         log: receives a line before each slow stage.
 
     Raises:
@@ -150,6 +150,8 @@ class _Offline(AbstractOffline):
             start=model.start,
         )
         moved = replace(model, start=start)
+        if start is not model.start:
+            model.warn_of_snapshots("starts")
         return moved.run(
             scene_target.knots, scene_target.amplitudes @ shares.T, scene_target.times
         )

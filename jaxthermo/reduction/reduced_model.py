@@ -37,6 +37,10 @@ from .modal_run import Schedule, doubled, is_left, schedule, traced_run
 from .reduced_file import ModelFields, read_model, write_model
 
 
+# Difference of loads that is none, over the largest of all [-].
+_ROUNDING = 1e-9
+
+
 class AbstractOffline(abc.ABC):
     """The scene that a model was made from, and its basis."""
 
@@ -218,11 +222,12 @@ class ReducedModel(ModelFields):
         times: tuple[float, ...],
     ) -> StoredSolution:
         """Run with the amplitudes of all inputs at knots, linear in between."""
-        scene_amplitudes = [self._own(n, knots) for n in range(len(self.inputs))]
-        if any(
-            map(np.any, amplitudes.T - np.reshape(scene_amplitudes, (-1, len(knots))))
-        ):
-            self._warn_of_snapshots()
+        scene_rows = [self._own(n, knots) for n in range(len(self.inputs))]
+        scene_amplitudes = np.reshape(scene_rows, (-1, len(knots))).T
+        # Combined from the loads of another scene they have rounding errors.
+        rounding = _ROUNDING * np.abs(scene_amplitudes).max(initial=0)
+        if not np.allclose(amplitudes, scene_amplitudes, rtol=0, atol=rounding):
+            self.warn_of_snapshots("loads")
         function = self._function(knots, times)
         with precision(self.dtype):
             surface, saved = _evaluate(
@@ -232,14 +237,15 @@ class ReducedModel(ModelFields):
             )
         return StoredSolution(saved, surface, self.surfaces)
 
-    def _warn_of_snapshots(self) -> None:
+    def warn_of_snapshots(self, changed: str) -> None:
+        """Warn that a model of snapshots runs with other loads, or another start."""
         if self.about.method == "pod":
             kelvin = max(self.about.estimate_kelvin)
             warnings.warn(
                 "reduced model: it was made from snapshots of its scene's own run "
                 f"(method='pod'), so that its stated error of {kelvin:.2g} K does not "
-                "hold for other loads, which may be off by much more: reduce() the "
-                "scene with method='krylov', or with these loads",
+                f"hold for other {changed}, which may be off by much more: reduce() "
+                f"the scene with method='krylov', or with these {changed}",
                 stacklevel=4,
             )
 
@@ -258,7 +264,7 @@ class ReducedModel(ModelFields):
                 [s]; those of the scene, as in `knots`, if None.
             times: save times [s]; those of the model if None.
         """
-        self._warn_of_snapshots()
+        self.warn_of_snapshots("loads")
         function = self._function(knots, times)
         # A plain function, since jax.jit takes no module.
         return lambda amplitudes: function(amplitudes)

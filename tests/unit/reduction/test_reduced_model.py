@@ -133,6 +133,20 @@ def test_snapshots_warn_of_loads_that_they_have_not_seen(scene, complete_model):
         model.as_function()
 
 
+def test_snapshots_warn_of_starts_that_they_have_not_seen(scene):
+    body = scene.bodies[0]
+    grid = body.structure.grid
+    middle = grid.lattice.centres(np.argwhere(grid.solid))[:, 0].mean()
+    # Of the same mean, from which the model counts.
+    uneven = replace(body, temperature=lambda x: 290.0 + 100.0 * (x[:, 0] - middle))
+    other = replace(scene, bodies=(uneven,))
+    # The start of the other scene is in the span of the model then.
+    model = jt.reduce(scene, 60.0, SAVES, size=6, method="pod").extend(other)
+    model.simulate(scene)
+    with pytest.warns(UserWarning, match="method='pod'.*not hold for other starts"):
+        model.simulate(other)
+
+
 def test_the_residual_bounds_the_error_of_the_volume(scene, complete_model):
     exact = complete_model.offline
     for size in (2, 3, 5):
