@@ -146,7 +146,11 @@ _Calls = dict[str, Callable[[], Any]]
 
 
 def _calls(problem: Problem) -> dict[str, _Calls]:
-    objective_and_start = (make_objective(problem, None), problem.start())
+    start = problem.start()
+    objective_and_start = (
+        make_objective(problem, problem.step_tables_at(start)),
+        start,
+    )
     batch = problem.batch()
 
     @eqx.filter_jit

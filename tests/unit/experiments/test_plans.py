@@ -12,7 +12,9 @@ from jaxthermo.errors import InputError
 (EXPERIMENT,) = catalogue.find("plans")
 
 
-def _plan(tolerance=3.0, *, true=2.0, voxels=4000) -> Plan:
+def _plan(
+    tolerance: float = 3.0, *, true: float | None = 2.0, voxels: int = 4000
+) -> Plan:
     row: PlanRow = {
         "voxels": voxels,
         "chosen": "" if true is None else "blocks",

@@ -1,5 +1,7 @@
 """Object temperatures from radiances and counts, against published numbers."""
 
+from typing import TypedDict
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,6 +14,15 @@ from jaxthermo.image.radiance.response import BANDS
 
 MID_WAVE = Band(BANDS["mid-wave"])
 FLIR = jt.FlirCalibration()
+
+
+class _Path(TypedDict):
+    """Arguments of the path of radiation from an object to a camera."""
+
+    emissivity: float
+    reflected_temperature: float
+    transmissivity: float
+    air_temperature: float
 
 
 def test_the_measured_signal_of_the_example():
@@ -35,7 +46,7 @@ def test_apparent_temperatures_by_emissivity(emissivity, expected):
 @pytest.mark.parametrize("band", [None, LONG_WAVE, MID_WAVE])
 def test_object_temperature_is_the_inverse(band):
     kelvin = np.array([250.0, 300.0, 450.0])
-    path = {
+    path: _Path = {
         "emissivity": 0.7,
         "reflected_temperature": 280.0,
         "transmissivity": 0.9,
