@@ -51,12 +51,13 @@ def identify(config: Path, overrides: tuple[str, ...]) -> None:
     title = f"{loaded.name}: how well the data determine the start values"
     values = np.array([v.value for v in start.identified.verdicts])
     rows = parameter_rows(start.identified, values)
-    console.print(parameter_table(rows, title, is_fitted=False).rich())
+    # Before the verdicts, which are on values that nothing was fitted to yet.
     for name, error in start.errors.items():
         words = f"{error.worst:.3g} %"
         if start.noise_is_known:
             words = f"{error.worst / 100:.3g} times the noise"
         print_line(console, f"{name}: error {words} at the start")
+    console.print(parameter_table(rows, title, is_fitted=False).rich())
     if start.noise_is_known:
         note = "standard errors are of the pixels' noise alone, not the model's"
         print_line(console, note)

@@ -19,7 +19,7 @@ Source of the sandwich: White, Econometrica 50 (1982) 1-25.
 | dead | no effect: its column of J is below 1e-6 of the largest |
 | flat | in a direction whose singular value is below 1e-3 of the largest |
 | at bound | within 1 % of the range from a bound |
-| not converged | the minimum is half a standard error away by the gradient, or more |
+| not converged | the minimum is half a standard error away, or the search was stuck |
 | ambiguous | another search ended elsewhere with an error that is as small |
 | trade-off | correlated by more than 0.95 with another |
 | not pinned | its standard error is wider than its bounds, or than a factor of e |
@@ -85,8 +85,8 @@ def identify(
     sd: float,
     scatter: Float[np.ndarray, "p p"] | None = None,
     residual: Float[np.ndarray, " r"] | None = None,
-    differs: bool = False,
     alternatives: Float[np.ndarray, "n p"] | None = None,
+    doubt: str | None = None,
 ) -> Identified:
     """Judge every coordinate at a point.
 
@@ -99,8 +99,8 @@ def identify(
         scatter: covariance of the gradient J^T r; None without known noise, for that
             of independent residuals.
         residual: residuals at the point, where a fit ended; None where none did.
-        differs: True if the model and the data differ by more than the noise allows.
         alternatives: other points that the data do not tell from this one.
+        doubt: verdict on values that would be fine, but for the fit as a whole.
     """
     values = np.asarray(parameters.flat_values(z), float)
     if jacobian is None:
@@ -153,8 +153,8 @@ def identify(
                 is_far=bool(is_far[n]),
                 is_ambiguous=bool(is_ambiguous[n]),
             )
-        if verdict == "fine" and differs:
-            verdict = "misfit"
+        if verdict == "fine" and doubt is not None:
+            verdict = doubt
         related = relation.others if verdict == relation.verdict else ()
         judged = _Verdict(
             label=label,

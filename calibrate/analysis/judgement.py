@@ -15,6 +15,8 @@ from .misfit import Misfit, find_misfit, gradient_covariance
 from .shared_errors import shared_covariance
 
 
+_STUCK = ("stalled", "at the limit of its steps")
+"""Ends of a search that is at no minimum and cannot go on."""
 _RARE = 1e-3
 """Probability that noise makes the true values fit worse than another end does."""
 
@@ -69,8 +71,8 @@ def judge_values(
         sd=sd,
         scatter=scatter,
         residual=fit.residual,
-        differs=bool(misfit.differences),
         alternatives=alternatives,
+        doubt=_doubt(fit, misfit),
     )
     return Judgement(
         identified,
@@ -80,6 +82,13 @@ def judge_values(
         ),
         elsewhere=_elsewhere(problem, identified, alternatives),
     )
+
+
+def _doubt(fit: Fit, misfit: Misfit) -> str | None:
+    """Verdict on all values that would be fine; None where none is doubtful."""
+    if fit.ended in _STUCK:
+        return "not converged"
+    return "misfit" if misfit.differences else None
 
 
 def _as_good(ends: SearchEnds, fit: Fit, sd: float) -> Float[np.ndarray, "n p"]:

@@ -24,6 +24,7 @@ STARTS = 100
 ENOUGH = 95
 """Starts that end at the control's values."""
 SETTINGS = FitConfig(max_steps=50)
+TIGHT = FitConfig(max_steps=50, tolerance=1e-6)
 RANGES = {
     "material.conductivity": (2.0, 200.0),
     "convection.heat_transfer_coefficient": (3.0, 300.0),
@@ -127,6 +128,28 @@ def test_random_starts_end_at_the_control_or_say_why(control):
     print(*said, *wrong, sep="\n")
     assert not wrong
     assert near >= ENOUGH
+
+
+@pytest.mark.slow
+def test_a_declared_error_of_the_emissivity_is_what_a_fit_with_it_is_off_by(control):
+    """Of 0.2 %, over which values are linear in it."""
+    relative = 2e-3
+    path = CONTROL / "calibration.yaml"
+    change = f"set.bodies.0.material.emissivity={0.95 * (1 + relative)}"
+    other = build(load_calibration(path, (change,)), lambda stage: None)
+    moved = np.asarray(other.parameters.flat_values(_fit(other).z), float)
+    fit = _fit(control.calibration)
+    judged = judge_values(
+        control.calibration.train, fit=fit, uncertainties={"emissivity": relative}
+    ).identified
+    values = np.array([v.value for v in judged.verdicts])
+    errors = np.array([v.standard_error or np.nan for v in judged.verdicts])
+    shared = np.sqrt(errors**2 - control.standard_errors**2)
+    np.testing.assert_allclose(np.abs(moved - values), shared, rtol=0.1)
+
+
+def _fit(calibration: Calibration) -> Fit:
+    return Fitting(calibration.train, TIGHT).run()
 
 
 def _fit_of(control: Control, frame_set: FrameSet) -> Outcome | str:

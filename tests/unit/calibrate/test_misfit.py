@@ -205,6 +205,24 @@ def test_the_gradient_tells_how_far_the_minimum_is(problem, slopes):
         assert unknown[0].verdict == expected
 
 
+@pytest.mark.parametrize("ended", ["stalled", "at the limit of its steps"])
+def test_a_search_that_could_not_go_on_calls_nothing_fine(problem, slopes, ended):
+    sd = problem.known_sd
+    noise = np.random.default_rng(7).standard_normal(slopes.shape[1])
+    fit = Fit(
+        z=np.zeros(COUNT),
+        loss=1.0,
+        initial_loss=1.0,
+        residual=sd * _left(noise, slopes),
+        jacobian=sd * slopes,
+        errors=(),
+    )
+    for end, expected in (("converged", "fine"), (ended, "not converged")):
+        fit.ended = end
+        judged = judge_values(problem, fit=fit, uncertainties={}).identified
+        assert {v.verdict for v in judged.verdicts} == {expected}
+
+
 def test_a_search_that_fits_as_well_elsewhere_makes_a_value_ambiguous(problem, slopes):
     """Twice the loss in units of the noise is chi squared: 13.8 for two values."""
     sd = problem.known_sd
@@ -253,7 +271,7 @@ def test_nothing_is_fine_where_model_and_data_differ(problem, slopes):
         jacobian=sd * slopes,
         sd=sd,
         scatter=sd**4 * slopes @ slopes.T,
-        differs=True,
+        doubt="misfit",
     ).verdicts
     assert {v.verdict for v in judged} == {"misfit"}
 
