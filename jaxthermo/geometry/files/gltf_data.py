@@ -66,8 +66,8 @@ _ENTRIES = {
 
 _ENTRIES_OF_ALL = ["name", "extensions", "extras"]
 
-_MIN_SIMILARITY = 0.75
-"""Similarity of an unknown entry to one that exists, above which it is misspelt [-]."""
+_MIN_SIMILARITY = 0.85
+"""Similarity of an unknown entry, by difflib, to the one that it stands for [-]."""
 
 
 @dataclass(frozen=True)
@@ -257,11 +257,11 @@ def _require_entries(document: Any) -> None:
         is_primitive = collection == "primitives"
         for item in primitives if is_primitive else document.get(collection, []):
             for name in item:
-                similar = difflib.get_close_matches(name, allowed, 1, _MIN_SIMILARITY)
-                if similar and name not in allowed:
+                intended = _intended(name, allowed)
+                if intended is not None:
                     raise FileFault(
                         f"one of its {collection} has {name!r}, perhaps for "
-                        f"{similar[0]!r}"
+                        f"{intended!r}"
                     )
             for name in item.get("extensions", {}):
                 if name not in announced:
@@ -269,6 +269,15 @@ def _require_entries(document: Any) -> None:
                         f"one of its {collection} has the extension {name}, which the "
                         "file does not announce"
                     )
+
+
+def _intended(name: str, allowed: list[str]) -> str | None:
+    """The entry that a misspelt one stands for; None if it is not misspelt."""
+    if name in allowed:
+        return None
+    similar = [entry for entry in allowed if sorted(entry) == sorted(name)]
+    similar += difflib.get_close_matches(name, allowed, 1, _MIN_SIMILARITY)
+    return similar[0] if similar else None
 
 
 def _meshopt_fault(name: str) -> FileFault:

@@ -278,6 +278,8 @@ def test_extensions_of_materials_are_no_hindrance(read):
         ("nodes", "scale", "scael"),
         ("nodes", "extensions", "extnesions"),
         ("accessors", "normalized", "normlaized"),
+        ("nodes", "mesh", "mehs"),
+        ("nodes", "translation", "translations"),
         ("bufferViews", "byteStride", "byteStrdie"),
     ],
 )
@@ -286,7 +288,7 @@ def test_misspelt_entries_are_not_ignored(read, collection, entry, misspelt):
     writer.document[collection][0][misspelt] = 1
     assert f"{misspelt!r}, perhaps for {entry!r}" in refused(read, writer)
     del writer.document[collection][0][misspelt]
-    writer.document[collection][0]["ourOwnNumber"] = 1
+    writer.document[collection][0] |= {"ourOwnNumber": 1, "targetNames": []}
     assert is_box(read(writer))
 
 
