@@ -22,6 +22,7 @@ from ...image.surface.lens import (
     CameraPose,
     Lens,
     check_lens,
+    checked_distortion,
     lens_of_matrix,
     pose_of_matrix,
 )
@@ -127,22 +128,25 @@ class PinholeConfig(_View, builds="Camera", kind="pinhole"):
             ]
         if mistakes:
             return mistakes
-        for key, check in (("K", _check_lens), ("world_to_camera", _check_pose)):
+        # In this order: a lens is one of valid coefficients and a valid K.
+        checks = {
+            "distortion": lambda: checked_distortion(self.distortion),
+            "K": lambda: self.lens,
+            "world_to_camera": lambda: self.pose,
+        }
+        for key, check in checks.items():
             try:
-                check(self)
+                check()
             except InputError as error:
-                mistakes.append(((key,), str(error).partition(": ")[2]))
-        return mistakes
-
-
-def _check_lens(config: PinholeConfig) -> None:
-    lens = config.lens
-    if lens is not None and lens.distortion:
-        check_lens(lens)
-
-
-def _check_pose(config: PinholeConfig) -> None:
-    _ = config.pose
+                return [((key,), str(error).partition(": ")[2])]
+        lens = self.lens
+        if lens is None or not lens.distortion:
+            return []
+        try:
+            check_lens(lens)
+        except InputError as error:
+            return [(("distortion",), str(error).partition(": ")[2])]
+        return []
 
 
 class OrthographicConfig(_View, builds="OrthographicCamera", kind="orthographic"):

@@ -1,5 +1,6 @@
 """Frames in TIFF files: one number for each pixel, on one or several pages."""
 
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,10 @@ from ...errors import InputError
 
 # With scikit-image.
 _tifffile: Any = lazy_loader.load("tifffile")
+
+# Without a handler Python prints what its reader logs of damaged files, which the
+# errors here say.
+logging.getLogger("tifffile").addHandler(logging.NullHandler())
 
 
 def tiff_page_count(path: Path) -> int:

@@ -60,8 +60,19 @@ def _where_above(
     if not valid.any():
         raise InputError(refusal)
     # Any valid number stands in for those that `compute` would refuse.
-    kelvin = compute(np.where(valid, numbers, numbers[valid].flat[0]))
+    with np.errstate(all="ignore"):
+        kelvin = compute(np.where(valid, numbers, numbers[valid].flat[0]))
     return np.where(valid, kelvin, np.nan)[()]
+
+
+def _check_distance(distance: Any) -> None:
+    if is_traced(distance):
+        return
+    metres = np.asarray(distance, float)
+    if not (np.isfinite(metres) & (metres >= 0)).all():
+        raise InputError(
+            f"FlirCalibration: distance={distance!r}: give metres, not < 0"
+        )
 
 
 def _check_temperatures(function: str, **temperatures: Any) -> None:
@@ -279,24 +290,43 @@ class FlirCalibration:
                 air_temperature=air_temperature,
                 window_temperature=window_temperature,
             )
+        _check_distance(distance)
         xp = array_namespace((distance, air_temperature, relative_humidity))
-        passed = half_path_transmissivity(
-            _array(distance),
-            temperature=_array(air_temperature),
-            relative_humidity=relative_humidity,
-            xp=xp,
-            constants=air_constants,
-        )
-        air, window, around = (
-            self.counts(temperature, allow_extreme_temperatures=True)
-            for temperature in (
-                air_temperature,
-                window_temperature,
-                reflected_temperature,
+        # Constants of a damaged file may be any: their pixels are no numbers.
+        with np.errstate(all="ignore"):
+            passed = half_path_transmissivity(
+                _array(distance),
+                temperature=_array(air_temperature),
+                relative_humidity=relative_humidity,
+                xp=xp,
+                constants=air_constants,
             )
-        )
-        signal = (_array(counts) - (1 - passed) * air) / passed
+            leaving = self._leaving(
+                _array(counts),
+                passed=passed,
+                air_temperature=air_temperature,
+                window_transmissivity=window_transmissivity,
+                window_temperature=window_temperature,
+            )
+            around = self._black_counts(reflected_temperature)
+            emitted = (leaving - (1 - emissivity) * around) / emissivity
+        return self.temperature(emitted)
+
+    def _leaving(
+        self,
+        counts: Any,
+        passed: Any,
+        air_temperature: Any,
+        window_transmissivity: Any,
+        window_temperature: Any,
+    ) -> Any:
+        """Counts that leave an object, behind air and a window."""
+        air = self._black_counts(air_temperature)
+        window = self._black_counts(window_temperature)
+        signal = (counts - (1 - passed) * air) / passed
         behind = signal - (1 - window_transmissivity) * window
         behind = behind / window_transmissivity
-        leaving = (behind - (1 - passed) * air) / passed
-        return self.temperature((leaving - (1 - emissivity) * around) / emissivity)
+        return (behind - (1 - passed) * air) / passed
+
+    def _black_counts(self, temperature: Any) -> Any:
+        return self.counts(temperature, allow_extreme_temperatures=True)

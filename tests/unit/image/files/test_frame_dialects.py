@@ -119,3 +119,31 @@ def test_a_page_of_what_has_none_is_refused(tmp_path):
     assert frame_count(path) == 1
     with pytest.raises(jt.InputError, match="page 1 is one of a TIFF file"):
         jt.read_thermogram(path, page=1)
+
+
+def test_damaged_files_are_read_or_refused_in_one_line(tmp_path):
+    """Of 240 files that are cut or have other bytes, none raises anything else."""
+    rng = np.random.default_rng(5)
+    tifffile.imwrite(tmp_path / "a.tif", KELVIN, photometric="minisblack")
+    (tmp_path / "a.csv").write_text("E;0,95\n" + DIALECTS["decimal commas"])
+    np.save(tmp_path / "a.npy", KELVIN)
+    (tmp_path / "a.jpg").write_bytes(
+        (DATA / "08-flir-little-endian-directory.jpg").read_bytes()
+    )
+    refused = 0
+    for number in range(240):
+        whole = tmp_path / f"a.{('tif', 'csv', 'npy', 'jpg')[number % 4]}"
+        content = bytearray(whole.read_bytes())
+        # Most of a small file is its head.
+        for position in rng.integers(0, min(len(content), 300), 3):
+            content[position] = rng.integers(256)
+        if number % 3 == 0:
+            del content[rng.integers(len(content)) :]
+        damaged = tmp_path / f"damaged{whole.suffix}"
+        damaged.write_bytes(content)
+        try:
+            assert jt.read_thermogram(damaged).ndim == 2
+        except jt.InputError as error:
+            assert "\n" not in str(error)
+            refused += 1
+    assert refused > 100

@@ -152,6 +152,7 @@ def test_what_is_seen_through_air_is_corrected_for_the_same_air(distance):
         lambda: FLIR.temperature(np.array([7339.0, 7340.0])),
         lambda: FLIR.object_temperature(18109.0, 1.5),
         lambda: FLIR.object_temperature(18109.0, relative_humidity=50.0),
+        lambda: FLIR.object_temperature(18109.0, distance=-1.0),
         lambda: jt.FlirCalibration(b=-1501.0),
     ],
 )

@@ -215,7 +215,8 @@ def test_matrices_that_do_not_fit_are_refused(changes, message):
         ({"K": None}, "distortion\n  belongs to a matrix"),
         ({"look_at": [0, 0, 0]}, "look_at\n  is that of world_to_camera"),
         ({"world_to_camera": POSE.T.tolist()}, "its last row is"),
-        ({"distortion": [-2.0, 0, 0, 0]}, "folds a picture"),
+        ({"distortion": [-2.0, 0, 0, 0]}, "distortion\n  folds a picture"),
+        ({"distortion": [0.1, 0]}, "distortion\n  give k1, k2, p1, p2"),
     ],
 )
 def test_a_scene_file_that_does_not_fit_is_refused(changes, message):
