@@ -5,9 +5,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple, cast
 
+import jax
+
 from jaxthermo.console.progress import terminal_progress
 from jaxthermo.console.terminal import open_console
 from jaxthermo.errors import InputError
+from jaxthermo.memo.found import forget_findings
 
 from ..harness.case import Case, Check, Group, Row, exactly
 from ..harness.record import Record
@@ -83,8 +86,15 @@ def run(folder: Path, cases: str | None = None) -> CasesResult:
     scenes = []
     with terminal_progress(open_console(), _INTERVAL) as progress:
         progress.stage("scenes", total=len(numbers))
+        previous_form = None
         # One form after the other, so that few compiled programs are in use at a time.
         for number in sorted(numbers, key=lambda number: number % len(FORMS)):
+            form = number % len(FORMS)
+            if form != previous_form:
+                # Else a process would run out of mappings of memory.
+                jax.clear_caches()
+                forget_findings()
+            previous_form = form
 
             def make(number: int = number):
                 return dict(measure(draw(number))), {}
