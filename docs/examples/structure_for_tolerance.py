@@ -39,11 +39,12 @@ def main() -> None:
     finest = 2 * heights[-1]
     references = (finest, finest // 2, finest // 4)
     grids = {n: jt.voxelize(mesh, 0.3 / n) for n in {*heights, *references}}
-    reference, *coarser = [
+    reference, middle, coarsest = [
         jt.simulate(scene_of(jt.Aggregate(grids[n], factor=2)), 120.0, SAVE_AT)
         for n in references
     ]
-    own_error = jt.discretization_error(reference, *coarser).rms_percent.max()
+    own_errors = jt.discretization_error(reference, middle, coarsest)
+    own_error = own_errors.rms_percent.max()
     choices = []
     print("voxels high  structure         nodes    error       run")
     for high in heights:
