@@ -5,8 +5,8 @@ python docs/examples/k_and_h_from_frames.py [--out results/k-and-h]
 The frames are made here, with known values, on finer voxels and with noise, and are
 written as TIFF files in degrees Celsius, as a camera's software does. The calibration
 knows the files, the camera and the noise; replace the files by your own. Its voxels are
-twice as coarse: what the fit misses beyond its standard errors, which are of the noise
-alone, is the error of the model.
+twice as coarse: where the residuals show more than the noise, standard errors are as
+much wider, and the first line of the results says so.
 """
 
 import argparse
