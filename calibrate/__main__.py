@@ -1,5 +1,9 @@
 """Command line of calibrations: fit, identify, check, show, plan."""
 
+from jaxthermo.console import interrupt as _interrupt  # noqa: F401
+
+
+# isort: split
 import sys
 from collections.abc import Sequence
 from pathlib import Path

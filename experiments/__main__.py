@@ -1,5 +1,9 @@
 """The command line of the experiments: list, run and sweep; compare results."""
 
+from jaxthermo.console import interrupt as _interrupt  # noqa: F401
+
+
+# isort: split
 import sys
 from collections.abc import Sequence
 from pathlib import Path

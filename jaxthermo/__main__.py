@@ -1,5 +1,9 @@
 """The command line. Commands import what they need when they run: help stays fast."""
 
+from .console import interrupt as _interrupt  # noqa: F401
+
+
+# isort: split
 import sys
 from collections.abc import Sequence
 from importlib.util import find_spec

@@ -364,16 +364,14 @@ def _frame_start(config: ParameterConfig) -> np.ndarray | np.generic:
 
 
 def _prior(config: schema.PriorConfig, name: str) -> Prior:
-    return Prior(
-        mean=value_in_si(config.mean, name),
-        # The logarithm has no unit.
-        sd=(
-            to_si(config.sd, NUMBER)
-            if config.log_normal
-            else deviation_in_si(config.sd, name)
-        ),
-        log_normal=config.log_normal,
-    )
+    mean = value_in_si(config.mean, name)
+    # The logarithm has no unit.
+    if config.log_normal:
+        sd = to_si(config.sd, NUMBER)
+    else:
+        sd = deviation_in_si(config.sd, name)
+    with located(f"parameter {name}"):
+        return Prior(mean=mean, sd=sd, log_normal=config.log_normal)
 
 
 def _start_values(

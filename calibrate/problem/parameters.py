@@ -119,6 +119,16 @@ class Prior:
     """Standard deviation of the value, or of its logarithm."""
     log_normal: bool = False
 
+    def __post_init__(self):
+        if not 0 < self.sd < math.inf:
+            raise InputError(
+                f"Prior(sd={self.sd}): give a positive, finite standard deviation"
+            )
+        lowest = 0.0 if self.log_normal else -math.inf
+        if not lowest < self.mean < math.inf:
+            kind = "positive" if self.log_normal else "finite"
+            raise InputError(f"Prior(mean={self.mean}): give a {kind} number")
+
     def residual(self, value: Values) -> Values:
         """(value - mean) / sd, or (log value - log mean) / sd."""
         if self.log_normal:
@@ -173,6 +183,11 @@ class Parameter:
             raise InputError(
                 f"parameter {self.name}: bounds {self.lower:g} to {self.upper:g}: the "
                 "lower one must be less"
+            )
+        if self.prior is not None and self.prior.log_normal and self.lower < 0:
+            raise InputError(
+                f"parameter {self.name}: the prior is log-normal, and the lower bound "
+                f"{self.lower:g} has no logarithm: give bounds of 0 or more"
             )
         # At a bound the coordinate would be infinite.
         for value in self.start:

@@ -20,7 +20,11 @@ _INTERVAL_S = 30.0
 
 
 def sweep(config: Path, out: Path, overrides: tuple[str, ...], options: Options) -> int:
-    """Run `experiments sweep`; return the number of failed cases."""
+    """Run `experiments sweep`; return the number of failed cases.
+
+    Raises:
+        InputError: for a mistake in the config, or if every case fails.
+    """
     if options.workers < 0:
         raise InputError(f"--workers {options.workers}: give 0 or more")
     if options.devices > 1 and (options.workers > 1 or options.scheduler is not None):
@@ -44,9 +48,15 @@ def sweep(config: Path, out: Path, overrides: tuple[str, ...], options: Options)
             values = ", ".join(f"{k} {v:.4g}" for k, v in best["values"].items())
             text = f"best by {optimum}: {values}: {best['rms_percent']:.3g} %"
             print_line(console, f"{text} in {best['runs']:,} runs")
-    failed = sum("failed" in row for row in result.rows.values())
+    failures = [row["failed"] for row in result.rows.values() if "failed" in row]
+    failed = len(failures)
+    file = out / "result.json"
+    if failed and failed == len(result.rows):
+        raise InputError(
+            f"all {failed} cases failed, the first by {failures[0]}; see {file}, and "
+            "--retry to run them again"
+        )
     if failed:
-        file = out / "result.json"
         print_line(
             console, f"{failed} cases failed, see {file}; --retry runs them again"
         )

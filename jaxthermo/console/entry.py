@@ -14,6 +14,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from ..atomic import disk_error
 from ..errors import InputError
+from .interrupt import INTERRUPTED, safe_interrupt
 
 
 Flag = Annotated[bool, Parameter(negative="")]
@@ -28,6 +29,8 @@ Animate = Annotated[
 ]
 """Kind of an animation; the option alone means the first kind."""
 _P = ParamSpec("_P")
+_BROKEN_PIPE = 141
+"""Exit status where nobody reads the output any more, as that of SIGPIPE in shells."""
 
 
 def compiles(command: Callable[_P, None]) -> Callable[_P, None]:
@@ -55,7 +58,10 @@ def make_app(name: str, help: str, version: str | None = None) -> App:
 
 
 def run_app(app: App, name: str, arguments: Sequence[str] | None = None) -> None:
-    """Run one command and exit: status 0 on success, 2 for a mistake of the user.
+    """Run one command and exit.
+
+    The status is 0 on success, 2 for a mistake of the user or a machine that lacks
+    something, in one line, 130 after Ctrl-C, and 141 where the output is read no more.
 
     Args:
         app: the commands.
@@ -69,24 +75,78 @@ def run_app(app: App, name: str, arguments: Sequence[str] | None = None) -> None
     warnings.showwarning = functools.partial(_show_warning, name, warnings.showwarning)
     try:
         tokens = list(sys.argv[1:] if arguments is None else arguments)
-        app(tokens, exit_on_error=False, print_error=False)
+        with safe_interrupt(name):
+            app(tokens, exit_on_error=False, print_error=False)
         sys.stdout.flush()
     except (InputError, CycloptsError) as error:
         sys.exit(_refuse(name, error))
+    except SystemExit as stop:
+        # Rich ends a process that writes to a broken pipe with a status of its own.
+        if not isinstance(stop.__context__, BrokenPipeError):
+            raise
+        sys.exit(_BROKEN_PIPE)
     except KeyboardInterrupt as stop:
         sys.stderr.write(f"{name}: {str(stop) or 'interrupted'}\n")
-        sys.exit(130)
+        sys.exit(INTERRUPTED)
     except BrokenPipeError:
         _discard_output()
-        sys.exit(141)
-    except OSError as error:
-        # Errors of files are an `InputError`: this one is of standard output.
-        if disk_error(error) is None:
+        sys.exit(_BROKEN_PIPE)
+    except Exception as error:
+        line = _fault_of_machine(error)
+        if line is None:
             raise
-        _discard_output()
-        sys.stderr.write(f"{name}: cannot write the output: {error.strerror}\n")
-        sys.exit(2)
+        if isinstance(error, OSError) and error.filename is None:
+            _discard_output()
+        sys.exit(_refuse(name, InputError(line)))
     sys.exit(0)
+
+
+def _fault_of_machine(error: Exception) -> str | None:
+    """A fault of the machine in one line; None for a defect of this package."""
+    text = str(error)
+    if isinstance(error, OSError):
+        reason = error.strerror or text
+        # Where a file is first touched: a name that is too long, no access to a folder.
+        if error.filename is not None:
+            path = error.filename
+            return f"{path}: {reason.lower()}; check the path and its permissions"
+        # Errors of files are an `InputError`: this one is of standard output.
+        if disk_error(error) is not None:
+            return f"cannot write the output: {reason}"
+    if isinstance(error, MemoryError) or "RESOURCE_EXHAUSTED" in text:
+        return (
+            f"out of memory ({_first_line(text)}): use a coarser pitch, or a machine "
+            "with more memory"
+        )
+    fault = _fault_of_devices()
+    if fault is None:
+        return None
+    platforms = os.environ.get("JAX_PLATFORMS", "")
+    return (
+        f"JAX_PLATFORMS={platforms}: JAX has no such device here{fault}; unset it, or "
+        "set it to cpu"
+    )
+
+
+def _fault_of_devices() -> str | None:
+    """The error of JAX without devices, after a colon if it has a text; None if none.
+
+    JAX raises it where it is first used, as one of several plain exceptions.
+    """
+    jax = sys.modules.get("jax")
+    if jax is None:
+        return None
+    try:
+        jax.devices()
+    except Exception as error:
+        line = _first_line(str(error))
+        return f": {line}" if line else ""
+    return None
+
+
+def _first_line(text: str) -> str:
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    return lines[0][:200].rstrip(".:; ") if lines else ""
 
 
 def _show_warning(

@@ -38,11 +38,13 @@ def results_folder(out: str | Path) -> Iterator[Path]:
         InputError: if it is a file, or cannot be created or written.
     """
     folder = Path(out).expanduser()
-    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    # Unlike the method, the function knows no error: a name may be too long.
+    missing = [p for p in (folder, *folder.parents) if not os.path.exists(p)]
     try:
         yield prepare_folder(out)
     except BaseException:
-        with suppress(OSError):  # stops at the first that is not empty
+        # Stops at the first that is not empty; no path may have some characters.
+        with suppress(OSError, ValueError):
             for path in missing:
                 path.rmdir()
         raise

@@ -34,6 +34,12 @@ def test_shipped_configs_load_with_all_their_scenes(path):
         ("parameters.0.bounds=[1]", "expected two values"),
         ("parameters.0.start=warm", "expected a number"),
         ("parameters.1.smoothness=0.1", "is for `per: link` only"),
+        ("parameters.0.prior={mean: 1, sd: 0}", "Prior.sd=0.0.: give a positive"),
+        ("parameters.0.prior={mean: 1, sd: -1}", "Prior.sd=-1.0.: give a positive"),
+        (
+            "parameters.0.prior={mean: 0, sd: 1, log_normal: true}",
+            "parameter weights.non_orthogonal: Prior.mean=0.0.: give a positive number",
+        ),
         ("fit.method=newton", "did you mean 'gauss_newton'"),
         ("train=[]", "must not be empty"),
         ("held_out.0.name=+x", "'\\+x' is there twice"),
