@@ -253,17 +253,22 @@ def _errors_by_group(
     calibration: Calibration, fit: Fit, log: Log
 ) -> dict[Group, Pair[_CaseErrors]]:
     train = calibration.train
+    default = train.default()
+    # The fit has run the scene's own values where it started from them.
+    if fit.start is not None and np.array_equal(default, fit.start):
+        before_training = train.case_errors(fit.initial_errors)
+    else:
+        before_training = train.errors_at([default])[0]
     errors: dict[Group, Pair[_CaseErrors]] = {
         "train": {
-            "default": train.case_errors(fit.initial_errors),
+            "default": before_training,
             "fitted": train.case_errors(fit.errors),
         }
     }
     if calibration.held_out is not None:
         log("evaluating the held-out cases")
-        points = [np.zeros_like(fit.z), fit.z]
-        default, fitted = calibration.held_out.errors_at(points)
-        errors["held_out"] = {"default": default, "fitted": fitted}
+        before, after = calibration.held_out.errors_at([default, fit.z])
+        errors["held_out"] = {"default": before, "fitted": after}
     return errors
 
 

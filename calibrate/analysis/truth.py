@@ -28,14 +28,14 @@ from ..problem.reference import (
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """The runs of finer voxels of all cases, and the errors of the start values."""
+    """Runs of finer voxels of all cases, and the errors of the scene's own values."""
 
     settings: RefinedReference
     references: dict[str, TruthReference]
     """By the name of the case."""
     calibration: Calibration
     default: dict[str, TruthErrors]
-    """Errors of the start values by case, as plain values."""
+    """Errors of the scene's own values by case, as plain values."""
 
     @classmethod
     def prepare(
@@ -62,7 +62,7 @@ class Truth:
             calibration=calibration,
             default=default,
         )
-        start = np.zeros(calibration.parameters.size)
+        start = calibration.train.default()
         for case in (*config.train, *config.held_out):
             announce = _named(log, case.name)
             try:
@@ -72,7 +72,7 @@ class Truth:
                         settings=config.truth,
                         log=announce,
                     )
-                announce("comparing the start values with finer voxels")
+                announce("comparing the scene's own values with finer voxels")
                 default[case.name] = truth._error(case.name, start)
             except InputError as error:
                 raise InputError(f"case {case.name}: {error}") from error

@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from jaxthermo.config.schema.image import CameraConfig
-from jaxthermo.config.schema.scene import unit_of as unit_in_scene
+from jaxthermo.config.schema.scene import lowest_of, unit_of as unit_in_scene
 from jaxthermo.config.schema.structure import FullVolume, StructureConfig
 from jaxthermo.config.types.files import FoundPath
 from jaxthermo.config.types.model import ByKind, KindModel, Mistake, Model, Short
@@ -105,13 +105,16 @@ def value_in_si(value: Any, name: str) -> float:
 def default_bounds(
     name: str, start: float, allow_extreme_temperatures: bool = False
 ) -> tuple[float, float]:
-    """Bounds of a parameter whose config has none: by its name, or its sign."""
+    """Bounds of a parameter whose config has none: by its name, definition or sign."""
     if is_temperature(name):
         return temperature_limits(allow_extreme_temperatures)
-    # A positive start is taken for a quantity that cannot be negative.
-    by_sign = (0.0, math.inf) if start > 0 else (-math.inf, math.inf)
     words = [word for word in name.split(".") if word in _DEFAULT_BOUNDS]
-    return _DEFAULT_BOUNDS[words[-1]] if words else by_sign
+    if words:
+        return _DEFAULT_BOUNDS[words[-1]]
+    lowest = None if is_of_frames(name) else lowest_of(name)
+    if lowest is None:
+        lowest = 0.0 if start > 0 else -math.inf
+    return lowest, math.inf
 
 
 # The scene's own schema checks them when a case is built.

@@ -32,11 +32,16 @@ class Bijection(NamedTuple):
 
 
 def bijection(
-    start: Any, lower: float, upper: float, softplus: bool = False
+    start: Any,
+    lower: float,
+    upper: float,
+    typical_size: float = 1.0,
+    softplus: bool = False,
 ) -> Bijection:
     """Choose the bijection for a start, a number or an array, within two bounds.
 
     A bound may be infinite; `softplus` is used instead of exp for a lower one alone.
+    Without bounds a start of 0 changes by the `typical_size`.
     """
     has_lower = math.isfinite(lower)
     has_upper = math.isfinite(upper)
@@ -50,7 +55,7 @@ def bijection(
     if has_upper:
         return _half_bounded(start, bound=upper, sign=-1)
     size = np.abs(start)
-    scale = np.where(size > 0, size, 1.0)
+    scale = np.where(size > 0, size, typical_size)
     return Bijection(
         lambda z: _like(start, z) + _like(scale, z) * z,
         lambda value: (value - _like(start, value)) / _like(scale, value),

@@ -27,6 +27,7 @@ from ..config.frame_names import (
     pose_numbers,
 )
 from ..config.loader import scene_config
+from ..config.scales import usable_start
 from ..config.schema import (
     CalibrationConfig,
     FramesConfig,
@@ -310,7 +311,9 @@ def _parameter(config: ParameterConfig, scene: Scene) -> Parameter:
     lower, upper = default_bounds(
         config.name, start[0], scene.allow_extreme_temperatures
     )
-    if config.bounds is not None:
+    if config.bounds is None:
+        start = tuple(usable_start(config.name, v, lower) for v in start)
+    else:
         lower, upper = (value_in_si(v, config.name) for v in config.bounds)
     prior = None if config.prior is None else _prior(config.prior, config.name)
     smoothness = None

@@ -22,11 +22,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from jaxthermo.arrays import precision
 from jaxthermo.config.types.quantities import extreme_mistake
 from jaxthermo.errors import InputError
 from jaxthermo.scene.scene import Scene, mechanism_names
 
 from ..config.frame_names import REFLECTED, is_of_camera, is_of_frames
+from ..config.scales import typical_size
 from ..config.schema import is_temperature
 from .bijections import Bijection, Values, bijection
 from .frame_values import AS_GIVEN, FrameValues, poses_at
@@ -199,7 +201,11 @@ class Parameter:
         varied = self.start[1:] if self.first_is_fixed else self.start
         start = np.asarray(varied[0] if self.is_scalar else varied)
         chosen_bijection = bijection(
-            start, lower=self.lower, upper=self.upper, softplus=self.softplus
+            start,
+            lower=self.lower,
+            upper=self.upper,
+            typical_size=typical_size(self.name),
+            softplus=self.softplus,
         )
         # The dataclass is frozen.
         object.__setattr__(self, "bijection", chosen_bijection)
@@ -281,12 +287,19 @@ class ParameterSet:
         """Check paths, and temperatures as the scene checks its own.
 
         Raises:
-            InputError: for a path that neither the scene nor its frames have, or for
-                an extreme temperature of a start, bound or prior.
+            InputError: for a path that neither the scene nor its frames have, for two
+                names of one number, or for an extreme temperature of a start, bound or
+                prior.
         """
+        names: dict[Path, str] = {}
         for name in self.paths:
-            if not is_of_frames(name):
-                find_path(scene, name)
+            if is_of_frames(name):
+                continue
+            first_name = names.setdefault(find_path(scene, name), name)
+            if first_name != name:
+                raise InputError(
+                    f"parameter {name}: it is {first_name} too: leave one of them out"
+                )
         if scene.allow_extreme_temperatures:
             return
         for parameter in self.parameters:
@@ -330,6 +343,30 @@ class ParameterSet:
             find_path(scene, n): v for n, v in values if not is_of_frames(n)
         }
         return with_values(scene, scene_values) if scene_values else scene
+
+    def coordinates_of(self, scene: Scene) -> Float[np.ndarray, " p"]:
+        """Coordinates of a scene's own values; those of the start in its frames.
+
+        A value at a bound has an infinite one; of a value beyond, it is that of the
+        bound.
+        """
+        rows = []
+        with precision("float64"), np.errstate(divide="ignore"):
+            for p in self.parameters:
+                start = np.asarray(p.start)
+                value = (
+                    None
+                    if is_of_frames(p.name)
+                    else value_at(scene, find_path(scene, p.name))
+                )
+                if value is None or callable(value):
+                    value = start
+                own = np.clip(np.asarray(value, float), p.lower, p.upper)
+                own = np.broadcast_to(own, start.shape)
+                at = p.coordinate(own[0] if p.is_scalar else own)
+                unchanged = (own == start)[len(start) - p.size :]
+                rows.append(np.where(unchanged, 0.0, np.atleast_1d(at)))
+        return np.concatenate(rows)
 
     def frame_values(self, z: Coordinates, views: Any = ()) -> FrameValues:
         """Values of frames at z.

@@ -154,6 +154,10 @@ class Problem:
         """Coordinates of the start values."""
         return jnp.zeros(self.parameters.size, self.dtype)
 
+    def default(self) -> Float[np.ndarray, " p"]:
+        """Coordinates of the values that the scene of the first case has itself."""
+        return self.parameters.coordinates_of(self.cases[0].scene)
+
     @cached_property
     def time_steps(self) -> TimeSteps:
         """Steps in time of all runs, by the values."""

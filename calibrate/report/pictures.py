@@ -75,18 +75,18 @@ def runs_at(
 
 
 def run_both(problem: Problem, case: Case, z: Float[np.ndarray, " p"]) -> Solutions:
-    """Run a case with the values at the start and with those of the coordinates z."""
-    return runs_at(problem, case, {"default": np.zeros_like(z), "fitted": z})
+    """Run a case with the scene's own values and with those of the coordinates z."""
+    return runs_at(problem, case, {"default": problem.default(), "fitted": z})
 
 
 def values_of_both(
     problem: Problem, case: Case, z: Float[np.ndarray, " p"]
 ) -> dict[str, FrameValues]:
-    """Values that a case's frames depend on, at the start and at the coordinates z."""
+    """Values that a case's frames depend on, the scene's own and those of z."""
     values = {}
     number = problem.cases.index(case)
     with precision(problem.dtype.name):
-        for name, point in (("default", np.zeros_like(z)), ("fitted", z)):
+        for name, point in (("default", problem.default()), ("fitted", z)):
             at = jnp.asarray(point, problem.dtype)
             views = problem.views_at(at)
             case_views = views[number] if views else ()

@@ -53,7 +53,7 @@ _IS_GOOD = {
 _MAX_NOISE_RATIO = 2.0
 """Error over the noise, beyond which errors that were not widened are too small."""
 _BEFORE_AND_AFTER = (
-    "Default, or before: with the values at the start; fitted, or after: with those "
+    "Default, or before: with the scene's own values; fitted, or after: with those "
     "of the fit."
 )
 _DASH = "\N{EN DASH}"

@@ -65,7 +65,10 @@ class Fit:
     errors: tuple[Float[np.ndarray, " t"], ...]
     """Errors at `z` of every case at every time, see `RunDiagnostics`."""
     steps: list[StepRecord] = field(default_factory=list)
+    start: Float[np.ndarray, " p"] | None = None
+    """Point that the fit started from."""
     initial_errors: tuple[Float[np.ndarray, " t"], ...] = ()
+    """Errors there."""
     ended: str = "converged"
     """"converged", "step limit", "interrupted", "stalled" where no better point is near
     though the gradient is not 0, or "at the limit of its steps" in time."""
@@ -412,6 +415,7 @@ class Fitting:
             jacobian=point.slope.jacobian,
             errors=point.diagnostics.host_errors(),
             steps=progress.steps,
+            start=np.asarray(start, float),
             initial_errors=first.diagnostics.host_errors(),
             ended=ending.ended,
             step_seconds=progress.seconds,

@@ -319,6 +319,36 @@ def _units() -> dict[str, Unit]:
     return {key: units.pop() for key, units in units_by_key.items() if len(units) == 1}
 
 
+@cache
+def _lowest() -> dict[str, float]:
+    # The lowest value that all fields of a key allow; minus infinity for any.
+    lowest: dict[str, float] = {}
+    for model in models_within(SceneConfig):
+        for key in model.model_fields:
+            bounds = [
+                float(bound)
+                for marker in field_parts(model, key)
+                for limit in (marker, *getattr(marker, "metadata", ()))
+                for bound in (getattr(limit, "ge", None), getattr(limit, "gt", None))
+                if isinstance(bound, int | float)
+            ]
+            value = max(bounds, default=-math.inf)
+            lowest[key] = min(lowest.get(key, math.inf), value)
+    return lowest
+
+
+def lowest_of(path: str) -> float | None:
+    """The lowest value of a number of a scene by its definition.
+
+    Minus infinity for a number of either sign, None for a path without a unit; `path`
+    is as in `unit_of`.
+    """
+    for key in reversed(path.split(".")):
+        if key in _units():
+            return _lowest()[key]
+    return None
+
+
 def unit_of(path: str) -> Unit | None:
     """The unit of a number of a scene; None for a path without a unit.
 
