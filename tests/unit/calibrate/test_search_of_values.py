@@ -129,7 +129,6 @@ def test_the_gradient_tells_how_far_the_minimum_is():
     [
         "12-start-stiffer-than-the-scene",
         "12-several-starts",
-        "15-lbfgs-stops-at-twice-the-stiffness",
         "16-scene-with-a-step",
     ],
 )
