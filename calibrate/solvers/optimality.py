@@ -74,10 +74,11 @@ def examine(
         length, decrease = _step_by_products(objective, z)
         step = _Step(float(length), decrease=float(decrease))
     loss = 0.5 * float((residual**2).sum())
-    sd = math.sqrt(2 * loss / max(len(residual) - len(z), 1))
+    sd = None
     if problem.time_norm == 2 and problem.known_sd is not None:
         # Where the model does not meet the data, errors are wider than by noise.
-        sd = max(sd, problem.known_sd)
+        spread = math.sqrt(2 * loss / max(len(residual) - len(z), 1))
+        sd = max(spread, problem.known_sd)
     is_at_minimum = _is_minimum(
         step,
         loss=loss,
@@ -159,16 +160,16 @@ def _step_by_products(
 
 
 def _is_minimum(
-    step: _Step, loss: float, sd: float, tolerance: float, resolution: float
+    step: _Step, loss: float, sd: float | None, tolerance: float, resolution: float
 ) -> bool:
     """True if a step is worth nothing.
 
     It promises a relative decrease of the loss of at most `tolerance`, within a tenth
-    of a standard error where a residual has the standard deviation `sd`; or it changes
-    no coordinate by more than their rounding, the `resolution`.
+    of a standard error where residuals have noise of the standard deviation `sd`; or it
+    changes no coordinate by more than their rounding, the `resolution`.
     """
-    distance = np.sqrt(2 * step.decrease) / sd if sd > 0 else np.inf
-    is_small = step.decrease <= tolerance * loss and distance <= _MAX_DISTANCE
+    is_near = sd is None or math.sqrt(2 * step.decrease) <= _MAX_DISTANCE * sd
+    is_small = step.decrease <= tolerance * loss and is_near
     return bool(is_small or step.length <= resolution)
 
 

@@ -142,23 +142,20 @@ def _bound(
         return _from_uniform_start(scene, bind(scene))
 
     options = (end, duration, prune)
-    trace = partial(trace_scene, scene, numbers, bind=bind_numbers, by=options)
     try:
-        traced = trace()
+        traced = trace_scene(scene, numbers, bind=bind_numbers, by=options)
     except RuntimeError:
         # As of JAX's caches after an interrupt: they say nothing about the scene.
         raise
-    except Exception:
+    except Exception as error:
         # Errors that do not come from tracing are raised again, with numbers in their
         # texts.
         compiled = bind(scene)
-        try:
-            # Libraries may raise another error in place of a user's interrupt.
-            traced = trace()
-        except Exception:
-            # Classes of a user may read their numbers, as to choose a law by them.
+        # Classes of a user may read their numbers, as to choose a law by them. Any
+        # other error may be one that a library raised in place of an interrupt.
+        if isinstance(error, jax.errors.JAXTypeError):
             mark_untraceable(numbers, by=options)
-            return compiled
+        return compiled
     return bind(scene) if traced is None else traced(numbers.values)
 
 
