@@ -9,7 +9,7 @@ function's own integral and first moment in it,
     q(t) = m_0 / h + 12 m_1 (t - t_c) / h^3,    m_k = integral of (t - t_c)^k f dt,
 
 so that steps that end at the pieces' ends bring the energy of the function whatever
-their length; the energy that the lines move within a piece is at most `_SHAPE` of what
+their length; the energy that the lines move within a piece is at most `SHAPE` of what
 passes in it. The first pieces have random lengths, about 1/8192 of the run: what is
 shorter than an eighth of one may pass unseen.
 
@@ -48,7 +48,7 @@ _MAX_PIECES = 2**16
 _MAX_HALVINGS = 45
 """Number of halvings that float64 can tell apart in a run."""
 
-_SHAPE = 1e-3
+SHAPE = 1e-3
 """Integral that a line may move within a piece, over what varies in the piece [-]."""
 
 _SMALL = 1e-6
@@ -75,6 +75,8 @@ class Tabulated(NamedTuple):
     """Integral that the lines move within their pieces."""
     varying: float
     """Integral of |f - its median|."""
+    shape: float
+    """Integral that a line may move within a piece, over what varies in it [-]."""
     spacing: float
     """Typical distance of the times at which the function was evaluated first [s]."""
 
@@ -86,7 +88,7 @@ class Tabulated(NamedTuple):
     @property
     def is_shaped(self) -> bool:
         """True if there are enough knots for its shape between them."""
-        return self.shifted <= 2 * _SHAPE * self.varying
+        return self.shifted <= 2 * self.shape * self.varying
 
 
 class _Pieces(NamedTuple):
@@ -152,6 +154,7 @@ def tabulated(
     end: float,
     cuts: tuple[float, ...],
     ends_steps: bool,
+    shape: float = SHAPE,
 ) -> Tabulated | None:
     """Integrate a function of time from 0 to `end` [s] in float64.
 
@@ -160,6 +163,7 @@ def tabulated(
         end: end of the run [s].
         cuts: times at which pieces must end, as those that are saved [s].
         ends_steps: True if steps will end at the ends of the pieces.
+        shape: integral that a line may move within a piece, over what varies in it [-].
 
     Returns:
         Its lines; None for a function that has other results than one finite number
@@ -187,17 +191,21 @@ def tabulated(
         scale = float(np.abs(samples).max())
         pieces = _pieces(edges[:-1], edges[1:], samples - base)
         pieces, unresolved = _halved(
-            pieces, lambda times: values(times) - base, rounding=_ROUNDING * scale
+            pieces,
+            lambda times: values(times) - base,
+            rounding=_ROUNDING * scale,
+            shape=shape,
         )
     if not np.isfinite(pieces.integral).all():
         return None
     varying = float(pieces.magnitude.sum())
-    lines = _few(pieces, cuts=np.asarray(cuts, float), varying=varying)
+    lines = _few(pieces, cuts=np.asarray(cuts, float), varying=varying, shape=shape)
     return Tabulated(
         value=_as_lines(lines, base, ends_steps),
         unresolved=unresolved,
         shifted=float(lines.residual.sum()),
         varying=varying,
+        shape=shape,
         spacing=end / (_FIRST_PIECES * len(_POINTS)),
     )
 
@@ -241,7 +249,9 @@ def _pieces(begin, end, samples: Float[np.ndarray, " n"]) -> _Pieces:
     )
 
 
-def _halved(pieces: _Pieces, values, rounding: float) -> tuple[_Pieces, float]:
+def _halved(
+    pieces: _Pieces, values, rounding: float, shape: float
+) -> tuple[_Pieces, float]:
     """Halve pieces until their integrals stay; also estimate what remains unseen."""
     resolved: _Pieces | None = None
     unresolved = 0.0
@@ -258,7 +268,7 @@ def _halved(pieces: _Pieces, values, rounding: float) -> tuple[_Pieces, float]:
         limit = np.maximum(_RESOLVED * varying, rounding * pieces.length)
         is_resolved = change <= limit
         # Lines must describe its shape too.
-        moved = np.maximum(_SHAPE * both.magnitude, _SMALL * varying)
+        moved = np.maximum(shape * both.magnitude, _SMALL * varying)
         is_resolved &= both.residual <= np.maximum(moved, rounding * pieces.length)
         count = 0 if resolved is None else len(resolved.begin)
         is_last = halving == _MAX_HALVINGS - 1
@@ -274,9 +284,10 @@ def _halved(pieces: _Pieces, values, rounding: float) -> tuple[_Pieces, float]:
     return resolved, unresolved
 
 
-def _few(pieces: _Pieces, cuts: Float[np.ndarray, " _"], varying: float) -> _Pieces:
+def _few(
+    pieces: _Pieces, cuts: Float[np.ndarray, " _"], varying: float, shape: float
+) -> _Pieces:
     """Join neighbours that one line describes."""
-    shape = _SHAPE
     while True:
         joined = _joined_pieces(pieces, cuts, shape=shape, small=_SMALL * varying)
         if len(joined.begin) < _MAX_KNOTS:

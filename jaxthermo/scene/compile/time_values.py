@@ -15,8 +15,8 @@ from equinox import Module
 from jaxtyping import Array, Float
 
 from ...arrays import Time, is_traced
-from ...physics.tabulated import tabulated
-from ...physics.term import AbstractTerm
+from ...physics.tabulated import SHAPE, tabulated
+from ...physics.term import AbstractSurfaceTerm, AbstractTerm
 from ...physics.time_varying import Table, Until
 from ...physics.windows import AbstractVarying, FunctionOfTime
 from ..scene import Scene, mechanism_names
@@ -97,7 +97,13 @@ def with_time_values(
     forms = []
     for number, term in enumerate(scene.terms):
         changed = {
-            name: form_of(value, end=end, save_times=save_times, traced=traced)
+            name: form_of(
+                value,
+                end=end,
+                save_times=save_times,
+                traced=traced,
+                shape=_shape_of(term),
+            )
             for name, value in _varying_fields(term).items()
         }
         forms += [(number, name, form) for name, form in changed.items()]
@@ -105,6 +111,12 @@ def with_time_values(
     if not forms:
         return TimeValues(scene, ())
     return TimeValues(replace(scene, terms=tuple(terms)), tuple(forms))
+
+
+def _shape_of(term: AbstractTerm) -> float:
+    """Integral that a line may move of a term's functions, as `SHAPE` [-]."""
+    is_shown = isinstance(term, AbstractSurfaceTerm) and term.is_dirichlet
+    return _SHAPE_SHOWN if is_shown else SHAPE
 
 
 class _Closed(Module):
@@ -171,18 +183,25 @@ def _with_fields(term: AbstractTerm, forms: dict[str, TimeForm]) -> AbstractTerm
 
 
 def form_of(
-    value: Any, end: float, save_times: tuple[float, ...] | None, traced: bool
+    value: Any,
+    end: float,
+    save_times: tuple[float, ...] | None,
+    traced: bool,
+    shape: float = SHAPE,
 ) -> TimeForm:
     """Return a function of time in the form that steps use.
 
     Arguments are as in `with_time_values`; `traced` is True where steps are taken in
-    loops of fixed length, which do not end at the kinks of a function.
+    loops of fixed length, which do not end at the kinks of a function; `shape` is the
+    integral that a line may move within a piece, over what varies in it [-].
     """
     if isinstance(value, Until):
         if not callable(value.value):
             return TimeForm(value)
         stop = min(value.end, end)
-        form = form_of(value.value, end=stop, save_times=save_times, traced=traced)
+        form = form_of(
+            value.value, end=stop, save_times=save_times, traced=traced, shape=shape
+        )
         return form._replace(value=Until(form.value, value.end))
     if isinstance(value, Table):
         if len(value.times) == 1:
@@ -194,7 +213,9 @@ def form_of(
         return TimeForm(FunctionOfTime(value))
     lines = None
     if not is_traced(value):
-        lines = tabulated(value, end=end, cuts=save_times, ends_steps=not traced)
+        lines = tabulated(
+            value, end=end, cuts=save_times, ends_steps=not traced, shape=shape
+        )
     if lines is None:
         return TimeForm(FunctionOfTime(value), note=_EVALUATED)
     if lines.is_resolved:
@@ -223,6 +244,9 @@ def _unresolved(field: str, integral: MissedIntegral, on: list[Part]) -> str:
         f"{missed * joule:.2g} J", f"{varying * joule:.2g} J vary"
     )
 
+
+_SHAPE_SHOWN = 1e-4
+"""Integral that a line may move of a temperature that surfaces show, as `SHAPE` [-]."""
 
 _EVALUATED = (
     "is evaluated at four points of each step: what is shorter than a step may be "
