@@ -80,7 +80,7 @@ def shared_covariance(
 def _gain_change(problem: Problem) -> Float[np.ndarray, " r"]:
     """Change of the data's residuals for a relative change of all radiances."""
     changes = []
-    for case in problem.cases:
+    for case, weight in zip(problem.cases, problem.case_weights, strict=True):
         target = case.target
         assert isinstance(target, FrameTarget)
         per_time = []
@@ -90,8 +90,8 @@ def _gain_change(problem: Problem) -> Float[np.ndarray, " r"]:
                 value = _kelvin_per_radiance(value, target.frame_quantity.band)
             per_time.append(np.asarray(value, float))
         change = np.concatenate(per_time, axis=1).reshape(-1)
-        changes.append(change / (target.noise * np.sqrt(target.pixel_count)))
-    return np.concatenate(changes) / np.sqrt(len(problem.cases))
+        changes.append(weight * change / (target.noise * np.sqrt(target.pixel_count)))
+    return np.concatenate(changes)
 
 
 def _kelvin_per_radiance(

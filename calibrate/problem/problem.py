@@ -121,12 +121,28 @@ class Problem:
     @property
     def known_sd(self) -> float | None:
         """Standard deviation of a residual due to noise; None if it is not known."""
+        information = self._information
+        return None if information is None else 1 / math.sqrt(sum(information))
+
+    @property
+    def case_weights(self) -> tuple[float, ...]:
+        """Factors of the residuals of each case, whose squares sum to 1 [-].
+
+        Equal ones, so that priors weigh the same for any number of cases; where noise
+        is known, those that make it alike in all residuals.
+        """
+        information = self._information or (1.0,) * len(self.cases)
+        return tuple(math.sqrt(part / sum(information)) for part in information)
+
+    @property
+    def _information(self) -> tuple[float, ...] | None:
+        """Inverse variance of a residual of each case; None without known noise."""
+        deviations = [case.target.known_sd for case in self.cases]
+        known = [1 / sd**2 for sd in deviations if sd is not None]
         # Percent of a reference and noise of a pixel have no common scale.
-        deviations = {case.target.known_sd for case in self.cases}
-        if len(deviations) > 1:
+        if 0 < len(known) < len(deviations):
             raise InputError("cases: fit to references or to frames, not to both")
-        sd = deviations.pop()
-        return None if sd is None else sd / math.sqrt(len(self.cases))
+        return tuple(known) if known else None
 
     @property
     def edges(self) -> tuple[int, ...]:
@@ -190,12 +206,14 @@ class Problem:
         steps = []
         errors = []
         finite = jnp.asarray(True)
+        weights = self.case_weights
         for n, (case, table) in enumerate(zip(self.cases, step_tables, strict=True)):
             scene = self.parameters.insert(case.scene, z)
             solution = case.run(scene, table)
             values = self.parameters.frame_values(z, views[n] if views else ())
             residual = case.target.residual(scene, solution, values)
-            rows.append(_emphasize_times(residual, self.time_norm).reshape(-1))
+            weighted = weights[n] * _emphasize_times(residual, self.time_norm)
+            rows.append(weighted.reshape(-1))
             errors.append(jnp.sqrt(len(residual) * (residual * residual).sum(axis=1)))
             solver = case.run.steps_solver
             longest = solver.longest_stable_step(solution.stable_step)
@@ -203,8 +221,7 @@ class Problem:
             # A run of longer steps may end in finite temperatures that are wrong.
             finite = finite & solution.finite & is_stable(table, longest)
         z = jnp.asarray(z)
-        # The mean over the cases, so that priors weigh the same for any number.
-        data = 1 / math.sqrt(len(self.cases)) * jnp.concatenate(rows)
+        data = jnp.concatenate(rows)
         prior = self.parameters.prior_residual(z, "prior")
         # Priors count in the noise's standard deviations, as the data do.
         unit = 1.0 if self.known_sd is None else self.known_sd

@@ -39,19 +39,19 @@ COUNT = 2
 """Number of fitted values."""
 
 
-def _problem(quantity="temperature", kelvin=320.0):
+def _problem(quantity="temperature", kelvin=320.0, times=TIMES):
     scene = seen_block(temperature=350.0, surroundings=220.0)
     view = compute_view(
         compile_scene(scene, 1, 1.0).surfaces,
         scene.terms,
         camera_of_block(WIDTH, WIDTH),
     )
-    frames = np.full((len(TIMES), WIDTH, WIDTH), kelvin)
+    frames = np.full((len(times), WIDTH, WIDTH), kelvin)
     case = Case(
         name="seen",
         scene=scene,
-        run=ParametricRun(TIMES, jt.ForwardEuler(dt=2.0)),
-        target=target_of(view, frames, TIMES, quantity),
+        run=ParametricRun(times, jt.ForwardEuler(dt=2.0)),
+        target=target_of(view, frames, times, quantity),
     )
     names = ("material.conductivity", "material.density")
     fitted = tuple(Parameter(name, (1.0,), 1e-3, 1e3) for name in names)
@@ -83,6 +83,19 @@ def _found(problem, slopes, errors):
     sd = problem.known_sd
     left = sd * _left(errors, slopes)
     return find_misfit(problem, rows=sd * slopes, residual=left), left
+
+
+def test_noise_is_alike_in_cases_of_different_numbers_of_pixels(problem):
+    fewer = _problem(times=TIMES[:1])
+    both = Problem(problem.parameters, (*problem.cases, *fewer.cases))
+    weights = both.case_weights
+    assert sum(weight**2 for weight in weights) == pytest.approx(1.0)
+    # Twice and once as many pixels.
+    assert weights[0] == pytest.approx(np.sqrt(2) * weights[1])
+    for weight, case in zip(weights, both.cases, strict=True):
+        sd = case.target.known_sd
+        assert sd is not None
+        assert weight * sd == pytest.approx(both.known_sd)
 
 
 def test_noise_is_one_in_all_means_and_hardly_ever_differs(problem, slopes):
