@@ -126,7 +126,7 @@ def _first_objective(fitting: Fitting, starts: Float[Array, "n p"]) -> Objective
 
 def _usable_starts(
     fitting: Fitting, points: Float[np.ndarray, "n p"], log: Callable[[str], None]
-) -> Float[Array, "n p"]:
+) -> Float[Array, "m p"]:
     """Starts whose residuals are finite, in runs of a bearable length."""
     count = len(points)
     starts = jnp.asarray(points, fitting.problem.dtype)

@@ -17,6 +17,7 @@ from calibrate.problem.time_steps import STEP_MARGIN, TimeSteps, is_beyond, is_s
 from calibrate.run import fit_config
 from calibrate.solvers.fit import Fitting
 from calibrate.solvers.optimality import _gauss_newton_step, _is_minimum
+from calibrate.solvers.starts import best_start
 from jaxthermo.config.schema.scene import lowest_of
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from tests.calibrating import SAVES, scene, twin
@@ -170,3 +171,19 @@ def test_a_search_at_a_wall_says_so(monkeypatch):
     problem = twin(truth={"weights.within": 6.0, "weights.between": 1.0})
     fit = Fitting(problem, FitConfig(tolerance=1e-6, max_steps=40)).run()
     assert fit.ended == "at the limit of its steps"
+
+
+@pytest.mark.slow
+def test_a_start_that_is_far_too_stiff_is_left_out_with_a_line(monkeypatch):
+    """Here it is one that is 1.5 times as stiff as the others."""
+    monkeypatch.setattr("calibrate.solvers.starts.MAX_STIFFENING", 1.5)
+    problem = twin(truth={"weights.within": 2.0, "weights.between": 1.5})
+    fitting = Fitting(problem, FitConfig(tolerance=1e-6, max_steps=40))
+    close = np.zeros((3, problem.parameters.size))
+    close[1:] += [[0.1], [-0.1]]
+    stiff = np.full((1, problem.parameters.size), 20.0)
+    lines = []
+    best = best_start(fitting, np.concatenate([close, stiff]), log=lines.append)
+    assert [line.partition(":")[0] for line in lines] == ["start 4 of 4 is left out"]
+    alone = best_start(fitting, close)
+    np.testing.assert_allclose(best, alone, atol=1e-3)
