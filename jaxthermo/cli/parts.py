@@ -10,9 +10,10 @@ import numpy as np
 from ..config.types.quantities import LENGTH, to_si
 from ..console.terminal import open_console, print_line
 from ..errors import located
-from ..geometry.load import stated_unit
+from ..geometry.files.read import read_contents, read_mesh
+from ..geometry.load import file_scale
 from ..geometry.mesh import Mesh
-from ..geometry.parts import load_parts
+from ..geometry.parts import separate_parts
 from ..report.numbers import count
 from ..report.table import Table
 
@@ -52,18 +53,21 @@ def parts(
     if height is not None:
         with located("--height"):
             target = to_si(height, LENGTH)
+    file_path = path.expanduser()
+    file_mesh = read_mesh(file_path, read_contents(file_path))
     metres: float | str | None = unit
     is_stated = False
     if unit is None and height is None:
-        metres = stated_unit(path)
+        metres = file_mesh.metres_per_unit
         is_stated = metres is not None
     has_metres = metres is not None or target is not None
-    meshes = load_parts(
-        path,
+    scale = file_scale(
+        file_path,
         unit=metres if has_metres else 1.0,
         height=target,
         up=up,
     )
+    meshes = separate_parts(file_path, file_mesh, scale)
     sizes = _FileSizes(
         file=str(path),
         unit="m" if has_metres else "file unit",

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from ..errors import InputError, positive_length
 from ..memo.stored import stored
-from .files.file_mesh import FileContents, FileMesh
+from .files.file_mesh import FileMesh
 from .files.read import read_contents, read_mesh
 from .mesh import Mesh
 from .repair import MAX_HOLE_EDGES, repair_mesh
@@ -47,7 +47,8 @@ def load_mesh(
     contents = read_contents(path)
 
     def build() -> Mesh:
-        placed = placed_mesh(path, contents=contents, scale=scale)
+        file_mesh = read_mesh(path, contents)
+        placed = placed_mesh(path, file_mesh, scale)
         mesh = Mesh(placed.vertices, placed.faces, name=path.stem, axes=scale.axes)
         return repair_mesh(mesh, max_hole_edges=max_hole_edges) if repair else mesh
 
@@ -64,15 +65,6 @@ def load_mesh(
         compute=build,
         types=(Mesh,),
     )
-
-
-def stated_unit(path: Path) -> float | None:
-    """Length of a unit that a mesh file or its format states [m]; None for most.
-
-    Raises:
-        InputError: as `load_mesh`.
-    """
-    return read_mesh(path, read_contents(path)).metres_per_unit
 
 
 class FileScale(NamedTuple):
@@ -109,13 +101,12 @@ def file_scale(
     )
 
 
-def placed_mesh(path: Path, contents: FileContents, scale: FileScale) -> FileMesh:
-    """Read a file's mesh, in metres and z up.
+def placed_mesh(path: Path, mesh: FileMesh, scale: FileScale) -> FileMesh:
+    """The mesh of a file, in metres and z up.
 
     Raises:
-        InputError: naming the file, the mistake and a remedy.
+        InputError: for a flat mesh that the height would scale.
     """
-    mesh = read_mesh(path, contents)
     vertices = mesh.vertices @ _axes_rotation(scale.axes).T
     metres = scale.unit
     if metres is None:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from .files.file_mesh import unique_labels
-from .files.read import read_contents
-from .load import file_scale, placed_mesh
+from .files.file_mesh import FileMesh, unique_labels
+from .files.read import read_contents, read_mesh
+from .load import FileScale, file_scale, placed_mesh
 from .mesh import Mesh
 from .repair import repair_mesh
 
@@ -40,7 +40,16 @@ def load_parts(
     """
     path = Path(path).expanduser()
     scale = file_scale(path, unit=unit, height=height, up=up)
-    placed = placed_mesh(path, contents=read_contents(path), scale=scale)
+    return separate_parts(path, read_mesh(path, read_contents(path)), scale)
+
+
+def separate_parts(path: Path, mesh: FileMesh, scale: FileScale) -> dict[str, Mesh]:
+    """The parts of the mesh of a file, as `load_parts` returns them.
+
+    Raises:
+        InputError: for a flat mesh that the height would scale.
+    """
+    placed = placed_mesh(path, mesh, scale)
     counts = np.bincount(placed.part, minlength=len(placed.names))
     by_part = placed.faces[np.argsort(placed.part, kind="stable")]
     faces_of_parts = np.split(by_part, np.cumsum(counts)[:-1])
@@ -50,14 +59,14 @@ def load_parts(
             continue
         # Its own vertices alone: repairing all of them takes as long as all parts.
         used, renumbered = np.unique(faces, return_inverse=True)
-        mesh = Mesh(
+        patch = Mesh(
             vertices=placed.vertices[used],
             faces=renumbered.reshape(faces.shape),
             name=label,
             axes=scale.axes,
         )
         # Welded, so that a closed part is watertight.
-        meshes[label] = repair_mesh(mesh, max_hole_edges=0)
+        meshes[label] = repair_mesh(patch, max_hole_edges=0)
     return meshes
 
 

@@ -14,7 +14,8 @@ import jaxthermo as jt
 from jaxthermo.errors import InputError
 from jaxthermo.geometry import shapes
 from jaxthermo.geometry.files import file_mesh
-from jaxthermo.geometry.load import load_mesh, stated_unit
+from jaxthermo.geometry.files.read import read_contents, read_mesh
+from jaxthermo.geometry.load import load_mesh
 from tests.mesh_files import GIVEN, box_gltf, exported, polygon_file
 
 
@@ -184,7 +185,7 @@ def test_3mf(tmp_path, unit, metres):
         for name in plain.namelist():
             text = plain.read(name).decode()
             changed.writestr(name, re.sub('unit="[a-z]+"', stated, text))
-    assert stated_unit(path) == metres
+    assert read_mesh(path, read_contents(path)).metres_per_unit == metres
     meshes = jt.load_parts(path, unit="mm")
     assert sorted(name.split("/")[1] for name in meshes) == ["left", "right"]
     whole = load_mesh(path, unit="mm")
@@ -220,7 +221,8 @@ def test_dae(tmp_path):
     assert mesh.volume == pytest.approx(12.0)
     assert np.ptp(mesh.bounds, axis=0) == pytest.approx([2.0, 2.0, 3.0])
     assert list(jt.load_parts(tmp_path / "a.dae", unit="m")) == ["outer/case/-"]
-    assert stated_unit(tmp_path / "a.dae") == pytest.approx(0.0254)
+    in_inches = read_mesh(tmp_path / "a.dae", read_contents(tmp_path / "a.dae"))
+    assert in_inches.metres_per_unit == pytest.approx(0.0254)
 
 
 @pytest.mark.parametrize(
