@@ -36,6 +36,23 @@ _MAX_DEVIATION = 0.01
 quantization may cause [-]."""
 
 
+class _Arrays(NamedTuple):
+    """Decoded arrays of a primitive."""
+
+    attributes: dict[str, np.ndarray]
+    indices: Int[np.ndarray, " n"]
+
+
+class _Primitive(NamedTuple):
+    """Triangles of a mesh that are of one material."""
+
+    content: Any
+    """Its object in the JSON."""
+    arrays: _Arrays
+    faces: Int[np.ndarray, "f 3"]
+    material: str
+
+
 class _Node(NamedTuple):
     """A node with its place in the scene."""
 
@@ -53,24 +70,26 @@ def read_gltf(contents: FileContents) -> FileMesh:
     data = gltf_data(contents.data, contents.files)
     nodes = list(_nodes(data))
     matrices = {node.number: node.matrix for node in nodes}
+    # Decoded once: assemblies have a mesh, such as a screw, in many nodes.
+    primitives: dict[int, list[_Primitive]] = {}
     parts = []
     for node in nodes:
         content = data.item("nodes", node.number)
         if "mesh" not in content:
             continue
-        mesh = data.item("meshes", content["mesh"])
+        mesh_number = content["mesh"]
+        mesh = data.item("meshes", mesh_number)
+        if mesh_number not in primitives:
+            primitives[mesh_number] = _primitives(data, mesh)
         placements = [node.matrix @ instance for instance in _instances(data, content)]
-        for primitive in mesh["primitives"]:
-            mode = primitive.get("mode", _TRIANGLES)
-            if mode in _POINTS_AND_LINES:
-                continue
-            arrays = _arrays(data, primitive)
-            positions = _morphed(data, primitive, arrays, content, mesh)
-            faces = _triangles(arrays.indices, mode)
+        for primitive in primitives[mesh_number]:
+            arrays = primitive.arrays
+            faces = primitive.faces
+            positions = _morphed(data, primitive.content, arrays, content, mesh)
             name = PartName(
                 node=content.get("name") or f"node{node.number}",
-                mesh=mesh.get("name") or f"mesh{content['mesh']}",
-                material=_material_name(data, primitive),
+                mesh=mesh.get("name") or f"mesh{mesh_number}",
+                material=primitive.material,
             )
             if "skin" in content:
                 vertices = _skinned(data, arrays, positions, content["skin"], matrices)
@@ -81,6 +100,25 @@ def read_gltf(contents: FileContents) -> FileMesh:
                     placed_part(name, vertices=positions, faces=faces, matrix=matrix)
                 )
     return joined_parts(parts, metres_per_unit=1.0)
+
+
+def _primitives(data: GltfData, mesh: Any) -> list[_Primitive]:
+    """Primitives of a mesh but points and lines, which have no surface."""
+    primitives = []
+    for content in mesh["primitives"]:
+        mode = content.get("mode", _TRIANGLES)
+        if mode in _POINTS_AND_LINES:
+            continue
+        arrays = _arrays(data, content)
+        primitives.append(
+            _Primitive(
+                content=content,
+                arrays=arrays,
+                faces=_triangles(arrays.indices, mode),
+                material=_material_name(data, content),
+            )
+        )
+    return primitives
 
 
 def _nodes(data: GltfData) -> Iterator[_Node]:
@@ -159,13 +197,6 @@ def _instances(data: GltfData, node: Any) -> list[Float[np.ndarray, "4 4"]]:
         _placement(translation[n], rotation=rotation[n], scale=scale[n])
         for n in range(count)
     ]
-
-
-class _Arrays(NamedTuple):
-    """Decoded arrays of a primitive."""
-
-    attributes: dict[str, np.ndarray]
-    indices: Int[np.ndarray, " n"]
 
 
 def _arrays(data: GltfData, primitive: Any) -> _Arrays:

@@ -4,6 +4,7 @@ import base64
 import json
 import os
 from typing import Any
+from unittest.mock import Mock
 
 import DracoPy
 import numpy as np
@@ -220,6 +221,14 @@ def compressed():
 
 def test_draco(read, compressed):
     assert is_box(read(compressed), rel=1e-3)
+
+
+def test_a_mesh_of_many_nodes_is_decompressed_once(read, compressed, monkeypatch):
+    decode = Mock(wraps=DracoPy.decode)
+    monkeypatch.setattr(DracoPy, "decode", decode)
+    compressed.node(mesh=0, translation=[5.0, 0.0, 0.0])
+    assert read(compressed).volume == pytest.approx(12.0, rel=1e-3)
+    decode.assert_called_once()
 
 
 def test_draco_names_the_package_that_it_needs(read, compressed, monkeypatch):
