@@ -44,8 +44,6 @@ def read_contents(path: Path) -> FileContents:
     """
     if path.is_dir():
         raise InputError(f"{path}: this is a folder: name a mesh file in it")
-    if not path.exists():
-        raise InputError(f"{path}: there is no such file: check the path")
     if path.suffix.lower() not in FORMATS and path.is_file():
         raise InputError(
             f"{path}: files ending in {path.suffix or 'nothing'!r} are not read: "
