@@ -10,7 +10,7 @@ from jaxtyping import Float
 from ..archive import check_regular
 from ..errors import InputError
 from .epw import is_epw, read_epw
-from .quantities import OPTIONAL, QUANTITIES
+from .quantities import QUANTITIES
 from .rows import Row, check_increasing, fields_of
 from .weather import Column, Remark, Weather, with_directions
 
@@ -74,8 +74,10 @@ def _read_csv(
                 f"{len(names)}; correct the line"
             )
         rows.append(Row(number, fields))
-    at = names.index("time")
-    times = np.array([_moment(path, row.number, row.fields[at]) for row in rows])
+    time_column = names.index("time")
+    times = np.array(
+        [_moment(path, row.number, row.fields[time_column]) for row in rows]
+    )
     check_increasing(path, [row.number for row in rows], times)
     columns = {}
     for quantity in QUANTITIES:
@@ -101,8 +103,8 @@ def _read_csv(
 
 def _column_names(path: Path, head: str) -> list[str]:
     names = fields_of(head)
-    needed = ["time", *(quantity.csv for quantity in QUANTITIES)]
-    needed = [name for name in needed if name not in OPTIONAL]
+    needed = [quantity.csv for quantity in QUANTITIES if not quantity.is_optional]
+    needed.append("time")
     lacking = sorted(set(needed) - set(names))
     if lacking:
         raise InputError(

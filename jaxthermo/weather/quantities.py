@@ -27,6 +27,8 @@ class Quantity(NamedTuple):
     to_si: Callable[[np.ndarray], np.ndarray] = lambda values: values
     is_mean: bool = False
     """True if a row of an EPW file has the mean over the hour before."""
+    is_optional: bool = False
+    """True if a CSV file may leave out the column."""
 
     @property
     def limits(self) -> str:
@@ -64,6 +66,7 @@ CLOUD_COVER = Quantity(
     lowest=0.0,
     highest=10.0,
     to_si=_fraction,
+    is_optional=True,
 )
 TOTAL_COVER = CLOUD_COVER._replace(epw="total_sky_cover", position=22)
 """Clouds that the sky shows through count too."""
@@ -86,6 +89,7 @@ QUANTITIES = (
         lowest=-120.0,
         highest=70.0,
         to_si=_kelvin,
+        is_optional=True,
     ),
     Quantity(
         name="direct_normal",
@@ -114,6 +118,7 @@ QUANTITIES = (
         lowest=1.0,
         highest=1000.0,
         is_mean=True,
+        is_optional=True,
     ),
     Quantity(
         name="wind_speed",
@@ -134,5 +139,3 @@ QUANTITIES = (
     ),
     CLOUD_COVER,
 )
-OPTIONAL = ("dew_point_degC", "infrared_W_m2", "cloud_cover_tenths")
-"""Columns that a CSV file may leave out."""
