@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from ..archive import check_regular
 from ..errors import InputError
+from ..text_encoding import decoded_text
 from .epw import is_epw, read_epw
 from .quantities import QUANTITIES
 from .rows import Row, check_increasing, fields_of
@@ -51,12 +52,7 @@ def _text(path: Path) -> str:
         raise InputError(f"{path}: cannot be read: {reason}; {_REMEDY}") from error
     if b"\0" in content:
         raise InputError(f"{path}: not a text, or damaged; {_REMEDY}")
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        # Any bytes are Latin-1: names of towns are in it, numbers are the same.
-        text = content.decode("latin-1")
-    return text.replace("\r\n", "\n").replace("\r", "\n")
+    return decoded_text(content)
 
 
 def _read_csv(

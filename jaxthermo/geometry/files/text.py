@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
+from ...text_encoding import decoded_text
 from .file_mesh import FileFault
 
 
@@ -18,22 +19,14 @@ _MARKED_ENCODINGS = (
 
 def decoded(data: bytes) -> str:
     """Text without a byte order mark, whose lines end in a line feed."""
-    for mark, encoding in _MARKED_ENCODINGS:
-        if data.startswith(mark):
-            text = data.decode(encoding, "replace")
-            break
-    else:
-        try:
-            text = data.decode("utf-8")
-        except UnicodeDecodeError:  # as older programs write "solid Gehäuse"
-            text = data.decode("latin-1")
-    return text.replace("\r\n", "\n").replace("\r", "\n")
+    return decoded_text(without_mark(data))
 
 
 def without_mark(data: bytes) -> bytes:
     """Bytes without a byte order mark, in UTF-8 if they have one."""
-    if any(data.startswith(mark) for mark, _ in _MARKED_ENCODINGS):
-        return decoded(data).encode()
+    for mark, encoding in _MARKED_ENCODINGS:
+        if data.startswith(mark):
+            return data.decode(encoding, "replace").encode()
     return data
 
 

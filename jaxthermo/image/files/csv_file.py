@@ -13,9 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from ...text_encoding import decoded_text
+
 
 _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-
 
 _SEPARATORS = ";\t, "
 
@@ -65,11 +66,7 @@ def read_csv_numbers(path: Path) -> Float[np.ndarray, "h w"]:
 def _text(content: bytes) -> str:
     if content.startswith(_UTF_16):
         return content.decode("utf-16")
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        # Every byte is a character there: only those of headers are not ASCII.
-        return content.decode("latin-1")
+    return decoded_text(content)
 
 
 def _lines(text: str) -> list[_Line]:
