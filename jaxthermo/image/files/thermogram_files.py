@@ -196,20 +196,17 @@ def _is_in_kelvin(
     path: Path, numbers: Float[np.ndarray, "h w"], channels: tuple[str, ...]
 ) -> bool:
     """True for a file that states kelvin, with numbers that may be."""
+    finite = numbers[np.isfinite(numbers)]
+    # Programs may write degrees Celsius under the names of this package. The numbers
+    # come first: a file of many pages is not read again for each of them.
+    if not finite.size or Limits().exceeded(np.median(finite, keepdims=True)).any():
+        return False
     ending = path.suffix.lower()
     if ending == ".exr":
         stored, _ = read_exr(path)
-        states_kelvin = next(name for name in channels if name in stored).endswith("_K")
-    else:
-        statement = _STATEMENTS.get(ending)
-        states_kelvin = statement is not None and statement in path.read_bytes()
-    finite = numbers[np.isfinite(numbers)]
-    # Programs may write degrees Celsius under the names of this package.
-    return bool(
-        states_kelvin
-        and finite.size
-        and not Limits().exceeded(np.median(finite, keepdims=True)).any()
-    )
+        return next(name for name in channels if name in stored).endswith("_K")
+    statement = _STATEMENTS.get(ending)
+    return statement is not None and statement in path.read_bytes()
 
 
 def frame_count(path: str | Path) -> int:
