@@ -15,7 +15,7 @@ the order of OpenCV, k1, k2, p1, p2, k3.
 """
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,8 +23,6 @@ from jaxtyping import Float, Int
 
 from ...errors import InputError
 
-
-Matrix = tuple[tuple[float, ...], ...]
 
 _STRAIGHT = 1 / 256
 """Largest distance of a curved edge from the straight ones that stand for it
@@ -131,7 +129,7 @@ class Lens:
                 "the coefficients, in the order k1, k2, p1, p2, k3, and the size"
             )
 
-    @cached_property
+    @property
     def edges(self) -> Float[np.ndarray, "2 2"]:
         """Smallest and largest tangents of the edges of the image."""
         across = np.linspace(0, self.width, self.width + 1)
@@ -231,17 +229,17 @@ class Lens:
         """
         tangents = bent
         for _ in range(_NEWTON_STEPS):
-            at = self._bent(tangents)
-            x = at.x - bent[:, 0]
-            y = at.y - bent[:, 1]
-            step_x = (at.y_by_y * x - at.x_by_y * y) / at.determinant
-            step_y = (at.x_by_x * y - at.x_by_y * x) / at.determinant
+            trial = self._bent(tangents)
+            x = trial.x - bent[:, 0]
+            y = trial.y - bent[:, 1]
+            step_x = (trial.y_by_y * x - trial.x_by_y * y) / trial.determinant
+            step_y = (trial.x_by_x * y - trial.x_by_y * x) / trial.determinant
             step = np.stack([step_x, step_y], axis=1)
             tangents = tangents - step
             if np.abs(step).max() < _CONVERGED:
                 return tangents
-        is_found = np.all(np.abs(step) < _CONVERGED, axis=1)
-        return np.where(is_found[:, None], tangents, np.nan)
+        is_converged = np.all(np.abs(step) < _CONVERGED, axis=1)
+        return np.where(is_converged[:, None], tangents, np.nan)
 
 
 @lru_cache(maxsize=4)
