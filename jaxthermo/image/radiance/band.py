@@ -29,8 +29,8 @@ _C1 = 1.191042972397188e-16
 _C2 = 1.438776877503933e-2
 """2 h c^2 [W m^2 / sr] and h c / k [m K]."""
 
-MIN_TEMPERATURE = 50.0
-_MAX_TEMPERATURE = 10_000.0
+MIN_BRIGHTNESS_TEMPERATURE = 50.0
+_MAX_BRIGHTNESS_TEMPERATURE = 10_000.0
 """Range of brightness temperatures [K]."""
 
 # Points of Gauss in a band of two ends, and in each interval of a table.
@@ -172,7 +172,7 @@ class Band:
 LONG_WAVE = Band(BANDS["long-wave"])
 """Band of most uncooled cameras, that of images if none is given."""
 
-_RANGE = MIN_TEMPERATURE, _MAX_TEMPERATURE
+_RANGE = MIN_BRIGHTNESS_TEMPERATURE, _MAX_BRIGHTNESS_TEMPERATURE
 
 
 # The derivatives of Planck's law, and of its inverse, in closed form.

@@ -21,7 +21,13 @@ from ...errors import InputError
 from ...physics.time_varying import check_temperature
 from ...temperatures import ALLOW_EXTREME
 from .atmosphere import LONG_WAVE_AIR, AirConstants, half_path_transmissivity
-from .band import LONG_WAVE, MIN_TEMPERATURE, Band, apparent_temperature, black_radiance
+from .band import (
+    LONG_WAVE,
+    MIN_BRIGHTNESS_TEMPERATURE,
+    Band,
+    apparent_temperature,
+    black_radiance,
+)
 
 
 def _array(value: Any) -> Any:
@@ -164,7 +170,8 @@ def object_temperature(
             return apparent_temperature(radiance, band)
         return band.temperature(radiance)
 
-    least = 0.0 if band is None else float(band.radiance(MIN_TEMPERATURE))
+    coldest = MIN_BRIGHTNESS_TEMPERATURE
+    least = 0.0 if band is None else float(band.radiance(coldest))
     return _where_above(
         least,
         values=emitted,
