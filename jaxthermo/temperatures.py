@@ -119,7 +119,10 @@ class CheckedValues(NamedTuple):
 
 
 def pixel_mistake(
-    checked: CheckedValues, limits: Limits, unit: LinearUnit | None = None
+    checked: CheckedValues,
+    limits: Limits,
+    unit: LinearUnit | None = None,
+    option: str = "",
 ) -> str:
     """The message for pixels outside of the limits; empty if there are none.
 
@@ -127,6 +130,7 @@ def pixel_mistake(
         checked: values of pixels.
         limits: of the values.
         unit: that was taken for the numbers of a file, which may be the mistake.
+        option: that lifts the limits, to be named unless they are lifted.
     """
     values = checked.values
     wrong = limits.exceeded(values)
@@ -145,6 +149,8 @@ def pixel_mistake(
         remedy = "give the unit of the file" + (
             f", probably {likely}" if likely else ""
         )
+    if option and limits != temperature_limits(allow_extreme_temperatures=True):
+        remedy += f"; if they are meant, {option}"
     return (
         f"{count} of {finite.size} {checked.noun} are {' or '.join(ends)}: "
         f"{checked.listed(wrong)}: {remedy}"

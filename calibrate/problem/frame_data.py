@@ -1,6 +1,5 @@
 """Frames as data: their compared pixels, and checks of what can be compared."""
 
-import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -149,13 +148,11 @@ def _check_pixels(
             f"{where}: {int(bad.sum())} compared pixels are not finite: "
             f"{checked.listed(bad)}: mask them, or repair the frames"
         )
-    mistake = pixel_mistake(checked, limits.bounds, limits.unit)
+    mistake = pixel_mistake(
+        checked, limits.bounds, limits.unit, option=f"set `{ALLOW_EXTREME}: true`"
+    )
     if mistake:
-        is_lifted = math.isinf(limits.bounds.high)
-        option = (
-            "" if is_lifted else f"; if they are meant, set `{ALLOW_EXTREME}: true`"
-        )
-        raise InputError(f"{where}: {mistake}{option}")
+        raise InputError(f"{where}: {mistake}")
 
 
 def check_frames(

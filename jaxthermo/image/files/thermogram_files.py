@@ -106,10 +106,11 @@ def read_thermogram(
     if not np.isfinite(kelvin).any():
         raise InputError(f"{path}: no pixel has a temperature: give another file")
     limits = temperature_limits(allow_extreme_temperatures)
-    mistake = pixel_mistake(CheckedValues(kelvin), limits, linear_unit)
+    mistake = pixel_mistake(
+        CheckedValues(kelvin), limits, linear_unit, option=f"{ALLOW_EXTREME}=True"
+    )
     if mistake:
-        option = f"; if they are meant, {ALLOW_EXTREME}=True"
-        raise InputError(f"{path}: {mistake}{option if limits.low else ''}")
+        raise InputError(f"{path}: {mistake}")
     return kelvin
 
 
