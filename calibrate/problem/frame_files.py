@@ -25,7 +25,7 @@ from jaxthermo.image.radiance.thermography import measured_radiance, object_temp
 from jaxthermo.physics.radiation.emission import Surroundings
 from jaxthermo.physics.term import AbstractTerm
 from jaxthermo.scene.scene import SolvedSurface
-from jaxthermo.temperatures import temperature_limits
+from jaxthermo.temperatures import Limits
 
 from ..config.frame_names import REFLECTED
 from ..config.schema import FramesOfCase, MeasuredFrames
@@ -162,15 +162,14 @@ class _Reader:
             if path.suffix.lower() != ".exr":
                 raise InputError(f"{path}: radiance is read from EXR files alone")
             return read_channel(path, *channels)
-        if has_counts(path, settings.unit if isinstance(settings.unit, str) else ""):
+        unit = settings.linear_unit
+        if unit is None or has_counts(path, unit):
             return self._from_counts(path, page)
         if settings.camera_settings is not None:
             raise InputError(
                 f"{path}: holds temperatures, and `camera_settings` are for counts: "
                 "leave them out, or give `corrected_for`"
             )
-        unit = settings.linear_unit
-        assert unit is not None
         kelvin = read_temperatures(path, unit, channels, page)
         return self._uncorrected(kelvin)
 
@@ -182,16 +181,21 @@ class _Reader:
                 f"{path}: holds counts, which are never corrected: leave out "
                 "`corrected_for`, or give the temperatures that were exported"
             )
-        seen = read_counts(path, build(settings.flir), page)
+        thermogram = read_counts(path, build(settings.flir), page)
         if settings.camera_settings is not None:
-            seen = seen._replace(
+            thermogram = thermogram._replace(
                 **settings.camera_settings.model_dump(exclude_none=True)
             )
-        if seen.emissivity < 1:
-            reflection = seen.reflected_temperature
-            self.stated.append(StatedReflection(path, seen.emissivity, reflection))
+        if thermogram.emissivity < 1:
+            self.stated.append(
+                StatedReflection(
+                    path=path,
+                    emissivity=thermogram.emissivity,
+                    reflected_temperature=thermogram.reflected_temperature,
+                )
+            )
         with located(str(path)):
-            return seen.object_temperature(emissivity=1.0)
+            return thermogram.object_temperature(emissivity=1.0)
 
     def _uncorrected(
         self, kelvin: Float[np.ndarray, "h w"]
@@ -202,7 +206,7 @@ class _Reader:
             return kelvin
         band = self._frame_quantity.band
         # Others stay as they are, to be refused where they are compared.
-        valid = np.isfinite(kelvin) & ~temperature_limits(False).exceeded(kelvin)
+        valid = np.isfinite(kelvin) & ~Limits().exceeded(kelvin)
         radiance = measured_radiance(
             kelvin[valid],
             correction.emissivity,
@@ -210,10 +214,10 @@ class _Reader:
             band=band,
             allow_extreme_temperatures=True,
         )
-        shown = kelvin.copy()
+        apparent_temperature = kelvin.copy()
         if valid.any():
-            shown[valid] = object_temperature(radiance, band=band)
-        return shown
+            apparent_temperature[valid] = object_temperature(radiance, band=band)
+        return apparent_temperature
 
 
 def _read_mask(path: Path | None) -> Bool[np.ndarray, "_ _"] | None:
