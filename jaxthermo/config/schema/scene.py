@@ -332,8 +332,8 @@ def _lowest() -> dict[str, float]:
                 for bound in (getattr(limit, "ge", None), getattr(limit, "gt", None))
                 if isinstance(bound, int | float)
             ]
-            value = max(bounds, default=-math.inf)
-            lowest[key] = min(lowest.get(key, math.inf), value)
+            lowest_of_field = max(bounds, default=-math.inf)
+            lowest[key] = min(lowest.get(key, math.inf), lowest_of_field)
     return lowest
 
 
@@ -343,10 +343,8 @@ def lowest_of(path: str) -> float | None:
     Minus infinity for a number of either sign, None for a path without a unit; `path`
     is as in `unit_of`.
     """
-    for key in reversed(path.split(".")):
-        if key in _units():
-            return _lowest()[key]
-    return None
+    key = _last_key_with_unit(path)
+    return None if key is None else _lowest()[key]
 
 
 def unit_of(path: str) -> Unit | None:
@@ -356,8 +354,10 @@ def unit_of(path: str) -> Unit | None:
         path: dotted, such as "terms.0.irradiance" or "material.conductivity"; the last
             key with a unit counts.
     """
+    key = _last_key_with_unit(path)
+    return None if key is None else _units()[key]
+
+
+def _last_key_with_unit(path: str) -> str | None:
     units = _units()
-    for key in reversed(path.split(".")):
-        if key in units:
-            return units[key]
-    return None
+    return next((key for key in reversed(path.split(".")) if key in units), None)
