@@ -129,24 +129,23 @@ class PinholeConfig(_View, builds="Camera", kind="pinhole"):
         if mistakes:
             return mistakes
         # In this order: a lens is one of valid coefficients and a valid K.
-        checks = {
-            "distortion": lambda: checked_distortion(self.distortion),
-            "K": lambda: self.lens,
-            "world_to_camera": lambda: self.pose,
-        }
-        for key, check in checks.items():
+        checks = (
+            ("distortion", lambda: checked_distortion(self.distortion)),
+            ("K", lambda: self.lens),
+            ("world_to_camera", lambda: self.pose),
+            ("distortion", self._check_folds),
+        )
+        for key, check in checks:
             try:
                 check()
             except InputError as error:
                 return [((key,), str(error).partition(": ")[2])]
-        lens = self.lens
-        if lens is None or not lens.distortion:
-            return []
-        try:
-            check_lens(lens)
-        except InputError as error:
-            return [(("distortion",), str(error).partition(": ")[2])]
         return []
+
+    def _check_folds(self) -> None:
+        lens = self.lens
+        if lens is not None and lens.distortion:
+            check_lens(lens)
 
 
 class OrthographicConfig(_View, builds="OrthographicCamera", kind="orthographic"):
