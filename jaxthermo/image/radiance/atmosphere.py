@@ -4,12 +4,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from typing_extensions import override
 
+from ...arrays import array_namespace
 from ..surface.view import View
 from .band import Band, Values, apparent_temperature, black_radiance
 from .effect import AbstractPathEffect, check_range
@@ -160,11 +160,9 @@ class Atmosphere(AbstractPathEffect):
         if self.transmissivity is not None:
             air = black_radiance(air_temperature, band)
             return prepared * radiance + (1 - prepared) * air
-        on_device = isinstance(radiance, jax.Array) or not plain
-        exp = jnp.exp if on_device else np.exp
-        log = jnp.log if on_device else np.log
+        xp = array_namespace((radiance, air_temperature))
         b = self.constants.b
-        seen = 1 / (exp(b / apparent_temperature(radiance, band)) - 1)
-        air_signal = 1 / (exp(b / air_temperature) - 1)
-        signal = prepared * seen + (1 - prepared) * air_signal
-        return black_radiance(b / log(1 + 1 / signal), band)
+        surface_signal = 1 / (xp.exp(b / apparent_temperature(radiance, band)) - 1)
+        air_signal = 1 / (xp.exp(b / air_temperature) - 1)
+        signal = prepared * surface_signal + (1 - prepared) * air_signal
+        return black_radiance(b / xp.log(1 + 1 / signal), band)
