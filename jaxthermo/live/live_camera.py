@@ -35,8 +35,8 @@ class LiveCamera:
         shrink = min(1.0, _WIDTH / scene_camera.width, _HEIGHT / scene_camera.height)
         width = max(1, round(shrink * scene_camera.width))
         height = max(1, round(shrink * scene_camera.height))
-        whole = camera_on(scene_camera, surfaces)
-        self.camera = replace(whole, width=width, height=height)
+        full_size_camera = camera_on(scene_camera, surfaces)
+        self.camera = replace(full_size_camera, width=width, height=height)
         self._quantity = config.image.quantity
         self._dtype = config.dtype
         recorder = build_recorder(self.camera, config.image)

@@ -37,6 +37,10 @@ COUNTS = "counts"
 """Unit of raw counts, whose temperatures follow from the constants of a camera."""
 Unit = str | Mapping[str, float | int] | LinearUnit
 """Unit of the numbers in a file: a name, or `scale` and `offset` [K]."""
+_COUNTS_AND_CALIBRATION = (
+    "read_thermogram: counts and a calibration go together: give unit='counts' and "
+    "calibration=FlirCalibration(...), or neither"
+)
 # Channel of the EXR files of this package.
 _CHANNEL = "apparent_temperature_K"
 _RADIOMETRIC = (".jpg", ".jpeg")
@@ -90,16 +94,13 @@ def read_thermogram(
     """
     linear_unit = None
     if has_counts(path, unit):
-        seen = read_counts(path, calibration, page)
+        thermogram = read_counts(path, calibration, page)
         with located(str(path)):
-            kelvin = seen.object_temperature(
+            kelvin = thermogram.object_temperature(
                 emissivity=1.0, allow_extreme_temperatures=allow_extreme_temperatures
             )
     elif calibration is not None:
-        raise InputError(
-            "read_thermogram: counts and a calibration go together: give "
-            "unit='counts' and calibration=FlirCalibration(...), or neither"
-        )
+        raise InputError(_COUNTS_AND_CALIBRATION)
     else:
         linear_unit = unit_of(unit)
         kelvin = read_temperatures(path, linear_unit, (channel,), page)
@@ -159,13 +160,12 @@ def read_counts(
         InputError: as `read_thermogram`.
     """
     if Path(path).suffix.lower() in _RADIOMETRIC:
-        seen = read_flir(path)
-        return seen if calibration is None else seen._replace(calibration=calibration)
+        thermogram = read_flir(path)
+        if calibration is None:
+            return thermogram
+        return thermogram._replace(calibration=calibration)
     if calibration is None:
-        raise InputError(
-            "read_thermogram: counts and a calibration go together: give "
-            "unit='counts' and calibration=FlirCalibration(...), or neither"
-        )
+        raise InputError(_COUNTS_AND_CALIBRATION)
     return FlirThermogram(_numbers(Path(path), (_CHANNEL,), page), calibration)
 
 
