@@ -62,11 +62,13 @@ class Range(NamedTuple):
             highest=jnp.maximum(self.highest, values),
         )
 
-    def including_groups(self, ranges: "Range", group: Int[Array, " r"]) -> "Range":
-        """The range that contains the ranges of the group of each entry as well [K]."""
+    def including_groups(
+        self, values: Float[Array, " r"], group: Int[Array, " r"]
+    ) -> "Range":
+        """The range that contains the values of the group of each entry as well [K]."""
         count = len(self.lowest)
-        low = -_largest_of(-ranges.lowest, group, count)
-        high = _largest_of(ranges.highest, group, count)
+        low = -_largest_of(-values, group, count)
+        high = _largest_of(values, group, count)
         return Range(
             lowest=jnp.minimum(self.lowest, low),
             highest=jnp.maximum(self.highest, high),
@@ -154,7 +156,7 @@ class Gradient(Module):
         if not len(self.list_node):
             return reached
         further = taken(theta, self.list_neighbour)
-        return reached.including_groups(Range(further, further), self.list_node)
+        return reached.including_groups(further, self.list_node)
 
     def _with_list(self, slopes, theta, nodes):
         neighbour = taken(theta, self.list_neighbour)

@@ -91,8 +91,7 @@ class BodyProbes(Module):
         """
         node = taken(theta, self.address)
         reached = Range(node, node)
-        beside = taken(theta, self.neighbour)
-        reached = reached.including_groups(Range(beside, beside), self.row)
+        reached = reached.including_groups(taken(theta, self.neighbour), self.row)
         above = surface_node[self.fragment]
         is_near = self.at_surface > 0
         for ends in around:

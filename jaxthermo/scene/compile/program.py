@@ -298,9 +298,7 @@ class Program(Module):
             )
             if is_limited:
                 nodes, _ = body.below(theta)
-                around = Range(nodes, nodes).including_groups(
-                    Range(fragments, fragments), body.node
-                )
+                around = Range(nodes, nodes).including_groups(fragments, body.node)
                 above = probes.limited(above, theta, around, body.node)
             temperatures.append(body.reference + above)
         order = np.argsort(np.concatenate([probes.number for probes in self.probes]))
