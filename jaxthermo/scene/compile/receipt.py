@@ -275,7 +275,8 @@ def _filled_because(body: Body) -> str:
     grid = body.structure.grid
     if not grid.unscaled_because:
         return ""
-    edges = grid.mesh.open_edges
+    mesh = grid.mesh
+    edges = found((mesh,), "open_edges", lambda: mesh.open_edges)
     if edges:
         return (
             f"has an open mesh ({edges:,} open edges), whose walls have no thickness: "
@@ -284,9 +285,7 @@ def _filled_because(body: Body) -> str:
     # Parts of several materials lie in each other on purpose.
     if isinstance(body.material, AbstractMaterials):
         return ""
-    inner = found(
-        (grid.mesh,), "filled_inner_surfaces", lambda: filled_inner_surfaces(grid.mesh)
-    )
+    inner = found((mesh,), "filled_inner_surfaces", lambda: filled_inner_surfaces(mesh))
     if not inner:
         return ""
     surfaces = "a closed surface" if inner == 1 else f"{inner} closed surfaces"
