@@ -62,17 +62,16 @@ class FixedLoop(NamedTuple):
 
 def fixed_loops(table: StepTable, room: int) -> tuple[FixedLoop, ...]:
     """Loops over similar rows of a table, with room for `room` times as many steps."""
-    rows = [row[row > 0].tolist() for row in np.asarray(table.steps)]
-    starts = similar_rows(rows)
-    loops = []
-    for start, end in zip(starts, [*starts[1:], len(rows)], strict=True):
-        loop = FixedLoop(
-            rows=end - start,
-            columns=max(map(len, rows[start:end])),
-            length=room * max(max(row) for row in rows[start:end]),
+    steps = [row[row > 0].tolist() for row in np.asarray(table.steps)]
+    sequences = [steps[rows] for rows in similar_rows(steps)]
+    return tuple(
+        FixedLoop(
+            rows=len(sequence),
+            columns=max(map(len, sequence)),
+            length=room * max(map(max, sequence)),
         )
-        loops.append(loop)
-    return tuple(loops)
+        for sequence in sequences
+    )
 
 
 def have_room(loops: Sequence[FixedLoop], table: StepTable) -> bool:

@@ -153,16 +153,14 @@ def similar_intervals(
     A loop of fixed length is as long for every interval as for the longest one. Within
     a sequence these lengths are at most twice the steps in all.
     """
-    starts = similar_rows([[interval.steps for interval in group] for group in groups])
-    return [
-        groups[start:end]
-        for start, end in zip(starts, [*starts[1:], len(groups)], strict=True)
-    ]
+    steps = [[interval.steps for interval in group] for group in groups]
+    return [groups[rows] for rows in similar_rows(steps)]
 
 
-def similar_rows(rows: Sequence[Sequence[int]]) -> list[int]:
-    """First rows of sequences of rows of steps, as in `similar_intervals`."""
-    starts = [0]
+def similar_rows(rows: Sequence[Sequence[int]]) -> list[slice]:
+    """Divide rows of numbers of steps into sequences, as in `similar_intervals`."""
+    sequences = []
+    start = 0
     columns = 0
     longest = 0
     steps = 0
@@ -170,10 +168,10 @@ def similar_rows(rows: Sequence[Sequence[int]]) -> list[int]:
         columns = max(columns, len(row))
         longest = max(longest, *row)
         steps += sum(row)
-        start = starts[-1]
         if (number + 1 - start) * columns * longest > 2 * steps and number > start:
-            starts.append(number)
+            sequences.append(slice(start, number))
+            start = number
             columns = len(row)
             longest = max(row)
             steps = sum(row)
-    return starts
+    return [*sequences, slice(start, len(rows))]
