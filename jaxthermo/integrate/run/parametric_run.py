@@ -9,7 +9,7 @@ only, not in their steps.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import equinox as eqx
@@ -33,6 +33,7 @@ from .plan import (
     plan_run,
     step_table,
 )
+from .schedule import schedule
 from .simulate import first_loop, take_steps
 
 
@@ -109,13 +110,11 @@ class ParametricRun:
         longest = plan.solver.max_dt(
             math.inf, t1=self.save_times[-1], sampled=plan.compiled.program.sampled
         )
-        intervals = tuple(
-            replace(
-                interval, steps=math.ceil((interval.end - interval.start) / longest)
-            )
-            if math.isfinite(longest)
-            else replace(interval, steps=1)
-            for interval in plan.intervals
+        intervals = schedule(
+            self.save_times[-1],
+            self.save_times,
+            event_times=tuple(interval.end for interval in plan.intervals),
+            max_dt=longest,
         )
         return step_table(plan._replace(intervals=intervals))
 
