@@ -322,8 +322,8 @@ class Problem:
         """
         cases = []
         for case, table in zip(self.cases, step_tables, strict=True):
-            always_stable = math.isinf(case.run.steps_solver.longest_stable_step(1.0))
-            loops = fixed_loops(table, room=1 if always_stable else _REVERSE_ROOM)
+            room = 1 if case.run.is_always_stable else _REVERSE_ROOM
+            loops = fixed_loops(table, room)
             run = replace(case.run, reverse=ReverseMode(memory, loops))
             cases.append(replace(case, run=run))
         return replace(self, cases=tuple(cases))

@@ -94,6 +94,11 @@ class ParametricRun:
             return ForwardEuler()
         return self.solver
 
+    @property
+    def is_always_stable(self) -> bool:
+        """True if steps of any length are stable."""
+        return math.isinf(self.steps_solver.longest_stable_step(1.0))
+
     def step_table(self, scene: Scene) -> StepTable:
         """Schedule the steps for a scene whose numbers are known."""
         return step_table(self._known_plan(scene))
@@ -160,9 +165,8 @@ class ParametricRun:
         Infinite for a scheme that is stable for any step.
         """
         with precision(scene.dtype):
-            limit = jnp.asarray(math.inf, scene.dtype)
-            if math.isinf(self.steps_solver.longest_stable_step(1.0)):
-                return limit
+            if self.is_always_stable:
+                return jnp.asarray(math.inf, scene.dtype)
             stable_step = compile_scene(scene, 1, self.save_times[-1]).stable_step
             return jnp.asarray(self.steps_solver.longest_stable_step(stable_step))
 
