@@ -101,14 +101,14 @@ class ParametricRun:
 
     def step_table(self, scene: Scene) -> StepTable:
         """Schedule the steps for a scene whose numbers are known."""
-        return step_table(self._known_plan(scene))
+        return step_table(self._scheduled_plan(scene))
 
     def fewest_steps(self, scene: Scene) -> StepTable:
         """Schedule the same intervals in as few steps as the solver allows.
 
         Stability may require more, see `divided`.
         """
-        plan = self._known_plan(scene)
+        plan = self._scheduled_plan(scene)
         if not self.uses_stable_step:
             return step_table(plan)
         # A sampled function of time must not change unseen within a step.
@@ -123,7 +123,8 @@ class ParametricRun:
         )
         return step_table(plan._replace(intervals=intervals))
 
-    def _known_plan(self, scene: Scene) -> Plan:
+    def _scheduled_plan(self, scene: Scene) -> Plan:
+        """Plan with the steps of a scene whose numbers are known."""
         with precision(scene.dtype):
             plan = plan_run(
                 scene,
