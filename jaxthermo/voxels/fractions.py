@@ -97,29 +97,28 @@ def selected_area(
     selection: AbstractSelection | None, grids: Sequence[VoxelGrid]
 ) -> float:
     """Area of the bodies of a scene that is selected [m^2]; of all for None."""
+    if selection is None:
+        return float(sum(grid.fragment_area.sum() for grid in grids))
     area = 0.0
     for body, grid in enumerate(grids):
-        of_body = None if selection is None else selection.on_body(body)
-        if of_body is not None:
-            area += float((grid.fragment_area * area_fractions(of_body, grid)).sum())
-        elif selection is None:
-            area += float(grid.fragment_area.sum())
+        on_body = selection.on_body(body)
+        if on_body is not None:
+            area += float(area_fractions(on_body, grid) @ grid.fragment_area)
     return area
 
 
 def selected_volume(space: AbstractSpace | None, grids: Sequence[VoxelGrid]) -> float:
     """Volume of the bodies of a scene within a part of space [m^3]; all for None."""
+    if space is None:
+        return sum(grid.body_volume for grid in grids)
     volume = 0.0
     for body, grid in enumerate(grids):
-        of_body = None if space is None else space.on_body(body)
-        if space is None:
-            volume += grid.body_volume
-        elif of_body is not None:
+        in_body = space.on_body(body)
+        if in_body is not None:
             # Part of a space is a space.
-            assert isinstance(of_body, AbstractSpace)
-            weights = 1.0 if grid.solid_volumes is None else grid.solid_volumes
-            cells = float((volume_fractions(of_body, grid) * weights).sum())
-            volume += cells * grid.voxel_volume
+            assert isinstance(in_body, AbstractSpace)
+            voxel_volumes = grid.volume_at(np.argwhere(grid.solid))
+            volume += float(volume_fractions(in_body, grid) @ voxel_volumes)
     return volume
 
 
@@ -175,18 +174,18 @@ def _adjust_total(
     Pieces of surface beside edges, and where it curves, are not planes.
     """
     mesh = grid.mesh
-    selected_area = _selected_area(selection, mesh, grid.pitch / _FINEST)
+    exact = _selected_mesh_area(selection, mesh, grid.pitch / _FINEST)
     area = grid.fragment_area
     # Fragments of thin parts may be lost.
-    selected_area *= float(area.sum()) / mesh.area
-    missing = selected_area - float((area * fraction).sum())
+    exact *= float(area.sum()) / mesh.area
+    missing = exact - float((area * fraction).sum())
     divided = (fraction > 0) & (fraction < 1)
     room = np.where(divided, 1 - fraction if missing > 0 else fraction, 0)
     available = float((area * room).sum())
     fraction += room * np.clip(missing / available, -1, 1)
 
 
-def _selected_area(selection: AbstractSelection, mesh: Mesh, size: float) -> float:
+def _selected_mesh_area(selection: AbstractSelection, mesh: Mesh, size: float) -> float:
     """Area of a mesh that is selected, with pieces of a size at the border [m^2]."""
     triangles = mesh.triangles
     normal, _ = face_axes(mesh)
