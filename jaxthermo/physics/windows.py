@@ -160,10 +160,10 @@ class PiecewiseLinear(AbstractVarying):
         after = jnp.clip(past_end[1:], 0, width)
         slope = (last - first) / _column(jnp.where(width > 0, width, 1), first)
         # Also the constant pieces before and after all knots.
-        low = jnp.concatenate([first[:1], first + slope * _column(before, first)])
-        low = jnp.concatenate([low, last[-1:]])
-        high = jnp.concatenate([first[:1], last - slope * _column(after, first)])
-        high = jnp.concatenate([high, last[-1:]])
+        at_begin = first + slope * _column(before, first)
+        at_end = last - slope * _column(after, first)
+        low = jnp.concatenate([first[:1], at_begin, last[-1:]])
+        high = jnp.concatenate([first[:1], at_end, last[-1:]])
         lengths = [knots[:1], width - before - after, -past_end[-1:]]
         duration = _column(jnp.clip(jnp.concatenate(lengths), 0, dt), first)
         edges = jnp.clip(knots, 0, dt)
