@@ -22,7 +22,6 @@ from typing_extensions import override
 
 from ..arrays import Time, TimeVarying, namespace
 from ..voxels.fractions import selected_area
-from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection
 from .flux_law import (
     AbstractFluxLaw,
@@ -32,7 +31,7 @@ from .flux_law import (
     PerCellOrOne,
 )
 from .surface import Binding, Cover, Omitted, Surface
-from .term import AbstractSurfaceTerm, Scale
+from .term import AbstractSurfaceTerm, OperatingPoint, Scale
 from .time_varying import (
     Table,
     Until,
@@ -258,19 +257,12 @@ class HeatFlux(AbstractSurfaceTerm):
         return surface.bind(law, covers)
 
     @override
-    def scale(
-        self,
-        material: Any,
-        *,
-        kelvin: float,
-        end: float,
-        grids: tuple[VoxelGrid, ...],
-    ) -> Scale:
+    def scale(self, point: OperatingPoint) -> Scale:
         # Cooling counts like heating: what matters is the gradient that it makes.
-        strength = float(largest_size(self._strength, end))
+        strength = float(largest_size(self._strength, point.end))
         if self.heat_flux is not None:
             return Scale(heat_flux=strength)
-        return Scale(heat_flux=strength / selected_area(self.on, grids))
+        return Scale(heat_flux=strength / selected_area(self.on, point.grids))
 
 
 def _shares_of_all(covers: Sequence[Cover | Omitted]) -> list[Cover | Omitted]:
@@ -324,15 +316,8 @@ class Convection(AbstractSurfaceTerm):
         return toward(self.temperature, end)
 
     @override
-    def scale(
-        self,
-        material: Any,
-        *,
-        kelvin: float,
-        end: float,
-        grids: tuple[VoxelGrid, ...],
-    ) -> Scale:
-        h = float(largest(self.heat_transfer_coefficient, end))
+    def scale(self, point: OperatingPoint) -> Scale:
+        h = float(largest(self.heat_transfer_coefficient, point.end))
         return Scale(heat_transfer_coefficient=h)
 
 

@@ -11,10 +11,9 @@ from ..errors import InputError
 from ..structures.partition.assignment import volume_within
 from ..structures.structure import AbstractStructure
 from ..voxels.fractions import selected_volume, volume_fractions
-from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSpace
 from .surface import Omitted
-from .term import AbstractVolumeTerm, Scale
+from .term import AbstractVolumeTerm, OperatingPoint, Scale
 from .time_varying import check_one_of, is_zero, largest_size
 
 
@@ -103,16 +102,9 @@ class HeatSource(AbstractVolumeTerm):
         )
 
     @override
-    def scale(
-        self,
-        material: Any,
-        *,
-        kelvin: float,
-        end: float,
-        grids: tuple[VoxelGrid, ...],
-    ) -> Scale:
+    def scale(self, point: OperatingPoint) -> Scale:
         if self.heat_rate_density is not None:
-            size = float(largest_size(self.heat_rate_density, end))
+            size = float(largest_size(self.heat_rate_density, point.end))
             return Scale(heat_rate_density=size)
-        size = float(largest_size(self.heat_rate, end))
-        return Scale(heat_rate_density=size / selected_volume(self.within, grids))
+        size = float(largest_size(self.heat_rate, point.end))
+        return Scale(heat_rate_density=size / selected_volume(self.within, point.grids))

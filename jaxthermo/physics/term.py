@@ -52,6 +52,19 @@ class Scale(NamedTuple):
     """[W/(m^2 K)]"""
 
 
+class OperatingPoint(NamedTuple):
+    """Body and run for which the size of a term is estimated."""
+
+    material: Any
+    """Material of the body."""
+    kelvin: float
+    """Temperature of the body [K]."""
+    end: float
+    """End of the run [s]."""
+    grids: tuple[VoxelGrid, ...]
+    """Voxels of all bodies of the scene."""
+
+
 class AbstractTerm(Module):
     """A mechanism of heat transfer in a scene.
 
@@ -91,22 +104,8 @@ class AbstractTerm(Module):
         """
         return Forcing()
 
-    def scale(
-        self,
-        material: Any,
-        *,
-        kelvin: float,
-        end: float,
-        grids: tuple[VoxelGrid, ...],
-    ) -> Scale:
-        """Its size on a body, for dimensionless groups.
-
-        Args:
-            material: material of the body.
-            kelvin: temperature of the body [K].
-            end: end of the run [s].
-            grids: voxels of all bodies of the scene.
-        """
+    def scale(self, point: OperatingPoint) -> Scale:
+        """Its size on a body, for dimensionless groups."""
         return Scale()
 
     @property

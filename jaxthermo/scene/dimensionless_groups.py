@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ..physics.term import OperatingPoint
 from .scene import Body, Scene
 
 
@@ -40,11 +41,13 @@ def body_numbers(scene: Scene, body: Body, end: float) -> dict[str, float]:
     properties = material.at(kelvin)
     k = float(np.mean(np.asarray(properties.conductivity, float)))
     diffusivity = k / float(properties.volumetric_heat_capacity)
-    grids = tuple(body.structure.grid for body in scene.bodies)
-    scales = [
-        term.scale(material, kelvin=kelvin, end=end, grids=grids)
-        for term in scene.terms
-    ]
+    point = OperatingPoint(
+        material=material,
+        kelvin=kelvin,
+        end=end,
+        grids=tuple(body.structure.grid for body in scene.bodies),
+    )
+    scales = [term.scale(point) for term in scene.terms]
     flux = sum(
         (scale.heat_flux + scale.heat_rate_density * length for scale in scales), 0.0
     )

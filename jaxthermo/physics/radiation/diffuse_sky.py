@@ -7,17 +7,14 @@ with the absorptivity a, the view factors F and irradiances of horizontal surfac
 sun is not resolved.
 """
 
-from typing import Any
-
 import equinox as eqx
 from typing_extensions import override
 
 from ...arrays import TimeVarying
-from ...voxels.grid import VoxelGrid
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux
 from ..surface import Surface
-from ..term import Scale
+from ..term import OperatingPoint, Scale
 from ..time_varying import check_value, for_jit, is_zero, largest
 from .irradiation import AbstractRadiativeTerm, Irradiation
 from .visibility import check_directions, sky_view_of
@@ -70,15 +67,8 @@ class DiffuseSky(AbstractRadiativeTerm):
         )
 
     @override
-    def scale(
-        self,
-        material: Any,
-        *,
-        kelvin: float,
-        end: float,
-        grids: tuple[VoxelGrid, ...],
-    ) -> Scale:
+    def scale(self, point: OperatingPoint) -> Scale:
         strength = max(
-            float(largest(e, end)) for e in (self.irradiance, self.reflected)
+            float(largest(e, point.end)) for e in (self.irradiance, self.reflected)
         )
-        return Scale(heat_flux=float(material.absorptivity) * strength)
+        return Scale(heat_flux=float(point.material.absorptivity) * strength)

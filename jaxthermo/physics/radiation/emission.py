@@ -22,12 +22,11 @@ from typing_extensions import override
 from ...arrays import TimeVarying, is_traced, namespace
 from ...constants import STEFAN_BOLTZMANN
 from ...errors import InputError
-from ...voxels.grid import VoxelGrid
 from ...voxels.selection import AbstractSelection
 from ..boundary import Exchange, either, toward
 from ..flux_law import AbstractFluxLaw, Forcing
 from ..surface import BodySurface, Surface
-from ..term import Scale
+from ..term import OperatingPoint, Scale
 from ..time_varying import check_value, for_jit, largest, smallest, value_at
 from .irradiation import AbstractRadiativeTerm, Irradiation
 from .visibility import check_directions, sky_view_of
@@ -239,13 +238,6 @@ class Surroundings(AbstractSurroundings):
         return [view.sky + view.ground] if self.ground is None else list(view)
 
     @override
-    def scale(
-        self,
-        material: Any,
-        *,
-        kelvin: float,
-        end: float,
-        grids: tuple[VoxelGrid, ...],
-    ) -> Scale:
-        slope = 4 * STEFAN_BOLTZMANN * kelvin**3
-        return Scale(heat_transfer_coefficient=float(material.emissivity) * slope)
+    def scale(self, point: OperatingPoint) -> Scale:
+        slope = 4 * STEFAN_BOLTZMANN * point.kelvin**3
+        return Scale(heat_transfer_coefficient=float(point.material.emissivity) * slope)

@@ -25,11 +25,10 @@ from ...arrays import TimeVarying
 from ...constants import SOLAR_TEMPERATURE
 from ...errors import InputError
 from ...geometry.vectors import row_dot, unit_vector, unit_vectors
-from ...voxels.grid import VoxelGrid
 from ...voxels.selection import AbstractSelection
 from ..boundary import ImposedFlux
 from ..surface import BodySurface, Surface
-from ..term import Scale
+from ..term import OperatingPoint, Scale
 from ..time_varying import check_value, for_jit, is_zero, largest
 from .irradiation import AbstractRadiativeTerm, Irradiation
 from .source_motion import Triple, triple
@@ -274,16 +273,9 @@ class Sun(AbstractSource):
         return _distant_disc(step, -unit_vector(self.direction))
 
     @override
-    def scale(
-        self,
-        material: Any,
-        *,
-        kelvin: float,
-        end: float,
-        grids: tuple[VoxelGrid, ...],
-    ) -> Scale:
-        strength = float(largest(self.irradiance, end))
-        return Scale(heat_flux=float(material.absorptivity) * strength)
+    def scale(self, point: OperatingPoint) -> Scale:
+        strength = float(largest(self.irradiance, point.end))
+        return Scale(heat_flux=float(point.material.absorptivity) * strength)
 
 
 def _value_at(value: Any, time: float) -> Any:
