@@ -81,14 +81,6 @@ def is_beyond(trial: Limits, first: Limits) -> bool:
     return not bool((trial * MAX_STIFFENING >= first).all())
 
 
-def are_equal(tables: StepTables, others: StepTables) -> bool:
-    """True if all cases take as many steps by both tables."""
-    return all(
-        np.array_equal(table.steps, other.steps)
-        for table, other in zip(tables, others, strict=True)
-    )
-
-
 def _longest_step(table: StepTable) -> float:
     sizes = np.asarray(table.dt)
     counts = np.asarray(table.steps)

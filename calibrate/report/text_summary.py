@@ -149,7 +149,7 @@ def about_standard_errors(result: FitRecord) -> str:
 
 
 def summary(result: FitRecord) -> list[str]:
-    """Sentences on data, errors, course of the fit and speed."""
+    """Sentences on data, errors, course of the fit and speed; the verdict is first."""
     errors = [
         f"Largest error of the cases {GROUPS[group]}: "
         f"{_error_words(errors['default'], result)} before, "
@@ -159,12 +159,8 @@ def summary(result: FitRecord) -> list[str]:
     cost = _truth_cost(result)
     course = _course(result)
     speed = _speed(result)
-    return [verdict_words(result), _data(result), *errors, course, *speed, *cost]
-
-
-def verdict_words(result: FitRecord) -> str:
-    """Judgement of the fit as a whole: the first line of all texts about it."""
-    return f"Verdict: {result['verdict']['words']}."
+    verdict = f"Verdict: {result['verdict']['words']}."
+    return [verdict, _data(result), *errors, course, *speed, *cost]
 
 
 def time_table(result: FitRecord, title: str = "") -> Table:

@@ -50,16 +50,6 @@ def load_ends(path: Path) -> SearchEnds:
     return SearchEnds(points=arrays["points"], losses=arrays["losses"])
 
 
-def best_start(
-    fitting: Fitting,
-    points: Float[np.ndarray, "n p"],
-    stop: Callable[[], bool] = lambda: False,
-    log: Callable[[str], None] = lambda line: None,
-) -> Float[np.ndarray, " p"]:
-    """Search from several points together and return the best result."""
-    return search_starts(fitting, points, stop, log).best
-
-
 def search_starts(
     fitting: Fitting,
     points: Float[np.ndarray, "n p"],

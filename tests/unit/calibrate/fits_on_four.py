@@ -19,7 +19,7 @@ from calibrate.solvers.search import (
     residuals,
     start_points,
 )
-from calibrate.solvers.starts import best_start
+from calibrate.solvers.starts import search_starts
 from calibrate.study.evaluate import evaluate_group, find_truth
 from jaxthermo.parallel.batch import on_every_device
 from jaxthermo.parallel.devices import mesh_of
@@ -124,7 +124,8 @@ def starts() -> None:
     settings = FitConfig(tolerance=1e-6, max_steps=6, starts=5)
     points = start_points(5, 2, 0.5, seed=3)
     on_one, on_four = (
-        best_start(Fitting(problem(), settings, devices=n), points) for n in (1, 4)
+        search_starts(Fitting(problem(), settings, devices=n), points).best
+        for n in (1, 4)
     )
     assert np.abs(on_one).max() > 0.1
     close(on_four, on_one)

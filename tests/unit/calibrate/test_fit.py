@@ -15,7 +15,7 @@ from calibrate.solvers.fit import Fitting
 from calibrate.solvers.noise_scale import noise_scale
 from calibrate.solvers.progress import STAGNATION_LIMIT
 from calibrate.solvers.search import start_points
-from calibrate.solvers.starts import best_start
+from calibrate.solvers.starts import search_starts
 from tests.calibrating import BETWEEN, TRUTH, WITHIN, twin
 
 
@@ -184,7 +184,7 @@ def test_a_loss_that_is_not_finite_at_the_start_is_refused():
 def test_the_best_of_several_starts_is_where_one_alone_ends(problem):
     """Searched together, from far apart."""
     fitting = Fitting(problem, FitConfig(tolerance=1e-9, max_steps=40))
-    z = best_start(fitting, start_points(4, 2, 0.5, seed=3))
+    z = search_starts(fitting, start_points(4, 2, 0.5, seed=3)).best
     values = problem.parameters.values(z)
     assert {n: float(v) for n, v in values.items()} == pytest.approx(TRUTH, rel=1e-4)
 

@@ -17,7 +17,7 @@ from calibrate.problem.time_steps import STEP_MARGIN, TimeSteps, is_beyond, is_s
 from calibrate.run import fit_config
 from calibrate.solvers.fit import Fitting
 from calibrate.solvers.optimality import _gauss_newton_step, _is_minimum
-from calibrate.solvers.starts import best_start
+from calibrate.solvers.starts import search_starts
 from jaxthermo.config.schema.scene import lowest_of
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from tests.calibrating import SAVES, scene, twin
@@ -183,7 +183,7 @@ def test_a_start_that_is_far_too_stiff_is_left_out_with_a_line(monkeypatch):
     close[1:] += [[0.1], [-0.1]]
     stiff = np.full((1, problem.parameters.size), 20.0)
     lines = []
-    best = best_start(fitting, np.concatenate([close, stiff]), log=lines.append)
+    ends = search_starts(fitting, np.concatenate([close, stiff]), log=lines.append)
     assert [line.partition(":")[0] for line in lines] == ["start 4 of 4 is left out"]
-    alone = best_start(fitting, close)
-    np.testing.assert_allclose(best, alone, atol=1e-3)
+    alone = search_starts(fitting, close)
+    np.testing.assert_allclose(ends.best, alone.best, atol=1e-3)
