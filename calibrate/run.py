@@ -19,7 +19,7 @@ from jaxthermo.provenance import provenance
 
 from .analysis.experiment_design import rank_experiments
 from .analysis.fit_card import make_card
-from .analysis.identifiability import Identified, identify, residual_sd
+from .analysis.identifiability import Identified, identify
 from .analysis.judgement import judge_values
 from .analysis.misfit import held_out_differences
 from .analysis.shared_errors import check_declared, declared
@@ -43,6 +43,7 @@ from .report.page import write_report
 from .solvers.cameras import build_aligned
 from .solvers.fit import Fit, Fitting
 from .solvers.levenberg_marquardt import jacobian_rows
+from .solvers.noise_scale import residual_sd
 from .solvers.progress import StepRecord
 from .solvers.search import start_points
 from .solvers.starts import SearchEnds, load_ends, search_starts

@@ -291,17 +291,6 @@ def _precision_verdict(
     return "at bound" if np.isfinite(high - low) and near else "fine"
 
 
-def residual_sd(
-    residual: Float[np.ndarray, " r"], size: int, noise: float | None
-) -> float:
-    """Standard deviation of a residual: of the noise, or of the fit's remainder."""
-    if noise is not None:
-        return noise
-    # Each fitted coordinate takes one degree of freedom.
-    degrees_of_freedom = max(len(residual) - size, 1)
-    return float(np.sqrt((np.asarray(residual, float) ** 2).sum() / degrees_of_freedom))
-
-
 def information_gain(
     jacobian: Float[np.ndarray, "p r"], further: Float[np.ndarray, "p q"]
 ) -> float:

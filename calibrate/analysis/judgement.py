@@ -9,8 +9,9 @@ from scipy.stats import chi2
 
 from ..problem.problem import Problem
 from ..solvers.fit import Fit
+from ..solvers.noise_scale import residual_sd
 from ..solvers.starts import SearchEnds
-from .identifiability import Identified, identify, residual_sd
+from .identifiability import Identified, identify
 from .misfit import Misfit, find_misfit, gradient_covariance
 from .shared_errors import shared_covariance
 

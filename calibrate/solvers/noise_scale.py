@@ -1,13 +1,24 @@
-"""Scale of residuals that a few of them do not move, for a robust loss."""
+"""Standard deviations of residuals: after a fit, and for the knee of a robust loss."""
 
 import math
 
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 
 _NORMAL_SD_PER_MEDIAN = 1.4826
 """Standard deviation of normal numbers over the median of their magnitudes."""
+
+
+def residual_sd(
+    residual: Float[np.ndarray, " r"], size: int, noise: float | None
+) -> float:
+    """Standard deviation of a residual: of the noise, or of the fit's remainder."""
+    if noise is not None:
+        return noise
+    # Each fitted coordinate takes one degree of freedom.
+    degrees_of_freedom = max(len(residual) - size, 1)
+    return float(np.sqrt((np.asarray(residual, float) ** 2).sum() / degrees_of_freedom))
 
 
 def noise_scale(residual: Array, known_sd: float | None) -> float:

@@ -23,6 +23,7 @@ from jaxthermo.parallel.batch import on_every_device
 from ..config.schema import FitConfig
 from ..problem.problem import Problem
 from .levenberg_marquardt import jacobian_rows
+from .noise_scale import residual_sd
 from .search import (
     REVERSE_METHODS,
     Objective,
@@ -77,8 +78,7 @@ def examine(
     sd = None
     if problem.time_norm == 2 and problem.known_sd is not None:
         # Where the model does not meet the data, errors are wider than by noise.
-        spread = math.sqrt(2 * loss / max(len(residual) - len(z), 1))
-        sd = max(spread, problem.known_sd)
+        sd = max(residual_sd(residual, len(z), None), problem.known_sd)
     is_at_minimum = _is_minimum(
         step,
         loss=loss,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jaxthermo as jt
-from calibrate.analysis.identifiability import identify, residual_sd
+from calibrate.analysis.identifiability import identify
 from calibrate.analysis.judgement import judge_values
 from calibrate.analysis.misfit import (
     find_misfit,
@@ -18,6 +18,7 @@ from calibrate.problem.problem import Case, Problem
 from calibrate.problem.targets import CaseError
 from calibrate.report.text_summary import about_standard_errors
 from calibrate.solvers.fit import Fit
+from calibrate.solvers.noise_scale import residual_sd
 from calibrate.solvers.starts import SearchEnds, load_ends
 from jaxthermo.image.surface.view import compute_view
 from jaxthermo.integrate.run.parametric_run import ParametricRun
