@@ -78,9 +78,7 @@ def judge_values(
     return Judgement(
         identified,
         misfit=misfit,
-        by_clusters=(
-            rows is not None and problem.scatter(rows, fit.residual) is not None
-        ),
+        by_clusters=rows is not None and problem.has_enough_clusters(len(rows)),
         elsewhere=_elsewhere(problem, identified, alternatives),
     )
 

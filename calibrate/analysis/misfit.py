@@ -169,12 +169,11 @@ def _outlier_words(problem: Problem, outliers: dict[int, float]) -> list[str]:
     first = 0
     for case in problem.cases:
         target = case.target
-        pixels = target.clusters(edge=1, through_time=False)
-        assert pixels is not None and isinstance(target, FrameTarget)
-        if worst < first + len(pixels):
+        assert isinstance(target, FrameTarget)
+        if worst < first + target.pixel_count:
             where = f"{case.name}, {target.pixel_words(worst - first)}"
             break
-        first += len(pixels)
+        first += target.pixel_count
     number = count(len(outliers), "pixel")
     return [f"{number} by up to {padded(abs(outliers[worst]))} times, at {where}"]
 

@@ -249,17 +249,22 @@ class Problem:
                 rows.append(jnp.asarray(weights, z.dtype) @ away[aligned.numbers])
         return jnp.concatenate([jnp.zeros(0, z.dtype), *rows])
 
+    def has_enough_clusters(self, size: int) -> bool:
+        """True if there are clusters for a covariance of so many coordinates."""
+        clusters = self.clusters()
+        if clusters is None or self.known_sd is None:
+            return False
+        return int(clusters.max()) + 1 >= _MIN_CLUSTERS * size
+
     def scatter(
         self, rows: Float[np.ndarray, "p r"], residual: Float[np.ndarray, " r"]
     ) -> Float[np.ndarray, "p p"] | None:
         """Covariance of the gradient J^T r, of a fit's residuals and `rows` of J^T.
 
-        None where the data have no clusters, or too few of them to tell.
+        None where there are not enough clusters, see `has_enough_clusters`.
         """
         clusters = self.clusters()
-        if clusters is None or self.known_sd is None:
-            return None
-        if int(clusters.max()) + 1 < _MIN_CLUSTERS * len(rows):
+        if clusters is None or not self.has_enough_clusters(len(rows)):
             return None
         data = len(clusters)
         data_scatter = score_covariance(rows[:, :data], residual[:data], clusters)
