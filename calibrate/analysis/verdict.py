@@ -24,7 +24,7 @@ from ..config.fit_record import (
 _SAME = 1.001
 """Ratio of two errors up to which they count as equal: rounding of a converged fit."""
 _MAX_NAMED = 4
-"""Times named in the sentence; all of them are in the table of errors."""
+"""Times, values or differences that a sentence names."""
 
 
 class TimeErrors(NamedTuple):
@@ -180,6 +180,7 @@ def judge(
 
 
 def _named(words: Sequence[str]) -> str:
+    """The first of them, and if there are more."""
     ellipsis = ", ..." if len(words) > _MAX_NAMED else ""
     return ", ".join(words[:_MAX_NAMED]) + ellipsis
 
@@ -231,15 +232,13 @@ def _error_words(rows: list[TimeErrors], worse: list[TimeErrors]) -> str:
     if not worse:
         return f"no error is larger than before, at {len(rows)} of {len(rows)} times"
     # The largest increases first.
-    worst = sorted(worse, key=lambda row: row.default - row.fitted)[:_MAX_NAMED]
-    named = ", ".join(
+    changes = [
         f"{row.case} at {row.time:g} s {padded(row.default)} to {padded(row.fitted)} %"
-        for row in worst
-    )
-    ellipsis = ", ..." if len(worse) > len(worst) else ""
+        for row in sorted(worse, key=lambda row: row.default - row.fitted)
+    ]
     return (
         f"errors are LARGER than before at {len(worse)} of {len(rows)} times "
-        f"({named}{ellipsis})"
+        f"({_named(changes)})"
     )
 
 
