@@ -277,7 +277,7 @@ def _summed_up(
     errors: dict[Group, Pair[_CaseErrors]],
     value: Callable[[ItemsView[str, CaseError]], Any],
 ) -> Any:
-    """A value of the errors of all cases, with the start and the fitted values."""
+    """Errors of all cases as a value, with the scene's own and the fitted values."""
     return {
         group: {
             "default": value(pair["default"].items()),

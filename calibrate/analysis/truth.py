@@ -43,8 +43,8 @@ class Truth:
     ) -> "Truth | None":
         """Run or load the references of all cases; None if the config asks for none.
 
-        This happens before the fit, together with runs of the start values, so that
-        what cannot be run or compared is reported at once.
+        This happens before the fit, together with runs of the scene's own values, so
+        that what cannot be run or compared is reported at once.
 
         Raises:
             InputError: if a scene has no finer voxels, or a run fails.
@@ -79,7 +79,7 @@ class Truth:
         return truth
 
     def judge(self, z: Float[np.ndarray, " p"], log: Log) -> TruthRecord | None:
-        """Errors of all cases with the start values and at z, as in `fit.json`.
+        """Errors of all cases with the scene's own values and at z, as in `fit.json`.
 
         None, with a warning, if a run with the fitted values fails.
         """

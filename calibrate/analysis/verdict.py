@@ -28,14 +28,14 @@ _MAX_NAMED = 4
 
 
 class TimeErrors(NamedTuple):
-    """Errors of one case at one saved time, with the start values and the fitted."""
+    """Errors of a case at a saved time, with the scene's own values and the fitted."""
 
     group: Group
     case: str
     time: float
     """[s]"""
     default: float
-    """Error with the start values [%]."""
+    """Error with the scene's own values [%]."""
     fitted: float
     """Error with the fitted values [%]."""
 
@@ -68,11 +68,11 @@ class TruthTime(NamedTuple):
     time: float
     """[s]"""
     default: float
-    """Error with the start values [K]."""
+    """Error with the scene's own values [K]."""
     fitted: float
     """Error with the fitted values [K]."""
     default_percent: float | None
-    """Relative error with the start values [%]; None where there is no range."""
+    """Relative error with the scene's own values [%]; None without a range."""
     fitted_percent: float | None
     """Relative error with the fitted values [%]; None where there is no range."""
     reference: float

@@ -38,7 +38,7 @@ class CaseErrors(TypedDict):
 
 
 class Pair(TypedDict, Generic[_T]):
-    """Something with the start values and with the fitted values."""
+    """Something with the scene's own values and with the fitted values."""
 
     default: _T
     fitted: _T
@@ -184,7 +184,7 @@ class SpeedRatio(TypedDict):
 
 
 class Speedup(SpeedRatio):
-    """Run times of the full volume, the start values and the fitted values."""
+    """Run times of the full volume, the scene's own values and the fitted values."""
 
     default: SpeedRatio
     nodes: dict[str, int]

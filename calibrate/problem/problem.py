@@ -42,7 +42,7 @@ class Case:
 
     name: str
     scene: Scene
-    """Scene with the values at the start."""
+    """Scene with its own values, those of its config."""
     run: ParametricRun
     target: AbstractTarget
 

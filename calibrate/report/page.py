@@ -257,7 +257,9 @@ def _ranges(calibration: Calibration) -> _Sections:
         [words, *(_span([n[name] for n in group]) for group in scene_groups.values())]
         for name, words in _NUMBERS.items()
     ]
-    note = "At the start values; outside these ranges the weights are extrapolated."
+    note = (
+        "At the scene's own values; outside these ranges the weights are extrapolated."
+    )
     sections = [Table(["", *scene_groups], rows), page.paragraph(note, note=True)]
     return [page.heading("Range of the fit"), *sections]
 
