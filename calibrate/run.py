@@ -174,16 +174,16 @@ def _conclude(
     sd = residual_sd(fit.residual, len(fit.z), train.known_sd)
     # Without a Jacobian there are too many values for a row each.
     judged = fit.jacobian is not None
-    held_out = ()
+    differences = ()
     if calibration.held_out is not None:
-        of_fitted = errors["held_out"]["fitted"]
-        held_out = held_out_differences(calibration.held_out, of_fitted)
+        fitted_errors = errors["held_out"]["fitted"]
+        differences = held_out_differences(calibration.held_out, fitted_errors)
     uncertainties = declared(config)
     judgement = judge_values(
         train,
         fit=fit,
         uncertainties=uncertainties,
-        differences=held_out,
+        differences=differences,
         ends=ends,
     )
     identified = judgement.identified

@@ -155,7 +155,7 @@ def identify(
             )
         if verdict == "fine" and doubt is not None:
             verdict = doubt
-        related = relation.others if verdict == relation.verdict else ()
+        related = relation.related if verdict == relation.verdict else ()
         judged = _Verdict(
             label=label,
             verdict=verdict,
@@ -254,7 +254,8 @@ class _Relation(NamedTuple):
     """Effect of a coordinate on the data, compared with that of others."""
 
     verdict: str
-    others: tuple[int, ...] = ()
+    related: tuple[int, ...] = ()
+    """Numbers of those others."""
 
 
 def _relation(
@@ -267,13 +268,13 @@ def _relation(
         return _Relation("dead")
     flat = directions.flat[n]
     if flat.any():
-        others = tuple(int(m) for m in np.flatnonzero(flat) if m != n)
-        return _Relation("flat", others)
+        related = tuple(int(m) for m in np.flatnonzero(flat) if m != n)
+        return _Relation("flat", related)
     strong = np.abs(correlation[n]) > _MAX_CORRELATION
     strong[n] = False
     if strong.any():
-        others = tuple(int(m) for m in np.flatnonzero(strong))
-        return _Relation("trade-off", others)
+        related = tuple(int(m) for m in np.flatnonzero(strong))
+        return _Relation("trade-off", related)
     return _Relation("fine")
 
 

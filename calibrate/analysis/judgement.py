@@ -51,8 +51,8 @@ def judge_values(
     """
     rows = fit.jacobian
     # Without a Jacobian the residuals still tell if model and data differ.
-    known_rows = np.zeros((1, len(fit.residual))) if rows is None else rows
-    misfit = find_misfit(problem, rows=known_rows, residual=fit.residual)
+    rows_or_zeros = np.zeros((1, len(fit.residual))) if rows is None else rows
+    misfit = find_misfit(problem, rows=rows_or_zeros, residual=fit.residual)
     misfit = misfit._replace(differences=(*misfit.differences, *differences))
     scatter = None
     if rows is not None:
@@ -93,8 +93,8 @@ def _doubt(fit: Fit, misfit: Misfit) -> str | None:
 def _as_good(ends: SearchEnds, fit: Fit, sd: float) -> Float[np.ndarray, "n p"]:
     """Ends of searches whose loss noise does not tell from that of the fit."""
     # Twice the difference of two losses in units of noise is chi squared.
-    likely = sd**2 * float(chi2.isf(_RARE, len(fit.z)))
-    return ends.points[2 * (ends.losses - fit.loss) < likely]
+    max_excess = sd**2 * float(chi2.isf(_RARE, len(fit.z)))
+    return ends.points[2 * (ends.losses - fit.loss) < max_excess]
 
 
 def _elsewhere(
@@ -105,10 +105,10 @@ def _elsewhere(
     is_ambiguous = np.array([v.verdict == "ambiguous" for v in identified.verdicts])
     if alternatives is None or not is_ambiguous.any():
         return ()
-    here = [v.value for v in identified.verdicts]
+    fitted_values = [v.value for v in identified.verdicts]
     values = np.stack([problem.parameters.flat_values(z) for z in alternatives])
     # The farthest one stands for all of them.
-    distances = np.abs(values - here)[:, is_ambiguous].sum(axis=1)
+    distances = np.abs(values - fitted_values)[:, is_ambiguous].sum(axis=1)
     farthest = values[int(distances.argmax())]
     return tuple(
         f"{problem.parameters.labels[n]} {farthest[n]:.4g}"

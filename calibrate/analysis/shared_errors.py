@@ -36,11 +36,11 @@ def declared(config: CalibrationConfig) -> dict[str, float]:
     reference = config.reference
     if not isinstance(reference, FramesConfig):
         return {}
-    both = {
+    deviations = {
         "gain": reference.gain_uncertainty,
         "emissivity": reference.emissivity_uncertainty,
     }
-    return {name: sd for name, sd in both.items() if sd > 0}
+    return {name: sd for name, sd in deviations.items() if sd > 0}
 
 
 def check_declared(config: CalibrationConfig) -> None:
@@ -123,10 +123,10 @@ def _emissivity_change(
         return rows, jnp.zeros((), jnp.int32)
 
     with precision(problem.dtype.name):
-        at = jnp.asarray(z, problem.dtype)
-        step_tables = problem.step_tables_at(at)
+        coordinates = jnp.asarray(z, problem.dtype)
+        step_tables = problem.step_tables_at(coordinates)
         factor = jnp.zeros(1, problem.dtype)
-        arguments = (at, step_tables, problem.views_at(at))
+        arguments = (coordinates, step_tables, problem.views_at(coordinates))
         traced = trace(residuals, factor, arguments)
         rows = jacobian_rows(traced, args=arguments, z=factor, batch=1)
     return np.asarray(rows[0], float)

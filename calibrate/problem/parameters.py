@@ -361,11 +361,11 @@ class ParameterSet:
                 )
                 if value is None or callable(value):
                     value = start
-                own = np.clip(np.asarray(value, float), p.lower, p.upper)
-                own = np.broadcast_to(own, start.shape)
-                at = p.coordinate(own[0] if p.is_scalar else own)
-                unchanged = (own == start)[len(start) - p.size :]
-                rows.append(np.where(unchanged, 0.0, np.atleast_1d(at)))
+                clipped = np.clip(np.asarray(value, float), p.lower, p.upper)
+                clipped = np.broadcast_to(clipped, start.shape)
+                z = p.coordinate(clipped[0] if p.is_scalar else clipped)
+                is_start = (clipped == start)[len(start) - p.size :]
+                rows.append(np.where(is_start, 0.0, np.atleast_1d(z)))
         return np.concatenate(rows)
 
     def frame_values(self, z: Coordinates, views: Any = ()) -> FrameValues:

@@ -132,17 +132,18 @@ class Problem:
         is known, those that make it alike in all residuals.
         """
         information = self._information or (1.0,) * len(self.cases)
-        return tuple(math.sqrt(part / sum(information)) for part in information)
+        total = sum(information)
+        return tuple(math.sqrt(value / total) for value in information)
 
     @property
     def _information(self) -> tuple[float, ...] | None:
         """Inverse variance of a residual of each case; None without known noise."""
         deviations = [case.target.known_sd for case in self.cases]
-        known = [1 / sd**2 for sd in deviations if sd is not None]
+        information = tuple(1 / sd**2 for sd in deviations if sd is not None)
         # Percent of a reference and noise of a pixel have no common scale.
-        if 0 < len(known) < len(deviations):
+        if 0 < len(information) < len(deviations):
             raise InputError("cases: fit to references or to frames, not to both")
-        return tuple(known) if known else None
+        return information or None
 
     @property
     def edges(self) -> tuple[int, ...]:

@@ -65,9 +65,9 @@ def examine(
     resolution = _coordinate_resolution(problem.dtype)
     rows = None
     if len(z) <= MAX_JUDGED or settings.method not in REVERSE_METHODS:
-        forward, at = on_every_device(mesh, (forward_only(objective), z))
+        forward, replicated_z = on_every_device(mesh, (forward_only(objective), z))
         jacobian = jacobian_rows(
-            residuals, args=forward, z=at, batch=problem.batch(), mesh=mesh
+            residuals, args=forward, z=replicated_z, batch=problem.batch(), mesh=mesh
         )
         rows = np.asarray(jacobian, float)
         step = _gauss_newton_step(rows, residual, resolution)
