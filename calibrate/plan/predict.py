@@ -21,6 +21,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import least_squares
 
+from jaxthermo.config.schema.scene import SceneConfig
+
 from .candidate import Candidate
 
 
@@ -75,6 +77,16 @@ class Size(NamedTuple):
     """In cubes of the pitches [-]."""
     area: float
     """In squares of the pitches [-]."""
+
+
+def scene_size(scene: SceneConfig, pitches: tuple[float, ...]) -> Size:
+    """Volume and area of all bodies of a scene, in their pitches [m]."""
+    meshes = [body.build_mesh() for body in scene.bodies]
+    pairs = list(zip(meshes, pitches, strict=True))
+    return Size(
+        volume=sum(abs(mesh.volume) / pitch**3 for mesh, pitch in pairs),
+        area=sum(mesh.area / pitch**2 for mesh, pitch in pairs),
+    )
 
 
 class Forecast(NamedTuple):

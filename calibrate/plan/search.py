@@ -21,7 +21,7 @@ from jaxthermo.timing import Spread
 
 from ..study.rows import Rows
 from .candidate import FAMILIES, Candidate, Family, Method, cards_of, pitches_of
-from .predict import Forecast, Predictor
+from .predict import Forecast, Predictor, scene_size
 from .references import Reference, References, about_time
 from .tolerance import Tolerance
 from .trial import Bench, Trial
@@ -113,7 +113,7 @@ def search(
     pitches = pitches_of(scene)
     bench = Bench(scene, pitches=pitches, tolerance=tolerance, rows=rows)
     references = References(
-        scene, pitches=pitches, tolerance=tolerance, size=bench.size()
+        scene, pitches=pitches, tolerance=tolerance, size=scene_size(scene, pitches)
     )
     return _Search(bench, references=references, deadline=deadline, progress=progress)()
 

@@ -25,7 +25,7 @@ from ..study.case import build_case, plan_case
 from ..study.rows import Row, Rows
 from ..study.times import Loop, compiled_loop
 from .candidate import Candidate
-from .predict import Measured, Size
+from .predict import Measured
 from .references import Reference
 from .tolerance import Tolerance
 
@@ -109,15 +109,6 @@ class Bench:
         # Times are those of one processor.
         self._scene_key = [config_hash(scene), processor()]
         self._loops: dict[Candidate, Loop] = {}
-
-    def size(self) -> Size:
-        """Volume and area of all bodies."""
-        meshes = [body.build_mesh() for body in self.scene.bodies]
-        pairs = list(zip(meshes, self.pitches, strict=True))
-        return Size(
-            volume=sum(abs(mesh.volume) / pitch**3 for mesh, pitch in pairs),
-            area=sum(mesh.area / pitch**2 for mesh, pitch in pairs),
-        )
 
     def is_stored(self, candidate: Candidate, reference: Reference) -> bool:
         """True for a candidate that an earlier search compared with the reference."""

@@ -8,10 +8,11 @@ from typing import NamedTuple, TypedDict
 import numpy as np
 
 from calibrate.plan.candidate import Candidate, pitches_of
+from calibrate.plan.predict import scene_size
 from calibrate.plan.references import SETTINGS
 from calibrate.plan.search import search
 from calibrate.plan.tolerance import Tolerance
-from calibrate.problem.reference import program_hash, refined_run
+from calibrate.problem.reference import COARSENING, program_hash, refined_run
 from calibrate.study.rows import Rows
 from jaxthermo.accuracy.discretization_error import discretization_error
 from jaxthermo.accuracy.error_records import finite_numbers
@@ -79,7 +80,7 @@ def measure(path: Path, percent: float, folder: Path, progress: Progress) -> Pla
         finally:
             rows.close()
         row: PlanRow = {
-            "voxels": round(_voxels(scene, pitches)),
+            "voxels": round(scene_size(scene, pitches).volume),
             "chosen": "",
             "difference_percent": None,
             "reference_percent": choice.reference.percent,
@@ -107,11 +108,6 @@ def measure(path: Path, percent: float, folder: Path, progress: Progress) -> Pla
     }
 
 
-def _voxels(scene: SceneConfig, pitches: tuple[float, ...]) -> float:
-    meshes = [body.build_mesh() for body in scene.bodies]
-    return sum(m.volume / pitch**3 for m, pitch in zip(meshes, pitches, strict=True))
-
-
 def _truth(scene: SceneConfig, pitches: tuple[float, ...], refinement: float) -> _Truth:
     """Temperatures at points, extrapolated to voxels of no size.
 
@@ -126,7 +122,10 @@ def _truth(scene: SceneConfig, pitches: tuple[float, ...], refinement: float) ->
     finest = run(_FINER * refinement)
     middle = run(refinement)
     error = discretization_error(
-        finest, middle=middle, coarsest=run(refinement / 2), count=SETTINGS.points
+        finest,
+        middle=middle,
+        coarsest=run(refinement / COARSENING),
+        count=SETTINGS.points,
     )
     points = truth_points(finest, SETTINGS.points)
     reading = points.reading(middle.surfaces)
