@@ -67,18 +67,19 @@ class LinearUnit(NamedTuple):
 
 
 KELVIN = LinearUnit()
-_CENTIKELVIN = LinearUnit(scale=0.01)
+CENTIKELVIN = LinearUnit(scale=0.01)
+"""Unit of cameras with a linear output of temperature, in 16 bits."""
 _CELSIUS = LinearUnit(offset=ZERO_CELSIUS)
 UNITS = {
     **dict.fromkeys(KELVIN_NAMES, KELVIN),
-    "centikelvin": _CENTIKELVIN,
+    "centikelvin": CENTIKELVIN,
     **dict.fromkeys(CELSIUS_NAMES, _CELSIUS),
 }
 """Units of temperatures in files by their names."""
 _UNITS_OF_CAMERAS = {
     "kelvin": KELVIN,
     "celsius": _CELSIUS,
-    "centikelvin": _CENTIKELVIN,
+    "centikelvin": CENTIKELVIN,
     "{scale: 0.04 K}": LinearUnit(scale=0.04),
     "{scale: 0.1 K}": LinearUnit(scale=0.1),
 }

@@ -14,12 +14,11 @@ from PIL import Image as Pictures, PngImagePlugin
 
 from ...atomic import replacing, write_text
 from ...errors import InputError
+from ...temperatures import CENTIKELVIN
 from ..colour.frame_values import QUANTITIES, shown_temperature
 from ..radiance.image import Image
 
 
-CENTIKELVIN = 0.01
-"""Unit of the 16-bit files [K], as of cameras with a linear output of temperature."""
 _LARGEST = np.iinfo(np.uint16).max
 # Tags of TIFF.
 _DESCRIPTION = 270
@@ -28,12 +27,12 @@ _SOFTWARE = 305
 
 def saturated_pixels(kelvin: Float[np.ndarray, "h w"]) -> int:
     """Number of temperatures [K] above the largest of 16 bits in units of 0.01 K."""
-    return int((np.rint(kelvin / CENTIKELVIN) > _LARGEST).sum())
+    return int((np.rint(CENTIKELVIN.numbers(kelvin)) > _LARGEST).sum())
 
 
 def centikelvin(kelvin: Float[np.ndarray, "h w"]) -> UInt16[np.ndarray, "h w"]:
     """Temperatures in units of 0.01 K; what is above 655.35 K is 65535."""
-    counts = np.rint(np.asarray(kelvin, float) / CENTIKELVIN)
+    counts = np.rint(CENTIKELVIN.numbers(np.asarray(kelvin, float)))
     return np.clip(counts, 0, _LARGEST).astype(np.uint16)
 
 
@@ -60,7 +59,7 @@ def write_centikelvin(
     if above and not saturate:
         raise InputError(
             f"{path}: {above} of {kelvin.size} pixels are above "
-            f"{_LARGEST * CENTIKELVIN:g} K, up to {kelvin.max():g} K: 16 bits of "
+            f"{_LARGEST * CENTIKELVIN.scale:g} K, up to {kelvin.max():g} K: 16 bits of "
             "0.01 K end there; write a TIFF, or give saturate=True"
         )
     texts = PngImagePlugin.PngInfo()
