@@ -2,7 +2,14 @@
 
 import re
 
-from .file_mesh import FileContents, FileFault, FileMesh, PartName
+from .file_mesh import (
+    FileContents,
+    FileFault,
+    FileMesh,
+    FilePart,
+    PartName,
+    joined_parts,
+)
 from .polygons import Polygons, triangulated
 from .text import decoded, integers, positions
 
@@ -48,9 +55,6 @@ def read_off(contents: FileContents) -> FileMesh:
         for word in row[1 : 1 + count]
     ]
     triangles = triangulated(vertices, Polygons(integers(corners), counts=counts))
-    return FileMesh(
-        vertices=vertices,
-        faces=triangles.faces,
-        part=triangles.polygon * 0,
-        names=(PartName(),),
+    return joined_parts(
+        [FilePart(PartName(), vertices=vertices, faces=triangles.faces)]
     )

@@ -6,7 +6,14 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from .file_mesh import FileContents, FileFault, FileMesh, PartName
+from .file_mesh import (
+    FileContents,
+    FileFault,
+    FileMesh,
+    FilePart,
+    PartName,
+    joined_parts,
+)
 from .polygons import Polygons, triangulated
 from .text import decoded, floats, integers, without_mark
 
@@ -60,11 +67,8 @@ def read_ply(contents: FileContents) -> FileMesh:
     else:
         vertices, polygons = _read_binary(data, header)
     triangles = triangulated(vertices, polygons)
-    return FileMesh(
-        vertices=vertices,
-        faces=triangles.faces,
-        part=triangles.polygon * 0,
-        names=(PartName(),),
+    return joined_parts(
+        [FilePart(PartName(), vertices=vertices, faces=triangles.faces)]
     )
 
 
