@@ -43,21 +43,28 @@ def place_doubts(weather: Weather, place: Place) -> list[str]:
     if stated is None:
         return []
     doubts = []
+    latitude_change = abs(stated.latitude - place.latitude)
     turn = abs(stated.longitude - place.longitude) % 360
-    apart = max(abs(stated.latitude - place.latitude), min(turn, 360 - turn))
-    if apart > _FAR - 1e-9:
+    longitude_change = min(turn, 360 - turn)
+    distance = max(latitude_change, longitude_change)
+    if distance > _FAR - 1e-9:
         doubts.append(
             f"{weather.source}: is of latitude {stated.latitude:g}, longitude "
-            f"{stated.longitude:g}, {apart:.3g} degrees from the place of the scene: "
-            "the sun is that of the scene, air and radiation are those of the file"
+            f"{stated.longitude:g}, {distance:.3g} degrees from the place of the "
+            "scene: the sun is that of the scene, air and radiation are those of the "
+            "file"
         )
-    zone = weather.zone.utcoffset(None)
-    hours = 0.0 if zone is None else zone.total_seconds() / 3600
-    late = (hours - stated.longitude / 15 + 12) % 24 - 12
-    if zone is not None and abs(late) > _FAR_IN_ZONES:
+    # A zone with summer time has no offset without a date.
+    offset = weather.zone.utcoffset(None)
+    if offset is None:
+        return doubts
+    hours = offset.total_seconds() / 3600
+    from_sun = (hours - stated.longitude / 15 + 12) % 24 - 12
+    if abs(from_sun) > _FAR_IN_ZONES:
         doubts.append(
-            f"{weather.source}: its time zone {hours:g} h is {abs(late):.2g} h from "
-            f"the time of the sun at its longitude {stated.longitude:g}: check line 1"
+            f"{weather.source}: its time zone {hours:g} h is {abs(from_sun):.2g} h "
+            f"from the time of the sun at its longitude {stated.longitude:g}: check "
+            "line 1"
         )
     return doubts
 

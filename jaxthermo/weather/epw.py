@@ -84,8 +84,8 @@ def read_epw(path: Path, lines: Sequence[str], start: datetime) -> Weather:
     columns = {quantity.name: _column(quantity, rows, ends) for quantity in QUANTITIES}
     opaque = columns[CLOUD_COVER.name]
     total = _column(TOTAL_COVER, rows, ends)
-    known = np.where(np.isfinite(opaque.values), opaque.values, total.values)
-    columns[CLOUD_COVER.name] = opaque._replace(values=known)
+    cover = np.where(np.isfinite(opaque.values), opaque.values, total.values)
+    columns[CLOUD_COVER.name] = opaque._replace(values=cover)
     return with_directions(
         Weather(
             source=str(path),

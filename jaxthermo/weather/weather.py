@@ -87,8 +87,10 @@ class Weather:
         values = values[rows]
         self._check_holes(column, times=times, values=values)
         inside = times[(times > start) & (times < end)]
-        at = np.unique(np.concatenate([[start], inside, [end]]))
-        return column._replace(times=at, values=np.interp(at, times, values))
+        with_ends = np.unique(np.concatenate([[start], inside, [end]]))
+        return column._replace(
+            times=with_ends, values=np.interp(with_ends, times, values)
+        )
 
     def remarks_within(self, start: float, end: float) -> list[str]:
         """Remarks of its reader on the time from `start` to `end` [s]."""
