@@ -5,6 +5,7 @@ import struct
 from pathlib import Path
 from typing import Any
 
+import DracoPy
 import numpy as np
 
 from jaxthermo.geometry import shapes
@@ -113,6 +114,22 @@ def box_primitive(writer: GltfWriter, size: Any = (1.0, 2.0, 3.0)) -> Any:
     position = writer.accessor(vertices)
     indices = writer.accessor(box.faces.reshape(-1), "u2")
     return {"attributes": {"POSITION": position}, "indices": indices}
+
+
+def draco_primitive(writer: GltfWriter, vertices: np.ndarray, faces: np.ndarray) -> Any:
+    """A primitive whose arrays are compressed with Draco, and only so."""
+    numbers = (writer.accessor(vertices), writer.accessor(faces.reshape(-1), "u2"))
+    for number in numbers:
+        del writer.document["accessors"][number]["bufferView"]
+    content = DracoPy.encode(vertices, faces, quantization_bits=14)
+    name = "KHR_draco_mesh_compression"
+    extension = {"bufferView": writer.view(content), "attributes": {"POSITION": 0}}
+    writer.require(name)
+    return {
+        "attributes": {"POSITION": numbers[0]},
+        "indices": numbers[1],
+        "extensions": {name: extension},
+    }
 
 
 def prism_polygons(

@@ -8,14 +8,19 @@ import re
 import struct
 from collections.abc import Callable
 
-import DracoPy
 import numpy as np
 import pytest
 import trimesh
 
 from jaxthermo.errors import InputError
 from jaxthermo.geometry.load import load_mesh
-from tests.mesh_files import GIVEN, GltfWriter, exported, polygon_file
+from tests.mesh_files import (
+    GIVEN,
+    GltfWriter,
+    draco_primitive,
+    exported,
+    polygon_file,
+)
 
 
 Random = np.random.Generator
@@ -27,17 +32,12 @@ TOLERANCE = 0.01
 
 def glb(compressed: bool = False) -> bytes:
     writer = GltfWriter()
-    position = writer.accessor(BALL.vertices)
-    indices = writer.accessor(BALL.faces.reshape(-1), "u2")
-    primitive = {"attributes": {"POSITION": position}, "indices": indices}
     if compressed:
-        name = "KHR_draco_mesh_compression"
-        content = DracoPy.encode(BALL.vertices, BALL.faces, quantization_bits=14)
-        extension = {"bufferView": writer.view(content), "attributes": {"POSITION": 0}}
-        primitive |= {"extensions": {name: extension}}
-        for accessor in writer.document["accessors"]:
-            del accessor["bufferView"]
-        writer.require(name)
+        primitive = draco_primitive(writer, BALL.vertices, BALL.faces)
+    else:
+        position = writer.accessor(BALL.vertices)
+        indices = writer.accessor(BALL.faces.reshape(-1), "u2")
+        primitive = {"attributes": {"POSITION": position}, "indices": indices}
     writer.node(mesh=writer.mesh(primitive))
     return writer.glb()
 

@@ -15,7 +15,13 @@ from jaxthermo.errors import InputError
 from jaxthermo.geometry import shapes
 from jaxthermo.geometry.files import file_mesh
 from jaxthermo.geometry.load import load_mesh
-from tests.mesh_files import GIVEN, GltfWriter, box_gltf, box_primitive
+from tests.mesh_files import (
+    GIVEN,
+    GltfWriter,
+    box_gltf,
+    box_primitive,
+    draco_primitive,
+)
 
 
 BOX = shapes.box((1.0, 2.0, 3.0))
@@ -207,15 +213,7 @@ def test_morph_targets_and_skins_are_as_at_rest(read):
 def compressed():
     """A glTF with a box that is compressed with Draco."""
     writer = GltfWriter()
-    content = DracoPy.encode(CENTRED, BOX.faces, quantization_bits=14)
-    view = writer.view(content)
-    primitive = box_primitive(writer)
-    for number in (primitive["attributes"]["POSITION"], primitive["indices"]):
-        del writer.document["accessors"][number]["bufferView"]
-    name = "KHR_draco_mesh_compression"
-    extension = {"bufferView": view, "attributes": {"POSITION": 0}}
-    writer.node(mesh=writer.mesh(primitive | {"extensions": {name: extension}}))
-    writer.require(name)
+    writer.node(mesh=writer.mesh(draco_primitive(writer, CENTRED, BOX.faces)))
     return writer
 
 
