@@ -80,14 +80,17 @@ def parts(
 
 
 def _sizes(mesh: Mesh) -> _PartSizes:
+    # Sorts all edges, as does asking the mesh whether it is watertight.
+    open_edges = mesh.open_edges
+    is_closed = open_edges == 0
     return _PartSizes(
         name=mesh.name,
         faces=len(mesh.faces),
         area=mesh.area,
-        volume=mesh.volume if mesh.is_watertight else None,
+        volume=mesh.volume if is_closed else None,
         size=np.ptp(mesh.bounds, axis=0).tolist(),
-        closed=mesh.is_watertight,
-        open_edges=mesh.open_edges,
+        closed=is_closed,
+        open_edges=open_edges,
     )
 
 
