@@ -173,11 +173,13 @@ class ParametricRun:
 
     def stable_solver(self, scene: Scene) -> AbstractSolver | None:
         """Return `solver` with a step that is stable for a scene of known numbers."""
-        dt = None if self.solver is None else self.solver.dt
+        solver = self.solver
+        if solver is None or solver.dt is None:
+            return solver
         longest = float(self.longest_step(scene))
-        if self.solver is None or dt is None or dt <= longest:
-            return self.solver
-        return eqx.tree_at(lambda solver: solver.dt, self.solver, longest)
+        if solver.dt <= longest:
+            return solver
+        return eqx.tree_at(lambda tree: tree.dt, solver, longest)
 
     def __call__(self, scene: Scene, table: StepTable) -> ParametricSolution:
         """Run a scene that may hold traced values."""
