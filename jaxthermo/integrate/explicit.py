@@ -80,6 +80,11 @@ def stage_count(dt: float, stable_step: float) -> int:
     return max(MIN_STAGES, stages + (stages + 1) % 2)
 
 
+def stable_length(stages: Any) -> Any:
+    """Longest step of a number of stages, in stable explicit steps [-]."""
+    return (stages**2 + stages - 2) / 4
+
+
 def rkl2_coefficients(stages: int) -> dict[str, np.ndarray]:
     """Return mu, nu, b, the last stage's a, and the load time in steps, by stage."""
     j = np.arange(stages + 1, dtype=float)
@@ -162,17 +167,17 @@ class RKL2Stepper(AbstractStepper):
     def _stages(self, dt: Float[Array, ""]) -> tuple[Any, Any]:
         """Return the pairs of stages after the first, and the weight w."""
         if self._is_fixed:
-            return (self.stages - 1) // 2, 4 / (self.stages**2 + self.stages - 2)
+            return (self.stages - 1) // 2, 1 / stable_length(self.stages)
         if self.count is not None:
             stages = self.count.astype(dt.dtype)
-            return (self.count - 1) // 2, 4 / (stages**2 + stages - 2)
+            return (self.count - 1) // 2, 1 / stable_length(stages)
         assert self.stable_step is not None
         # As in `stage_count`, but that a rounding may cost two stages more.
         root = jnp.sqrt(9 + 16 * dt / self.stable_step)
         pairs = jnp.ceil(((root - 1) / 2 * (1 + 1e-5) - 1) / 2)
         pairs = jnp.clip(pairs, 1, (self.stages - 1) // 2)
         stages = 2 * pairs + 1
-        return pairs.astype(jnp.int32), 4 / (stages**2 + stages - 2)
+        return pairs.astype(jnp.int32), 1 / stable_length(stages)
 
     @override
     def step(self, program: Program, state: RunState, start, dt) -> RunState:
@@ -183,7 +188,7 @@ class RKL2Stepper(AbstractStepper):
         }
         if not self._is_fixed:
             # Only the times depend on the number of stages, as the weight does.
-            table["time"] *= weight / (4 / (self.stages**2 + self.stages - 2))
+            table["time"] *= weight * stable_length(self.stages)
         theta = state.theta
         bodies = program.bodies
         euler_dt = dt * weight

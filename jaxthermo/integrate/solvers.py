@@ -25,7 +25,13 @@ from ..physics.time_varying import SAMPLES
 from ..scene.compile.memory import Method
 from ..scene.compile.program import Compiled
 from ..scene.scene import Scene
-from .explicit import MIN_STAGES, EulerStepper, RKL2Stepper, stage_count
+from .explicit import (
+    MIN_STAGES,
+    EulerStepper,
+    RKL2Stepper,
+    stable_length,
+    stage_count,
+)
 from .implicit.adaptive import AdaptiveStepper
 from .implicit.jacobian import arranged_for_solves, implicit_context
 from .implicit.runge_kutta import (
@@ -214,7 +220,7 @@ class SuperTimeStepping(AbstractSolver):
     def longest_stable_step(self, stable_step: Any) -> Any:
         if self.stages is None:
             return math.inf
-        return (self.stages**2 + self.stages - 2) / 4 * stable_step
+        return stable_length(self.stages) * stable_step
 
     @override
     def stepper(self, scene, compiled, stable_step, max_dt, traced) -> AbstractStepper:
