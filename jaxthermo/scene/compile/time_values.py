@@ -65,8 +65,9 @@ class TimeValues(NamedTuple):
         texts = []
         for number, field, form in self.forms:
             if form.missed is not None:
-                on = [part for part in parts if part.mechanism == names[number]]
-                texts.append((number, field, _unresolved(field, form.missed, on)))
+                acted_on = [p for p in parts if p.mechanism == names[number]]
+                text = _unresolved(field, form.missed, acted_on)
+                texts.append((number, field, text))
         return self._labelled(texts, acting)
 
     def _labelled(
@@ -227,12 +228,12 @@ def form_of(
     return TimeForm(lines.value, missed=missed)
 
 
-def _unresolved(field: str, integral: MissedIntegral, on: list[Part]) -> str:
-    """The part of a field's integral that is missed, in words."""
+def _unresolved(field: str, integral: MissedIntegral, parts: list[Part]) -> str:
+    """How much is missed of the integral of a field that acts on parts, in words."""
     extents = {
         "heat_rate": 1.0,
-        "heat_flux": sum(part.area for part in on),
-        "heat_rate_density": sum(part.volume for part in on),
+        "heat_flux": sum(part.area for part in parts),
+        "heat_rate_density": sum(part.volume for part in parts),
     }
     missed, varying = integral
     if field not in extents:
