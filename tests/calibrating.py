@@ -13,6 +13,8 @@ from calibrate.problem.frame_quantity import FrameQuantity
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
 from calibrate.problem.targets import surface_target
+from calibrate.solvers.cameras import build_aligned
+from calibrate.solvers.fit import Fitting
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.integrate.run.solution_file import StoredSolution
 from tests.bodies import blocks
@@ -119,6 +121,25 @@ def frames_of(view, scene, solution, times, quantity="temperature"):
     """Frames of a run at its save times, on the host."""
     frames = FrameQuantity(quantity).frames(view, scene, solution=solution, times=times)
     return np.asarray(frames, float)
+
+
+def values_of_aligned_fit(config):
+    """Values by name that a fit of the poses of cameras, and of others, ends at."""
+    calibration = build_aligned(config, lambda stage: None)
+    fit = Fitting(calibration.train, config.fit).run()
+    z = jnp.asarray(fit.z, calibration.train.dtype)
+    return calibration.parameters.values(z)
+
+
+def assert_poses_are_the_truth(values):
+    """Corrections of two cameras are 0, to 0.1 degrees and 0.5 mm."""
+    for camera in (0, 1):
+        turn, move = (
+            float(np.linalg.norm(values[f"cameras.{camera}.{motion}"]))
+            for motion in ("rotation", "translation")
+        )
+        assert turn < np.deg2rad(0.1)
+        assert move < 0.5e-3
 
 
 def target_of(

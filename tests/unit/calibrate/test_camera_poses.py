@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -17,12 +16,17 @@ from calibrate.problem.frame_data import FitsPoses
 from calibrate.problem.frame_files import _read_mask
 from calibrate.problem.parameters import Parameter, ParameterSet
 from calibrate.problem.problem import Case, Problem
-from calibrate.solvers.cameras import build_aligned
-from calibrate.solvers.fit import Fitting
 from jaxthermo.image.surface.view import compute_view
 from jaxthermo.integrate.run.parametric_run import ParametricRun
 from jaxthermo.scene.compile.compile import compile_scene
-from tests.calibrating import camera_of_block, frames_of, seen_block, target_of
+from tests.calibrating import (
+    assert_poses_are_the_truth,
+    camera_of_block,
+    frames_of,
+    seen_block,
+    target_of,
+    values_of_aligned_fit,
+)
 
 
 CONFIG = Path(__file__).parents[3] / "configs" / "calibration" / "camera-pose.yaml"
@@ -173,16 +177,8 @@ def test_masks_are_read_from_arrays(tmp_path):
 def test_poses_and_properties_are_found_of_frames_of_half_the_pitch():
     """Poses to 0.1 degrees and 0.5 mm; the coarser model's bias bounds the rest."""
     config = load_calibration(CONFIG)
-    calibration = build_aligned(config, lambda stage: None)
-    fit = Fitting(calibration.train, config.fit).run()
-    values = calibration.parameters.values(jnp.asarray(fit.z, calibration.train.dtype))
-    for camera in (0, 1):
-        turn, move = (
-            float(np.linalg.norm(values[f"cameras.{camera}.{motion}"]))
-            for motion in ("rotation", "translation")
-        )
-        assert turn < np.deg2rad(0.1)
-        assert move < 0.5e-3
+    values = values_of_aligned_fit(config)
+    assert_poses_are_the_truth(values)
     # Thin sleeves have other volumes in coarse voxels: h is 5.2 % off.
     assert values["material.conductivity"] == pytest.approx(20.0, rel=0.01)
     assert values["material.emissivity"] == pytest.approx(0.85, rel=0.005)

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -10,9 +9,8 @@ from scipy.spatial.transform import Rotation
 import jaxthermo as jt
 from calibrate.config.loader import load_calibration
 from calibrate.problem.outlines import fit_outlines
-from calibrate.solvers.cameras import build_aligned
-from calibrate.solvers.fit import Fitting
 from jaxthermo.image.pose.coverage import coverage
+from tests.calibrating import assert_poses_are_the_truth, values_of_aligned_fit
 
 
 CONFIG = Path(__file__).parents[3] / "configs" / "calibration" / "camera-pose.yaml"
@@ -67,15 +65,7 @@ def test_a_fit_finds_poses_and_properties_behind_a_lens():
         for position in ("[-0.8, 0.4, 0.7]", "[0.7, -0.55, 0.7]")
     ]
     config = load_calibration(CONFIG, (f"reference.views=[{', '.join(views)}]",))
-    calibration = build_aligned(config, lambda stage: None)
-    fit = Fitting(calibration.train, config.fit).run()
-    values = calibration.parameters.values(jnp.asarray(fit.z, calibration.train.dtype))
-    for camera in (0, 1):
-        turn, move = (
-            float(np.linalg.norm(values[f"cameras.{camera}.{motion}"]))
-            for motion in ("rotation", "translation")
-        )
-        assert turn < np.deg2rad(0.1)
-        assert move < 0.5e-3
+    values = values_of_aligned_fit(config)
+    assert_poses_are_the_truth(values)
     assert values["material.conductivity"] == pytest.approx(20.0, rel=0.01)
     assert values["material.emissivity"] == pytest.approx(0.85, rel=0.005)
