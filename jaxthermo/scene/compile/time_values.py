@@ -229,7 +229,7 @@ def form_of(
 
 
 def _unresolved(field: str, integral: MissedIntegral, parts: list[Part]) -> str:
-    """How much is missed of the integral of a field that acts on parts, in words."""
+    """The missed integral of a field that acts on parts, in words."""
     extents = {
         "heat_rate": 1.0,
         "heat_flux": sum(part.area for part in parts),
