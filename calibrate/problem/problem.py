@@ -125,6 +125,14 @@ class Problem:
         return None if information is None else 1 / math.sqrt(sum(information))
 
     @property
+    def _prior_unit(self) -> float:
+        """Residual of a prior that is off by its own standard deviation.
+
+        That of the noise, so that priors count as the data do.
+        """
+        return 1.0 if self.known_sd is None else self.known_sd
+
+    @property
     def case_weights(self) -> tuple[float, ...]:
         """Factors of the residuals of each case, whose squares sum to 1 [-].
 
@@ -224,8 +232,7 @@ class Problem:
         z = jnp.asarray(z)
         data = jnp.concatenate(rows)
         prior = self.parameters.prior_residual(z, "prior")
-        # Priors count in the noise's standard deviations, as the data do.
-        unit = 1.0 if self.known_sd is None else self.known_sd
+        unit = self._prior_unit
         smoothness = self.parameters.prior_residual(z, "smoothness")
         outlines = self._outline_rows(z)
         rows = [data, unit * prior, unit * smoothness, unit * outlines]
@@ -276,12 +283,11 @@ class Problem:
 
         `rows` are those of J^T of the residuals that follow the data's.
         """
-        unit = 1.0 if self.known_sd is None else self.known_sd
         variance = np.ones(rows.shape[1])
         sharpened = [a for a in self.aligned.values() if a.whiten is not None]
         effects = [effect for a in sharpened for effect in [a.effect] * len(a.numbers)]
         variance[len(variance) - len(effects) :] = effects
-        return (rows * (variance * unit**2)) @ rows.T
+        return (rows * (variance * self._prior_unit**2)) @ rows.T
 
     def case_errors(
         self, errors: tuple[Float[np.ndarray, " t"], ...]

@@ -88,15 +88,15 @@ def _found(problem, slopes, errors):
 
 def test_noise_is_alike_in_cases_of_different_numbers_of_pixels(problem):
     fewer = _problem(times=TIMES[:1])
-    both = Problem(problem.parameters, (*problem.cases, *fewer.cases))
-    weights = both.case_weights
+    joint = Problem(problem.parameters, (*problem.cases, *fewer.cases))
+    weights = joint.case_weights
     assert sum(weight**2 for weight in weights) == pytest.approx(1.0)
     # Twice and once as many pixels.
     assert weights[0] == pytest.approx(np.sqrt(2) * weights[1])
-    for weight, case in zip(weights, both.cases, strict=True):
+    for weight, case in zip(weights, joint.cases, strict=True):
         sd = case.target.known_sd
         assert sd is not None
-        assert weight * sd == pytest.approx(both.known_sd)
+        assert weight * sd == pytest.approx(joint.known_sd)
 
 
 def test_noise_is_one_in_all_means_and_hardly_ever_differs(problem, slopes):
