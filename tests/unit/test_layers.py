@@ -19,6 +19,7 @@ ORDER = [
     "geometry",
     "raster",
     "voxels",
+    "sheets",
     "native",
     "structures",
     "parallel",

@@ -1,0 +1,1 @@
+"""Bodies that are surfaces: welding, cells, links and fragments of a thin wall."""
