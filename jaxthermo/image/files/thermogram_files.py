@@ -64,7 +64,8 @@ def read_thermogram(
     """Read the temperatures that a camera shows for emissivity 1 [K].
 
     Air and window that the JPEG of a FLIR camera states are taken out. Pixels with
-    counts of no temperature, such as dead ones, are not a number.
+    counts of no temperature, such as dead ones, or of an extremely low one, are not a
+    number.
 
     Args:
         path: EXR, TIFF, PNG of one channel, CSV or NPY file, or the JPEG of a FLIR
@@ -82,7 +83,7 @@ def read_thermogram(
     Raises:
         InputError: for a file that is missing, of another kind or of no temperatures,
             an unknown unit or one that contradicts the file, counts without a
-            calibration, or pixels of extreme temperatures.
+            calibration, or pixels of extreme temperatures but for cold ones of counts.
 
     Example:
         >>> import jaxthermo as jt
@@ -93,20 +94,25 @@ def read_thermogram(
         296.77
     """
     linear_unit = None
+    limits = temperature_limits(allow_extreme_temperatures)
     if has_counts(path, unit):
         thermogram = read_counts(path, calibration, page)
         with located(str(path)):
             kelvin = thermogram.object_temperature(
                 emissivity=1.0, allow_extreme_temperatures=allow_extreme_temperatures
             )
+        # Counts just above those of no temperature are of dead pixels, too.
+        kelvin = np.where(kelvin < limits.low, np.nan, kelvin)
     elif calibration is not None:
         raise InputError(_COUNTS_AND_CALIBRATION)
     else:
         linear_unit = unit_of(unit)
         kelvin = read_temperatures(path, linear_unit, (channel,), page)
     if not np.isfinite(kelvin).any():
-        raise InputError(f"{path}: no pixel has a temperature: give another file")
-    limits = temperature_limits(allow_extreme_temperatures)
+        raise InputError(
+            f"{path}: no pixel has a temperature of {limits.low:g} K or more: give "
+            "another file"
+        )
     mistake = pixel_mistake(
         CheckedValues(kelvin), limits, linear_unit, option=f"{ALLOW_EXTREME}=True"
     )

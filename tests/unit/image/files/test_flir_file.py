@@ -132,6 +132,22 @@ def test_a_cold_pixel_costs_that_pixel(tmp_path):
         jt.read_thermogram(written(tmp_path, counts=np.full_like(COUNTS, 200)))
 
 
+def test_a_pixel_of_few_counts_costs_itself(tmp_path):
+    """One that is read as 107 K, which no window or air is told to add to."""
+    counts = COUNTS.copy()
+    counts[4, 7] = 343
+    clear: Any = {"distance": 0.0, "window_transmissivity": 1.0}
+    path = written(tmp_path, counts=counts, **clear)
+    coldest = jt.read_thermogram(path, allow_extreme_temperatures=True)[4, 7]
+    assert coldest == pytest.approx(
+        CALIBRATION.b / np.log(CALIBRATION.r1 / CALIBRATION.r2 + CALIBRATION.f)
+    )
+    assert 96 < coldest < 150
+    kelvin = jt.read_thermogram(path)
+    assert np.isnan(kelvin[4, 7])
+    assert np.isfinite(kelvin).sum() == kelvin.size - 1
+
+
 def test_mistakes(tmp_path):
     picture = tmp_path / "picture.jpg"
     Image.new("RGB", (8, 6)).save(picture)

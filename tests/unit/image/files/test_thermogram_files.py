@@ -47,6 +47,28 @@ def test_counts_of_a_camera_become_temperatures(tmp_path):
     np.testing.assert_allclose(kelvin, KELVIN, atol=0.01)
 
 
+def test_extremely_cold_pixels_of_counts_cost_themselves(tmp_path):
+    """Counts just above -O, such as those of dead pixels, give 96 to 150 K."""
+    kelvin = KELVIN.copy()
+    kelvin[1, :3] = 96.0, 149.9, 150.1
+    counts = np.asarray(FLIR.counts(kelvin, allow_extreme_temperatures=True))
+    path = saved(tmp_path, ".npy", counts)
+    expected = np.where(kelvin < 150.0, np.nan, kelvin)
+    np.testing.assert_allclose(jt.read_thermogram(path, "counts", FLIR), expected)
+    whole = jt.read_thermogram(path, "counts", FLIR, allow_extreme_temperatures=True)
+    np.testing.assert_allclose(whole, kelvin)
+    # Hot ones, and temperatures that a file states, are a mistake of the whole frame.
+    kelvin[1, 0] = 7000.0
+    path = saved(tmp_path, ".npy", FLIR.counts(kelvin, allow_extreme_temperatures=True))
+    with pytest.raises(jt.InputError, match="above 6000 K: 7000 K at row 1, column 0"):
+        jt.read_thermogram(path, "counts", FLIR)
+    with pytest.raises(jt.InputError, match="2 of 12 pixels are below 150 K: 96 K"):
+        jt.read_thermogram(saved(tmp_path, ".npy", whole))
+    cold = saved(tmp_path, ".npy", counts[1:2, :2])
+    with pytest.raises(jt.InputError, match="no pixel has a temperature of 150 K or"):
+        jt.read_thermogram(cold, "counts", FLIR)
+
+
 def test_files_of_frames_are_read_back(tmp_path):
     grid = jt.voxelize(jt.shapes.box((0.04, 0.04, 0.04)), 0.01)
     body = jt.Body(jt.FullVolume(grid), jt.materials["copper"], temperature=320.0)
