@@ -25,7 +25,7 @@ from jaxthermo.image.radiance.thermography import measured_radiance, object_temp
 from jaxthermo.physics.radiation.emission import Surroundings
 from jaxthermo.physics.term import AbstractTerm
 from jaxthermo.scene.scene import SolvedSurface
-from jaxthermo.temperatures import Limits
+from jaxthermo.temperatures import temperature_limits
 
 from ..config.frame_names import REFLECTED
 from ..config.schema import FramesOfCase, MeasuredFrames
@@ -64,9 +64,20 @@ class ReadFrames(NamedTuple):
 
 
 def read_measured(
-    name: str, settings: MeasuredFrames, frame_quantity: FrameQuantity
+    name: str,
+    settings: MeasuredFrames,
+    frame_quantity: FrameQuantity,
+    *,
+    allow_extreme_temperatures: bool = False,
 ) -> ReadFrames:
-    """Read the frames and masks of a case.
+    """Read the frames and masks of a case, whose pixels are not checked.
+
+    Args:
+        name: of the case.
+        settings: of the reference.
+        frame_quantity: of the frames.
+        allow_extreme_temperatures: accept those below 150 K and above 6000 K in
+            settings of cameras, and correct such pixels.
 
     Raises:
         InputError: for files that cannot be read, or frames of several sizes.
@@ -74,7 +85,7 @@ def read_measured(
     views = sorted((f for f in settings.frames if f.case == name), key=lambda f: f.view)
     if not views:
         raise InputError(f"reference: frames: there are none for the case {name}")
-    reader = _Reader(settings, frame_quantity)
+    reader = _Reader(settings, frame_quantity, allow_extreme_temperatures)
     return ReadFrames(
         frames=[reader.frames(view) for view in views],
         masks=[_read_mask(view.mask or settings.mask) for view in views],
@@ -139,9 +150,15 @@ def _surroundings(terms: tuple[AbstractTerm, ...]) -> list[float]:
 class _Reader:
     """Reads the frames of one reference, and collects what their files state."""
 
-    def __init__(self, settings: MeasuredFrames, frame_quantity: FrameQuantity):
+    def __init__(
+        self,
+        settings: MeasuredFrames,
+        frame_quantity: FrameQuantity,
+        allow_extreme_temperatures: bool,
+    ):
         self._settings = settings
         self._frame_quantity = frame_quantity
+        self._allow_extreme_temperatures = allow_extreme_temperatures
         self.stated: list[StatedReflection] = []
 
     def frames(self, view: FramesOfCase) -> Float[np.ndarray, "t h w"]:
@@ -195,7 +212,10 @@ class _Reader:
                 )
             )
         with located(str(path)):
-            return thermogram.object_temperature(emissivity=1.0)
+            return thermogram.object_temperature(
+                emissivity=1.0,
+                allow_extreme_temperatures=self._allow_extreme_temperatures,
+            )
 
     def _uncorrected(
         self, kelvin: Float[np.ndarray, "h w"]
@@ -206,7 +226,8 @@ class _Reader:
             return kelvin
         band = self._frame_quantity.band
         # Others stay as they are, to be refused where they are compared.
-        valid = np.isfinite(kelvin) & ~Limits().exceeded(kelvin)
+        limits = temperature_limits(self._allow_extreme_temperatures)
+        valid = (kelvin > 0) & np.isfinite(kelvin) & ~limits.exceeded(kelvin)
         radiance = measured_radiance(
             kelvin[valid],
             correction.emissivity,

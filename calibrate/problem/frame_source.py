@@ -89,7 +89,12 @@ def case_frames(
             )
         else:
             unit = settings.linear_unit
-            frames, masks, stated = read_measured(case.name, settings, frame_quantity)
+            frames, masks, stated = read_measured(
+                case.name,
+                settings,
+                frame_quantity,
+                allow_extreme_temperatures=scene.allow_extreme_temperatures,
+            )
             check_stated(
                 stated,
                 surfaces=surfaces,

@@ -18,6 +18,7 @@ from calibrate.solvers.fit import Fitting
 from jaxthermo.image.files.exr import write_channels
 from jaxthermo.image.radiance.band import LONG_WAVE
 from jaxthermo.scene.compile.compile import compile_scene
+from jaxthermo.temperatures import ALLOW_EXTREME
 from tests.calibrating import seen_block
 from tests.flir_jpeg import flir_jpeg
 
@@ -138,10 +139,15 @@ def written(folder: Path, ending: str, numbers: np.ndarray) -> Path:
     return path
 
 
-def read(path: Path, **settings) -> np.ndarray:
+def read(path: Path, allow: bool = False, **settings) -> np.ndarray:
     frames = [{"case": "one", "files": [str(path)]}]
-    config = MeasuredFrames.model_validate({"frames": frames, **settings})
-    return read_measured("one", config, QUANTITY).frames[0][0]
+    config = MeasuredFrames.model_validate(
+        {"frames": frames, **settings}, context={ALLOW_EXTREME: allow}
+    )
+    views = read_measured(
+        "one", config, QUANTITY, allow_extreme_temperatures=allow
+    ).frames
+    return views[0][0]
 
 
 @pytest.mark.parametrize("ending", [".exr", ".tiff", ".png", ".csv", ".npy"])
@@ -234,7 +240,9 @@ def test_dead_pixels_of_exported_frames_stay_what_they_are(tmp_path):
 def seen_through(kelvin, settings) -> np.ndarray:
     """Counts of black surfaces through air and a window, the reverse of the reading."""
     low, high = (
-        FLIR.object_temperature(counts, **settings | {"emissivity": 1.0})
+        FLIR.object_temperature(
+            counts, **settings | {"emissivity": 1.0}, allow_extreme_temperatures=True
+        )
         for counts in (9000.0, 16000.0)
     )
     ends = FLIR.counts(np.array([low, high]))
@@ -277,6 +285,51 @@ def test_settings_of_the_camera_may_be_given(tmp_path):
     path = jpeg(tmp_path, **changes)
     kelvin = read(path, camera_settings={"window_transmissivity": 1.0})
     assert np.abs(kelvin - KELVIN).max() > 0.5
+
+
+def test_settings_of_a_camera_in_the_cold_need_the_option(tmp_path):
+    """Of its file and of the calibration; both are refused by their name."""
+    path = jpeg(tmp_path, emissivity=0.9, reflected_temperature=100.0)
+    message = refusal(read, path)
+    assert f"{path}: FlirCalibration: reflected_temperature: 100 K is below" in message
+    np.testing.assert_allclose(read(path, allow=True), KELVIN, atol=0.02)
+    settings = {"window_transmissivity": 0.85, "window_temperature": 100.0}
+    numbers = written(tmp_path, ".npy", seen_through(KELVIN, SETTINGS | settings))
+    kelvin = read(
+        numbers, True, unit="counts", flir=CONSTANTS, camera_settings=settings
+    )
+    np.testing.assert_allclose(kelvin, KELVIN, atol=1e-6)
+
+
+def test_the_option_of_a_calibration_holds_for_settings_of_its_cameras(control):
+    """A window of 100 K adds less radiation: what is behind it is warmer."""
+    data = target(
+        "04-jpg-behind-window",
+        "allow_extreme_temperatures=true",
+        "reference.camera_settings={window_temperature: 100}",
+    )
+    assert (np.asarray(data.data[0]) > np.asarray(control.data[0]) + 1.0).all()
+
+
+def test_exported_frames_of_the_cold_are_turned_back_where_they_are_allowed(tmp_path):
+    """Without the option they stay as they are, to be refused where they count."""
+    cold = np.linspace(90.0, 140.0, 48).reshape(6, 8)
+    path = written(tmp_path, ".npy", cold)
+    correction = {"emissivity": 0.8, "reflected_temperature": 180.0}
+    np.testing.assert_array_equal(read(path, corrected_for=correction), cold)
+    shown = read(path, True, corrected_for=correction)
+    expected = 0.8 * LONG_WAVE.radiance(cold)
+    expected += 0.2 * LONG_WAVE.radiance(np.array(180.0))
+    np.testing.assert_allclose(LONG_WAVE.radiance(shown), expected, rtol=1e-9)
+
+
+def test_cold_pixels_of_counts_stay_what_they_are(tmp_path):
+    """To be masked, or refused with their place where frames are compared."""
+    kelvin = KELVIN.copy()
+    kelvin[2, 5] = 110.0
+    counts = FLIR.counts(kelvin, allow_extreme_temperatures=True)
+    path = written(tmp_path, ".npy", counts)
+    np.testing.assert_allclose(read(path, unit="counts", flir=CONSTANTS), kelvin)
 
 
 def test_what_a_kind_of_file_does_not_have_is_refused(tmp_path):
