@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from .constants import MAX_TEMPERATURE, MIN_TEMPERATURE, ZERO_CELSIUS
+from .errors import InputError
 
 
 ALLOW_EXTREME = "allow_extreme_temperatures"
@@ -47,6 +48,48 @@ def extreme_fault(kelvin: float) -> str:
     if kelvin > MAX_TEMPERATURE:
         return f"{kelvin:g} K is above {MAX_TEMPERATURE:g} K"
     return ""
+
+
+def extreme_refusal(
+    argument: str, kelvin: float, option: str, pixels: str = ""
+) -> InputError:
+    """The error for a temperature [K] outside of the limits.
+
+    Args:
+        argument: that gives it.
+        kelvin: the temperature [K].
+        option: that lifts the limits.
+        pixels: the count and the places of all such temperatures, if they are pixels.
+    """
+    hint = ""
+    if kelvin < MIN_TEMPERATURE:
+        hint = f" ({kelvin:g} degC are {kelvin + ZERO_CELSIUS:g} K)"
+    return InputError(
+        f"{argument}: {extreme_fault(kelvin)}{pixels}: give kelvin{hint}; if it is "
+        f"meant, {option}"
+    )
+
+
+def check_numbers_of_kelvin(
+    owner: str, allow_extreme_temperatures: bool, **temperatures: float | int
+) -> None:
+    """Refuse plain temperatures of a class that are none, or outside of the limits.
+
+    Args:
+        owner: name of the class.
+        allow_extreme_temperatures: accept all that are finite and above 0 K.
+        temperatures: by the names of its fields [K].
+
+    Raises:
+        InputError: naming the field.
+    """
+    for name, number in temperatures.items():
+        kelvin = float(number)
+        argument = f"{owner}({name}={number!r})"
+        if not (math.isfinite(kelvin) and kelvin > 0):
+            raise InputError(f"{argument}: give kelvin, finite and more than 0")
+        if not allow_extreme_temperatures and extreme_fault(kelvin):
+            raise extreme_refusal(argument, kelvin, option=f"{ALLOW_EXTREME}=True")
 
 
 class LinearUnit(NamedTuple):

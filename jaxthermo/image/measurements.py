@@ -10,7 +10,7 @@ import abc
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
@@ -19,6 +19,7 @@ from skimage.draw import line
 from typing_extensions import override
 
 from ..errors import InputError, located
+from ..temperatures import check_numbers_of_kelvin
 
 
 _Coordinate: TypeAlias = float | int | str
@@ -184,16 +185,25 @@ class Isotherm(AbstractMeasurement):
     above: float | None = None
     below: float | None = None
     name: str = ""
+    allow_extreme_temperatures: bool = field(default=False, kw_only=True, repr=False)
+    """Accept limits below 150 K, mostly mistaken Celsius, or above 6000 K."""
     prefix: ClassVar[str] = "Is"
 
     def __post_init__(self):
         """Refuse an isotherm of all or no temperatures.
 
         Raises:
-            InputError: without a limit, or for limits that are not in order.
+            InputError: without a limit, for an extreme one, or for limits that are not
+                in order.
         """
         if self.above is None and self.below is None:
             raise InputError("Isotherm(): give `above`, `below` or both [K]")
+        stated = {"above": self.above, "below": self.below}
+        check_numbers_of_kelvin(
+            "Isotherm",
+            self.allow_extreme_temperatures,
+            **{name: float(end) for name, end in stated.items() if end is not None},
+        )
         low, high = self.limits
         if not low < high:
             raise InputError(

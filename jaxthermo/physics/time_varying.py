@@ -20,9 +20,8 @@ from ..arrays import (
     split_times,
     typed_array,
 )
-from ..constants import MIN_TEMPERATURE, ZERO_CELSIUS
 from ..errors import InputError, shortened
-from ..temperatures import ALLOW_EXTREME, CheckedValues, Limits, extreme_fault
+from ..temperatures import ALLOW_EXTREME, CheckedValues, Limits, extreme_refusal
 from .windows import (
     AbstractVarying,
     FunctionOfTime,
@@ -255,19 +254,13 @@ def check_temperature(
     if not outside.any():
         return
     first = float(kelvin[outside][0])
-    hint = ""
-    if first < MIN_TEMPERATURE:
-        hint = f" ({first:g} degC are {first + ZERO_CELSIUS:g} K)"
     pixels = ""
     if kelvin.ndim > 1:
         pixels = (
             f", one of {outside.sum()} of {kelvin.size} that leave the limits: "
             f"{CheckedValues(kelvin).listed(outside)}"
         )
-    raise InputError(
-        f"{argument}: {extreme_fault(first)}{pixels}: give kelvin{hint}; if it is "
-        f"meant, {option}"
-    )
+    raise extreme_refusal(argument, first, option=option, pixels=pixels)
 
 
 def just_before(time: Any, dtype: Any = None) -> Any:

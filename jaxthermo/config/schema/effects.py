@@ -6,13 +6,11 @@ from pydantic import Field
 from typing_extensions import override
 
 from ..types import quantities as si
-from ..types.model import ByKind, Mistake, Model, Short
+from ..types.model import ByKind, Mistake, Model, Short, TemperatureModel
 
 
 _Netd = Annotated[float, si.TEMPERATURE_DIFFERENCE, Field(ge=0, le=100)]
 _Seed = Annotated[si.Whole, Field(ge=0, lt=2**63)]
-# Range of the brightness temperatures of bands [K].
-_BlackTemperature = Annotated[si.Temperature, Field(ge=50, le=10_000)]
 
 
 class _AngularEmissivityConfig(
@@ -84,18 +82,20 @@ class _BolometerLagConfig(Model, builds="BolometerLag", kind="bolometer_lag"):
     time_constant: Annotated[si.PositiveTime, Field(le=1e6)] = 0.01
 
 
-class _DetectorNoiseConfig(Model, builds="DetectorNoise", kind="detector_noise"):
+class _DetectorNoiseConfig(
+    TemperatureModel, builds="DetectorNoise", kind="detector_noise"
+):
     """Noise that differs from frame to frame."""
 
     netd: _Netd = 0.05
     """Noise equivalent temperature difference [K]."""
-    reference_temperature: _BlackTemperature = 300.0
+    reference_temperature: si.Temperature = 300.0
     """Temperature of the black surface at which `netd` holds [K]."""
     seed: _Seed = 0
 
 
 class _FixedPatternNoiseConfig(
-    Model, builds="FixedPatternNoise", kind="fixed_pattern_noise"
+    TemperatureModel, builds="FixedPatternNoise", kind="fixed_pattern_noise"
 ):
     """Offsets of pixels and columns that all frames share."""
 
@@ -103,17 +103,17 @@ class _FixedPatternNoiseConfig(
     """Standard deviation over the pixels [K]."""
     columns: _Netd = 0.0
     """Standard deviation over the columns [K]."""
-    reference_temperature: _BlackTemperature = 300.0
+    reference_temperature: si.Temperature = 300.0
     """Temperature of the black surface at which `netd` and `columns` hold [K]."""
     seed: _Seed = 0
 
 
-class _CountsConfig(Model, builds="Counts", kind="counts"):
+class _CountsConfig(TemperatureModel, builds="Counts", kind="counts"):
     """Integer counts, linear in the radiance between two temperatures."""
 
-    low: _BlackTemperature
+    low: si.Temperature
     """Temperature of a black surface at count 0 [K]."""
-    high: _BlackTemperature
+    high: si.Temperature
     """Temperature of a black surface at the last count [K]."""
     bits: Annotated[si.Whole, Field(ge=8, le=16)] = 14
 

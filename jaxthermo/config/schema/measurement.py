@@ -10,7 +10,7 @@ from typing_extensions import override
 from ...errors import InputError
 from ...image.measurements import checked_coordinate, pixel_index
 from ..types import quantities as si
-from ..types.model import ByKind, Mistake, Model
+from ..types.model import ByKind, Mistake, Model, TemperatureModel
 
 
 class _Coordinate:
@@ -101,7 +101,9 @@ class _BoxConfig(_Placed, builds="measurements.Box", kind="box"):
     two_points: ClassVar = "corners"
 
 
-class _IsothermConfig(_Placed, builds="measurements.Isotherm", kind="isotherm"):
+class _IsothermConfig(
+    _Placed, TemperatureModel, builds="measurements.Isotherm", kind="isotherm"
+):
     """The fraction of the bodies in the image between two temperatures."""
 
     above: si.Temperature | None = None

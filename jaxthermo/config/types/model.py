@@ -19,9 +19,11 @@ from pydantic import (
 )
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
+from typing_extensions import override
 
 import jaxthermo
 
+from ...temperatures import ALLOW_EXTREME
 from ..messages import MISTAKE, close_match, explain, quoted
 
 
@@ -124,6 +126,17 @@ class Model(BaseModel):
             # A recursive model in another model is validated twice.
             raise _error(cls, [*dict.fromkeys(mistakes)])
         return model
+
+
+class TemperatureModel(Model):
+    """A mapping with temperatures, which its target would check as a call in Python.
+
+    They are checked as they are read, by the option of their file.
+    """
+
+    @override
+    def arguments(self) -> dict[str, Any]:
+        return {**super().arguments(), ALLOW_EXTREME: True}
 
 
 def parts(annotation: Any) -> Iterator[Any]:

@@ -2,6 +2,7 @@
 
 import math
 from functools import lru_cache
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -12,6 +13,7 @@ from typing_extensions import override
 
 from ...arrays import array_namespace, plain_numbers, product, static_numbers
 from ...errors import InputError
+from ...temperatures import check_numbers_of_kelvin
 from ..radiance.band import Band, Values, black_radiance, radiance_slope
 from ..radiance.effect import AbstractBlur, AbstractDetectorEffect
 from ..radiance.image import block_means
@@ -113,6 +115,10 @@ def _response(count: int, samples: int, spread: float) -> csr_array:
 _LEAST_RADIANCE = 1e-6
 
 
+def _allow_extreme_temperatures() -> Any:
+    return eqx.field(static=True, default=False, kw_only=True, repr=False)
+
+
 def _non_negative(name: str, values: dict[str, float]) -> None:
     for field, value in values.items():
         if not (math.isfinite(value) and value >= 0):
@@ -140,10 +146,16 @@ class DetectorNoise(AbstractDetectorEffect):
     """Temperature of the black surface for which `netd` holds [K]."""
     seed: int = eqx.field(static=True, default=0)
     """Seed; frames of one time and seed have the same noise."""
+    allow_extreme_temperatures: bool = _allow_extreme_temperatures()
+    """Accept a reference below 150 K, mostly mistaken Celsius, or above 6000 K."""
 
     def __check_init__(self):
         _non_negative("DetectorNoise", {"netd": self.netd, "seed": self.seed})
-        _check_reference("DetectorNoise", self.reference_temperature)
+        check_numbers_of_kelvin(
+            "DetectorNoise",
+            self.allow_extreme_temperatures,
+            reference_temperature=self.reference_temperature,
+        )
 
     @override
     def apply(
@@ -169,11 +181,17 @@ class FixedPatternNoise(AbstractDetectorEffect):
     """Temperature of the black surface for which both deviations hold [K]."""
     seed: int = eqx.field(static=True, default=0)
     """Seed: one for each camera."""
+    allow_extreme_temperatures: bool = _allow_extreme_temperatures()
+    """Accept a reference below 150 K, mostly mistaken Celsius, or above 6000 K."""
 
     def __check_init__(self):
         numbers = {"netd": self.netd, "columns": self.columns, "seed": self.seed}
         _non_negative("FixedPatternNoise", numbers)
-        _check_reference("FixedPatternNoise", self.reference_temperature)
+        check_numbers_of_kelvin(
+            "FixedPatternNoise",
+            self.allow_extreme_temperatures,
+            reference_temperature=self.reference_temperature,
+        )
 
     @override
     def apply(
@@ -208,7 +226,8 @@ class Counts(AbstractDetectorEffect):
     What is beyond the range shows its end, as in a camera.
 
     Raises:
-        InputError: for a range that is not increasing, or other than 8 to 16 bits.
+        InputError: for a range that is not increasing, extreme temperatures, or other
+            than 8 to 16 bits.
     """
 
     rank = 50
@@ -218,12 +237,17 @@ class Counts(AbstractDetectorEffect):
     high: float = eqx.field(static=True, converter=plain_numbers)
     """Temperature of a black surface at the last count [K]."""
     bits: int = eqx.field(static=True, default=14)
+    allow_extreme_temperatures: bool = _allow_extreme_temperatures()
+    """Accept ends below 150 K, mostly mistaken Celsius, or above 6000 K."""
 
     def __check_init__(self):
-        if not 50 <= self.low < self.high <= 10_000:
+        check_numbers_of_kelvin(
+            "Counts", self.allow_extreme_temperatures, low=self.low, high=self.high
+        )
+        if not self.low < self.high:
             raise InputError(
                 f"Counts(low={self.low!r}, high={self.high!r}): give two increasing "
-                "temperatures, 50 to 10000 K"
+                "temperatures [K]"
             )
         if not 8 <= self.bits <= 16:
             raise InputError(f"Counts(bits={self.bits!r}): give 8 to 16")
@@ -238,10 +262,3 @@ class Counts(AbstractDetectorEffect):
         low, high = (np.asarray(end, radiance.dtype) for end in ends)
         step = (high - low) / (2**self.bits - 1)
         return low + xp.round((xp.clip(radiance, low, high) - low) / step) * step
-
-
-def _check_reference(name: str, kelvin: float) -> None:
-    if not 50 <= kelvin <= 10_000:
-        raise InputError(
-            f"{name}(reference_temperature={kelvin!r}): give kelvin, 50 to 10000"
-        )

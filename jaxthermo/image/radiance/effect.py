@@ -31,13 +31,19 @@ class AbstractEffect(Module):
 def check_range(
     effect: AbstractEffect, name: str, low: int, high: int, unit: str = ""
 ) -> None:
-    """Refuse a plain number of an effect beyond its range.
+    """Refuse a number of an effect beyond its range; None and traced ones pass.
 
     Raises:
         InputError: for less than `low` or more than `high`.
     """
     value = getattr(effect, name)
-    if isinstance(value, int | float) and not low <= value <= high:
+    if value is None or is_traced(value):
+        return
+    try:
+        numbers = np.asarray(value, float)
+    except (TypeError, ValueError):
+        numbers = np.full((), np.nan)
+    if not ((numbers >= low) & (numbers <= high)).all():
         raise InputError(
             f"{type(effect).__name__}({name}={value!r}): give {low} to {high}{unit}"
         )

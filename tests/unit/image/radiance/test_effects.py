@@ -5,6 +5,7 @@ import math
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -279,6 +280,8 @@ def test_effects_are_sorted_and_each_is_given_once():
         lambda: jt.SpecularReflection(1.5),
         lambda: jt.SpecularReflection(0.5, 0.0),
         lambda: jt.Atmosphere(20.0),
+        lambda: jt.Atmosphere(jnp.asarray(20.0)),
+        lambda: jt.Atmosphere("290 K"),
         lambda: jt.Atmosphere(290.0, 50.0),
         lambda: jt.Atmosphere(290.0, transmissivity=-0.1),
         lambda: jt.Blur(0.0),
