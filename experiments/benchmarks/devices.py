@@ -23,7 +23,7 @@ import numpy as np
 
 import jaxthermo as jt
 from jaxthermo.host_memory import readable_bytes
-from jaxthermo.integrate.explicit import RKL2Stepper
+from jaxthermo.integrate.explicit import RKL2Stepper, stable_length
 from jaxthermo.integrate.run.plan import Plan, initial_state, plan_run
 from jaxthermo.integrate.run.segments import begin_run, run_segments
 from jaxthermo.parallel.devices import provide_devices
@@ -332,7 +332,7 @@ def _plan(scene: jt.Scene, in_stages: bool, steps: int) -> tuple[Plan, int]:
         solver = jt.ForwardEuler(dt)
         plan = plan_run(scene, t1=steps * dt, save_at=None, solver=solver)
         return plan, steps
-    dt = 0.9 * (steps**2 + steps - 2) / 4 * stable
+    dt = 0.9 * stable_length(steps) * stable
     plan = plan_run(scene, t1=dt, save_at=None, solver=jt.SuperTimeStepping(dt))
     assert isinstance(plan.stepper, RKL2Stepper)
     return plan, plan.stepper.stages_taken
