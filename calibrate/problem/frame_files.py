@@ -16,7 +16,6 @@ from jaxthermo.config.types.model import build
 from jaxthermo.errors import InputError, located
 from jaxthermo.image.files.exr import read_channel, read_exr
 from jaxthermo.image.files.thermogram_files import (
-    frame_count,
     has_counts,
     read_counts,
     read_temperatures,
@@ -162,35 +161,31 @@ class _Reader:
         self.stated: list[StatedReflection] = []
 
     def frames(self, view: FramesOfCase) -> Float[np.ndarray, "t h w"]:
-        frames = [
-            self._frame(path, page)
-            for path in view.files
-            for page in range(frame_count(path))
-        ]
+        frames = [frame for path in view.files for frame in self._frames_in(path)]
         # Frames of one view are stacked, and compared with one camera.
         if len({frame.shape for frame in frames}) > 1:
             raise InputError(f"{view.case}, view {view.view}: frames of several sizes")
         return np.stack(frames).astype(float)
 
-    def _frame(self, path: Path, page: int) -> Float[np.ndarray, "h w"]:
+    def _frames_in(self, path: Path) -> list[Float[np.ndarray, "_ _"]]:
         settings = self._settings
         channels = _CHANNELS[settings.quantity]
         if settings.quantity == "radiance":
             if path.suffix.lower() != ".exr":
                 raise InputError(f"{path}: radiance is read from EXR files alone")
-            return read_channel(path, *channels)
+            return [read_channel(path, *channels)]
         unit = settings.linear_unit
         if unit is None or has_counts(path, unit):
-            return self._from_counts(path, page)
+            return self._from_counts(path)
         if settings.camera_settings is not None:
             raise InputError(
                 f"{path}: holds temperatures, and `camera_settings` are for counts: "
                 "leave them out, or give `corrected_for`"
             )
-        kelvin = read_temperatures(path, unit, channels, page)
-        return self._uncorrected(kelvin)
+        frames = read_temperatures(path, unit, channels)
+        return [self._uncorrected(kelvin) for kelvin in frames]
 
-    def _from_counts(self, path: Path, page: int) -> Float[np.ndarray, "h w"]:
+    def _from_counts(self, path: Path) -> list[Float[np.ndarray, "_ _"]]:
         """Temperatures for emissivity 1, behind the air and window of the camera."""
         settings = self._settings
         if settings.corrected_for is not None:
@@ -198,24 +193,30 @@ class _Reader:
                 f"{path}: holds counts, which are never corrected: leave out "
                 "`corrected_for`, or give the temperatures that were exported"
             )
-        thermogram = read_counts(path, build(settings.flir), page)
+        changes = {}
         if settings.camera_settings is not None:
-            thermogram = thermogram._replace(
-                **settings.camera_settings.model_dump(exclude_none=True)
+            changes = settings.camera_settings.model_dump(exclude_none=True)
+        thermograms = [
+            thermogram._replace(**changes)
+            for thermogram in read_counts(path, build(settings.flir))
+        ]
+        self.stated += [
+            StatedReflection(
+                path=path,
+                emissivity=thermogram.emissivity,
+                reflected_temperature=thermogram.reflected_temperature,
             )
-        if thermogram.emissivity < 1:
-            self.stated.append(
-                StatedReflection(
-                    path=path,
-                    emissivity=thermogram.emissivity,
-                    reflected_temperature=thermogram.reflected_temperature,
-                )
-            )
+            for thermogram in thermograms
+            if thermogram.emissivity < 1
+        ]
         with located(str(path)):
-            return thermogram.object_temperature(
-                emissivity=1.0,
-                allow_extreme_temperatures=self._allow_extreme_temperatures,
-            )
+            return [
+                thermogram.object_temperature(
+                    emissivity=1.0,
+                    allow_extreme_temperatures=self._allow_extreme_temperatures,
+                )
+                for thermogram in thermograms
+            ]
 
     def _uncorrected(
         self, kelvin: Float[np.ndarray, "h w"]

@@ -9,10 +9,10 @@ import contextlib
 import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Shaped
 from PIL import Image as Pictures
 
 from ...errors import InputError, located
@@ -30,7 +30,7 @@ from ..radiance.thermography import FlirCalibration
 from .csv_file import read_csv_numbers
 from .exr import read_channel, read_exr
 from .flir_file import FlirThermogram, read_flir
-from .tiff_file import read_tiff_numbers, tiff_page_count
+from .tiff_file import read_tiff_pages
 
 
 COUNTS = "counts"
@@ -45,6 +45,7 @@ _COUNTS_AND_CALIBRATION = (
 _CHANNEL = "apparent_temperature_K"
 _RADIOMETRIC = (".jpg", ".jpeg")
 _TIFF = (".tif", ".tiff")
+_Frame = TypeVar("_Frame")
 _STATEMENTS = {
     ".csv": b"# unit,K\n",
     **dict.fromkeys(_TIFF, b"unit_of_values=K\n"),
@@ -96,7 +97,7 @@ def read_thermogram(
     linear_unit = None
     limits = temperature_limits(allow_extreme_temperatures)
     if has_counts(path, unit):
-        thermogram = read_counts(path, calibration, page)
+        thermogram = _only_frame(path, read_counts(path, calibration, page))
         with located(str(path)):
             kelvin = thermogram.object_temperature(
                 emissivity=1.0, allow_extreme_temperatures=allow_extreme_temperatures
@@ -107,7 +108,8 @@ def read_thermogram(
         raise InputError(_COUNTS_AND_CALIBRATION)
     else:
         linear_unit = unit_of(unit)
-        kelvin = read_temperatures(path, linear_unit, (channel,), page)
+        frames = read_temperatures(path, linear_unit, (channel,), page)
+        kelvin = _only_frame(path, frames)
     if not np.isfinite(kelvin).any():
         raise InputError(
             f"{path}: no pixel has a temperature of {limits.low:g} K or more: give "
@@ -154,13 +156,13 @@ def read_counts(
     path: str | Path,
     calibration: FlirCalibration | None = None,
     page: int | None = None,
-) -> FlirThermogram:
-    """Read raw counts with what their file states of the camera.
+) -> list[FlirThermogram]:
+    """Read the raw counts of all frames, with what their file states of the camera.
 
     Args:
         path: JPEG of a FLIR camera, or a file of counts.
         calibration: of the counts; of a JPEG in place of its own.
-        page: of a TIFF file of several.
+        page: the only one to read of a TIFF file.
 
     Raises:
         InputError: as `read_thermogram`.
@@ -168,11 +170,12 @@ def read_counts(
     if Path(path).suffix.lower() in _RADIOMETRIC:
         thermogram = read_flir(path)
         if calibration is None:
-            return thermogram
-        return thermogram._replace(calibration=calibration)
+            return [thermogram]
+        return [thermogram._replace(calibration=calibration)]
     if calibration is None:
         raise InputError(_COUNTS_AND_CALIBRATION)
-    return FlirThermogram(_numbers(Path(path), (_CHANNEL,), page), calibration)
+    frames = _frames_of_numbers(Path(path), (_CHANNEL,), page)
+    return [FlirThermogram(counts, calibration) for counts in frames]
 
 
 def read_temperatures(
@@ -180,33 +183,44 @@ def read_temperatures(
     unit: LinearUnit,
     channels: tuple[str, ...] = (_CHANNEL,),
     page: int | None = None,
-) -> Float[np.ndarray, "h w"]:
-    """Read a frame of temperatures [K], whose pixels are not checked.
+) -> list[Float[np.ndarray, "_ _"]]:
+    """Read all frames of temperatures [K], whose pixels are not checked.
 
-    The arguments are those of `read_thermogram`, with `channels` of an EXR file of
-    which the first that is there counts.
+    Args:
+        path: as of `read_thermogram`.
+        unit: of the numbers.
+        channels: of an EXR file, of which the first that is there counts.
+        page: the only one to read of a TIFF file.
 
     Raises:
         InputError: for a file that cannot be read, or states another unit.
     """
     path = Path(path)
-    numbers = _numbers(path, channels, page)
-    if unit != KELVIN and _is_in_kelvin(path, numbers, channels):
+    frames = _frames_of_numbers(path, channels, page)
+    if unit != KELVIN and _is_in_kelvin(path, frames, channels):
         raise InputError(
             f"{path}: says that its numbers are in kelvin, and the unit is another "
             "one: give kelvin"
         )
-    return unit.kelvin(numbers)
+    return [unit.kelvin(numbers) for numbers in frames]
+
+
+def _only_frame(path: str | Path, frames: list[_Frame]) -> _Frame:
+    if len(frames) > 1:
+        raise InputError(
+            f"{path} has {len(frames)} pages, and a frame is one of them: give its "
+            f"number, page=0 to page={len(frames) - 1}"
+        )
+    return frames[0]
 
 
 def _is_in_kelvin(
-    path: Path, numbers: Float[np.ndarray, "h w"], channels: tuple[str, ...]
+    path: Path, frames: list[Float[np.ndarray, "_ _"]], channels: tuple[str, ...]
 ) -> bool:
     """True for a file that states kelvin, with numbers that may be."""
-    finite = numbers[np.isfinite(numbers)]
-    # Programs may write degrees Celsius under the names of this package. The numbers
-    # come first: a file of many pages is not read again for each of them.
-    if not finite.size or Limits().exceeded(np.median(finite, keepdims=True)).any():
+    numbers = np.concatenate([frame[np.isfinite(frame)] for frame in frames])
+    # Programs may write degrees Celsius under the names of this package.
+    if not numbers.size or Limits().exceeded(np.median(numbers, keepdims=True)).any():
         return False
     ending = path.suffix.lower()
     if ending == ".exr":
@@ -214,25 +228,6 @@ def _is_in_kelvin(
         return next(name for name in channels if name in stored).endswith("_K")
     statement = _STATEMENTS.get(ending)
     return statement is not None and statement in path.read_bytes()
-
-
-def frame_count(path: str | Path) -> int:
-    """Number of frames in a file: pages of a TIFF file, 1 in any other.
-
-    Raises:
-        InputError: for a TIFF file that is missing or damaged.
-    """
-    path = Path(path)
-    if path.suffix.lower() not in _TIFF:
-        return 1
-    _check_is_file(path)
-    with _reading(path):
-        return tiff_page_count(path)
-
-
-def _check_is_file(path: Path) -> None:
-    if not path.is_file():
-        raise InputError(f"{path} is not a file: give the path of a frame")
 
 
 @contextlib.contextmanager
@@ -249,18 +244,29 @@ def _reading(path: Path) -> Iterator[None]:
         ) from error
 
 
-def _numbers(
+def _frames_of_numbers(
     path: Path, channels: tuple[str, ...], page: int | None
-) -> Float[np.ndarray, "h w"]:
-    _check_is_file(path)
+) -> list[Float[np.ndarray, "_ _"]]:
+    if not path.is_file():
+        raise InputError(f"{path} is not a file: give the path of a frame")
     ending = path.suffix.lower()
-    if ending not in _READERS:
-        endings = ", ".join(sorted((*_READERS, *_RADIOMETRIC)))
+    if ending not in (*_READERS, *_TIFF):
+        endings = ", ".join(sorted((*_READERS, *_TIFF, *_RADIOMETRIC)))
         raise InputError(f"{path}: frames may be {endings} files")
     if page and ending not in _TIFF:
         raise InputError(f"{path}: page {page} is one of a TIFF file: leave it out")
     with _reading(path):
-        numbers = np.asarray(_READERS[ending](path, channels, page))
+        if ending in _TIFF:
+            frames = read_tiff_pages(path, page)
+        else:
+            frames = [np.asarray(_READERS[ending](path, channels))]
+    return [_checked_numbers(path, numbers) for numbers in frames]
+
+
+def _checked_numbers(
+    path: Path, numbers: Shaped[np.ndarray, "..."]
+) -> Float[np.ndarray, "_ _"]:
+    """Numbers of a frame, if they are."""
     if numbers.ndim != 2 or not numbers.size or numbers.dtype.kind not in "fiu":
         raise InputError(
             f"{path}: has numbers of the shape {numbers.shape}, of the type "
@@ -274,15 +280,11 @@ def _numbers(
     return numbers.astype(float)
 
 
-def _read_exr(path: Path, channels: tuple[str, ...], page: int | None) -> Any:
+def _read_exr(path: Path, channels: tuple[str, ...]) -> Any:
     return read_channel(path, *channels)
 
 
-def _read_tiff(path: Path, channels: tuple[str, ...], page: int | None) -> Any:
-    return read_tiff_numbers(path, page)
-
-
-def _read_picture(path: Path, channels: tuple[str, ...], page: int | None) -> Any:
+def _read_picture(path: Path, channels: tuple[str, ...]) -> Any:
     with warnings.catch_warnings():
         # What is wrong with a file is said by the error that follows.
         warnings.simplefilter("ignore")
@@ -290,18 +292,16 @@ def _read_picture(path: Path, channels: tuple[str, ...], page: int | None) -> An
             return np.asarray(picture)
 
 
-def _read_csv(path: Path, channels: tuple[str, ...], page: int | None) -> Any:
+def _read_csv(path: Path, channels: tuple[str, ...]) -> Any:
     return read_csv_numbers(path)
 
 
-def _read_array(path: Path, channels: tuple[str, ...], page: int | None) -> Any:
+def _read_array(path: Path, channels: tuple[str, ...]) -> Any:
     return np.load(path, allow_pickle=False)
 
 
 _READERS = {
     ".exr": _read_exr,
-    ".tif": _read_tiff,
-    ".tiff": _read_tiff,
     ".png": _read_picture,
     ".csv": _read_csv,
     ".npy": _read_array,

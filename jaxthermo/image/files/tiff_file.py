@@ -20,44 +20,37 @@ _tifffile: Any = lazy_loader.load("tifffile")
 logging.getLogger("tifffile").addHandler(logging.NullHandler())
 
 
-def tiff_page_count(path: Path) -> int:
-    """Number of pages of a TIFF file, without reduced copies of others.
+def read_tiff_pages(
+    path: Path, page: int | None = None
+) -> list[Shaped[np.ndarray, "..."]]:
+    """Read the numbers of the pages of a TIFF file, in their type.
 
-    Raises:
-        ValueError: for bytes of something else.
-    """
-    with _tifffile.TiffFile(path) as file:
-        return len(_full_pages(file))
-
-
-def read_tiff_numbers(path: Path, page: int | None = None) -> Shaped[np.ndarray, "..."]:
-    """Read the numbers of a page of a TIFF file, counted from 0, in their type.
+    Reduced copies of pages are none.
 
     Args:
         path: of the file.
-        page: number of the page; None if there is only one.
+        page: number of the only page to read, counted from 0; None for all pages.
 
     Raises:
-        InputError: for a page that is not there, or None of several.
+        InputError: for a page that is not there.
         ValueError: for bytes of something else.
     """
     with _tifffile.TiffFile(path) as file:
         pages = _full_pages(file)
-        if page is None and len(pages) > 1:
+        if page is not None and not 0 <= page < len(pages):
             raise InputError(
-                f"{path} has {len(pages)} pages, and a frame is one of them: give its "
-                f"number, page=0 to page={len(pages) - 1}"
+                f"{path}: there is no page {page}: it has {len(pages)}, from page 0"
             )
-        number = page or 0
-        if not 0 <= number < len(pages):
-            raise InputError(
-                f"{path}: there is no page {number}: it has {len(pages)}, from page 0"
-            )
-        try:
-            return np.asarray(pages[number].asarray())
-        except ValueError as error:
-            # Pillow reads more compressions, but fewer types of numbers.
-            return _read_by_pillow(path, number, error)
+        numbers = range(len(pages)) if page is None else (page,)
+        return [_page_numbers(path, pages[number], number) for number in numbers]
+
+
+def _page_numbers(path: Path, page: Any, number: int) -> Shaped[np.ndarray, "..."]:
+    try:
+        return np.asarray(page.asarray())
+    except ValueError as error:
+        # Pillow reads more compressions, but fewer types of numbers.
+        return _read_by_pillow(path, number, error)
 
 
 def _full_pages(file: Any) -> list[Any]:
