@@ -1,14 +1,14 @@
 """Weather files of EnergyPlus (EPW): a place, and a row for every hour of some months.
 
 Each row has the time at the end of its hour, in hours from 1 to 24 of the standard time
-of the place. Source: EnergyPlus, Auxiliary Programs, "EnergyPlus Weather File (EPW)
-Data Dictionary".
+of the place. A file of a whole year goes on with 1 January after 31 December. Source:
+EnergyPlus, Auxiliary Programs, "EnergyPlus Weather File (EPW) Data Dictionary".
 """
 
 import calendar
 import math
 from collections.abc import Sequence
-from datetime import datetime, timedelta, timezone
+from datetime import MAXYEAR, datetime, timedelta, timezone
 from pathlib import Path
 from typing import NamedTuple
 
@@ -54,11 +54,23 @@ class _Hour(NamedTuple):
     row: Row
 
 
+class _Year(NamedTuple):
+    """The hours of a file in one year."""
+
+    hours: list[_Hour]
+    ends: Float[np.ndarray, " t"]
+    """Ends of the hours since 1970-01-01 UTC [s]."""
+    is_whole: bool
+    """True if they begin with the year and end with it."""
+    remarks: list[Remark]
+
+
 def read_epw(path: Path, lines: Sequence[str], start: datetime) -> Weather:
     """The weather in the lines of an EPW file, as that of the year of `start`.
 
     Hours from 0 to 23 count as 1 to 24. A year without 29 February leaves that day out;
-    a leap year repeats 28 February where the file has no other.
+    a leap year repeats 28 February where the file has no other. A file of a whole year
+    is that of the next year, too.
 
     Raises:
         InputError: for lines that cannot be read.
@@ -66,21 +78,19 @@ def read_epw(path: Path, lines: Sequence[str], start: datetime) -> Weather:
     site = _site(path, lines[0])
     hours = _hours(path, lines)
     # In the zone of the file, where the start may be in another year.
-    year = start.astimezone(site.zone).year
-    remarks = []
-    if calendar.isleap(year):
-        hours, repeats = _with_leap_day(hours)
-        if repeats:
-            day = datetime(year, *_LEAP_DAY, tzinfo=site.zone).timestamp()
-            text = "has no 29 February: 28 February is repeated"
-            remarks.append(Remark(day, day + _DAY, text))
-    else:
-        hours = [hour for hour in hours if hour.date != _LEAP_DAY]
-    ends = _ends(path, hours, year, site.zone)
+    number = start.astimezone(site.zone).year
+    years = [_year(path, hours, number, site.zone)]
+    remarks = [*years[0].remarks]
+    if years[0].is_whole and number < MAXYEAR:
+        years.append(_year(path, hours, number + 1, site.zone))
+        text = "ends with its year: after 31 December it is repeated from 1 January on"
+        remarks.append(Remark(years[0].ends[-1], years[1].ends[-1], text))
+        remarks += years[1].remarks
+    ends = np.concatenate([year.ends for year in years])
     if any(hour.hour == 0 for hour in hours):
         text = "has hours from 0 to 23: they are read as 1 to 24, the ends of hours"
         remarks.append(Remark(ends[0], ends[-1], text))
-    rows = [hour.row.fields for hour in hours]
+    rows = [hour.row.fields for year in years for hour in year.hours]
     columns = {quantity.name: _column(quantity, rows, ends) for quantity in QUANTITIES}
     opaque = columns[CLOUD_COVER.name]
     total = _column(TOTAL_COVER, rows, ends)
@@ -192,6 +202,24 @@ def _hour(path: Path, row: Row) -> _Hour:
             f"'{', '.join(fields[1:4])}': correct them"
         )
     return _Hour(date=(month, day), hour=hour, row=Row(row.number, fields))
+
+
+def _year(path: Path, hours: list[_Hour], number: int, zone: timezone) -> _Year:
+    """The hours of a file in the year of a number."""
+    remarks = []
+    if calendar.isleap(number):
+        hours, repeats = _with_leap_day(hours)
+        if repeats:
+            day = datetime(number, *_LEAP_DAY, tzinfo=zone).timestamp()
+            text = "has no 29 February: 28 February is repeated"
+            remarks.append(Remark(day, day + _DAY, text))
+    else:
+        hours = [hour for hour in hours if hour.date != _LEAP_DAY]
+    ends = _ends(path, hours, number, zone)
+    begin = datetime(number, 1, 1, tzinfo=zone).timestamp()
+    days = 366 if calendar.isleap(number) else 365
+    is_whole = ends[0] - _HOUR <= begin and ends[-1] >= begin + days * _DAY
+    return _Year(hours=hours, ends=ends, is_whole=bool(is_whole), remarks=remarks)
 
 
 def _with_leap_day(hours: list[_Hour]) -> tuple[list[_Hour], bool]:

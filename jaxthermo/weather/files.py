@@ -24,7 +24,8 @@ _REMEDY = "give an EPW file, or CSV with the columns of docs/guide/outdoors.md"
 def read_weather(path: Path, start: datetime) -> Weather:
     """The weather in an EPW file, recognized by its first word, or in a CSV file.
 
-    An EPW file joins months of several years: they all count as the year of `start`.
+    An EPW file joins months of several years: they all count as the year of `start`,
+    and those of a whole year as the next one, too.
     Its radiation is the mean over the hour before each time; it is assigned to the
     middle of that hour.
 
