@@ -19,6 +19,7 @@ from ..report.table import Table
 
 
 _COLUMNS = ("k W/(m K)", "rho kg/m^3", "c_p J/(kg K)", "emissivity")
+_FINISH_COLUMNS = ("surface", "emissivity", "solar\nabsorptivity", "source")
 
 _MARKS = (
     "* in Table 5.1 of the thesis.  ~ no surface tabulated: a common value, which bare "
@@ -26,8 +27,9 @@ _MARKS = (
 )
 
 _BAND = (
-    "Total, or long-wave infrared. In other bands it may differ: of black anodized "
-    "aluminium it is 0.95 there and 0.67 at short waves."
+    "Emissivities are total, or long-wave infrared. In other bands they may differ: of "
+    "black anodized aluminium it is 0.95 there and 0.67 at short waves. Where there is "
+    "no solar absorptivity, the emissivity stands for it."
 )
 
 
@@ -44,10 +46,16 @@ def materials(name: str | None, emissivity: bool) -> None:
     console = open_console()
     if emissivity:
         finishes = [
-            (row.surface, f"{row.emissivity:g}", row.source) for row in _matching(name)
+            (
+                row.surface,
+                f"{row.emissivity:g}",
+                _optional_number(row.absorptivity),
+                row.sources,
+            )
+            for row in _matching(name)
         ]
-        columns = ("surface", "emissivity", "source")
-        console.print(Table(columns, finishes, left=(0, 2), framed=False).rich())
+        table = Table(_FINISH_COLUMNS, finishes, left=(0, 3), framed=False)
+        console.print(table.rich())
         print_line(console, _BAND)
         return
     rows = find_materials(name) if name else material_rows()
@@ -78,6 +86,8 @@ def _print_row(console: Console, row: MaterialRow) -> None:
     print_line(console, f"{row.name} ({row.label})")
     for label, number in zip(_COLUMNS, _numbers(row), strict=True):
         print_line(console, f"  {label:13} {number}")
+    if row.absorptivity is not None:
+        print_line(console, f"  absorptivity  {row.absorptivity:g} (of sunlight)")
     if row.in_thesis:
         print_line(
             console,
@@ -101,6 +111,10 @@ def _table(rows: tuple[MaterialRow, ...]) -> Table:
         name = row.name + " *" * row.in_thesis
         lines.append((name, *numbers, assumed + emissivity, source))
     return Table(("name", *heads, "source"), lines, left=(0, 5), framed=False)
+
+
+def _optional_number(value: float | None) -> str:
+    return "" if value is None else f"{value:g}"
 
 
 def _numbers(row: MaterialRow) -> tuple[str, ...]:

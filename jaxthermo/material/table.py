@@ -3,7 +3,7 @@
 import csv
 import difflib
 import functools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,11 +18,28 @@ _DATA = Path(__file__).parents[1] / "data"
 
 @dataclass(frozen=True)
 class EmissivityRow:
-    """Emissivity of one finished surface, total or long-wave infrared."""
+    """Radiative properties of one finished surface.
+
+    Attributes:
+        surface: name of the finish.
+        emissivity: total or long-wave infrared [-].
+        source: source of the emissivity.
+        absorptivity: of sunlight [-]; None if not tabulated.
+        absorptivity_source: source of the absorptivity.
+    """
 
     surface: str
     emissivity: float
     source: str
+    absorptivity: float | None
+    absorptivity_source: str
+
+    @property
+    def sources(self) -> str:
+        """Sources of both numbers, as one text."""
+        if self.absorptivity is None:
+            return self.source
+        return f"{self.source}; absorptivity {self.absorptivity_source}"
 
 
 @dataclass(frozen=True)
@@ -59,11 +76,16 @@ class MaterialRow:
         return self.surface.emissivity if self.surface else DEFAULT_EMISSIVITY
 
     @property
+    def absorptivity(self) -> float | None:
+        """Absorptivity of sunlight of the surface [-]; None if not tabulated."""
+        return self.surface.absorptivity if self.surface else None
+
+    @property
     def source(self) -> str:
         """Sources of all numbers, as one text."""
         origin = "none tabulated, assumed 0.9"
         if self.surface:
-            origin = f"of '{self.surface.surface}', {self.surface.source}"
+            origin = f"of '{self.surface.surface}', {self.surface.sources}"
         return f"{self.bulk_source}; emissivity {origin}"
 
     @property
@@ -84,7 +106,11 @@ def emissivity_rows() -> tuple[EmissivityRow, ...]:
     column = "emissivity_total_or_LWIR"
     return tuple(
         EmissivityRow(
-            surface=surface, emissivity=float(row[column]), source=row["source"]
+            surface=surface,
+            emissivity=float(row[column]),
+            source=row["source"],
+            absorptivity=_number_or_none(row["solar_absorptivity"]),
+            absorptivity_source=row["absorptivity_source"],
         )
         for surface, row in _read("emissivity.csv", "material").items()
     )
@@ -134,11 +160,32 @@ def material_row(name: str) -> MaterialRow:
     rows = _by_name()
     if name in rows:
         return rows[name]
-    close = difflib.get_close_matches(str(name).lower(), rows, n=3, cutoff=0.6)
-    # Users often type a substring of a name, which has a large edit distance.
-    containing = [k for k in rows if len(str(name)) > 2 and str(name).lower() in k]
-    hint = ", ".join(dict.fromkeys([*containing, *close])) or ", ".join(materials)
+    hint = ", ".join(similar_names(name, rows) or materials)
     raise InputError(f"material {name!r} is not known: did you mean {hint}?")
+
+
+def emissivity_row(surface: str) -> EmissivityRow:
+    """Row of a finished surface, by its name.
+
+    Raises:
+        InputError: for an unknown name, with similar names.
+    """
+    rows = {row.surface: row for row in emissivity_rows()}
+    if surface in rows:
+        return rows[surface]
+    # Names of finishes have commas in them.
+    hint = " or ".join(map(repr, similar_names(surface, rows) or rows))
+    raise InputError(f"finish {surface!r} is not known: did you mean {hint}?")
+
+
+def similar_names(name: object, names: Iterable[str]) -> list[str]:
+    """Names that contain a name or are close to it."""
+    text = str(name).lower()
+    names = list(names)
+    close = difflib.get_close_matches(text, names, n=3, cutoff=0.6)
+    # Users often type a substring of a name, which has a large edit distance.
+    containing = [known for known in names if len(text) > 2 and text in known]
+    return list(dict.fromkeys([*containing, *close]))
 
 
 def find_materials(text: str) -> tuple[MaterialRow, ...]:
@@ -177,12 +224,12 @@ class _MaterialTable(Mapping[str, Material]):
 
     def __getitem__(self, name: str) -> Material:
         row = material_row(name)
-        # No absorptivity: the emissivities are long-wave or total, not solar.
         return Material(
             conductivity=row.conductivity,
             density=row.density,
             specific_heat=row.specific_heat,
             emissivity=row.emissivity,
+            absorptivity=row.absorptivity,
         )
 
     def __iter__(self) -> Iterator[str]:

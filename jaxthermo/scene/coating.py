@@ -8,6 +8,7 @@ from jaxtyping import Float
 
 from ..arrays import Numbers, is_traced, namespace
 from ..errors import InputError
+from ..material.table import emissivity_row
 from ..physics.flux_law import Values
 from ..voxels.grid import VoxelGrid
 from ..voxels.selection import AbstractSelection
@@ -23,6 +24,8 @@ class Coating(Module):
         >>> import jaxthermo as jt
         >>> tape = jt.Coating(0.95, on=jt.Side((0.0, 0.0, 1.0)))
         >>> white = jt.Coating(0.9, absorptivity=0.2)
+        >>> jt.Coating.of_finish("car paint, black").absorptivity
+        0.95
     """
 
     emissivity: Numbers | None
@@ -54,6 +57,20 @@ class Coating(Module):
         self.emissivity = _fractions("emissivity", emissivity)
         self.given_absorptivity = _fractions("absorptivity", absorptivity)
         self.on = on
+
+    @classmethod
+    def of_finish(cls, surface: str, on: AbstractSelection | None = None) -> "Coating":
+        """Coating with the emissivity and absorptivity of a tabulated finish.
+
+        Args:
+            surface: name of the finish; `jaxthermo materials --emissivity` lists them.
+            on: part of the surface; all of it if not given.
+
+        Raises:
+            InputError: for an unknown name, with similar names.
+        """
+        row = emissivity_row(surface)
+        return cls(row.emissivity, absorptivity=row.absorptivity, on=on)
 
     @property
     def absorptivity(self) -> Numbers | None:

@@ -32,7 +32,7 @@ def test_every_material_has_a_line_of_its_own(printed):
         assert (f"~{row.emissivity:g}" in matching[0]) == (row.surface is None)
     assert sum(" * " in line for line in lines[:-1]) == 12
     # In a pipe lines are whole: sources fit beside the numbers, nothing is cut off.
-    assert len(lines) == 49 + 6
+    assert len(lines) == len(material_rows()) + 6
     assert not any("…" in line for line in lines)
     assert "Table 5.1 of the thesis" in lines[-1]
 
@@ -51,6 +51,11 @@ def test_one_in_full(printed, name):
     assert "none tabulated, assumed 0.9" in text
 
 
+def test_the_absorptivity_of_sunlight_is_printed_where_it_is_tabulated(printed):
+    assert "  absorptivity  0.8 (of sunlight)" in printed("grass")
+    assert "(of sunlight)" not in "\n".join(printed("gold"))
+
+
 def test_an_alias_is_a_name(printed):
     assert printed("steel")[0].startswith("carbon_steel")
 
@@ -59,7 +64,9 @@ def test_finishes(printed):
     text = "\n".join(printed("--emissivity"))
     for row in emissivity_rows():
         assert row.surface in text
-    assert len(emissivity_rows()) == 27
+        if row.absorptivity is not None:
+            assert f" {row.absorptivity:g} " in text
+    assert len(emissivity_rows()) == 40
     assert "long-wave infrared" in text
     some = "\n".join(printed("alu", "--emissivity"))
     assert "aluminium foil" in some and "brick" not in some

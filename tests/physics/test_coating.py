@@ -52,6 +52,14 @@ def test_a_coating_replaces_what_is_below():
     assert dark == pytest.approx([0.3 * area * NET, lit * 1000.0], rel=1e-6)
 
 
+def test_a_finish_is_a_coating_with_its_numbers():
+    area = GRID.fragment_area.sum()
+    lit = 0.03 * 0.04
+    silver = rates(jt.Coating.of_finish("car paint, silver", on=TOP))
+    emitting = 0.3 * (area - lit) + 0.79 * lit
+    assert silver == pytest.approx([emitting * NET, 0.43 * lit * 1000.0], rel=1e-6)
+
+
 def test_each_fragment_may_have_its_own_and_so_may_materials():
     emissivity = np.linspace(0.0, 1.0, len(GRID.fragment_area))
     coated = rates(jt.Coating(emissivity, absorptivity=0.0))

@@ -14,10 +14,17 @@ from ...archive import file_hash, text_hash
 from ...errors import InputError
 from ..types import quantities as si
 from ..types.files import FoundPath, read_solid
-from ..types.model import Mistake, Model, build
+from ..types.model import Mistake, Model, Short, build
 from ..types.varying import AnyFraction, not_increasing, unequal
 from .geometry import MeshConfig, PoseConfig, ShapeConfig
-from .material import BodyMaterial, LabelledConfig, Material, PartsConfig
+from .material import (
+    BodyMaterial,
+    FinishName,
+    LabelledConfig,
+    Material,
+    PartsConfig,
+    finish_names,
+)
 from .selection import WhereConfig, empty_box
 from .structure import FluxCorrectedMap, FullVolume, StructureConfig, SurfaceMapConfig
 
@@ -41,16 +48,39 @@ class _PaintConfig(Model):
 
 
 class _CoatingConfig(Model, builds="Coating"):
-    """Radiative properties of a part of the surface."""
+    """Radiative properties of a part of the surface: of a finish, by numbers, or both.
 
+    One word stands for a finish on all of the surface.
+    """
+
+    finish: FinishName | None = None
+    """Name of a finish; `jaxthermo materials --emissivity` lists them."""
     emissivity: AnyFraction | None = None
     absorptivity: AnyFraction | None = None
     on: WhereConfig | None = None
 
+    @override
+    def arguments(self) -> dict[str, Any]:
+        arguments = super().arguments()
+        finish = arguments.pop("finish", None)
+        if finish is None:
+            return arguments
+        coating = jaxthermo.Coating.of_finish(finish)
+        table = {"emissivity": coating.emissivity}
+        # An absorptivity that the table leaves open follows a changed emissivity.
+        if coating.given_absorptivity is not None:
+            table["absorptivity"] = coating.given_absorptivity
+        return table | arguments
+
     def mistakes(self) -> list[Mistake]:
-        if self.emissivity is not None or self.absorptivity is not None:
+        values = (self.finish, self.emissivity, self.absorptivity)
+        if any(value is not None for value in values):
             return []
-        return [((), "missing `emissivity` or `absorptivity`: give one of them")]
+        message = "missing `finish`, `emissivity` or `absorptivity`: give one of them"
+        return [((), message)]
+
+
+_AnyCoating = Annotated[_CoatingConfig, Short("finish", words=finish_names())]
 
 
 class _MotionConfig(Model, builds="Motion"):
@@ -114,7 +144,7 @@ class BodyConfig(Model, builds="Body"):
     """A material by name or properties, or several by labels or parts of the mesh."""
     regions: tuple[_PaintConfig, ...] = ()
     """Boxes of other materials, later ones on top."""
-    coatings: tuple[_CoatingConfig, ...] = ()
+    coatings: tuple[_AnyCoating, ...] = ()
     """Emissivity and absorptivity of parts of the surface, later ones on top."""
     temperature: si.Temperature
     """Temperature at the start [K]."""

@@ -18,16 +18,27 @@ from ..types.quantities import Density, Fraction, NotEmpty, refuse
 from ..types.varying import AnyConductivity, AnySpecificHeat
 
 
-_TABLE = Path(__file__).parents[2] / "data" / "names.csv"
+_DATA = Path(__file__).parents[2] / "data"
 
 
 @cache
 def _material_names() -> tuple[str, ...]:
     # From the data file: `jaxthermo.materials` has the same names, but imports JAX.
     names: list[str] = []
-    for row in csv.DictReader(_TABLE.read_text(encoding="utf-8").splitlines()):
+    for row in _rows("names.csv"):
         names += [row["name"], *row["aliases"].split()]
     return tuple(names)
+
+
+@cache
+def finish_names() -> tuple[str, ...]:
+    """Names of the tabulated finishes, without importing JAX."""
+    return tuple(row["material"] for row in _rows("emissivity.csv"))
+
+
+def _rows(file: str) -> list[dict[str, str]]:
+    text = (_DATA / file).read_text(encoding="utf-8")
+    return list(csv.DictReader(text.splitlines()))
 
 
 def _known_material(name: str) -> str:
@@ -35,6 +46,20 @@ def _known_material(name: str) -> str:
     if name not in names:
         raise refuse(f"unknown material '{name}'{close_match(name, names)}")
     return name
+
+
+def _known_finish(name: str) -> str:
+    names = finish_names()
+    if name not in names:
+        raise refuse(f"unknown finish '{name}'{close_match(name, names)}")
+    return name
+
+
+FinishName = Annotated[
+    str,
+    AfterValidator(_known_finish),
+    Field(json_schema_extra={"enum": [*finish_names()]}),
+]
 
 
 class _MaterialConfig(Model, builds="Material"):

@@ -176,8 +176,23 @@ def test_coatings(scene, refused, tmp_path):
     np.testing.assert_array_equal(bottom.absorptivity, values)
     assert refused("copper", "coatings: [{emissivity: 2}, {on: {body: 0}}]") == [
         "bodies.0.coatings.0.emissivity: must be at most 1, got 2",
-        "bodies.0.coatings.1: missing `emissivity` or `absorptivity`: give one of them",
+        "bodies.0.coatings.1: missing `finish`, `emissivity` or `absorptivity`: "
+        "give one of them",
     ]
+    named = scene(
+        "copper",
+        "coatings: ['car paint, white', {finish: 'car paint, black', "
+        "absorptivity: 0.9, on: {side: {normal: [0, 0, 1]}}}, plywood]",
+    ).bodies[0]
+    paint, hood, wood = named.build().coatings
+    assert paint == jt.Coating(0.9, absorptivity=0.4)
+    assert hood == jt.Coating(0.83, absorptivity=0.9, on=jt.Side((0.0, 0.0, 1.0)))
+    assert wood == jt.Coating(0.82)
+    (line,) = refused("copper", "coatings: ['car paint white']")
+    assert line == (
+        "bodies.0.coatings.0.finish: unknown finish 'car paint white'; "
+        "did you mean 'car paint, white'?"
+    )
     np.save(tmp_path / "eps.npy", 2 * values)
     with pytest.raises(InputError, match="eps.npy: expected numbers from 0 to 1"):
         body.coatings[1].build()

@@ -1,7 +1,9 @@
 """Materials: what is refused, what is derived, and the table."""
 
+import csv
 import importlib
 from collections.abc import Mapping
+from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -14,6 +16,8 @@ import jaxthermo
 from jaxthermo.errors import InputError
 from jaxthermo.material.material import Material
 from jaxthermo.material.table import (
+    emissivity_row,
+    emissivity_rows,
     material_row,
     material_rows,
     materials,
@@ -97,8 +101,14 @@ def test_float32_stays_float32():
 
 def test_table_has_every_row_of_the_data():
     rows = material_rows()
-    assert len(rows) == len(materials) == 49
-    assert len({row.label for row in rows}) == 49
+    assert len(rows) == len(materials) == 60
+    data = Path(jaxthermo.__file__).parent / "data"
+    for file, used in (
+        ("materials.csv", {row.label for row in rows}),
+        ("emissivity.csv", {row.surface for row in emissivity_rows()}),
+    ):
+        with (data / file).open(encoding="utf-8", newline="") as lines:
+            assert {row["material"] for row in csv.DictReader(lines)} == used
     assert list(materials) == [row.name for row in rows]
     assert all(name == name.lower() and name.isidentifier() for name in materials)
     assert all(isinstance(materials[name], Material) for name in materials)
@@ -112,6 +122,42 @@ def test_known_numbers():
     assert materials["copper"].conductivity == 401.0
     assert_allclose(materials["copper"].diffusivity, 1.162e-4, rtol=1e-3)
     assert_allclose(materials["copper"].effusivity, 3.719e4, rtol=1e-3)
+
+
+def test_derived_columns_of_the_data_are_those_of_the_properties():
+    data = Path(jaxthermo.__file__).parent / "data" / "materials.csv"
+    with data.open(encoding="utf-8", newline="") as lines:
+        columns = {row["material"]: row for row in csv.DictReader(lines)}
+    for row in material_rows():
+        material = materials[row.name]
+        stated = columns[row.label]
+        assert_allclose(material.diffusivity, float(stated["alpha_m2_s"]), rtol=1e-3)
+        assert_allclose(material.effusivity, float(stated["effusivity"]), rtol=1e-3)
+
+
+def test_solar_absorptivities():
+    # The sun passes a pane, and its long waves do not.
+    glass = materials["car_glass"]
+    assert (glass.emissivity, glass.absorptivity) == (0.84, 0.11)
+    assert "transmitted 0.82 is not modelled" in material_row("car_glass").source
+    assert materials["grass"].absorptivity == 0.8
+    soil = materials["moist_soil"]
+    assert materials["grass"].conductivity == soil.conductivity == 0.9
+    # Where none is tabulated, the emissivity stands for it.
+    assert materials["cast_iron"].given_absorptivity is None
+    assert materials["cast_iron"].absorptivity == 0.8
+    for row in emissivity_rows():
+        assert row.absorptivity is None or 0 < row.absorptivity < 1
+        assert (row.absorptivity is None) == (row.absorptivity_source == "")
+
+
+def test_finishes_have_names():
+    assert emissivity_row("car paint, white").absorptivity == 0.4
+    expected = "'car paint' .* did you mean 'car paint, white' or 'car paint, silver'"
+    with pytest.raises(InputError, match=expected):
+        emissivity_row("car paint")
+    with pytest.raises(InputError, match="'human skin' or 'water'"):
+        emissivity_row("zzz")
 
 
 def test_aliases():
