@@ -55,14 +55,22 @@ def refine_edges(
         middle[cut] = len(vertices) + number.ravel()
         edge_middles = vertices[edges].mean(axis=1)
         vertices = np.concatenate([vertices, edge_middles])
-        faces, parent = _cut_faces(faces, middle, parent)
+        faces, parent = cut_faces(faces, middle, parent)
 
 
-def _cut_faces(
+def cut_faces(
     faces: Int[np.ndarray, "f 3"],
     middle: Int[np.ndarray, "f 3"],
     parent: Int[np.ndarray, " f"],
 ) -> tuple[Int[np.ndarray, "g 3"], Int[np.ndarray, " g"]]:
+    """Cut triangles at points on their edges; return the pieces and their parents.
+
+    Args:
+        faces: vertex numbers of each triangle.
+        middle: number of the vertex on the edge from each corner to the next one; -1
+            for an edge that stays.
+        parent: number that the pieces of each triangle get.
+    """
     cut = middle >= 0
     count = cut.sum(axis=1)
     new_faces = [faces[count == 0]]
