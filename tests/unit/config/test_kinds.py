@@ -28,6 +28,7 @@ CONVERTED = {
         *("mesh", "shape", "solid", "pitch", "voxels_high", "surface_cells"),
         *("structure", "regions"),
     },
+    "CoatingConfig": {"finish"},
     "DirectionTable": {"values"},
     "LabelledConfig": {"materials"},
     "MaterialConfig": {"name"},
