@@ -1,11 +1,12 @@
-"""Steady temperatures of thin walls that lose heat along their whole surface.
+"""Temperatures of thin walls that lose heat along their whole surface.
 
 Across its thickness d a wall is uniform: its excess theta over the air [K] obeys
 
-    K (Laplacian of theta) - h theta + q = 0
+    C d(theta)/dt = K (Laplacian of theta) - h theta + q
 
 with the sheet conductance K = sum k_l d_l of its layers [W/K], the heat transfer
-coefficient h of both faces together [W/(m^2 K)] and the absorbed heat flux q [W/m^2].
+coefficient h of both faces together [W/(m^2 K)], the absorbed heat flux q [W/m^2] and
+the capacity C = sum rho_l c_l d_l [J/(m^2 K)]. Without a time the state is steady.
 Source of the equation: Carslaw and Jaeger, Conduction of Heat in Solids, 4.2.
 """
 
@@ -72,10 +73,12 @@ def sunlit_cylinder(
     sheet_conductance: Scalar,
     heat_transfer_coefficient: Scalar,
     heat_flux: Scalar,
+    time: Scalar = np.inf,
+    area_capacity: Scalar = 1.0,
 ) -> HostFloat:
     """Excess of a cylindrical wall in parallel rays across its axis over the air [K].
 
-    theta = sum_n q_n cos(n phi) / (h + K n^2 / R^2)
+    theta = sum_n q_n cos(n phi) (1 - exp(-g_n t / C)) / g_n, g_n = h + K n^2 / R^2
 
     at the angle phi [rad] from the line that faces the rays; q_n are the cosine terms
     of the absorbed flux q max(cos phi, 0): q_0 = q / pi, q_1 = q / 2 and, for even n,
@@ -87,7 +90,9 @@ def sunlit_cylinder(
     half_wave = 2 / np.pi * signs / (even**2 - 1)
     share = np.concatenate([[1 / np.pi, 0.5], half_wave])
     spread = float(sheet_conductance) / float(radius) ** 2 * order**2
-    amplitude = float(heat_flux) * share / (float(heat_transfer_coefficient) + spread)
+    loss = float(heat_transfer_coefficient) + spread
+    risen = -np.expm1(-loss * float(time) / float(area_capacity))
+    amplitude = float(heat_flux) * share * risen / loss
     waves = np.cos(order * host(angle)[..., None])
     return np.asarray(np.sum(amplitude * waves, axis=-1))
 
@@ -99,10 +104,13 @@ def sunlit_sphere(
     sheet_conductance: Scalar,
     heat_transfer_coefficient: Scalar,
     heat_flux: Scalar,
+    time: Scalar = np.inf,
+    area_capacity: Scalar = 1.0,
 ) -> HostFloat:
     """Excess of a spherical wall in parallel rays over the air [K].
 
-    theta = sum_n q_n P_n(cos phi) / (h + K n (n + 1) / R^2)
+    theta = sum_n q_n P_n(cos phi) (1 - exp(-g_n t / C)) / g_n,
+    g_n = h + K n (n + 1) / R^2
 
     at the angle phi [rad] from the point that faces the rays; P_n are Legendre's
     polynomials and q_n = q (2 n + 1)/2 times the integral of x P_n(x) from 0 to 1: the
@@ -117,7 +125,9 @@ def sunlit_sphere(
         moment[n + 2] = -moment[n] * (n - 1) / (n + 4)
     share = (order + 0.5) * moment
     spread = float(sheet_conductance) / float(radius) ** 2 * order * (order + 1)
-    amplitude = float(heat_flux) * share / (float(heat_transfer_coefficient) + spread)
+    loss = float(heat_transfer_coefficient) + spread
+    risen = -np.expm1(-loss * float(time) / float(area_capacity))
+    amplitude = float(heat_flux) * share * risen / loss
     cosine = np.cos(host(angle))
     return np.asarray(np.polynomial.legendre.legval(cosine, amplitude))
 

@@ -101,6 +101,27 @@ def test_walls_in_the_sun_lose_what_they_absorb(form, share):
     assert np.ptp(form(angle, sheet_conductance=1e6, **load)) < 1e-4
 
 
+@pytest.mark.parametrize("form", [sheets.sunlit_cylinder, sheets.sunlit_sphere])
+def test_walls_warm_as_their_equation_says(form):
+    def at(time):
+        return form(
+            np.linspace(0, np.pi, 5),
+            radius=RADIUS,
+            sheet_conductance=K,
+            heat_transfer_coefficient=H,
+            heat_flux=FLUX,
+            time=time,
+            area_capacity=2000.0,
+        )
+
+    assert_allclose(at(0.0), 0.0, atol=1e-12)
+    assert_allclose(at(1e5), at(np.inf), rtol=1e-12)
+    # At first each point warms by what it absorbs, but at the border of the shadow.
+    sunlit = FLUX * np.maximum(np.cos(np.linspace(0, np.pi, 5)), 0)
+    rate = at(0.1) / 0.1
+    assert_allclose(rate[[0, 1, 3, 4]], sunlit[[0, 1, 3, 4]] / 2000.0, atol=1e-3)
+
+
 def test_disc_agrees_with_differences_along_its_radius():
     heated = 0.02
     edges = np.linspace(0, RADIUS, 2001)
