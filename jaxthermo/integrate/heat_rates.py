@@ -8,7 +8,8 @@ from jaxtyping import Array, Float
 
 from ..arrays import taken
 from ..network.network import AbstractNetwork, inverse
-from ..physics.contact.links import ContactLinks
+from ..physics.contact.links import ContactLinks, PairNodes
+from ..physics.half_cells import VaryingHalfCells
 from ..scene.compile.program import Program, State
 from ..scene.compile.surface_load import AbstractSurfaceLoad
 
@@ -41,12 +42,9 @@ def add_loads(
     for contact in program.contacts:
         first, second = contact.bodies
         with jax.named_scope("contact"):
+            heat = contact.heat(time, pair_nodes(program, contact, states, start))
             (warmed[first], warmed[second]), rate = contact.apply_heat(
-                (warmed[first], warmed[second]),
-                pair_temperatures(program, contact, states, start),
-                (program.bodies[first].reference, program.bodies[second].reference),
-                time,
-                dt,
+                (warmed[first], warmed[second]), heat.rate, dt
             )
             rates = rates.at[contact.entry].add(rate)
     return tuple(warmed), rates
@@ -149,30 +147,45 @@ def pair_conductance(contact: ContactLinks, time: Float[Array, ""]):
     """Return the conductance of every touching pair [W/K]."""
     ones = jnp.ones_like(contact.area)
     zero = jnp.zeros((), contact.area.dtype)
-    return contact.heat_rate(time, (ones, 0 * ones), (zero, zero))
+    return contact.heat(time, PairNodes((ones, 0 * ones), (zero, zero))).rate
 
 
-def pair_temperatures(
+def pair_nodes(
     program: Program,
     contact: ContactLinks,
     states: State,
     start: State | None = None,
-) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
-    """Temperatures of the nodes of every touching pair above the references [K].
+) -> PairNodes:
+    """Return the nodes of every touching pair, and what they conduct to the contact.
 
     The states are changes since `start` if that is not None.
     """
-    first_network, second_network = (
-        program.bodies[body].network for body in contact.bodies
-    )
-    first, second = pair_values(contact, states)
+    bodies = [program.bodies[body] for body in contact.bodies]
+    values = pair_values(contact, states)
     if start is not None:
-        first_start, second_start = pair_values(contact, start)
-        first = first + first_start
-        second = second + second_start
-    first_address, second_address = contact.address
-    return first_network.temperature(first, first_address), second_network.temperature(
-        second, second_address
+        rises = zip(values, pair_values(contact, start), strict=True)
+        values = [change + before for change, before in rises]
+    first, second = (
+        body.network.temperature(body_values, address)
+        for body, body_values, address in zip(
+            bodies, values, contact.address, strict=True
+        )
+    )
+    varying = None
+    if any(body.network.conductivity_varies for body in bodies):
+        cells_a, cells_b = (
+            VaryingHalfCells(
+                networks=(body.network,),
+                fractions=(end.conductivity_parts,),
+                counts=end.fragment.shape,
+            )
+            for body, end in zip(bodies, contact.ends, strict=True)
+        )
+        varying = cells_a, cells_b
+    return PairNodes(
+        theta=(first, second),
+        references=(bodies[0].reference, bodies[1].reference),
+        varying=varying,
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..errors import InputError
+from ..physics.contact.links import PairNodes
 from ..physics.flux_law import LinearLaw
 from ..physics.surface_energy_balance import SurfaceTerms
 from ..physics.time_varying import is_unknown_function
@@ -215,11 +216,13 @@ def _contact_inputs(program: Program) -> Iterator[tuple[tuple, int, Input]]:
     for contact in program.contacts:
         first, second = (program.bodies[b].reference for b in contact.bodies)
         none = jnp.zeros_like(contact.area)
-        rate = contact.heat_rate(zero, (none, none), (first, second))
+        conducted = contact.heat(zero, PairNodes((none, none), (first, second)))
+        rate = np.asarray(conducted.rate, float)
         for side, body in enumerate(contact.bodies):
             sign = -1 if side == 0 else 1
-            heat.append((body, contact.address[side], sign * np.asarray(rate, float)))
-            side_excess = contact.excess(rate, side, len(excess[body]))
+            heat.append((body, contact.address[side], sign * rate))
+            fragments = len(excess[body])
+            side_excess = contact.fragment_excess(conducted.excess, side, fragments)
             excess[body] = excess[body] + np.asarray(side_excess, float)
     if any(np.any(values) for _, _, values in heat):
         name = "contact of different start temperatures"

@@ -31,6 +31,7 @@ from ..integrate.implicit.jacobian import (
     linearize,
 )
 from ..integrate.implicit.newton_stage import solve_linear
+from ..physics.contact.links import PairNodes
 from ..scene.compile.compile import compile_scene
 from ..scene.compile.program import Compiled, Program, State
 from ..scene.scene import Scene, SolvedSurface
@@ -316,9 +317,10 @@ def _by_contacts(program: Program, states: State) -> list[Any]:
     zero = jnp.zeros((), states[0].dtype)
     for contact in program.contacts:
         first, second = pair_values(contact, states)
-        rate = contact.heat_rate(zero, (first, second), (zero, zero))
+        heat = contact.heat(zero, PairNodes((first, second), (zero, zero)))
         for side, body in enumerate(contact.bodies):
-            side_excess = contact.excess(rate, side, program.bodies[body].node.shape[0])
+            fragments = program.bodies[body].node.shape[0]
+            side_excess = contact.fragment_excess(heat.excess, side, fragments)
             excess[body] = (
                 side_excess if excess[body] is None else excess[body] + side_excess
             )

@@ -23,19 +23,24 @@ import numpy as np
 from equinox import Module
 from jaxtyping import Array, Bool, Float, Int
 
-from ...arrays import device_array
+from ...arrays import device_array, taken
 from ...errors import InputError
 from ...geometry.mesh import connected_labels
 from ...network.multigrid import Hierarchy, hierarchy, jacobi
 from ...network.multigrid_cycle import AbstractCycle
 from ...network.network import AbstractNetwork, inverse
-from ...physics.contact.links import ContactLinks
+from ...physics.contact.links import ContactLinks, PairNodes
 from ...physics.term import AbstractTerm
 from ...scene.compile.memory import Method
 from ...scene.compile.program import Compiled, Program, State
 from ...scene.scene import Scene
 from ...structures.structure import AbstractStructure
-from ..heat_rates import load_slopes, pair_conductance, pair_values
+from ..heat_rates import (
+    load_slopes,
+    pair_conductance,
+    pair_nodes,
+    pair_values,
+)
 
 
 class _Components(Module):
@@ -199,21 +204,38 @@ def _node_mask(structure: AbstractStructure) -> Bool[Array, "..."] | None:
     return structure.found("node_mask", mask)
 
 
+class _ContactJacobian(Module):
+    """Heat rate through the pairs of one contact, linear in the potentials."""
+
+    links: ContactLinks
+    slopes: tuple[Float[Array, " p"] | None, Float[Array, " p"] | None]
+    """Temperature that acts on the links by the potential of each body; None for 1."""
+
+    def temperatures(self, u: State) -> tuple[Float[Array, " p"], Float[Array, " p"]]:
+        """Values of both nodes of every pair that act on its link [K]."""
+        first, second = (
+            values if slope is None else slope * values
+            for values, slope in zip(
+                pair_values(self.links, u), self.slopes, strict=True
+            )
+        )
+        return first, second
+
+
 class _Jacobian(Module):
     """The operator A of all bodies."""
 
     networks: tuple[AbstractNetwork, ...]
     diagonal: State
     """(C / g + s) / d [W/K]."""
-    contacts: tuple[ContactLinks, ...]
-    temperature_slopes: tuple[Float[Array, "..."] | None, ...]
-    """dT / du of every body with contacts; None for 1."""
+    contacts: tuple[_ContactJacobian, ...]
     time: Float[Array, ""]
 
     @property
     def is_symmetric(self) -> bool:
         """True for conjugate gradients."""
-        varies = any(slope is not None for slope in self.temperature_slopes)
+        slopes = [slope for contact in self.contacts for slope in contact.slopes]
+        varies = any(slope is not None for slope in slopes)
         return not varies and all(network.is_symmetric for network in self.networks)
 
     def mv(self, u: State) -> State:
@@ -224,19 +246,15 @@ class _Jacobian(Module):
         ]
         # References are 0, since u is a difference of temperatures.
         zero = jnp.zeros((), u[0].dtype)
-        theta = self._temperatures(u)
         for contact in self.contacts:
-            first, second = pair_values(contact, theta)
-            flow = contact.heat_rate(self.time, (first, second), (zero, zero))
+            links = contact.links
+            nodes = PairNodes(contact.temperatures(u), (zero, zero))
+            flow = links.heat(self.time, nodes).rate
             for side, sign in ((0, 1), (1, -1)):
-                body = contact.bodies[side]
-                address = contact.address[side]
+                body = links.bodies[side]
+                address = links.address[side]
                 image[body] = image[body].at[address].add(sign * flow)
         return tuple(image)
-
-    def _temperatures(self, u: State) -> State:
-        slopes = zip(u, self.temperature_slopes, strict=True)
-        return tuple(v if slope is None else slope * v for v, slope in slopes)
 
     def magnitude(self, u: State) -> State:
         """Return |A| |u|, to which the rounding of A u is relative [W]."""
@@ -247,10 +265,11 @@ class _Jacobian(Module):
             for d, network, v in zip(self.diagonal, self.networks, size, strict=True)
         ]
         for contact in self.contacts:
-            pair_sum = pair_conductance(contact, self.time) * sum(
-                pair_values(contact, self._temperatures(size))
+            links = contact.links
+            pair_sum = pair_conductance(links, self.time) * sum(
+                contact.temperatures(size)
             )
-            for body, address in zip(contact.bodies, contact.address, strict=True):
+            for body, address in zip(links.bodies, links.address, strict=True):
                 image[body] = image[body].at[address].add(pair_sum)
         return tuple(image)
 
@@ -346,15 +365,22 @@ def linearize(
     operator = _Jacobian(
         networks=conduction,
         diagonal=diagonal,
-        contacts=program.contacts,
-        temperature_slopes=_temperature_slopes(program, states, potential),
+        contacts=tuple(
+            _linearized_contact(
+                program, contact=contact, states=states, potential=potential, time=time
+            )
+            for contact in program.contacts
+        ),
         time=time,
     )
     # Cycles know no links between bodies: contacts enter by their diagonal only [W/K].
     with_contacts = list(diagonal)
-    for contact in program.contacts:
-        flow = pair_conductance(contact, time)
-        for body, address in zip(contact.bodies, contact.address, strict=True):
+    for contact in operator.contacts:
+        links = contact.links
+        conductance = pair_conductance(links, time)
+        ends = zip(links.bodies, links.address, contact.slopes, strict=True)
+        for body, address, slope in ends:
+            flow = conductance if slope is None else slope * conductance
             with_contacts[body] = with_contacts[body].at[address].add(flow)
     row_sums = tuple(with_contacts)
     regular_diagonal = row_sums
@@ -384,22 +410,32 @@ def linearize(
     )
 
 
-def _temperature_slopes(
-    program: Program, states: State, potential: tuple[Float[Array, "..."] | None, ...]
-) -> tuple[Float[Array, "..."] | None, ...]:
+def _linearized_contact(
+    program: Program,
+    contact: ContactLinks,
+    states: State,
+    potential: tuple[Float[Array, "..."] | None, ...],
+    time: Float[Array, ""],
+) -> _ContactJacobian:
+    nodes = pair_nodes(program, contact, states)
+    if nodes.varying is None:
+        return _ContactJacobian(contact, (None, None))
+    tangent = contact.tangent(time, nodes)
     # Contacts act on temperatures, not on the potential.
-    touching = {body for contact in program.contacts for body in contact.bodies}
     slopes = []
-    for n, (body, state) in enumerate(zip(program.bodies, states, strict=True)):
-        slope = potential[n]
-        if n not in touching or not body.network.conductivity_varies or slope is None:
-            slopes.append(None)
-            continue
-        _, per_state = jax.jvp(
-            body.network.temperature, (state,), (jnp.ones_like(state),)
-        )
-        slopes.append(per_state * inverse(slope))
-    return tuple(slopes)
+    for body, address, ratio in zip(
+        contact.bodies, contact.address, tangent.ratio, strict=True
+    ):
+        per_potential = potential[body]
+        if per_potential is not None:
+            network = program.bodies[body].network
+            state = states[body]
+            _, per_state = jax.jvp(
+                network.temperature, (state,), (jnp.ones_like(state),)
+            )
+            ratio = ratio * taken(per_state * inverse(per_potential), address)
+        slopes.append(ratio)
+    return _ContactJacobian(tangent.links, (slopes[0], slopes[1]))
 
 
 def masked_to_nodes(

@@ -33,7 +33,7 @@ from ...physics.time_varying import just_before
 from ...physics.windows import Window, over
 from ...scene.compile.program import Program, Receipt
 from ...scene.scene import Probe, SolvedSurface, per_fragment
-from ..heat_rates import pair_temperatures
+from ..heat_rates import pair_nodes
 from ..implicit.newton_stage import SolverStatistics
 from ..ledger import Energy, HeatRates, Ledger
 from ..stepper import RunState
@@ -338,14 +338,13 @@ def observe(
     for contact in program.contacts:
         if time is None:
             break
-        theta = pair_temperatures(program, contact, state.theta)
-        first, second = (program.bodies[b].reference for b in contact.bodies)
-        rate = contact.heat_rate(time, theta, (first, second))
+        paired = contact.heat(time, pair_nodes(program, contact, state.theta))
         for side, body in enumerate(contact.bodies):
             fragments = program.bodies[body].node.shape[0]
-            _add_to_body(by_contacts, body, contact.excess(rate, side, fragments))
+            excess = contact.fragment_excess(paired.excess, side, fragments)
+            _add_to_body(by_contacts, body, excess)
             if program.surface_heat is not None:
-                heat = contact.fragment_heat(rate, side, fragments)
+                heat = contact.fragment_heat(paired.rate, side, fragments)
                 _add_to_body(contact_heat, body, heat)
     above = program.surface_temperatures(state.theta, time, by_contacts)
     surface = []

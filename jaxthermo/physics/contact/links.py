@@ -7,9 +7,18 @@ of body A, the contact, half a cell of body B:
 
 h_c is 1 to 1e6 W/(m^2 K) in practice; infinity bonds the bodies and 0 insulates them,
 both exactly and with finite derivatives. One body loses exactly what the other gains.
+
+Where k depends on temperature the half cells conduct by its integral F, see
+`half_cells`. With the temperatures T_1 and T_2 of both faces
+
+    q = G_a (F_a(T_a) - F_a(T_1)) = h_c A (T_1 - T_2) = G_b (F_b(T_2) - F_b(T_b)),
+
+G_a and G_b at the reference. Of these T_1 is found as the zero of an increasing
+function, and the rest follows.
 """
 
 import math
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -19,9 +28,19 @@ from equinox import Module
 from jaxtyping import Array, Float, Int
 from typing_extensions import override
 
-from ...arrays import Scalar, Time, TimeVarying, added, device_array, smooth_step
+from ...arrays import (
+    Scalar,
+    Time,
+    TimeVarying,
+    added,
+    device_array,
+    smooth_step,
+    stop_gradient,
+)
 from ...errors import InputError
+from ...network.increasing_root import Balance, increasing_root
 from ...network.network import Address, inverse, precise_sum
+from ..half_cells import Extremes, VaryingHalfCells
 from ..term import AbstractPairTerm
 from ..time_varying import check_value, for_jit, is_zero, largest, value_at
 from .search import ContactPairs
@@ -30,6 +49,45 @@ from .search import ContactPairs
 _Rows = Float[Array | np.ndarray, "*p"]
 _Pair = tuple[Float[Array, "..."], Float[Array, "..."]]
 # Values of the first and of the second body.
+_Ratio = Float[Array, "*#p"]
+
+
+class PairNodes(NamedTuple):
+    """The nodes of every pair, and their half cells."""
+
+    theta: _Pair
+    """Temperatures of the nodes of both bodies above their references [K]."""
+    references: tuple[Float[Array, ""], Float[Array, ""]]
+    """Reference temperatures of both bodies [K]."""
+    varying: tuple[VaryingHalfCells, VaryingHalfCells] | None = None
+    """k(T) / k(reference) of both half cells; None where both are constant."""
+
+    @property
+    def difference(self) -> Float[Array, " p"]:
+        """Temperature of the first body above that of the second [K]."""
+        # Grouped so that small differences keep their digits in float32.
+        first, second = self.references
+        return (self.theta[0] - self.theta[1]) + (first - second)
+
+    def at(self, excess: _Pair) -> _Pair:
+        """K / k(reference) at temperatures above those of the nodes [-]."""
+        assert self.varying is not None
+        first, second = (
+            cells.at(node + side_excess)
+            for cells, node, side_excess in zip(
+                self.varying, self.theta, excess, strict=True
+            )
+        )
+        return first, second
+
+
+class PairHeat(NamedTuple):
+    """Heat conduction through every pair."""
+
+    rate: Float[Array, " p"]
+    """From the first body to the second [W]."""
+    excess: _Pair
+    """Temperatures of the faces of both bodies above their nodes [K]."""
 
 
 def _contact_conductance(
@@ -40,12 +98,16 @@ def _contact_conductance(
     The contact area [m^2] is 0 in rows that only pad an array, the half cells k A / d
     [W/K] connect the contact to the nodes, and h_c is 0 to infinity [W/(m^2 K)].
     """
+    return _series(_series(half_a, half_b), _gap_conductance(area, coefficient))
+
+
+def _gap_conductance(area: _Rows, coefficient: Scalar | _Rows) -> _Rows:
+    """Conductance h_c A of the contact itself [W/K], 0 to infinity."""
     h_c = jnp.asarray(coefficient, area.dtype)
     finite = jnp.isfinite(h_c)
     # The inner `where` keeps inf * area, whose derivative is infinite, out of the
     # graph.
-    between = jnp.where(finite, jnp.where(finite, h_c, 1) * area, jnp.inf)
-    return _series(_series(half_a, half_b), between)
+    return jnp.where(finite, jnp.where(finite, h_c, 1) * area, jnp.inf)
 
 
 def _series(first: _Rows, second: _Rows) -> _Rows:
@@ -80,11 +142,28 @@ class _ContactEnd(NamedTuple):
     """1 / C of the node [K/J]."""
     area_fraction: Float[Array, " p"]
     """Contact area over the area of the fragment [-]."""
+    conductivity_parts: Float[Array, "q p"] | None
+    """Fractions of each pair's conductivity by material and axis, where one of several
+    varies with temperature."""
 
     def spread(self, values: Float[Array, " p"], fragments: int) -> Float[Array, " s"]:
         """Sums of the values of all pairs over each fragment."""
         zero = jnp.zeros(fragments, values.dtype)
         return zero.at[self.fragment].add(values)
+
+
+class Tangent(NamedTuple):
+    """Links of constant k near the solution for a k that varies.
+
+    q = G (T_a - T_b + o_a - o_b),    dq = G (r_a dT_a - r_b dT_b).
+    """
+
+    links: "ContactLinks"
+    """With the conductivities at both faces; G are their conductances [W/K]."""
+    offset: _Pair
+    """o = (T_face - T) (1 - mean k / k(face)), with the mean from node to face [K]."""
+    ratio: _Pair
+    """r = k(T) / k(face) [-]."""
 
 
 class ContactLinks(Module):
@@ -117,49 +196,118 @@ class ContactLinks(Module):
             )
         )
 
-    def heat_rate(
-        self, time: Time, theta: _Pair, references: _Pair
-    ) -> Float[Array, " p"]:
-        """Heat rate from the first body to the second through each pair [W].
+    def scaled(self, relative: tuple[_Ratio, _Ratio]) -> "ContactLinks":
+        """Links with the half cells of both bodies multiplied by ratios [-]."""
+        ends = [
+            end._replace(half_cell=end.half_cell * ratio)
+            for end, ratio in zip(self.ends, relative, strict=True)
+        ]
+        return replace(self, ends=tuple(ends))
 
-        `theta` are temperatures of the pairs' nodes above `references` [K].
-        """
-        # Grouped so that small differences keep their digits in float32.
-        difference = (theta[0] - theta[1]) + (references[0] - references[1])
-        return self._links(value_at(self.conductance, time)) * difference
+    def heat(self, time: Time, nodes: PairNodes) -> PairHeat:
+        """Heat conduction through each pair, with the conductance at a time [s]."""
+        if nodes.varying is None:
+            return self._through(time, nodes.difference)
+        # Newton's step from the faces carries the derivative of the solution.
+        linear, (first, second), _ = self.tangent(time, nodes)
+        heat = linear._through(time, nodes.difference + (first - second))
+        return PairHeat(heat.rate, (first + heat.excess[0], second + heat.excess[1]))
+
+    def _through(self, time: Time, difference: Float[Array, " p"]) -> PairHeat:
+        rate = self._links(value_at(self.conductance, time)) * difference
+        half_a, half_b = (jnp.asarray(end.half_cell) for end in self.ends)
+        first = -rate / jnp.where(half_a > 0, half_a, 1)
+        second = rate / jnp.where(half_b > 0, half_b, 1)
+        return PairHeat(rate, (first, second))
+
+    def tangent(self, time: Time, nodes: PairNodes) -> Tangent:
+        """Linear links near the solution, where a conductivity varies."""
+        assert nodes.varying is not None
+        excess = self._face_excess(time, nodes)
+        faces = nodes.at(excess)
+        offsets = []
+        ratios = []
+        for cells, node, side_excess, face in zip(
+            nodes.varying, nodes.theta, excess, faces, strict=True
+        ):
+            mean = cells.mean(node, node + side_excess)
+            offsets.append(side_excess * (1 - mean / face))
+            ratios.append(cells.at(node) / face)
+        return Tangent(
+            self.scaled(faces), (offsets[0], offsets[1]), (ratios[0], ratios[1])
+        )
+
+    def _face_excess(self, time: Time, nodes: PairNodes) -> _Pair:
+        """Temperatures of both faces above their nodes [K], without a derivative."""
+        links, fixed, at = stop_gradient((self, nodes, time))
+        between = _gap_conductance(links.area, value_at(links.conductance, at))
+        # An insulating contact has no drop in either half cell.
+        drop = jnp.where(between > 0, fixed.difference, 0)
+        half_a, half_b = (end.half_cell for end in links.ends)
+        theta_a, theta_b = fixed.theta
+        cells_a, cells_b = fixed.varying
+
+        def rate_and_second(first: Float[Array, " p"]) -> _Pair:
+            rate = -half_a * cells_a.mean(theta_a, theta_a + first) * first
+            return rate, drop + first - rate * inverse(between)
+
+        def balance(first: Float[Array, " p"]) -> Balance:
+            rate, second = rate_and_second(first)
+            received = half_b * cells_b.mean(theta_b, theta_b + second) * second
+            at_a, at_b = fixed.at((first, second))
+            steeper = 1 + half_a * at_a * inverse(between)
+            slope = half_a * at_a + half_b * at_b * steeper
+            return Balance(received - rate, slope)
+
+        # No face is beyond either node.
+        linear = links.scaled(fixed.at((0 * drop, 0 * drop)))
+        first = increasing_root(
+            balance,
+            start=linear._through(at, drop).excess[0],
+            low=jnp.minimum(-drop, 0),
+            high=jnp.maximum(-drop, 0),
+        )
+        return first, rate_and_second(first)[1]
 
     def apply_heat(
-        self, new: _Pair, theta: _Pair, references: _Pair, time: Time, dt: Time
+        self, new: _Pair, rate: Float[Array, " p"], dt: Time
     ) -> tuple[_Pair, Float[Array, ""]]:
         """Both states after the heat of one step, and the total heat rate [W]."""
-        rate = self.heat_rate(time, theta, references)
         # The same rate for both bodies: one gains exactly what the other loses.
         a, b = self.ends
         first = added(new[0], a.address, -dt * rate * a.per_capacity)
         second = added(new[1], b.address, dt * rate * b.per_capacity)
         return (first, second), precise_sum(rate)
 
-    def stiffness(self, end: float) -> Float[Array, " p"]:
-        """Largest conductance of each pair up to `end` [s] [W/K]."""
-        return self._links(largest(self.conductance, end).astype(self.area.dtype))
+    def stiffness(
+        self, side: int, end: float, relative: tuple[Extremes, Extremes]
+    ) -> Float[Array, " p"]:
+        """Largest -d(heat rate)/dT of the nodes of body `side` up to `end` [s] [W/K].
 
-    def excess(
-        self, rate: Float[Array, " p"], side: int, fragments: int
+        `relative` are the extremes of k(T) / k(reference) of both bodies [-].
+        """
+        # G r of `Tangent` is largest for the highest k at the node, the lowest at its
+        # face, and the highest beyond it.
+        lowest, highest = relative[side]
+        first = relative[0].highest if side else lowest
+        second = lowest if side else relative[1].highest
+        h_c = largest(self.conductance, end).astype(self.area.dtype)
+        return highest / lowest * self.scaled((first, second))._links(h_c)
+
+    def fragment_excess(
+        self, excess: _Pair, side: int, fragments: int
     ) -> Float[Array, " s"]:
         """Surface minus node temperature of the fragments of body `side` (0, 1) [K].
 
-        `rate` is the heat rate through each pair from the first body to the second [W].
+        `excess` is that of `PairHeat`.
         """
         end = self.ends[side]
-        sign = -1 if side == 0 else 1
-        half = end.half_cell
-        difference = sign * rate / jnp.where(half > 0, half, 1)
-        return end.spread(difference * end.area_fraction, fragments)
+        return end.spread(excess[side] * end.area_fraction, fragments)
 
     def fragment_heat(
         self, rate: Float[Array, " p"], side: int, fragments: int
     ) -> Float[Array, " s"]:
-        """Heat rate into the fragments of body `side`, as `rate` in `excess` [W]."""
+        """Heat rate into the fragments of body `side`, from `PairHeat.rate` [W]."""
         return self.ends[side].spread(-rate if side == 0 else rate, fragments)
 
 
@@ -169,8 +317,9 @@ class Contact(AbstractPairTerm):
     q = G (T_a - T_b) [W],    1 / G = 1 / G_a + 1 / (h_c A) + 1 / G_b,
 
     with the half cells G_a = k_a A / d_a and G_b [W/K] of both bodies, from the contact
-    to their nodes. No other mechanism acts on surfaces in contact. Contacts follow from
-    the shapes (`jaxthermo.physics.contact.search`).
+    to their nodes; a k that depends on temperature is integrated over them. No other
+    mechanism acts on surfaces in contact. Contacts follow from the shapes
+    (`jaxthermo.physics.contact.search`).
 
     Raises:
         InputError: for a negative conductance, or a length that is not positive.
@@ -248,6 +397,7 @@ def _end(body: Any, fragment: np.ndarray, area: np.ndarray, dtype: Any) -> _Cont
     fragment_area = body.body.structure.grid.fragment_area
     # A pair has the fraction of the half cell that is behind it.
     fraction = (area / fragment_area[fragment]).astype(dtype)
+    parts = body.conductivity_parts
     capacity = body.network.capacity_at(address)
     if not capacity.ndim:
         capacity = jnp.broadcast_to(capacity, fraction.shape)
@@ -257,6 +407,7 @@ def _end(body: Any, fragment: np.ndarray, area: np.ndarray, dtype: Any) -> _Cont
         half_cell=device_array(body.half_cell[fragment] * fraction),
         per_capacity=1 / capacity,
         area_fraction=device_array(fraction),
+        conductivity_parts=None if parts is None else parts[:, fragment],
     )
 
 

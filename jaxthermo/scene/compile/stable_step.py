@@ -40,14 +40,21 @@ def _stiffness(program: Program, number: int, highest, end):
     """Addresses of a body's nodes, and the conductance that loads add there [W/K]."""
     loads = []
     if program.surface is not None:
-        network = program.bodies[number].network
-        relative = Extremes(
-            lowest=network.min_relative_conductivity(),
-            highest=network.max_relative_conductivity(),
-        )
+        relative = _extremes(program, number)
         loads = program.surface.stiffness(number, highest, end, relative)
     for contact in program.contacts:
+        first, second = contact.bodies
+        pair = _extremes(program, first), _extremes(program, second)
         for side in (0, 1):
             if contact.bodies[side] == number:
-                loads.append((contact.address[side], contact.stiffness(end)))
+                stiffness = contact.stiffness(side, end, pair)
+                loads.append((contact.address[side], stiffness))
     return loads
+
+
+def _extremes(program: Program, number: int) -> Extremes:
+    network = program.bodies[number].network
+    return Extremes(
+        lowest=network.min_relative_conductivity(),
+        highest=network.max_relative_conductivity(),
+    )
