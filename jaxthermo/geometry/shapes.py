@@ -1,8 +1,12 @@
-"""Procedural bodies: watertight, wound outward, centred at the origin.
+"""Procedural bodies and open surfaces, centred at the origin.
 
-Round shapes are widened slightly so that their volume, and with it their heat capacity,
-is exact; their vertices lie just outside the given radius.
+Bodies are watertight and wound outward. Round ones are widened slightly so that their
+volume, and with it their heat capacity, is exact; their vertices lie just outside the
+given radius. Surfaces, which have an area and no volume, are for sheets: `rectangle`,
+`disc`, `polygon`, `pipe` and `tray`. The area of the round ones is exact.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -10,7 +14,9 @@ from jaxtyping import Float, Int
 from ..errors import InputError, positive_length
 from .booleans import difference, union
 from .figurine import figurine
-from .mesh import Mesh
+from .files.file_mesh import FileFault
+from .files.polygons import Polygons, triangulated
+from .mesh import Mesh, joined as joined_triangles
 from .vectors import unit_vectors
 
 
@@ -20,10 +26,17 @@ __all__ = [
     "cone",
     "cylinder",
     "difference",
+    "disc",
     "figurine",
     "hemisphere",
+    "joined",
+    "pipe",
+    "polygon",
+    "prism",
+    "rectangle",
     "slab",
     "sphere",
+    "tray",
     "tube",
     "union",
 ]
@@ -156,6 +169,172 @@ def capsule(radius: float | int, height: float | int, sections: int = 64) -> Mes
     return _revolved("capsule", rings=rings, sections=sections, ends=ends)
 
 
+def rectangle(width: float | int, length: float | int) -> Mesh:
+    """Flat surface `width` along x and `length` along y [m], its front up."""
+    x = 0.5 * positive_length("width", width)
+    y = 0.5 * positive_length("length", length)
+    corners = np.array([[-x, -y, 0.0], [x, -y, 0.0], [x, y, 0.0], [-x, y, 0.0]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    return Mesh(vertices=corners, faces=faces, name="rectangle")
+
+
+def disc(radius: float | int, sections: int = 64) -> Mesh:
+    """Flat round surface of `radius` [m], its front up, with `sections` corners [-]."""
+    radius = positive_length("radius", radius)
+    circle = _circle("disc", sections) * _area_widening(sections)
+    rim = np.column_stack([radius * circle, np.zeros(sections)])
+    vertices = np.concatenate([rim, np.zeros((1, 3))])
+    index = np.arange(sections)
+    pole = np.full(sections, sections)
+    faces = np.stack([pole, index, np.roll(index, -1)], axis=1)
+    return Mesh(vertices=vertices, faces=faces, name="disc")
+
+
+def pipe(radius: float | int, height: float | int, sections: int = 64) -> Mesh:
+    """Side of a cylinder along z, open at both ends, its front outside [m]."""
+    radius = positive_length("radius", radius)
+    half = 0.5 * positive_length("height", height)
+    circle = _circle("pipe", sections)
+    # Widened so that the sides together are as long as the circle.
+    half_section = np.pi / sections
+    ring = radius * half_section / np.sin(half_section) * circle
+    level = np.full(sections, half)
+    lower = np.column_stack([ring, -level])
+    upper = np.column_stack([ring, level])
+    faces = _side_faces(sections)
+    return Mesh(vertices=np.concatenate([lower, upper]), faces=faces, name="pipe")
+
+
+def tray(size: _Size) -> Mesh:
+    """Box without its top, its front outside, with edges along x, y, z [m]."""
+    closed = box(size)
+    # Two triangles of the top, whose normal is up.
+    is_top = closed.area_vectors[:, 2] > 0.0
+    return Mesh(vertices=closed.vertices, faces=closed.faces[~is_top], name="tray")
+
+
+def polygon(points: Sequence[Sequence[float | int]]) -> Mesh:
+    """Flat surface between corners in space [m], counter-clockwise seen from the front.
+
+    The position is that of the corners. A concave polygon may need mapbox_earcut.
+
+    Raises:
+        InputError: for fewer than three points, for points that are not in a plane, or
+            for a polygon that crosses itself.
+    """
+    corners = _points("polygon", points, coordinates=3)
+    sides = corners - corners[0]
+    area_vector = 0.5 * np.cross(sides[1:-1], sides[2:]).sum(axis=0)
+    area = float(np.linalg.norm(area_vector))
+    size = float(np.linalg.norm(np.ptp(corners, axis=0)))
+    if not area > _FLAT * size**2:
+        raise InputError("polygon(points=): they lie on a line and enclose no area")
+    height = float(np.ptp(sides @ area_vector) / area)
+    if height > _FLAT * size:
+        raise InputError(
+            f"polygon(points=): they differ by {height:g} m from a plane: give points "
+            "in a plane, or several polygons"
+        )
+    return Mesh(vertices=corners, faces=_polygon_faces(corners), name="polygon")
+
+
+def prism(points: Sequence[Sequence[float | int]], height: float | int) -> Mesh:
+    """Body between two equal polygons: an outline in x, y along z for a `height` [m].
+
+    Its outline has the position of the points. A concave one may need mapbox_earcut.
+
+    Args:
+        points: corners [x, y] of the outline, either way round [m].
+        height: extent along z, half of it to each side of z = 0 [m].
+
+    Raises:
+        InputError: as `polygon`.
+    """
+    half = 0.5 * positive_length("height", height)
+    outline = _points("prism", points, coordinates=2)
+    x, y = outline.T
+    if (x * np.roll(y, -1) - np.roll(x, -1) * y).sum() < 0.0:
+        outline = outline[::-1]
+    level = np.full(len(outline), half)
+    lower = np.column_stack([outline, -level])
+    upper = np.column_stack([outline, level])
+    top = polygon(upper.tolist()).faces
+    faces = [_side_faces(len(outline)), top[:, ::-1], top + len(outline)]
+    vertices = np.concatenate([lower, upper])
+    return Mesh(vertices=vertices, faces=np.concatenate(faces), name="prism")
+
+
+def joined(*meshes: Mesh) -> Mesh:
+    """Meshes side by side as one, whose triangles stay as they are.
+
+    Nothing is cut or closed, other than by `union`. Panels become a surface whose edges
+    meet; a sheet of it welds them.
+
+    Raises:
+        InputError: without a mesh.
+    """
+    if not meshes:
+        raise InputError("joined(): give at least one mesh")
+    triangles = [(mesh.vertices, mesh.faces) for mesh in meshes]
+    vertices, faces = joined_triangles(triangles)
+    return Mesh(vertices=vertices, faces=faces, name="joined")
+
+
+_FLAT = 1e-6
+"""Distance from a plane that rounding may cause, over the size of a polygon [-]."""
+
+
+def _points(
+    name: str, points: Sequence[Sequence[float | int]], coordinates: int
+) -> Float[np.ndarray, "p k"]:
+    try:
+        corners = np.asarray(points, float)
+    except (TypeError, ValueError):
+        corners = np.zeros((0, 0))
+    is_table = corners.ndim == 2 and corners.shape[1] == coordinates
+    if not is_table or len(corners) < 3 or not np.isfinite(corners).all():
+        raise InputError(
+            f"{name}(points=): give three or more points of {coordinates} coordinates "
+            "each [m]"
+        )
+    return corners
+
+
+def _polygon_faces(corners: Float[np.ndarray, "p 3"]) -> Int[np.ndarray, "t 3"]:
+    count = len(corners)
+    outline = Polygons(corners=np.arange(count), counts=np.array([count]))
+    try:
+        return triangulated(corners, outline).faces
+    except FileFault as fault:
+        reason = str(fault).replace("face 1", "the outline")
+        raise InputError(f"polygon(points=): {reason}") from None
+
+
+def _side_faces(sections: int) -> Int[np.ndarray, "t 3"]:
+    """Triangles between two rings, the lower one first, with their front outside."""
+    index = np.arange(sections)
+    next_index = np.roll(index, -1)
+    upper = index + sections
+    next_upper = next_index + sections
+    one_half = np.stack([index, next_index, next_upper], axis=1)
+    other_half = np.stack([index, next_upper, upper], axis=1)
+    return np.concatenate([one_half, other_half])
+
+
+def _circle(name: str, sections: int) -> Float[np.ndarray, "s 2"]:
+    """Corners of a regular polygon on a circle of radius 1."""
+    if sections < 3:
+        raise InputError(f"sections={sections} make no {name}: give 3 or more")
+    angle = 2.0 * np.pi * np.arange(sections) / sections
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def _area_widening(sections: int) -> float:
+    """Factor by which a regular polygon gets the area of the circle around it."""
+    section_angle = 2.0 * np.pi / sections
+    return float(np.sqrt(section_angle / np.sin(section_angle)))
+
+
 _Rings = list[tuple[float, float]]
 """Radii and heights of circles about z [m], upwards on the outside."""
 
@@ -193,17 +372,11 @@ def _revolved(
     The `ends` [m] are flat at the first and last ring if not given; without them the
     rings close on themselves, around a hole.
     """
-    if sections < 3:
-        raise InputError(f"sections={sections} make no {name}: give 3 or more")
-    angle = 2.0 * np.pi * np.arange(sections) / sections
-    # Widened so that the polygon has the area of the circle.
-    section_angle = 2.0 * np.pi / sections
-    widening = np.sqrt(section_angle / np.sin(section_angle))
-    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    circle = _circle(name, sections) * _area_widening(sections)
     points = []
     for radius, height in rings:
         level = np.full(sections, height)
-        ring = np.column_stack([radius * widening * circle, level])
+        ring = np.column_stack([radius * circle, level])
         points.append(ring)
     index = np.arange(sections)
     next_index = np.roll(index, -1)

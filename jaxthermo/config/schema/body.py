@@ -16,7 +16,7 @@ from ..types import quantities as si
 from ..types.files import FoundPath, read_solid
 from ..types.model import Mistake, Model, Short, build
 from ..types.varying import AnyFraction, not_increasing, unequal
-from .geometry import MeshConfig, PoseConfig, ShapeConfig
+from .geometry import MeshConfig, PartsShape, PoseConfig, ShapeConfig
 from .material import (
     BodyMaterial,
     FinishName,
@@ -220,11 +220,17 @@ class BodyConfig(Model, builds="Body"):
         Materials by parts of the mesh need the voxel grid of the body.
         """
         if isinstance(self.material, PartsConfig):
-            assert self.mesh is not None
-            return self.material.build(grid, self.mesh.build_parts())
+            with_parts = self._with_parts()
+            assert with_parts is not None
+            return self.material.build(grid, with_parts.build_parts())
         base = self.material.build()
         painted = tuple(region.build() for region in self.regions)
         return jaxthermo.MaterialMap(base, painted) if painted else base
+
+    def _with_parts(self) -> MeshConfig | PartsShape | None:
+        """The geometry of the body if it may have named parts."""
+        shape = self.shape if isinstance(self.shape, PartsShape) else None
+        return self.mesh or shape
 
     @override
     def mistakes(self) -> list[Mistake]:
@@ -235,8 +241,9 @@ class BodyConfig(Model, builds="Body"):
         if self.solid is not None and self.surface_cells is not None:
             message = "an array of voxels has no surface but theirs: leave it out"
             mistakes.append((("surface_cells",), message))
-        if isinstance(self.material, PartsConfig) and self.mesh is None:
-            mistakes.append((("material",), "only a `mesh` file has parts"))
+        if isinstance(self.material, PartsConfig) and self._with_parts() is None:
+            message = "only a `mesh` file or a `shape` of kind `parts` has parts"
+            mistakes.append((("material",), message))
         return [*mistakes, *self._regions_mistakes()]
 
     def _regions_mistakes(self) -> list[Mistake]:

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field
 from typing_extensions import override
 
 import jaxthermo
@@ -148,8 +148,61 @@ class _Hemisphere(Model, builds="shapes.hemisphere", kind="hemisphere"):
     radius: si.PositiveLength
 
 
+def _three_or_more(points: tuple[Any, ...]) -> tuple[Any, ...]:
+    if len(points) < 3:
+        raise si.refuse(f"give three or more points, got {len(points)}")
+    return points
+
+
+_Outline = AfterValidator(_three_or_more)
+
+
+class _Prism(Model, builds="shapes.prism", kind="prism"):
+    """A body between two equal polygons."""
+
+    points: Annotated[tuple[si.PlanePosition, ...], _Outline]
+    """Corners [x, y] of the outline [m]."""
+    height: si.PositiveLength
+    """Extent along z, half of it to each side of z = 0 [m]."""
+
+
+class _Rectangle(Model, builds="shapes.rectangle", kind="rectangle"):
+    """A flat surface with its front up, for a sheet."""
+
+    width: si.PositiveLength
+    """Edge along x [m]."""
+    length: si.PositiveLength
+    """Edge along y [m]."""
+
+
+class _Disc(Model, builds="shapes.disc", kind="disc"):
+    """A round flat surface with its front up, for a sheet."""
+
+    radius: si.PositiveLength
+
+
+class _Polygon(Model, builds="shapes.polygon", kind="polygon"):
+    """A flat surface between corners in space, for a sheet."""
+
+    points: Annotated[tuple[si.Position, ...], _Outline]
+    """Corners, counter-clockwise seen from the front [m]."""
+
+
+class _Pipe(Model, builds="shapes.pipe", kind="pipe"):
+    """The side of an upright cylinder, its front outside, for a sheet."""
+
+    radius: si.PositiveLength
+    height: si.PositiveLength
+
+
+class _Tray(Model, builds="shapes.tray", kind="tray"):
+    """The surface of a box without its top, its front outside, for a sheet."""
+
+    size: si.Size
+
+
 class _PartConfig(Model):
-    """A closed mesh or shape that a body is combined from."""
+    """A mesh or shape that a body is combined from."""
 
     mesh: MeshConfig | None = None
     shape: "ShapeConfig | None" = None
@@ -185,6 +238,21 @@ class _Difference(Model, kind="difference"):
         return jaxthermo.shapes.difference(*build(self.parts))
 
 
+class PartsShape(Model, kind="parts"):
+    """Named meshes and shapes side by side, whose triangles stay as they are."""
+
+    parts: Annotated[dict[str, _PartConfig], si.NotEmpty]
+    """The parts by name."""
+
+    @override
+    def build(self, *args: Any) -> Any:
+        return jaxthermo.shapes.joined(*self.build_parts().values())
+
+    def build_parts(self) -> "dict[str, jaxthermo.Mesh]":
+        """The named parts, each at its position."""
+        return {name: part.build() for name, part in self.parts.items()}
+
+
 ShapeConfig = Annotated[
     _Box
     | _Sphere
@@ -195,7 +263,14 @@ ShapeConfig = Annotated[
     | _Cone
     | _Capsule
     | _Hemisphere
+    | _Prism
+    | _Rectangle
+    | _Disc
+    | _Polygon
+    | _Pipe
+    | _Tray
     | _Union
-    | _Difference,
+    | _Difference
+    | PartsShape,
     ByKind(),
 ]

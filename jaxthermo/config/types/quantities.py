@@ -289,6 +289,7 @@ Whole = Annotated[int, Strict()]
 # Number of a body, counted from 0.
 Index = Annotated[Whole, Field(ge=0)]
 Position = Annotated[tuple[Length, Length, Length], Three]
+PlanePosition = Annotated[tuple[Length, Length], _Two]
 Size = Annotated[tuple[PositiveLength, PositiveLength, PositiveLength], Three]
 Direction = Annotated[tuple[Number, Number, Number], AfterValidator(_not_zero), Three]
 _Component = Annotated[float, _SPEED]

@@ -196,3 +196,30 @@ def test_coatings(scene, refused, tmp_path):
     np.save(tmp_path / "eps.npy", 2 * values)
     with pytest.raises(InputError, match="eps.npy: expected numbers from 0 to 1"):
         body.coatings[1].build()
+
+
+SURFACES = {
+    "rectangle": ("width: 2 m, length: 3 m", 6.0),
+    "disc": ("radius: 50 cm", np.pi / 4),
+    "polygon": ("points: [[0, 0, 0], [1 m, 0, 0], [1, 0, 1], [0, 0, 2]]", 1.5),
+    "pipe": ("radius: 50 cm, height: 3", 3.0 * np.pi),
+    "tray": ("size: [1, 2, 3]", 20.0),
+}
+
+
+@pytest.mark.parametrize("kind", list(SURFACES))
+def test_open_shapes_have_their_areas(scene, kind):
+    keys, area = SURFACES[kind]
+    config = scene("copper", "", f"bodies.0.shape={{kind: {kind}, {keys}}}")
+    mesh = config.bodies[0].build_mesh()
+    assert mesh.area == pytest.approx(area)
+    assert not mesh.is_watertight
+
+
+def test_a_prism_has_its_volume(scene, refused):
+    triangle = "{kind: prism, points: [[0, 0], [1, 0], [0, 2 m]], height: 50 cm}"
+    config = scene("copper", "", f"bodies.0.shape={triangle}")
+    assert config.bodies[0].build_mesh().volume == pytest.approx(0.5)
+    line = "{kind: prism, points: [[0, 0], [1, 0]], height: 1}"
+    (message,) = refused("copper", "", f"bodies.0.shape={line}")
+    assert message.endswith("shape.points: give three or more points, got 2")

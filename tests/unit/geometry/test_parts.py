@@ -90,6 +90,31 @@ def test_a_material_for_each_part_of_a_config(knife):
     assert len(number) == 16 * 2 * 4
 
 
+def test_a_material_for_each_part_of_a_shape():
+    head = {"kind": "box", "size": [0.04, 0.04, 0.02]}
+    handle = {"kind": "box", "size": [0.02, 0.02, 0.06]}
+    config = BodyConfig.model_validate(
+        {
+            "shape": {
+                "kind": "parts",
+                "parts": {
+                    "head": {"shape": head, "pose": {"translation": [0, 0, 0.04]}},
+                    "handle": {"shape": handle},
+                },
+            },
+            "pitch": 0.01,
+            "material": {"parts": {"head": "steel", "handle": "timber"}},
+            "temperature": 300,
+        }
+    )
+    body = config.build()
+    number = body.material.of_nodes(body.structure)
+    steel = [m == jt.materials["steel"] for m in body.material.materials]
+    centre = body.structure.nodes().centre
+    assert (np.array(steel)[number] == (centre[:, 2] > 0.03)).all()
+    assert len(number) == 4 * 4 * 2 + 2 * 2 * 6
+
+
 def test_groups_of_an_obj_that_are_patches_of_one_surface(tmp_path):
     path = tmp_path / "prism.obj"
     path.write_text(OBJ)
@@ -131,7 +156,9 @@ def test_a_file_without_names_is_one_part(tmp_path):
 
 
 def test_a_shape_has_no_parts():
-    with pytest.raises(ValueError, match="only a `mesh` file has parts"):
+    with pytest.raises(
+        ValueError, match="only a `mesh` file or a `shape` of kind `parts` has"
+    ):
         BodyConfig.model_validate(
             {
                 "shape": {"kind": "box", "size": [1, 1, 1]},

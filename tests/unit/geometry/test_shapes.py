@@ -1,4 +1,4 @@
-"""Procedural bodies are closed, point outward and match their closed forms."""
+"""Procedural bodies and surfaces match their closed forms; bodies point outward."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,10 @@ ALL = [
     shapes.hemisphere(0.2),
     shapes.capsule(0.2, 0.7),
     shapes.capsule(0.2, 0.4),
+    shapes.prism([(-1, -1), (1, -1), (0, 1)], 0.5),
+    shapes.prism([(-1, -1), (-1, 1), (1, 1), (1, -1)], 0.5),
 ]
+L_OUTLINE = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 3), (0, 3)]
 
 
 @pytest.mark.parametrize("mesh", ALL)
@@ -38,6 +41,86 @@ def test_box_and_slab():
     assert shapes.box(2).volume == pytest.approx(8.0)
     size = np.ptp(shapes.slab(0.01, 0.2, 0.3).bounds, axis=0)
     assert size == pytest.approx([0.01, 0.2, 0.3])
+
+
+def test_prism_of_a_concave_outline():
+    mesh = shapes.prism(L_OUTLINE, 0.5)
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(4.0 * 0.5)
+    assert mesh.area == pytest.approx(2 * 4.0 + 10.0 * 0.5)
+    assert shapes.prism(L_OUTLINE[::-1], 0.5).volume == pytest.approx(mesh.volume)
+    np.testing.assert_allclose(mesh.bounds, [[0, 0, -0.25], [2, 3, 0.25]])
+
+
+SURFACES = {
+    "rectangle": (shapes.rectangle(2.0, 3.0), 6.0, 10.0, (0, 0, 1)),
+    "disc": (shapes.disc(0.5), np.pi / 4, 64 * 2 * 0.5 * np.sin(np.pi / 64), (0, 0, 1)),
+    "pipe": (shapes.pipe(0.5, 3.0), np.pi * 3.0, 2 * np.pi, (0, 0, 0)),
+    "tray": (shapes.tray((1.0, 2.0, 3.0)), 22.0 - 2.0, 6.0, (0, 0, -1)),
+    "polygon": (
+        shapes.polygon([(0.0, y, z) for y, z in L_OUTLINE]), 4.0, 10.0, (1, 0, 0)
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", list(SURFACES))
+def test_surfaces_have_their_areas_borders_and_fronts(name):
+    mesh, area, border, front = SURFACES[name]
+    assert mesh.name == name
+    assert mesh.area == pytest.approx(area, rel=1e-12)
+    edges = np.concatenate([mesh.faces[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
+    unique, inverse = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)
+    is_border = np.bincount(inverse.ravel()) == 1
+    ends = mesh.vertices[unique[is_border]]
+    length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum()
+    assert length == pytest.approx(border, rel=1e-3)
+    assert mesh.open_edges == is_border.sum()
+    total = mesh.area_vectors.sum(axis=0)
+    if name == "tray":
+        total = total / (1.0 * 2.0) * area
+    assert total == pytest.approx(area * np.array(front), abs=1e-12)
+
+
+def test_joined_meshes_keep_their_triangles():
+    tray = shapes.tray((1.0, 2.0, 3.0))
+    lid = shapes.rectangle(1.0, 2.0).moved((0.0, 0.0, 1.5))
+    mesh = shapes.joined(tray, lid)
+    assert mesh.area == pytest.approx(22.0)
+    assert len(mesh.faces) == 12
+    assert not mesh.is_watertight
+    assert repair_mesh(mesh).is_watertight
+    assert shapes.joined(lid).area == lid.area
+    with pytest.raises(InputError, match="at least one mesh"):
+        shapes.joined()
+
+
+def test_the_front_of_a_pipe_is_outside():
+    mesh = shapes.pipe(0.5, 3.0)
+    centres = mesh.triangles.mean(axis=1)
+    outward = (centres[:, :2] * mesh.area_vectors[:, :2]).sum(axis=1)
+    assert (outward > 0).all()
+    assert np.ptp(mesh.bounds[:, 2]) == pytest.approx(3.0)
+
+
+def test_surfaces_that_cannot_be():
+    with pytest.raises(InputError, match="width=-1"):
+        shapes.rectangle(-1.0, 2.0)
+    with pytest.raises(InputError, match="sections=2 make no disc"):
+        shapes.disc(1.0, sections=2)
+    with pytest.raises(InputError, match="sections=2 make no pipe"):
+        shapes.pipe(1.0, 1.0, sections=2)
+    with pytest.raises(InputError, match="polygon.*three or more points of 3"):
+        shapes.polygon([(0, 0, 0), (1, 0, 0)])
+    with pytest.raises(InputError, match="polygon.*three or more points of 3"):
+        shapes.polygon([(0, 0), (1, 0), (1, 1)])
+    with pytest.raises(InputError, match="prism.*three or more points of 2"):
+        shapes.prism([(0, 0), (1, 0), (1, float("nan"))], 1.0)
+    with pytest.raises(InputError, match="lie on a line"):
+        shapes.polygon([(0, 0, 0), (1, 0, 0), (2, 0, 0)])
+    with pytest.raises(InputError, match="differ by 0.0990148 m from a plane"):
+        shapes.polygon([(0, 0, 0), (1, 0, 0), (1, 1, 0.2), (0, 1, 0)])
+    with pytest.raises(InputError, match="crosses itself"):
+        shapes.polygon([(0, 0, 0), (2, 0, 0), (0, 2, 0), (1, 3, 0)])
 
 
 def test_sphere_converges():
